@@ -12,6 +12,7 @@ from captures.chunks import Capture, Damage
 from captures.line import LineSettings
 
 from .core import Analysed, analyse, deframe
+from .extras import needs
 from .html_text import ShownList, Stream, html_page, html_table
 from .options import Options
 from .tables.batch import Batch
@@ -225,7 +226,7 @@ def _installed(name: str) -> Any:
     try:
         return import_module(name)
     except ImportError as error:
-        raise ImportError(f"a {name} table needs {name}: pip install {name}", name=name) from error
+        raise ImportError(needs(f"a {name} table", name), name=name) from error
 
 
 def open(

@@ -10,13 +10,13 @@ from typing import Final
 _NAME: Final = "rtuscope"
 
 
-def needs(what: str, library: str, extra: str) -> str:
+def needs(what: str, library: str, extra: str | None = None) -> str:
     """That something needs a library that is not here, and the line that installs it, as this program was installed."""
     return f"{what} needs {library}: {install_line(library, extra)}"
 
 
-def install_line(library: str, extra: str) -> str:
-    """The command that adds an extra to this installation."""
+def install_line(library: str, extra: str | None = None) -> str:
+    """The command that adds an extra to this installation; the library alone where no extra has it."""
     parts = Path(sys.prefix).parts
     source = _clone() or _NAME
     quote = '"' if os.name == "nt" else "'"
@@ -24,6 +24,8 @@ def install_line(library: str, extra: str) -> str:
         return f"pipx inject {_NAME} {library}"
     if "uv" in parts and "tools" in parts:
         return f"uv tool install --with {library} {quote}{source}{quote}"
+    if extra is None:
+        return f"{_python()} -m pip install {library}"
     return f"{_python()} -m pip install {quote}{source}[{extra}]{quote}"
 
 

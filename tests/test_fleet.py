@@ -197,6 +197,34 @@ def test_ready_questions_answer(made, name, capsys):
     assert main(["ask", str(made), name, "one", "two", "three", "four"]) == 2
 
 
+def test_answers_are_json_and_csv_as_exports_are(made, capsys):
+    text = "SELECT sum(1::BIGINT) n, 1.5::DECIMAL(4, 2) d, 'inf'::DOUBLE i, {'a': [1]} s, true b,\n" + (
+        "TIMESTAMPTZ_NS '2026-01-02 03:04:05.000000006Z' t"
+    )
+    assert main(["ask", str(made), text, "--json"]) == 0
+    (row,) = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
+    assert row == {"n": 1, "d": 1.5, "i": None, "s": {"a": [1]}, "b": True, "t": "2026-01-02T03:04:05.000000006Z"}
+    assert main(["ask", str(made), "SELECT\ntrue AS b, sum(1) AS n", "--csv"]) == 0
+    assert capsys.readouterr().out == "b,n\ntrue,1\n"
+    assert main(["ask", str(made), "DESCRIBE frames", "--csv"]) == 0
+    assert "t_start_ns" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["worst-unit"], "did you mean worst-units?"),
+        (["silent", "--site", "site"], "did you mean site"),
+        (["compare", "site0", "sit1"], "no site 'sit1' in the lake: did you mean site1?"),
+        (["silent", "--limit", "many"], "'many' is no number of rows, from 1"),
+        ([], "are required: QUESTION (see"),
+    ],
+)
+def test_what_was_meant_is_told(made, words, said, capsys):
+    assert main(["ask", str(made), *words]) == 2
+    assert said in capsys.readouterr().err
+
+
 def test_what_is_no_query_of_the_lake_is_refused(made, tmp_path, capsys):
     secret = tmp_path / "secret.csv"
     secret.write_text("a\n1\n")

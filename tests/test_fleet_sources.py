@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import shutil
+import sys
 from pathlib import Path
 
 import pytest
@@ -18,6 +19,7 @@ from lakes import DAY_NS, batch, bus, rows, same, sliced
 
 from analyzer import version
 from analyzer.cli import main
+from analyzer.extras import needs
 from analyzer.fleet import datasets, tasks
 from analyzer.fleet.errors import FleetError, LakeWriteError
 from analyzer.fleet.lake import Lake
@@ -301,3 +303,16 @@ def test_a_manifest_names_what_a_line_without_its_state_has(tmp_path):
     batch(tmp_path / "lake", *paths)  # its waste is taken away by now
     manifest = Manifest(store(str(tmp_path / "lake")))
     assert all((tmp_path / "lake" / name).exists() for name in manifest.named())
+
+
+@pytest.mark.parametrize(
+    ("prefix", "said"),
+    [
+        ("/opt/venv", "-m pip install polars"),
+        ("/home/me/.local/share/pipx/venvs/rtuscope", "pipx inject rtuscope polars"),
+        ("/home/me/.local/share/uv/tools/rtuscope", "uv tool install --with polars"),
+    ],
+)
+def test_a_library_without_an_extra_is_added_where_this_program_is(monkeypatch, prefix, said):
+    monkeypatch.setattr(sys, "prefix", prefix)
+    assert said in needs("a polars frame", "polars")

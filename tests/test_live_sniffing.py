@@ -324,7 +324,7 @@ def test_a_line_whose_settings_make_no_difference_needs_none():
     [
         (["/dev/no-such-port"], "no such port"),
         (["/dev/ttyS0", "--idle-ms", "1"], "no time from 5 to 5000 ms"),
-        (["/dev/ttyS0", "--baud", "fast"], "--baud fast is not a rate"),
+        (["/dev/ttyS0", "--baud", "fast"], "--baud: 'fast' is not a rate"),
         (["/dev/ttyS0", "--port2", "/dev/ttyS0"], "the same port"),
         (["/dev/ttyS0", "-o", "bus.jsonl"], "suffix .mcap"),
         (["/dev/ttyS0", "--keep", "seven"], "'seven' is neither a time"),

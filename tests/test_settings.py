@@ -111,6 +111,26 @@ def test_mistakes_name_their_line(capsys, files, text, said):
     assert ran(capsys, "help").status == 0
 
 
+@pytest.mark.parametrize(
+    ("text", "command", "said"),
+    [
+        ('[line]\nbaud = "x"\n', ("sniff", "/dev/nowhere"), "line 2: line.baud: 'x' is not a rate in bit/s, nor auto"),
+        ("[line]\nbaud = 0\n", ("sniff", "/dev/nowhere"), "line 2: line.baud: '0' is not a rate"),
+        ("tz = 'Europe/Mosow'\n", ("report", TROUBLED), "line 1: tz: no time zone 'Europe/Mosow': did you mean"),
+        ("lang = 'fr'\n", ("report", TROUBLED), "line 1: lang: invalid choice: 'fr'"),
+        ("[timing]\nt15_ms = -4\n", ("report", TROUBLED), "line 2: timing.t15_ms: "),
+        ("[maps]\n17 = 'estron-sdm630'\n", ("export", TROUBLED), "line 2: maps.17: estron-sdm630: no such file"),
+        ("[filters]\nbad = 'unti == 17'\n", ("export", TROUBLED, "--filter", "@bad"), "line 2: filters.bad: "),
+        ("[colours]\nred = 'exceptio'\n", (), "line 2: colours.red: "),
+    ],
+)
+def test_values_that_cannot_be_name_their_line(capsys, files, text, command, said):
+    at = files(text)
+    for words in filter(None, (command, ("config", "show"))):
+        message = refused(capsys, *words)
+        assert message.startswith(str(at / "config.toml")) and said in message
+
+
 def test_a_folder_that_is_entered_runs_nothing(capsys, files):
     files(project='functions = ["evil.py"]\n')
     assert "which a project's file cannot name" in refused(capsys, "report", TROUBLED)

@@ -8,6 +8,7 @@ from typing import Any, Final
 from ..settingfiles import user_file
 from ..settings import SETTINGS, TABLES, SetValue, read_settings
 from .exits import DONE
+from .settling import check_settings
 from .terminal import put_json
 
 EXAMPLE = """\
@@ -26,11 +27,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Do the action."""
+    """Do the action. Raises UsageError for a value that no command could use."""
     if arguments.action == "path":
         print(user_file())
         return DONE
     settings = read_settings()
+    check_settings(settings)
     if arguments.json:
         put_json({key: _object(value) for key, value in settings.values.items()}, indent=2)
         return DONE

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, Final
 
 from ..meant import did_you_mean
@@ -25,12 +25,52 @@ def settled(parser: argparse.ArgumentParser, command: str, arguments: Sequence[s
     for dest, (default, value) in usual.items():
         if getattr(parsed, dest, None) is None:
             setattr(parsed, dest, default if value is None else value)
-    presets = {name: str(value.value) for name, value in settings.table("filters").items()}
+    if "map" in usual and parsed.map is usual["map"][1]:
+        _check_maps(settings)
     for dest in _FILTERS:
         text = getattr(parsed, dest, None)
         if isinstance(text, str) and text.startswith("@"):
-            setattr(parsed, dest, _preset(text, presets))
+            setattr(parsed, dest, _preset(text, settings, getattr(parsed, "map", ())))
     return parsed
+
+
+def check_settings(settings: Settings) -> None:
+    """Raises UsageError, with file and line, for the first value that no command could use."""
+    from .commands import load
+
+    for command in ("sniff", "report"):
+        parser = argparse.ArgumentParser()
+        load(command).configure(parser)
+        _prepare(parser, command, settings)
+    _check_maps(settings)
+    maps = _maps(settings)
+    for table in ("filters", "colours"):
+        for value in settings.table(table).values():
+            _check_filter(value, maps)
+
+
+def _maps(settings: Settings) -> list[str]:
+    return [value.value if unit == "all" else f"{value.value}@{unit}" for unit, value in settings.table("maps").items()]
+
+
+def _check_maps(settings: Settings) -> None:
+    from dissectors.maps.files import map_for_unit
+    from dissectors.maps.model import MapError
+
+    for value, text in zip(settings.table("maps").values(), _maps(settings), strict=True):
+        try:
+            map_for_unit(text)
+        except MapError as error:
+            raise UsageError(f"{value.where}: {value.key}: {error}") from error
+
+
+def _check_filter(value: SetValue, maps: Sequence[str]) -> None:
+    from dissectors.maps.units import unit_maps
+
+    from ..filters.evaluation import check
+
+    if (error := check(str(value.value), charts=unit_maps(maps))) is not None:
+        raise UsageError(f"{value.where}: {value.key}: {error}")
 
 
 def _prepare(parser: argparse.ArgumentParser, command: str, settings: Settings) -> dict[str, tuple[Any, Any]]:
@@ -44,7 +84,7 @@ def _prepare(parser: argparse.ArgumentParser, command: str, settings: Settings) 
                 if not action.option_strings:  # PORT
                     action.nargs, action.required = "?", False
                 action.default = None
-    maps = [value.value if unit == "all" else f"{value.value}@{unit}" for unit, value in settings.table("maps").items()]
+    maps = _maps(settings)
     for action in parser._actions:
         if maps and action.dest == "map" and isinstance(action, argparse._AppendAction):
             usual["map"] = (action.default, maps)
@@ -66,10 +106,11 @@ def _value(parser: argparse.ArgumentParser, action: argparse.Action, setting: Se
     return converted
 
 
-def _preset(text: str, presets: Mapping[str, str]) -> str:
-    name = text[1:]
+def _preset(text: str, settings: Settings, maps: Sequence[str]) -> str:
+    name, presets = text[1:], settings.table("filters")
     if name not in presets:
         raise UsageError(
             f"no filter @{name} in the settings{did_you_mean(name, presets)} (rtuscope config show lists them)"
         )
-    return presets[name]
+    _check_filter(presets[name], maps)
+    return str(presets[name].value)

@@ -31,7 +31,9 @@ def add_tap_arguments(parser: argparse.ArgumentParser) -> None:
         help="a serial port, or socket://HOST:PORT, rfc2217://HOST:PORT, tap://HOST of `rtuscope tap`; never sent to",
     )
     taps = parser.add_argument_group("the tap")
-    taps.add_argument("-b", "--baud", default="auto", metavar="N", help="bit/s; auto finds it by listening (default)")
+    taps.add_argument(
+        "-b", "--baud", default="auto", type=_rate, metavar="N", help="bit/s; auto finds it by listening (default)"
+    )
     taps.add_argument(
         "-P", "--parity", choices=("auto", "N", "E", "O"), default="auto", help="auto finds it with --baud auto, else N"
     )
@@ -119,7 +121,7 @@ def tap_of(arguments: argparse.Namespace, *, watched: bool = True) -> TapSource 
     from ..live.tapsource import TapSource
 
     settings = {
-        "baud": _baud(arguments.baud),
+        "baud": None if arguments.baud == "auto" else int(arguments.baud),
         "parity": None if arguments.parity == "auto" else arguments.parity,
         "stop_bits": arguments.stop_bits,
         "data_bits": arguments.data_bits,
@@ -179,9 +181,7 @@ def recorder_of(arguments: argparse.Namespace, tell: Callable[[str], None]) -> R
     return Recorder(path, LineSettings(), limits=limits, about=about, overwrite=overwrite, tell=tell)
 
 
-def _baud(text: str) -> int | None:
-    if text == "auto":
-        return None
-    if not text.isdecimal() or len(text) > _RATE_DIGITS or not 50 <= int(text) <= 12_000_000:
-        raise UsageError(f"--baud {text} is not a rate in bit/s, nor auto")
-    return int(text)
+def _rate(text: str) -> str:
+    if text != "auto" and (not text.isdecimal() or len(text) > _RATE_DIGITS or not 50 <= int(text) <= 12_000_000):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a rate in bit/s, nor auto")
+    return text

@@ -73,7 +73,7 @@ class Lake:
 
     def polars(self, table: str) -> Any:
         """A polars LazyFrame."""
-        polars = _imported("polars")
+        polars = _imported("polars", "a polars frame", "polars")
         files = self.files(table)
         scans = [polars.scan_parquet(files.loose, hive_partitioning=True)] if files.loose else []
         for packs, stale in files.alike():
@@ -86,7 +86,8 @@ class Lake:
 
     def dask(self, table: str) -> Any:
         """A Dask dataframe, on whatever cluster there is."""
-        dask, files = _imported("dask.dataframe"), self.files(table)
+        dask = _imported("dask.dataframe", "a Dask dataframe", "dask[dataframe]", "cluster")
+        files = self.files(table)
         parts = [dask.read_parquet(files.loose, filesystem="fsspec")] if files.loose else []
         for packs, stale in files.alike():
             live = [("part", "not in", stale)] if stale else None
@@ -170,9 +171,8 @@ def _duckdb() -> Any:
         raise FleetError(needs("asking a lake", "duckdb", "fleet")) from error
 
 
-def _imported(name: str) -> Any:
+def _imported(name: str, what: str, library: str, extra: str | None = None) -> Any:
     try:
         return import_module(name)
     except ImportError as error:
-        library = name.partition(".")[0]
-        raise ImportError(f"this needs {library}: pip install {library}", name=library) from error
+        raise ImportError(needs(what, library, extra), name=name.partition(".")[0]) from error
