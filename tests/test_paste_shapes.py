@@ -22,7 +22,7 @@ from captures.text.halves import HexError
 ALL = {**STYLES, **SHAPES, **FORUMS, **POSTS, **TOOLS, **DECODERS, **ISSUES}
 TIMED = [
     *("JSON with epoch", "InfluxDB", "count before", "wrapped at 40", "Docklight", "pymodbus 3"),
-    *("sigrok packets", "Moxa traffic", "pyserial spy", "BLE log"),
+    *("ticks in brackets", "sigrok packets", "Moxa traffic", "pyserial spy", "BLE log"),
     *("comma seconds", "quoted seconds", "minutes", "plus ms", "two clocks", "list of packets", "tshark fields"),
 ]
 

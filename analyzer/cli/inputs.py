@@ -72,7 +72,7 @@ def add_reading_arguments(parser: argparse.ArgumentParser, *, format_flag: bool 
         type=capture_format,
         metavar="NAME",
         help="its format: bin, mcap, pcap, pcapng, saleae, saleae-binary, saleae-edges, saleae-session, serial-chunks, "
-        "sigrok, text, vcd (rtuscope help formats)",
+        "sigrok, sigrok-table, text, vcd (rtuscope help formats)",
     )
     group.add_argument("-b", "--baud", type=int, metavar="N", help="bit/s of the line")
     group.add_argument("-P", "--parity", choices=("N", "E", "O", "M", "S"), help="none, even, odd, mark, space")

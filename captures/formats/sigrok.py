@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..chunks import Note
+from ..edges.samples import RATE, hertz_of, sample_times
 from ..edges.source import EdgePiece, edge_reader
-from ..edges.uart import Times
 from ..errors import CaptureError
 from ..files import opened
 from . import Format
@@ -29,10 +29,7 @@ _ZIP: Final = b"PK\x03\x04"
 _MEMBER: Final = 30  # offset of the first member's name in a zip
 _MEMBERS: Final = (b"version", b"metadata", b"logic-1")
 _PIECE: Final = 1 << 22  # bytes of samples at once
-_RATE: Final = re.compile(r"\s*(\d+(?:\.\d+)?)\s*([kMG]?)(?:Hz)?\s*")
-_SCALE: Final = {"": 1, "k": 10**3, "M": 10**6, "G": 10**9}
 _MOST: Final = 1 << 20  # bytes of metadata
-_SECOND: Final = 1_000_000_000
 _DIGITS: Final = 9  # of a number that can be meant
 
 
@@ -53,10 +50,10 @@ class _SigrokSession:
             changed = _changes(data, before)
             now = data[changed]
             flipped = now ^ np.concatenate((np.array([before], data.dtype), now[:-1]))
-            at = _nanoseconds(changed + passed, self.rate)
+            at = sample_times(changed + passed, self.rate)
             edges = [at[flipped >> np.asarray(bit, data.dtype) & 1 == 1] for bit in range(len(self.names))]
             before, passed = int(data[-1]), passed + len(data)
-            yield EdgePiece(edges, int(_nanoseconds(np.array([passed]), self.rate)[0]))
+            yield EdgePiece(edges, int(sample_times(np.array([passed]), self.rate)[0]))
 
     def _samples(self, note: Note) -> Iterator[NDArray[np.unsignedinteger]]:
         """All samples in pieces, as numbers."""
@@ -93,12 +90,6 @@ def _numbers(data: bytes, unit: int, width: int) -> NDArray[np.unsignedinteger]:
     return wide.view(f"<u{width}").ravel()
 
 
-def _nanoseconds(samples: NDArray[np.int64], rate: int) -> Times:
-    seconds, rest = np.divmod(samples, rate)
-    at: Times = seconds * _SECOND + rest * _SECOND // rate
-    return at
-
-
 @contextmanager
 def _archive(path: Path, file: object) -> Iterator[zipfile.ZipFile]:
     try:
@@ -133,7 +124,7 @@ def _session(path: Path, archive: zipfile.ZipFile) -> _SigrokSession:
     )
     if device is None:
         raise CaptureError(f"{path}: a sigrok session without logic channels: nothing here is a serial line")
-    rate = _RATE.fullmatch(device.get("samplerate", ""))
+    rate = RATE.fullmatch(device.get("samplerate", ""))
     unit, probes = device.get("unitsize", "1"), device.get("total probes", "8")
     if (
         max(len(unit), len(probes)) > _DIGITS
@@ -143,10 +134,9 @@ def _session(path: Path, archive: zipfile.ZipFile) -> _SigrokSession:
         or not 1 <= int(unit) <= 8
     ):
         raise CaptureError(f"{path}: a sigrok session without a usable sample rate, probes or sample size")
-    wanted = float(rate[1]) * _SCALE[rate[2]]
-    if not 1 <= wanted <= _SECOND:
-        raise CaptureError(f"{path}: a sample rate of {wanted:g} Hz is out of range")
-    hertz = round(wanted)
+    hertz = hertz_of(rate[1], rate[2])
+    if hertz is None:
+        raise CaptureError(f"{path}: a sample rate of {rate[0].strip()} is out of range")
     name = device["capturefile"]
     numbers = {member: re.fullmatch(rf"{re.escape(name)}(?:-(\d{{1,9}}))?", member) for member in archive.namelist()}
     parts = sorted((int(match[1] or 0), member) for member, match in numbers.items() if match)

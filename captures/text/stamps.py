@@ -57,7 +57,7 @@ _EPOCH_SECONDS = re.compile(_LEAD + r"(1[2-9]\d{8})(?=[\])]|[\s,:;]+(?![0-9A-Fa-
 _UNIT = re.compile(rf"{_LEAD}\+?(?:[\w-]+\]\s*)?(\d+)(?:\.(\d{{1,9}}))? ?(ms|us|µs|μs|ns|s)(?=[\s\]):,;>|]|$)")
 _NUMBERED_UNIT = re.compile(r"^\s*\d{1,9}\s*[|,;\t]\s*(-?)(\d{1,18})(?:\.(\d{1,9}))? ?(ms|us|µs|μs|ns|s)(?=[\s,;|])")
 _TICKS = re.compile(  # milliseconds since a microcontroller began, as its logs write them
-    r"^\s*(?:\[[A-Z]\] ?(\d+)\||[EWIDV] \((\d+)\)(?= )|\[ *(\d+)\]\[[EWIDV]\])"
+    r"^\s*(?:\[[A-Z]\] ?(\d+)\||[EWIDV] \((\d+)\)(?= )|\[ *(\d+)\](?:\[[EWIDV]\]| \[(?:INFO|DEBUG|WARN|ERR|ERROR|TRACE|VERB) *\]))"
 )
 _LAST = re.compile(r"[\w\"')\]}][ \t](1[2-9]\d{8})(\d{3}|\d{9})\s*$")  # as InfluxDB's lines end
 _KEYED = re.compile(  # epochs in JSON, YAML and logfmt

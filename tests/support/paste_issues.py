@@ -82,6 +82,7 @@ ISSUES: Final[dict[str, Style]] = {
     "tree items": _pairs('    item->setText(0,"x");\n    item->setText(1,"{a}");\n    item->setText(2,"{b}");'),
     "bridge": lines_of(lambda m: f"[16:40:36.{m.ms % 1000:03d}][D][modbus_bridge:695]: RTU {word(m, 'send: ', f'recv (stable 2 polls, {len(m.data)} bytes): ')}{spaced(m.data)}" + word(m, "  client_id=1", " ")),
     "Tasmota debug": lines_of(lambda m: f"   {m.clock} MBS: Serial {word(m, 'Send', 'Received')}: {spaced(m.data)}"),
+    "ticks in brackets": lines_of(lambda m: f"[{m.ms}] [INFO] Modbus {word(m, 'TX', 'RX')} ({len(m.data)} bytes): {spaced(m.data)}"),
     "ESP-NOW": lines_of(lambda m: f"I ({m.ms}) {word(m, 'ESPNOW_RX', 'MODBUS_RX')}: {m.data.hex(' ')}                # from {word(m, 'Master', 'Sensor')}"),
     "modbus-cli": lines_of(lambda m: f"{word(m, '→', '←')} < {m.data.hex(' ')} > {len(m.data)} bytes"),
     "divs": lines_of(lambda m: f"<div style={{{{ color: '#4ADE80', padding: 14 }}}}>[{word(m, 'TX', 'RX')}] {spaced(m.data)} (Read Station)</div>"),
