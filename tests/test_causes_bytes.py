@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 from random import Random
 
 from analyzer.causes.ledger import ledger_of
+from analyzer.causes.misreading import CharacterFormat, misread
 from analyzer.causes.model import Cause
 from analyzer.causes.reasoning import causes_of
 from analyzer.core import analyse
@@ -200,3 +201,20 @@ def test_a_tap_of_seven_data_bits_is_its_own_fault_though_some_frames_are_whole(
                 )
 
     assert _named(_causes(sent()))[0] == ("tap-line-settings", ())
+
+
+def test_a_clock_that_is_off_and_spares_the_header_is_told_by_the_check_value() -> None:
+    """Two devices that send at once would spare it as well."""
+    receiver = CharacterFormat(9600)
+    sender = CharacterFormat(9600 * 0.93)
+
+    def sent() -> Iterator[Sent]:
+        for i in range(120):
+            yield from _well(1, i)
+            yield 20.0, _read(7, 1)
+            good = _answer(7, 0x80 + i)
+            yield 6.0, b"".join(misread(bytes((octet, 0xFF)), sender, receiver)[:1] for octet in good)
+
+    found = _causes(sent())
+    assert _named(found)[0] == ("unit-line-settings", (7,))
+    assert "a clock that is off" in found[0].text

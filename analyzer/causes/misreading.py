@@ -9,14 +9,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
+from math import log2
 from typing import Final
 
 from captures.line import LineSettings
+from dissectors.crc import crc16
 
 _BAUDS: Final = (1200, 2400, 4800, 9600, 14400, 19200, 28800, 38400, 57600, 115200, 230400)
 _FARTHEST: Final = 16.0  # times faster or slower
 _FORMATS: Final = ((8, "N", 1), (8, "N", 2), (8, "E", 1), (8, "O", 1), (7, "E", 1), (7, "O", 1), (7, "N", 2))
 _DRIFTS: Final = (0.05, 0.06, 0.07, 0.08, 0.09, 0.1, 0.12)
+_MANY: Final = 1 << 9  # frames that may have been sent: so many say little, one of them being right
+_CHECKED: Final = 16.0
 _SAMPLE: Final = 0.5  # of a bit, where a receiver looks at it
 _BETWEEN: Final = (0.47, 0.53)  # the same, where that is just between two bits of a sender that is a multiple as fast
 
@@ -116,3 +120,33 @@ def _falls(levels: list[int], at: float) -> int | None:
             return place
         before = levels[place]
     return None
+
+
+def drifts(receiver: CharacterFormat) -> Iterator[tuple[CharacterFormat, float]]:
+    """The receiver's own format by a clock that is off."""
+    return ((sender, drift) for sender, drift in other_formats(receiver) if drift)
+
+
+@lru_cache(maxsize=256)
+def _sources(sender: CharacterFormat, receiver: CharacterFormat) -> tuple[tuple[int, ...], ...]:
+    """The bytes that may have been sent for each byte received, behind which the line rests or goes on."""
+    found: list[list[int]] = [[] for _ in range(256)]
+    for byte in range(256):
+        for heard in misread(bytes((byte, 0xFF)), sender, receiver)[:1]:
+            found[heard].append(byte)
+    return tuple(map(tuple, found))
+
+
+def whole_by_another_clock(heard: bytes, header: bytes, sender: CharacterFormat, receiver: CharacterFormat) -> float:
+    """Bits for a frame whose check value is right, had it been sent so, with this header: less for each byte that may
+    have been several; 0 where it is not."""
+    sources = _sources(sender, receiver)
+    residues = {crc16(heard)}
+    for at, byte in enumerate(heard):
+        behind = bytes(len(heard) - at - 1)
+        may_be = [sent for sent in sources[byte] if at >= len(header) or sent == header[at]]
+        steps = [crc16(bytes((byte ^ sent,)) + behind, 0) for sent in may_be]
+        residues = {residue ^ step for residue in residues for step in steps}
+        if not residues or len(residues) > _MANY:
+            return 0.0
+    return _CHECKED - log2(len(residues)) if 0 in residues else 0.0

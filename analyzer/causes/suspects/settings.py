@@ -12,7 +12,7 @@ from ...tables.findings import Severity
 from ..bits import surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, share_of
 from ..exchanges import Ending
-from ..misreading import CharacterFormat, formats_of, misread, other_formats, samples
+from ..misreading import CharacterFormat, drifts, formats_of, misread, other_formats, samples, whole_by_another_clock
 from ..registry import Suspicion, Symptom, suspect
 from ..signatures import Signature, known_header
 from ..unitledger import UnitLedger
@@ -23,6 +23,11 @@ _BYTE: Final = 8.0
 _MOST_BYTES: Final = 3  # that count for a sample
 _SAME, _OTHER = log2(0.96 / 0.5), log2(0.04 / 0.5)  # bits: garbage that is like that of the same poll before, or not
 _EXPECTED: Final = {"whole": 0.83, "middle": 0.06, "cut": 0.03, "long": 0.03, "head": 0.02}
+_DRIFTED: Final = {"whole": 0.25, "middle": 0.55, "bits": 0.1, "cut": 0.03, "long": 0.03, "head": 0.04}
+_MOSTLY: Final = 0.6
+_SHORT: Final = 32  # bytes of which each may have been two
+_TRIED: Final = 12
+_A_CLOCK: Final = "a clock that is off"
 _GARBAGE: Final = "are garbage of about the right length, never silence"
 _MARKED: Final = 0.2  # of good answers
 _LEAST_ASKED: Final = 6
@@ -47,11 +52,17 @@ def unit_line_settings(evidence: Evidence) -> Iterator[Suspicion]:
     """Garbage from one unit, or good answers that its parity bits give away."""
     for unit in evidence.units:
         readings = evidence.readings(unit)
-        if len(readings) >= _LEAST and share_of(readings, "whole", "middle", "long", "cut") >= 0.6:
+        clock = _by_clock(evidence, readings) if len(readings) >= _LEAST else (0.0, 0.0)
+        garbled = share_of(readings, "whole", "middle", "long", "cut") >= _MOSTLY
+        if len(readings) >= _LEAST and (garbled or clock[0] > 0):
             bits, words, drift = _fitting(evidence, readings)
             if (seven := _seven_bits(readings)) > bits:
                 bits, words, drift = seven, "seven data bits and parity", 0.0
-            bits += evidence.surplus(unit) + kind_bits(readings, _EXPECTED) + _steadiness(evidence, unit)
+            kinds = kind_bits(readings, _EXPECTED)
+            if clock[0] > bits:
+                bits, drift = clock
+                words, kinds = _A_CLOCK, max(kinds, kind_bits(readings, _DRIFTED))
+            bits += evidence.surplus(unit) + kinds + _steadiness(evidence, unit)
             if bits > 0:
                 yield damage_suspicion(evidence, unit, bits, {"settings": words, "drift": drift, "how": _GARBAGE})
         elif evidence.is_open(Symptom.MARKS, unit.unit):
@@ -72,8 +83,20 @@ def _fitting(evidence: Evidence, readings: Sequence[Signature]) -> tuple[float, 
             )
             if bits > best:
                 best, off = bits, drift
-                words = "a clock that is off" if drift else sender.words
+                words = _A_CLOCK if drift else sender.words
     return best, words, off
+
+
+def _by_clock(evidence: Evidence, readings: Sequence[Signature]) -> tuple[float, float]:
+    """The clock by which damaged answers were whole when they were sent: its weight, and by how much it is off."""
+    short = [each for each in readings if each.length == each.due <= _SHORT]
+    heard = list(dict.fromkeys((each.heard, known_header(each.request)) for each in short))[:_TRIED]
+    best = 0.0, 0.0
+    for receiver in formats_of(evidence.ledger.line) if heard else ():
+        for sender, drift in drifts(receiver):
+            bits = sum(whole_by_another_clock(*each, sender, receiver) or -1.0 for each in heard) - _BYTE
+            best = max(best, (bits, drift))
+    return best
 
 
 def _seven_bits(readings: Sequence[Signature]) -> float:
