@@ -137,10 +137,11 @@ def _out_of_step(evidence: Evidence, unit: UnitLedger) -> float:
 
 def _whole_behind(readings: Sequence[Signature]) -> float:
     """Bits for garbage whose end is whole, though its beginning is not known: two answers to one request, as long and
-    not the same, leave the same rest by the check value where all in which they differ is right."""
+    not the same, leave the same rest by the check value where all in which they differ is right. A late driver adds no
+    byte."""
     alike: dict[tuple[bytes, int], list[bytes]] = defaultdict(list)
     for each in readings:
-        if not each.heard.startswith(known_header(each.request)[:1]):
+        if each.length <= each.due and not each.heard.startswith(known_header(each.request)[:1]):
             alike[each.request, each.length].append(each.heard)
     bits = -_BYTE
     for several in alike.values():
