@@ -30,6 +30,7 @@ _STEADIER: Final = 0.5
 _RUN_INTO: Final = (AnswerDamage.CROSSED, AnswerDamage.LONG)
 _TOLD: Final = 5  # waits or delays, by which a clock's errors even out
 _SOONEST: Final = 0.05  # of delays
+_WAITED: Final = 0.9  # of delays: so long its master waits for a unit that answers
 _SOONER: Final = 0.8  # of them: no timer strays so far
 _REQUEST: Final = 8  # bytes: of a read, and no request has fewer
 _MANY: Final = 10  # answers
@@ -142,14 +143,25 @@ def interrupted(evidence: Evidence, unit: UnitLedger) -> int:
     """Requests to a unit behind which another came well before it ever answers, for which the master does wait: nobody
     gives up so soon, that is another who sends. Of a coarse clock all or none, by the mean of the waits."""
     waits, delays, off = unit.quiet_waits.numbers, unit.delays.numbers, evidence.verdict.wait_ns
-    if len(waits) < 1 or len(delays) < _TOLD or not evidence.is_open(Symptom.SILENCE, unit.unit):
+    if len(delays) < _TOLD:
         return 0
     soonest = float(np.quantile(delays, _SOONEST))
+    met = _met_by_requests(evidence, unit, _SOONER * float(np.quantile(delays, _WAITED)) - off)
+    if len(waits) < 1 or not evidence.is_open(Symptom.SILENCE, unit.unit):
+        return met
     early = float((waits < _SOONER * (soonest - off)).mean())
     if len(waits) >= _TOLD:
         error = 3 * off / (12 * len(waits)) ** 0.5  # of the mean of times that are wrong by up to so much
         early = 1.0 if waits.mean() + error < _SOONER * float(np.quantile(delays, 0.25)) else early
-    return round(early * len(unit.quiet_waits))
+    return round(early * len(unit.quiet_waits)) + met
+
+
+def _met_by_requests(evidence: Evidence, unit: UnitLedger, before: float) -> int:
+    """Damaged answers of a unit that begin as a request to another does, and so soon (ns behind what was asked)."""
+    readings = evidence.readings(unit)
+    met = [each for each in readings if each.damage is AnswerDamage.CROSSED and 0 <= each.delay < before]
+    begun = sum(evidence.begun_by(each) is not None for each in met)
+    return round(evidence.damaged(unit) * begun / max(len(readings), 1))
 
 
 def answers_too_many(evidence: Evidence, unit: UnitLedger) -> int:

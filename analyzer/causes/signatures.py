@@ -26,6 +26,7 @@ from .samples import Sample, SampleRow
 
 _HEAD_MOST: Final = 12  # bytes that may be put right
 _LEAST: Final = 4
+_HEAD: Final = 3  # bytes: of an answer the third is its byte count
 _ENDING: Final = 3  # bytes by which a damaged request is known again
 _INSIDE: Final = 4  # and within other bytes
 _MOST_REQUESTS: Final = 256
@@ -92,20 +93,26 @@ class Signature:
 
 @dataclass(frozen=True, slots=True)
 class KnownRequests:
-    """Requests of a bus, by their last bytes."""
+    """Requests of a bus, by their last bytes and their first ones."""
 
     endings: frozenset[bytes] = frozenset()
+    heads: frozenset[bytes] = frozenset()
     within: tuple[bytes, ...] = ()
 
     @classmethod
     def of(cls, requests: Sequence[bytes]) -> KnownRequests:
         """A request of each poll."""
         endings = frozenset(request[-_ENDING:] for request in requests)
-        return cls(endings, tuple({request[-_INSIDE:] for request in requests[:_MOST_REQUESTS]}))
+        heads = frozenset(request[:_HEAD] for request in requests)
+        return cls(endings, heads, tuple({request[-_INSIDE:] for request in requests[:_MOST_REQUESTS]}))
 
     def end(self, data: bytes) -> bool:
         """Whether these bytes end like one of them."""
         return data[-_ENDING:] in self.endings
+
+    def begin(self, data: bytes, unit: int) -> bool:
+        """Whether these bytes begin like one of them to another unit than this one."""
+        return data[:_HEAD] in self.heads and data[0] != unit
 
     def are_in(self, data: bytes, but: bytes = b"") -> bool:
         """Whether one of them ends within these bytes or at their end; `but`: one that may."""
@@ -205,7 +212,8 @@ def _read(sample: Sample, data: bytes, burst: list[SampleRow], requests: KnownRe
         found = _of_length(sample, data, length, head)
         if found is not None:
             return found
-    if requests.are_in(data, echo) or any(piece.kind == Kind.REQUEST for piece in burst[1:]):
+    crossed = requests.are_in(data, echo) or requests.begin(data, sample.request[0])
+    if crossed or any(piece.kind == Kind.REQUEST for piece in burst[1:]):
         return _SignatureSums(AnswerDamage.CROSSED, 1, 0)
     begins = data.startswith(header[:3]) if len(data) >= 3 else data == header[: len(data)]
     if begins and len(data) < due:
