@@ -25,7 +25,8 @@ class Poll:
     """One poll: a unit asked for so many things from an address on, by a function.
 
     `first` and `last` are times (ns) of requests, `intervals` (ns) some from one to the next, repeated ones left out,
-    `waits` (ns) some from the end of one that stayed without an answer to the next request of any poll.
+    `waits` (ns) some from the end of one that stayed without an answer to the next request of any poll, `asked` how many
+    requests, without those that are the tap's own echo.
     """
 
     unit: int
@@ -39,10 +40,7 @@ class Poll:
     exceptions: Counter[int]
     intervals: NDArray[np.int64]
     waits: NDArray[np.float64]
-
-    @property
-    def asked(self) -> int:
-        return int(self.outcomes.sum() - self.outcomes[Ending.ECHO])
+    asked: int
 
     @property
     def end(self) -> int:
@@ -179,6 +177,7 @@ class PollTable:
     def polls(self) -> list[Poll]:
         """All of them, by unit, function and address."""
         made = []
+        asked = (self._outcomes.sum(axis=1) - self._outcomes[:, Ending.ECHO]).tolist()
         for number, slot in self._slots.items():
             count = min(int(self._count[slot]) - 1, _RING)
             made.append(
@@ -194,6 +193,7 @@ class PollTable:
                     self._exceptions.get(slot, Counter()),
                     self._rings[slot, : max(count, 0)],
                     self._waits[slot].numbers if slot in self._waits else np.zeros(0),
+                    asked[slot],
                 )
             )
         return sorted(made, key=lambda poll: (poll.unit, poll.function, poll.address, poll.quantity))

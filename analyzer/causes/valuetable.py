@@ -46,16 +46,16 @@ class ValueTable:
         places = good.nonzero()[0]
         numbers = exchanges.poll[places]
         order = np.argsort(numbers, kind="stable")
-        ordered = numbers[order]
-        edges = np.flatnonzero(np.diff(ordered)) + 1
-        for mine in np.split(places[order], edges) if len(places) else ():
-            self._take(stretch, int(exchanges.poll[mine[0]]), mine, times)
+        ordered, places = numbers[order], places[order]
+        begins = np.flatnonzero(np.diff(ordered, prepend=-1))
+        bounds = zip(ordered[begins].tolist(), begins.tolist(), [*begins[1:].tolist(), len(places)], strict=True)
+        for number, begin, end in bounds if len(places) else ():
+            if number in self.polls or len(self.polls) < _POLLS:
+                self._take(stretch, number, places[begin:end], times)
 
     def _take(self, stretch: Stretch, number: int, mine: NDArray[np.intp], times: NDArray[np.int64]) -> None:
         known = self.polls.get(number)
         if known is None:
-            if len(self.polls) >= _POLLS:
-                return
             none = np.zeros((0, 0), np.uint16)
             unit, function, address = number >> 40 & 0xFF, number >> 32 & 0xFF, number >> 16 & 0xFFFF
             known = self.polls[number] = PollValues(unit, function, address, np.zeros(0, np.int64), none)
