@@ -51,7 +51,9 @@ def bus_of(number: int, transactions: int) -> tuple[captures.LineSettings, list[
     wire = "noisy" if number % 4 == 3 else "clean"
     made = simulate(Scenario(wire, "precise", transactions=transactions, seed=number, baud=9600))
     times = np.array([chunk.t_ns for chunk in made.chunks])
-    pauses = np.flatnonzero(np.diff(times) > 5_000_000) + 1
+    offsets = np.cumsum([len(chunk.data) for chunk in made.chunks])[:-1]
+    asked = np.isin(offsets, [frame.start for frame in made.truth if frame.direction == "request"])
+    pauses = np.flatnonzero(asked & (np.diff(times) > 5_000_000)) + 1
     begins = np.searchsorted(times, np.linspace(0, times[-1], 25)[1:-1])
     begins = np.unique(pauses[np.searchsorted(pauses, begins).clip(0, len(pauses) - 1)])
     free = max(0.98 * DAY_NS - times[-1], 0) / max(len(begins), 1)

@@ -86,11 +86,9 @@ def test_a_ring_made_anew_goes_on(tmp_path, monkeypatch, name, known):
     paths = sliced(capture, [0.25, 0.5, 0.8], tmp_path / "ring" / "site")
     for last in range(1, known + 1):
         batch(tmp_path / "lake", *paths[:last])
-    before = files(tmp_path / "lake")["values"]
     changed(monkeypatch, name)
     result = batch(tmp_path / "lake", *paths[:3], redo=True)
     assert (result.captures, result.failed) == (3, 0)
-    assert known == 3 or before < files(tmp_path / "lake")["values"] or len(before) == 1
     batch(tmp_path / "three", *paths[:3])
     tables = [table for table in DATASETS if table != "captures"]
     assert same(tmp_path / "lake", tmp_path / "three", tables)

@@ -56,6 +56,17 @@ def test_a_late_answer_belongs_to_the_older_request() -> None:
     assert found.late.tolist() == [True, False, False, False]
 
 
+@pytest.mark.parametrize("together", [False, True])
+def test_what_comes_after_minutes_answers_nothing_that_was_heard(together: bool) -> None:
+    """A slice of a recording is missing: its last request and the first answer behind it are no exchange."""
+    hour = 3600 * 10**9
+    early = spaced([READ, ANSWER, READ])
+    feeds = [*early, *(replace(chunk, t_ns=chunk.t_ns + hour) for chunk in spaced([ANSWER, READ, ANSWER]))]
+    found = transactions([Block.from_chunks(feeds)] if together else feeds)
+    assert found.response.tolist() == [1, -1, 5]
+    assert found.response_ns.max() < 10**9
+
+
 def test_response_time_is_unknown_where_request_and_answer_came_in_one_read() -> None:
     found = transactions([Chunk(10**9, READ + ANSWER), Chunk(2 * 10**9, READ), Chunk(2 * 10**9 + 10**7, ANSWER)])
     assert found.response_ns[0] == -1

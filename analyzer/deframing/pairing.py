@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from dissectors.answers import expectation
 
 from ..tables.schema import Kind, Rows
-from ..tables.transactions import LATE_NS, LATE_WAITS
+from ..tables.transactions import LATE_NS, LATE_WAITS, LONGEST_NS
 from .buffer import Times
 from .conversation import responses_fit
 from .rules import Bytes, Index
@@ -42,9 +42,8 @@ class _OpenRow:
 
     def expects_by(self, t_ns: int) -> bool:
         """Whether an answer may come then: soon enough after the master went on, if it did."""
-        if self.t_next is None:
-            return True
-        return t_ns - self.t_end <= max(LATE_NS, LATE_WAITS * (self.t_next - self.t_end))
+        waits = LONGEST_NS if self.t_next is None else max(LATE_NS, LATE_WAITS * (self.t_next - self.t_end))
+        return t_ns - self.t_end <= min(waits, LONGEST_NS)
 
 
 class Pairer:
@@ -83,8 +82,9 @@ class Pairer:
             follows &= port[1:] == port[:-1]
         follows = follows.nonzero()[0] + 1
         follows = follows.compress(responses_fit(data, at.take(follows - 1), at.take(follows)))
+        waited = np.maximum(rows.t_start_ns.take(frames[follows]) - rows.t_end_ns.take(frames[follows - 1]), 0)
+        follows, waited = follows[waited <= LONGEST_NS], waited[waited <= LONGEST_NS]
         answers, asked = frames.take(follows), frames.take(follows - 1)
-        waited = np.maximum(rows.t_start_ns.take(answers) - rows.t_end_ns.take(asked), 0)
         waited[tail.take(asked) == head.take(answers)] = -1
         rows.request[answers] = rows.index[asked]
         rows.request_start[answers] = rows.start.take(asked)

@@ -30,6 +30,7 @@ from .schema import Kind, Protocol, Rows
 ECHOED: Final = np.isin(np.arange(256), (5, 6, 22))  # functions whose answer is their request once more
 LATE_WAITS: Final = 3  # so many of the master's waits after a request, beyond which an answer is not late but another's
 LATE_NS: Final = 3_000_000_000  # and so long at least: not every tap tells how long the master waits
+LONGEST_NS: Final = 120_000_000_000  # nobody waits longer for an answer, though nothing else is asked meanwhile
 NEVER: Final = -(1 << 62)  # a time that is none
 _PATIENCE: Final = 16  # frames after a request, beyond which no answer is waited for
 _PIPELINED: Final = 1024  # the same over Modbus TCP, where many connections and transactions are open at once

@@ -21,11 +21,14 @@ BEGIN_NS = 1_790_000_000_000_000_000  # in September 2026
 
 
 def bus(wire="noisy", seed=1, transactions=120, *, begin_ns=BEGIN_NS, span_ns=None):
-    """A simulated bus at a date; `span_ns` spreads it over so long."""
+    """A simulated bus at a date; `span_ns` spreads it over so long, by longer pauses before requests."""
     made = simulate(Scenario(wire, "precise", transactions=transactions, seed=seed, baud=9600))
-    factor = 1.0 if span_ns is None else span_ns / made.chunks[-1].t_ns
     pauses = np.diff([0, *(chunk.t_ns for chunk in made.chunks)])
-    times = np.cumsum(np.where(pauses > 5_000_000, pauses * factor, pauses).astype(np.int64)) + begin_ns
+    offsets = np.cumsum([0, *(len(chunk.data) for chunk in made.chunks[:-1])])
+    asked = np.isin(offsets, [frame.start for frame in made.truth if frame.direction == "request"])
+    asked &= pauses > 5_000_000
+    factor = 1.0 if span_ns is None else (span_ns - pauses[~asked].sum()) / pauses[asked].sum()
+    times = np.cumsum(np.where(asked, pauses * factor, pauses).astype(np.int64)) + begin_ns
     chunks = [captures.Chunk(int(t), chunk.data) for t, chunk in zip(times, made.chunks, strict=True)]
     return captures.Capture.of(made.line, chunks)
 
