@@ -16,7 +16,6 @@ from ..model.scope import Scope, ScopedFigures
 from ..model.selection import Everything, ListRows, Selection
 from ..model.source import Grave
 from . import home
-from .status import is_gone
 from .views import BY_NAME
 
 if TYPE_CHECKING:
@@ -151,11 +150,7 @@ class Jobs:
 
     def _rows_came(self) -> None:
         live = self._source.live
-        self.doing = (
-            ("" if is_gone(self._source) else tr("listening"))
-            if live
-            else tr("reading, {size:,.0f} MB", size=self._bus.store.size / 1e6)
-        )
+        self.doing = "" if live else tr("reading, {size:,.0f} MB", size=self._bus.store.size / 1e6)
         self._first_row()
         if live:
             self._tell_notices()

@@ -48,8 +48,8 @@ class StatusLine(Painted):
         left = [StyledText(f" {self._called(max(12, width // 3))} ", "strong"), StyledText(f"{self._speed()}  ", "dim")]
         if self.desk.paused:
             left.append(StyledText(f"{tr('PAUSED, P goes on')}  ", "warning"))
-        if self.doing:
-            left.append(StyledText(f"{_SPIN[self._turn % len(_SPIN)]} {self.doing}  ", "accent"))
+        if doing := self.doing or self._listening():
+            left.append(StyledText(f"{_SPIN[self._turn % len(_SPIN)]} {doing}  ", "accent"))
         state = getattr(self.desk.source, "state", None)
         if state is not None and not self.desk.bus.whole:
             for words, kind in state():
@@ -58,6 +58,11 @@ class StatusLine(Painted):
         right = self._finding_counts()
         size = sum(cell_len(part.text) for part in right)
         return self.strip([*fitted(left, max(0, width - size)), *right], width, self.base)
+
+    def _listening(self) -> str:
+        """What a live source does, if it can: looked at when it is painted, as all that stands beside it."""
+        source = self.desk.source
+        return tr("listening") if source.live and not self.desk.bus.whole and not is_gone(source) else ""
 
     def _called(self, most: int) -> str:
         name = harmless(self.desk.source.name)
