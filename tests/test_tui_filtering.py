@@ -31,6 +31,16 @@ def alike(bus: Bus, texts: list[str]) -> None:
             assert own.tolist() == exported.tolist(), (text, low)
 
 
+def bus_of(name: str) -> Bus:
+    """A sample, read."""
+    source = CaptureSource(captures.open(samples.path(name)), name)
+    bus = Bus.of(source)
+    for analysed in source.steps(bool):
+        bus.feed(analysed)
+    bus.close()
+    return bus
+
+
 def of_values(values: list[int]) -> list[str]:
     return [
         *(f"value == {value}" for value in values),
@@ -44,11 +54,7 @@ def of_values(values: list[int]) -> list[str]:
 
 @pytest.mark.parametrize("name", ["troubled.jsonl", "healthy.jsonl", "mbpoll.mcap"])
 def test_values_of_a_capture(name: str) -> None:
-    source = CaptureSource(captures.open(samples.path(name)), name)
-    bus = Bus.of(source)
-    for analysed in source.steps(bool):
-        bus.feed(analysed)
-    bus.close()
+    bus = bus_of(name)
     values = decode(bus.batch(np.arange(bus.count))).values
     rare = [value for value in np.unique(values).tolist() if value > 1]
     octets = PieceTable(bus, 0, 0, bus.count).octets(0, bus.count)
@@ -70,11 +76,7 @@ _OF_FEW = (
 
 @pytest.mark.parametrize("name", ["troubled.jsonl", "healthy.jsonl", "mbpoll.mcap"])
 def test_what_few_rows_hold_is_told_as_of_all(name: str) -> None:
-    source = CaptureSource(captures.open(samples.path(name)), name)
-    bus = Bus.of(source)
-    for analysed in source.steps(bool):
-        bus.feed(analysed)
-    bus.close()
+    bus = bus_of(name)
     units = np.unique(bus.table.column(0, "unit")[: bus.count]).tolist()
     alike(
         bus,

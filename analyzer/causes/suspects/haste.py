@@ -15,6 +15,14 @@ from ..registry import Suspicion, Symptom, suspect
 _LEAST: Final = 5
 _TOO_SOON: Final = 0.9  # of t3.5
 _MOSTLY: Final = 0.5
+_STRAYS: Final = 0.3  # of t3.5, at the most
+
+
+def _told_t35(evidence: Evidence) -> float | None:
+    """The line's t3.5 (ns); None where the clock cannot tell less from as much."""
+    due, verdict = evidence.t35_ns, evidence.verdict
+    carried = due is not None and verdict.fine and verdict.jitter_ns <= _STRAYS * due
+    return due if carried and len(evidence.ledger.ports) <= 1 else None
 
 
 @suspect(
@@ -29,13 +37,8 @@ _MOSTLY: Final = 0.5
 )
 def master_too_fast(evidence: Evidence) -> Iterator[Suspicion]:
     """Less than t3.5 before requests, where the clock carries it."""
-    gaps, due = evidence.ledger.request_gaps, evidence.t35_ns
-    if (
-        due is None
-        or not evidence.verdict.fine
-        or evidence.verdict.jitter_ns > 0.3 * due
-        or len(evidence.ledger.ports) > 1
-    ):
+    gaps, due = evidence.ledger.request_gaps, _told_t35(evidence)
+    if due is None:
         return
     share = 1 - gaps.above(_TOO_SOON * due - evidence.verdict.jitter_ns)
     median = gaps.quantile(0.5)
@@ -66,13 +69,8 @@ def master_too_fast(evidence: Evidence) -> Iterator[Suspicion]:
 )
 def unit_too_fast(evidence: Evidence) -> Iterator[Suspicion]:
     """Less than t3.5 before the answers of some units."""
-    due = evidence.t35_ns
-    if (
-        due is None
-        or not evidence.verdict.fine
-        or evidence.verdict.jitter_ns > 0.3 * due
-        or len(evidence.ledger.ports) > 1
-    ):
+    due = _told_t35(evidence)
+    if due is None:
         return
     found = []
     for unit in evidence.units:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -37,6 +37,16 @@ _GLITCHES: Final = frozenset((0x00, 0xFE, 0xFF))
 _IS_FLOW: Final = np.isin(np.arange(256), (0x11, 0x13))  # XON and XOFF
 
 
+class RecentTraffic(NamedTuple):
+    """The right request that waits for its answer, if one does; the one that a row may answer, which may be one that
+    this tap alone did not hear whole; requests and units of late."""
+
+    pending: EarlierRow | None
+    request: bytes | None
+    requests: frozenset[bytes]
+    units: frozenset[int]
+
+
 class Triage:
     """Looks at rows in turn; remembers the last ones, and whether a port has ever given an 11 or 13."""
 
@@ -44,8 +54,7 @@ class Triage:
         self._trail = trail
         self._flow_at: dict[int, int] = {}  # port: where its first 11 or 13 came
         self._vague: tuple[int, int, str] | None = None  # port, end and verdict of the newest row, if that may change
-        self._mended: tuple[int, int, bytes] | None = None  # port and end of the newest row, if flow control robbed a
-        # request there, and that request
+        self._mended: tuple[int, int, bytes] | None = None  # port, end, the request that flow control robbed there
         self.explained: dict[int, None] = {}  # requests of late, by index, whose answer came damaged
 
     def examine(self, view: DiagnosisStep) -> dict[int, Sequence[DividedFrame]]:
@@ -57,17 +66,17 @@ class Triage:
         explained: dict[int, Sequence[DividedFrame]] = {}
         for number in _suspects(view):
             row = EarlierRow.of(batch, number)
-            request = self._request(row, self._recent_traffic(batch, number)[0])
-            if rejoined := self._joined(batch, number, row):
+            recent = self._recent_traffic(batch, number, row)
+            if rejoined := self._joined(batch, number, row, recent):
                 explained.pop(number - 1, None)
                 explained[number], self._vague = rejoined, None
-                self._remember(row, rejoined, request)
+                self._remember(row, rejoined, recent.request)
                 continue
-            verdict = self._verdict(batch, number, row)
-            parts = self._divided(batch, number, row) if verdict is None or verdict.code in VAGUE else []
+            verdict = self._verdict(batch, number, row, recent)
+            parts = self._divided(row, recent) if verdict is None or verdict.code in VAGUE else []
             if verdict is not None or parts:
                 explained[number] = parts or [DividedFrame(0, row.row.length, verdict or Explanation("crc-error", 0.0))]
-            self._remember(row, explained.get(number, ()), request)
+            self._remember(row, explained.get(number, ()), recent.request)
             self._vague = None
             if row.is_frame and verdict is not None and verdict.code in VAGUE:
                 self._vague = row.row.port, row.row.start + row.row.length, verdict.code
@@ -80,7 +89,7 @@ class Triage:
                 self._flow_at[port] = int(view.rows.start[row] + hit - view.rows.at[row])
                 return
 
-    def _joined(self, batch: Batch, number: int, row: EarlierRow) -> list[DividedFrame]:
+    def _joined(self, batch: Batch, number: int, row: EarlierRow, recent: RecentTraffic) -> list[DividedFrame]:
         """That noise is the rest of the damaged frame before it, which explains both better than either by itself."""
         if row.is_frame or row.row.errors or self._vague is None or (row.row.port, row.row.start) != self._vague[:2]:
             return []
@@ -91,8 +100,7 @@ class Triage:
             or before.row.start + before.row.length != row.row.start
         ):
             return []
-        pending, requests, units = self._recent_traffic(batch, number)
-        request = self._request(row, pending)
+        pending, request, requests, units = recent
         role = None if pending else Role.REQUEST if before.row.kind == Kind.REQUEST else Role.RESPONSE
         case = DamagedFrame(before.captured, role, request, requests, units, flow_free=self._flow_free(before.row))
         best = joined(case, after=row.captured)
@@ -106,13 +114,12 @@ class Triage:
         both = replace(case, data=before.captured + row.captured, role=None)
         return [part._replace(start=part.start - size) for part in divided(both)]
 
-    def _divided(self, batch: Batch, number: int, row: EarlierRow) -> list[DividedFrame]:
+    def _divided(self, row: EarlierRow, recent: RecentTraffic) -> list[DividedFrame]:
         """The frames that a stretch was before flow control ran them together, on a port that gives no 11 and 13."""
         free = self._flow_free(row.row)
         if not free or len(row.captured) <= 2 * _LEAST or row.row.errors:
             return []
-        pending, requests, units = self._recent_traffic(batch, number)
-        request = self._request(row, pending)
+        _, request, requests, units = recent
         return divided(DamagedFrame(row.captured, None, request, requests, units, flow_free=free))
 
     def _flow_free(self, row: Row) -> int | None:
@@ -120,10 +127,9 @@ class Triage:
         first = self._flow_at.get(row.port)
         return (row.start or None) if first is None or first >= row.start else 0
 
-    def _verdict(self, batch: Batch, number: int, row: EarlierRow) -> Explanation | None:
+    def _verdict(self, batch: Batch, number: int, row: EarlierRow, recent: RecentTraffic) -> Explanation | None:
         """What happened to a row; None where it is noise that nothing ties to a frame."""
-        pending, requests, units = self._recent_traffic(batch, number)
-        request = self._request(row, pending)
+        pending, request, requests, units = recent
         role = None
         if row.is_frame:
             role = Role.REQUEST if row.row.kind == Kind.REQUEST else Role.RESPONSE
@@ -168,20 +174,14 @@ class Triage:
                 del self.explained[next(iter(self.explained))]
         return verdict
 
-    def _request(self, row: EarlierRow, pending: EarlierRow | None) -> bytes | None:
-        """The request that a row may answer: the last right one, or one that this tap alone did not hear whole."""
-        if self._mended is not None and self._mended[:2] == (row.row.port, row.row.start):
-            return self._mended[2]
-        return None if pending is None else pending.captured
-
     def _remember(self, row: EarlierRow, parts: Sequence[DividedFrame], request: bytes | None) -> None:
         """Keep the request that a row ends with, if flow control robbed it; `request` waited before the row."""
         for part in parts:
             request = asked_by(part.verdict, request)
         self._mended = (row.row.port, row.row.start + row.row.length, request) if parts and request else None
 
-    def _recent_traffic(self, batch: Batch, number: int) -> tuple[EarlierRow | None, frozenset[bytes], frozenset[int]]:
-        """The request that waits for its answer, if one does, and requests and units of late."""
+    def _recent_traffic(self, batch: Batch, number: int, row: EarlierRow) -> RecentTraffic:
+        """What was said before a row."""
         pending: EarlierRow | None = None
         newest = True
         requests: set[bytes] = set()
@@ -195,7 +195,10 @@ class Triage:
                 if newest and before.row.unit:
                     pending = before
             newest = False
-        return pending, frozenset(requests), frozenset(units)
+        request = None if pending is None else pending.captured
+        if self._mended is not None and self._mended[:2] == (row.row.port, row.row.start):
+            request = self._mended[2]
+        return RecentTraffic(pending, request, frozenset(requests), frozenset(units))
 
 
 def _suspects(view: DiagnosisStep) -> list[int]:
