@@ -8,6 +8,7 @@ from pathlib import Path
 from string import Formatter
 
 import pytest
+from buses import adu
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -22,7 +23,8 @@ from analyzer.reports.against import differences
 from analyzer.reports.model import Report
 from analyzer.simulation.field.cases.registry import field_cases
 from analyzer.tables.delays import bounds_of, delay_bounds
-from captures.chunks import Capture
+from captures.chunks import Capture, Chunk
+from captures.line import LineSettings
 
 SAMPLES = Path(captures.__file__).parent / "samples"
 
@@ -47,6 +49,16 @@ def test_no_line_is_longer_than_a_page(tap: str) -> None:
     report = field_report("dead-beside-driver", tap, 2)
     long = [line for line in text(report).splitlines() if len(line) > 80]
     assert long == []
+
+
+@pytest.mark.parametrize("polls", range(2, 9))
+def test_no_second_is_the_busiest_with_less_than_the_mean(polls: int) -> None:
+    line = LineSettings(baud=9600, char_bits=10)
+    request = adu("0103000b0001")
+    chunks = [Chunk(900_000_000 + 400_000_000 * poll, request) for poll in range(polls)]
+    load = summarize(Capture.of(line, chunks)).load
+    assert load.mean is not None
+    assert load.busiest_second is None or load.busiest_second >= load.mean
 
 
 def test_silence_and_garbage_are_two_things() -> None:

@@ -232,7 +232,10 @@ class HourRow:
 
 @dataclass(frozen=True, slots=True)
 class Load:
-    """Share of the time in which something is on the wire, 0 to 1; None where times or line settings are not known."""
+    """Share of the time in which something is on the wire, 0 to 1; None where times or line settings are not known.
+
+    The busiest second is one of the clock; None too where a short capture is cut so that none holds more than the mean.
+    """
 
     mean: float | None = None
     busiest_second: float | None = None

@@ -238,8 +238,10 @@ class Summary:
         if not self._char_ns or self._first is None or self._last is None or self._last <= self._first:
             return Load()
         mean = self._bytes * self._char_ns / (self._last - self._first)
-        busiest = self._busy.most() * self._char_ns / _SECOND if self._last - self._first >= _SECOND else None
-        return Load(min(mean, 1.0), None if busiest is None else min(busiest, 1.0))
+        busiest = self._busy.most() * self._char_ns / _SECOND
+        # A short capture has hardly a whole second of the clock in it: what they hold tells no peak then.
+        peak = self._last - self._first >= _SECOND and busiest >= mean
+        return Load(min(mean, 1.0), min(busiest, 1.0) if peak else None)
 
 
 class _Busiest:
