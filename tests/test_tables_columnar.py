@@ -44,6 +44,14 @@ def marks(count: int, first: int = 0) -> Marks:
     return Marks(place, place % 2 == 0, np.stack((place / 3, -place), axis=1).astype(float))
 
 
+def test_rows_are_walked_by_name() -> None:
+    table = marks(5000)
+    rows = list(table)
+    assert [tuple(row) for row in rows] == table.tolist()
+    assert (rows[4097].place, rows[4097].right, rows[4097].figures) == (4097, False, [4097 / 3, -4097.0])
+    assert list(marks(0)) == []
+
+
 @given(st.lists(st.integers(0, 9), max_size=5))
 def test_joined_tables_are_their_rows_in_order(counts: list[int]) -> None:
     parts = [marks(count, 100 * number) for number, count in enumerate(counts)]

@@ -12,7 +12,8 @@ Which arrays a table has is settled; what stands in them may be written (`marks.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import namedtuple
+from collections.abc import Iterator, Sequence
 from dataclasses import fields
 from operator import attrgetter
 from typing import Annotated, Any, Final, Self, TypeAlias, get_args, get_origin, get_type_hints
@@ -32,6 +33,7 @@ Bools: TypeAlias = NDArray[np.bool_]
 Which: TypeAlias = slice | NDArray[np.integer[Any]] | NDArray[np.bool_]  # rows: a stretch, numbers, or a mask
 
 _SHOWN: Final = 20  # rows in a notebook
+_BLOCK: Final = 1 << 12  # rows made at once where one iterates
 
 
 class Columns:
@@ -84,10 +86,20 @@ class Columns:
         if isinstance(which, slice):
             return type(self)(*[column[which] for column in self.columns()])
         if not isinstance(which, np.ndarray):
-            raise TypeError("rows are given by a slice or an array; one row is `values(number)`")
+            raise TypeError("rows are taken by a slice or an array; one row is `values(number)`, `for` gives all")
         if which.dtype == np.bool_:
             which = which.nonzero()[0]
         return type(self)(*[column.take(which, 0) for column in self.columns()])
+
+    def __iter__(self) -> Iterator[Any]:
+        """Row by row, as named tuples of Python's own values: for what looks at a few."""
+        table = type(self)
+        if table not in _ROW_TYPES:
+            _ROW_TYPES[table] = namedtuple(table.__name__, _dtypes(table))
+        row_of = _ROW_TYPES[table]
+        for at in range(0, len(self), _BLOCK):
+            for row in self[at : at + _BLOCK].tolist():
+                yield row_of(*row)
 
     def copy(self) -> Self:
         """The same rows in arrays of their own."""
@@ -124,6 +136,7 @@ class Columns:
 
 _TYPES: dict[type[Any], dict[str, np.dtype[Any]]] = {}
 _NONE: dict[type[Any], Any] = {}  # of each, the table without rows
+_ROW_TYPES: dict[type[Any], Any] = {}
 _GETTERS: dict[type[Any], attrgetter[tuple[NDArray[Any], ...]]] = {}
 
 
