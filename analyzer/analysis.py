@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from dissectors.maps.units import UnitMaps
 
     from .causes.model import Cause
-    from .exports.records import RecordTable
     from .exports.running import Exported
     from .filters import Filter
     from .plots import Plots
@@ -173,17 +172,25 @@ class Analysis:
         return TransactionRows.joined([TransactionRows.zeros(0), *parts, open_ones.close()])
 
     def records(self, table: str) -> Stream[dict[str, Any]]:
-        """The rows of a table (`transactions`, `values`, `findings`) as dictionaries, as `--table` writes them."""
+        """The rows of a table (`transactions`, `values`, `findings`) as dictionaries, as `--table` writes them.
+
+        Raises ExportError where there is no such table.
+        """
+
+        from .exports.meaning import table_named
 
         def records() -> Iterator[dict[str, Any]]:
             for columns in self.columns(table):
                 yield from (dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True))
 
-        return Stream(records, tuple(self._table(table).kinds), lambda record: tuple(record.values()))
+        kinds = table_named(table, self.maps).kinds
+        return Stream(records, tuple(kinds), lambda record: tuple(record.values()))
 
     def columns(self, table: str) -> Iterator[Mapping[str, list[Any]]]:
         """The same as columns, part by part."""
-        columns_of = self._table(table).columns
+        from .exports.meaning import table_named
+
+        columns_of = table_named(table, self.maps).columns
         return (columns_of(part) for part in self.analysed())
 
     def to_arrow(self, table: str = "frames", *, noise: bool = False) -> Any:
@@ -196,16 +203,11 @@ class Analysis:
 
         if table == "frames":
             return arrow.table((analysed.batch for analysed in self.analysed()), noise=noise)
+        from .exports.meaning import table_named
         from .exports.record_files import records_arrow
 
-        chosen = self._table(table)
+        chosen = table_named(table, self.maps)
         return records_arrow(chosen, (chosen.columns(part) for part in self.analysed()))
-
-    def _table(self, name: str) -> RecordTable:
-        from .exports.meaning import mapped_table
-        from .exports.records import TABLES
-
-        return mapped_table(self.maps) if self.maps and name == "values" else TABLES[name]
 
     def to_polars(self, *, noise: bool = False) -> Any:
         """The same as a polars DataFrame."""

@@ -52,6 +52,9 @@ class Stream(Generic[Item]):
             self._items = self._make()
         return next(self._items)
 
+    def __repr__(self) -> str:
+        return f"<to iterate over: {', '.join(self._head)}>"
+
     def _repr_html_(self) -> str:
         first = list(islice(self._make(), _SHOWN + 1))
         more = f"<p>the first {_SHOWN}; there are more</p>" if len(first) > _SHOWN else ""

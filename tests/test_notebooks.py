@@ -16,6 +16,7 @@ from buses import adu
 import analyzer
 from analyzer.analysis import Analysis
 from analyzer.causes.model import Cause
+from analyzer.exports.output import ExportError
 from analyzer.html_text import html_table, html_text
 from analyzer.tables.findings import Finding, Severity
 from captures import samples
@@ -88,6 +89,20 @@ def test_what_is_shown_is_not_taken_from_who_iterates(bus):
     assert next(frames).index == 0
     assert frames._repr_html_() == frames._repr_html_()
     assert [frame.index for frame in frames] == list(range(1, 1 + len([*bus.frames()]) - 1))
+
+
+def test_what_a_prompt_shows_is_read_by_people(bus):
+    assert repr(bus.frames()) == "<to iterate over: frame, t_start_ns, direction, unit, summary, findings>"
+    frame = next(bus.frames())
+    assert (
+        repr(frame) == "<frame 0, request, unit 1: read 3 holding registers from 107 (40108): 01 03 00 6b 00 03 74 17>"
+    )
+
+
+def test_a_table_that_is_none_is_named(bus):
+    for ask in (bus.records, bus.columns, bus.to_arrow):
+        with pytest.raises(ExportError, match="no table 'polls'; besides frames there are transactions, values"):
+            ask("polls")
 
 
 def test_a_capture_with_nothing_in_it_is_shown():

@@ -13,6 +13,7 @@ from dissectors.maps.decoding import read_mapped
 from ..registers.mapped import MappedColumn, mapped_columns
 from ..tables.columns import AreaCode, decode
 from ..tables.values import confirmed_values
+from .output import ExportError
 from .records import AREA_NAMES, TABLES, Columns, RecordTable
 from .records import Kind as ColumnKind
 
@@ -21,7 +22,14 @@ if TYPE_CHECKING:
     from ..tables.batch import Batch
 
 
-def mapped_table(charts: Mapping[int, RegisterMap]) -> RecordTable:
+def table_named(name: str, charts: Mapping[int, RegisterMap] | None) -> RecordTable:
+    """A table of records, `values` by the register maps of units if there are any. Raises ExportError."""
+    if name not in TABLES:
+        raise ExportError(f"no table {name!r}; besides frames there are {', '.join(TABLES)}")
+    return _mapped(charts) if charts and name == "values" else TABLES[name]
+
+
+def _mapped(charts: Mapping[int, RegisterMap]) -> RecordTable:
     """The table `values` with what a map says: mapped values one row each, registers that no map has as they are."""
     plain = TABLES["values"]
     kinds: dict[str, ColumnKind] = {name: kind for name, kind in plain.kinds.items() if name != "index"}
@@ -51,7 +59,7 @@ def _columns(analysed: Analysed, charts: Mapping[int, RegisterMap]) -> Columns:
         if (row, name, at) not in mapped:
             records.append((row, t, port, unit, name, at, raw, 1, None, None, None, None, index))
     records.sort(key=lambda record: (record[0], record[4], record[5]))
-    table = mapped_table(charts)
+    table = _mapped(charts)
     columns = list(zip(*records, strict=True))[1:] if records else [()] * len(table.kinds)
     return {name: list(column) for name, column in zip(table.kinds, columns, strict=True)}
 

@@ -11,7 +11,7 @@ import orjson
 
 from ..extras import needs
 from .output import ExportError, OutputStream
-from .records import TABLES, Columns, RecordTable
+from .records import Columns, RecordTable
 from .sink import ExportOptions
 from .targets.csv import safe
 
@@ -155,13 +155,9 @@ _WRITERS: Final = {"csv": CsvRecords, "jsonl": JsonRecords, "parquet": ParquetRe
 
 def open_records(out: OutputStream, capture: Capture, options: ExportOptions, name: str) -> RecordSink:  # noqa: ARG001
     """The sink of a table other than the frames, in the format of that name. Raises ExportError."""
-    table = TABLES.get(options.table)
-    if table is None:
-        raise ExportError(f"no table {options.table!r}; tables are frames, {', '.join(TABLES)}")
-    if options.charts and options.table == "values":
-        from .meaning import mapped_table
+    from .meaning import table_named
 
-        table = mapped_table(options.charts)
+    table = table_named(options.table, options.charts)
     writer = _WRITERS.get(name)
     if writer is None:
         raise ExportError(f"the table {options.table} can be written as {', '.join(_WRITERS)}, not as {name}")

@@ -18,7 +18,7 @@ from .findings import Finding
 from .schema import BoundaryEvidence, Kind, Protocol, Row
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Frame:
     """One frame: a row of columns with its bytes, and its request's where it answers one."""
 
@@ -27,7 +27,7 @@ class Frame:
     request_bytes: bytes | None = None
     evidence: BoundaryEvidence | None = None  # one row
     findings: tuple[Finding, ...] = ()
-    told: Callable[[], dict[str, Any] | None] | None = field(default=None, repr=False, compare=False)
+    told: Callable[[], dict[str, Any] | None] | None = field(default=None, compare=False)
     """`to_json` where somebody makes that of many frames at once; None from it: it is not ready."""
 
     @property
@@ -121,12 +121,19 @@ class Frame:
         """The frame in words, on one line."""
         return summary(self.adu, self.role, self.context, wording)
 
+    def __repr__(self) -> str:
+        found = "".join(f", {finding.code}" for finding in self.findings)
+        return f"<{self._title}{found}: {self.adu.data.hex(' ')}>"
+
+    @property
+    def _title(self) -> str:
+        return f"frame {self.index}, {self.direction}, unit {self.unit}: {self.summary()}"
+
     def _repr_html_(self) -> str:
         """For notebooks: its fields, and what was found."""
         fields = [(field.start, field.raw, field.name, field.text, field.problem) for field in self.fields()]
-        title = f"frame {self.index}, {self.direction}, unit {self.unit}: {self.summary()}"
         found = "".join(finding._repr_html_() for finding in self.findings)
-        return html_page(title, html_table(("offset", "bytes", "field", "value", "problem"), fields), found)
+        return html_page(self._title, html_table(("offset", "bytes", "field", "value", "problem"), fields), found)
 
     def to_json(self, *, fields: bool = True) -> dict[str, Any]:
         """The frame as the JSON line that `rtuscope export` writes."""
