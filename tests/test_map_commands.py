@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
+from buses import adu
 from running import ran, refused
 
+from analyzer.cli.exits import NO_FRAME
 from analyzer.simulation import Scenario, write
 from dissectors.maps import map_text, read_map, shipped_map
 from dissectors.maps.model import RegisterMap
@@ -132,3 +135,33 @@ def test_unmapped_registers_that_hold_something_are_told_from_zeros() -> None:
         (10, 3, "asked for, but not in the map: always 0"),
         (20, 2, "asked for, but not in the map"),
     ]
+
+
+def test_a_log_is_read_as_the_other_commands_read_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log = tmp_path / "log.txt"
+    polls = [("0103000a0001", f"010302{value:04x}") for value in (230, 231, 229, 230)]
+    log.write_text(
+        "".join(
+            f"10:00:0{at} Tx: {adu(asked).hex(' ')}\n10:00:0{at} Rx: {adu(told).hex(' ')}\n"
+            for at, (asked, told) in enumerate(polls)
+        )
+    )
+    listed = ran(capsys, "registers", log, "--json")
+    assert [json.loads(line)["address"] for line in listed.out.splitlines()] == [10]
+    inferred = tmp_path / "inferred.csv"
+    assert ran(capsys, "map", "infer", log, "-o", inferred, "--baud", "9600").status == 0
+    (row,) = read_map(inferred).rows
+    assert (row.address, row.area) == (10, "holding")
+    wrong = tmp_path / "wrong.csv"
+    wrong.write_text("area,address,name,type,min,max\nholding,10,Pump,u16,0,3\n")
+    done = ran(capsys, "map", "check", wrong, log)
+    assert (done.status, done.out.splitlines()[-1]) == (1, "1 contradiction in unit 1")
+
+
+def test_a_capture_without_values_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log = tmp_path / "log.txt"
+    log.write_text(f"Tx: {adu('0103000a0001').hex(' ')}\nRx: {adu('018302').hex(' ')}\n")
+    for words in (("check", "xy-md02", log), ("infer", log)):
+        done = ran(capsys, "map", *words)
+        assert (done.status, done.out) == (NO_FRAME, "")
+        assert done.err == f"rtuscope: {log}: no answer carries a register\n"

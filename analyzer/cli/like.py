@@ -8,9 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from .exits import DONE, FAILED, UsageError
-from .inputs import tell_damage
-from .progress import Progress
-from .terminal import interruptible
+from .gathering import gathered
 
 if TYPE_CHECKING:
     from analyzer.options import Options
@@ -24,11 +22,9 @@ _LONGEST: Final = 16 << 20  # bytes of a table
 
 def find_like(arguments: argparse.Namespace, capture: Capture, limits: Options) -> int:
     """Print the registers that showed it, best first."""
-    from analyzer.core import deframe
     from analyzer.registers.inference import infer
     from analyzer.registers.like import matches_of_series, matches_of_value
     from analyzer.registers.panel import PanelError, read_panel
-    from analyzer.registers.readings import RegisterReadings
 
     wanted = str(arguments.like)
     table = None
@@ -36,14 +32,7 @@ def find_like(arguments: argparse.Namespace, capture: Capture, limits: Options) 
         float(wanted.replace(",", "."))
     except ValueError:
         table = _table_text(wanted)
-    readings, progress = RegisterReadings(_ROWS), Progress(f"registers {arguments.capture}")
-    with interruptible() as stop:
-        for batch in deframe(capture, limits):
-            readings.feed(batch)
-            if stop():
-                break
-    progress.clear()
-    tell_damage(arguments.capture, capture)
+    readings = gathered(capture, arguments.capture, limits, most=_ROWS).readings
     values = infer(readings, units=arguments.unit)
     try:
         if table is None:

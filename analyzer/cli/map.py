@@ -7,15 +7,23 @@ import sys
 from typing import TYPE_CHECKING
 
 from ..extras import needs
-from .exits import DONE, FAILED, NO_FRAME, UsageError
-from .inputs import known_name, load_functions, tell_damage, unit_number
+from ..words import plural
+from .exits import DONE, FAILED, INTERRUPTED, NO_FRAME, UsageError
+from .gathering import RegisterTraffic, gathered
+from .inputs import (
+    add_functions_argument,
+    add_limit_arguments,
+    add_reading_arguments,
+    chosen_limits,
+    known_name,
+    load_functions,
+    open_capture,
+    unit_number,
+)
 from .outputs import add_overwrite_argument, to_be_overwritten
-from .progress import Progress
-from .terminal import interruptible, put_data, tell
+from .terminal import put_data, tell
 
 if TYPE_CHECKING:
-    from analyzer.registers.readings import RegisterReadings
-    from analyzer.registers.recognition import UnitTexts
     from dissectors.maps import RegisterMap
     from dissectors.maps.model import MappedValue
 
@@ -75,8 +83,7 @@ def _output_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _capture_arguments(parser: argparse.ArgumentParser) -> None:
-    from .inputs import add_functions_argument, add_limit_arguments
-
+    add_reading_arguments(parser)
     add_functions_argument(parser)
     add_limit_arguments(parser)
 
@@ -170,13 +177,11 @@ def _check(arguments: argparse.Namespace) -> int:
         if not arguments.json:
             print(harmless(f"{chart.device or arguments.map}: {len(chart.rows)} values, readable"))
         return DONE
-    readings, texts = _readings(arguments, arguments.capture)
-    if not readings.frames:
-        tell(f"{arguments.capture}: no Modbus frame found")
+    traffic = _traffic(arguments)
+    if not traffic.units:
         return NO_FRAME
-    units = sorted({block.unit for block in readings})
-    charts = _chart_of(chart, unit, units, readings, texts)
-    remarks = check_map(readings, charts)
+    charts = _chart_of(chart, unit, traffic)
+    remarks = check_map(traffic.readings, charts)
     wrong = sum(remark.kind == "contradiction" for remark in remarks)
     if arguments.json:
         import json
@@ -189,16 +194,28 @@ def _check(arguments: argparse.Namespace) -> int:
             name = f" {remark.name}" if remark.name else ""
             where = f"unit {remark.unit} {remark.area} {remark.address}{last}{name}"
             print(harmless(f"{remark.kind}: {where}: {remark.text}"))
-        print(f"{wrong} contradictions in {', '.join(f'unit {number}' for number in charts)}")
+        print(f"{plural(wrong, 'contradiction', 'contradictions')} in unit {', '.join(map(str, charts))}")
+    if traffic.stopped:
+        return INTERRUPTED
     return FAILED if wrong else DONE
 
 
-def _chart_of(
-    chart: RegisterMap, unit: int | None, units: list[int], readings: RegisterReadings, texts: UnitTexts
-) -> dict[int, RegisterMap]:
+def _traffic(arguments: argparse.Namespace) -> RegisterTraffic:
+    """What the capture's registers were; why there is nothing of them goes to standard error."""
+    load_functions(arguments)
+    capture = open_capture(arguments)
+    traffic = gathered(capture, arguments.capture, chosen_limits(arguments), command="map")
+    if not traffic.units:
+        what = "no answer carries a register" if traffic.readings.frames else "no Modbus frame found"
+        tell(f"{arguments.capture}: {what}")
+    return traffic
+
+
+def _chart_of(chart: RegisterMap, unit: int | None, traffic: RegisterTraffic) -> dict[int, RegisterMap]:
     """The unit that the map is of: the one that was named, the only one, or the one that fits it best."""
     from analyzer.registers.recognition import chart_bits
 
+    units = traffic.units
     if unit is not None:
         if unit not in units:
             raise UsageError(
@@ -207,12 +224,11 @@ def _chart_of(
         return {unit: chart}
     if len(units) == 1:
         return {units[0]: chart}
-    unit_texts = {(number, which): text for (number, which), text in texts.texts.items()}
     scores = {
         number: chart_bits(
             chart,
-            [block for block in readings if block.unit == number],
-            {which: text for (owner, which), text in unit_texts.items() if owner == number},
+            [block for block in traffic.readings if block.unit == number],
+            {which: text for (owner, which), text in traffic.texts.texts.items() if owner == number},
         )[0]
         for number in units
     }
@@ -270,10 +286,9 @@ def _infer(arguments: argparse.Namespace) -> int:
     source = None if arguments.capture == "-" else Path(arguments.capture)
     to_be_overwritten(arguments.output, overwrite=arguments.overwrite, source=source)
     _check_suffix(arguments.output)
-    readings, _ = _readings(arguments, arguments.capture)
-    units = sorted({block.unit for block in readings})
+    traffic = _traffic(arguments)
+    units = traffic.units
     if not units:
-        tell(f"{arguments.capture}: no answer carries a register")
         return NO_FRAME
     unit = arguments.unit
     if unit is None and len(units) > 1:
@@ -281,13 +296,13 @@ def _infer(arguments: argparse.Namespace) -> int:
     unit = units[0] if unit is None else unit
     if unit not in units:
         raise UsageError(f"no answer of unit {unit} carries a value: units with values: {', '.join(map(str, units))}")
-    values = infer(readings, units=[unit])
+    values = infer(traffic.readings, units=[unit])
     chart = drafted_map(values, f"unit {unit}", f"inferred from {Path(arguments.capture).name}")
     if not chart.rows:
         tell(f"{arguments.capture}: no register of unit {unit} says anything")
         return NO_FRAME
     _write(chart, arguments.output)
-    return DONE
+    return INTERRUPTED if traffic.stopped else DONE
 
 
 def _diff(arguments: argparse.Namespace) -> int:
@@ -318,30 +333,3 @@ def _write(chart: RegisterMap, path: str) -> None:
         file.write(map_text(chart, path).encode())
     if path != "-":
         print(harmless(f"{path}: {len(chart.rows)} values"))
-
-
-def _readings(arguments: argparse.Namespace, name: str) -> tuple[RegisterReadings, UnitTexts]:
-    """What the registers of a capture were, and what its units say of themselves."""
-    import captures
-    from analyzer.core import deframe
-    from analyzer.registers.readings import RegisterReadings
-    from analyzer.registers.recognition import UnitTexts
-
-    from .inputs import chosen_limits
-
-    load_functions(arguments)
-    limits = chosen_limits(arguments)
-    capture = captures.open(name)
-    readings, texts, progress = RegisterReadings(), UnitTexts(), Progress(f"map {name}")
-    with interruptible() as stop:
-        octets = 0
-        for batch in deframe(capture, limits):
-            readings.feed(batch)
-            texts.feed(batch)
-            octets += len(batch.data)
-            progress(readings.frames, octets)
-            if stop():
-                break
-    progress.clear()
-    tell_damage(name, capture)
-    return readings, texts

@@ -7,23 +7,23 @@ import sys
 from typing import TYPE_CHECKING, Final
 
 from .exits import DONE, INTERRUPTED, NO_FRAME, UsageError
+from .gathering import gathered
 from .inputs import (
     add_capture_arguments,
     add_limit_arguments,
     chosen_limits,
     load_functions,
     open_capture,
-    tell_damage,
     unit_number,
 )
 from .maps import add_map_argument, chosen_charts
-from .progress import Progress
-from .terminal import Stop, interruptible, tell
+from .terminal import tell
 
 if TYPE_CHECKING:
-    from analyzer.registers.readings import RegisterReadings
     from analyzer.registers.recognition import Recognised
     from analyzer.registers.values import RegisterValue
+
+    from .gathering import RegisterTraffic
 
 EXAMPLE = """\
 rtuscope simulate meter.jsonl --map eastron-sdm630@1
@@ -61,26 +61,12 @@ def run(arguments: argparse.Namespace) -> int:
         from .like import find_like
 
         return find_like(arguments, capture, limits)
-    from analyzer.core import deframe
     from analyzer.registers.inference import infer
     from analyzer.registers.ownwords import with_own_words
-    from analyzer.registers.readings import RegisterReadings
-    from analyzer.registers.recognition import UnitTexts, recognised
+    from analyzer.registers.recognition import recognised
 
-    texts = UnitTexts()
-    readings, progress = RegisterReadings(), Progress(f"registers {arguments.capture}")
-    with interruptible() as stop:
-        octets = 0
-        for batch in deframe(capture, limits):
-            readings.feed(batch)
-            texts.feed(batch)
-            octets += len(batch.data)
-            progress(readings.frames, octets)
-            if stop():
-                break
-    progress.clear()
-    tell_damage(arguments.capture, capture)
-    units = sorted({block.unit for block in readings})
+    traffic = gathered(capture, arguments.capture, limits)
+    readings, units = traffic.readings, traffic.units
     listed = ", ".join(map(str, units))
     if arguments.unit and units and not set(arguments.unit) & set(units):
         raise UsageError(f"--unit: no values of it in {arguments.capture}: units with values: {listed}")
@@ -93,7 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
         free = values if not named and not words else infer(readings, units=arguments.unit)
         devices = [
             one
-            for one in recognised(readings, texts, free)
+            for one in recognised(readings, traffic.texts, free)
             if one.unit not in named and (not arguments.unit or one.unit in arguments.unit)
         ]
     if arguments.recognise and devices:
@@ -104,7 +90,7 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         sys.stdout.write(_table(values, everything=arguments.all))
         sys.stdout.write(_devices(devices, used=arguments.recognise))
-    return _status(arguments, readings, values, stop)
+    return _status(arguments, traffic, values)
 
 
 def _own_words(capture: str) -> dict[tuple[int, str, int], str]:
@@ -121,11 +107,10 @@ def _own_words(capture: str) -> dict[tuple[int, str, int], str]:
         return {}
 
 
-def _status(arguments: argparse.Namespace, readings: RegisterReadings, values: list[RegisterValue], stop: Stop) -> int:
-    if stop():
-        tell("stopped by Ctrl-C; what was read until then was used")
+def _status(arguments: argparse.Namespace, traffic: RegisterTraffic, values: list[RegisterValue]) -> int:
+    if traffic.stopped:
         return INTERRUPTED
-    if not readings.frames:
+    if not traffic.readings.frames:
         tell(f"{arguments.capture}: no Modbus frame found")
         return NO_FRAME
     if not values:
