@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from .exits import DONE
+from .exits import DONE, INTERRUPTED
 from .report import show
 from .terminal import full_screen
 
@@ -25,7 +25,8 @@ def run(arguments: argparse.Namespace) -> int:
 
     capture = captures.open(samples.path(SAMPLE))
     if arguments.report or arguments.json or not full_screen():
-        return show(capture, SAMPLE, as_json=arguments.json)
+        report = show(capture, SAMPLE, as_json=arguments.json)
+        return INTERRUPTED if report.partial else DONE
     from ..model.source import CaptureSource
     from ..tui import run as look
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
     from ..options import Options
     from ..registers.watch import ValueWatch
     from ..reports import Report
-    from ..reports.hours import HourTable
 
 EXAMPLE = """\
 rtuscope simulate bus.jsonl --wire noisy
@@ -75,29 +75,18 @@ def run(arguments: argparse.Namespace) -> int:
     source = str(arguments.capture)
     if arguments.html is not None:
         to_be_overwritten(arguments.html, overwrite=arguments.overwrite, source=capture.path)
+    before = None
+    if arguments.against is not None:
+        earlier = opened_capture(arguments.against, arguments)
+        kept = chosen_filter(arguments, earlier.line, charts)
+        before = _report(earlier, str(arguments.against), Asked(kept, limits))
     values = _values(charts, inferred=arguments.values)
-    more = More(arguments.by == "hour", before=_before(arguments, charts, limits))
+    asked = Asked(chosen, limits, values, hours=arguments.by == "hour", before=before)
     if arguments.html is not None:
-        return write_page(
-            capture,
-            source,
-            arguments.html,
-            filter=chosen,
-            options=limits,
-            check=arguments.check,
-            values=values,
-            more=more,
-        )
-    return show(
-        capture,
-        source,
-        as_json=arguments.json,
-        filter=chosen,
-        options=limits,
-        check=arguments.check,
-        values=values,
-        more=more,
-    )
+        report = write_page(capture, source, arguments.html, asked)
+    else:
+        report = show(capture, source, asked, as_json=arguments.json)
+    return _status(report, check=arguments.check)
 
 
 def is_lake(path: str) -> bool:
@@ -132,47 +121,47 @@ def write_fleet(arguments: argparse.Namespace) -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class More:
-    """What a report says besides: hours, and what changed since an earlier one."""
+class Asked:
+    """What a report shall be of, and what it says besides: values, hours, what changed since an earlier one."""
 
+    filter: Filter | None = None
+    options: Options | None = None
+    values: ValueWatch | None = None
     hours: bool = False
     before: Report | None = None
 
-    def table(self, capture: Capture) -> HourTable | None:
-        """What counts the hours of a capture, where they are asked for."""
-        from ..reports.hours import HourTable
 
-        return HourTable(capture.line) if self.hours else None
-
-    def added(self, report: Report, hours: HourTable | None) -> Report:
-        """The report with it."""
-        from ..reports.against import differences
-
-        if hours is not None:
-            report = replace(report, hours=hours.rows())
-        if self.before is not None:
-            report = replace(report, before=self.before.source, against=differences(report, self.before))
-        return report
-
-
-def _before(arguments: argparse.Namespace, charts: UnitMaps, limits: Options) -> Report | None:
-    """The report on the capture to compare with, read by the same settings."""
-    if arguments.against is None:
-        return None
+def _report(capture: Capture, source: str, asked: Asked, watches: Sequence[Callable[[Analysed], None]] = ()) -> Report:
+    """Read a capture through; `watches` see every part of it."""
+    from ..options import Options
     from ..reports import summarize
+    from ..reports.against import differences
+    from ..reports.hours import HourTable
 
-    capture = opened_capture(arguments.against, arguments)
-    progress = Progress(f"report {arguments.against}")
+    progress = Progress(f"report {source}")
+    hours = HourTable(capture.line) if asked.hours else None
+    looking = (*watches, *([] if hours is None else [hours.feed]))
+
+    def watch(analysed: Analysed) -> None:
+        for look in looking:
+            look(analysed)
+
     with interruptible() as stop:
         report = summarize(
             capture,
-            source=str(arguments.against),
-            filter=chosen_filter(arguments, capture.line, charts),
-            options=limits,
+            source=source,
+            filter=asked.filter,
+            options=asked.options or Options(),
             progress=progress,
             stop=stop,
+            watch=watch if looking else None,
+            values=asked.values,
         )
     progress.clear()
+    if hours is not None:
+        report = replace(report, hours=hours.rows())
+    if asked.before is not None:
+        report = replace(report, before=asked.before.source, against=differences(report, asked.before))
     return report
 
 
@@ -185,84 +174,30 @@ def _values(charts: UnitMaps, *, inferred: bool) -> ValueWatch | None:
     return ValueWatch(charts, inferred=inferred)
 
 
-def show(
-    capture: Capture,
-    source: str,
-    *,
-    as_json: bool,
-    filter: Filter | None = None,
-    options: Options | None = None,
-    check: bool = False,
-    values: ValueWatch | None = None,
-    more: More = More(),
-) -> int:
-    """Report on an open capture; returns the exit status, with `check` 1 where there are errors."""
-    from ..options import Options
-    from ..reports import summarize, text
+def show(capture: Capture, source: str, asked: Asked = Asked(), *, as_json: bool) -> Report:
+    """Print the report on an open capture."""
+    from ..reports import text
 
-    progress, hours = Progress(f"report {source}"), more.table(capture)
-    with interruptible() as stop:
-        report = summarize(
-            capture,
-            source=source,
-            filter=filter,
-            options=options or Options(),
-            progress=progress,
-            stop=stop,
-            watch=None if hours is None else hours.feed,
-            values=values,
-        )
-    progress.clear()
-    report = more.added(report, hours)
+    report = _report(capture, source, asked)
     if as_json:
         put_json(report.to_json(), indent=2)
     else:
         put_page(text(report))
-    return _status(report, check=check)
+    return report
 
 
-def write_page(
-    capture: Capture,
-    source: str,
-    path: str,
-    *,
-    filter: Filter | None = None,
-    options: Options | None = None,
-    check: bool = False,
-    values: ValueWatch | None = None,
-    more: More = More(),
-) -> int:
-    """Write the report on an open capture as HTML; returns the exit status, as `show` does."""
+def write_page(capture: Capture, source: str, path: str, asked: Asked) -> Report:
+    """Write the report on an open capture as HTML."""
     from ..exports.output import output
-    from ..options import Options
-    from ..reports import summarize
     from ..reports.html import Sights, page
 
-    progress, sights, hours = Progress(f"report {source}"), Sights(), more.table(capture)
-
-    def watch(analysed: Analysed) -> None:
-        sights.feed(analysed)
-        if hours is not None:
-            hours.feed(analysed)
-
+    sights = Sights()
     with output(path, source=capture.path) as file:  # an unusable name is told before the work, not after it
-        with interruptible() as stop:
-            report = summarize(
-                capture,
-                source=source,
-                filter=filter,
-                options=options or Options(),
-                progress=progress,
-                stop=stop,
-                watch=watch,
-                values=values,
-            )
-        progress.clear()
-        report = more.added(report, hours)
+        report = _report(capture, source, asked, [sights.feed])
         file.write(page(report, sights).encode())
     if report.partial:
         tell("stopped by Ctrl-C; the page covers what was read until then")
-    return _status(report, check=check)
+    return report
 
 
 def _status(report: Report, *, check: bool) -> int:
