@@ -19,6 +19,7 @@ from lakes import DAY_NS, batch, bus, rows, same, sliced
 
 from analyzer import version
 from analyzer.cli import main
+from analyzer.cli.watch import _there
 from analyzer.extras import needs
 from analyzer.fleet import datasets, tasks
 from analyzer.fleet.errors import FleetError, LakeWriteError
@@ -316,3 +317,41 @@ def test_a_manifest_names_what_a_line_without_its_state_has(tmp_path):
 def test_a_library_without_an_extra_is_added_where_this_program_is(monkeypatch, prefix, said):
     monkeypatch.setattr(sys, "prefix", prefix)
     assert said in needs("a polars frame", "polars")
+
+
+def test_frames_that_a_slice_settles_are_counted_once(tmp_path):
+    paths = sliced(bus("clean", 4, 60), [0.3, 0.7], tmp_path / "ring" / "site")
+    told = [batch(tmp_path / "lake", *paths[:number]).frames for number in range(1, 4)]
+    assert sum(told) == len(rows(tmp_path / "lake", "frames")) and all(told)
+
+
+def test_watch_takes_from_the_sources_that_are_there(whole, tmp_path):
+    told = list[str]()
+    (tmp_path / "empty").mkdir()
+    sources = [str(tmp_path / "gone"), str(whole.parent), str(tmp_path / "empty")]
+    assert [file.name for file in _there(sources, [], told.append)] == ["bus.mcap"]
+    assert len(told) == 2 and "gone" in told[0] and "empty" in told[1]
+    with pytest.raises(FleetError, match="gone"):
+        _there(sources, [], None)
+
+
+def test_a_full_disk_ends_the_batch(whole, tmp_path, monkeypatch):
+    for number in range(9):
+        shutil.copyfile(whole, whole.parent / f"more{number}.mcap")
+    tried = []
+
+    def full(tasks):
+        for task in tasks:
+            tried.append(task)
+            yield task, LakeWriteError("the lake cannot be written: no space left on device")
+
+    with pytest.raises(FleetError, match="no space left on device; what was done is kept: --resume goes on"):
+        batch(tmp_path / "lake", tmp_path / "src", runner=full)
+    assert len(tried) == 5
+
+    def refuse(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Path, "write_bytes", refuse)
+    with pytest.raises(FleetError, match=r"00000001\.json: .*[Nn]o space left"):
+        store(str(tmp_path / "lake")).write("manifest/00000001.json", b"{}")

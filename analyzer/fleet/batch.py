@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from ..version import __version__
 from .datasets import DATASETS, touched
-from .errors import FleetError
+from .errors import FleetError, LakeWriteError
 from .manifest import LakeLine, Manifest, writing
 from .packs import LakePacking, pack
 from .runners import Runner
@@ -20,6 +20,7 @@ from .stores import LakeStore
 from .tasks import BatchOptions, KeptRows, LineTask
 
 _FOLDERS: Final = (*DATASETS, "state", "scratch")
+_UNWRITTEN: Final = 5  # tasks one after the other that could not write: a full disk, and no fault of theirs
 _HAVE_ROWS: Final = ("whole", "damaged")  # states of captures
 
 
@@ -165,6 +166,7 @@ def _continued(
         known=plain.known | {one["sha256"] for one in before.slices() if one["sha256"]},
         state=last["state"] if usable else None,
         tail=last["tail"],
+        tail_frames=last.get("tail_frames", 0),
         after=before.numbers[-1],
     )
 
@@ -183,14 +185,14 @@ def run_batch(
     """Take into the lake what it does not have. Once `stop` says True what is done is kept and the rest left.
 
     At its end small files are made into larger ones, where there are many, or whatever their count if `compact`.
-    Raises FleetError where the lake cannot be written.
+    Raises FleetError where the lake cannot be written, at once or again and again.
     """
     begun, result = time.monotonic(), BatchResult()
     with writing(store):
         manifest = Manifest(store)
         remove_waste(manifest)
         tasks = planned(manifest, lines, options, redo=redo, result=result)
-        total, done = sum(_size(task) for task in tasks), 0
+        total, done, unwritten = sum(_size(task) for task in tasks), 0, 0
         taken = _Taken(manifest)
         while tasks:
             again: list[LineTask] = []
@@ -200,6 +202,9 @@ def run_batch(
                     if copies := _copies(taken, task, outcome):
                         again.append(replace(task, known=task.known | copies))
                         continue
+                    unwritten = unwritten + 1 if isinstance(outcome, LakeWriteError) else 0
+                    if unwritten == _UNWRITTEN:
+                        raise FleetError(f"{outcome}; what was done is kept: --resume goes on")
                     done += _size(task)
                     _enter(manifest, task, outcome, result)
                     if not isinstance(outcome, Exception):

@@ -76,6 +76,7 @@ class LineTask:
     sliced: bool = False  # more of the line may come
     after: int | None = None  # the manifest's entry that this one goes on from
     tail: Mapping[str, Sequence[PackMember]] = field(default_factory=dict)  # of that: stays where `state` is of no use
+    tail_frames: int = 0  # in it
     kept: KeptRows | None = None
 
 
@@ -120,7 +121,7 @@ class _TaskRun:
         self.store: LakeStore = store(task.lake)
         self.state, self.trouble = self._resumed()
         self._goes_on = self.state is not None
-        self._before = (self.state.frames, self.state.octets) if self.state else (0, 0)
+        self._before = (self.state.frames + task.tail_frames, self.state.octets) if self.state else (0, 0)
         self.files = LakeFiles(self.store, task.site, task.line, line_key(task.site, task.line))
         self.slices: list[dict[str, Any]] = []
         self._known = set(task.known)
@@ -144,8 +145,9 @@ class _TaskRun:
                 self.files.tables = frozenset(DATASETS)
             self.slices.append(self._slice(file))
         done = self.files.close()
-        state = None
+        state, settled = None, 0
         if self.state is not None:
+            settled = self.state.frames
             if task.sliced:
                 state = f"state/{line_key(task.site, task.line)}-{hashlib.sha256(repr(done).encode()).hexdigest()[:12]}"
                 self.store.write(state, self.state.kept())
@@ -168,6 +170,7 @@ class _TaskRun:
             "slices": self.slices,
             "files": done,
             "tail": tail,
+            "tail_frames": frames - settled,
             "state": state,
             "trouble": self.trouble,
             "frames": frames - self._before[0],
