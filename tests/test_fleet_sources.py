@@ -15,7 +15,7 @@ import captures
 pytest.importorskip("duckdb", reason="a lake is asked by DuckDB")
 pytest.importorskip("fsspec", reason="a lake needs fsspec for object stores")
 
-from lakes import DAY_NS, batch, bus, rows, same, sliced
+from lakes import batch, bus, ring, rows, same
 
 from analyzer import version
 from analyzer.cli import main
@@ -211,12 +211,6 @@ def test_options_that_no_line_can_have_are_refused_at_once(whole, tmp_path, caps
     assert not (tmp_path / "lake" / "manifest").exists()
 
 
-def ring(tmp_path, name="ring"):
-    """Three slices of a ring, and what one pass over them gives."""
-    capture = bus("clean", 3, 120, span_ns=DAY_NS)
-    return capture, sliced(capture, [0.5, 0.75], tmp_path / name / "site")
-
-
 @pytest.mark.parametrize("what", ["rules", "version", "state", "no state"])
 def test_a_ring_whose_state_is_of_no_use_goes_on_and_loses_nothing(tmp_path, monkeypatch, what):
     """The rows that waited at the seam are all that is known there: they stay."""
@@ -263,21 +257,6 @@ def test_watch_tells_of_changed_rules_and_redoes_when_asked(tmp_path, monkeypatc
     assert "0 captures of 0 lines" in capsys.readouterr().out
 
 
-def test_a_slice_that_grew_behind_lost_ones_is_not_taken_twice(tmp_path):
-    capture, paths = ring(tmp_path)
-    chunks = list(capture.chunks())
-    captures.write(paths[1], captures.Capture.of(capture.line, chunks[len(chunks) // 2 : len(chunks) * 5 // 8]))
-    batch(tmp_path / "lake", *paths[:2])
-    before = rows(tmp_path / "lake", "frames")
-    paths[0].unlink()
-    captures.write(paths[1], captures.Capture.of(capture.line, chunks[len(chunks) // 2 : len(chunks) * 3 // 4]))
-    result = batch(tmp_path / "lake", paths[1])
-    assert result.captures == 0 and "has changed since" in result.troubles[0]
-    assert rows(tmp_path / "lake", "frames") == before
-    batch(tmp_path / "lake", *paths[1:])  # what comes behind is taken
-    assert len(rows(tmp_path / "lake", "captures")) == 3
-
-
 @pytest.mark.parametrize("back_s", [0, 100], ids=["an overlap", "a clock set back"])
 def test_slices_whose_times_do_not_follow_are_told(tmp_path, back_s):
     capture, paths = ring(tmp_path)
@@ -317,12 +296,6 @@ def test_a_manifest_names_what_a_line_without_its_state_has(tmp_path):
 def test_a_library_without_an_extra_is_added_where_this_program_is(monkeypatch, prefix, said):
     monkeypatch.setattr(sys, "prefix", prefix)
     assert said in needs("a polars frame", "polars")
-
-
-def test_frames_that_a_slice_settles_are_counted_once(tmp_path):
-    paths = sliced(bus("clean", 4, 60), [0.3, 0.7], tmp_path / "ring" / "site")
-    told = [batch(tmp_path / "lake", *paths[:number]).frames for number in range(1, 4)]
-    assert sum(told) == len(rows(tmp_path / "lake", "frames")) and all(told)
 
 
 def test_watch_takes_from_the_sources_that_are_there(whole, tmp_path):

@@ -142,10 +142,14 @@ def _continued(
     before: LakeLine, plain: LineTask, fresh: tuple[SourceFile, ...], result: BatchResult
 ) -> LineTask | None:
     """The newer slices behind what the lake has; the whole line anew where one of them belongs before that."""
-    taken = {one["url"] for one in before.slices() if one["state"] in _HAVE_ROWS}
-    newest = max(one["url"].rpartition("/")[2] for one in before.slices())
-    if min(file.name for file in fresh) <= newest:
-        if {one["url"] for one in before.slices()} <= {file.url for file in plain.files}:
+    slices, last = list(before.slices()), before.last
+    usable = last["version"] == __version__ and not touched(last.get("rules", {}))
+    every_one_there = {one["url"] for one in slices} <= {file.url for file in plain.files}
+    taken = {one["url"] for one in slices if one["state"] in _HAVE_ROWS}
+    newest = max(one["url"].rpartition("/")[2] for one in slices)
+    grown = slices[-1] if usable and _may_have_grown(slices[-1], fresh[0], newest) else None
+    if grown is None and fresh[0].name <= newest:
+        if every_one_there:
             return plain
         for file in fresh:
             if file.url in taken:
@@ -158,17 +162,22 @@ def _continued(
         fresh = tuple(file for file in fresh if file.url not in taken)
         if not fresh:
             return None
-    last = before.last
-    usable = last["version"] == __version__ and not touched(last.get("rules", {}))
     return replace(
         plain,
         files=fresh,
-        known=plain.known | {one["sha256"] for one in before.slices() if one["sha256"]},
+        known=plain.known | {one["sha256"] for one in slices if one["sha256"]},
         state=last["state"] if usable else None,
         tail=last["tail"],
         tail_frames=last.get("tail_frames", 0),
         after=before.numbers[-1],
+        grown=grown,
+        anew=plain if grown is not None and every_one_there else None,
     )
+
+
+def _may_have_grown(slice: Mapping[str, Any], file: SourceFile, newest: str) -> bool:
+    """Whether this file may be the newest slice with more behind what the lake has of it."""
+    return slice["url"] == file.url and file.name == newest and slice["state"] != "twice" and "chunk_digest" in slice
 
 
 def run_batch(
