@@ -173,7 +173,7 @@ def test_a_state_is_nothing_but_a_state(tmp_path):
     capture = bus()
     state = LineState(capture.line, Options(), noise=False)
     files = LakeFiles(store(str(tmp_path)), "site", "line", "x")
-    assert list(state.slice(capture, files))
+    assert list(state.slice(capture, capture.blocks(), files))
     assert resumed(state.kept()).octets == state.octets > 0
 
     class Evil:

@@ -115,3 +115,23 @@ def test_a_scheduler_that_is_not_there_is_told():
     pytest.importorskip("distributed", reason="needs distributed for a Dask cluster")
     with pytest.raises(FleetError, match="no Dask scheduler"):
         DaskCluster("tcp://127.0.0.1:9")
+
+
+def test_a_scheduler_that_goes_away_is_told(folder, tmp_path):
+    for line in range(4):
+        captures.write(folder / "site1" / f"more{line}.jsonl", bus(seed=20 + line, transactions=60))
+    with cluster(1) as (local, client):
+        runner = DaskCluster(client)
+
+        def runs_and_leaves(tasks):
+            for number, outcome in enumerate(runner(tasks)):
+                if not number:
+                    local.sync(local.scheduler.close)
+                yield outcome
+
+        with pytest.raises(FleetError, match="the Dask scheduler is there no more"):
+            batch(tmp_path / "lake", folder, runner=runs_and_leaves)
+    assert len(Lake(str(tmp_path / "lake")).manifest.lines) >= 1
+    assert batch(tmp_path / "lake", folder).failed == 0
+    batch(tmp_path / "local", folder)
+    assert same(tmp_path / "local", tmp_path / "lake")

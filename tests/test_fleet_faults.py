@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import os
 import random
 import shutil
@@ -21,11 +22,12 @@ pytest.importorskip("fsspec", reason="a lake needs fsspec for object stores")
 
 from lakes import DAY_NS, batch, bus, plain, rows, same, sliced, write_fleet
 
+from analyzer.cli.batch import chosen_runner
 from analyzer.fleet.errors import FleetError
 from analyzer.fleet.lake import Lake
 from analyzer.fleet.manifest import FOLDER, Manifest, writing
 from analyzer.fleet.questions import Asked, ready
-from analyzer.fleet.runners import ProcessPool
+from analyzer.fleet.runners import ProcessPool, in_this_process
 from analyzer.fleet.stores import store
 from analyzer.fleet.tasks import BatchOptions
 
@@ -152,6 +154,59 @@ def test_killed_at_any_moment_nothing_is_lost_or_doubled(sources, whole, tmp_pat
     named = Manifest(store(str(path))).named()
     left = {file.relative_to(path).as_posix() for file in path.rglob("*.parquet")}
     assert left == {name for name in named if name.endswith(".parquet")}
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes by their session")
+def test_no_worker_outlives_its_batch(sources, tmp_path):
+    """Neither one that is told to end nor one that is killed leaves processes, or words of Python's, behind."""
+    functions = tmp_path / "sleeps.py"
+    functions.write_text(
+        "import multiprocessing, time\nfrom construct import Pass\nfrom dissectors import Function\n"
+        "OFFERED = Function(101, 'Good', Pass, Pass)\n"
+        "if multiprocessing.parent_process():\n"
+        "    time.sleep(60)\n"
+    )
+    ways = (signal.SIGTERM, signal.SIGHUP, signal.SIGKILL)
+    command = [sys.executable, "-m", "analyzer.cli", "batch", str(sources), "--workers", "2"]
+    running = [
+        subprocess.Popen(
+            [*command, "--functions", str(functions), "-o", str(tmp_path / way.name)],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            cwd=Path(__file__).parents[1],
+            start_new_session=True,
+        )
+        for way in ways
+    ]
+    for way, process in zip(ways, running, strict=True):
+        while len(_workers(process.pid)) < 2:
+            assert process.poll() is None
+            time.sleep(0.02)
+        process.send_signal(way)
+        assert process.stderr is not None
+        told = process.stderr.read().decode()  # until nobody has it open any more
+        assert process.wait() == (-signal.SIGKILL if way == signal.SIGKILL else 130)
+        if way != signal.SIGKILL:
+            assert told == "rtuscope: ended at once; what was done is kept: --resume goes on\n"
+
+
+def _workers(session):
+    """The processes of a session that are a pool's workers."""
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            number, words = stat.parent.name, (stat.parent / "cmdline").read_bytes()
+            if b"spawn_main" in words and os.getsid(int(number)) == session:
+                found.append(int(number))
+        except OSError:
+            continue
+    return found
+
+
+def test_as_many_workers_as_were_asked_for_whatever_the_system_tells(monkeypatch):
+    monkeypatch.delattr(os, "sched_getaffinity", raising=False)
+    asked = argparse.Namespace(scheduler=None, workers=1)
+    assert chosen_runner(asked) is in_this_process
 
 
 def _entries(lake):

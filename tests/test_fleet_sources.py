@@ -15,10 +15,11 @@ import captures
 pytest.importorskip("duckdb", reason="a lake is asked by DuckDB")
 pytest.importorskip("fsspec", reason="a lake needs fsspec for object stores")
 
-from lakes import DAY_NS, batch, bus, rows, same, sliced
+from lakes import batch, bus, ring, rows, same
 
 from analyzer import version
 from analyzer.cli import main
+from analyzer.cli.watch import _there
 from analyzer.extras import needs
 from analyzer.fleet import datasets, tasks
 from analyzer.fleet.errors import FleetError, LakeWriteError
@@ -210,12 +211,6 @@ def test_options_that_no_line_can_have_are_refused_at_once(whole, tmp_path, caps
     assert not (tmp_path / "lake" / "manifest").exists()
 
 
-def ring(tmp_path, name="ring"):
-    """Three slices of a ring, and what one pass over them gives."""
-    capture = bus("clean", 3, 120, span_ns=DAY_NS)
-    return capture, sliced(capture, [0.5, 0.75], tmp_path / name / "site")
-
-
 @pytest.mark.parametrize("what", ["rules", "version", "state", "no state"])
 def test_a_ring_whose_state_is_of_no_use_goes_on_and_loses_nothing(tmp_path, monkeypatch, what):
     """The rows that waited at the seam are all that is known there: they stay."""
@@ -262,21 +257,6 @@ def test_watch_tells_of_changed_rules_and_redoes_when_asked(tmp_path, monkeypatc
     assert "0 captures of 0 lines" in capsys.readouterr().out
 
 
-def test_a_slice_that_grew_behind_lost_ones_is_not_taken_twice(tmp_path):
-    capture, paths = ring(tmp_path)
-    chunks = list(capture.chunks())
-    captures.write(paths[1], captures.Capture.of(capture.line, chunks[len(chunks) // 2 : len(chunks) * 5 // 8]))
-    batch(tmp_path / "lake", *paths[:2])
-    before = rows(tmp_path / "lake", "frames")
-    paths[0].unlink()
-    captures.write(paths[1], captures.Capture.of(capture.line, chunks[len(chunks) // 2 : len(chunks) * 3 // 4]))
-    result = batch(tmp_path / "lake", paths[1])
-    assert result.captures == 0 and "has changed since" in result.troubles[0]
-    assert rows(tmp_path / "lake", "frames") == before
-    batch(tmp_path / "lake", *paths[1:])  # what comes behind is taken
-    assert len(rows(tmp_path / "lake", "captures")) == 3
-
-
 @pytest.mark.parametrize("back_s", [0, 100], ids=["an overlap", "a clock set back"])
 def test_slices_whose_times_do_not_follow_are_told(tmp_path, back_s):
     capture, paths = ring(tmp_path)
@@ -316,3 +296,35 @@ def test_a_manifest_names_what_a_line_without_its_state_has(tmp_path):
 def test_a_library_without_an_extra_is_added_where_this_program_is(monkeypatch, prefix, said):
     monkeypatch.setattr(sys, "prefix", prefix)
     assert said in needs("a polars frame", "polars")
+
+
+def test_watch_takes_from_the_sources_that_are_there(whole, tmp_path):
+    told = list[str]()
+    (tmp_path / "empty").mkdir()
+    sources = [str(tmp_path / "gone"), str(whole.parent), str(tmp_path / "empty")]
+    assert [file.name for file in _there(sources, [], told.append)] == ["bus.mcap"]
+    assert len(told) == 2 and "gone" in told[0] and "empty" in told[1]
+    with pytest.raises(FleetError, match="gone"):
+        _there(sources, [], None)
+
+
+def test_a_full_disk_ends_the_batch(whole, tmp_path, monkeypatch):
+    for number in range(9):
+        shutil.copyfile(whole, whole.parent / f"more{number}.mcap")
+    tried = []
+
+    def full(tasks):
+        for task in tasks:
+            tried.append(task)
+            yield task, LakeWriteError("the lake cannot be written: no space left on device")
+
+    with pytest.raises(FleetError, match="no space left on device; what was done is kept: --resume goes on"):
+        batch(tmp_path / "lake", tmp_path / "src", runner=full)
+    assert len(tried) == 5
+
+    def refuse(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Path, "write_bytes", refuse)
+    with pytest.raises(FleetError, match=r"00000001\.json: .*[Nn]o space left"):
+        store(str(tmp_path / "lake")).write("manifest/00000001.json", b"{}")

@@ -132,6 +132,16 @@ def test_a_signal_ends_it_cleanly_with_a_whole_recording(tmp_path, command, numb
     assert (capture.line.baud, capture.line.char_bits, capture.line.tap) == (9600, 10, "pty")
 
 
+def test_what_nohup_asked_for_stays():
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with watching.ended_by_signals(lambda: None):
+            assert signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
+            assert signal.getsignal(signal.SIGTERM) not in (signal.SIG_IGN, signal.SIG_DFL)
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
 def test_frames_are_shown_in_a_line_each_while_the_bus_goes_on():
     master, name = pty()
     sniff = Running("sniff", name, "--baud", "9600", "--count", "2")

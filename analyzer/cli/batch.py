@@ -6,12 +6,13 @@ import argparse
 import os
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from .exits import DONE, FAILED, INTERRUPTED, UsageError
 from .inputs import add_functions_argument, add_limit_arguments, add_reading_arguments, chosen_limits, load_functions
 from .progress import Progress
-from .terminal import interruptible, places, say_in_place, tell
+from .terminal import endable, interruptible, places, say_in_place, tell
 
 if TYPE_CHECKING:
     from ..fleet.batch import BatchResult, BatchStep
@@ -88,17 +89,22 @@ def run(arguments: argparse.Namespace) -> int:
         raise UsageError(f"{arguments.output}: is a lake already: go on with it by --resume")
     options, refused = batch_options(arguments), list[str]()
     lines = lines_of(found(arguments.source, refused), arguments.site, arguments.site_from, refused)
-    with interruptible() as stop:
-        result = run_batch(
-            lake,
-            lines,
-            options,
-            chosen_runner(arguments),
-            redo=arguments.redo,
-            compact=arguments.compact,
-            progress=shown_progress("batch"),
-            stop=stop,
-        )
+    try:
+        with endable(), interruptible() as stop:
+            result = run_batch(
+                lake,
+                lines,
+                options,
+                chosen_runner(arguments),
+                redo=arguments.redo,
+                compact=arguments.compact,
+                progress=shown_progress("batch"),
+                stop=stop,
+            )
+    except KeyboardInterrupt:
+        with suppress(OSError):  # the terminal may be gone
+            tell("ended at once; what was done is kept: --resume goes on")
+        return INTERRUPTED
     result.troubles = [*refused, *result.troubles]
     tell_result(result)
     if not arguments.redo and result.outdated:
@@ -143,9 +149,8 @@ def chosen_runner(arguments: argparse.Namespace) -> Runner:
         from ..fleet.cluster import DaskCluster
 
         return DaskCluster(arguments.scheduler)
-    workers = (
-        arguments.workers or len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    )
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    workers = arguments.workers or cores
     return in_this_process if workers == 1 else ProcessPool(workers)
 
 

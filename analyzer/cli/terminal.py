@@ -10,7 +10,7 @@ import re
 import signal
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import IO, BinaryIO, Final
 
@@ -50,6 +50,31 @@ def interruptible() -> Iterator[Stop]:
         yield stop
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+def told_to_end() -> Iterator[int]:
+    """SIGTERM and what a terminal or a console says when it is closed, as far as there are such here and heeded."""
+    for name in ("SIGTERM", "SIGHUP", "SIGBREAK"):
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) is not signal.SIG_IGN:  # nohup
+            yield number
+
+
+@contextmanager
+def endable() -> Iterator[None]:
+    """A signal that ends a program does so as a KeyboardInterrupt: what it began is tidied away."""
+
+    def handler(_number: int, _frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    before = {}
+    with suppress(ValueError):  # not the main thread
+        before = {number: signal.signal(number, handler) for number in told_to_end()}
+    try:
+        yield
+    finally:
+        for number, old in before.items():
+            signal.signal(number, old)
 
 
 def tell(text: str) -> None:

@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Callable
+from contextlib import suppress
+from typing import TYPE_CHECKING
 
 from .batch import add_fleet_arguments, batch_options, chosen_runner, outdated, shown_progress, tell_result
-from .exits import DONE, FAILED
+from .exits import DONE, FAILED, INTERRUPTED
 from .quantities import seconds
-from .terminal import Stop, interruptible, tell
+from .terminal import Stop, endable, interruptible, tell
+
+if TYPE_CHECKING:
+    from ..fleet.sources import SourceFile
 
 EXAMPLE = """\
 rtuscope simulate bus.jsonl
@@ -36,7 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Take them in until Ctrl-C."""
     from ..fleet.batch import run_batch
     from ..fleet.errors import FleetError
-    from ..fleet.sources import found, lines_of, settled
+    from ..fleet.sources import lines_of, settled
     from ..fleet.stores import store
 
     lake, options, runner = store(arguments.lake), batch_options(arguments), chosen_runner(arguments)
@@ -50,11 +56,13 @@ def run(arguments: argparse.Namespace) -> int:
     if not arguments.once:
         tell(f"looks for new captures every {arguments.every:g} s, until Ctrl-C")
     failed = False
-    with interruptible() as stop:
+    # what a batch began when a signal ends it is left, what it did is kept
+    with suppress(KeyboardInterrupt), endable(), interruptible() as stop:
         while not stop():
             refused: list[str] = []
             try:
-                files = settled(found(arguments.source, refused), 0.0 if arguments.once else min(arguments.every, 10.0))
+                there = _there(arguments.source, refused, None if arguments.once else tell_once)
+                files = settled(there, 0.0 if arguments.once else min(arguments.every, 10.0))
                 lines = lines_of(files, arguments.site, arguments.site_from, refused)
                 progress = shown_progress("watch")
                 result = run_batch(lake, lines, options, runner, redo=arguments.redo, progress=progress, stop=stop)
@@ -73,7 +81,23 @@ def run(arguments: argparse.Namespace) -> int:
             if arguments.once:
                 return FAILED if failed else DONE
             _wait(arguments.every, stop)
-    return DONE
+    return INTERRUPTED if arguments.once else DONE
+
+
+def _there(sources: list[str], refused: list[str], tell: Callable[[str], None] | None) -> list[SourceFile]:
+    """The captures of all sources. One that names none now is told, if somebody takes that, and the rest taken."""
+    from ..fleet.errors import FleetError
+    from ..fleet.sources import found
+
+    if tell is None:
+        return found(sources, refused)
+    files: dict[str, SourceFile] = {}
+    for source in sources:
+        try:
+            files |= {file.url: file for file in found([source], refused)}
+        except FleetError as error:
+            tell(str(error))
+    return [files[url] for url in sorted(files)]
 
 
 def _wait(period_s: float, stop: Stop) -> None:

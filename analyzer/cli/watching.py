@@ -16,7 +16,7 @@ from ..terminal_text import terminal_text
 from .exits import DONE, NO_FRAME
 from .maps import add_map_argument, chosen_charts
 from .quantities import seconds
-from .terminal import coloured, hung_up, places, put, put_bytes, put_data, say_in_place, tell
+from .terminal import coloured, hung_up, places, put, put_bytes, put_data, say_in_place, tell, told_to_end
 
 if TYPE_CHECKING:
     from dissectors.maps.model import RegisterMap
@@ -268,10 +268,9 @@ def ended_by_signals(stop: Callable[[], None], *, abandon: Callable[[], None] | 
         if not ended.wait(_GRACE_S) and abandon is not None:
             abandon()
 
-    numbers = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name)]
     before = {}
     with suppress(ValueError):  # not the main thread: signals are another's business
-        before = {number: signal.signal(number, handler) for number in numbers}
+        before = {number: signal.signal(number, handler) for number in (signal.SIGINT, *told_to_end())}
     threading.Thread(target=watch, daemon=True).start()
     try:
         yield

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from ..version import __version__
 from .datasets import DATASETS, touched
-from .errors import FleetError
+from .errors import FleetError, LakeWriteError
 from .manifest import LakeLine, Manifest, writing
 from .packs import LakePacking, pack
 from .runners import Runner
@@ -20,6 +20,7 @@ from .stores import LakeStore
 from .tasks import BatchOptions, KeptRows, LineTask
 
 _FOLDERS: Final = (*DATASETS, "state", "scratch")
+_UNWRITTEN: Final = 5  # tasks one after the other that could not write: a full disk, and no fault of theirs
 _HAVE_ROWS: Final = ("whole", "damaged")  # states of captures
 
 
@@ -141,10 +142,14 @@ def _continued(
     before: LakeLine, plain: LineTask, fresh: tuple[SourceFile, ...], result: BatchResult
 ) -> LineTask | None:
     """The newer slices behind what the lake has; the whole line anew where one of them belongs before that."""
-    taken = {one["url"] for one in before.slices() if one["state"] in _HAVE_ROWS}
-    newest = max(one["url"].rpartition("/")[2] for one in before.slices())
-    if min(file.name for file in fresh) <= newest:
-        if {one["url"] for one in before.slices()} <= {file.url for file in plain.files}:
+    slices, last = list(before.slices()), before.last
+    usable = last["version"] == __version__ and not touched(last.get("rules", {}))
+    every_one_there = {one["url"] for one in slices} <= {file.url for file in plain.files}
+    taken = {one["url"] for one in slices if one["state"] in _HAVE_ROWS}
+    newest = max(one["url"].rpartition("/")[2] for one in slices)
+    grown = slices[-1] if usable and _may_have_grown(slices[-1], fresh[0], newest) else None
+    if grown is None and fresh[0].name <= newest:
+        if every_one_there:
             return plain
         for file in fresh:
             if file.url in taken:
@@ -157,16 +162,22 @@ def _continued(
         fresh = tuple(file for file in fresh if file.url not in taken)
         if not fresh:
             return None
-    last = before.last
-    usable = last["version"] == __version__ and not touched(last.get("rules", {}))
     return replace(
         plain,
         files=fresh,
-        known=plain.known | {one["sha256"] for one in before.slices() if one["sha256"]},
+        known=plain.known | {one["sha256"] for one in slices if one["sha256"]},
         state=last["state"] if usable else None,
         tail=last["tail"],
+        tail_frames=last.get("tail_frames", 0),
         after=before.numbers[-1],
+        grown=grown,
+        anew=plain if grown is not None and every_one_there else None,
     )
+
+
+def _may_have_grown(slice: Mapping[str, Any], file: SourceFile, newest: str) -> bool:
+    """Whether this file may be the newest slice with more behind what the lake has of it."""
+    return slice["url"] == file.url and file.name == newest and slice["state"] != "twice" and "chunk_digest" in slice
 
 
 def run_batch(
@@ -183,14 +194,14 @@ def run_batch(
     """Take into the lake what it does not have. Once `stop` says True what is done is kept and the rest left.
 
     At its end small files are made into larger ones, where there are many, or whatever their count if `compact`.
-    Raises FleetError where the lake cannot be written.
+    Raises FleetError where the lake cannot be written, at once or again and again.
     """
     begun, result = time.monotonic(), BatchResult()
     with writing(store):
         manifest = Manifest(store)
         remove_waste(manifest)
         tasks = planned(manifest, lines, options, redo=redo, result=result)
-        total, done = sum(_size(task) for task in tasks), 0
+        total, done, unwritten = sum(_size(task) for task in tasks), 0, 0
         taken = _Taken(manifest)
         while tasks:
             again: list[LineTask] = []
@@ -200,6 +211,9 @@ def run_batch(
                     if copies := _copies(taken, task, outcome):
                         again.append(replace(task, known=task.known | copies))
                         continue
+                    unwritten = unwritten + 1 if isinstance(outcome, LakeWriteError) else 0
+                    if unwritten == _UNWRITTEN:
+                        raise FleetError(f"{outcome}; what was done is kept: --resume goes on")
                     done += _size(task)
                     _enter(manifest, task, outcome, result)
                     if not isinstance(outcome, Exception):

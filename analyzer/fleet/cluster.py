@@ -5,7 +5,9 @@ The lake and the sources must be reachable from all workers by the same names: a
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Generator, Iterable
+from concurrent.futures import CancelledError
 from typing import Any, Final
 
 from ..extras import needs
@@ -13,6 +15,7 @@ from .errors import FleetError
 from .runners import TRIES, Outcome
 from .tasks import LineTask, run_task
 
+_GONE: Final = "the Dask scheduler is there no more; what was done is kept: --resume goes on"
 _AHEAD: Final = 2  # tasks handed out for each thread of the cluster
 
 
@@ -33,6 +36,14 @@ class DaskCluster:
             raise FleetError(f"{address}: no Dask scheduler answers there") from error
 
     def __call__(self, tasks: Iterable[LineTask]) -> Generator[Outcome, None, None]:
+        """Outcomes as they come. Raises FleetError where the scheduler is there no more."""
+        try:
+            yield from self._outcomes(tasks)
+        except (OSError, CancelledError) as error:
+            logging.getLogger("distributed").setLevel(logging.CRITICAL)  # it would tell its tries to come back
+            raise FleetError(_GONE) from error
+
+    def _outcomes(self, tasks: Iterable[LineTask]) -> Generator[Outcome, None, None]:
         from distributed import as_completed
 
         coming, running = iter(tasks), dict[str, LineTask]()
@@ -45,6 +56,8 @@ class DaskCluster:
             if not running:
                 return
             future = next(finished)
+            if future.status == "cancelled":  # by its end or a new beginning
+                raise CancelledError
             task = running.pop(future.key)
             yield task, future.result() if future.status == "finished" else _error(future)
 

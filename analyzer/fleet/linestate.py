@@ -83,14 +83,14 @@ class LineState:
     def __post_init__(self) -> None:
         self.analyzer = Analyzer(self.line, self.options)
 
-    def slice(self, capture: Capture, files: LakeFiles) -> Iterator[tuple[int, int, int]]:
-        """Take in a slice: of each block, as it comes, its bytes, first and last time. Raises CaptureError."""
+    def slice(self, capture: Capture, blocks: Iterable[Block], files: LakeFiles) -> Iterator[tuple[int, int, int]]:
+        """Take in these blocks of a slice: of each, as it comes, bytes, first and last time. Raises CaptureError."""
         self.steps = []
-        self.notes = [*self.notes, *capture.notes()][-_NOTES:]
+        self.notes = [*self.notes, *(note for note in capture.notes() if note not in self.notes)][-_NOTES:]
         self.analyzer.deafen(deaf_times(self.notes))
         if INFERRED not in capture.line.notes and _settings(capture.line) != _settings(self.line):
             self._restart(capture.line, files)
-        for raw in capture.blocks():
+        for raw in blocks:
             block = self._in_order(raw, files)
             self.octets += len(block.data)
             yield len(block.data), int(block.t_ns.min()), int(block.t_ns.max())

@@ -1,20 +1,31 @@
-"""Tasks on this machine's cores. A worker that dies takes only its own task with it, which is tried again."""
+"""Tasks on this machine's cores. A worker that dies takes only its own task with it, which is tried again.
+
+No worker outlives the process that hands out tasks, however that ends: each holds the end of a pipe that nobody writes
+to, and ends where the other end is closed.
+"""
 
 from __future__ import annotations
 
+import os
 import signal
+import threading
+import time
 from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager, suppress
 from multiprocessing import get_context
-from typing import Any, Final
+from multiprocessing.connection import Connection
+from typing import Any, Final, NoReturn
 
 from .tasks import LineTask, run_task
 
 Outcome = tuple[LineTask, dict[str, Any] | Exception]
 Runner = Callable[[Iterable[LineTask]], Generator[Outcome, None, None]]  # takes tasks when it has room for them
 TRIES: Final = 3  # of a task whose worker died
+_TERMINATED: Final = 128 + signal.SIGTERM
+_GRACE_S: Final = 1.0  # for a worker to take its temporary files away
 
 
 def in_this_process(tasks: Iterable[LineTask]) -> Generator[Outcome, None, None]:
@@ -57,19 +68,26 @@ class ProcessPool:
         """Outcomes until all is done. Raises BrokenProcessPool where a worker dies; `begun` then has no outcome yet."""
         running: dict[Future[dict[str, Any]], LineTask] = {}
         at_hand = workers + (workers > 1)  # nobody waits for its next task while an outcome is put down
-        with ProcessPoolExecutor(workers, get_context("spawn"), _heed_no_interrupt) as pool:
-            while True:
-                while len(begun) < at_hand and (task := _next(tasks)) is not None:
-                    begun.append(task)
-                    running[pool.submit(run_task, task)] = task
-                if not begun:
-                    return
-                done, _ = wait(running, return_when=FIRST_COMPLETED)
-                for future in done:
-                    outcome = _outcome(future)
-                    task = running.pop(future)
-                    begun.remove(task)
-                    yield task, outcome
+        context = get_context("spawn")
+        here, there = context.Pipe(duplex=False)
+        with here, there, ProcessPoolExecutor(workers, context, _begin, (here,)) as pool:
+            try:
+                while True:
+                    while len(begun) < at_hand and (task := _next(tasks)) is not None:
+                        begun.append(task)
+                        with _no_interrupt():
+                            running[pool.submit(_work, task)] = task
+                    if not begun:
+                        return
+                    done, _ = wait(running, return_when=FIRST_COMPLETED)
+                    for future in done:
+                        outcome = _outcome(future)
+                        task = running.pop(future)
+                        begun.remove(task)
+                        yield task, outcome
+            except BaseException:
+                there.close()  # who is still at a task is not waited for
+                raise
 
 
 def _next(tasks: Iterator[LineTask] | deque[LineTask]) -> LineTask | None:
@@ -78,9 +96,47 @@ def _next(tasks: Iterator[LineTask] | deque[LineTask]) -> LineTask | None:
     return next(tasks, None)
 
 
-def _heed_no_interrupt() -> None:
-    """Ctrl-C is for the process that hands out tasks: those that were begun are finished."""
+@contextmanager
+def _no_interrupt() -> Iterator[None]:
+    """Processes that begin here are deaf to Ctrl-C from their first instruction; what comes meanwhile is not lost."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    from multiprocessing.resource_tracker import ensure_running
+
+    ensure_running()  # when it begins it lets them through again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _begin(alive: Connection) -> None:
+    """A worker: Ctrl-C is for the process that hands out tasks, and what is begun is finished unless that is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with, args=(alive,), daemon=True).start()
+
+
+def _work(task: LineTask) -> dict[str, Any]:
+    """A task in a worker, which takes its temporary files away where it is told to end."""
+    before = signal.signal(signal.SIGTERM, _end)
+    try:
+        return run_task(task)
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _end(_number: int, _frame: object) -> NoReturn:
+    raise SystemExit(_TERMINATED)
+
+
+def _end_with(alive: Connection) -> None:
+    with suppress(EOFError, OSError):
+        alive.recv_bytes()
+    os.kill(os.getpid(), signal.SIGTERM)
+    time.sleep(_GRACE_S)
+    os._exit(_TERMINATED)
 
 
 def _outcome(future: Future[dict[str, Any]]) -> dict[str, Any] | Exception:
@@ -88,5 +144,7 @@ def _outcome(future: Future[dict[str, Any]]) -> dict[str, Any] | Exception:
         return future.result()
     except BrokenProcessPool:
         raise
+    except SystemExit as end:
+        raise BrokenProcessPool(f"ended by itself or by a signal: {end}") from end
     except Exception as error:
         return error

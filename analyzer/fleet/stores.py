@@ -93,7 +93,8 @@ class FolderStore:
 
     def write(self, name: str, data: bytes) -> None:
         path = self.scratch()
-        path.write_bytes(data)
+        with _told(self.url(name)):
+            path.write_bytes(data)
         self.put(name, path)
 
     def put(self, name: str, path: Path) -> None:

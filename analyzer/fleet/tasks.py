@@ -22,12 +22,14 @@ from ..options import Options
 from ..version import RULES, __version__
 from .datasets import CAPTURES, DATASETS, LakeFiles
 from .errors import FleetError, LakeWriteError
+from .growth import ChunkDigest, NotGrownError, behind
 from .linestate import LineState, resumed
 from .manifest import PackMember
 from .sources import SourceFile, as_it_is, readable
 from .stores import LakeStore, fetched, store
 
 _PIECE: Final = 1 << 20
+_SOURCES: Final = "captures"  # the table with a row a source
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +78,10 @@ class LineTask:
     sliced: bool = False  # more of the line may come
     after: int | None = None  # the manifest's entry that this one goes on from
     tail: Mapping[str, Sequence[PackMember]] = field(default_factory=dict)  # of that: stays where `state` is of no use
+    tail_frames: int = 0  # in it
     kept: KeptRows | None = None
+    grown: Mapping[str, Any] | None = None  # what the manifest says of the first file: `state` remembers its beginning
+    anew: LineTask | None = None  # the whole line, should that not be so
 
 
 def line_key(site: str, line: str) -> str:
@@ -92,7 +97,12 @@ def run_task(task: LineTask) -> dict[str, Any]:
 
 def _entry(task: LineTask) -> dict[str, Any]:
     _declare(task.options.functions)
-    entry = _TaskRun(task).entry()
+    try:
+        entry = _TaskRun(task).entry()
+    except NotGrownError:
+        if task.anew is not None:
+            return _entry(task.anew)
+        entry = _TaskRun(replace(task, grown=None, files=task.files[1:]), left=_as_it_was(task)).entry()
     if task.kept is not None and any(
         now[key] != then[key]
         for now, then in zip(entry["slices"], task.kept.slices, strict=False)
@@ -100,6 +110,11 @@ def _entry(task: LineTask) -> dict[str, Any]:
     ):  # a capture is not what it was: nothing of its rows may stay
         return _TaskRun(replace(task, kept=None)).entry()
     return entry
+
+
+def _as_it_was(task: LineTask) -> dict[str, Any]:
+    """What is known of a slice that others took the place of, known by what it is now."""
+    return {**(task.grown or {}), **task.files[0].to_json()}
 
 
 @cache
@@ -115,15 +130,21 @@ def _declare(files: tuple[str, ...]) -> None:
 class _TaskRun:
     """One task on its way."""
 
-    def __init__(self, task: LineTask) -> None:
+    def __init__(self, task: LineTask, left: Mapping[str, Any] | None = None) -> None:
+        """`left`: what is known of the task's first file where it is no longer what was taken, and stays as it was."""
         self.task = task
         self.store: LakeStore = store(task.lake)
         self.state, self.trouble = self._resumed()
         self._goes_on = self.state is not None
-        self._before = (self.state.frames, self.state.octets) if self.state else (0, 0)
+        self._before = (self.state.frames + task.tail_frames, self.state.octets) if self.state else (0, 0)
         self.files = LakeFiles(self.store, task.site, task.line, line_key(task.site, task.line))
         self.slices: list[dict[str, Any]] = []
+        if left is not None:
+            self.slices = [dict(left)]
+            words = "has changed since, and older slices of its line are there no more: left as it was"
+            self.trouble = "; ".join(each for each in (self.trouble, f"{readable(left['url'])}: {words}") if each)
         self._known = set(task.known)
+        self._row: Any = None  # of the newest slice, for `captures`
 
     def _resumed(self) -> tuple[LineState | None, str | None]:
         """The state to go on from; without one that can be used the line begins anew, and why is told."""
@@ -137,15 +158,22 @@ class _TaskRun:
 
     def entry(self) -> dict[str, Any]:
         task, kept = self.task, self.task.kept
+        if task.grown is not None and self.state is None:
+            raise NotGrownError
         if kept is not None:
             self.files.tables = self.files.tables.difference(kept.files)
         for number, file in enumerate(task.files):
+            self._put_row()
             if kept is not None and number == len(kept.slices):
                 self.files.tables = frozenset(DATASETS)
-            self.slices.append(self._slice(file))
+            self.slices.append(self._slice(file, task.grown if number == 0 else None))
+        if not task.sliced:
+            self._put_row()
         done = self.files.close()
-        state = None
+        self._put_row()  # of the newest slice: should it grow, another takes its place
+        state, settled = None, 0
         if self.state is not None:
+            settled = self.state.frames
             if task.sliced:
                 state = f"state/{line_key(task.site, task.line)}-{hashlib.sha256(repr(done).encode()).hexdigest()[:12]}"
                 self.store.write(state, self.state.kept())
@@ -155,6 +183,11 @@ class _TaskRun:
             done = {table: [*kept.files.get(table, ()), *done.get(table, ())] for table in {*kept.files, *done}}
             if len(task.files) == len(kept.slices):
                 tail |= {table: list(files) for table, files in kept.tail.items()}
+            else:
+                done[_SOURCES] = [*kept.tail.get(_SOURCES, ()), *done.get(_SOURCES, ())]
+        if self._goes_on and task.grown is None:
+            where = done if task.files else tail
+            where[_SOURCES] = [*task.tail.get(_SOURCES, ()), *where.get(_SOURCES, ())]
         if not self._goes_on:  # the tail is all that is known of what stood at the seam
             done = {table: [*task.tail.get(table, ()), *done.get(table, ())] for table in {*task.tail, *done}}
         frames, octets = (self.state.frames, self.state.octets) if self.state else (0, 0)
@@ -168,16 +201,23 @@ class _TaskRun:
             "slices": self.slices,
             "files": done,
             "tail": tail,
+            "tail_frames": frames - settled,
             "state": state,
             "trouble": self.trouble,
             "frames": frames - self._before[0],
             "bytes": octets - self._before[1],
         }
 
-    def _slice(self, file: SourceFile) -> dict[str, Any]:
-        """Take in one file, whatever it is; what is known of it. Raises LakeWriteError."""
+    def _slice(self, file: SourceFile, grown: Mapping[str, Any] | None) -> dict[str, Any]:
+        """Take in one file, whatever it is, or what `grown` does not know of it; what is known of it then.
+
+        Raises LakeWriteError, and NotGrownError where it is another than `grown` tells of.
+        """
         about: dict[str, Any] = {**file.to_json(), "sha256": None, "state": "unreadable", "damage": []}
-        span = _SliceSpan()
+        span, seen, steps = _SliceSpan(), ChunkDigest(), list[str]()
+        if grown is not None:
+            span, steps = _SliceSpan(grown["bytes"], *grown["span"]), grown["steps"]
+            self._known.discard(grown["sha256"])
         capture: Capture | None = None
         try:
             now = as_it_is(file)
@@ -190,11 +230,12 @@ class _TaskRun:
                     about["state"] = "twice"
                 else:
                     capture = _opened(path, self.task.options)
-                    for octets, first, last in self._fed(capture):
+                    for octets, first, last in self._fed(capture, grown, seen):
                         span.add(octets, first, last)
                     about["state"] = "whole"
                     self._known.add(about["sha256"])
-            if (after := as_it_is(file)) != now and after.trouble is None:
+            after = as_it_is(file)
+            if after != now and after.trouble is None and not (self.task.sliced and after.size > now.size):
                 raise FleetError("changed while it was read")
         except LakeWriteError:
             raise
@@ -204,18 +245,21 @@ class _TaskRun:
             if self.state is not None:
                 self.state.broken(self.files)
         if capture is not None:
-            steps = [] if self.state is None else self.state.steps
+            steps = steps if self.state is None else [*steps, *self.state.steps]
             about["damage"] += [*steps, *(readable(str(each)) for each in capture.damage)]
             if about["damage"] and about["state"] == "whole":
                 about["state"] = "damaged"
         self._tell(about, span, capture)
-        about["bytes"] = span.octets
-        return about
+        about |= {"bytes": span.octets, "span": [span.first, span.last], "steps": steps}
+        return about | {"chunks": seen.count, "chunk_digest": seen.text()}
 
-    def _fed(self, capture: Capture) -> Iterator[tuple[int, int, int]]:
+    def _fed(
+        self, capture: Capture, grown: Mapping[str, Any] | None, seen: ChunkDigest
+    ) -> Iterator[tuple[int, int, int]]:
         if self.state is None:
             self.state = LineState(capture.line, self.task.options.analysis, self.task.options.noise)
-        return self.state.slice(capture, self.files)
+        count, digest = (0, "") if grown is None else (grown["chunks"], grown["chunk_digest"])
+        return self.state.slice(capture, behind(capture.blocks(), count, digest, seen), self.files)
 
     def _tell(self, about: dict[str, Any], span: _SliceSpan, capture: Capture | None) -> None:
         """The row of the table `captures`."""
@@ -236,9 +280,12 @@ class _TaskRun:
             "damage_count": max(len(about["damage"]), 0 if capture is None else capture.damage_count),
             "damage": about["damage"],
         }
-        self.files.add(
-            "captures", pa.record_batch([pa.array([row[f.name]], f.type) for f in CAPTURES], schema=CAPTURES)
-        )
+        self._row = pa.record_batch([pa.array([row[f.name]], f.type) for f in CAPTURES], schema=CAPTURES)
+
+    def _put_row(self) -> None:
+        if self._row is not None:
+            self.files.add(_SOURCES, self._row)
+            self._row = None
 
 
 @dataclass(slots=True)

@@ -57,6 +57,12 @@ def sliced(capture, cuts, folder, name="bus"):
     return paths
 
 
+def ring(tmp_path, name="ring"):
+    """Three slices of a ring, and what one pass over them gives."""
+    capture = bus("clean", 3, 120, span_ns=DAY_NS)
+    return capture, sliced(capture, [0.5, 0.75], tmp_path / name / "site")
+
+
 def batch(lake, *sources, runner=in_this_process, options=None, **more):
     lines = lines_of(found(map(str, sources)), more.pop("site", None))
     return run_batch(store(str(lake)), lines, options or BatchOptions(), runner, **more)
