@@ -100,7 +100,8 @@ class SearchedBytes:
 def forced_runs(found: Candidates, data: Bytes, known: int, silences: NDArray[np.uint8]) -> ForcedRuns:
     """Intervals of candidates; behind `known`, up to where nothing can still appear, clean ones end before a silence.
 
-    `silences`: classes of those before the bytes, 0 where that is not known.
+    `silences`: classes of those before the bytes, and of the one behind them where more has come; 0 where that is not
+    known.
     """
     n = len(found)
     new = np.ones(n, np.bool_)
@@ -117,7 +118,7 @@ def forced_runs(found: Candidates, data: Bytes, known: int, silences: NDArray[np
     clean = (furthest <= start) & (structure >= 0)  # else it breaks a limit
     clean[:-1] &= start[1:] >= end[:-1]
     open_ones = np.flatnonzero(end > known)
-    silent = end[open_ones] < len(data)
+    silent = end[open_ones] < len(silences)
     silent[silent] = silences.take(end[open_ones][silent]) > 0
     clean[open_ones] &= silent
     joined = np.zeros(m + 1, np.bool_)  # at k: k follows k - 1 in one run

@@ -31,7 +31,7 @@ _AGAIN: Final = int(SpeakerTurn.AGAIN)
 
 @dataclass(frozen=True, slots=True)
 class RunContext:
-    """What is known where a run begins. `silences` are classes of those before the bytes of `data`.
+    """What is known where a run begins. `silences` are classes of those before the bytes of `data`, and perhaps behind.
 
     `waiting`: the frame before is a request that wants an answer; `tracker` is the conversation up to it.
     """

@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import fields
 from operator import attrgetter
-from typing import Annotated, Any, Final, Self, TypeAlias, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, ClassVar, Final, Self, TypeAlias, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,13 @@ class Columns:
     """A table. `Annotated[Float64s, 8]` is a column of eight figures a row."""
 
     __slots__ = ()
+    _first: ClassVar[Any]  # gives the first column of a table
+    _every: ClassVar[Any]  # and all of them
+
+    def __init_subclass__(cls) -> None:
+        names = tuple(cls.__annotations__)
+        cls._first = attrgetter(names[0])
+        cls._every = attrgetter(*names)
 
     @classmethod
     def dtypes(cls) -> dict[str, np.dtype[Any]]:
@@ -64,11 +71,7 @@ class Columns:
 
     def columns(self) -> tuple[NDArray[Any], ...]:
         """The arrays, in the order of their names."""
-        table = type(self)
-        get = _GETTERS.get(table)
-        if get is None:
-            get = _GETTERS[table] = attrgetter(*_dtypes(table))
-        arrays: tuple[NDArray[Any], ...] = get(self)
+        arrays: tuple[NDArray[Any], ...] = self._every(self)
         return arrays
 
     def column(self, name: str) -> NDArray[Any]:
@@ -77,7 +80,7 @@ class Columns:
         return found
 
     def __len__(self) -> int:
-        return len(self.columns()[0])
+        return len(self._first(self))
 
     def __getitem__(self, which: Which) -> Self:
         """Some rows: views of a stretch, copies of rows by number or mask."""
@@ -124,7 +127,6 @@ class Columns:
 
 _TYPES: dict[type[Any], dict[str, np.dtype[Any]]] = {}
 _NONE: dict[type[Any], Any] = {}  # of each, the table without rows
-_GETTERS: dict[type[Any], attrgetter[tuple[NDArray[Any], ...]]] = {}
 
 
 def _dtypes(table: type[Any]) -> dict[str, np.dtype[Any]]:
