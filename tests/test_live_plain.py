@@ -36,11 +36,14 @@ def _reads(exchanges: int) -> list[list[Chunk]]:
 
 
 def test_frames_before_the_first_read_of_the_next_one_need_no_lattice(monkeypatch):
-    looks = []
+    looks: list[int] = []
     decide = Decider.decide
-    monkeypatch.setattr(
-        Decider, "decide", lambda self, *given, **named: looks.append(1) or decide(self, *given, **named)
-    )
+
+    def looked(self, *given, **named):
+        looks.append(1)
+        return decide(self, *given, **named)
+
+    monkeypatch.setattr(Decider, "decide", looked)
     deframer, shown = RtuDeframer(LINE), 0
     parts = _reads(60)
     for i, (part, following) in enumerate(pairwise(parts)):
