@@ -21,7 +21,7 @@ from .candidates import CRC_BITS, Candidates, more_candidates, search_candidates
 from .conversation import REACH, ConversationTracker, FrameRun
 from .crc_windows import CrcWindows, crc_windows
 from .decisions import WINDOWS, Decider
-from .forced import ForcedRuns, SearchedBytes, forced_runs
+from .forced import ANSWERS, ASKS, ForcedRuns, SearchedBytes, forced_runs
 from .gaps import GapStatistics, classes_of, next_checkpoint
 from .lessons import Lessons
 from .looks import STAGES
@@ -209,7 +209,7 @@ class Engine:
         offset = self.buffer.base + begin
         if runs.second[i] and self._asked[1] != offset + at:
             return at
-        if runs.role[i] == Role.RESPONSE and self._framed != offset + at:
+        if runs.role[i] == ANSWERS and self._framed != offset + at:
             return at  # by itself, that is little to begin with: the lattice would wait for what follows
         limit = next_checkpoint(offset + at) - offset
         last = int(runs.last[i]) + 1
@@ -242,7 +242,7 @@ class Engine:
         )
         self._tracker.extend(run)
         self._decide(decided)
-        asks = role[-1] == Role.REQUEST
+        asks = role[-1] == ASKS
         self._waiting = bool(asks and stretch.data[start[-1]])
         self._framed = offset + int(end[-1])
         self._asked = (offset + int(start[-1]), self._framed) if asks else _NOWHERE
@@ -260,7 +260,7 @@ class Engine:
         frames = [(s.start, s.candidate.role) for d in decisions for s in d.steps if s.candidate is not None]
         if frames:
             start, role = frames[-1]
-            self._waiting = role == Role.REQUEST and bool(stretch.data[at + start])
+            self._waiting = role == ASKS and bool(stretch.data[at + start])
         self._tracker.settle(last.conversation)
         return at + last.end
 
