@@ -122,7 +122,7 @@ class Columns:
 
     def tolist(self) -> list[tuple[Any, ...]]:
         """All rows so."""
-        return list(zip(*(column.tolist() for column in self.columns()), strict=True))
+        return list(zip(*[column.tolist() for column in self.columns()], strict=True))
 
 
 _TYPES: dict[type[Any], dict[str, np.dtype[Any]]] = {}
