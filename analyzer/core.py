@@ -69,10 +69,19 @@ class Analyzer:
 
     `feed` blocks as they come, `tick` when the line is quiet (live), `close` at the end: each gives what is settled by
     then, in wire order. `outages` are times in which nothing was heard; nobody is blamed for what is missing then.
+    `settles`: False where `latest` alone is looked at; then these give nothing, and no row is kept for them.
     """
 
-    def __init__(self, line: LineSettings, options: Options = Options(), outages: Sequence[Deaf] = ()) -> None:  # noqa: B008 - frozen
+    def __init__(
+        self,
+        line: LineSettings,
+        options: Options = Options(),  # noqa: B008 - frozen
+        outages: Sequence[Deaf] = (),
+        *,
+        settles: bool = True,
+    ) -> None:
         self._options = options
+        self._settles = settles
         self._outages = list(outages)
         self._notes: list[Note] = []
         self._octets: dict[int, int] = {}  # bytes so far, by port
@@ -90,9 +99,9 @@ class Analyzer:
     @property
     def latest(self) -> Analysed:
         """What the newest call made certain: rows, and what is said of these or of earlier ones."""
-        batch, findings = self._latest.batch, self._latest.findings
-        batch = replace(batch, findings=findings[rows_of_findings(batch.rows, findings) >= 0])
-        return replace(self._latest, batch=batch)
+        batch, transactions, findings = self._latest.batch, self._latest.transactions, self._latest.findings
+        mine = findings[rows_of_findings(batch.rows, findings) >= 0] if len(findings) else NOTHING
+        return Analysed(batch.said(mine), transactions, findings)
 
     def feed(self, block: Block, now_ns: int | None = None) -> list[Analysed]:
         """Take captured bytes. `now_ns`: with a `tick` behind them."""
@@ -138,6 +147,8 @@ class Analyzer:
             TransactionRows.joined((self._latest.transactions, transactions)),
             Findings.joined((self._latest.findings, findings)),
         )
+        if not self._settles:
+            return []
         self._unsettled.add_said(transactions, findings)
         last = settled + [replace(analysed, off_ns=self._judge.off_ns) for analysed in self._unsettled.rest()]
         return [*last[:-1], replace(last[-1], skew=self._deframer.skew)] if last else last
@@ -153,8 +164,11 @@ class Analyzer:
         batch = self._origin.batch(batch)
         if len(batch):
             self._frames = max(self._frames, int(batch.rows.index.max()) + 1)
-            self._unsettled.add_rows(batch, self._frames)
+            if self._settles:
+                self._unsettled.add_rows(batch, self._frames)
         self._latest = Analysed(batch, transactions, findings)
+        if not self._settles:
+            return []
         self._unsettled.add_said(transactions, findings)
         if self._judge.waits:
             return []
@@ -211,7 +225,7 @@ class _Unsettled:
         findings, self._findings = self._findings[mine], self._findings[~mine]
         begun = int(np.searchsorted(self._transactions.request, behind))
         transactions, self._transactions = self._transactions[:begun], self._transactions[begun:]
-        return Analysed(replace(batch, findings=findings), transactions, findings)
+        return Analysed(batch.said(findings), transactions, findings)
 
 
 def analyse(capture: Capture, options: Options = Options()) -> Iterator[Analysed]:  # noqa: B008 - frozen
@@ -236,7 +250,7 @@ def as_it_comes(
 
     `first`: bytes that are read for the first batch.
     """
-    analyzer = Analyzer(capture.line, options, outages)
+    analyzer = Analyzer(capture.line, options, outages, settles=False)
     for block in _evenly(capture.blocks(_BLOCK), first):
         analyzer.feed(block)
         yield analyzer.latest

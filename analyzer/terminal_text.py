@@ -32,13 +32,13 @@ ERASE_LINE: Final = TerminalText("\r\x1b[K")
 
 def terminal_text(*parts: str) -> TerminalText:
     """Parts end to end, each harmless line by line unless it is ready already."""
-    return TerminalText("".join(part if isinstance(part, TerminalText) else _lines(part) for part in parts))
+    return TerminalText("".join([part if isinstance(part, TerminalText) else _lines(part) for part in parts]))
 
 
-def painted(text: str, graphics: str) -> TerminalText:
-    """A line in a graphic rendition (`31` is red); as it is where that is empty."""
-    ready = terminal_text(text)
-    return TerminalText(f"\x1b[{graphics}m{ready}\x1b[0m") if graphics else ready
+def painted(text: str, graphics: str, *, ended: bool = False) -> TerminalText:
+    """A line in a graphic rendition (`31` is red), as it is where that is empty; `ended`: with its end behind it."""
+    ready, end = text if isinstance(text, TerminalText) else _lines(text), "\n" if ended else ""
+    return TerminalText(f"\x1b[{graphics}m{ready}\x1b[0m{end}" if graphics else f"{ready}{end}")
 
 
 def trusted(text: str) -> TerminalText:

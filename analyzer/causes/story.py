@@ -5,11 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
+import numpy as np
+
 from captures.line import LineSettings
 
 from ..options import Options
 from ..tables.batch import Batch, join_batches
 from ..tables.transactions import TransactionRows
+from .exchanges import asking
 from .ledger import Ledger
 from .model import Cause
 from .reasoning import causes_of
@@ -18,7 +21,7 @@ _FIRST: Final = 40  # exchanges before anything is said
 _GROWTH: Final = 1.3  # of what was looked at last
 _MOST: Final = 5000  # exchanges from one look to the next
 _SURER: Final = 0.1  # of confidence, that is worth telling
-_GATHERED: Final = 256  # rows that wait at most: what a ledger costs goes by the call more than by the row
+_GATHERED: Final = 1024  # rows that wait at most: what a ledger costs goes by the call more than by the row
 
 State = Literal["new", "revised", "withdrawn"]
 
@@ -57,6 +60,7 @@ class RunningStory:
         self._ledger, self._next = Ledger(line, self._options), _FIRST
         self._batches: list[Batch] = []  # not in the ledger yet
         self._transactions: list[TransactionRows] = []
+        self._rows = self._requests = 0  # of those batches
 
     def feed(self, batch: Batch, transactions: TransactionRows, line: LineSettings) -> list[CauseRevision]:
         """The next rows, of a line of these settings; where those are others than before, all begins anew."""
@@ -65,8 +69,10 @@ class RunningStory:
         if len(batch) or len(transactions):
             self._batches.append(batch)
             self._transactions.append(transactions)
-        if sum(map(len, self._batches)) < min(self._next - self._ledger.exchanges, _GATHERED):
-            return []  # an exchange has a row at least: it is too early for a look, whatever these rows are
+            self._rows += len(batch)
+            self._requests += int(np.count_nonzero(asking(batch.rows)))
+        if self._requests < self._next - self._ledger.exchanges and self._rows < _GATHERED:
+            return []  # an exchange begins with a request: it is too early for a look
         self._enter()
         if self._ledger.exchanges < self._next:
             return []
@@ -84,6 +90,7 @@ class RunningStory:
         if self._batches:
             self._ledger.feed(join_batches(self._batches), TransactionRows.joined(self._transactions))
             self._batches, self._transactions = [], []
+            self._rows = self._requests = 0
 
     def _look(self) -> list[CauseRevision]:
         old = {_key(cause): cause for cause in self.causes}

@@ -175,13 +175,13 @@ class Watch:
         if self._until is not None and self._until.holds(shown, step, line):
             self._end()
         if self._arguments.count:
-            self._shown += bool(parts) and not shown.late and int(shown.batch.rows.index[shown.row]) >= 0
+            self._shown += bool(parts) and not shown.late and shown.values.index >= 0
             if self._shown >= self._arguments.count:
                 self._end()
         return parts
 
     def _triggered(self, parts: list[Any], shown: ShownRow, *, fired: bool) -> list[Any]:
-        t_ns = int(shown.batch.rows.t_end_ns[shown.row])
+        t_ns = shown.values.t_end_ns
         before = self._window.fire(t_ns) if fired else []
         if fired and self._fire is not None:
             self._fire(t_ns)

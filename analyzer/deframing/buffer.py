@@ -169,7 +169,8 @@ class ByteBuffer:
         at, errors = np.zeros(len(starts), np.int32), np.zeros(len(starts), np.uint16)
         several = (tail > head).nonzero()[0]
         if len(several):
-            within = np.stack((head[several] + 1, tail[several] + 1), axis=1).ravel()
+            within = np.empty(2 * len(several), np.intp)
+            within[::2], within[1::2] = head[several] + 1, tail[several] + 1
             most[several] = np.maximum.reduceat(known, within)[::2]
             least[several] = np.minimum.reduceat(known, within)[::2]
             at[several] = self._longest_at(known, head[several], tail[several], most[several]) - starts[several]

@@ -174,8 +174,8 @@ def responses_fit(data: Bytes, requests: Index, responses: Index, ends: tuple[In
     for code in np.bincount(function[plain]).nonzero()[0].tolist():
         which = (plain & (function == code)).nonzero()[0]
         fits[which] = False
-        reach = np.max([(0, 0), *map(_reach, relations(code))], axis=0)
-        for starts, end, least in zip((requests, responses), ends or (None, None), reach.tolist(), strict=True):
+        reach = map(max, zip((0, 0), *map(_reach, relations(code)), strict=True))
+        for starts, end, least in zip((requests, responses), ends or (None, None), reach, strict=True):
             room = len(data) if end is None else end.take(which)
             which = which.compress(starts.take(which) + least < room)
         request, response = requests.take(which), responses.take(which)

@@ -17,16 +17,16 @@ from dissectors.length_rules import Role
 
 from ..options import Options
 from .buffer import ByteBuffer, CharacterTime, Times
-from .candidates import CRC_BITS, GLITCHES, Candidates, more_candidates, search_candidates
+from .candidates import CRC_BITS, Candidates, more_candidates, search_candidates
 from .conversation import REACH, ConversationTracker, FrameRun
 from .crc_windows import CrcWindows, crc_windows
 from .decisions import WINDOWS, Decider
-from .forced import ForcedRuns, SearchedBytes, forced_runs
-from .gaps import GapStatistics, LearntFrames, SpeakerTurn, classes_of, next_checkpoint
-from .lattice import GLITCH_RUN, LOST
+from .forced import ANSWERS, ASKS, ForcedRuns, SearchedBytes, forced_runs
+from .gaps import GapStatistics, classes_of, next_checkpoint
+from .lessons import Lessons
 from .looks import STAGES
 from .reach import RunContext, plain_evidence, run_reach
-from .rules import Bytes, Index, Mask, length_tables
+from .rules import Bytes, Index, Mask
 from .segments import NOISE, DecidedSegments, StreamSegments, evidence_rows, join_segments
 
 _SLICE: Final = 1 << 20  # bytes searched at once
@@ -53,11 +53,10 @@ class Engine:
         self._found = Candidates.none()  # those, with offsets in the stream
         self._left = 0  # bytes that the newest look left undecided
         self._waiting = False  # the last frame was a request that wants an answer
-        self._waited = False  # the same of the last frame learnt from
         self._framed = -1  # offset: where the last frame ended
         self._asked = _NOWHERE  # offsets: where a request that was taken without the lattice began and ended
-        self._fresh: list[DecidedSegments] = []
-        self._learnt: list[DecidedSegments] = []  # since the work began
+        self._lessons = Lessons(self.statistics)
+        self._decided: list[DecidedSegments] = []  # since the work began
         self._out: list[StreamSegments] = []
 
     def feed(
@@ -131,8 +130,7 @@ class Engine:
             if last:
                 break
         if begin:
-            self._flush()
-            decided, self._learnt = join_segments(self._learnt), []
+            decided, self._decided = join_segments(self._decided), []
             self._out.append(
                 StreamSegments(buffer.base, buffer.data[:begin], decided, buffer.reads(decided.start, decided.end))
             )
@@ -147,7 +145,7 @@ class Engine:
         crc = crc_windows(data)
         found = self._whole(self._search(data, crc, self.buffer.base + begin), begin)
         known = len(data) if final else len(data) - MAX_ADU
-        runs = forced_runs(found, data, known, self.buffer.classes[begin:upto])
+        runs = forced_runs(found, data, known, self._silences(begin, len(data)))
         stretch = SearchedBytes(data, begin, crc, found)
         at = 0
         while at < stop:
@@ -162,6 +160,10 @@ class Engine:
                 break
             at = moved
         return at
+
+    def _silences(self, begin: int, size: int) -> NDArray[np.uint8]:
+        """Classes of the silences before so many bytes, and of the one behind them where more has come."""
+        return self.buffer.classes[begin : begin + size + 1]
 
     def _search(self, data: Bytes, crc: CrcWindows, offset: int) -> Candidates:
         """Candidates of bytes at a stream offset; what an earlier look has found is not searched again."""
@@ -207,13 +209,13 @@ class Engine:
         offset = self.buffer.base + begin
         if runs.second[i] and self._asked[1] != offset + at:
             return at
-        if runs.role[i] == Role.RESPONSE and self._framed != offset + at:
+        if runs.role[i] == ANSWERS and self._framed != offset + at:
             return at  # by itself, that is little to begin with: the lattice would wait for what follows
         limit = next_checkpoint(offset + at) - offset
         last = int(runs.last[i]) + 1
         if runs.end[last - 1] > limit:
             last = max(i + 1, i + int(np.searchsorted(runs.end[i:last], limit, side="right")))
-        classes = self.buffer.classes[begin : begin + len(data)]
+        classes = self._silences(begin, len(data))
         context = RunContext(data, classes, self.statistics, self._tracker, self._waiting)
         last, margin = run_reach(runs, i, last, context)
         if last <= i:
@@ -240,7 +242,7 @@ class Engine:
         )
         self._tracker.extend(run)
         self._decide(decided)
-        asks = role[-1] == Role.REQUEST
+        asks = role[-1] == ASKS
         self._waiting = bool(asks and stretch.data[start[-1]])
         self._framed = offset + int(end[-1])
         self._asked = (offset + int(start[-1]), self._framed) if asks else _NOWHERE
@@ -258,63 +260,28 @@ class Engine:
         frames = [(s.start, s.candidate.role) for d in decisions for s in d.steps if s.candidate is not None]
         if frames:
             start, role = frames[-1]
-            self._waiting = role == Role.REQUEST and bool(stretch.data[at + start])
+            self._waiting = role == ASKS and bool(stretch.data[at + start])
         self._tracker.settle(last.conversation)
         return at + last.end
 
     def _decide(self, decided: DecidedSegments) -> None:
-        """Segments are decided; they are learnt from at the next checkpoint, or when work is done."""
-        self._fresh.append(decided)
-        if self.buffer.base + int(decided.end[-1]) >= next_checkpoint(self.statistics.checkpoint):
-            self._flush()
+        """Segments are decided: given when work is done, learnt from at the next checkpoint at the latest."""
+        buffer = self.buffer
+        low, high = int(decided.start[0]), int(decided.end[-1])
+        self._decided.append(self._parted(decided))
+        taught = decided._replace(start=decided.start - low, end=decided.end - low)
+        self._lessons.add(taught, buffer.base + low, buffer.data[low:high], buffer.classes[low:high])
+        if buffer.base + high >= next_checkpoint(self.statistics.checkpoint):
+            self._lessons.learn()
 
-    def _flush(self) -> None:
-        """Learn from fresh segments."""
-        if not self._fresh:
-            return
-        start, end, role, check, margin, contested, why = join_segments(self._fresh)
+    def _parted(self, decided: DecidedSegments) -> DecidedSegments:
+        """The same, noise in two where a silence parts frames."""
+        start, end, role, check, margin, contested, why = decided
         if why is not None:
             why.margin[:] = margin
-        self._fresh.clear()
         noise = role == NOISE
-        parts = self.statistics.trusted if noise.any() else None
-        self._learn(start, end, role, check)
-        if parts is not None:
-            start, end, segment = self.buffer.parted(start, end, noise, parts)
-            why = None if why is None else why[segment]
-            role, check, margin, contested = role[segment], check[segment], margin[segment], contested[segment]
-        self._learnt.append(DecidedSegments(start, end, role, check, margin, contested, why))
-
-    def _learn(self, start: Index, end: Index, role: NDArray[np.uint8], check: Mask) -> None:
-        """Let decided segments teach what silences and glitches mean here."""
-        data, low, high = self.buffer.data, int(start[0]), int(end[-1])
-        frames = (role != NOISE).nonzero()[0]
-        units = data.take(start[frames])
-        asks = (role[frames] == Role.REQUEST) & (units != 0)
-        waits = np.empty(len(frames), np.bool_)
-        waits[:1], waits[1:] = self._waited, asks[:-1]
-        turns = role[frames].copy()
-        turns[waits & asks & check[frames]] = SpeakerTurn.AGAIN  # what is damaged may be an answer after all
-        if len(frames):
-            self._waited = bool(asks[-1])
-        classes = self.buffer.classes[low:high]
-        glitches: list[int] = []
-        noises: list[int] = []
-        unasked = (role[frames] == Role.RESPONSE) & ~waits
-        if len(frames) < len(role):
-            noise = np.flatnonzero(role == NOISE)
-            classes = classes.copy()  # a silence before a glitch is the silence before the frame behind it
-            for s, e in zip((start[noise] - low).tolist(), (end[noise] - low).tolist(), strict=True):
-                short = e - s <= GLITCH_RUN
-                glitch = short and GLITCHES.issuperset(data[s + low : e + low].tobytes())
-                (glitches if glitch else noises).append(e)
-                if short and e < len(classes):
-                    classes[e] = max(classes[e], classes[s:e].max())
-            behind = frames[1:] - 1
-            unasked[1:] &= (role[behind] != NOISE) | (end[behind] - start[behind] < LOST)  # else it may have been asked
-        certain = length_tables().certain.take(data.take(start[frames] + 1) & 0x7F) & check[frames]
-        learnt = LearntFrames(start[frames] - low, end[frames] - low, turns, units, certain, unasked)
-        offset = self.buffer.base + low
-        self.statistics.learn(
-            classes, learnt, np.array(glitches, np.intp), np.array(noises, np.intp), offset, offset + high - low
-        )
+        if not noise.any():
+            return decided
+        start, end, segment = self.buffer.parted(start, end, noise, self.statistics.trusted)
+        why = None if why is None else why[segment]
+        return DecidedSegments(start, end, role[segment], check[segment], margin[segment], contested[segment], why)

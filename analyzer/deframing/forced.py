@@ -100,14 +100,15 @@ class SearchedBytes:
 def forced_runs(found: Candidates, data: Bytes, known: int, silences: NDArray[np.uint8]) -> ForcedRuns:
     """Intervals of candidates; behind `known`, up to where nothing can still appear, clean ones end before a silence.
 
-    `silences`: classes of those before the bytes, 0 where that is not known.
+    `silences`: classes of those before the bytes, and of the one behind them where more has come; 0 where that is not
+    known.
     """
     n = len(found)
-    new = np.ones(n, np.bool_)
-    new[1:] = (found.start[1:] != found.start[:-1]) | (found.end[1:] != found.end[:-1])
-    first = np.flatnonzero(new)
+    new = np.ones(n + 1, np.bool_)  # and a spare one behind the last
+    new[1:n] = (found.start[1:] != found.start[:-1]) | (found.end[1:] != found.end[:-1])
+    first = new[:n].nonzero()[0]
     start, end, role = found.start[first], found.end[first], found.role[first]
-    either = np.diff(np.append(first, n)) > 1
+    either = ~new.take(first + 1)
     m = len(start)
     furthest = np.zeros(m, np.intp)
     furthest[1:] = np.maximum.accumulate(end)[:-1]
@@ -116,15 +117,14 @@ def forced_runs(found: Candidates, data: Bytes, known: int, silences: NDArray[np
     structure = found.structure[first] + np.maximum(-lean, 0)
     clean = (furthest <= start) & (structure >= 0)  # else it breaks a limit
     clean[:-1] &= start[1:] >= end[:-1]
-    open_ones = np.flatnonzero(end > known)
-    silent = end[open_ones] < len(data)
+    open_ones = (end > known).nonzero()[0]
+    silent = end[open_ones] < len(silences)
     silent[silent] = silences.take(end[open_ones][silent]) > 0
     clean[open_ones] &= silent
     joined = np.zeros(m + 1, np.bool_)  # at k: k follows k - 1 in one run
     joined[1:m] = clean[1:] & clean[:-1] & (start[1:] == end[:-1])
-    heads = np.flatnonzero(~joined[:m])
-    lasts = np.append(heads[1:] - 1, m - 1)[: len(heads)]
-    last = np.repeat(lasts, lasts - heads + 1) if m else np.empty(0, np.intp)
+    heads = (~joined).nonzero()[0]  # and the spare one
+    last = (heads[1:] - 1).repeat(heads[1:] - heads[:-1])
     closed = joined.copy()
     closed[open_ones] = False
     plain = _PlainRoles(data, start, end, role, either, closed, known)
@@ -132,7 +132,7 @@ def forced_runs(found: Candidates, data: Bytes, known: int, silences: NDArray[np
     late = _late(data, start, plain.role, fits, plain.ask)
     asks = ForcedRequests(plain.ask, plain.alone, plain.waits, late)
     structure = found.structure[first] - np.where(either & (plain.role == ANSWERS), lean, 0)
-    doubt = np.union1d(plain.doubt, np.flatnonzero(either & (structure < 0)))
+    doubt = np.union1d(plain.doubt, np.flatnonzero(either & (structure < 0))) if either.any() else plain.doubt
     first_open = int(open_ones[0]) if len(open_ones) else m
     return ForcedRuns(
         start, end, plain.role, either, structure, lean, clean, first_open, last, plain.second, plain.again, doubt,
@@ -143,7 +143,7 @@ def forced_runs(found: Candidates, data: Bytes, known: int, silences: NDArray[np
 def _answering(data: Bytes, start: Index, role: NDArray[np.uint8], joined: Mask) -> Mask:
     """Which intervals answer the one before them."""
     fits = np.zeros(len(start), np.bool_)
-    after = 1 + np.flatnonzero(joined[1 : len(start)] & (role[1:] > role[:-1]))
+    after = 1 + (joined[1 : len(start)] & (role[1:] > role[:-1])).nonzero()[0]
     fits[after] = responses_fit(data, start[after - 1], start[after])
     return fits
 
@@ -179,7 +179,7 @@ class _PlainRoles:
         self.second = np.zeros(m, np.bool_)
         self.ask = self.again = self.doubt = np.empty(0, np.intp)
         self.alone = self.waits = np.empty(0, np.bool_)
-        some = np.flatnonzero(either)
+        some = either.nonzero()[0]
         if not len(some):
             return
         asks, answers = either | (role == ASKS), either | (role == ANSWERS)

@@ -43,8 +43,9 @@ class ForeignTalk:
         noise = (kind == Kind.NOISE) & plain & (rows.length >= _LEAST)
         odd = (kind != Kind.NOISE) & plain & rows.check
         odd[odd] = _unusual(rows, data, odd.nonzero()[0])
-        odd[odd] = ~_sound(rows, data, odd.nonzero()[0])
-        for row in np.flatnonzero(noise | odd).tolist():
+        if odd.any():
+            odd[odd] = ~_sound(rows, data, odd.nonzero()[0])
+        for row in (noise | odd).nonzero()[0].tolist():
             adu = _bytes(rows, data, row)
             if noise[row]:
                 rows.foreign[row] = self._of_noise(adu, int(rows.port[row]))

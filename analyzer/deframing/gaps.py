@@ -14,6 +14,7 @@ stream, and hold what had been committed before.
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from enum import IntEnum
 from typing import Final, NamedTuple
 
@@ -41,7 +42,8 @@ _NOISE: Final = 9.0  # bits: at the most, for noise to begin
 _NOISY: Final = 3.0  # and on a line full of it
 _ONE_WAY: Final = 12  # certain answers, and not a request among them: this tap hears answers only
 _REQUESTS_ONE_WAY: Final = -30.0  # bits: for a request there
-_STEPS: Final = ((1 << 12, 1 << 7), (1 << 16, 1 << 12), (1 << 20, 1 << 16), (math.inf, 1 << 18))  # (upto, every), bytes
+_UPTO: Final = (1 << 12, 1 << 16, 1 << 20)  # bytes: up to these, and behind the last of them,
+_STEPS: Final = (1 << 7, 1 << 12, 1 << 16, 1 << 18)  # there is a checkpoint every so many
 _MEMORY: Final = 1e6  # bytes: beyond it old counts fade, since taps are re-plugged and settings change
 
 
@@ -73,7 +75,7 @@ def next_checkpoint(offset: int) -> int:
 
 
 def _step(offset: int) -> int:
-    return next(step for upto, step in _STEPS if offset < upto)
+    return _STEPS[bisect_right(_UPTO, offset)]
 
 
 class SpeakerTurn(IntEnum):

@@ -31,7 +31,7 @@ _AGAIN: Final = int(SpeakerTurn.AGAIN)
 
 @dataclass(frozen=True, slots=True)
 class RunContext:
-    """What is known where a run begins. `silences` are classes of those before the bytes of `data`.
+    """What is known where a run begins. `silences` are classes of those before the bytes of `data`, and perhaps behind.
 
     `waiting`: the frame before is a request that wants an answer; `tracker` is the conversation up to it.
     """
@@ -56,11 +56,11 @@ def run_reach(runs: ForcedRuns, i: int, last: int, context: RunContext) -> tuple
 def _plain_reach(runs: ForcedRuns, i: int, last: int, context: RunContext) -> tuple[int, NDArray[np.float32]]:
     """How far, from interval i on and before `last`, roles are plain: the first that is not; and by how many bits."""
     data, silences, statistics, waiting = context.data, context.silences, context.statistics, context.waiting
-    at = int(np.searchsorted(runs.doubt, i))
+    at = int(runs.doubt.searchsorted(i))
     if at < len(runs.doubt):
         last = min(last, int(runs.doubt[at]))
     table, asking = statistics.table, statistics.request_bits
-    low, high = np.searchsorted(runs.again, (i, last))
+    low, high = runs.again.searchsorted((i, last))
     if low < high:
         again = runs.again[low:high]
         if again[0] == i and not waiting:
@@ -70,7 +70,7 @@ def _plain_reach(runs: ForcedRuns, i: int, last: int, context: RunContext) -> tu
         certain = first + (statistics.unanswered_bits - CONTRARY) >= _MORE
         if not certain.all():
             last = int(again[int(np.argmin(certain))])
-    low, high = np.searchsorted(runs.asks.number, (i, last))
+    low, high = runs.asks.number.searchsorted((i, last))
     number, alone, waits, late = (column[low:high] for column in runs.asks)
     if len(number):
         start = runs.start[number]
@@ -118,15 +118,16 @@ def _quiet_reach(runs: ForcedRuns, i: int, last: int, context: RunContext) -> in
     conversation, asked = context.tracker.conversation, context.waiting
     if known - i > _FEW or len(conversation.open_requests) != asked:
         return known
+    units, most, asking = statistics.unit_bits, statistics.most, statistics.request_bits
     for k in range(i, last):
         start, end = int(runs.start[k]), int(runs.end[k])
         if runs.role[k] == ASKS:
             unit = int(data[start])
-            plain = not asked and bool(unit) and statistics.unit_bits[unit] + statistics.request_bits >= 0
+            plain = not asked and bool(unit) and units[unit] + asking >= 0
         else:
             answers = bool(runs.fits[k]) if k > i else conversation.answers(data[start:end].tobytes()) is not None
             plain = asked and answers
-        if not plain or (k >= known and statistics.most[silences[end]] < AGAINST):
+        if not plain or (k >= known and most[silences[end]] < AGAINST):
             return max(k, known)
         asked = not asked
     return last

@@ -63,7 +63,8 @@ class UnorderedRows:
 
     @classmethod
     def joined(cls, parts: Sequence[UnorderedRows]) -> UnorderedRows:
-        """All of these, one behind the other."""
+        """All of these, one behind the other. Of one that alone has rows, the arrays are that one's own."""
+        parts = [part for part in parts if len(part.data)]
         if len(parts) < 2:
             return parts[0] if parts else cls.nothing()
         shift = 0
@@ -78,15 +79,6 @@ class UnorderedRows:
             np.concatenate([p.heard for p in parts]),
             BoundaryEvidence.joined([p.why for p in parts]),
         )
-
-    def one(self, row: int) -> UnorderedRows:
-        """A copy of one of them."""
-        here = slice(row, row + 1)
-        rows = self.rows[here].copy()
-        data = self.data[int(rows.at[0]) :][: int(rows.length[0])].copy()
-        rows.at[:] = 0
-        why = self.why[here] if len(self.why) else self.why
-        return UnorderedRows(rows, data, self.head[here].copy(), self.tail[here].copy(), self.heard[here].copy(), why)
 
     def picked(self, which: NDArray[np.intp]) -> UnorderedRows:
         """Those at these places, in this order."""

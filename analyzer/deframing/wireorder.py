@@ -57,6 +57,14 @@ class Across(NamedTuple):
         return Across(self.answers[which], self.requests, self.unsure_ns[which])
 
 
+class _NewestRow(NamedTuple):
+    """A row as it was decided, with its bytes, and when the read that brought the first of them returned."""
+
+    row: Row
+    captured: bytes
+    heard_ns: int
+
+
 class WireOrder:
     """Takes rows of ports as they are decided, gives them in order as that becomes certain."""
 
@@ -68,7 +76,7 @@ class WireOrder:
         self._held = UnorderedRows.nothing()
         self._directions = said_directions(line)
         self._settled = self._directions is not None
-        self._newest: UnorderedRows | None = None  # one row, of before there were two
+        self._newest: _NewestRow | None = None  # of before there were two
         self._merge = _Merge()
 
     @property
@@ -95,7 +103,7 @@ class WireOrder:
                 return UnorderedRows.nothing(), None
             if len(self._ports) < 2:
                 self._alone, self._held = True, UnorderedRows.nothing()
-                self._remember(loose, np.arange(len(loose.rows)))
+                self._remember(loose, len(loose.rows) - 1)
                 return loose, None
             self._since = self._first_ns[1] if self._first_ns[1] > alone_ns else _EVER
             self._held, parts = loose, ()
@@ -104,7 +112,7 @@ class WireOrder:
         order = np.lexsort((loose.rows.port, heard))
         known = len(order) if until is None else int(np.searchsorted(heard[order], until))
         early = min(known, int(np.searchsorted(heard[order], self._since)))  # before there was a second port
-        self._remember(loose, order[:early])
+        self._remember(loose, int(order[early - 1]) if early else -1)
         if not self._settled and known > early:
             self._settle(loose, order[early:known], until)
         if not self._settled or self._directions is None:
@@ -146,10 +154,12 @@ class WireOrder:
             alone_ns = min(alone_ns, max(int(times[0]) for times in heard))
         return alone_ns if until is None or alone_ns < until else None
 
-    def _remember(self, loose: UnorderedRows, which: NDArray[np.intp]) -> None:
-        """Keep the newest row that was heard before there was a second port."""
-        if len(which):
-            self._newest = loose.one(int(which[-1]))
+    def _remember(self, loose: UnorderedRows, newest: int) -> None:
+        """Keep the newest row that was heard before there was a second port; -1: there is none."""
+        if newest >= 0:
+            row = loose.rows.row(newest)
+            captured = loose.data[row.at : row.at + row.length].tobytes()
+            self._newest = _NewestRow(row, captured, int(loose.heard[newest]))
 
     def _settle(self, loose: UnorderedRows, order: NDArray[np.intp], until: int | None) -> None:
         """Settle directions by the first frames, once there are enough of them."""
@@ -269,13 +279,12 @@ class _Merge:
             at[lane] = upto
         return which[np.array(placed, np.intp)], np.array(unsure, np.int64)
 
-    def begin(self, newest: UnorderedRows, requests: int) -> None:
+    def begin(self, newest: _NewestRow, requests: int) -> None:
         """The row before there were two ports may be a request that is still open."""
-        row = newest.rows.row(0)
+        row = newest.row
         if row.kind == Kind.REQUEST and row.port == requests and row.unit and row.check:
-            adu, protocol = newest.data.tobytes(), Protocol(row.protocol)
-            self._asked = expectation(adu if protocol == Protocol.RTU else adu_of(adu, protocol).data)
-            self._asked_ns = (int(newest.heard[0]), row.t_end_ns)
+            self._asked = expectation(adu_of(newest.captured, row.protocol).data)
+            self._asked_ns = (newest.heard_ns, row.t_end_ns)
 
     def _next(self, lanes: list[list[int]], at: list[int], horizon: int) -> tuple[int, int]:
         """The lane that goes on, and up to where."""

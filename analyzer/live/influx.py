@@ -42,11 +42,11 @@ class InfluxLines:
 
     def of(self, shown: ShownRow) -> str:
         """The lines of a row, each with its end."""
-        row = shown.batch.rows.row(shown.row)
+        row = shown.values
         noise = row.kind == Kind.NOISE
         lines = []
         if not (noise or shown.late):
-            lines = self._frame(shown.batch.frame(shown.row))
+            lines = self._frame(shown.frame)
         lines += [_finding(finding, None if noise else row.unit, row.t_end_ns) for finding in shown.findings]
         return "".join(f"{line}\n" for line in lines)
 

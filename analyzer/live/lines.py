@@ -34,6 +34,7 @@ _BEHIND_FIELDS: Final = ("confidence", "findings", "port")  # keys of a frame's 
 _MARKS: Final = {Severity.ERROR: "!", Severity.WARNING: "?", Severity.NOTE: "-"}
 _COLOURS: Final = {Severity.ERROR: "31", Severity.WARNING: "33", Severity.NOTE: "2"}
 _INDENT: Final = " " * 16
+_NOISE, _REQUEST = int(Kind.NOISE), int(Kind.REQUEST)  # asked of each row: enums are slow
 
 
 T = TypeVar("T")
@@ -77,20 +78,17 @@ class TextLines:
 
     def of(self, shown: ShownRow) -> TerminalText:
         """The lines of a row, each with its end; empty where there is nothing to show."""
-        kind = int(shown.batch.rows.kind[shown.row])
-        lines = []
-        if kind != Kind.NOISE:
-            frame = shown.batch.frame(shown.row)
-            if shown.late:
-                lines.append(
-                    self._cut(f"{clock_time(frame.t_end_ns)}   #{frame.index}: {self._summaries.of(frame)}", "2")
-                )
-            else:
-                lines.append(self._frame(frame))
-        elif self._noise or shown.findings:
-            lines.append(self._cut(_noise(shown.batch, shown.row), "2"))
-        lines += [self._finding(finding) for finding in shown.findings]
-        return terminal_text(*lines)
+        first = self._row(shown)
+        return terminal_text(first, *map(self._finding, shown.findings)) if shown.findings else first
+
+    def _row(self, shown: ShownRow) -> TerminalText:
+        if shown.values.kind == _NOISE:
+            shows = self._noise or shown.findings
+            return self._cut(_noise(shown.batch, shown.row), "2") if shows else terminal_text()
+        frame = shown.frame
+        if shown.late:
+            return self._cut(f"{clock_time(frame.t_end_ns)}   #{frame.index}: {self._summaries.of(frame)}", "2")
+        return self._frame(frame)
 
     def bus(self, finding: Finding) -> TerminalText:
         """A finding about the bus as a whole."""
@@ -108,15 +106,16 @@ class TextLines:
         return self._cut(text, _COLOURS[Severity[cause.severity.upper()]])
 
     def _frame(self, frame: Frame) -> TerminalText:
-        arrow = ">" if frame.row.kind == Kind.REQUEST else "<"
-        took = "" if frame.response_time_ns is None else f"   {duration(frame.response_time_ns)}"
-        check = "" if frame.crc_ok else f"   {tr('WRONG CHECK VALUE')}"
-        head = f"{clock_time(frame.t_end_ns)} {arrow} {frame.unit:3d} {frame.function:02d} "
+        row, waited = frame.row, frame.response_time_ns
+        arrow = ">" if row.kind == _REQUEST else "<"
+        took = "" if waited is None else f"   {duration(waited)}"
+        check = "" if row.check else f"   {tr('WRONG CHECK VALUE')}"
+        head = f"{clock_time(row.t_end_ns)} {arrow} {row.unit:3d} {row.function:02d} "
         words = self._summaries.of(frame)
         if self._width is not None:
             room = self._width - len(head) - len(took) - len(check)
             words = words if len(words) <= room else words[: max(room - 1, 0)] + "…"
-        colour = "31" if check else "33" if frame.exception is not None else ""
+        colour = "31" if check else "33" if row.exception else ""
         return self._painted(f"{head}{words}{took}{check}", colour)
 
     def _finding(self, finding: Finding) -> TerminalText:
@@ -130,7 +129,7 @@ class TextLines:
         return self._painted(line, colour)
 
     def _painted(self, line: str, colour: str) -> TerminalText:
-        return terminal_text(painted(line, colour if self._colour else ""), "\n")
+        return painted(line, colour if self._colour else "", ended=True)
 
 
 class LiveJsonLines:
@@ -152,11 +151,10 @@ class LiveJsonLines:
 
     def of(self, shown: ShownRow) -> str:
         """The lines of a row."""
-        kind = int(shown.batch.rows.kind[shown.row])
         if shown.late:
             return "".join(self.bus(finding) for finding in shown.findings)
-        if kind != Kind.NOISE:
-            return _dumped(self._frame(shown.batch.frame(shown.row)))
+        if shown.values.kind != _NOISE:
+            return _dumped(self._frame(shown.frame))
         return _dumped(noise_json(shown.batch, shown.row)) if self._noise else ""
 
     def _frame(self, frame: Frame) -> dict[str, Any]:

@@ -32,7 +32,7 @@ class LivePackets:
 
     def of(self, shown: ShownRow) -> bytes:
         """The packet of a row, or what is said of it later."""
-        row = shown.batch.rows.row(shown.row)
+        row = shown.values
         line = self._session.line
         self._now = max(self._now, row.t_end_ns)
         if row.kind == Kind.NOISE and not self._noise:

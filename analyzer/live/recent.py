@@ -8,13 +8,15 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from ..tables.batch import Batch, rows_of_findings
 from ..tables.findings import Finding, describe, described
+from ..tables.frame import Frame
+from ..tables.schema import Row
 from .session import SessionStep
 
 _ROWS: Final = 512  # kept at least
@@ -26,8 +28,14 @@ class ShownRow:
 
     batch: Batch
     row: int
+    values: Row  # of that row
     findings: tuple[Finding, ...]
     late: bool
+
+    @property
+    def frame(self) -> Frame:
+        """A view of it, if it is a frame."""
+        return self.batch.view(self.row, self.values)
 
 
 class Recent:
@@ -44,8 +52,8 @@ class Recent:
         if len(step.findings) > (0 if own is None else len(own)):
             yield from self._late(step)
         silent = own is None or not len(own)
-        for row in range(len(batch)):
-            yield ShownRow(batch, row, () if silent else batch.findings_of(row), late=False)
+        for row, values in enumerate(batch.rows):
+            yield ShownRow(batch, row, values, () if silent else batch.findings_of(row), late=False)
         if len(batch):
             self._batches.append(batch)
             self._rows += len(batch)
@@ -60,7 +68,8 @@ class Recent:
             for batch in self._batches:
                 row = int(rows_of_findings(batch.rows, one)[0])
                 if row >= 0:
-                    yield ShownRow(replace(batch, findings=one), row, (describe(one, 0),), late=True)
+                    said = (describe(one, 0),)
+                    yield ShownRow(batch.said(one), row, batch.rows.row(row), said, late=True)
                     break
 
 

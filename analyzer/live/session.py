@@ -106,7 +106,7 @@ class Session:
         self.line = source.line
         self._source = source
         self._recorder = recorder
-        self._analyzer = Analyzer(source.line, options)
+        self._analyzer = Analyzer(source.line, options, settles=False)
         self._queue: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._backlog = backlog
         self._outlets = outlets

@@ -75,6 +75,10 @@ class Batch:
     def __len__(self) -> int:
         return len(self.rows)
 
+    def said(self, findings: Findings) -> Batch:
+        """The same rows, with what was said of them."""
+        return Batch(self.rows, self.data, self.earlier, self.evidence, findings)
+
     def bytes_of(self, row: int) -> bytes:
         """The captured bytes of one row."""
         at = int(self.rows.at[row])
@@ -83,13 +87,14 @@ class Batch:
     def frames(self, told: FrameTeller | None = None) -> Iterator[Frame]:
         """A view of each frame, noise left out; `told` as in `frame`."""
         framed = np.flatnonzero(self.rows.kind != Kind.NOISE)
-        return (self._frame(row, values, told) for row, values in zip(framed.tolist(), self.rows[framed], strict=True))
+        return (self.view(row, values, told) for row, values in zip(framed.tolist(), self.rows[framed], strict=True))
 
     def frame(self, row: int, told: FrameTeller | None = None) -> Frame:
         """A view of one row that is a frame; `told` makes its JSON object, or says None."""
-        return self._frame(row, self.rows.row(row), told)
+        return self.view(row, self.rows.row(row), told)
 
-    def _frame(self, row: int, values: Row, told: FrameTeller | None) -> Frame:
+    def view(self, row: int, values: Row, told: FrameTeller | None = None) -> Frame:
+        """The same where the row's values are at hand."""
         captured = self.data[values.at : values.at + values.length].tobytes()
         request = self.request_of(row, values.request) if values.request >= 0 else None
         evidence = None if self.evidence is None else self.evidence[row : row + 1]

@@ -16,7 +16,7 @@ from collections import namedtuple
 from collections.abc import Iterator, Sequence
 from dataclasses import fields
 from operator import attrgetter
-from typing import Annotated, Any, Final, Self, TypeAlias, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, ClassVar, Final, Self, TypeAlias, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +40,13 @@ class Columns:
     """A table. `Annotated[Float64s, 8]` is a column of eight figures a row."""
 
     __slots__ = ()
+    _first: ClassVar[Any]  # gives the first column of a table
+    _every: ClassVar[Any]  # and all of them
+
+    def __init_subclass__(cls) -> None:
+        names = tuple(cls.__annotations__)
+        cls._first = attrgetter(names[0])
+        cls._every = attrgetter(*names)
 
     @classmethod
     def dtypes(cls) -> dict[str, np.dtype[Any]]:
@@ -66,11 +73,7 @@ class Columns:
 
     def columns(self) -> tuple[NDArray[Any], ...]:
         """The arrays, in the order of their names."""
-        table = type(self)
-        get = _GETTERS.get(table)
-        if get is None:
-            get = _GETTERS[table] = attrgetter(*_dtypes(table))
-        arrays: tuple[NDArray[Any], ...] = get(self)
+        arrays: tuple[NDArray[Any], ...] = self._every(self)
         return arrays
 
     def column(self, name: str) -> NDArray[Any]:
@@ -79,7 +82,7 @@ class Columns:
         return found
 
     def __len__(self) -> int:
-        return len(self.columns()[0])
+        return len(self._first(self))
 
     def __getitem__(self, which: Which) -> Self:
         """Some rows: views of a stretch, copies of rows by number or mask."""
@@ -131,13 +134,12 @@ class Columns:
 
     def tolist(self) -> list[tuple[Any, ...]]:
         """All rows so."""
-        return list(zip(*(column.tolist() for column in self.columns()), strict=True))
+        return list(zip(*[column.tolist() for column in self.columns()], strict=True))
 
 
 _TYPES: dict[type[Any], dict[str, np.dtype[Any]]] = {}
 _NONE: dict[type[Any], Any] = {}  # of each, the table without rows
 _ROW_TYPES: dict[type[Any], Any] = {}
-_GETTERS: dict[type[Any], attrgetter[tuple[NDArray[Any], ...]]] = {}
 
 
 def _dtypes(table: type[Any]) -> dict[str, np.dtype[Any]]:

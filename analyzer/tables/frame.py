@@ -17,6 +17,8 @@ from ..html_text import html_page, html_table
 from .findings import Finding
 from .schema import BoundaryEvidence, Kind, Protocol, Row
 
+_REQUEST, _RTU, _TCP = int(Kind.REQUEST), int(Protocol.RTU), int(Protocol.TCP)  # asked of each frame: enums are slow
+
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Frame:
@@ -60,7 +62,7 @@ class Frame:
 
     @property
     def role(self) -> Role:
-        return Role.REQUEST if self.row.kind == Kind.REQUEST else Role.RESPONSE
+        return Role.REQUEST if self.row.kind == _REQUEST else Role.RESPONSE
 
     @property
     def direction(self) -> str:
@@ -86,7 +88,7 @@ class Frame:
     @property
     def crc_ok(self) -> bool | None:
         """Whether CRC or LRC are right; None for Modbus TCP, which has neither."""
-        return None if self.row.protocol == Protocol.TCP else self.row.check
+        return None if self.row.protocol == _TCP else self.row.check
 
     @property
     def request_start(self) -> int | None:
@@ -167,7 +169,9 @@ class Frame:
 
 def adu_of(captured: bytes, protocol: int) -> Adu:
     """The ADU that these captured bytes are; of ASCII mode, what their digits stand for."""
-    if protocol != Protocol.ASCII:
-        return rtu(captured) if protocol == Protocol.RTU else tcp(captured)
+    if protocol == _RTU:
+        return rtu(captured)
+    if protocol == _TCP:
+        return tcp(captured)
     frames = ascii_frames(captured)
     return frames[0] if frames else ascii_adu(b"")

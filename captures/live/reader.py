@@ -94,14 +94,15 @@ class Port:
 
     def read(self) -> None:
         """Take what has come."""
-        data, errors = b"", list[int]()
-        if self.tap is not None:
-            try:
-                data, errors = self.tap.read()
-            except PortGoneError as error:
-                self.gone(error)
+        if self.tap is None:
+            return
+        try:
+            data, errors = self.tap.read()
+        except PortGoneError as error:
+            self.gone(error)
+            return
         self.desk.read(self.desk.clock.now(), self.number, data, errors)
-        if self.tap is not None and self.tap.notices:
+        if self.tap.notices:
             self._tell_notices()
 
     def _set(self, tap: Tap) -> None:
@@ -206,22 +207,29 @@ def _by_waiting(ports: list[Port], desk: ReadBatching, out: Pipe) -> None:
     commands, clock = Commands(), desk.clock
     over, over_writer = os.pipe()
     taps = Ports(ports, Attempts(lambda: os.write(over_writer, b"."), blocking=False))
-    now = clock.now()
-    while not taps.ended:
-        listening = _descriptors(ports)
-        wait = (min(desk.deadline, taps.attempt(now)) - now) / 1e9
+    now = due = clock.now()  # `due`: when a port is to be tried
+    listening: dict[int, Port] = {}
+    same = False  # no port came or went since these were made
+    while same or not taps.ended:
+        if not same or due <= now:
+            due, listening, same = taps.attempt(now), _descriptors(ports), True
+        wait = (min(desk.deadline, due) - now) / 1e9
         ready, _, _ = select.select([0, over, *listening], [1] if out.waiting else [], [], wait if wait > 0 else 0)
         for descriptor in ready:
             if descriptor in listening:
-                listening[descriptor].read()
+                port = listening[descriptor]
+                port.read()
+                same = same and port.tap is not None
         if 0 in ready:
             command = commands.take()
             if command is None:
                 return
             taps.obey(command)
+            same = False
         if over in ready:
             os.read(over, 4096)
             taps.attempted()
+            same = False
         now = clock.now()
         if desk.deadline <= now and (not ready or _quiet(ports)):
             desk.due(now)
@@ -230,7 +238,7 @@ def _by_waiting(ports: list[Port], desk: ReadBatching, out: Pipe) -> None:
 
 
 def _descriptors(ports: list[Port]) -> dict[int, Port]:
-    """What to wait on: made anew each time, as ports come and go, and numbers of descriptors are used again."""
+    """What to wait on: made anew when ports come and go, since numbers of descriptors are used again."""
     return {p.tap.descriptor: p for p in ports if p.tap is not None and p.tap.descriptor is not None}
 
 
