@@ -21,6 +21,7 @@ from .halves import halves
 from .loglines import LineReader, LogLine
 from .payloads import payload_of
 from .plain import is_of_mail, quoted
+from .repeats import with_repeats
 from .settling import only_bytes, settle
 
 LOOKED_FOR: Final = (
@@ -168,7 +169,7 @@ class LogReader:
         yield from self._settled(len(self._waiting))
 
     def _whole(self, lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
-        return _parted(_mended(_unfolded(lines) if self._experience.mail else lines))
+        return with_repeats(_parted(_mended(_unfolded(lines) if self._experience.mail else lines)))
 
     def _line_reader(self) -> LineReader:
         return LineReader(self._settler(), self._zone, self._sample_rate, self._experience)
