@@ -16,6 +16,7 @@ from typing import Final
 from ..limits import TIME_LIMIT
 
 DAY_NS = 86_400_000_000_000
+SECOND_NS: Final = 1_000_000_000
 _MINUTE_NS: Final = 60_000_000_000
 
 _MONTHS: Final = ["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"]
@@ -73,13 +74,15 @@ _EPOCH_DAY: Final = datetime(1970, 1, 1, tzinfo=UTC)
 class Stamp:
     """A time in ns: of the day if `of_day`, else since 1970 (UTC) or since some start.
 
-    `zoned` is whether the text itself named a zone; `fine` whether it goes beyond whole seconds.
+    `zoned` is whether the text itself named a zone; `fine` whether it goes beyond whole seconds. `places` are the
+    digits behind a point, where it has one.
     """
 
     t_ns: int
     of_day: bool
     zoned: bool = True
     fine: bool = True
+    places: int = 0
 
 
 def find(text: str, zone: tzinfo | None = UTC) -> tuple[Stamp | None, str]:
@@ -140,7 +143,7 @@ def _fraction(digits: str | None, unit_ns: int = 10**9) -> int:
 
 
 def _of_seconds(match: re.Match[str]) -> Stamp:
-    return Stamp(int(match[1]) * 10**9 + _fraction(match[2]), of_day=False)
+    return Stamp(int(match[1]) * 10**9 + _fraction(match[2]), of_day=False, places=len(match[2]))
 
 
 def _of_minutes(match: re.Match[str]) -> Stamp:
@@ -194,12 +197,14 @@ def _of_clock(match: re.Match[str], zone: tzinfo | None) -> Stamp | None:
     t_ns = (hour * 3600 + minute * 60 + second) * 10**9 + _fraction(fraction)
     date = _date(match, american=bool(half))
     if date is None:
-        return Stamp(t_ns, of_day=True, fine=bool(fraction))
+        return Stamp(t_ns, of_day=True, fine=bool(fraction), places=len(match["f"] or ""))
     try:
         seconds = _midnight(*date, match["zone"], zone, hour)
     except (ValueError, OverflowError):
         return None
-    return Stamp(seconds * 10**9 + t_ns, of_day=False, zoned=bool(match["zone"]), fine=bool(fraction))
+    t_ns += seconds * 10**9
+    zoned = bool(match["zone"])
+    return Stamp(t_ns, of_day=False, zoned=zoned, fine=bool(fraction), places=len(match["f"] or ""))
 
 
 def _date(match: re.Match[str], *, american: bool) -> tuple[int, int, int] | None:
