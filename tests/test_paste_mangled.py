@@ -103,3 +103,9 @@ def test_what_stands_behind_an_answer_makes_no_request_of_it(behind: str, label:
     answer = adu("2B0302 0311")
     text = label + (answer + bytes.fromhex(behind)).hex(" ")
     assert pieces(text) == [("response", answer.hex()), ("noise", behind.lower())]
+
+
+@pytest.mark.parametrize("label", ["raw: ", "what came = ", "bytes [", "Принято (hex): "])
+def test_a_byte_of_letters_behind_a_sign_is_no_word(label: str) -> None:
+    assert pieces(f"{label}FF 00 {ANSWER.hex(' ')}") == [("noise", "ff00"), BOTH[1]]
+    assert pieces(f"man sah de {ANSWER.hex(' ')}") == [BOTH[1]]

@@ -1,4 +1,4 @@
-"""Times whose fractions lack their leading zeros: told by the order of times, and said."""
+"""Times that take a second look: fractions without leading zeros, a time in a line of its own, a kernel's brackets."""
 
 from __future__ import annotations
 
@@ -70,3 +70,21 @@ def test_decimals_without_trailing_zeros_are_decimals(tmp_path: Path) -> None:
 )
 def test_where_the_order_does_not_tell_they_are_decimals(tmp_path: Path, stamps: list[str]) -> None:
     assert not any("leading zeros" in notice for notice in opened(tmp_path, stamps).notices)
+
+
+@pytest.mark.parametrize(
+    "form",
+    [
+        '- time: 2026-11-21T10:00:0{i}.120Z\n  {mark}: "{data}"',
+        "10:00:0{i}.120 poll of unit 43\n{mark} {data}",
+        "kern: [1234{i}.120000] rs485: {mark} {data}",
+        "host kernel: [    {i}.120000] ttyS1 {mark} {data}",
+    ],
+)
+def test_the_time_of_a_read_stands_above_it_or_in_brackets(tmp_path: Path, form: str) -> None:
+    reads = [("tx", REQUEST), ("rx", ANSWER)] * 2
+    path = tmp_path / "log.txt"
+    path.write_text("\n".join(form.format(i=i, mark=m, data=d.hex(" ")) for i, (m, d) in enumerate(reads)))
+    capture = captures.open(path, judge=judge)
+    assert steps(capture) == [10**6] * 3
+    assert not any("no time" in damage.what for damage in capture.damage)

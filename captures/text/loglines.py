@@ -311,6 +311,8 @@ class LineReader:
             before = before[: before.rfind(first.offset)].removesuffix("0x")
         worded = mark or _LETTER.search(before.removesuffix("b'").removesuffix('b"'))
         if heading is None or worded:
+            if heading is not None and line.t_ns is None and not heading.rows:
+                line.t_ns, line.fine = heading.t_ns, heading.fine
             if first.level or first.checked:
                 self._heading = None
             line.continues = goes_on

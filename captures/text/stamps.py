@@ -52,6 +52,7 @@ _LEAD = r"^[\s\[(|\"']*"
 _SECONDS = re.compile(_LEAD + r"(\d{1,10})\.(\d{3,18})(?: ?s)?(?=[\s\]):,;>|\"']|-\D|$)")
 _COMMA_SECONDS = re.compile(_LEAD + r"(\d{1,10}),(\d{1,9})(?: ?s)?(?=[;\t])")  # of a table in a comma's country
 _NUMBERED_SECONDS = re.compile(r"^\s*\d{1,9}[ \t]+(\d{1,10})\.(\d{6}|\d{9})(?=[ \t])")  # Wireshark's list of packets
+_BRACKETED: Final = re.compile(r"^[\w./: -]{1,40}?[:\s]\[\s*(\d{1,7})\.(\d{6})\](?=\s)")  # of a kernel, behind a name
 _MINUTES = re.compile(_LEAD + r"(\d{1,3}):([0-5]\d)\.(\d{1,6})(?=[\s\]):,;>|\"'])")  # since some start
 _EPOCH = re.compile(_LEAD + r"(1[2-9]\d{11}(?:\d{3}){0,2})(?=[\])]|[\s,:;]+(?![0-9A-Fa-f]{6})\S)")
 _EPOCH_SECONDS = re.compile(_LEAD + r"(1[2-9]\d{8})(?=[\])]|[\s,:;]+(?![0-9A-Fa-f]{6})\S)")
@@ -119,6 +120,9 @@ def find(text: str, zone: tzinfo | None = UTC) -> tuple[Stamp | None, str]:
     if _LIKELY_DATE.search(text):
         for match in _BARE_DATE.finditer(text):
             text = _blanked(text, match)
+    if stamp is None and (match := _BRACKETED.match(text)) is not None:
+        stamp = _of_seconds(match)
+        text = _blanked(text, match, 1)
     if stamp is not None and abs(stamp.t_ns) >= TIME_LIMIT:
         stamp = None
     return stamp, text
@@ -132,8 +136,8 @@ def _finer(stamp: Stamp, clock: Stamp) -> Stamp:
     return replace(stamp, t_ns=stamp.t_ns + fraction, fine=True)
 
 
-def _blanked(text: str, match: re.Match[str]) -> str:
-    return text[: match.start()] + " " * (match.end() - match.start()) + text[match.end() :]
+def _blanked(text: str, match: re.Match[str], group: int = 0) -> str:
+    return text[: match.start(group)] + " " * (match.end() - match.start(group)) + text[match.end() :]
 
 
 def _fraction(digits: str | None, unit_ns: int = 10**9) -> int:
