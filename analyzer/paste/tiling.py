@@ -42,19 +42,24 @@ def predicted(data: bytes, role: Role) -> int | None:
 def windows(data: bytes, cuts: Iterable[int], roles: Sequence[Role]) -> list[Window]:
     """All windows that can be frames; `cuts` are the offsets at which the paste itself is divided.
 
-    Over a cut none is a frame that breaks a limit: a right answer and the 00 behind it have a right CRC together.
+    Over a cut none is a frame that breaks a limit, nor over the end of one that breaks none: a right answer and the 00
+    behind it have a right CRC together.
     """
     edges = sorted({0, len(data), *cuts})
     candidates: dict[tuple[int, int], list[Role]] = {}
     for start in range(len(data) - MIN_ADU + 1):
         head = data[start : start + MAX_ADU]
+        right: list[tuple[int, Role, bool]] = []
         for role in roles:
             length = predicted(head, role)
             if length is None or not MIN_ADU <= length <= len(data) - start:
                 continue
             end = start + length
-            whole = edges[bisect_right(edges, start)] >= end
-            if crc_ok(data[start:end]) and (whole or not plausibility(data[start + 1 : end - CRC_SIZE], role)):
+            if crc_ok(data[start:end]):
+                right.append((end, role, not plausibility(data[start + 1 : end - CRC_SIZE], role)))
+        limit = min((end for end, _, legal in right if legal), default=edges[bisect_right(edges, start)])
+        for end, role, legal in right:
+            if legal or end <= limit:
                 candidates.setdefault((start, end), []).append(role)
     for start, end in pairwise(edges):
         if (

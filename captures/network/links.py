@@ -1,4 +1,4 @@
-"""What stands around the bytes of a packet, by link type: a serial line's bytes, or a TCP segment.
+"""What stands around the bytes of a packet, by link type: a serial line's bytes, a TCP segment or a UDP datagram.
 
 Link types are those of tcpdump.org/linktypes. Columns in, columns out: `serial_reads` and `segments` take the packets
 of one link type.
@@ -28,7 +28,9 @@ NETWORK: Final = frozenset({*_IP_AT, *_TYPE_AT})
 _VLAN: Final = (0x8100, 0x88A8, 0x9100)
 _VLANS: Final = 3  # tags in a row
 _TCP: Final = 6
-KEY: Final = 36  # bytes that name a direction of a connection
+UDP: Final = 17
+_TCP_HEADER, _UDP_HEADER = 20, 8  # bytes, at least
+KEY: Final = 40  # bytes that name a direction of a connection
 _V6_EXTENSIONS: Final = (0, 43, 60, 135)  # headers that tell their own length
 _RTAC_HEADER: Final = 12
 _RTAC_TX: Final = (1, 3)
@@ -103,9 +105,11 @@ def _tag_bytes(packet: bytes) -> int:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Segments:
-    """TCP segments, in packet order. `key` is source, destination (16 bytes each, IPv4 mapped), and their ports.
+    """TCP segments and UDP datagrams, in packet order.
 
-    `begin` and `size` are the payload as captured, `missing` what the snap length cut off it.
+    `key` is source, destination (16 bytes each, IPv4 mapped), their ports (2 each) and the protocol's number (4).
+    `begin` and `size` are the payload as captured, `missing` what the snap length cut off it. Datagrams have no `seq`,
+    `ack` and `flags`.
     """
 
     packet: Ints
@@ -116,11 +120,17 @@ class Segments:
     begin: Ints
     size: Ints
     missing: Ints
-    other: int  # packets of something else than TCP
+    other: int  # packets of something else
+
+    @property
+    def datagrams(self) -> NDArray[np.bool_]:
+        """Which are of UDP."""
+        datagrams: NDArray[np.bool_] = self.key[:, KEY - 1] == UDP
+        return datagrams
 
 
 def segments(packets: Packets, chosen: Ints, link: int) -> Segments:
-    """The TCP segments of these packets, whose link type is one of NETWORK."""
+    """The segments and datagrams of these packets, whose link type is one of NETWORK."""
     data, at = packets.data, packets.at[chosen]
     end = at + packets.size[chosen]
     ip = _ip(data, at, link)
@@ -131,10 +141,12 @@ def segments(packets: Packets, chosen: Ints, link: int) -> Segments:
         begins = ip[four]
         header = (take(data, begins) & 15) * 4
         total = take_number(data, begins + 2, 2)
-        intact = (take(data, begins + 9) == _TCP) & (take_number(data, begins + 6, 2) & 0x3FFF == 0) & (header >= 20)
+        carried = take(data, begins + 9)
+        intact = np.isin(carried, (_TCP, UDP)) & (take_number(data, begins + 6, 2) & 0x3FFF == 0) & (header >= 20)
         # a length of 0: the network card was to cut the segment
         length = np.where(total == 0, end[four] - begins, total)
-        parts.append(_tcp(data, four[intact], begins[intact], begins + header, begins + length, intact, range(12, 20)))
+        ends = _Ends(begins + header, begins + length, carried, range(12, 20))
+        parts.append(_of_version(data, four[intact], begins[intact], ends, intact))
     six = np.flatnonzero((version == 6) & (ip + 40 <= end))
     if len(six):
         begins = ip[six]
@@ -143,9 +155,9 @@ def segments(packets: Packets, chosen: Ints, link: int) -> Segments:
             extended = np.isin(following, _V6_EXTENSIONS) & (tcp < end[six])
             following = np.where(extended, take(data, tcp), following)
             tcp = np.where(extended, tcp + 8 * (take(data, tcp + 1) + 1), tcp)
-        intact = following == _TCP
-        length = 40 + take_number(data, begins + 4, 2)
-        parts.append(_tcp(data, six[intact], begins[intact], tcp, begins + length, intact, range(8, 40)))
+        intact = np.isin(following, (_TCP, UDP))
+        ends = _Ends(tcp, begins + 40 + take_number(data, begins + 4, 2), following, range(8, 40))
+        parts.append(_of_version(data, six[intact], begins[intact], ends, intact))
     return _joined(packets, chosen, end, parts)
 
 
@@ -165,6 +177,16 @@ def _ip(data: Bytes, at: Ints, link: int) -> Ints:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class _Ends:
+    """Where IP packets' payloads begin and end, of which protocol they are, and which bytes their addresses are."""
+
+    begin: Ints
+    end: Ints
+    carried: Ints
+    addresses: range
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class _VersionSegments:
     """Segments of one IP version: `which` of the chosen packets, and their keys."""
 
@@ -174,18 +196,17 @@ class _VersionSegments:
     end: Ints
 
 
-def _tcp(
-    data: Bytes, which: Ints, ip: Ints, tcp: Ints, end: Ints, intact: NDArray[np.bool_], addresses: range
-) -> _VersionSegments:
-    tcp, end = tcp[intact], end[intact]
+def _of_version(data: Bytes, which: Ints, ip: Ints, ends: _Ends, intact: NDArray[np.bool_]) -> _VersionSegments:
+    tcp, end = ends.begin[intact], ends.end[intact]
     keys = np.zeros((len(tcp), KEY), np.uint8)
-    width = len(addresses) // 2
+    width = len(ends.addresses) // 2
     for side in (0, 1):
-        indices = ip[:, None] + np.array(addresses[side * width : (side + 1) * width])
+        indices = ip[:, None] + np.array(ends.addresses[side * width : (side + 1) * width])
         keys[:, 16 * side + 16 - width : 16 * side + 16] = data.take(indices, mode="clip")
         if width < 16:
             keys[:, 16 * side + 10 : 16 * side + 12] = 0xFF
-    keys[:, 32:] = data.take(tcp[:, None] + np.arange(4), mode="clip")
+    keys[:, 32:36] = data.take(tcp[:, None] + np.arange(4), mode="clip")
+    keys[:, KEY - 1] = ends.carried[intact]
     return _VersionSegments(which, keys, tcp, end)
 
 
@@ -199,21 +220,23 @@ def _joined(packets: Packets, chosen: Ints, captured: Ints, parts: list[_Version
     if len(parts) > 1:
         order = np.argsort(which, kind="stable")
         which, tcp, end, keys = which[order], tcp[order], end[order], keys[order]
-    begin = tcp + (take(data, tcp + 12) >> 4) * 4
+    datagram = keys[:, KEY - 1] == UDP
+    header = np.where(datagram, _UDP_HEADER, _TCP_HEADER)
+    begin = tcp + np.where(datagram, header, (take(data, tcp + 12) >> 4) * 4)
     captured_to = captured[which]
-    sound = (tcp + 20 <= captured_to) & (begin >= tcp + 20) & (begin <= end)
+    sound = (tcp + header <= captured_to) & (begin >= tcp + header) & (begin <= end)
     if not sound.all():
-        which, tcp, end, begin, captured_to, keys = (
-            column[sound] for column in (which, tcp, end, begin, captured_to, keys)
+        which, tcp, end, begin, captured_to, keys, datagram = (
+            column[sound] for column in (which, tcp, end, begin, captured_to, keys, datagram)
         )
     stop = np.minimum(end, captured_to)
     begin = np.minimum(begin, stop)
     return Segments(
         packet=chosen[which],
         key=keys,
-        seq=take_number(data, tcp + 4, 4),
-        ack=take_number(data, tcp + 8, 4),
-        flags=take(data, tcp + 13),
+        seq=np.where(datagram, 0, take_number(data, tcp + 4, 4)),
+        ack=np.where(datagram, 0, take_number(data, tcp + 8, 4)),
+        flags=np.where(datagram, 0, take(data, tcp + 13)),
         begin=begin,
         size=stop - begin,
         missing=end - stop,

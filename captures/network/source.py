@@ -1,4 +1,4 @@
-"""A network capture as a capture of lines: each serial interface a port, each Modbus connection over TCP another.
+"""A network capture as a capture of lines: each serial interface a port, each Modbus connection (TCP, UDP) another.
 
 The file is read twice. The first time says which connections there are, which of them carry Modbus and how many are
 open at once, so that ports have numbers and names before the first byte is given; the second time gives the bytes.
@@ -29,6 +29,8 @@ from .tcp import ConnectionGroup, Half, Reassembly
 TAP: Final = "network"  # the line's `tap`, where bytes came over TCP
 _PORTS: Final = 256
 _NO_PORT: Final = 256
+_NO_TRANSPORT: Final = "neither TCP nor UDP"
+_FOREIGN_DATAGRAMS: Final = "UDP without Modbus"
 _NAMED: Final = 4  # of what is left out, named one by one
 _LINKS: Final = {
     105: "IEEE 802.11", 127: "IEEE 802.11 with radiotap", 189: "USB (usbmon)", 195: "IEEE 802.15.4",
@@ -43,6 +45,7 @@ class _Judged:
     group: ConnectionGroup
     reads: list[tuple[Mark, bytes]] = field(default_factory=list)
     octets: int = 0
+    packets: int = 0  # that carried them
     kind: str | None = None
 
 
@@ -82,7 +85,7 @@ def _nothing(survey: _Survey) -> str:
         ]
         more = f" and {len(names) - _NAMED:,} more" if len(names) > _NAMED else ""
         return f"no Modbus in its {len(names):,} TCP connections: {', '.join(names[:_NAMED])}{more}"
-    return f"no serial line and no TCP data in it: {', '.join(others) or 'no packets'}"
+    return f"no serial line, no TCP data and no Modbus over UDP in it: {', '.join(others) or 'no packets'}"
 
 
 class _ConnectionSurvey:
@@ -104,6 +107,7 @@ class _ConnectionSurvey:
         for begin, size in zip(begins[:room].tolist(), sizes[:room].tolist(), strict=True):
             one.reads.append((half.mark, self.data[begin : begin + size]))
         one.octets += int(sizes.sum())
+        one.packets += len(which)
 
     def piece(self, half: Half, i: int, begin: int, size: int) -> None:
         self.late(half, i, self.data[begin : begin + size])
@@ -113,6 +117,7 @@ class _ConnectionSurvey:
         if len(one.reads) < SAMPLE and one.octets < SAMPLE_BYTES:
             one.reads.append((half.mark, octets))
         one.octets += len(octets)
+        one.packets += 1
 
     def ended(self, half: Half) -> None:
         """Nothing is kept back here."""
@@ -136,7 +141,7 @@ def _surveyed(file: PacketFile) -> _Survey:
                 listener.segments = links.segments(packets, chosen, link)
                 reassembly.feed(listener.segments, listener.data)
                 if listener.segments.other:
-                    survey.others["no TCP"] += listener.segments.other
+                    survey.others[_NO_TRANSPORT] += listener.segments.other
             else:
                 survey.others[f"link type {link}" + (f" ({_LINKS[link]})" if link in _LINKS else "")] += len(chosen)
     reassembly.close()
@@ -161,6 +166,9 @@ def _number(survey: _Survey, interfaces: list[Interface]) -> None:
     survey.serial = {interface: port for interface, port in survey.serial.items() if port < _PORTS}
     for one in survey.groups:
         one.kind = kind_of(one.reads)
+        if one.group.of_datagrams and one.kind != "tcp":  # answers of DNS, too, begin as they were asked
+            survey.others[_FOREIGN_DATAGRAMS] += one.packets
+    survey.groups = [one for one in survey.groups if one.kind == "tcp" or not one.group.of_datagrams]
     if not survey.serial and len(survey.groups) == 1 and not looks_foreign(survey.groups[0].reads):
         survey.groups[0].kind = survey.groups[0].kind or "unknown"  # there is nothing else that could be meant
     following = max(survey.serial.values(), default=-1) + 1
@@ -202,7 +210,7 @@ class _PacketSource:
             names = ", ".join(f"{one.group.name} ({one.octets:,} bytes)" for one in out[:_NAMED])
             more = f" and {len(out) - _NAMED:,} more" if len(out) > _NAMED else ""
             words.append(f"TCP connections without Modbus are left out: {names}{more}")
-        if self.survey.serial or out or self.survey.others.keys() - {"no TCP"}:
+        if self.survey.serial or out or self.survey.others.keys() - {_NO_TRANSPORT, _FOREIGN_DATAGRAMS}:
             words += [f"{count:,} packets of {name} are left out" for name, count in self.survey.others.most_common()]
         return words
 
@@ -299,7 +307,8 @@ class _PacketBlocks:
         begins, sizes = self._segments.begin[which], self._segments.size[which]
         if (port := self._port(half)) is None:
             return
-        if half.group.number in self._framed and (half.rest or not self._whole[which].all()):
+        framed = half.group.number in self._framed and not half.group.of_datagrams
+        if framed and (half.rest or not self._whole[which].all()):
             for i, begin, size in zip(which.tolist(), begins.tolist(), sizes.tolist(), strict=True):
                 self.piece(half, i, begin, size)
             return
@@ -309,7 +318,8 @@ class _PacketBlocks:
     def piece(self, half: Half, i: int, begin: int, size: int) -> None:
         if (port := self._port(half)) is None:
             return
-        if half.group.number not in self._framed or (not half.rest and self._whole[i]):
+        framed = half.group.number in self._framed and not half.group.of_datagrams
+        if not framed or (not half.rest and self._whole[i]):
             self._pieces.append((int(self._packet[i]), begin, size, port, half.mark))
         else:
             self.late(half, i, self._data[begin : begin + size])

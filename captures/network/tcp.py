@@ -4,6 +4,8 @@ A segment that was sent again or captured twice counts once. One that came early
 where the other side acknowledges bytes that the capture does not have, they are given up and counted. The time of bytes
 is that of the packet that made them readable.
 
+Datagrams of UDP need none of this: they are given as they come, a client and a server's port being one connection.
+
 Connections between the same client and server share a port as long as one is closed before the next begins; those that
 overlap have a lane each.
 """
@@ -18,7 +20,7 @@ from typing import Final, Protocol
 import numpy as np
 
 from ..chunks import Mark
-from .links import KEY, Segments
+from .links import KEY, UDP, Segments
 from .packets import Ints
 
 _MASK: Final = (1 << 32) - 1
@@ -51,9 +53,14 @@ class ConnectionGroup:
         if not self.key:
             return "many others"
         client, server = (IPv6Address(self.key[at : at + 16]) for at in (0, 16))
-        port = int.from_bytes(self.key[34:], "big")
+        port = int.from_bytes(self.key[34:36], "big")
         end = f"{server.ipv4_mapped}:{port}" if server.ipv4_mapped else f"[{server}]:{port}"
-        return f"{client.ipv4_mapped or client} > {end}"
+        return f"{client.ipv4_mapped or client} > {end}" + (" (UDP)" if self.of_datagrams else "")
+
+    @property
+    def of_datagrams(self) -> bool:
+        """Whether it is of UDP."""
+        return self.key[-1:] == bytes((UDP,))
 
 
 @dataclass(slots=True, eq=False)
@@ -126,13 +133,17 @@ class Reassembly:
             firsts = alike
         order = np.argsort(alike, kind="stable")
         bounds = np.searchsorted(alike[order], np.arange(len(firsts) + 1)).tolist()
-        special = (segments.flags & _SPECIAL != 0) | (segments.missing > 0)
+        special = (segments.flags & _SPECIAL != 0) | ((segments.missing > 0) & ~segments.datagrams)
         carrying = segments.size > 0
         slow = np.zeros(len(firsts), np.bool_)
         slow[alike[special]] = True
         keys = [row.tobytes() for row in segments.key[firsts]]
         for number, key in enumerate(keys):
             half = self._halves.get(key)
+            if key[-1] == UDP:
+                mine = order[bounds[number] : bounds[number + 1]]
+                self._pass_on(half or self._half(key, 0, 0, None), segments, mine[carrying[mine]])
+                continue
             if slow[number] or half is None or half.waiting or (half.other is not None and half.other.waiting):
                 slow[number] = True
                 continue
@@ -151,6 +162,12 @@ class Reassembly:
             backs = {_back(key) for key, late in zip(keys, slow.tolist(), strict=True) if late}
             slow |= np.array([key in backs for key in keys])
             self._one_by_one(segments, data, np.flatnonzero(slow[alike]))
+
+    def _pass_on(self, half: Half, segments: Segments, datagrams: Ints) -> None:
+        """Datagrams of one direction, as they came."""
+        half.group.missing += int(segments.missing[datagrams].sum())
+        half.run = datagrams.tolist()
+        self._take_run(half, segments)
 
     def _one_by_one(self, segments: Segments, data: bytes, which: Ints) -> None:
         halves, runs = self._halves, list[Half]()
@@ -309,6 +326,9 @@ class Reassembly:
         return group
 
     def _opened(self, group: ConnectionGroup) -> Connection:
+        if group.of_datagrams:
+            group.lanes = 1
+            return Connection(group, 0)
         if group.free:
             return Connection(group, heappop(group.free))
         group.lanes += 1
@@ -317,14 +337,14 @@ class Reassembly:
 
 def _back(key: bytes) -> bytes:
     """The key of the other direction."""
-    return key[16:32] + key[:16] + key[34:] + key[32:34]
+    return key[16:32] + key[:16] + key[34:36] + key[32:34] + key[36:]
 
 
 def _from_client(key: bytes, flags: int) -> bool:
     """Whether a segment is the client's: who begins the connection, else who has the port of a client."""
     if flags & _SYN:
         return not flags & _ACK
-    source, destination = int.from_bytes(key[-4:-2], "big"), int.from_bytes(key[-2:], "big")
+    source, destination = int.from_bytes(key[32:34], "big"), int.from_bytes(key[34:36], "big")
     if _MODBUS_PORT in (source, destination):
         return destination == _MODBUS_PORT
     if (source < _WELL_KNOWN) != (destination < _WELL_KNOWN):

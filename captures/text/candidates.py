@@ -67,6 +67,8 @@ _DIGIT: Final = re.compile(
 _SHORT: Final = re.compile(rf"(?<![0-9A-Za-z]){H}{{1,3}}(?![0-9A-Za-z])|{H}{{8}}")
 _CLOSED: Final = re.compile(r"^\s*\d[\s\d,]*(?:[\])}]|$)")
 _BIG: Final = re.compile(r"[A-Za-z0-9+/]{6}[A-Za-z0-9+/=]{2}")
+_TYPED: Final = "[0-9A-Fa-fOoIlАВСЕаесО]"
+MISTYPED: Final = re.compile(rf"(?<!\w){_TYPED}{{2}}(?:[ \t,-]{{1,2}}{_TYPED}{{2}}){{3,}}(?!\w)")  # O1 03 СD
 _WRAPPING: Final = " \t\r\n,;:|=>[](){}\"'-._*◇◆□■#/$`"
 _SOLID: Final = re.compile(f"[^{re.escape(_WRAPPING)}]")
 _NEAR: Final = 40  # characters
@@ -86,7 +88,7 @@ def line_of(text: str, marks: Iterable[int] = ()) -> TextLine:
 
 def holds_digits(text: str) -> bool:
     """Whether there are digits at all that can be a byte."""
-    return _DIGIT.search(text) is not None
+    return _DIGIT.search(text) is not None or MISTYPED.search(text) is not None
 
 
 def holds_several(text: str) -> bool:
@@ -99,4 +101,5 @@ def holds_several(text: str) -> bool:
         or "^" in text
         or len(_SHORT.findall(text)) > least
         or _BIG.search(text) is not None
+        or MISTYPED.search(text) is not None
     )

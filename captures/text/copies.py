@@ -132,6 +132,8 @@ def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience, *, turn
         return entry if _is_logged_twice(earlier, entry) else None
     if earlier.template[1] == entry.template[1] == COLUMN_SHAPE:
         return None
+    if same_line and turned and earlier.template[1] == entry.template[1]:
+        return None  # several turns in one line
     pair = (*earlier.template, *entry.template)
     if entry.data in (earlier.data, earlier.decoded):
         marked = earlier.mark == entry.mark != 0 and not (earlier.runs[0].arrow and entry.runs[0].arrow)

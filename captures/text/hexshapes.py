@@ -65,6 +65,9 @@ def hex_candidates(line: TextLine) -> Iterator[HexWindow]:
 _SIGNS: Final = frozenset("xX$#&%'\"")
 
 
+_BEFORE_BYTES: Final = tuple(":=[({")
+
+
 def _pairs(line: TextLine) -> Iterator[HexWindow]:
     """`11 03 00 6B`"""
     text = line.text
@@ -82,7 +85,9 @@ def _pairs(line: TextLine) -> Iterator[HexWindow]:
             (usual, _), *_ = Counter(_GAP.findall(text, second, end)).most_common(1)
             apart = text[start + 2 : second] != usual
             counted = tokens[0].isdigit() and int(tokens[0]) == len(tokens) - 1  # "10 01 03 00 ...": so many bytes
-            if apart or counted or (tokens[0].isalpha() and not line.alone(start, end)):
+            behind_sign = line.before(start).rstrip()[-1:] in _BEFORE_BYTES
+            word = tokens[0].isalpha() and not (behind_sign or line.alone(start, end))
+            if apart or counted or word:
                 yield HexWindow(data[1:], second, end, "pairs", level)
                 level = Writing.LIKELY if apart else level
             if text[end : end + 1].isalnum():  # "02Connected", "10 after"

@@ -20,6 +20,7 @@ from captures.text import stamps
 from .candidates import Writing, line_of
 from .choosing import ByteJudge, ByteRun, Experience, label_in, no_judge, runs_in
 from .dumps import Dump
+from .fractions import Fractions, counted
 from .halves import halves
 from .headings import Heading, marks_of_cells
 from .othershapes import unescape
@@ -86,6 +87,7 @@ class LineReader:
     sample_rate: float | None = None
     experience: Experience = field(default_factory=Experience)
     zoneless: bool = False  # a date without a zone was met
+    fractions: Fractions = field(default_factory=Fractions)
     _heading: Heading | None = None
     _dump: Dump = field(default_factory=Dump)
     _times: TimeColumn | None = None  # of the table that is being read
@@ -309,6 +311,8 @@ class LineReader:
             before = before[: before.rfind(first.offset)].removesuffix("0x")
         worded = mark or _LETTER.search(before.removesuffix("b'").removesuffix('b"'))
         if heading is None or worded:
+            if heading is not None and line.t_ns is None and not heading.rows:
+                line.t_ns, line.fine = heading.t_ns, heading.fine
             if first.level or first.checked:
                 self._heading = None
             line.continues = goes_on
@@ -342,12 +346,14 @@ class LineReader:
         """Nanoseconds that go on past midnight."""
         if stamp is None:
             return None
+        self.fractions.note(stamp)
+        t_ns = counted(stamp, self.experience.fraction)
         if not stamp.of_day:
-            return stamp.t_ns
-        if self._newest is not None and stamp.t_ns < self._newest - stamps.DAY_NS // 2:
+            return t_ns
+        if self._newest is not None and t_ns < self._newest - stamps.DAY_NS // 2:
             self._days += 1
-        self._newest = stamp.t_ns
-        return stamp.t_ns + self._days * stamps.DAY_NS
+        self._newest = t_ns
+        return t_ns + self._days * stamps.DAY_NS
 
 
 def _with_marks(text: str, runs: list[ByteRun], line_marks: list[LineMark]) -> None:

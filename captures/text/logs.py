@@ -21,6 +21,7 @@ from .halves import halves
 from .loglines import LineReader, LogLine
 from .payloads import payload_of
 from .plain import is_of_mail, quoted
+from .repeats import with_repeats
 from .settling import only_bytes, settle
 
 LOOKED_FOR: Final = (
@@ -106,6 +107,11 @@ class LogReader:
         return deepcopy(self._experience)
 
     @property
+    def fraction(self) -> int:
+        """Digits that fractions of seconds stand for, where the order of times says that leading zeros are missing."""
+        return self._experience.fraction
+
+    @property
     def zoneless(self) -> bool:
         """Whether dates without a zone were met."""
         return self._lines.zoneless
@@ -136,7 +142,11 @@ class LogReader:
         reader = self._line_reader()
         judge = self._settler()
         experience.mail = any(is_of_mail(line) for line in beginning)
-        read = [part for number, line in self._whole(enumerate(beginning, 1)) for part in _read(reader, line, number)]
+        read = self._parts(reader, beginning)
+        if width := reader.fractions.width:
+            experience.fraction = width
+            reader = self._line_reader()
+            read = self._parts(reader, beginning)
         for run in (run for line in read for run in line.runs):
             experience.note(run)
         for experience.threshold, experience.decimals in _STANDARDS[only_bytes(read) :]:
@@ -153,6 +163,9 @@ class LogReader:
         self._lines.zoneless = reader.zoneless
         return read
 
+    def _parts(self, reader: LineReader, beginning: Sequence[str]) -> list[LogLine]:
+        return [part for number, line in self._whole(enumerate(beginning, 1)) for part in _read(reader, line, number)]
+
     def feed(self, lines: Iterable[tuple[int, str]]) -> Iterator[Piece | UnreadLine]:
         """Lines with their numbers; gives what has been settled."""
         for number, line in self._whole(lines):
@@ -168,7 +181,7 @@ class LogReader:
         yield from self._settled(len(self._waiting))
 
     def _whole(self, lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
-        return _parted(_mended(_unfolded(lines) if self._experience.mail else lines))
+        return with_repeats(_parted(_mended(_unfolded(lines) if self._experience.mail else lines)))
 
     def _line_reader(self) -> LineReader:
         return LineReader(self._settler(), self._zone, self._sample_rate, self._experience)

@@ -11,7 +11,7 @@ from bisect import bisect_left
 from collections.abc import Iterator
 from typing import Final
 
-from .candidates import EDGE, END, H, HexWindow, TextLine, Writing
+from .candidates import EDGE, END, MISTYPED, H, HexWindow, TextLine, Writing
 
 _LONG: Final = 1 << 16  # characters: these shapes are not looked for in a longer line
 _ESCAPES: Final = re.compile(r"\\(?:x[0-9A-Fa-f]{2}|u00[0-9A-Fa-f]{2}|u\{[0-9A-Fa-f]{1,2}\}|\d{1,3})")
@@ -61,7 +61,6 @@ _CARETS: Final = re.compile(r"(?:(?<![^\s:>'\"=\]])[!-~]{0,8})?\^[@-_?][ -~]*")
 _WITH_CHARACTERS: Final = re.compile(rf"(?<!\w)(?:{H}{{2}} ?\[.\][ ,]{{0,3}}){{4,}}")
 _IN_BRACKETS: Final = re.compile(rf"\((0[xX]{H}{{1,2}}|\d{{1,3}})\)")
 _LOOK_ALIKE: Final = str.maketrans("OoIlАВСЕаесО", "0011ABCEaec0")  # typed by hand, in Cyrillic, too
-_MISTYPED: Final = re.compile(r"(?<!\w)[0-9A-Fa-fOoIlАВСЕаесО]{2}(?:[ \t,-]{1,2}[0-9A-Fa-fOoIlАВСЕаесО]{2}){3,}(?!\w)")
 _PLAIN_WORD: Final = re.compile(r"[A-Za-z]?(?:[a-z]*|[A-Z]*)|[a-z/]+")
 _LEAST_BASE64: Final = 8  # characters
 
@@ -212,7 +211,7 @@ def _in_brackets(text: str) -> Iterator[HexWindow]:
 
 def _mistyped(text: str) -> Iterator[HexWindow]:
     """`O1 03 СD`: letters in place of digits that look like them."""
-    for match in _MISTYPED.finditer(text):
+    for match in MISTYPED.finditer(text):
         if (typed := match[0].translate(_LOOK_ALIKE)) != match[0]:
             data = bytes.fromhex("".join(re.findall(rf"{H}{{2}}", typed)))
             yield HexWindow(data, *match.span(), "look-alikes", Writing.NUMBER)

@@ -49,6 +49,11 @@ _ESCAPED_BLANKS: Final = re.compile(r"\\[nrt]")
 _URL_BLANK: Final = re.compile(r"(?<!%[0-9A-Fa-f]{2})%20(?=[0-9A-Za-z])")
 _PRINTABLE: Final = re.compile(r"=(3D|20(?=\s*$)|09(?=\s*$))")  # of a mail: the sign itself, and blanks at an end
 _OF_WORDS: Final = frozenset("nrt\"'/")  # escapes in a string of words: no byte is written so
+_HEX_SIGN: Final = re.compile(  # typed with a letter O, a multiplication sign, a Cyrillic letter
+    r"(?<!\w)(?:[OoОо][xX×хХ]|0[×хХ])(?=[0-9A-Fa-f]{1,2}(?![0-9A-Za-z]))"
+)
+_REPEATED: Final = re.compile(r"(?<!\w)(0x[0-9A-Fa-f]{1,2}|\d{1,3}) <repeats (\d{1,3}) times>")  # as gdb shows arrays
+_LOST_BREAK: Final = re.compile(r"(?<![0-9A-Za-z])([0-9A-Fa-f]{2})(?=(?:[TR]x|[TR]X|tx|rx) ?[:>])")  # `0BRx: 01 03`
 _CAST: Final = re.compile(r"\(\s*(?:unsigned |signed )?(?:byte|sbyte|char|u?int8(?:_t)?|u8|BYTE)\s*\)\s*")
 
 
@@ -63,6 +68,12 @@ def plain(line: str) -> str:
         text = _TAG.sub("", _CELL.sub(" | ", text))
     if "&" in text and ";" in text and _ENTITY.search(text):
         text = html.unescape(text).replace("\u00a0", " ")
+    if _HEX_SIGN.search(text):
+        text = _HEX_SIGN.sub("0x", text)
+    if " <repeats " in text:
+        text = _REPEATED.sub(lambda match: ", ".join([match[1]] * int(match[2])), text)
+    if _LOST_BREAK.search(text):
+        text = _LOST_BREAK.sub(r"\1 ", text)
     text = _ARDUINO.sub(r"\1    ", text)
     if "*" in text or "_" in text or "~" in text:
         text = _EMPHASIS.sub(r"\1", text)

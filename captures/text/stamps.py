@@ -16,6 +16,7 @@ from typing import Final
 from ..limits import TIME_LIMIT
 
 DAY_NS = 86_400_000_000_000
+SECOND_NS: Final = 1_000_000_000
 _MINUTE_NS: Final = 60_000_000_000
 
 _MONTHS: Final = ["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"]
@@ -51,6 +52,7 @@ _LEAD = r"^[\s\[(|\"']*"
 _SECONDS = re.compile(_LEAD + r"(\d{1,10})\.(\d{3,18})(?: ?s)?(?=[\s\]):,;>|\"']|-\D|$)")
 _COMMA_SECONDS = re.compile(_LEAD + r"(\d{1,10}),(\d{1,9})(?: ?s)?(?=[;\t])")  # of a table in a comma's country
 _NUMBERED_SECONDS = re.compile(r"^\s*\d{1,9}[ \t]+(\d{1,10})\.(\d{6}|\d{9})(?=[ \t])")  # Wireshark's list of packets
+_BRACKETED: Final = re.compile(r"^[\w./: -]{1,40}?[:\s]\[\s*(\d{1,7})\.(\d{6})\](?=\s)")  # of a kernel, behind a name
 _MINUTES = re.compile(_LEAD + r"(\d{1,3}):([0-5]\d)\.(\d{1,6})(?=[\s\]):,;>|\"'])")  # since some start
 _EPOCH = re.compile(_LEAD + r"(1[2-9]\d{11}(?:\d{3}){0,2})(?=[\])]|[\s,:;]+(?![0-9A-Fa-f]{6})\S)")
 _EPOCH_SECONDS = re.compile(_LEAD + r"(1[2-9]\d{8})(?=[\])]|[\s,:;]+(?![0-9A-Fa-f]{6})\S)")
@@ -73,13 +75,15 @@ _EPOCH_DAY: Final = datetime(1970, 1, 1, tzinfo=UTC)
 class Stamp:
     """A time in ns: of the day if `of_day`, else since 1970 (UTC) or since some start.
 
-    `zoned` is whether the text itself named a zone; `fine` whether it goes beyond whole seconds.
+    `zoned` is whether the text itself named a zone; `fine` whether it goes beyond whole seconds. `places` are the
+    digits behind a point, where it has one.
     """
 
     t_ns: int
     of_day: bool
     zoned: bool = True
     fine: bool = True
+    places: int = 0
 
 
 def find(text: str, zone: tzinfo | None = UTC) -> tuple[Stamp | None, str]:
@@ -116,6 +120,9 @@ def find(text: str, zone: tzinfo | None = UTC) -> tuple[Stamp | None, str]:
     if _LIKELY_DATE.search(text):
         for match in _BARE_DATE.finditer(text):
             text = _blanked(text, match)
+    if stamp is None and (match := _BRACKETED.match(text)) is not None:
+        stamp = _of_seconds(match)
+        text = _blanked(text, match, 1)
     if stamp is not None and abs(stamp.t_ns) >= TIME_LIMIT:
         stamp = None
     return stamp, text
@@ -129,8 +136,8 @@ def _finer(stamp: Stamp, clock: Stamp) -> Stamp:
     return replace(stamp, t_ns=stamp.t_ns + fraction, fine=True)
 
 
-def _blanked(text: str, match: re.Match[str]) -> str:
-    return text[: match.start()] + " " * (match.end() - match.start()) + text[match.end() :]
+def _blanked(text: str, match: re.Match[str], group: int = 0) -> str:
+    return text[: match.start(group)] + " " * (match.end() - match.start(group)) + text[match.end() :]
 
 
 def _fraction(digits: str | None, unit_ns: int = 10**9) -> int:
@@ -140,7 +147,7 @@ def _fraction(digits: str | None, unit_ns: int = 10**9) -> int:
 
 
 def _of_seconds(match: re.Match[str]) -> Stamp:
-    return Stamp(int(match[1]) * 10**9 + _fraction(match[2]), of_day=False)
+    return Stamp(int(match[1]) * 10**9 + _fraction(match[2]), of_day=False, places=len(match[2]))
 
 
 def _of_minutes(match: re.Match[str]) -> Stamp:
@@ -194,12 +201,14 @@ def _of_clock(match: re.Match[str], zone: tzinfo | None) -> Stamp | None:
     t_ns = (hour * 3600 + minute * 60 + second) * 10**9 + _fraction(fraction)
     date = _date(match, american=bool(half))
     if date is None:
-        return Stamp(t_ns, of_day=True, fine=bool(fraction))
+        return Stamp(t_ns, of_day=True, fine=bool(fraction), places=len(match["f"] or ""))
     try:
         seconds = _midnight(*date, match["zone"], zone, hour)
     except (ValueError, OverflowError):
         return None
-    return Stamp(seconds * 10**9 + t_ns, of_day=False, zoned=bool(match["zone"]), fine=bool(fraction))
+    t_ns += seconds * 10**9
+    zoned = bool(match["zone"])
+    return Stamp(t_ns, of_day=False, zoned=zoned, fine=bool(fraction), places=len(match["f"] or ""))
 
 
 def _date(match: re.Match[str], *, american: bool) -> tuple[int, int, int] | None:
