@@ -65,7 +65,13 @@ class ViewState:
         inside = np.isin(rows, figures.rows)
         return t_ns[inside], rows[inside], values[inside]
 
-    def emptied(self, otherwise: str) -> str:
+    @property
+    def is_emptied(self) -> bool:
+        """Whether the scope leaves no row at all; False until that was counted."""
+        figures = self.figures
+        return isinstance(figures, ScopedFigures) and not len(figures.rows)
+
+    def emptied(self, otherwise: str = "") -> str:
         """Why a view is empty: the scope, or else this."""
         if not self.scope.narrows or not self.bus.count:
             return tr(otherwise)

@@ -133,6 +133,8 @@ class HomeList(Lines):
             return [StyledText(f"  {tr('no Modbus frame was found')}"), totals]
         if state is None or not bus.frames:
             return [StyledText(f"  {tr('reading …')}"), totals]
+        if self.desk.is_emptied:
+            return [StyledText(f"  {self.desk.emptied()}", "dim")]
         wrong = len(state.causes)
         if wrong:
             verdict = tr("{things} what is wrong", things=counted(wrong, "thing explains", "things explain"))
