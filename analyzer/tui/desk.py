@@ -103,12 +103,12 @@ class ViewState:
         same = 11 if end[:10] == begin[:10] else 5 if end[:4] == begin[:4] else 0
         return f"{begin}–{end[same:]} {zone_name(span[0], self.zone)}"
 
-    def when(self, t_ns: int) -> str:
-        """A time by itself, as times are shown."""
+    def when(self, t_ns: int, exact: bool = False) -> str:
+        """A time by itself, as times are shown; `exact`: to the millisecond where it is one of day."""
         if not self.bus.timed:
             return tr("row {number:,}", number=t_ns)
         return (
-            date_and_time(t_ns, self.zone)[:19]
+            date_and_time(t_ns, self.zone)[: 23 if exact else 19]
             if is_clock(self.bus.t_first)
             else f"{seconds(t_ns - self.bus.t_first)} s"
         )

@@ -23,6 +23,7 @@ _LABEL: Final = 11
 _SHORT_LABEL: Final = 8
 _NARROW: Final = 60  # columns under which labels are shorter
 _DATE: Final = 10  # of a time, where there is no room for more
+_FINE_NS: Final = 5 * 60 * 10**9  # spans under which the cursor's time is told to the millisecond
 _BLANK: Final = 0x2800
 _FAR: Final = 0.01  # the share of readings at either end that may stand far off
 _LOST: Final = 5  # times so wide must all of them be, for the others to be drawn by themselves
@@ -116,13 +117,14 @@ def _set(grid: NDArray[np.int64], column: int, least: int, most: int, tall: int)
 class Plot(Painted):
     """Series over one axis of time."""
 
-    def __init__(self, *, id: str, when: Callable[[int], str]) -> None:
+    def __init__(self, *, id: str, when: Callable[[int, bool], str]) -> None:
+        """`when`: a time in words; True: to the millisecond."""
         super().__init__(id=id)
         self.title = ""
         self.series: Sequence[Series] = ()
         self.ticks: NDArray[np.int64] = np.zeros(0, np.int64)
         self.cursor: float | None = None  # share of the span
-        self._when = when  # a time in words
+        self._when = when
         self._cells: list[NDArray[np.int64]] = []
         self._drawn = (0, 0)
 
@@ -234,12 +236,15 @@ class Plot(Painted):
         ]
 
     def _axis(self, columns: int, span: tuple[int, int]) -> list[StyledText]:
-        first, last = self._when(span[0]), self._when(span[1])
+        first, last = self._when(span[0], False), self._when(span[1], False)
+        of_one_day = len(first) > _DATE and first[:_DATE] == last[:_DATE] and first[_DATE] == " "
         if len(first) + len(last) >= columns:
-            first, last = first[:_DATE], last[:_DATE]
+            part = slice(_DATE + 1, None) if of_one_day else slice(_DATE)
+            first, last = first[part], last[part]
         middle = ""
         if self.cursor is not None:
-            middle = self._when(self._time(span))
+            middle = self._when(self._time(span), span[1] - span[0] < _FINE_NS)
+            middle = middle[_DATE + 1 :] if of_one_day else middle
             if len(self.series) == 1:
                 middle += self._read(self.series[0])
         room = columns - len(first) - len(last)

@@ -242,7 +242,7 @@ class BusScreen(Screen[None]):
     @property
     def active_bindings(self) -> dict[str, ActiveBinding]:
         """Those that the footer shows, in the language in use."""
-        return fitting(super().active_bindings, self.app.get_key_display, self.size.width)
+        return fitting(super().active_bindings, self.app.get_key_display, self.size.width, self.focused)
 
     def on_resize(self) -> None:
         self.refresh_bindings()
