@@ -160,6 +160,12 @@ def test_what_a_scope_leaves_out_stands_nowhere_below_and_comes_back_with_esc(ca
         await sitting.press("2", "escape")
         await sitting.until(lambda: screen.frames.count() == sitting.bus.count)
         assert sitting.row == row and screen.detail.look.title == "frame 29"
+        await sitting.press("1")
+        bar.use("unit == 99")
+        await sitting.until(lambda: screen.row is None)
+        await sitting.press("escape")
+        await sitting.until(lambda: screen.transactions.count() > 0)
+        assert sitting.row == row and screen.detail.look.title == "frame 29"
 
     using(opened(capture), work)
 
