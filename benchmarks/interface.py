@@ -10,6 +10,7 @@ bytecode, as an installed one does.
 
 from __future__ import annotations
 
+import argparse
 import fcntl
 import os
 import pty
@@ -25,6 +26,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).parent))  # run as a module too
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "support"))
 
 from emulator import Picture
@@ -149,12 +151,19 @@ def told(name: str, seconds: list[float] | float) -> None:
 
 
 def main() -> None:
-    frames = int(sys.argv[1].replace(",", "").replace("_", "")) if len(sys.argv) > 1 else 10_000_000
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("frames", nargs="?", type=_number, default=10_000_000, metavar="FRAMES")
+    parser.add_argument("capture", nargs="?", type=Path, metavar="CAPTURE", help="of so many frames; by default made")
+    arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(sys.argv[2]) if len(sys.argv) > 2 else Path(folder) / "bus.mcap"
-        if len(sys.argv) < 3:
-            make(frames, path)
-        measure(path, frames)
+        path = arguments.capture or Path(folder) / "bus.mcap"
+        if arguments.capture is None:
+            make(arguments.frames, path)
+        measure(path, arguments.frames)
+
+
+def _number(text: str) -> int:
+    return int(text.replace(",", ""))
 
 
 def opened(path: Path) -> Terminal:

@@ -56,3 +56,10 @@ def test_answers_fit_their_requests_and_values_change():
     assert all(request[0] == answer[0] and request[1] == answer[1] & 0x7F for request, answer in answered)
     registers = [answer for request, answer in answered if answer[1] in (3, 4)]
     assert len(set(registers)) > 0.9 * len(registers)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="ptys are POSIX")
+def test_the_interface_s_benchmark_tells_its_arguments():
+    command = [sys.executable, "-m", "benchmarks.interface", "--help"]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env=environment(), timeout=60)
+    assert done.returncode == 0 and "[FRAMES] [CAPTURE]" in done.stdout, done.stderr

@@ -14,6 +14,9 @@ import captures
 import dissectors
 from analyzer import languages
 from analyzer.cli import main
+from analyzer.cli.batch import tell_result
+from analyzer.fleet.batch import BatchResult
+from analyzer.fleet.packs import LakePacking
 from analyzer.languages.retelling import retold
 
 _PACKAGES = (analyzer, captures, dissectors)
@@ -146,3 +149,12 @@ def test_data_and_names_stay_as_they_are() -> None:
     assert retold("x: " * 5000) == "x: " * 5000
     languages.use("en")
     assert retold("b.csv: no such file") == "b.csv: no such file"
+
+
+def test_what_a_batch_came_to_is_told_in_russian(capsys: pytest.CaptureFixture[str]) -> None:
+    languages.use("ru")
+    tell_result(BatchResult(lines=2, captures=3, frames=1_200, octets=9_600_000, skipped=1, seconds=0.5))
+    tell_result(BatchResult(packed=LakePacking(12, 2)))
+    said = capsys.readouterr().out.splitlines()
+    assert said[0] == "принято записей: 3, линий: 2, уже были: 1; кадров: 1,200, с линии 9.6 МБ за 0.5 с"
+    assert said[2] == "малых файлов хранилища было 12, стало 2"

@@ -9,6 +9,7 @@ import pytest
 from seats import Seat, opened, sample_in, using
 from textual.widgets import Input
 
+from analyzer.tables.schema import Kind
 from analyzer.tui.details import Details
 from analyzer.tui.filterbar import Completions, FilterBar
 from analyzer.tui.octets import BytesPane
@@ -281,5 +282,43 @@ def test_an_export_asks_before_it_overwrites(capture: Path, tmp_path: Path) -> N
         sitting.app.screen.query_one(Input).value = str(capture)
         await sitting.press("enter", "o")
         await sitting.until(lambda: any("capture that is being read" in notice for notice in sitting.notices()))
+
+    using(opened(capture), work)
+
+
+def test_an_answer_is_compared_with_the_one_that_was_marked(capture: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        bus = sitting.bus
+
+        def versus() -> dict[str, str]:
+            return {item.name: item.text for item in sitting.screen.detail.look.items if "versus" in item.name}
+
+        answers = [
+            row
+            for row in range(bus.count)
+            if bus.table.value("kind", row) == Kind.RESPONSE
+            and bus.partner(row) is not None
+            and bus.captured(bus.partner(row))[1:6] == b"\x03\x00\x6b\x00\x03"
+            and bus.table.value("length", row) == 11
+        ]
+        first, other = answers[0], next(row for row in answers if bus.captured(row)[0] != bus.captured(answers[0])[0])
+        await sitting.press("2", "g", *str(bus.frame(first).index), "enter", "r")
+        assert not versus()
+        await sitting.press("g", *str(bus.frame(other).index), "enter")
+        assert versus()["versus R"].startswith("4 values differ from frame 1, ")
+        await sitting.press("up")
+        assert not versus(), "a request is compared with nothing"
+        await sitting.press("g", "1", "enter", "r", "g", *str(bus.frame(other).index), "enter")
+        assert "versus R" not in versus(), "taken back"
+
+    using(opened(capture), work)
+
+
+def test_a_bookmark_set_in_the_transactions_is_seen_there(capture: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        await sitting.press("1", "down", "m")
+        assert sitting.bus.table.value("kind", sitting.row) == Kind.RESPONSE, "the answer is under study"
+        line = next(line for line in sitting.shown().splitlines() if "0.017406" in line)
+        assert line.startswith(" *"), "and the line of its transaction has the mark"
 
     using(opened(capture), work)

@@ -17,6 +17,7 @@ from analyzer.languages import tr
 from analyzer.model.goto import GotoError, span
 from analyzer.model.spoken import spoken
 from analyzer.tui.app import Rtuscope
+from analyzer.tui.filterbar import FilterBar
 from analyzer.tui.findings import FindingList
 from analyzer.tui.help import Help
 from analyzer.tui.keys import BINDINGS
@@ -239,5 +240,39 @@ def test_without_colours_the_cursor_stands_in_reverse(capture: Path, monkeypatch
         turned = ["".join(s.text for s in strip if s.style is not None and s.style.reverse).strip() for strip in strips]
         row, *_ = [text for text in turned if "read 3 holding registers" in text]
         assert row.startswith("0"), "the line under the cursor, whole"
+        assert not any("what" in text for text in turned), "the head of the list is no cursor"
+        await sitting.press("question_mark")
+        await sitting.until(lambda: isinstance(sitting.app.screen, Help))
+        strips = list(sitting.app.screen._compositor.render_strips())
+        behind = [each.style for each in strips[-1] if each.style is not None and each.text.strip()]
+        assert behind and not any(style.reverse for style in behind), "what shines through is as it was"
 
     using(opened(capture), work)
+
+
+def test_where_one_types_the_footer_has_the_keys_of_the_line_alone(capture: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        await sitting.press("slash")
+        await sitting.until(lambda: sitting.screen.query_one(FilterBar).line.has_focus)
+        footer = sitting.shown().splitlines()[-1]
+        assert all(words in footer for words in ("Tab Complete", "Enter Use", "Esc Leave", "F1 Help"))
+        assert "Find" not in footer and "Go to" not in footer, "f and g are text there"
+        await sitting.press("f1")
+        await sitting.until(lambda: isinstance(sitting.app.screen, Help))
+        await sitting.press("escape", "escape")
+        assert "f Find" in sitting.shown().splitlines()[-1]
+
+    using(opened(capture), work)
+
+
+def test_on_forty_columns_help_and_what_an_empty_list_says_can_be_read(capture: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        sitting.screen.query_one(FilterBar).use("unit == 99 and exception")
+        await sitting.settle()
+        said = " ".join(sitting.shown().split())
+        assert "nothing here passes unit == 99 and exception; Esc takes it back" in said
+        await sitting.press("question_mark")
+        await sitting.until(lambda: isinstance(sitting.app.screen, Help))
+        assert "/            the filter; Tab" in sitting.shown(), "words beside the key, not one below the other"
+
+    using(opened(capture), work, size=(40, 24))

@@ -17,7 +17,7 @@ from analyzer.model.goto import span
 from analyzer.tui.filterbar import FilterBar
 from analyzer.tui.keys import key_name
 from analyzer.tui.picking import _no_file
-from analyzer.tui.plot import Series
+from analyzer.tui.plot import Series, told_apart
 from analyzer.words import percent
 
 
@@ -201,3 +201,19 @@ def test_a_word_that_was_begun_is_meant_before_one_that_looks_alike() -> None:
     assert meant("exc", ["hex", "exception", "exceptional"]) == "exception"
     assert meant("unti", ["unit", "untimed_thing"]) in ("unit", "untimed_thing")
     assert meant("xyzzy", ["unit"]) is None
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "room", "told"),
+    [
+        (230.0, 231.5, 11, ("230", "231.5")),
+        (22790850.0, 22790853.0, 11, ("22790850", "22790853")),
+        (-443433898344449.0, -443429603442689.0, 11, ("-4.4343e+14", "-4.4343e+14")),
+        (-443433898344449.0, -443429603442689.0, 24, ("-443433898344449", "-443429603442689")),
+        (5.0, 5.0, 8, ("5", "5")),
+    ],
+)
+def test_the_ends_of_a_scale_are_told_apart_where_there_is_room(
+    low: float, high: float, room: int, told: tuple[str, str]
+) -> None:
+    assert told_apart(low, high, room) == told

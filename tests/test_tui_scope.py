@@ -17,7 +17,10 @@ from analyzer.model.selection import Unfolded
 from analyzer.model.source import CaptureSource
 from analyzer.tables.schema import Kind
 from analyzer.tui.filterbar import FilterBar
+from analyzer.tui.findings import FindingList
+from analyzer.tui.history import History
 from analyzer.tui.home import HomeList
+from analyzer.tui.plot import Plot
 from analyzer.tui.preferences import KeptFilter, Preferences
 from analyzer.tui.registerlist import RegisterList
 from analyzer.tui.timeline import Timeline
@@ -122,13 +125,60 @@ def test_every_view_obeys_the_scope_and_says_what_empties_it(capture: Path) -> N
         assert bins is not None and bins.frames.sum() == sitting.app.desk.figures.frames
         screen.query_one(FilterBar).use("unit == 99")
         await sitting.settle()
-        for view in "0123457":
+        for view in "0123456":
             await sitting.press(view)
-            await sitting.until(lambda: "unit == 99" in sitting.shown())
+            await sitting.until(lambda: "nothing here passes unit == 99; Esc takes it back" in sitting.shown())
         await sitting.press("5")
-        assert "nothing here passes unit == 99; Esc takes it back" in sitting.shown()
         await sitting.press("escape")
         assert registers.count() == len(sitting.bus.registers)
+
+    using(opened(capture), work)
+
+
+def test_what_a_scope_leaves_out_stands_nowhere_below_and_comes_back_with_esc(capture: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        screen, bar = sitting.screen, sitting.screen.query_one(FilterBar)
+        await sitting.press("4")
+        history = screen.query_one(History)
+        await sitting.until(lambda: "unit 1" in history.title)
+        await sitting.press("5", "down")
+        plot = screen.query_one(Plot)
+        await sitting.until(lambda: len(plot.series) == 1)
+        await sitting.press("2", "g", "2", "9", "enter")
+        row = sitting.row
+        bar.use("unit == 99")
+        await sitting.settle()
+        assert screen.row is None and not screen.detail.look.items
+        await sitting.press("4")
+        await sitting.until(lambda: not history.title)
+        await sitting.press("5")
+        await sitting.until(lambda: not plot.series)
+        await sitting.press("3")
+        findings = screen.query_one(FindingList)
+        await sitting.until(lambda: findings.count() == 0)
+        assert "0 errors, 0 warnings, 0 notes" in sitting.shown() and not screen.detail.look.items
+        await sitting.press("2", "escape")
+        await sitting.until(lambda: screen.frames.count() == sitting.bus.count)
+        assert sitting.row == row and screen.detail.look.title == "frame 29"
+        await sitting.press("1")
+        bar.use("unit == 99")
+        await sitting.until(lambda: screen.row is None)
+        await sitting.press("escape")
+        await sitting.until(lambda: screen.transactions.count() > 0)
+        assert sitting.row == row and screen.detail.look.title == "frame 29"
+
+    using(opened(capture), work)
+
+
+def test_findings_under_a_scope_are_counted_and_stand_under_the_causes_of_it_alone(capture: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        findings = sitting.screen.query_one(FindingList)
+        await sitting.press("3")
+        await sitting.until(lambda: findings.grouped)
+        sitting.screen.query_one(FilterBar).use("noise")
+        await sitting.until(lambda: "1 error, 11 warnings, 0 notes   showing all by cause: 12" in sitting.shown())
+        headings = [block for block in findings._blocks if not block.code]
+        assert [block.cause is None for block in headings] == [False, True], "the other causes explain nothing of it"
 
     using(opened(capture), work)
 

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
+from ..languages import tr
 from .exits import DONE, FAILED, INTERRUPTED, UsageError
 from .inputs import add_functions_argument, add_limit_arguments, add_reading_arguments, chosen_limits, load_functions
 from .progress import Progress
@@ -168,10 +169,18 @@ def tell_result(result: BatchResult) -> None:
         tell(trouble)
     if len(result.troubles) > _TOLD:
         tell(f"and {len(result.troubles) - _TOLD:,} more (rtuscope ask LAKE damaged lists captures)")
-    skipped = f", {result.skipped:,} were there already" if result.skipped else ""
+    skipped = tr(", {count:,} were there already", count=result.skipped) if result.skipped else ""
     print(
-        f"{result.captures:,} captures of {result.lines:,} lines taken in{skipped}: {result.frames:,} frames, "
-        f"{result.octets / 1e6:,.1f} MB of the line in {result.seconds:,.1f} s"
+        tr(
+            "{captures:,} captures of {lines:,} lines taken in{skipped}: {frames:,} frames, "
+            "{size:,.1f} MB of the line in {time:,.1f} s",
+            captures=result.captures,
+            lines=result.lines,
+            skipped=skipped,
+            frames=result.frames,
+            size=result.octets / 1e6,
+            time=result.seconds,
+        )
     )
     if result.packed.before:
         _tell_packed(result.packed)
@@ -179,6 +188,6 @@ def tell_result(result: BatchResult) -> None:
 
 def _tell_packed(packed: LakePacking) -> None:
     if packed.before:
-        print(f"{packed.before:,} small files of the lake are {packed.after:,} now")
+        print(tr("{before:,} small files of the lake are {after:,} now", before=packed.before, after=packed.after))
     else:
-        print("no small files to be made into larger ones")
+        print(tr("no small files to be made into larger ones"))

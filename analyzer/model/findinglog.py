@@ -62,6 +62,11 @@ class FindingLog:
         rules: NDArray[np.int16] = self._findings.rule[numbers]
         return rules
 
+    def levels_of(self, numbers: NDArray[np.int64]) -> Counter[Severity]:
+        """How many of some findings are of each severity."""
+        grave = self._severity[self._findings.rule[numbers]]
+        return Counter({level: int((grave == level).sum()) for level in Severity})
+
     def finding(self, i: int) -> Finding:
         """Finding `i` in words."""
         return describe(self._findings, i)

@@ -10,6 +10,7 @@ from textual import events
 from textual._compositor import CompositorUpdate
 from textual.app import App, SystemCommand
 from textual.binding import Binding, BindingType
+from textual.color import Color
 from textual.command import CommandPalette
 from textual.filter import Monochrome
 from textual.screen import Screen
@@ -19,7 +20,7 @@ from ..languages.retelling import error_words
 from ..model.bus import Bus
 from ..usernotes import Notes, NotesError
 from .burst import KeyQueue
-from .colourless import COLOURLESS
+from .colourless import Colourless
 from .desk import ViewState
 from .keptfilters import rules_of
 from .keys import key_name
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
 
 _FEW_COLOURS = ("standard", "windows")
 _NARROW = 70  # columns under which bytes stand below the fields
-_WIDE = 120  # columns from which on bytes stand 16 to a line
+_BROAD = 150  # columns from which on bytes stand 16 to a line: fields need the room before
 _COMMANDS = (
     ("Filter", "display filter", "filter"), ("Find", "bytes, text or a value", "find"),
     ("Go to", "a frame's number or a time", "goto"), ("Counterpart", "from request to answer and back", "counterpart"),
@@ -80,13 +81,16 @@ class Rtuscope(App[NextFile | None]):
         self._view = view
         self._resumed = resumed
         self.wire = ThinWire()
+        terminals = [each.background_color for each in (self.ansi_theme_dark, self.ansi_theme_light)]
+        heads = [Color.parse(each.surface).rgb for each in (DARK, LIGHT) if each.surface]
+        self._colourless = Colourless([*((r, g, b) for r, g, b in terminals), *heads])
         self.keys = KeyQueue(self, super().on_event)
         self._cursor_was = self.cursor_position
-        self.HORIZONTAL_BREAKPOINTS = [(0, "-slim"), (_NARROW, "-narrow"), (_WIDE, "-wide")]
+        self.HORIZONTAL_BREAKPOINTS = [(0, "-slim"), (_NARROW, "-narrow"), (_BROAD, "-broad")]
 
     def get_line_filters(self) -> Sequence[LineFilter]:
-        own = (COLOURLESS if isinstance(each, Monochrome) else each for each in super().get_line_filters())
-        return [*own, HARMLESS]
+        theirs = super().get_line_filters()
+        return [*(self._colourless if isinstance(each, Monochrome) else each for each in theirs), HARMLESS]
 
     def get_default_screen(self) -> Screen[None]:
         return BusScreen(self.desk, self.wire, view=self._view, resumed=self._resumed)

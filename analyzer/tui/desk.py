@@ -65,7 +65,13 @@ class ViewState:
         inside = np.isin(rows, figures.rows)
         return t_ns[inside], rows[inside], values[inside]
 
-    def emptied(self, otherwise: str) -> str:
+    @property
+    def is_emptied(self) -> bool:
+        """Whether the scope leaves no row at all; False until that was counted."""
+        figures = self.figures
+        return isinstance(figures, ScopedFigures) and not len(figures.rows)
+
+    def emptied(self, otherwise: str = "") -> str:
         """Why a view is empty: the scope, or else this."""
         if not self.scope.narrows or not self.bus.count:
             return tr(otherwise)
@@ -97,12 +103,12 @@ class ViewState:
         same = 11 if end[:10] == begin[:10] else 5 if end[:4] == begin[:4] else 0
         return f"{begin}–{end[same:]} {zone_name(span[0], self.zone)}"
 
-    def when(self, t_ns: int) -> str:
-        """A time by itself, as times are shown."""
+    def when(self, t_ns: int, exact: bool = False) -> str:
+        """A time by itself, as times are shown; `exact`: to the millisecond where it is one of day."""
         if not self.bus.timed:
             return tr("row {number:,}", number=t_ns)
         return (
-            date_and_time(t_ns, self.zone)[:19]
+            date_and_time(t_ns, self.zone)[: 23 if exact else 19]
             if is_clock(self.bus.t_first)
             else f"{seconds(t_ns - self.bus.t_first)} s"
         )

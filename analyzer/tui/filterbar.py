@@ -60,11 +60,13 @@ class FilterInput(Input):
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("tab", "complete", "Complete"),
+        Binding("enter", "submit", "Use", tooltip="Filter by it; a word that was only begun is completed"),
         Binding("down", "pick(1)", "Next", show=False),
         Binding("up", "pick(-1)", "Previous", show=False),
         Binding("ctrl+up", "past(-1)", "Past filters", show=False),
         Binding("ctrl+down", "past(1)", "Newer", show=False),
-        Binding("escape", "leave", "Leave", show=False),
+        Binding("escape", "leave", "Leave", tooltip="Back to the list; the filter in use stays"),
+        Binding("f1", "screen.help", "Help"),
     ]
 
     def on_resize(self) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple
 
 import numpy as np
@@ -15,6 +15,7 @@ from ..model.explained import by_cause
 from ..model.selection import Selection
 from ..tables.findings import Severity
 from .causeitems import of_cause
+from .items import NOTHING
 from .lines import Lines
 from .look import at_finding, finding_name
 from .paint import StyledText, fitted
@@ -78,6 +79,7 @@ class FindingList(Lines):
         self._blocks: list[_LineBlock] = []
         self._opened: set[tuple[int | None, str]] = set()
         self.scope: Selection | None = None  # rows that findings are shown of; None: all, and the bus as a whole
+        self._levels: Mapping[Severity, int] = desk.bus.found.by_severity  # of what the scope leaves
         self._tested = 0
         self._logged, self._next = -1, 0.0
         self.explained, self.explain_at = -1, 0.0  # findings that causes were asked for, and when again
@@ -165,13 +167,19 @@ class FindingList(Lines):
         return 0
 
     def _choose(self) -> None:
-        self._logged = self.desk.bus.found.count
-        numbers = self.desk.bus.found.chosen(self.code, self.least)
+        log = self.desk.bus.found
+        self._logged = log.count
+        self._levels = log.by_severity
+        numbers = log.chosen(self.code, self.least)
         if self.scope is not None:
-            rows = self.desk.bus.found.rows_of(numbers).astype(np.int64)
-            numbers = numbers[np.isin(rows, self.scope.rows())]
+            numbers = self._inside(numbers, self.scope)
+            self._levels = log.levels_of(self._inside(log.chosen(None, Severity.NOTE), self.scope))
         self._numbers = numbers
         self._lay_out()
+
+    def _inside(self, numbers: NDArray[np.int64], scope: Selection) -> NDArray[np.int64]:
+        rows = self.desk.bus.found.rows_of(numbers).astype(np.int64)
+        return numbers[np.isin(rows, scope.rows())]
 
     def _lay_out(self) -> None:
         """The blocks: causes, best first, then what none explains; under each its codes."""
@@ -179,6 +187,8 @@ class FindingList(Lines):
         if not self.grouped:
             return
         for which, by_code in by_cause(self.desk.bus, self._numbers, self.causes):
+            if not by_code and (self.scope is not None or self.least > Severity.NOTE):
+                continue  # it explains nothing of what is shown
             self._blocks.append(_LineBlock(which, "", np.zeros(0, np.int64), False))
             for code, numbers in by_code.items():
                 self._blocks.append(_LineBlock(which, code, numbers, (which, code) in self._opened))
@@ -191,11 +201,10 @@ class FindingList(Lines):
         if y:
             frame, code = (f"{tr('frame'):>8}  ", f"{tr('code'):<20}") if roomy else ("", tr("code"))
             return fitted([StyledText(f"  {tr('time'):>12} {frame}{code} {tr('what was seen')}")], width)
-        log = self.desk.bus.found
         counts = [
-            counted(log.by_severity[level], level.name.lower(), f"{level.name.lower()}s")
+            counted(self._levels[level], level.name.lower(), f"{level.name.lower()}s")
             if roomy
-            else f"{log.by_severity[level]:,} {LETTER[level]}"
+            else f"{self._levels[level]:,} {LETTER[level]}"
             for level in sorted(Severity, reverse=True)
         ]
         which = tr(_LEAST[self.least]) + (tr(", {code} only", code=self.code) if self.code else "")
@@ -290,6 +299,7 @@ def _chosen(screen: BusScreen, sender: Widget) -> None:
         return
     finding = sender.finding
     if finding is None:
+        screen.detail.show(NOTHING)
         return
     to = (finding_name(finding),)
     if sender.row is not None:

@@ -11,6 +11,8 @@ from typing import Final
 
 from rich.cells import cell_len
 from textual.binding import ActiveBinding, Binding
+from textual.widget import Widget
+from textual.widgets import Input
 
 from ..languages import tr
 
@@ -19,9 +21,14 @@ _LAST: Final = ("export", "door('=')", "span")  # where all others have room
 
 
 def fitting(
-    bindings: Mapping[str, ActiveBinding], display: Callable[[Binding], str], width: int
+    bindings: Mapping[str, ActiveBinding], display: Callable[[Binding], str], width: int, focused: Widget | None = None
 ) -> dict[str, ActiveBinding]:
-    """The same bindings by key, those that do not fit into a line of `width` cells no longer shown in it."""
+    """The same bindings by key, those that do not fit into a line of `width` cells no longer shown in it.
+
+    Where one types into a line (`focused`), its own keys alone: the letters of all others are text there.
+    """
+    if isinstance(focused, Input):
+        bindings = {key: each if each.node is focused else _unshown(each) for key, each in bindings.items()}
     active = {key: _in_language(each) if each.binding.show else each for key, each in bindings.items()}
     first = {each.binding.action: each.binding for each in reversed([*active.values()]) if each.binding.show}
     cells = {action: cell_len(f"{display(binding)} {binding.description} ") for action, binding in first.items()}
@@ -32,10 +39,11 @@ def fitting(
         room = -1 if cells[action] > room else room - cells[action]  # and none behind it: they keep their order
         if room < 0:
             left_out.add(action)
-    return {
-        key: each._replace(binding=replace(each.binding, show=False)) if each.binding.action in left_out else each
-        for key, each in active.items()
-    }
+    return {key: _unshown(each) if each.binding.action in left_out else each for key, each in active.items()}
+
+
+def _unshown(active: ActiveBinding) -> ActiveBinding:
+    return active._replace(binding=replace(active.binding, show=False))
 
 
 def _rank(action: str) -> int:

@@ -10,6 +10,7 @@ from ..model.selection import Everything, ListRows
 from ..words import TimeBase, short, zone_name
 from . import rows as words
 from .details import Details
+from .items import NOTHING
 from .lines import Lines
 from .paint import StyledText
 from .view import View, grown
@@ -43,13 +44,14 @@ class FrameList(Lines):
         super().__init__(id=id)
         self.desk = desk
         self.rows: ListRows = Everything(desk.bus)
+        self._left: int | None = None  # the row that the cursor was on before a scope emptied the list
         self.pinned: int | None = None  # row from which on rows are selected
         self.pinned_to: int | None = None  # and up to which; None: up to the cursor
 
     def use(self, rows: ListRows) -> None:
         """Show other rows; the cursor stays on its row, or on the last one before it."""
-        row = self.row
-        self.rows = rows
+        row = self._left if self.row is None else self.row
+        self.rows, self._left = rows, row
         self._announced = -1
         self.renewed(0 if row is None or not rows.count else rows.position(row))
 
@@ -161,7 +163,11 @@ class FrameList(Lines):
 def shown_row(screen: BusScreen, sender: Widget) -> None:
     """The row under the cursor is the one under study, where the list is in sight."""
     assert isinstance(sender, FrameList)
-    if sender.id == screen.view and sender.row is not None:
+    if sender.id != screen.view:
+        return
+    if sender.row is None:
+        screen.detail.show(NOTHING)
+    else:
         screen.study_row(sender.row)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import ClassVar, Final
 
+from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 from textual.app import ComposeResult
@@ -34,6 +35,7 @@ MARKS: Final = (
 )  # fmt: skip
 
 
+_KEYS: Final = 14  # columns
 _WIDGETS: Final[tuple[tuple[str, type[Widget]], ...]] = (
     ("At Home", HomeList), ("In Transactions", TransactionList), ("In Findings", FindingList), ("In Units", UnitList),
     ("In Registers", RegisterList), ("In the timeline", Timeline), ("In any list", Lines), ("In the fields", Details),
@@ -83,17 +85,15 @@ def _shown(binding: Binding, mine: Mapping[str, str]) -> str:
     return " ".join(key_name(key) for key in (own or binding.key).split(","))
 
 
-def _page(mine: Mapping[str, str], here: Sequence[Widget]) -> Table:
-    page = Table.grid(padding=(0, 2))
-    page.add_column(no_wrap=True)
-    page.add_column()
-    for title, keys in (*_keys(mine, here), ("In the list", [(sign, tr(words)) for sign, words in MARKS])):
-        page.add_row(Text(tr(title), "bold"), "")
-        for key, words in keys:
-            page.add_row(Text(f"  {key}"), Text(words))
+def _page(mine: Mapping[str, str], here: Sequence[Widget]) -> Group:
     from ..model.filtering import EXAMPLES
 
-    page.add_row(Text(tr("Filters"), "bold"), "")
-    for example in EXAMPLES:
-        page.add_row("", Text(example))
-    return page
+    parts: list[Text | Table] = []
+    for title, keys in (*_keys(mine, here), ("In the list", [(sign, tr(words)) for sign, words in MARKS])):
+        table = Table.grid(padding=(0, 1))
+        table.add_column(width=_KEYS)
+        table.add_column()
+        for key, words in keys:
+            table.add_row(Text(f"  {key}"), Text(words))
+        parts += [Text(tr(title), "bold"), table]
+    return Group(*parts, Text(tr("Filters"), "bold"), *(Text(f"  {example}") for example in EXAMPLES))

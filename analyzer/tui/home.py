@@ -80,6 +80,8 @@ class HomeList(Lines):
 
     @property
     def empty(self) -> str:
+        if self.state is None and self.desk.bus.count:
+            return ""  # it is being reckoned, as the first line says
         return self.desk.emptied(self.EMPTY)
 
     @property
@@ -111,7 +113,7 @@ class HomeList(Lines):
             most = ""
             if bus.char_ns:
                 share = min(1.0, float((bins.octets * bus.char_ns / bins.width_ns).max()))
-                most = tr("{share:>5} most", share=percent(share))
+                most = tr(" peak {share}", share=percent(share))
             return fitted(
                 [StyledText(f"{tr('load'):>{_LABEL - 1}} "), *_bars(bins.octets, room), StyledText(most)], width
             )
@@ -133,6 +135,8 @@ class HomeList(Lines):
             return [StyledText(f"  {tr('no Modbus frame was found')}"), totals]
         if state is None or not bus.frames:
             return [StyledText(f"  {tr('reading …')}"), totals]
+        if self.desk.is_emptied:
+            return [StyledText(f"  {self.desk.emptied()}", "dim")]
         wrong = len(state.causes)
         if wrong:
             verdict = tr("{things} what is wrong", things=counted(wrong, "thing explains", "things explain"))

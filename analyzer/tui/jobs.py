@@ -276,6 +276,7 @@ class Jobs:
 
     def _selection_grew(self) -> None:
         waiting, row = self._waiting, self._screen.row
+        row = self._screen.studied if row is None else row  # a list that is empty now goes back to where it was
         if waiting is not None and (row is None or all(each.has_tested(row) for each in self._selections)):
             self._waiting = None
             self._screen.frames.use(waiting[0])

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from textwrap import wrap
 from typing import ClassVar, Final
 
 from textual import events
@@ -98,6 +99,8 @@ class Lines(Painted, ScrollView, can_focus=True):
             self.cursor = count - 1
         if count and self._announced < 0:  # the first lines of a list that began empty
             self._tell()
+        elif not count:
+            self._tell_emptied()
         self.refresh()
 
     _fresh_until = 0.0
@@ -123,6 +126,7 @@ class Lines(Painted, ScrollView, can_focus=True):
         count = self.count()
         if not count:
             self.cursor = 0
+            self._tell_emptied()
             return
         line = max(0, min(line, count - 1))
         before, self.cursor = self.cursor, line
@@ -137,8 +141,16 @@ class Lines(Painted, ScrollView, can_focus=True):
             self._tell()
 
     def _tell(self) -> None:
-        self._announced = self.cursor
+        self._announced, self._told = self.cursor, True
         self.post_message(LineChosen(self, self.cursor))
+
+    def _tell_emptied(self) -> None:
+        """Nothing is chosen any more: what stands below the list goes."""
+        if self._told:
+            self._announced, self._told = -1, False
+            self.post_message(LineChosen(self, 0))
+
+    _told = False  # whether a line was told since the list was last empty
 
     @property
     def room(self) -> int:
@@ -243,7 +255,8 @@ class Lines(Painted, ScrollView, can_focus=True):
         line = self.scroll_offset.y + y - self.HEAD
         count = self.count()
         if line >= count:
-            text = f"  {self.empty}" if count == 0 and y == self.HEAD else ""
+            told = wrap(self.empty, max(1, width - 3)) if count == 0 else []
+            text = f"  {told[y - self.HEAD]}" if y - self.HEAD < len(told) else ""
             return self.strip([StyledText(text, "dim")], width, self.base)
         barred = self.BARRED and line == self.cursor
         strip = self._strips.get((line, barred))

@@ -12,12 +12,14 @@ from dissectors.values import harmless, readings
 from ..languages import counted, field_name, tr, wording
 from ..model.polls import changed
 from ..paste.model import PastedFrame, PastedNoise
+from ..tables.schema import Kind
 from ..words import between, date_and_time, seconds, short
 from .items import NOTHING, FrameDetail, Item, UnopenedItems, chosen
 from .rows import LETTER, SEVERITY
 from .why import why
 
 if TYPE_CHECKING:
+    from ..model.bus import Bus
     from ..tables.findings import Finding
     from ..tables.frame import Frame
     from .desk import ViewState
@@ -59,25 +61,57 @@ def at_row(desk: ViewState, row: int) -> FrameDetail:
 
 
 def _versus(desk: ViewState, row: int, fields: tuple[Field, ...]) -> Iterator[Item]:
-    """What an answer says otherwise than the one to the same poll before it."""
+    """What an answer says otherwise than the one to the same poll before it, and than the one at the time reference."""
+    before = desk.bus.polls.before(row)
+    if before is not None:
+        yield _compared(desk, row, fields, before, "versus")
+    marked = _marked(desk, row)
+    if marked is not None and marked != before:
+        yield _compared(desk, row, fields, marked, "versus R")
+
+
+def _marked(desk: ViewState, row: int) -> int | None:
+    """The answer at the user's time reference, if it is to the same poll as this one, of whatever unit."""
+    bus, place = desk.bus, desk.notes.reference
+    marked = -1 if place is None else bus.table.row_of_byte(*place)
+    if marked < 0:
+        return None
+    answer = marked if _is_answer(bus, marked) else bus.partner(marked)
+    if answer is None or answer == row or not _is_answer(bus, row):
+        return None
+    asked, asked_then = bus.partner(row), bus.partner(answer)
+    if asked is None or asked_then is None or bus.table.value("length", row) != bus.table.value("length", answer):
+        return None
+    return answer if _asks(bus, asked) == _asks(bus, asked_then) else None
+
+
+def _is_answer(bus: Bus, row: int) -> bool:
+    return bus.table.value("kind", row) == Kind.RESPONSE
+
+
+def _asks(bus: Bus, request: int) -> list[tuple[str, str]]:
+    """What a request asks for, whomever."""
+    return [(each.name, each.text) for each in bus.frame(request).fields() if each.name not in ("unit", "crc")]
+
+
+def _compared(desk: ViewState, row: int, fields: tuple[Field, ...], other: int, name: str) -> Item:
+    """An answer beside another to the same poll."""
     bus = desk.bus
-    before = bus.polls.before(row)
-    if before is None:
-        return
-    earlier = bus.frame(before)
-    pairs = list(changed(earlier.fields(wording()), fields))
-    ago = ""
+    frame = bus.frame(other)
+    pairs = list(changed(frame.fields(wording()), fields))
+    away = ""
     if bus.timed:
-        time = short(bus.table.value("t_start_ns", row) - bus.table.value("t_start_ns", before))
-        ago = tr(", {time} before", time=time)
+        since = bus.table.value("t_start_ns", row) - bus.table.value("t_start_ns", other)
+        away = tr(", {time} before", time=short(since)) if since >= 0 else tr(", {time} later", time=short(-since))
     difference = counted(len(pairs), "value differs", "values differ") if pairs else tr("nothing differs")
-    kind = "accent" if pairs else "dim"
-    yield Item(
-        "versus", tr("{difference} from frame {number}", difference=difference, number=earlier.index) + ago, kind=kind,
-        label=tr("versus"), ready=False,
+    return Item(
+        name, tr("{difference} from frame {number}", difference=difference, number=frame.index) + away,
+        kind="accent" if pairs else "dim", label=tr(name), ready=False,
         children=tuple(
             Item(
-                f"{i} {new.name}", tr("{new}, was {old}", new=new.text, old=old.text.rpartition(": ")[2]),
+                f"{i} {new.name}",
+                tr("{new}, was {old}", new=new.text, old=old.text.rpartition(": ")[2]) if name == "versus"
+                else tr("{new}, there {old}", new=new.text, old=old.text.rpartition(": ")[2]),
                 new.start, new.length,
                 label=field_name(new.name),
             )

@@ -112,7 +112,7 @@ class PastePane(Vertical):
             except (PasteError, HexError) as error:
                 why = error_words(error)
         label = self.query_one("#paste-why", Label)
-        label.update(Text(why, no_wrap=True, overflow="ellipsis"))
+        label.update(Text(why))
         label.set_class(bool(text.strip()) and paste is None, "-wrong")
         self.query_one(PieceList).show(paste)
         self.post_message(DetailWanted(VIEW.name, self.look))

@@ -23,6 +23,9 @@ _LABEL: Final = 11
 _SHORT_LABEL: Final = 8
 _NARROW: Final = 60  # columns under which labels are shorter
 _DATE: Final = 10  # of a time, where there is no room for more
+_FINE_NS: Final = 5 * 60 * 10**9  # spans under which the cursor's time is told to the millisecond
+_WHOLE: Final = 1e15  # under which a number without a fraction is told in full
+_DIGITS: Final = range(6, 18)  # of a number
 _BLANK: Final = 0x2800
 _FAR: Final = 0.01  # the share of readings at either end that may stand far off
 _LOST: Final = 5  # times so wide must all of them be, for the others to be drawn by themselves
@@ -116,13 +119,14 @@ def _set(grid: NDArray[np.int64], column: int, least: int, most: int, tall: int)
 class Plot(Painted):
     """Series over one axis of time."""
 
-    def __init__(self, *, id: str, when: Callable[[int], str]) -> None:
+    def __init__(self, *, id: str, when: Callable[[int, bool], str]) -> None:
+        """`when`: a time in words; True: to the millisecond."""
         super().__init__(id=id)
         self.title = ""
         self.series: Sequence[Series] = ()
         self.ticks: NDArray[np.int64] = np.zeros(0, np.int64)
         self.cursor: float | None = None  # share of the span
-        self._when = when  # a time in words
+        self._when = when
         self._cells: list[NDArray[np.int64]] = []
         self._drawn = (0, 0)
 
@@ -181,7 +185,10 @@ class Plot(Painted):
     def _legend(self, number: int) -> list[StyledText]:
         series = self.series[number]
         reach = series.range
-        values = tr("no number") if reach is None else tr("{low:.6g} to {high:.6g}", low=reach[0], high=reach[1])
+        values = tr("no number")
+        if reach is not None:
+            low, high = told_apart(*reach)
+            values = tr("{low} to {high}", low=low, high=high)
         values += _far_off(series)
         return [
             StyledText(" ━ ", _KINDS[number % len(_KINDS)]),
@@ -194,7 +201,10 @@ class Plot(Painted):
         if self.cursor is None or span is None:
             return ""
         number = series.at(self._time(span))
-        return "" if number is None else tr(", here {number:.7g}", number=number)
+        if number is None:
+            return ""
+        whole = number.is_integer() and abs(number) < _WHOLE
+        return tr(", here {number}", number=f"{number:.0f}" if whole else f"{number:.7g}")
 
     def _time(self, span: tuple[int, int]) -> int:
         return span[0] + round((span[1] - span[0]) * (self.cursor or 0.0))
@@ -204,9 +214,11 @@ class Plot(Painted):
             self._cells = [dots(series, span, columns, rows) for series in self.series]
             self._drawn = columns, rows
         reach = self.series[0].scale if len(self.series) == 1 else None
-        label = "" if reach is None else f"{reach[1]:.6g}" if y == 0 else f"{reach[0]:.6g}" if y == rows - 1 else ""
-        if reach is not None and reach[0] == reach[1]:
-            label = f"{reach[0]:.6g}" if y == rows // 2 else ""
+        label = ""
+        if reach is not None:
+            least, most = told_apart(*reach, self._label)
+            at_most, at_least = (0, rows - 1) if reach[0] < reach[1] else (rows // 2, rows // 2)
+            label = most if y == at_most else least if y == at_least else ""
         cursor_column = None if self.cursor is None else round(self.cursor * (columns - 1))
         parts = [StyledText(f"{label:>{self._label}} ", "dim")]
         text, kind = "", ""
@@ -234,12 +246,15 @@ class Plot(Painted):
         ]
 
     def _axis(self, columns: int, span: tuple[int, int]) -> list[StyledText]:
-        first, last = self._when(span[0]), self._when(span[1])
+        first, last = self._when(span[0], False), self._when(span[1], False)
+        of_one_day = len(first) > _DATE and first[:_DATE] == last[:_DATE] and first[_DATE] == " "
         if len(first) + len(last) >= columns:
-            first, last = first[:_DATE], last[:_DATE]
+            part = slice(_DATE + 1, None) if of_one_day else slice(_DATE)
+            first, last = first[part], last[part]
         middle = ""
         if self.cursor is not None:
-            middle = self._when(self._time(span))
+            middle = self._when(self._time(span), span[1] - span[0] < _FINE_NS)
+            middle = middle[_DATE + 1 :] if of_one_day else middle
             if len(self.series) == 1:
                 middle += self._read(self.series[0])
         room = columns - len(first) - len(last)
@@ -248,6 +263,14 @@ class Plot(Painted):
             StyledText(f"{middle:^{max(0, room)}}" if len(middle) <= room else " " * max(1, room), "strong"),
             StyledText(last, "dim"),
         ]
+
+
+def told_apart(low: float, high: float, room: int = 24) -> tuple[str, str]:
+    """Two numbers in at most so many columns, with as many digits as it takes to see that they are two."""
+    texts = [(f"{low:.{digits}g}", f"{high:.{digits}g}") for digits in (*_DIGITS, 5, 4, 3, 2, 1)]
+    fits = [pair for pair in texts if max(map(len, pair)) <= room] or texts[-1:]
+    apart = sorted((pair for pair in fits if pair[0] != pair[1]), key=lambda pair: "e" in "".join(pair))
+    return (apart or fits)[0]
 
 
 def _far_off(series: Series) -> str:

@@ -290,6 +290,7 @@ def _plotted(screen: BusScreen) -> None:
     pane, listing, plot = screen.query_one(RegistersPane), screen.query_one(RegisterList), screen.query_one(Plot)
     register, bus = listing.register, screen.desk.bus
     if register is None:
+        screen.jobs.run("history", lambda _: None, lambda _: plot.show("", ()))  # in the place of one on its way
         return
     pane.next_at = time.monotonic() + _AGAIN_S
     own = listing.owner(register)

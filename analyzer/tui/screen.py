@@ -126,7 +126,7 @@ class BusScreen(Screen[None]):
     def row(self) -> int | None:
         """The row that actions are about: where the cursor of the view shown stands now, or where one last stood."""
         own = BY_NAME[self.view].at(self)
-        return self.studied if own is None else own
+        return self.studied if own is None and self.view not in LISTS else own
 
     @property
     def touched(self) -> bool:
@@ -150,7 +150,8 @@ class BusScreen(Screen[None]):
     def action_view(self, view: str, row: int | None = None) -> None:
         """Show a view; its cursor goes to a row, or to the one under study."""
         record = BY_NAME[view]
-        self.studied = self.row if row is None else row
+        own = self.row if row is None else row
+        self.studied = self.studied if own is None else own
         self.view = view
         self.list_view = view if view in LISTS else self.list_view
         self.query_one("#views", ContentSwitcher).current = view
@@ -241,7 +242,7 @@ class BusScreen(Screen[None]):
     @property
     def active_bindings(self) -> dict[str, ActiveBinding]:
         """Those that the footer shows, in the language in use."""
-        return fitting(super().active_bindings, self.app.get_key_display, self.size.width)
+        return fitting(super().active_bindings, self.app.get_key_display, self.size.width, self.focused)
 
     def on_resize(self) -> None:
         self.refresh_bindings()

@@ -48,12 +48,12 @@ class StatusLine(Painted):
         left = [StyledText(f" {self._called(max(12, width // 3))} ", "strong"), StyledText(f"{self._speed()}  ", "dim")]
         if self.desk.paused:
             left.append(StyledText(f"{tr('PAUSED, P goes on')}  ", "warning"))
-        if doing := self.doing or self._listening():
-            left.append(StyledText(f"{_SPIN[self._turn % len(_SPIN)]} {doing}  ", "accent"))
         state = getattr(self.desk.source, "state", None)
-        if state is not None and not self.desk.bus.whole:
-            for words, kind in state():
-                left.append(StyledText(f"{harmless(words)}  ", kind))
+        told = [] if state is None or self.desk.bus.whole else list(state())
+        if doing := self.doing or self._listening():
+            words = self.doing if told else doing  # beside a rate the spin alone says that it listens
+            left.append(StyledText(f"{_SPIN[self._turn % len(_SPIN)]} {words}{'  ' if words else ''}", "accent"))
+        left += [StyledText(f"{harmless(words)}  ", kind) for words, kind in told]
         left.append(StyledText(self.where))
         right = self._finding_counts()
         size = sum(cell_len(part.text) for part in right)

@@ -254,6 +254,8 @@ class Timeline(Painted, can_focus=True):
         at = self.desk.when(t_ns) if self._by_the_clock else f"{(t_ns - self.desk.bus.t_first) / 1e9:.6f} s"
         load = f", {tr('load {share}', share=percent(self._loads(bins)[i]))}" if self.desk.bus.char_ns else ""
         frames = counted(int(bins.frames[i]), "frame", "frames")
+        if self.desk.is_emptied:
+            return [StyledText(f" {self.desk.emptied()}", "dim")]
         words = f" {at}: {frames}{load}, {counted(int(bins.troubles[i]), 'trouble', 'troubles')}"
         span = self._span()
         if i in self._deaf_columns():

@@ -53,8 +53,8 @@ class TransactionList(FrameList):
         self._read: LRUCache[int, TransactionValues] = LRUCache(_CACHED)
 
     def use(self, rows: ListRows) -> None:
-        row = self._lines.place(self.cursor)[0] if self.cursor < self._lines.count else None
-        self.rows, self._lines = rows, Unfolded(self.desk.bus, rows)
+        row = self._lines.place(self.cursor)[0] if self.cursor < self._lines.count else self._left
+        self.rows, self._lines, self._left = rows, Unfolded(self.desk.bus, rows), row
         self._announced = -1
         self.renewed(0 if row is None or not rows.count else self._lines.line(row))
 
@@ -131,7 +131,8 @@ class TransactionList(FrameList):
         answer = carried.answer
         ended = words.ended(desk, row if answer < 0 else answer)
         grave = max(table.value("mark", row), 0 if answer < 0 else table.value("mark", answer))
-        mark = words.marks(desk, row)
+        own = (words.marks(desk, each) for each in (row, answer) if each >= 0)
+        mark = next(filter(_is_noted, own), StyledText("  "))  # the user's, on the request or on its answer
         took = desk.bus.response(answer) if answer >= 0 else None
         quantity = "" if carried.quantity < 0 else f"×{carried.quantity}"
         parts = self.shown([
@@ -182,6 +183,10 @@ class TransactionList(FrameList):
         for carried in poll_values(self.desk.bus, [each for each, below in spots if not below]):
             read[carried.row] = carried
         return read[row]
+
+
+def _is_noted(mark: StyledText) -> bool:
+    return mark.text[1] != " "
 
 
 def _columns(carried: TransactionValues) -> list[StyledText]:
