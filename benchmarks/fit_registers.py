@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from register_makers import physical_devices, physical_layouts
 from register_scores import Tally, tallied
 from register_series import MadeDevice, composed_devices, devices, family, layouts, true_cut
 
@@ -35,6 +36,7 @@ TOTAL = sum(TABLES.values())
 _GAINS = (-3, -2, -1, -0.5, 0, 0.3, 0.8, 1.2, 1.8, 2.4, 3, 3.5, 4, 4)
 _CARRIES = (0, 2, 3.5, 5, 2, 0, 0, 0, -1, -2, -0.5, -2, -2)
 _AGREED = (0, 1.2, 3, 5, -1)
+_IN_FOURS = (0, -0.7, -1.5, 1, 0, -0.7, 2, 1, 0, 2.5, 1.5, 0.5)
 HELD: dict[str, tuple[float, ...]] = {
     # lengths are log odds: 0.69 nats a bit, less where they are many
     "i32 gain": tuple(np.repeat(_GAINS, 2).tolist()), "i64 gain": _GAINS,
@@ -42,12 +44,17 @@ HELD: dict[str, tuple[float, ...]] = {
     "i32 wraps": _CARRIES, "i64 wraps": _CARRIES,
     # a counter's low word grows while its high word stays: half a chance each time
     "i32 agreed": _AGREED, "i64 agreed": _AGREED,
+    # values of 64 bits stand in rows; where they do not, other things do
+    "i64 in line": tuple(np.repeat(_IN_FOURS, 2).tolist()),
+    # a high word that stands still in each of two sisters and differs, their low words far apart, is no spare register
+    "i32 sisters": (0, 0, 0, 0, 0, 0, 0, 0, 0, 0.8, 0, 0),
     # nothing that is measured goes evenly through all that 16 bits can hold
     "i16 even": (0, 0, -0.5, -1.5, -3),
     # nor has any quantity such sizes
     "f32 value": (0, 0, 0, 0, 0, 0, 0, 0, *3 * (0, 0, 0, 0, 0, 0, -1, -4)),
 }  # fmt: skip
 """What is held before anything is learnt (log odds in nats), of what a fit to some layouts hardly ever sees."""
+_HABIT = np.array([0.4, -0.4])  # log odds: two layouts of three have the high word first
 BUCKETS = (4, 10, 25, 60, 130)
 
 
@@ -227,14 +234,15 @@ def fitted(made: list[tuple[MadeDevice, list[Run]]], rounds: int, strength: floa
 
 
 def shy(weights: Weights, lone: float) -> Weights:
-    """The same, so much against integers of 32 bits of which one word moved (cases 1 and 2 of four)."""
-    last = dict(weights.passes[1])
+    """The same, so much against integers of 32 bits of which one word moved (cases 1 and 2 of four), and as sure of a
+    word order beforehand as makers' habits allow: devices of either order were taken alike."""
+    first, last = ({**tables, "device order": _HABIT} for tables in weights.passes)
     last["i32"] = last["i32"] - lone * np.array([0, 1, 1, 0])
-    return Weights((weights.passes[0], last), weights.temperature, weights.provenance)
+    return Weights((first, last), weights.temperature, weights.provenance)
 
 
 def training(seeds: int) -> list[tuple[MadeDevice, list[Run]]]:
-    """Devices of all layouts, as they are, in finer steps and stirred up, with their runs."""
+    """Devices of all layouts, as they are, in finer steps and stirred up, and those of a third hand, with runs."""
     kinds: tuple[tuple[int, range, dict[str, Any]], ...] = (  # polls, seeds, chances
         (60, range(seeds), {"refine": 0.0}),
         (60, range(400, 400 + seeds), {"another": 1.0}),
@@ -243,11 +251,9 @@ def training(seeds: int) -> list[tuple[MadeDevice, list[Run]]]:
         (60, range(500, 502), {"another": 0.5, "sisters": 2}),
         (150, range(100, 101), {"refine": 0.0}),
     )
-    return [
-        (device, runs_of(device.readings))
-        for polls, numbers, chances in kinds
-        for device in devices(numbers, polls, widen=0.15, **chances)
-    ]
+    made = [device for polls, numbers, chances in kinds for device in devices(numbers, polls, widen=0.15, **chances)]
+    made += physical_devices(range(500, 506), flip=0.4)
+    return [(device, runs_of(device.readings)) for device in made]
 
 
 def folds(count: int) -> list[set[str]]:
@@ -298,7 +304,8 @@ def main(arguments: list[str]) -> int:
         content = {
             "provenance": {
                 "made_by": "benchmarks/fit_registers.py",
-                "layouts": sorted(layouts()),
+                "layouts": sorted({*layouts(), *(f"physics {name}" for name in physical_layouts())}),
+                "seeds": options.seeds,
                 "devices": len(made),
                 "rounds": options.rounds,
                 "strength": options.strength,

@@ -1,26 +1,28 @@
 """Scores the inference of registers on devices whose maps are known.
 
     python benchmarks/score_registers.py [--polls N] [--seeds N] [--layouts FOLDER] [--family F] [--misses]
-        [--sisters N] [--another]
+        [--sisters N] [--another] [--physics]
 
 Devices are made from the layouts (shipped maps and `layouts/`, or the maps of another folder), moved to other
 addresses, polled as masters do. A value counts where a word of it moved; it is right where registers, integer or float,
-and word order are. What the tables were fitted on is in their provenance: figures for those families flatter;
-`fit_registers.py --folds N` gives figures of families held out.
+and word order are. `--physics` takes the devices of `register_makers` instead. What the tables were fitted on is in
+their provenance: figures for those families flatter; `fit_registers.py --folds N` gives figures of families held out.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from random import Random
 
+from register_makers import physical_device, physical_layouts
 from register_scores import Tally, tallied
-from register_series import family, layouts, made_device
+from register_series import MadeDevice, family, layouts, made_device
 
 from analyzer.registers.weights import shipped_weights
-from dissectors.maps import read_map
+from dissectors.maps import RegisterMap, read_map
 
 
 def main(arguments: list[str]) -> int:
@@ -31,6 +33,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--layouts", type=Path, metavar="FOLDER", help="maps of your own instead")
     parser.add_argument("--sisters", type=int, default=0, help="units beside each device that have its layout")
     parser.add_argument("--another", action="store_true", help="series of another hand")
+    parser.add_argument("--physics", action="store_true", help="layouts and series of a third hand instead")
     parser.add_argument("--family", help="only layouts of this maker")
     parser.add_argument("--by-layout", action="store_true", help="a line a layout")
     parser.add_argument("--misses", action="store_true", help="print each miss")
@@ -38,15 +41,21 @@ def main(arguments: list[str]) -> int:
     charts = layouts()
     if options.layouts is not None:
         charts = {path.stem: read_map(path) for path in sorted(options.layouts.glob("*.*"))}
+    seeds = range(options.first_seed, options.first_seed + options.seeds)
+    made: dict[str, Iterable[MadeDevice]] = {
+        name: _devices(name, chart, seeds, options)
+        for name, chart in charts.items()
+        if options.family in (None, family(chart))
+    }
+    if options.physics:
+        made = {
+            layout.name: (physical_device(layout, seed, options.polls) for seed in seeds)
+            for layout in physical_layouts().values()
+        }
     weights, everything = shipped_weights(), Tally()
-    for name, chart in charts.items():
-        if options.family not in (None, family(chart)):
-            continue
+    for name, members in made.items():
         tally = Tally()
-        for seed in range(options.first_seed, options.first_seed + options.seeds):
-            random = Random(f"{name} {seed}")
-            more = {"another": float(options.another), "sisters": options.sisters}
-            device = made_device(name, chart, random, options.polls, **more)
+        for device in members:
             tallied(device, weights, tally)
             tallied(device, weights, everything)
         if options.by_layout and tally.due["all"]:
@@ -58,6 +67,12 @@ def main(arguments: list[str]) -> int:
         return 1
     print(f"all layouts: {everything}\n{everything.calibration()}")
     return 0
+
+
+def _devices(name: str, chart: RegisterMap, seeds: range, options: argparse.Namespace) -> Iterator[MadeDevice]:
+    for seed in seeds:
+        more = {"another": float(options.another), "sisters": options.sisters}
+        yield made_device(name, chart, Random(f"{name} {seed}"), options.polls, **more)
 
 
 if __name__ == "__main__":

@@ -237,3 +237,24 @@ def test_a_name_that_a_shell_would_take_apart_is_told_between_quotes():
 def test_a_dash_is_standard_input(capsys, monkeypatch):
     monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(b"11 03 00 6B 00 03 76 87"), encoding="utf-8"))
     assert "read 3 holding registers" in ran(capsys, "parse", "-").out
+
+
+@pytest.mark.parametrize(
+    ("request_pdu", "answer", "refused"),
+    [
+        ("050600020064", "058602", True),
+        ("05100002000102 0064", "059003", True),
+        ("050600020064", "050600020064", False),
+        ("05100002000102 0064", "051000020001", False),
+    ],
+)
+def test_a_refused_write_is_no_value_of_the_map(capsys, tmp_path, request_pdu, answer, refused):
+    (tmp_path / "drive.csv").write_text("area,address,name,type\nholding,2,Ramp,u16\n")
+    text = f"{adu(request_pdu).hex()} {adu(answer).hex()}"
+    chart = ("--map", str(tmp_path / "drive.csv"))
+    out = ran(capsys, "parse", *chart, text).out
+    assert "Ramp  100  (holding 2)" in out
+    assert ("asked of unit 5 at byte 0 and refused, by the map:" in out) == refused
+    assert ("by the map, unit 5 at byte 0:" in out) == (not refused)
+    lines = [json.loads(line) for line in ran(capsys, "parse", "--json", *chart, text).out.splitlines()]
+    assert [value["value"] for value in lines[0]["values"]] == ([] if refused else [100])

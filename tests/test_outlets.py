@@ -387,6 +387,18 @@ def test_influx_escapes_names_and_texts(tmp_path):
     assert values[0].startswith(r"modbus_value,unit=17,area=holding,name=Power\,\ L1\=a value=100.0 ")
 
 
+def test_influx_has_values_of_writes_only_where_they_were_confirmed(tmp_path):
+    (tmp_path / "drive.csv").write_text("area,address,name,type\nholding,2,Ramp,u16\n")
+    bus = tmp_path / "bus.jsonl"
+    from buses import LINE, spaced
+
+    turns = [("110600020005", "118602"), ("11100002000102 0006", "111000020001"), ("110600020007", "110600020007")]
+    captures.write(bus, spaced([adu(pdu) for turn in turns for pdu in turn]), line=LINE)
+    done = spawned("replay", bus, "--speed", "max", "--influx", "--map", f"{tmp_path / 'drive.csv'}@17")
+    values = [line.split(" ")[1] for line in done.out.splitlines() if line.startswith("modbus_value")]
+    assert values == ["value=6.0", "value=7.0"]
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

@@ -69,11 +69,16 @@ def run(arguments: argparse.Namespace) -> int:
         where = "" if arguments.hex else f"{_source(arguments)}: "
         raise UsageError(_named_file(arguments.hex) or f"{where}{error}") from error
     if arguments.json:
-        for line in paste.to_json(noise=arguments.noise):
-            if charts and (chart := charts.get(line.get("unit") or 0)) is not None:
-                from ..paste.meaning import mapped_readings
+        lines = list(paste.to_json(noise=arguments.noise))
+        if charts:
+            from ..paste.meaning import mapped_readings, refused_requests
 
-                line["values"] = [reading.to_json() for reading in mapped_readings(line, chart)]
+            refused = refused_requests(lines)
+            for line in lines:
+                if (chart := charts.get(line.get("unit") or 0)) is not None:
+                    readings = [] if line["start"] in refused else mapped_readings(line, chart)
+                    line["values"] = [reading.to_json() for reading in readings]
+        for line in lines:
             put_json(line)
         for left in left_out(paste):
             tell(f"not read: {left}")

@@ -22,7 +22,7 @@ from ..registers.revising import Revision
 from ..tables.findings import Finding
 from ..tables.frame import Frame
 from ..tables.schema import Kind
-from .lines import FrameCache, frame_readings
+from .lines import FrameCache, confirmed_readings
 from .recent import ShownRow
 
 
@@ -34,7 +34,7 @@ class InfluxLines:
 
     def use(self, charts: Mapping[int, RegisterMap]) -> None:
         """From here on frames have the values of these maps."""
-        self._values = FrameCache(lambda frame: [_value(reading) for reading in frame_readings(frame, charts)])
+        self._values = FrameCache(lambda frame: [_value(reading) for reading in confirmed_readings(frame, charts)])
 
     def register(self, _revision: Revision) -> str:
         """Nothing: what a register means is no measurement."""

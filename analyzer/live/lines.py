@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any, Final, Generic, TypeVar
 
 import orjson
 
+from dissectors.annotation import annotate
+from dissectors.length_rules import Role
 from dissectors.maps.decoding import MappedReading
 from dissectors.maps.model import RegisterMap
 from dissectors.values import harmless
@@ -19,7 +21,7 @@ from ..languages import counted, tr
 from ..paste.meaning import mapped_readings
 from ..tables.batch import Batch
 from ..tables.findings import Finding, Severity
-from ..tables.frame import Frame
+from ..tables.frame import Frame, adu_of
 from ..tables.schema import Kind
 from ..terminal_text import TerminalText, painted, terminal_text
 from ..words import duration
@@ -190,6 +192,21 @@ def frame_readings(frame: Frame, charts: Mapping[int, RegisterMap]) -> list[Mapp
     """What a frame carries by the map of its unit."""
     chart = charts.get(frame.unit)
     return [] if chart is None or not frame.crc_ok else mapped_readings(frame.to_json(), chart)
+
+
+def confirmed_readings(frame: Frame, charts: Mapping[int, RegisterMap]) -> list[MappedReading]:
+    """What an answer says by the map of its unit: values that it carries, and those that it confirms of its request. A
+    request says nothing: it may be refused."""
+    chart = charts.get(frame.unit)
+    if chart is None or frame.row.kind != Kind.RESPONSE or frame.exception is not None or not frame.crc_ok:
+        return []
+    readings = mapped_readings(frame.to_json(), chart)
+    if frame.request_bytes is None:
+        return readings
+    fields = annotate(adu_of(frame.request_bytes, frame.row.protocol), Role.REQUEST)
+    asked = mapped_readings({"function": frame.function, "fields": [field.to_json() for field in fields]}, chart)
+    own = {reading.row.address for reading in readings}
+    return readings + [reading for reading in asked if reading.row.address not in own]
 
 
 def _named(frame: Frame, charts: Mapping[int, RegisterMap]) -> str:

@@ -40,17 +40,28 @@ def _words(fields: Sequence[Mapping[str, Any]]) -> Iterator[tuple[int, int]]:
         yield from _words(field.get("fields") or ())
 
 
+def refused_requests(lines: Iterable[Mapping[str, Any]]) -> frozenset[int]:
+    """Where the requests begin that were answered by an exception: what they would write was not written."""
+    refusals = [line for line in lines if line.get("exception") is not None]
+    return frozenset(line["request_start"] for line in refusals if line.get("request_start") is not None)
+
+
 def meaning_text(lines: Iterable[Mapping[str, Any]], chart_of: Mapping[int, RegisterMap]) -> str:
     """The values of some frames as text, a heading a frame."""
-    parts = []
+    lines, parts = list(lines), []
+    refused = refused_requests(lines)
     for line in lines:
         chart = chart_of.get(line.get("unit") or 0)
         readings = mapped_readings(line, chart) if chart is not None else []
         if readings:
             width = max(len(reading.row.name) for reading in readings)
-            parts.append(tr("by the map, unit {unit} at byte {start}:", unit=line["unit"], start=line["start"]))
+            where = {"unit": line["unit"], "start": line["start"]}
+            if line["start"] in refused:
+                parts.append(tr("asked of unit {unit} at byte {start} and refused, by the map:", **where))
+            else:
+                parts.append(tr("by the map, unit {unit} at byte {start}:", **where))
             for reading in readings:
                 last = f"-{reading.row.end - 1}" if reading.row.length > 1 else ""
-                where = f"{reading.row.area} {reading.row.address}{last}"
-                parts.append(f"  {reading.row.name:<{width}}  {reading.text}  ({where})")
+                place = f"{reading.row.area} {reading.row.address}{last}"
+                parts.append(f"  {reading.row.name:<{width}}  {reading.text}  ({place})")
     return "".join(f"{part}\n" for part in parts)

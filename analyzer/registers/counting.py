@@ -25,6 +25,9 @@ NONE: Final = -1  # the hypothesis does not reach so far
 _GAINS: Final = np.array([-24, -8, -3, -0.5, 0.5, 3, 8, 16, 32, 64, 128, 256, 512])  # bits
 _COSTS: Final = np.array([2.5, 4, 6, 8, 10, 12, 13.5, 15])  # bits a change
 _BESIDE: Final = (-8, -6, -4, -2, 2, 4, 6, 8)
+_BUSY: Final = 8  # changes
+_NARROW: Final = 12.0  # bits
+_FOURS: Final = (-12, -8, -4, 4, 8, 12)
 _IN_LINE: Final = (-12, -10, *_BESIDE, 10, 12)
 _MARKS: Final = (0, 0xFFFF, 0x7FFF, 0x8000)  # high words of small numbers, and of what a device lacks
 _ROWS: Final = 6 * 4
@@ -46,7 +49,7 @@ SIZES: Final[Mapping[str, int]] = {
     "f32": 4, "f32 gain": 14 * 2, "f32 value": 4 * 8, "f32 low": 4 * 9, "f32 quiet": 8 * 16, "f32 spread": 4 * 6,
     "f32 even": 2 * EVEN,
     # of four
-    "i64": 16, "i64 gain": 14, "i64 top": 16 * 2, "i64 low": 8 * 3, "i64 zeros": 16 * 4 * 2,
+    "i64": 16, "i64 gain": 14, "i64 top": 16 * 2, "i64 low": 8 * 3, "i64 words": 64 * 2, "i64 in line": 4 * 3 * 2,
     "f64": 16, "f64 gain": 14, "f64 value": 8 * 2,
     "f64 decimals": 4 * 6, "f64 spread": 2 * 6, "f64 as float": 8 * 8,
     "i64 even": 2 * EVEN, "i64 wraps": 13, "i64 agreed": 5, "f64 even": 4,
@@ -300,7 +303,7 @@ class Counting:
         any_moved = case > 0
         if hypothesis.is_float:
             value = pattern.view(np.float64)
-            self._absurd[hypothesis] = any_moved & is_absurd(value)
+            self._absurd[hypothesis] = any_moved & (is_absurd(value) | self._is_idle_below(columns))
             as_float = change_lengths(self._across(np.diff(in_last_digits(value, 52), axis=0)), 63)
             gain = np.digitize(separate - as_float, _GAINS)
             return {
@@ -313,15 +316,16 @@ class Counting:
                 "f64 even": np.where(any_moved, (self._even[columns[:, 1:]] >= 3).sum(axis=1), NONE),
                 "wide block": self._edges(4),
             }
+        self._absurd[hypothesis] = any_moved & (self._is_hollow(columns) | self._is_idle_below(columns))
         steps = self._across(np.diff(pattern, axis=0).view(np.int64))
         gain = np.digitize(separate - change_lengths(steps, 65), _GAINS)
         low = columns[:, 3]
-        in_row = self._in_row(columns, case)
         return {
             "i64": case,
             "i64 gain": np.where(any_moved, gain, NONE),
             "i64 top": self._class[columns[:, 0]] * 2 + any_moved,
-            "i64 zeros": (case * 4 + (self._class[columns[:, :3]] == 0).sum(axis=1)) * 2 + in_row,
+            "i64 words": self._shapes(columns),
+            "i64 in line": self._in_fours(columns) * 2 + any_moved,
             "i64 even": np.where(self.moved[low], self.moved[columns[:, 2]] * EVEN + self._even[low], NONE),
             "i64 wraps": np.where(self.moved[low], self._carried(columns[:, 2], low), NONE),
             "i64 agreed": np.where(moved[:, 2] & moved[:, 3], self._agreed(columns[:, 2], low), NONE),
@@ -329,15 +333,45 @@ class Counting:
             "wide block": self._edges(4),
         }
 
-    def _in_row(self, columns: Ints, case: Ints) -> Ints:
-        """Whether the four registers before or behind look like these: which of them moved, and zeros in the rest."""
-        shapes = case * 16 + ((self._class[columns] == 0) & ~self.moved[columns]) @ np.array([8, 4, 2, 1])
-        repeats = np.zeros(len(case), np.int64)
-        if len(case) > 4:
-            alike = shapes[4:] == shapes[:-4]
-            repeats[4:] |= alike & (self._first[4 : len(case)] == self._first[: len(case) - 4])
-            repeats[:-4] |= alike & (self._first[4 : len(case)] == self._first[: len(case) - 4])
-        return repeats
+    def _is_hollow(self, columns: Ints) -> NDArray[np.bool_]:
+        """Whether a word that stands at zero has a higher one that does not, as no number has that was counted or
+        measured: such are two numbers side by side."""
+        zero = ((self._class == 0) & ~self.moved)[columns]
+        hollow: NDArray[np.bool_] = (zero[:, 1:] & ~zero[:, :-1]).any(axis=1)
+        return hollow
+
+    def _is_idle_below(self, columns: Ints) -> NDArray[np.bool_]:
+        """Whether a word that is not zero hardly moves though a higher one often does: the digits behind one that
+        changes are anything."""
+        busy = np.logical_or.accumulate((self._count >= _BUSY)[columns], axis=1)
+        idle = ((self._span < _NARROW) & (self.moved | (self._class != 0)))[columns]
+        below: NDArray[np.bool_] = (idle[:, 1:] & busy[:, :-1]).any(axis=1)
+        return below
+
+    def _shapes(self, columns: Ints) -> Ints:
+        """Of each word of four but the lowest: 0 it stands at zero, 1 at something, 2 at FFFF, 3 it moves; and whether
+        the lowest one moves."""
+        word = self._class[columns]
+        kinds = np.where(self.moved[columns], 3, np.where(word == 0, 0, np.where(word == 8, 2, 1)))
+        shapes: Ints = (kinds[:, :3] @ np.array([16, 4, 1])) * 2 + self.moved[columns[:, 3]]
+        return shapes
+
+    def _in_fours(self, columns: Ints) -> Ints:
+        """Of the fours to either side of four registers: how many are alike, with nothing in their upper half and
+        something below (0 to 2, more), and how many are otherwise (0, 1, more)."""
+        nothing = (np.isin(self.words[0], (0, 0xFFFF)) & ~self.moved)[columns]
+        fits = nothing[:, :2].all(axis=1)
+        says = (self.moved | (self.words[0] != 0))[columns[:, 2:]].any(axis=1)
+        alike, against = (np.zeros(len(columns), np.int64) for _ in range(2))
+        begins = np.arange(len(columns))
+        for away in _FOURS:
+            there = begins + away >= self._first[: len(begins)]
+            there &= begins + away + 3 <= self._last[: len(begins)]
+            slot = np.where(there, begins + away, 0)
+            alike += there & fits[slot] & says[slot]
+            against += there & ~fits[slot]
+        grades: Ints = np.minimum(alike, 3) * 3 + np.minimum(against, 2)
+        return grades
 
     def _as_floats(self, columns: Ints) -> Ints:
         """What both halves of four registers, the high word of each first, look like as floats of 32 bits."""

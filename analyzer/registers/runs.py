@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,7 @@ from .sisters import Mask, pair_codes, pooled, sister_runs
 from .weights import DEVICE_ORDERS, Weights
 
 Floats = NDArray[np.float64]
+_TOGETHER: Final = 0.5  # what counts of a device's values for its word order: pairs in a row say one thing, not many
 
 
 @dataclass(slots=True, eq=False)
@@ -151,7 +153,7 @@ def run_pass(
     units = {unit: number for number, unit in enumerate(dict.fromkeys(run.unit for run in runs))}
     devices = np.array([units[run.unit] for run in runs])
     priors, by_order = weights.orders(which)
-    totals = np.tile(priors / temperature, (len(units), 1))
+    totals = np.zeros((len(units), 2))
     posteriors = np.empty((len(runs), 2), object)
     transitions, begin, end = weights.chain(which)
     for part in _alike(runs):
@@ -165,6 +167,7 @@ def run_pass(
             np.add.at(totals[:, order], devices[part], sums.log_total)
             for row, number in enumerate(part):
                 posteriors[number, order] = sums.posterior[row, : lengths[row]]
+    totals = _TOGETHER * totals + priors
     shares = np.exp(totals - totals.max(axis=1, keepdims=True))
     shares /= shares.sum(axis=1, keepdims=True)
     return [

@@ -29,7 +29,7 @@ from ...exports.targets.mcap.mapped import topic_name
 from ...extras import needs
 from ...tables.findings import described
 from ...tables.schema import Kind
-from ..lines import FrameCache, frame_readings
+from ..lines import FrameCache, confirmed_readings
 from . import OutletError, Tell
 from .discovery import health_entity, node_of, value_entity
 from .mailbox import Letter, Mailbox
@@ -94,7 +94,7 @@ class Mqtt:
         self._states: dict[str, str] = {}  # topic: payload, as it should be at the broker
         self._retained: dict[str, str] = {}  # as it is there, while we ask
         self._topics: dict[tuple[int, str, int], str] = {}  # of a value: unit, area, address
-        self._readings = FrameCache(lambda frame: frame_readings(frame, charts)) if charts else None
+        self._readings = FrameCache(lambda frame: confirmed_readings(frame, charts)) if charts else None
         self._charts = charts
         self._health: dict[int, Counter[str]] = {}
         self._alive: dict[int, bool] = {}
