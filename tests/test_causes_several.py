@@ -121,8 +121,8 @@ def test_answers_that_only_the_tap_does_not_hear_are_nobody_s_silence(heard: flo
     assert _named(_causes(sent())) == [("tap-one-direction", ())]
 
 
-@pytest.mark.parametrize("holders", [(3,), (3, 5)])
-def test_drivers_of_several_units_may_be_held(holders: tuple[int, ...]) -> None:
+@pytest.mark.parametrize(("holders", "often"), [((3,), 0.35), ((3, 5), 1.0)])
+def test_drivers_of_several_units_may_be_held_or_of_one_at_times(holders: tuple[int, ...], often: float) -> None:
     random = Random(4)
 
     def sent() -> Iterator[Sent]:
@@ -134,7 +134,7 @@ def test_drivers_of_several_units_may_be_held(holders: tuple[int, ...]) -> None:
                 yield _TIMEOUT_MS, b""
             yield 8.0, _read(unit)
             yield 5.0 + random.random(), _answer(unit, 500 + i)
-            held = unit in holders
+            held = unit in holders and random.random() < often
 
     assert [(cause.cause, tuple(sorted(cause.units))) for cause in _causes(sent())] == [("driver-held", holders)]
 

@@ -80,12 +80,12 @@ def _held(evidence: Evidence, units: list[UnitLedger], totals: Mapping[int, floa
 
 
 def _always_spoilt(evidence: Evidence, unit: UnitLedger, spoilt: float) -> bool:
-    """Whether noise of more than a spike's bytes stands behind most good answers of a unit, which are well themselves,
+    """Whether noise of more than a spike's bytes stands behind many good answers of a unit, which are well themselves,
     and no request does."""
     damaged, readings = evidence.damaged(unit), evidence.followed(unit)
     long = sum(reading.length > STRAY for reading in readings)
     return (
-        spoilt >= _MOSTLY * unit.answered
+        spoilt >= _OFTEN * unit.answered
         and spoilt >= _LEAST
         and long >= _MOSTLY * len(readings)
         and damaged <= _RARELY * unit.asked
