@@ -25,7 +25,7 @@ from ..tables.batch import Batch
 from ..tables.columnar import Bools, Columns, Int16s, Int32s, Int64s, UInt8s
 from ..tables.frame import adu_of
 from ..tables.schema import NO_GAP, Kind, Rows
-from ..tables.transactions import NEVER
+from ..tables.transactions import ECHOED, NEVER
 
 _WINDOW_ROWS: Final = 512  # behind a request: what follows after that many rows is nobody's
 _WINDOW_BYTES: Final = 1 << 16
@@ -83,6 +83,7 @@ class Exchanges(Columns):
     next_unit: Int16s  # of the next request, -1 at the end
     repeats: Bools  # the bytes of the request before
     next_same: Bools  # the next request repeats this one
+    next_echoed: Bools  # the next request is of a function whose answer reads like it: it may be a late one
     called: Bools  # of a broadcast: somebody answers it
 
 
@@ -260,6 +261,7 @@ def _compare(made: Exchanges, before: Exchanges) -> None:
     identity, outcome, poll = made.identity, made.outcome, made.poll
     made.repeats[1:] = identity[1:] == identity[:-1]
     made.next_same[:-1] = made.repeats[1:]
+    made.next_echoed[:-1] = ECHOED[made.function[1:]]
     made.next_unit[:-1], made.next_unit[-1] = made.unit[1:], -1
     if len(before):
         made.repeats[0] = identity[0] == before.identity[0]

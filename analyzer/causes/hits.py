@@ -32,6 +32,8 @@ _TOLD: Final = 5  # waits or delays, by which a clock's errors even out
 _SOONEST: Final = 0.05  # of delays
 _WAITED: Final = 0.9  # of delays: so long its master waits for a unit that answers
 _SOONER: Final = 0.8  # of them: no timer strays so far
+_BY_TIMER: Final = 0.85  # of waits
+_TIMER_TOLD: Final = 0.3  # of a timeout: times that are wrong by more do not tell it
 _REQUEST: Final = 8  # bytes: of a read, and no request has fewer
 _MANY: Final = 10  # answers
 _SOME: Final = 0.1  # of the requests
@@ -88,6 +90,21 @@ def evenness_bits(evidence: Evidence) -> float:
     for unit, hit, length in zip(units, hits, lengths, strict=True):
         shared = likelihood_bits(hit, unit.asked, 1 - exp(-a_byte * length))
         bits += min(0.0, shared - likelihood_bits(hit, unit.asked, (hit + 0.25) / (unit.asked + 0.5)) + price)
+    return bits
+
+
+def requests_evenness_bits(evidence: Evidence) -> float:
+    """How much less likely the damaged requests behind each unit's answers are, if all requests share one rate; never
+    more than 0."""
+    units = [unit for unit in evidence.units if unit.answered]
+    hits = [min(round(evidence.requests_behind(unit)), unit.answered) for unit in units]
+    every = sum(unit.answered for unit in units)
+    if len(units) < 2 or not sum(hits):
+        return 0.0
+    rate, price, bits = sum(hits) / every, 0.5 * log2(every + 2), 0.0
+    for unit, hit in zip(units, hits, strict=True):
+        own = likelihood_bits(hit, unit.answered, (hit + 0.25) / (unit.answered + 0.5))
+        bits += min(0.0, likelihood_bits(hit, unit.answered, rate) - own + price)
     return bits
 
 
@@ -203,10 +220,21 @@ def _spread(numbers: Sequence[float] | NDArray[np.float64]) -> float:
     return float(np.subtract(*np.quantile(numbers, (0.9, 0.1)))) if len(numbers) else 0.0
 
 
+def given_up_by_timer(evidence: Evidence, unit: UnitLedger) -> bool:
+    """Whether nearly all requests to a unit that stayed without an answer were followed when the master's timeout was
+    over, and no sooner: what comes late then met nobody else's request. False where nobody knows."""
+    timeout, off = evidence.timeout_ns, evidence.verdict.wait_ns
+    waits = unit.quiet_waits.numbers  # what is late, and taken for the answer, ends a wait as well
+    if timeout is None or len(waits) < _TOLD or off > _TIMER_TOLD * timeout:
+        return False
+    return bool((waits >= _SOONER * timeout - off).mean() >= _BY_TIMER)
+
+
 def late_of_any(evidence: Evidence) -> int:
-    """Answers that came behind another request, whoever sent them; 0 where it is one unit that is late, for a second
-    master's requests meet the answers of all."""
+    """Answers that came behind another request, whoever sent them, but for those that the master's own timer explains;
+    0 where it is one unit that is late, for a second master's requests meet the answers of all."""
     units = [unit for unit in evidence.units if evidence.is_open(Symptom.LATENESS, unit.unit)]
+    units = [unit for unit in units if not given_up_by_timer(evidence, unit)]
     late = sum(unit.late for unit in units)
     if not late:
         return 0

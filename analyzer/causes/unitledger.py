@@ -111,7 +111,8 @@ class UnitLedger:
             known = mine.t_next != NEVER
             silent = known & (outcome == _SILENT)
             self.waits.add(waits[silent])
-            self.quiet_waits.add(waits[silent & (mine.late == 0) & (mine.strays == 0)])
+            echo = mine.next_echoed | (ECHOED[mine.function] & mine.repeats)  # one of the two may be an answer, late
+            self.quiet_waits.add(waits[silent & (mine.late == 0) & (mine.strays == 0) & ~echo])
             self.garbage_waits.add(waits[known & (outcome == _GARBAGE)])
 
     def _add_answers(self, good: Exchanges, *, timed: bool, hole_ns: float) -> None:

@@ -13,7 +13,15 @@ from ..asciireading import is_in_ascii
 from ..bits import likelihood_bits, surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, overlaid, share_of
 from ..exchanges import Ending
-from ..hits import answers_too_many, evenness_bits, interrupted, is_about_one, late_of_any, timed_by_the_master
+from ..hits import (
+    answers_too_many,
+    evenness_bits,
+    given_up_by_timer,
+    interrupted,
+    is_about_one,
+    late_of_any,
+    timed_by_the_master,
+)
 from ..registry import Suspicion, Symptom, suspect
 from ..signatures import Behind, Signature
 from ..unitledger import UnitLedger
@@ -62,13 +70,17 @@ def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
     units = [unit for unit in evidence.units if evidence.is_open(Symptom.DAMAGE, unit.unit)]
     early = {unit.unit: interrupted(evidence, unit) for unit in units}
     late = late_of_any(evidence)
-    sure = sum(early.values()) >= _MET or late - max((unit.late for unit in units), default=0) >= _LEAST
+    by_timer = [unit for unit in units if unit.late and given_up_by_timer(evidence, unit)]
+    others = [unit for unit in units if unit not in by_timer]  # what is late of these is not the timer's
+    sure = sum(early.values()) >= _MET or late - max((unit.late for unit in others), default=0) >= _LEAST
     if not evidence.ordered or _broadcasts_answered(evidence) or (is_about_one(evidence) and not sure):
         return
     if any(answers_too_many(evidence, unit) for unit in units):
         return  # where it is sure, it need not meet all alike: slow units are met most
     hasty = sum(max(_hasty(evidence, unit), early[unit.unit]) for unit in units)
-    late = sum(unit.late for unit in units) if sure else late
+    late = sum(unit.late for unit in others) if sure else late
+    if hasty + late < _MET and sum(unit.late for unit in by_timer) >= _MET:
+        return  # a master that gives up too soon runs into answers all alone
     behind = sum(evidence.behind(unit, Behind.REQUEST, Behind.NOISE) for unit in units)
     own = {unit.unit: timed_by_the_master(evidence, unit) for unit in units}  # what its own requests ran into
     damaged = sum(round(evidence.damaged(unit) * (1 - _part(evidence, unit, own[unit.unit]))) for unit in units)

@@ -12,7 +12,17 @@ from ..bits import likelihood_bits, phase_bits, surplus_bits
 from ..crowdedtimes import CrowdedTimes
 from ..evidence import HEALTHY, Evidence, kind_bits, overlaid
 from ..exchanges import Ending
-from ..hits import ALIKE, WELL, Hits, end_of_part, evenness_bits, is_one_units, span_of_hits, spares_requests
+from ..hits import (
+    ALIKE,
+    WELL,
+    Hits,
+    end_of_part,
+    evenness_bits,
+    is_one_units,
+    requests_evenness_bits,
+    span_of_hits,
+    spares_requests,
+)
 from ..registry import Explained, Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage
 from ..spells import spells_of
@@ -78,7 +88,7 @@ def _anywhere(evidence: Evidence, *, sparse: bool = False) -> tuple[Hits, float]
     ):  # what hardly meets a frame would be on the idle line alone
         bits -= _IDLE_BITS
     bits += _OVERLAID * (_SOME_OVERLAID * len(readings) - overlaid(readings))
-    unlike = -evenness_bits(evidence)
+    unlike = -evenness_bits(evidence) - requests_evenness_bits(evidence)
     if unlike > max(_UNLIKE_BITS, _UNLIKE * bits):
         return hits, 0.0  # it spares some units: it is not everybody's
     return hits, bits + min(kind_bits(readings, ALIKE), 0.0) - unlike

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import insort
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -15,7 +15,7 @@ from ...tables.findings import Severity
 from ..bits import likelihood_bits, surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, kind_of
 from ..exchanges import Ending
-from ..hits import interrupted, timed_by_the_master
+from ..hits import given_up_by_timer, interrupted, timed_by_the_master
 from ..registry import Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage, Signature
 from ..unitledger import UnitLedger
@@ -51,66 +51,93 @@ _KINDS: Final = {
     "timeout-too-short",
     Severity.ERROR,
     blame="master",
-    text="The master does not wait long enough for unit {unit}: {late} of its answers came when the master had gone on"
-    "[ (it takes up to {delay:.3g} ms)]; what it takes for an answer to one request may be that of the one before",
-    share="{late} of {asked} requests to unit {unit}[, {others_late} of {others_asked} to others]",
+    text="The master does not wait long enough for {units:unit|units}: {late:answer|answers} came when the master had gone on"
+    "[ (up to {delay:.3g} ms after the request)]; what it takes for an answer to one request may be that of the one before",
+    share="{late} of {asked} requests to {units:unit|units}[, {others_late} of {others_asked} to others]",
     deciding_test="Set the master's timeout three times as long: no request may stay without an answer then",
-    remedy="Set the response timeout longer than the slowest answer of unit {unit}, and let the master drop what comes "
-    "late before it sends again",
+    remedy="Set the response timeout longer than the slowest answer of {units:unit|units}, and let the master drop what "
+    "comes late before it sends again",
 )
 def timeout_too_short(evidence: Evidence) -> Iterator[Suspicion]:
-    """Late answers of one unit; requests repeated though they were answered, if late."""
+    """Late answers of one unit, or of several where the master's own timer tells that nobody else sends; requests
+    repeated though they were answered, if late."""
     if not evidence.ordered:
         return
     late = {unit.unit: _late(evidence, unit) for unit in evidence.units}
     for unit in evidence.units:  # what stands where another's was due, if it did not come before
         if evidence.is_open(Symptom.LATENESS, unit.unit):
             late[unit.unit] += min(evidence.begun[unit.unit], unit.count(Ending.SILENT, Ending.GARBAGE))
-    for unit in evidence.units:
-        if interrupted(evidence, unit) > _MOSTLY * len(unit.waits):
-            continue  # nobody gives up so soon
-        others = [other for other in evidence.units if other.unit != unit.unit]
-        behind, run_into = _run_into(evidence, unit)
-        series, in_series = _shifted(evidence, unit)
-        behind += series
-        mine, rest = max(late[unit.unit], run_into, in_series), sum(late[other.unit] for other in others)
-        if mine < _LEAST or mine < _MOSTLY * (mine + rest) or mine > unit.asked + _LEAST:
-            continue  # more than it was asked for are no late answers
-        background = max(_BACKGROUND, (rest + 0.5) / (sum(other.asked for other in others) + 100))
-        silent = surplus_bits(evidence.silent(unit), unit.asked, _SILENT) / 2
-        garbled = max(kind_bits(evidence.readings(unit), _KINDS), 0.0)
-        explains = {(Symptom.LATENESS, unit.unit), (Symptom.SILENCE, unit.unit), (Symptom.DOUBLES, unit.unit),
-                    (Symptom.DAMAGE, unit.unit), (Symptom.BEHIND, unit.unit), (Symptom.VALUES, unit.unit)}  # fmt: skip
-        explains |= {
-            (symptom, other.unit) for other in others for symptom in (Symptom.DAMAGE, Symptom.BEHIND, Symptom.SILENCE)
-        }
-        lost, lost_ms = evidence.cost(unit, Ending.SILENT, Ending.GARBAGE)
-        slow = unit.delays.quantile(0.9)
-        yield Suspicion(
-            (unit.unit,),
-            surplus_bits(mine, max(unit.asked, mine), background)
-            + 2 * mine
-            + behind
-            + silent
-            + garbled
-            + _TIMED_BITS * len(timed_by_the_master(evidence, unit)),
-            frozenset(explains),
-            {
-                "unit": unit.unit,
-                "late": mine,
-                "asked": unit.asked,
-                "others_late": rest,
-                "others_asked": sum(other.asked for other in others),
-                "delay": slow / 1e6
-                if slow and evidence.timeout_ns and slow > max(evidence.verdict.wait_ns, 0.5 * evidence.timeout_ns)
-                else 0.0,
-            },
-            since=unit.first,
-            until=unit.last,
-            lost_answers=lost + _redundant(unit).count,
-            lost_ms=lost_ms,
-            frames=tuple(unit.examples.get(Ending.SILENT, [])),
-        )
+    found = [each for unit in evidence.units if (each := _weighed(evidence, unit, late)) is not None]
+    by_timer = [each for each in found if given_up_by_timer(evidence, each.unit)]
+    together = by_timer if len(by_timer) > 1 else []
+    groups = [*([each] for each in found if each not in together), *([together] if together else [])]
+    for group in groups:
+        group.sort(key=lambda each: -each.late / max(each.unit.asked, 1))
+        mine = sum(each.late for each in group)
+        rest = sum(late.values()) - sum(late[each.unit.unit] for each in group)
+        if mine >= _MOSTLY * (mine + rest):
+            yield _suspicion(evidence, group, mine, rest)
+
+
+@dataclass(frozen=True, slots=True)
+class _LateUnit:
+    """A unit with late answers: how many, and the bits of what they ran into."""
+
+    unit: UnitLedger
+    late: int
+    behind: float
+
+
+def _weighed(evidence: Evidence, unit: UnitLedger, late: Mapping[int, int]) -> _LateUnit | None:
+    if interrupted(evidence, unit) > _MOSTLY * len(unit.waits):
+        return None  # nobody gives up so soon
+    behind, run_into = _run_into(evidence, unit)
+    series, in_series = _shifted(evidence, unit)
+    mine = max(late[unit.unit], run_into, in_series)
+    if mine < _LEAST or mine > unit.asked + _LEAST:
+        return None  # more than it was asked for are no late answers
+    return _LateUnit(unit, mine, behind + series)
+
+
+def _suspicion(evidence: Evidence, group: Sequence[_LateUnit], mine: int, rest: int) -> Suspicion:
+    units = [each.unit for each in group]
+    others = [other for other in evidence.units if other not in units]
+    background = max(_BACKGROUND, (rest + 0.5) / (sum(other.asked for other in others) + 100))
+    bits, lost, slow, explains = 0.0, 0, 0.0, set[tuple[Symptom, int | None]]()
+    for each in group:
+        unit = each.unit
+        bits += surplus_bits(each.late, max(unit.asked, each.late), background) + 2 * each.late + each.behind
+        bits += surplus_bits(evidence.silent(unit), unit.asked, _SILENT) / 2
+        bits += max(kind_bits(evidence.readings(unit), _KINDS), 0.0)
+        bits += _TIMED_BITS * len(timed_by_the_master(evidence, unit))
+        explains |= {(kind, unit.unit) for kind in (*_RUN_INTO, Symptom.LATENESS, Symptom.DOUBLES, Symptom.VALUES)}
+        lost += evidence.cost(unit, Ending.SILENT, Ending.GARBAGE)[0] + _redundant(unit).count
+        slow = max(slow, unit.delays.quantile(0.9) or 0.0)
+    explains |= {(kind, other.unit) for other in others for kind in _RUN_INTO}
+    known = [ms for unit in units if (ms := evidence.cost(unit, Ending.SILENT, Ending.GARBAGE)[1]) is not None]
+    timeout = evidence.timeout_ns
+    told = timeout is not None and slow > max(evidence.verdict.wait_ns, 0.5 * timeout)
+    return Suspicion(
+        tuple(unit.unit for unit in units),
+        bits,
+        frozenset(explains),
+        {
+            "units": tuple(unit.unit for unit in units),
+            "late": mine,
+            "asked": sum(unit.asked for unit in units),
+            "others_late": rest,
+            "others_asked": sum(other.asked for other in others),
+            "delay": slow / 1e6 if told else 0.0,
+        },
+        since=min(unit.first for unit in units),
+        until=max(unit.last for unit in units),
+        lost_answers=lost,
+        lost_ms=round(sum(known), 3) if known else None,
+        frames=tuple(i for unit in units for i in unit.examples.get(Ending.SILENT, []))[:6],
+    )
+
+
+_RUN_INTO: Final = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.SILENCE)  # what late answers do to others and themselves
 
 
 def _run_into(evidence: Evidence, unit: UnitLedger) -> tuple[float, int]:

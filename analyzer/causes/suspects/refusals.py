@@ -20,6 +20,7 @@ _AREAS: Final = 4  # that are named
 _WRITES: Final = (5, 6, 15, 16, 22, 23)
 _READ_BY: Final = {5: (1,), 15: (1,), 6: (3, 4), 16: (3, 4), 22: (3,), 23: (3,)}
 _ILLEGAL_ADDRESS: Final = 2
+_ILLEGAL: Final = (1, 2, 3)  # function, address, quantity
 _BUSY: Final = 6
 _REFUSES: Final = (1, 2, 3, 4)
 
@@ -164,7 +165,7 @@ def off_by_one(evidence: Evidence) -> Iterator[Suspicion]:
 def missing_registers(evidence: Evidence) -> Iterator[Suspicion]:
     """Reads that are always refused."""
     for unit in evidence.units:
-        refused = [p for p in _refused(evidence, unit.unit, (_ILLEGAL_ADDRESS,)) if p.function not in _WRITES]
+        refused = [p for p in _refused(evidence, unit.unit, _ILLEGAL) if p.function not in _WRITES]
         if refused:
             yield _suspicion(evidence, unit.unit, refused, 1.0)
 

@@ -17,7 +17,6 @@ from ..bits import surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, share_of
 from ..exchanges import Ending
 from ..hits import answers_too_many
-from ..ledger import STRAY
 from ..misreading import beheaded, formats_of
 from ..registry import Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage, Behind, Signature, known_header
@@ -26,7 +25,6 @@ from ..unitledger import UnitLedger
 _LEAST: Final = 3
 _MOSTLY: Final = 0.5
 _OFTEN: Final = 0.2
-_RARELY: Final = 0.05
 _SHORT: Final = 0.8  # of what is due: two answers that overlap are no shorter than one,
 _SHORT_BITS: Final = 2.0  # but where the receiver falls out of step
 
@@ -79,7 +77,6 @@ _SHARE: Final = "{damaged} of {answers} answers of unit {unit}[, {others_damaged
 
 _BYTE: Final = 8.0
 _CHECKED: Final = 16.0
-_OWN_BITS: Final = 6.0
 _RUN_INTO_BITS: Final = 20.0
 _BEGINNING: Final = 3  # bytes of garbage that count
 _LOST_BITS: Final = 24  # more than two characters
@@ -289,99 +286,4 @@ def _shortened(readings: list[Signature]) -> int:
         n
         for (due, length), n in short.items()
         if _MOSTLY * dues[due] < n + short[due, length - 1] + short[due, length + 1]
-    )
-
-
-@suspect(
-    "driver-held",
-    Severity.ERROR,
-    blame="unit",
-    text="Unit {unit} holds its driver into the next request: {spoilt} requests that came behind its {answers} answers are "
-    "damaged[, {others_spoilt} behind the {others_answers} of others]",
-    share="{spoilt} of {answers} requests behind answers of unit {unit}[, {others_spoilt} of {others_answers} behind others]",
-    deciding_test="Let the master pause for 50 ms before each request: if the damage goes, a driver was held too long",
-    remedy="Shorten the time for which the unit (or its converter) holds its driver behind the last byte",
-)
-def driver_held(evidence: Evidence) -> Iterator[Suspicion]:
-    """The request behind that unit's answers is damaged."""
-    totals = {unit.unit: evidence.behind(unit, Behind.REQUEST, Behind.NOISE) for unit in evidence.units}
-    for unit in evidence.units:
-        spoilt = totals[unit.unit]
-        requests = evidence.behind(unit, Behind.REQUEST)
-        others = [other for other in evidence.units if other.unit != unit.unit]
-        others_spoilt, others_answered = sum(totals[o.unit] for o in others), sum(o.answered for o in others)
-        if _always_spoilt(evidence, unit, spoilt) and others_spoilt <= _RARELY * others_answered:
-            requests = max(requests, 0.5 * spoilt)  # so damaged that they are not known again
-        if requests < _LEAST or requests < 0.3 * spoilt:
-            continue
-        background = max(HEALTHY, (others_spoilt + 0.5) / (others_answered + 50))
-        bits = surplus_bits(spoilt, max(unit.answered, 1), background)
-        if bits < _OWN_BITS:
-            continue  # requests behind all units' answers are damaged alike
-        bits += requests
-        yield Suspicion(
-            (unit.unit,),
-            bits,
-            frozenset({(Symptom.BEHIND, unit.unit)}),
-            {
-                "unit": unit.unit,
-                "spoilt": round(spoilt),
-                "answers": unit.answered,
-                "others_spoilt": round(others_spoilt),
-                "others_answers": others_answered,
-            },
-            since=unit.followed.kept[0].t_asked,
-            until=unit.followed.kept[-1].t_asked,
-            lost_answers=round(requests),
-            frames=tuple(sample.index for sample in unit.followed.kept[:3]),
-        )
-
-
-def _always_spoilt(evidence: Evidence, unit: UnitLedger, spoilt: float) -> bool:
-    """Whether noise of more than a spike's bytes stands behind most good answers of a unit, which are well themselves,
-    and no request does."""
-    damaged, readings = evidence.damaged(unit), evidence.followed(unit)
-    long = sum(reading.length > STRAY for reading in readings)
-    return (
-        spoilt >= _MOSTLY * unit.answered
-        and spoilt >= _LEAST
-        and long >= _MOSTLY * len(readings)
-        and damaged <= _RARELY * unit.asked
-    )
-
-
-@suspect(
-    "null-suffix",
-    Severity.WARNING,
-    blame="unit",
-    text="A 00 follows the frames of {units:unit|units}: {zeros} of {answers} answers have one",
-    share="{zeros} of {answers} answers of {units:unit|units}[, {others_zeros} of {others_answers} of others]",
-    deciding_test="Take {units:unit|units} off the bus: the extra bytes go with {units:|it|them}",
-    remedy="Update the unit's firmware, or let its driver go sooner behind the last byte; masters that wait for a silence "
-    "take such frames for damaged",
-)
-def null_suffix(evidence: Evidence) -> Iterator[Suspicion]:
-    """A zero right behind nearly every frame of one sender."""
-    totals = {unit.unit: evidence.behind(unit, Behind.ZEROS) for unit in evidence.units}
-    found = [u for u in evidence.units if totals[u.unit] >= _LEAST and totals[u.unit] >= _MOSTLY * u.answered]
-    if not found:
-        return
-    found.sort(key=lambda unit: -totals[unit.unit] / unit.answered)
-    first, others = found[0], [unit for unit in evidence.units if unit not in found]
-    others_zeros, others_answered = sum(totals[o.unit] for o in others), sum(o.answered for o in others)
-    background = max(HEALTHY, (others_zeros + 0.5) / (others_answered + 50))
-    yield Suspicion(
-        tuple(unit.unit for unit in found),
-        sum(surplus_bits(totals[unit.unit], unit.answered, background) for unit in found),
-        frozenset((Symptom.BEHIND, unit.unit) for unit in found),
-        {
-            "units": tuple(unit.unit for unit in found),
-            "zeros": round(sum(totals[unit.unit] for unit in found)),
-            "answers": sum(unit.answered for unit in found),
-            "others_zeros": round(others_zeros),
-            "others_answers": others_answered,
-        },
-        since=first.followed.kept[0].t_asked,
-        until=first.followed.kept[-1].t_asked,
-        frames=tuple(sample.index for sample in first.followed.kept[:3]),
     )

@@ -30,6 +30,7 @@ _TRIED: Final = 12
 _A_CLOCK: Final = "a clock that is off"
 _GARBAGE: Final = "are garbage of about the right length, never silence"
 _MARKED: Final = 0.2  # of good answers
+_ABOUT_AS: Final = 0.5  # times as often
 _LEAST_ASKED: Final = 6
 _SEVERAL: Final = 2  # polls: one alone may be asked more often than the others on purpose
 _NEARLY_ALL: Final = 0.9
@@ -139,7 +140,7 @@ def _marked(evidence: Evidence, unit: UnitLedger) -> Iterator[Suspicion]:
     """Answers whose bytes are right and whose parity or stop bits are not."""
     others = [other for other in evidence.units if other.unit != unit.unit]
     background = max(HEALTHY, (sum(o.marked for o in others) + 0.5) / (sum(o.answered for o in others) + 50))
-    if unit.marked < max(_LEAST, _MARKED * unit.answered):
+    if unit.marked < max(_LEAST, _MARKED * unit.answered) or _marks_all(evidence, unit, others):
         return
     numbers: Mapping[str, Any] = {
         "settings": "another parity",
@@ -156,6 +157,15 @@ def _marked(evidence: Evidence, unit: UnitLedger) -> Iterator[Suspicion]:
         until=unit.last,
         frames=tuple(unit.examples.get(Ending.OK, [])),
     )
+
+
+def _marks_all(evidence: Evidence, unit: UnitLedger, others: Sequence[UnitLedger]) -> bool:
+    """Whether a tap marks what others send about as often, answers or requests: then it is its own parity that is wrong."""
+    own = unit.marked / unit.answered
+    marked, answered = sum(other.marked for other in others), sum(other.answered for other in others)
+    asked = evidence.ledger.marked_bytes - sum(each.marked_bytes for each in evidence.units)
+    requests = sum(each.asked for each in evidence.units)
+    return marked >= _ABOUT_AS * own * answered > 0 or asked > _ABOUT_AS * own * requests
 
 
 def _refused(evidence: Evidence, unit: UnitLedger) -> Iterator[Suspicion]:

@@ -15,7 +15,7 @@ from dissectors.lengths import Role, pdu_length
 from ...deframing.directions import port_role
 from ...tables.findings import Severity
 from ..bits import surplus_bits
-from ..evidence import Evidence
+from ..evidence import HEALTHY, Evidence
 from ..exchanges import Ending
 from ..polls import Poll
 from ..registry import Explained, Suspicion, Symptom, suspect
@@ -38,6 +38,10 @@ _AS_SOON: Final = 0.25  # of the time from request to request
 _STEADY: Final = 0.02  # of it: so little it strays where a timer makes it
 _CLOCKS: Final = 4.0  # times what the tap's times may be wrong by
 _INNER: Final = (0.05, 0.95)  # what a hole in the capture or a rare rest makes is left out
+_SOME_MISSED: Final = 0.2  # of the answers
+_HARDLY_ANY: Final = 0.03  # of the silent requests
+_TURNS: Final = 3
+_MOST_UNITS: Final = 0.75
 _ANOTHER: Final = 2  # polls
 _FEW: Final = 8  # waits of a poll that tell their mean and its error
 _ERRORS: Final = 6.0  # times the error of a mean
@@ -84,10 +88,36 @@ def tap_one_direction(evidence: Evidence) -> Iterator[Suspicion]:
         repeated = sum(unit.repeats for unit in evidence.units)
         if len(evidence.ledger.polls) > 1 and repeated <= 0.1 * asked and not _as_given_up(evidence):
             yield _one(evidence, "requests", ledger.requests, ledger.responses)
+    elif _misses_answers(evidence):
+        found = _one(evidence, "part of the answers", answered, asked)
+        yield replace(found, bits=surplus_bits(silent, asked, HEALTHY) + 8.0 * silent, lost_answers=0)
     elif (since := _fallen_off(evidence)) is not None:
         heard = sum(outage.count for outage in since.values())
         begin = min(outage.begin for outage in since.values())
         yield replace(_one(evidence, "requests", heard, 0, heard), since=begin, lost_answers=0)
+
+
+def _misses_answers(evidence: Evidence) -> bool:
+    """Whether many answers of all units are not heard, though the master takes them: it goes on as soon as behind those
+    that are, repeats nothing, and nothing else is heard that a second master or a bad line would make."""
+    units = [unit for unit in evidence.units if unit.asked >= _FEW]
+    asked, silent = sum(unit.asked for unit in units), sum(map(evidence.silent, units))
+    if len(units) < 2 or silent < max(_LEAST, _SOME_MISSED * asked) or silent == asked:
+        return False
+    odd = sum(evidence.damaged(unit) + unit.late + unit.strays + unit.repeats for unit in units)
+    if odd > _HARDLY_ANY * silent or any(evidence.silent(u) * asked < _MOSTLY * silent * u.asked for u in units):
+        return False
+    told = [unit for unit in units if len(unit.turns) >= _TURNS and len(unit.waits) >= _TURNS]
+    soon = sum(_as_soon(unit, evidence.verdict.wait_ns) for unit in told)
+    return len(told) >= max(_MOSTLY * len(units), 1) and soon >= _MOST_UNITS * len(told)
+
+
+def _as_soon(unit: UnitLedger, off_ns: float) -> bool:
+    """Whether the master goes on about as soon behind silence as behind answers of a unit, rests left out."""
+    turns, waits = (np.clip(each.numbers, 0, np.quantile(each.numbers, 0.8)) for each in (unit.turns, unit.waits))
+    turn = float(turns.mean())
+    error = 2 * float(np.sqrt(turns.var() / len(turns) + waits.var() / len(waits)))
+    return abs(float(waits.mean()) - turn) <= _AS_SOON * turn + min(error, turn / 4) + min(off_ns, turn) / 4
 
 
 def _fallen_off(evidence: Evidence) -> Mapping[int, Spell] | None:

@@ -32,6 +32,7 @@ _LEAP: Final = 60.0  # times its usual step, which no pause explains
 _BITS: Final = 30.0  # for each jump
 _MOST_BITS: Final = 240.0
 _FLOATS: Final = (1e-3, 1e7)  # what measured values are
+_AS_LARGE: Final = 2.0  # times, up or down, that the same thing may differ from unit to unit
 _OCTAVES: Final = 3.0  # that a measured value moves in
 _LEAST_SPREAD: Final = 0.1
 _ALIKE: Final = 1 / 3  # of the values: so many may read the same way in both orders, by a neighbour's word
@@ -78,7 +79,11 @@ def frozen_values(evidence: Evidence) -> Iterator[Suspicion]:
                 continue
             if not (
                 _stopped(changed[:, frozen], last[frozen])
-                or (_never(others, frozen) and _of_a_kind(moves[i], others))
+                or (
+                    _never(others, frozen)
+                    and _of_a_kind(moves[i], others)
+                    and _as_large(poll, [each for each in group if each is not poll], frozen)
+                )
                 or _altogether(changed, others)
             ):
                 continue
@@ -112,6 +117,14 @@ def _never(others: NDArray[np.float64], frozen: NDArray[np.bool_]) -> bool:
     """Whether some registers that never moved do so in every one of several sisters."""
     lively = frozen & (others >= _MOVES).all(axis=0)
     return len(others) >= _PAIRS and int(np.count_nonzero(lively)) >= _COLUMNS
+
+
+def _as_large(poll: PollValues, sisters: list[PollValues], frozen: NDArray[np.bool_]) -> bool:
+    """Whether what stands still is about as large as in the sisters: else it may be another thing, a setting or a state."""
+    words = np.concatenate([each.words[:, frozen] for each in sisters]).astype(np.float64)
+    own = poll.words[-1, frozen].astype(np.float64)
+    alike = (own >= words.min(axis=0) / _AS_LARGE) & (own <= words.max(axis=0) * _AS_LARGE)
+    return bool(alike.mean() >= _MOST_SISTERS)
 
 
 def _altogether(changed: NDArray[np.bool_], others: NDArray[np.float64]) -> bool:

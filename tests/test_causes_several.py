@@ -1,0 +1,190 @@
+"""Causes of several units at once, and such as meet all units alike: on buses written byte by byte."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from random import Random
+
+import pytest
+
+from analyzer.causes.ledger import Ledger, ledger_of
+from analyzer.causes.model import Cause
+from analyzer.causes.reasoning import causes_of
+from analyzer.core import analyse
+from captures.chunks import Capture, Chunk
+from captures.line import LineSettings
+from dissectors.crc import crc_bytes
+
+Sent = tuple[float, bytes]  # ms of silence before, or from the start of what was sent before where it is negative
+_LINE = LineSettings(baud=19200, char_bits=11, parity="E")
+_CHAR_MS = 11e3 / 19200
+_TIMEOUT_MS = 100.0
+
+
+def _frame(*octets: int) -> bytes:
+    return bytes(octets) + crc_bytes(bytes(octets))
+
+
+def _read(unit: int, function: int = 3, quantity: int = 2) -> bytes:
+    return _frame(unit, function, 0, unit, 0, quantity)
+
+
+def _answer(unit: int, value: int, registers: int = 2) -> bytes:
+    return _frame(unit, 3, 2 * registers, *(octet for i in range(registers) for octet in divmod(value + 91 * i, 256)))
+
+
+def _ledger(sent: Iterable[Sent], marked: frozenset[int] = frozenset()) -> Ledger:
+    """`marked`: what was sent, by its number, whose bytes the UART marks."""
+    chunks, t = list[Chunk](), 0.0
+    for i, (silence_ms, data) in enumerate(sent):
+        t += silence_ms
+        for octet in data:
+            t += _CHAR_MS
+            chunks.append(Chunk(round(t * 1e6), bytes((octet,)), errors=(0,) if i in marked else ()))
+    capture = Capture.of(_LINE, chunks)
+    return ledger_of(((part.batch, part.transactions) for part in analyse(capture)), capture.line)
+
+
+def _causes(sent: Iterable[Sent], marked: frozenset[int] = frozenset()) -> list[Cause]:
+    return causes_of(_ledger(sent, marked))
+
+
+def _named(causes: Iterable[Cause]) -> list[tuple[str, tuple[int, ...]]]:
+    return [(cause.cause, cause.units) for cause in causes]
+
+
+@pytest.mark.parametrize("slow", [(1, 2), (1, 2, 3)])
+def test_late_answers_of_several_units_met_by_the_master_s_own_timer_are_no_second_master_s(
+    slow: tuple[int, ...],
+) -> None:
+    random = Random(1)
+
+    def sent() -> Iterator[Sent]:
+        owed = b""  # an answer that comes behind the next request
+        for i in range(300):
+            unit = i % 4 + 1
+            late = unit in slow and random.random() < 0.4
+            yield 8.0 if owed or not i else 10.0, _read(unit)
+            waited = 0.0
+            if owed:
+                waited, was = 5.0 + 30 * random.random(), owed
+                yield waited, was
+                waited += len(was) * _CHAR_MS
+            owed = _answer(unit, 900 + i) if late else b""
+            if late:
+                yield _TIMEOUT_MS - waited, b""
+            else:
+                yield 6.0 + i % 3, _answer(unit, 900 + i)
+
+    found = _causes(sent())
+    assert [(cause.cause, sorted(cause.units)) for cause in found] == [("timeout-too-short", list(slow))]
+
+
+def test_a_late_echo_reads_like_a_request_and_ends_no_wait() -> None:
+    """Of a write that is repeated at the timeout, and answered then by two echoes of it."""
+    random = Random(2)
+
+    def sent() -> Iterator[Sent]:
+        for i in range(240):
+            unit = i % 3 + 1
+            write = _frame(unit, 6, 0, 40, i // 256, i % 256)
+            yield 10.0, write
+            if random.random() < 0.5:
+                yield _TIMEOUT_MS, write
+                yield 5.0 + 20 * random.random(), write
+                yield 8.0, _read(unit)
+                yield 4.0 + random.random(), write
+                yield 4.0, _answer(unit, i)
+            else:
+                yield 6.0, write
+
+    waits = [wait for unit in _ledger(sent()).units.values() for wait in unit.quiet_waits.numbers.tolist()]
+    assert not [wait for wait in waits if wait < 0.9 * _TIMEOUT_MS * 1e6]
+
+
+@pytest.mark.parametrize("heard", [0.05, 0.3, 0.7])
+def test_answers_that_only_the_tap_does_not_hear_are_nobody_s_silence(heard: float) -> None:
+    random = Random(3)
+
+    def sent() -> Iterator[Sent]:
+        silence = 10.0
+        for i in range(400):
+            unit = i % 4 + 1
+            yield silence + random.random(), _read(unit, quantity=2 * unit)
+            delay, data = 5.0 + 3 * random.random() + unit, _answer(unit, 700 + i, 2 * unit)
+            silence = 10.0
+            if random.random() < heard:
+                yield delay, data
+            else:
+                silence += delay + len(data) * _CHAR_MS
+
+    assert _named(_causes(sent())) == [("tap-one-direction", ())]
+
+
+@pytest.mark.parametrize(("holders", "often"), [((3,), 0.35), ((3, 5), 1.0)])
+def test_drivers_of_several_units_may_be_held_or_of_one_at_times(holders: tuple[int, ...], often: float) -> None:
+    random = Random(4)
+
+    def sent() -> Iterator[Sent]:
+        held = False
+        for i in range(360):
+            unit = i % 6 + 1
+            if held:  # nobody understands the request, and the master asks again
+                yield 8.0, bytes(octet | random.randrange(1, 256) for octet in _read(unit))
+                yield _TIMEOUT_MS, b""
+            yield 8.0, _read(unit)
+            yield 5.0 + random.random(), _answer(unit, 500 + i)
+            held = unit in holders and random.random() < often
+
+    assert [(cause.cause, tuple(sorted(cause.units))) for cause in _causes(sent())] == [("driver-held", holders)]
+
+
+def test_a_zero_behind_some_frames_of_one_unit_is_its_and_not_a_line_s_that_floats() -> None:
+    def sent() -> Iterator[Sent]:
+        for i in range(240):
+            unit = i % 4 + 1
+            yield 12.0, _read(unit)
+            yield 5.0, _answer(unit, 500 + i) + (b"\0" if unit == 2 and i % 3 == 0 else b"")
+
+    assert _named(_causes(sent())) == [("null-suffix", (2,))]
+
+
+@pytest.mark.parametrize("code", [1, 2, 3])
+def test_what_is_always_refused_does_not_exist_by_whatever_code(code: int) -> None:
+    def sent() -> Iterator[Sent]:
+        for i in range(120):
+            for unit in (1, 2):
+                yield 12.0, _read(unit)
+                yield 5.0, _answer(unit, 500 + i)
+            yield 12.0, _frame(2, 4, 30, 0, 0, 3)
+            yield 5.0, _frame(2, 0x84, code)
+
+    assert _named(_causes(sent())) == [("missing-registers", (2,))]
+
+
+@pytest.mark.parametrize("units", [1, 3])
+def test_a_tap_that_marks_requests_and_answers_alike_accuses_no_unit(units: int) -> None:
+    def sent() -> Iterator[Sent]:
+        for i in range(200):
+            yield 12.0, _read(i % units + 1)
+            yield 5.0, _answer(i % units + 1, 500 + i)
+
+    assert "unit-line-settings" not in [cause.cause for cause in _causes(sent(), frozenset(range(400)))]
+    answers = frozenset(i for i in range(400) if i % 2 and i // 2 % units == 0)
+    assert _named(_causes(sent(), answers)) == [("unit-line-settings", (1,))]
+
+
+@pytest.mark.parametrize(("settings", "frozen"), [((7, 20_000, 9), False), ((410, 395, 402), True)])
+def test_registers_that_stand_still_and_are_unlike_those_of_sisters_are_something_else(
+    settings: tuple[int, ...], frozen: bool
+) -> None:
+    random = Random(5)
+
+    def sent() -> Iterator[Sent]:
+        for i in range(300):
+            unit = i % 3 + 1
+            values = settings if unit == 2 else [400 + random.randrange(30) for _ in settings]
+            yield 12.0, _frame(unit, 3, 0, 0, 0, 3)
+            yield 5.0, _frame(unit, 3, 6, *(octet for each in values for octet in divmod(each, 256)))
+
+    assert ("frozen-values" in [cause.cause for cause in _causes(sent())]) is frozen
