@@ -84,7 +84,7 @@ def test_what_few_rows_hold_is_told_as_of_all(name: str) -> None:
     )
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(st.data(), st.lists(st.sampled_from(sorted({code for code, _ in SMALL})), min_size=1, max_size=8))
 def test_values_of_any_function_whole_or_damaged(data: st.DataObject, codes: list[int]) -> None:
     """Of files too, whose values have no fixed place."""
