@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import tempfile
 
 import pytest
@@ -15,6 +16,12 @@ os.environ["XDG_CONFIG_HOME"] = os.environ["APPDATA"] = tempfile.mkdtemp()  # no
 settings.register_profile("rtuscope", deadline=None)
 settings.load_profile("rtuscope")
 os.environ["RTUSCOPE_CONFIG"] = ""
+
+# What a shell's `&` and `nohup` make a process ignore it would pass on to the commands that tests begin and end.
+for _name, _usual in (("SIGINT", signal.default_int_handler), ("SIGHUP", signal.SIG_DFL)):
+    _number = getattr(signal, _name, None)
+    if _number is not None and signal.getsignal(_number) is signal.SIG_IGN:
+        signal.signal(_number, _usual)
 
 
 @pytest.fixture(autouse=True)

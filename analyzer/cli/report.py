@@ -79,13 +79,13 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.against is not None:
         earlier = opened_capture(arguments.against, arguments)
         kept = chosen_filter(arguments, earlier.line, charts)
-        before = _report(earlier, str(arguments.against), Asked(kept, limits))
+        before = _report(earlier, str(arguments.against), ReportTerms(kept, limits))
     values = _values(charts, inferred=arguments.values)
-    asked = Asked(chosen, limits, values, hours=arguments.by == "hour", before=before)
+    terms = ReportTerms(chosen, limits, values, hours=arguments.by == "hour", before=before)
     if arguments.html is not None:
-        report = write_page(capture, source, arguments.html, asked)
+        report = write_page(capture, source, arguments.html, terms)
     else:
-        report = show(capture, source, asked, as_json=arguments.json)
+        report = show(capture, source, terms, as_json=arguments.json)
     return _status(report, check=arguments.check)
 
 
@@ -121,7 +121,7 @@ def write_fleet(arguments: argparse.Namespace) -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class ReportTerms:
     """What a report shall be of, and what it says besides: values, hours, what changed since an earlier one."""
 
     filter: Filter | None = None
@@ -131,7 +131,9 @@ class Asked:
     before: Report | None = None
 
 
-def _report(capture: Capture, source: str, asked: Asked, watches: Sequence[Callable[[Analysed], None]] = ()) -> Report:
+def _report(
+    capture: Capture, source: str, terms: ReportTerms, watches: Sequence[Callable[[Analysed], None]] = ()
+) -> Report:
     """Read a capture through; `watches` see every part of it."""
     from ..options import Options
     from ..reports import summarize
@@ -139,7 +141,7 @@ def _report(capture: Capture, source: str, asked: Asked, watches: Sequence[Calla
     from ..reports.hours import HourTable
 
     progress = Progress(f"report {source}")
-    hours = HourTable(capture.line) if asked.hours else None
+    hours = HourTable(capture.line) if terms.hours else None
     looking = (*watches, *([] if hours is None else [hours.feed]))
 
     def watch(analysed: Analysed) -> None:
@@ -150,18 +152,18 @@ def _report(capture: Capture, source: str, asked: Asked, watches: Sequence[Calla
         report = summarize(
             capture,
             source=source,
-            filter=asked.filter,
-            options=asked.options or Options(),
+            filter=terms.filter,
+            options=terms.options or Options(),
             progress=progress,
             stop=stop,
             watch=watch if looking else None,
-            values=asked.values,
+            values=terms.values,
         )
     progress.clear()
     if hours is not None:
         report = replace(report, hours=hours.rows())
-    if asked.before is not None:
-        report = replace(report, before=asked.before.source, against=differences(report, asked.before))
+    if terms.before is not None:
+        report = replace(report, before=terms.before.source, against=differences(report, terms.before))
     return report
 
 
@@ -174,11 +176,11 @@ def _values(charts: UnitMaps, *, inferred: bool) -> ValueWatch | None:
     return ValueWatch(charts, inferred=inferred)
 
 
-def show(capture: Capture, source: str, asked: Asked = Asked(), *, as_json: bool) -> Report:
+def show(capture: Capture, source: str, terms: ReportTerms = ReportTerms(), *, as_json: bool) -> Report:
     """Print the report on an open capture."""
     from ..reports import text
 
-    report = _report(capture, source, asked)
+    report = _report(capture, source, terms)
     if as_json:
         put_json(report.to_json(), indent=2)
     else:
@@ -186,14 +188,14 @@ def show(capture: Capture, source: str, asked: Asked = Asked(), *, as_json: bool
     return report
 
 
-def write_page(capture: Capture, source: str, path: str, asked: Asked) -> Report:
+def write_page(capture: Capture, source: str, path: str, terms: ReportTerms) -> Report:
     """Write the report on an open capture as HTML."""
     from ..exports.output import output
     from ..reports.html import Sights, page
 
     sights = Sights()
     with output(path, source=capture.path) as file:  # an unusable name is told before the work, not after it
-        report = _report(capture, source, asked, [sights.feed])
+        report = _report(capture, source, terms, [sights.feed])
         file.write(page(report, sights).encode())
     if report.partial:
         tell("stopped by Ctrl-C; the page covers what was read until then")

@@ -55,11 +55,13 @@ def meaning_text(lines: Iterable[Mapping[str, Any]], chart_of: Mapping[int, Regi
         readings = mapped_readings(line, chart) if chart is not None else []
         if readings:
             width = max(len(reading.row.name) for reading in readings)
-            where = {"unit": line["unit"], "start": line["start"]}
-            if line["start"] in refused:
-                parts.append(tr("asked of unit {unit} at byte {start} and refused, by the map:", **where))
+            unit, start = line["unit"], line["start"]
+            if start in refused:
+                parts.append(
+                    tr("asked of unit {unit} at byte {start} and refused, by the map:", unit=unit, start=start)
+                )
             else:
-                parts.append(tr("by the map, unit {unit} at byte {start}:", **where))
+                parts.append(tr("by the map, unit {unit} at byte {start}:", unit=unit, start=start))
             for reading in readings:
                 last = f"-{reading.row.end - 1}" if reading.row.length > 1 else ""
                 place = f"{reading.row.area} {reading.row.address}{last}"
