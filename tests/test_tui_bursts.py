@@ -87,21 +87,25 @@ def test_a_filter_typed_at_once_and_a_selection_kept(seen: Watched, capture: Pat
     assert len(rows) == 3 and {row["unit"] for row in rows} == {2}
 
 
-def rows_of(capture: Path, unit: int) -> list[int]:
+def rows_by_unit(capture: Path) -> dict[int, list[int]]:
     bus = bus_of(capture)
-    kinds, units = (bus.table.column(0, name)[: bus.count] for name in ("kind", "unit"))
-    return [row for row in range(bus.count) if kinds[row] and units[row] == unit]
+    kinds, units = (bus.table.column(0, name)[: bus.count].tolist() for name in ("kind", "unit"))
+    found: dict[int, list[int]] = {}
+    for row in range(bus.count):
+        if kinds[row]:
+            found.setdefault(units[row], []).append(row)
+    return found
 
 
 def test_a_filter_typed_at_once_is_in_use_for_the_keys_behind_it(seen: Watched, capture: Path) -> None:
     seen.press(f"/unit == 17{ENTER}" + DOWN * 2 + "m")
-    assert noted(capture, seen) == [rows_of(capture, 17)[2]]
+    assert noted(capture, seen) == [rows_by_unit(capture)[17][2]]
 
 
 def test_a_unit_that_is_opened_has_its_rows_under_the_next_keys(seen: Watched, capture: Path) -> None:
     seen.press("4" + DOWN + ENTER + DOWN + "m")
-    units = sorted({unit for unit in range(1, 248) if rows_of(capture, unit)})
-    assert noted(capture, seen) == [rows_of(capture, units[1])[1]]
+    rows = rows_by_unit(capture)
+    assert noted(capture, seen) == [rows[sorted(rows)[1]][1]]
 
 
 def test_escape_leaves_the_filter_in_use_on_its_line(seen: Watched) -> None:

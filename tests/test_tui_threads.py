@@ -263,6 +263,7 @@ def test_nothing_is_called_right_before_it_is_read(monkeypatch: pytest.MonkeyPat
             go_on.wait(20)
 
     monkeypatch.setattr(source, "steps", held_back)
+    monkeypatch.setattr(jobs, "_PERIOD_S", 0.0)  # each step is painted
 
     async def main() -> None:
         app = Rtuscope(source, view="home")
