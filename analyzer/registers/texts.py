@@ -12,6 +12,10 @@ from .runs import Run
 from .values import RegisterValue
 
 _LEAST_TEXT: Final = 2  # registers
+_ODD_WORDS: Final = 6  # one of so many may be unlike a name's
+_UNUSUAL: Final = frozenset("!\"$%'*;<=>?@[\\]^`{|}~")  # in names, models, serial numbers and versions
+_TENTHS: Final = frozenset(("33", "ff"))  # 3333, 6666: how the float of a number with one decimal often ends
+_HEADS: Final = frozenset(">?@ABCDEFG")  # 3E to 47: how the floats of 0.13 to 65,536 begin
 
 
 def texts_in(run: Run) -> list[tuple[int, int]]:
@@ -38,6 +42,12 @@ def texts_in(run: Run) -> list[tuple[int, int]]:
 
 def _wordlike(run: Run, begin: int, end: int) -> bool:
     data = "".join(_letters(run, begin, end))
+    words = [data[at : at + 2] for at in range(0, len(data), 2)]
+    beside = zip(["", *words], words, [*words[1:], ""], strict=False)
+    halves = sum(word in _TENTHS and not _HEADS.isdisjoint((left[:1], right[:1])) for left, word, right in beside)
+    unusual = sum(not _UNUSUAL.isdisjoint(word) for word in words)
+    if (halves + unusual) * _ODD_WORDS > len(words):  # 0.9 and 0.8 are `?fff?L`, 15.2 is `As33`
+        return False
     return len(data) >= 6 or (data.isalnum() and not data.isdigit() and len(data) >= 4 and data.isascii())
 
 
