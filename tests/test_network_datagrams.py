@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
-from packets import End, Packet, Talk, address, framed, pcap, read_answer, read_request
+from packets import End, Packet, Talk, framed, pcap, read_answer, read_request, udp_packet
 
 import captures
 from captures import Capture, CaptureError, Mark
@@ -18,15 +18,6 @@ from captures import Capture, CaptureError, Mark
 CLIENT, SERVER = ("10.0.0.1", 50001), ("10.0.0.9", 502)
 EXPECTED = [part for n in range(4) for part in ((Mark.TX, read_request(n)), (Mark.RX, read_answer(n)))]
 TSHARK = shutil.which("tshark")
-
-
-def udp_packet(source: End, destination: End, data: bytes) -> bytes:
-    """IPv4 or IPv6 with a UDP datagram."""
-    udp = struct.pack(">HHHH", source[1], destination[1], 8 + len(data), 0) + data
-    one, two = address(source[0]), address(destination[0])
-    if len(one) == 4:
-        return struct.pack(">BBHHHBBH", 0x45, 0, 20 + len(udp), 0, 0x4000, 64, 17, 0) + one + two + udp
-    return struct.pack(">IHBB", 6 << 28, len(udp), 17, 64) + one + two + udp
 
 
 @dataclass

@@ -86,11 +86,7 @@ def evenness_bits(evidence: Evidence) -> float:
     exposed = sum(unit.asked * length for unit, length in zip(units, lengths, strict=True))
     surely = -log1p(-min(sum(hits) / sum(unit.asked for unit in units), _MOST_HIT))
     a_byte = surely * sum(unit.asked for unit in units) / exposed
-    bits, price = 0.0, 0.5 * log2(sum(unit.asked for unit in units) + 2)
-    for unit, hit, length in zip(units, hits, lengths, strict=True):
-        shared = likelihood_bits(hit, unit.asked, 1 - exp(-a_byte * length))
-        bits += min(0.0, shared - likelihood_bits(hit, unit.asked, (hit + 0.25) / (unit.asked + 0.5)) + price)
-    return bits
+    return _shared_bits(hits, [unit.asked for unit in units], [1 - exp(-a_byte * length) for length in lengths])
 
 
 def requests_evenness_bits(evidence: Evidence) -> float:
@@ -98,13 +94,18 @@ def requests_evenness_bits(evidence: Evidence) -> float:
     more than 0."""
     units = [unit for unit in evidence.units if unit.answered]
     hits = [min(round(evidence.requests_behind(unit)), unit.answered) for unit in units]
-    every = sum(unit.answered for unit in units)
     if len(units) < 2 or not sum(hits):
         return 0.0
-    rate, price, bits = sum(hits) / every, 0.5 * log2(every + 2), 0.0
-    for unit, hit in zip(units, hits, strict=True):
-        own = likelihood_bits(hit, unit.answered, (hit + 0.25) / (unit.answered + 0.5))
-        bits += min(0.0, likelihood_bits(hit, unit.answered, rate) - own + price)
+    of = [unit.answered for unit in units]
+    return _shared_bits(hits, of, [sum(hits) / sum(of)] * len(of))
+
+
+def _shared_bits(hits: Sequence[int], of: Sequence[int], rates: Sequence[float]) -> float:
+    """How much less likely so many hits are by these rates than each unit's by its own, which has its price."""
+    bits, price = 0.0, 0.5 * log2(sum(of) + 2)
+    for hit, count, rate in zip(hits, of, rates, strict=True):
+        own = likelihood_bits(hit, count, (hit + 0.25) / (count + 0.5))
+        bits += min(0.0, likelihood_bits(hit, count, rate) - own + price)
     return bits
 
 

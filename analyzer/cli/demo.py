@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from .exits import DONE, INTERRUPTED
-from .report import show
+from .exits import DONE
+from .report import exit_status, show
 from .terminal import full_screen
 
 SAMPLE = "troubled.jsonl"
@@ -25,8 +25,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     capture = captures.open(samples.path(SAMPLE))
     if arguments.report or arguments.json or not full_screen():
-        report = show(capture, SAMPLE, as_json=arguments.json)
-        return INTERRUPTED if report.partial else DONE
+        return exit_status(show(capture, SAMPLE, as_json=arguments.json))
     from ..model.source import CaptureSource
     from ..tui import run as look
 

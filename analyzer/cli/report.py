@@ -86,7 +86,7 @@ def run(arguments: argparse.Namespace) -> int:
         report = write_page(capture, source, arguments.html, terms)
     else:
         report = show(capture, source, terms, as_json=arguments.json)
-    return _status(report, check=arguments.check)
+    return exit_status(report, check=arguments.check)
 
 
 def is_lake(path: str) -> bool:
@@ -202,7 +202,8 @@ def write_page(capture: Capture, source: str, path: str, terms: ReportTerms) -> 
     return report
 
 
-def _status(report: Report, *, check: bool) -> int:
+def exit_status(report: Report, *, check: bool = False) -> int:
+    """What the command ends with; with `check` 1 where there are errors."""
     if report.partial:
         return INTERRUPTED
     if check and any(row.severity == "error" for row in report.findings):

@@ -45,12 +45,12 @@ class Lessons:
         """Segments that were decided, positions in `data`, which begins at a stream offset."""
         self._newest.append(_Lesson(decided, offset, data, classes))
         if len(self._newest) >= _MANY:
-            self._joined.append(_joined(self._newest))
+            self._joined.append(_end_to_end(self._newest))
             self._newest = []
 
     def learn(self) -> None:
         """Let what there is teach what silences and glitches mean here."""
-        lesson = _joined([*self._joined, *self._newest])
+        lesson = _end_to_end([*self._joined, *self._newest])
         self._joined, self._newest = [], []
         self._learn(lesson.decided, lesson.offset, lesson.data, lesson.classes)
 
@@ -86,7 +86,7 @@ class Lessons:
         )
 
 
-def _joined(lessons: Sequence[_Lesson]) -> _Lesson:
+def _end_to_end(lessons: Sequence[_Lesson]) -> _Lesson:
     """Lessons end to end as one, in arrays of its own."""
     first = lessons[0].offset
     shifts = [each.offset - first for each in lessons]

@@ -234,7 +234,8 @@ class _PacketBlocks:
 
     def __init__(self, survey: _Survey) -> None:
         self._survey = survey
-        self._framed = {one.group.number for one in survey.groups if one.kind == "tcp"}
+        # of these ADUs are put together from segments; a datagram is whole
+        self._framed = {one.group.number for one in survey.groups if one.kind == "tcp" and not one.group.of_datagrams}
         self.reassembly = Reassembly(self)
         self.lost = 0
         self._data = b""
@@ -307,8 +308,7 @@ class _PacketBlocks:
         begins, sizes = self._segments.begin[which], self._segments.size[which]
         if (port := self._port(half)) is None:
             return
-        framed = half.group.number in self._framed and not half.group.of_datagrams
-        if framed and (half.rest or not self._whole[which].all()):
+        if half.group.number in self._framed and (half.rest or not self._whole[which].all()):
             for i, begin, size in zip(which.tolist(), begins.tolist(), sizes.tolist(), strict=True):
                 self.piece(half, i, begin, size)
             return
@@ -318,8 +318,7 @@ class _PacketBlocks:
     def piece(self, half: Half, i: int, begin: int, size: int) -> None:
         if (port := self._port(half)) is None:
             return
-        framed = half.group.number in self._framed and not half.group.of_datagrams
-        if not framed or (not half.rest and self._whole[i]):
+        if half.group.number not in self._framed or (not half.rest and self._whole[i]):
             self._pieces.append((int(self._packet[i]), begin, size, port, half.mark))
         else:
             self.late(half, i, self._data[begin : begin + size])

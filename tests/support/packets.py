@@ -58,11 +58,19 @@ def ip_packet(source: End, destination: End, seq: int, ack: int, flags: int, dat
     tcp = struct.pack(
         ">HHIIBBHHH", source[1], destination[1], seq & 0xFFFFFFFF, ack & 0xFFFFFFFF, 5 << 4, flags, 8192, 0, 0
     )
-    tcp += data
+    return _ip(source, destination, 6, tcp + data)
+
+
+def udp_packet(source: End, destination: End, data: bytes) -> bytes:
+    """IPv4 or IPv6 with a UDP datagram."""
+    return _ip(source, destination, 17, struct.pack(">HHHH", source[1], destination[1], 8 + len(data), 0) + data)
+
+
+def _ip(source: End, destination: End, protocol: int, payload: bytes) -> bytes:
     one, two = address(source[0]), address(destination[0])
     if len(one) == 4:
-        return struct.pack(">BBHHHBBH", 0x45, 0, 20 + len(tcp), 0, 0x4000, 64, 6, 0) + one + two + tcp
-    return struct.pack(">IHBB", 6 << 28, len(tcp), 6, 64) + one + two + tcp
+        return struct.pack(">BBHHHBBH", 0x45, 0, 20 + len(payload), 0, 0x4000, 64, protocol, 0) + one + two + payload
+    return struct.pack(">IHBB", 6 << 28, len(payload), protocol, 64) + one + two + payload
 
 
 def framed(packet: bytes, link: int = 1, vlans: int = 0) -> bytes:

@@ -35,6 +35,7 @@ _STEADIEST: Final = 0.01  # of a delay: so much any device's strays
 _SHIFTED: Final = 4.0
 _OVERDUE: Final = 0.8  # of the timeout
 _FAR_SLOWER: Final = 3.0
+_RUN_INTO: Final = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.SILENCE)  # what late answers do to others and themselves
 _TIMED_BITS: Final = 3.0  # of a time that is just the timeout, and might be any
 _KINDS: Final = {
     "crossed": 0.5,
@@ -103,7 +104,8 @@ def _suspicion(evidence: Evidence, group: Sequence[_LateUnit], mine: int, rest: 
     units = [each.unit for each in group]
     others = [other for other in evidence.units if other not in units]
     background = max(_BACKGROUND, (rest + 0.5) / (sum(other.asked for other in others) + 100))
-    bits, lost, slow, explains = 0.0, 0, 0.0, set[tuple[Symptom, int | None]]()
+    costs = [evidence.cost(unit, Ending.SILENT, Ending.GARBAGE) for unit in units]
+    bits, slow, explains = 0.0, 0.0, set[tuple[Symptom, int | None]]()
     for each in group:
         unit = each.unit
         bits += surplus_bits(each.late, max(unit.asked, each.late), background) + 2 * each.late + each.behind
@@ -111,10 +113,9 @@ def _suspicion(evidence: Evidence, group: Sequence[_LateUnit], mine: int, rest: 
         bits += max(kind_bits(evidence.readings(unit), _KINDS), 0.0)
         bits += _TIMED_BITS * len(timed_by_the_master(evidence, unit))
         explains |= {(kind, unit.unit) for kind in (*_RUN_INTO, Symptom.LATENESS, Symptom.DOUBLES, Symptom.VALUES)}
-        lost += evidence.cost(unit, Ending.SILENT, Ending.GARBAGE)[0] + _redundant(unit).count
         slow = max(slow, unit.delays.quantile(0.9) or 0.0)
     explains |= {(kind, other.unit) for other in others for kind in _RUN_INTO}
-    known = [ms for unit in units if (ms := evidence.cost(unit, Ending.SILENT, Ending.GARBAGE)[1]) is not None]
+    known = [lost_ms for _, lost_ms in costs if lost_ms is not None]
     timeout = evidence.timeout_ns
     told = timeout is not None and slow > max(evidence.verdict.wait_ns, 0.5 * timeout)
     return Suspicion(
@@ -131,13 +132,10 @@ def _suspicion(evidence: Evidence, group: Sequence[_LateUnit], mine: int, rest: 
         },
         since=min(unit.first for unit in units),
         until=max(unit.last for unit in units),
-        lost_answers=lost,
+        lost_answers=sum(lost for lost, _ in costs) + sum(_redundant(unit).count for unit in units),
         lost_ms=round(sum(known), 3) if known else None,
         frames=tuple(i for unit in units for i in unit.examples.get(Ending.SILENT, []))[:6],
     )
-
-
-_RUN_INTO: Final = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.SILENCE)  # what late answers do to others and themselves
 
 
 def _run_into(evidence: Evidence, unit: UnitLedger) -> tuple[float, int]:
