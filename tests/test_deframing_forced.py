@@ -40,14 +40,14 @@ def _exchange(poll: int, turn: int) -> tuple[bytes, bytes]:
     )[poll]
 
 
-def _bus(exchanges: int, polls: Sequence[int]) -> list[Chunk]:
-    """So many exchanges, these polls in turn, a read a frame."""
+def _bus(exchanges: int, polls: Sequence[int], pause_ns: int = 20_000_000) -> list[Chunk]:
+    """So many exchanges, these polls in turn, a read a frame, and a pause behind each exchange."""
     now, chunks = 10**18, []
     for turn in range(exchanges):
         for adu in _exchange(polls[turn % len(polls)], turn):
             now += 4 * _CHARACTER_NS + _CHARACTER_NS * len(adu)
             chunks.append(Chunk(now, adu))
-        now += 20_000_000
+        now += pause_ns
     return chunks
 
 
@@ -70,6 +70,12 @@ def test_a_healthy_bus_is_hardly_weighed_frame_by_frame(weighed: list[int]) -> N
     capture = Capture.of(_LINE, _bus(4000, range(5)))
     batches = list(deframe(capture))
     assert sum(int((batch.rows.kind != Kind.NOISE).sum()) for batch in batches) == 8000
+    assert sum(weighed) < 80
+
+
+def test_nor_where_it_is_polled_every_ten_seconds(weighed: list[int]) -> None:
+    capture = Capture.of(_LINE, _bus(500, range(5), pause_ns=10 * 10**9))
+    assert sum(int((batch.rows.kind != Kind.NOISE).sum()) for batch in deframe(capture)) == 1000
     assert sum(weighed) < 80
 
 

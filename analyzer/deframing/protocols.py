@@ -182,17 +182,14 @@ class _UndecidedPort:
         bounds = np.cumsum(sizes)
         for first, last in zip([0, *quiet.tolist()], [*quiet.tolist(), len(sizes)], strict=True):
             low, high = (int(bounds[i - 1]) if i else 0 for i in (first, last))
-            inside = errors[(errors >= low) & (errors < high)] - low
-            chunk = slice(first, last)
-            if self._engine is not None:
-                self._engine.feed(data[low:high], sizes[chunk], times[chunk], marks[chunk], inside)
-                continue
             if first in quiet and self._waiting:
                 self._decide_on_all()
-                if self._engine is not None:
-                    self._engine.feed(data[low:high], sizes[chunk], times[chunk], marks[chunk], inside)
-                    continue
+            if self._engine is not None:  # the rest is its own
+                rest = slice(first, None)
+                self._engine.feed(data[low:], sizes[rest], times[rest], marks[rest], errors[errors >= low] - low)
+                return
             if last > first:
+                inside, chunk = errors[(errors >= low) & (errors < high)] - low, slice(first, last)
                 self._waiting.append((data[low:high], sizes[chunk], times[chunk], marks[chunk], inside))
                 self._decide()
 

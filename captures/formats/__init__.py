@@ -43,6 +43,7 @@ class Format:
     read: Callable[..., Source]
     write: Callable[..., None] | None = None
     write_suffixes: tuple[str, ...] | None = None  # of files to write, where not all of `suffixes`
+    sniff_last: bool = False  # it is dear: asked only where no other format is sure
 
 
 @cache
@@ -156,7 +157,10 @@ def _written(format: Format) -> tuple[str, ...]:
 
 
 def _scores(known: dict[str, Format], head: bytes) -> dict[Format, float]:
-    return {candidate: _score(candidate, head) for candidate in known.values()}
+    scores = {candidate: _score(candidate, head) for candidate in known.values() if not candidate.sniff_last}
+    sure = max(scores.values(), default=0.0) >= CERTAIN
+    last = {candidate: 0.0 if sure else _score(candidate, head) for candidate in known.values() if candidate.sniff_last}
+    return scores | last
 
 
 def _of_suffix(scores: dict[Format, float], suffix: str) -> Format | None:

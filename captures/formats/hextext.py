@@ -215,5 +215,11 @@ def _write(file: BinaryIO, line: LineSettings, blocks: Iterable[Block], timed: b
 
 
 FORMAT = Format(
-    "text", (".txt", ".log", ".hex", ".asc", ".out", ".csv"), _sniff, _read, _write, (".txt", ".log", ".hex")
+    "text",
+    (".txt", ".log", ".hex", ".asc", ".out", ".csv"),
+    _sniff,
+    _read,
+    _write,
+    (".txt", ".log", ".hex"),
+    sniff_last=True,
 )
