@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from .limits import TIME_LIMIT
 from .line import LineSettings as LineSettings
+from .ragged import copy_pieces, sums
 from .time_order import TimeOrder
 
 if TYPE_CHECKING:
@@ -140,6 +141,24 @@ class Block:
             errors=self.errors[low:high] - start,
             timed=self.timed,
         )
+
+    def taken(self, which: NDArray[np.intp]) -> Block:
+        """These chunks, in this order."""
+        sizes, begins = np.diff(self.offsets)[which], self.offsets[which]
+        offsets = sums(sizes)
+        data = np.empty(int(offsets[-1]), np.uint8)
+        copy_pieces(data, offsets[:-1], self.data, begins, sizes)
+        errors = self.errors
+        if len(errors):
+            marked = np.zeros(len(self.data), np.uint8)
+            marked[errors] = 1
+            moved = np.empty(len(data), np.uint8)
+            copy_pieces(moved, offsets[:-1], marked, begins, sizes)
+            errors = np.flatnonzero(moved)
+        return replace(
+            self, data=data, offsets=offsets, t_ns=self.t_ns[which], port=self.port[which], mark=self.mark[which],
+            errors=errors,
+        )  # fmt: skip
 
     @classmethod
     def joined(cls, blocks: Sequence[Block]) -> Block:

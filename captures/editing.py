@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from .chunks import Block, Capture, Note
 from .errors import CaptureError
 from .line import LineSettings
-from .ragged import copy_pieces, sums
 from .recording.notes import Note as LineNote
 
 Spans = Mapping[int, Sequence[tuple[int, int]]]  # by port: stretches of its stream, in order, none overlapping another
@@ -135,7 +134,7 @@ class _CutToTimes:
     def blocks(self, max_bytes: int, note: Note) -> Iterator[Block]:  # noqa: ARG002
         for block in self.capture.blocks(max_bytes):
             inside = self._inside(block.t_ns)
-            yield block if inside.all() else taken(block, np.flatnonzero(inside))
+            yield block if inside.all() else block.taken(np.flatnonzero(inside))
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,27 +202,7 @@ class _Merged:
                 heads[i] = block.slice(count, len(block)) if count < len(block) else None
             joined = Block.joined(parts)
             turns = np.concatenate([np.maximum.accumulate(part.t_ns) for part in parts])
-            yield taken(joined, np.argsort(turns, kind="stable"))
-
-
-def taken(block: Block, which: NDArray[np.intp]) -> Block:
-    """These chunks of a block, in this order."""
-    sizes = np.diff(block.offsets)[which]
-    offsets = sums(sizes)
-    begins = block.offsets[which]
-    data = np.empty(int(offsets[-1]), np.uint8)
-    copy_pieces(data, offsets[:-1], block.data, begins, sizes)
-    errors = block.errors
-    if len(errors):
-        marked = np.zeros(len(block.data), np.uint8)
-        marked[errors] = 1
-        moved = np.empty(len(data), np.uint8)
-        copy_pieces(moved, offsets[:-1], marked, begins, sizes)
-        errors = np.flatnonzero(moved)
-    return replace(
-        block, data=data, offsets=offsets, t_ns=block.t_ns[which], port=block.port[which], mark=block.mark[which],
-        errors=errors,
-    )  # fmt: skip
+            yield joined.taken(np.argsort(turns, kind="stable"))
 
 
 def _of_bytes(block: Block, kept: NDArray[np.bool_]) -> Block:

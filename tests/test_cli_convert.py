@@ -12,7 +12,7 @@ from running import ran, refused
 
 import captures
 from captures import Capture, Chunk, LineSettings, Mark
-from captures.editing import cut_to_spans, merged, taken
+from captures.editing import cut_to_spans, merged
 from captures.recording.notes import Note
 from dissectors.crc import crc_bytes
 
@@ -171,7 +171,7 @@ def test_spans_are_bytes_of_a_ports_stream(data: st.DataObject, reads: list[Chun
     if begin == 0 and end >= len(stream):
         assert kept == whole
     block = next(iter(Capture.of(LINE, marked).blocks()))
-    back = taken(block, __import__("numpy").arange(len(block))[::-1])
+    back = block.taken(__import__("numpy").arange(len(block))[::-1])
     assert [back.chunk(i) for i in range(len(back))] == marked[::-1]
 
 

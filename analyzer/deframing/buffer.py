@@ -11,6 +11,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from captures.chunks import Block
+
 from ..tables.schema import NO_GAP
 from .gaps import TURNS, classes_of
 from .rules import Bytes, Index
@@ -18,9 +20,6 @@ from .rules import Bytes, Index
 Times = NDArray[np.int64]
 _FAR: Final = -(1 << 62)
 _LONG_READ: Final = 1 << 16  # bytes
-
-
-_NONE_MARKED: Final[Index] = np.empty(0, np.intp)
 
 
 class SegmentReads(NamedTuple):
@@ -44,12 +43,6 @@ class CharacterTime(NamedTuple):
 
     ns: float
     known: bool
-
-
-def positions_among(errors: NDArray[np.int64], chosen: NDArray[np.bool_]) -> Index:
-    """Marked bytes (positions) that are chosen, by their positions among the chosen."""
-    positions: Index = (np.cumsum(chosen) - 1)[errors[chosen[errors]]]
-    return positions
 
 
 class ByteBuffer:
@@ -91,25 +84,21 @@ class ByteBuffer:
         """Time of the newest byte, ns; far in the past when there was none."""
         return int(self.time[-1]) if len(self.time) else self._before[0]
 
-    def append(
-        self, data: Bytes, sizes: Index, times: Times, marks: NDArray[np.uint8], errors: Index = _NONE_MARKED
-    ) -> None:
-        """Add chunks: their bytes end to end, and size, time and direction mark of each (none of them empty).
-
-        `errors`: which of these bytes the UART marked. `close` is to be called before anything is asked of them.
-        """
-        if not len(sizes):
+    def append(self, block: Block) -> None:
+        """Add chunks, whatever their port. `close` is to be called before anything is asked of them."""
+        if not len(block):
             return
-        if len(errors):
-            self._errors = np.concatenate((self._errors, errors + len(self.data)))
-        starts = sizes.cumsum() - sizes + len(self.data)
-        new = np.empty(len(sizes), np.bool_)
+        times, marks = block.t_ns, block.mark
+        if len(block.errors):
+            self._errors = np.concatenate((self._errors, block.errors + len(self.data)))
+        starts = block.offsets[:-1] + len(self.data)
+        new = np.empty(len(block), np.bool_)
         new[1:] = (times[1:] != times[:-1]) | (marks[1:] != marks[:-1])
         last_mark = int(self._marks[-1]) if len(self._marks) else self._before[1]
         open_group = self._closed < len(self.group)
         new[0] = not (open_group and times[0] == self.last_time and marks[0] == last_mark)
-        self.data = np.concatenate((self.data, data))
-        self.classes = np.concatenate((self.classes, np.zeros(len(data), np.uint8)))
+        self.data = np.concatenate((self.data, block.data))
+        self.classes = np.concatenate((self.classes, np.zeros(len(block.data), np.uint8)))
         self.group = np.concatenate((self.group, starts[new]))
         self.time = np.concatenate((self.time, times[new]))
         self._marks = np.concatenate((self._marks, marks[new]))

@@ -12,11 +12,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from captures.chunks import Block
 from dissectors.adu import MAX_ADU, MIN_ADU
 from dissectors.length_rules import Role
 
 from ..options import Options
-from .buffer import ByteBuffer, CharacterTime, Times
+from .buffer import ByteBuffer, CharacterTime
 from .candidates import CRC_BITS, Candidates, more_candidates, search_candidates
 from .conversation import REACH, ConversationTracker, FrameRun
 from .crc_windows import CrcWindows, crc_windows
@@ -59,20 +60,9 @@ class Engine:
         self._decided: list[DecidedSegments] = []  # since the work began
         self._out: list[StreamSegments] = []
 
-    def feed(
-        self,
-        data: Bytes,
-        sizes: Index,
-        times: Times,
-        marks: NDArray[np.uint8],
-        errors: Index,
-        now_ns: int | None = None,
-    ) -> None:
-        """Chunks, none empty: bytes end to end, size, time (ns) and direction mark of each, bytes that came marked.
-
-        `now_ns`: the line has been silent from the last of them up to then.
-        """
-        self.buffer.append(data, sizes, times, marks, errors)
+    def feed(self, block: Block, now_ns: int | None = None) -> None:
+        """Chunks of one port. `now_ns`: the line has been silent from the last of them up to then."""
+        self.buffer.append(block)
         if now_ns is None:
             if self._look_pays(0):
                 self.buffer.close(over=False)

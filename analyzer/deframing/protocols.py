@@ -11,20 +11,19 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from captures.chunks import Block
 from captures.line import PROTOCOLS_NOTE, LineSettings
 
 from ..options import Options
 from .ascii import STRAY, AsciiEngine, ascii_after, begins_ascii, is_ascii
-from .buffer import Times
 from .directions import port_role
 from .engine import Engine
 from .mbap import MbapEngine, is_mbap, mbap_after
-from .rules import Bytes, Index
 from .segments import StreamSegments
 from .stream import PortEngine, PortsDeframer, character_time
 
@@ -128,7 +127,7 @@ class _UndecidedPort:
     def __init__(self, line: LineSettings, options: Options, port: int) -> None:
         self._line, self._options, self._port = line, options, port
         self._engine: PortEngine | None = None
-        self._waiting: list[tuple[Bytes, Index, Times, NDArray[np.uint8], Index]] = []
+        self._waiting: list[Block] = []
         self._out: list[StreamSegments] = []
         self._bytes = self._reads = 0  # given before the engine was chosen
 
@@ -137,28 +136,20 @@ class _UndecidedPort:
         """The time of the first byte that is not decided, or None."""
         if self._engine is not None:
             return self._engine.undecided_ns
-        return min(int(times[0]) for _, _, times, _, _ in self._waiting) if self._waiting else None
+        return min(int(block.t_ns[0]) for block in self._waiting) if self._waiting else None
 
-    def feed(
-        self,
-        data: Bytes,
-        sizes: Index,
-        times: Times,
-        marks: NDArray[np.uint8],
-        errors: Index,
-        now_ns: int | None = None,
-    ) -> None:
-        """Chunks, none empty; see `engine.Engine.feed`."""
+    def feed(self, block: Block, now_ns: int | None = None) -> None:
+        """Chunks of this port; see `engine.Engine.feed`."""
         if self._engine is None:
-            self._wait(data, sizes, times, marks, errors)
+            self._wait(block)
             if now_ns is not None:
                 self.tick(now_ns)
         else:
-            self._engine.feed(data, sizes, times, marks, errors, now_ns)
+            self._engine.feed(block, now_ns)
 
     def tick(self, now_ns: int) -> None:
         """The line has been silent up to now."""
-        if self._engine is None and self._waiting and now_ns - int(self._waiting[-1][2][-1]) >= self._options.cut_ns:
+        if self._engine is None and self._waiting and now_ns - int(self._waiting[-1].t_ns[-1]) >= self._options.cut_ns:
             self._decide_on_all()
         if self._engine is not None:
             self._engine.tick(now_ns)
@@ -175,28 +166,24 @@ class _UndecidedPort:
         out, self._out = self._out, []
         return out if self._engine is None else out + [self._shifted(part) for part in self._engine.take()]
 
-    def _wait(self, data: Bytes, sizes: Index, times: Times, marks: NDArray[np.uint8], errors: Index) -> None:
+    def _wait(self, block: Block) -> None:
         """Take chunks while nothing is decided; what stands before a silence of seconds is judged by itself."""
-        before = int(self._waiting[-1][2][-1]) if self._waiting else int(times[0])
-        quiet = np.flatnonzero(np.diff(times, prepend=before) >= self._options.cut_ns)
-        bounds = np.cumsum(sizes)
-        for first, last in zip([0, *quiet.tolist()], [*quiet.tolist(), len(sizes)], strict=True):
-            low, high = (int(bounds[i - 1]) if i else 0 for i in (first, last))
+        before = int(self._waiting[-1].t_ns[-1]) if self._waiting else int(block.t_ns[0])
+        quiet = np.flatnonzero(np.diff(block.t_ns, prepend=before) >= self._options.cut_ns)
+        for first, last in pairwise([0, *quiet.tolist(), len(block)]):
             if first in quiet and self._waiting:
                 self._decide_on_all()
             if self._engine is not None:  # the rest is its own
-                rest = slice(first, None)
-                self._engine.feed(data[low:], sizes[rest], times[rest], marks[rest], errors[errors >= low] - low)
+                self._engine.feed(block.slice(first, len(block)))
                 return
             if last > first:
-                inside, chunk = errors[(errors >= low) & (errors < high)] - low, slice(first, last)
-                self._waiting.append((data[low:high], sizes[chunk], times[chunk], marks[chunk], inside))
+                self._waiting.append(block.slice(first, last))
                 self._decide()
 
     def _head(self) -> bytes:
         head = b""
-        for data, *_ in self._waiting:
-            head += data[: _HEAD - len(head)].tobytes()
+        for block in self._waiting:
+            head += block.data[: _HEAD - len(head)].tobytes()
         return head
 
     def _decide(self) -> None:
@@ -208,24 +195,24 @@ class _UndecidedPort:
 
     def _decide_on_all(self) -> None:
         """Choose by bytes of which no more come; else give them away."""
-        data = b"".join(data.tobytes() for data, *_ in self._waiting)
+        data = b"".join(block.data.tobytes() for block in self._waiting)
         known = next((each for each in PROTOCOLS if each.is_all(data)), None)
         if known is not None:
             self._begin(known)
             return
         engine = PROTOCOLS[-1].engine(self._line, self._options, self._port)
-        for chunks in self._waiting:
-            engine.feed(*chunks)
+        for block in self._waiting:
+            engine.feed(block)
         engine.close()
         self._out += [self._shifted(part) for part in engine.take()]
         self._bytes += len(data)
-        self._reads += sum(len(sizes) for _, sizes, *_ in self._waiting)
+        self._reads += sum(map(len, self._waiting))
         self._waiting = []
 
     def _begin(self, protocol: LineProtocol) -> None:
         self._engine = protocol.engine(self._line, self._options, self._port)
-        for chunks in self._waiting:
-            self._engine.feed(*chunks)
+        for block in self._waiting:
+            self._engine.feed(block)
         self._waiting = []
 
     def _shifted(self, part: StreamSegments) -> StreamSegments:

@@ -7,11 +7,12 @@ from abc import ABC, abstractmethod
 import numpy as np
 from numpy.typing import NDArray
 
+from captures.chunks import Block
 from dissectors.length_rules import Role
 
 from ..options import Options
 from ..tables.schema import Protocol
-from .buffer import ByteBuffer, CharacterTime, Times
+from .buffer import ByteBuffer, CharacterTime
 from .rules import Bytes, Index, Mask
 from .segments import StreamSegments, whole_segments
 
@@ -25,17 +26,9 @@ class SelfDelimitedEngine(ABC):
         self._role = role
         self._out: list[StreamSegments] = []
 
-    def feed(
-        self,
-        data: Bytes,
-        sizes: Index,
-        times: Times,
-        marks: NDArray[np.uint8],
-        errors: Index,
-        now_ns: int | None = None,
-    ) -> None:
-        """Chunks, none empty; see `engine.Engine.feed`."""
-        self.buffer.append(data, sizes, times, marks, errors)
+    def feed(self, block: Block, now_ns: int | None = None) -> None:
+        """Chunks of one port; see `engine.Engine.feed`."""
+        self.buffer.append(block)
         self.buffer.close(over=False)
         if now_ns is None:
             self._work()

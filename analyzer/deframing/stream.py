@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterable
 from typing import Final, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from captures.chunks import Block, Chunk
 from captures.line import LineSettings
@@ -22,12 +21,11 @@ from ..options import Options
 from ..tables.batch import Batch
 from ..tables.schema import Kind
 from ..tables.schema import Protocol as Envelope
-from .buffer import CharacterTime, Times, positions_among
+from .buffer import CharacterTime
 from .directions import port_role
 from .engine import Engine
 from .enveloped import EnvelopedPairer
 from .foreign import ForeignTalk
-from .rules import Bytes, Index
 from .segments import StreamSegments
 from .unordered import UnorderedRows
 from .wireorder import Across, ClockSkew, WireOrder
@@ -44,15 +42,7 @@ def character_time(line: LineSettings) -> CharacterTime:
 class PortEngine(Protocol):
     """What decides, in stream order, what every byte of one port is; see `engine.Engine`."""
 
-    def feed(
-        self,
-        data: Bytes,
-        sizes: Index,
-        times: Times,
-        marks: NDArray[np.uint8],
-        errors: Index,
-        now_ns: int | None = None,
-    ) -> None: ...
+    def feed(self, block: Block, now_ns: int | None = None) -> None: ...
 
     def tick(self, now_ns: int) -> None: ...
 
@@ -90,22 +80,13 @@ class PortsDeframer:
         block = chunks if isinstance(chunks, Block) else Block.from_chunks(chunks)
         self._timed = self._timed and block.timed
         if len(block):
-            sizes = block.offsets[1:] - block.offsets[:-1]
             self._now = int(block.t_ns[-1])
             ports = np.bincount(block.port).nonzero()[0].tolist()
             if len(ports) > 1:
                 ports.sort(key=lambda port: int(np.argmax(block.port == port)))  # as they came
             for port in ports:
-                if len(ports) == 1:
-                    engine = self._engine(port, int(block.t_ns[0]))
-                    engine.feed(block.data, sizes, block.t_ns, block.mark, block.errors, now_ns)
-                else:
-                    mine = block.port == port
-                    octets = np.repeat(mine, sizes)
-                    errors = positions_among(block.errors, octets)
-                    self._engine(port, int(block.t_ns[mine][0])).feed(
-                        block.data[octets], sizes[mine], block.t_ns[mine], block.mark[mine], errors, now_ns
-                    )
+                mine = block if len(ports) == 1 else block.taken(np.flatnonzero(block.port == port))
+                self._engine(port, int(mine.t_ns[0])).feed(mine, now_ns)
         return self._give(last=False) if now_ns is None or len(self._engines) < 2 else self.tick(now_ns)
 
     def tick(self, now_ns: int) -> Batch:
