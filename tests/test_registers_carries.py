@@ -73,7 +73,6 @@ def test_a_lone_float_among_whole_numbers_is_no_huge_one_that_carries(spread: fl
     assert right == len(SEEDS)
 
 
-
 def test_scatter_over_all_that_a_word_holds_is_even_and_no_quantity_is() -> None:
     random = np.random.default_rng(1)
     even = random.integers(0, 0x10000, POLLS)
