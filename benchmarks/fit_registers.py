@@ -42,6 +42,8 @@ HELD: dict[str, tuple[float, ...]] = {
     "i32 gain": tuple(np.repeat(_GAINS, 2).tolist()), "i64 gain": _GAINS,
     # a carry at the right time is no chance, nor is one that is missing
     "i32 wraps": _CARRIES, "i64 wraps": _CARRIES,
+    # of whole numbers that large one in a hundred looks like a usual float
+    "i32 as float": (*(0,) * 16, -4, -4, *(0,) * 14),
     # a counter's low word grows while its high word stays: half a chance each time
     "i32 agreed": _AGREED, "i64 agreed": _AGREED,
     # values of 64 bits stand in rows; where they do not, other things do

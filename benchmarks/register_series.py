@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from random import Random
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -263,33 +263,12 @@ def true_cut(address: int, quantity: int, rows: tuple[MappedValue, ...]) -> NDAr
     return np.array(cut)
 
 
-def devices(
-    seeds: range,
-    polls: int,
-    *,
-    flip: float = 0.3,
-    widen: float = 0.0,
-    refine: float = 0.0,
-    stir: float = 0.0,
-    another: float = 0.0,
-    sisters: int = 0,
-) -> Iterator[MadeDevice]:
-    """Devices of all layouts, once a seed."""
+def devices(seeds: range, polls: int, **chances: Any) -> Iterator[MadeDevice]:
+    """Devices of all layouts, once a seed; `chances` are those of `made_device`, `flip` 0.3 unless told."""
+    chances = {"flip": 0.3, **chances}
     for name, chart in layouts().items():
         for seed in seeds:
-            random = Random(f"{name} {seed}")
-            yield made_device(
-                name,
-                chart,
-                random,
-                polls,
-                flip=flip,
-                widen=widen,
-                refine=refine,
-                stir=stir,
-                another=another,
-                sisters=sisters,
-            )
+            yield made_device(name, chart, Random(f"{name} {seed}"), polls, **chances)
 
 
 def composed_devices(count: int, without: Set[str] = frozenset()) -> Iterator[MadeDevice]:

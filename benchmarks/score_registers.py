@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterable, Iterator
+from functools import partial
 from pathlib import Path
 from random import Random
 
@@ -49,7 +50,7 @@ def main(arguments: list[str]) -> int:
     }
     if options.physics:
         made = {
-            layout.name: (physical_device(layout, seed, options.polls) for seed in seeds)
+            layout.name: map(partial(physical_device, layout, polls=options.polls), seeds)
             for layout in physical_layouts().values()
         }
     weights, everything = shipped_weights(), Tally()

@@ -56,6 +56,23 @@ def test_an_integer_whose_words_both_move_is_one_number(motion: str, order: str)
     assert right >= 0.95 * 3 * len(SEEDS)
 
 
+@pytest.mark.parametrize("spread", [0.002, 0.02])
+def test_a_lone_float_among_whole_numbers_is_no_huge_one_that_carries(spread: float) -> None:
+    right = 0
+    for seed in SEEDS:
+        random = np.random.default_rng(seed)
+        power = (2.7 * (1 + np.cumsum(random.normal(0, spread, POLLS)))).astype(np.float32).view(np.uint32)
+        energies = [23 * 0x10000 + k * 7000 + np.cumsum(random.exponential(9000, POLLS)) for k in range(3)]
+        singles = (2301 + random.normal(0, 9, (POLLS, 4))).astype(np.uint16)
+        columns = [singles, pair(power, "ABCD"), *(pair(energy, "ABCD") for energy in energies), singles]
+        readings = RegisterReadings()
+        readings.put(1, "holding", 10, np.concatenate(columns, axis=1))
+        found = {value.address: value for value in infer(readings)}
+        right += 14 in found and (found[14].kind, found[14].order) == ("float", "ABCD")
+        assert all(found[address].kind == "int" for address in (16, 18, 20))
+    assert right == len(SEEDS)
+
+
 def test_scatter_over_all_that_a_word_holds_is_even_and_no_quantity_is() -> None:
     random = np.random.default_rng(1)
     even = random.integers(0, 0x10000, POLLS)

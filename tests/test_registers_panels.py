@@ -118,6 +118,18 @@ def test_seconds_of_no_clock_are_laid_where_they_fit() -> None:
     assert (best.address, best.scale, best.clock_s, best.lag_s) == (41, 0.1, None, None)
 
 
+def test_registers_that_make_a_huge_double_do_not_overflow() -> None:
+    volts = 2300 + np.arange(30) % 7
+    words = np.stack([volts, *(np.full(30, 9 * at) for at in range(3)), 0x6974 + volts % 5], axis=1)
+    readings = RegisterReadings()
+    rows = np.concatenate((words, np.ones((30, 3))), axis=1).astype(np.uint16)
+    readings.put(1, "input", 0, rows, np.arange(30) * 10**9)
+    table = read_panel("\n".join(f"{at}\t{number}" for at, number in enumerate(volts / 10)), "panel.csv")
+    with np.errstate(over="raise"):
+        found = matches_of_series(readings, table, infer(readings))
+    assert (found[0].address, found[0].words, found[0].scale) == (0, 1, 0.1)
+
+
 def test_the_command_says_how_the_clocks_differ(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     chance = np.random.default_rng(3)
     volts = [float(value) for value in 230 + np.cumsum(chance.normal(0, 0.4, 600))]

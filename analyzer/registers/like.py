@@ -28,6 +28,7 @@ _LIKELY: Final = (1.0, 0.9, 0.8, 0.6, 0.4, 0.3, 0.3, 0.3)  # how usual each scal
 _LAGS: Final = 241
 _LAG_S: Final = 60.0
 _STEEPEST: Final = 1e10  # units of measure a step: no device has more, nor less than its inverse
+_FARTHEST: Final = 1e100  # beyond it a reading is nothing that anybody measures, and has no square
 _INSIDE: Final = 0.6  # of the table, or of as much of it as the capture can hold
 _LOOSE: Final = 0.05  # share of the table's variance: where more is left, its clock may be another one
 
@@ -180,7 +181,7 @@ def _laid_over(
 
 def _moves(reading: _SoughtReading) -> bool:
     series = reading.series
-    return len(series) >= 3 and bool(np.isfinite(series).all()) and float(np.ptp(series)) > 0
+    return len(series) >= 3 and bool((np.abs(series) < _FARTHEST).all()) and float(np.ptp(series)) > 0
 
 
 def _fitted(
