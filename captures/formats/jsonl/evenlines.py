@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from ..ragged import Bytes, Ints, copy_pieces, sums, windows
+from ...ragged import Bytes, Ints, copy_pieces, sums, windows
 
 _QUOTES: Final = 6  # in a line
 _TIME_DIGITS: Final = 18  # of a time that needs no look at its range

@@ -7,7 +7,7 @@ Other keys of the header are line settings or notes; `"timed": false` (or the ta
 nothing. Optional keys of a read: `port` (0 to 255), `errors` (offsets in it), `mark` ("tx" or "rx", a log's word for
 its direction). A line that can't be used is noted with its number and left out.
 
-Lines are taken a batch at a time: those of the plain layout above as arrays (`captures.text.reads`), others by one JSON
+Lines are taken a batch at a time: those of the plain layout above as arrays (`evenlines`), others by one JSON
 parse and one hex conversion for the whole batch. Only a batch that is not perfect is read line by line, to find out
 which line is at fault.
 """
@@ -22,13 +22,13 @@ from typing import Any, BinaryIO
 import numpy as np
 import orjson
 
-from ..chunks import Block, Chunk, Mark, Note, columns
-from ..errors import CaptureError
-from ..files import first_line, lines_of, opened, read_head, text_batches
-from ..limits import TIME_LIMIT
-from ..line import LineSettings
-from ..text.reads import reads_in
-from . import Format
+from ...chunks import Block, Chunk, Mark, Note, columns
+from ...errors import CaptureError
+from ...files import first_line, lines_of, opened, read_head, text_batches
+from ...limits import TIME_LIMIT
+from ...line import LineSettings
+from .. import Format
+from .evenlines import reads_in
 
 NAME = "serial-chunks"
 VERSION = 1
