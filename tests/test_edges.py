@@ -252,6 +252,7 @@ SCOPES = {
     "by time": ("Time(s),CH1(V),CH2(V)", "{t:.6e},{high:.3f},{low:.3f}"),
     "by number": ("X,CH1,CH2,Start,Increment\nSequence,VOLT,VOLT,-1e-3,5.0e-06", "{i},{high:.2e},{low:.2e},,"),
     "in ms": ("Time,Channel A,Channel B\n(ms),(V),(V)\n", "{ms:.5f},{high:.4f},{low:.4f}"),
+    "numbered": ("n,time [s],CH1,CH2", "{i},{t:.6e},{high:.3f},{low:.3f}"),
     "below settings": (
         "Record Length,Analog:9\nSample Interval,Analog:5e-06\nSource,CH1,CH2\nSecond,Volt,Volt",
         "{t:+.9f},{high:.3f},{low:.3f}",

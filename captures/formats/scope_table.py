@@ -128,11 +128,19 @@ def _head(head: bytes) -> _ScopeHead | None:
         while first and _numbers(rows[first - 1], columns):
             first -= 1
         above = rows[:first]
+        if _rises(rows[first:], columns[1]):
+            columns = columns[1:]  # the first one numbers the rows
+            if len(columns) < 2:
+                continue
         step = _step([row[columns[0]] for row in rows[first:]], above, columns[0])
         if step is not None and any(b"." in row[column] for row in rows[first:] for column in columns[1:]):
             size = sum(len(line) + 1 for line in lines[:first])
             return _ScopeHead(_names(above, columns), columns, first, size, sign, step)
     return None
+
+
+def _rises(rows: Sequence[Sequence[bytes]], column: int) -> bool:
+    return bool((np.diff([float(row[column]) for row in rows]) > 0).all())
 
 
 def _columns(rows: Sequence[Sequence[bytes]]) -> tuple[int, ...]:
