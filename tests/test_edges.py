@@ -10,19 +10,21 @@ import shutil
 import struct
 import subprocess
 import zipfile
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from wave_files import binary_export, edge_table, sample_table, sr, vcd
+from wave_files import binary_export, edge_table, sample_table, scope_table, sr, vcd
 from wave_forms import edges_of, frames_on_line, random_frames, sampled
 
 import captures
 from captures import Capture, CaptureError
 from captures.edges.inference import GivenSettings, settings_of
 from captures.edges.uart import Uart, UartSettings
+from captures.formats import formats
 
 FILES = settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 FORMS = ((8, "N", 1), (8, "E", 1), (8, "O", 1), (8, "N", 2), (7, "E", 1), (7, "O", 1), (8, "S", 1))
@@ -145,9 +147,11 @@ def opened(folder: Path, content: bytes, name: str, **given: object) -> Capture:
 
 EDGES, SENT = line(random.Random(11), 19200, (8, "E", 1))
 OTHER, ANSWERED = line(random.Random(12), 19200, (8, "E", 1))
+SHORT, BRIEF = line(random.Random(13), 19200, (8, "E", 1), count=5)
 ENABLE = [EDGES[0] - 50_000, EDGES[-1] + 50_000]
 
 
+@cache
 def contents(most: int | None = None) -> dict[str, bytes]:
     """Files of the same edges, or of so many of each signal."""
     signals = [EDGES[:most], ENABLE, OTHER[:most]]
@@ -186,11 +190,13 @@ def test_every_format_of_edges_gives_the_bytes(tmp_path: Path, name: str) -> Non
     assert not capture.damage
 
 
+@cache
 def tables() -> dict[str, bytes]:
     """The same edges as other tools and other countries write them."""
     channels = {"RO": EDGES, "DE": ENABLE, "TX": OTHER}
     head, rows = edge_table(channels).decode().split("\n", 1)
     millis = "".join(f"{float(row.split(',')[0]) * 1e3:.6f},{row.split(',', 1)[1]}\n" for row in rows.splitlines())
+    micros = "".join(f"{float(row.split(',')[0]) * 1e6:.0f},{row.split(',', 1)[1]}\n" for row in rows.splitlines())
     samples = [EDGES, ENABLE, OTHER]
     old = "; Samplerate: 1 MHz\n; Channels (3/8): RO, DE, TX"
     made = {
@@ -200,7 +206,9 @@ def tables() -> dict[str, bytes]:
         "tabs": f"{head}\n{rows}".replace(",", "\t"),
         "milliseconds": f"Time (ms),RO,DE,TX\n{millis}",
         "bare time": f"Time,RO,DE,TX\n{rows}",
-        "quoted": '"Time [s]","RO","DE","TX"\r\n' + rows.replace("\n", "\r\n"),
+        "quoted": '"Time [s]","RO","DE, of RO","TX"\r\n' + rows.replace("\n", "\r\n"),
+        "sigrok-cli, with times": f"{old}\nmicroseconds,logic,logic,logic\n{micros}",
+        "sigrok-cli, with times and names": f"{old}\nTime,RO,DE,TX\n{micros}",
     }
     return {name: text.encode() for name, text in made.items()} | {
         "PulseView": sample_table(samples, "RO,DE,TX"),
@@ -217,6 +225,100 @@ def test_tables_of_channels_as_tools_and_countries_write_them(tmp_path: Path, na
     times = [chunk.t_ns for chunk in capture.chunks()]
     assert abs(times[0] - min(EDGES[0], OTHER[0]) - 11e9 / 19200) < 2000
     assert not capture.damage
+
+
+@cache
+def counted() -> dict[str, bytes]:
+    """Tables that count samples, and say no rate."""
+    rows = edge_table({"RO": EDGES}).decode().splitlines()[1:]
+    numbers = [f"{float(time) * 1e6:.0f}, {level}" for time, level in (row.split(",") for row in rows)]
+    return {
+        "Logic 1": "\n".join(["Sample, Channel 0", *numbers, ""]).encode(),
+        "without a head": b"\n".join(sample_table([EDGES]).split(b"\n")[2:]),
+        "a scope's": scope_table(SHORT, 5000, "n,CH1,CH2", "{i},{high:.2f},{low:.2f}"),
+    }
+
+
+@pytest.mark.parametrize("name", sorted(counted()))
+def test_a_rate_that_nobody_says_is_asked_for(tmp_path: Path, name: str) -> None:
+    with pytest.raises(CaptureError, match="nothing says their rate: give it with --sample-rate"):
+        opened(tmp_path, counted()[name], "table.csv")
+    capture = opened(tmp_path, counted()[name], "table.csv", sample_rate=200_000 if "scope" in name else 1_000_000)
+    assert whole(capture) == (BRIEF if "scope" in name else SENT)
+    assert capture.line.baud == 19200
+
+
+SCOPES = {
+    "by time": ("Time(s),CH1(V),CH2(V)", "{t:.6e},{high:.3f},{low:.3f}"),
+    "by number": ("X,CH1,CH2,Start,Increment\nSequence,VOLT,VOLT,-1e-3,5.0e-06", "{i},{high:.2e},{low:.2e},,"),
+    "in ms": ("Time,Channel A,Channel B\n(ms),(V),(V)\n", "{ms:.5f},{high:.4f},{low:.4f}"),
+    "numbered": ("n,time [s],CH1,CH2", "{i},{t:.6e},{high:.3f},{low:.3f}"),
+    "below settings": (
+        "Record Length,Analog:9\nSample Interval,Analog:5e-06\nSource,CH1,CH2\nSecond,Volt,Volt",
+        "{t:+.9f},{high:.3f},{low:.3f}",
+    ),
+    "decimal comma": ("Zeit [s];A [V];B [V]", "{t:.6e};{high:.3f};{low:.3f}"),
+}
+
+
+@pytest.mark.parametrize("name", sorted(SCOPES))
+def test_voltages_of_oscilloscopes(tmp_path: Path, name: str) -> None:
+    head, row = SCOPES[name]
+    content = scope_table(SHORT, 5000, head, row)
+    capture = opened(tmp_path, content.replace(b".", b",") if "comma" in name else content, "scope.csv")
+    assert capture.format == "scope-table"
+    assert whole(capture) == BRIEF
+    assert (capture.line.baud, capture.line.parity) == (19200, "E")
+    assert "carries the same as" in capture.notices[0]
+    assert abs(next(capture.chunks()).t_ns - SHORT[0] - 11e9 / 19200) < 10_000
+
+
+def test_values_polled_now_and_then_are_no_oscilloscope() -> None:
+    rows = "".join(f"{i * 1.0:.1f},{20 + i % 7 / 10:.1f},{5 + i % 3 / 10:.1f}\n" for i in range(200))
+    assert formats()["scope-table"].sniff(f"time,temperature,pressure\n{rows}".encode()) == 0
+
+
+@pytest.mark.parametrize("rate", [4.3, 5, 8])
+@pytest.mark.parametrize("parity", ["N", "E"])
+def test_few_samples_a_bit(rate: float, parity: str) -> None:
+    for off in (-0.01, 0.01):
+        edges, sent = line(random.Random(f"{rate}{parity}"), 115200, (8, parity, 1), off=off)
+        step = 1e9 / (rate * 115200)
+        times = np.rint(np.ceil(np.array(edges) / step) * step).astype(np.int64)
+        found = settings_of(times, 1, GivenSettings())
+        assert found is not None
+        assert (found[0].baud, found[0].parity) == (115200, parity)
+        assert Uart(found[0], 1).feed(times, None).value.tobytes() == sent
+
+
+@pytest.mark.parametrize("kind", ["glitches", "ringing"])
+def test_what_is_too_short_for_a_bit_is_none(kind: str) -> None:
+    chance = random.Random(4)
+    if kind == "ringing":
+        edges = [t + off for t in EDGES for off in (0, 300, 600)]
+    else:
+        struck = [chance.randrange(EDGES[-1]) for _ in range(len(EDGES) // 10)]
+        edges = sorted(EDGES + [t + off for t in struck for off in (0, 1500)])
+    found = settings_of(np.array(edges), 1, GivenSettings())
+    assert found is not None
+    assert str(found[0]) == "19200 bit/s 8E1"
+    got = Uart(found[0], 1).feed(np.array(edges), None)
+    assert len(got.value) == len(SENT)
+    assert sum(a != b for a, b in zip(got.value.tobytes(), SENT, strict=True)) <= len(SENT) // 50
+
+
+def test_a_transmitter_heard_by_its_own_receiver_is_left_out(tmp_path: Path) -> None:
+    """And its driver's enable, one pulse a frame, is no slow line: with either of them frames were told twice."""
+    chance = random.Random(9)
+    frames = [chance.randbytes(8) for _ in range(40)]
+    times = frames_on_line(frames, 19200, 11)
+    sent = [one for i, one in enumerate(times) if i // 8 % 2 == 0]
+    enable = [t for i in range(0, 320, 16) for t in (times[i][0] - 20_000, times[i + 7][0] + 600_000)]
+    channels = {"TX": edges_of(sent, 19200, 8, "E"), "DE": enable, "RO": edges_of(times, 19200, 8, "E")}
+    capture = opened(tmp_path, edge_table(channels), "table.csv")
+    assert whole(capture) == b"".join(frames)
+    assert {chunk.port for chunk in capture.chunks()} == {0}
+    assert "what TX carries is heard on RO, too: left out" in capture.notices[0]
 
 
 def test_rows_that_are_none_are_said(tmp_path: Path) -> None:
@@ -268,6 +370,8 @@ def test_settings_that_are_given_are_not_inferred(tmp_path: Path) -> None:
         ("new.bin", b"<SALEAE>" + struct.pack("<ii", 7, 0) + bytes(40), "version 7"),
         ("analog.bin", b"<SALEAE>" + struct.pack("<ii", 0, 1) + bytes(40), "analog"),
         ("a.logicdata", b"\0\1\2\3" * 50, "Options > Export data"),
+        ("a.kvdat", b"\0\1\2\3" * 50, "as CSV"),
+        ("bits.txt", b"libsigrok 0.5.2\nAcquisition with 1/8 channels at 1 MHz\nRO:ff 0f\n", "-O vcd"),
     ],
 )
 def test_what_holds_no_line_is_refused_in_a_line(tmp_path: Path, name: str, content: bytes, expected: str) -> None:
@@ -391,6 +495,7 @@ SEEDS = [
     binary_export(EDGES[:200], 1),
     logic2(OCTETS, "0x{:02X}"),
     sample_table([EDGES[:100]], "RO"),
+    scope_table(EDGES[:60], 10_000),
     contents(120)["logic2.csv"].replace(b",", b";").replace(b".", b","),
 ]
 

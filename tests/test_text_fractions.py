@@ -88,3 +88,22 @@ def test_the_time_of_a_read_stands_above_it_or_in_brackets(tmp_path: Path, form:
     capture = captures.open(path, judge=judge)
     assert steps(capture) == [10**6] * 3
     assert not any("no time" in damage.what for damage in capture.damage)
+
+
+@pytest.mark.parametrize("form", ["[+{:.3f}]", "+{:.6f}s ", "(+{:.3f})"])
+def test_steps_are_added_up_where_as_times_they_would_run_back(tmp_path: Path, form: str) -> None:
+    capture = opened(tmp_path, [form.format(ms / 1000) for ms in STEPS_MS])
+    assert steps(capture) == [1000 * ms for ms in STEPS_MS[1:]]
+    assert "times with a plus are read as steps" in " ".join(capture.notices)
+    rising = opened(tmp_path, [form.format(ms / 1000) for ms in accumulate(STEPS_MS)])
+    assert steps(rising) == [1000 * ms for ms in STEPS_MS[1:]], "since some start"
+    assert not any("plus" in notice for notice in rising.notices)
+
+
+def test_numbers_before_marks_are_milliseconds_unless_they_count_lines(tmp_path: Path) -> None:
+    capture = opened(tmp_path, [f"{1023 + ms}:" for ms in accumulate(STEPS_MS)])
+    assert steps(capture) == [1000 * ms for ms in STEPS_MS[1:]]
+    assert "milliseconds" in " ".join(capture.notices)
+    for numbered in (range(7, 18), range(100, 122, 2)):
+        lines = opened(tmp_path, [f"{number}:" for number in numbered])
+        assert not lines.timed

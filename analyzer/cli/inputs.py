@@ -71,8 +71,8 @@ def add_reading_arguments(parser: argparse.ArgumentParser, *, format_flag: bool 
         dest="input_format",
         type=capture_format,
         metavar="NAME",
-        help="its format: bin, mcap, pcap, pcapng, saleae, saleae-binary, saleae-edges, saleae-session, serial-chunks, "
-        "sigrok, sigrok-table, text, vcd (rtuscope help formats)",
+        help="its format: analyser-session, bin, mcap, pcap, pcapng, saleae, saleae-binary, saleae-edges, scope-table, "
+        "serial-chunks, sigrok, sigrok-table, text, vcd (rtuscope help formats)",
     )
     group.add_argument("-b", "--baud", type=int, metavar="N", help="bit/s of the line")
     group.add_argument("-P", "--parity", choices=("N", "E", "O", "M", "S"), help="none, even, odd, mark, space")
@@ -80,7 +80,9 @@ def add_reading_arguments(parser: argparse.ArgumentParser, *, format_flag: bool 
     group.add_argument("--stop", type=float, choices=(1, 1.5, 2), help="stop bits of a character")
     group.add_argument("--polarity", choices=POLARITIES, help="of a logic analyser's edges: inverted is low when idle")
     add_zone_argument(group)
-    group.add_argument("--sample-rate", type=float, metavar="HZ", help="of a log that counts samples (sigrok-cli -A)")
+    group.add_argument(
+        "--sample-rate", type=float, metavar="HZ", help="of a log or a table that counts samples (sigrok-cli -A)"
+    )
 
 
 def known_name(text: str, find: Callable[[str], object], what: str, names: Callable[[], Iterable[str]]) -> str:

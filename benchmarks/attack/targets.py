@@ -20,7 +20,7 @@ from captures.formats import formats
 from captures.limits import TIME_LIMIT
 from captures.text.halves import HexError
 
-_ZIPPED: Final = ("sigrok", "saleae-session")
+_ZIPPED: Final = ("sigrok", "analyser-session")
 
 
 def _capture_seeds(name: str) -> Sequence[bytes]:

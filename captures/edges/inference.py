@@ -8,7 +8,7 @@ character is no chance.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..spacing import RATES
-from .uart import Characters, Times, Uart, UartSettings, parity_bit
+from .uart import Characters, Times, Uart, UartSettings, parity_bit, without_spikes
 
 ENOUGH: Final = 6000  # edges by which a channel is judged
 _LEAST: Final = 8  # edges of a channel that may carry characters
@@ -28,6 +28,12 @@ _RIGHT: Final = 0.97  # of the characters or parity bits, that leave no doubt
 _GOOD: Final = 0.8  # of the characters that must be without an error
 _FEW: Final = 16  # characters, of which parity may be right by chance
 _CLOCK: Final = 32  # pulses, or characters, all alike that are a clock
+_SPARE: Final = 0.07  # of a bit, to which a sample that is missed is added
+_COARSE: Final = 0.3  # of a bit, off a whole number, where samples are few
+_BOTH: Final = 0.02  # of a bit, by which widths differ that are not the same number of samples
+_APART: Final = 3  # times as long as a usual glitch, at the least, is the shortest pulse
+_GLITCHES: Final = (0.02, 0.1, 0.3, 0.6)  # of all widths, that may be those of glitches
+_EVENTFUL: Final = 2.5  # edges in a character, on average; an enabled driver has two
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,18 +62,47 @@ def settings_of(
     if len(edges) < _LEAST:
         return None
     best: tuple[UartSettings, float] | None = None
-    for inverted in _polarities(edges, level) if given.inverted is None else (given.inverted,):
-        for baud in _rates(edges, level ^ inverted) if given.baud is None else (float(given.baud),):
-            plain = UartSettings(baud, given.bits or 8, given.parity or "N", given.stop or 1, inverted)
-            settings = plain if given.parity is not None else _with_parity(decoded, plain, given)
-            characters = decoded(settings)
-            settings = replace(settings, baud=usual_rate(baud))
-            score = _right(characters)
-            if not _is_clock(characters) and (best is None or score > best[1]):
-                best = settings, score
-        if best is not None and best[1] >= _RIGHT:
+    for clean in _cleaned(edges):
+        for inverted in _polarities(clean, level) if given.inverted is None else (given.inverted,):
+            for baud in _rates(clean, level ^ inverted) if given.baud is None else (float(given.baud),):
+                plain = UartSettings(baud, given.bits or 8, given.parity or "N", given.stop or 1, inverted)
+                settings = plain if given.parity is not None else _with_parity(decoded, plain, given)
+                characters = decoded(settings)
+                settings = replace(settings, baud=usual_rate(baud))
+                score = _right(characters)
+                if given.baud is None and not _eventful(clean, characters, settings):
+                    continue
+                if not _is_clock(characters) and (best is None or score > best[1]):
+                    best = settings, score
+            if best is not None and best[1] >= _RIGHT:
+                return best
+        if best is not None and (best[1] >= _GOOD or given.baud is not None):
             return best
-    return best if best is not None and (best[1] >= _GOOD or given.baud is not None) else None
+    return None
+
+
+def _cleaned(edges: Times) -> Iterator[Times]:
+    """The edges, then those that are left without glitches, by how many of its pulses may be some."""
+    yield edges
+    widths = np.diff(edges)
+    tried = len(edges)
+    for share in _GLITCHES:
+        clean = without_spikes(edges, _APART * float(np.quantile(widths, share)))
+        if _LEAST <= len(clean) < tried:
+            tried = len(clean)
+            yield clean
+
+
+def _eventful(edges: Times, characters: Characters, settings: UartSettings) -> bool:
+    """Whether characters have edges within them, or follow each other closely at a usual rate.
+
+    A driver's enable, or a line that is on while a frame is sent, has one pulse to what looks like a character.
+    """
+    count = len(characters.start_ns)
+    if not count or len(edges) >= _EVENTFUL * count:
+        return True
+    steps = np.diff(characters.start_ns) / (settings.char_bits * settings.bit_ns)
+    return settings.baud in RATES and len(steps) > 0 and bool((np.abs(steps - 1) < _NEAR / 2).mean() > 1 / 2)
 
 
 def _rates(edges: Times, level: int) -> tuple[float, ...]:
@@ -85,19 +120,27 @@ def bit_ns(low: Times, high: Times) -> float | None:
         return None
     bit = float(np.quantile(low, 0.2))
     for most in (1.5, 3.5, 5.5, 10.5):
-        parts = [(_near_multiples(low, bit, most)), (_near_multiples(high, bit, most))]
+        near = _tolerance(low, bit)
+        parts = [(_near_multiples(low, bit, most, near)), (_near_multiples(high, bit, most, near))]
         if bit <= 0 or not sum(count.sum() for _, count in parts):
             return None
         bit = float(sum(width.sum() for width, _ in parts) / sum(count.sum() for _, count in parts))
-    share = len(_near_multiples(low, bit, 10.5)[0]) / len(low)
+    share = len(_near_multiples(low, bit, 10.5, _tolerance(low, bit))[0]) / len(low)
     return bit if share >= _WHOLE and 1e9 / bit >= _SLOWEST else None
 
 
-def _near_multiples(widths: Times, bit: float, most: float) -> tuple[Times, Times]:
+def _tolerance(widths: Times, bit: float) -> float:
+    """How far, in bits, a pulse may be from a whole number: samples that are a quarter of a bit apart miss as much."""
+    steps: NDArray[np.float64] = np.diff(np.unique(widths[widths < 10.5 * bit])).astype(np.float64)
+    steps = steps[steps > _BOTH * bit]
+    return float(np.clip(steps.min() / bit + _SPARE, _NEAR, _COARSE)) if bit > 0 and len(steps) else _NEAR
+
+
+def _near_multiples(widths: Times, bit: float, most: float, tolerance: float) -> tuple[Times, Times]:
     """Those pulses that are near to a whole number of bits, up to so many, and these numbers."""
     widths = widths[widths < most * bit]
     count = np.rint(widths / bit).astype(np.int64)
-    near = (np.abs(widths / bit - count) < _NEAR) & (count > 0)
+    near = (np.abs(widths / bit - count) < tolerance) & (count > 0)
     return widths[near], count[near]
 
 

@@ -1,4 +1,4 @@
-"""Samples of a fixed rate: when they were taken, and the rate as sigrok writes it."""
+"""Samples of a fixed rate: when they were taken, the rate as sigrok writes it, the unit of a column of times."""
 
 from __future__ import annotations
 
@@ -13,6 +13,11 @@ from .uart import Times
 RATE: Final = re.compile(r"\s*(\d+(?:\.\d+)?)\s*([kMG]?)(?:Hz)?\s*")
 _SCALE: Final = {"": 1, "k": 10**3, "M": 10**6, "G": 10**9}
 _SECOND: Final = 1_000_000_000
+_SAID: Final = re.compile(r"(?:sample ?rate: | at )(\d{1,9}(?:\.\d{1,9})?) ?([kMG]?)Hz", re.IGNORECASE)
+_UNITS: Final = {
+    "s": 10**9, "ms": 10**6, "us": 10**3, "µs": 10**3, "μs": 10**3, "ns": 1, "с": 10**9, "мс": 10**6, "мкс": 10**3,
+    "нс": 1, "second": 10**9, "seconds": 10**9, "milliseconds": 10**6, "microseconds": 10**3, "nanoseconds": 1,
+}  # fmt: skip
 
 
 def hertz_of(number: str, prefix: str) -> int | None:
@@ -26,3 +31,15 @@ def sample_times(samples: NDArray[np.int64], rate: int) -> Times:
     seconds, rest = np.divmod(samples, rate)
     at: Times = seconds * _SECOND + rest * _SECOND // rate
     return at
+
+
+def rate_said(text: str) -> int | None:
+    """The rate that a comment of sigrok's tables says, in samples a second."""
+    said = _SAID.search(text)
+    return None if said is None else hertz_of(said[1], said[2])
+
+
+def unit_of(title: str) -> int | None:
+    """The unit, in ns, that the title of a column of times says: `Time [ms]`, `(us)`, `microseconds`."""
+    words = re.findall(r"\w+", title.lower())
+    return _UNITS.get(words[-1]) if words else None

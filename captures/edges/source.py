@@ -24,6 +24,7 @@ from .uart import Characters, Times, Uart, UartSettings
 
 TAP: Final = "logic"  # the line's `tap`
 _PORTS: Final = 256
+_SAME: Final = 0.9  # of the characters of a channel that another one has, too
 _JUDGED: Final = 64  # pieces of a file by which its channels are judged, at most
 
 
@@ -58,32 +59,35 @@ class _Channel:
     settings: UartSettings
 
 
+@dataclass(frozen=True, slots=True)
+class _SerialChannel:
+    """A channel that may carry characters: their settings, and when the first ones begin."""
+
+    number: int
+    settings: UartSettings
+    starts: Times
+
+
 def edge_source(path: Path, file: EdgeFile, given: GivenSettings) -> EdgeSource:
     """The capture in a file of edges; CaptureError where no channel carries characters."""
     heads = _heads(file)
-    serial: list[tuple[int, UartSettings, Times]] = []
-    twins: list[str] = []
+    found: list[_SerialChannel] = []
     for number, edges in enumerate(heads):
         judged = settings_of(edges, file.levels[number], given, file.begin_ns)
-        if judged is None:
-            continue
-        starts = Uart(judged[0], file.levels[number], file.begin_ns).feed(edges, None).start_ns
-        twin = next(
-            (file.names[earlier] for earlier, one, before in serial if _twins(starts, before, one)),
-            None,
-        )
-        if twin is not None:
-            twins.append(f"{file.names[number]} carries the same as {twin}: left out")
-        elif len(serial) < _PORTS:
-            serial.append((number, judged[0], starts))
+        if judged is not None:
+            starts = Uart(judged[0], file.levels[number], file.begin_ns).feed(edges, None).start_ns
+            found.append(_SerialChannel(number, judged[0], starts))
+    serial, told = _apart(found, file.names)
     if not serial:
         busy = [name for name, edges in zip(file.names, heads, strict=True) if len(edges)]
         reason = f"{', '.join(busy[:8])} change, but not like a UART's line" if busy else "none of them ever changes"
         raise CaptureError(
             f"{path}: no serial line among {len(heads)} channels: {reason} (a rate can be given with --baud)"
         )
-    channels = [_Channel(number, port, file.levels[number], one) for port, (number, one, _) in enumerate(serial)]
-    return EdgeSource(file, channels, _line(file, channels, given), tuple(twins))
+    channels = [
+        _Channel(one.number, port, file.levels[one.number], one.settings) for port, one in enumerate(serial[:_PORTS])
+    ]
+    return EdgeSource(file, channels, _line(file, channels, given), told)
 
 
 def _heads(file: EdgeFile) -> list[Times]:
@@ -98,10 +102,36 @@ def _heads(file: EdgeFile) -> list[Times]:
     return [np.concatenate(part)[:ENOUGH] if part else np.zeros(0, np.int64) for part in parts]
 
 
-def _twins(one: Times, two: Times, settings: UartSettings) -> bool:
-    """Whether two channels are one line, such as both wires of a pair: their characters begin together."""
-    count = min(len(one), len(two), 100)
-    return count > 0 and bool((np.abs(one[:count] - two[:count]) < settings.bit_ns).mean() > 0.9)
+def _apart(found: Sequence[_SerialChannel], names: Sequence[str]) -> tuple[list[_SerialChannel], tuple[str, ...]]:
+    """The channels that say what no other says, and what is told of those that are left out.
+
+    Both wires of a pair are one line; a transmitter's own pin is heard again by its receiver, beside what others send.
+    """
+    left: dict[int, int] = {}  # number of a channel that is left out: of the one that says the same
+    for one in reversed(found):
+        for other in found:
+            fuller = (len(other.starts), -other.number) > (len(one.starts), -one.number)
+            if fuller and other.number not in left and _heard_in(one.starts, other.starts, one.settings):
+                left[one.number] = other.number
+                break
+    size = {one.number: len(one.starts) for one in found}
+    told = [
+        f"{names[one]} carries the same as {names[other]}: left out"
+        if size[one] > _SAME * size[other]
+        else f"what {names[one]} carries is heard on {names[other]}, too: left out"
+        for one, other in sorted(left.items())
+    ]
+    return [one for one in found if one.number not in left], tuple(told)
+
+
+def _heard_in(one: Times, other: Times, settings: UartSettings) -> bool:
+    """Whether the characters of a channel begin when characters of another one do."""
+    one = one[one <= other[-1]] if len(other) else one[:0]
+    if not len(one):
+        return False
+    after = np.minimum(np.searchsorted(other, one), len(other) - 1)
+    off = np.minimum(np.abs(other[after] - one), np.abs(other[np.maximum(after - 1, 0)] - one))
+    return bool((off < settings.bit_ns).mean() > _SAME)
 
 
 def _line(file: EdgeFile, channels: Sequence[_Channel], given: GivenSettings) -> LineSettings:
@@ -155,8 +185,8 @@ class EdgeSource:
         return block, np.stack((span, bits.astype(np.int64)))
 
 
-def edge_reader(load: Callable[[Path], EdgeFile]) -> Callable[..., EdgeSource]:
-    """The `read` of a format whose files `load` opens as edges."""
+def edge_reader(load: Callable[[Path, float | None], EdgeFile]) -> Callable[..., EdgeSource]:
+    """The `read` of a format whose files `load` opens as edges; it is given the rate of samples, where one is said."""
 
     def read(
         path: Path,
@@ -166,8 +196,9 @@ def edge_reader(load: Callable[[Path], EdgeFile]) -> Callable[..., EdgeSource]:
         bits: int | None = None,
         stop: float | None = None,
         polarity: str | None = None,
+        sample_rate: float | None = None,
     ) -> EdgeSource:
         inverted = None if polarity is None else polarity == "inverted"
-        return edge_source(path, load(path), GivenSettings(baud, parity, bits, stop, inverted))
+        return edge_source(path, load(path, sample_rate), GivenSettings(baud, parity, bits, stop, inverted))
 
     return read

@@ -20,6 +20,7 @@ _MEASURED: Final = 2  # bits from the start edge to another one, by which a send
 _ODD_ONES: Final = np.array([value.bit_count() & 1 for value in range(256)])
 _WRONG: Final = 3  # edges passed over that are as bad as a character in error
 _TRIES: Final = 12  # edges of a capture's beginning, one of which begins a character
+_SPIKE: Final = 0.25  # of a bit: what is shorter is no level, whichever way it goes
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +77,7 @@ class Uart:
 
     def feed(self, edges: Times, until_ns: int | None) -> Characters:
         """The characters that end by `until_ns`, up to which all edges are known now; None: no more come."""
-        edges = np.concatenate((self._edges, edges))
+        edges = without_spikes(np.concatenate((self._edges, edges)), _SPIKE * self.settings.bit_ns)
         falling = np.arange(self._level ^ 1, len(edges), 2)  # edges alternate
         starts = edges[falling]
         over = len(starts) if until_ns is None else int(np.searchsorted(starts, until_ns - self._length_ns(), "right"))
@@ -99,7 +100,7 @@ class Uart:
         return characters
 
     def _length_ns(self) -> int:
-        return ceil(self.settings.char_bits * self.settings.bit_ns)
+        return ceil((self.settings.char_bits + _SPIKE) * self.settings.bit_ns)
 
     def _first(self, edges: Times, falling: Times, following: Times, glitch: NDArray[np.bool_], over: int) -> int:
         """Where the first character begins, if the capture may begin amid one: where most of what follows fits."""
@@ -146,6 +147,17 @@ class Uart:
         bits[bits < _MEASURED] = 0
         span[bits == 0] = 0
         return Characters(start, end, value.astype(np.uint8), framing, wrong, span, bits.astype(np.uint8))
+
+
+def without_spikes(edges: Times, least_ns: float) -> Times:
+    """The edges of a line without what is shorter than this: a glitch leaves none, an edge that rings its first."""
+    close = np.diff(edges) < least_ns
+    if not close.any():
+        return edges
+    first = np.flatnonzero(np.concatenate(([True], ~close)))  # of those that follow each other closely
+    counts = np.diff(first, append=len(edges))
+    kept: Times = edges[first[counts % 2 == 1]]
+    return kept
 
 
 def parity_bit(value: NDArray[np.int64], parity: str) -> NDArray[np.int64]:

@@ -36,7 +36,6 @@ _BLOCK_CHUNKS = 1 << 14
 _SNIFFED = 1 << 14  # bytes by which a text is known
 _BATCH = 1 << 16  # bytes of text read at once
 _MOST_TURNED: Final = 1 << 17  # reads of a log written newest first
-_UNITS: Final = {3: "milliseconds", 6: "microseconds", 9: "nanoseconds"}
 _LEAST_STEPS: Final = 2  # of the clock that tell such a log
 
 
@@ -158,11 +157,7 @@ def _read(
     times = [read.t_ns for read in reads if read.t_ns is not None]
     timed = _TIMED * len(times) >= len(reads)
     notices = [f"times without a zone are read as {_zone_name(tz)}"] if timed and reader.zoneless else []
-    if timed and reader.fraction:
-        unit = _UNITS[reader.fraction]
-        notices.append(
-            f"fractions of seconds are read as {unit} without leading zeros: as decimals they would run back"
-        )
+    notices += reader.notices if timed else ()
     turned = timed and _newest_first(times)
     if turned:
         notices.append("the log is written newest first: it is read from its end")

@@ -84,7 +84,7 @@ def _sniff(head: bytes) -> float:
     return 1.0 if head.startswith(_MAGIC) else 0.0
 
 
-def _load(path: Path) -> _DigitalExport:
+def _load(path: Path, _rate: float | None = None) -> _DigitalExport:
     with opened(path) as file:
         head = file.read(_HEADER.size)
         if len(head) < _HEADER.size or not head.startswith(_MAGIC):

@@ -105,7 +105,7 @@ def _sniff(head: bytes) -> float:
     return 1.0 if head[_MEMBER:].startswith(_MEMBERS) else 0.0
 
 
-def _load(path: Path) -> _SigrokSession:
+def _load(path: Path, _rate: float | None = None) -> _SigrokSession:
     with opened(path) as file, _archive(path, file) as archive:
         return _session(path, archive)
 

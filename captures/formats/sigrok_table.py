@@ -5,14 +5,14 @@
     RX,TX                                              or `logic,logic`, or no such row
     1,1
 
-The rate stands in the comments; a table without one is not recognised.
+The rate stands in the comments, or is given; many rows of nothing but 0 and 1 are samples without it, too.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -20,18 +20,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..chunks import Note
-from ..edges.samples import hertz_of, sample_times
+from ..edges.samples import rate_said, sample_times, unit_of
 from ..edges.source import EdgePiece, edge_reader
 from ..errors import CaptureError
 from ..files import lines_of, opened, read_head, text_batches
 from . import Format
 
-_SAID: Final = re.compile(r"(?:sample ?rate: | at )(\d{1,9}(?:\.\d{1,9})?) ?([kMG]?)Hz", re.IGNORECASE)
 _CHANNELS: Final = re.compile(r"^; Channels \(\d+/\d+\): (.+)$")
 _ROW: Final = re.compile(rb"[01](?:,[01])*")
 _MOST: Final = 64  # channels
 _COMMENTS: Final = 32  # lines before the samples
 _BATCH: Final = 1 << 20
+_FEW: Final = 16  # rows by which a table with a rate is known
+_MANY: Final = 64  # and one without
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,40 +92,51 @@ def _levels(text: bytes, width: int) -> NDArray[np.uint8] | None:
 
 
 def _table(path: Path, head: bytes) -> _SampleTable | None:
-    """What stands before the samples; None of another table, or one that names no rate."""
-    rate, names, size = None, list[str](), 0
+    """What stands before the samples, rate 0 where nobody says it; None of another table."""
+    rate, names, titles, size = None, list[str](), 0, 0
     for number, line in enumerate(head.split(b"\n", _COMMENTS)[:_COMMENTS]):
-        text = line.decode("utf-8", "replace").strip()
+        text = line.decode("utf-8", "replace").strip("\ufeff \r")
         if text.startswith(";") or not text:
-            if (said := _SAID.search(text)) is not None:
-                rate = hertz_of(said[1], said[2])
+            rate = rate_said(text) or rate
             if (listed := _CHANNELS.match(text)) is not None:
                 names = [name.strip() for name in listed[1].split(",")]
-        elif rate is None:
-            return None
         elif _ROW.fullmatch(row := _plain(line)):
             levels = [int(cell) for cell in row.decode().split(",")]
-            if len(levels) > _MOST:
+            if len(levels) > _MOST or not _are_samples(head[size:], len(levels), certain=rate is not None):
                 return None
             if len(names) != len(levels) or len(set(names)) < len(names):
                 names = [f"channel {i}" for i in range(len(levels))]
-            return _SampleTable(path, names, levels, number, size, rate)
+            return _SampleTable(path, names, levels, number, size, rate or 0)
         else:
             cells = [" ".join(cell.strip().strip('"').split()) for cell in text.split(",")]
+            titles += 1
+            if titles > 1 or unit_of(cells[0]):  # two rows of titles, or the first column is the time
+                return None
             names = cells if len(set(cells)) == len(cells) or not names else names
         size += len(line) + 1
     return None
 
 
+def _are_samples(text: bytes, width: int, *, certain: bool) -> bool:
+    """Whether the rows that begin there are samples: most of the first ones, all of many where no rate is said."""
+    most = _FEW if certain else _MANY
+    rows = [_plain(line) for line in text.split(b"\n", most)[:most]]
+    good = sum(len(row) == 2 * width - 1 and _ROW.fullmatch(row) is not None for row in rows)
+    return good > len(rows) / 2 if certain else good == _MANY
+
+
 def _sniff(head: bytes) -> float:
-    return 0.97 if head.lstrip(b"\xef\xbb\xbf")[:1] == b";" and _table(Path(), head) is not None else 0.0
+    return 0.97 if _table(Path(), head) is not None else 0.0
 
 
-def _load(path: Path) -> _SampleTable:
+def _load(path: Path, sample_rate: float | None) -> _SampleTable:
     table = _table(path, read_head(path))
     if table is None:
-        raise CaptureError(f"{path}: no samples of channels, 0 and 1, below a comment that names their rate")
-    return table
+        raise CaptureError(f"{path}: no rows of samples of channels, each 0 or 1")
+    rate = round(sample_rate) if sample_rate and sample_rate >= 1 else table.rate
+    if not rate:
+        raise CaptureError(f"{path}: samples of channels, but nothing says their rate: give it with --sample-rate")
+    return replace(table, rate=rate)
 
 
 FORMAT = Format("sigrok-table", (".csv",), _sniff, edge_reader(_load))

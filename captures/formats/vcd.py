@@ -158,7 +158,7 @@ def _sniff(head: bytes) -> float:
     return 1.0 if head.lstrip().startswith(b"$") else 0.0
 
 
-def _load(path: Path) -> _WaveDump:
+def _load(path: Path, _rate: float | None = None) -> _WaveDump:
     with opened(path) as file:
         head = file.read(_HEADER)
     end = _END.search(head)

@@ -1,7 +1,9 @@
-"""Fractions of seconds that were written without their leading zeros: `12:00:01.5` five milliseconds after `12:00:01`.
+"""Times that their order tells how to read.
 
-Loggers that print seconds and milliseconds as two numbers write so. Digits alone do not tell it from `.5` for half a
-second; the order of a log's times may: read as decimals they run back within a second, read as counts they never do.
+Fractions of seconds without their leading zeros, `12:00:01.5` five milliseconds after `12:00:01`: loggers that print
+seconds and milliseconds as two numbers write so. Read as decimals they run back within a second, read as counts they
+never do. Steps, `[+0.031]`: as times since some start they would run back. Numbers before a mark, `1023: TX 01 03`:
+milliseconds where they rise, and not from line to line by one.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ from typing import Final
 from .stamps import SECOND_NS, Stamp
 
 _MOST: Final = 4096  # times that are looked at
+_LINES_NS: Final = 2_000_000  # of numbers of lines, or of two together, read as milliseconds
 _WIDTHS: Final = (3, 6, 9)  # digits of milliseconds, microseconds, nanoseconds
 
 
@@ -21,11 +24,27 @@ class Fractions:
     """The times of a text's beginning, as far as their fractions tell how they were written."""
 
     _stamps: list[Stamp] = field(default_factory=list)
+    _signed: list[int] = field(default_factory=list)
+    _counters: list[int] = field(default_factory=list)
 
     def note(self, stamp: Stamp) -> None:
         """One more time."""
         if stamp.places and len(self._stamps) < _MOST:
             self._stamps.append(stamp)
+        for times, wanted in ((self._signed, stamp.signed), (self._counters, stamp.counter)):
+            if wanted and len(times) < _MOST:
+                times.append(stamp.t_ns)
+
+    @property
+    def steps(self) -> bool:
+        """Whether times with a plus are steps from the one above."""
+        return any(later < earlier for earlier, later in pairwise(self._signed))
+
+    @property
+    def counters(self) -> bool:
+        """Whether numbers before a mark are milliseconds."""
+        steps = [later - earlier for earlier, later in pairwise(self._counters)]
+        return bool(steps) and min(steps) >= 0 and sorted(steps)[len(steps) // 2] > _LINES_NS
 
     @property
     def width(self) -> int:

@@ -92,6 +92,7 @@ class LineReader:
     _dump: Dump = field(default_factory=Dump)
     _times: TimeColumn | None = None  # of the table that is being read
     _days: int = 0
+    _elapsed_ns: int = 0  # by steps
     _newest: int | None = None
     _received: bool = False  # pymodbus reports received bytes by themselves, not only those it processes
     _memory: dict[str, tuple[int, list[LineMark], list[ByteRun]]] = field(default_factory=dict)
@@ -264,7 +265,11 @@ class LineReader:
         """The time of a line, and the line without any."""
         in_column = self._times.find(text) if self._times is not None else None
         if in_column is None:
-            return stamps.find(text, self.zone)
+            stamp, rest = stamps.find(text, self.zone)
+            if stamp is None or not stamp.counter or self.experience.counters:
+                return stamp, rest
+            self.fractions.note(stamp)
+            return None, text
         return in_column[0], stamps.find(in_column[1], self.zone)[1]
 
     def _searched(self, text: str) -> tuple[list[LineMark], list[ByteRun]]:
@@ -348,6 +353,9 @@ class LineReader:
             return None
         self.fractions.note(stamp)
         t_ns = counted(stamp, self.experience.fraction)
+        if stamp.signed and self.experience.steps:
+            self._elapsed_ns += t_ns
+            return self._elapsed_ns
         if not stamp.of_day:
             return t_ns
         if self._newest is not None and t_ns < self._newest - stamps.DAY_NS // 2:

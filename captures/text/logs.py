@@ -31,6 +31,7 @@ LOOKED_FOR: Final = (
 _LEARNT_LINES: Final = 800  # of a text's beginning,
 _LEARNT: Final = 1 << 16  # and characters
 # What is taken for bytes unchecked, from the plainest on, as far as a text has nothing plainer.
+_UNITS: Final = {3: "milliseconds", 6: "microseconds", 9: "nanoseconds"}
 _STANDARDS: Final = ((Writing.BYTES, False), (Writing.LIKELY, False), (Writing.BYTES, True))
 _WINDOW: Final = 38  # columns that a window has at least
 _PAIRS_WIDE: Final = 14  # characters of a few pairs
@@ -107,9 +108,16 @@ class LogReader:
         return deepcopy(self._experience)
 
     @property
-    def fraction(self) -> int:
-        """Digits that fractions of seconds stand for, where the order of times says that leading zeros are missing."""
-        return self._experience.fraction
+    def notices(self) -> Iterator[str]:
+        """What the order of times says of how they are written."""
+        experience = self._experience
+        if experience.fraction:
+            unit = _UNITS[experience.fraction]
+            yield f"fractions of seconds are read as {unit} without leading zeros: as decimals they would run back"
+        if experience.steps:
+            yield "times with a plus are read as steps from the one above: as times they would run back"
+        if experience.counters:
+            yield "numbers before the marks of lines are read as milliseconds"
 
     @property
     def zoneless(self) -> bool:
@@ -143,8 +151,9 @@ class LogReader:
         judge = self._settler()
         experience.mail = any(is_of_mail(line) for line in beginning)
         read = self._parts(reader, beginning)
-        if width := reader.fractions.width:
-            experience.fraction = width
+        met = reader.fractions
+        experience.fraction, experience.steps, experience.counters = met.width, met.steps, met.counters
+        if met.width or met.steps or met.counters:
             reader = self._line_reader()
             read = self._parts(reader, beginning)
         for run in (run for line in read for run in line.runs):

@@ -49,7 +49,7 @@ _HEAD: Final = 256  # in the first of them alone
 _DATE_LENGTH: Final = 40  # characters that a date and a zone take at most
 _DIGIT = re.compile(r"\d")
 _LEAD = r"^[\s\[(|\"']*"
-_SECONDS = re.compile(_LEAD + r"(\d{1,10})\.(\d{3,18})(?: ?s)?(?=[\s\]):,;>|\"']|-\D|$)")
+_SECONDS = re.compile(_LEAD + r"\+?(\d{1,10})\.(\d{3,18})(?: ?s)?(?=[\s\]):,;>|\"']|-\D|$)")
 _COMMA_SECONDS = re.compile(_LEAD + r"(\d{1,10}),(\d{1,9})(?: ?s)?(?=[;\t])")  # of a table in a comma's country
 _NUMBERED_SECONDS = re.compile(r"^\s*\d{1,9}[ \t]+(\d{1,10})\.(\d{6}|\d{9})(?=[ \t])")  # Wireshark's list of packets
 _BRACKETED: Final = re.compile(r"^[\w./: -]{1,40}?[:\s]\[\s*(\d{1,7})\.(\d{6})\](?=\s)")  # of a kernel, behind a name
@@ -60,6 +60,10 @@ _UNIT = re.compile(rf"{_LEAD}\+?(?:[\w-]+\]\s*)?(\d+)(?:\.(\d{{1,9}}))? ?(ms|us|
 _NUMBERED_UNIT = re.compile(r"^\s*\d{1,9}\s*[|,;\t]\s*(-?)(\d{1,18})(?:\.(\d{1,9}))? ?(ms|us|µs|μs|ns|s)(?=[\s,;|])")
 _TICKS = re.compile(  # milliseconds since a microcontroller began, as its logs write them
     r"^\s*(?:\[[A-Z]\] ?(\d+)\||[EWIDV] \((\d+)\)(?= )|\[ *(\d+)\](?:\[[EWIDV]\]| \[(?:INFO|DEBUG|WARN|ERR|ERROR|TRACE|VERB) *\]))"
+)
+_COUNTER = re.compile(  # `1023: TX 01 03`
+    r"^\s*\[?(\d{1,10})\]?: ?(?=\W{0,2}(?:[TR]x|req|resp?|sen[dt]|recv|read|wr|write|in|out)\b|[-=]?[-=<>][->=]|[→←])",
+    re.I,
 )
 _LAST = re.compile(r"[\w\"')\]}][ \t](1[2-9]\d{8})(\d{3}|\d{9})\s*$")  # as InfluxDB's lines end
 _KEYED = re.compile(  # epochs in JSON, YAML and logfmt
@@ -76,7 +80,8 @@ class Stamp:
     """A time in ns: of the day if `of_day`, else since 1970 (UTC) or since some start.
 
     `zoned` is whether the text itself named a zone; `fine` whether it goes beyond whole seconds. `places` are the
-    digits behind a point, where it has one.
+    digits behind a point, where it has one. `signed` is one with a plus: since some start, or since the time above.
+    `counter` is a number that may count milliseconds, or lines.
     """
 
     t_ns: int
@@ -84,6 +89,8 @@ class Stamp:
     zoned: bool = True
     fine: bool = True
     places: int = 0
+    signed: bool = False
+    counter: bool = False
 
 
 def find(text: str, zone: tzinfo | None = UTC) -> tuple[Stamp | None, str]:
@@ -100,6 +107,7 @@ def find(text: str, zone: tzinfo | None = UTC) -> tuple[Stamp | None, str]:
     for pattern, value in _COUNTS:
         if match := pattern.match(text):
             stamp = value(match)
+            stamp = replace(stamp, signed=True) if "+" in match[0] else stamp
             text = _blanked(text, match)
             break
     if stamp is None and (":" in text or "=" in text) and (match := _KEYED.search(text)) is not None:
@@ -177,6 +185,10 @@ def _of_ticks(match: re.Match[str]) -> Stamp:
     return Stamp(int(next(filter(None, match.groups()))[:19]) * 10**6, of_day=False)
 
 
+def _of_counter(match: re.Match[str]) -> Stamp:
+    return Stamp(int(match[1]) * 10**6, of_day=False, counter=True)
+
+
 _COUNTS: Final = (
     (_SECONDS, _of_seconds),
     (_COMMA_SECONDS, _of_seconds),
@@ -187,6 +199,7 @@ _COUNTS: Final = (
     (_UNIT, _of_unit),
     (_NUMBERED_UNIT, _of_numbered_unit),
     (_TICKS, _of_ticks),
+    (_COUNTER, _of_counter),
 )
 
 
