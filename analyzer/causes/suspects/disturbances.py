@@ -32,6 +32,7 @@ _FEW: Final = 0.1  # requests, for a damaged answer
 _ON_FRAMES: Final = 0.05
 _HALF: Final = 0.5
 _HARDLY: Final = 2.0  # bits
+_EDGES: Final = 0.02  # of the hits: what strikes close to a frame hits it as well
 _IDLE_BITS: Final = 20.0
 _OVERLAID: Final = 3.0  # bits for or against, of a damaged answer of quite another length
 _SOME_OVERLAID: Final = 0.12  # of the damaged answers
@@ -64,7 +65,7 @@ def _as_exposed(evidence: Evidence, hits: Hits) -> bool:
     load = evidence.load
     if not hits.frames or load is None:
         return False
-    for_all, for_idle = (likelihood_bits(hits.frames, hits.all, share) for share in (load, WELL))
+    for_all, for_idle = (likelihood_bits(hits.frames, hits.all, share) for share in (max(load, _EDGES), WELL))
     return for_all >= for_idle - _HARDLY
 
 
@@ -125,7 +126,7 @@ _SHARE: Final = "{hits} hits in {exchanges} exchanges: {damaged:answer|answers}[
 )
 def interference(evidence: Evidence) -> Iterator[Suspicion]:
     """AnswerDamage of all senders alike."""
-    hits, bits = _anywhere(evidence)
+    hits, bits = _anywhere(evidence, sparse=True)
     if bits > 0:
         yield _suspicion(evidence, hits, bits, {})
 

@@ -51,6 +51,8 @@ def bias(evidence: Evidence) -> Iterator[Suspicion]:
     hit = idle + frames if hits.damaged < _FEW * idle else idle
     bits = surplus_bits(hit, max(hits.exchanges, hit), HEALTHY)
     bits += likelihood_bits(frames, idle + frames, WELL) - likelihood_bits(frames, idle + frames, 0.5)
+    inside = sum(_inside(evidence, unit) for unit in evidence.units)
+    bits -= surplus_bits(inside, hits.exchanges, HEALTHY)  # a driven line does not float
     stray = [evidence.behind(unit, Behind.NOISE, Behind.ZEROS) for unit in evidence.units]
     if len(stray) > 1 and max(stray) > _ONE_UNIT * sum(stray):
         bits /= 4  # a line that floats does so behind everybody
@@ -58,6 +60,11 @@ def bias(evidence: Evidence) -> Iterator[Suspicion]:
     if touched > _MOST * hits.damaged or hits.damaged < _FEW * idle:
         explains |= frozenset((Symptom.DAMAGE, unit.unit) for unit in evidence.units)
     yield Suspicion((), bits, explains, hits.numbers, **span_of_hits(evidence))
+
+
+def _inside(evidence: Evidence, unit: UnitLedger) -> float:
+    """About how many of a unit's answers are damaged where only what meets a driven line can have struck."""
+    return evidence.damaged(unit) * share_of(evidence.readings(unit), "bits", "bits-tail", "middle")
 
 
 def _run_into(evidence: Evidence, unit: UnitLedger) -> float:
