@@ -191,7 +191,14 @@ class Evidence:
 
     def polls_of(self, unit: int) -> list[Poll]:
         """What one unit is asked for."""
-        return [poll for poll in self.polls if poll.unit == unit]
+        return self._polls_by_unit.get(unit, [])
+
+    @cached_property
+    def _polls_by_unit(self) -> dict[int, list[Poll]]:
+        found: dict[int, list[Poll]] = {}
+        for poll in self.polls:
+            found.setdefault(poll.unit, []).append(poll)
+        return found
 
     def elsewhere(self, unit: UnitLedger) -> float:
         """The rate at which the answers of other units are damaged; of nobody's doing at the least."""

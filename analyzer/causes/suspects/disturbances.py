@@ -10,7 +10,7 @@ import numpy as np
 from ...tables.findings import Severity
 from ..bits import likelihood_bits, phase_bits, surplus_bits
 from ..crowdedtimes import CrowdedTimes
-from ..evidence import HEALTHY, Evidence, kind_bits, overlaid
+from ..evidence import HEALTHY, Evidence, kind_bits, overlaid, share_of
 from ..exchanges import Ending
 from ..hits import (
     ALIKE,
@@ -28,6 +28,7 @@ from ..signatures import AnswerDamage
 from ..spells import spells_of
 
 _LEAST: Final = 5
+_SENT_INTO: Final = 0.35  # of the damaged answers
 _FEW: Final = 0.1  # requests, for a damaged answer
 _ON_FRAMES: Final = 0.05
 _HALF: Final = 0.5
@@ -84,6 +85,8 @@ def _anywhere(evidence: Evidence, *, sparse: bool = False) -> tuple[Hits, float]
         return hits, 0.0
     bits = surplus_bits(hits.all, max(hits.exchanges, hits.all), HEALTHY) + _place_bits(hits, _load(evidence))
     readings = [reading for unit in evidence.units for reading in evidence.readings(unit)]
+    if len(readings) >= _LEAST and share_of(readings, "crossed") > _SENT_INTO:
+        return hits, 0.0  # somebody sends into the answers
     if (
         hits.frames < min(_ON_FRAMES, _HALF * (evidence.load or 1)) * hits.all
     ):  # what hardly meets a frame would be on the idle line alone

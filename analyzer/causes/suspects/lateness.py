@@ -15,6 +15,7 @@ from ...tables.findings import Severity
 from ..bits import likelihood_bits, surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, kind_of
 from ..exchanges import Ending
+from ..grouping import alone_or_together
 from ..hits import given_up_by_timer, interrupted, timed_by_the_master
 from ..registry import Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage, Signature
@@ -70,9 +71,7 @@ def timeout_too_short(evidence: Evidence) -> Iterator[Suspicion]:
             late[unit.unit] += min(evidence.begun[unit.unit], unit.count(Ending.SILENT, Ending.GARBAGE))
     found = [each for unit in evidence.units if (each := _weighed(evidence, unit, late)) is not None]
     by_timer = [each for each in found if given_up_by_timer(evidence, each.unit)]
-    together = by_timer if len(by_timer) > 1 else []
-    groups = [*([each] for each in found if each not in together), *([together] if together else [])]
-    for group in groups:
+    for group in alone_or_together(found, by_timer):
         group.sort(key=lambda each: -each.late / max(each.unit.asked, 1))
         mine = sum(each.late for each in group)
         rest = sum(late.values()) - sum(late[each.unit.unit] for each in group)
