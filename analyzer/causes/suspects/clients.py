@@ -56,12 +56,6 @@ _SECONDS_NS: Final = 8e9
 _STORM: Final = 30  # broadcasts
 _STORM_NS: Final = 60e6
 _STORM_PAUSES: Final = 2.5  # times t3.5, on slow lines
-_TOLD: Final = 20  # answers
-_UNITS_TOLD: Final = 3
-_LONGEST: Final = 0.97  # of the silences inside answers
-_OVER: Final = 1.5  # times those
-_NEVER: Final = 0.01
-_TIMER_NS: Final = 20e6  # longer than an adapter waits before it passes on what came
 _HOLE_CHARS: Final = 1.5
 
 
@@ -265,7 +259,6 @@ def converter_gaps(evidence: Evidence) -> Iterator[Suspicion]:
         _HOLE_CHARS * ledger.char_ns,
         (1.5 if verdict.fine else 4.0) * (verdict.jitter_ns if verdict.fine else verdict.wait_ns),
     )
-    least = min(least, _least_by_others(evidence))
     if not np.isfinite(least):
         return
     shares = [(unit.holes.above(least), unit) for unit in evidence.units if len(unit.holes) >= _LEAST]
@@ -290,19 +283,6 @@ def converter_gaps(evidence: Evidence) -> Iterator[Suspicion]:
             "others_answers": sum(len(unit.holes) for _, unit in others),
         },
     )
-
-
-def _least_by_others(evidence: Evidence) -> float:
-    """The silence (ns) inside an answer that no tap's timer makes, though it reads coarsely: well over what it shows inside
-    those of most units, which it breaks as well; infinite where that is not known."""
-    told = [unit.holes for unit in evidence.units if len(unit.holes) >= _TOLD]
-    if evidence.verdict.fine or len(told) < _UNITS_TOLD:
-        return UNKNOWN
-    timer = float(np.median([np.quantile(holes.numbers, _LONGEST) for holes in told]))
-    least = _OVER * timer + evidence.ledger.char_ns
-    spared = [holes for holes in told if holes.above(least) <= _NEVER]
-    split = sum(int(np.count_nonzero(holes.numbers > timer / 2)) for holes in spared)
-    return least if 0 < timer <= _TIMER_NS and split >= _TOLD and 2 * len(spared) > len(told) else UNKNOWN
 
 
 def _piece(places: dict[int, int]) -> int:
