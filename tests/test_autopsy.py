@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from analyzer.diagnosis.damage import FRAME, DamagedFrame, Explanation, autopsy, divided, joined
-from dissectors.crc import crc_ok
+from dissectors.crc import crc_bytes, crc_ok
 from dissectors.crc_variants import VARIANTS
 from dissectors.length_rules import Role
 
@@ -202,3 +202,19 @@ def test_how_often_it_is_right() -> None:
         assert placed >= 0.98 * right[code], code
     for code in DAMAGES:
         assert right[code] >= PRECISION[code] * said[code], code
+
+
+def test_a_robbed_answer_too_long_to_be_solved_is_told_by_the_robbed_request_behind_it() -> None:
+    """Its length is due, and what is left of it must end where the next frame, which the check value proves, begins."""
+    request = bytes.fromhex("1e0400040055739b")
+    values = bytes(20 + i % 200 for i in range(170))
+    answer = bytes((30, 4, 170)) + bytes((0x11, 0x13)) + values[2:]
+    answer += crc_bytes(answer)
+    behind = bytes.fromhex("0a0300110004")
+    behind += crc_bytes(behind)
+    left = [frame.translate(None, bytes((0x11, 0x13))) for frame in (answer, behind)]
+    parts = divided(DamagedFrame(b"".join(left), request=request, flow_free=2000))
+    assert [(part.start, part.length, part.verdict.lost) for part in parts] == [
+        (0, len(left[0]), len(answer) - len(left[0])),
+        (len(left[0]), len(left[1]), len(behind) - len(left[1])),
+    ]

@@ -138,7 +138,13 @@ class Evidence:
     def begun(self) -> Counter[int]:
         """How many damaged answers of others, or bytes behind their good ones, begin by the number and function of each
         unit."""
-        readings = [each for unit in self.units for each in (*self.readings(unit), *self.followed(unit))]
+        readings = [each for unit in self.units for each in self.readings(unit)]
+        readings += [
+            each
+            for unit in self.units
+            for each in self.followed(unit)
+            if not self.requests.begin(each.heard, each.request[0])  # rather what the master asks next
+        ]
         return Counter(sender for reading in readings if (sender := self.begun_by(reading)) is not None)
 
     @cached_property
@@ -163,7 +169,7 @@ class Evidence:
     def requests_behind(self, unit: UnitLedger) -> float:
         """About how many good answers have a damaged request behind them, known again or as long as one."""
         readings = self.followed(unit) if self.ordered else []
-        found = [r for r in readings if r.behind is Behind.REQUEST or (r.behind is Behind.NOISE and r.length >= _LONG)]
+        found = [r for r in readings if r.behind is Behind.REQUEST or (r.behind is Behind.NOISE and r.most >= _LONG)]
         return unit.followed.offered * len(found) / len(readings) if readings else 0.0
 
     def _read(self, sample: object) -> Signature:
@@ -185,7 +191,14 @@ class Evidence:
 
     def polls_of(self, unit: int) -> list[Poll]:
         """What one unit is asked for."""
-        return [poll for poll in self.polls if poll.unit == unit]
+        return self._polls_by_unit.get(unit, [])
+
+    @cached_property
+    def _polls_by_unit(self) -> dict[int, list[Poll]]:
+        found: dict[int, list[Poll]] = {}
+        for poll in self.polls:
+            found.setdefault(poll.unit, []).append(poll)
+        return found
 
     def elsewhere(self, unit: UnitLedger) -> float:
         """The rate at which the answers of other units are damaged; of nobody's doing at the least."""

@@ -226,6 +226,8 @@ def given_up_by_timer(evidence: Evidence, unit: UnitLedger) -> bool:
     over, and no sooner: what comes late then met nobody else's request. False where nobody knows."""
     timeout, off = evidence.timeout_ns, evidence.verdict.wait_ns
     waits = unit.quiet_waits.numbers  # what is late, and taken for the answer, ends a wait as well
+    if len(waits) < _TOLD:
+        waits = unit.waits.numbers
     if timeout is None or len(waits) < _TOLD or off > _TIMER_TOLD * timeout:
         return False
     return bool((waits >= _SOONER * timeout - off).mean() >= _BY_TIMER)

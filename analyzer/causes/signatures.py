@@ -89,6 +89,7 @@ class Signature:
     delay: int = -1  # ns from the request to its first byte
     heard: builtins.bytes = b""
     request: builtins.bytes = b""
+    most: int = 0  # of what came behind a good answer: as many without a silence between them
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,10 +134,11 @@ def signature(sample: Sample, char_ns: float, requests: KnownRequests, *, off_ns
         ahead = b"".join(piece.data for piece in sample.pieces[:before])
         if before and kind is Behind.NOTHING and (not is_in_ascii(sample.request) or ahead.strip(b"\r\n")):
             kind = Behind.NOISE
-        length = sum(len(piece.data) for i, piece in enumerate(sample.pieces) if i > before and not piece.answers)
+        others = [piece for i, piece in enumerate(sample.pieces) if i > before and not piece.answers]
+        length = sum(len(piece.data) for piece in others)
         strange = b"".join(piece.data for piece in sample.pieces[before + 1 :] if not piece.check)
         return Signature(AnswerDamage.NONE, kind, length=length, marks=marks, t_behind=t, detail=detail, due=sample.due,
-                         heard=strange, request=sample.request)  # fmt: skip
+                         heard=strange, request=sample.request, most=_most(others, _APART_CHARS * char_ns + off_ns))  # fmt: skip
     burst, rest = _first_burst(sample.pieces, _APART_CHARS * char_ns + 5e6 + _SURELY * off_ns)
     every = b"".join(piece.data for piece in sample.pieces)
     if not burst or (len(every) == sample.due and crc16(every) == 0 and every.startswith(_header(sample.request))):
@@ -318,6 +320,15 @@ def _like_usual(sample: Sample, data: bytes, *, begins: bool) -> _SignatureSums:
     at = wrong[0] if wrong else body
     flips = _bits(usual[at] ^ data[at]) if len(wrong) == 1 and at < min(len(data), 3) else ()
     return _SignatureSums(AnswerDamage.MIDDLE, max(len(wrong), 1), at, flips)
+
+
+def _most(pieces: Sequence[SampleRow], apart_ns: float) -> int:
+    """The bytes of the longest run of pieces between which there is no such silence."""
+    longest, run, end = 0, 0, -1
+    for piece in pieces:
+        run = len(piece.data) + (run if end >= 0 and piece.t_start - end <= apart_ns else 0)
+        longest, end = max(longest, run), piece.t_end
+    return longest
 
 
 def _first_burst(pieces: tuple[SampleRow, ...], apart_ns: float) -> tuple[list[SampleRow], list[SampleRow]]:

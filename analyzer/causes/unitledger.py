@@ -35,10 +35,10 @@ class UnitLedger:
         self.doubles = 0  # that came behind another answer to the same request
         self.marked = 0  # answers, right but for marks of the UART
         self.marked_bytes = 0
-        self.answer_bytes = 0
         self.examples: dict[int, list[int]] = {}  # by outcome: indices of a few requests
         self.redundant = Thinned()  # ns, delays of good answers whose request the master repeats all the same
         self.heeded = Thinned()  # and of those whose request it does not repeat
+        self.redundant_pauses = Thinned()  # ns, from the end of such an answer to the request's repetition
         self.pauses = Thinned()  # ns, from its good answers to the next request
         self.turns = Thinned()  # ns, from a request that is well answered to the next one
         self.echoes = 0  # answers that are their request once more
@@ -129,6 +129,8 @@ class UnitLedger:
             followed = alone & (t_next != NEVER)
             self.pauses.add((t_next - good.t_answered)[followed])
             self.turns.add((t_next - good.t_asked)[followed])
+            if again.any():
+                self.redundant_pauses.add((t_next - good.t_answered)[followed & again])
         marks = good.marks
         if marks.any():
             self.marked += int(np.count_nonzero(marks))

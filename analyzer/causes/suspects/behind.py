@@ -8,6 +8,7 @@ from typing import Final
 from ...tables.findings import Severity
 from ..bits import surplus_bits
 from ..evidence import HEALTHY, Evidence
+from ..grouping import alone_or_together
 from ..ledger import STRAY
 from ..registry import Suspicion, Symptom, suspect
 from ..signatures import Behind
@@ -37,8 +38,8 @@ def driver_held(evidence: Evidence) -> Iterator[Suspicion]:
     totals = {unit.unit: evidence.behind(unit, Behind.REQUEST, Behind.NOISE) for unit in evidence.units}
     held = [unit for unit in evidence.units if totals[unit.unit] >= max(_LEAST, _OFTEN * unit.answered)]
     well = [unit for unit in evidence.units if totals[unit.unit] <= _RARELY * unit.answered]
-    together = held if 1 < len(held) < len(well) and len(held) + len(well) == len(evidence.units) else []
-    for units in [*([unit] for unit in evidence.units if unit not in together), *([together] if together else [])]:
+    sharing = held if len(held) < len(well) and len(held) + len(well) == len(evidence.units) else []
+    for units in alone_or_together(evidence.units, sharing):
         found = _held(evidence, units, totals)
         if found is not None:
             yield found

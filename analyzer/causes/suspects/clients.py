@@ -28,6 +28,9 @@ from ..unitledger import UnitLedger
 
 _LEAST: Final = 5
 _MET: Final = 3  # times, that two are seen to send at once or to know nothing of each other
+_MANY: Final = 10  # second answers of a unit,
+_SOME: Final = 0.05  # of its requests
+_UNLIKE_BITS: Final = 100.0  # by which the damage of some units is theirs: another master meets all alike
 _SENT_INTO: Final = 0.15  # of damaged answers
 _HASTY: Final = 0.35  # of the timeout: nobody gives up so soon
 _BLIND_NS: Final = 1e8  # by which times may be wrong, for answers to be told from what follows
@@ -44,6 +47,7 @@ _NO_MORE: Final = 0.97  # so much of it together
 _HURRIED: Final = 1.1  # of t3.5: the mean pause of a master that never rests
 _HURRIED_NS: Final = 3e5
 _RESTED: Final = 0.02  # of the time, beyond t3.5: without these rests a round would be no shorter to speak of
+_CROWDED: Final = 0.87  # of the line's time: over it, short pauses are no rest
 _MANY_POLLS: Final = 8
 _LONG_ROUND_NS: Final = 0.9e9
 _FEW_POLLS: Final = 3
@@ -95,7 +99,7 @@ def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
     )
     crossed = hasty + late + requests + damaged * sent_into
     hits = min(hasty + late + behind + damaged, evidence.ledger.exchanges)
-    few = len(hit) < min(2, len(units)) and not sure
+    few = not sure and (len(hit) < min(2, len(units)) or evenness_bits(evidence) < -_UNLIKE_BITS or _twice(evidence))
     if few or crossed < _LEAST or crossed < 0.4 * hits or not hasty + late + requests:
         return
     if hasty + late < _MET and overlaid(readings) < max(_MET, _SENT_INTO * len(readings)):
@@ -122,6 +126,12 @@ def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
         lost_ms=round(sum(known), 3) if known else None,
         frames=tuple(index for unit in hit for index in unit.examples.get(Ending.GARBAGE, []))[:6],
     )
+
+
+def _twice(evidence: Evidence) -> bool:
+    """Whether some units often answer one request twice, and rightly, for which no second master is needed."""
+    doubles = {unit.unit: unit.doubles for unit in evidence.units if evidence.is_open(Symptom.DOUBLES, unit.unit)}
+    return any(doubles.get(unit.unit, 0) >= max(_MANY, _SOME * unit.asked) for unit in evidence.units)
 
 
 def _part(evidence: Evidence, unit: UnitLedger, some: Sequence[Signature]) -> float:
@@ -313,7 +323,7 @@ def overload(evidence: Evidence) -> Iterator[Suspicion]:
         return  # on slow lines with short answers the silences that are due take much of the time
     mean = ledger.pauses.total / len(ledger.pauses)
     rested = (mean - due) * ledger.exchanges / ledger.span_ns
-    if mean > _HURRIED * due + _HURRIED_NS and (load < _FULL or rested > _RESTED):
+    if mean > _HURRIED * due + _HURRIED_NS and (load < _FULL or rested > max(_RESTED, load - _CROWDED)):
         return  # it rests: the mean of the pauses is good on any clock that does not cut them off
     long = ledger.pauses.quantile(0.97) if evidence.verdict.fine else None
     if long is not None and long > 2 * _HURRIED * due + _HURRIED_NS:

@@ -10,7 +10,7 @@ import numpy as np
 from ...tables.findings import Severity
 from ..bits import likelihood_bits, phase_bits, surplus_bits
 from ..crowdedtimes import CrowdedTimes
-from ..evidence import HEALTHY, Evidence, kind_bits, overlaid
+from ..evidence import HEALTHY, Evidence, kind_bits, overlaid, share_of
 from ..exchanges import Ending
 from ..hits import (
     ALIKE,
@@ -28,10 +28,12 @@ from ..signatures import AnswerDamage
 from ..spells import spells_of
 
 _LEAST: Final = 5
+_SENT_INTO: Final = 0.35  # of the damaged answers
 _FEW: Final = 0.1  # requests, for a damaged answer
 _ON_FRAMES: Final = 0.05
 _HALF: Final = 0.5
 _HARDLY: Final = 2.0  # bits
+_EDGES: Final = 0.02  # of the hits: what strikes close to a frame hits it as well
 _IDLE_BITS: Final = 20.0
 _OVERLAID: Final = 3.0  # bits for or against, of a damaged answer of quite another length
 _SOME_OVERLAID: Final = 0.12  # of the damaged answers
@@ -64,7 +66,7 @@ def _as_exposed(evidence: Evidence, hits: Hits) -> bool:
     load = evidence.load
     if not hits.frames or load is None:
         return False
-    for_all, for_idle = (likelihood_bits(hits.frames, hits.all, share) for share in (load, WELL))
+    for_all, for_idle = (likelihood_bits(hits.frames, hits.all, share) for share in (max(load, _EDGES), WELL))
     return for_all >= for_idle - _HARDLY
 
 
@@ -83,6 +85,8 @@ def _anywhere(evidence: Evidence, *, sparse: bool = False) -> tuple[Hits, float]
         return hits, 0.0
     bits = surplus_bits(hits.all, max(hits.exchanges, hits.all), HEALTHY) + _place_bits(hits, _load(evidence))
     readings = [reading for unit in evidence.units for reading in evidence.readings(unit)]
+    if len(readings) >= _LEAST and share_of(readings, "crossed") > _SENT_INTO:
+        return hits, 0.0  # somebody sends into the answers
     if (
         hits.frames < min(_ON_FRAMES, _HALF * (evidence.load or 1)) * hits.all
     ):  # what hardly meets a frame would be on the idle line alone
@@ -125,7 +129,7 @@ _SHARE: Final = "{hits} hits in {exchanges} exchanges: {damaged:answer|answers}[
 )
 def interference(evidence: Evidence) -> Iterator[Suspicion]:
     """AnswerDamage of all senders alike."""
-    hits, bits = _anywhere(evidence)
+    hits, bits = _anywhere(evidence, sparse=True)
     if bits > 0:
         yield _suspicion(evidence, hits, bits, {})
 

@@ -15,6 +15,7 @@ from ...tables.findings import Severity
 from ..bits import likelihood_bits, surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, kind_of
 from ..exchanges import Ending
+from ..grouping import alone_or_together
 from ..hits import given_up_by_timer, interrupted, timed_by_the_master
 from ..registry import Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage, Signature
@@ -70,9 +71,7 @@ def timeout_too_short(evidence: Evidence) -> Iterator[Suspicion]:
             late[unit.unit] += min(evidence.begun[unit.unit], unit.count(Ending.SILENT, Ending.GARBAGE))
     found = [each for unit in evidence.units if (each := _weighed(evidence, unit, late)) is not None]
     by_timer = [each for each in found if given_up_by_timer(evidence, each.unit)]
-    together = by_timer if len(by_timer) > 1 else []
-    groups = [*([each] for each in found if each not in together), *([together] if together else [])]
-    for group in groups:
+    for group in alone_or_together(found, by_timer):
         group.sort(key=lambda each: -each.late / max(each.unit.asked, 1))
         mine = sum(each.late for each in group)
         rest = sum(late.values()) - sum(late[each.unit.unit] for each in group)
@@ -132,7 +131,7 @@ def _suspicion(evidence: Evidence, group: Sequence[_LateUnit], mine: int, rest: 
         },
         since=min(unit.first for unit in units),
         until=max(unit.last for unit in units),
-        lost_answers=sum(lost for lost, _ in costs) + sum(_redundant(unit).count for unit in units),
+        lost_answers=sum(lost for lost, _ in costs) + sum(_redundant(evidence, unit).count for unit in units),
         lost_ms=round(sum(known), 3) if known else None,
         frames=tuple(i for unit in units for i in unit.examples.get(Ending.SILENT, []))[:6],
     )
@@ -187,7 +186,7 @@ def _late(evidence: Evidence, unit: UnitLedger) -> int:
     if unit.doubles <= 1.2 * evidence.unanswered(unit):
         found += unit.doubles
     readings = evidence.readings(unit)
-    slow = _redundant(unit)
+    slow = _redundant(evidence, unit)
     bound = min(slow.bound_ns, _overdue_ns(evidence, unit))
     hurried, char_ns = _hurried(evidence, unit), evidence.ledger.char_ns
     by_timer = timed_by_the_master(evidence, unit)
@@ -266,10 +265,11 @@ class Slow:
     bound_ns: float = UNKNOWN
 
 
-def _redundant(unit: UnitLedger) -> Slow:
-    """Good answers whose request the master repeats all the same, where it is the slow ones."""
+def _redundant(evidence: Evidence, unit: UnitLedger) -> Slow:
+    """Good answers whose request the master repeats all the same, where it is the slow ones and it does so by its timer:
+    sooner behind them than it pauses else. A list may hold a request twice, one behind the other."""
     again, heeded = np.sort(unit.redundant.numbers), np.sort(unit.heeded.numbers)
-    if len(again) < _LEAST or not len(heeded):
+    if len(again) < _LEAST or not len(heeded) or not _sooner(evidence, unit):
         return Slow()
     best = Slow()
     most = _SURE_BITS
@@ -283,6 +283,18 @@ def _redundant(unit: UnitLedger) -> Slow:
             most = bits
             best = Slow(round(len(unit.redundant) * slow / len(again)), bound)
     return best
+
+
+def _sooner(evidence: Evidence, unit: UnitLedger) -> bool:
+    """Whether the master repeats its request sooner behind a unit's answers than it sends another one."""
+    repeated = unit.redundant_pauses
+    others = len(unit.pauses) - len(repeated)
+    if not len(repeated) or not others:
+        return False
+    off = evidence.verdict.wait_ns
+    error = off * ((1 / len(repeated) + 1 / others) / 12) ** 0.5  # of means of times that are wrong by up to so much
+    usual = (unit.pauses.total - repeated.total) / others
+    return bool(repeated.total / len(repeated) + 2 * error < _SOONER * usual)
 
 
 def _rate_bits(hits: int, misses: int) -> float:

@@ -24,6 +24,8 @@ from ..unitledger import UnitLedger
 from .outages import silent_together
 
 _LEAST: Final = 20  # frames
+_REQUEST: Final = 8  # bytes, most of them
+_SOME_MARKED: Final = 0.2  # of the bytes: by a wrong parity all are, by a parity that is not awaited half of them
 _FRAMES: Final = 10  # by which a wrong direction is told: chance makes no right check value so often
 _NEARLY_ALL: Final = 0.9
 _NOTHING: Final = 0.12  # of the bytes in right frames
@@ -280,19 +282,52 @@ def _has_seven_bits(data: bytes) -> bool:
     return len(data) >= _BYTES and max(data) < 0x80
 
 
+def _marks_all(evidence: Evidence) -> bool:
+    """Whether frames are right and the UART marks many bytes of nearly all of them, of each unit and of requests: one unit
+    may send by another parity, but not all that is heard."""
+    ledger, told = evidence.ledger, [unit for unit in evidence.units if unit.answered >= _FEW]
+    asked = ledger.marked_bytes - sum(unit.marked_bytes for unit in evidence.units)
+    return (
+        sum(unit.answered for unit in told) >= _LEAST
+        and ledger.right_bytes >= _NEARLY_ALL * ledger.bytes
+        and ledger.marked_bytes >= _SOME_MARKED * ledger.bytes
+        and all(unit.marked >= _MOST_UNITS * unit.answered for unit in told)
+        and asked >= _SOME_MARKED * _REQUEST * ledger.requests
+    )
+
+
+def _told_by(evidence: Evidence, loose: int = 0, marks: float = 0.0, wrong: float = 0.0) -> dict[str, float]:
+    """For people: bytes in no frame, the share of bytes marked, and the same where frames are right."""
+    ledger = evidence.ledger
+    told = {"right": ledger.right_bytes, "bytes": ledger.bytes, "baud": ledger.line.baud or 0}
+    return {**told, "loose": loose, "marks": marks, "wrong": wrong}
+
+
 @suspect(
     "tap-line-settings",
     Severity.ERROR,
     blame="tap",
-    text="Nearly nothing of what the tap hears is a frame ({right} of {bytes} bytes): it is set to another speed, parity or "
-    "polarity than the line[; its UART marks {marks:.0%} of the bytes]",
+    text="The tap is set to another speed, parity or polarity than the line[: nearly nothing of what it hears is a frame "
+    "({right} of {bytes} bytes, {loose} in none)][; its UART marks {marks:.0%} of the bytes][: its frames are right, and "
+    "its UART marks {wrong:.0%} of the bytes, whoever sends them]",
     share="{right} of {bytes} bytes in frames",
     deciding_test="Listen at other speeds and parities (`rtuscope sniff --baud auto`), then with A and B exchanged",
     remedy="Set the tap's baud rate and parity to those of the line[ ({baud} bit/s now)], and connect A to A",
 )
 def tap_line_settings(evidence: Evidence) -> Iterator[Suspicion]:
-    """Bytes, and no frames."""
+    """Bytes, and no frames; or right ones, and marks at all of them."""
     ledger = evidence.ledger
+    if _marks_all(evidence):
+        yield Suspicion(
+            (),
+            surplus_bits(ledger.marked_bytes, ledger.bytes, HEALTHY),
+            frozenset({(Symptom.MARKS, unit.unit) for unit in evidence.units} | {(Symptom.MARKS, None)}),
+            _told_by(evidence, wrong=ledger.marked_bytes / ledger.bytes),
+            ledger.begin,
+            ledger.end,
+            lost_answers=0,
+        )
+        return
     data = b"".join(octets for _, _, octets in ledger.noise)
     if (
         evidence.foreign[1]
@@ -307,12 +342,7 @@ def tap_line_settings(evidence: Evidence) -> Iterator[Suspicion]:
     marks = ledger.marked_bytes / ledger.bytes
     if text > _TEXT and marks < 0.02:
         return
-    numbers = {
-        "right": ledger.right_bytes,
-        "bytes": ledger.bytes,
-        "marks": marks if marks > 0.02 else 0.0,
-        "baud": ledger.line.baud or 0,
-    }
+    numbers = _told_by(evidence, loose=ledger.bytes - ledger.right_bytes, marks=marks if marks > 0.02 else 0.0)
     yield Suspicion(
         (),
         30 + 200 * marks + (ledger.bytes - ledger.right_bytes if _has_seven_bits(data) else ledger.noise_bytes / 2),

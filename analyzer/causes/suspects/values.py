@@ -158,8 +158,10 @@ def _jumps(values: NDArray[np.int64], times: NDArray[np.int64]) -> NDArray[np.in
     """Where a counter falls back, or leaps by more than the time between two reads; None where these values are no
     counter's."""
     steps = np.diff(values)
+    if np.count_nonzero(steps < 0) > (1 - _COUNTS) * len(steps):
+        return None
     up = steps[steps > 0]
-    if len(up) < _LEAST_UP or (steps >= 0).mean() < _COUNTS:
+    if len(up) < _LEAST_UP:
         return None
     usual = float(np.quantile(up, 0.8))
     if usual > _WORD / 2:

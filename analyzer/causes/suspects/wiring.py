@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from math import log2
 from typing import Final
+
+import numpy as np
 
 from ...tables.findings import Severity
 from ..bits import likelihood_bits, surplus_bits
@@ -51,13 +53,30 @@ def bias(evidence: Evidence) -> Iterator[Suspicion]:
     hit = idle + frames if hits.damaged < _FEW * idle else idle
     bits = surplus_bits(hit, max(hits.exchanges, hit), HEALTHY)
     bits += likelihood_bits(frames, idle + frames, WELL) - likelihood_bits(frames, idle + frames, 0.5)
+    inside = sum(_inside(evidence, unit) for unit in evidence.units)
+    bits -= surplus_bits(inside, hits.exchanges, HEALTHY)  # a driven line does not float
     stray = [evidence.behind(unit, Behind.NOISE, Behind.ZEROS) for unit in evidence.units]
     if len(stray) > 1 and max(stray) > _ONE_UNIT * sum(stray):
-        bits /= 4  # a line that floats does so behind everybody
+        bits = bits / 4 - _apart_bits(evidence, stray)  # a line that floats does so behind everybody
     explains = frozenset((Symptom.BEHIND, unit.unit) for unit in evidence.units) | {(Symptom.FRAMING, None)}
     if touched > _MOST * hits.damaged or hits.damaged < _FEW * idle:
         explains |= frozenset((Symptom.DAMAGE, unit.unit) for unit in evidence.units)
     yield Suspicion((), bits, explains, hits.numbers, **span_of_hits(evidence))
+
+
+def _apart_bits(evidence: Evidence, stray: Sequence[float]) -> float:
+    """How much likelier it is that what comes behind one unit's answers is its own than that it strikes the idle line,
+    which is idle there for so much of the time."""
+    idle = [unit.answered * unit.pauses.total / max(len(unit.pauses), 1) for unit in evidence.units]
+    at = int(np.argmax(stray))
+    return (
+        surplus_bits(stray[at], sum(stray), max(idle[at], 1.0) / max(sum(idle), 1.0)) if evidence.ledger.timed else 0.0
+    )
+
+
+def _inside(evidence: Evidence, unit: UnitLedger) -> float:
+    """About how many of a unit's answers are damaged where only what meets a driven line can have struck."""
+    return evidence.damaged(unit) * share_of(evidence.readings(unit), "bits", "bits-tail", "middle")
 
 
 def _run_into(evidence: Evidence, unit: UnitLedger) -> float:

@@ -122,23 +122,36 @@ class DividedFrame(NamedTuple):
 
 def divided(case: DamagedFrame) -> list[DividedFrame]:
     """The frames of a stretch, if flow control explains all of it as two or more; else nothing."""
-    parts: list[DividedFrame] = []
-    at, pending = 0, case.request
-    while at < len(case.data):
-        rest = replace(case, data=case.data[at:], role=None, request=pending, errors=())
-        candidates = [
-            DividedFrame(at, length, verdict)
-            for length in _lengths(rest)
-            for verdict in swallowed(replace(rest, data=rest.data[:length]))
-            if verdict.repaired is not None and verdict.bits >= FRAME
-        ]
-        if not candidates:
-            return []
-        best = max(candidates, key=lambda part: part.verdict.bits)
-        parts.append(best)
-        at += best.length
-        pending = asked_by(best.verdict, pending)
-    return parts if len(parts) > 1 else []
+    parts = _divided(case, 0, case.request)
+    solved = any(part.verdict.repaired is not None for part in parts)
+    return parts if len(parts) > 1 and solved else []
+
+
+def _divided(case: DamagedFrame, at: int, pending: bytes | None) -> list[DividedFrame]:
+    """The frames from one place on; none where not all of it comes out."""
+    for part in _first_parts(case, at, pending):
+        end = part.start + part.length
+        if end == len(case.data):
+            return [part]
+        if rest := _divided(case, end, asked_by(part.verdict, pending)):
+            return [part, *rest]
+    return []
+
+
+def _first_parts(case: DamagedFrame, at: int, pending: bytes | None) -> Iterator[DividedFrame]:
+    """What may stand first: the likeliest that a check value proves; then, where an answer is due, lengths of it that
+    may be left, of which only what comes behind can tell one."""
+    rest = replace(case, data=case.data[at:], role=None, request=pending, errors=())
+    found = [
+        DividedFrame(at, length, verdict)
+        for length in _lengths(rest)
+        for verdict in swallowed(replace(rest, data=rest.data[:length]))
+        if verdict.bits >= FRAME and (verdict.repaired is not None or verdict.length == rest.due)
+    ]
+    solved = [part for part in found if part.verdict.repaired is not None]
+    if solved:
+        yield max(solved, key=lambda part: part.verdict.bits)
+    yield from (part for part in found if part.verdict.repaired is None)
 
 
 def asked_by(verdict: Explanation, pending: bytes | None) -> bytes | None:

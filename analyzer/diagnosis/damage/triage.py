@@ -21,7 +21,7 @@ from dissectors.registry import revision
 from ...tables.batch import Batch
 from ...tables.schema import NO_GAP, Kind, Protocol, Row
 from ..view import DiagnosisStep, EarlierRow, LookBack, where
-from . import DamagedFrame, DividedFrame, Explanation, asked_by, autopsy, divided, joined
+from . import FRAME, DamagedFrame, DividedFrame, Explanation, asked_by, autopsy, divided, joined
 
 HASTE_NS: Final = 50_000_000  # sooner than any master gives up waiting
 _HARD_NS: Final = 1_500_000  # what comes sooner belongs to the frame before
@@ -73,7 +73,8 @@ class Triage:
                 self._remember(row, rejoined, recent.request)
                 continue
             verdict = self._verdict(batch, number, row, recent)
-            parts = self._divided(row, recent) if verdict is None or verdict.code in VAGUE else []
+            vague = verdict is None or verdict.code in VAGUE or verdict.bits < FRAME
+            parts = self._divided(row, recent) if vague else []
             if verdict is not None or parts:
                 explained[number] = parts or [DividedFrame(0, row.row.length, verdict or Explanation("crc-error", 0.0))]
             self._remember(row, explained.get(number, ()), recent.request)
