@@ -12,7 +12,7 @@ import sys
 import warnings
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from typing import IO, Any, Final, NoReturn
+from typing import IO, Any, Final, NoReturn, TextIO
 
 from ..meant import did_you_mean, meant
 from ..settingfiles import found_files
@@ -260,7 +260,7 @@ def _tolerant(stream: IO[str]) -> None:
         reconfigure(errors="backslashreplace")
 
 
-def _carry(letters: str, stream: IO[str]) -> None:
+def _carry(letters: str, stream: TextIO) -> None:
     """A file or pipe takes UTF-8 where the machine's code page has no such letters: escapes alone nobody reads."""
     try:
         letters.encode(stream.encoding or "utf-8")
