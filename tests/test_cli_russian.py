@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -129,7 +130,10 @@ def test_no_error_is_left_in_english(command: str, tmp_path: Path, capsys: pytes
     if words[0] in ("repord", "foo", "help"):
         return
     assert line.startswith("rtuscope: ") and line.count("\n") == 1
-    left = re.findall(r"[A-Za-z]{3,}", _NAMES.sub(" ", line.removeprefix("rtuscope: ").replace(str(tmp_path), "")))
+    left = re.findall(
+        r"[A-Za-z]{3,}",
+        _NAMES.sub(" ", line.removeprefix("rtuscope: ").replace(str(tmp_path), "").replace(os.sep, "/")),
+    )
     assert not left, line
 
 
