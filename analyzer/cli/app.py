@@ -12,7 +12,7 @@ import sys
 import warnings
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from typing import IO, Any, Final, NoReturn
+from typing import IO, Any, Final, NoReturn, TextIO
 
 from ..meant import did_you_mean, meant
 from ..settingfiles import found_files
@@ -127,10 +127,12 @@ def _speak(arguments: list[str]) -> None:
         if word == "--lang" or word.startswith("--lang="):
             chosen = word.partition("=")[2] or following
     if chosen:
-        from ..languages import LANGUAGES, use
+        from ..languages import LANGUAGES, LETTERS, use
 
         if chosen in LANGUAGES:
             use(chosen)
+            _carry(LETTERS[chosen], sys.stdout)
+            _carry(LETTERS[chosen], sys.stderr)
 
 
 def _language_set() -> str | None:
@@ -256,6 +258,16 @@ def _tolerant(stream: IO[str]) -> None:
     reconfigure = getattr(stream, "reconfigure", None)
     if reconfigure is not None:
         reconfigure(errors="backslashreplace")
+
+
+def _carry(letters: str, stream: TextIO) -> None:
+    """A file or pipe takes UTF-8 where the machine's code page has no such letters: escapes alone nobody reads."""
+    try:
+        letters.encode(stream.encoding or "utf-8")
+    except UnicodeEncodeError:
+        reconfigure = getattr(stream, "reconfigure", None)
+        if reconfigure is not None and not stream.isatty():
+            reconfigure(encoding="utf-8")
 
 
 def _settle_stdout() -> None:

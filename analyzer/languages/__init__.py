@@ -22,6 +22,7 @@ from ..words import plural
 from .templates import TemplateFiller, fill, form_of
 
 LANGUAGES: Final = ("en", "ru")
+LETTERS: Final = {"en": "", "ru": "Ж"}  # what a code page must have to carry a language
 _NONE: Final[Mapping[str, object]] = {}
 _language: ContextVar[str] = ContextVar("language", default="en")
 
