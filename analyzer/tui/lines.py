@@ -124,6 +124,7 @@ class Lines(Painted, ScrollView, can_focus=True):
         elif size != self.virtual_size:  # as wide and high as before: no other widget has to be laid out or painted
             self.set_reactive(Widget.virtual_size, size)
             self._scroll_update(size)
+            self.refresh()
 
     # Moving
 
