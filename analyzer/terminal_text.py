@@ -32,12 +32,12 @@ ERASE_LINE: Final = TerminalText("\r\x1b[K")
 
 def terminal_text(*parts: str) -> TerminalText:
     """Parts end to end, each harmless line by line unless it is ready already."""
-    return TerminalText("".join([part if isinstance(part, TerminalText) else _lines(part) for part in parts]))
+    return TerminalText("".join([_ready(part) for part in parts]))
 
 
 def painted(text: str, graphics: str, *, ended: bool = False) -> TerminalText:
     """A line in a graphic rendition (`31` is red), as it is where that is empty; `ended`: with its end behind it."""
-    ready, end = text if isinstance(text, TerminalText) else _lines(text), "\n" if ended else ""
+    ready, end = _ready(text), "\n" if ended else ""
     return TerminalText(f"\x1b[{graphics}m{ready}\x1b[0m{end}" if graphics else f"{ready}{end}")
 
 
@@ -79,7 +79,8 @@ def gated_streams() -> Iterator[None]:
             sys.stdout, sys.stderr = before
 
 
-def _lines(text: str) -> str:
-    if text.isprintable():
+def _ready(text: str) -> str:
+    """A text harmless line by line, unless it is so already."""
+    if isinstance(text, TerminalText) or text.isprintable():
         return text
     return "\n".join(map(harmless, text.split("\n")))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 from functools import cache
 from pathlib import Path
 
@@ -368,3 +370,10 @@ def test_an_error_stays_on_one_line_whatever_was_typed() -> None:
         with pytest.raises(FilterError) as refused:
             compile_filter(text)
         assert str(refused.value).isprintable()
+
+
+def test_the_parser_s_library_waits_until_a_filter_is_typed() -> None:
+    code = "import sys; from analyzer.filters import check, complete, Completion; print('lark' in sys.modules); "
+    code += "assert not check('unit == 17') and complete('un', 2); print('lark' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "True"]

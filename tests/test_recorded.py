@@ -129,3 +129,14 @@ def test_an_adapter_that_never_comes_back_and_a_full_disk() -> None:
     notes = [Note(1, "opened", "a: open"), Note(2, "gap", "7 bytes were lost"), Note(3, "lost", "a: lost (gone)")]
     times = [(time.from_ns, time.to_ns) for time in deaf_times([*notes, Note(4, "opened", "b: open")])]
     assert times == [(2, 2), (3, None)]
+
+
+def test_chunks_of_a_file_without_notes_are_not_looked_through_for_any(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bare, noted = tmp_path / "bare.mcap", recording(tmp_path, [], deaf=False)
+    captures.write(bare, captures.Capture.of(LINE, [Chunk(START, REQUEST)]))
+    monkeypatch.setattr("captures.recording.notes.read_summary", pytest.fail)
+    assert read(bare) == []
+    monkeypatch.undo()
+    assert [note.kind for note in read(noted)] == ["opened"]

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import gc
 import json
 from pathlib import Path
 
 import pytest
 from seats import Seat, opened, sample_in, using
 from textual.widgets import Input
+from textual.widgets._toast import ToastRack
 
 from analyzer.tables.schema import Kind
 from analyzer.tui.details import Details
@@ -26,6 +28,8 @@ def test_moving_shows_fields_and_bytes_both_ways(capture: Path) -> None:
     async def work(sitting: Seat) -> None:
         assert sitting.row == 0
         await sitting.press("down", "down", "up")
+        await _move_without_laying_out(sitting)
+        await sitting.press("home", "down")
         assert sitting.row == 1
         await sitting.press("end")
         assert sitting.row == sitting.bus.count - 1
@@ -48,6 +52,32 @@ def test_moving_shows_fields_and_bytes_both_ways(capture: Path) -> None:
         assert sitting.screen.frames.has_focus
 
     using(opened(capture), work)
+
+
+async def _move_without_laying_out(sitting: Seat) -> None:
+    """Only what changes is painted: no other widget has to be laid out anew for a list that is longer or shorter."""
+    screen, laid_out = sitting.screen, []
+    lay_out = screen._refresh_layout
+    screen._refresh_layout = lambda *given, **more: (laid_out.append(1), lay_out(*given, **more))  # type: ignore
+    await sitting.press("pagedown", "down", "down", "pagedown", "up", "pageup")
+    assert not laid_out
+    del screen._refresh_layout
+
+
+def test_garbage_is_looked_for_only_once_the_first_rows_stand(capture: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        await sitting.until(gc.isenabled)
+        below = sitting.screen.size.height - sitting.screen.query_one("#status").region.y
+        notices = ToastRack()  # tests have none
+        await sitting.screen.mount(notices)
+        assert notices.styles.margin.bottom >= below  # what goes on can be read beside them
+
+    gc.disable()
+    try:
+        using(opened(capture), work)
+    finally:
+        gc.enable()
+        gc.unfreeze()
 
 
 def test_fields_open_and_close_and_registers_show_every_reading(capture: Path) -> None:

@@ -127,19 +127,20 @@ def test_marks_and_a_pause_typed_fast_on_a_live_line(tmp_path: Path) -> None:
             os.write(line, asked + crc_bytes(asked))
             time.sleep(0.03)
 
+    def listed() -> list[str]:
+        lines = terminal.picture.lines()
+        return [each for each in lines if "read 1 holding register" in each and "request" not in each]
+
     with Watched("sniff", name, "--baud", "19200", "--tui", "-o", "bus.mcap", cwd=tmp_path, columns=120) as terminal:
         terminal.until("REC bus.mcap")
         say(range(1, 9))
         terminal.until("8 frames")
         terminal.press("Mpump on\rMpump off\r2\x1b[H\x1b[B\x1b[BmP").until("PAUSED").until('"pump off"')
-        held = [
-            each for each in terminal.picture.lines() if "read 1 holding register" in each and "request" not in each
-        ]
+        terminal.until(lambda: len(listed()) >= 7)  # the list is painted in pieces: all of it
+        held = listed()
         say(range(9, 13))
         terminal.until("12 frames")
-        assert [
-            each for each in terminal.picture.lines() if "read 1 holding register" in each and "request" not in each
-        ] == held
+        assert listed() == held
         terminal.press("PPP").until(lambda: "PAUSED" not in terminal.shown())
         terminal.press("Mvalve\r\x1b[F").until('"valve"')
         terminal.press("qq", 1.0)

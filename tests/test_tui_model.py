@@ -35,7 +35,7 @@ from analyzer.model.polls import changed
 from analyzer.model.registers import RegisterSeries
 from analyzer.model.scope import ScopedFigures
 from analyzer.model.selection import Everything, Selection, frames_only, transactions, within
-from analyzer.model.shorttimes import ShortTimes
+from analyzer.model.shorttimes import AlikeNumbers, NarrowNumbers, ShortTimes
 from analyzer.model.source import CaptureSource
 from analyzer.model.table import PIECE, BusRows, RowTable
 from analyzer.simulation import Scenario, simulate
@@ -505,6 +505,25 @@ def test_short_times_give_what_was_put_in(times: list[int]) -> None:
     column[np.array([0])] = times[-1]
     assert int(column[0]) == times[-1]
     assert column.nbytes == (8 if any(abs(t) >= 1 << 31 for t in times if t != NO_GAP) else 4) * (len(times) + 1)
+
+
+@given(st.lists(st.one_of(st.integers(0, 3), st.integers(0, 1 << 20)), min_size=1, max_size=40))
+def test_narrow_and_alike_numbers_give_what_was_put_in(numbers: list[int]) -> None:
+    ascending, n = sorted(numbers), len(numbers)
+    counted, lengths, ports = NarrowNumbers(n + 1), NarrowNumbers(n + 1, 0), AlikeNumbers(n + 1, np.dtype(np.uint8))
+    for column, wanted, dtype in (
+        (counted, [1 << 31 | each for each in ascending], np.uint32),
+        (lengths, numbers, np.uint32),
+        (ports, [each % 256 for each in numbers], np.uint8),
+    ):
+        half = n // 2
+        column[:half] = np.array(wanted[:half], dtype)
+        column[half:n] = np.array(wanted[half:], dtype)
+        assert column[:n].tolist() == column[np.arange(n)].tolist() == wanted
+        assert column[:n].dtype == dtype and int(column[n - 1]) == wanted[-1]
+    assert counted.nbytes == (4 if ascending[-1] - ascending[0] > 0xFFFF else 2) * (n + 1)
+    assert lengths.nbytes == (4 if max(numbers) > 0xFFFF else 2) * (n + 1)
+    assert ports.nbytes == (n + 1 if len({each % 256 for each in numbers}) > 1 else 0)
 
 
 def test_answer_times_are_as_sure_as_the_report_has_them(troubled: Bus) -> None:

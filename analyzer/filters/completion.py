@@ -7,12 +7,9 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from lark.exceptions import UnexpectedInput
-
 from ..languages import tr
 from .fields import FIELDS, FilterField, by_name
 from .kinds import UNITS_NS, Duration, Moment, Suggestion, spelled
-from .parsing import LONGEST, grammar
 
 _WORD: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*\Z")
 _STRINGS: Final = re.compile(r"\"[^\"]*\"|'[^']*'")
@@ -45,6 +42,10 @@ class Completion:
 
 def complete(text: str, cursor: int) -> list[Completion]:
     """What could stand at the cursor; nothing where what is before it makes no sense."""
+    from lark.exceptions import UnexpectedInput
+
+    from .parsing import LONGEST, grammar  # a moment to import, which nobody waits for who types no filter
+
     before = text[: max(cursor, 0)]
     if len(before) > LONGEST:
         return []

@@ -17,8 +17,7 @@ from captures.line import LineSettings
 from ..languages import tr
 from ..tables.columns import decode
 from .errors import FilterError
-from .fields import Cost
-from .parsing import cost, parsed
+from .fields import Cost, cost
 from .slices import BLOCK, Each, Mask, TableSlice
 from .table import FilterTable
 from .tree import And, Bound, Chars, Node, Not, Or, Same, Since, Spans, Test, parts, tests
@@ -162,6 +161,8 @@ def compile_filter(text: str, line: LineSettings | None = None, charts: UnitMaps
     With `line` it is also checked that times in characters can be told there; `charts` are the register maps of units,
     which `value("NAME")` and `name` need. Raises FilterError.
     """
+    from .parsing import parsed  # the parser's library takes a moment to import
+
     node = parsed(text, charts)
     if node is None:
         return Filter(text, frozenset(), False, None)

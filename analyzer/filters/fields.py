@@ -35,6 +35,7 @@ from .kinds import (
     Prose,
 )
 from .slices import Bytes, Each, FieldSlice, Mask, Several, TableSlice, TextSlice, ValueSlice
+from .tree import Node, tests
 
 _HUGE: Final = 2**62
 
@@ -66,6 +67,11 @@ class FilterField:
     aliases: tuple[str, ...] = ()
     each: Callable[[Each], ValueSlice] | None = None
     settled: bool = False
+
+
+def cost(node: Node) -> Cost:
+    """What the dearest test of a node costs."""
+    return max(test.field.cost for test in tests(node))
 
 
 def _column(name: str, *, all_rows: bool = False) -> Callable[[TableSlice, Mask | None], FieldSlice]:

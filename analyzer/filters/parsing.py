@@ -16,7 +16,7 @@ from lark.visitors import Transformer_NonRecursive, v_args
 
 from ..languages import tr
 from .errors import FilterError, meant
-from .fields import FIELDS, Cost, FilterField, by_name
+from .fields import FIELDS, FilterField, by_name, cost
 from .kinds import Addresses, Flag, Item, Literal, Named, spelled
 from .tree import And, Node, Not, Or, Same, Span, Spans, Test, parts, tests
 
@@ -201,11 +201,6 @@ def _joined(join: type[And] | type[Or], parts: Iterable[Node | Token]) -> Node:
         if not isinstance(part, Token):
             flat += part.parts if isinstance(part, join) else (part,)
     return flat[0] if len(flat) == 1 else join(tuple(sorted(flat, key=cost)))
-
-
-def cost(node: Node) -> Cost:
-    """What the dearest test of a node costs."""
-    return max(test.field.cost for test in tests(node))
 
 
 def _together(node: And) -> Node:

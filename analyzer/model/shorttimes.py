@@ -1,6 +1,7 @@
-"""Columns of numbers that nearly always are small: four bytes each, eight once one is larger.
+"""Columns of numbers that nearly always are small, or all alike: they take less until one is not.
 
-Each is indexed like an array of int64, and gives such. One thread writes; others read rows that it was told of.
+Each is indexed like the array that it stands for, and gives such. One thread writes; others read rows that it was told
+of: what takes the place of a narrower array holds all of it before it does.
 """
 
 from __future__ import annotations
@@ -14,10 +15,11 @@ from ..tables.schema import NO_GAP
 
 _LONGEST: Final = np.iinfo(np.int32).max
 _UNKNOWN: Final = np.iinfo(np.int32).min  # stands for NO_GAP
+_NARROW: Final = np.iinfo(np.uint16).max
 
 
 class ShortTimes:
-    """So many times, ns; NO_GAP where one is not known."""
+    """So many times, ns, four bytes each, eight once one is longer; NO_GAP where one is not known."""
 
     def __init__(self, count: int) -> None:
         self._values: NDArray[Any] = np.empty(count, np.int32)
@@ -74,3 +76,63 @@ class EndTimes(ShortTimes):
 
     def __setitem__(self, slots: Any, times: NDArray[np.int64] | int) -> None:
         super().__setitem__(slots, np.asarray(times, np.int64) - self._begins[slots])
+
+
+class AlikeNumbers:
+    """Numbers that nearly always are one and the same: no bytes while all are."""
+
+    def __init__(self, count: int, dtype: np.dtype[Any]) -> None:
+        self._count, self._dtype = count, dtype
+        self._one: Any = None
+        self._values: NDArray[Any] | None = None
+
+    def __getitem__(self, slots: Any) -> NDArray[Any]:
+        if self._values is not None:
+            there: NDArray[Any] = self._values[slots]
+            return there
+        size = len(range(*slots.indices(self._count))) if isinstance(slots, slice) else np.shape(slots)
+        return np.full(size, self._one, self._dtype)
+
+    def __setitem__(self, slots: Any, numbers: NDArray[Any] | int) -> None:
+        if self._values is None:
+            exact = np.asarray(numbers, self._dtype)
+            if self._one is None and exact.size:
+                self._one = exact.flat[0]
+            if (exact == self._one).all():
+                return
+            self._values = np.full(self._count, self._one, self._dtype)
+        self._values[slots] = numbers
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the column."""
+        return 0 if self._values is None else self._values.nbytes
+
+
+class NarrowNumbers:
+    """Numbers from the first one on that nearly always are less than 65,536 above it: two bytes each, then four.
+
+    `first`: counted from that one instead.
+    """
+
+    def __init__(self, count: int, first: int | None = None) -> None:
+        self._values: NDArray[Any] = np.empty(count, np.uint16)
+        self._first = first
+
+    def __getitem__(self, slots: Any) -> NDArray[Any]:
+        numbers: NDArray[Any] = self._values[slots].astype(np.uint32) + np.uint32(self._first or 0)
+        return numbers
+
+    def __setitem__(self, slots: Any, numbers: NDArray[Any] | int) -> None:
+        exact = np.asarray(numbers, np.int64)
+        if self._first is None and exact.size:
+            self._first = int(exact.flat[0])
+        above = exact - (self._first or 0)
+        if self._values.dtype == np.uint16 and above.size and int(above.max()) > _NARROW:
+            self._values = self._values.astype(np.uint32)
+        self._values[slots] = above
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the column."""
+        return self._values.nbytes

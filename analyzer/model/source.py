@@ -63,7 +63,7 @@ class ViewSource(Protocol):
         ...
 
 
-_FIRST = 1 << 16  # bytes: a first screen is there at once
+_FIRST = 1 << 14  # bytes: a first screen is there at once
 _LISTED: Final = 2  # times in which a recording heard nothing; the timeline and the report have all
 
 

@@ -1,7 +1,7 @@
 """Rows kept as compact columns, in pieces of 65,536.
 
 One thread appends, any thread reads rows that it was told of; what is written later to a row (its answer, its state,
-its mark) is a single number each. Columns take 75 bytes a row.
+its mark) is a single number each. Columns take 69 bytes a row.
 """
 
 from __future__ import annotations
@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 
 from ..tables.batch import BytePlaces, rows_of_bytes
 from ..tables.columnar import Bools, Columns, Float32s, Int16s, Int32s, Int64s, UInt8s, UInt16s, UInt32s
-from .shorttimes import EndTimes, NearNumbers, ShortTimes
+from .shorttimes import AlikeNumbers, EndTimes, NarrowNumbers, NearNumbers, ShortTimes
 
 PIECE: Final = 1 << 16  # rows
 
 Column = NDArray[Any]
+Kept = Column | ShortTimes | AlikeNumbers | NarrowNumbers
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -60,6 +61,7 @@ class BusRows(Columns):
 NO_EVIDENCE: Final = np.iinfo(np.int16).min
 _SHORT: Final = frozenset({"response_ns", "gap_before_ns", "gap_most_ns"})  # times that nearly always are
 _NEAR: Final = frozenset({"start", "at"})  # numbers that are near each other in a piece
+_ALIKE: Final = frozenset({"port", "protocol"})  # that nearly always are the same in all of a piece
 
 
 class RowState:
@@ -74,7 +76,7 @@ class RowTable:
     """The columns."""
 
     def __init__(self) -> None:
-        self._pieces: list[dict[str, Column | ShortTimes]] = []
+        self._pieces: list[dict[str, Kept]] = []
         self.count = 0
 
     def append(self, rows: BusRows) -> None:
@@ -215,12 +217,18 @@ class RowTable:
         return sum(column.nbytes for columns in self._pieces for column in columns.values())
 
 
-def _empty_piece() -> dict[str, Column | ShortTimes]:
+def _empty_piece() -> dict[str, Kept]:
     begins = np.empty(PIECE, np.int64)
-    columns: dict[str, Column | ShortTimes] = {}
+    columns: dict[str, Kept] = {}
     for name, dtype in BusRows.dtypes().items():
         if name in _SHORT:
             columns[name] = ShortTimes(PIECE)
+        elif name in _ALIKE:
+            columns[name] = AlikeNumbers(PIECE, dtype)
+        elif name == "frame":
+            columns[name] = NarrowNumbers(PIECE)
+        elif name == "length":
+            columns[name] = NarrowNumbers(PIECE, 0)
         elif name in _NEAR:
             columns[name] = NearNumbers(PIECE)
         elif name == "t_end_ns":

@@ -12,6 +12,7 @@ A `Source` (`analyzer.model.source`) is anything with `name`, `line`, `timed`, `
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Callable, Iterable, Mapping
 from datetime import UTC, tzinfo
 from pathlib import Path
@@ -38,6 +39,22 @@ def run(
     has causes to tell. `zone` is that of times of day; `charts` gives the maps of units; `reader` opens a file when the
     user wants another one, or the same anew.
     """
+    gc.disable()  # until the first rows stand there, see `Jobs`: none of what is imported and built is garbage
+    try:
+        _shown(source, view, light, zone, charts, reader or _plain)
+    finally:
+        gc.enable()
+
+
+def _shown(
+    source: ViewSource,
+    view: str | None,
+    light: bool,
+    zone: tzinfo,
+    charts: Callable[[Iterable[int]], Mapping[int, RegisterMap]] | None,
+    reader: Callable[[Path], ViewSource],
+) -> None:
+    """Source after source, until the user quits."""
     from .app import Rtuscope
     from .openfiles import NextFile
 
@@ -50,7 +67,7 @@ def run(
         resumed = app.run()
         if resumed is None:
             return
-        source, view = (reader or _plain)(resumed.path), resumed.view
+        source, view = reader(resumed.path), resumed.view
 
 
 def _plain(path: Path) -> ViewSource:

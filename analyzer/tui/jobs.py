@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import threading
 import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Final, TypeVar
@@ -27,6 +29,7 @@ _SPELL_S: Final = 0.5  # the same of rows that are tested, once the first are to
 _RATE: Final = 1500  # bytes a second to the terminal from which on a live view is painted less often
 _QUIET_S: Final = 1.0  # between two while nothing comes
 _REPORT_S: Final = 1.0
+_FIRST_S: Final = 0.3  # reading waits at most so long for the first rows to be painted
 _SCOPE_S: Final = 2.0  # between two countings of what the scope leaves, live
 
 T = TypeVar("T")
@@ -53,6 +56,7 @@ class Jobs:
         self._counted_to, self._count_next = -1, 0.0
         self._notices: set[str] = set()
         self._paint_at = 0.0
+        self._standing = threading.Event()  # the first rows are on the screen
         self._wanted: dict[str, object] = {}  # by group, the one work whose outcome is still wanted
 
     @property
@@ -141,6 +145,8 @@ class Jobs:
                 if now - shown_at >= (_PERIOD_S if came else _QUIET_S):
                     shown_at, came = now, False
                     self._screen.call_later(self._rows_came)
+                    if self._bus.count and not self._source.live:
+                        self._standing.wait(_FIRST_S)  # the two would take time from each other
         except Exception as error:  # told in one line; what was read stays
             trouble = error_words(error)
         try:
@@ -172,6 +178,15 @@ class Jobs:
         if self._screen.studied is None and self._bus.count:
             self._screen.studied = 0  # Home may come up before any list has a row to stand on
             self._screen.frames.renewed()
+        if not self._standing.is_set():
+            self._screen.call_after_refresh(self._begun)
+
+    def _begun(self) -> None:
+        """The first picture stands: from now on there is garbage to be looked for, but not in what was built so far."""
+        self._standing.set()
+        if not gc.isenabled():
+            gc.freeze()
+            gc.enable()
 
     def _tell_notices(self) -> None:
         """What the source has to say, each thing once."""

@@ -17,6 +17,7 @@ from textual.cache import LRUCache
 from textual.geometry import Offset, Size
 from textual.scroll_view import ScrollView
 from textual.strip import Strip
+from textual.widget import Widget
 
 from ..languages import tr
 from .messages import LineChosen, LineEntered
@@ -117,7 +118,13 @@ class Lines(Painted, ScrollView, can_focus=True):
 
     def _fit(self, count: int) -> None:
         self._shown_count = count
-        self.virtual_size = Size(max(1, self.scrollable_content_region.width), count + self.HEAD)
+        size = Size(max(1, self.scrollable_content_region.width), count + self.HEAD)
+        if self.styles.auto_dimensions:
+            self.virtual_size = size
+        elif size != self.virtual_size:  # as wide and high as before: no other widget has to be laid out or painted
+            self.set_reactive(Widget.virtual_size, size)
+            self._scroll_update(size)
+            self.refresh()
 
     # Moving
 

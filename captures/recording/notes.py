@@ -17,7 +17,7 @@ import orjson
 from ..errors import CaptureError
 from ..files import opened
 from ..formats.mcap.records import DamagedRecordError
-from ..formats.mcap.scanning import FileBytes, ScannedRecord, read_summary, walk
+from ..formats.mcap.scanning import FileBytes, ScannedRecord, lacks, read_summary, walk
 from ..formats.mcap.topics import TopicMessage, messages_in
 
 if TYPE_CHECKING:
@@ -83,9 +83,9 @@ def read(path: Path) -> list[Note]:
     notes: list[Note] = []
     with suppress(CaptureError), opened(path) as file:
         data = FileBytes(file)
-        summary = read_summary(data, TOPIC)
-        if summary is not None and not any(summary.channels.values()):
+        if lacks(data, TOPIC):
             return []
+        summary = read_summary(data, TOPIC)
         channels = dict(summary.channels) if summary else {}
         for item in walk(data, summary, _ignore):
             if isinstance(item, ScannedRecord):

@@ -147,6 +147,20 @@ def read_summary(data: FileBytes, topic: str) -> TopicSummary | None:
         return None
 
 
+def lacks(data: FileBytes, topic: str) -> bool:
+    """Whether a whole file's summary declares channels, but none of this topic. Its chunks are not looked at."""
+    footer = _footer(data)
+    if footer is None or footer.crc != footer.told_crc or topic.encode() in footer.content:
+        return False
+    content, at = footer.content, 0
+    while at + RECORD.size <= len(content):
+        opcode, length = RECORD.unpack_from(content, at)
+        if opcode == Opcode.CHANNEL:
+            return True
+        at += RECORD.size + length
+    return False
+
+
 @dataclass(frozen=True, slots=True)
 class _Footer:
     """Where the summary starts, its records (none where there can be no such), and their CRC if it is told."""
