@@ -112,10 +112,13 @@ class PollTable:
         begins = np.concatenate(([True], ordered[1:] != ordered[:-1]))
         numbers, first = ordered[begins].tolist(), order[begins].tolist()
         known = self._slots
-        slots = [
-            known[number] if number in known else self._slot(number, stretch, i)
-            for number, i in zip(numbers, first, strict=True)
-        ]
+        if len(known) >= _POLLS:
+            slots = [known.get(number, -1) for number in numbers]
+        else:
+            slots = [
+                known[number] if number in known else self._slot(number, stretch, i)
+                for number, i in zip(numbers, first, strict=True)
+            ]
         slot = np.empty(len(polls), np.int64)
         slot[order] = np.repeat(np.array(slots), np.diff(np.append(begins.nonzero()[0], len(polls))))
         return slot, order
