@@ -164,6 +164,26 @@ def test_registers_are_the_newest_values_that_frames_carry(each: int) -> None:
         assert register.before == (past[-2] if len(past) > 1 else None)
 
 
+@pytest.mark.parametrize("each", [0, 1, 5])
+def test_how_registers_went_is_their_newest_value_in_each_stretch_of_the_capture(each: int) -> None:
+    bus = read(captures.open(samples.path("healthy.jsonl")), each=each)
+    found = bus.registers.all()
+    read_at = {r: RegisterSeries(r.unit, r.area, r.address).extend(bus).readings()[1:] for r in found}
+    first, last = (edge(int(edge(rows)) for rows, _ in read_at.values()) for edge in (min, max))
+    stretch = 1
+    while last - first >= 32 * stretch:
+        stretch *= 2
+    assert stretch > 1
+    for register, (rows, values) in read_at.items():
+        newest = dict(zip(((rows - first) // stretch).tolist(), values[:, 0].tolist(), strict=True))
+        told = [newest[max(n for n in newest if n <= i)] for i in range(min(newest), max(newest) + 1)]
+        begin, stood = bus.registers.samples(register.unit, register.area, register.address, 1)
+        assert (begin, stood[:, 0].tolist()) == (min(newest), told)
+    assert bus.registers.stretches == (last - first) // stretch + 1
+    unit, area, address = found[-1].unit, found[-1].area, found[-1].address
+    assert len(bus.registers.samples(unit, area, address + 1, 1)[1]) == 0
+
+
 def test_selections_hold_the_rows_that_pass_whenever_they_are_asked(troubled: Bus) -> None:
     for test in (frames_only, transactions, within(troubled.t_first, troubled.t_first + 3_000_000_000)):
         selection = Selection(troubled, test)

@@ -1,4 +1,4 @@
-"""The newest value of every register, coil and input that was seen, and what it was before that.
+"""The newest value of every register, coil and input that was seen, what it was before that, and how it went so far.
 
 Values come from good answers to reads, and from writes that were answered. Memory grows by pages of 256 addresses of
 one unit and area, where something was seen.
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 _PAGE: Final = 256
 _PAGES: Final = 1 << 18  # 256 units, 4 areas, 256 pages each
 _AT_ONCE: Final = 1 << 13  # rows
+_SAMPLES: Final = 32  # of each, an even number: the newest value in each of so many stretches of as many rows
+_NO_SAMPLE: Final = -1
 _Ints = NDArray[np.int64]
 
 
@@ -56,6 +58,12 @@ class RegisterLog:
         self._before = np.zeros(0, np.int32)
         self._t = np.zeros(0, np.int64)
         self._row = np.zeros(0, np.int32)
+        self._samples = np.zeros((0, _SAMPLES), np.int32)
+        self._first, self._last, self._stretch = (
+            -1,
+            -1,
+            1,
+        )  # rows where stretches begin and end, and how many are in one
 
     def __len__(self) -> int:
         return int((self._row >= 0).sum())
@@ -67,6 +75,7 @@ class RegisterLog:
             return
         slots = self._slots(keys)
         n = len(slots)
+        self._sample(slots, values, numbers[rows])
         newest = np.full(len(self._row), -1, np.int64)
         newest[slots] = np.arange(n)  # of several values of one register the last one stays
         fresh = np.flatnonzero(newest >= 0)
@@ -79,6 +88,40 @@ class RegisterLog:
         self._value[fresh] = values[last]
         self._t[fresh] = batch.rows.t_end_ns[rows[last]]
         self._row[fresh] = numbers[rows[last]]
+
+    def _sample(self, slots: _Ints, values: _Ints, rows: _Ints) -> None:
+        """Keep the newest value in each stretch of rows; these are twice as long when there is no room for more."""
+        if self._first < 0:
+            self._first = int(rows[0])
+        self._last = max(self._last, int(rows.max()))
+        while self._last - self._first >= self._stretch * _SAMPLES:
+            pairs = self._samples.reshape(len(self._samples), -1, 2)
+            merged = np.where(pairs[..., 1] == _NO_SAMPLE, pairs[..., 0], pairs[..., 1])
+            self._samples = np.concatenate((merged, np.full_like(merged, _NO_SAMPLE)), axis=1)
+            self._stretch *= 2
+        self._samples[slots, np.maximum(rows - self._first, 0) // self._stretch] = values  # the last of several stays
+
+    def samples(self, unit: int, area: int, address: int, words: int) -> tuple[int, NDArray[np.uint16]]:
+        """What so many registers were in each stretch of the capture that one of them was told in, or between such.
+
+        A line a stretch, and which stretch the first of them is; before it not all of them were known.
+        """
+        keys = (unit << 18 | area << 16) + address + np.arange(words)
+        pages = self._page_of[keys // _PAGE].astype(np.int64)
+        if (pages < 0).any():
+            return 0, np.zeros((0, words), np.uint16)
+        held = self._samples[pages * _PAGE + keys % _PAGE]
+        told = np.where(held == _NO_SAMPLE, 0, np.arange(_SAMPLES) + 1)
+        newest = np.maximum.accumulate(told, axis=1) - 1  # a stretch without one is as the one before it
+        end, known = int(told.max()), np.flatnonzero((newest >= 0).all(axis=0))
+        begin = int(known[0]) if len(known) else end
+        samples = np.take_along_axis(held, np.maximum(newest, 0), axis=1)[:, begin:end]
+        return begin, samples.T.astype(np.uint16)
+
+    @property
+    def stretches(self) -> int:
+        """How many stretches the capture has by now, of those that `samples` speaks of."""
+        return (self._last - self._first) // self._stretch + 1
 
     def all(self) -> list[WatchedRegister]:
         """Every one, by unit, area and address."""
@@ -96,17 +139,20 @@ class RegisterLog:
         missing = np.unique(pages[self._page_of[pages] < 0])
         if len(missing):
             room = len(missing) * _PAGE
-            self._page_of[missing] = len(self._pages) + np.arange(len(missing))
             self._value = np.concatenate((self._value, np.zeros(room, np.uint16)))
             self._before = np.concatenate((self._before, np.full(room, -1, np.int32)))
             self._t = np.concatenate((self._t, np.zeros(room, np.int64)))
             self._row = np.concatenate((self._row, np.full(room, -1, np.int32)))
+            self._samples = np.concatenate((self._samples, np.full((room, _SAMPLES), _NO_SAMPLE, np.int32)))
+            begin = len(self._pages)
             self._pages.extend(missing.tolist())
+            self._page_of[missing] = begin + np.arange(len(missing))  # at last: another thread may look
         return self._page_of[pages].astype(np.int64) * _PAGE + keys % _PAGE
 
     @property
     def nbytes(self) -> int:
-        return int(self._page_of.nbytes + self._value.nbytes + self._before.nbytes + self._t.nbytes + self._row.nbytes)
+        columns = (self._page_of, self._value, self._before, self._t, self._row, self._samples)
+        return sum(column.nbytes for column in columns)
 
 
 class RegisterSeries:

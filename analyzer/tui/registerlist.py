@@ -25,6 +25,7 @@ from .lines import Lines
 from .paint import StyledText, fitted
 from .plot import Plot, Series
 from .prompts import Ask
+from .unitlist import sparkline
 from .view import JUMPS, View
 
 if TYPE_CHECKING:
@@ -112,7 +113,9 @@ class RegisterList(Lines):
     def head(self, width: int) -> Sequence[StyledText]:
         name = _name_width(width)
         place = f"{tr('unit'):>6} {tr('register'):>8} {tr('what'):<{name}}"
-        value = f"{tr('value'):>{_value_width(width)}}  {tr('before'):>12} {tr('age'):>6} {tr('type')}"
+        value = f"{tr('value'):>{_value_width(width)}}  {tr('before'):>12} {tr('age'):>6} "
+        trend = _trend_width(width)
+        value += f"{tr('trend'):<{trend}} {tr('type')}" if trend else tr("type")
         return fitted([StyledText(f"{place} {value}")], width)
 
     def pieces(self, line: int, width: int) -> Sequence[StyledText]:
@@ -149,11 +152,28 @@ class RegisterList(Lines):
                 StyledText("* " if changed else "  ", "warning"),
                 StyledText(f"{before:>12} ", "dim"),
                 StyledText(f"{age:>6} ", "dim"),
+                *self._trend(spot, meaning, _trend_width(width)),
                 StyledText(tr("bit") if bit else meaning.type),
                 StyledText(f" {_SOURCES[meaning.source]}", "dim"),
             ],
             width,
         )
+
+    def _trend(self, spot: Spot, meaning: Meaning, width: int) -> list[StyledText]:
+        """How the value went over the capture, from its least to its most."""
+        if not width:
+            return []
+        line, style, bit, log = "", "accent", spot[1] < _BIT_AREAS, self.desk.figures.registers
+        if meaning.is_number or bit:
+            begin, samples = log.samples(*spot, meaning.words)
+            numbers = np.full(max(log.stretches, begin + len(samples)), np.nan)
+            numbers[begin : begin + len(samples)] = samples[:, 0] if bit else meaning.numbers(samples)
+            numbers[~np.isfinite(numbers)] = np.nan
+            if not np.isnan(numbers).all():
+                line = sparkline(numbers - np.nanmin(numbers), width)
+                if np.nanmin(numbers) == np.nanmax(numbers):  # it stood still
+                    line, style = "".join("─" if block.strip() else " " for block in line), "dim"
+        return [StyledText(f"{line:<{width}} ", style)]
 
     def _members(self, register: WatchedRegister, meaning: Meaning) -> list[WatchedRegister]:
         """It and the registers right behind it, as many as its type takes and were seen."""
@@ -250,6 +270,11 @@ def _name_width(width: int) -> int:
 def _value_width(width: int) -> int:
     """Columns of a value: on the narrowest terminals all that place and name leave."""
     return max(8, min(18, width - 27))
+
+
+def _trend_width(width: int) -> int:
+    """Columns of how a value went; none where terminals are narrow."""
+    return max(0, min(32, width - 110))
 
 
 def _in_order(register: WatchedRegister) -> tuple[int, bool, int, int]:
