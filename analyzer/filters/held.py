@@ -2,7 +2,7 @@
 
 At every second byte begins a number; those that pass are counted along the bytes once, from the first byte and from the
 second. A row holds one where that count grows between its first register and its last. Where few numbers pass, only the
-rows that they stand in are fetched.
+rows that they stand in are fetched, and looked up among the places found.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from ..tables.batch import Batch
 from ..tables.columns import AreaCode, HeldValues, ValueSpans, unplaced_keys
 from ..tables.pdus import words_of
 from .slices import Mask, TableSlice, ValueSlice
@@ -21,7 +22,7 @@ from .table import RowOctets
 from .tree import Wanted
 
 Passes = Callable[[NDArray[np.uint16]], Mask]
-_WORTH: Final = 0.25  # numbers that pass, a row: from there on all rows are read
+_WORTH: Final = 1.0  # numbers that pass, a row: from there on all rows are read
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,26 +49,40 @@ class HeldSlice:
 
         bits_pass = bool(passes(np.arange(2, dtype=np.uint16)).any())
         octets = None if bits_pass else self.section.octets
-        candidates = None if octets is None else self._candidates(octets, passes)
-        if octets is None or candidates is None:
+        hits = None if octets is None else np.flatnonzero(passes(words_of(octets.data)))
+        if octets is None or hits is None or len(hits) > len(self.section) * _WORTH:
             return self._of(self.section.held, len(self.section), passes, bits_pass=bits_pass)
         mask = np.zeros(len(self.section), np.bool_)
+        candidates = self._candidates(octets, hits)
         if len(candidates):
             batch, rows = octets.some(candidates)
-            rows = rows[self._of(HeldValues(batch), len(batch), passes, bits_pass=False)]
+            rows = rows[self._at(HeldValues(batch), hits + _behind(octets, batch, rows), passes)]
             mask[rows[rows >= 0]] = True
         return mask
 
-    def _candidates(self, octets: RowOctets, passes: Passes) -> NDArray[np.intp] | None:
-        """Rows in whose bytes a number passes, whatever it is; None where that leaves too many to be worth choosing."""
-        hits = np.flatnonzero(passes(words_of(octets.data)))
-        if len(hits) > len(self.section) * _WORTH:
-            return None
+    def _candidates(self, octets: RowOctets, hits: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Rows in whose bytes a number passes, whatever it is, and those whose values have no fixed place."""
         kinds, functions = (self.section.column(name) for name in ("kind", "function"))
         chosen: Mask = unplaced_keys()[kinds.astype(np.uint16) << 8 | functions]
         rows = np.searchsorted(octets.begins, hits, side="right") - 1
         chosen[rows[(rows >= 0) & (hits + 2 <= octets.ends[rows])]] = True
         return np.flatnonzero(chosen if self.requested is None else chosen & self.requested)
+
+    def _at(self, held: HeldValues, hits: NDArray[np.intp], passes: Passes) -> Mask:
+        """Which rows of a batch of few pass, where it is known at which bytes a number begins that does."""
+        mask = np.zeros(len(held.pdus.begins), np.bool_)
+        by_side = hits[hits & 1 == 0], hits[hits & 1 == 1]
+        for span in self._spans(held, None):
+            if span.read is None:
+                ends = span.begins + 2 * span.counts
+                for odd, places in enumerate(by_side):
+                    own = (span.begins & 1 == odd) & (span.counts > 0)
+                    first, last = (np.searchsorted(places, bounds[own]) for bounds in (span.begins, ends))
+                    mask[span.rows[own][last > first]] = True
+            elif not span.is_bits:
+                of, _, values = span.each(held.pdus)
+                mask[span.rows[of[passes(values)]]] = True
+        return mask
 
     def _of(self, held: HeldValues, count: int, passes: Passes, *, bits_pass: bool) -> Mask:
         """Which rows of a batch pass."""
@@ -85,6 +100,12 @@ class HeldSlice:
 
     def _spans(self, held: HeldValues, among: Mask | None) -> list[ValueSpans]:
         return [span for span in held.spans(among) if span.area not in self.left_out]
+
+
+def _behind(octets: RowOctets, batch: Batch, rows: NDArray[np.intp]) -> int:
+    """How far behind its place in the rows' bytes a byte stands in those of a batch of some of them."""
+    known = int(np.argmax(rows >= 0))
+    return int(batch.rows.at[known] + 1 - octets.begins[rows[known]])
 
 
 def _touched(held: HeldValues, before: NDArray[np.int32], size: int) -> Mask:
