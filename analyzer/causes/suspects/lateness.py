@@ -286,14 +286,17 @@ def _redundant(evidence: Evidence, unit: UnitLedger) -> Slow:
 
 
 def _sooner(evidence: Evidence, unit: UnitLedger) -> bool:
-    """Whether the master repeats its request sooner behind a unit's answers than it sends another one."""
+    """Whether the master repeats its request sooner behind a unit's answers than it sends another one, there and behind
+    those of others: it may rest at the end of its list, which makes a mean long."""
     repeated = unit.redundant_pauses
     others = len(unit.pauses) - len(repeated)
     if not len(repeated) or not others:
         return False
     off = evidence.verdict.wait_ns
     error = off * ((1 / len(repeated) + 1 / others) / 12) ** 0.5  # of means of times that are wrong by up to so much
-    usual = (unit.pauses.total - repeated.total) / others
+    medians = [other.pauses.quantile(0.5) for other in evidence.units if other is not unit]
+    elsewhere = [median - off for median in medians if median is not None]
+    usual = min((unit.pauses.total - repeated.total) / others, *elsewhere, UNKNOWN)
     return bool(repeated.total / len(repeated) + 2 * error < _SOONER * usual)
 
 
