@@ -17,12 +17,12 @@ def needs(what: str, library: str, extra: str | None = None) -> str:
 
 def install_line(library: str, extra: str | None = None) -> str:
     """The command that adds an extra to this installation; the library alone where no extra has it."""
-    parts = Path(sys.prefix).parts
+    prefix = Path(sys.prefix)
     source = _clone() or _NAME
     quote = '"' if os.name == "nt" else "'"
-    if "pipx" in parts:
+    if (prefix / "pipx_metadata.json").exists():  # a mark of its own, wherever it is; there is no pip
         return f"pipx inject {_NAME} {library}"
-    if "uv" in parts and "tools" in parts:
+    if (prefix / "uv-receipt.toml").exists():
         return f"uv tool install --with {library} {quote}{source}{quote}"
     if extra is None:
         return f"{_python()} -m pip install {library}"

@@ -286,15 +286,16 @@ def test_a_manifest_names_what_a_line_without_its_state_has(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("prefix", "said"),
+    ("mark", "said"),
     [
-        ("/opt/venv", "-m pip install polars"),
-        ("/home/me/.local/share/pipx/venvs/rtuscope", "pipx inject rtuscope polars"),
-        ("/home/me/.local/share/uv/tools/rtuscope", "uv tool install --with polars"),
+        ("pyvenv.cfg", "-m pip install polars"),
+        ("pipx_metadata.json", "pipx inject rtuscope polars"),
+        ("uv-receipt.toml", "uv tool install --with polars"),
     ],
 )
-def test_a_library_without_an_extra_is_added_where_this_program_is(monkeypatch, prefix, said):
-    monkeypatch.setattr(sys, "prefix", prefix)
+def test_a_library_without_an_extra_is_added_where_this_program_is(monkeypatch, tmp_path, mark, said):
+    (tmp_path / mark).touch()  # in a folder of any name: PIPX_HOME and UV_TOOL_DIR move it
+    monkeypatch.setattr(sys, "prefix", str(tmp_path))
     assert said in needs("a polars frame", "polars")
 
 

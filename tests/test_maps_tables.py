@@ -68,6 +68,7 @@ def test_a_workbook_without_its_library_names_what_installs_it(
     book = tmp_path / "book.xlsx"
     book.write_bytes(b"PK\x03\x04" + bytes(64))
     monkeypatch.setitem(sys.modules, "openpyxl", None)
-    monkeypatch.setattr(sys, "prefix", "/home/user/pipx/venvs/rtuscope")
+    (tmp_path / "pipx_metadata.json").touch()
+    monkeypatch.setattr(sys, "prefix", str(tmp_path))
     said = refused(capsys, "map", "import", book, "-o", tmp_path / "map.csv")
     assert said.endswith("needs openpyxl: pipx inject rtuscope openpyxl")
