@@ -96,6 +96,39 @@ def test_what_is_told_while_it_runs_and_at_its_end_is_in_the_catalogue() -> None
     assert not missing, missing
 
 
+def _notices() -> Iterator[str]:
+    """What captures say of how they were read."""
+    for path in Path(str(captures.__file__)).parent.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            said: list[ast.AST] = []
+            if isinstance(node, ast.FunctionDef) and node.name == "notices":
+                said = [each.value for each in ast.walk(node) if isinstance(each, ast.Yield) and each.value]
+            elif isinstance(node, ast.Assign | ast.AnnAssign | ast.AugAssign) and node.value is not None:
+                target = ast.unparse(node.targets[0] if isinstance(node, ast.Assign) else node.target)
+                said = [node.value] if re.search(r"\b(notices|told)$|\[INFERRED\]$", target) else []
+            elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith("notices.append"):
+                said = list(node.args)
+            for each in said:
+                yield from _texts(each)
+
+
+def _texts(node: ast.AST) -> Iterator[str]:
+    """The whole texts in an expression."""
+    if isinstance(node, ast.JoinedStr) or (isinstance(node, ast.Constant) and isinstance(node.value, str)):
+        yield _template(node)
+    else:
+        for child in ast.iter_child_nodes(node):
+            yield from _texts(child)
+
+
+def test_notices_of_captures_are_in_the_catalogue() -> None:
+    said = {words.replace("⟨⟩", "x 1") for words in _notices() if re.search("[a-z]{3}.* ", words)}
+    assert len(said) > 10
+    languages.use("ru")
+    missing = [words for words in said if re.search("[a-z]{3,} [a-z]{3,}", retold(words)) or retold(words) == words]
+    assert not missing, missing
+
+
 def test_places_are_the_same() -> None:
     errors = languages.catalogue("ru")["errors"]
     assert len(errors) > 300

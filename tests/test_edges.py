@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from wave_files import binary_export, edge_table, sample_table, scope_table, sr, vcd
+from wave_files import binary_export, combined_table, edge_table, sample_table, scope_table, sr, vcd
 from wave_forms import edges_of, frames_on_line, random_frames, sampled
 
 import captures
@@ -214,6 +214,7 @@ def tables() -> dict[str, bytes]:
         "PulseView": sample_table(samples, "RO,DE,TX"),
         "sigrok-cli": sample_table(samples, "logic,logic,logic"),
         "sigrok of old": sample_table(samples, head=old),
+        "Logic 1, all channels in one number": combined_table(samples),
         "sigrok, CR LF": sample_table(samples, "RO,DE,TX").replace(b"\n", b"\r\n"),
     }
 
@@ -327,6 +328,35 @@ def test_rows_that_are_none_are_said(tmp_path: Path) -> None:
     capture = opened(tmp_path, b"".join(lines), "table.csv")
     assert whole(capture) == SENT
     assert [damage.what for damage in capture.damage] == ["1 rows that are none: left out"]
+
+
+def test_bytes_of_an_analyser_are_no_levels(tmp_path: Path) -> None:
+    frames = bytes.fromhex("1103006B00037687 010300000001840A") * 20
+    rows = "".join(f"{i / 1000:.6f},0x{byte:02X}\n" for i, byte in enumerate(frames))
+    capture = opened(tmp_path, f"Time [s],Value\n{rows}".encode(), "table.csv")
+    assert capture.format == "saleae"
+    assert whole(capture) == frames
+
+
+def test_a_dump_without_a_time_scale(tmp_path: Path) -> None:
+    said = b"$timescale 1 ns $end\n"
+    capture = opened(tmp_path, vcd({"RO": EDGES}).replace(said, b""), "bus.vcd")
+    assert whole(capture) == SENT
+    assert "no $timescale: the times of this dump are read as nanoseconds" in capture.notices[0]
+    micros = vcd({"RO": EDGES}, "1 ns", 1000).replace(said, b"")
+    with pytest.raises(CaptureError):
+        opened(tmp_path, micros, "bus.vcd")
+    capture = opened(tmp_path, micros, "bus.vcd", sample_rate=1_000_000)
+    assert (whole(capture), capture.line.baud) == (SENT, 19200)
+
+
+@pytest.mark.parametrize(("off", "said"), [(0, 56000), (0.004, 56000), (0.0286, 57600), (0.02, 57600)])
+def test_a_seldom_rate_beside_a_usual_one(off: float, said: int) -> None:
+    edges, sent = line(random.Random(7), round(56000 * (1 + off)), (8, "E", 1), count=12)
+    found = settings_of(np.array(edges), 1, GivenSettings())
+    assert found is not None
+    assert found[0].baud == said
+    assert Uart(found[0], 1).feed(np.array(edges), None).value.tobytes() == sent
 
 
 @pytest.mark.parametrize("version", [0, 1])

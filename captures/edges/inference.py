@@ -23,6 +23,8 @@ _LEAST: Final = 8  # edges of a channel that may carry characters
 _WHOLE: Final = 0.85  # of the pulses within a character that must be whole numbers of bits
 _NEAR: Final = 0.2  # of a bit, off a whole number
 _OFF: Final = 0.035  # of a bit: a sender's clock may be so far from the usual rate
+_SELDOM: Final = (56000,)  # bit/s: near to a usual rate, so meant where the line has just this one
+_JUST: Final = 0.005  # of a rate, off it
 _SLOWEST: Final = 200.0  # bit/s
 _RIGHT: Final = 0.97  # of the characters or parity bits, that leave no doubt
 _GOOD: Final = 0.8  # of the characters that must be without an error
@@ -146,6 +148,9 @@ def _near_multiples(widths: Times, bit: float, most: float, tolerance: float) ->
 
 def usual_rate(baud: float) -> float:
     """The usual rate that is meant, or this one where none is near."""
+    for rate in _SELDOM:
+        if abs(baud / rate - 1) <= _JUST:
+            return float(rate)
     nearest = min(RATES, key=lambda rate: abs(baud / rate - 1))
     return float(nearest) if abs(baud / nearest - 1) < _OFF else round(baud, 1)
 

@@ -5,6 +5,7 @@
     Time [ms];RX                         0,6025;1
     ; Samplerate: 1 MHz                  microseconds,logic,logic       602,1,0
     Sample, Channel 0                    602, 1
+    Time[s],Value                        0.000602500,0x3                (Logic 1: a bit a channel)
 
 Times may be ISO 8601, or numbers of samples; sigrok counts in the unit in which its rate is a whole number. `X` stands
 where a channel was not captured. Lines before the names of the columns are comments.
@@ -13,6 +14,7 @@ where a channel was not captured. Lines before the names of the columns are comm
 from __future__ import annotations
 
 import csv
+import itertools
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -41,6 +43,10 @@ _STATES: Final = re.compile(rb"[^,]+(?:, ?[01X])+\r?")
 _SIGNS: Final = (b",", b";", b"\t")  # between columns
 _COUNTED: Final = (10**9, 10**6, 10**3, 1)  # ns: the units in which sigrok counts samples
 _COMMENTS: Final = 32  # lines before the names
+_COMBINED: Final = re.compile(rb"(?<=,)0x([0-9A-Fa-f]{1,16})(?=\n|$)")  # the levels of all channels
+_ROWS: Final = 16  # by which these are told from bytes, at the least
+_SINGLE: Final = 0.8  # of the rows, in which one channel changes
+_NIBBLE: Final = 15  # no line's bytes are all so small
 _BATCH: Final = 1 << 20
 _CHANNELS: Final = 64
 _TIME_WIDTH: Final = 40  # characters of a time
@@ -154,11 +160,35 @@ class _TableHead:
     size: int
     sign: bytes
     unit_ns: float  # 0 of numbers of samples whose rate nobody says
+    combined: bool = False  # the levels of all channels are one number
 
     def plain(self, text: bytes) -> bytes:
         """Rows with commas between their columns, points in their numbers and no blanks."""
         text = text.replace(b" ", b"").replace(b"\r", b"")
+        if self.combined:
+            return _COMBINED.sub(self._levels, text)
         return text if self.sign == b"," else text.replace(b",", b".").replace(self.sign, b",")
+
+    def _levels(self, match: re.Match[bytes]) -> bytes:
+        value = int(match[1], 16)
+        return b",".join(b"%d" % (value >> bit & 1) for bit in range(len(self.names)))
+
+
+def _combined(rows: bytes) -> list[str]:
+    """The channels whose levels are one hexadecimal number a row; none where the numbers are bytes of a line.
+
+    A row stands where a channel changed: hardly ever twice the same, and seldom with changes of several channels.
+    """
+    lines = rows.replace(b"\r", b"").replace(b" ", b"").split(b"\n")[:-1]  # the last line may be cut
+    found = [match[1] for line in lines if (match := _COMBINED.search(line))]
+    values = [int(text, 16) for text in found]
+    changes = [one ^ other for one, other in itertools.pairwise(values)]
+    if len(values) < max(_ROWS, _SINGLE * sum(map(bool, lines))) or changes.count(0) > len(changes) // _ROWS:
+        return []
+    single = sum(change.bit_count() == 1 for change in changes)
+    if max(values) > _NIBBLE and single < _SINGLE * len(changes):
+        return []
+    return [f"Channel {bit}" for bit in range(4 * max(map(len, found)))]
 
 
 def _head(head: bytes) -> _TableHead | None:
@@ -177,6 +207,8 @@ def _head(head: bytes) -> _TableHead | None:
                 _TIME.fullmatch(names[0]) is not None and (sign == b"," or unit is not None)
             ):
                 found = _TableHead(names[1:], number, size, sign, unit or 10**9)
+                if sign == b"," and len(names) == 2 and (channels := _combined(head[size:])):
+                    found = replace(found, names=channels, combined=True)
                 row = found.plain(head[size:].partition(b"\n")[0])
                 if sampled:
                     found = replace(found, unit_ns=10**9 / rate if rate else 0)

@@ -2,25 +2,30 @@
 
 Changes of variables of one bit are taken, each a channel; unknown and high-impedance values are passed over. The dump
 is read by arrays: a token that begins with `#` is a time, one that begins with 0 or 1 a change, the rest says whose.
+
+The standard gives a dump without `$timescale` no unit. Viewers take nanoseconds (GTKWave); so are they here where a
+usual baud rate comes of it, or where a baud rate is given. `--sample-rate` says how many units make a second.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import wraps
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..chunks import Note
-from ..edges.source import EdgePiece, edge_reader
+from ..edges.source import EdgePiece, EdgeSource, edge_reader
 from ..edges.uart import Times
 from ..errors import CaptureError
 from ..files import opened
 from ..limits import TIME_LIMIT
+from ..spacing import RATES
 from . import Format
 
 _HEADER: Final = 1 << 20  # bytes of declarations, at most
@@ -153,24 +158,28 @@ def _named(data: NDArray[np.uint8], changes: _Changes, code: bytes) -> NDArray[n
 
 
 def _sniff(head: bytes) -> float:
-    if b"$var" not in head or b"$timescale" not in head:
+    if b"$var" not in head or (b"$timescale" not in head and b"$enddefinitions" not in head):
         return 0.0
     return 1.0 if head.lstrip().startswith(b"$") else 0.0
 
 
-def _load(path: Path, _rate: float | None = None) -> _WaveDump:
+def _load(path: Path, sample_rate: float | None = None) -> _WaveDump:
     with opened(path) as file:
         head = file.read(_HEADER)
     end = _END.search(head)
     scale = _SCALE.search(head)
-    if end is None or scale is None:
-        raise CaptureError(f"{path}: no value change dump, or one without $timescale and $enddefinitions")
+    if end is None:
+        raise CaptureError(f"{path}: no value change dump, or one without $enddefinitions")
+    if scale is not None:
+        unit = int(scale[1]) * _FEMTOSECONDS[scale[2]]
+    else:
+        unit = _NS if sample_rate is None else max(round(_FEMTOSECONDS[b"s"] / sample_rate), 1)
     variables = dict(reversed([(code, name) for code, name in _VARIABLE.findall(head[: end.start()])]))
     codes = list(reversed(variables))[:_CHANNELS]
     if not codes:
         raise CaptureError(f"{path}: no variable of one bit in this dump: nothing here is a serial line")
     names = [variables[code].decode("utf-8", "replace") for code in codes]
-    dump = _WaveDump(path, names, [0] * len(codes), codes, end.end(), int(scale[1]) * _FEMTOSECONDS[scale[2]])
+    dump = _WaveDump(path, names, [0] * len(codes), codes, end.end(), unit)
     levels = [0] * len(codes)
     for data, changes in dump._changes(lambda *_: None):
         for channel, code in enumerate(codes):
@@ -181,4 +190,23 @@ def _load(path: Path, _rate: float | None = None) -> _WaveDump:
     return dump
 
 
-FORMAT = Format("vcd", (".vcd",), _sniff, edge_reader(_load))
+_edges = edge_reader(_load)
+
+
+@wraps(_edges)
+def _read(path: Path, **given: Any) -> EdgeSource:
+    with opened(path) as file:
+        head = file.read(_HEADER)
+    if _END.search(head) is None or _SCALE.search(head) is not None or given.get("sample_rate") is not None:
+        return _edges(path, **given)
+    source = _edges(path, **given)
+    if given.get("baud") is None and any(one.settings.baud not in RATES for one in source.channels):
+        raise CaptureError(
+            f"{path}: no $timescale, and as nanoseconds its times give no usual rate: give the times a second with "
+            "--sample-rate"
+        )
+    notice = "no $timescale: the times of this dump are read as nanoseconds (--sample-rate says otherwise)"
+    return replace(source, notices=(notice, *source.notices))
+
+
+FORMAT = Format("vcd", (".vcd",), _sniff, _read)

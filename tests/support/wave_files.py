@@ -63,6 +63,17 @@ def edge_table(channels: dict[str, list[int]], head: str = "Time [s]", end: str 
     return (end.join(rows) + end).encode()
 
 
+def combined_table(channels: list[list[int]], end: str = "\r\n") -> bytes:
+    """Logic 1's export with the levels of all channels in one hexadecimal number."""
+    changes = sorted((t, bit) for bit, edges in enumerate(channels) for t in edges)
+    value = (1 << len(channels)) - 1
+    rows = ["Time[s],Value", f"0.000000000000000,0x{value:X}"]
+    for t, bit in changes:
+        value ^= 1 << bit
+        rows.append(f"{t / 1e9:.15f},0x{value:X}")
+    return (end.join(rows) + end).encode()
+
+
 def sample_table(
     channels: list[list[int]], names: str = "", head: str = "; Acquisition with 1/8 channels at 1 MHz"
 ) -> bytes:
