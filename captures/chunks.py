@@ -26,6 +26,7 @@ from .ragged import copy_pieces, sums
 from .time_order import TimeOrder
 
 if TYPE_CHECKING:
+    from .edges.spans import BitSpans
     from .recording.notes import Note as LineNote
 
 MAX_DAMAGE = 100  # entries kept; further ones are counted
@@ -201,6 +202,12 @@ class Source(Protocol):
         ...
 
 
+def spans_of(source: Source) -> BitSpans | None:
+    """How long bits took, of a source that has edges."""
+    spans: BitSpans | None = getattr(source, "spans", None)
+    return spans
+
+
 class Capture:
     """Line settings and a stream of blocks, which can be read again and again.
 
@@ -250,6 +257,11 @@ class Capture:
         for block in self.blocks():
             for i in range(len(block)):
                 yield block.chunk(i)
+
+    @property
+    def spans(self) -> BitSpans | None:
+        """How long bits took, by the bytes of the newest pass; None of a source that has no edges."""
+        return spans_of(self._source)
 
     def notes(self) -> list[LineNote]:
         """What the source says besides bytes, in order of time: an adapter unplugged, a comment on a packet.

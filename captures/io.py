@@ -10,7 +10,8 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, BinaryIO, Final
 
-from .chunks import Block, Capture, Chunk, Note, Source
+from .chunks import Block, Capture, Chunk, Note, Source, spans_of
+from .edges.spans import BitSpans
 from .errors import CaptureError
 from .files import read_head, replacing
 from .formats import Format, RecognisedFormat, by_name, claimed, for_writing, likely, recognise
@@ -144,6 +145,10 @@ class _Opened:
 
     def __post_init__(self) -> None:
         self.file.keep(self)
+
+    @property
+    def spans(self) -> BitSpans | None:
+        return spans_of(self.source)
 
     def notes(self) -> list[LineNote]:
         of_source = getattr(self.source, "notes", None)

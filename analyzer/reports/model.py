@@ -231,6 +231,18 @@ class HourRow:
 
 
 @dataclass(frozen=True, slots=True)
+class RateRow:
+    """How fast a sender's clock is, by the edges of its bits: a `unit`, or the client where that is None.
+
+    `error`: the share by which it is faster than the line's settings say, negative where it is slower.
+    """
+
+    unit: int | None
+    baud: float  # bit/s
+    error: float
+
+
+@dataclass(frozen=True, slots=True)
 class Load:
     """Share of the time in which something is on the wire, 0 to 1; None where times or line settings are not known.
 
@@ -272,6 +284,7 @@ class Report:
     exceptions: tuple[ExceptionRow, ...]
     foreign: Mapping[str, int] = field(default_factory=dict)  # bytes of other protocols on the pair, by name
     clock_skew_ns: tuple[int, int] | None = None  # bounds: how far the answers' tap is ahead of the requests'
+    rates: tuple[RateRow, ...] = ()  # of senders, where edges were captured
     filter: str = ""  # what the rest of the report is narrowed to
     causes: tuple[Cause, ...] = ()  # what explains the findings, best first; none on a healthy bus
     cards: tuple[UnitCard, ...] = ()  # by unit; none where a filter leaves out a part of the bus

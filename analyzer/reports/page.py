@@ -5,7 +5,7 @@ Facts first, trouble marked by its own lines; what this capture cannot tell is s
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import PurePath
 from typing import Final
 
@@ -17,10 +17,11 @@ from ..outages import unheard
 from ..words import duration, is_clock, moment
 from . import against, findings, pagetables, values
 from .findings import and_more
-from .model import Counts, Report
+from .model import Counts, RateRow, Report
 from .paragraphs import WIDTH, PageLine, Paragraph
 
 _LOSSES: Final = 3
+_RATES: Final = 6
 _HAPPENED: Final = 4  # of a recording
 
 
@@ -79,6 +80,8 @@ def facts(report: Report) -> Iterator[tuple[str, str]]:
     yield "response", _response(report)
     if report.clock_skew_ns is not None and not report.clock_skew_ns[0] <= 0 <= report.clock_skew_ns[1]:
         yield "clocks", _clocks(report.clock_skew_ns)
+    if report.rates:
+        yield "rates", _rates(report.rates)
 
 
 def file_name(source: str) -> str:
@@ -145,6 +148,20 @@ def _bytes(report: Report) -> str:
     for name, size in report.foreign.items():
         words += page_words("; {size:,} of another protocol, {name}", size=size, name=name)
     return words
+
+
+def _rates(rates: Sequence[RateRow]) -> str:
+    """How fast senders are, those that are farthest off first."""
+    some = sorted(rates, key=lambda row: -abs(row.error))[:_RATES]
+    words = [
+        page_words("client {error:+.1%}", error=round(row.error, 3) + 0.0)
+        if row.unit is None
+        else page_words("unit {unit} {error:+.1%}", unit=row.unit, error=round(row.error, 3) + 0.0)
+        for row in some
+    ]
+    if len(rates) > _RATES:
+        words.append(page_words("{count} more nearer to it", count=len(rates) - _RATES))
+    return page_words("clocks against the line's rate: {senders}", senders=", ".join(words))
 
 
 def _clocks(skew: tuple[int, int]) -> str:

@@ -25,6 +25,7 @@ from ..tables.schema import Kind, Rows
 from ..tables.transactions import Status, TransactionRows
 from ..usernotes import Notes, marked_rows
 from .model import BookmarkRow, Counts, ExceptionRow, FunctionRow, Load, Report, Times, UnitRow
+from .rates import RateTable
 from .troubles import Troubles
 
 if TYPE_CHECKING:
@@ -296,8 +297,11 @@ def summarize(
 
         stream = filtered(summary.hear(stream), filter, line)
     notes, marks = Notes.of_capture(capture.path), list[BookmarkRow]()
+    rates = None if capture.spans is None else RateTable(capture.spans)
     for analysed in stream:
         summary.feed(analysed)
+        if rates is not None:
+            rates.feed(analysed.batch.rows)
         marks += _marks(notes, analysed.batch.rows)
         if ledger is not None:
             ledger.feed(analysed.batch, analysed.transactions)
@@ -308,7 +312,7 @@ def summarize(
         if progress is not None:
             progress(summary.frames, summary.bytes)
     report = summary.report(capture, source=source, partial=stop is not None and stop())
-    report = replace(report, bookmarks=tuple(marks))
+    report = replace(report, bookmarks=tuple(marks), rates=() if rates is None else rates.rows())
     if values is not None:
         report = replace(report, values=values.values())
     if ledger is None:

@@ -13,13 +13,13 @@ from pathlib import Path
 from typing import Final, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..chunks import Block, Note, columns
 from ..errors import CaptureError
 from ..line import LineSettings
 from ..spacing import INFERRED
 from .inference import ENOUGH, GivenSettings, settings_of
+from .spans import BitSpans
 from .uart import Characters, Times, Uart, UartSettings
 
 TAP: Final = "logic"  # the line's `tap`
@@ -87,7 +87,8 @@ def edge_source(path: Path, file: EdgeFile, given: GivenSettings) -> EdgeSource:
     channels = [
         _Channel(one.number, port, file.levels[one.number], one.settings) for port, one in enumerate(serial[:_PORTS])
     ]
-    return EdgeSource(file, channels, _line(file, channels, given), told)
+    spans = BitSpans({one.port: one.settings.baud for one in channels})
+    return EdgeSource(file, channels, _line(file, channels, given), told, spans)
 
 
 def _heads(file: EdgeFile) -> list[Times]:
@@ -154,24 +155,22 @@ class EdgeSource:
     channels: Sequence[_Channel]
     line: LineSettings
     notices: tuple[str, ...]
+    spans: BitSpans
     timed: bool = True
 
     def blocks(self, max_bytes: int, note: Note) -> Iterator[Block]:  # noqa: ARG002 - as the file comes
-        return (block for block, _ in self.measured(note))
-
-    def measured(self, note: Note) -> Iterator[tuple[Block, NDArray[np.int64]]]:
-        """Blocks, each with (2, n) numbers: how long, in ns, so many bits of each byte took; 0 and 0 where unknown."""
+        number = self.spans.begin()
         uarts = [Uart(one.settings, one.level, self.file.begin_ns) for one in self.channels]
         for piece in self.file.pieces(note):
             parts = [
                 uart.feed(piece.edges[one.number], piece.until_ns)
                 for uart, one in zip(uarts, self.channels, strict=True)
             ]
-            yield self._block(parts)
+            yield self._block(number, parts)
         none = np.zeros(0, np.int64)
-        yield self._block([uart.feed(none, None) for uart in uarts])
+        yield self._block(number, [uart.feed(none, None) for uart in uarts])
 
-    def _block(self, parts: Sequence[Characters]) -> tuple[Block, NDArray[np.int64]]:
+    def _block(self, number: int, parts: Sequence[Characters]) -> Block:
         """Characters of all channels as single bytes in order of their ends."""
         ends = np.concatenate([part.end_ns for part in parts])
         order = np.argsort(ends, kind="stable")
@@ -182,7 +181,8 @@ class EdgeSource:
         block = columns(value.tobytes(), np.ones(len(order), np.int64), ends[order], timed=True, extras=extras)
         span = np.concatenate([part.span_ns for part in parts])[order]
         bits = np.concatenate([part.span_bits for part in parts])[order]
-        return block, np.stack((span, bits.astype(np.int64)))
+        self.spans.add(number, block.port, np.stack((span, bits.astype(np.int64))))
+        return block
 
 
 def edge_reader(load: Callable[[Path, float | None], EdgeFile]) -> Callable[..., EdgeSource]:

@@ -1,0 +1,73 @@
+"""How fast senders' clocks are: of each, in per cent of the line's rate, where a logic analyser saw the edges."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from buses import adu
+from wave_files import vcd
+from wave_forms import edges_of, frames_on_line
+
+import captures
+from analyzer.filters import compile_filter
+from analyzer.reports import Report, summarize, text
+
+BAUD = 19200
+OFF = {None: 0.01, 17: -0.015, 3: 0.0}  # of the client and two units
+"""By how much the clock of the client, and of two units, is off."""
+
+
+def bus() -> list[tuple[int | None, list[int]]]:
+    """Who sends, and the edges."""
+    now, out = 0, list[tuple[int | None, list[int]]]()
+    for turn in range(40):
+        unit = (17, 3)[turn % 2]
+        request = adu(f"{unit:02x}03006b0002")
+        answer = adu(f"{unit:02x}0304{turn:02x}{200 - turn:02x}55{turn:02x}")
+        for sender, frame in ((None, request), (unit, answer)):
+            characters = frames_on_line([frame], BAUD * (1 + OFF[sender]), 10, 0, 4_000_000, now)
+            edges = edges_of(characters, BAUD, off=OFF[sender])
+            out.append((sender, edges))
+            now = edges[-1] + 1_000_000
+    return out
+
+
+def reported(path: Path, channels: dict[str, list[int]], filter: str = "", **settings: int) -> Report:
+    path.write_bytes(vcd(channels))
+    capture = captures.open(path, **settings)
+    return summarize(capture, filter=compile_filter(filter) if filter else None)
+
+
+@pytest.mark.parametrize("wires", [1, 2])
+@pytest.mark.parametrize("given", [{}, {"baud": BAUD}], ids=["inferred", "given"])
+def test_the_rate_of_each_sender_is_told(tmp_path: Path, wires: int, given: dict[str, int]) -> None:
+    channels: dict[str, list[int]] = {"RO": [], "TX": []} if wires == 2 else {"RO": []}
+    for sender, edges in bus():
+        channels["TX" if wires == 2 and sender is None else "RO"] += edges
+    report = reported(tmp_path / "bus.vcd", channels, **given)
+    assert report.frames == 80
+    assert {row.unit: pytest.approx(row.error, abs=2e-4) for row in report.rates} == OFF
+    assert {row.unit: pytest.approx(row.baud, rel=2e-4) for row in report.rates} == {
+        sender: BAUD * (1 + off) for sender, off in OFF.items()
+    }
+    assert "rates     clocks against the line's rate: unit 17 -1.5%, client +1.0%, unit 3 +0.0%" in text(report, 200)
+
+
+def test_of_what_passes_a_filter(tmp_path: Path) -> None:
+    channels = {"RO": [edge for _, edges in bus() for edge in edges]}
+    report = reported(tmp_path / "bus.vcd", channels, "unit == 3 and response")
+    assert {row.unit: pytest.approx(row.error, abs=2e-4) for row in report.rates} == {3: 0.0}
+
+
+def test_another_pass_over_the_capture_changes_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "bus.vcd"
+    path.write_bytes(vcd({"RO": [edge for _, edges in bus() for edge in edges]}))
+    capture = captures.open(path)
+    alone = summarize(capture).rates
+    assert len(alone) == len(OFF)
+    assert summarize(capture, watch=lambda _: list(capture.blocks()) and None).rates == alone
+
+
+def test_it_is_not_told_of_what_has_no_edges() -> None:
+    assert summarize(captures.Capture.of(captures.LineSettings(baud=BAUD), [captures.Chunk(1, bytes(9))])).rates == ()
