@@ -10,6 +10,7 @@ from wave_files import vcd
 from wave_forms import edges_of, frames_on_line
 
 import captures
+from analyzer.core import Analysed
 from analyzer.filters import compile_filter
 from analyzer.reports import Report, summarize, text
 
@@ -33,19 +34,19 @@ def bus() -> list[tuple[int | None, list[int]]]:
     return out
 
 
-def reported(path: Path, channels: dict[str, list[int]], filter: str = "", **settings: int) -> Report:
+def reported(path: Path, channels: dict[str, list[int]], filter: str = "", baud: int | None = None) -> Report:
     path.write_bytes(vcd(channels))
-    capture = captures.open(path, **settings)
+    capture = captures.open(path, baud=baud)
     return summarize(capture, filter=compile_filter(filter) if filter else None)
 
 
 @pytest.mark.parametrize("wires", [1, 2])
-@pytest.mark.parametrize("given", [{}, {"baud": BAUD}], ids=["inferred", "given"])
-def test_the_rate_of_each_sender_is_told(tmp_path: Path, wires: int, given: dict[str, int]) -> None:
+@pytest.mark.parametrize("baud", [None, BAUD], ids=["inferred", "given"])
+def test_the_rate_of_each_sender_is_told(tmp_path: Path, wires: int, baud: int | None) -> None:
     channels: dict[str, list[int]] = {"RO": [], "TX": []} if wires == 2 else {"RO": []}
     for sender, edges in bus():
         channels["TX" if wires == 2 and sender is None else "RO"] += edges
-    report = reported(tmp_path / "bus.vcd", channels, **given)
+    report = reported(tmp_path / "bus.vcd", channels, baud=baud)
     assert report.frames == 80
     assert {row.unit: pytest.approx(row.error, abs=2e-4) for row in report.rates} == OFF
     assert {row.unit: pytest.approx(row.baud, rel=2e-4) for row in report.rates} == {
@@ -66,7 +67,11 @@ def test_another_pass_over_the_capture_changes_nothing(tmp_path: Path) -> None:
     capture = captures.open(path)
     alone = summarize(capture).rates
     assert len(alone) == len(OFF)
-    assert summarize(capture, watch=lambda _: list(capture.blocks()) and None).rates == alone
+
+    def look(_: Analysed) -> None:
+        assert list(capture.blocks())
+
+    assert summarize(capture, watch=look).rates == alone
 
 
 def test_it_is_not_told_of_what_has_no_edges() -> None:
