@@ -10,6 +10,8 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
+from multiprocessing import util as spawning
 from pathlib import Path
 
 import pytest
@@ -23,6 +25,7 @@ pytest.importorskip("fsspec", reason="a lake needs fsspec for object stores")
 from lakes import DAY_NS, batch, bus, plain, rows, same, sliced, write_fleet
 
 from analyzer.cli.batch import chosen_runner
+from analyzer.cli.terminal import endable
 from analyzer.fleet.errors import FleetError
 from analyzer.fleet.lake import Lake
 from analyzer.fleet.manifest import FOLDER, Manifest, writing
@@ -188,6 +191,30 @@ def test_no_worker_outlives_its_batch(sources, tmp_path):
         assert process.wait() == (-signal.SIGKILL if way == signal.SIGKILL else 130)
         if way != signal.SIGKILL:
             assert told == "rtuscope: ended at once; what was done is kept: --resume goes on\n"
+
+
+@pytest.mark.skipif(os.name != "posix", reason="ends by a signal")
+def test_what_ends_a_batch_waits_until_a_worker_has_begun(sources, tmp_path, monkeypatch, capfd):
+    """A worker whose batch ended before it had all that it begins with would say so in a traceback of Python's."""
+    begin, begun = spawning.spawnv_passfds, []
+
+    def begin_and_end(*given):
+        number = begin(*given)
+        if b"spawn_main" in b" ".join(map(os.fsencode, given[1])):
+            begun.append(number)
+            os.kill(os.getpid(), signal.SIGTERM)
+        return number
+
+    monkeypatch.setattr(spawning, "spawnv_passfds", begin_and_end)
+    before = signal.getsignal(signal.SIGTERM)
+    with pytest.raises(KeyboardInterrupt), endable():
+        batch(tmp_path / "lake", sources, runner=ProcessPool(2))
+    assert signal.getsignal(signal.SIGTERM) == before
+    for number in begun:
+        with suppress(ChildProcessError):  # the pool has waited for it
+            os.waitpid(number, 0)
+    assert begun
+    assert capfd.readouterr().err == ""
 
 
 def _workers(session):

@@ -25,6 +25,9 @@ Outcome = tuple[LineTask, dict[str, Any] | Exception]
 Runner = Callable[[Iterable[LineTask]], Generator[Outcome, None, None]]  # takes tasks when it has room for them
 TRIES: Final = 3  # of a task whose worker died
 _TERMINATED: Final = 128 + signal.SIGTERM
+_ENDING: Final = tuple(
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name)
+)
 _GRACE_S: Final = 1.0  # for a worker to take its temporary files away
 
 
@@ -75,7 +78,7 @@ class ProcessPool:
                 while True:
                     while len(begun) < at_hand and (task := _next(tasks)) is not None:
                         begun.append(task)
-                        with _no_interrupt():
+                        with _begun_whole():
                             running[pool.submit(_work, task)] = task
                     if not begun:
                         return
@@ -94,6 +97,25 @@ def _next(tasks: Iterator[LineTask] | deque[LineTask]) -> LineTask | None:
     if isinstance(tasks, deque):
         return tasks.popleft() if tasks else None
     return next(tasks, None)
+
+
+@contextmanager
+def _begun_whole() -> Iterator[None]:
+    """What would end this process waits until those that begin here have all that they begin with."""
+    came: list[int] = []
+    before = {}
+    if threading.current_thread() is threading.main_thread():
+        before = {number: handler for number in _ENDING if callable(handler := signal.getsignal(number))}
+    for number in before:
+        signal.signal(number, lambda number, _frame: came.append(number))
+    try:
+        with _no_interrupt():
+            yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        for number in came:
+            signal.raise_signal(number)
 
 
 @contextmanager
