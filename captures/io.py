@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from datetime import UTC, timedelta, timezone, tzinfo
 from os import PathLike
 from pathlib import Path
-from typing import Any, BinaryIO, Final
+from typing import TYPE_CHECKING, Any, BinaryIO, Final
 
 from .chunks import Block, Capture, Chunk, Note, Source, spans_of
-from .edges.spans import BitSpans
 from .errors import CaptureError
 from .files import read_head, replacing
 from .formats import Format, RecognisedFormat, by_name, claimed, for_writing, likely, recognise
@@ -20,6 +19,9 @@ from .packed import STANDARD_INPUT, LocalFile, local_file, unpacked
 from .recording.notes import Note as LineNote
 from .spacing import INFERRED, inferred
 from .text.choosing import ByteJudge, no_judge
+
+if TYPE_CHECKING:
+    from .edges.spans import BitSpans
 
 _OFFSET_LENGTH: Final = len("+hh:mm")
 

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from wave_files import binary_export, combined_table, edge_table, sample_table, scope_table, sr, vcd
+from wave_files import binary_export, combined_table, edge_table, sample_table, scope_table, sr, vcd, vector_dump
 from wave_forms import edges_of, frames_on_line, random_frames, sampled
 
 import captures
@@ -338,6 +338,17 @@ def test_bytes_of_an_analyser_are_no_levels(tmp_path: Path) -> None:
     assert whole(capture) == frames
 
 
+@pytest.mark.parametrize("width", [2, 3, 8])
+def test_lines_that_are_bits_of_a_vector(tmp_path: Path, width: int) -> None:
+    """As simulators dump a `reg [1:0]`: values without their leading zeros, or with unknown bits before them."""
+    capture = opened(tmp_path, vector_dump({"RO": EDGES, "TX": OTHER}, width), "bus.vcd")
+    assert (whole(capture, 0), whole(capture, 1)) == (SENT, ANSWERED)
+    assert [note.split(",")[0] for name, note in capture.line.notes.items() if name.startswith("port")] == [
+        "lines[0]",
+        "lines[1]",
+    ]
+
+
 def test_a_dump_without_a_time_scale(tmp_path: Path) -> None:
     said = b"$timescale 1 ns $end\n"
     capture = opened(tmp_path, vcd({"RO": EDGES}).replace(said, b""), "bus.vcd")
@@ -395,7 +406,7 @@ def test_settings_that_are_given_are_not_inferred(tmp_path: Path) -> None:
         ("rate.sr", sr(bytes(9), "fast"), "sample rate"),
         ("endless.sr", sr(bytes(9), "9" * 400), "out of range"),
         ("lines.sr", sr(bytes([0, 1]) * 10_000, names=("RO\n named",)), "RO named change"),
-        ("no.vcd", b"$timescale 1 ns $end\n$var wire 8 ! bus $end\n$enddefinitions $end\n", "no variable of one bit"),
+        ("no.vcd", b"$timescale 1 ns $end\n$var real 64 ! volts $end\n$enddefinitions $end\n", "no variable of bits"),
         ("cut.bin", b"<SALEAE>\0\0\0\0", "Saleae Logic 2"),
         ("new.bin", b"<SALEAE>" + struct.pack("<ii", 7, 0) + bytes(40), "version 7"),
         ("analog.bin", b"<SALEAE>" + struct.pack("<ii", 0, 1) + bytes(40), "analog"),

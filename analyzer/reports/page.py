@@ -153,12 +153,14 @@ def _bytes(report: Report) -> str:
 def _rates(rates: Sequence[RateRow]) -> str:
     """How fast senders are, those that are farthest off first."""
     some = sorted(rates, key=lambda row: -abs(row.error))[:_RATES]
-    words = [
-        page_words("client {error:+.1%}", error=round(row.error, 3) + 0.0)
-        if row.unit is None
-        else page_words("unit {unit} {error:+.1%}", unit=row.unit, error=round(row.error, 3) + 0.0)
-        for row in some
-    ]
+    words = []
+    for row in some:
+        error = round(row.error, 3) + 0.0  # no -0.0 %
+        words.append(
+            page_words("client {error:+.1%}", error=error)
+            if row.unit is None
+            else page_words("unit {unit} {error:+.1%}", unit=row.unit, error=error)
+        )
     if len(rates) > _RATES:
         words.append(page_words("{count} more nearer to it", count=len(rates) - _RATES))
     return page_words("clocks against the line's rate: {senders}", senders=", ".join(words))

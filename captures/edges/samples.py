@@ -8,16 +8,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from ..text.stamps import TITLE_UNIT_NS
 from .uart import Times
 
 RATE: Final = re.compile(r"\s*(\d+(?:\.\d+)?)\s*([kMG]?)(?:Hz)?\s*")
 _SCALE: Final = {"": 1, "k": 10**3, "M": 10**6, "G": 10**9}
 _SECOND: Final = 1_000_000_000
 _SAID: Final = re.compile(r"(?:sample ?rate: | at )(\d{1,9}(?:\.\d{1,9})?) ?([kMG]?)Hz", re.IGNORECASE)
-_UNITS: Final = {
-    "s": 10**9, "ms": 10**6, "us": 10**3, "µs": 10**3, "μs": 10**3, "ns": 1, "с": 10**9, "мс": 10**6, "мкс": 10**3,
-    "нс": 1, "second": 10**9, "seconds": 10**9, "milliseconds": 10**6, "microseconds": 10**3, "nanoseconds": 1,
-}  # fmt: skip
 
 
 def hertz_of(number: str, prefix: str) -> int | None:
@@ -42,4 +39,4 @@ def rate_said(text: str) -> int | None:
 def unit_of(title: str) -> int | None:
     """The unit, in ns, that the title of a column of times says: `Time [ms]`, `(us)`, `microseconds`."""
     words = re.findall(r"\w+", title.lower())
-    return _UNITS.get(words[-1]) if words else None
+    return TITLE_UNIT_NS.get(words[-1]) if words else None

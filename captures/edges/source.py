@@ -179,9 +179,10 @@ class EdgeSource:
         wrong = np.concatenate([part.framing | part.parity for part in parts])[order]
         extras = {"port": port, "errors": np.flatnonzero(wrong)}
         block = columns(value.tobytes(), np.ones(len(order), np.int64), ends[order], timed=True, extras=extras)
-        span = np.concatenate([part.span_ns for part in parts])[order]
-        bits = np.concatenate([part.span_bits for part in parts])[order]
-        self.spans.add(number, block.port, np.stack((span, bits.astype(np.int64))))
+        if number:
+            span = np.concatenate([part.span_ns for part in parts])[order]
+            bits = np.concatenate([part.span_bits for part in parts])[order]
+            self.spans.add(number, block.port, np.stack((span, bits.astype(np.int64))))
         return block
 
 

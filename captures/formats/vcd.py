@@ -1,7 +1,8 @@
 """Value change dumps, `.vcd` (IEEE 1364): what simulators write, and logic analysers export.
 
-Changes of variables of one bit are taken, each a channel; unknown and high-impedance values are passed over. The dump
-is read by arrays: a token that begins with `#` is a time, one that begins with 0 or 1 a change, the rest says whose.
+Changes of variables of one bit are taken, each a channel, or the bits of vectors where there is no such variable;
+unknown and high-impedance values are passed over. The dump is read by arrays: a token that begins with `#` is a time,
+one with 0, 1 or b a change, the rest says whose.
 
 The standard gives a dump without `$timescale` no unit. Viewers take nanoseconds (GTKWave); so are they here where a
 usual baud rate comes of it, or where a baud rate is given. `--sample-rate` says how many units make a second.
@@ -10,7 +11,7 @@ usual baud rate comes of it, or where a baud rate is given. `--sample-rate` says
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import wraps
 from pathlib import Path
@@ -33,7 +34,10 @@ _PIECE: Final = 1 << 20
 _CHANNELS: Final = 256
 _SCALE: Final = re.compile(rb"\$timescale\s+(1|10|100)\s*(s|ms|us|ns|ps|fs)\s+\$end")
 _FEMTOSECONDS: Final = {b"s": 10**15, b"ms": 10**12, b"us": 10**9, b"ns": 10**6, b"ps": 10**3, b"fs": 1}
-_VARIABLE: Final = re.compile(rb"\$var\s+\S+\s+1\s+(\S+)\s+(\S+)(?:\s+\[\d+\])?\s+\$end")
+_VARIABLE: Final = re.compile(
+    rb"\$var\s+(\S+)\s+(\d{1,3})\s+(\S+)\s+(\S+?)\s*(?:\[(\d{1,4})(?::(\d{1,4}))?\])?\s+\$end"
+)
+_NUMBERS: Final = (b"real", b"realtime", b"integer", b"parameter", b"time", b"event", b"string")  # no wires
 _END: Final = re.compile(rb"\$enddefinitions\s+\$end")
 _COMMENT: Final = re.compile(rb"\$comment\b.*?\$end", re.S)
 _DIGITS: Final = 18  # of a time
@@ -44,32 +48,45 @@ _NS: Final = 10**6  # femtoseconds
 
 @dataclass(frozen=True, slots=True)
 class _Changes:
-    """Tokens of a stretch of the dump: those that say a value of one bit, with their time and where the name begins."""
+    """Tokens of a stretch of the dump: those that say values of bits, with their time and where the name begins."""
 
     at: NDArray[np.int64]  # of the identifier
     size: NDArray[np.int64]  # of it
-    value: NDArray[np.bool_]
+    value_at: NDArray[np.int64]  # of the value's first bit, its most significant one
+    value_size: NDArray[np.int64]
     time: NDArray[np.int64]
     last: int  # the newest time
 
 
 @dataclass(frozen=True, slots=True)
+class _Wire:
+    """A bit of a variable: the variable's identifier, and which bit it is, from the least significant one on."""
+
+    code: bytes
+    bit: int
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
 class _WaveDump:
     path: Path
-    names: list[str]
+    wires: Sequence[_Wire]
     levels: list[int]
-    codes: list[bytes]
     begin: int  # where the changes begin
     scale: int  # femtoseconds in a unit of time
+    supposed: bool  # nobody says the scale
     begin_ns: int = 0
+
+    @property
+    def names(self) -> list[str]:
+        return [wire.name for wire in self.wires]
 
     def pieces(self, note: Note) -> Iterator[EdgePiece]:
         high = [level == 1 for level in self.levels]
         for data, changes in self._changes(note):
             edges = []
-            for channel, code in enumerate(self.codes):
-                mine = _named(data, changes, code)
-                value = changes.value[mine]
+            for channel, wire in enumerate(self.wires):
+                mine, value = _values(data, changes, wire)
                 flipped = value != np.concatenate(([high[channel]], value[:-1])) if len(value) else value
                 edges.append(self._nanoseconds(changes.time[mine][flipped]))
                 high[channel] = bool(value[-1]) if len(value) else high[channel]
@@ -127,11 +144,13 @@ def _parsed(data: NDArray[np.uint8], now: int) -> tuple[_Changes, int]:
     of_token = ordered[np.cumsum(is_time)]
     bit = ((first == _ZERO) | (first == _ONE)) & ~behind & (size > 1)
     named = behind & np.concatenate(([False], np.isin(first[:-1], _VECTORS[:2])))[: len(first)]
-    value = np.where(behind, np.concatenate(([0], data[ends[:-1] - 1]))[: len(first)], first)
-    chosen = np.flatnonzero((bit | named) & ((value == _ZERO) | (value == _ONE)))
+    chosen = np.flatnonzero(bit | named)
     skip = np.where(behind[chosen], 0, 1)
+    before = np.maximum(chosen - 1, 0)  # the value that a name of its own token stands behind
+    value_at = np.where(behind[chosen], starts[before] + 1, starts[chosen])
+    value_size = np.where(behind[chosen], size[before] - 1, 1)
     return _Changes(
-        starts[chosen] + skip, size[chosen] - skip, value[chosen] == _ONE, of_token[chosen], int(ordered[-1])
+        starts[chosen] + skip, size[chosen] - skip, value_at, value_size, of_token[chosen], int(ordered[-1])
     ), wrong
 
 
@@ -149,12 +168,16 @@ def _numbers(
     return value, right
 
 
-def _named(data: NDArray[np.uint8], changes: _Changes, code: bytes) -> NDArray[np.int64]:
-    """The changes of the variable with this identifier."""
-    mine = np.flatnonzero(changes.size == len(code))
-    for position, octet in enumerate(code):
+def _values(data: NDArray[np.uint8], changes: _Changes, wire: _Wire) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """The changes that say 0 or 1 of a wire, and which of the two. A value's leading zeros may be left away."""
+    mine = np.flatnonzero((changes.size == len(wire.code)) & (changes.value_size > 0))
+    for position, octet in enumerate(wire.code):
         mine = mine[data[changes.at[mine] + position] == octet]
-    return mine
+    size = changes.value_size[mine]
+    bit_said = data[changes.value_at[mine] + np.maximum(size - 1 - wire.bit, 0)]
+    bit_said[(size <= wire.bit) & (bit_said == _ONE)] = _ZERO
+    known = (bit_said == _ZERO) | (bit_said == _ONE)
+    return mine[known], bit_said[known] == _ONE
 
 
 def _sniff(head: bytes) -> float:
@@ -174,20 +197,29 @@ def _load(path: Path, sample_rate: float | None = None) -> _WaveDump:
         unit = int(scale[1]) * _FEMTOSECONDS[scale[2]]
     else:
         unit = _NS if sample_rate is None else max(round(_FEMTOSECONDS[b"s"] / sample_rate), 1)
-    variables = dict(reversed([(code, name) for code, name in _VARIABLE.findall(head[: end.start()])]))
-    codes = list(reversed(variables))[:_CHANNELS]
-    if not codes:
-        raise CaptureError(f"{path}: no variable of one bit in this dump: nothing here is a serial line")
-    names = [variables[code].decode("utf-8", "replace") for code in codes]
-    dump = _WaveDump(path, names, [0] * len(codes), codes, end.end(), unit)
-    levels = [0] * len(codes)
+    wires = _wires(head[: end.start()])
+    if not wires:
+        raise CaptureError(f"{path}: no variable of bits in this dump: nothing here is a serial line")
+    supposed = scale is None and sample_rate is None
+    dump = _WaveDump(path, wires, [0] * len(wires), end.end(), unit, supposed)
     for data, changes in dump._changes(lambda *_: None):
-        for channel, code in enumerate(codes):
-            mine = _named(data, changes, code)
-            levels[channel] = int(changes.value[mine[0]]) if len(mine) else 0
+        values = [_values(data, changes, wire)[1][:1] for wire in wires]
         first = int(dump._nanoseconds(changes.time[:1])[0]) if len(changes.time) else 0
-        return _WaveDump(path, names, levels, codes, dump.begin, dump.scale, first)
+        return replace(dump, levels=[int(value.any()) for value in values], begin_ns=first)
     return dump
+
+
+def _wires(declarations: bytes) -> list[_Wire]:
+    """Variables of one bit; where there are none, the bits of the others. A later name of the same one counts not."""
+    found: dict[bytes, list[_Wire]] = {}
+    for kind, width, code, name, left, right in _VARIABLE.findall(declarations):
+        if kind not in _NUMBERS:
+            title, least = name.decode("utf-8", "replace"), int(right or 0)
+            step = 1 if int(left or 0) >= least else -1
+            wires = [_Wire(code, bit, f"{title}[{least + step * bit}]") for bit in range(int(width))]
+            found.setdefault(code, wires if len(wires) > 1 else [_Wire(code, 0, title)])
+    single = [wires[0] for wires in found.values() if len(wires) == 1]
+    return (single or [wire for wires in found.values() for wire in wires])[:_CHANNELS]
 
 
 _edges = edge_reader(_load)
@@ -195,11 +227,10 @@ _edges = edge_reader(_load)
 
 @wraps(_edges)
 def _read(path: Path, **given: Any) -> EdgeSource:
-    with opened(path) as file:
-        head = file.read(_HEADER)
-    if _END.search(head) is None or _SCALE.search(head) is not None or given.get("sample_rate") is not None:
-        return _edges(path, **given)
     source = _edges(path, **given)
+    dump = source.file
+    if not (isinstance(dump, _WaveDump) and dump.supposed):
+        return source
     if given.get("baud") is None and any(one.settings.baud not in RATES for one in source.channels):
         raise CaptureError(
             f"{path}: no $timescale, and as nanoseconds its times give no usual rate: give the times a second with "

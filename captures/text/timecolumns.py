@@ -14,7 +14,7 @@ import re
 from dataclasses import dataclass
 from typing import Final
 
-from .stamps import UNIT_NS, Stamp
+from .stamps import TITLE_UNIT_NS, Stamp
 
 _PARTED: Final = ("\t", ";", ",", "|")
 _APART: Final = re.compile(r"\s{2,}")
@@ -29,7 +29,6 @@ _CELL: Final = re.compile(
     r"^[\"']?\s*(?P<sign>[-+−])?(?P<whole>\d{1,18})(?:[.,](?P<fraction>\d{1,18}))?(?:[eE](?P<power>[-+]?\d{1,2}))?"
     r"\s*(?P<unit>ms|us|µs|μs|ns|s|мс|мкс|с)?\s*[\"']?$"
 )
-_UNITS: Final = {**UNIT_NS, "sec": 10**9, "seconds": 10**9, "с": 10**9, "сек": 10**9, "мс": 10**6, "мкс": 10**3}
 _DAY_NS: Final = 86_400 * 10**9
 _EPOCH: Final = 25_569  # 1970 in the days of spreadsheets
 _DAYS: Final = range(20_000, 80_000)  # 1954 to 2119
@@ -65,7 +64,7 @@ class TimeColumn:
         if match is None:
             return None
         whole, fraction = int(match["whole"]), match["fraction"] or ""
-        unit = _UNITS[match["unit"]] if match["unit"] else self.unit
+        unit = TITLE_UNIT_NS[match["unit"]] if match["unit"] else self.unit
         if self.days and not match["unit"]:
             if whole not in _DAYS or not fraction:
                 return None
@@ -93,7 +92,7 @@ def time_column(text: str) -> TimeColumn | None:
             if _DATE.match(name) is not None:
                 return TimeColumn(parted, number, len(cells), None, days=True)
             if (match := _NAME.match(name)) is not None:
-                unit = _UNITS.get((match["unit"] or "").lower())
+                unit = TITLE_UNIT_NS.get((match["unit"] or "").lower())
                 return TimeColumn(parted, number, len(cells), unit, days=False)
     return None
 

@@ -41,6 +41,21 @@ def vcd(channels: dict[str, list[int]], unit: str = "1 ns", divisor: int = 1, ve
     return "".join(out).encode()
 
 
+def vector_dump(channels: dict[str, list[int]], width: int = 4) -> bytes:
+    """All channels as bits of one vector, the last one its most significant bit; leading zeros are left away."""
+    level = dict.fromkeys(range(width), "x") | dict.fromkeys(range(len(channels)), "1")
+    changes = sorted((t, bit) for bit, edges in enumerate(channels.values()) for t in edges)
+    out = [f"$timescale 1 ns $end\n$var reg {width} ! lines [{width - 1}:0] $end\n$enddefinitions $end\n"]
+    for t, changed in [(0, None), *changes]:
+        if changed is not None:
+            level[changed] = "0" if level[changed] == "1" else "1"
+        bits = "".join(level[bit] for bit in reversed(range(width)))
+        rest = bits.lstrip(bits[0])
+        short = bits if bits[0] == "1" else rest if bits[0] == "0" and rest[:1] == "1" else bits[0] + rest
+        out.append(f"#{t}\nb{short} !\n")
+    return "".join(out).encode()
+
+
 def binary_export(edges: list[int], version: int = 0, level: int = 1) -> bytes:
     times = (np.array(edges) / 1e9).astype("<f8")
     if version == 0:
