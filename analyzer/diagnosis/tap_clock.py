@@ -8,6 +8,8 @@ follows what may be said at all:
     a byte a read         silences inside frames count, give or take the jitter
     several bytes a read  only waits count, give or take the longest stray silence (FIFO, latency timer, network)
 
+A log that writes its times to a second, or to a tenth of one, tells nothing finer: that shows, too, in the times.
+
 Verdicts change at checkpoints, fixed numbers of frames, and rest on the frames before; the first one is made of the
 first frames themselves and so is known only when they have passed.
 """
@@ -15,7 +17,7 @@ first frames themselves and so is known only when they have passed.
 from __future__ import annotations
 
 from bisect import bisect_right
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -37,6 +39,9 @@ _MOST_VERDICTS: Final = 512  # verdicts
 _USUAL_NS: Final = 5_000_000  # a read from user space, where nothing tells more
 _FAST_BAUD: Final = 19200  # [2] 2.5.1.1: above it, both times are fixed
 _T15_FIXED_NS, _T35_FIXED_NS = 750_000, 1_750_000
+_STEPS_NS: Final = tuple(10**power for power in range(9, 3, -1))  # to which logs write their times
+_FINE_STEP_NS: Final = 10**6  # in which no two frames end
+_IN_STEP: Final = 0.9  # of the frames
 UNKNOWN: Final = float("inf")
 
 
@@ -48,6 +53,7 @@ class TimeTrust:
     jitter_ns: float = UNKNOWN
     wait_ns: float = UNKNOWN  # infinite where nothing is known
     bytes_a_read: float = 0.0
+    step_ns: float = 0.0  # to which times are written
 
 
 def silences(line: LineSettings, options: Options) -> tuple[float, float]:
@@ -72,7 +78,8 @@ class TapClock:
         self._speed_declared = bool(line.baud)
         self._frames = 0
         self._next = FIRST
-        self._reads = self._octets = self._shared = self._counted = 0.0
+        self._reads = self._octets = self._shared = self._together = self._counted = self._timed = 0.0
+        self._in_step = np.zeros(len(_STEPS_NS))  # frames whose last byte's time is written to such a step
         self._late = Spread()  # frames by their least silence, if negative
         self._astray = Spread()  # frames of several reads by their silence that is farthest from none
         self._waiting = ColumnQueue()  # frames since the newest checkpoint
@@ -86,7 +93,13 @@ class TapClock:
         if not frames.all():
             rows = rows[frames]
         self._waiting.add(
-            rows.protocol, rows.reads, rows.length, rows.gap_before_ns, rows.gap_most_ns, rows.gap_least_ns
+            rows.protocol,
+            rows.t_end_ns,
+            rows.reads,
+            rows.length,
+            rows.gap_before_ns,
+            rows.gap_most_ns,
+            rows.gap_least_ns,
         )
         if self._frames + len(self._waiting) < self._next:
             return
@@ -119,7 +132,7 @@ class TapClock:
         verdict = self.newest()
         if verdict.wait_ns == UNKNOWN:
             return None
-        return 0.0 if not verdict.fine and verdict.wait_ns == _USUAL_NS else verdict.wait_ns
+        return verdict.step_ns if not verdict.fine and verdict.wait_ns == _USUAL_NS else verdict.wait_ns
 
     @property
     def known(self) -> bool:
@@ -137,7 +150,7 @@ class TapClock:
         if len(self._verdicts) > _MOST_VERDICTS:
             del self._since[0], self._verdicts[0]
         if self._counted > _MEMORY:
-            for name in ("_reads", "_octets", "_shared", "_counted"):
+            for name in ("_reads", "_octets", "_shared", "_together", "_counted", "_timed", "_in_step"):
                 setattr(self, name, getattr(self, name) / 2)
             self._late.fade()
             self._astray.fade()
@@ -145,15 +158,20 @@ class TapClock:
     def _learn(
         self,
         protocol: NDArray[Any],
+        ends: NDArray[Any],
         reads: NDArray[Any],
         length: NDArray[Any],
         before: NDArray[Any],
         most: NDArray[Any],
         least: NDArray[Any],
     ) -> None:
+        self._timed += len(ends)
+        self._in_step += [np.count_nonzero(ends % step == 0) for step in _STEPS_NS]
         if protocol.any():  # ASCII mode has other silences, Modbus TCP none
             plain = protocol == 0
-            reads, length, before, most, least = (each[plain] for each in (reads, length, before, most, least))
+            ends, reads, length, before, most, least = (
+                each[plain] for each in (ends, reads, length, before, most, least)
+            )
             if not len(reads):
                 return
         self._counted += len(reads)
@@ -161,6 +179,7 @@ class TapClock:
         self._octets += float(length.sum())
         shared = before == NO_GAP
         self._shared += float(np.count_nonzero(shared))
+        self._together += float(np.count_nonzero(ends[1:] == ends[:-1]))
         early = np.maximum(-before, 0)
         early[shared] = 0
         several = least != NO_GAP
@@ -173,6 +192,13 @@ class TapClock:
             self._astray.add(early)
 
     def _now(self) -> TimeTrust:
+        step = next(
+            (step for step, count in zip(_STEPS_NS, self._in_step, strict=True) if count >= _IN_STEP * self._timed), 0
+        )
+        trust = self._by_silences(self._shared + (self._together if step <= _FINE_STEP_NS else 0))
+        return replace(trust, step_ns=step, wait_ns=max(trust.wait_ns, step)) if step else trust
+
+    def _by_silences(self, shared: float) -> TimeTrust:
         if not self._octets:
             return TimeTrust()
         each = self._octets / max(self._reads, 1.0)
@@ -183,5 +209,5 @@ class TapClock:
         astray = self._astray.quantile(_QUANTILE) if self._speed_declared else None
         if astray is not None and self._astray.weight >= 0.05 * self._counted:
             return TimeTrust(False, UNKNOWN, astray * _MARGIN, each)
-        alone = self._shared <= 1 + 0.01 * self._counted  # each frame came in a read of its own
+        alone = shared <= 1 + 0.01 * self._counted  # each frame came in a read of its own
         return TimeTrust(False, UNKNOWN, _USUAL_NS if alone else UNKNOWN, each)

@@ -59,7 +59,7 @@ class _Changes:
 
 
 @dataclass(frozen=True, slots=True)
-class _Wire:
+class _DumpBit:
     """A bit of a variable: the variable's identifier, and which bit it is, from the least significant one on."""
 
     code: bytes
@@ -70,7 +70,7 @@ class _Wire:
 @dataclass(frozen=True, slots=True)
 class _WaveDump:
     path: Path
-    wires: Sequence[_Wire]
+    wires: Sequence[_DumpBit]
     levels: list[int]
     begin: int  # where the changes begin
     scale: int  # femtoseconds in a unit of time
@@ -168,7 +168,7 @@ def _numbers(
     return value, right
 
 
-def _values(data: NDArray[np.uint8], changes: _Changes, wire: _Wire) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+def _values(data: NDArray[np.uint8], changes: _Changes, wire: _DumpBit) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """The changes that say 0 or 1 of a wire, and which of the two. A value's leading zeros may be left away."""
     mine = np.flatnonzero((changes.size == len(wire.code)) & (changes.value_size > 0))
     for position, octet in enumerate(wire.code):
@@ -209,15 +209,15 @@ def _load(path: Path, sample_rate: float | None = None) -> _WaveDump:
     return dump
 
 
-def _wires(declarations: bytes) -> list[_Wire]:
+def _wires(declarations: bytes) -> list[_DumpBit]:
     """Variables of one bit; where there are none, the bits of the others. A later name of the same one counts not."""
-    found: dict[bytes, list[_Wire]] = {}
+    found: dict[bytes, list[_DumpBit]] = {}
     for kind, width, code, name, left, right in _VARIABLE.findall(declarations):
         if kind not in _NUMBERS:
             title, least = name.decode("utf-8", "replace"), int(right or 0)
             step = 1 if int(left or 0) >= least else -1
-            wires = [_Wire(code, bit, f"{title}[{least + step * bit}]") for bit in range(int(width))]
-            found.setdefault(code, wires if len(wires) > 1 else [_Wire(code, 0, title)])
+            wires = [_DumpBit(code, bit, f"{title}[{least + step * bit}]") for bit in range(int(width))]
+            found.setdefault(code, wires if len(wires) > 1 else [_DumpBit(code, 0, title)])
     single = [wires[0] for wires in found.values() if len(wires) == 1]
     return (single or [wire for wires in found.values() for wire in wires])[:_CHANNELS]
 

@@ -17,6 +17,7 @@ from typing import Final
 
 from .candidates import H, Writing
 from .choosing import MOST_JUDGED, ByteJudge, ByteRun, Experience, lenient, no_judge
+from .entries import entries_of, whole_entries
 from .halves import halves
 from .loglines import LineReader, LogLine
 from .payloads import payload_of
@@ -190,7 +191,7 @@ class LogReader:
         yield from self._settled(len(self._waiting))
 
     def _whole(self, lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
-        return with_repeats(_parted(_mended(_unfolded(lines) if self._experience.mail else lines)))
+        return with_repeats(_parted(whole_entries(_mended(_unfolded(lines) if self._experience.mail else lines))))
 
     def _line_reader(self) -> LineReader:
         return LineReader(self._settler(), self._zone, self._sample_rate, self._experience)
@@ -253,8 +254,8 @@ def _mended(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
 
 
 def _parted(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
-    """Lines, with log entries apart whose line breaks were lost on the way, as blanks or altogether."""
-    for number, line in lines:
+    """Lines, with log entries apart that stand in one, or whose line breaks were lost, as blanks or altogether."""
+    for number, line in ((number, entry) for number, whole in lines for entry in entries_of(whole)):
         heads = [head.start() for head in _ENTRY.finditer(line)] if _ENTRIES[0] < len(line) <= _MOST else []
         if len(heads) < _ENTRIES[1]:
             yield number, line

@@ -71,6 +71,11 @@ _KEYED = re.compile(  # epochs in JSON, YAML and logfmt
     r"[\"']?(1[2-9]\d{8})(?:\.(\d{1,9})|(\d{3}|\d{6}|\d{9})(?!\d))?",
     re.IGNORECASE,
 )
+_KEYED_COUNT: Final = re.compile(  # `"time_ms": 1012`, `"t": 1.012`
+    r"[\"'](?:ts|t|time|time_?stamp|elapsed|uptime)(?:[ _]?\(?(ms|us|µs|ns|s|sec)\)?[\"'] ?: ?[\"']?(\d{1,18})(?:\.(\d{1,9}))?"
+    r"|[\"'] ?: ?[\"']?(?:(\d{1,9})\.(\d{1,9})|0(?![\d.:])))",
+    re.IGNORECASE,
+)
 UNIT_NS: Final = {"s": 10**9, "ms": 10**6, "us": 10**3, "µs": 10**3, "μs": 10**3, "ns": 1}
 TITLE_UNIT_NS: Final = {  # as titles of columns write them
     **UNIT_NS, "sec": 10**9, "second": 10**9, "seconds": 10**9, "с": 10**9, "сек": 10**9,
@@ -116,6 +121,9 @@ def find(text: str, zone: tzinfo | None = UTC) -> tuple[Stamp | None, str]:
             break
     if stamp is None and (":" in text or "=" in text) and (match := _KEYED.search(text)) is not None:
         stamp = _of_seconds_and_more(match[1], match[2] or match[3])
+        text = _blanked(text, match)
+    elif stamp is None and (match := _KEYED_COUNT.search(text)) is not None:
+        stamp = _of_keyed_count(match)
         text = _blanked(text, match)
     if stamp is None and (match := _LAST.search(text)) is not None:
         stamp = _of_seconds_and_more(match[1], match[2])
@@ -172,6 +180,13 @@ def _of_epoch(match: re.Match[str]) -> Stamp:
 
 def _of_seconds_and_more(seconds: str, fraction: str | None) -> Stamp:
     return Stamp(int(seconds) * 10**9 + _fraction(fraction), of_day=False, fine=fraction is not None)
+
+
+def _of_keyed_count(match: re.Match[str]) -> Stamp:
+    if match[1] is None:
+        return Stamp(int(match[4] or 0) * 10**9 + _fraction(match[5]), of_day=False)
+    unit = TITLE_UNIT_NS[match[1].lower()]
+    return Stamp(int(match[2]) * unit + _fraction(match[3], unit), of_day=False)
 
 
 def _of_unit(match: re.Match[str]) -> Stamp:
