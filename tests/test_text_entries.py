@@ -41,6 +41,17 @@ def _counted(read: Read) -> dict[str, object]:
     return {"dir": read[1], "uptime_us": 5000 + read[0] * 1000, "data": read[2].hex(" ")}
 
 
+def _journal(read: Read) -> dict[str, object]:
+    """As journald exports it."""
+    direction = "<- " if read[1] == "rx" else "-> "
+    return {"__REALTIME_TIMESTAMP": str((BEGIN_MS + read[0]) * 1000), "MESSAGE": direction + read[2].hex(" ")}
+
+
+def _packet(read: Read) -> dict[str, object]:
+    """As packets are exported: values in lists."""
+    return {"layers": {"frame.time_epoch": [f"{_seconds(read[0]):.6f}"], "dir": [read[1]], "data": [read[2].hex()]}}
+
+
 def _since_start(read: Read) -> dict[str, object]:
     return {"t": read[0] / 1000, "dir": read[1], "data": read[2].hex(" ")}
 
@@ -49,7 +60,7 @@ def _item(read: Read, lead: str) -> str:
     return f"{lead}- ts: {_seconds(read[0])}\n{lead}  dir: {read[1]}\n{lead}  data: '{read[2].hex(' ')}'\n"
 
 
-ENTRIES = [_flat, _time_last, _nested, _counted, _since_start]
+ENTRIES = [_flat, _time_last, _nested, _counted, _journal, _packet, _since_start]
 SHAPES: dict[str, Callable[[list[dict[str, object]]], str]] = {
     "indented": lambda entries: json.dumps(entries, indent=2),
     "tabs": lambda entries: json.dumps(entries, indent="\t"),

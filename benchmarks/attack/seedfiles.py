@@ -14,7 +14,7 @@ from typing import Final
 sys.path.append(str(Path(__file__).parents[2] / "tests" / "support"))
 
 from packets import Talk, pcap, pcapng, read_answer, read_request
-from wave_files import binary_export, edge_table, sample_table, scope_table, sr, vcd
+from wave_files import binary_export, edge_table, sample_table, scope_table, sr, vcd, vector_dump
 from wave_forms import edges_of, frames_on_line, sampled
 
 _RTU: Final = (bytes.fromhex("1103006b00037687"), bytes.fromhex("110306ae415652434049ad"))
@@ -84,7 +84,10 @@ _MADE: Final[Mapping[str, Callable[[], Sequence[bytes]]]] = {
     "scope-table": lambda: [scope_table(_small(seed), 1_000 * (seed + 1)) for seed in range(3)],
     "sigrok": _sessions,
     "sigrok-table": lambda: [sample_table([_small(seed)]) for seed in range(3)],
-    "vcd": lambda: [vcd({"RO": _small(seed)}, ("1 ns", "1 us")[seed % 2], (1, 1000)[seed % 2]) for seed in range(4)],
+    "vcd": lambda: [
+        *(vcd({"RO": _small(seed)}, ("1 ns", "1 us")[seed % 2], (1, 1000)[seed % 2]) for seed in range(4)),
+        vector_dump({"RO": _small(4), "TX": _small(5)}),
+    ],
 }
 
 

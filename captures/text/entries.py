@@ -11,7 +11,7 @@ _OPENS: Final = re.compile(r"(\s*)(?:\[\s*|\}\s*,\s*)?\{\s*$")
 _KEY: Final = re.compile(r'\s*"[^"]*"\s*:')
 _ITEM: Final = re.compile(r"(\s*)- [\"']?[A-Za-z]\w*[\"']?:(?:\s|$)")
 _TIMED: Final = re.compile(
-    r"(?:[\"{\s'-]|^)(?:ts?|time\w*|date\w*|at|when|epoch|(?:elapsed|uptime|t)(?:_?(?:ms|us|ns|s))?)[\"']?\s*:",
+    r"(?:[\"{\s'-]|^)(?:ts?|time\w*|date\w*|at|when|[\w.]*(?:time_?stamp|epoch)|(?:elapsed|uptime|t)(?:_?(?:ms|us|ns|s))?)[\"']?\s*:",
     re.IGNORECASE,
 )
 _MOST: Final = 1024  # lines of an entry

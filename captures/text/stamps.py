@@ -67,7 +67,7 @@ _COUNTER = re.compile(  # `1023: TX 01 03`
 )
 _LAST = re.compile(r"[\w\"')\]}][ \t](1[2-9]\d{8})(\d{3}|\d{9})\s*$")  # as InfluxDB's lines end
 _KEYED = re.compile(  # epochs in JSON, YAML and logfmt
-    r"(?:[\"'](?:ts|t|time|timestamp|time_?stamp|at|date|when|epoch|t_?ms)[\"'] ?: ?|(?<![\w.])(?:ts|time_?stamp)(?:=|: ))"
+    r"(?:[\"'](?:ts|t|time|at|date|when|t_?ms|[\w.]*(?:time_?stamp|epoch))[\"'] ?: ?(?:\[\s*)?|(?<![\w.])(?:ts|time_?stamp)(?:=|: ))"
     r"[\"']?(1[2-9]\d{8})(?:\.(\d{1,9})|(\d{3}|\d{6}|\d{9})(?!\d))?",
     re.IGNORECASE,
 )
