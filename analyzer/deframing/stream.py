@@ -81,7 +81,7 @@ class PortsDeframer:
         self._timed = self._timed and block.timed
         if len(block):
             self._now = int(block.t_ns[-1])
-            ports = np.bincount(block.port).nonzero()[0].tolist()
+            ports = np.bincount(block.port).nonzero()[0].tolist() if block.port.any() else [0]
             if len(ports) > 1:
                 ports.sort(key=lambda port: int(np.argmax(block.port == port)))  # as they came
             for port in ports:
