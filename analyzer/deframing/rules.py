@@ -65,7 +65,7 @@ class WalkedLengths:
 
 @dataclass(frozen=True, slots=True)
 class FrameRule:
-    """A function of a role, for a look at one place: an ADU is `base` + `scale` * (field at `offset`) long, or a walk."""
+    """A function of a role, for a look at one place: an ADU's length is base + scale * field, or takes a walk."""
 
     role: Role
     offset: int
