@@ -46,25 +46,26 @@ class UnorderedRows:
         else:
             unit, function, code = segments.heads.T
         failed = (framed & (function > 0x7F) & (length >= 3)).nonzero()[0]
-        n = len(at)
+        unknown, octets = np.full((4, len(at)), -1, np.int64), np.zeros((4, len(at)), np.uint8)
+        octets[0], octets[1] = port, segments.protocol
         rows = Rows(
-            index=np.full(n, -1, np.int64),
+            index=unknown[0],
             start=at + segments.offset,
             length=length,
             at=at.copy(),
             t_start_ns=reads.t_start_ns,
             t_end_ns=reads.t_end_ns,
-            request=np.full(n, -1, np.int64),
-            request_start=np.full(n, -1, np.int64),
-            response_ns=np.full(n, -1, np.int64),
+            request=unknown[1],
+            request_start=unknown[2],
+            response_ns=unknown[3],
             confidence=(1.0 / (1.0 + np.exp2(-np.maximum(decided.margin, 0.0)))).astype(np.float32),
             kind=kind,
             unit=unit * framed,
             function=(function & 0x7F) * framed,
-            exception=np.zeros(n, np.uint8),
+            exception=octets[2],
             check=decided.check.copy(),
-            port=np.full(n, port, np.uint8),
-            protocol=np.full(n, segments.protocol, np.uint8),
+            port=octets[0],
+            protocol=octets[1],
             contested=decided.contested.copy(),
             gap_before_ns=reads.gap_before_ns,
             gap_most_ns=reads.gap_most_ns,
@@ -72,7 +73,7 @@ class UnorderedRows:
             gap_at=reads.gap_at,
             reads=reads.reads.astype(np.int32),
             errors=reads.errors,
-            foreign=np.zeros(n, np.uint8),
+            foreign=octets[3],
         )
         rows.exception[failed] = code[failed]
         why = evidence_rows(0) if decided.why is None else decided.why
