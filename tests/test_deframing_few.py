@@ -19,7 +19,13 @@ from analyzer.deframing.crc_windows import crc_windows
 from analyzer.deframing.engine import Engine
 from analyzer.deframing.forced import forced_runs
 from analyzer.deframing.protocols import Deframer
+from analyzer.diagnosis import judge
+from analyzer.diagnosis.judge import Judge
+from analyzer.options import Options
+from analyzer.tables.batch import Batch
+from analyzer.tables.schema import Rows
 from captures.chunks import Block
+from captures.line import LineSettings
 from dissectors.crc import crc_bytes
 from dissectors.lengths import RULES
 
@@ -124,3 +130,20 @@ def test_rows_of_streams(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     for module in (buffer, forced, pairing, foreign):
         monkeypatch.setattr(module, "_FEW", -1)
     assert short == [_told(*each) for each in fed]
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.lists(st.tuples(st.integers(0, 2), *[st.sampled_from((0, 0, 1))] * 5), min_size=1, max_size=12))
+def test_odd_rows(drawn: list[tuple[int, ...]]) -> None:
+    rows = Rows.zeros(len(drawn))
+    names = ("kind", "unit", "exception", "errors", "check", "request")
+    for column, values in zip(names, zip(*drawn, strict=True), strict=True):
+        rows.column(column)[:] = [not value for value in values] if column in ("unit", "check") else values
+    rows.request[:] -= 1 - (rows.kind == 2)
+    few, many = Judge(LineSettings(), Options()), Judge(LineSettings(), Options())
+    for part in (rows[:5], rows[5:]):
+        if len(part):
+            told = few._odd(Batch(part, part.kind))
+            with pytest.MonkeyPatch.context() as patch:
+                patch.setattr(judge, "_FEW", -1)
+                assert (told, few._asking) == (many._odd(Batch(part, part.kind)), many._asking)

@@ -140,6 +140,8 @@ class PortsDeframer:
     def _ask_all(self, loose: UnorderedRows) -> None:
         """A frame to unit 0 that reads as a request is one: nobody may answer a broadcast, and clients repeat them."""
         rows = loose.rows
+        if rows.unit.all():
+            return
         said = (rows.kind == Kind.RESPONSE) & (rows.unit == 0) & rows.check & (rows.protocol == Envelope.RTU)
         for row in said.nonzero()[0].tolist():
             at, length = int(rows.at[row]), int(rows.length[row])
