@@ -17,6 +17,7 @@ import dissectors
 from analyzer import languages
 from analyzer.cli import main
 from analyzer.cli.batch import tell_result
+from analyzer.cli.commands import COMMANDS
 from analyzer.fleet.batch import BatchResult
 from analyzer.fleet.packs import LakePacking
 from analyzer.languages.retelling import retold
@@ -25,6 +26,27 @@ _PACKAGES = (analyzer, captures, dissectors)
 _RAISED = re.compile(
     "(Usage|Capture|Port|PortGone|TapSetup|Map|Export|Fleet|Notes|Paste|Panel|Settings|ValueForm|ArgumentType)Error$"
 )
+_STAY = {
+    "HEX",
+    "URL",
+    "ASCII",
+    "CRC",
+    "CSV",
+    "JSON",
+    "MCAP",
+    "MBAP",
+    "RTU",
+    "TCP",
+    "TLS",
+    "SQL",
+    "MQTT",
+    "FTDI",
+    "UTC",
+    "LRC",
+    "UDP",
+    "USB",
+    "RTS",
+}
 _INSIDE = ("fleet", "reference")  # a batch's own business, read by who runs it
 
 
@@ -200,5 +222,20 @@ def test_what_a_batch_came_to_is_told_in_russian(capsys: pytest.CaptureFixture[s
     tell_result(BatchResult(lines=2, captures=3, frames=1_200, octets=9_600_000, skipped=1, seconds=0.5))
     tell_result(BatchResult(packed=LakePacking(12, 2)))
     said = capsys.readouterr().out.splitlines()
-    assert said[0] == "принято записей: 3, линий: 2, уже были: 1; кадров: 1,200, с линии 9.6 МБ за 0.5 с"
+    assert said[0] == "принято записей: 3, линий: 2, уже были: 1; кадров: 1,200, с линии 9.6 МБ за 0.5 s"
     assert said[2] == "малых файлов хранилища было 12, стало 2"
+
+
+def test_help_names_values_in_russian_and_what_is_typed_as_it_is(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RTUSCOPE_LANG", "ru")
+    for command in COMMANDS:
+        assert main([command, "--help"]) == 0
+        told, _, example = capsys.readouterr().out.partition("пример:")
+        own = re.sub(r"\{[^}]*\}|\.[a-z]+|\S*RTUSCOPE\S*", "", told)  # choices, suffixes, variables
+        foreign = set(re.findall(r"(?:(?<=--\w )|(?<=\[)|(?<= ))([A-Z]{3,})(?=[\]\s,:|]|$)", own)) - _STAY
+        assert not foreign, (command, foreign)
+        assert "rtuscope" in example or not example
+    assert main(["record", "--help"]) == 0
+    assert "[УЗЕЛ:]ПОРТ" in capsys.readouterr().out.replace("\n", " ")
