@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import ast
 import os
 import re
@@ -16,7 +17,9 @@ import captures
 import dissectors
 from analyzer import languages
 from analyzer.cli import main
+from analyzer.cli.app import command_line
 from analyzer.cli.batch import tell_result
+from analyzer.cli.commands import COMMANDS
 from analyzer.fleet.batch import BatchResult
 from analyzer.fleet.packs import LakePacking
 from analyzer.languages.retelling import retold
@@ -25,6 +28,7 @@ _PACKAGES = (analyzer, captures, dissectors)
 _RAISED = re.compile(
     "(Usage|Capture|Port|PortGone|TapSetup|Map|Export|Fleet|Notes|Paste|Panel|Settings|ValueForm|ArgumentType)Error$"
 )
+_STAY = {"HEX", "HZ", "MS", "URL"}
 _INSIDE = ("fleet", "reference")  # a batch's own business, read by who runs it
 
 
@@ -200,5 +204,26 @@ def test_what_a_batch_came_to_is_told_in_russian(capsys: pytest.CaptureFixture[s
     tell_result(BatchResult(lines=2, captures=3, frames=1_200, octets=9_600_000, skipped=1, seconds=0.5))
     tell_result(BatchResult(packed=LakePacking(12, 2)))
     said = capsys.readouterr().out.splitlines()
-    assert said[0] == "принято записей: 3, линий: 2, уже были: 1; кадров: 1,200, с линии 9.6 МБ за 0.5 с"
+    assert said[0] == "принято записей: 3, линий: 2, уже были: 1; кадров: 1,200, с линии 9.6 МБ за 0.5 s"
     assert said[2] == "малых файлов хранилища было 12, стало 2"
+
+
+def _values(parser: argparse.ArgumentParser) -> Iterator[str]:
+    """Words that stand for values in the help of a parser and of those inside it."""
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for inner in action.choices.values():
+                yield from _values(inner)
+        elif action.nargs != 0 and (action.choices is None or action.metavar is not None):
+            yield from re.findall("[A-Z][A-Z_]+", str(action.metavar or action.dest.upper()))
+
+
+def test_help_names_values_in_russian(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    words = set(_values(command_line(COMMANDS))) - _STAY
+    languages.use("ru")
+    left = {word for word in words if retold(word, "help") == word}
+    assert len(words) > 20 and not left
+    monkeypatch.setenv("RTUSCOPE_LANG", "ru")
+    assert main(["record", "--help"]) == 0
+    told = capsys.readouterr().out
+    assert "[УЗЕЛ:]ПОРТ" in told and "{7,8}" in told and "FILE" not in told

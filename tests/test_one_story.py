@@ -12,6 +12,7 @@ import orjson
 import pytest
 import ways_out
 from buses import LINE, adu, spaced
+from drifting import drifting_bus
 from made import declared  # noqa: F401 - the registry is left as it was
 
 from analyzer.analysis import Analysis
@@ -187,3 +188,11 @@ def test_a_load_is_unknown_everywhere_or_nowhere() -> None:
     assert report.load.mean is None
     assert "load unknown" in " ".join(text(report).split()) or "load      unknown" in text(report)
     assert "of the time bytes are on the line" not in text(report)
+
+
+@pytest.mark.parametrize("filter", ["", "unit == 3"])
+def test_the_interface_tells_of_senders_clocks_what_the_report_does(tmp_path: Path, filter: str) -> None:
+    capture = drifting_bus(tmp_path / "bus.vcd")
+    told = summarize(capture, filter=compile_filter(filter) if filter else None).rates
+    assert len(told) == (2 if filter else 3)
+    assert ways_out.model_page(capture, filter).rates == told

@@ -5,33 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from buses import adu
+from drifting import BAUD, OFF, bus, drifting_bus
 from wave_files import vcd
-from wave_forms import edges_of, frames_on_line
 
 import captures
 from analyzer.core import Analysed
 from analyzer.filters import compile_filter
 from analyzer.reports import Report, summarize, text
-
-BAUD = 19200
-OFF = {None: 0.01, 17: -0.015, 3: 0.0}  # of the client and two units
-"""By how much the clock of the client, and of two units, is off."""
-
-
-def bus() -> list[tuple[int | None, list[int]]]:
-    """Who sends, and the edges."""
-    now, out = 0, list[tuple[int | None, list[int]]]()
-    for turn in range(40):
-        unit = (17, 3)[turn % 2]
-        request = adu(f"{unit:02x}03006b0002")
-        answer = adu(f"{unit:02x}0304{turn:02x}{200 - turn:02x}55{turn:02x}")
-        for sender, frame in ((None, request), (unit, answer)):
-            characters = frames_on_line([frame], BAUD * (1 + OFF[sender]), 10, 0, 4_000_000, now)
-            edges = edges_of(characters, BAUD, off=OFF[sender])
-            out.append((sender, edges))
-            now = edges[-1] + 1_000_000
-    return out
 
 
 def reported(path: Path, channels: dict[str, list[int]], filter: str = "", baud: int | None = None) -> Report:
@@ -62,9 +42,7 @@ def test_of_what_passes_a_filter(tmp_path: Path) -> None:
 
 
 def test_another_pass_over_the_capture_changes_nothing(tmp_path: Path) -> None:
-    path = tmp_path / "bus.vcd"
-    path.write_bytes(vcd({"RO": [edge for _, edges in bus() for edge in edges]}))
-    capture = captures.open(path)
+    capture = drifting_bus(tmp_path / "bus.vcd")
     alone = summarize(capture).rates
     assert len(alone) == len(OFF)
 

@@ -161,3 +161,11 @@ def test_a_file_that_grows_is_followed_to_its_end(capture: Path, tmp_path: Path)
             terminal.settle(0.3, most=1.5)
         terminal.until(f"{whole} frames")
         terminal.until(lambda: any(line[2:].lstrip().startswith(f"{whole - 1} ") for line in terminal.picture.lines()))
+
+
+def test_no_key_fails_in_any_view_that_the_filter_has_emptied(seen: Watched) -> None:
+    seen.press("/unit == 246" + ENTER)
+    for view in "0123456":
+        seen.press(view + "][cn." + DOWN + UP + "d" + "zz" + " " + ESC + "w" + "m" + "tr" + "[]")
+    seen.press("2").until("unit == 246")
+    assert "Traceback" not in seen.raw.decode(errors="replace")

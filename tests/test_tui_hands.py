@@ -181,6 +181,7 @@ def test_a_capture_is_read_out_in_plain_lines(capture: Path) -> None:
     lines = list(spoken(opened(capture), "exception"))
     assert "Cause 1" in lines[2] and all(line.isprintable() and "  " not in line for line in lines)
     assert any("illegal data address" in line for line in lines)
+    assert any("after 796..941 us: exception 02" in line for line in lines), "as far as the tap carries"
     command = [sys.executable, "-m", "analyzer.cli", "open", str(capture), "--plain", "--filter"]
     done = subprocess.run([*command, "exception"], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines() == lines

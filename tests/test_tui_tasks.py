@@ -12,6 +12,7 @@ from meters import write_meter
 from seats import Seat, opened, seat
 
 import captures
+from analyzer.simulation import Scenario, simulate
 from analyzer.tui.home import HomeList
 from analyzer.tui.plot import Plot
 from analyzer.tui.registerlist import RegisterList
@@ -169,3 +170,31 @@ def test_yesterdays_exceptions_from_two_to_four_as_a_file(
     for line in lines[1:]:
         t = int(line.split(",")[column])
         assert yesterday + 2 * 3600 * 10**9 <= t < yesterday + 4 * 3600 * 10**9
+
+
+def test_a_unit_whose_answers_come_too_late_is_not_called_sound_and_stands_before_others(tmp_path: Path) -> None:
+    made = simulate(Scenario("clean", "irq", transactions=400, seed=5, defect="late-response"))
+    path = tmp_path / "late.jsonl"
+    captures.write(path, Capture.of(made.line, made.chunks))
+
+    async def work(sitting: Counting) -> None:
+        shares = {
+            unit.unit: unit.counts.late / unit.counts.requests
+            for unit in sitting.bus.report(sitting.app.desk.source).units
+        }
+        units = [
+            line for line in sitting.shown().splitlines() if line.strip(" │").startswith("unit") and "asked" in line
+        ]
+        assert len(units) == len(shares) and any(shares.values()) and not all(shares.values())
+        for line, (unit, share) in zip(units, sorted(shares.items(), key=lambda of: (-of[1], of[0])), strict=True):
+            assert f"unit {unit:>3}" in line
+            assert (f"{share:.0%} late" if share else "sound") in line
+        home = sitting.screen.query_one(HomeList)
+        assert home.state is not None
+        await sitting.press("end")
+        assert home.unit is not None
+        least, most = home.unit.times.bounds("p95") or (0, 0)
+        assert least < most, "as far as the tap carries"
+        assert f"its slow answers: {home.unit.times.worded('p95')} and more" in sitting.shown()
+
+    doing(path, work)

@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.segment import Segment
 from rich.style import Style
 from seats import sample_in
-from textual.geometry import Region
+from textual.geometry import Region, Size
 from textual.strip import Strip
 
 if os.name != "posix":
@@ -38,7 +38,8 @@ _updates = st.lists(st.tuples(st.integers(0, _COLUMNS - 1), st.integers(0, _ROWS
 @given(_updates)
 def test_the_terminal_shows_what_is_drawn_however_it_was_sent(updates: list[tuple[int, int, list]]) -> None:  # type: ignore[type-arg]
     """Against the same updates, each sent whole to a terminal of its own."""
-    console = Console(width=_COLUMNS, height=_ROWS, color_system="256", force_terminal=True)
+    size = Size(_COLUMNS, _ROWS)
+    console = Console(width=2, height=1, color_system="256", force_terminal=True)
     wire, thin, whole = ThinWire(), Picture(_COLUMNS, _ROWS), Picture(_COLUMNS, _ROWS)
     blank = LayoutUpdate([[Strip.blank(_COLUMNS)]] * _ROWS, Region(0, 0, _COLUMNS, _ROWS))
     for x, y, pieces in [(0, 0, None), *updates]:
@@ -47,9 +48,9 @@ def test_the_terminal_shows_what_is_drawn_however_it_was_sent(updates: list[tupl
         else:
             strip = Strip([Segment(text, style) for text, style in pieces]).crop(0, _COLUMNS - x)
             update = LayoutUpdate([[strip]], Region(x, y, strip.cell_length, 1))
-        thin.feed(wire.thin(update, console).text)
+        thin.feed(wire.thin(update, console, size).text)
         whole.feed(update.render_segments(console))
-    assert wire.thin(blank, console).text or not updates or thin.lines() == [""] * _ROWS
+    assert wire.thin(blank, console, size).text or not updates or thin.lines() == [""] * _ROWS
     for y in range(_ROWS):
         for x in range(_COLUMNS):
             ours, theirs = thin.cells[y][x], whole.cells[y][x]

@@ -151,6 +151,17 @@ def test_the_page_shows_the_capture_and_listens_on_loopback_only(address: str) -
 
 
 @posix
+def test_a_page_is_filled_to_its_last_row_and_column_when_it_grows_too(address: str) -> None:
+    async def work(tab: Browser) -> None:
+        await tab.until(lambda: "165 frames" in tab.picture.lines()[38])
+        await tab.socket.send_str(json.dumps(["resize", {"width": 170, "height": 50}]))
+        await tab.until(lambda: "165 frames" in tab.picture.lines()[48])
+        await tab.until(lambda: any(len(line) > 120 for line in tab.picture.lines()))
+
+    browse(address, work)
+
+
+@posix
 def test_without_the_token_there_is_nothing(address: str, folder: Path) -> None:
     port, token = re.fullmatch(r"http://127\.0\.0\.1:(\d+)/([\w-]{32})/", address).groups()  # type: ignore[union-attr]
     base = f"http://127.0.0.1:{port}"

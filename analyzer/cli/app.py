@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import sys
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from typing import IO, Any, Final, NoReturn, TextIO
 
@@ -22,6 +23,7 @@ from .commands import COMMANDS, Command, load
 from .exits import DONE, INTERRUPTED, UNUSABLE, UsageError, meanings
 from .terminal import shell_word, tell
 
+_PLACEHOLDER: Final = re.compile("[A-Z][A-Z_]+")
 _OURS: Final = frozenset({"analyzer", "captures", "dissectors"})
 
 
@@ -30,6 +32,15 @@ class HelpText(argparse.RawDescriptionHelpFormatter):
 
     def add_usage(self, usage: Any, actions: Any, groups: Any, prefix: str | None = None) -> None:
         super().add_usage(usage, actions, groups, _told("usage: ") if prefix is None else prefix)
+
+    def _metavar_formatter(
+        self, action: argparse.Action, default_metavar: str | None
+    ) -> Callable[[int], tuple[str, ...]]:
+        """What stands for a value: its words in capitals, `[HOST:]PORT`; choices are typed as they are."""
+        formatted = super()._metavar_formatter(action, default_metavar)  # type: ignore[arg-type]
+        if default_metavar is None or (action.choices is not None and action.metavar is None):
+            return formatted
+        return lambda count: tuple(_PLACEHOLDER.sub(lambda word: _told(word[0]), name) for name in formatted(count))
 
 
 class Parser(argparse.ArgumentParser):

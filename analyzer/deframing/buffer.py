@@ -20,6 +20,7 @@ from .rules import Bytes, Index
 Times = NDArray[np.int64]
 _FAR: Final = -(1 << 62)
 _LONG_READ: Final = 1 << 16  # bytes
+_FEW: Final = 96  # groups
 
 
 class SegmentReads(NamedTuple):
@@ -92,31 +93,34 @@ class ByteBuffer:
         if len(block.errors):
             self._errors = np.concatenate((self._errors, block.errors + len(self.data)))
         starts = block.offsets[:-1] + len(self.data)
-        new = np.empty(len(block), np.bool_)
-        new[1:] = (times[1:] != times[:-1]) | (marks[1:] != marks[:-1])
         last_mark = int(self._marks[-1]) if len(self._marks) else self._before[1]
         open_group = self._closed < len(self.group)
-        new[0] = not (open_group and times[0] == self.last_time and marks[0] == last_mark)
+        same = open_group and int(times[0]) == self.last_time and int(marks[0]) == last_mark
+        grown = times[1:] == times[:-1]
+        if same or grown.any():
+            new = np.empty(len(block), np.bool_)
+            new[0], new[1:] = not same, ~grown | (marks[1:] != marks[:-1])
+            starts, times, marks = starts[new], times[new], marks[new]
         self.data = np.concatenate((self.data, block.data))
         self.classes = np.concatenate((self.classes, np.zeros(len(block.data), np.uint8)))
-        self.group = np.concatenate((self.group, starts[new]))
-        self.time = np.concatenate((self.time, times[new]))
-        self._marks = np.concatenate((self._marks, marks[new]))
+        self.group = np.concatenate((self.group, starts))
+        self.time = np.concatenate((self.time, times))
+        self._marks = np.concatenate((self._marks, marks))
 
     def close(self, *, over: bool) -> None:
         """Work out what is known of the groups. `over`: no more bytes come with the newest time; else it stays open."""
         first, upto = self._closed, len(self.group) - (not over)
         if upto <= first:
             return
-        ends = np.full(upto - first, len(self.data))
+        sizes = np.empty(upto - first, np.int64)
         following = self.group[first + 1 : upto + 1]
-        ends[: len(following)] = following
-        sizes = ends - self.group[first:upto]
+        sizes[: len(following)], sizes[len(following) :] = following, len(self.data)
+        sizes -= self.group[first:upto]
         before, mark = self._before if not first else (int(self.time[first - 1]), int(self._marks[first - 1]))
-        times = np.concatenate(([before], self.time[first:upto]))
-        marks = np.concatenate(([mark], self._marks[first:upto]))
-        times = np.maximum(times, int(times[1:].min()) - (1 << 53))
-        steps = times[1:] - times[:-1]
+        times = self.time[first:upto]
+        steps = np.empty_like(times)
+        np.subtract(times[1:], times[:-1], out=steps[1:])
+        steps[0] = int(times[0]) - max(before, int(times.min()) - (1 << 53))
         silence = steps - (sizes * self.char_ns).astype(np.int64)
         heard = steps - self._wire(sizes)
         if before == _FAR:
@@ -125,7 +129,8 @@ class ByteBuffer:
         classes = classes_of(silence, self.char_ns)
         if before == _FAR:
             classes[0] = 0  # nothing is known of the silence before a capture
-        if marks.any():
+        if mark or self._marks[first:upto].any():
+            marks = np.concatenate(([mark], self._marks[first:upto]))
             turned = (marks[1:] != marks[:-1]) & (marks[1:] != 0)
             classes[turned] = TURNS + marks[1:][turned] - 1
         self.classes[self.group[first:upto]] = classes
@@ -157,7 +162,14 @@ class ByteBuffer:
         most, least = np.full(len(starts), NO_GAP), np.full(len(starts), NO_GAP)
         at, errors = np.zeros(len(starts), np.int32), np.zeros(len(starts), np.uint16)
         several = (tail > head).nonzero()[0]
-        if len(several):
+        if len(several) > 0 and len(limits) <= _FEW:
+            silences, groups, firsts = known.tolist(), self.group.tolist(), starts.tolist()
+            for i, first, last in zip(several.tolist(), head[several].tolist(), tail[several].tolist(), strict=True):
+                inside = silences[first + 1 : last + 1]
+                longest = max(inside)
+                most[i], least[i] = longest, min(inside)
+                at[i] = groups[first + 1 + inside.index(longest)] - firsts[i]
+        elif len(several):
             within = np.empty(2 * len(several), np.intp)
             within[::2], within[1::2] = head[several] + 1, tail[several] + 1
             most[several] = np.maximum.reduceat(known, within)[::2]

@@ -8,7 +8,7 @@ hold whole frames): `base` says how much, in bits, and the lattice decides.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dissectors.adu import MAX_ADU, MIN_ADU, OVERHEAD
-from dissectors.length_rules import Role
+from dissectors.length_rules import Role, broken_value
 
 from .crc_windows import CrcWindows
 from .rules import Bytes, CountedLengths, Index, LengthTables, Mask, WalkedLengths, big_endian_at, length_tables
@@ -25,6 +25,8 @@ CRC_BITS: Final = 16.0
 KNOWN_BITS: Final = 3.0  # one of the 20-odd functions in use, of 256
 STRANGE_BITS: Final = -3.0  # an exception of a function that nobody has declared
 _NONE: Final = np.empty(0, np.intp)
+_LITTLE: Final = 1024  # bytes in which at most
+_FEW: Final = 32  # places where a window with a right CRC begins are looked at one by one
 _NEVER: Final = 1 << 62  # further than any byte
 GLITCHES: Final = frozenset((0x00, 0xFE, 0xFF))  # what RS-485 drivers leave on the line when they switch
 ZERO_BITS: Final = -8.0  # 1 in 256 check values ends in 00
@@ -59,6 +61,12 @@ class Candidates:
 def search_candidates(data: Bytes, crc: CrcWindows) -> Candidates:
     """All candidates that lie whole in `data`."""
     rules = length_tables()
+    if len(data) <= _LITTLE:
+        octets, heads, tails = data.tobytes(), crc.heads.tolist(), crc.tails.tolist()
+        ends = set(tails)
+        starts = [i for i, head in enumerate(heads) if head in ends]
+        if len(starts) <= _FEW:
+            return _search_few(data, octets, _windows_at(octets, starts, heads, tails, rules), rules)
     found = [*_fixed(data, crc, rules), *_marked(data, crc, rules)]
     if not found:
         return Candidates.none()
@@ -67,7 +75,14 @@ def search_candidates(data: Bytes, crc: CrcWindows) -> Candidates:
     role = np.array([place.role for place in found], np.uint8).repeat([len(place.start) for place in found])
     order = ((start << 16) + ((end - start) << 1) + role).argsort(kind="stable")
     start, end, role = start.take(order), end.take(order), role.take(order)
-    keep, structure, broken = _weigh(data, start, end, role, rules)
+    return _weighed(data, start, end, role, *_weigh(data, start, end, role, rules))
+
+
+def _weighed(
+    data: Bytes, start: Index, end: Index, role: NDArray[np.uint8],
+    keep: Mask, structure: NDArray[np.float32], broken: Mask,
+) -> Candidates:  # fmt: skip
+    """Candidates in order, as `_weigh` weighs each, held against each other."""
     if broken.any():
         _rule_out(keep, start, end, broken)
     if not keep.all():
@@ -75,6 +90,68 @@ def search_candidates(data: Bytes, crc: CrcWindows) -> Candidates:
     _weigh_zeros(structure, data, start, end, broken)
     _weigh_roles(structure, start, end, broken)
     return Candidates(start, end, role, structure)
+
+
+def _windows_at(
+    octets: bytes, starts: Sequence[int], heads: Sequence[int], tails: Sequence[int], rules: LengthTables
+) -> list[tuple[int, int, Role]]:
+    """What `_fixed` and `_marked` find of a few places, in order: start, end, role."""
+    n, found = len(octets), []
+    for at in starts:
+        for rule in rules.of_function[octets[at + 1]] if at + MIN_ADU <= n else ():
+            walk, end = rule.walk, at + rule.base
+            if walk is not None:
+                size = walk.length(octets[at + 1 : at + MAX_ADU]) if at + walk.reach <= n else None
+                end = at + size + OVERHEAD if size is not None and size > 0 else n + 1
+            elif rule.scale:
+                field = at + rule.offset
+                counted = octets[field : field + rule.width]
+                if len(counted) < rule.width:
+                    continue
+                end += rule.scale * int.from_bytes(counted, "big")
+                if end - at > MAX_ADU:
+                    continue
+            if end <= n and heads[at] == tails[end]:
+                found.append((at, end, rule.role))
+    found.sort()
+    return found
+
+
+def _search_few(data: Bytes, octets: bytes, found: list[tuple[int, int, Role]], rules: LengthTables) -> Candidates:
+    """Candidates of a few windows: looked at one by one, which takes less than arrays of so few would."""
+    if not found:
+        return Candidates.none()
+    weighed = [_weigh_one(octets, *window, rules) for window in found]
+    start, end, role = zip(*found, strict=True)
+    keep, structure, broken = zip(*weighed, strict=True)
+    columns = np.array(start, np.intp), np.array(end, np.intp), np.array(role, np.uint8)
+    bits = np.array(structure, np.float32)
+    if all(keep) and not any(broken) and len(set(start)) == len(start):
+        return Candidates(*columns, bits)
+    return _weighed(data, *columns, np.array(keep, np.bool_), bits, np.array(broken, np.bool_))
+
+
+def _weigh_one(octets: bytes, start: int, end: int, role: Role, rules: LengthTables) -> tuple[bool, float, bool]:
+    """As `_weigh`, of one candidate. Bits are exact whatever their order, see `rules.exact_bits`."""
+    function = octets[start + 1]
+    keep, broken = function < 0xFE or not GLITCHES.issuperset(octets[start:end]), False
+    structure = float(_BITS_OF_FUNCTION[int(rules.known[function & 0x7F])])
+    checks = rules.checks[256 * role + function]
+    if checks is None:
+        return keep, structure, broken
+    pdu = octets[start + 1 : start + MAX_ADU]
+    structure += checks.bits
+    soft_bits = iter(checks.soft_bits)
+    for check in checks.declared:
+        wrong = broken_value(check, pdu) is not None
+        if not check.soft:
+            keep = keep and not wrong
+        elif wrong:
+            broken, structure = True, structure + BROKEN_LIMIT
+            next(soft_bits)
+        else:
+            structure += next(soft_bits)
+    return keep, structure, broken
 
 
 def more_candidates(known: Candidates, searched: int, data: Bytes, crc: CrcWindows) -> Candidates:

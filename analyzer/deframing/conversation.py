@@ -134,14 +134,12 @@ class ConversationTracker:
 def conversation_after(conversation: Conversation, run: FrameRun) -> Conversation:
     """The conversation after a run: exchange by exchange, and at once where nothing is open."""
     n = len(run.start)
-    asks = run.role == Role.REQUEST
-    single = ~(asks[:-1] & run.fits[1:])
-    alone = np.ones(n, np.bool_)
-    alone[:-1] &= single
-    alone[1:] &= single
-    odd = [*alone.nonzero()[0].tolist(), n]
+    asks, fits = [role == Role.REQUEST for role in run.role.tolist()], [*run.fits.tolist(), False]
+    paired = [asks[j] and fits[j + 1] for j in range(n)]  # with the next one
+    odd = [j for j in range(n) if not paired[j] and not (j and paired[j - 1])]
+    odd.append(n)
     i = k = 0
-    if asks[-OPEN:].all() and len({run.adu(j) for j in range(max(0, n - OPEN), n)}) == OPEN:
+    if all(asks[-OPEN:]) and len({run.adu(j) for j in range(max(0, n - OPEN), n)}) == OPEN:
         i = n - OPEN  # whatever was open before them is forgotten
     while i < n:
         while odd[k] < i:
@@ -189,6 +187,30 @@ def responses_fit(data: Bytes, requests: Index, responses: Index, ends: tuple[In
                 agree &= _echoed(data, request, response, relation)
         fits[which] = agree
     return fits
+
+
+def response_fits(octets: bytes, request: int, response: int) -> bool:
+    """The same of one pair, in the bytes of the data."""
+    function, answer = octets[request + 1], octets[response + 1]
+    if octets[request] != octets[response] or answer & 0x7F != function:
+        return False
+    if answer != function:
+        return True
+    room = len(octets)
+    for relation in relations(function):
+        asked, answered = _reach(relation)
+        if request + asked >= room or response + answered >= room:
+            return False
+        if isinstance(relation, RequestedByteCount):
+            at = request + relation.quantity_offset + 1
+            due = taken(octets[at] << 8 | octets[at + 1], relation.bits) & 0xFF
+            agrees = octets[response + relation.count_offset + 1] == due
+        else:
+            at, echo = request + relation.request_offset + 1, response + relation.response_offset + 1
+            agrees = octets[at : at + relation.width] == octets[echo : echo + relation.width]
+        if not agrees:
+            return False
+    return True
 
 
 def _reach(relation: RequestedByteCount | Echo) -> tuple[int, int]:

@@ -23,7 +23,7 @@ from .conversation import REACH, ConversationTracker, FrameRun
 from .crc_windows import CrcWindows, crc_windows
 from .decisions import WINDOWS, Decider
 from .forced import ANSWERS, ASKS, ForcedRuns, SearchedBytes, forced_runs
-from .gaps import GapStatistics, classes_of, next_checkpoint
+from .gaps import SILENT, GapStatistics, classes_of, next_checkpoint
 from .lessons import Lessons
 from .looks import STAGES
 from .reach import RunContext, plain_evidence, run_reach
@@ -145,11 +145,23 @@ class Engine:
                 if moved > at:
                     at = moved
                     continue
+            if not stages and self._tells_nothing(stretch, at):
+                break
             moved = self._contest(stretch, runs, at, stages)
             if moved == at:
                 break
             at = moved
         return at
+
+    def _tells_nothing(self, stretch: SearchedBytes, at: int) -> bool:
+        """Whether there is no place from `at` on at which the lattice would look for a decision, as amid a frame."""
+        size, found = len(stretch.data), stretch.found
+        if size - at >= WINDOWS[0] or (len(found) and found.start[-1] >= at):
+            return False
+        low, high = stretch.begin + at, stretch.begin + size + 1
+        quiet_ns = min(self.options.idle_ns, self.options.cut_ns)
+        silent = self.buffer.classes[low + 1 : high].max(initial=0) >= SILENT
+        return not silent and not len(self.buffer.quiet(low, high, quiet_ns))
 
     def _silences(self, begin: int, size: int) -> NDArray[np.uint8]:
         """Classes of the silences before so many bytes, and of the one behind them where more has come."""

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from dissectors.adu import MAX_ADU
 
 from .candidates import Candidates
-from .conversation import OPEN, REACH, responses_fit
+from .conversation import OPEN, REACH, response_fits, responses_fit
 from .crc_windows import CrcWindows
 from .gaps import SpeakerTurn
 from .paths import Candidate
@@ -26,6 +26,8 @@ from .rules import Bytes, Index, Mask
 
 _BACK: Final = 2 * OPEN  # frames that it may not answer either: an answer among them would keep others open
 _NEVER: Final = -(1 << 62)
+_FEW: Final = 48  # intervals
+_NONE: Final = np.empty(0, np.intp)
 ASKS, ANSWERS = int(SpeakerTurn.REQUEST), int(SpeakerTurn.RESPONSE)
 
 
@@ -61,6 +63,9 @@ class ForcedRequests(NamedTuple):
     alone: Mask  # nobody answers it
     waits: Mask  # the one before it, in its run, wants an answer
     late: Mask  # the same was asked shortly before, and nobody answered
+
+
+_NOBODY: Final = ForcedRequests(_NONE, *[np.empty(0, np.bool_)] * 3)
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +109,10 @@ def forced_runs(found: Candidates, data: Bytes, known: int, silences: NDArray[np
     known.
     """
     n = len(found)
+    if n <= _FEW:
+        spans = list(zip(found.start.tolist(), found.end.tolist(), strict=True))
+        if len(set(spans)) == n:
+            return _few_runs(found, spans, data, known, silences)
     new = np.ones(n + 1, np.bool_)  # and a spare one behind the last
     new[1:n] = (found.start[1:] != found.start[:-1]) | (found.end[1:] != found.end[:-1])
     first = new[:n].nonzero()[0]
@@ -137,6 +146,35 @@ def forced_runs(found: Candidates, data: Bytes, known: int, silences: NDArray[np
     return ForcedRuns(
         start, end, plain.role, either, structure, lean, clean, first_open, last, plain.second, plain.again, doubt,
         asks, fits,
+    )  # fmt: skip
+
+
+def _few_runs(
+    found: Candidates, spans: list[tuple[int, int]], data: Bytes, known: int, silences: NDArray[np.uint8]
+) -> ForcedRuns:
+    """The same of a few intervals that read as request or as response, not as both: one by one, for arrays of so few
+    take longer."""
+    m, octets, classes = len(spans), data.tobytes(), silences.tolist()
+    role, structure = found.role.tolist(), found.structure.tolist()
+    clean, fits, last = [False] * m, [False] * m, list(range(m))
+    furthest, first_open = 0, m
+    for k, (start, end) in enumerate(spans):
+        clean[k] = furthest <= start and structure[k] >= 0 and (k + 1 == m or spans[k + 1][0] >= end)
+        if end > known:
+            first_open = min(first_open, k)
+            clean[k] = clean[k] and end < len(classes) and classes[end] > 0
+        furthest = max(furthest, end)
+        if k and clean[k] and clean[k - 1] and start == spans[k - 1][1]:
+            last[k - 1] = -1  # that of the next one
+            if role[k] > role[k - 1]:
+                fits[k] = response_fits(octets, spans[k - 1][0], start)
+    for k in range(m - 1, -1, -1):
+        if last[k] < 0:
+            last[k] = last[k + 1]
+    no = np.zeros(m, np.bool_)
+    return ForcedRuns(
+        found.start, found.end, found.role, no, found.structure, np.zeros(m, np.float32), np.array(clean, np.bool_),
+        first_open, np.array(last, np.intp), no, _NONE, _NONE, _NOBODY, np.array(fits, np.bool_),
     )  # fmt: skip
 
 

@@ -28,6 +28,9 @@ _COMMON: Final = np.zeros(256, np.uint8)
 _COMMON[[1, 2, 3, 4]] = _FIXED | _READ
 _COMMON[[15, 16]] = _FIXED | _BLOCK
 _COMMON[[5, 6, _DIAGNOSTICS]] = _FIXED
+_COMMON_OCTETS: Final = _COMMON.tobytes()
+_FEW: Final = 48  # rows
+_NOISE: Final = int(Kind.NOISE)
 
 
 class ForeignTalk:
@@ -38,6 +41,8 @@ class ForeignTalk:
 
     def mark(self, rows: Rows, data: Bytes) -> None:
         """Mark them in place, before frames are numbered."""
+        if len(rows) <= _FEW and _all_usual(rows, data):
+            return
         kind = rows.kind.copy()
         plain = rows.protocol == Protocol.RTU
         noise = (kind == Kind.NOISE) & plain & (rows.length >= _LEAST)
@@ -82,6 +87,24 @@ def _unusual(rows: Rows, data: Bytes, which: Index) -> Mask:
     usual |= (function > EXCEPTION) & (length == 5)
     unusual: Mask = ~usual
     return unusual
+
+
+def _all_usual(rows: Rows, data: Bytes) -> bool:
+    """Whether all of a few rows are frames that `_unusual` would not name: one by one, as on a healthy line."""
+    if rows.protocol.any():
+        return False
+    octets = data.tobytes()
+    for kind, at, length in zip(rows.kind.tolist(), rows.at.tolist(), rows.length.tolist(), strict=True):
+        function, last = octets[at + 1] if length > 1 else 0, at + length - 1
+        common = _COMMON_OCTETS[function]
+        if kind == _NOISE or not (
+            (length == _FIXED_LENGTH and common & _FIXED)
+            or (common & _READ and length == octets[min(at + 2, last)] + 5)
+            or (common & _BLOCK and length == octets[min(at + 6, last)] + 9)
+            or (function > EXCEPTION and length == 5)
+        ):
+            return False
+    return True
 
 
 def _sound(rows: Rows, data: Bytes, which: Index) -> Mask:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -18,12 +19,13 @@ from dissectors.answers import expectation
 from ..tables.schema import Kind, Rows
 from ..tables.transactions import LATE_NS, LATE_WAITS, LONGEST_NS
 from .buffer import Times
-from .conversation import responses_fit
+from .conversation import response_fits, responses_fit
 from .rules import Bytes, Index
 from .wireorder import Across
 
 _REACH: Final = 4096  # bytes back
 _OPEN: Final = 8  # requests at most
+_FEW: Final = 48  # frames
 _REQUEST, _ANSWER = int(Kind.REQUEST), int(Kind.RESPONSE)
 
 
@@ -73,25 +75,11 @@ class Pairer:
         earlier: dict[int, bytes] = {}
         if not len(frames):
             return earlier
-        kind, at, port = rows.kind.take(frames), rows.at.take(frames), rows.port.take(frames)
-        follows = (kind[1:] == _ANSWER) & (kind[:-1] == _REQUEST)
-        if across is not None:
-            asker = np.where(across.answers[frames], across.requests, port)
-            follows &= asker[1:] == port[:-1]
-        elif port.any():
-            follows &= port[1:] == port[:-1]
-        follows = follows.nonzero()[0] + 1
-        follows = follows.compress(responses_fit(data, at.take(follows - 1), at.take(follows)))
-        waited = np.maximum(rows.t_start_ns.take(frames[follows]) - rows.t_end_ns.take(frames[follows - 1]), 0)
-        follows, waited = follows[waited <= LONGEST_NS], waited[waited <= LONGEST_NS]
-        answers, asked = frames.take(follows), frames.take(follows - 1)
-        waited[tail.take(asked) == head.take(answers)] = -1
-        rows.request[answers] = rows.index[asked]
-        rows.request_start[answers] = rows.start.take(asked)
-        rows.response_ns[answers] = waited
-        settled = np.zeros(len(frames), np.bool_)
-        settled[follows] = settled[follows - 1] = True
-        loose = (~settled).nonzero()[0]
+        few = across is None and len(frames) <= _FEW
+        loose = (_pair_few if few else _pair_neighbours)(rows, data, frames, head, tail, across)
+        if few and not len(loose) and not self._open:
+            return earlier
+        kind, port = rows.kind.take(frames), rows.port.take(frames)
         asking_rows = frames.compress(kind == _REQUEST)
         begins: dict[int, tuple[Index, Times]] = {}  # of the requests of a port: their indices and times
         for each in {opened.port for opened in self._open} | set(port[loose].tolist()):
@@ -148,6 +136,56 @@ class Pairer:
         rows.request[row] = found.index
         rows.request_start[row] = found.start
         rows.response_ns[row] = -1 if read == found.read else max(0, int(rows.t_start_ns[row]) - found.t_end)
+
+
+def _pair_neighbours(rows: Rows, data: Bytes, frames: Index, head: Times, tail: Times, across: Across | None) -> Index:
+    """Pair each request with the frame behind it, if that answers it; the frames (numbers in `frames`) left over."""
+    kind, at, port = rows.kind.take(frames), rows.at.take(frames), rows.port.take(frames)
+    follows = (kind[1:] == _ANSWER) & (kind[:-1] == _REQUEST)
+    if across is not None:
+        asker = np.where(across.answers[frames], across.requests, port)
+        follows &= asker[1:] == port[:-1]
+    elif port.any():
+        follows &= port[1:] == port[:-1]
+    follows = follows.nonzero()[0] + 1
+    follows = follows.compress(responses_fit(data, at.take(follows - 1), at.take(follows)))
+    waited = np.maximum(rows.t_start_ns.take(frames[follows]) - rows.t_end_ns.take(frames[follows - 1]), 0)
+    follows, waited = follows[waited <= LONGEST_NS], waited[waited <= LONGEST_NS]
+    answers, asked = frames.take(follows), frames.take(follows - 1)
+    waited[tail.take(asked) == head.take(answers)] = -1
+    rows.request[answers] = rows.index[asked]
+    rows.request_start[answers] = rows.start.take(asked)
+    rows.response_ns[answers] = waited
+    settled = np.zeros(len(frames), np.bool_)
+    settled[follows] = settled[follows - 1] = True
+    return (~settled).nonzero()[0]
+
+
+def _pair_few(
+    rows: Rows,
+    data: Bytes,
+    frames: Index,
+    head: Times,
+    tail: Times,
+    across: Across | None,  # noqa: ARG001
+) -> Index:
+    """The same of a few frames of lines that each carry both directions: one by one."""
+    octets, kind, at, port = data.tobytes(), rows.kind.tolist(), rows.at.tolist(), rows.port.tolist()
+    numbers = frames.tolist()
+    loose = dict.fromkeys(range(len(numbers)))
+    for i, (asked, answer) in enumerate(pairwise(numbers)):
+        if (
+            kind[asked] == _REQUEST
+            and kind[answer] == _ANSWER
+            and port[asked] == port[answer]
+            and response_fits(octets, at[asked], at[answer])
+        ):
+            waited = max(0, int(rows.t_start_ns[answer]) - int(rows.t_end_ns[asked]))
+            if waited <= LONGEST_NS:
+                rows.request[answer], rows.request_start[answer] = rows.index[asked], rows.start[asked]
+                rows.response_ns[answer] = -1 if tail[asked] == head[answer] else waited
+                del loose[i], loose[i + 1]
+    return np.array(list(loose), np.intp)
 
 
 def _still_open(loose: Index, kind: NDArray[np.uint8]) -> Index:

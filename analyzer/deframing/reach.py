@@ -56,6 +56,9 @@ def run_reach(runs: ForcedRuns, i: int, last: int, context: RunContext) -> tuple
 def _plain_reach(runs: ForcedRuns, i: int, last: int, context: RunContext) -> tuple[int, NDArray[np.float32]]:
     """How far, from interval i on and before `last`, roles are plain: the first that is not; and by how many bits."""
     data, silences, statistics, waiting = context.data, context.silences, context.statistics, context.waiting
+    surely = np.float32(CRC_BITS + statistics.noise_cost)
+    if not len(runs.doubt) and not len(runs.again) and not len(runs.asks.number):
+        return last, runs.structure[i:last] + surely
     at = int(runs.doubt.searchsorted(i))
     if at < len(runs.doubt):
         last = min(last, int(runs.doubt[at]))
@@ -99,7 +102,7 @@ def _plain_reach(runs: ForcedRuns, i: int, last: int, context: RunContext) -> tu
         if not certain.all():
             high = int(np.argmin(certain))
             last, number, alone, bits = int(number[high]), number[:high], alone[:high], bits[:high]
-    margin = runs.structure[i:last] + np.float32(CRC_BITS + statistics.noise_cost)
+    margin = runs.structure[i:last] + surely
     if len(number):
         margin[number[alone] - i] = bits[alone]
     return last, margin
@@ -119,13 +122,13 @@ def _quiet_reach(runs: ForcedRuns, i: int, last: int, context: RunContext) -> in
     if known - i > _FEW or len(conversation.open_requests) != asked:
         return known
     units, most, asking = statistics.unit_bits, statistics.most, statistics.request_bits
-    for k in range(i, last):
-        start, end = int(runs.start[k]), int(runs.end[k])
-        if runs.role[k] == ASKS:
+    starts, ends, roles, fits = (column[i:last].tolist() for column in (runs.start, runs.end, runs.role, runs.fits))
+    for k, start, end, role, answers in zip(range(i, last), starts, ends, roles, fits, strict=True):
+        if role == ASKS:
             unit = int(data[start])
             plain = not asked and bool(unit) and units[unit] + asking >= 0
         else:
-            answers = bool(runs.fits[k]) if k > i else conversation.answers(data[start:end].tobytes()) is not None
+            answers = answers if k > i else conversation.answers(data[start:end].tobytes()) is not None
             plain = asked and answers
         if not plain or (k >= known and most[silences[end]] < AGAINST):
             return max(k, known)

@@ -64,6 +64,18 @@ class WalkedLengths:
 
 
 @dataclass(frozen=True, slots=True)
+class FrameRule:
+    """A function of a role, for a look at one place: an ADU's length is base + scale * field, or takes a walk."""
+
+    role: Role
+    offset: int
+    width: int
+    scale: int
+    base: int
+    walk: WalkedLengths | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class FunctionGroups:
     """Up to eight groups whose functions one pass over the bytes finds: `table` maps a function to the groups' bits."""
 
@@ -79,6 +91,7 @@ class RoleChecks:
     soft: tuple[Callable[[Bytes, Index], Mask], ...]
     bits: float  # evidence of passing all of the hard ones
     soft_bits: tuple[float, ...]  # evidence of passing each soft one
+    declared: tuple[Bound | Choice | Multiple | Sized, ...]  # all of them, as they are declared
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +101,7 @@ class LengthTables:
     fixed: tuple[tuple[int, tuple[tuple[Role, Mask], ...]], ...]  # ADU length, and which functions have it in a role
     marked: tuple[FunctionGroups, ...]
     checks: tuple[RoleChecks | None, ...]  # 512: by 256 * role + function
+    of_function: tuple[tuple[FrameRule, ...], ...]  # all of these, by function
     known: Mask  # functions with a predicted length
     certain: Mask  # and of these those whose requests and responses do not look alike
 
@@ -151,6 +165,7 @@ def _checks(rule: LengthRule) -> RoleChecks:
         tuple(test for (test, _), soft in compiled if soft),
         sum(bits for (_, bits), soft in compiled if not soft),
         tuple(bits for (_, bits), soft in compiled if soft),
+        rule.checks,
     )
 
 
@@ -187,6 +202,7 @@ def _tables(_revision: int) -> LengthTables:
     fixed: dict[int, dict[Role, Mask]] = {}
     counted: dict[tuple[Role, int, int, int, int], list[int]] = {}
     walked: list[WalkedLengths] = []
+    of_function: list[list[FrameRule]] = [[] for _ in range(256)]
     checks: list[RoleChecks | None] = [None] * (256 * len(Role))
     known = np.zeros(256, np.bool_)
     for rule in RULES.values():
@@ -197,11 +213,14 @@ def _tables(_revision: int) -> LengthTables:
         if rule.walk is not None:
             reach = max((_reach(check) for check in rule.checks), default=MIN_ADU)
             walked.append(WalkedLengths(rule.role, rule.function, rule.walk, reach))
+            of_function[rule.function].append(FrameRule(rule.role, 0, 0, 0, 0, walked[-1]))
         elif rule.count is not None:
             base = (rule.base or 0) + OVERHEAD
             key = (rule.role, rule.count.offset + 1, rule.count.width, rule.count.scale, base)
             counted.setdefault(key, []).append(rule.function)
+            of_function[rule.function].append(FrameRule(*key))
         else:
+            of_function[rule.function].append(FrameRule(rule.role, 0, 0, 0, (rule.base or 0) + OVERHEAD))
             of_length = fixed.setdefault((rule.base or 0) + OVERHEAD, {})
             of_length.setdefault(rule.role, np.zeros(256, np.bool_))[rule.function] = True
     groups: list[CountedLengths | WalkedLengths] = [
@@ -216,6 +235,7 @@ def _tables(_revision: int) -> LengthTables:
         tuple((length, tuple(fixed[length].items())) for length in sorted(fixed)),
         tuple(_marked(groups[i : i + 8]) for i in range(0, len(groups), 8)),
         tuple(checks),
+        tuple(map(tuple, of_function)),
         known,
         certain,
     )

@@ -81,7 +81,7 @@ class PortsDeframer:
         self._timed = self._timed and block.timed
         if len(block):
             self._now = int(block.t_ns[-1])
-            ports = np.bincount(block.port).nonzero()[0].tolist()
+            ports = np.bincount(block.port).nonzero()[0].tolist() if block.port.any() else [0]
             if len(ports) > 1:
                 ports.sort(key=lambda port: int(np.argmax(block.port == port)))  # as they came
             for port in ports:
@@ -140,6 +140,8 @@ class PortsDeframer:
     def _ask_all(self, loose: UnorderedRows) -> None:
         """A frame to unit 0 that reads as a request is one: nobody may answer a broadcast, and clients repeat them."""
         rows = loose.rows
+        if rows.unit.all():
+            return
         said = (rows.kind == Kind.RESPONSE) & (rows.unit == 0) & rows.check & (rows.protocol == Envelope.RTU)
         for row in said.nonzero()[0].tolist():
             at, length = int(rows.at[row]), int(rows.length[row])

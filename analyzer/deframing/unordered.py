@@ -46,18 +46,36 @@ class UnorderedRows:
         else:
             unit, function, code = segments.heads.T
         failed = (framed & (function > 0x7F) & (length >= 3)).nonzero()[0]
-        rows = Rows.zeros(len(at))
-        rows.start[:], rows.length[:], rows.at[:] = at + segments.offset, length, at
-        rows.t_start_ns[:], rows.t_end_ns[:] = reads.t_start_ns, reads.t_end_ns
-        rows.index[:] = rows.request[:] = rows.request_start[:] = rows.response_ns[:] = -1
-        rows.kind[:], rows.check[:], rows.port[:], rows.contested[:] = kind, decided.check, port, decided.contested
-        rows.gap_before_ns[:], rows.gap_at[:] = reads.gap_before_ns, reads.gap_at
-        rows.gap_most_ns[:], rows.gap_least_ns[:] = reads.gap_most_ns, reads.gap_least_ns
-        rows.reads[:], rows.errors[:] = reads.reads, reads.errors
-        rows.confidence[:] = 1.0 / (1.0 + np.exp2(-np.maximum(decided.margin, 0.0)))
-        rows.unit[:], rows.function[:] = unit * framed, (function & 0x7F) * framed
+        unknown, octets = np.full((4, len(at)), -1, np.int64), np.zeros((4, len(at)), np.uint8)
+        octets[0], octets[1] = port, segments.protocol
+        rows = Rows(
+            index=unknown[0],
+            start=at + segments.offset,
+            length=length,
+            at=at.copy(),
+            t_start_ns=reads.t_start_ns,
+            t_end_ns=reads.t_end_ns,
+            request=unknown[1],
+            request_start=unknown[2],
+            response_ns=unknown[3],
+            confidence=(1.0 / (1.0 + np.exp2(-np.maximum(decided.margin, 0.0)))).astype(np.float32),
+            kind=kind,
+            unit=unit * framed,
+            function=(function & 0x7F) * framed,
+            exception=octets[2],
+            check=decided.check.copy(),
+            port=octets[0],
+            protocol=octets[1],
+            contested=decided.contested.copy(),
+            gap_before_ns=reads.gap_before_ns,
+            gap_most_ns=reads.gap_most_ns,
+            gap_least_ns=reads.gap_least_ns,
+            gap_at=reads.gap_at,
+            reads=reads.reads.astype(np.int32),
+            errors=reads.errors,
+            foreign=octets[3],
+        )
         rows.exception[failed] = code[failed]
-        rows.protocol[:] = segments.protocol
         why = evidence_rows(0) if decided.why is None else decided.why
         return cls(rows, data, reads.head, reads.tail, reads.heard, why)
 

@@ -110,6 +110,7 @@ class UnitActivity:
 
     def __init__(self) -> None:
         self.octets = np.zeros(_UNITS, np.int64)
+        self.heard = np.zeros(_UNITS, np.bool_)  # units that a frame with a right check value speaks of
         self._bins = TimeBins(UNIT_BINS, _FIRST_UNIT_BIN_NS)
         self._bins.tables["sums"] = np.zeros((_UNITS, UNIT_BINS))
         self._bins.tables["counts"] = np.zeros((_UNITS, UNIT_BINS), np.int64)
@@ -119,6 +120,7 @@ class UnitActivity:
         """Count rows in."""
         frames = rows.kind != Kind.NOISE
         self.octets += np.bincount(rows.unit[frames], rows.length[frames], _UNITS).astype(np.int64)
+        self.heard[rows.unit[frames & rows.check]] = True
         measured = frames & (rows.response_ns >= 0)
         times, answers, units = (column[measured] for column in (rows.t_start_ns, rows.response_ns, rows.unit))
         if not len(times):

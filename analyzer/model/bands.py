@@ -40,6 +40,7 @@ def bands(
 ) -> list[Band]:
     """A band for each cause that shows in the span, each of the kept tests, and each unit, of rows that pass the scope.
 
+    A unit that only damaged frames speak of is none: their unit may be what was damaged.
     `causes` are the rows that show each (`explained.rows_of_causes`); a band has the number of its cause.
     """
     t_start, t_end = span
@@ -71,7 +72,7 @@ def bands(
             begin, end = np.searchsorted(rows, (number * PIECE + low, number * PIECE + high))
             own = rows[begin:end] - (number * PIECE + low)
             by_cause[k] += np.bincount(slots[own[inside[own]]], minlength=bins)
-    units = np.flatnonzero(by_unit[0].any(axis=1)).tolist()
+    units = np.flatnonzero(by_unit[0].any(axis=1) & bus.units.heard).tolist()
     return [
         *(
             Band(tr("cause {number}", number=k + 1), counts, counts, k)
@@ -79,10 +80,5 @@ def bands(
             if counts.any()
         ),
         *(Band(name, by_test[0, k], by_test[1, k]) for k, (name, _) in enumerate(named)),
-        *(Band(_called(unit), by_unit[0, unit], by_unit[1, unit]) for unit in units),
+        *(Band(tr("unit {number}", number=unit), by_unit[0, unit], by_unit[1, unit]) for unit in units),
     ]
-
-
-def _called(unit: int) -> str:
-    """A unit in seven characters."""
-    return tr("unit {number}", number=unit) if unit < 100 else tr("unit{number}", number=unit)

@@ -32,12 +32,14 @@ from .evidence import RowEvidence, evidence_columns, evidence_of
 from .findinglog import FindingLog
 from .polls import PollIndex
 from .registers import RegisterLog
+from .rowbits import RowBits
 from .source import CaptureSource, ViewSource
 from .table import PIECE, BusRows, RowState, RowTable
 
 if TYPE_CHECKING:
     from ..causes.model import Cause
     from ..reports.model import Report
+    from ..reports.rates import RateTable
     from ..tables.findings import Finding
 
 _COPIED = ("start", "length", "t_start_ns", "t_end_ns", "response_ns", "confidence", "kind", "unit", "function",
@@ -77,6 +79,7 @@ class Bus:
         self.off_ns: int | None = None  # by how much response times may be wrong, as `reports.model.Times` has it
         self._summary = Summary.of(line)
         self.options = Options()
+        self.bits: RowBits | None = None  # where the capture has edges
         self._ledger = Ledger(line)
         self._lock = threading.Lock()
         self._source: ViewSource | None = None
@@ -90,6 +93,8 @@ class Bus:
             return bus
         bus.options = source.options
         bus._ledger = Ledger(source.line, source.options)
+        if source.capture.spans is not None:
+            bus.bits = RowBits(source.capture.spans)
         return bus
 
     @property
@@ -125,6 +130,8 @@ class Bus:
             self.activity.feed(batch.rows)
             self.units.feed(batch.rows)
         with self._lock:
+            if self.bits is not None:
+                self.bits.feed(batch.rows)
             self._summary.feed(analysed, self.batch(earlier).rows if len(earlier) else None)
             if self._ledger.line != self.line:  # a tap found it out: what was counted before was of another one
                 self._ledger = Ledger(self.line, self.options)
@@ -302,10 +309,11 @@ class Bus:
     def report(self, source: ViewSource, *, story: bool = False) -> Report:
         """The bus on one page, as it is known now; `story`: with its causes, which take a moment."""
         with self._lock:
-            page = self.page(self._summary, source, partial=not self.whole)
+            rates = None if self.bits is None else self.bits.of_all
+            page = self.page(self._summary, rates, source, partial=not self.whole)
             return (with_story if story else with_cards)(page, self._ledger)
 
-    def page(self, summary: Summary, source: ViewSource, *, partial: bool) -> Report:
+    def page(self, summary: Summary, rates: RateTable | None, source: ViewSource, *, partial: bool) -> Report:
         """A summary of this bus, or of some of its rows, as a page."""
         from captures.chunks import Capture
 
@@ -313,7 +321,8 @@ class Bus:
             with self._lock:
                 summary.off_ns = self._summary.known_off_ns()
         capture = getattr(source, "capture", None) or Capture.of(source.line, (), timed=source.timed)
-        return summary.report(capture, source=source.name, partial=partial)
+        report = summary.report(capture, source=source.name, partial=partial)
+        return report if rates is None else replace(report, rates=rates.rows())
 
     def causes(self) -> list[Cause]:
         """What explains the findings so far, best first; nothing on a healthy bus. Takes a moment."""

@@ -98,6 +98,7 @@ class ScopedFigures:
         self.frames = int((bus.table.take("kind", self.rows) != Kind.NOISE).sum())
         self._complete = bus.whole
         self._summary = Summary(bus.char_ns)
+        self._rates = None if bus.bits is None else bus.bits.rates()
         first = 0
         while first < len(self.rows) and not stop():
             last = int(np.searchsorted(self.rows, (self.rows[first] // PIECE + 1) * PIECE))
@@ -109,6 +110,8 @@ class ScopedFigures:
         requests = part[batch.rows.kind == Kind.REQUEST]
         findings = NOTHING if batch.findings is None else batch.findings
         self._summary.feed(Analysed(batch, bus.transactions(requests), findings))
+        if bus.bits is not None and self._rates is not None:
+            self._rates.feed(batch.rows, bus.bits.take(part))
         self.registers.feed(batch, part)
         self.units.feed(batch.rows)
 
@@ -118,4 +121,4 @@ class ScopedFigures:
 
     def report(self, source: ViewSource, *, story: bool = False) -> Report:  # noqa: ARG002 - a part tells none
         """These rows on one page."""
-        return self._bus.page(self._summary, source, partial=not self._complete)
+        return self._bus.page(self._summary, self._rates, source, partial=not self._complete)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from ..languages import counted, tr, wording
 from ..tables.schema import Kind
 from ..tables.transactions import Status
-from ..words import date_and_time, duration, is_clock, seconds
+from ..words import between, date_and_time, is_clock, seconds
 from .bus import Bus
 from .filtering import compiled
 from .scope import Scope
@@ -54,8 +54,8 @@ def _transaction(bus: Bus, row: int, zone: tzinfo) -> str:
     parts = [tr("Frame {index}", index=frame.index), *([when] if when else []), tr("unit {unit}", unit=frame.unit)]
     parts.append(frame.summary(wording()))
     if answer is not None and bus.table.value("kind", row) == Kind.REQUEST:
-        took = bus.table.value("response_ns", answer)
-        head = tr("after {time}", time=duration(took)) if took >= 0 else tr("answer")
+        took = bus.response(answer)
+        head = tr("after {time}", time=between(*took)) if took is not None else tr("answer")
         parts.append(f"{head}: {bus.frame(answer).summary(wording())}")
     else:
         status = bus.table.value("state", row) & RowState.STATUS

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -17,24 +18,32 @@ _CLIENT: Final = 256  # behind the units
 _LEAST: Final = 200  # bits that a rate is told of: each edge is seen a sample late at the most
 
 
+def bit_times(spans: BitSpans, rows: Rows) -> NDArray[np.int64]:
+    """(2, n): in how many ns so many bits of each of these rows came; rows of a port must be given in order."""
+    taken = np.zeros((2, len(rows)), np.int64)
+    for port in np.bincount(rows.port).nonzero()[0].tolist():
+        of_port = rows.port == port
+        taken[:, of_port] = spans.take(port, rows.start[of_port], rows.length[of_port])
+    return taken
+
+
 class RateTable:
     """Time and bits of all frames with a right check value, by who sent them: the client, or a unit."""
 
-    def __init__(self, spans: BitSpans) -> None:
-        self._spans = spans
-        spans.want()
+    def __init__(self, bauds: Mapping[int, float]) -> None:
+        """`bauds`: the rate of each port by its settings, bit/s."""
+        self._bauds = bauds
         self._took, self._due, self._bits = (np.zeros(_CLIENT + 1) for _ in range(3))  # ns, ns, bits
 
-    def feed(self, rows: Rows) -> None:
-        """Frames and noise, those of a port in order."""
+    def feed(self, rows: Rows, taken: NDArray[np.int64]) -> None:
+        """Frames and noise, and what `bit_times` has of them."""
         for port in np.bincount(rows.port).nonzero()[0].tolist():
-            part = rows[rows.port == port]
-            ns, bits = self._spans.take(port, part.start, part.length)
-            sender = np.where(part.kind == Kind.REQUEST, _CLIENT, part.unit.astype(np.int64))
-            good = part.check & (part.kind != Kind.NOISE)
-            self._took += self._by(sender[good], ns[good])
-            self._due += self._by(sender[good], bits[good]) * 1e9 / self._spans.bauds[port]
-            self._bits += self._by(sender[good], bits[good])
+            good = (rows.port == port) & rows.check & (rows.kind != Kind.NOISE)
+            sender = np.where(rows.kind == Kind.REQUEST, _CLIENT, rows.unit.astype(np.int64))[good]
+            ns, bits = taken[:, good]
+            self._took += self._by(sender, ns)
+            self._due += self._by(sender, bits) * 1e9 / self._bauds[port]
+            self._bits += self._by(sender, bits)
 
     def rows(self) -> tuple[RateRow, ...]:
         """Each sender of which enough was seen: the client first, then the units."""

@@ -25,7 +25,7 @@ from ..tables.schema import Kind, Rows
 from ..tables.transactions import Status, TransactionRows
 from ..usernotes import Notes, marked_rows
 from .model import BookmarkRow, Counts, ExceptionRow, FunctionRow, Load, Report, Times, UnitRow
-from .rates import RateTable
+from .rates import RateTable, bit_times
 from .troubles import Troubles
 
 if TYPE_CHECKING:
@@ -297,11 +297,14 @@ def summarize(
 
         stream = filtered(summary.hear(stream), filter, line)
     notes, marks = Notes.of_capture(capture.path), list[BookmarkRow]()
-    rates = None if capture.spans is None else RateTable(capture.spans)
+    spans = capture.spans
+    rates = RateTable({} if spans is None else spans.bauds)
+    if spans is not None:
+        spans.want()
     for analysed in stream:
         summary.feed(analysed)
-        if rates is not None:
-            rates.feed(analysed.batch.rows)
+        if spans is not None:
+            rates.feed(analysed.batch.rows, bit_times(spans, analysed.batch.rows))
         marks += _marks(notes, analysed.batch.rows)
         if ledger is not None:
             ledger.feed(analysed.batch, analysed.transactions)
@@ -312,7 +315,7 @@ def summarize(
         if progress is not None:
             progress(summary.frames, summary.bytes)
     report = summary.report(capture, source=source, partial=stop is not None and stop())
-    report = replace(report, bookmarks=tuple(marks), rates=() if rates is None else rates.rows())
+    report = replace(report, bookmarks=tuple(marks), rates=rates.rows())
     if values is not None:
         report = replace(report, values=values.values())
     if ledger is None:

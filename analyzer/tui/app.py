@@ -98,7 +98,7 @@ class Rtuscope(App[NextFile | None]):
     def _display(self, screen: Screen[object], renderable: RenderableType | None) -> None:
         """What Textual would send, as the difference from what stands there."""
         if isinstance(renderable, CompositorUpdate) and not self.is_headless and not self._batch_count:
-            renderable = self.wire.thin(renderable, self.console)
+            renderable = self.wire.thin(renderable, self.console, self.size)
             if not renderable.text and self.cursor_position == self._cursor_was:
                 renderable = None
             self._cursor_was = self.cursor_position

@@ -129,11 +129,13 @@ class FindingList(Lines):
     def use(self, causes: Sequence[Cause]) -> None:
         """What explains them."""
         if causes != self.causes:
-            row = self.row
+            _, single = self._at(self.cursor)
+            # The first line stays the first: what concerns the whole bus stands there by rows, and last by causes.
+            row = None if single < 0 or not self.cursor else self.desk.bus.found.row(single)
             self.causes = causes
             self._lay_out()
             self._announced = -1
-            self.renewed(self._line_of(-1 if row is None else row))
+            self.renewed(self.cursor if row is None else self._line_of(row))
 
     def grown(self) -> None:
         log = self.desk.bus.found

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Final
 
 from textual.strip import Strip
 
 from ..languages import tr
 from .paint import Painted, StyledText, fitted
-
-_BLOCKS: Final = " ▁▂▃▄▅▆▇█"
+from .sparks import EIGHTHS
 
 
 def _number(number: float) -> str:
@@ -73,5 +71,5 @@ class History(Painted):
                 line.append(" ")
                 continue
             level = 1 + round((self._points[at][1] - low) * scale) if high > low else 4 * rows
-            line.append(_BLOCKS[max(0, min(8, level - 8 * (rows - 1 - y)))])
+            line.append(EIGHTHS[max(0, min(8, level - 8 * (rows - 1 - y)))])
         return "".join(line)

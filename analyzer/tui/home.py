@@ -19,14 +19,14 @@ from .filterbar import FilterBar
 from .items import FrameDetail, Item
 from .lines import Lines
 from .paint import StyledText, fitted
-from .unitlist import sparkline
+from .sparks import sparkline
 from .view import View
 
 if TYPE_CHECKING:
     from textual.widget import Widget
 
     from ..causes.model import Cause
-    from ..reports.model import Report, UnitRow
+    from ..reports.model import Counts, Report, Times, UnitRow
     from .desk import ViewState
     from .screen import BusScreen
 
@@ -36,6 +36,7 @@ _WIDE: Final = 100  # columns from which on there is room to say whose fault a c
 _NARROW: Final = 60  # and under which there is room for the least of a unit only
 _LETTERS: Final = {"error": "E", "warning": "W", "note": "N"}
 _MANY: Final = 0.05  # of the requests without a good answer
+_ANSWERS: Final = 26  # columns: `answers 48.3ms, 95% 53.3ms`
 
 
 class BusState(NamedTuple):
@@ -157,18 +158,20 @@ class HomeList(Lines):
 
     def _unit_line(self, unit: UnitRow, width: int) -> list[StyledText]:
         bus, counts, times = self.desk.bus, unit.counts, unit.times
-        bad = counts.unanswered + counts.exceptions + counts.damaged
-        rate = bad / counts.requests if counts.requests else 0.0
-        kind = "error" if rate > _MANY else "warning" if bad else "good"
+        bad, late = (count / max(1, counts.requests) for count in (_bad(counts), counts.late))
+        kind = "error" if bad > _MANY else "warning" if bad or late else "good"
         load = ""
         if bus.char_ns and bus.timed and bus.t_last > bus.t_first:
             share = self.desk.figures.units.octets[unit.unit] * bus.char_ns / (bus.t_last - bus.t_first)
             load = tr("load {share}", share=percent(share))
-        answers = tr("no answer times")
+        answers = tr("no answer times") if _is_due(counts) else tr("no answer is due")
         half, most = times.bounds("p50"), times.bounds("p95")
         if half is not None and most is not None:
-            answers = tr("{half}, 95% {most}", half=short(half[1]), most=short(most[1]))
-        health = tr("{share:>4} bad", share=f"{rate:.0%}" if rate >= 0.005 else "<1%") if bad else tr("sound")
+            answers = tr("answers {half}, 95% {most}", half=short(half[1]), most=short(most[1]))
+        health = tr("sound") if _is_due(counts) else ""
+        if bad or late:
+            share = f"{bad or late:.0%}" if (bad or late) >= 0.005 else "<1%"
+            health = tr("{share:>4} bad", share=share) if bad else tr("{share:>3} late", share=share)
         whom = [StyledText(tr("  unit {unit:>3} ", unit=unit.unit)), StyledText(f"{health:>8} ", kind)]
         if width < _NARROW:
             return [*whom, StyledText("" if most is None else f"  95% {short(most[1])}")]
@@ -176,7 +179,7 @@ class HomeList(Lines):
             *whom,
             StyledText(tr("{asked:>6} asked  ", asked=compact(counts.requests))),
             StyledText(f"{load:>10}  " if width >= _WIDE else ""),
-            StyledText(tr("answers {times:<17}", times=answers)),
+            StyledText(f"{answers:<{_ANSWERS}}"),
         ]
         room = width - sum(len(part.text) for part in parts) - 2
         if room > 7:
@@ -197,10 +200,21 @@ class HomeList(Lines):
         return FrameDetail("", b"", ())
 
 
-def _badness(unit: UnitRow) -> tuple[float, int]:
-    """The sickest first, then by number."""
+def _is_due(counts: Counts) -> bool:
+    """Whether an answer was ever due: to broadcasts none is."""
+    return counts.requests > counts.broadcasts
+
+
+def _bad(counts: Counts) -> int:
+    """Requests without a good answer."""
+    return counts.unanswered + counts.exceptions + counts.damaged
+
+
+def _badness(unit: UnitRow) -> tuple[float, float, int]:
+    """The sickest first: most requests without a good answer, most late answers; then by number."""
     counts = unit.counts
-    return -(counts.unanswered + counts.exceptions + counts.damaged) / max(1, counts.requests), unit.unit
+    asked = max(1, counts.requests)
+    return -_bad(counts) / asked, -counts.late / asked, unit.unit
 
 
 def _bars(octets: np.ndarray[tuple[int], np.dtype[np.int64]], width: int) -> list[StyledText]:
@@ -258,12 +272,12 @@ def _unit_items(unit: UnitRow, causes: Sequence[Cause], *, heard: bool) -> tuple
     ]
     items.append(Item("Enter", tr("its rows alone"), kind="dim", label=f"{'Enter':<11}"))
     if times.p95_ns:
-        items.append(Item("slow", _slow(times.p95_ns), kind="dim", label=f"{'= s 1':<11}"))
+        items.append(Item("slow", _slow(times), kind="dim", label=f"{'= s 1':<11}"))
     return tuple(items)
 
 
-def _slow(limit_ns: int) -> str:
-    return tr("its slow answers: {time} and more, one in twenty", time=short(limit_ns))
+def _slow(times: Times) -> str:
+    return tr("its slow answers: {time} and more, one in twenty", time=times.worded("p95"))
 
 
 def _refresh(screen: BusScreen) -> None:
@@ -327,7 +341,7 @@ def _cells(screen: BusScreen) -> list[DoorCell]:
         cells = [DoorCell("u", tr("unit {unit}", unit=unit), f"unit == {unit}")]
         if times.p95_ns:
             slow = f"unit == {unit} and response_time >= {times.p95_ns / 1e6:.6g}ms"
-            cells.append(DoorCell("s", _slow(times.p95_ns), slow))
+            cells.append(DoorCell("s", _slow(times), slow))
         return cells
     units = () if home.cause is None else home.cause.units
     return [

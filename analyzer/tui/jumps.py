@@ -66,7 +66,8 @@ class Jumps:
         """The next row with a finding, or the one before."""
         begin, shown = self.here, self._screen.frames.rows
         rows = self._bus.found.rows_beyond(begin, step)
-        row = next((row for row in rows.tolist() if shown.row(shown.position(row)) == row), None)
+        within = rows.tolist() if shown.count else ()
+        row = next((row for row in within if shown.row(shown.position(row)) == row), None)
         if row is None:
             self._screen.tell(tr("no finding further on") if step > 0 else tr("no finding before this"))
         else:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from textwrap import wrap
-from typing import ClassVar, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 from textual import events
 from textual.binding import Binding, BindingType
@@ -22,6 +22,9 @@ from textual.widget import Widget
 from ..languages import tr
 from .messages import LineChosen, LineEntered
 from .paint import Painted, StyledText
+
+if TYPE_CHECKING:
+    from textual.timer import Timer
 
 _CACHED: Final = 512  # painted lines
 _TICK_S: Final = 1 / 60  # between two pictures
@@ -86,7 +89,9 @@ class Lines(Painted, ScrollView, can_focus=True):
         now = time.monotonic()
         below = self.scroll_offset.y + self.room < self._shown_count <= count
         if below and not self.following and now < self._fresh_until:
-            self._fit(count)  # nothing in sight is new
+            self._fit(count)  # no line in sight is new; what they say may be, and no other call may come
+            if self._later is None:
+                self._later = self.set_timer(self._fresh_until - now, self._freshen)
             return
         self._fresh_until = now + _FRESH_S
         self._strips.clear()
@@ -105,6 +110,11 @@ class Lines(Painted, ScrollView, can_focus=True):
         self.refresh()
 
     _fresh_until = 0.0
+    _later: Timer | None = None
+
+    def _freshen(self) -> None:
+        self._later = None
+        self.unpaint()
 
     def renewed(self, cursor: int = 0) -> None:
         """The list is another one now."""

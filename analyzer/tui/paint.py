@@ -132,9 +132,13 @@ def fitted(parts: Sequence[StyledText], width: int) -> list[StyledText]:
     for part in parts:
         size = cell_len(part.text)
         if size > left:
-            if left:
-                out.append(StyledText(set_cell_size(part.text, left - 1) + "…", part.kind))
-            return out
+            if not left and part.text.isspace():
+                continue
+            cut = part if left else out.pop() if out else StyledText("")
+            while not left and out and not cut.text:
+                cut = out.pop()
+            room = left or cell_len(cut.text)
+            return [*out, StyledText(set_cell_size(cut.text, room - 1) + "…", cut.kind)] if room else out
         out.append(part)
         left -= size
     out.append(StyledText(" " * left))

@@ -25,7 +25,7 @@ from .lines import Lines
 from .paint import StyledText, fitted
 from .plot import Plot, Series
 from .prompts import Ask
-from .unitlist import sparkline
+from .sparks import trend
 from .view import JUMPS, View
 
 if TYPE_CHECKING:
@@ -114,8 +114,8 @@ class RegisterList(Lines):
         name = _name_width(width)
         place = f"{tr('unit'):>6} {tr('register'):>8} {tr('what'):<{name}}"
         value = f"{tr('value'):>{_value_width(width)}}  {tr('before'):>12} {tr('age'):>6} "
-        trend = _trend_width(width)
-        value += f"{tr('trend'):<{trend}} {tr('type')}" if trend else tr("type")
+        room = _trend_width(width)
+        value += f"{tr('trend'):<{room}} {tr('type')}" if room else tr("type")
         return fitted([StyledText(f"{place} {value}")], width)
 
     def pieces(self, line: int, width: int) -> Sequence[StyledText]:
@@ -163,17 +163,14 @@ class RegisterList(Lines):
         """How the value went over the capture, from its least to its most."""
         if not width:
             return []
-        line, style, bit, log = "", "accent", spot[1] < _BIT_AREAS, self.desk.figures.registers
+        bit, log = spot[1] < _BIT_AREAS, self.desk.figures.registers
+        numbers = np.full(0, np.nan)
         if meaning.is_number or bit:
             begin, samples = log.samples(*spot, meaning.words)
             numbers = np.full(max(log.stretches, begin + len(samples)), np.nan)
             numbers[begin : begin + len(samples)] = samples[:, 0] if bit else meaning.numbers(samples)
             numbers[~np.isfinite(numbers)] = np.nan
-            if not np.isnan(numbers).all():
-                line = sparkline(numbers - np.nanmin(numbers), width)
-                if np.nanmin(numbers) == np.nanmax(numbers):  # it stood still
-                    line, style = "".join("─" if block.strip() else " " for block in line), "dim"
-        return [StyledText(f"{line:<{width}} ", style)]
+        return [trend(numbers, width), StyledText(" ")]
 
     def _members(self, register: WatchedRegister, meaning: Meaning) -> list[WatchedRegister]:
         """It and the registers right behind it, as many as its type takes and were seen."""

@@ -21,6 +21,7 @@ from ..words import is_clock, percent, short
 from .keptfilters import kept_tests
 from .messages import RowWanted, SpanChosen, SpanSeen
 from .paint import Painted, StyledText, fitted
+from .sparks import EIGHTHS
 from .view import JUMPS, View
 
 if TYPE_CHECKING:
@@ -29,9 +30,8 @@ if TYPE_CHECKING:
     from .desk import ViewState
     from .screen import BusScreen
 
-_BLOCKS: Final = " ▁▂▃▄▅▆▇█"
 _DEAF: Final = "░"
-_LABEL: Final = 8  # columns left of the plot
+_LABEL: Final = 9  # columns left of the plot
 _BELOW: Final = 5  # lines under it
 _LEAST_PLOT: Final = 3  # lines that bands leave to it
 _ABOVE: Final = 2
@@ -203,7 +203,7 @@ class Timeline(Painted, can_focus=True):
             if i in deaf and not cell:
                 parts.append(StyledText(_DEAF, kind if i == self.cursor else "error"))
             else:
-                parts.append(StyledText(_BLOCKS[cell] if cell or i != self.cursor else "┊", kind))
+                parts.append(StyledText(EIGHTHS[cell] if cell or i != self.cursor else "┊", kind))
         return parts
 
     def _deaf_columns(self) -> set[int]:
@@ -230,7 +230,7 @@ class Timeline(Painted, can_focus=True):
         parts = [StyledText(f"{name:>{_LABEL - 1}} ", "dim")]
         most = max(1, int(band.counts.max(initial=0)))
         for i, (count, trouble) in enumerate(zip(band.counts.tolist(), band.troubles.tolist(), strict=True)):
-            cell = "!" if trouble and band.cause is None else _BLOCKS[max(1, round(8 * count / most))] if count else " "
+            cell = "!" if trouble and band.cause is None else EIGHTHS[max(1, round(8 * count / most))] if count else " "
             kind = "accent" if i == self.cursor else wrong if trouble else "response"
             if len(parts) > 1 and parts[-1].kind == kind:
                 parts[-1] = StyledText(parts[-1].text + cell, kind)

@@ -164,7 +164,9 @@ class TransactionList(FrameList):
             if carried.register and carried.values:
                 outcome += [StyledText(": "), *_columns(carried)]
         elif carried.values and not bad:
-            told = _changes(carried) if desk.scope.only_changed and carried.changed else _columns(carried)
+            told = _columns(carried)
+            if desk.scope.only_changed:
+                told = _changes(carried) if carried.changed else [StyledText(tr("new "), "dim"), *told]
             return words.shared(told, about, room)
         elif answer >= 0:
             outcome = words.words(desk, answer)[0]

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, ClassVar, Final
 
-import numpy as np
-from numpy.typing import NDArray
 from textual.binding import Binding, BindingType
 from textual.containers import Vertical
 
@@ -17,6 +15,7 @@ from .filterbar import FilterBar
 from .history import History
 from .lines import Lines
 from .paint import StyledText, fitted
+from .sparks import sparkline
 from .view import JUMPS, View
 
 if TYPE_CHECKING:
@@ -26,7 +25,6 @@ if TYPE_CHECKING:
     from .desk import ViewState
     from .screen import BusScreen
 
-_BLOCKS = "▁▂▃▄▅▆▇█"
 _MANY = 0.05  # of the requests without a good answer
 _FEW = 0.005
 _NONE: Final = {"none": 6, "bad": 6}  # columns of no answer and a damaged one, and their widths
@@ -35,17 +33,6 @@ _BEFORE: Final = {"unit": 5, "load": 6, "asked": 6, "ok": 6, "exc": 6}
 _BEHIND: Final = {"late": 6, "err": 6, "p50": 8, "p95": 8, "max": 8}
 _DROPPED: Final = ("ok", "load", "p50", "late", "exc", "bad", "garbage", "none", "silent", "max")  # for want of room
 _SPARKS: Final = 8  # columns from which on a line of answer times says something
-
-
-def sparkline(values: NDArray[np.float64], width: int) -> str:
-    """Values as one line of blocks from 0 to the most, joined to fit; a space where there is none."""
-    if not len(values) or width < 1 or np.isnan(values).all():
-        return ""
-    groups = [group[~np.isnan(group)] for group in np.array_split(values, min(width, len(values)))]
-    means = [float(group.mean()) if len(group) else None for group in groups]
-    high = max(mean for mean in means if mean is not None)
-    scale = (len(_BLOCKS) - 1) / high if high > 0 else 0.0
-    return "".join(" " if mean is None else _BLOCKS[round(max(0.0, mean) * scale)] for mean in means)
 
 
 class UnitList(Lines):

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.segment import Segment
     from rich.style import Style
+    from textual.geometry import Size
 
 Stretch = tuple[int, int, "Iterable[Segment]"]  # line, column, what stands there
 
@@ -54,8 +55,13 @@ class ThinWire:
         """Nobody knows what the terminal shows: all is sent again."""
         self._size = (0, 0)
 
-    def thin(self, update: CompositorUpdate, console: Console) -> ThinUpdate:
-        """An update as the difference from what stands there; it must be written, or the next one is wrong."""
+    def thin(self, update: CompositorUpdate, console: Console, size: Size) -> ThinUpdate:
+        """An update as the difference from what stands there; it must be written, or the next one is wrong.
+
+        `size` is the terminal's, in cells, as the driver knows it: a console goes by COLUMNS and LINES where they are
+        set, and in a browser they are, once and for all.
+        """
+        self._fit(size)
         if isinstance(update, LayoutUpdate):
             return ThinUpdate(self.difference(_of_layout(update), console))
         if isinstance(update, ChopsUpdate):
@@ -72,7 +78,6 @@ class ThinWire:
 
     def difference(self, stretches: Iterable[Stretch], console: Console) -> str:
         """What to write so that these pieces stand on the terminal."""
-        self._fit(console.size.width, console.size.height)
         out: list[str] = []
         at: tuple[int, int] | None = None  # the cursor: line, column
         now = _PLAIN
@@ -97,8 +102,9 @@ class ThinWire:
         self._sent.append((time.monotonic(), len(text)))
         return text
 
-    def _fit(self, width: int, height: int) -> None:
-        if self._size != (width, height):
+    def _fit(self, size: Size) -> None:
+        width, height = size
+        if self._size != size:
             self._size = width, height
             self._texts = [[" "] * width for _ in range(height)]
             self._looks = [[None] * width for _ in range(height)]

@@ -2,6 +2,7 @@
 
 A record each read would wake the listener a thousand times a second. So reads are gathered for some milliseconds and
 told, if it can be waited for, by the first read after a pause: then whole frames are told, and that they are over.
+How long a frame waits counts from its end, the last read before a pause: what is amid a frame nobody could show.
 When the line falls quiet they are told together with a tick, which says that nothing came since.
 """
 
@@ -15,7 +16,7 @@ from .records import Read, event_record, reads_record, tick_record
 
 BEAT_NS: Final = 500_000_000  # between ticks on a line that stays quiet
 _PAUSE_NS: Final = 1_200_000  # more than is between the reads of a USB adapter amid a frame
-_MORE: Final = 1.3  # times as long reads are gathered where no pause comes
+_MORE: Final = 1.2  # times as long reads are gathered where no pause comes
 _CLOCK_STEP_NS: Final = 500_000_000
 
 
@@ -71,6 +72,7 @@ class ReadBatching:
         self._steps: list[int] = []  # after the last byte: when to tick
         self.listen_for(0)
         self._reads: list[Read] = []  # gathered
+        self._oldest: int | None = None  # when the oldest frame that was not told was over, ns
         self._held: list[bytes] = []  # records behind them
         self._last = clock.now()  # the newest read, or beat
         self.deadline = 0
@@ -88,13 +90,21 @@ class ReadBatching:
         if not data:
             return
         self._reads.append((t_ns, port, data, errors))
-        since, paused = self._reads[0][0], t_ns - self._last > self._pause
+        paused = t_ns - self._last > self._pause
+        if paused and self._oldest is None and not self._ticked:  # else it was told with a tick
+            self._oldest = self._last
+        since = self._since
         self._last, self._ticked = t_ns, 0
         if t_ns - since >= (self._hold if paused else self._most):
             self._held.append(tick_record(t_ns))  # this read is over: the next one will be later
             self._flush()
         else:
             self.deadline = min(t_ns + self._steps[0], since + self._most)
+
+    @property
+    def _since(self) -> int:
+        """Since when reads are gathered, ns, where there are any."""
+        return self._reads[0][0] if self._oldest is None else self._oldest
 
     def event(self, port: int, kind: str, text: str, **more: Any) -> None:
         """Something happened; told at once."""
@@ -108,7 +118,7 @@ class ReadBatching:
             self._held.append(tick_record(now_ns))
         if self._ticked >= len(self._steps) and now_ns >= self._last + BEAT_NS:
             self._beat(now_ns)
-        if self._reads and not self._held and now_ns >= self._reads[0][0] + self._most:
+        if self._reads and not self._held and now_ns >= self._since + self._most:
             self._held.append(tick_record(now_ns))
         if self._held:
             self._flush()
@@ -127,6 +137,7 @@ class ReadBatching:
         if self._reads:
             self._held.insert(0, reads_record(self._reads))
             self._reads.clear()
+        self._oldest = None
         self._send(b"".join(self._held))
         self._held.clear()
         self._plan()
@@ -136,4 +147,4 @@ class ReadBatching:
         wait = self._steps[self._ticked] if self._ticked < len(self._steps) else BEAT_NS
         self.deadline = self._last + wait
         if self._reads:
-            self.deadline = min(self.deadline, self._reads[0][0] + self._most)
+            self.deadline = min(self.deadline, self._since + self._most)

@@ -161,9 +161,9 @@ def _block(body: bytes) -> Block:
     if (
         int(offsets[-1]) != len(block.data)
         or not (offsets[1:] > offsets[:-1]).all()
-        or not (block.errors[1:] > block.errors[:-1]).all()
+        or (errors and not (block.errors[1:] > block.errors[:-1]).all())
         or (errors and int(block.errors[-1]) >= len(block.data))
-        or not ((block.t_ns > -TIME_LIMIT) & (block.t_ns < TIME_LIMIT)).all()
+        or not -TIME_LIMIT < int(block.t_ns[0]) <= int(block.t_ns[-1]) < TIME_LIMIT
         or not (block.t_ns[1:] >= block.t_ns[:-1]).all()
     ):
         raise WireError("reads whose columns contradict each other")

@@ -23,6 +23,8 @@ from analyzer.deframing.protocols import Deframer
 from analyzer.exports import ExportOptions, export
 from analyzer.live import Replay, Session
 from analyzer.model.bus import Bus
+from analyzer.model.filtering import compiled
+from analyzer.model.scope import Scope, ScopedFigures
 from analyzer.model.source import CaptureSource
 from analyzer.reports.model import Report
 from analyzer.tables.batch import Batch
@@ -205,9 +207,15 @@ def model_rows(capture: Capture) -> tuple[Facts, Counter[str]]:
     return facts, placeless
 
 
-def model_page(capture: Capture) -> Report:
-    """What the interface shows as its report."""
-    return _model(capture).report(CaptureSource(capture, "bus"), story=True)
+def model_page(capture: Capture, filter: str = "") -> Report:
+    """What the interface shows as its report, of all rows or of what a filter leaves."""
+    bus = _model(capture)
+    if not filter:
+        return bus.report(CaptureSource(capture, "bus"), story=True)
+    rows, _ = Scope(compiled(filter, capture.line)).selections(bus)
+    assert rows is not None
+    rows.extend()
+    return ScopedFigures(bus, rows.rows()).report(CaptureSource(capture, "bus"))
 
 
 def model_values(capture: Capture) -> dict[tuple[int, int, int], tuple[int, int | None]]:
