@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 from buses import LINE, streams
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 
 from analyzer.core import Analysed, analyse
 from analyzer.deframing.stream import RtuDeframer
@@ -38,6 +38,14 @@ def held(chunks: Sequence[Chunk], line: LineSettings = LINE) -> list[Analysed]:
     return list(analyse(Capture.of(line, chunks)))
 
 
+_LONG_BEHIND_A_STRAY_BYTE = [
+    Chunk(0, b"\x01"),
+    Chunk(4_000_000_000, b"\x03"),
+    Chunk(4_000_000_000, bytes.fromhex("01000001 85f6 018302c0f1 01010000 0001fdca 010101005188 010101005188")),
+]
+
+
+@example(_LONG_BEHIND_A_STRAY_BYTE)
 @settings(max_examples=60, deadline=None)
 @given(streams())
 def test_chunks_and_blocks_and_held_rows_give_the_same_findings(chunks: list[Chunk]) -> None:

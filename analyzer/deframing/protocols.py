@@ -121,22 +121,27 @@ class _EngineOfPort:
 class _UndecidedPort:
     """A port whose protocol its bytes have yet to show; then that protocol's engine.
 
-    Few bytes behind which nothing came for seconds, and that show none, are given as RTU would have them.
+    Few bytes behind which nothing came for seconds, and that show none, are given as RTU would have them; where RTU
+    follows, it knows of these and of the silence.
     """
 
     def __init__(self, line: LineSettings, options: Options, port: int) -> None:
         self._line, self._options, self._port = line, options, port
         self._engine: PortEngine | None = None
         self._waiting: list[Block] = []
+        self._unknown: PortEngine | None = None  # of what showed no protocol: RTU's
         self._out: list[StreamSegments] = []
-        self._bytes = self._reads = 0  # given before the engine was chosen
+        self._bytes = self._reads = 0  # given to that one
 
     @property
     def undecided_ns(self) -> int | None:
         """The time of the first byte that is not decided, or None."""
         if self._engine is not None:
             return self._engine.undecided_ns
-        return min(int(block.t_ns[0]) for block in self._waiting) if self._waiting else None
+        known = [int(block.t_ns[0]) for block in self._waiting]
+        if self._unknown is not None and (undecided := self._unknown.undecided_ns) is not None:
+            known.append(undecided)
+        return min(known, default=None)
 
     def feed(self, block: Block, now_ns: int | None = None) -> None:
         """Chunks of this port; see `engine.Engine.feed`."""
@@ -158,12 +163,15 @@ class _UndecidedPort:
         """No more bytes come."""
         if self._engine is None and self._waiting:
             self._decide_on_all()
-        if self._engine is not None:
-            self._engine.close()
+        for engine in (self._unknown, self._engine):
+            if engine is not None:
+                engine.close()
 
     def take(self) -> list[StreamSegments]:
         """What was decided since the last call."""
         out, self._out = self._out, []
+        if self._unknown is not None:
+            out += self._unknown.take()
         return out if self._engine is None else out + [self._shifted(part) for part in self._engine.take()]
 
     def _wait(self, block: Block) -> None:
@@ -200,17 +208,24 @@ class _UndecidedPort:
         if known is not None:
             self._begin(known)
             return
-        engine = PROTOCOLS[-1].engine(self._line, self._options, self._port)
+        if self._unknown is None:
+            self._unknown = PROTOCOLS[-1].engine(self._line, self._options, self._port)
         for block in self._waiting:
-            engine.feed(block)
-        engine.close()
-        self._out += [self._shifted(part) for part in engine.take()]
+            self._unknown.feed(block)
+        self._unknown.tick(int(self._waiting[-1].t_ns[-1]) + self._options.cut_ns)
         self._bytes += len(data)
         self._reads += sum(map(len, self._waiting))
         self._waiting = []
 
     def _begin(self, protocol: LineProtocol) -> None:
-        self._engine = protocol.engine(self._line, self._options, self._port)
+        if protocol is PROTOCOLS[-1] and self._unknown is not None:
+            self._engine, self._unknown, self._bytes, self._reads = self._unknown, None, 0, 0
+        else:
+            self._engine = protocol.engine(self._line, self._options, self._port)
+            if self._unknown is not None:
+                self._unknown.close()
+                self._out += self._unknown.take()
+                self._unknown = None
         for block in self._waiting:
             self._engine.feed(block)
         self._waiting = []
