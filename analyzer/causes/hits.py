@@ -100,6 +100,39 @@ def requests_evenness_bits(evidence: Evidence) -> float:
     return _shared_bits(hits, of, [sum(hits) / sum(of)] * len(of))
 
 
+def stray_behind(evidence: Evidence) -> list[float]:
+    """About how many good answers of each unit have stray bytes behind them."""
+    return [evidence.behind(unit, Behind.NOISE, Behind.ZEROS) for unit in evidence.units]
+
+
+def apart_bits(evidence: Evidence) -> float:
+    """How much likelier it is that what comes behind answers is some units' own than that it strikes the idle line, which
+    is idle behind each for so much of the time; 0 or more."""
+    stray, idle = stray_behind(evidence), _idle(evidence)
+    every = sum(stray)
+    if not every or not evidence.ledger.timed:
+        return 0.0
+    own = sum(n * log2(n * sum(idle) / (every * each)) for n, each in zip(stray, idle, strict=True) if n)
+    return max(own - 0.5 * (len(stray) - 1) * log2(every + 2), 0.0)
+
+
+def is_behind_few(evidence: Evidence) -> bool:
+    """Whether nearly all stray bytes come behind some units that have at most half of the idle time behind them."""
+    pairs = sorted(zip(stray_behind(evidence), _idle(evidence), strict=True), key=lambda pair: -pair[0] / pair[1])
+    count = sum(stray for stray, _ in pairs)
+    behind = idle = 0.0
+    for stray, each in pairs:
+        if behind > _NEARLY_ALL * count:
+            break
+        behind, idle = behind + stray, idle + each
+    return 0 < idle <= 0.5 * sum(each for _, each in pairs)
+
+
+def _idle(evidence: Evidence) -> list[float]:
+    """How long the line is idle behind each unit's answers, about (ns)."""
+    return [max(unit.answered * unit.pauses.total / max(len(unit.pauses), 1), 1.0) for unit in evidence.units]
+
+
 def _shared_bits(hits: Sequence[int], of: Sequence[int], rates: Sequence[float]) -> float:
     """How much less likely so many hits are by these rates than each unit's by its own, which has its price."""
     bits, price = 0.0, 0.5 * log2(sum(of) + 2)
@@ -225,10 +258,13 @@ def given_up_by_timer(evidence: Evidence, unit: UnitLedger) -> bool:
     """Whether nearly all requests to a unit that stayed without an answer were followed when the master's timeout was
     over, and no sooner: what comes late then met nobody else's request. False where nobody knows."""
     timeout, off = evidence.timeout_ns, evidence.verdict.wait_ns
+    if timeout is not None and off > _TIMER_TOLD * timeout:  # no clock makes waits more alike than they are
+        every = np.concatenate([each.quiet_waits.numbers for each in evidence.units])
+        return len(every) >= 2 * _TOLD and _spread(every) < _STEADY * timeout
     waits = unit.quiet_waits.numbers  # what is late, and taken for the answer, ends a wait as well
     if len(waits) < _TOLD:
         waits = unit.waits.numbers
-    if timeout is None or len(waits) < _TOLD or off > _TIMER_TOLD * timeout:
+    if timeout is None or len(waits) < _TOLD:
         return False
     return bool((waits >= _SOONER * timeout - off).mean() >= _BY_TIMER)
 

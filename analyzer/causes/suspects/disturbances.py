@@ -16,6 +16,7 @@ from ..hits import (
     ALIKE,
     WELL,
     Hits,
+    apart_bits,
     end_of_part,
     evenness_bits,
     is_one_units,
@@ -92,7 +93,7 @@ def _anywhere(evidence: Evidence, *, sparse: bool = False) -> tuple[Hits, float]
     ):  # what hardly meets a frame would be on the idle line alone
         bits -= _IDLE_BITS
     bits += _OVERLAID * (_SOME_OVERLAID * len(readings) - overlaid(readings))
-    unlike = -evenness_bits(evidence) - requests_evenness_bits(evidence)
+    unlike = apart_bits(evidence) - evenness_bits(evidence) - requests_evenness_bits(evidence)
     if unlike > max(_UNLIKE_BITS, _UNLIKE * bits):
         return hits, 0.0  # it spares some units: it is not everybody's
     return hits, bits + min(kind_bits(readings, ALIKE), 0.0) - unlike
