@@ -170,3 +170,42 @@ def test_stray_bytes_behind_the_few_units_that_are_two_each_disturb_no_line(shar
     found = causes(sent())
     assert found and {cause.cause for cause in found} == {"duplicate-address"}
     assert sorted(unit for cause in found for unit in cause.units) == [1, 2][:share]
+
+
+def test_what_strays_right_behind_one_of_two_units_is_its_own_though_it_is_asked_most() -> None:
+    random = Random(8)
+
+    def sent() -> Iterator[Sent]:
+        for i in range(500):
+            unit = 1 if i % 4 else 2
+            yield 100.0, read_of(unit, quantity=6)
+            good, second = answer_of(unit, 900 + i, 6), answer_of(unit, 7000 - 3 * i, 6)
+            if unit == 2:
+                yield 6.0, good
+            elif random.random() < 0.5:
+                yield 6.0, bytes(octet & random.randrange(256) for octet in good[:4]) + good
+            else:
+                yield 6.0, good
+                yield 3.0, second[-random.randrange(2, 6) :]
+
+    found = named(causes(sent()))
+    assert found and found[0][0] != "bias" and found[0][1] == (1,)
+
+
+def test_a_line_that_floats_in_the_rest_behind_the_last_unit_floats_for_all() -> None:
+    """Nearly all that strays does so behind one unit, for there the line is idle."""
+    random = Random(9)
+
+    def sent() -> Iterator[Sent]:
+        for i in range(450):
+            unit = i % 3 + 1
+            yield 10.0, read_of(unit)
+            yield 8.0, answer_of(unit, 900 + i)
+            rest = 300.0 if unit == 3 else 0.0
+            if unit == 3 or random.random() < 0.05:
+                stray = random.uniform(2.0, 8.0 + rest)
+                yield stray, bytes((random.randrange(256),))
+                rest -= min(stray, rest)
+            yield rest, b""
+
+    assert named(causes(sent())) == [("bias", ())]

@@ -38,6 +38,8 @@ _REQUEST: Final = 8  # bytes: of a read, and no request has fewer
 _MANY: Final = 10  # answers
 _SOME: Final = 0.1  # of the requests
 _FAR_MORE: Final = 4.0
+_MANY_STRAYS: Final = 30.0
+_SPARED_SHARE: Final = 0.05
 _HEADER: Final = 3  # bytes: unit, function, byte count
 
 # How damage spreads over kinds where it strikes all senders alike.
@@ -128,9 +130,28 @@ def is_behind_few(evidence: Evidence) -> bool:
     return 0 < idle <= 0.5 * sum(each for _, each in pairs)
 
 
+def spares_units(evidence: Evidence) -> bool:
+    """Whether next to no stray bytes come behind a unit behind which, by its idle time, many must: what strikes the idle
+    line strikes it whoever was asked."""
+    stray, idle = stray_behind(evidence), _idle(evidence)
+    if not evidence.ledger.timed:
+        return False
+    due = [sum(stray) * each / sum(idle) for each in idle]
+    return any(
+        expected >= _MANY_STRAYS and n < _SPARED_SHARE * expected for n, expected in zip(stray, due, strict=True)
+    )
+
+
 def _idle(evidence: Evidence) -> list[float]:
-    """How long the line is idle behind each unit's answers, about (ns)."""
-    return [max(unit.answered * unit.pauses.total / max(len(unit.pauses), 1), 1.0) for unit in evidence.units]
+    """How long the line is idle behind each unit's answers (ns, about), until something strays there if it does."""
+    char_ns = evidence.ledger.char_ns
+    found = []
+    for unit, stray in zip(evidence.units, stray_behind(evidence), strict=True):
+        rested = [each.rested for each in evidence.followed(unit) if each.rested >= 0]
+        until = sum(rested) / max(len(rested), 1)
+        pause = unit.pauses.total / max(len(unit.pauses), 1)
+        found.append(max(stray * until + (unit.answered - stray) * pause, char_ns))
+    return found
 
 
 def _shared_bits(hits: Sequence[int], of: Sequence[int], rates: Sequence[float]) -> float:

@@ -23,6 +23,7 @@ from ..hits import (
     requests_evenness_bits,
     span_of_hits,
     spares_requests,
+    spares_units,
 )
 from ..registry import Explained, Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage
@@ -83,6 +84,8 @@ def _anywhere(evidence: Evidence, *, sparse: bool = False) -> tuple[Hits, float]
     if hits.all < _LEAST or (hits.frames < _LEAST and not (sparse and _as_exposed(evidence, hits))):
         return hits, 0.0
     if (hits.requests < _FEW * hits.damaged and is_one_units(evidence)) or spares_requests(evidence, hits):
+        return hits, 0.0
+    if spares_units(evidence):
         return hits, 0.0
     bits = surplus_bits(hits.all, max(hits.exchanges, hits.all), HEALTHY) + _place_bits(hits, _load(evidence))
     readings = [reading for unit in evidence.units for reading in evidence.readings(unit)]

@@ -10,7 +10,7 @@ from ...tables.findings import Severity
 from ..bits import likelihood_bits, surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, kind_of, share_of
 from ..exchanges import Ending
-from ..hits import ALIKE, WELL, Hits, apart_bits, is_behind_few, span_of_hits, spared_bits
+from ..hits import ALIKE, WELL, Hits, apart_bits, is_behind_few, span_of_hits, spared_bits, spares_units
 from ..registry import Suspicion, Symptom, suspect
 from ..unitledger import UnitLedger
 
@@ -42,7 +42,7 @@ _UNIT_BITS: Final = 6.0  # each unit more that is said to be far
 def bias(evidence: Evidence) -> Iterator[Suspicion]:
     """Noise between frames, and frames that are well."""
     hits = Hits(evidence)
-    if hits.idle < _LEAST:
+    if hits.idle < _LEAST or spares_units(evidence):
         return
     touched = sum(evidence.damaged(unit) * _run_into(evidence, unit) for unit in evidence.units)
     idle, frames = hits.idle + touched, hits.frames - touched
