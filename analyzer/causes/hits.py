@@ -38,6 +38,8 @@ _REQUEST: Final = 8  # bytes: of a read, and no request has fewer
 _MANY: Final = 10  # answers
 _SOME: Final = 0.1  # of the requests
 _FAR_MORE: Final = 4.0
+_MANY_STRAYS: Final = 30.0
+_SPARED_SHARE: Final = 0.05
 _HEADER: Final = 3  # bytes: unit, function, byte count
 
 # How damage spreads over kinds where it strikes all senders alike.
@@ -98,6 +100,58 @@ def requests_evenness_bits(evidence: Evidence) -> float:
         return 0.0
     of = [unit.answered for unit in units]
     return _shared_bits(hits, of, [sum(hits) / sum(of)] * len(of))
+
+
+def stray_behind(evidence: Evidence) -> list[float]:
+    """About how many good answers of each unit have stray bytes behind them."""
+    return [evidence.behind(unit, Behind.NOISE, Behind.ZEROS) for unit in evidence.units]
+
+
+def apart_bits(evidence: Evidence) -> float:
+    """How much likelier it is that what comes behind answers is some units' own than that it strikes the idle line, which
+    is idle behind each for so much of the time; 0 or more."""
+    stray, idle = stray_behind(evidence), _idle(evidence)
+    every = sum(stray)
+    if not every or not evidence.ledger.timed:
+        return 0.0
+    own = sum(n * log2(n * sum(idle) / (every * each)) for n, each in zip(stray, idle, strict=True) if n)
+    return max(own - 0.5 * (len(stray) - 1) * log2(every + 2), 0.0)
+
+
+def is_behind_few(evidence: Evidence) -> bool:
+    """Whether nearly all stray bytes come behind some units that have at most half of the idle time behind them."""
+    pairs = sorted(zip(stray_behind(evidence), _idle(evidence), strict=True), key=lambda pair: -pair[0] / pair[1])
+    count = sum(stray for stray, _ in pairs)
+    behind = idle = 0.0
+    for stray, each in pairs:
+        if behind > _NEARLY_ALL * count:
+            break
+        behind, idle = behind + stray, idle + each
+    return 0 < idle <= 0.5 * sum(each for _, each in pairs)
+
+
+def spares_units(evidence: Evidence) -> bool:
+    """Whether next to no stray bytes come behind a unit behind which, by its idle time, many must: what strikes the idle
+    line strikes it whoever was asked."""
+    stray, idle = stray_behind(evidence), _idle(evidence)
+    if not evidence.ledger.timed:
+        return False
+    due = [sum(stray) * each / sum(idle) for each in idle]
+    return any(
+        expected >= _MANY_STRAYS and n < _SPARED_SHARE * expected for n, expected in zip(stray, due, strict=True)
+    )
+
+
+def _idle(evidence: Evidence) -> list[float]:
+    """How long the line is idle behind each unit's answers (ns, about), until something strays there if it does."""
+    char_ns = evidence.ledger.char_ns
+    found = []
+    for unit, stray in zip(evidence.units, stray_behind(evidence), strict=True):
+        rested = [each.rested for each in evidence.followed(unit) if each.rested >= 0]
+        until = sum(rested) / max(len(rested), 1)
+        pause = unit.pauses.total / max(len(unit.pauses), 1)
+        found.append(max(stray * until + (unit.answered - stray) * pause, char_ns))
+    return found
 
 
 def _shared_bits(hits: Sequence[int], of: Sequence[int], rates: Sequence[float]) -> float:
@@ -225,10 +279,13 @@ def given_up_by_timer(evidence: Evidence, unit: UnitLedger) -> bool:
     """Whether nearly all requests to a unit that stayed without an answer were followed when the master's timeout was
     over, and no sooner: what comes late then met nobody else's request. False where nobody knows."""
     timeout, off = evidence.timeout_ns, evidence.verdict.wait_ns
+    if timeout is not None and off > _TIMER_TOLD * timeout:  # no clock makes waits more alike than they are
+        every = np.concatenate([each.quiet_waits.numbers for each in evidence.units])
+        return len(every) >= 2 * _TOLD and _spread(every) < _STEADY * timeout
     waits = unit.quiet_waits.numbers  # what is late, and taken for the answer, ends a wait as well
     if len(waits) < _TOLD:
         waits = unit.waits.numbers
-    if timeout is None or len(waits) < _TOLD or off > _TIMER_TOLD * timeout:
+    if timeout is None or len(waits) < _TOLD:
         return False
     return bool((waits >= _SOONER * timeout - off).mean() >= _BY_TIMER)
 

@@ -306,13 +306,16 @@ class Ledger:
             return
         for i in np.flatnonzero((exchanges.strays > 0) | (exchanges.late > 0)).tolist():
             rows, own = part.table.rows, int(exchanges.answer[i])
+            to_all = exchanges.outcome[i] == _BROADCAST
             for row in part.rows_of(i):
                 number = int(rows.unit[row])
                 if row == own or rows.kind[row] != _RESPONSE or not rows.check[row] or not number:
                     continue
                 if not ANSWERED[rows.function[row]]:
                     continue
-                if 0 <= own < row and number == exchanges.unit[i]:
+                if to_all and rows.request[row] < 0 and rows.function[row] == exchanges.function[i]:
+                    self.unit(number).called += 1
+                elif 0 <= own < row and number == exchanges.unit[i]:
                     self.unit(number).doubles += 1
                 elif rows.request[row] >= 0:
                     self.unit(number).late += 1

@@ -89,6 +89,7 @@ class Signature:
     delay: int = -1  # ns from the request to its first byte
     heard: builtins.bytes = b""
     request: builtins.bytes = b""
+    rested: int = -1  # ns from the end of a good answer to what came behind it
     most: int = 0  # of what came behind a good answer: as many without a silence between them
 
 
@@ -137,7 +138,8 @@ def signature(sample: Sample, char_ns: float, requests: KnownRequests, *, off_ns
         others = [piece for i, piece in enumerate(sample.pieces) if i > before and not piece.answers]
         length = sum(len(piece.data) for piece in others)
         strange = b"".join(piece.data for piece in sample.pieces[before + 1 :] if not piece.check)
-        return Signature(AnswerDamage.NONE, kind, length=length, marks=marks, t_behind=t, detail=detail, due=sample.due,
+        rested = max(t - sample.pieces[before].t_end, 0) if t >= 0 and sample.pieces else -1
+        return Signature(AnswerDamage.NONE, kind, length=length, marks=marks, t_behind=t, detail=detail, due=sample.due, rested=rested,
                          heard=strange, request=sample.request, most=_most(others, _APART_CHARS * char_ns + off_ns))  # fmt: skip
     burst, rest = _first_burst(sample.pieces, _APART_CHARS * char_ns + 5e6 + _SURELY * off_ns)
     every = b"".join(piece.data for piece in sample.pieces)

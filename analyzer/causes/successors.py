@@ -31,6 +31,7 @@ class SuccessorTable:
     lagged: dict[int, Thinned] = field(
         default_factory=lambda: defaultdict(Thinned)
     )  # the same, from the request before
+    usual: dict[int, Thinned] = field(default_factory=lambda: defaultdict(Thinned))  # ns, behind no hanging exchange
     _newest: int = 0
     _last: tuple[int, int] = (0, 0)  # the newest behind
     _asked: int = 0
@@ -61,6 +62,9 @@ class SuccessorTable:
             mine = late & (units == unit)
             self.delays[unit].add(delays[mine])
             self.lagged[unit].add(lags[mine])
+        settled = (before == 0) & (delays >= 0)
+        for unit in self.delays:
+            self.usual[unit].add(delays[settled & (units == unit)])
         before = np.where(before == 0, self._owed(units, silent, asked, waits), before)
         pairs = units * np.int64(_UNITS) + before
         both = np.concatenate((self._last, units))

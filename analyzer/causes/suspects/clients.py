@@ -130,8 +130,11 @@ def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
 
 def _twice(evidence: Evidence) -> bool:
     """Whether some units often answer one request twice, and rightly, for which no second master is needed."""
-    doubles = {unit.unit: unit.doubles for unit in evidence.units if evidence.is_open(Symptom.DOUBLES, unit.unit)}
-    return any(doubles.get(unit.unit, 0) >= max(_MANY, _SOME * unit.asked) for unit in evidence.units)
+    return any(
+        evidence.is_open(Symptom.DOUBLES, unit.unit)
+        and max(unit.doubles, evidence.behind(unit, Behind.ANSWER)) >= max(_MANY, _SOME * unit.asked)
+        for unit in evidence.units
+    )
 
 
 def _part(evidence: Evidence, unit: UnitLedger, some: Sequence[Signature]) -> float:

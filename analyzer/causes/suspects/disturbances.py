@@ -16,12 +16,14 @@ from ..hits import (
     ALIKE,
     WELL,
     Hits,
+    apart_bits,
     end_of_part,
     evenness_bits,
     is_one_units,
     requests_evenness_bits,
     span_of_hits,
     spares_requests,
+    spares_units,
 )
 from ..registry import Explained, Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage
@@ -83,6 +85,8 @@ def _anywhere(evidence: Evidence, *, sparse: bool = False) -> tuple[Hits, float]
         return hits, 0.0
     if (hits.requests < _FEW * hits.damaged and is_one_units(evidence)) or spares_requests(evidence, hits):
         return hits, 0.0
+    if spares_units(evidence):
+        return hits, 0.0
     bits = surplus_bits(hits.all, max(hits.exchanges, hits.all), HEALTHY) + _place_bits(hits, _load(evidence))
     readings = [reading for unit in evidence.units for reading in evidence.readings(unit)]
     if len(readings) >= _LEAST and share_of(readings, "crossed") > _SENT_INTO:
@@ -92,7 +96,7 @@ def _anywhere(evidence: Evidence, *, sparse: bool = False) -> tuple[Hits, float]
     ):  # what hardly meets a frame would be on the idle line alone
         bits -= _IDLE_BITS
     bits += _OVERLAID * (_SOME_OVERLAID * len(readings) - overlaid(readings))
-    unlike = -evenness_bits(evidence) - requests_evenness_bits(evidence)
+    unlike = apart_bits(evidence) - evenness_bits(evidence) - requests_evenness_bits(evidence)
     if unlike > max(_UNLIKE_BITS, _UNLIKE * bits):
         return hits, 0.0  # it spares some units: it is not everybody's
     return hits, bits + min(kind_bits(readings, ALIKE), 0.0) - unlike

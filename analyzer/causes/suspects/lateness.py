@@ -30,10 +30,13 @@ _CONTRAST: Final = 8  # exchanges of a unit behind others, or behind answers
 _SOONER: Final = 0.85
 _HURRIED: Final = 5  # answers, each of which would come so by chance once in ten times at the most
 _SILENT: Final = 0.02
+_SILENT_FOR_LATE: Final = 3
 _OTHERS: Final = 2
 _STEADY: Final = 0.3
 _STEADIEST: Final = 0.01  # of a delay: so much any device's strays
 _SHIFTED: Final = 4.0
+_LATER: Final = 1.2  # than the longest delay of all that are well
+_HEAD_CHARS: Final = 3  # that a driver may lose
 _OVERDUE: Final = 0.8  # of the timeout
 _FAR_SLOWER: Final = 3.0
 _RUN_INTO: Final = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.SILENCE)  # what late answers do to others and themselves
@@ -89,14 +92,20 @@ class _LateUnit:
 
 
 def _weighed(evidence: Evidence, unit: UnitLedger, late: Mapping[int, int]) -> _LateUnit | None:
-    if interrupted(evidence, unit) > _MOSTLY * len(unit.waits):
+    if not _lives(evidence, unit) or interrupted(evidence, unit) > _MOSTLY * len(unit.waits):
         return None  # nobody gives up so soon
     behind, run_into = _run_into(evidence, unit)
     series, in_series = _shifted(evidence, unit)
-    mine = max(late[unit.unit], run_into, in_series)
+    sooner, too_soon = _too_soon(evidence, unit)
+    mine = max(late[unit.unit], run_into, in_series, too_soon)
     if mine < _LEAST or mine > unit.asked + _LEAST:
         return None  # more than it was asked for are no late answers
-    return _LateUnit(unit, mine, behind + series)
+    return _LateUnit(unit, mine, behind + max(series, sooner))
+
+
+def _lives(evidence: Evidence, unit: UnitLedger) -> bool:
+    """Whether anything was ever heard of a unit: one that is dead is late with nothing, whatever else is hit."""
+    return bool(unit.answered + unit.late + unit.strays + unit.doubles + unit.unfit + evidence.begun[unit.unit])
 
 
 def _suspicion(evidence: Evidence, group: Sequence[_LateUnit], mine: int, rest: int) -> Suspicion:
@@ -108,7 +117,8 @@ def _suspicion(evidence: Evidence, group: Sequence[_LateUnit], mine: int, rest: 
     for each in group:
         unit = each.unit
         bits += surplus_bits(each.late, max(unit.asked, each.late), background) + 2 * each.late + each.behind
-        bits += surplus_bits(evidence.silent(unit), unit.asked, _SILENT) / 2
+        silent = min(evidence.silent(unit), _SILENT_FOR_LATE * each.late)
+        bits += surplus_bits(silent, unit.asked, _SILENT) / 2
         bits += max(kind_bits(evidence.readings(unit), _KINDS), 0.0)
         bits += _TIMED_BITS * len(timed_by_the_master(evidence, unit))
         explains |= {(kind, unit.unit) for kind in (*_RUN_INTO, Symptom.LATENESS, Symptom.DOUBLES, Symptom.VALUES)}
@@ -146,8 +156,6 @@ def _run_into(evidence: Evidence, unit: UnitLedger) -> tuple[float, int]:
     """
     successors, ledgers = evidence.ledger.successors, evidence.ledger.units
     bits, mine, by_chance = 0.0, 0, 0.0
-    if not unit.answered + unit.late + unit.strays + evidence.begun[unit.unit]:
-        return 0.0, 0  # nothing tells that it lives
     for behind in successors.behind(unit.unit):
         then, then_of, other, other_of = successors.rates(behind, unit.unit)
         elsewhere = max(HEALTHY, (other + 0.5) / (other_of + 50))
@@ -178,6 +186,20 @@ def _shifted(evidence: Evidence, unit: UnitLedger) -> tuple[float, int]:
     return (bits, len(successors.delays[unit.unit])) if sure else (0.0, 0)
 
 
+def _too_soon(evidence: Evidence, unit: UnitLedger) -> tuple[float, int]:
+    """How much likelier good answers behind a silent exchange of the same unit are to the request before (bits), and how
+    many: they come sooner than the unit ever answers else, and the master gave up by its timer."""
+    successors = evidence.ledger.successors
+    if unit.unit not in successors.delays or not evidence.is_open(Symptom.LATENESS, unit.unit):
+        return 0.0, 0
+    own, usual = successors.delays[unit.unit].numbers, successors.usual[unit.unit].numbers
+    if len(usual) < 3 * _LEAST or not given_up_by_timer(evidence, unit):
+        return 0.0, 0
+    sooner = int(np.count_nonzero(own < _SOONER * float(usual.min()) - evidence.verdict.wait_ns))
+    bits = surplus_bits(sooner, len(own), 1 / len(usual))
+    return (bits, round(len(successors.delays[unit.unit]) * sooner / len(own))) if bits >= _SURE_BITS else (0.0, 0)
+
+
 def _late(evidence: Evidence, unit: UnitLedger) -> int:
     """Answers of a unit that came too late, as far as can be told."""
     if not evidence.is_open(Symptom.LATENESS, unit.unit):
@@ -187,7 +209,7 @@ def _late(evidence: Evidence, unit: UnitLedger) -> int:
         found += unit.doubles
     readings = evidence.readings(unit)
     slow = _redundant(evidence, unit)
-    bound = min(slow.bound_ns, _overdue_ns(evidence, unit))
+    bound = min(slow.bound_ns, _overdue_ns(evidence, unit), _beyond_ns(evidence, unit))
     hurried, char_ns = _hurried(evidence, unit), evidence.ledger.char_ns
     by_timer = timed_by_the_master(evidence, unit)
     late = [
@@ -255,6 +277,19 @@ def _overdue_ns(evidence: Evidence, unit: UnitLedger) -> float:
     if timeout is None or evidence.verdict.wait_ns > (1 - _OVERDUE) * timeout:
         return UNKNOWN
     return max(_OVERDUE * timeout, _FAR_SLOWER * (usual or 0.0))
+
+
+def _beyond_ns(evidence: Evidence, unit: UnitLedger) -> float:
+    """The delay from which on garbage comes later than any good answer of a unit, where most of its garbage does: its
+    answer was not waited for, and met what was asked next. What else damages an answer does not delay it."""
+    good, readings = unit.delays.numbers, [each for each in evidence.readings(unit) if each.delay >= 0]
+    if len(good) < 3 * _LEAST or not readings:
+        return UNKNOWN
+    bound = _LATER * float(good.max()) + evidence.verdict.wait_ns + _HEAD_CHARS * evidence.ledger.char_ns
+    beyond = sum(each.delay >= bound for each in readings)
+    if beyond < _MOSTLY * len(readings) or surplus_bits(beyond, len(readings), 1 / len(good)) < _SURE_BITS:
+        return UNKNOWN
+    return bound
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,11 +12,13 @@ from ..bits import clustering_bits, regularity_bits, surplus_bits
 from ..evidence import Evidence
 from ..exchanges import Ending
 from ..registry import Suspicion, Symptom, suspect
+from ..signatures import AnswerDamage
 from ..timegrid import Spell
 from ..unitledger import UnitLedger
 
 _LEAST: Final = 5  # requests without an answer
 _LEAST_OF_SEVERAL: Final = 3
+_STRAY_BYTES: Final = 2
 _STRAYS: Final = 0.05  # of requests: bytes that may be noise, not answers
 _BACKGROUND: Final = 0.02
 _MANY_TRIES: Final = 4.5  # a poll
@@ -47,9 +49,16 @@ def _never(evidence: Evidence) -> list[UnitLedger]:
         and (not unit.answered or only_repeats(unit))
         and not unit.strays
         and not unit.late
-        and unit.count(Ending.GARBAGE) <= _STRAYS * unit.asked
+        and _answering(evidence, unit) <= _STRAYS * unit.asked
     ]
     return found if len(found) > 1 else [unit for unit in found if evidence.silent(unit) >= _LEAST]
+
+
+def _answering(evidence: Evidence, unit: UnitLedger) -> float:
+    """About how many damaged answers of a unit may be its: not those of a byte or two, nor the master's next request."""
+    readings = evidence.readings(unit)
+    own = [each for each in readings if each.damage is not AnswerDamage.CROSSED and each.length > _STRAY_BYTES]
+    return unit.count(Ending.GARBAGE) * (len(own) / len(readings) if readings else 1)
 
 
 def _scanned(evidence: Evidence) -> frozenset[int]:
@@ -164,10 +173,13 @@ def _silence(evidence: Evidence, unit: UnitLedger, since: int | None) -> Suspici
     if since is not None and lasting is not None:
         silent, bits = lasting.count, silence_bits(lasting.count, lasting.count)
     lost, lost_ms = evidence.cost(unit, Ending.SILENT)
+    kinds = (
+        (Symptom.SILENCE, Symptom.DAMAGE) if since is None else (Symptom.SILENCE,)
+    )  # what never speaks damages nothing
     return Suspicion(
         (unit.unit,),
         bits,
-        frozenset({(Symptom.SILENCE, unit.unit)}),
+        frozenset((kind, unit.unit) for kind in kinds),
         {
             "unit": unit.unit,
             "silent": silent,

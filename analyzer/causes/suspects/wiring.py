@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from math import log2
 from typing import Final
-
-import numpy as np
 
 from ...tables.findings import Severity
 from ..bits import likelihood_bits, surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, kind_of, share_of
 from ..exchanges import Ending
-from ..hits import ALIKE, WELL, Hits, span_of_hits, spared_bits
+from ..hits import ALIKE, WELL, Hits, apart_bits, is_behind_few, span_of_hits, spared_bits, spares_units
 from ..registry import Suspicion, Symptom, suspect
-from ..signatures import Behind
 from ..unitledger import UnitLedger
 
 _LEAST: Final = 5
 _SOONEST: Final = 0.05  # of answers
 _HALF_CHAR: Final = 0.5
-_ONE_UNIT: Final = 0.9  # of all stretches
 _MOST: Final = 0.6
 _FEW: Final = 0.15  # frames hit for a stretch on the idle line
 _EARLY: Final = (0.3, 0.22, 0.16, 0.12, 0.08, 0.05, 0.04, 0.03)  # bits of a byte that ringing behind its start reaches
@@ -46,7 +42,7 @@ _UNIT_BITS: Final = 6.0  # each unit more that is said to be far
 def bias(evidence: Evidence) -> Iterator[Suspicion]:
     """Noise between frames, and frames that are well."""
     hits = Hits(evidence)
-    if hits.idle < _LEAST:
+    if hits.idle < _LEAST or spares_units(evidence):
         return
     touched = sum(evidence.damaged(unit) * _run_into(evidence, unit) for unit in evidence.units)
     idle, frames = hits.idle + touched, hits.frames - touched
@@ -55,23 +51,12 @@ def bias(evidence: Evidence) -> Iterator[Suspicion]:
     bits += likelihood_bits(frames, idle + frames, WELL) - likelihood_bits(frames, idle + frames, 0.5)
     inside = sum(_inside(evidence, unit) for unit in evidence.units)
     bits -= surplus_bits(inside, hits.exchanges, HEALTHY)  # a driven line does not float
-    stray = [evidence.behind(unit, Behind.NOISE, Behind.ZEROS) for unit in evidence.units]
-    if len(stray) > 1 and max(stray) > _ONE_UNIT * sum(stray):
-        bits = bits / 4 - _apart_bits(evidence, stray)  # a line that floats does so behind everybody
+    if is_behind_few(evidence):
+        bits = bits / 4 - apart_bits(evidence)  # a line that floats does so behind everybody
     explains = frozenset((Symptom.BEHIND, unit.unit) for unit in evidence.units) | {(Symptom.FRAMING, None)}
     if touched > _MOST * hits.damaged or hits.damaged < _FEW * idle:
         explains |= frozenset((Symptom.DAMAGE, unit.unit) for unit in evidence.units)
     yield Suspicion((), bits, explains, hits.numbers, **span_of_hits(evidence))
-
-
-def _apart_bits(evidence: Evidence, stray: Sequence[float]) -> float:
-    """How much likelier it is that what comes behind one unit's answers is its own than that it strikes the idle line,
-    which is idle there for so much of the time."""
-    idle = [unit.answered * unit.pauses.total / max(len(unit.pauses), 1) for unit in evidence.units]
-    at = int(np.argmax(stray))
-    return (
-        surplus_bits(stray[at], sum(stray), max(idle[at], 1.0) / max(sum(idle), 1.0)) if evidence.ledger.timed else 0.0
-    )
 
 
 def _inside(evidence: Evidence, unit: UnitLedger) -> float:

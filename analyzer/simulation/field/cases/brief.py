@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from random import Random
 
-from ..bench import SECOND, Bench, Expected, site
+from ..bench import SECOND, Bench, Expected, longest_answer_ms, site
 from ..units import MS
 from ..wire import Burst
 from .disturbances import bias
@@ -82,7 +82,8 @@ def end_dead_unit(random: Random, tap: str) -> Site:
     unit, begin = bench.unit(), _nearly_over(bench)
     unit.silent = lambda t: t >= begin
     bench.master.manners.cycle_ms = min(bench.master.manners.cycle_ms, 500.0)
-    bench.master.manners.timeout_ms = min(bench.master.manners.timeout_ms, 300.0)
+    enough = max(300.0, longest_answer_ms(bench.uart) + 4 * max(each.delay_ms for each in bench.units.values()))
+    bench.master.manners.timeout_ms = min(bench.master.manners.timeout_ms, enough)
     return bench, Expected("dead-unit", (unit.unit,))
 
 

@@ -1,0 +1,120 @@
+"""Answers that the master did not wait for, however they show themselves, and what only looks like them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from random import Random
+
+import pytest
+from bursts import CHAR_MS, Sent, answer_of, causes, frame, named, read_of
+
+_TIMEOUT_MS = 60.0
+_ADAPTER_MS = 16.0
+
+
+def _overlaid(one: bytes, other: bytes, behind: int) -> bytes:
+    """Two bursts at once, of which the second begins so many characters later and a 0 of either wins."""
+    length = max(len(one), behind + len(other))
+    first, second = one.ljust(length, b"\xff"), (b"\xff" * behind + other).ljust(length, b"\xff")
+    return bytes(a & b for a, b in zip(first, second, strict=True))
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_late_answers_that_meet_the_next_request_each_time_are_of_one_device(seed: int) -> None:
+    """No request stays without a byte, so that nothing tells the timeout: garbage begins later than any good answer."""
+    random = Random(seed)
+
+    def sent() -> Iterator[Sent]:
+        for i in range(500):
+            unit = i % 5 + 1 if i % 2 else 2
+            yield 8.0, read_of(unit, quantity=8)
+            answer = answer_of(unit, 900 + 37 * i, 8)
+            if unit == 2 and random.random() < 0.4:
+                asked, behind = read_of(3), random.randrange(-6, 15)
+                if behind < 0:
+                    yield _TIMEOUT_MS + 8, _overlaid(asked, answer, -behind)
+                else:
+                    yield _TIMEOUT_MS + 8 - behind * CHAR_MS, _overlaid(answer, asked, behind)
+                yield _TIMEOUT_MS, b""
+            else:
+                yield 25.0 + random.random(), answer
+
+    assert named(causes(sent())) == [("timeout-too-short", (2,))]
+
+
+@pytest.mark.parametrize("tick_ms", [0.0, _ADAPTER_MS])
+def test_answers_to_the_request_before_its_repetition_come_sooner_than_the_unit_ever_answers(tick_ms: float) -> None:
+    """Its own answers vary, as late ones do: only that they come so soon behind a repetition is odd."""
+    random = Random(2)
+
+    def sent() -> Iterator[Sent]:
+        for i in range(450):
+            unit = i % 3 + 1
+            yield 30.0, read_of(unit)
+            took = 4 * _TIMEOUT_MS * random.uniform(0.4, 0.7) if unit == 3 else 20.0
+            if unit == 3 and random.random() < 0.5:
+                yield 4 * _TIMEOUT_MS, read_of(unit)
+                took = 4 * _TIMEOUT_MS * random.uniform(0.02, 0.7)
+            yield took, answer_of(unit, 300 + i)
+
+    assert named(causes(sent(), tick_ms=tick_ms)) == [("timeout-too-short", (3,))]
+
+
+def test_waits_that_are_alike_behind_an_adapter_are_a_timer_s() -> None:
+    """Where the adapter's times tell no single wait: no clock makes waits more alike than they are."""
+    random = Random(3)
+
+    def sent() -> Iterator[Sent]:
+        silence, owed = 20.0, b""
+        for i in range(240):
+            unit = i % 4 + 1
+            yield silence, read_of(unit)
+            waited = 0.0
+            if owed:
+                waited = random.uniform(1.0, 8.0) + len(owed) * CHAR_MS
+                yield waited - len(owed) * CHAR_MS, owed
+            late, owed, silence = random.random() < 0.3, b"", 20.0
+            if late:
+                owed, silence = answer_of(unit, 900 + i), _TIMEOUT_MS + 20 - waited
+            else:
+                yield _TIMEOUT_MS * random.uniform(0.5, 0.8) - waited, answer_of(unit, 900 + i)
+
+    found = causes(sent(), tick_ms=_ADAPTER_MS)
+    assert [cause.cause for cause in found] == ["timeout-too-short"]
+
+
+@pytest.mark.parametrize("function", [6, 16])
+@pytest.mark.parametrize("pause_ms", [2.5, 60.0])
+def test_an_answer_to_a_broadcast_by_its_sender_s_own_address_is_neither_late_nor_a_second_one(
+    function: int, pause_ms: float
+) -> None:
+    def sent() -> Iterator[Sent]:
+        for i in range(300):
+            unit = i % 5
+            if unit:
+                yield 20.0, read_of(unit)
+                yield 8.0, answer_of(unit, 500 + i)
+                continue
+            values = (2, 4, 0, i % 256, 0, 7) if function == 16 else ()
+            yield 20.0, frame(0, function, 0, 30, 0, *(values or (i % 256,)))
+            yield 7.0, frame(1, function, 0, 30, 0, values[0] if values else i % 256)
+            yield pause_ms - 20.0 if pause_ms > 20 else pause_ms, b""
+
+    assert [cause.cause for cause in causes(sent())] == ["broadcast-answered"]
+
+
+def test_noise_that_looks_like_requests_makes_no_dead_unit_late() -> None:
+    random = Random(5)
+
+    def sent() -> Iterator[Sent]:
+        for i in range(600):
+            unit = i % 3 + 1
+            yield 20.0, read_of(unit)
+            if unit != 3:
+                yield 8.0, answer_of(unit, 500 + i)
+            elif random.random() < 0.08:  # its repetition is hit
+                yield 3 * _TIMEOUT_MS, bytes((random.randrange(256),)) + read_of(unit)[1:]
+            else:
+                yield 3 * _TIMEOUT_MS, b""
+
+    assert named(causes(sent()))[0] == ("dead-unit", (3,))
