@@ -150,7 +150,7 @@ def test_registers_that_stand_still_and_are_unlike_those_of_sisters_are_somethin
 
 @pytest.mark.parametrize("units", [6, 10])
 def test_stray_bytes_behind_the_few_units_that_are_two_each_disturb_no_line(units: int) -> None:
-    """Of two devices now one begins first and now the other, and the rest of a weak one is heard behind a good answer."""
+    """Of two devices now one begins first, now the other, and the rest of a weak one is heard behind a good answer."""
     random = Random(8)
 
     def sent() -> Iterator[Sent]:

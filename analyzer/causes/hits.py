@@ -213,19 +213,24 @@ def is_about_one(evidence: Evidence) -> bool:
 
 def interrupted(evidence: Evidence, unit: UnitLedger) -> int:
     """Requests to a unit behind which another came well before it ever answers, for which the master does wait: nobody
-    gives up so soon, that is another who sends. Of a coarse clock all or none, by the mean of the waits."""
-    waits, delays, off = unit.quiet_waits.numbers, unit.delays.numbers, evidence.verdict.wait_ns
+    gives up so soon, that is another who sends."""
+    delays = unit.delays.numbers
     if len(delays) < _TOLD:
         return 0
-    soonest = float(np.quantile(delays, _SOONEST))
-    met = _met_by_requests(evidence, unit, _SOONER * float(np.quantile(delays, _WAITED)) - off)
-    if len(waits) < 1 or not evidence.is_open(Symptom.SILENCE, unit.unit):
-        return met
-    early = float((waits < _SOONER * (soonest - off)).mean())
+    met = _met_by_requests(evidence, unit, _SOONER * float(np.quantile(delays, _WAITED)) - evidence.verdict.wait_ns)
+    return cut_short(evidence, unit) + met
+
+
+def cut_short(evidence: Evidence, unit: UnitLedger) -> int:
+    """Those of them that stayed without a byte. Of a coarse clock all or none, by the mean of the waits."""
+    waits, delays, off = unit.quiet_waits.numbers, unit.delays.numbers, evidence.verdict.wait_ns
+    if len(delays) < _TOLD or len(waits) < 1 or not evidence.is_open(Symptom.SILENCE, unit.unit):
+        return 0
+    early = float((waits < _SOONER * (float(np.quantile(delays, _SOONEST)) - off)).mean())
     if len(waits) >= _TOLD:
         error = 3 * off / (12 * len(waits)) ** 0.5  # of the mean of times that are wrong by up to so much
         early = 1.0 if waits.mean() + error < _SOONER * float(np.quantile(delays, 0.25)) else early
-    return round(early * len(unit.quiet_waits)) + met
+    return round(early * len(unit.quiet_waits))
 
 
 def _met_by_requests(evidence: Evidence, unit: UnitLedger, before: float) -> int:
