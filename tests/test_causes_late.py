@@ -123,7 +123,8 @@ def test_noise_that_looks_like_requests_makes_no_dead_unit_late() -> None:
     assert named(causes(sent()))[0] == ("dead-unit", (3,))
 
 
-def test_all_units_are_late_where_what_is_repeated_though_answered_comes_by_a_timer() -> None:
+@pytest.mark.parametrize("tick_ms", [0.0, _ADAPTER_MS])
+def test_all_units_are_late_where_what_is_repeated_though_answered_comes_by_a_timer(tick_ms: float) -> None:
     """The master pauses for longer than the answers are late, so that nothing stays without an answer."""
     random = Random(6)
 
@@ -141,7 +142,7 @@ def test_all_units_are_late_where_what_is_repeated_though_answered_comes_by_a_ti
                     break
                 silence += _TIMEOUT_MS - took - len(answer_of(unit, 0)) * CHAR_MS
 
-    found = causes(sent())
+    found = causes(sent(), tick_ms=tick_ms)
     assert [(cause.cause, set(cause.units)) for cause in found] == [("timeout-too-short", {1, 2})]
 
 
