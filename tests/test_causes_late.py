@@ -179,3 +179,35 @@ def test_requests_soon_behind_others_are_a_second_master_s_though_some_answers_c
 
     suspected = [each.suspect.cause for each in weigh(Evidence(ledger(sent())))]
     assert suspected[0] == "two-masters" and "timeout-too-short" not in suspected
+
+
+@pytest.mark.parametrize("tick_ms", [0.0, _ADAPTER_MS])
+def test_answers_to_broadcasts_that_are_not_waited_for_run_into_what_is_sent_behind_them(tick_ms: float) -> None:
+    """No byte comes between a broadcast and the next request; whoever is asked then is hit, and nobody else."""
+    random = Random(9)
+
+    def sent() -> Iterator[Sent]:
+        for i in range(600):
+            unit = i % 4 + 1
+            if i % 7:
+                yield 20.0, read_of(unit)
+                yield 8.0, answer_of(unit, 500 + i)
+                continue
+            yield 20.0, frame(0, 6, 0, 30, 0, i % 256)
+            yield 3.0, read_of(unit)
+            answered = frame(0, 6, 0, 30, 0, i % 256)
+            yield 8.0, _overlaid(answer_of(unit, 500 + i), answered, random.randrange(5))
+
+    assert [cause.cause for cause in causes(sent(), tick_ms=tick_ms)] == ["broadcast-answered"]
+
+
+def test_a_unit_whose_answers_to_one_poll_are_short_answers_no_broadcast_before_it() -> None:
+    def sent() -> Iterator[Sent]:
+        for i in range(600):
+            unit = i % 4 + 1
+            if not unit - 1:
+                yield 20.0, frame(0, 6, 0, 30, 0, i % 256)
+            yield 20.0, read_of(unit)
+            yield 8.0, answer_of(unit, 500 + i)[: 9 if unit > 1 else 6]
+
+    assert [cause.cause for cause in causes(sent())] == ["driver-released-early"]

@@ -11,6 +11,7 @@ from ...diagnosis.tap_clock import UNKNOWN
 from ...tables.findings import Severity
 from ..asciireading import is_in_ascii
 from ..bits import likelihood_bits, surplus_bits
+from ..calledback import CalledBack, broadcasts_answered, called_back
 from ..evidence import HEALTHY, Evidence, kind_bits, overlaid, share_of
 from ..exchanges import Ending
 from ..hits import (
@@ -77,7 +78,7 @@ def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
     by_timer = [unit for unit in units if unit.late and given_up_by_timer(evidence, unit)]
     others = [unit for unit in units if unit not in by_timer]  # what is late of these is not the timer's
     sure = sum(early.values()) >= _MET or late - max((unit.late for unit in others), default=0) >= _LEAST
-    if not evidence.ordered or _broadcasts_answered(evidence) or (is_about_one(evidence) and not sure):
+    if not evidence.ordered or broadcasts_answered(evidence) or (is_about_one(evidence) and not sure):
         return
     if any(answers_too_many(evidence, unit) for unit in units):
         return  # where it is sure, it need not meet all alike: slow units are met most
@@ -142,12 +143,6 @@ def _part(evidence: Evidence, unit: UnitLedger, some: Sequence[Signature]) -> fl
     return len(some) / max(len(evidence.readings(unit)), 1)
 
 
-def _broadcasts_answered(evidence: Evidence) -> bool:
-    """Whether many broadcasts are, for what answers them runs into requests as a second master's would."""
-    ledger = evidence.ledger
-    return ledger.broadcasts_answered >= _LEAST and ledger.broadcasts_answered > _OFTEN * ledger.broadcasts
-
-
 def _hasty(evidence: Evidence, unit: UnitLedger) -> int:
     """Requests behind which another one came sooner than a master gives up, who waits longer for answers that come."""
     timeout = 0.0 if evidence.timeout_ns is None else max(evidence.timeout_ns, evidence.patience_ns)
@@ -163,33 +158,43 @@ def _hasty(evidence: Evidence, unit: UnitLedger) -> int:
     "broadcast-answered",
     Severity.ERROR,
     blame="unit",
-    text="Broadcasts are answered: bytes follow {answered} of {broadcasts} requests to unit 0 within the time of an answer",
-    share="{answered} of {broadcasts} broadcasts",
+    text="Broadcasts are answered[: bytes follow {answered} of {broadcasts} requests to unit 0 within the time of an answer]"
+    "[; {met} of {met_of} exchanges right behind broadcasts are hit by what answers them]",
+    share="{calls} of {broadcasts} broadcasts",
     deciding_test="Take the units off one after the other and broadcast: the one that answers is the one whose going ends it",
     remedy="Give the device that takes 0 for its own an address from 1 to 247, or update its firmware",
 )
 def broadcast_answered(evidence: Evidence) -> Iterator[Suspicion]:
-    """Bytes behind broadcasts."""
+    """Bytes behind broadcasts, or what is sent soon behind them hit and little else."""
     ledger = evidence.ledger
-    answered = ledger.broadcasts_answered
-    if answered < 3 or not evidence.is_open(Symptom.REQUESTS, 0):
+    answered, back = ledger.broadcasts_answered, called_back(evidence)
+    calls = max(answered, min(back.met, ledger.broadcasts))
+    if calls < 3 or not evidence.is_open(Symptom.REQUESTS, 0):
         return
     noisy = sum(evidence.behind(unit, Behind.NOISE) for unit in evidence.units)
     background = max(0.02, 2 * (noisy + 0.5) / (sum(unit.asked for unit in evidence.units) + 50))
     yield Suspicion(
         tuple(sorted(unit.unit for unit in ledger.units.values() if unit.called)),
-        surplus_bits(answered, ledger.broadcasts, background) * 1.1,
-        frozenset({(Symptom.REQUESTS, 0)} | (_run_into(evidence) if _broadcasts_answered(evidence) else set())),
-        {"answered": answered, "broadcasts": ledger.broadcasts},
+        surplus_bits(answered, ledger.broadcasts, background) * 1.1 + back.bits,
+        frozenset({(Symptom.REQUESTS, 0)} | (_run_into(evidence, back) if broadcasts_answered(evidence) else set())),
+        {
+            "answered": answered,
+            "calls": calls,
+            "broadcasts": ledger.broadcasts,
+            "met": back.met,
+            "met_of": back.met_of,
+        },
         frames=tuple(ledger.called_examples),
     )
 
 
-def _run_into(evidence: Evidence) -> set[tuple[Symptom, int | None]]:
+def _run_into(evidence: Evidence, back: CalledBack) -> set[tuple[Symptom, int | None]]:
     """What answers to broadcasts do to the exchanges behind them."""
     kinds = (Symptom.DAMAGE, Symptom.SILENCE, Symptom.BEHIND, Symptom.LATENESS)
-    few = [unit for unit in evidence.units if evidence.damaged(unit) + evidence.silent(unit) < _OFTEN * unit.asked]
-    return {(kind, unit.unit) for unit in few for kind in kinds}
+    found = {
+        unit.unit for unit in evidence.units if evidence.damaged(unit) + evidence.silent(unit) < _OFTEN * unit.asked
+    }
+    return {(kind, unit) for unit in found | back.units for kind in kinds}
 
 
 @suspect(
