@@ -13,6 +13,7 @@ from .bits import likelihood_bits, surplus_bits
 from .evidence import Evidence
 from .registry import Symptom
 from .signatures import AnswerDamage, Behind, Signature, known_header
+from .spells import spells_of
 from .unitledger import UnitLedger
 
 WELL: Final = 0.03  # of stray bytes that hit frames all the same, on a line that floats when nobody drives it
@@ -40,6 +41,7 @@ _SOME: Final = 0.1  # of the requests
 _FAR_MORE: Final = 4.0
 _MANY_STRAYS: Final = 30.0
 _SPARED_SHARE: Final = 0.05
+_SPELLS_BITS: Final = 14.0
 _HEADER: Final = 3  # bytes: unit, function, byte count
 
 # How damage spreads over kinds where it strikes all senders alike.
@@ -143,8 +145,11 @@ def spares_units(evidence: Evidence) -> bool:
 
 
 def _idle(evidence: Evidence) -> list[float]:
-    """How long the line is idle behind each unit's answers (ns, about), until something strays there if it does."""
-    char_ns = evidence.ledger.char_ns
+    """How long the line is idle behind each unit's answers (ns, about), until something strays there if it does; behind
+    each answer as long where the clock shows no pauses at all."""
+    char_ns, shown = evidence.ledger.char_ns, evidence.ledger.pauses
+    if shown.total <= char_ns * len(shown):
+        return [max(unit.answered, 1) * char_ns for unit in evidence.units]
     found = []
     for unit, stray in zip(evidence.units, stray_behind(evidence), strict=True):
         rested = [each.rested for each in evidence.followed(unit) if each.rested >= 0]
@@ -334,6 +339,13 @@ def _mean_time(evidence: Evidence, unit: UnitLedger) -> float:
     """How long an exchange with a unit takes (ns), about."""
     waits = unit.delays.numbers
     return _mean_due(evidence, unit.unit) * evidence.ledger.char_ns + (float(waits.mean()) if len(waits) else 0.0)
+
+
+def spells_of_hits(evidence: Evidence) -> tuple[float, NDArray[np.bool_]]:
+    """The parts of the time in which the bus is hit, and what they save in bits; 0 where that may be chance."""
+    grid = evidence.ledger.grid
+    found, inside = spells_of(grid.counts("damage"), grid.counts("asked"))
+    return (found if found >= _SPELLS_BITS and evidence.ledger.timed else 0.0), inside
 
 
 def span_of_hits(evidence: Evidence) -> dict[str, Any]:

@@ -7,12 +7,11 @@ from typing import Final
 
 import numpy as np
 
-from ...diagnosis.tap_clock import UNKNOWN
 from ...tables.findings import Severity
 from ..asciireading import is_in_ascii
 from ..bits import likelihood_bits, surplus_bits
 from ..calledback import CalledBack, broadcasts_answered, called_back
-from ..evidence import HEALTHY, Evidence, kind_bits, overlaid, share_of
+from ..evidence import HEALTHY, Evidence, kind_bits, kind_of, overlaid, share_of
 from ..exchanges import Ending
 from ..hits import (
     answers_too_many,
@@ -21,6 +20,7 @@ from ..hits import (
     interrupted,
     is_about_one,
     late_of_any,
+    spells_of_hits,
     timed_by_the_master,
 )
 from ..registry import Suspicion, Symptom, suspect
@@ -34,10 +34,11 @@ _SOME: Final = 0.05  # of its requests
 _UNLIKE_BITS: Final = 100.0  # by which the damage of some units is theirs: another master meets all alike
 _SENT_INTO: Final = 0.15  # of damaged answers
 _HASTY: Final = 0.35  # of the timeout: nobody gives up so soon
-_BLIND_NS: Final = 1e8  # by which times may be wrong, for answers to be told from what follows
+_CUT_SHORT_BITS: Final = 4.0
 _AT_ONCE: Final = 0.1  # the same, by which times may be wrong
 _COLLIDED: Final = {"crossed": 0.27, "cut": 0.17, "cut-short": 0.15, "whole": 0.22, "long": 0.07, "other": 0.03,
                     "middle": 0.03, "tail": 0.02, "head": 0.02, "ahead": 0.06, "bits": 0.01}  # fmt: skip
+_RUN_INTO: Final = ("crossed", "cut", "cut-short")  # as a request that is sent into an answer leaves it
 _ON_FRAMES: Final = 0.93  # of what collides
 _TOO_SOON: Final = 0.9  # of t3.5
 _MOSTLY: Final = 0.5
@@ -89,10 +90,7 @@ def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
     behind = sum(evidence.behind(unit, Behind.REQUEST, Behind.NOISE) for unit in units)
     own = {unit.unit: timed_by_the_master(evidence, unit) for unit in units}  # what its own requests ran into
     damaged = sum(round(evidence.damaged(unit) * (1 - _part(evidence, unit, own[unit.unit]))) for unit in units)
-    told = sure or not _BLIND_NS < evidence.verdict.wait_ns < UNKNOWN  # damaged answers from what is sent behind them
-    readings = (
-        [each for unit in units for each in evidence.readings(unit) if each not in own[unit.unit]] if told else []
-    )
+    readings = [each for unit in units for each in evidence.readings(unit) if each not in own[unit.unit]]
     hit = [unit for unit in units if evidence.damaged(unit) or unit.late or _hasty(evidence, unit)]
     requests = sum(map(evidence.requests_behind, units))
     sent_into = max(
@@ -103,12 +101,16 @@ def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
     few = not sure and (len(hit) < min(2, len(units)) or evenness_bits(evidence) < -_UNLIKE_BITS or _twice(evidence))
     if few or crossed < _LEAST or crossed < 0.4 * hits or not hasty + late + requests:
         return
-    if hasty + late < _MET and overlaid(readings) < max(_MET, _SENT_INTO * len(readings)):
+    met = min(overlaid(readings), sum(kind_of(each) in _RUN_INTO for each in readings))
+    if hasty + late < _MET and met < max(_MET, _SENT_INTO * len(readings)):
         return  # damage alone: one transmitter and a bad line do as well
     bits = surplus_bits(hits, evidence.ledger.exchanges, HEALTHY) + kind_bits(readings, _COLLIDED)
     bits += overlaid(readings) + 2 * (hasty + late) + likelihood_bits(damaged + requests, damaged + behind, _ON_FRAMES)
     bits -= likelihood_bits(damaged + requests, damaged + behind, 0.5)
     bits += evenness_bits(evidence) / 2  # two cycles meet where they do, yet not at one unit only
+    if sure:  # no single master cuts short what it asked, whatever disturbs the line
+        bits += _CUT_SHORT_BITS * sum(early.values())
+        bits += spells_of_hits(evidence)[0]  # one of them comes later, or goes
     costs = [evidence.cost(unit, Ending.SILENT, Ending.GARBAGE) for unit in units]
     known = [ms for _, ms in costs if ms is not None]
     kinds = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.LATENESS, Symptom.SILENCE, Symptom.DOUBLES, Symptom.MARKS)

@@ -362,7 +362,7 @@ def _unheeded(evidence: Evidence, unit: UnitLedger) -> int:
     own, delay = unit.pauses.quantile(0.9), unit.delays.quantile(0.5)
     usual = min((pause for other in others if (pause := other.pauses.quantile(0.1)) is not None), default=None)
     delays = [value for other in others if (value := other.delays.quantile(0.5)) is not None]
-    if own is None or usual is None or delay is None or len(unit.pauses) < 3 * _LEAST:
+    if own is None or usual is None or delay is None or not delays or len(unit.pauses) < 3 * _LEAST:
         return 0
     if len(delays) < _OTHERS and not _by_timer(unit):
         return 0  # the one other unit may be the last of a round, behind which the master rests
