@@ -9,7 +9,11 @@ import pytest
 from bursts import CHAR_MS, Sent, answer_of, causes, frame, ledger, named, read_of
 
 from analyzer.causes.evidence import Evidence
-from analyzer.causes.reasoning import weigh
+from analyzer.causes.ledger import ledger_of
+from analyzer.causes.reasoning import causes_of, weigh
+from analyzer.core import analyse
+from analyzer.simulation.field.cases.registry import field_cases
+from captures.chunks import Capture
 
 _TIMEOUT_MS = 60.0
 _ADAPTER_MS = 16.0
@@ -211,3 +215,10 @@ def test_a_unit_whose_answers_to_one_poll_are_short_answers_no_broadcast_before_
             yield 8.0, answer_of(unit, 500 + i)[: 9 if unit > 1 else 6]
 
     assert [cause.cause for cause in causes(sent())] == ["driver-released-early"]
+
+
+def test_a_unit_beside_one_whose_delays_nobody_knows_is_not_held_against_it() -> None:
+    made = field_cases()["echo-driver-enabled-late"].capture("gateway", 9100)
+    capture = Capture.of(made.line, made.chunks)
+    found = causes_of(ledger_of(((part.batch, part.transactions) for part in analyse(capture)), capture.line))
+    assert (made.expected.cause, made.expected.units) in named(found)

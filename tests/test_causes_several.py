@@ -282,7 +282,6 @@ def test_what_strays_behind_one_unit_only_is_no_floating_line_though_the_clock_s
 
 def test_two_masters_are_told_by_what_runs_into_what_where_no_time_is() -> None:
     made = field_cases()["two-masters"].capture("ftdi16", 8801)
-    ledger_made = ledger_of(
-        ((part.batch, part.transactions) for part in analyse(Capture.of(made.line, made.chunks))), made.line
-    )
-    assert [cause.cause for cause in causes_of(ledger_made)][:1] == ["two-masters"]
+    capture = Capture.of(made.line, made.chunks)
+    found = causes_of(ledger_of(((part.batch, part.transactions) for part in analyse(capture)), capture.line))
+    assert [cause.cause for cause in found][:1] == ["two-masters"]

@@ -20,6 +20,7 @@ from ..hits import (
     interrupted,
     is_about_one,
     late_of_any,
+    requests_evenness_bits,
     spells_of_hits,
     timed_by_the_master,
 )
@@ -98,7 +99,8 @@ def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
     )
     crossed = hasty + late + requests + damaged * sent_into
     hits = min(hasty + late + behind + damaged, evidence.ledger.exchanges)
-    few = not sure and (len(hit) < min(2, len(units)) or evenness_bits(evidence) < -_UNLIKE_BITS or _twice(evidence))
+    unlike = min(evenness_bits(evidence), requests_evenness_bits(evidence)) < -_UNLIKE_BITS
+    few = not sure and (len(hit) < min(2, len(units)) or unlike or _twice(evidence))
     if few or crossed < _LEAST or crossed < 0.4 * hits or not hasty + late + requests:
         return
     met = min(overlaid(readings), sum(kind_of(each) in _RUN_INTO for each in readings))
