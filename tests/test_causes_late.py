@@ -6,7 +6,14 @@ from collections.abc import Iterator
 from random import Random
 
 import pytest
-from bursts import CHAR_MS, Sent, answer_of, causes, frame, named, read_of
+from bursts import CHAR_MS, Sent, answer_of, causes, frame, ledger, named, read_of
+
+from analyzer.causes.evidence import Evidence
+from analyzer.causes.ledger import ledger_of
+from analyzer.causes.reasoning import causes_of, weigh
+from analyzer.core import analyse
+from analyzer.simulation.field.cases.registry import field_cases
+from captures.chunks import Capture
 
 _TIMEOUT_MS = 60.0
 _ADAPTER_MS = 16.0
@@ -118,3 +125,100 @@ def test_noise_that_looks_like_requests_makes_no_dead_unit_late() -> None:
                 yield 3 * _TIMEOUT_MS, b""
 
     assert named(causes(sent()))[0] == ("dead-unit", (3,))
+
+
+@pytest.mark.parametrize("tick_ms", [0.0, _ADAPTER_MS])
+def test_all_units_are_late_where_what_is_repeated_though_answered_comes_by_a_timer(tick_ms: float) -> None:
+    """The master pauses for longer than the answers are late, so that nothing stays without an answer."""
+    random = Random(6)
+
+    def sent() -> Iterator[Sent]:
+        silence = 0.0
+        for i in range(400):
+            unit = i % 2 + 1
+            for _ in range(3):
+                yield silence, read_of(unit)
+                took = _TIMEOUT_MS * random.uniform(0.55, 1.5)
+                late = took > _TIMEOUT_MS
+                silence = 1.5 * _TIMEOUT_MS + random.uniform(0.0, 4.0)
+                yield took, answer_of(unit, 300 + i)
+                if not late:
+                    break
+                silence += _TIMEOUT_MS - took - len(answer_of(unit, 0)) * CHAR_MS
+
+    found = causes(sent(), tick_ms=tick_ms)
+    assert [(cause.cause, set(cause.units)) for cause in found] == [("timeout-too-short", {1, 2})]
+
+
+def test_a_list_that_holds_each_request_twice_and_keeps_time_is_no_short_timeout() -> None:
+    random = Random(7)
+
+    def sent() -> Iterator[Sent]:
+        silence = 0.0
+        for i in range(800):
+            yield silence, read_of(i // 2 % 2 + 1)
+            took = _TIMEOUT_MS * random.uniform(0.2, 0.9)
+            yield took, answer_of(i // 2 % 2 + 1, 300 + i)
+            silence = 2 * _TIMEOUT_MS - took
+
+    assert not causes(sent())
+
+
+def test_requests_soon_behind_others_are_a_second_master_s_though_some_answers_come_late() -> None:
+    """The unit always needs its time, and silent requests were followed before that: no master gives up so soon."""
+    random = Random(8)
+
+    def sent() -> Iterator[Sent]:
+        for i in range(500):
+            unit = i % 5 + 1
+            took = 24.0 if unit == 2 else 5.0
+            yield 60.0, read_of(unit)
+            if unit == 2 and random.random() < 0.15:
+                soon = random.uniform(3.0, 12.0)
+                yield soon, read_of(4, function=4)
+                if random.random() < 0.7:
+                    yield took - soon - 8 * CHAR_MS, answer_of(2, 700 + i)
+            else:
+                yield took, answer_of(unit, 500 + i)
+
+    suspected = [each.suspect.cause for each in weigh(Evidence(ledger(sent())))]
+    assert suspected[0] == "two-masters" and "timeout-too-short" not in suspected
+
+
+@pytest.mark.parametrize("tick_ms", [0.0, _ADAPTER_MS])
+def test_answers_to_broadcasts_that_are_not_waited_for_run_into_what_is_sent_behind_them(tick_ms: float) -> None:
+    """No byte comes between a broadcast and the next request; whoever is asked then is hit, and nobody else."""
+    random = Random(9)
+
+    def sent() -> Iterator[Sent]:
+        for i in range(600):
+            unit = i % 4 + 1
+            if i % 7:
+                yield 20.0, read_of(unit)
+                yield 8.0, answer_of(unit, 500 + i)
+                continue
+            yield 20.0, frame(0, 6, 0, 30, 0, i % 256)
+            yield 3.0, read_of(unit)
+            answered = frame(0, 6, 0, 30, 0, i % 256)
+            yield 8.0, _overlaid(answer_of(unit, 500 + i), answered, random.randrange(5))
+
+    assert [cause.cause for cause in causes(sent(), tick_ms=tick_ms)] == ["broadcast-answered"]
+
+
+def test_a_unit_whose_answers_to_one_poll_are_short_answers_no_broadcast_before_it() -> None:
+    def sent() -> Iterator[Sent]:
+        for i in range(600):
+            unit = i % 4 + 1
+            if not unit - 1:
+                yield 20.0, frame(0, 6, 0, 30, 0, i % 256)
+            yield 20.0, read_of(unit)
+            yield 8.0, answer_of(unit, 500 + i)[: 9 if unit > 1 else 6]
+
+    assert [cause.cause for cause in causes(sent())] == ["driver-released-early"]
+
+
+def test_a_unit_beside_one_whose_delays_nobody_knows_is_not_held_against_it() -> None:
+    made = field_cases()["echo-driver-enabled-late"].capture("gateway", 9100)
+    capture = Capture.of(made.line, made.chunks)
+    found = causes_of(ledger_of(((part.batch, part.transactions) for part in analyse(capture)), capture.line))
+    assert (made.expected.cause, made.expected.units) in named(found)

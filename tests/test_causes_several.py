@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from random import Random
 
 import pytest
 from bursts import CHAR_MS, Sent, answer_of, causes, frame, ledger, named, read_of
+
+from analyzer.causes.evidence import Evidence
+from analyzer.causes.ledger import ledger_of
+from analyzer.causes.reasoning import causes_of, weigh
+from analyzer.core import analyse
+from analyzer.simulation.field.cases.registry import field_cases
+from captures.chunks import Capture
 
 _TIMEOUT_MS = 100.0
 
@@ -150,7 +157,7 @@ def test_registers_that_stand_still_and_are_unlike_those_of_sisters_are_somethin
 
 @pytest.mark.parametrize("units", [6, 10])
 def test_stray_bytes_behind_the_few_units_that_are_two_each_disturb_no_line(units: int) -> None:
-    """Of two devices now one begins first and now the other, and the rest of a weak one is heard behind a good answer."""
+    """Of two devices now one begins first, now the other, and the rest of a weak one is heard behind a good answer."""
     random = Random(8)
 
     def sent() -> Iterator[Sent]:
@@ -208,3 +215,73 @@ def test_a_line_that_floats_in_the_rest_behind_the_last_unit_floats_for_all() ->
             yield rest, b""
 
     assert named(causes(sent())) == [("bias", ())]
+
+
+def _behind_unit_2(more: Callable[[int], Iterator[Sent]]) -> Iterator[Sent]:
+    """Two units asked in turn; what comes behind the answers of unit 2 instead of the next request."""
+    for i in range(400):
+        unit = i % 2 + 1
+        yield 5.0, read_of(unit)
+        yield 8.0, answer_of(unit, 500 + i)
+        if unit == 2:
+            yield from more(i)
+
+
+def test_a_few_bytes_where_a_request_is_due_and_a_wait_behind_them_are_the_rest_of_a_request() -> None:
+    def rest(i: int) -> Iterator[Sent]:
+        yield 5.0 + 5 * CHAR_MS, bytes((0x42 + i % 7, 0xD7 ^ i % 3))
+        yield 300.0, b""
+
+    assert named(causes(_behind_unit_2(rest))) == [("driver-held", (2,))]
+
+
+def test_a_few_bytes_that_nothing_waits_behind_are_no_request() -> None:
+    def strays(i: int) -> Iterator[Sent]:
+        yield 5.0 + 5 * CHAR_MS, bytes((0x42 + i % 7, 0xD7 ^ i % 3))
+
+    assert ("driver-held", (2,)) not in named(causes(_behind_unit_2(strays)))
+
+
+def test_a_second_master_that_comes_later_disturbs_at_no_certain_hours() -> None:
+    """From then on requests are cut short before any unit ever answers, and frames damage each other."""
+    random = Random(4)
+
+    def sent() -> Iterator[Sent]:
+        for i in range(800):
+            unit = i % 2 + 1
+            met = i > 500 and random.random() < 0.35
+            yield 12.0, read_of(unit)
+            if met and random.random() < 0.08:
+                yield 4.0, read_of(3 - unit)
+                yield 12.0, answer_of(3 - unit, 100 + i)
+            elif met and random.random() < 0.15:
+                yield 12.0, bytes(octet ^ 0x5A * (at in (4, 6)) for at, octet in enumerate(answer_of(unit, 500 + i)))
+            else:
+                yield 12.0, answer_of(unit, 500 + i)
+                if met:
+                    yield 12.0, bytes(random.randrange(256) for _ in range(random.randrange(5, 12)))
+
+    assert [cause.cause for cause in causes(sent())] == ["two-masters"]
+
+
+def test_what_strays_behind_one_unit_only_is_no_floating_line_though_the_clock_shows_no_pauses() -> None:
+    """An adapter hands over an answer and the next request at once."""
+
+    def sent() -> Iterator[Sent]:
+        for i in range(400):
+            unit = i % 2 + 1
+            yield 2.0, read_of(unit)
+            yield 4.0, answer_of(unit, 500 + i)
+            if unit == 2:
+                yield 2.0, bytes((0x42 + i % 7, 0xD7 ^ i % 3))
+                yield 300.0, b""
+
+    suspected = [each.suspect.cause for each in weigh(Evidence(ledger(sent(), tick_ms=16.0)))]
+    assert suspected[0] == "driver-held" and "bias" not in suspected
+
+
+def test_two_masters_are_told_by_what_runs_into_what_where_no_time_is() -> None:
+    made = field_cases()["two-masters"].capture("ftdi16", 8801)
+    capture = Capture.of(made.line, made.chunks)
+    found = causes_of(ledger_of(((part.batch, part.transactions) for part in analyse(capture)), capture.line))
+    assert [cause.cause for cause in found][:1] == ["two-masters"]

@@ -57,6 +57,11 @@ def test_a_unit_that_is_silent_to_the_end_is_dead_since_then() -> None:
     assert 39 * SECOND < found[0].since_ns < 41 * SECOND
 
 
+def test_a_unit_that_never_was_silent_before_is_dead_after_a_few_seconds_of_it() -> None:
+    made = _silence(_bench(polls=2), lambda t: t >= 55.5 * SECOND, SILENT)
+    assert _named(_causes(made)) == [("dead-unit", (SILENT,))]
+
+
 @pytest.mark.parametrize("left", [0, 1, 3, 5, 7])
 def test_a_last_frame_that_is_cut_damages_nobody_and_ends_no_silence(left: int) -> None:
     """The capture ends `left` bytes into an answer of another unit, or into a request to the silent one."""

@@ -13,6 +13,7 @@ from .bits import likelihood_bits, surplus_bits
 from .evidence import Evidence
 from .registry import Symptom
 from .signatures import AnswerDamage, Behind, Signature, known_header
+from .spells import spells_of
 from .unitledger import UnitLedger
 
 WELL: Final = 0.03  # of stray bytes that hit frames all the same, on a line that floats when nobody drives it
@@ -40,6 +41,7 @@ _SOME: Final = 0.1  # of the requests
 _FAR_MORE: Final = 4.0
 _MANY_STRAYS: Final = 30.0
 _SPARED_SHARE: Final = 0.05
+_SPELLS_BITS: Final = 14.0
 _HEADER: Final = 3  # bytes: unit, function, byte count
 
 # How damage spreads over kinds where it strikes all senders alike.
@@ -143,8 +145,11 @@ def spares_units(evidence: Evidence) -> bool:
 
 
 def _idle(evidence: Evidence) -> list[float]:
-    """How long the line is idle behind each unit's answers (ns, about), until something strays there if it does."""
-    char_ns = evidence.ledger.char_ns
+    """How long the line is idle behind each unit's answers (ns, about), until something strays there if it does; behind
+    each answer as long where the clock shows no pauses at all."""
+    char_ns, shown = evidence.ledger.char_ns, evidence.ledger.pauses
+    if shown.total <= char_ns * len(shown):
+        return [max(unit.answered, 1) * char_ns for unit in evidence.units]
     found = []
     for unit, stray in zip(evidence.units, stray_behind(evidence), strict=True):
         rested = [each.rested for each in evidence.followed(unit) if each.rested >= 0]
@@ -213,19 +218,24 @@ def is_about_one(evidence: Evidence) -> bool:
 
 def interrupted(evidence: Evidence, unit: UnitLedger) -> int:
     """Requests to a unit behind which another came well before it ever answers, for which the master does wait: nobody
-    gives up so soon, that is another who sends. Of a coarse clock all or none, by the mean of the waits."""
-    waits, delays, off = unit.quiet_waits.numbers, unit.delays.numbers, evidence.verdict.wait_ns
+    gives up so soon, that is another who sends."""
+    delays = unit.delays.numbers
     if len(delays) < _TOLD:
         return 0
-    soonest = float(np.quantile(delays, _SOONEST))
-    met = _met_by_requests(evidence, unit, _SOONER * float(np.quantile(delays, _WAITED)) - off)
-    if len(waits) < 1 or not evidence.is_open(Symptom.SILENCE, unit.unit):
-        return met
-    early = float((waits < _SOONER * (soonest - off)).mean())
+    met = _met_by_requests(evidence, unit, _SOONER * float(np.quantile(delays, _WAITED)) - evidence.verdict.wait_ns)
+    return cut_short(evidence, unit) + met
+
+
+def cut_short(evidence: Evidence, unit: UnitLedger) -> int:
+    """Those of them that stayed without a byte. Of a coarse clock all or none, by the mean of the waits."""
+    waits, delays, off = unit.quiet_waits.numbers, unit.delays.numbers, evidence.verdict.wait_ns
+    if len(delays) < _TOLD or len(waits) < 1 or not evidence.is_open(Symptom.SILENCE, unit.unit):
+        return 0
+    early = float((waits < _SOONER * (float(np.quantile(delays, _SOONEST)) - off)).mean())
     if len(waits) >= _TOLD:
         error = 3 * off / (12 * len(waits)) ** 0.5  # of the mean of times that are wrong by up to so much
         early = 1.0 if waits.mean() + error < _SOONER * float(np.quantile(delays, 0.25)) else early
-    return round(early * len(unit.quiet_waits)) + met
+    return round(early * len(unit.quiet_waits))
 
 
 def _met_by_requests(evidence: Evidence, unit: UnitLedger, before: float) -> int:
@@ -329,6 +339,13 @@ def _mean_time(evidence: Evidence, unit: UnitLedger) -> float:
     """How long an exchange with a unit takes (ns), about."""
     waits = unit.delays.numbers
     return _mean_due(evidence, unit.unit) * evidence.ledger.char_ns + (float(waits.mean()) if len(waits) else 0.0)
+
+
+def spells_of_hits(evidence: Evidence) -> tuple[float, NDArray[np.bool_]]:
+    """The parts of the time in which the bus is hit, and what they save in bits; 0 where that may be chance."""
+    grid = evidence.ledger.grid
+    found, inside = spells_of(grid.counts("damage"), grid.counts("asked"))
+    return (found if found >= _SPELLS_BITS and evidence.ledger.timed else 0.0), inside
 
 
 def span_of_hits(evidence: Evidence) -> dict[str, Any]:

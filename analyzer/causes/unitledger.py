@@ -39,6 +39,7 @@ class UnitLedger:
         self.redundant = Thinned()  # ns, delays of good answers whose request the master repeats all the same
         self.heeded = Thinned()  # and of those whose request it does not repeat
         self.redundant_pauses = Thinned()  # ns, from the end of such an answer to the request's repetition
+        self.redundant_turns = Thinned()  # ns, from their requests to the repetition, of the same
         self.pauses = Thinned()  # ns, from its good answers to the next request
         self.turns = Thinned()  # ns, from a request that is well answered to the next one
         self.echoes = 0  # answers that are their request once more
@@ -131,6 +132,7 @@ class UnitLedger:
             self.turns.add((t_next - good.t_asked)[followed])
             if again.any():
                 self.redundant_pauses.add((t_next - good.t_answered)[followed & again])
+                self.redundant_turns.add((t_next - good.t_asked)[followed & again])
         marks = good.marks
         if marks.any():
             self.marked += int(np.count_nonzero(marks))

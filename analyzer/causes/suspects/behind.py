@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Final
 
+import numpy as np
+
 from ...tables.findings import Severity
+from ...tables.transactions import NEVER
 from ..bits import surplus_bits
 from ..evidence import HEALTHY, Evidence
 from ..grouping import alone_or_together
@@ -20,6 +23,9 @@ _OFTEN: Final = 0.2
 _RARELY: Final = 0.05
 _NEARLY: Final = 0.95
 _OWN_BITS: Final = 6.0
+_DUE: Final = 1.5  # times the usual pause,
+_REQUEST_CHARS: Final = 8
+_FAR: Final = 4.0  # times it
 
 
 @suspect(
@@ -81,15 +87,30 @@ def _held(evidence: Evidence, units: list[UnitLedger], totals: Mapping[int, floa
 
 
 def _always_spoilt(evidence: Evidence, unit: UnitLedger, spoilt: float) -> bool:
-    """Whether noise of more than a spike's bytes stands behind many good answers of a unit, which are well themselves,
-    and no request does."""
+    """Whether noise of more than a spike's bytes, or for a request's time, stands behind many good answers of a unit,
+    which are well themselves, and no request does."""
     damaged, readings = evidence.damaged(unit), evidence.followed(unit)
-    long = sum(reading.length > STRAY for reading in readings)
+    long = max(sum(reading.length > STRAY for reading in readings), _instead_of_requests(evidence, unit))
     return (
         spoilt >= _OFTEN * unit.answered
         and spoilt >= _LEAST
         and long >= _MOSTLY * len(readings)
         and damaged <= _RARELY * unit.asked
+    )
+
+
+def _instead_of_requests(evidence: Evidence, unit: UnitLedger) -> int:
+    """How often bytes stand behind a unit's good answers when the next request is due, and the next one comes far later
+    than the master pauses: it waits for an answer to what was sent there."""
+    off, usual = evidence.verdict.wait_ns, evidence.ledger.pauses.quantile(0.5)
+    if usual is None or not np.isfinite(off) or not evidence.is_open(Symptom.BEHIND, unit.unit):
+        return 0
+    due = _DUE * usual + _REQUEST_CHARS * evidence.ledger.char_ns + off
+    far = _FAR * (usual + off)
+    pairs = zip(unit.followed.kept, evidence.followed(unit), strict=True)
+    return sum(
+        0 <= each.rested <= due and sample.t_next != NEVER and sample.t_next - each.t_behind > far
+        for sample, each in pairs
     )
 
 

@@ -7,11 +7,11 @@ from typing import Final
 
 import numpy as np
 
-from ...diagnosis.tap_clock import UNKNOWN
 from ...tables.findings import Severity
 from ..asciireading import is_in_ascii
 from ..bits import likelihood_bits, surplus_bits
-from ..evidence import HEALTHY, Evidence, kind_bits, overlaid, share_of
+from ..calledback import CalledBack, broadcasts_answered, called_back
+from ..evidence import HEALTHY, Evidence, kind_bits, kind_of, overlaid, share_of
 from ..exchanges import Ending
 from ..hits import (
     answers_too_many,
@@ -20,6 +20,8 @@ from ..hits import (
     interrupted,
     is_about_one,
     late_of_any,
+    requests_evenness_bits,
+    spells_of_hits,
     timed_by_the_master,
 )
 from ..registry import Suspicion, Symptom, suspect
@@ -33,10 +35,11 @@ _SOME: Final = 0.05  # of its requests
 _UNLIKE_BITS: Final = 100.0  # by which the damage of some units is theirs: another master meets all alike
 _SENT_INTO: Final = 0.15  # of damaged answers
 _HASTY: Final = 0.35  # of the timeout: nobody gives up so soon
-_BLIND_NS: Final = 1e8  # by which times may be wrong, for answers to be told from what follows
+_CUT_SHORT_BITS: Final = 4.0
 _AT_ONCE: Final = 0.1  # the same, by which times may be wrong
 _COLLIDED: Final = {"crossed": 0.27, "cut": 0.17, "cut-short": 0.15, "whole": 0.22, "long": 0.07, "other": 0.03,
                     "middle": 0.03, "tail": 0.02, "head": 0.02, "ahead": 0.06, "bits": 0.01}  # fmt: skip
+_RUN_INTO: Final = ("crossed", "cut", "cut-short")  # as a request that is sent into an answer leaves it
 _ON_FRAMES: Final = 0.93  # of what collides
 _TOO_SOON: Final = 0.9  # of t3.5
 _MOSTLY: Final = 0.5
@@ -77,7 +80,7 @@ def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
     by_timer = [unit for unit in units if unit.late and given_up_by_timer(evidence, unit)]
     others = [unit for unit in units if unit not in by_timer]  # what is late of these is not the timer's
     sure = sum(early.values()) >= _MET or late - max((unit.late for unit in others), default=0) >= _LEAST
-    if not evidence.ordered or _broadcasts_answered(evidence) or (is_about_one(evidence) and not sure):
+    if not evidence.ordered or broadcasts_answered(evidence) or (is_about_one(evidence) and not sure):
         return
     if any(answers_too_many(evidence, unit) for unit in units):
         return  # where it is sure, it need not meet all alike: slow units are met most
@@ -88,10 +91,7 @@ def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
     behind = sum(evidence.behind(unit, Behind.REQUEST, Behind.NOISE) for unit in units)
     own = {unit.unit: timed_by_the_master(evidence, unit) for unit in units}  # what its own requests ran into
     damaged = sum(round(evidence.damaged(unit) * (1 - _part(evidence, unit, own[unit.unit]))) for unit in units)
-    told = sure or not _BLIND_NS < evidence.verdict.wait_ns < UNKNOWN  # damaged answers from what is sent behind them
-    readings = (
-        [each for unit in units for each in evidence.readings(unit) if each not in own[unit.unit]] if told else []
-    )
+    readings = [each for unit in units for each in evidence.readings(unit) if each not in own[unit.unit]]
     hit = [unit for unit in units if evidence.damaged(unit) or unit.late or _hasty(evidence, unit)]
     requests = sum(map(evidence.requests_behind, units))
     sent_into = max(
@@ -99,15 +99,20 @@ def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
     )
     crossed = hasty + late + requests + damaged * sent_into
     hits = min(hasty + late + behind + damaged, evidence.ledger.exchanges)
-    few = not sure and (len(hit) < min(2, len(units)) or evenness_bits(evidence) < -_UNLIKE_BITS or _twice(evidence))
+    unlike = min(evenness_bits(evidence), requests_evenness_bits(evidence)) < -_UNLIKE_BITS
+    few = not sure and (len(hit) < min(2, len(units)) or unlike or _twice(evidence))
     if few or crossed < _LEAST or crossed < 0.4 * hits or not hasty + late + requests:
         return
-    if hasty + late < _MET and overlaid(readings) < max(_MET, _SENT_INTO * len(readings)):
+    met = min(overlaid(readings), sum(kind_of(each) in _RUN_INTO for each in readings))
+    if hasty + late < _MET and met < max(_MET, _SENT_INTO * len(readings)):
         return  # damage alone: one transmitter and a bad line do as well
     bits = surplus_bits(hits, evidence.ledger.exchanges, HEALTHY) + kind_bits(readings, _COLLIDED)
     bits += overlaid(readings) + 2 * (hasty + late) + likelihood_bits(damaged + requests, damaged + behind, _ON_FRAMES)
     bits -= likelihood_bits(damaged + requests, damaged + behind, 0.5)
     bits += evenness_bits(evidence) / 2  # two cycles meet where they do, yet not at one unit only
+    if sure:  # no single master cuts short what it asked, whatever disturbs the line
+        bits += _CUT_SHORT_BITS * sum(early.values())
+        bits += spells_of_hits(evidence)[0]  # one of them comes later, or goes
     costs = [evidence.cost(unit, Ending.SILENT, Ending.GARBAGE) for unit in units]
     known = [ms for _, ms in costs if ms is not None]
     kinds = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.LATENESS, Symptom.SILENCE, Symptom.DOUBLES, Symptom.MARKS)
@@ -142,12 +147,6 @@ def _part(evidence: Evidence, unit: UnitLedger, some: Sequence[Signature]) -> fl
     return len(some) / max(len(evidence.readings(unit)), 1)
 
 
-def _broadcasts_answered(evidence: Evidence) -> bool:
-    """Whether many broadcasts are, for what answers them runs into requests as a second master's would."""
-    ledger = evidence.ledger
-    return ledger.broadcasts_answered >= _LEAST and ledger.broadcasts_answered > _OFTEN * ledger.broadcasts
-
-
 def _hasty(evidence: Evidence, unit: UnitLedger) -> int:
     """Requests behind which another one came sooner than a master gives up, who waits longer for answers that come."""
     timeout = 0.0 if evidence.timeout_ns is None else max(evidence.timeout_ns, evidence.patience_ns)
@@ -163,33 +162,43 @@ def _hasty(evidence: Evidence, unit: UnitLedger) -> int:
     "broadcast-answered",
     Severity.ERROR,
     blame="unit",
-    text="Broadcasts are answered: bytes follow {answered} of {broadcasts} requests to unit 0 within the time of an answer",
-    share="{answered} of {broadcasts} broadcasts",
+    text="Broadcasts are answered[: bytes follow {answered} of {broadcasts} requests to unit 0 within the time of an answer]"
+    "[; {met} of {met_of} exchanges right behind broadcasts are hit by what answers them]",
+    share="{calls} of {broadcasts} broadcasts",
     deciding_test="Take the units off one after the other and broadcast: the one that answers is the one whose going ends it",
     remedy="Give the device that takes 0 for its own an address from 1 to 247, or update its firmware",
 )
 def broadcast_answered(evidence: Evidence) -> Iterator[Suspicion]:
-    """Bytes behind broadcasts."""
+    """Bytes behind broadcasts, or what is sent soon behind them hit and little else."""
     ledger = evidence.ledger
-    answered = ledger.broadcasts_answered
-    if answered < 3 or not evidence.is_open(Symptom.REQUESTS, 0):
+    answered, back = ledger.broadcasts_answered, called_back(evidence)
+    calls = max(answered, min(back.met, ledger.broadcasts))
+    if calls < 3 or not evidence.is_open(Symptom.REQUESTS, 0):
         return
     noisy = sum(evidence.behind(unit, Behind.NOISE) for unit in evidence.units)
     background = max(0.02, 2 * (noisy + 0.5) / (sum(unit.asked for unit in evidence.units) + 50))
     yield Suspicion(
         tuple(sorted(unit.unit for unit in ledger.units.values() if unit.called)),
-        surplus_bits(answered, ledger.broadcasts, background) * 1.1,
-        frozenset({(Symptom.REQUESTS, 0)} | (_run_into(evidence) if _broadcasts_answered(evidence) else set())),
-        {"answered": answered, "broadcasts": ledger.broadcasts},
+        surplus_bits(answered, ledger.broadcasts, background) * 1.1 + back.bits,
+        frozenset({(Symptom.REQUESTS, 0)} | (_run_into(evidence, back) if broadcasts_answered(evidence) else set())),
+        {
+            "answered": answered,
+            "calls": calls,
+            "broadcasts": ledger.broadcasts,
+            "met": back.met,
+            "met_of": back.met_of,
+        },
         frames=tuple(ledger.called_examples),
     )
 
 
-def _run_into(evidence: Evidence) -> set[tuple[Symptom, int | None]]:
+def _run_into(evidence: Evidence, back: CalledBack) -> set[tuple[Symptom, int | None]]:
     """What answers to broadcasts do to the exchanges behind them."""
     kinds = (Symptom.DAMAGE, Symptom.SILENCE, Symptom.BEHIND, Symptom.LATENESS)
-    few = [unit for unit in evidence.units if evidence.damaged(unit) + evidence.silent(unit) < _OFTEN * unit.asked]
-    return {(kind, unit.unit) for unit in few for kind in kinds}
+    found = {
+        unit.unit for unit in evidence.units if evidence.damaged(unit) + evidence.silent(unit) < _OFTEN * unit.asked
+    }
+    return {(kind, unit) for unit in found | back.units for kind in kinds}
 
 
 @suspect(

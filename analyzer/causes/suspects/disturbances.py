@@ -24,10 +24,10 @@ from ..hits import (
     span_of_hits,
     spares_requests,
     spares_units,
+    spells_of_hits,
 )
 from ..registry import Explained, Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage
-from ..spells import spells_of
 
 _LEAST: Final = 5
 _SENT_INTO: Final = 0.35  # of the damaged answers
@@ -42,7 +42,7 @@ _SOME_OVERLAID: Final = 0.12  # of the damaged answers
 _UNLIKE_BITS: Final = 100.0
 _UNLIKE: Final = 0.1  # of what is in favour of it
 _LOAD: Final = 0.4  # where nobody knows it
-_SURE_BITS: Final = 14.0  # that a phase, a state or hours must add
+_SURE_BITS: Final = 14.0  # that a phase or a state must add
 _MAINS: Final = ((50.0, 0.15), (60.0, 0.18))  # Hz, and how far it strays
 _PHASE_NS: Final = 1_500_000  # by which a time may be wrong for its phase to be known
 
@@ -222,8 +222,8 @@ def hours(evidence: Evidence) -> Iterator[Suspicion]:
     if bits <= 0 or not evidence.ledger.timed:
         return
     grid = evidence.ledger.grid
-    found, inside = spells_of(grid.counts("damage"), grid.counts("asked"))
-    if found < _SURE_BITS or grid.begin_ns is None:
+    found, inside = spells_of_hits(evidence)
+    if not found or grid.begin_ns is None:
         return
     edges = np.flatnonzero(np.diff(np.concatenate(([0], inside.astype(np.int8), [0]))))
     begins, ends = edges[::2], edges[1::2]

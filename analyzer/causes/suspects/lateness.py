@@ -16,7 +16,7 @@ from ..bits import likelihood_bits, surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, kind_of
 from ..exchanges import Ending
 from ..grouping import alone_or_together
-from ..hits import given_up_by_timer, interrupted, timed_by_the_master
+from ..hits import cut_short, given_up_by_timer, interrupted, timed_by_the_master
 from ..registry import Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage, Signature
 from ..unitledger import UnitLedger
@@ -73,7 +73,7 @@ def timeout_too_short(evidence: Evidence) -> Iterator[Suspicion]:
         if evidence.is_open(Symptom.LATENESS, unit.unit):
             late[unit.unit] += min(evidence.begun[unit.unit], unit.count(Ending.SILENT, Ending.GARBAGE))
     found = [each for unit in evidence.units if (each := _weighed(evidence, unit, late)) is not None]
-    by_timer = [each for each in found if given_up_by_timer(evidence, each.unit)]
+    by_timer = [each for each in found if given_up_by_timer(evidence, each.unit) or _repeated_by_timer(each.unit)]
     for group in alone_or_together(found, by_timer):
         group.sort(key=lambda each: -each.late / max(each.unit.asked, 1))
         mine = sum(each.late for each in group)
@@ -94,6 +94,8 @@ class _LateUnit:
 def _weighed(evidence: Evidence, unit: UnitLedger, late: Mapping[int, int]) -> _LateUnit | None:
     if not _lives(evidence, unit) or interrupted(evidence, unit) > _MOSTLY * len(unit.waits):
         return None  # nobody gives up so soon
+    if (short := cut_short(evidence, unit)) >= _LEAST and short > _MOSTLY * len(unit.quiet_waits):
+        return None  # nor with nothing heard
     behind, run_into = _run_into(evidence, unit)
     series, in_series = _shifted(evidence, unit)
     sooner, too_soon = _too_soon(evidence, unit)
@@ -304,7 +306,9 @@ def _redundant(evidence: Evidence, unit: UnitLedger) -> Slow:
     """Good answers whose request the master repeats all the same, where it is the slow ones and it does so by its timer:
     sooner behind them than it pauses else. A list may hold a request twice, one behind the other."""
     again, heeded = np.sort(unit.redundant.numbers), np.sort(unit.heeded.numbers)
-    if len(again) < _LEAST or not len(heeded) or not _sooner(evidence, unit):
+    if len(again) < _LEAST or not len(heeded):
+        return Slow()
+    if not _sooner(evidence, unit) and not _repeated_by_timer(unit):
         return Slow()
     best = Slow()
     most = _SURE_BITS
@@ -318,6 +322,16 @@ def _redundant(evidence: Evidence, unit: UnitLedger) -> Slow:
             most = bits
             best = Slow(round(len(unit.redundant) * slow / len(again)), bound)
     return best
+
+
+def _repeated_by_timer(unit: UnitLedger) -> bool:
+    """Whether requests repeated though they were answered come always as long behind the request before, however long
+    its answer took: the master did not take it."""
+    turns = unit.redundant_turns.numbers
+    if len(turns) < _HURRIED:
+        return False
+    took = turns - unit.redundant_pauses.numbers
+    return _strays(turns) < _STEADY * _strays(took)  # no clock makes times more alike than they are
 
 
 def _sooner(evidence: Evidence, unit: UnitLedger) -> bool:
@@ -348,7 +362,7 @@ def _unheeded(evidence: Evidence, unit: UnitLedger) -> int:
     own, delay = unit.pauses.quantile(0.9), unit.delays.quantile(0.5)
     usual = min((pause for other in others if (pause := other.pauses.quantile(0.1)) is not None), default=None)
     delays = [value for other in others if (value := other.delays.quantile(0.5)) is not None]
-    if own is None or usual is None or delay is None or len(unit.pauses) < 3 * _LEAST:
+    if own is None or usual is None or delay is None or not delays or len(unit.pauses) < 3 * _LEAST:
         return 0
     if len(delays) < _OTHERS and not _by_timer(unit):
         return 0  # the one other unit may be the last of a round, behind which the master rests
