@@ -5,7 +5,8 @@ from __future__ import annotations
 import struct
 
 import pytest
-from diagnosed import LINE, Wire
+from buses import LINE
+from diagnosed import Wire
 
 from analyzer.core import analyse
 from analyzer.model.bus import Bus

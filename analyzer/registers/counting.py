@@ -13,7 +13,9 @@ from captures.ragged import Ints
 from .floatshapes import decimals, float_classes, float_ordinals, in_last_digits, is_absurd, spreads
 from .hypotheses import HYPOTHESES, Hypothesis, patterns
 from .lengths import change_bits, change_lengths, directions
+from .looks import SIGNS, is_epoch, sign_classes
 from .manners import EVEN, MANNERS, evenness, manners
+from .proportions import in_proportion
 from .readings import Words
 from .sisters import PAIR_CODES
 from .wordclasses import QUIET_GROUP, word_classes
@@ -44,6 +46,7 @@ SIZES: Final[Mapping[str, int]] = {
     "i32 low range": 6 * 10, "i32 low cost": 6 * 9, "i32 high only": 16 * 4, "i32 quiet": 16 * 16,
     "i32 as float": 2 * 8 * 2, "i32 carries": 16, "i32 sign": 6 * 3, "i32 wraps": 13,
     "i32 low manner": 6 * MANNERS, "i32 manners": MANNERS * MANNERS, "i32 rhythm": 2 * 5 * 5,
+    "i32 epoch": 4, "i32 negative": 3 * SIGNS, "i32 follows": 2,
     "i32 even": 4 * EVEN, "i32 agreed": 5, "i32 in line": 2 * _ROWS, "i32 sisters": PAIR_CODES,
     # of two, as a float
     "f32": 4, "f32 gain": 14 * 2, "f32 value": 4 * 8, "f32 low": 4 * 9, "f32 quiet": 8 * 16, "f32 spread": 4 * 6,
@@ -52,7 +55,7 @@ SIZES: Final[Mapping[str, int]] = {
     "i64": 16, "i64 gain": 14, "i64 top": 16 * 2, "i64 low": 8 * 3, "i64 words": 64 * 2, "i64 in line": 4 * 3 * 2,
     "f64": 16, "f64 gain": 14, "f64 value": 8 * 2,
     "f64 decimals": 4 * 6, "f64 spread": 2 * 6, "f64 as float": 8 * 8,
-    "i64 even": 2 * EVEN, "i64 wraps": 13, "i64 agreed": 5, "f64 even": 4,
+    "i64 even": 2 * EVEN, "i64 wraps": 13, "i64 agreed": 5, "i64 follows": 2, "f64 even": 4,
     "f32 decimals": 4 * 6,
     # by the size of the block, and whether the value begins or ends it
     "i16 block": 7 * 2, "i32 block": 7 * 4, "f32 block": 7 * 4, "wide block": 7 * 4,
@@ -122,6 +125,8 @@ class Counting:
         self._manner = manners(words, count)
         self._even = evenness(words, count)
         amount = np.abs(changes)
+        self._below = sign_classes(words, self.moved)
+        self._epoch = is_epoch(words)
         self._smooth = (amount > 0x1000).sum(axis=0) * 8 < np.maximum(count, 1)
         usual = np.median(amount, axis=0) if len(amount) else np.zeros(words.shape[1])
         self._pace = np.where(self.moved, np.digitize(usual, (2, 64)) + 1, 0)
@@ -201,6 +206,9 @@ class Counting:
             }
         gain = np.digitize(separate - change_lengths(steps, 33), _GAINS)
         low_only = case == 1
+        first = self.words[0, high]
+        idle = np.where(first == 0, 0, np.where(first == 0xFFFF, 1, 2))
+        clock = self._epoch[high] * np.where(case == 0, 1, np.where(self._direction[low] == 1, 2, 3))
         span = np.digitize(self._span, _RANGES)
         return {
             "i32": case,
@@ -222,6 +230,9 @@ class Counting:
             "i32 rhythm": np.where(low_only, (group == 0) * 25 + self._rhythm(high, low), NONE),
             "i32 in line": np.where(low_only, (group == 0) * _ROWS + self._in_line(high, low), NONE),
             "i32 even": np.where(low_only | both, self._pace[high] * EVEN + self._even[low], NONE),
+            "i32 epoch": np.where(case < 2, clock, NONE),
+            "i32 negative": np.where(low_only, idle * SIGNS + self._below[low], NONE),
+            "i32 follows": np.where(both, self._follows(high, low), NONE),
             "i32 block": self._edges(2),
         }
 
@@ -284,6 +295,9 @@ class Counting:
         grades = np.where(agreed == seen, np.digitize(seen, (4, 9)) + 1, 4)
         return np.where((way == 0) | (seen < 2), 0, grades)
 
+    def _follows(self, high: Ints, low: Ints) -> NDArray[np.bool_]:
+        return in_proportion(self.words, self._count, self._first, high, low)
+
     def _carries(self, high: Ints, steps: NDArray[np.int64]) -> Ints:
         """How the high word's changes fit a carry: their number, and the share of which the whole moved little."""
         changed = self._changes[:, high] != 0
@@ -329,6 +343,7 @@ class Counting:
             "i64 even": np.where(self.moved[low], self.moved[columns[:, 2]] * EVEN + self._even[low], NONE),
             "i64 wraps": np.where(self.moved[low], self._carried(columns[:, 2], low), NONE),
             "i64 agreed": np.where(moved[:, 2] & moved[:, 3], self._agreed(columns[:, 2], low), NONE),
+            "i64 follows": np.where(moved[:, 2] & moved[:, 3], self._follows(columns[:, 2], low), NONE),
             "i64 low": np.where(self.moved[low], self._size[low] * 3 + self._direction[low], NONE),
             "wide block": self._edges(4),
         }
