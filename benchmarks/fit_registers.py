@@ -54,8 +54,6 @@ HELD: dict[str, tuple[float, ...]] = {
     "i32 epoch": (0, 1, 3, 0),
     # below a high word of 0, FFFF or another: a word that is negative, one that crosses zero and would take it along
     "i32 negative": (0, 0, -1.5, 0, 2, -2, 0, 0, -1),
-    # what is another quantity times a factor, as neither of its words is, is a number
-    "i32 follows": (0, 7), "i64 follows": (0, 7),
     # nothing that is measured goes evenly through all that 16 bits can hold
     "i16 even": (0, 0, -0.5, -1.5, -3),
     # nor has any quantity such sizes

@@ -1,4 +1,4 @@
-"""What a word looks like, and what it goes along with, tells whether another one belongs before it."""
+"""What a word looks like by itself tells whether another one belongs before it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import pytest
 
 from analyzer.registers.inference import infer
 from analyzer.registers.looks import is_epoch, sign_classes
-from analyzer.registers.proportions import in_proportion
 from analyzer.registers.readings import RegisterReadings
 from analyzer.registers.values import RegisterValue
 
@@ -70,30 +69,3 @@ def test_seconds_since_1970_are_one_number(order: str) -> None:
     assert (seconds >> 16 == seconds[0] >> 16).all() and is_epoch(words)[2 if order == "ABCD" else 3]
     value = told(words)[2]
     assert (value.words, value.order) == (2, order)
-
-
-def driven() -> tuple[np.ndarray, np.ndarray]:
-    """The speed of a drive in thousandths as two registers, and the frequency that it follows, in leaps."""
-    hertz = np.repeat(RNG.choice([0, 25_000, 35_500, 40_000, 50_000], POLLS // 4), 4) + RNG.integers(0, 50, POLLS)
-    return (hertz * 2.91).astype(np.int64), hertz
-
-
-def test_what_is_another_one_times_a_factor_is_a_number() -> None:
-    speed, hertz = driven()
-    words = registers(hertz, speed >> 16, speed & 0xFFFF, RNG.integers(0, 0x10000, POLLS))
-    counts, blocks = (words[1:] != words[:-1]).sum(axis=0), np.zeros(4, np.int64)
-    high, low = np.array([0, 1, 2, 1]), np.array([1, 2, 3, 3])
-    assert in_proportion(words, counts, blocks, high, low).tolist() == [False, True, False, False]
-    apart = np.array([0, 1, 1, 1])  # the frequency is of another block
-    assert not in_proportion(words, counts, apart, high, low).any()
-
-
-@pytest.mark.parametrize("order", ["ABCD", "CDAB"])
-def test_a_number_that_goes_as_another_one_settles_the_order(order: str) -> None:
-    speed, hertz = driven()
-    flags = RNG.choice([21_805, 19_757, 23_853], POLLS)
-    pairs = [(0, hertz), (speed >> 16, speed & 0xFFFF), (0, walk(16_000, 800)), (0, walk(500, 40)), (0, walk(5600, 40))]
-    words = registers(flags, *(word for pair in pairs for word in pair), 0)
-    words = words if order == "ABCD" else words[:, ::-1]
-    values = told(words)
-    assert {(values[at].words, values[at].order) for at in (1, 3, 5, 7, 9)} == {(2, order)}

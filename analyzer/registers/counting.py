@@ -15,7 +15,6 @@ from .hypotheses import HYPOTHESES, Hypothesis, patterns
 from .lengths import change_bits, change_lengths, directions
 from .looks import SIGNS, is_epoch, sign_classes
 from .manners import EVEN, MANNERS, evenness, manners
-from .proportions import in_proportion
 from .readings import Words
 from .sisters import PAIR_CODES
 from .wordclasses import QUIET_GROUP, word_classes
@@ -46,7 +45,7 @@ SIZES: Final[Mapping[str, int]] = {
     "i32 low range": 6 * 10, "i32 low cost": 6 * 9, "i32 high only": 16 * 4, "i32 quiet": 16 * 16,
     "i32 as float": 2 * 8 * 2, "i32 carries": 16, "i32 sign": 6 * 3, "i32 wraps": 13,
     "i32 low manner": 6 * MANNERS, "i32 manners": MANNERS * MANNERS, "i32 rhythm": 2 * 5 * 5,
-    "i32 epoch": 4, "i32 negative": 3 * SIGNS, "i32 follows": 2,
+    "i32 epoch": 4, "i32 negative": 3 * SIGNS,
     "i32 even": 4 * EVEN, "i32 agreed": 5, "i32 in line": 2 * _ROWS, "i32 sisters": PAIR_CODES,
     # of two, as a float
     "f32": 4, "f32 gain": 14 * 2, "f32 value": 4 * 8, "f32 low": 4 * 9, "f32 quiet": 8 * 16, "f32 spread": 4 * 6,
@@ -55,7 +54,7 @@ SIZES: Final[Mapping[str, int]] = {
     "i64": 16, "i64 gain": 14, "i64 top": 16 * 2, "i64 low": 8 * 3, "i64 words": 64 * 2, "i64 in line": 4 * 3 * 2,
     "f64": 16, "f64 gain": 14, "f64 value": 8 * 2,
     "f64 decimals": 4 * 6, "f64 spread": 2 * 6, "f64 as float": 8 * 8,
-    "i64 even": 2 * EVEN, "i64 wraps": 13, "i64 agreed": 5, "i64 follows": 2, "f64 even": 4,
+    "i64 even": 2 * EVEN, "i64 wraps": 13, "i64 agreed": 5, "f64 even": 4,
     "f32 decimals": 4 * 6,
     # by the size of the block, and whether the value begins or ends it
     "i16 block": 7 * 2, "i32 block": 7 * 4, "f32 block": 7 * 4, "wide block": 7 * 4,
@@ -232,7 +231,6 @@ class Counting:
             "i32 even": np.where(low_only | both, self._pace[high] * EVEN + self._even[low], NONE),
             "i32 epoch": np.where(case < 2, clock, NONE),
             "i32 negative": np.where(low_only, idle * SIGNS + self._below[low], NONE),
-            "i32 follows": np.where(both, self._follows(high, low), NONE),
             "i32 block": self._edges(2),
         }
 
@@ -295,9 +293,6 @@ class Counting:
         grades = np.where(agreed == seen, np.digitize(seen, (4, 9)) + 1, 4)
         return np.where((way == 0) | (seen < 2), 0, grades)
 
-    def _follows(self, high: Ints, low: Ints) -> NDArray[np.bool_]:
-        return in_proportion(self.words, self._count, self._first, high, low)
-
     def _carries(self, high: Ints, steps: NDArray[np.int64]) -> Ints:
         """How the high word's changes fit a carry: their number, and the share of which the whole moved little."""
         changed = self._changes[:, high] != 0
@@ -343,7 +338,6 @@ class Counting:
             "i64 even": np.where(self.moved[low], self.moved[columns[:, 2]] * EVEN + self._even[low], NONE),
             "i64 wraps": np.where(self.moved[low], self._carried(columns[:, 2], low), NONE),
             "i64 agreed": np.where(moved[:, 2] & moved[:, 3], self._agreed(columns[:, 2], low), NONE),
-            "i64 follows": np.where(moved[:, 2] & moved[:, 3], self._follows(columns[:, 2], low), NONE),
             "i64 low": np.where(self.moved[low], self._size[low] * 3 + self._direction[low], NONE),
             "wide block": self._edges(4),
         }
