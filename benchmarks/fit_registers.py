@@ -244,7 +244,7 @@ def fitted(made: list[tuple[MadeDevice, list[Run]]], rounds: int, strength: floa
 
 def shy(weights: Weights, lone: float) -> Weights:
     """The same, so much against integers of 32 bits of which one word moved (cases 1 and 2 of four), with what is
-    firmly held, and as sure of a word order beforehand as makers' habits allow: devices of either order were taken alike."""
+    firmly held, and as sure of a word order beforehand as makers' habits allow: devices of either were taken alike."""
     first, last = ({**tables, "device order": _HABIT} for tables in weights.passes)
     last["i32"] = last["i32"] - lone * np.array([0, 1, 1, 0])
     for name, more in FIRM.items():
