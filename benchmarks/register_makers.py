@@ -92,19 +92,19 @@ def physical_device(layout: Layout, seed: int, polls: int = 60, flip: float = 0.
                 if kind[0] == "f":
                     raw = _stepped(raw, steps)
                 own = float_order if kind[0] == "f" else order
-                columns.append(_encoded(raw[np.arange(polls) // refresh * refresh], kind, own))
+                columns.append(encoded(raw[np.arange(polls) // refresh * refresh], kind, own))
                 width = columns[-1].shape[1]
                 rows.append(MappedValue(area, at, quantity, kind, own if width > 1 else "ABCD", width))
             at += columns[-1].shape[1]
         words = np.concatenate(columns, axis=1)
-        for address, block, inside in _asked(rng, begin, words, rows):
+        for address, block, inside in asked(rng, begin, words, rows):
             readings.put(1, area, address, block)
             truth.append((area, address, block.shape[1], inside))
         at += int(rng.integers(20, 60))
     return MadeDevice(f"{name}-{seed}", name, order, readings, tuple(truth))
 
 
-def _asked(
+def asked(
     rng: np.random.Generator, begin: int, words: Words, rows: list[MappedValue]
 ) -> list[tuple[int, Words, tuple[MappedValue, ...]]]:
     """The requests for one part: address, what is read, the values that lie in it whole."""
@@ -154,7 +154,7 @@ def _stepped(raw: Floats, steps: str) -> Floats:
             return raw
 
 
-def _encoded(raw: Floats, kind: str, order: str) -> Words:
+def encoded(raw: Floats, kind: str, order: str) -> Words:
     """A series as registers."""
     width = int(kind[1:]) // 16
     if kind[0] == "f":

@@ -1,11 +1,12 @@
 """Scores the inference of registers on devices whose maps are known.
 
     python benchmarks/score_registers.py [--polls N] [--seeds N] [--layouts FOLDER] [--family F] [--misses]
-        [--sisters N] [--another] [--physics]
+        [--sisters N] [--another] [--physics] [--habits]
 
 Devices are made from the layouts (shipped maps and `layouts/`, or the maps of another folder), moved to other
 addresses, polled as masters do. A value counts where a word of it moved; it is right where registers, integer or float,
-and word order are. `--physics` takes the devices of `register_makers` instead. What the tables were fitted on is in
+and word order are. `--physics` takes the devices of `register_makers` instead, `--habits` a hundred times `--seeds` of
+makers that are drawn (`register_habits`). What the tables were fitted on is in
 their provenance: figures for those families flatter; `fit_registers.py --folds N` gives figures of families held out.
 """
 
@@ -18,6 +19,7 @@ from functools import partial
 from pathlib import Path
 from random import Random
 
+from register_habits import habit_devices
 from register_makers import physical_device, physical_layouts
 from register_scores import Tally, tallied
 from register_series import MadeDevice, family, layouts, made_device
@@ -35,6 +37,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--sisters", type=int, default=0, help="units beside each device that have its layout")
     parser.add_argument("--another", action="store_true", help="series of another hand")
     parser.add_argument("--physics", action="store_true", help="layouts and series of a third hand instead")
+    parser.add_argument("--habits", action="store_true", help="devices of makers that are drawn instead")
     parser.add_argument("--family", help="only layouts of this maker")
     parser.add_argument("--by-layout", action="store_true", help="a line a layout")
     parser.add_argument("--misses", action="store_true", help="print each miss")
@@ -53,6 +56,9 @@ def main(arguments: list[str]) -> int:
             layout.name: map(partial(physical_device, layout, polls=options.polls), seeds)
             for layout in physical_layouts().values()
         }
+    if options.habits:
+        first = 100 * options.first_seed  # far behind those that were fitted
+        made = {"habits": habit_devices(range(first, first + 100 * options.seeds), options.polls)}
     weights, everything = shipped_weights(), Tally()
     for name, members in made.items():
         tally = Tally()

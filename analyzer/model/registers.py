@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from .bus import Bus
 
 _PAGE: Final = 256
+_ADDRESSES: Final = 1 << 16
 _PAGES: Final = 1 << 18  # 256 units, 4 areas, 256 pages each
 _AT_ONCE: Final = 1 << 13  # rows
 _SAMPLES: Final = 32  # of each, an even number: the newest value in each of so many stretches of as many rows
@@ -59,11 +60,9 @@ class RegisterLog:
         self._t = np.zeros(0, np.int64)
         self._row = np.zeros(0, np.int32)
         self._samples = np.zeros((0, _SAMPLES), np.int32)
-        self._first, self._last, self._stretch = (
-            -1,
-            -1,
-            1,
-        )  # rows where stretches begin and end, and how many are in one
+        self._first = -1  # the row where the first stretch begins
+        self._last = -1  # the newest row
+        self._stretch = 1  # rows in a stretch
 
     def __len__(self) -> int:
         return int((self._row >= 0).sum())
@@ -104,8 +103,11 @@ class RegisterLog:
     def samples(self, unit: int, area: int, address: int, words: int) -> tuple[int, NDArray[np.uint16]]:
         """What so many registers were in each stretch of the capture that one of them was told in, or between such.
 
-        A line a stretch, and which stretch the first of them is; before it not all of them were known.
+        A line a stretch, and which stretch the first of them is; before it not all of them were known. No lines where
+        some lie beyond the last address.
         """
+        if address + words > _ADDRESSES:
+            return 0, np.zeros((0, words), np.uint16)
         keys = (unit << 18 | area << 16) + address + np.arange(words)
         pages = self._page_of[keys // _PAGE].astype(np.int64)
         if (pages < 0).any():
@@ -179,8 +181,9 @@ class RegisterSeries:
 
     def _add(self, batch: Batch, rows: _Ints) -> None:
         keys, values, at = _readings(batch)
-        first = self.unit << 18 | self.area << 16 | self.address
-        mine = (keys >= first) & (keys < first + self.words)
+        area = self.unit << 18 | self.area << 16
+        first, end = area + self.address, area + min(self.address + self.words, _ADDRESSES)
+        mine = (keys >= first) & (keys < end)
         keys, values, at = keys[mine] - first, values[mine], at[mine]
         if not len(keys):
             return

@@ -13,6 +13,7 @@ from captures.ragged import Ints
 from .floatshapes import decimals, float_classes, float_ordinals, in_last_digits, is_absurd, spreads
 from .hypotheses import HYPOTHESES, Hypothesis, patterns
 from .lengths import change_bits, change_lengths, directions
+from .looks import SIGNS, is_epoch, sign_classes
 from .manners import EVEN, MANNERS, evenness, manners
 from .readings import Words
 from .sisters import PAIR_CODES
@@ -44,6 +45,7 @@ SIZES: Final[Mapping[str, int]] = {
     "i32 low range": 6 * 10, "i32 low cost": 6 * 9, "i32 high only": 16 * 4, "i32 quiet": 16 * 16,
     "i32 as float": 2 * 8 * 2, "i32 carries": 16, "i32 sign": 6 * 3, "i32 wraps": 13,
     "i32 low manner": 6 * MANNERS, "i32 manners": MANNERS * MANNERS, "i32 rhythm": 2 * 5 * 5,
+    "i32 epoch": 4, "i32 negative": 3 * SIGNS,
     "i32 even": 4 * EVEN, "i32 agreed": 5, "i32 in line": 2 * _ROWS, "i32 sisters": PAIR_CODES,
     # of two, as a float
     "f32": 4, "f32 gain": 14 * 2, "f32 value": 4 * 8, "f32 low": 4 * 9, "f32 quiet": 8 * 16, "f32 spread": 4 * 6,
@@ -122,6 +124,8 @@ class Counting:
         self._manner = manners(words, count)
         self._even = evenness(words, count)
         amount = np.abs(changes)
+        self._below = sign_classes(words, self.moved)
+        self._epoch = is_epoch(words)
         self._smooth = (amount > 0x1000).sum(axis=0) * 8 < np.maximum(count, 1)
         usual = np.median(amount, axis=0) if len(amount) else np.zeros(words.shape[1])
         self._pace = np.where(self.moved, np.digitize(usual, (2, 64)) + 1, 0)
@@ -201,6 +205,9 @@ class Counting:
             }
         gain = np.digitize(separate - change_lengths(steps, 33), _GAINS)
         low_only = case == 1
+        first = self.words[0, high]
+        idle = np.where(first == 0, 0, np.where(first == 0xFFFF, 1, 2))
+        clock = self._epoch[high] * np.where(case == 0, 1, np.where(self._direction[low] == 1, 2, 3))
         span = np.digitize(self._span, _RANGES)
         return {
             "i32": case,
@@ -222,6 +229,8 @@ class Counting:
             "i32 rhythm": np.where(low_only, (group == 0) * 25 + self._rhythm(high, low), NONE),
             "i32 in line": np.where(low_only, (group == 0) * _ROWS + self._in_line(high, low), NONE),
             "i32 even": np.where(low_only | both, self._pace[high] * EVEN + self._even[low], NONE),
+            "i32 epoch": np.where(case < 2, clock, NONE),
+            "i32 negative": np.where(low_only, idle * SIGNS + self._below[low], NONE),
             "i32 block": self._edges(2),
         }
 
