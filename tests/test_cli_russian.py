@@ -17,6 +17,7 @@ import dissectors
 from analyzer import languages
 from analyzer.cli import main
 from analyzer.cli.batch import tell_result
+from analyzer.cli.telling import Teller
 from analyzer.fleet.batch import BatchResult
 from analyzer.fleet.packs import LakePacking
 from analyzer.languages.retelling import retold
@@ -73,11 +74,23 @@ def test_every_error_is_in_the_catalogue() -> None:
     assert not missing, missing
 
 
-_TELLING = ("captures/recording/recorder.py", "analyzer/simulation/bus.py")
+_TELLING = (
+    "captures/recording/recorder.py", "analyzer/simulation/bus.py", "captures/live/tapserver.py",
+)  # fmt: skip
+_EVENTS = (
+    "captures/live/reader.py", "captures/live/tap.py", "captures/live/rfc2217.py", "captures/live/tapviewer.py",
+    "analyzer/live/tapsource.py", "analyzer/live/session.py",
+)  # fmt: skip
 _LAST_LINES = (
     "bus.mcap: 236 reads, 1,590 bytes of the line", "recorded 12 bytes of the line", "/dev/ttyX: no such port; "
     "`rtuscope ports` lists those that are there", "recorded 12 bytes of the line, 3 taken away by someone, LOST 4",
-    "mqtt: broker:1883: connected again",
+    "mqtt: broker:1883: connected again", "/dev/ttyX: open", "/dev/ttyX: is back",
+    "COM3: lost (closed at its other end)",
+    "mqtt: broker:1883: connection lost; states wait, their newest goes out when it is back",
+    "mqtt: broker:1883: cannot be reached (connection refused); states wait, their newest goes out when it is back",
+    "mqtt: broker:1883: connected again; 27 older messages were dropped",
+    "mqtt: broker:1883: away at the end, 4 messages did not go out; 6 older messages were dropped",
+    "2 lines could not be shown",
 )  # fmt: skip
 
 
@@ -89,11 +102,23 @@ def test_what_is_told_while_it_runs_and_at_its_end_is_in_the_catalogue() -> None
                 "tell" in ast.unparse(node.func) or "ValueError" in ast.unparse(node)[:10]
             ):
                 said += [_template(each).replace("⟨⟩", "x 1") for each in node.args[:1]]
+    for name in _EVENTS:
+        for node in ast.walk(ast.parse((root / name).read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and re.search("([eE]vent|notices.append)$", ast.unparse(node.func)):
+                said += [words.replace("⟨⟩", "x 1") for each in node.args for words in _texts(each)]
     said = [words for words in said if re.search("[a-z]{3}.* ", words)]
-    assert len(said) > 15
+    assert len(said) > 30
     languages.use("ru")
     missing = [words for words in said if not re.search("[а-я]{2}", retold(words))]
     assert not missing, missing
+
+
+def test_a_session_tells_in_the_language_in_use(capfd: pytest.CaptureFixture[str]) -> None:
+    languages.use("ru")
+    with Teller() as tell:
+        tell("/dev/ttyX: open")
+        tell("listening: 19200 8N1")
+    assert capfd.readouterr().err == "rtuscope: /dev/ttyX: открыт\nrtuscope: слушаю: 19200 8N1\n"
 
 
 def _notices() -> Iterator[str]:

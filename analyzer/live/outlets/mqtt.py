@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 import threading
 import time
 from collections import Counter
@@ -23,6 +24,7 @@ from urllib.parse import parse_qs, unquote, urlsplit
 
 import numpy as np
 
+from captures.errors import os_reason
 from dissectors.maps.model import RegisterMap
 
 from ...exports.targets.mcap.mapped import topic_name
@@ -43,6 +45,7 @@ if TYPE_CHECKING:
 _PERIOD_NS: Final = 1_000_000_000  # between two words on a unit's health
 _SYNC_S: Final = 2.0  # for the broker to say what it holds
 _GRACE_S: Final = 1.0  # at the end
+_UNTOLD: Final = "Unspecified error"  # the client's words for a connection that just ended
 _PASSWORD: Final = "RTUSCOPE_MQTT_PASSWORD"
 
 
@@ -103,6 +106,7 @@ class Mqtt:
         self._closing = threading.Event()
         self._ready = threading.Event()  # connected, and what the broker holds is known
         self._connections = 0
+        self._accepted = False  # by the broker that we are connected to
         self._mark = f"{self._base}/sync/{os.urandom(6).hex()}"
         self._away = ""  # why the broker is, as it was told
         client = self._client = Client(CallbackAPIVersion.VERSION2)
@@ -206,8 +210,9 @@ class Mqtt:
 
     def _connected(self, client: Any, _data: Any, _flags: Any, reason: Any, _properties: Any) -> None:
         if reason.is_failure:
-            self._gone(str(reason))
+            self._gone(str(reason).lower())
             return
+        self._accepted = True
         self._connections += 1
         self._retained = {}
         client.subscribe([(f"{self._base}/#", 0), *self._discovery_topics()])
@@ -244,16 +249,18 @@ class Mqtt:
     def _disconnected(self, _client: Any, _data: Any, _flags: Any, reason: Any, _properties: Any) -> None:
         self._ready.clear()
         self._connections += 1
-        if not self._closing.is_set():
-            self._gone(str(reason))
+        accepted, self._accepted = self._accepted, False
+        if accepted:  # a broker that refuses also ends the connection: why was told
+            self._gone("connection lost" if str(reason) == _UNTOLD else str(reason).lower())
 
     def _failed(self, *_: Any) -> None:
-        self._gone("cannot be reached")
+        error = sys.exc_info()[1]  # the client tells while it handles what the system said
+        self._gone(f"cannot be reached ({os_reason(error)})" if isinstance(error, OSError) else "cannot be reached")
 
     def _gone(self, why: str) -> None:
         if why != self._away and not self._closing.is_set():
             self._away = why
-            self._tell(f"mqtt: {self._where}: {why.lower()}; states wait, their newest goes out when it is back")
+            self._tell(f"mqtt: {self._where}: {why}; states wait, their newest goes out when it is back")
 
     # The sending thread:
 
