@@ -25,4 +25,10 @@ def os_reason(error: OSError) -> str:
     """What the operating system said, without the number and the path that `str(error)` carries."""
     if (number := getattr(error, "winerror", None)) in OPEN_ELSEWHERE:
         return OPEN_ELSEWHERE[number]
+    if distrust := getattr(error, "verify_message", ""):  # of TLS, as those below; `ssl` is not imported for that
+        return f"its certificate is not trusted: {distrust.lower()}"
+    if type(error).__name__ == "SSLEOFError":
+        return "closed at its other end"
+    if getattr(error, "library", None) and (said := getattr(error, "reason", None)):
+        return f"TLS: {str(said).replace('_', ' ').lower()}"
     return (error.strerror or str(error) or type(error).__name__).lower()

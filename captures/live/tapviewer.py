@@ -223,6 +223,8 @@ class TapViewer:
             results.put(error)
         except (OSError, ValueError, WireError) as error:
             reason = os_reason(error) if isinstance(error, OSError) else str(error)
+            if isinstance(error, ssl.SSLCertVerificationError):
+                reason += "; `--tls-ca FILE` names one to trust"
             results.put(PortError(f"{address.url}: no tap there: {reason}"))
         if connection is not None:
             with suppress(OSError):
