@@ -16,10 +16,7 @@ import captures
 import dissectors
 from analyzer import languages
 from analyzer.cli import main
-from analyzer.cli.batch import tell_result
 from analyzer.cli.telling import Teller
-from analyzer.fleet.batch import BatchResult
-from analyzer.fleet.packs import LakePacking
 from analyzer.languages.retelling import retold
 
 _PACKAGES = (analyzer, captures, dissectors)
@@ -221,6 +218,11 @@ def test_data_and_names_stay_as_they_are() -> None:
 
 
 def test_what_a_batch_came_to_is_told_in_russian(capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("pyarrow", reason="lakes need pyarrow")
+    from analyzer.cli.batch import tell_result
+    from analyzer.fleet.batch import BatchResult
+    from analyzer.fleet.packs import LakePacking
+
     languages.use("ru")
     tell_result(BatchResult(lines=2, captures=3, frames=1_200, octets=9_600_000, skipped=1, seconds=0.5))
     tell_result(BatchResult(packed=LakePacking(12, 2)))

@@ -62,7 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     text = _text(arguments)
     load_functions(arguments)
-    charts = chosen_charts(arguments)
+    charts = chosen_charts(arguments) if arguments.map else {}  # what maps are is not imported for nothing
     try:
         paste = read(text, arguments.envelope, arguments.role, _zone(arguments.tz))
     except HexError as error:  # digits that are no bytes
