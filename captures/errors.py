@@ -1,6 +1,6 @@
 """Unusable input, as one line.
 
-The only exception that this package raises for input that it can't use. Its text is a whole message for a person:
+The exceptions that this package raises for input that it can't use. Their text is a whole message for a person:
 what is wrong, where (file, line, offset) and what to do. Damage inside a file that is otherwise usable is not an
 exception: see `captures.chunks.Damage`.
 """
@@ -19,6 +19,10 @@ OPEN_ELSEWHERE: Final = {
 
 class CaptureError(Exception):
     """Input or output that can't be used at all; `str()` is one line for a person."""
+
+
+class HexError(ValueError):
+    """Text that should be hex bytes and is not; `str()` is one line with the position."""
 
 
 def os_reason(error: OSError) -> str:

@@ -56,7 +56,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print what was read."""
-    from captures.hexwords import HexError
+    from captures.errors import HexError
 
     from ..paste import left_out, read, tree
 
