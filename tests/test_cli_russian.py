@@ -85,6 +85,10 @@ _LAST_LINES = (
     "COM3: lost (closed at its other end)",
     "mqtt: broker:1883: connection lost; states wait, their newest goes out when it is back",
     "mqtt: broker:1883: cannot be reached (connection refused); states wait, their newest goes out when it is back",
+    "mqtt: broker:1883: closed before it answered; with TLS it is mqtts://; states wait, their newest goes out when it "
+    "is back",
+    "mqtt: broker:8883: cannot be reached (its certificate is not trusted: self-signed certificate); "
+    "SSL_CERT_FILE=FILE trusts one; states wait, their newest goes out when it is back",
     "mqtt: broker:1883: connected again; 27 older messages were dropped",
     "mqtt: broker:1883: away at the end, 4 messages did not go out; 6 older messages were dropped",
     "2 lines could not be shown",

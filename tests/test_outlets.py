@@ -277,6 +277,20 @@ def test_a_broker_that_refuses_is_told_of_once(tmp_path):
     assert "away at the end" in told[-1]
 
 
+def test_a_server_that_hangs_up_is_told_of_once():
+    mqtt = pytest.importorskip("analyzer.live.outlets.mqtt")
+    pytest.importorskip("paho.mqtt.client")
+    told: list[str] = []
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.settimeout(10)
+        outlet = mqtt.Mqtt(f"mqtt://127.0.0.1:{server.getsockname()[1]}", {}, told.append)
+        for _ in range(2):  # it tries again
+            server.accept()[0].close()
+        assert eventually(lambda: bool(told))
+    outlet.close()
+    assert len([line for line in told if "closed before it answered; with TLS it is mqtts://" in line]) == 1, told
+
+
 @needs_pty
 def test_no_broker_at_all_changes_nothing_of_the_recording(tmp_path):
     pytest.importorskip("paho.mqtt.client")

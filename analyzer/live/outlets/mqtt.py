@@ -19,7 +19,7 @@ import time
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Literal
 from urllib.parse import parse_qs, unquote, urlsplit
 
 import numpy as np
@@ -106,7 +106,7 @@ class Mqtt:
         self._closing = threading.Event()
         self._ready = threading.Event()  # connected, and what the broker holds is known
         self._connections = 0
-        self._accepted = False  # by the broker that we are connected to
+        self._answer: Literal["", "accepted", "refused"] = ""  # of the broker that we are connected to
         self._mark = f"{self._base}/sync/{os.urandom(6).hex()}"
         self._away = ""  # why the broker is, as it was told
         client = self._client = Client(CallbackAPIVersion.VERSION2)
@@ -209,10 +209,10 @@ class Mqtt:
     # The client's thread:
 
     def _connected(self, client: Any, _data: Any, _flags: Any, reason: Any, _properties: Any) -> None:
+        self._answer = "refused" if reason.is_failure else "accepted"
         if reason.is_failure:
             self._gone(str(reason).lower())
             return
-        self._accepted = True
         self._connections += 1
         self._retained = {}
         client.subscribe([(f"{self._base}/#", 0), *self._discovery_topics()])
@@ -249,13 +249,16 @@ class Mqtt:
     def _disconnected(self, _client: Any, _data: Any, _flags: Any, reason: Any, _properties: Any) -> None:
         self._ready.clear()
         self._connections += 1
-        accepted, self._accepted = self._accepted, False
-        if accepted:  # a broker that refuses also ends the connection: why was told
+        answer, self._answer = self._answer, ""
+        if answer == "accepted":
             self._gone("connection lost" if str(reason) == _UNTOLD else str(reason).lower())
+        elif not answer:  # one that refuses also ends the connection: why was told
+            self._gone("closed before it answered" + ("" if self._broker.tls else "; with TLS it is mqtts://"))
 
     def _failed(self, *_: Any) -> None:
         error = sys.exc_info()[1]  # the client tells while it handles what the system said
-        self._gone(f"cannot be reached ({os_reason(error)})" if isinstance(error, OSError) else "cannot be reached")
+        why = f"cannot be reached ({os_reason(error)})" if isinstance(error, OSError) else "cannot be reached"
+        self._gone(why + ("; SSL_CERT_FILE=FILE trusts one" if hasattr(error, "verify_message") else ""))
 
     def _gone(self, why: str) -> None:
         if why != self._away and not self._closing.is_set():
