@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
@@ -23,10 +24,36 @@ def install_line(library: str, extra: str | None = None) -> str:
     if (prefix / "pipx_metadata.json").exists():  # a mark of its own, wherever it is; there is no pip
         return f"pipx inject {_NAME} {library}"
     if (prefix / "uv-receipt.toml").exists():
-        return f"uv tool install --with {library} {quote}{source}{quote}"
+        extras, others = _kept(prefix / "uv-receipt.toml")
+        withs = " ".join(f"--with {_quoted(each, quote)}" for each in (*others, library))
+        return f"uv tool install {withs} {quote}{source}{extras}{quote}"
     if extra is None:
         return f"{_python()} -m pip install {library}"
     return f"{_python()} -m pip install {quote}{source}[{extra}]{quote}"
+
+
+def _kept(receipt: Path) -> tuple[str, list[str]]:
+    """What uv was told to install before, which it takes away where it is not told again: the extras of this program
+    (`[mqtt]`, or nothing), and the libraries beside it."""
+    import tomllib
+
+    try:
+        told = tomllib.loads(receipt.read_text(encoding="utf-8"))["tool"]["requirements"]
+        extras = sorted({extra for each in told if each["name"] == _NAME for extra in each.get("extras", ())})
+        others = [_requirement(each) for each in told if each["name"] != _NAME]
+    except (OSError, ValueError, LookupError, TypeError):  # another uv's
+        return "", []
+    return f"[{','.join(extras)}]" if extras else "", others
+
+
+def _requirement(entry: Mapping[str, str]) -> str:
+    """A library of uv's list as its command takes it."""
+    place = next((entry[key] for key in ("directory", "editable", "path", "url") if key in entry), None)
+    return place or f"{entry['name']}{entry.get('specifier', '')}"
+
+
+def _quoted(requirement: str, quote: str) -> str:
+    return requirement if requirement.replace("-", "").replace("_", "").isalnum() else f"{quote}{requirement}{quote}"
 
 
 def _python() -> str:

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from datetime import tzinfo
 from typing import Final
 
+from .errors import HexError
 from .text.choosing import ByteJudge, no_judge
-from .text.halves import HexError as HexError
 from .text.halves import halves
 from .text.logs import LOOKED_FOR, Piece, UnreadLine, joined, read_lines
 

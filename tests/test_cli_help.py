@@ -22,6 +22,7 @@ from analyzer.reference.causes import markdown
 from captures.formats import foreign_formats, formats
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
+_STAY = {"HEX", "HZ", "MS", "URL"}
 
 
 @pytest.mark.parametrize("topic", ["filters", "findings", "causes", "checks", "formats", "maps", "docs/live.md"])
@@ -116,12 +117,13 @@ def test_short_options_of_tshark_are_taken(
 
 
 def placeholders(parser: argparse.ArgumentParser) -> Iterator[str]:
-    """What stands for values in the usage of a parser and of those of its actions: CAPTURE, SECONDS."""
-    yield from re.findall(r"\b[A-Z][A-Z_]+\b", parser.format_help())
+    """Words that stand for values in the help of a parser and of those inside it: CAPTURE, PORT."""
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
             for inner in dict.fromkeys(action.choices.values()):
                 yield from placeholders(inner)
+        elif action.nargs != 0 and (action.choices is None or action.metavar is not None):
+            yield from re.findall("[A-Z][A-Z_]+", str(action.metavar or action.dest.upper()))
 
 
 def help_words(parser: argparse.ArgumentParser) -> Iterator[str]:
@@ -185,3 +187,13 @@ def test_the_language_of_the_settings_is_that_of_help_and_of_errors(
     assert ran(capsys, "parse", "--help").out.startswith("вызов:")
     assert "нет" in refused(capsys, "parse", "--no-such")
     assert ran(capsys, "parse", "--help", "--lang", "en").out.startswith("usage:")
+
+
+def test_help_names_values_in_russian(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    words = set(placeholders(command_line(COMMANDS))) - _STAY
+    with telling("ru"):
+        left = {word for word in words if retold(word, "help") == word}
+    assert len(words) > 20 and not left
+    monkeypatch.setenv("RTUSCOPE_LANG", "ru")
+    told = ran(capsys, "record", "--help").out
+    assert "[УЗЕЛ:]ПОРТ" in told and "{7,8}" in told and "FILE" not in told

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import ast
 import os
 import re
@@ -17,18 +16,13 @@ import captures
 import dissectors
 from analyzer import languages
 from analyzer.cli import main
-from analyzer.cli.app import command_line
-from analyzer.cli.batch import tell_result
-from analyzer.cli.commands import COMMANDS
-from analyzer.fleet.batch import BatchResult
-from analyzer.fleet.packs import LakePacking
+from analyzer.cli.telling import Teller
 from analyzer.languages.retelling import retold
 
 _PACKAGES = (analyzer, captures, dissectors)
 _RAISED = re.compile(
     "(Usage|Capture|Port|PortGone|TapSetup|Map|Export|Fleet|Notes|Paste|Panel|Settings|ValueForm|ArgumentType)Error$"
 )
-_STAY = {"HEX", "HZ", "MS", "URL"}
 _INSIDE = ("fleet", "reference")  # a batch's own business, read by who runs it
 
 
@@ -77,11 +71,27 @@ def test_every_error_is_in_the_catalogue() -> None:
     assert not missing, missing
 
 
-_TELLING = ("captures/recording/recorder.py", "analyzer/simulation/bus.py")
+_TELLING = (
+    "captures/recording/recorder.py", "analyzer/simulation/bus.py", "captures/live/tapserver.py",
+)  # fmt: skip
+_EVENTS = (
+    "captures/live/reader.py", "captures/live/tap.py", "captures/live/rfc2217.py", "captures/live/tapviewer.py",
+    "analyzer/live/tapsource.py", "analyzer/live/session.py",
+)  # fmt: skip
 _LAST_LINES = (
     "bus.mcap: 236 reads, 1,590 bytes of the line", "recorded 12 bytes of the line", "/dev/ttyX: no such port; "
     "`rtuscope ports` lists those that are there", "recorded 12 bytes of the line, 3 taken away by someone, LOST 4",
-    "mqtt: broker:1883: connected again",
+    "mqtt: broker:1883: connected again", "/dev/ttyX: open", "/dev/ttyX: is back",
+    "COM3: lost (closed at its other end)",
+    "mqtt: broker:1883: connection lost; states wait, their newest goes out when it is back",
+    "mqtt: broker:1883: cannot be reached (connection refused); states wait, their newest goes out when it is back",
+    "mqtt: broker:1883: closed before it answered; with TLS it is mqtts://; states wait, their newest goes out when it "
+    "is back",
+    "mqtt: broker:8883: cannot be reached (its certificate is not trusted: self-signed certificate); "
+    "SSL_CERT_FILE=FILE trusts one; states wait, their newest goes out when it is back",
+    "mqtt: broker:1883: connected again; 27 older messages were dropped",
+    "mqtt: broker:1883: away at the end, 4 messages did not go out; 6 older messages were dropped",
+    "2 lines could not be shown",
 )  # fmt: skip
 
 
@@ -93,11 +103,23 @@ def test_what_is_told_while_it_runs_and_at_its_end_is_in_the_catalogue() -> None
                 "tell" in ast.unparse(node.func) or "ValueError" in ast.unparse(node)[:10]
             ):
                 said += [_template(each).replace("⟨⟩", "x 1") for each in node.args[:1]]
+    for name in _EVENTS:
+        for node in ast.walk(ast.parse((root / name).read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and re.search("([eE]vent|notices.append)$", ast.unparse(node.func)):
+                said += [words.replace("⟨⟩", "x 1") for each in node.args for words in _texts(each)]
     said = [words for words in said if re.search("[a-z]{3}.* ", words)]
-    assert len(said) > 15
+    assert len(said) > 30
     languages.use("ru")
     missing = [words for words in said if not re.search("[а-я]{2}", retold(words))]
     assert not missing, missing
+
+
+def test_a_session_tells_in_the_language_in_use(capfd: pytest.CaptureFixture[str]) -> None:
+    languages.use("ru")
+    with Teller() as tell:
+        tell("/dev/ttyX: open")
+        tell("listening: 19200 8N1")
+    assert capfd.readouterr().err == "rtuscope: /dev/ttyX: открыт\nrtuscope: слушаю: 19200 8N1\n"
 
 
 def _notices() -> Iterator[str]:
@@ -200,30 +222,14 @@ def test_data_and_names_stay_as_they_are() -> None:
 
 
 def test_what_a_batch_came_to_is_told_in_russian(capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("pyarrow", reason="lakes need pyarrow")
+    from analyzer.cli.batch import tell_result
+    from analyzer.fleet.batch import BatchResult
+    from analyzer.fleet.packs import LakePacking
+
     languages.use("ru")
     tell_result(BatchResult(lines=2, captures=3, frames=1_200, octets=9_600_000, skipped=1, seconds=0.5))
     tell_result(BatchResult(packed=LakePacking(12, 2)))
     said = capsys.readouterr().out.splitlines()
     assert said[0] == "принято записей: 3, линий: 2, уже были: 1; кадров: 1,200, с линии 9.6 МБ за 0.5 s"
     assert said[2] == "малых файлов хранилища было 12, стало 2"
-
-
-def _values(parser: argparse.ArgumentParser) -> Iterator[str]:
-    """Words that stand for values in the help of a parser and of those inside it."""
-    for action in parser._actions:
-        if isinstance(action, argparse._SubParsersAction):
-            for inner in action.choices.values():
-                yield from _values(inner)
-        elif action.nargs != 0 and (action.choices is None or action.metavar is not None):
-            yield from re.findall("[A-Z][A-Z_]+", str(action.metavar or action.dest.upper()))
-
-
-def test_help_names_values_in_russian(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    words = set(_values(command_line(COMMANDS))) - _STAY
-    languages.use("ru")
-    left = {word for word in words if retold(word, "help") == word}
-    assert len(words) > 20 and not left
-    monkeypatch.setenv("RTUSCOPE_LANG", "ru")
-    assert main(["record", "--help"]) == 0
-    told = capsys.readouterr().out
-    assert "[УЗЕЛ:]ПОРТ" in told and "{7,8}" in told and "FILE" not in told

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import shlex
 import shutil
 import sys
 from pathlib import Path
@@ -297,6 +298,19 @@ def test_a_library_without_an_extra_is_added_where_this_program_is(monkeypatch, 
     (tmp_path / mark).touch()  # in a folder of any name: PIPX_HOME and UV_TOOL_DIR move it
     monkeypatch.setattr(sys, "prefix", str(tmp_path))
     assert said in needs("a polars frame", "polars")
+
+
+def test_uv_is_told_again_what_it_would_take_away(monkeypatch, tmp_path):
+    (tmp_path / "uv-receipt.toml").write_text(
+        '[tool]\nrequirements = [{ name = "rtuscope", extras = ["mqtt", "columns"], directory = "/x" }, '
+        '{ name = "paho-mqtt" }, { name = "pymodbus", specifier = ">=3.8" }, { name = "own", directory = "/o p" }]\n'
+    )
+    monkeypatch.setattr(sys, "prefix", str(tmp_path))
+    line = needs("a polars frame", "polars").partition(": ")[2]
+    words = shlex.split(line.replace('"', "'"))
+    assert words[:3] == ["uv", "tool", "install"]
+    assert words[3:-1] == ["--with", "paho-mqtt", "--with", "pymodbus>=3.8", "--with", "/o p", "--with", "polars"]
+    assert words[-1].endswith("[columns,mqtt]")
 
 
 def test_watch_takes_from_the_sources_that_are_there(whole, tmp_path):

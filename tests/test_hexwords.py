@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from captures.errors import HexError
 from captures.hexwords import Words, read_line, read_paste, read_text
-from captures.text.halves import HexError
 
 REQUEST = bytes.fromhex("1103006b00037687")
 ANSWER = bytes.fromhex("110306022b00000064c8ba")

@@ -352,9 +352,15 @@ def test_with_tls_the_tap_is_known_by_its_certificate(tmp_path):
             assert eventually(lambda: len(heard.chunks) == 50)
         for authority in (None, str(tmp_path / "other.pem")):
             with viewing(url, token=TOKEN, authority=authority) as heard:
-                assert "certificate verify failed" in str(heard.error).lower()
+                assert "its certificate is not trusted: self" in str(heard.error)
+                assert "--tls-ca FILE" in str(heard.error)
         with viewing(server.url, token=TOKEN) as heard:  # without TLS
-            assert "no tap there" in str(heard.error)
+            assert str(heard.error).endswith("; with TLS it is taps://")
+    with (
+        serving(token=TOKEN) as server,
+        viewing(server.url.replace("tap://", "taps://"), token=TOKEN, authority=str(tmp_path / "tap.pem")) as heard,
+    ):
+        assert str(heard.error).endswith("; without TLS it is tap://")
     with pytest.raises(TapSetupError, match="no certificate with its key"):
         serving_context(str(tmp_path / "tap.pem"), str(tmp_path / "other.key"))
 

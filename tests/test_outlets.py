@@ -1,6 +1,5 @@
 """What leaves a session for other programs is what its own views say; who takes it slowly or never costs nothing."""
 
-import asyncio
 import contextlib
 import json
 import os
@@ -131,12 +130,12 @@ def test_prometheus_scrapes_a_recorder(tmp_path):
 class Broker:
     """mosquitto, without persistence unless told otherwise, and a subscriber's log."""
 
-    def __init__(self, folder):
+    def __init__(self, folder, anonymous="true"):
         self.port = free_port()
         self._settings = folder / "mosquitto.conf"
         self._settings.write_text(
-            f"listener {self.port} 127.0.0.1\nallow_anonymous true\npersistence true\npersistence_location {folder}/\n"
-            "user root\nautosave_interval 1\nautosave_on_changes true\n"
+            f"listener {self.port} 127.0.0.1\nallow_anonymous {anonymous}\npersistence true\n"
+            f"persistence_location {folder}/\nuser root\nautosave_interval 1\nautosave_on_changes true\n"
         )
         self.start()
 
@@ -224,6 +223,7 @@ def test_values_and_health_reach_a_broker_that_is_away_for_a_while(tmp_path):
         broker.stop()
     assert status == 0, said
     assert gone
+    assert "connection lost; states wait" in said, said
     assert "connected again" in said, said
     live = heard.live(power)
     assert len(live) == len(set(live)), live  # nothing twice
@@ -260,6 +260,37 @@ def test_a_broker_says_that_a_killed_session_is_gone(tmp_path):
         broker.stop()
 
 
+@needs_mosquitto
+def test_a_broker_that_refuses_is_told_of_once(tmp_path):
+    mqtt = pytest.importorskip("analyzer.live.outlets.mqtt")
+    pytest.importorskip("paho.mqtt.client")
+    broker = Broker(tmp_path, anonymous="false")
+    told: list[str] = []
+    outlet = mqtt.Mqtt(f"mqtt://127.0.0.1:{broker.port}", {}, told.append)
+    try:
+        assert eventually(lambda: bool(told))
+        time.sleep(1.5)  # it tries again after one
+    finally:
+        outlet.close()
+        broker.stop()
+    assert [line.partition(";")[0] for line in told[:-1]] == [f"mqtt: 127.0.0.1:{broker.port}: not authorized"], told
+    assert "away at the end" in told[-1]
+
+
+def test_a_server_that_hangs_up_is_told_of_once():
+    mqtt = pytest.importorskip("analyzer.live.outlets.mqtt")
+    pytest.importorskip("paho.mqtt.client")
+    told: list[str] = []
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.settimeout(10)
+        outlet = mqtt.Mqtt(f"mqtt://127.0.0.1:{server.getsockname()[1]}", {}, told.append)
+        for _ in range(2):  # it tries again
+            server.accept()[0].close()
+        assert eventually(lambda: bool(told))
+    outlet.close()
+    assert len([line for line in told if "closed before it answered; with TLS it is mqtts://" in line]) == 1, told
+
+
 @needs_pty
 def test_no_broker_at_all_changes_nothing_of_the_recording(tmp_path):
     pytest.importorskip("paho.mqtt.client")
@@ -269,7 +300,7 @@ def test_no_broker_at_all_changes_nothing_of_the_recording(tmp_path):
         answered(master, value)
     status, _, said = record.ended()
     assert status == 0
-    assert "cannot be reached" in said
+    assert "cannot be reached (connection refused)" in said
     assert "away at the end" in said
     assert len(list(analyzer.open(tmp_path / "bus.mcap").frames())) == 10
 
@@ -295,71 +326,6 @@ def test_a_newer_state_is_not_undone_by_one_that_did_not_go_out():
     mail.put_back(Letter("state", "old"))
     assert mail.get(0) == Letter("state", "new")
     assert mail.get(0) is None
-
-
-def test_foxglove_gets_the_topics_of_the_file_live(capsys, tmp_path):
-    outlet = pytest.importorskip("analyzer.live.outlets.foxglove")
-    pytest.importorskip("foxglove")
-    aiohttp = pytest.importorskip("aiohttp")
-    from mcap.reader import make_reader
-
-    bus = tmp_path / "bus.mcap"
-    assert ran(capsys, "export", TROUBLED, "-o", bus, "--noise").status == 0
-    with bus.open("rb") as file:
-        written: dict[str, list[tuple[int, bytes]]] = {}
-        for _, channel, message in make_reader(file).iter_messages():
-            written.setdefault(channel.topic, []).append((message.log_time, message.data))
-    written.pop("/chunks", None)
-
-    async def watch(port, play):
-        topics, seen = dict[int, str](), dict[str, list[tuple[int, bytes]]]()
-        async with (
-            aiohttp.ClientSession() as client,
-            client.ws_connect(f"ws://127.0.0.1:{port}", protocols=("foxglove.sdk.v1", "foxglove.websocket.v1")) as ws,
-        ):
-            playing = None
-            ends = asyncio.get_running_loop().time() + 15
-            while asyncio.get_running_loop().time() < ends:
-                try:
-                    message = await ws.receive(timeout=2)
-                except TimeoutError:
-                    break
-                if message.type == aiohttp.WSMsgType.TEXT:
-                    said = json.loads(message.data)
-                    channels = said.get("channels", []) if said["op"] == "advertise" else []
-                    for channel in channels:
-                        topics[channel["id"]] = channel["topic"]
-                    if channels:
-                        subscriptions = [{"id": channel["id"], "channelId": channel["id"]} for channel in channels]
-                        await ws.send_json({"op": "subscribe", "subscriptions": subscriptions})
-                    if playing is None:
-                        await asyncio.sleep(0.3)
-                        playing = asyncio.create_task(asyncio.to_thread(play))
-                elif message.type == aiohttp.WSMsgType.BINARY and message.data[0] == 1:
-                    number, t_ns = (int.from_bytes(message.data[i:j], "little") for i, j in ((1, 5), (5, 13)))
-                    seen.setdefault(topics[number], []).append((t_ns, message.data[13:]))
-            assert playing is not None
-            await playing
-        return topics, seen
-
-    from analyzer.live import Replay, Session
-
-    served = outlet.Foxglove("127.0.0.1", 0)
-    capture = captures.open(TROUBLED)
-    session = Session(Replay(capture, None), outlets=[served])
-
-    def play():
-        with session:
-            for _ in session.steps():
-                time.sleep(0.01)
-            time.sleep(2)  # until all is sent
-
-    topics, seen = asyncio.run(watch(served.port, play))
-    assert {"/frames", "/transactions", "/findings", "/noise"} <= set(topics.values())
-    assert [t_ns for t_ns, _ in seen["/frames"]] == [t_ns for t_ns, _ in written["/frames"]]
-    assert [data for _, data in seen["/noise"]] == [data for _, data in written["/noise"]]
-    of = [sorted(data[:9] for _, data in part["/transactions"]) for part in (seen, written)]  # their requests
-    assert of[0] == of[1]
 
 
 def test_influx_lines_hold_the_frames_of_the_capture(capsys):

@@ -6,7 +6,7 @@ import pytest
 from buses import adu
 
 from analyzer.paste import PastedFrame, PasteError, judge, read
-from captures.text.halves import HexError
+from captures.errors import HexError
 
 REQUEST, ANSWER = adu("07040120 0002"), adu("07040400e1 01c8")
 GARBLED = ANSWER[:5] + b"\x13" + ANSWER[6:]

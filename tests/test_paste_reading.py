@@ -8,7 +8,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from analyzer.paste import PastedFrame, PastedNoise, PasteError, read, tree
-from captures.text.halves import HexError
+from captures.errors import HexError
 from dissectors.length_rules import Role
 
 REQUEST = "11 03 00 6B 00 03 76 87"

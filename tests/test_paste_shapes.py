@@ -17,8 +17,8 @@ from pastes import STYLES, Message, Style, cluttered, messages, spaced
 import captures
 from analyzer.paste import PasteError, judge, read
 from captures import CaptureError
+from captures.errors import HexError
 from captures.hexwords import read_text
-from captures.text.halves import HexError
 
 ALL = {**STYLES, **SHAPES, **FORUMS, **POSTS, **TOOLS, **DECODERS, **ISSUES}
 TIMED = [

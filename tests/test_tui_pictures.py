@@ -10,7 +10,7 @@ import os
 from pathlib import Path
 
 import pytest
-from pictures import compare
+from pictures import compare, looks_as_before
 
 import captures
 from analyzer.model.source import CaptureSource
@@ -74,7 +74,12 @@ async def _look(size: tuple[int, int], colours: str) -> None:
                 while name == "registers" and "readings" not in screen.query_one(Plot).title:
                     await pilot.pause(0.01)
             if name != "report":  # its text is compared elsewhere
-                compare(f"{name}-{size[0]}x{size[1]}-{colours}", screen)
+                file = f"{name}-{size[0]}x{size[1]}-{colours}"
+                for _ in range(100):  # a slow machine draws later
+                    if looks_as_before(file, screen):
+                        break
+                    await pilot.pause(0.05)
+                compare(file, screen)
             _keep(app, name, size[0], colours)
 
 

@@ -56,13 +56,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print what was read."""
-    from captures.hexwords import HexError
+    from captures.errors import HexError
 
     from ..paste import left_out, read, tree
 
     text = _text(arguments)
     load_functions(arguments)
-    charts = chosen_charts(arguments)
+    charts = chosen_charts(arguments) if arguments.map else {}  # what maps are is not imported for nothing
     try:
         paste = read(text, arguments.envelope, arguments.role, _zone(arguments.tz))
     except HexError as error:  # digits that are no bytes

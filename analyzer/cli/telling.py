@@ -10,7 +10,10 @@ import os
 import queue
 import sys
 import threading
+from collections.abc import Callable
 from contextlib import suppress
+from contextvars import copy_context
+from functools import partial
 from typing import Final
 
 from dissectors.values import harmless
@@ -27,9 +30,9 @@ class Teller:
 
     def __init__(self) -> None:
         self._shows = places(sys.stderr)
-        self._texts: queue.SimpleQueue[str | None] = queue.SimpleQueue()
+        self._texts: queue.SimpleQueue[Callable[[], str] | None] = queue.SimpleQueue()
         self._left_out = 0
-        self._thread = threading.Thread(target=self._write, daemon=True)
+        self._thread = threading.Thread(target=copy_context().run, args=(self._write,), daemon=True)
         self._thread.start()
 
     def __call__(self, text: str) -> None:
@@ -38,19 +41,19 @@ class Teller:
             self._left_out += 1
             return
         if self._left_out:
-            self._texts.put(_line(f"{self._left_out} lines could not be shown"))
+            self._texts.put(partial(_line, f"{self._left_out} lines could not be shown"))
             self._left_out = 0
-        self._texts.put(_line(text))
+        self._texts.put(partial(_line, text))
 
     def status(self, text: str) -> None:
         """The status line, unless something waits to be shown."""
         if self._shows and self._texts.empty():
-            self._texts.put(terminal_text(ERASE_LINE, harmless(text)))
+            self._texts.put(partial(terminal_text, ERASE_LINE, harmless(text)))
 
     def close(self) -> None:
         """Take the status line away, and end when all was shown, or soon."""
         if self._shows:
-            self._texts.put(terminal_text(ERASE_LINE))
+            self._texts.put(partial(terminal_text, ERASE_LINE))
         self._texts.put(None)
         self._thread.join(_PATIENCE_S)
 
@@ -63,7 +66,7 @@ class Teller:
     def _write(self) -> None:
         while (text := self._texts.get()) is not None:
             with suppress(OSError, ValueError):  # nobody listens any more
-                _write_unbuffered(text)
+                _write_unbuffered(text())
 
 
 def _write_unbuffered(text: str) -> None:
@@ -78,5 +81,8 @@ def _write_unbuffered(text: str) -> None:
 
 
 def _line(text: str) -> str:
+    """A line of the program's, in the language in use: words are looked up by the thread that writes."""
+    from ..languages.retelling import retold
+
     erase = ERASE_LINE if places(sys.stderr) else ""
-    return terminal_text(erase, f"rtuscope: {harmless(text)}\n")
+    return terminal_text(erase, f"rtuscope: {harmless(retold(text))}\n")

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 _PERIOD_S: Final = 0.25
 _GRACE_S: Final = 1.2  # from a signal to end to the end
 _SILENT: Final = frozenset({"settings"})  # events that are not told
+_GOES_WELL: Final = _SILENT | {"opened", "settled", "seeking", "trying"}  # not where each line is shown as an error
 
 
 def add_view_arguments(parser: argparse.ArgumentParser, *, format_flag: bool = False) -> None:
@@ -94,7 +95,7 @@ class Watch:
         out: BinaryIO | None = None,
     ) -> None:
         """`extra`: more words for the status line; `fire` is told the time of each trigger; `out` takes what is shown
-        in place of standard output."""
+        in place of standard output (Wireshark's pipe, which calls all that is told beside it an error)."""
         from ..causes.story import RunningStory
         from ..live.recent import Recent
         from ..live.status import LineStatus
@@ -129,13 +130,14 @@ class Watch:
 
         if isinstance(self._lines, LivePackets):
             self._write([self._lines.begin()])
+        silent = _SILENT if self._out is None else _GOES_WELL
         for step in self._session.steps():
             if self._over:
                 continue  # what the session still gives while it ends
             self.status.line = self._session.line
             self.status.feed(step)
             for event in step.events:
-                if event.kind not in _SILENT and event.text:
+                if event.kind not in silent and event.text:
                     tell(event.text)
             out: list[Any] = []
             for shown in self._recent.feed(step):

@@ -70,8 +70,8 @@ def _as(kind: str, text: str) -> Wanted:
 
 
 def _octets(text: str) -> bytes:
+    from captures.errors import HexError
     from captures.hexwords import read_text
-    from captures.text.halves import HexError
 
     try:
         return b"".join(words.data for words in read_text(text))

@@ -11,6 +11,7 @@ from captures.recording.notes import Note
 
 from ..core import Analysed
 from ..languages import counted, tr
+from ..languages.retelling import retold
 from ..live.session import Session
 from ..live.status import LineStatus
 from ..model.source import Grave
@@ -61,10 +62,11 @@ class LiveSource:
         with self._session as session:
             for step in session.steps():
                 for event in step.events:
-                    if event.text:
-                        self._notices.append(Grave(event.text) if event.kind in _BAD else event.text)
+                    text = retold(event.text)
+                    if text:
+                        self._notices.append(Grave(text) if event.kind in _BAD else text)
                     if event.kind in _BAD | {"opened"}:
-                        self._outages.append(Note(event.t_ns, event.kind, event.text))
+                        self._outages.append(Note(event.t_ns, event.kind, text))
                     if event.kind == "lost":
                         self._gone.add(event.port)
                     elif event.kind == "opened":

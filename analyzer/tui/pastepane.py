@@ -11,7 +11,7 @@ from textual.binding import Binding, BindingType
 from textual.containers import Vertical
 from textual.widgets import Label, TextArea
 
-from captures.text.halves import HexError
+from captures.errors import HexError
 
 from ..languages import counted, tr
 from ..languages.retelling import error_words

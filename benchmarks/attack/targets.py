@@ -16,9 +16,9 @@ from attack.loglines import log_lines
 from attack.seedfiles import repacked, seeds_of
 from attack.target import LINE, Target, conversation, folder
 from captures import Capture, CaptureError, Chunk, LineSettings, Mark
+from captures.errors import HexError
 from captures.formats import formats
 from captures.limits import TIME_LIMIT
-from captures.text.halves import HexError
 
 _ZIPPED: Final = ("sigrok", "analyser-session")
 

@@ -38,6 +38,10 @@ _LINE: Final = 4096  # bytes of a line that is said before
 _NONCE: Final = 16  # bytes, at the least
 
 
+class NoHelloError(WireError):
+    """The other side ended before it said anything whole."""
+
+
 class TapSetupError(CaptureError):
     """A token, certificate or address that cannot be used, in one line."""
 
@@ -140,6 +144,8 @@ def hear(connection: socket.socket) -> tuple[dict[str, Any], bytes]:
         more = connection.recv(_LINE)
         data += more
         if not more or len(data) > _LINE + len(more):
-            raise WireError("it ends before it said what it is" if not more else "its first line does not end")
+            if not more:
+                raise NoHelloError("it ends before it said what it is")
+            raise WireError("its first line does not end")
     line, _, rest = data.partition(b"\n")
     return json_object(line), rest

@@ -22,7 +22,7 @@ from ..errors import os_reason
 from ..line import LineSettings
 from .records import POSITION
 from .tap import WAIT_S, PortError
-from .tapstream import HELLO_S, VERSION, TapAddress, hear, is_nonce, proof, say, viewing_context
+from .tapstream import HELLO_S, VERSION, NoHelloError, TapAddress, hear, is_nonce, proof, say, viewing_context
 from .wire import Item, PortEvent, Splitter, Tick, WireError, item_of, json_object
 
 _PIECE: Final = 1 << 16
@@ -223,13 +223,26 @@ class TapViewer:
             results.put(error)
         except (OSError, ValueError, WireError) as error:
             reason = os_reason(error) if isinstance(error, OSError) else str(error)
-            results.put(PortError(f"{address.url}: no tap there: {reason}"))
+            results.put(PortError(f"{address.url}: no tap there: {reason}{self._remedy(error)}"))
         if connection is not None:
             with suppress(OSError):
                 connection.close()
 
+    def _remedy(self, error: Exception) -> str:
+        """What to say instead, where a connection fails by it."""
+        if isinstance(error, ssl.SSLCertVerificationError):
+            return "; `--tls-ca FILE` names one to trust"
+        if isinstance(error, ssl.SSLError) and error.reason == "WRONG_VERSION_NUMBER":
+            return "; without TLS it is tap://"
+        if isinstance(error, NoHelloError) and self._tls is None:
+            return "; with TLS it is taps://"
+        return ""
+
     def _greeted(self, connection: socket.socket) -> tuple[str, bytes]:
-        greeting, _ = hear(connection)
+        try:
+            greeting, _ = hear(connection)
+        except TimeoutError as error:
+            raise NoHelloError("it does not say what it is") from error
         if greeting.get("rtuscope_tap") != VERSION or not is_nonce(greeting.get("nonce")):
             raise WireError("what answers is no tap of this version")
         asked = {"proof": proof(self._token, greeting["nonce"]), "session": self._session, "next": self._next}

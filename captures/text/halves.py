@@ -7,11 +7,6 @@ from typing import Final
 
 from .candidates import H
 
-
-class HexError(ValueError):
-    """Text that should be hex bytes and is not; `str()` is one line with the position."""
-
-
 _ODD: Final = "an odd number of hex digits in {!r} at column {}: write each byte with two digits"
 _HALVED: Final = (
     (

@@ -35,6 +35,12 @@ def picture(screen: Any) -> str:
     return "\n".join([_DRAWN_BY, *lines, "", *looks, "", *legend]) + "\n"
 
 
+def looks_as_before(name: str, screen: Any) -> bool:
+    """Whether a screen is as it was; True where its picture is to be made anew."""
+    path = _FOLDER / f"{name}.txt"
+    return bool(os.environ.get("RTUSCOPE_PICTURES")) or picture(screen) == path.read_text(encoding="utf-8")
+
+
 def compare(name: str, screen: Any) -> None:
     """A screen is as it was when somebody last looked at it."""
     path = _FOLDER / f"{name}.txt"

@@ -5,6 +5,7 @@ Messages and schemas are those of the file, byte for byte: the same code makes t
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Final
 
@@ -33,6 +34,7 @@ class Foxglove:
             import foxglove
         except ImportError as error:
             raise OutletError(needs("--foxglove", "foxglove-sdk", "foxglove")) from error
+        logging.getLogger("foxglove").addHandler(logging.NullHandler())  # a viewer that just goes is no trouble of ours
         self._writer = _Channels(foxglove)
         self._topics = Topics(self._writer, explain=False, noise=True, charts=charts)
         name = f"rtuscope {__version__}"

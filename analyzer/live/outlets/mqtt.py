@@ -13,16 +13,18 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 import threading
 import time
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Literal
 from urllib.parse import parse_qs, unquote, urlsplit
 
 import numpy as np
 
+from captures.errors import os_reason
 from dissectors.maps.model import RegisterMap
 
 from ...exports.targets.mcap.mapped import topic_name
@@ -43,6 +45,7 @@ if TYPE_CHECKING:
 _PERIOD_NS: Final = 1_000_000_000  # between two words on a unit's health
 _SYNC_S: Final = 2.0  # for the broker to say what it holds
 _GRACE_S: Final = 1.0  # at the end
+_UNTOLD: Final = "Unspecified error"  # the client's words for a connection that just ended
 _PASSWORD: Final = "RTUSCOPE_MQTT_PASSWORD"
 
 
@@ -103,6 +106,7 @@ class Mqtt:
         self._closing = threading.Event()
         self._ready = threading.Event()  # connected, and what the broker holds is known
         self._connections = 0
+        self._answer: Literal["", "accepted", "refused"] = ""  # of the broker that we are connected to
         self._mark = f"{self._base}/sync/{os.urandom(6).hex()}"
         self._away = ""  # why the broker is, as it was told
         client = self._client = Client(CallbackAPIVersion.VERSION2)
@@ -205,8 +209,9 @@ class Mqtt:
     # The client's thread:
 
     def _connected(self, client: Any, _data: Any, _flags: Any, reason: Any, _properties: Any) -> None:
+        self._answer = "refused" if reason.is_failure else "accepted"
         if reason.is_failure:
-            self._gone(str(reason))
+            self._gone(str(reason).lower())
             return
         self._connections += 1
         self._retained = {}
@@ -244,16 +249,21 @@ class Mqtt:
     def _disconnected(self, _client: Any, _data: Any, _flags: Any, reason: Any, _properties: Any) -> None:
         self._ready.clear()
         self._connections += 1
-        if not self._closing.is_set():
-            self._gone(str(reason))
+        answer, self._answer = self._answer, ""
+        if answer == "accepted":
+            self._gone("connection lost" if str(reason) == _UNTOLD else str(reason).lower())
+        elif not answer:  # one that refuses also ends the connection: why was told
+            self._gone("closed before it answered" + ("" if self._broker.tls else "; with TLS it is mqtts://"))
 
     def _failed(self, *_: Any) -> None:
-        self._gone("cannot be reached")
+        error = sys.exc_info()[1]  # the client tells while it handles what the system said
+        why = f"cannot be reached ({os_reason(error)})" if isinstance(error, OSError) else "cannot be reached"
+        self._gone(why + ("; SSL_CERT_FILE=FILE trusts one" if hasattr(error, "verify_message") else ""))
 
     def _gone(self, why: str) -> None:
         if why != self._away and not self._closing.is_set():
             self._away = why
-            self._tell(f"mqtt: {self._where}: {why.lower()}; states wait, their newest goes out when it is back")
+            self._tell(f"mqtt: {self._where}: {why}; states wait, their newest goes out when it is back")
 
     # The sending thread:
 
