@@ -16,7 +16,7 @@ from .records import Read, event_record, reads_record, tick_record
 
 BEAT_NS: Final = 500_000_000  # between ticks on a line that stays quiet
 _PAUSE_NS: Final = 1_200_000  # more than is between the reads of a USB adapter amid a frame
-_MORE: Final = 1.2  # times as long reads are gathered where no pause comes
+_MORE: Final = 1.1  # times as long reads are gathered where no pause comes
 _CLOCK_STEP_NS: Final = 500_000_000
 
 

@@ -20,7 +20,7 @@ _START: Final = (
 )
 _PIECE: Final = 1 << 16
 _PATIENCE_S: Final = 2.0
-HOLD_NS: Final = 23_000_000  # reads are gathered for so long: most of the 30 ms that a line may be late
+HOLD_NS: Final = 26_000_000  # reads are gathered for so long: most of the 30 ms that a line may be late
 RECORD_HOLD_NS: Final = 100_000_000  # where nobody looks
 QUIET_NS: Final = 8_000_000  # after the last byte: what is whole may be shown
 IDLE_NS: Final = 50_000_000

@@ -209,12 +209,14 @@ def _by_waiting(ports: list[Port], desk: ReadBatching, out: Pipe) -> None:
     taps = Ports(ports, Attempts(lambda: os.write(over_writer, b"."), blocking=False))
     now = due = clock.now()  # `due`: when a port is to be tried
     listening: dict[int, Port] = {}
+    inputs: list[int] = []
     same = False  # no port came or went since these were made
     while same or not taps.ended:
         if not same or due <= now:
             due, listening, same = taps.attempt(now), _descriptors(ports), True
+            inputs = [0, over, *listening]
         wait = (min(desk.deadline, due) - now) / 1e9
-        ready, _, _ = select.select([0, over, *listening], [1] if out.waiting else [], [], wait if wait > 0 else 0)
+        ready, _, _ = select.select(inputs, [1] if out.waiting else (), (), wait if wait > 0 else 0)
         for descriptor in ready:
             if descriptor in listening:
                 port = listening[descriptor]

@@ -148,23 +148,24 @@ def _block(body: bytes) -> Block:
     data_at = errors_at + 4 * errors
     if not n or data_at > len(body):
         raise WireError(f"{n} reads in {len(body)} bytes")
+    sizes, times = np.frombuffer(body, "<u2", n, sizes_at), np.frombuffer(body, "<i8", n, COUNTS.size)
     offsets = np.zeros(n + 1, np.int64)
-    np.frombuffer(body, "<u2", n, sizes_at).cumsum(out=offsets[1:])
+    sizes.cumsum(out=offsets[1:])
     block = Block(
         data=np.frombuffer(body, np.uint8, -1, data_at),
         offsets=offsets,
-        t_ns=np.frombuffer(body, "<i8", n, COUNTS.size),
+        t_ns=times,
         port=np.frombuffer(body, np.uint8, n, ports_at),
         mark=np.zeros(n, np.uint8),
         errors=np.frombuffer(body, "<u4", errors, errors_at).astype(np.int64),
     )
     if (
         int(offsets[-1]) != len(block.data)
-        or not (offsets[1:] > offsets[:-1]).all()
+        or not sizes.all()
         or (errors and not (block.errors[1:] > block.errors[:-1]).all())
         or (errors and int(block.errors[-1]) >= len(block.data))
-        or not -TIME_LIMIT < int(block.t_ns[0]) <= int(block.t_ns[-1]) < TIME_LIMIT
-        or not (block.t_ns[1:] >= block.t_ns[:-1]).all()
+        or not -TIME_LIMIT < int(times[0]) <= int(times[-1]) < TIME_LIMIT
+        or not (times[1:] >= times[:-1]).all()
     ):
         raise WireError("reads whose columns contradict each other")
     return block
