@@ -122,7 +122,7 @@ def placeholders(parser: argparse.ArgumentParser) -> Iterator[str]:
         if isinstance(action, argparse._SubParsersAction):
             for inner in dict.fromkeys(action.choices.values()):
                 yield from placeholders(inner)
-        elif action.nargs != 0 and (action.choices is None or action.metavar is not None):
+        if action.nargs != 0 and (action.choices is None or action.metavar is not None):
             yield from re.findall("[A-Z][A-Z_]+", str(action.metavar or action.dest.upper()))
 
 
