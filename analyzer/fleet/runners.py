@@ -28,6 +28,7 @@ _TERMINATED: Final = 128 + signal.SIGTERM
 _ENDING: Final = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name)
 )
+_HEED_S: Final = 0.5  # a signal that came just before a wait, or to another thread, does not end that wait
 _GRACE_S: Final = 1.0  # for a worker to take its temporary files away
 
 
@@ -82,7 +83,7 @@ class ProcessPool:
                             running[pool.submit(_work, task)] = task
                     if not begun:
                         return
-                    done, _ = wait(running, return_when=FIRST_COMPLETED)
+                    done, _ = wait(running, _HEED_S, return_when=FIRST_COMPLETED)
                     for future in done:
                         outcome = _outcome(future)
                         task = running.pop(future)
