@@ -78,7 +78,7 @@ class TapClock:
         self._speed_declared = bool(line.baud)
         self._frames = 0
         self._next = FIRST
-        self._reads = self._octets = self._shared = self._together = self._counted = self._timed = 0.0
+        self._reads = self._octets = self._shared = self._together = self._counted = self._timed = self._sound = 0.0
         self._in_step = np.zeros(len(_STEPS_NS))  # frames whose last byte's time is written to such a step
         self._late = Spread()  # frames by their least silence, if negative
         self._astray = Spread()  # frames of several reads by their silence that is farthest from none
@@ -100,6 +100,7 @@ class TapClock:
             rows.gap_before_ns,
             rows.gap_most_ns,
             rows.gap_least_ns,
+            rows.check,
         )
         if self._frames + len(self._waiting) < self._next:
             return
@@ -150,7 +151,7 @@ class TapClock:
         if len(self._verdicts) > _MOST_VERDICTS:
             del self._since[0], self._verdicts[0]
         if self._counted > _MEMORY:
-            for name in ("_reads", "_octets", "_shared", "_together", "_counted", "_timed", "_in_step"):
+            for name in ("_reads", "_octets", "_shared", "_together", "_counted", "_timed", "_sound", "_in_step"):
                 setattr(self, name, getattr(self, name) / 2)
             self._late.fade()
             self._astray.fade()
@@ -164,17 +165,19 @@ class TapClock:
         before: NDArray[Any],
         most: NDArray[Any],
         least: NDArray[Any],
+        check: NDArray[Any],
     ) -> None:
         self._timed += len(ends)
         self._in_step += [np.count_nonzero(ends % step == 0) for step in _STEPS_NS]
         if protocol.any():  # ASCII mode has other silences, Modbus TCP none
             plain = protocol == 0
-            ends, reads, length, before, most, least = (
-                each[plain] for each in (ends, reads, length, before, most, least)
+            ends, reads, length, before, most, least, check = (
+                each[plain] for each in (ends, reads, length, before, most, least, check)
             )
             if not len(reads):
                 return
         self._counted += len(reads)
+        self._sound += float(np.count_nonzero(check))
         self._reads += float(reads.sum())
         self._octets += float(length.sum())
         shared = before == NO_GAP
@@ -186,7 +189,8 @@ class TapClock:
         if several.any():
             least, first = least[several], early[several]
             self._late.add(np.maximum(-least, first))
-            self._astray.add(np.maximum(np.maximum(np.abs(most[several]), np.abs(least)), first))
+            astray = np.maximum(np.maximum(np.abs(most[several]), np.abs(least)), first)
+            self._astray.add(astray[check[several]])  # a damaged frame may hold a silence of the line's own
             early = early[~several]
         if early.any():
             self._astray.add(early)
@@ -207,7 +211,7 @@ class TapClock:
         if fine and jitter is not None:
             return TimeTrust(True, jitter, jitter, each)
         astray = self._astray.quantile(_QUANTILE) if self._speed_declared else None
-        if astray is not None and self._astray.weight >= 0.05 * self._counted:
+        if astray is not None and self._astray.weight >= 0.05 * self._sound:
             return TimeTrust(False, UNKNOWN, astray * _MARGIN, each)
         alone = shared <= 1 + 0.01 * self._counted  # each frame came in a read of its own
         return TimeTrust(False, UNKNOWN, _USUAL_NS if alone else UNKNOWN, each)
