@@ -181,12 +181,23 @@ def test_a_capture_is_read_out_in_plain_lines(capture: Path) -> None:
     lines = list(spoken(opened(capture), "exception"))
     assert "Cause 1" in lines[2] and all(line.isprintable() and "  " not in line for line in lines)
     assert any("illegal data address" in line for line in lines)
-    assert any("after 796..941 us: exception 02" in line for line in lines), "as far as the tap carries"
+    assert any("after 796..941 us, exception: unit 2" in line for line in lines), "as far as the tap carries"
     command = [sys.executable, "-m", "analyzer.cli", "open", str(capture), "--plain", "--filter"]
     done = subprocess.run([*command, "exception"], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines() == lines
     wrong = subprocess.run([*command, "unit ="], capture_output=True, text=True, check=False)
     assert wrong.returncode == 2 and len(wrong.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize("language", ["en", "ru"])
+def test_what_came_of_a_request_is_read_out_once(capture: Path, language: str) -> None:
+    with languages.telling(language):
+        lines = list(spoken(opened(capture)))
+        for words in (tr("no answer"), "illegal data address"):
+            assert all(line.count(words) <= 1 for line in lines), words
+        silent = [line for line in lines if "no-response: " in line]
+        assert silent and not any(f", {tr('no answer')}, " in line for line in silent)
+        assert any("exception: " in line for line in lines)
 
 
 def test_columns_are_hidden_and_stay_so(capture: Path, tmp_path: Path) -> None:

@@ -22,6 +22,7 @@ _OUTCOMES = {
     Status.UNANSWERED: "no answer", Status.BROADCAST: "to all, no answer is due", Status.DAMAGED: "damaged answer",
     Status.UNHEARD: "an answer may have come unheard",
 }  # fmt: skip
+_SILENT, _REFUSED = "no-response", "exception"  # findings that tell the outcome themselves
 
 
 def spoken(source: ViewSource, text: str = "", zone: tzinfo = UTC, stop: Callable[[], bool] = bool) -> Iterator[str]:
@@ -50,16 +51,17 @@ def spoken(source: ViewSource, text: str = "", zone: tzinfo = UTC, stop: Callabl
 def _transaction(bus: Bus, row: int, zone: tzinfo) -> str:
     frame, answer = bus.frame(row), bus.partner(row)
     t = bus.table.value("t_start_ns", row)
+    findings = {f.code: f.text for each in (row, answer) if each is not None for f in bus.findings(each)}
     when = "" if not bus.timed else date_and_time(t, zone) if is_clock(t) else f"{seconds(t - bus.t_first)} s"
     parts = [tr("Frame {index}", index=frame.index), *([when] if when else []), tr("unit {unit}", unit=frame.unit)]
     parts.append(frame.summary(wording()))
     if answer is not None and bus.table.value("kind", row) == Kind.REQUEST:
         took = bus.response(answer)
         head = tr("after {time}", time=between(*took)) if took is not None else tr("answer")
-        parts.append(f"{head}: {bus.frame(answer).summary(wording())}")
+        parts.append(head if _REFUSED in findings else f"{head}: {bus.frame(answer).summary(wording())}")
     else:
         status = bus.table.value("state", row) & RowState.STATUS
-        parts += [tr(_OUTCOMES[Status(status - 1)])] if status and Status(status - 1) in _OUTCOMES else []
-    findings = {f.code: f.text for each in (row, answer) if each is not None for f in bus.findings(each)}
+        outcome = _OUTCOMES.get(Status(status - 1)) if status and _SILENT not in findings else None
+        parts += [] if outcome is None else [tr(outcome)]
     parts += [f"{code}: {words}" for code, words in findings.items()]
     return ", ".join(parts)
