@@ -40,7 +40,7 @@ _PASTED = "11 03 00 6B 00 03 76 87\n11 03 06 AE 41 56 52 43 40 49 AD"
 @pytest.mark.parametrize(
     ("size", "colours"),
     [((80, 24), "dark"), ((80, 24), "light"), ((80, 24), "16"), ((120, 40), "dark"), ((120, 40), "light"),
-     ((200, 60), "dark")],
+     ((120, 40), "16"), ((200, 60), "dark"), ((200, 60), "light"), ((200, 60), "16")],
 )  # fmt: skip
 def test_screens_look_as_they_did(size: tuple[int, int], colours: str) -> None:
     asyncio.run(_look(size, colours))
