@@ -107,6 +107,7 @@ def _supposed(case: DamagedFrame, prior: float) -> Iterator[Explanation]:
 
 _HEADER: Final = 7  # bytes that lengths hang on
 _LOST: Final = 3
+_LOST_OF_HEADER: Final = 2  # at most, where the port's whole stream gives it away
 
 
 class DividedFrame(NamedTuple):
@@ -122,29 +123,32 @@ class DividedFrame(NamedTuple):
 
 def divided(case: DamagedFrame) -> list[DividedFrame]:
     """The frames of a stretch, if flow control explains all of it as two or more; else nothing."""
-    parts = _divided(case, 0, case.request)
-    solved = any(part.verdict.repaired is not None for part in parts)
-    return parts if len(parts) > 1 and solved else []
+    for lost in range(1, _LOST_OF_HEADER + 1 if (case.flow_free or 0) >= _ENOUGH else 2):
+        parts = _divided(case, 0, case.request, lost)
+        solved = any(part.verdict.repaired is not None for part in parts)
+        if len(parts) > 1 and solved:
+            return parts
+    return []
 
 
-def _divided(case: DamagedFrame, at: int, pending: bytes | None) -> list[DividedFrame]:
-    """The frames from one place on; none where not all of it comes out."""
-    for part in _first_parts(case, at, pending):
+def _divided(case: DamagedFrame, at: int, pending: bytes | None, lost: int) -> list[DividedFrame]:
+    """The frames from one place on; none where not all of it comes out. `lost`: bytes of a header, at most."""
+    for part in _first_parts(case, at, pending, lost):
         end = part.start + part.length
         if end == len(case.data):
             return [part]
-        if rest := _divided(case, end, asked_by(part.verdict, pending)):
+        if rest := _divided(case, end, asked_by(part.verdict, pending), lost):
             return [part, *rest]
     return []
 
 
-def _first_parts(case: DamagedFrame, at: int, pending: bytes | None) -> Iterator[DividedFrame]:
+def _first_parts(case: DamagedFrame, at: int, pending: bytes | None, lost: int) -> Iterator[DividedFrame]:
     """What may stand first: the likeliest that a check value proves; then, where an answer is due, lengths of it that
     may be left, of which only what comes behind can tell one."""
     rest = replace(case, data=case.data[at:], role=None, request=pending, errors=())
     found = [
         DividedFrame(at, length, verdict)
-        for length in _lengths(rest)
+        for length in _lengths(rest, lost)
         for verdict in swallowed(replace(rest, data=rest.data[:length]))
         if verdict.bits >= FRAME and (verdict.repaired is not None or verdict.length == rest.due)
     ]
@@ -167,12 +171,12 @@ def asked_by(verdict: Explanation, pending: bytes | None) -> bytes | None:
     return verdict.repaired if not answers and length is not None and length.length == len(verdict.repaired) else None
 
 
-def _lengths(case: DamagedFrame) -> list[int]:
+def _lengths(case: DamagedFrame, most: int) -> list[int]:
     """How many bytes the first frame may have left, the shortest first."""
     lengths = set()
     if case.due is not None:
         lengths.add(case.due)
-    for header in _headers(case.data[:_HEADER]):
+    for header in _headers(case.data[:_HEADER], most):
         for role in Role:
             length = told(header, role)
             if length is not None and not length.least:
@@ -181,9 +185,10 @@ def _lengths(case: DamagedFrame) -> list[int]:
     return sorted(length for length in left if MIN_ADU - 1 <= length <= len(case.data))
 
 
-def _headers(data: bytes) -> Iterator[bytes]:
-    """A header as it stands, and with a byte put back at each place before its end."""
+def _headers(data: bytes, most: int) -> Iterator[bytes]:
+    """A header as it stands, and with up to so many bytes put back at places before its end."""
     yield data
-    for at in range(len(data)):
+    for at in range(len(data)) if most else ():
         for value in XON_XOFF:
-            yield data[:at] + bytes((value,)) + data[at:]
+            for rest in _headers(data[at:], most - 1):
+                yield data[:at] + bytes((value,)) + rest
