@@ -15,7 +15,7 @@ import yaml
 from running import ROOT, START, environment, ran, refused, spawned
 
 from analyzer.cli.app import Parser
-from analyzer.cli.commands import COMMANDS, load
+from analyzer.cli.commands import COMMANDS, add_arguments, load
 from analyzer.cli.exits import FAILURES, meanings
 from analyzer.cli.manpage import man_page
 from analyzer.cli.terminal import shell_word
@@ -291,7 +291,7 @@ def test_the_recorder_s_sample_and_the_workflows_are_what_they_should_be():
     compose = yaml.safe_load((ROOT / "packaging" / "compose.yaml").read_text(encoding="utf-8"))
     words = compose["services"]["recorder"]["command"].split()
     parser = Parser()
-    load(words[0]).configure(parser)
+    add_arguments(parser, words[0])
     assert parser.parse_args(words[1:]).metrics == ("0.0.0.0", 9617)
     tests = yaml.safe_load((ROOT / ".github" / "workflows" / "tests.yml").read_text(encoding="utf-8"))
     versions = tests["jobs"]["tests"]["strategy"]["matrix"]["python"]

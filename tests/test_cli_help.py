@@ -16,7 +16,7 @@ import analyzer
 from analyzer.cli.app import command_line
 from analyzer.cli.commands import COMMANDS
 from analyzer.cli.exits import meanings
-from analyzer.languages import catalogue, telling
+from analyzer.languages import catalogue, telling, use
 from analyzer.languages.retelling import retold
 from analyzer.reference.causes import markdown
 from captures.formats import foreign_formats, formats
@@ -187,6 +187,22 @@ def test_the_language_of_the_settings_is_that_of_help_and_of_errors(
     assert ran(capsys, "parse", "--help").out.startswith("вызов:")
     assert "нет" in refused(capsys, "parse", "--no-such")
     assert ran(capsys, "parse", "--help", "--lang", "en").out.startswith("usage:")
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_takes_a_language_before_it_and_behind(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    for words in (("--lang", "ru", command), ("--lang=ru", command), (command, "--lang", "ru")):
+        assert ran(capsys, *words, "--help").out.startswith(f"вызов: rtuscope {command}")
+        use("en")
+
+
+def test_a_language_is_taken_without_a_command_and_before_an_action(capsys: pytest.CaptureFixture[str]) -> None:
+    assert ran(capsys, "--lang", "ru").out.startswith("вызов: rtuscope")
+    assert ran(capsys, "--lang", "ru", "help", "filters").out.startswith("# ")
+    assert ran(capsys, "map", "--lang", "ru", "list").status == ran(capsys, "map", "list", "--lang", "ru").status == 0
+    use("en")
+    assert "invalid choice: 'fr'" in refused(capsys, "--lang", "fr", "report")
+    assert "--lang" in refused(capsys, "--lang")
 
 
 def test_help_names_values_in_russian(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from analyzer.cli.app import Parser
-from analyzer.cli.commands import load
+from analyzer.cli.commands import add_arguments
 from analyzer.tables.findings import rules
 
 PAGE = (Path(__file__).resolve().parents[1] / "docs" / "ru.md").read_text(encoding="utf-8")
@@ -25,5 +25,5 @@ def test_every_finding_stands_there_with_its_severity() -> None:
 def test_every_command_is_one(command: str) -> None:
     name, *given = shlex.split(command)
     parser = Parser(prog=name)
-    load(name).configure(parser)
+    add_arguments(parser, name)
     assert parser.parse_args(given)

@@ -235,10 +235,10 @@ def test_seeking_there_is_for_port_servers():
 def test_only_what_was_typed_is_set_there(monkeypatch):
     from analyzer.cli import taps
     from analyzer.cli.app import Parser
-    from analyzer.cli.commands import load
+    from analyzer.cli.commands import add_arguments
 
     parser = Parser()
-    load("sniff").configure(parser)
+    add_arguments(parser, "sniff")
     monkeypatch.setattr("analyzer.live.tapsource.TapSource", lambda ports, **_: ports)
     for words, changes in (
         ([], ()),

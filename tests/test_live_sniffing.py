@@ -25,7 +25,7 @@ import captures
 from analyzer.cli import main, watching
 from analyzer.cli import sniff as sniff_command
 from analyzer.cli.app import Parser
-from analyzer.cli.commands import load
+from analyzer.cli.commands import add_arguments, load
 from captures.line import LineSettings
 from captures.live.access import programs_using
 from captures.recording.notes import read
@@ -372,7 +372,7 @@ class Scripted:
 @pytest.mark.parametrize("command", ["sniff", "record"])
 def test_the_examples_can_be_typed(command):
     parser = Parser()
-    load(command).configure(parser)
+    add_arguments(parser, command)
     for line in load(command).EXAMPLE.splitlines():
         assert parser.parse_args(shlex.split(line.partition(" | ")[0])[2:]).port
 

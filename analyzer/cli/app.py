@@ -19,7 +19,7 @@ from ..meant import did_you_mean, meant
 from ..settingfiles import found_files
 from ..terminal_text import gated_streams
 from ..version import __version__
-from .commands import COMMANDS, Command, load
+from .commands import COMMANDS, Command, add_arguments, add_language
 from .exits import DONE, INTERRUPTED, UNUSABLE, UsageError, meanings
 from .terminal import shell_word, tell
 
@@ -158,8 +158,17 @@ def _language_set() -> str | None:
     return None
 
 
+def _command_first(arguments: list[str]) -> list[str]:
+    """`--lang ru` behind the command that it stands before, where every command takes it."""
+    given = 0
+    while given < len(arguments) and arguments[given].partition("=")[0] == "--lang":
+        given += 1 if "=" in arguments[given] else 2
+    return [*arguments[given : given + 1], *arguments[:given], *arguments[given + 1 :]]
+
+
 def _run(arguments: list[str]) -> int:
     _speak(arguments)
+    arguments = _command_first(arguments)
     if "_ARGCOMPLETE" in os.environ:
         import argcomplete
 
@@ -169,9 +178,8 @@ def _run(arguments: list[str]) -> int:
         complete_arguments(parser)
         argcomplete.autocomplete(parser)
     if arguments and arguments[0] in COMMANDS:  # the usual way: nothing of other commands is built
-        command = load(arguments[0])
         parser = Parser(prog=f"rtuscope {arguments[0]}")
-        _fill(parser, arguments[0], command)
+        command = _fill(parser, arguments[0])
         return command.run(_with_settings(parser, arguments))
     if arguments and not arguments[0].startswith("-"):
         raise UsageError(_unknown(arguments[0]))
@@ -201,18 +209,19 @@ def command_line(filled: Iterable[str]) -> Parser:
         + _told("`rtuscope COMMAND --help` tells the rest, each with an example."),
     )
     parser.add_argument("--version", action="version", version=f"rtuscope {__version__}")
+    add_language(parser)
     commands = parser.add_subparsers(metavar="COMMAND", title="commands")
     for name, words in COMMANDS.items():
         if name in filled:
-            _fill(commands.add_parser(name, help=words), name, load(name))
+            _fill(commands.add_parser(name, help=words), name)
         else:
             commands.add_parser(name, help=words)
     return parser
 
 
-def _fill(parser: argparse.ArgumentParser, name: str, command: Command) -> None:
+def _fill(parser: argparse.ArgumentParser, name: str) -> Command:
     """The arguments of a command, and the help of it and of its actions, if it has any."""
-    command.configure(parser)
+    command = add_arguments(parser, name)
     lines = command.EXAMPLE.splitlines()
     _help(parser, name, COMMANDS[name], lines)
     for action in parser._actions:
@@ -220,6 +229,7 @@ def _fill(parser: argparse.ArgumentParser, name: str, command: Command) -> None:
             for choice in action._choices_actions:
                 own = [line for line in lines if line.startswith(f"rtuscope {name} {choice.dest}")]
                 _help(action.choices[choice.dest], name, choice.help or "", own)
+    return command
 
 
 def _help(parser: argparse.ArgumentParser, name: str, words: str, lines: list[str]) -> None:

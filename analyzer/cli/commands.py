@@ -45,6 +45,29 @@ class Command(Protocol):
     def run(self, arguments: argparse.Namespace) -> int: ...
 
 
+def add_arguments(parser: argparse.ArgumentParser, name: str) -> Command:
+    """The arguments of a command of the table, and --lang, which `app` heeds, of it and of its actions."""
+    command = load(name)
+    command.configure(parser)
+    add_language(parser)
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for each in action.choices.values():
+                if "-" in each.prefix_chars:
+                    add_language(each, default=argparse.SUPPRESS)  # what was given before the action stays
+    return command
+
+
+def add_language(parser: argparse.ArgumentParser, default: str | None = None) -> None:
+    """--lang."""
+    parser.add_argument(
+        "--lang",
+        choices=("en", "ru"),
+        default=default,
+        help="language of the interface, reports, causes, findings and help (en)",
+    )
+
+
 def load(name: str) -> Command:
     """The module of one command of the table."""
     from importlib import import_module

@@ -52,14 +52,6 @@ def add_capture_arguments(parser: argparse.ArgumentParser, *, format_flag: bool 
     parser.add_argument("capture", metavar="CAPTURE", help=CAPTURE_HELP)
     add_reading_arguments(parser, format_flag=format_flag)
     add_functions_argument(parser)
-    add_language_argument(parser)
-
-
-def add_language_argument(parser: argparse.ArgumentParser) -> None:
-    """--lang, which `app` heeds."""
-    parser.add_argument(
-        "--lang", choices=("en", "ru"), help="language of the interface, reports, causes, findings and help (en)"
-    )
 
 
 def add_reading_arguments(parser: argparse.ArgumentParser, *, format_flag: bool = True) -> None:

@@ -13,7 +13,6 @@ from .exits import DONE, UsageError
 from .inputs import (
     CAPTURE_HELP,
     add_functions_argument,
-    add_language_argument,
     add_limit_arguments,
     add_reading_arguments,
     chosen_limits,
@@ -54,7 +53,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--port", type=port, default=_PORT, help=f"with --web: port to listen at ({_PORT})")
     add_reading_arguments(parser)
     add_functions_argument(parser)
-    add_language_argument(parser)
     add_map_argument(parser)
     add_limit_arguments(parser)
 

@@ -8,13 +8,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from .exits import DONE, FAILED, NO_FRAME, UsageError
-from .inputs import (
-    add_check_argument,
-    add_functions_argument,
-    add_language_argument,
-    add_zone_argument,
-    load_functions,
-)
+from .inputs import add_check_argument, add_functions_argument, add_zone_argument, load_functions
 from .maps import add_map_argument, chosen_charts
 from .terminal import coloured, put_json, shell_word, tell
 
@@ -51,7 +45,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_map_argument(parser)
     add_check_argument(parser)
     add_functions_argument(parser)
-    add_language_argument(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -36,11 +36,11 @@ def settled(parser: argparse.ArgumentParser, command: str, arguments: Sequence[s
 
 def check_settings(settings: Settings) -> None:
     """Raises UsageError, with file and line, for the first value that no command could use."""
-    from .commands import load
+    from .commands import add_arguments
 
     for command in ("sniff", "report"):
         parser = argparse.ArgumentParser()
-        load(command).configure(parser)
+        add_arguments(parser, command)
         _prepare(parser, command, settings)
     _check_maps(settings)
     maps = _maps(settings)

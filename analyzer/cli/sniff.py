@@ -8,7 +8,7 @@ import sys
 from typing import TYPE_CHECKING, BinaryIO, Final
 
 from .exits import FAILED, INTERRUPTED, UsageError
-from .inputs import add_functions_argument, add_language_argument, add_limit_arguments, chosen_limits, load_functions
+from .inputs import add_functions_argument, add_limit_arguments, chosen_limits, load_functions
 from .outlets import add_outlet_arguments, outlets_of
 from .taps import add_recording_arguments, add_tap_arguments, add_viewer_arguments, lost_words, recorder_of, tap_of
 from .telling import Teller
@@ -41,7 +41,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_outlet_arguments(parser)
     add_limit_arguments(parser)
     add_functions_argument(parser)
-    add_language_argument(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

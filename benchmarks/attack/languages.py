@@ -184,10 +184,10 @@ def _read_value(text: str) -> object:
 def _parser(name: str) -> argparse.ArgumentParser:
     """Of one command, new: settings change it."""
     from analyzer.cli.app import Parser
-    from analyzer.cli.commands import load
+    from analyzer.cli.commands import add_arguments
 
     parser = Parser(prog=f"rtuscope {name}")
-    load(name).configure(parser)
+    add_arguments(parser, name)
     return parser
 
 
