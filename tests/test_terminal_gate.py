@@ -359,7 +359,7 @@ def test_a_command_that_forgets_is_caught_on_the_way_out(
         raise RuntimeError(ONE_LINE)
 
     command = SimpleNamespace(EXAMPLE="", configure=lambda _: None, run=forgets)
-    monkeypatch.setattr("analyzer.cli.app.load", lambda _: command)
+    monkeypatch.setattr("analyzer.cli.commands.load", lambda _: command)
     done = ran(capsys, name)
     assert not foreign(done.out) and not foreign(done.err), done
     assert (done.status, done.out.count("CANARY"), done.err.count("CANARY")) == (2, 2, 3)
