@@ -8,6 +8,7 @@ import yaml
 
 _MOST_NODES: Final = 1_000_000
 _DEEPEST: Final = 60
+_TOO_DEEP: Final = "nested too deeply for a map"
 _Base: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
@@ -59,6 +60,8 @@ def load_yaml(text: str, *, lenient: bool = False) -> Any:
         mark = getattr(error, "problem_mark", None)
         where = f"line {mark.line + 1}: " if mark is not None else ""
         problem = getattr(error, "problem", None) or "no YAML"
+        if "nesting depth" in problem:  # the C scanner of PyYAML 6.0.4 and later reads ahead, and has a limit itself
+            problem = _TOO_DEEP
         raise ValueError(" ".join(f"{where}{problem}".split())) from error
     except (ArithmeticError, AttributeError, LookupError, TypeError) as error:  # of dates and numbers that are none
         raise ValueError("a value that cannot be read") from error
@@ -74,7 +77,7 @@ def _not_deep(text: str) -> None:
         if isinstance(event, yaml.CollectionStartEvent):
             depth += 1
             if depth > _DEEPEST:
-                raise ValueError("nested too deeply for a map")
+                raise ValueError(_TOO_DEEP)
         elif isinstance(event, yaml.CollectionEndEvent):
             depth -= 1
 
