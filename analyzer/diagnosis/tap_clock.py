@@ -35,6 +35,8 @@ _MEMORY: Final = 8192  # frames, beyond which old ones fade
 _BYTE_BY_BYTE: Final = 0.9  # reads a byte
 _QUANTILE: Final = 0.995
 _MARGIN: Final = 1.2
+_OFTEN: Final = 0.05  # of the sound frames that stray, by which the farthest is known
+_ENOUGH: Final = 20.0  # frames that stray: of so many one goes about as far as any
 _MOST_VERDICTS: Final = 512  # verdicts
 _USUAL_NS: Final = 5_000_000  # a read from user space, where nothing tells more
 _FAST_BAUD: Final = 19200  # [2] 2.5.1.1: above it, both times are fixed
@@ -76,6 +78,7 @@ class TapClock:
 
     def __init__(self, line: LineSettings) -> None:
         self._speed_declared = bool(line.baud)
+        self._character_ns = line.nominal_character_ns or UNKNOWN
         self._frames = 0
         self._next = FIRST
         self._reads = self._octets = self._shared = self._together = self._counted = self._timed = self._sound = 0.0
@@ -211,7 +214,13 @@ class TapClock:
         if fine and jitter is not None:
             return TimeTrust(True, jitter, jitter, each)
         astray = self._astray.quantile(_QUANTILE) if self._speed_declared else None
-        if astray is not None and self._astray.weight >= 0.05 * self._sound:
+        if astray is not None and self._strays_tell(astray, each):
             return TimeTrust(False, UNKNOWN, astray * _MARGIN, each)
         alone = shared <= 1 + 0.01 * self._counted  # each frame came in a read of its own
         return TimeTrust(False, UNKNOWN, _USUAL_NS if alone else UNKNOWN, each)
+
+    def _strays_tell(self, astray: float, each: float) -> bool:
+        """Whether frames that stray tell how late reads may be: many do, or enough, and by as much as a usual read must
+        be late for the first of the bytes that it brings."""
+        many, weight = _OFTEN * self._sound, self._astray.weight
+        return weight >= many or (weight >= _ENOUGH and astray >= each * self._character_ns)
