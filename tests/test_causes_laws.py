@@ -124,3 +124,15 @@ def test_a_speed_that_is_not_0_goes_with_the_damage() -> None:
     found = causes_in(capture_of(field_cases()["emi-drive"].capture("precise", 501)))
     assert found[0].cause == "emi-drive"
     assert "is not 0" in found[0].text
+
+
+@pytest.mark.parametrize(
+    ("tap", "seed"), [("precise", 13002), ("precise", 13006), ("precise", 13011), ("ftdi16", 13008)]
+)
+def test_what_a_value_tells_is_no_floating_line_and_no_hours_even_where_frames_are_rare(tap: str, seed: int) -> None:
+    assert causes_in(capture_of(field_cases()["emi-drive"].capture(tap, seed)))[0].cause == "emi-drive"
+
+
+@pytest.mark.parametrize("seed", [13002, 13009])
+def test_a_value_that_changes_much_oftener_than_the_damage_does_not_take_its_times(seed: int) -> None:
+    assert causes_in(capture_of(field_cases()["hours"].capture("precise", seed)))[0].cause == "hours"

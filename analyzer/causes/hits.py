@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import exp, log1p, log2
+from math import exp, isfinite, log1p, log2
 from typing import Any, Final
 
 import numpy as np
@@ -43,6 +43,7 @@ _MANY_STRAYS: Final = 30.0
 _SPARED_SHARE: Final = 0.05
 _SPELLS_BITS: Final = 14.0
 _HEADER: Final = 3  # bytes: unit, function, byte count
+_UNTOLD: Final = 0.5  # of what a clock may be wrong by: a shorter pause than that nobody measures
 
 # How damage spreads over kinds where it strikes all senders alike.
 ALIKE: Final = {"bits": 0.24, "bits-tail": 0.03, "head": 0.09, "ahead": 0.03, "middle": 0.2, "whole": 0.13, "long": 0.06, "tail": 0.03,
@@ -146,16 +147,17 @@ def spares_units(evidence: Evidence) -> bool:
 
 def _idle(evidence: Evidence) -> list[float]:
     """How long the line is idle behind each unit's answers (ns, about), until something strays there if it does; behind
-    each answer as long where the clock shows no pauses at all."""
+    each answer as long where the clock shows no pauses at all, and nowhere shorter than the clock can tell."""
     char_ns, shown = evidence.ledger.char_ns, evidence.ledger.pauses
     if shown.total <= char_ns * len(shown):
         return [max(unit.answered, 1) * char_ns for unit in evidence.units]
-    found = []
+    found, off = [], evidence.verdict.wait_ns
+    least = _UNTOLD * off if isfinite(off) else 0.0
     for unit, stray in zip(evidence.units, stray_behind(evidence), strict=True):
         rested = [each.rested for each in evidence.followed(unit) if each.rested >= 0]
         until = sum(rested) / max(len(rested), 1)
         pause = unit.pauses.total / max(len(unit.pauses), 1)
-        found.append(max(stray * until + (unit.answered - stray) * pause, char_ns))
+        found.append(max(stray * until + (unit.answered - stray) * pause, unit.answered * least, char_ns))
     return found
 
 

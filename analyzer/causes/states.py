@@ -53,7 +53,13 @@ class DamageState:
     trials: int
     other_hits: int
     other_trials: int
+    switches: int
     bits: float
+
+    @property
+    def contrast(self) -> float:
+        """How many times as often the bus is hit with it as without."""
+        return (self.hits + 0.25) / (self.trials + 0.5) * (self.other_trials + 0.5) / (self.other_hits + 0.25)
 
 
 @dataclass(slots=True)
@@ -166,6 +172,7 @@ class StateTable:
                     trials[bad],
                     hits[1 - bad],
                     trials[1 - bad],
+                    int(states.switches[column]),
                     float(bits - price),
                 )
 

@@ -41,7 +41,11 @@ _OVERLAID: Final = 3.0  # bits for or against, of a damaged answer of quite anot
 _SOME_OVERLAID: Final = 0.12  # of the damaged answers
 _UNLIKE_BITS: Final = 100.0
 _UNLIKE: Final = 0.1  # of what is in favour of it
+_BY_TIME: Final = 0.5  # of what the times of hits are in favour of it: units are asked at other times
 _LOAD: Final = 0.4  # where nobody knows it
+_CONTRAST: Final = 8.0  # times as often the bus is hit while a value stands
+_SWITCHES: Final = 4  # of it, at the least; and a spell, at most
+_AS_WELL: Final = 0.7
 _SURE_BITS: Final = 14.0  # that a phase or a state must add
 _MAINS: Final = ((50.0, 0.15), (60.0, 0.18))  # Hz, and how far it strays
 _PHASE_NS: Final = 1_500_000  # by which a time may be wrong for its phase to be known
@@ -76,8 +80,9 @@ def _load(evidence: Evidence) -> float:
     return min(max(evidence.load or _LOAD, 0.05), 0.93)
 
 
-def _anywhere(evidence: Evidence, *, sparse: bool = False) -> tuple[Hits, float]:
-    """Hits of all senders alike, and their weight; `sparse`: where frames are rare, so may those be that are hit."""
+def _anywhere(evidence: Evidence, *, sparse: bool = False, by_time: float = 0.0) -> tuple[Hits, float]:
+    """Hits of all senders alike, and their weight; `sparse`: where frames are rare, so may those be that are hit;
+    `by_time`: bits by which it is told that they come and go."""
     hits = Hits(evidence)
     if not any(unit.answered for unit in evidence.units):
         return hits, 0.0  # a line on which nothing is ever well is not disturbed
@@ -97,7 +102,7 @@ def _anywhere(evidence: Evidence, *, sparse: bool = False) -> tuple[Hits, float]
         bits -= _IDLE_BITS
     bits += _OVERLAID * (_SOME_OVERLAID * len(readings) - overlaid(readings))
     unlike = apart_bits(evidence) - evenness_bits(evidence) - requests_evenness_bits(evidence)
-    if unlike > max(_UNLIKE_BITS, _UNLIKE * bits):
+    if unlike > max(_UNLIKE_BITS, _UNLIKE * bits, _BY_TIME * by_time):
         return hits, 0.0  # it spares some units: it is not everybody's
     return hits, bits + min(kind_bits(readings, ALIKE), 0.0) - unlike
 
@@ -189,9 +194,12 @@ def _times_of_hits(evidence: Evidence) -> np.ndarray[Any, np.dtype[np.float64]]:
 )
 def emi_drive(evidence: Evidence) -> Iterator[Suspicion]:
     """AnswerDamage that goes with a value on the bus."""
-    hits, bits = _anywhere(evidence)
     state = evidence.ledger.states.likeliest()
-    if bits <= 0 or state is None or state.bits < _SURE_BITS:
+    if state is None or state.bits < _SURE_BITS:
+        return
+    by_time = max(state.bits, spells_of_hits(evidence)[0]) if _is_told(evidence) else state.bits
+    hits, bits = _anywhere(evidence, sparse=True, by_time=by_time)
+    if bits <= 0:
         return
     area = {1: "coil", 2: "discrete input", 3: "holding register", 4: "input register"}[state.function]
     numbers = {
@@ -204,7 +212,19 @@ def emi_drive(evidence: Evidence) -> Iterator[Suspicion]:
         "else_": state.other_hits,
         "else_of": state.other_trials,
     }
-    yield _suspicion(evidence, hits, bits + state.bits, numbers)
+    yield _suspicion(evidence, hits, bits + by_time, numbers)
+
+
+def _is_told(evidence: Evidence) -> bool:
+    """Whether a value on the bus comes and goes about as often as the damage does, and tells each hit about as well as
+    the times do: then they are its times."""
+    state, (found, inside) = evidence.ledger.states.likeliest(), spells_of_hits(evidence)
+    if state is None or state.bits < _SURE_BITS or state.contrast < _CONTRAST or not found:
+        return False
+    spells = int(np.count_nonzero(np.diff(inside.astype(np.int8), prepend=0) > 0))
+    a_hit = found / int(evidence.ledger.grid.counts("damage").sum())
+    told = state.bits / (state.hits + state.other_hits)
+    return _SWITCHES <= state.switches <= _SWITCHES * spells and told >= _AS_WELL * a_hit
 
 
 @suspect(
@@ -217,13 +237,13 @@ def emi_drive(evidence: Evidence) -> Iterator[Suspicion]:
     remedy="Find the machine that runs then (shift, pump, charger, lighting) and keep the bus cable away from its cables",
 )
 def hours(evidence: Evidence) -> Iterator[Suspicion]:
-    """AnswerDamage in spells; that a line floats does not come and go."""
-    hits, bits = _anywhere(evidence, sparse=True)
-    if bits <= 0 or not evidence.ledger.timed:
-        return
+    """AnswerDamage in spells that nothing on the bus tells; that a line floats does not come and go."""
     grid = evidence.ledger.grid
     found, inside = spells_of_hits(evidence)
-    if not found or grid.begin_ns is None:
+    if not found or grid.begin_ns is None or _is_told(evidence):
+        return
+    hits, bits = _anywhere(evidence, sparse=True, by_time=found)
+    if bits <= 0:
         return
     edges = np.flatnonzero(np.diff(np.concatenate(([0], inside.astype(np.int8), [0]))))
     begins, ends = edges[::2], edges[1::2]
