@@ -1,8 +1,9 @@
 """Protocols that share a pair of wires with Modbus, known by a structure that chance does not give.
 
 Two kinds. Some show in any bytes: a mark, a length, a check value of their own (BACnet MS/TP: ANSI/ASHRAE 135 clause 9;
-HDLC: IEC 62056-46; M-Bus: EN 13757-2; IEC 62056-21; Modbus ASCII). Others are meters' own frames with the CRC of
-Modbus, which look like RTU frames of odd functions: they are known by lengths and commands that their makers publish.
+HDLC: IEC 62056-46; M-Bus: EN 13757-2; IEC 62056-21; DL/T 645; NMEA 0183), or lines that hold nothing but their own few
+characters (Modbus ASCII, DCON, OWEN). Others are meters' own frames with the CRC of Modbus, which look like RTU frames
+of odd functions: they are known by lengths and commands that their makers publish.
 Prices are bounded: of long bytes the first are looked at.
 """
 
@@ -24,6 +25,10 @@ _SIGN_ON: Final = re.compile(
     rb"/\?[0-9A-Za-z ]{0,32}!\r\n|\x06[0-9][0-9A-I][0-9A-Z]\r\n|\x01[PRWEB]\d\x02[ -~]{0,64}\x03."
 )
 _READOUT: Final = re.compile(rb"\x02[ -~\r\n]{4,2000}\x03.", re.S)
+_SENTENCE: Final = re.compile(rb"[$!]([A-Z][0-9A-Z]{1,7},[ -)+-~]{0,80})\*([0-9A-F]{2})\r\n?")
+_DCON: Final = re.compile(rb"[#$%@~][0-9A-F]{2}[0-9A-Z]{0,12}\r|[!>?][0-9A-Z+\-.]{2,60}\r")
+_OWEN: Final = re.compile(rb"#(?:[G-V]{2}){6,22}\r")  # each letter half a byte: address, parameter, data, CRC
+_DLT645_HEAD: Final = 10  # bytes before the data
 
 
 class ForeignFrame(NamedTuple):
@@ -97,6 +102,31 @@ def _meter_readout(data: bytes) -> Iterator[ForeignFrame]:
             yield ForeignFrame(*match.span())
 
 
+def _dlt645(data: bytes) -> Iterator[ForeignFrame]:
+    for at in _places(data, b"\x68", 12):
+        end = at + _DLT645_HEAD + data[at + 9]
+        if (
+            data[at + 7] == 0x68
+            and data[end + 1 : end + 2] == b"\x16"
+            and all((b >> 4 < 10 and b & 15 < 10) or b == 0xAA for b in data[at + 1 : at + 7])  # digits, AA for any
+            and sum(data[at:end]) & 0xFF == data[end]
+        ):
+            yield ForeignFrame(at, end + 2)
+
+
+def _nmea(data: bytes) -> Iterator[ForeignFrame]:
+    for match in _SENTENCE.finditer(data):
+        check = 0
+        for byte in match[1]:
+            check ^= byte
+        if check == int(match[2], 16):
+            yield ForeignFrame(*match.span())
+
+
+def _lines_of(pattern: re.Pattern[bytes]) -> Callable[[bytes], Iterator[ForeignFrame]]:
+    return lambda data: (ForeignFrame(*match.span()) for match in pattern.finditer(data))
+
+
 def _places(data: bytes, mark: bytes, length: int) -> Iterator[int]:
     """Where a mark stands with so many bytes behind its beginning."""
     at = data.find(mark)
@@ -111,6 +141,10 @@ IN_ANY_BYTES: Final[dict[str, Callable[[bytes], Iterator[ForeignFrame]]]] = {
     "M-Bus": _mbus,
     "Modbus ASCII": _ascii,
     "IEC 62056-21 (meters)": _meter_readout,
+    "DL/T 645 (meters)": _dlt645,
+    "NMEA 0183 (GPS, ships)": _nmea,
+    "OWEN": _lines_of(_OWEN),
+    "DCON": _lines_of(_DCON),
 }
 MERCURY_200: Final = "Mercury 200 (a meter's own, with the CRC of Modbus)"
 MERCURY_230: Final = "Mercury 230 (a meter's own, with the CRC of Modbus)"

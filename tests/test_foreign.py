@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from analyzer.core import analyse
 from analyzer.deframing.protocols import Deframer
 from analyzer.reports import summarize
+from analyzer.reports.page import text
 from analyzer.simulation.field.cases.strangers import KINDS
 from analyzer.tables.findings import described
 from captures.chunks import Capture, Chunk
@@ -86,8 +87,41 @@ def readout(random: Random) -> list[bytes]:
     return [b"/?!\r\n", b"/LGZ5ZMD1204407.B14\r\n", b"\x06050\r\n", b"\x02" + data + bytes((check,))]
 
 
+def dlt645(random: Random) -> list[bytes]:
+    head, wake = b"\x68" + bytes.fromhex("345601090021") + b"\x68", b"\xfe" * 4
+    request, answer = head + b"\x11\x04\x33\x33\x34\x33", head + b"\x91\x08\x33\x33\x34\x33" + random.randbytes(4)
+    return [wake + frame + bytes((sum(frame) & 0xFF, 0x16)) for frame in (request, answer)]
+
+
+def nmea(random: Random) -> list[bytes]:
+    sentences = []
+    for body in (f"GPZDA,{random.randrange(240000):06d}.00,25,11,2026,00,00", f"HEHDT,{random.randrange(3600) / 10},T"):
+        check = 0
+        for byte in body.encode():
+            check ^= byte
+        sentences.append(f"${body}*{check:02X}\r\n".encode())
+    return sentences
+
+
+def owen(random: Random) -> list[bytes]:
+    def frame(head: bytes, data: bytes = b"") -> bytes:
+        crc = 0
+        for byte in head + data:
+            for bit in range(7, -1, -1):
+                crc = (crc << 1 ^ (0x8F57 if (byte >> bit & 1) ^ crc >> 15 else 0)) & 0xFFFF
+        octets = head + data + crc.to_bytes(2, "big")
+        return b"#" + bytes(ord("G") + half for b in octets for half in (b >> 4, b & 15)) + b"\r"
+
+    return [frame(bytes.fromhex("1010b8df")), frame(bytes.fromhex("1006b8df"), random.randbytes(6))]
+
+
+def dcon(random: Random) -> list[bytes]:
+    return [b"#01\r", f">{random.uniform(-20, 90):+07.2f}\r".encode(), b"$012\r", b"!01080600\r"]
+
+
 TALKS = {
-    **KINDS, "Mercury 200": mercury_200, "Mercury 230": mercury_230, "Milur": milur, "Pulsar": pulsar, "IEC": readout
+    **KINDS, "Mercury 200": mercury_200, "Mercury 230": mercury_230, "Milur": milur, "Pulsar": pulsar, "IEC": readout,
+    "DL/T 645": dlt645, "NMEA 0183": nmea, "OWEN": owen, "DCON": dcon,
 }  # fmt: skip
 del TALKS["meter"]  # whose answers are a Mercury's of another make
 NAMES = {"mstp": "MS/TP", "hdlc": "HDLC", "mbus": "M-Bus", "ascii": "ASCII", "IEC": "IEC 62056-21"}
@@ -141,6 +175,16 @@ def test_alone_on_the_line_it_is_no_modbus(kind: str) -> None:
     parts = list(analyse(Capture.of(LINE, heard(kind, between=False, reads="bytes"))))
     assert not [frame for part in parts for frame in part.batch.frames()]
     assert {finding.code for part in parts for finding in described(part.findings)} == {"other-protocol"}
+
+
+@pytest.mark.parametrize("kind", sorted(set(TALKS) - {"ascii"}))
+def test_where_it_is_alone_the_page_says_what_it_is(kind: str) -> None:
+    report = summarize(Capture.of(LINE, heard(kind, between=False, reads="bytes", rounds=40)))
+    page = " ".join(text(report).split())
+    assert "No Modbus frame was found." in page
+    assert [cause.cause for cause in report.causes] == ["other-protocol"]
+    assert f"{report.causes[0].text}" in page
+    assert "other-protocol note" in page, "the table of findings"
 
 
 @pytest.mark.parametrize("kind", ["Mercury 230", "Pulsar", "mstp"])

@@ -13,6 +13,7 @@ import numpy as np
 
 from dissectors.adu import EXCEPTION
 from dissectors.declaration import USER_DEFINED
+from dissectors.foreign import NAMES
 from dissectors.lengths import Role, rule
 
 from ..diagnosis.tap_clock import UNKNOWN, TimeTrust, silences
@@ -212,12 +213,18 @@ class Evidence:
 
     @cached_property
     def foreign(self) -> tuple[str, int]:
-        """The protocol whose frames stand among the bytes in no frame, and how many of those looked at; ("", 0)."""
+        """The protocol whose frames stand among the bytes in no frame, and how many of those looked at; ("", 0).
+
+        The one that rows are marked with comes first, so that the page and its causes name the same.
+        """
         if self.ledger.noise_bytes <= _FOREIGN * self.ledger.bytes:
             return "", 0
         data = b"".join(octets for _, _, octets in self.ledger.noise)
-        name, frames = max(((name, count(data)) for name, count in PROTOCOLS.items()), key=lambda item: item[1])
-        return (name, frames) if frames >= _FOREIGN_FRAMES else ("", 0)
+        frames = Counter({name: count(data) for name, count in PROTOCOLS.items()})
+        marked = NAMES[1 + int(self.ledger.foreign[1:].argmax())]
+        frames[marked] = max(frames[marked], int(self.ledger.foreign[1:].max()))
+        name = marked if frames[marked] >= _FOREIGN_FRAMES else max(frames, key=frames.__getitem__)
+        return (name, frames[name]) if frames[name] >= _FOREIGN_FRAMES else ("", 0)
 
     @cached_property
     def declared_bytes(self) -> int:

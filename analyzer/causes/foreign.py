@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping
 from typing import Final
@@ -10,15 +9,9 @@ from typing import Final
 from dissectors.crc import crc16
 from dissectors.foreign import IN_ANY_BYTES
 
-_DCON: Final = re.compile(rb"[#$%@~][0-9A-F]{2}[0-9A-Z]{0,12}\r|[!>?][0-9A-Z+\-.]{2,60}\r")
 _SHORTEST: Final = 7  # bytes of a meter's frame
 _SHARE: Final = 0.05  # of the bytes, at the least
 _MODBUS: Final = (1, 2, 3, 4, 5, 6, 7, 8, 15, 16, 17, 22, 23, 43)
-
-
-def _dcon(data: bytes) -> int:
-    """DCON: lines that begin with # $ % @ ~ or ! > ? and end with CR."""
-    return len(_DCON.findall(data))
 
 
 def _serial_number(data: bytes) -> int:
@@ -40,6 +33,5 @@ def _counted(name: str) -> Callable[[bytes], int]:
 
 PROTOCOLS: Final[Mapping[str, Callable[[bytes], int]]] = {
     **{name: _counted(name) for name in IN_ANY_BYTES},
-    "DCON": _dcon,
     "a meter's own protocol with the CRC of Modbus": _serial_number,
 }

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from captures.line import LineSettings
+from dissectors.foreign import NAMES
 
 from ..deframing.directions import either_way
 from ..diagnosis.tap_clock import TapClock
@@ -83,6 +84,7 @@ class Ledger:
         self.called_examples: list[int] = []
         self.repeat_waits = Thinned()  # ns, from a request without an answer to the same one again
         self.repeats_answered = 0  # requests that came twice and were answered then
+        self.foreign = np.zeros(len(NAMES), np.int64)  # stretches that are another protocol's, by its number
         self.noise: list[tuple[int, int, bytes]] = []  # a few stretches in no frame: time, port, bytes
         self.stray_times = CrowdedTimes()  # ns, of short stretches in no frame
         self.marked_bytes = 0  # by the UART
@@ -185,6 +187,7 @@ class Ledger:
     def _count_noise(self, table: RowColumns, noise: NDArray[np.intp]) -> None:
         length, begins = table.rows.length[noise], table.rows.t_start_ns[noise]
         self.noise_bytes += int(length.sum())
+        self.foreign += np.bincount(table.rows.foreign[noise], minlength=len(NAMES))
         self.stray_times.add(begins[length <= STRAY])
         for row in noise[: max(_NOISE_SAMPLES - len(self.noise), 0)].tolist():
             port = int(table.rows.port[row])

@@ -5,6 +5,7 @@ What a row is hangs on it and on the rows before it on its port, never on how th
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
@@ -20,6 +21,8 @@ from .rules import Bytes, Index, Mask, lengths_fit
 
 _LEAST: Final = 4  # bytes of noise that may be a frame of something
 _PART: Final = 0.5  # of a row's bytes that must be
+_SPANNING: Final = 24  # bytes of a frame that may hold several of another protocol
+_SEVERAL: Final = 2
 _NUMBER: Final = {name: number for number, name in enumerate(NAMES)}
 _DIAGNOSTICS: Final = 8
 _FIXED, _READ, _BLOCK = 1, 2, 4  # what the commonest functions' frames are as long as
@@ -38,10 +41,11 @@ class ForeignTalk:
 
     def __init__(self) -> None:
         self._talks: dict[int, MeterTalk] = {}  # by port
+        self._shared: set[int] = set()  # ports on which another protocol was heard
 
     def mark(self, rows: Rows, data: Bytes) -> None:
         """Mark them in place, before frames are numbered."""
-        if len(rows) <= _FEW and _all_usual(rows, data):
+        if not self._shared and len(rows) <= _FEW and _all_usual(rows, data):
             return
         kind = rows.kind.copy()
         plain = rows.protocol == Protocol.RTU
@@ -50,24 +54,50 @@ class ForeignTalk:
         odd[odd] = _unusual(rows, data, odd.nonzero()[0])
         if odd.any():
             odd[odd] = ~_sound(rows, data, odd.nonzero()[0])
+        since = dict.fromkeys(self._shared, -1)
         for row in (noise | odd).nonzero()[0].tolist():
-            adu = _bytes(rows, data, row)
+            adu, port = _bytes(rows, data, row), int(rows.port[row])
             if noise[row]:
-                rows.foreign[row] = self._of_noise(adu, int(rows.port[row]))
-                continue
-            talk = self._talks.setdefault(int(rows.port[row]), MeterTalk())
-            undeclared = function_class(adu[1] & ~EXCEPTION) != "user-defined" and (
-                adu[1] > EXCEPTION or rule(adu[1], Role.REQUEST) is None
-            )
-            if name := talk.name(adu, undeclared=undeclared):
-                rows.foreign[row], rows.kind[row] = _NUMBER[name], Kind.NOISE
-                rows.unit[row] = rows.function[row] = rows.exception[row] = rows.check[row] = 0
+                rows.foreign[row] = self._of_noise(adu, port)
+                if rows.foreign[row]:
+                    since.setdefault(port, row)
+            elif name := self._of_meter(adu, port):
+                _make_foreign(rows, row, name)
+        self._shared |= since.keys()
+        if since:
+            self._mark_spanned(rows, data, since)
+
+    def _mark_spanned(self, rows: Rows, data: Bytes, since: Mapping[int, int]) -> None:
+        """Mark frames that are chance over several frames of another protocol, behind the first of it on a port.
+
+        One check value of Modbus is right by chance, theirs all are. An answer that carries one telegram of a meter
+        is a gateway's.
+        """
+        long = (rows.kind != Kind.NOISE) & (rows.protocol == Protocol.RTU) & (rows.length >= _SPANNING)
+        for row in long.nonzero()[0].tolist():
+            if row > since.get(int(rows.port[row]), len(rows)):
+                adu = _bytes(rows, data, row)
+                name, frames, covered = foreign_bytes(adu)
+                if frames >= _SEVERAL and covered >= _PART * len(adu):
+                    _make_foreign(rows, row, name)
 
     def _of_noise(self, octets: bytes, port: int) -> int:
         name, _, covered = foreign_bytes(octets)
         if covered < _PART * len(octets) and port in self._talks:
             name, covered = self._talks[port].in_noise(octets)
         return _NUMBER[name] if covered >= _PART * len(octets) else 0
+
+    def _of_meter(self, adu: bytes, port: int) -> str:
+        talk = self._talks.setdefault(port, MeterTalk())
+        undeclared = function_class(adu[1] & ~EXCEPTION) != "user-defined" and (
+            adu[1] > EXCEPTION or rule(adu[1], Role.REQUEST) is None
+        )
+        return talk.name(adu, undeclared=undeclared)
+
+
+def _make_foreign(rows: Rows, row: int, name: str) -> None:
+    rows.foreign[row], rows.kind[row] = _NUMBER[name], Kind.NOISE
+    rows.unit[row] = rows.function[row] = rows.exception[row] = rows.check[row] = 0
 
 
 def _bytes(rows: Rows, data: Bytes, row: int) -> bytes:

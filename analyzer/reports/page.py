@@ -37,12 +37,11 @@ def _lines(report: Report) -> Iterator[PageLine]:
     if not report.frames:
         yield ""
         yield nothing(report)
-        return
     yield from findings.cause_lines(report.causes)
     if report.before:
         yield ""
         yield from against.lines(report.against, file_name(report.before))
-    for table in pagetables.tables(report):
+    for table in pagetables.tables(report) if report.frames else ():
         yield ""
         yield from table
     yield from findings.lines(report.findings)

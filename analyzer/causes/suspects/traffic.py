@@ -57,7 +57,7 @@ def vendor_transfer(evidence: Evidence) -> Iterator[Suspicion]:
     blame="nobody",
     text="Other traffic shares the pair: {protocol}, {frames} of its frames among the bytes looked at; it is no noise and no "
     "fault of the wiring",
-    share="[of {bytes} bytes {foreign} are in no Modbus frame]",
+    share="[{foreign:,} of {bytes:,} bytes are in no Modbus frame]",
     deciding_test="Ask what else is connected to the pair, and switch it off for a minute",
     remedy="Give the other protocol a pair of its own if Modbus devices mind it; many take its frames for their own",
 )
