@@ -135,6 +135,7 @@ def _places(data: bytes, mark: bytes, length: int) -> Iterator[int]:
         at = data.find(mark, at + 1)
 
 
+_NMEA: Final = "NMEA 0183 (GPS, ships)"
 IN_ANY_BYTES: Final[dict[str, Callable[[bytes], Iterator[ForeignFrame]]]] = {
     "BACnet MS/TP": _mstp,
     "HDLC (DLMS/COSEM meters)": _hdlc,
@@ -142,10 +143,11 @@ IN_ANY_BYTES: Final[dict[str, Callable[[bytes], Iterator[ForeignFrame]]]] = {
     "Modbus ASCII": _ascii,
     "IEC 62056-21 (meters)": _meter_readout,
     "DL/T 645 (meters)": _dlt645,
-    "NMEA 0183 (GPS, ships)": _nmea,
+    _NMEA: _nmea,
     "OWEN": _lines_of(_OWEN),
     "DCON": _lines_of(_DCON),
 }
+TALKERS: Final = frozenset({_NMEA})  # one sends, unasked, to whoever listens
 MERCURY_200: Final = "Mercury 200 (a meter's own, with the CRC of Modbus)"
 MERCURY_230: Final = "Mercury 230 (a meter's own, with the CRC of Modbus)"
 MILUR: Final = "Milur (a meter's own, with the CRC of Modbus)"

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from dissectors.declaration import USER_DEFINED
+from dissectors.foreign import TALKERS
 from dissectors.functions import function
 
 from ...tables.findings import Severity
@@ -55,16 +56,18 @@ def vendor_transfer(evidence: Evidence) -> Iterator[Suspicion]:
     "other-protocol",
     Severity.NOTE,
     blame="nobody",
-    text="Other traffic shares the pair: {protocol}, {frames} of its frames among the bytes looked at; it is no noise and no "
+    text="Other traffic is on the pair: {protocol}, {frames} of its frames among the bytes looked at; it is no noise and no "
     "fault of the wiring",
     share="[{foreign:,} of {bytes:,} bytes are in no Modbus frame]",
     deciding_test="Ask what else is connected to the pair, and switch it off for a minute",
     remedy="Give the other protocol a pair of its own if Modbus devices mind it; many take its frames for their own",
 )
 def other_protocol(evidence: Evidence) -> Iterator[Suspicion]:
-    """Frames of another protocol."""
+    """Frames of another protocol; a lone talker that no one asks is a line of its own, not a bus with something wrong."""
     ledger = evidence.ledger
     name, frames = evidence.foreign
+    if name in TALKERS and not ledger.frames:
+        return
     if not frames and evidence.odd >= _FRAMES and evidence.odd >= _ODD * max(ledger.frames, 1):
         name, frames = "a protocol with the CRC of Modbus (meters use it so)", evidence.odd
     if frames:
