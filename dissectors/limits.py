@@ -109,7 +109,6 @@ class RequestedByteCount:
 
 
 Check = Bound | Choice | Multiple
-Relation = Echo | RequestedByteCount
 
 
 _Q = TypeVar("_Q", int, "NDArray[Any]")

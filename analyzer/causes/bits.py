@@ -123,19 +123,3 @@ def _log_bessel(x: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(
         x < _LARGE, np.log(np.i0(np.minimum(x, _LARGE))), large - 0.5 * np.log(2 * np.pi * large) + 1 / (8 * large)
     )
-
-
-def spread_bits(hits: NDArray[np.int64], trials: NDArray[np.int64]) -> float:
-    """How much likelier hits are if each part of the time has a rate of its own than if all share one.
-
-    Paid for by the parts: half the logarithm of the trials for each rate more (the Bayesian information criterion).
-    """
-    used = trials > 0
-    hits, trials = hits[used], np.maximum(trials[used], hits[used])
-    total, all_trials = int(hits.sum()), int(trials.sum())
-    if len(hits) < 2 or not total:
-        return 0.0
-    own = sum(
-        likelihood_bits(h, n, h / n) if 0 < h < n else 0.0 for h, n in zip(hits.tolist(), trials.tolist(), strict=True)
-    )
-    return own - likelihood_bits(total, all_trials, total / all_trials) - 0.5 * (len(hits) - 1) * log2(all_trials)

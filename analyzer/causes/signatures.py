@@ -84,7 +84,6 @@ class Signature:
     marks: int = 0
     detail: str = ""
     t_behind: int = -1
-    headed: int = 0  # leading bytes that are as they must be
     echoed: bool = False  # it begins with its request once more
     delay: int = -1  # ns from the request to its first byte
     heard: builtins.bytes = b""
@@ -158,9 +157,23 @@ def signature(sample: Sample, char_ns: float, requests: KnownRequests, *, off_ns
     t = burst[0].t_start + int((max(found.at, 0) + 0.5) * char_ns)
     behind, t_behind = (_kind_of(rest, sample, requests), rest[0].t_start) if rest else (Behind.NOTHING, -1)
     marks = sum(piece.marks for piece in burst)
-    return Signature(found.damage, behind, found.bytes, len(data), due, found.at, found.flips, t, marks,
-                     found.detail, t_behind, _headed(sample, data), echoed, burst[0].t_start - sample.t_asked,
-                     data, sample.request)  # fmt: skip
+    return Signature(
+        found.damage,
+        behind,
+        bytes=found.bytes,
+        length=len(data),
+        due=due,
+        at=found.at,
+        flips=found.flips,
+        t_ns=t,
+        marks=marks,
+        detail=found.detail,
+        t_behind=t_behind,
+        echoed=echoed,
+        delay=burst[0].t_start - sample.t_asked,
+        heard=data,
+        request=sample.request,
+    )
 
 
 def known_header(request: bytes) -> bytes:
@@ -177,11 +190,6 @@ def _rtu_of(request: bytes) -> bytes:
     except ValueError:
         return b""
     return body + crc_bytes(body)
-
-
-def _headed(sample: Sample, data: bytes) -> int:
-    pairs = list(zip(_header(sample.request), data, strict=False))
-    return next((i for i, (one, two) in enumerate(pairs) if one != two), len(pairs))
 
 
 @lru_cache(maxsize=4096)

@@ -256,7 +256,7 @@ class _Merge:
     ) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
         """Of rows (places in `loose`, as heard) those that can be placed, and how unsure times are at each."""
         rows = loose.rows[which]
-        self._loose, self._which = loose, which.tolist()
+        self._loose = loose
         self._rows = [Row(*values) for values in rows.tolist()]
         self._heard = loose.heard[which].tolist()
         lanes: list[list[int]] = [[], [], []]

@@ -14,7 +14,7 @@ pass in the light of the whole device (`device`). A map that is known decides fo
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final, cast
 
 import numpy as np
@@ -37,7 +37,6 @@ from .texts import bit_values, text_value, texts_in
 from .values import Number, OtherReading, RegisterValue
 from .weights import Weights, shipped_weights
 
-ChartOf = Callable[[int], "RegisterMap | None"]
 _CLOCK_S: Final = 5.0  # seconds, before a clock is told
 _PAIRS: Final = [n for n, hypothesis in enumerate(HYPOTHESES) if hypothesis.family == "i32"]
 _RELATED_BLOCKS: Final = 64  # blocks in which relations are sought

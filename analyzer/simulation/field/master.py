@@ -36,7 +36,6 @@ class FieldRequest:
     unit: int
     end: float
     result: Literal["open", "answered", "exception", "lost", "broadcast"] = "open"
-    next_ns: float = 0.0  # when the client sent its next one
 
 
 @dataclass(slots=True)
@@ -145,8 +144,6 @@ class FieldMaster:
 
     def _send(self, now: float) -> None:
         assert self._poll is not None
-        if self.requests:
-            self.requests[-1].next_ns = now
         self._turn += 1
         self._heard = []
         burst = burst_of(self, self.uart, self.envelope.put(self._sent), now)

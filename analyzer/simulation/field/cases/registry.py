@@ -22,7 +22,6 @@ from ..bench import Bench, Expected, FieldCapture
 ANY_TAP: Final = ("precise", "irq", "ftdi16", "gateway", "untimed")
 TIMED: Final = ("precise", "irq", "ftdi16", "gateway")
 LOCAL: Final = ("precise", "irq", "ftdi16")
-SHARP: Final = ("precise", "irq")
 BYTES: Final = ("precise",)
 
 Site = tuple[Bench, Expected]
