@@ -114,6 +114,13 @@ def test_a_bad_stretch_costs_what_it_hit(tmp_path: Path, whole: bool, data: st.D
     check(tmp_path, recording(), damaged, at, at + size)
 
 
+@pytest.mark.parametrize("fill", [0x00, 0x81, 0xFF])
+def test_a_bad_end_is_no_cut(tmp_path: Path, fill: int) -> None:
+    content = recording(whole=False)
+    for at in range(places(recording())[-2][0] - 40, len(content), 9):
+        check(tmp_path, recording(), content[:at] + bytes([fill]) * (len(content) - at), at, len(content))
+
+
 @pytest.mark.parametrize("whole", [True, False])
 def test_no_flipped_byte_loses_more_than_a_chunk_or_anything_without_a_word(tmp_path: Path, whole: bool) -> None:
     content = recording(whole=whole)

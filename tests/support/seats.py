@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import shutil
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
@@ -24,8 +24,9 @@ from captures import samples
 class Seat:
     """A user at the interface."""
 
-    def __init__(self, app: Rtuscope, pilot: Pilot[NextFile | None]) -> None:
+    def __init__(self, app: Rtuscope, pilot: Pilot[NextFile | None], notices: Sequence[str] = ()) -> None:
         self.app, self.pilot = app, pilot
+        self._notices = notices
 
     @property
     def screen(self) -> BusScreen:
@@ -77,7 +78,8 @@ class Seat:
         )
 
     def notices(self) -> list[str]:
-        return [notice.message for notice in self.app._notifications]
+        """All that was notified, also what has gone from the screen again."""
+        return list(self._notices)
 
 
 @asynccontextmanager
@@ -85,8 +87,16 @@ async def seat(
     source: ViewSource, *, size: tuple[int, int] = (100, 30), view: str | None = "frames"
 ) -> AsyncIterator[Seat]:
     app = Rtuscope(source, view=view)
+    notices: list[str] = []
+    notify = app.notify
+
+    def heard(message: str, **options: Any) -> None:
+        notices.append(message)
+        notify(message, **options)
+
+    setattr(app, "notify", heard)  # noqa: B010 - a method, for this one only
     async with app.run_test(size=size) as pilot:
-        sitting = Seat(app, pilot)
+        sitting = Seat(app, pilot, notices)
         if not source.live:
             await sitting.until(
                 lambda: (

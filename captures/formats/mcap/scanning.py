@@ -322,7 +322,7 @@ def _record_at(
     if not (Opcode.HEADER <= opcode <= Opcode.DATA_END or opcode >= 0x80):
         raise DamagedRecordError(f"no record can begin with {opcode:02X}")
     if after > stop:
-        raise DamagedRecordError(_CUT)
+        raise DamagedRecordError(_CUT if length <= chunk_limit() else f"a record of {length:,} bytes is none")
     if opcode == Opcode.CHUNK:
         raise DamagedRecordError("a damaged chunk (its lengths contradict each other)")
     if length > chunk_limit():
