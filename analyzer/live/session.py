@@ -215,7 +215,7 @@ class Session:
 
     def _judged(self, step: SessionStep) -> SessionStep:
         rows = step.batch.rows
-        self._source.judge(step.heard, int(rows.length.sum(where=rows.check)))
+        self._source.judge(step.heard, int(rows.length.dot(rows.check)))
         return step
 
     def _pump(self) -> None:
