@@ -64,6 +64,11 @@ class TapSource:
         )
 
     @property
+    def more(self) -> bool:
+        """See `SessionSource`."""
+        return self._listening.more
+
+    @property
     def line(self) -> LineSettings:
         """What is known of the line."""
         line = self._ports[0].line(self._tap)
