@@ -21,7 +21,7 @@ _FIRST: Final = 40  # exchanges before anything is said
 _GROWTH: Final = 1.3  # of what was looked at last
 _MOST: Final = 5000  # exchanges from one look to the next
 _SURER: Final = 0.1  # of confidence, that is worth telling
-_GATHERED: Final = 1024  # rows that wait at most: what a ledger costs goes by the call more than by the row
+_GATHERED: Final = 4096  # rows that wait at most: what a ledger costs goes by the call more than by the row
 
 State = Literal["new", "revised", "withdrawn"]
 
