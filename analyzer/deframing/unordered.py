@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from captures.ragged import copy_pieces, sums
 
-from ..tables.columnar import UInt8s
+from ..tables.columnar import Float32s, UInt8s
 from ..tables.schema import BoundaryEvidence, Kind, Rows
 from .buffer import Times
 from .rules import Bytes
@@ -19,6 +19,14 @@ from .segments import NOISE, StreamSegments, evidence_rows
 _KIND_OF_ROLE = np.array([Kind.REQUEST, Kind.RESPONSE, Kind.NOISE], np.uint8)
 _KINDS = _KIND_OF_ROLE.tobytes()
 _FEW = 48  # segments
+_SURE = 25.0  # bits: one less a share of 2 to the power of -25 is one, in 32 bits
+
+
+def _confidence(margin: Float32s) -> Float32s:
+    """How sure a margin of so many bits is, 0.5 to 1."""
+    if 0 < len(margin) <= _FEW and min(margin.tolist()) >= _SURE:
+        return np.ones(len(margin), np.float32)
+    return (1.0 / (1.0 + np.exp2(-np.maximum(margin, 0.0)))).astype(np.float32)
 
 
 def _heads(segments: StreamSegments) -> tuple[UInt8s, UInt8s, UInt8s, UInt8s]:
@@ -86,7 +94,7 @@ class UnorderedRows:
             request=unknown[1],
             request_start=unknown[2],
             response_ns=unknown[3],
-            confidence=(1.0 / (1.0 + np.exp2(-np.maximum(decided.margin, 0.0)))).astype(np.float32),
+            confidence=_confidence(decided.margin),
             kind=kind,
             unit=unit,
             function=function,
