@@ -163,7 +163,7 @@ class Analyzer:
         transactions = self._origin.transactions(transactions)
         batch = self._origin.batch(batch)
         if len(batch):
-            self._frames = max(self._frames, int(batch.rows.index.max()) + 1)
+            self._frames += int(np.count_nonzero(batch.rows.kind))  # all but NOISE
             if self._settles:
                 self._unsettled.add_rows(batch, self._frames)
         self._latest = Analysed(batch, transactions, findings)

@@ -36,6 +36,7 @@ class Bus:
 
     line = _LINE
     waits = True
+    more = False
 
     def __init__(self, length_ns: int) -> None:
         self._length = length_ns

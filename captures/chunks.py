@@ -124,7 +124,7 @@ class Block:
 
     def octets_by_port(self) -> dict[int, int]:
         """How many bytes of each port there are; ports without any are left out."""
-        if not self.port.any():
+        if not np.count_nonzero(self.port):
             return {0: len(self.data)} if len(self) else {}
         counts = np.bincount(self.port, np.diff(self.offsets))
         return {port: int(counts[port]) for port in np.flatnonzero(counts).tolist()}

@@ -132,7 +132,7 @@ class Scripted:
     """A source that gives items when it is told to."""
 
     line = LINE
-    waits = False
+    waits = more = False
 
     def __init__(self, items):
         self._items = items

@@ -20,6 +20,7 @@ class Listening:
     """In place of the reader's process: `script` gives what is heard with the settings of the moment."""
 
     script = staticmethod(lambda _: ())
+    more = False
 
     def __init__(self, ports, **_):
         self.ports, self.asked = list(ports), []

@@ -33,6 +33,7 @@ ANSWERED: Final = np.isin(np.arange(256), (1, 2, 3, 4, 5, 6, 15, 16, 22, 23))  #
 _AHEAD: Final = 2  # exchanges that are held back
 _STRAY_BYTES: Final = 1  # so few are no answer, however damaged
 _SAME: Final = (1 << 40) - 1  # of a poll's number: all but the unit
+_REQUEST: Final = int(Kind.REQUEST)
 
 
 class Ending(IntEnum):
@@ -279,7 +280,7 @@ def _compare(made: Exchanges, before: Exchanges) -> None:
 
 def asking(rows: Rows) -> NDArray[np.bool_]:
     """Which rows are right requests."""
-    asks: NDArray[np.bool_] = (rows.kind == Kind.REQUEST) & rows.check
+    asks: NDArray[np.bool_] = (rows.kind == _REQUEST) & rows.check
     return asks
 
 

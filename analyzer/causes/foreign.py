@@ -6,10 +6,14 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping
 from typing import Final
 
-from dissectors.crc import crc16
+import numpy as np
+
 from dissectors.foreign import IN_ANY_BYTES
 
-_SHORTEST: Final = 7  # bytes of a meter's frame
+from ..deframing.crc_windows import crc_windows
+
+_LENGTHS: Final = (7, 8, 9, 10, 11, 14, 22)  # bytes of a meter's frames
+_SHORTEST: Final = _LENGTHS[0]
 _SHARE: Final = 0.05  # of the bytes, at the least
 _MODBUS: Final = (1, 2, 3, 4, 5, 6, 7, 8, 15, 16, 17, 22, 23, 43)
 
@@ -18,9 +22,10 @@ def _serial_number(data: bytes) -> int:
     """Meters with an address of four bytes, a command, and the CRC of Modbus: the same first four bytes, and it checks,
     of frames that differ: garbage that comes again and again checks as often as once."""
     heads: defaultdict[bytes, Counter[bytes]] = defaultdict(Counter)
-    for at in range(len(data) - 6):
-        for length in (7, 8, 9, 10, 11, 14, 22):
-            if at + length <= len(data) and crc16(data[at : at + length]) == 0:
+    crc = crc_windows(np.frombuffer(data, np.uint8))
+    for length in _LENGTHS:
+        if length <= len(data):
+            for at in np.flatnonzero(crc.heads[:-length] == crc.tails[length:]).tolist():
                 heads[data[at : at + 4]][data[at : at + length]] += 1
     counts = (found.total() for head, found in heads.items() if head[1] & 0x7F not in _MODBUS and len(found) > 1)
     return max((count for count in counts if count >= max(4, _SHARE * len(data) / _SHORTEST)), default=0)

@@ -21,7 +21,7 @@ _FIRST: Final = 40  # exchanges before anything is said
 _GROWTH: Final = 1.3  # of what was looked at last
 _MOST: Final = 5000  # exchanges from one look to the next
 _SURER: Final = 0.1  # of confidence, that is worth telling
-_GATHERED: Final = 1024  # rows that wait at most: what a ledger costs goes by the call more than by the row
+_GATHERED: Final = 4096  # rows that wait at most: what a ledger costs goes by the call more than by the row
 
 State = Literal["new", "revised", "withdrawn"]
 
@@ -60,7 +60,8 @@ class RunningStory:
         self._ledger, self._next = Ledger(line, self._options), _FIRST
         self._batches: list[Batch] = []  # not in the ledger yet
         self._transactions: list[TransactionRows] = []
-        self._rows = self._requests = 0  # of those batches
+        self._rows = 0  # of those batches
+        self._counted = self._requests = 0  # batches whose right requests are counted, and these
 
     def feed(self, batch: Batch, transactions: TransactionRows, line: LineSettings) -> list[CauseRevision]:
         """The next rows, of a line of these settings; where those are others than before, all begins anew."""
@@ -70,14 +71,22 @@ class RunningStory:
             self._batches.append(batch)
             self._transactions.append(transactions)
             self._rows += len(batch)
-            self._requests += int(np.count_nonzero(asking(batch.rows)))
-        if self._requests < self._next - self._ledger.exchanges and self._rows < _GATHERED:
-            return []  # an exchange begins with a request: it is too early for a look
+        if self._rows < _GATHERED and not self._may_look():
+            return []
         self._enter()
         if self._ledger.exchanges < self._next:
             return []
         self._next = self._ledger.exchanges + min(int((_GROWTH - 1) * self._ledger.exchanges), _MOST)
         return self._look()
+
+    def _may_look(self) -> bool:
+        """Whether what waits may be enough for a look: an exchange begins with a request."""
+        least = self._next - self._ledger.exchanges
+        if self._rows < least:  # nor are there so many requests among them
+            return False
+        uncounted, self._counted = self._batches[self._counted :], len(self._batches)
+        self._requests += sum(int(np.count_nonzero(asking(batch.rows))) for batch in uncounted)
+        return self._requests >= least
 
     def close(self) -> list[CauseRevision]:
         """No more comes."""
@@ -90,7 +99,7 @@ class RunningStory:
         if self._batches:
             self._ledger.feed(join_batches(self._batches), TransactionRows.joined(self._transactions))
             self._batches, self._transactions = [], []
-            self._rows = self._requests = 0
+            self._rows = self._counted = self._requests = 0
 
     def _look(self) -> list[CauseRevision]:
         old = {_key(cause): cause for cause in self.causes}

@@ -6,6 +6,7 @@ last group is open until a later time is seen, for it may still grow.
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -14,13 +15,13 @@ from numpy.typing import NDArray
 from captures.chunks import Block
 
 from ..tables.schema import NO_GAP
-from .gaps import TURNS, classes_of
+from .gaps import TURNS, classes_of, classes_of_few
 from .rules import Bytes, Index
 
 Times = NDArray[np.int64]
 _FAR: Final = -(1 << 62)
 _LONG_READ: Final = 1 << 16  # bytes
-_FEW: Final = 96  # groups
+_FEW: Final = 96  # groups, segments
 
 
 class SegmentReads(NamedTuple):
@@ -92,15 +93,20 @@ class ByteBuffer:
         times, marks = block.t_ns, block.mark
         if len(block.errors):
             self._errors = np.concatenate((self._errors, block.errors + len(self.data)))
-        starts = block.offsets[:-1] + len(self.data)
+        held = len(self.data)
+        starts = block.offsets[:-1] + held
         last_mark = int(self._marks[-1]) if len(self._marks) else self._before[1]
         open_group = self._closed < len(self.group)
         same = open_group and int(times[0]) == self.last_time and int(marks[0]) == last_mark
         grown = times[1:] == times[:-1]
-        if same or grown.any():
+        if same or np.count_nonzero(grown):
             new = np.empty(len(block), np.bool_)
             new[0], new[1:] = not same, ~grown | (marks[1:] != marks[:-1])
             starts, times, marks = starts[new], times[new], marks[new]
+        if not held:
+            self.data, self.classes = block.data.copy(), np.zeros(len(block.data), np.uint8)
+            self.group, self.time, self._marks = starts, times, marks
+            return
         self.data = np.concatenate((self.data, block.data))
         self.classes = np.concatenate((self.classes, np.zeros(len(block.data), np.uint8)))
         self.group = np.concatenate((self.group, starts))
@@ -112,11 +118,14 @@ class ByteBuffer:
         first, upto = self._closed, len(self.group) - (not over)
         if upto <= first:
             return
+        before, mark = self._before if not first else (int(self.time[first - 1]), int(self._marks[first - 1]))
+        if upto - first <= _FEW and not mark and not np.count_nonzero(self._marks):
+            self._close_few(first, upto, before)
+            return
         sizes = np.empty(upto - first, np.int64)
         following = self.group[first + 1 : upto + 1]
         sizes[: len(following)], sizes[len(following) :] = following, len(self.data)
         sizes -= self.group[first:upto]
-        before, mark = self._before if not first else (int(self.time[first - 1]), int(self._marks[first - 1]))
         times = self.time[first:upto]
         steps = np.empty_like(times)
         np.subtract(times[1:], times[:-1], out=steps[1:])
@@ -136,6 +145,26 @@ class ByteBuffer:
         self.classes[self.group[first:upto]] = classes
         self._closed = upto
 
+    def _close_few(self, first: int, upto: int, before: int) -> None:
+        """The same of a few groups that no log marks: one by one, for arrays of so few take longer."""
+        times, begins = self.time[first:upto].tolist(), self.group[first : upto + 1].tolist()
+        if upto == len(self.group):
+            begins.append(len(self.data))
+        last = max(before, min(times) - (1 << 53))
+        silences, heard = [], []
+        for time, begin, end in zip(times, begins, begins[1:], strict=False):
+            step, size = time - last, end - begin
+            silences.append(step - int(size * self.char_ns))
+            heard.append(step - round(size * self._wire_ns))
+            last = time
+        classes = classes_of_few(silences, self.char_ns)
+        if before == _FAR:
+            heard[0], classes[0] = NO_GAP, 0
+        known = np.array(heard, np.int64)
+        self._silence = np.concatenate((self._silence[:first], known)) if first else known
+        self.classes[self.group[first:upto]] = classes
+        self._closed = upto
+
     def quiet(self, low: int, high: int, least_ns: int) -> Index:
         """Byte indices in (low, high) before which the times step by `least_ns` or more; `high` excluded."""
         first, last = self.group.searchsorted((low + 1, high)).tolist()
@@ -146,6 +175,8 @@ class ByteBuffer:
 
     def reads(self, starts: Index, ends: Index) -> SegmentReads:
         """What the reads say of segments that lie end to end, at least one."""
+        if len(starts) <= _FEW and len(self.group) <= _FEW:
+            return self._reads_of_few(starts, ends)
         bounds = np.concatenate((starts, ends[-1:]))
         group = self.group.searchsorted(bounds, side="right") - 1
         begins = self.group.take(group) == bounds
@@ -162,14 +193,7 @@ class ByteBuffer:
         most, least = np.full(len(starts), NO_GAP), np.full(len(starts), NO_GAP)
         at, errors = np.zeros(len(starts), np.int32), np.zeros(len(starts), np.uint16)
         several = (tail > head).nonzero()[0]
-        if len(several) > 0 and len(limits) <= _FEW:
-            silences, groups, firsts = known.tolist(), self.group.tolist(), starts.tolist()
-            for i, first, last in zip(several.tolist(), head[several].tolist(), tail[several].tolist(), strict=True):
-                inside = silences[first + 1 : last + 1]
-                longest = max(inside)
-                most[i], least[i] = longest, min(inside)
-                at[i] = groups[first + 1 + inside.index(longest)] - firsts[i]
-        elif len(several):
+        if len(several):
             within = np.empty(2 * len(several), np.intp)
             within[::2], within[1::2] = head[several] + 1, tail[several] + 1
             most[several] = np.maximum.reduceat(known, within)[::2]
@@ -180,6 +204,33 @@ class ByteBuffer:
         before = np.where(begins[:-1], known[head], NO_GAP)
         numbers = head + self._gone, tail + self._gone
         return SegmentReads(t_start, t_end, *numbers, self.time[head], before, most, least, at, tail - head + 1, errors)
+
+    def _reads_of_few(self, starts: Index, ends: Index) -> SegmentReads:
+        """The same of a few segments in a few reads: one by one, for arrays of so few take longer."""
+        groups, times, wire_ns = self.group.tolist(), self.time.tolist(), self._wire_ns
+        limits, silences = [*groups[1:], len(self.data)], self._silence.tolist()
+        silences += [NO_GAP] * (len(groups) - len(silences))
+        said = []
+        for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
+            head, tail = bisect_right(groups, start) - 1, bisect_left(groups, end) - 1
+            t_end = times[tail] - round((limits[tail] - end) * wire_ns)
+            t_start = times[head] - round((limits[head] - start) * wire_ns)
+            t_start = min(t_start, t_end - round((end - start) * wire_ns))
+            begins = groups[head] == start and not (self._partial and start == 0)
+            most = least = NO_GAP
+            at = 0
+            if tail > head:
+                inside = silences[head + 1 : tail + 1]
+                most, least = max(inside), min(inside)
+                at = groups[head + 1 + inside.index(most)] - start
+            before = silences[head] if begins else NO_GAP
+            numbers = head + self._gone, tail + self._gone
+            said.append((t_start, t_end, *numbers, times[head], before, most, least, at, tail - head + 1))
+        columns = np.array(list(zip(*said, strict=True)), np.int64)
+        errors = np.zeros(len(said), np.uint16)
+        if len(self._errors):
+            errors[:] = self._errors.searchsorted(ends) - self._errors.searchsorted(starts)
+        return SegmentReads._make((*columns[:8], columns[8].astype(np.int32), columns[9], errors))
 
     def _wire(self, count: Index) -> Times:
         """How long so many bytes take on the wire."""
@@ -216,9 +267,9 @@ class ByteBuffer:
         """Forget the first `count` bytes: they are decided."""
         if not count:
             return
-        gone = int(self.group.searchsorted(count, side="right")) - 1  # the group that byte `count` lies in, or before
-        if count >= len(self.data):
-            gone = len(self.group)
+        gone = len(self.group)
+        if count < len(self.data):
+            gone = int(self.group.searchsorted(count, side="right")) - 1  # the group that byte `count` lies in
         keep_partial = gone < len(self.group) and int(self.group[gone]) < count
         self._gone += gone
         self._partial = keep_partial

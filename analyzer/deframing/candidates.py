@@ -135,7 +135,7 @@ def _weigh_one(octets: bytes, start: int, end: int, role: Role, rules: LengthTab
     """As `_weigh`, of one candidate. Bits are exact whatever their order, see `rules.exact_bits`."""
     function = octets[start + 1]
     keep, broken = function < 0xFE or not GLITCHES.issuperset(octets[start:end]), False
-    structure = float(_BITS_OF_FUNCTION[int(rules.known[function & 0x7F])])
+    structure = KNOWN_BITS if rules.known[function & 0x7F] else STRANGE_BITS
     checks = rules.checks[256 * role + function]
     if checks is None:
         return keep, structure, broken

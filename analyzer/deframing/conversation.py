@@ -23,6 +23,7 @@ from .rules import Bytes, Index, Mask, big_endian_at
 OPEN: Final = 4  # requests that may be open at once
 _OPEN_REACH: Final = 1024  # bytes: requests further back are forgotten
 REACH: Final = 1300  # bytes: further back than a conversation reaches
+_REQUEST: Final = int(Role.REQUEST)
 
 
 class OpenRequest(NamedTuple):
@@ -134,7 +135,7 @@ class ConversationTracker:
 def conversation_after(conversation: Conversation, run: FrameRun) -> Conversation:
     """The conversation after a run: exchange by exchange, and at once where nothing is open."""
     n = len(run.start)
-    asks, fits = [role == Role.REQUEST for role in run.role.tolist()], [*run.fits.tolist(), False]
+    asks, fits = [role == _REQUEST for role in run.role.tolist()], [*run.fits.tolist(), False]
     paired = [asks[j] and fits[j + 1] for j in range(n)]  # with the next one
     odd = [j for j in range(n) if not paired[j] and not (j and paired[j - 1])]
     odd.append(n)

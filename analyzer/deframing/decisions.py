@@ -139,8 +139,10 @@ class Decider:
     def _points(self, look: OpenLook, begin: int, low: int, high: int) -> list[DecisionPoint]:
         """The points in (low, high] of a look that began at index `begin` of the buffer."""
         buffer, options = self._buffer, self._options
-        idle = set((buffer.quiet(begin + low, begin + high + 1, options.idle_ns) - begin).tolist())
-        cut = set((buffer.quiet(begin + low, begin + high + 1, options.cut_ns) - begin).tolist())
+        span, idle, cut = (begin + low, begin + high + 1), set[int](), set[int]()
+        if len(buffer.quiet(*span, min(options.idle_ns, options.cut_ns))):
+            idle.update((buffer.quiet(*span, options.idle_ns) - begin).tolist())
+            cut.update((buffer.quiet(*span, options.cut_ns) - begin).tolist())
         classes = buffer.classes[begin + low + 1 : begin + high + 1]
         parted = set((low + 1 + (classes >= SILENT).nonzero()[0]).tolist())
         ends = {c.end for c in look.candidates if low < c.end <= high}

@@ -51,7 +51,8 @@ class Engine:
         self._tracker = ConversationTracker()
         self._decider = Decider(self.buffer, self.statistics, options, role)
         self._searched = -1  # bytes of the stream up to which candidates are known
-        self._found = Candidates.none()  # those, with offsets in the stream
+        self._found = Candidates.none()  # those, and perhaps some that end behind it, with offsets from
+        self._found_from = 0  # this byte of the stream
         self._left = 0  # bytes that the newest look left undecided
         self._waiting = False  # the last frame was a request that wants an answer
         self._framed = -1  # offset: where the last frame ended
@@ -139,7 +140,7 @@ class Engine:
         stretch = SearchedBytes(data, begin, crc, found)
         at = 0
         while at < stop:
-            i = int(np.searchsorted(runs.start, at))
+            i = int(runs.start.searchsorted(at))
             if i < len(runs.start) and runs.start[i] == at and runs.clean[i]:
                 moved = self._run(stretch, runs, i)
                 if moved > at:
@@ -169,23 +170,19 @@ class Engine:
 
     def _search(self, data: Bytes, crc: CrcWindows, offset: int) -> Candidates:
         """Candidates of bytes at a stream offset; what an earlier look has found is not searched again."""
-        searched, known = self._searched - offset, self._found
+        searched = self._searched - offset
         if searched < MIN_ADU:
             found = search_candidates(data, crc)
         else:
-            kept = int(np.searchsorted(known.start, offset))
+            known, shift = self._found, offset - self._found_from
+            some = (known.start >= shift) & (known.end <= searched + shift)
             known = Candidates(
-                known.start[kept:] - offset, known.end[kept:] - offset, known.role[kept:], known.structure[kept:]
+                known.start[some] - shift, known.end[some] - shift, known.role[some], known.structure[some]
             )
             found = more_candidates(known, searched, data, crc)
         self._searched = -1
         if len(data) <= 2 * WINDOWS[-1]:  # else so much is decided at once
-            sure = len(data) - _LOOKS_AHEAD
-            some = found.end <= sure
-            self._searched = offset + sure
-            self._found = Candidates(
-                found.start[some] + offset, found.end[some] + offset, found.role[some], found.structure[some]
-            )
+            self._searched, self._found, self._found_from = offset + len(data) - _LOOKS_AHEAD, found, offset
         return found
 
     def _whole(self, found: Candidates, begin: int) -> Candidates:
@@ -216,7 +213,7 @@ class Engine:
         limit = next_checkpoint(offset + at) - offset
         last = int(runs.last[i]) + 1
         if runs.end[last - 1] > limit:
-            last = max(i + 1, i + int(np.searchsorted(runs.end[i:last], limit, side="right")))
+            last = max(i + 1, i + int(runs.end[i:last].searchsorted(limit, side="right")))
         classes = self._silences(begin, len(data))
         context = RunContext(data, classes, self.statistics, self._tracker, self._waiting)
         last, margin = run_reach(runs, i, last, context)
@@ -238,12 +235,12 @@ class Engine:
     def _take(self, stretch: SearchedBytes, start: Index, end: Index, fits: Mask, decided: DecidedSegments) -> None:
         """Frames (`start` and `end` in the stretch) are decided without the lattice."""
         offset, role = self.buffer.base + stretch.begin, decided.role
-        first = max(0, int(np.searchsorted(start, end[-1] - REACH)) - 1)
+        first = max(0, int(start.searchsorted(end[-1] - REACH)) - 1)
         run = FrameRun(
             self.buffer.data, self.buffer.base, decided.start[first:], decided.end[first:], role[first:], fits[first:]
         )
         self._tracker.extend(run)
-        self._decide(decided)
+        self._decide(decided, noise=False)
         asks = role[-1] == ASKS
         self._waiting = bool(asks and stretch.data[start[-1]])
         self._framed = offset + int(end[-1])
@@ -266,12 +263,14 @@ class Engine:
         self._tracker.settle(last.conversation)
         return at + last.end
 
-    def _decide(self, decided: DecidedSegments) -> None:
+    def _decide(self, decided: DecidedSegments, *, noise: bool = True) -> None:
         """Segments are decided: given when work is done, learnt from at the next checkpoint at the latest."""
         buffer = self.buffer
         low, high = int(decided.start[0]), int(decided.end[-1])
-        self._decided.append(self._parted(decided))
-        taught = decided._replace(start=decided.start - low, end=decided.end - low)
+        if decided.why is not None:
+            decided.why.margin[:] = decided.margin
+        self._decided.append(self._parted(decided) if noise else decided)
+        taught = decided._replace(start=decided.start - low, end=decided.end - low) if low else decided
         self._lessons.add(taught, buffer.base + low, buffer.data[low:high], buffer.classes[low:high])
         if buffer.base + high >= next_checkpoint(self.statistics.checkpoint):
             self._lessons.learn()
@@ -279,8 +278,6 @@ class Engine:
     def _parted(self, decided: DecidedSegments) -> DecidedSegments:
         """The same, noise in two where a silence parts frames."""
         start, end, role, check, margin, contested, why = decided
-        if why is not None:
-            why.margin[:] = margin
         noise = role == NOISE
         if not noise.any():
             return decided

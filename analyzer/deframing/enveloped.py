@@ -43,9 +43,9 @@ class EnvelopedPairer:
         across: Across | None = None,
     ) -> dict[int, bytes]:
         """Fill the columns in place; give the bytes of those requests that lie in earlier batches; see `Pairer`."""
-        protocol = rows.protocol.copy()
-        if not protocol.any():
+        if not np.count_nonzero(rows.protocol):
             return self._rtu.pair(rows, data, head, tail, across)
+        protocol = rows.protocol.copy()
         earlier: dict[int, bytes] = {}
         plain = protocol == Protocol.RTU
         if plain.any():

@@ -80,14 +80,16 @@ class SearchedBytes:
     def rivalled(self, start: int, end: int, origin: int) -> bool:
         """Whether another interval, from `origin` on, overlaps this one and ends with it at the latest."""
         found = self.found
-        low, high = np.searchsorted(found.start, (max(origin, start - MAX_ADU), end))
+        low, high = found.start.searchsorted((max(origin, start - MAX_ADU), end)).tolist()
         others = (found.end[low:high] <= end) & (found.end[low:high] > start)
         others &= (found.start[low:high] != start) | (found.end[low:high] != end)
-        return bool(others.any())
+        return bool(np.count_nonzero(others))
 
     def candidates_in(self, at: int, limit: int, known: int) -> list[Candidate]:
         """Those that lie in [at, limit) and end behind `known`, with offsets from `at`."""
-        low, high = np.searchsorted(self.found.start, (at, limit))
+        low, high = self.found.start.searchsorted((at, limit)).tolist()
+        if low == high:
+            return []
         start, end = self.found.start[low:high], self.found.end[low:high]
         fits = (end <= limit) & (end > known)
         return [

@@ -121,7 +121,7 @@ def _unusual(rows: Rows, data: Bytes, which: Index) -> Mask:
 
 def _all_usual(rows: Rows, data: Bytes) -> bool:
     """Whether all of a few rows are frames that `_unusual` would not name: one by one, as on a healthy line."""
-    if rows.protocol.any():
+    if np.count_nonzero(rows.protocol):
         return False
     octets = data.tobytes()
     for kind, at, length in zip(rows.kind.tolist(), rows.at.tolist(), rows.length.tolist(), strict=True):

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
+from collections.abc import Sequence
 from enum import IntEnum
 from typing import Final, NamedTuple
 
@@ -28,6 +29,8 @@ _EDGES: Final = np.array(
      5120]
 )  # characters  # fmt: skip
 _CLASS_OF: Final = (np.digitize(np.arange(4 * _EDGES[-1] + 1) / 4, _EDGES) + 1).astype(np.uint8)  # by quarters of one
+_CLASS_OCTETS: Final = _CLASS_OF.tobytes()
+_MOST: Final = len(_CLASS_OF) - 1
 AGAINST: Final = -3.0  # bits: so little silence that hardly a frame ends there
 SILENT: Final = 3  # the silence class from which a gap may part frames: 1 is none, 2 a character's worth of jitter
 TURNS: Final = len(_EDGES) + 2  # two more classes: the log says that the direction turned, to TX or to RX
@@ -49,8 +52,13 @@ _MEMORY: Final = 1e6  # bytes: beyond it old counts fade, since taps are re-plug
 
 def classes_of(silence_ns: NDArray[np.int64], char_ns: float) -> NDArray[np.uint8]:
     """Classes (1 and up) of the silences before groups."""
-    quarters = (silence_ns / char_ns * 4).clip(0, len(_CLASS_OF) - 1)
+    quarters = (silence_ns / char_ns * 4).clip(0, _MOST)
     return _CLASS_OF.take(quarters.astype(np.intp))
+
+
+def classes_of_few(silences_ns: Sequence[int], char_ns: float) -> list[int]:
+    """The same, one by one."""
+    return [_CLASS_OCTETS[int(min(max(silence / char_ns * 4, 0), _MOST))] for silence in silences_ns]
 
 
 def _prior(same_group: float, short: float, middle: float, long: float, weight: float) -> NDArray[np.float64]:
@@ -71,7 +79,8 @@ def checkpoint_before(offset: int) -> int:
 
 def next_checkpoint(offset: int) -> int:
     """The first checkpoint behind a stream offset."""
-    return checkpoint_before(offset) + _step(offset)
+    step = _step(offset)
+    return offset - offset % step + step
 
 
 def _step(offset: int) -> int:

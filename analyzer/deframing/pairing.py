@@ -6,7 +6,6 @@ back over the requests that are still open, the newest that fits first.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
@@ -77,42 +76,34 @@ class Pairer:
             return earlier
         few = across is None and len(frames) <= _FEW
         loose = (_pair_few if few else _pair_neighbours)(rows, data, frames, head, tail, across)
-        if few and not len(loose) and not self._open:
-            return earlier
-        kind, port = rows.kind.take(frames), rows.port.take(frames)
-        asking_rows = frames.compress(kind == _REQUEST)
-        begins: dict[int, tuple[Index, Times]] = {}  # of the requests of a port: their indices and times
-        for each in {opened.port for opened in self._open} | set(port[loose].tolist()):
-            mine = asking_rows.compress(rows.port.take(asking_rows) == each)
-            begins[each] = rows.index[mine], rows.t_start_ns.take(mine)
-        for i in _still_open(loose, kind).tolist() if len(loose) else ():
+        asking = _RequestTimes(rows, frames)
+        for i in _still_open(loose, rows.kind.take(frames)) if len(loose) > _OPEN else loose.tolist():
             row = int(frames[i])
             begin = int(rows.at[row])
             adu = data[begin : begin + int(rows.length[row])].tobytes()
-            if kind[i] == _REQUEST:
+            if rows.kind[row] == _REQUEST:
                 self._ask(rows, row, adu, int(tail[row]), int(place[row]))
             else:
-                self._went_on(begins, int(rows.index[row]))
+                self._went_on(asking, int(rows.index[row]))
                 other = across is not None and bool(across.answers[row])
-                asking = across.requests if across is not None and other else int(rows.port[row])
-                self._answer(rows, row, adu, int(head[row]), int(place[row]), asking, earlier)
-        self._went_on(begins, int(rows.index[frames[-1]]) + 1)
+                port = across.requests if across is not None and other else int(rows.port[row])
+                self._answer(rows, row, adu, int(head[row]), int(place[row]), port, earlier)
+        self._went_on(asking, int(rows.index[frames[-1]]) + 1)
         if across is not None:
             told = rows.response_ns
             told[across.answers & (told <= across.unsure_ns)] = -1
-        first = int(rows.index[frames[0]])
-        return {index: request for index, request in earlier.items() if index < first}
+        return {index: request for index, request in earlier.items() if index < asking.first}
 
     def _ask(self, rows: Rows, row: int, adu: bytes, read: int, place: int) -> None:
         index, start, port, end = rows.index[row], rows.start[row], rows.port[row], rows.t_end_ns[row]
         opened = _OpenRow(int(index), int(start), int(port), int(end), read, place, adu)
         self._open = [*self._open[-_OPEN:], opened]  # one too many, for an answer right behind it closes it at once
 
-    def _went_on(self, begins: Mapping[int, tuple[Index, Times]], until: int) -> None:
+    def _went_on(self, asking: _RequestTimes, until: int) -> None:
         """Each open request learns when the next one on its port began, if that is a frame before `until`."""
         for opened in self._open:
-            if opened.t_next is None:
-                indices, times = begins[opened.port]
+            if opened.t_next is None and max(opened.index + 1, asking.first) < until:
+                indices, times = asking.of(opened.port)
                 behind = int(indices.searchsorted(opened.index, "right"))
                 if behind < len(indices) and indices[behind] < until:
                     opened.t_next = int(times[behind])
@@ -136,6 +127,23 @@ class Pairer:
         rows.request[row] = found.index
         rows.request_start[row] = found.start
         rows.response_ns[row] = -1 if read == found.read else max(0, int(rows.t_start_ns[row]) - found.t_end)
+
+
+class _RequestTimes:
+    """Of the frames of a batch: when the requests of a port began, worked out once somebody asks."""
+
+    def __init__(self, rows: Rows, frames: Index) -> None:
+        self.first = int(rows.index[frames[0]])
+        self._rows, self._frames = rows, frames
+        self._known: dict[int, tuple[Index, Times]] = {}
+
+    def of(self, port: int) -> tuple[Index, Times]:
+        """Indices of the requests of a port, and their times."""
+        if port not in self._known:
+            rows, frames = self._rows, self._frames
+            mine = frames[(rows.kind.take(frames) == _REQUEST) & (rows.port.take(frames) == port)]
+            self._known[port] = rows.index.take(mine), rows.t_start_ns.take(mine)
+        return self._known[port]
 
 
 def _pair_neighbours(rows: Rows, data: Bytes, frames: Index, head: Times, tail: Times, across: Across | None) -> Index:
@@ -188,9 +196,9 @@ def _pair_few(
     return np.array(list(loose), np.intp)
 
 
-def _still_open(loose: Index, kind: NDArray[np.uint8]) -> Index:
+def _still_open(loose: Index, kind: NDArray[np.uint8]) -> list[int]:
     """Of frames (numbers in `kind`) that are not paired, the responses, and the requests that may be open then."""
     number = np.arange(len(loose))
     looks = np.append((kind.take(loose) == _ANSWER).nonzero()[0], len(loose))
-    near: Index = loose[looks[looks.searchsorted(number)] - number <= _OPEN + 1]
+    near: list[int] = loose[looks[looks.searchsorted(number)] - number <= _OPEN + 1].tolist()
     return near

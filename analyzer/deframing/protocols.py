@@ -172,7 +172,10 @@ class _UndecidedPort:
         out, self._out = self._out, []
         if self._unknown is not None:
             out += self._unknown.take()
-        return out if self._engine is None else out + [self._shifted(part) for part in self._engine.take()]
+        if self._engine is None:
+            return out
+        parts = self._engine.take()
+        return out + (list(map(self._shifted, parts)) if self._bytes else parts)
 
     def _wait(self, block: Block) -> None:
         """Take chunks while nothing is decided; what stands before a silence of seconds is judged by itself."""
@@ -232,7 +235,5 @@ class _UndecidedPort:
 
     def _shifted(self, part: StreamSegments) -> StreamSegments:
         """The same behind what was given before the engine was chosen."""
-        if not self._bytes:
-            return part
         reads = part.reads._replace(head=part.reads.head + self._reads, tail=part.reads.tail + self._reads)
         return part._replace(offset=part.offset + self._bytes, reads=reads)

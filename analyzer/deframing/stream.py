@@ -81,7 +81,7 @@ class PortsDeframer:
         self._timed = self._timed and block.timed
         if len(block):
             self._now = int(block.t_ns[-1])
-            ports = np.bincount(block.port).nonzero()[0].tolist() if block.port.any() else [0]
+            ports = np.bincount(block.port).nonzero()[0].tolist() if np.count_nonzero(block.port) else [0]
             if len(ports) > 1:
                 ports.sort(key=lambda port: int(np.argmax(block.port == port)))  # as they came
             for port in ports:
@@ -114,14 +114,13 @@ class PortsDeframer:
         return self._engines[port]
 
     def _give(self, *, last: bool) -> Batch:
-        taken = [
-            UnorderedRows.of(port, segments)
-            for port, engine in sorted(self._engines.items())
-            for segments in engine.take()
-        ]
-        undecided = [t for t in (e.undecided_ns for e in self._engines.values()) if t is not None]
-        until = None if last else min([*undecided, *([] if self._now is None else [self._now])], default=None)
-        return self._batch(*self._order.take(taken, until))
+        taken: list[UnorderedRows] = []
+        bounds = [] if self._now is None else [self._now]
+        for port, engine in sorted(self._engines.items()):
+            taken += [UnorderedRows.of(port, segments) for segments in engine.take()]
+            if (undecided := engine.undecided_ns) is not None:
+                bounds.append(undecided)
+        return self._batch(*self._order.take(taken, None if last else min(bounds, default=None)))
 
     def _batch(self, loose: UnorderedRows, across: Across | None) -> Batch:
         rows = loose.rows
@@ -140,7 +139,7 @@ class PortsDeframer:
     def _ask_all(self, loose: UnorderedRows) -> None:
         """A frame to unit 0 that reads as a request is one: nobody may answer a broadcast, and clients repeat them."""
         rows = loose.rows
-        if rows.unit.all():
+        if np.count_nonzero(rows.unit) == len(rows):
             return
         said = (rows.kind == Kind.RESPONSE) & (rows.unit == 0) & rows.check & (rows.protocol == Envelope.RTU)
         for row in said.nonzero()[0].tolist():

@@ -3,18 +3,58 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from captures.ragged import copy_pieces, sums
 
+from ..tables.columnar import Float32s, UInt8s
 from ..tables.schema import BoundaryEvidence, Kind, Rows
 from .buffer import Times
 from .rules import Bytes
-from .segments import StreamSegments, evidence_rows
+from .segments import NOISE, StreamSegments, evidence_rows
 
 _KIND_OF_ROLE = np.array([Kind.REQUEST, Kind.RESPONSE, Kind.NOISE], np.uint8)
+_KINDS = _KIND_OF_ROLE.tobytes()
+_FEW = 48  # segments
+_SURE = 25.0  # bits: one less a share of 2 to the power of -25 is one, in 32 bits
+
+
+def _confidence(margin: Float32s) -> Float32s:
+    """How sure a margin of so many bits is, 0.5 to 1."""
+    if 0 < len(margin) <= _FEW and min(margin.tolist()) >= _SURE:
+        return np.ones(len(margin), np.float32)
+    return (1.0 / (1.0 + np.exp2(-np.maximum(margin, 0.0)))).astype(np.float32)
+
+
+def _heads(segments: StreamSegments) -> tuple[UInt8s, UInt8s, UInt8s, UInt8s]:
+    """Kind, unit, function and exception code of segments."""
+    data, (start, end, role, *_) = segments.data, segments.decided
+    kind = _KIND_OF_ROLE.take(role)
+    framed = kind != 0  # NOISE
+    if segments.heads is None:
+        last = len(data) - 1
+        unit, function, code = (data.take(np.minimum(start + i, last)) for i in range(3))
+    else:
+        unit, function, code = segments.heads.T
+    failed = framed & (function > 0x7F) & (end - start >= 3)
+    return kind, unit * framed, (function & 0x7F) * framed, code * failed
+
+
+def _heads_of_few(segments: StreamSegments) -> tuple[UInt8s, UInt8s, UInt8s, UInt8s]:
+    """The same of a few segments, one by one: arrays of so few take longer."""
+    octets, heads = segments.data.tobytes(), []
+    for start, end, role in zip(*(column.tolist() for column in segments.decided[:3]), strict=True):
+        unit, function, code = 0, 0, 0
+        if role != NOISE:
+            unit, function, code = (*octets[start : start + 3], 0, 0)[:3]
+            if function <= 0x7F or end - start < 3:
+                code = 0
+        heads.append((_KINDS[role], unit, function & 0x7F, code))
+    kinds, units, functions, codes = np.array(list(zip(*heads, strict=True)), np.uint8)
+    return kinds, units, functions, codes
 
 
 class UnorderedRows:
@@ -28,6 +68,7 @@ class UnorderedRows:
         self.rows, self.data, self.head, self.tail, self.heard, self.why = rows, data, head, tail, heard, why
 
     @classmethod
+    @cache
     def nothing(cls) -> UnorderedRows:
         """No rows."""
         none = np.empty(0, np.int64)
@@ -38,15 +79,10 @@ class UnorderedRows:
         """Rows of decided segments."""
         data, decided, reads = segments.data, segments.decided, segments.reads
         at, length = decided.start, decided.end - decided.start
-        kind = _KIND_OF_ROLE.take(decided.role)
-        framed = kind != 0  # NOISE
-        if segments.heads is None:
-            last = len(data) - 1
-            unit, function, code = (data.take(np.minimum(at + i, last)) for i in range(3))
-        else:
-            unit, function, code = segments.heads.T
-        failed = (framed & (function > 0x7F) & (length >= 3)).nonzero()[0]
-        unknown, octets = np.full((4, len(at)), -1, np.int64), np.zeros((4, len(at)), np.uint8)
+        few = segments.heads is None and len(at) <= _FEW
+        kind, unit, function, exception = (_heads_of_few if few else _heads)(segments)
+        unknown, octets = np.empty((4, len(at)), np.int64), np.zeros((3, len(at)), np.uint8)
+        unknown.fill(-1)
         octets[0], octets[1] = port, segments.protocol
         rows = Rows(
             index=unknown[0],
@@ -58,11 +94,11 @@ class UnorderedRows:
             request=unknown[1],
             request_start=unknown[2],
             response_ns=unknown[3],
-            confidence=(1.0 / (1.0 + np.exp2(-np.maximum(decided.margin, 0.0)))).astype(np.float32),
+            confidence=_confidence(decided.margin),
             kind=kind,
-            unit=unit * framed,
-            function=(function & 0x7F) * framed,
-            exception=octets[2],
+            unit=unit,
+            function=function,
+            exception=exception,
             check=decided.check.copy(),
             port=octets[0],
             protocol=octets[1],
@@ -73,9 +109,8 @@ class UnorderedRows:
             gap_at=reads.gap_at,
             reads=reads.reads.astype(np.int32),
             errors=reads.errors,
-            foreign=octets[3],
+            foreign=octets[2],
         )
-        rows.exception[failed] = code[failed]
         why = evidence_rows(0) if decided.why is None else decided.why
         return cls(rows, data, reads.head, reads.tail, reads.heard, why)
 

@@ -36,6 +36,7 @@ _EVERY: Final = 64  # frames, after which the horizon is measured anew
 _BYTE_BY_BYTE: Final = 0.9  # reads a byte
 _STRAYS: Final = 4.0  # horizon for each ns that times stray inside frames
 _FADES: Final = 0.75
+_REQUEST: Final = int(Kind.REQUEST)
 
 
 class ClockSkew(NamedTuple):
@@ -57,12 +58,14 @@ class Across(NamedTuple):
         return Across(self.answers[which], self.requests, self.unsure_ns[which])
 
 
-class _NewestRow(NamedTuple):
-    """A row as it was decided, with its bytes, and when the read that brought the first of them returned."""
+class _NewestRequest(NamedTuple):
+    """A right request as it was decided, and when the read that brought its first byte returned."""
 
-    row: Row
+    port: int
+    protocol: int
     captured: bytes
     heard_ns: int
+    t_end_ns: int
 
 
 class WireOrder:
@@ -76,7 +79,7 @@ class WireOrder:
         self._held = UnorderedRows.nothing()
         self._directions = said_directions(line)
         self._settled = self._directions is not None
-        self._newest: _NewestRow | None = None  # of before there were two
+        self._newest: _NewestRequest | None = None  # the row before there were two, where it is one
         self._merge = _Merge()
 
     @property
@@ -156,10 +159,18 @@ class WireOrder:
 
     def _remember(self, loose: UnorderedRows, newest: int) -> None:
         """Keep the newest row that was heard before there was a second port; -1: there is none."""
-        if newest >= 0:
-            row = loose.rows.row(newest)
-            captured = loose.data[row.at : row.at + row.length].tobytes()
-            self._newest = _NewestRow(row, captured, int(loose.heard[newest]))
+        if newest < 0:
+            return
+        rows, self._newest = loose.rows, None
+        if rows.kind.item(newest) == _REQUEST and rows.unit.item(newest) and rows.check.item(newest):
+            at = rows.at.item(newest)
+            self._newest = _NewestRequest(
+                rows.port.item(newest),
+                rows.protocol.item(newest),
+                loose.data[at : at + rows.length.item(newest)].tobytes(),
+                loose.heard.item(newest),
+                rows.t_end_ns.item(newest),
+            )
 
     def _settle(self, loose: UnorderedRows, order: NDArray[np.intp], until: int | None) -> None:
         """Settle directions by the first frames, once there are enough of them."""
@@ -279,12 +290,11 @@ class _Merge:
             at[lane] = upto
         return which[np.array(placed, np.intp)], np.array(unsure, np.int64)
 
-    def begin(self, newest: _NewestRow, requests: int) -> None:
-        """The row before there were two ports may be a request that is still open."""
-        row = newest.row
-        if row.kind == Kind.REQUEST and row.port == requests and row.unit and row.check:
-            self._asked = expectation(adu_of(newest.captured, row.protocol).data)
-            self._asked_ns = (newest.heard_ns, row.t_end_ns)
+    def begin(self, newest: _NewestRequest, requests: int) -> None:
+        """The request before there were two ports may still be open."""
+        if newest.port == requests:
+            self._asked = expectation(adu_of(newest.captured, newest.protocol).data)
+            self._asked_ns = (newest.heard_ns, newest.t_end_ns)
 
     def _next(self, lanes: list[list[int]], at: list[int], horizon: int) -> tuple[int, int]:
         """The lane that goes on, and up to where."""

@@ -19,8 +19,8 @@ from ..tables.schema import Kind, Rows
 from ..tables.transactions import TransactionRows, Transactions
 from .running import Diagnosis
 
-_WAIT_NS: Final = 500_000_000  # that healthy rows wait at most
-_ROWS: Final = 256  # that wait at most
+_WAIT_NS: Final = 1_000_000_000  # that healthy rows wait at most
+_ROWS: Final = 512  # that wait at most
 _FEW: Final = 48  # rows
 _REQUEST: Final = int(Kind.REQUEST)
 

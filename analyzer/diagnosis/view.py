@@ -232,7 +232,7 @@ class EarlierRow(NamedTuple):
 
     @property
     def is_frame(self) -> bool:
-        return self.row.kind != Kind.NOISE
+        return self.row.kind != _NOISE
 
 
 class _MadeRows:

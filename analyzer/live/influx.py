@@ -46,7 +46,7 @@ class InfluxLines:
         noise = row.kind == Kind.NOISE
         lines = []
         if not (noise or shown.late):
-            lines = self._frame(shown.frame)
+            lines = self._frame(shown.frame())
         lines += [_finding(finding, None if noise else row.unit, row.t_end_ns) for finding in shown.findings]
         return "".join(f"{line}\n" for line in lines)
 

@@ -22,7 +22,7 @@ from ..paste.meaning import mapped_readings
 from ..tables.batch import Batch
 from ..tables.findings import Finding, Severity
 from ..tables.frame import Frame, adu_of
-from ..tables.schema import Kind
+from ..tables.schema import Kind, Row
 from ..terminal_text import TerminalText, painted, terminal_text
 from ..words import duration
 from .recent import ShownRow
@@ -50,12 +50,16 @@ class FrameCache(Generic[T]):
         self._cache: dict[tuple[bytes, bytes | None, int, int], T] = {}
 
     def of(self, frame: Frame) -> T:
-        key = (frame.captured, frame.request_bytes, frame.row.kind, frame.row.protocol)
+        return self.of_row(frame.row, frame.captured, frame.request_bytes, lambda: frame)
+
+    def of_row(self, row: Row, captured: bytes, request_bytes: bytes | None, view: Callable[[], Frame]) -> T:
+        """The same of a frame that `view` makes only where nothing is kept yet."""
+        key = (captured, request_bytes, row.kind, row.protocol)
         words = self._cache.get(key)
         if words is None:
             if len(self._cache) >= _CACHED:
                 self._cache.clear()
-            words = self._cache[key] = self._say(frame)
+            words = self._cache[key] = self._say(view())
         return words
 
 
@@ -84,13 +88,14 @@ class TextLines:
         return terminal_text(first, *map(self._finding, shown.findings)) if shown.findings else first
 
     def _row(self, shown: ShownRow) -> TerminalText:
-        if shown.values.kind == _NOISE:
+        row = shown.values
+        if row.kind == _NOISE:
             shows = self._noise or shown.findings
             return self._cut(_noise(shown.batch, shown.row), "2") if shows else terminal_text()
-        frame = shown.frame
+        words = self._summaries.of_row(row, shown.captured, shown.request_bytes, shown.frame)
         if shown.late:
-            return self._cut(f"{clock_time(frame.t_end_ns)}   #{frame.index}: {self._summaries.of(frame)}", "2")
-        return self._frame(frame)
+            return self._cut(f"{clock_time(row.t_end_ns)}   #{row.index}: {words}", "2")
+        return self._frame(row, words)
 
     def bus(self, finding: Finding) -> TerminalText:
         """A finding about the bus as a whole."""
@@ -107,13 +112,11 @@ class TextLines:
         text = f"{mark} {head}: {cause.text}"
         return self._cut(text, _COLOURS[Severity[cause.severity.upper()]])
 
-    def _frame(self, frame: Frame) -> TerminalText:
-        row, waited = frame.row, frame.response_time_ns
+    def _frame(self, row: Row, words: str) -> TerminalText:
         arrow = ">" if row.kind == _REQUEST else "<"
-        took = "" if waited is None else f"   {duration(waited)}"
+        took = "" if row.response_ns < 0 else f"   {duration(row.response_ns)}"
         check = "" if row.check else f"   {tr('WRONG CHECK VALUE')}"
         head = f"{clock_time(row.t_end_ns)} {arrow} {row.unit:3d} {row.function:02d} "
-        words = self._summaries.of(frame)
         if self._width is not None:
             room = self._width - len(head) - len(took) - len(check)
             words = words if len(words) <= room else words[: max(room - 1, 0)] + "…"
@@ -156,7 +159,7 @@ class LiveJsonLines:
         if shown.late:
             return "".join(self.bus(finding) for finding in shown.findings)
         if shown.values.kind != _NOISE:
-            return _dumped(self._frame(shown.frame))
+            return _dumped(self._frame(shown.frame()))
         return _dumped(noise_json(shown.batch, shown.row)) if self._noise else ""
 
     def _frame(self, frame: Frame) -> dict[str, Any]:

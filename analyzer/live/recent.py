@@ -27,10 +27,11 @@ class ShownRow(NamedTuple):
     batch: Batch
     row: int
     values: Row  # of that row
+    captured: bytes
+    request_bytes: bytes | None  # of the request that it answers
     findings: tuple[Finding, ...]
     late: bool
 
-    @property
     def frame(self) -> Frame:
         """A view of it, if it is a frame."""
         return self.batch.view(self.row, self.values)
@@ -50,8 +51,14 @@ class Recent:
         if len(step.findings) > (0 if own is None else len(own)):
             yield from self._late(step)
         silent = own is None or not len(own)
+        octets = batch.data.tobytes()
+        asked = dict(batch.earlier)  # bytes of frames by their index: each may be a request that one behind it answers
         for row, values in enumerate(batch.rows):
-            yield ShownRow(batch, row, values, () if silent else batch.findings_of(row), late=False)
+            captured = octets[values.at : values.at + values.length]
+            request = asked.get(values.request)
+            if values.index >= 0:
+                asked[values.index] = captured
+            yield ShownRow(batch, row, values, captured, request, () if silent else batch.findings_of(row), late=False)
         if len(batch):
             self._batches.append(batch)
             self._rows += len(batch)
@@ -66,11 +73,13 @@ class Recent:
             for batch in self._batches:
                 row = int(rows_of_findings(batch.rows, one)[0])
                 if row >= 0:
+                    values = batch.rows.row(row)
+                    request = batch.request_of(row, values.request) if values.request >= 0 else None
                     said = (describe(one, 0),)
-                    yield ShownRow(batch.said(one), row, batch.rows.row(row), said, late=True)
+                    yield ShownRow(batch.said(one), row, values, batch.bytes_of(row), request, said, late=True)
                     break
 
 
 def of_the_bus(step: SessionStep) -> list[Finding]:
     """Findings about the bus as a whole."""
-    return list(described(step.findings[step.findings.start < 0]))
+    return list(described(step.findings[step.findings.start < 0])) if len(step.findings) else []

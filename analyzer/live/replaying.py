@@ -30,6 +30,7 @@ class Replay:
     """Plays `capture` at `speed` times its own; None is as fast as it goes. Pause, step and speed at any time."""
 
     waits = True
+    more = False
 
     def __init__(self, capture: Capture, speed: float | None = 1.0) -> None:
         self._capture = capture

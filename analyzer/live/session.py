@@ -34,11 +34,15 @@ _NOTED: Final = frozenset({"lost", "opened", "clock", "settled", "gap", "notice"
 class SessionSource(Protocol):
     """Where items come from: a tap, a replay.
 
-    `waits`: it can be made to wait for an analysis that is behind; a bus can't.
+    `waits`: it can be made to wait for an analysis that is behind; a bus can't. `more`: behind the newest item another
+    one comes without a wait.
     """
 
     @property
     def waits(self) -> bool: ...
+
+    @property
+    def more(self) -> bool: ...
 
     @property
     def line(self) -> LineSettings:
@@ -107,7 +111,8 @@ class Session:
         self._source = source
         self._recorder = recorder
         self._analyzer = Analyzer(source.line, options, settles=False)
-        self._queue: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._queue: queue.SimpleQueue[list[Any]] = queue.SimpleQueue()
+        self._ready: list[Any] = []  # the other thread's: what is queued next, as one, so that one wait ends
         self._backlog = backlog
         self._outlets = outlets
         self._waiting = 0  # bytes queued
@@ -171,9 +176,9 @@ class Session:
     def _steps(self) -> Iterator[SessionStep]:
         over = False
         while not over:
-            items = [self._queue.get()]
+            items = self._queue.get()
             while not self._queue.empty():
-                items.append(self._queue.get())
+                items += self._queue.get()
             for part in _grouped(items):
                 if isinstance(part, BaseException):
                     raise part
@@ -215,7 +220,7 @@ class Session:
 
     def _judged(self, step: SessionStep) -> SessionStep:
         rows = step.batch.rows
-        self._source.judge(step.heard, int(rows.length.sum(where=rows.check)))
+        self._source.judge(step.heard, int(rows.length.dot(rows.check)))
         return step
 
     def _pump(self) -> None:
@@ -225,6 +230,8 @@ class Session:
                 for item in self._source.items():
                     self._record(item)
                     self._offer(item)
+                    if not (isinstance(item, Block) and self._source.more):  # a tick goes with the reads before it
+                        self._hand_over()
                     self._record_marks()
                     if self._recorder is not None:
                         self._recorder.tick()
@@ -233,9 +240,15 @@ class Session:
                 if self._recorder is not None:
                     self._recorder.close()
         except BaseException as error:  # raised again where the steps are taken
-            self._queue.put(error)
+            self._ready.append(error)
         else:
-            self._queue.put(None)
+            self._ready.append(None)
+        self._hand_over()
+
+    def _hand_over(self) -> None:
+        if self._ready:
+            self._queue.put(self._ready)
+            self._ready = []
 
     def _record(self, item: Item) -> None:
         if self._recorder is None:
@@ -266,11 +279,11 @@ class Session:
                     self._missed[port] = self._missed.get(port, 0) + octets
                 return
             self._tell_missed(int(item.t_ns[0]))
-        self._queue.put(item)
+        self._ready.append(item)
 
     def _tell_missed(self, t_ns: int = 0) -> None:
         if self._missed:
-            self._queue.put(_Missed(t_ns, self._missed))
+            self._ready.append(_Missed(t_ns, self._missed))
             self._missed = {}
 
 

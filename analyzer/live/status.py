@@ -9,11 +9,9 @@ import numpy as np
 
 from captures.line import LineSettings
 
-from ..tables.schema import Kind
 from .session import SessionStep
 
 _WINDOW_NS: Final = 2_000_000_000
-_NOISE: Final = int(Kind.NOISE)
 
 
 class LineStatus:
@@ -29,7 +27,7 @@ class LineStatus:
     def feed(self, step: SessionStep) -> None:
         """Count it."""
         rows = step.batch.rows
-        frames = len(rows) - int(np.count_nonzero(rows.kind == _NOISE))
+        frames = int(np.count_nonzero(rows.kind))  # all but NOISE
         self.frames += frames
         self.errors += len(rows) - int(np.count_nonzero(rows.check))  # noise has none
         self.bytes += step.heard

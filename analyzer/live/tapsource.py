@@ -64,6 +64,11 @@ class TapSource:
         )
 
     @property
+    def more(self) -> bool:
+        """See `SessionSource`."""
+        return self._listening.more
+
+    @property
     def line(self) -> LineSettings:
         """What is known of the line."""
         line = self._ports[0].line(self._tap)
@@ -80,7 +85,8 @@ class TapSource:
                     yield from self._sought(item)
                 else:
                     yield item  # recorded even while the settings are doubted
-                    yield from self._swapped(item) if len(self._ports) > 1 else self._doubt(item)
+                    if self._doubted:
+                        yield from self._swapped(item) if len(self._ports) > 1 else self._doubt(item)
 
     def judge(self, heard: int, sense: int) -> None:
         """Settings that stopped making sense are sought anew."""
@@ -146,8 +152,8 @@ class TapSource:
             yield from search.heard
 
     def _doubt(self, item: Block | Tick) -> Iterator[Item]:
-        """Seek anew once hardly anything makes sense, while what comes is recorded all the same."""
-        if not (self._doubted and self._seek):
+        """Seek anew as hardly anything makes sense, while what comes is recorded all the same."""
+        if not self._seek:
             self._doubted = False
             return
         if self._search is None:
@@ -165,12 +171,11 @@ class TapSource:
 
     def _swapped(self, item: Block | Tick) -> Iterator[Item]:
         """Two taps that make no sense are the other way round, most likely."""
-        if self._doubted:
-            self._doubted = False
-            self._directions.reverse()
-            now = item.t_ns if isinstance(item, Tick) else int(item.t_ns[-1])
-            hears = " and ".join(f"{p.url} hears {d}s" for p, d in zip(self._ports, self._directions, strict=True))
-            yield PortEvent(now, 0, "settled", f"that made no sense; the other way round: {hears}", {})
+        self._doubted = False
+        self._directions.reverse()
+        now = item.t_ns if isinstance(item, Tick) else int(item.t_ns[-1])
+        hears = " and ".join(f"{p.url} hears {d}s" for p, d in zip(self._ports, self._directions, strict=True))
+        yield PortEvent(now, 0, "settled", f"that made no sense; the other way round: {hears}", {})
 
     def _set(self, settings: PortSettings) -> None:
         self._unheard += 1

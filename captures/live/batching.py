@@ -72,7 +72,8 @@ class ReadBatching:
         self._steps: list[int] = []  # after the last byte: when to tick
         self.listen_for(0)
         self._reads: list[Read] = []  # gathered
-        self._oldest: int | None = None  # when the oldest frame that was not told was over, ns
+        self._since = 0  # since when they wait, ns: the first of them, or the end of the oldest frame not told,
+        self._whole = False  # where one is known
         self._held: list[bytes] = []  # records behind them
         self._last = clock.now()  # the newest read, or beat
         self.deadline = 0
@@ -82,6 +83,7 @@ class ReadBatching:
         """The line's own silences are so long: shorter ones are no news."""
         quiet = max(self._quiet, silence_ns)
         self._steps = sorted({quiet, max(self._idle, quiet)})
+        self._quiet_from = quiet
         self._pause = max(_PAUSE_NS, silence_ns)
         self._ticked = len(self._steps)
 
@@ -89,22 +91,21 @@ class ReadBatching:
         """A read of a port."""
         if not data:
             return
-        self._reads.append((t_ns, port, data, errors))
-        paused = t_ns - self._last > self._pause
-        if paused and self._oldest is None and not self._ticked:  # else it was told with a tick
-            self._oldest = self._last
-        since = self._since
+        reads, last = self._reads, self._last
+        paused = t_ns - last > self._pause
+        if not reads:
+            self._since = t_ns
+        if paused and not self._whole and not self._ticked:  # else it was told with a tick
+            self._whole, self._since = True, last
+        reads.append((t_ns, port, data, errors))
         self._last, self._ticked = t_ns, 0
-        if t_ns - since >= (self._hold if paused else self._most):
+        latest = self._since + self._most
+        if t_ns >= (self._since + self._hold if paused else latest):
             self._held.append(tick_record(t_ns))  # this read is over: the next one will be later
             self._flush()
         else:
-            self.deadline = min(t_ns + self._steps[0], since + self._most)
-
-    @property
-    def _since(self) -> int:
-        """Since when reads are gathered, ns, where there are any."""
-        return self._reads[0][0] if self._oldest is None else self._oldest
+            quiet = t_ns + self._quiet_from
+            self.deadline = quiet if quiet < latest else latest
 
     def event(self, port: int, kind: str, text: str, **more: Any) -> None:
         """Something happened; told at once."""
@@ -137,7 +138,7 @@ class ReadBatching:
         if self._reads:
             self._held.insert(0, reads_record(self._reads))
             self._reads.clear()
-        self._oldest = None
+        self._whole = False
         self._send(b"".join(self._held))
         self._held.clear()
         self._plan()

@@ -68,6 +68,7 @@ class Listening:
         self._errors = threading.Thread(target=self._keep_complaint, daemon=True)
         self._errors.start()
         self._closing = False
+        self.more = False  # behind the newest item another one is at hand: it is told without a wait
 
     def items(self) -> Iterator[Item]:
         """What comes, until `close`; waits for it. PortError where a port can't be opened, or the reader fails."""
@@ -79,12 +80,14 @@ class Listening:
                 data = b""
             if not data:
                 break
-            for item in decoder.feed(data):
+            items = decoder.feed(data)
+            for number, item in enumerate(items, 1):
                 if isinstance(item, PortEvent):
                     if item.kind == "failed":
                         raise PortError(item.text)
                     if item.kind == "ended":
                         return
+                self.more = number < len(items)
                 yield item
         if not self._closing:
             self._errors.join(_PATIENCE_S)

@@ -1,7 +1,7 @@
 """The process that reads taps: it waits for bytes, stamps them and passes them on, and does nothing else.
 
 In a process of its own, since a busy one stamps late: gaps of milliseconds, by which frames are told apart, would be
-gone. On POSIX it waits on the descriptors (`select`); elsewhere a thread a port waits in pyserial's own blocking read.
+gone. On POSIX it waits on the descriptors (`waiting`); elsewhere a thread a port waits in pyserial's own blocking read.
 No polling, no sleep. A port that goes is waited for, and opened again by a thread aside.
 
 Its standard output carries `records`; what the listener is too slow to take is kept here. On standard input come
@@ -18,6 +18,7 @@ import select
 import signal
 import sys
 import threading
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -28,6 +29,7 @@ from .ports import Identity
 from .records import Commands, Pipe
 from .settings import PortSettings
 from .tap import PortError, PortGoneError, Tap
+from .waiting import Waiting
 
 _RETRY_NS: Final = 500_000_000
 _NEVER: Final = 1 << 62
@@ -94,15 +96,16 @@ class Port:
 
     def read(self) -> None:
         """Take what has come."""
-        if self.tap is None:
+        tap, desk = self.tap, self.desk
+        if tap is None:
             return
         try:
-            data, errors = self.tap.read()
+            data, errors = tap.read()
         except PortGoneError as error:
             self.gone(error)
             return
-        self.desk.read(self.desk.clock.now(), self.number, data, errors)
-        if self.tap.notices:
+        desk.read(desk.clock.now(), self.number, data, errors)
+        if tap.notices:
             self._tell_notices()
 
     def _set(self, tap: Tap) -> None:
@@ -209,17 +212,18 @@ def _by_waiting(ports: list[Port], desk: ReadBatching, out: Pipe) -> None:
     taps = Ports(ports, Attempts(lambda: os.write(over_writer, b"."), blocking=False))
     now = due = clock.now()  # `due`: when a port is to be tried
     listening: dict[int, Port] = {}
-    inputs: list[int] = []
-    same = False  # no port came or went since these were made
+    waiting = Waiting((), (0, over), ())
+    same = full = False  # no port came or went since these were made; the pipe is waited for
     while same or not taps.ended:
-        if not same or due <= now:
-            due, listening, same = taps.attempt(now), _descriptors(ports), True
-            inputs = [0, over, *listening]
+        if not same or due <= now or full != out.waiting:
+            due, listening, same, full = taps.attempt(now), _descriptors(ports), True, out.waiting
+            waiting.close()
+            waiting = _waiting_on(listening, (0, over), (1,) if full else ())
         wait = (min(desk.deadline, due) - now) / 1e9
-        ready, _, _ = select.select(inputs, [1] if out.waiting else (), (), wait if wait > 0 else 0)
+        ready = waiting.ready(wait if wait > 0 else 0)
         for descriptor in ready:
-            if descriptor in listening:
-                port = listening[descriptor]
+            port = listening.get(descriptor)
+            if port is not None:
                 port.read()
                 same = same and port.tap is not None
         if 0 in ready:
@@ -235,13 +239,18 @@ def _by_waiting(ports: list[Port], desk: ReadBatching, out: Pipe) -> None:
         now = clock.now()
         if desk.deadline <= now and (not ready or _quiet(ports)):
             desk.due(now)
-        if out.waiting:
+        if full:
             out.push()
 
 
 def _descriptors(ports: list[Port]) -> dict[int, Port]:
     """What to wait on: made anew when ports come and go, since numbers of descriptors are used again."""
     return {p.tap.descriptor: p for p in ports if p.tap is not None and p.tap.descriptor is not None}
+
+
+def _waiting_on(listening: dict[int, Port], others: Sequence[int], writable: Sequence[int]) -> Waiting:
+    terminals = [descriptor for descriptor, port in listening.items() if port.settings.is_device]
+    return Waiting(terminals, [*others, *(each for each in listening if each not in terminals)], writable)
 
 
 def _quiet(ports: list[Port]) -> bool:

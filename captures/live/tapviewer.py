@@ -41,6 +41,7 @@ class TapViewer:
     """A tap elsewhere, as a source of a session. `lost`: bytes that were heard there and did not come here."""
 
     waits = False
+    more = False  # as far as is known, behind any item
 
     def __init__(self, url: str, *, token: str | None = None, authority: str | None = None, wait: bool = False) -> None:
         """`authority`: a certificate to trust, for taps://. `wait`: for a tap that is not there yet."""

@@ -35,6 +35,7 @@ _CUT_NEAR: Final = 6.0  # the same for that the frame is cut short: its length a
 _SURE: Final = 0.5  # certainty from which noise is explained
 _GLITCHES: Final = frozenset((0x00, 0xFE, 0xFF))
 _IS_FLOW: Final = np.isin(np.arange(256), (0x11, 0x13))  # XON and XOFF
+_NOISE, _REQUEST = int(Kind.NOISE), int(Kind.REQUEST)  # asked of many rows: enums are slow
 
 
 class RecentTraffic(NamedTuple):
@@ -188,12 +189,13 @@ class Triage:
         requests: set[bytes] = set()
         units: set[int] = set()
         for before in self._trail.back(batch, number):
-            if not before.is_frame or not before.row.check:
+            said = before.row
+            if said.kind == _NOISE or not said.check:
                 continue
-            units.add(before.row.unit)
-            if before.row.kind == Kind.REQUEST:
+            units.add(said.unit)
+            if said.kind == _REQUEST:
                 requests.add(before.captured)
-                if newest and before.row.unit:
+                if newest and said.unit:
                     pending = before
             newest = False
         request = None if pending is None else pending.captured
