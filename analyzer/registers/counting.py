@@ -10,6 +10,20 @@ from numpy.typing import NDArray
 
 from captures.ragged import Ints
 
+from .company import (
+    AROUND,
+    FOURS,
+    KIN,
+    RHYTHMS,
+    ROWS,
+    around,
+    company_of,
+    fours_in_line,
+    kin,
+    pairs_in_line,
+    rhythm,
+    single_kin,
+)
 from .floatshapes import decimals, float_classes, float_ordinals, in_last_digits, is_absurd, spreads
 from .hypotheses import HYPOTHESES, Hypothesis, patterns
 from .lengths import change_bits, change_lengths, directions
@@ -25,13 +39,8 @@ NONE: Final = -1  # the hypothesis does not reach so far
 
 _GAINS: Final = np.array([-24, -8, -3, -0.5, 0.5, 3, 8, 16, 32, 64, 128, 256, 512])  # bits
 _COSTS: Final = np.array([2.5, 4, 6, 8, 10, 12, 13.5, 15])  # bits a change
-_BESIDE: Final = (-8, -6, -4, -2, 2, 4, 6, 8)
 _BUSY: Final = 8  # changes
 _NARROW: Final = 12.0  # bits
-_FOURS: Final = (-12, -8, -4, 4, 8, 12)
-_IN_LINE: Final = (-12, -10, *_BESIDE, 10, 12)
-_MARKS: Final = (0, 0xFFFF, 0x7FFF, 0x8000)  # high words of small numbers, and of what a device lacks
-_ROWS: Final = 6 * 4
 _SHARES: Final = np.array([0.02, 0.1, 0.3, 0.7, 0.95])
 _SIZES: Final = np.array([1, 4, 7, 9, 11, 13, 15])  # bits
 _RANGES: Final = np.array([1, 3, 5, 7, 9, 11, 13, 15, 15.9])  # bits
@@ -39,22 +48,23 @@ _RANGES: Final = np.array([1, 3, 5, 7, 9, 11, 13, 15, 15.9])  # bits
 SIZES: Final[Mapping[str, int]] = {
     # of one register
     "i16": 1, "i16 quiet": 16, "i16 quiet beside": 16 * 9, "i16 moved": 9 * 9, "i16 shape": 8 * 3 * 3,
-    "i16 share": 6 * 3, "i16 manner": MANNERS * 3, "i16 even": EVEN,
+    "i16 share": 6 * 3, "i16 manner": MANNERS * 3, "i16 even": EVEN, "i16 kin": KIN,
     # of two, as an integer
     "i32": 4, "i32 gain": 14 * 2, "i32 words": 9 * 10, "i32 high": 16 * 2, "i32 low": 6 * 8 * 3,
     "i32 low range": 6 * 10, "i32 low cost": 6 * 9, "i32 high only": 16 * 4, "i32 quiet": 16 * 16,
     "i32 as float": 2 * 8 * 2, "i32 carries": 16, "i32 sign": 6 * 3, "i32 wraps": 13,
-    "i32 low manner": 6 * MANNERS, "i32 manners": MANNERS * MANNERS, "i32 rhythm": 2 * 5 * 5,
+    "i32 low manner": 6 * MANNERS, "i32 manners": MANNERS * MANNERS, "i32 rhythm": 2 * RHYTHMS,
     "i32 epoch": 4, "i32 negative": 3 * SIGNS,
-    "i32 even": 4 * EVEN, "i32 agreed": 5, "i32 in line": 2 * _ROWS, "i32 sisters": PAIR_CODES,
+    "i32 even": 4 * EVEN, "i32 agreed": 5, "i32 in line": 2 * ROWS, "i32 sisters": PAIR_CODES,
+    "i32 around": 2 * AROUND, "i32 kin": 2 * KIN, "i32 way": 4 * 3,
     # of two, as a float
     "f32": 4, "f32 gain": 14 * 2, "f32 value": 4 * 8, "f32 low": 4 * 9, "f32 quiet": 8 * 16, "f32 spread": 4 * 6,
     "f32 even": 2 * EVEN,
     # of four
-    "i64": 16, "i64 gain": 14, "i64 top": 16 * 2, "i64 low": 8 * 3, "i64 words": 64 * 2, "i64 in line": 4 * 3 * 2,
+    "i64": 16, "i64 gain": 14, "i64 top": 16 * 2, "i64 low": 8 * 3, "i64 words": 64 * 2, "i64 in line": FOURS * 2,
     "f64": 16, "f64 gain": 14, "f64 value": 8 * 2,
     "f64 decimals": 4 * 6, "f64 spread": 2 * 6, "f64 as float": 8 * 8,
-    "i64 even": 2 * EVEN, "i64 wraps": 13, "i64 agreed": 5, "f64 even": 4,
+    "i64 even": 2 * EVEN, "i64 wraps": 13, "i64 agreed": 5, "i64 way": 3, "f64 even": 4,
     "f32 decimals": 4 * 6,
     # by the size of the block, and whether the value begins or ends it
     "i16 block": 7 * 2, "i32 block": 7 * 4, "f32 block": 7 * 4, "wide block": 7 * 4,
@@ -84,6 +94,7 @@ class Counting:
         self._cost16 = change_lengths(self._changes, 17)
         self._absurd: dict[Hypothesis, NDArray[np.bool_]] = {}
         self._never = np.zeros(words.shape[1], np.bool_)
+        self._company = company_of(words, self.moved, self._first, self._last)
         self._singles()
 
     def blocks(self) -> Iterator[tuple[list[Codes], NDArray[np.bool_], list[NDArray[np.bool_]]]]:
@@ -158,6 +169,7 @@ class Counting:
             "i16 share": np.where(moved, self._share * 3 + self._direction, NONE),
             "i16 manner": np.where(moved, self._manner * 3 + self._direction, NONE),
             "i16 even": np.where(moved, self._even, NONE),
+            "i16 kin": np.where(moved, single_kin(self._company), NONE),
             "i16 block": self._block_size * 2 + moved,
         }
 
@@ -226,44 +238,16 @@ class Counting:
             "i32 carries": np.where(both, self._carries(high, steps), NONE),
             "i32 wraps": np.where(low_only | both, self._carried(high, low), NONE),
             "i32 agreed": np.where(both, self._agreed(high, low), NONE),
-            "i32 rhythm": np.where(low_only, (group == 0) * 25 + self._rhythm(high, low), NONE),
-            "i32 in line": np.where(low_only, (group == 0) * _ROWS + self._in_line(high, low), NONE),
+            "i32 rhythm": np.where(low_only, (group == 0) * RHYTHMS + rhythm(self._company, high, low), NONE),
+            "i32 in line": np.where(low_only, (group == 0) * ROWS + pairs_in_line(self._company, high, low), NONE),
             "i32 even": np.where(low_only | both, self._pace[high] * EVEN + self._even[low], NONE),
+            "i32 around": np.where(low_only, (group == 0) * AROUND + around(self._company, high, low), NONE),
+            "i32 kin": np.where(low_only, (group == 0) * KIN + kin(self._company, high, low), NONE),
             "i32 epoch": np.where(case < 2, clock, NONE),
             "i32 negative": np.where(low_only, idle * SIGNS + self._below[low], NONE),
+            "i32 way": np.where(case > 0, case * 3 + directions(steps), NONE),
             "i32 block": self._edges(2),
         }
-
-    def _rhythm(self, high: Ints, low: Ints) -> Ints:
-        """Of every second register to either side of a pair: how many in line with its high word stand at zero, and
-        how many in line with its low word do not (of either 0 there are none, 1 to 4 from few to all)."""
-        zero = (self.words == 0).all(axis=0)
-        seen, zeros, others = (np.zeros(len(high), np.int64) for _ in range(3))
-        for away in _BESIDE:
-            there = (low + away >= self._first[low]) & (high + away >= self._first[high])
-            there &= (low + away <= self._last[low]) & (high + away <= self._last[high])
-            seen += there
-            zeros += there & zero[np.where(there, high + away, 0)]
-            others += there & ~zero[np.where(there, low + away, 0)]
-        shares = [np.digitize(count / np.maximum(seen, 1), (0.2, 0.6, 0.9)) + 1 for count in (zeros, others)]
-        return np.where(seen > 0, shares[0] * 5 + shares[1], 0)
-
-    def _in_line(self, high: Ints, low: Ints) -> Ints:
-        """Of every second register to either side of a pair: how many pairs there are alike, of the same quiet high
-        word or one that says nothing, and of a low word that says something (0 to 3, 4 and 5, more), and how many
-        cannot be so (0 to 2, more)."""
-        words, moved = self.words[0], self.moved
-        says_nothing = np.isin(words, _MARKS)
-        alike, against = (np.zeros(len(high), np.int64) for _ in range(2))
-        for away in _IN_LINE:
-            there = (low + away >= self._first[low]) & (high + away >= self._first[high])
-            there &= (low + away <= self._last[low]) & (high + away <= self._last[high])
-            top, bottom = np.where(there, high + away, 0), np.where(there, low + away, 0)
-            fits = ~moved[top] & (says_nothing[top] | (words[top] == words[high]))
-            alike += there & fits & (moved[bottom] | (words[bottom] != 0))
-            against += there & ~fits & ~(moved[top] & moved[bottom])
-        rows: Ints = np.digitize(alike, (1, 2, 3, 4, 6)) * 4 + np.minimum(against, 3)
-        return rows
 
     def _carried(self, high: Ints, low: Ints) -> Ints:
         """Whether the high word counts each time that the low word runs over, and at no other time.
@@ -322,7 +306,7 @@ class Counting:
                 "f64 decimals": np.minimum(moved.sum(axis=1), 3) * 6 + decimals(value, 52),
                 "f64 spread": any_moved * 6 + spreads(value),
                 "f64 as float": self._as_floats(columns),
-                "f64 even": np.where(any_moved, (self._even[columns[:, 1:]] >= 3).sum(axis=1), NONE),
+                "f64 even": np.where(any_moved, np.isin(self._even[columns[:, 1:]], (3, 4)).sum(axis=1), NONE),
                 "wide block": self._edges(4),
             }
         self._absurd[hypothesis] = any_moved & (self._is_hollow(columns) | self._is_idle_below(columns))
@@ -334,10 +318,11 @@ class Counting:
             "i64 gain": np.where(any_moved, gain, NONE),
             "i64 top": self._class[columns[:, 0]] * 2 + any_moved,
             "i64 words": self._shapes(columns),
-            "i64 in line": self._in_fours(columns) * 2 + any_moved,
+            "i64 in line": fours_in_line(self._company, columns) * 2 + any_moved,
             "i64 even": np.where(self.moved[low], self.moved[columns[:, 2]] * EVEN + self._even[low], NONE),
             "i64 wraps": np.where(self.moved[low], self._carried(columns[:, 2], low), NONE),
             "i64 agreed": np.where(moved[:, 2] & moved[:, 3], self._agreed(columns[:, 2], low), NONE),
+            "i64 way": np.where(any_moved, directions(steps), NONE),
             "i64 low": np.where(self.moved[low], self._size[low] * 3 + self._direction[low], NONE),
             "wide block": self._edges(4),
         }
@@ -364,23 +349,6 @@ class Counting:
         kinds = np.where(self.moved[columns], 3, np.where(word == 0, 0, np.where(word == 8, 2, 1)))
         shapes: Ints = (kinds[:, :3] @ np.array([16, 4, 1])) * 2 + self.moved[columns[:, 3]]
         return shapes
-
-    def _in_fours(self, columns: Ints) -> Ints:
-        """Of the fours to either side of four registers: how many are alike, with nothing in their upper half and
-        something below (0 to 2, more), and how many are otherwise (0, 1, more)."""
-        nothing = (np.isin(self.words[0], (0, 0xFFFF)) & ~self.moved)[columns]
-        fits = nothing[:, :2].all(axis=1)
-        says = (self.moved | (self.words[0] != 0))[columns[:, 2:]].any(axis=1)
-        alike, against = (np.zeros(len(columns), np.int64) for _ in range(2))
-        begins = np.arange(len(columns))
-        for away in _FOURS:
-            there = begins + away >= self._first[: len(begins)]
-            there &= begins + away + 3 <= self._last[: len(begins)]
-            slot = np.where(there, begins + away, 0)
-            alike += there & fits[slot] & says[slot]
-            against += there & ~fits[slot]
-        grades: Ints = np.minimum(alike, 3) * 3 + np.minimum(against, 2)
-        return grades
 
     def _as_floats(self, columns: Ints) -> Ints:
         """What both halves of four registers, the high word of each first, look like as floats of 32 bits."""

@@ -1,7 +1,7 @@
 """From shares to answers: the segments that stand, how sure each is, and what else it may be.
 
-Answers do not overlap. The cut is the one in which most of the registers that moved are read right in expectation,
-which is not always the likeliest cut as a whole.
+Answers do not overlap. The cut is the one in which most of what moved is read right in expectation, which is not always
+the likeliest cut as a whole.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def cut_of(run: Run, posterior: NDArray[np.float64]) -> list[Cut]:
     registers = moved_registers(run.moved)
     moves = registers > 0
     lone = (registers == 1) & (WORDS == 2)
-    counted = registers * np.where(lone, _LONE, 1.0) + _QUIET
+    counted = np.sqrt(registers) * np.where(lone, _LONE, 1.0) + _QUIET  # half way from values to registers
     gains = np.where(run.fits, posterior * counted, -np.inf)
     cuts = []
     for at, number in best_cut(gains):

@@ -17,11 +17,12 @@ from captures.ragged import Ints
 from .readings import Words
 
 MANNERS: Final = 7
-EVEN: Final = 5
+EVEN: Final = 6
 _FEW: Final = 3  # states, of which nothing more can be said
 _STATES: Final = 8
 _GATHERED: Final = 5.0  # Rayleigh's sum over the number of readings: by chance in one of 150 cases
 _MANY: Final = 30  # readings
+_DECIMAL: Final = 10_000
 _ONES: Final = np.array([number.bit_count() for number in range(256)])
 _AGAIN: Final = 2  # changes for each state, where states come again
 
@@ -51,7 +52,8 @@ def manners(words: Words, changes: Ints) -> Ints:
 
 def evenness(words: Words, changes: Ints) -> Ints:
     """Of each register how evenly its readings spread over 0000 to FFFF: 0 in half of it at most, 1 wider, 2 all over
-    but not evenly, 3 evenly, 4 evenly in many readings.
+    but not evenly, 3 evenly, 4 evenly in many readings; 5 evenly over 0 to 9999 and no further, as four digits of a
+    decimal number do.
 
     Even is what no turn of the whole circle, once or twice round, gathers anywhere (Rayleigh's test).
     """
@@ -60,13 +62,20 @@ def evenness(words: Words, changes: Ints) -> Ints:
     grades = np.where(count <= 4, 0, np.where(count <= 6, 1, 2)).astype(np.int64)
     wide = np.flatnonzero((count >= 6) & (changes >= 0.6 * (len(words) - 1)) & (len(words) > 8))
     if len(wide):
-        angles = words[:, wide].astype(np.float32) * np.float32(2 * np.pi / 0x10000)
-        gathered = [
-            np.cos(turns * angles).sum(axis=0) ** 2 + np.sin(turns * angles).sum(axis=0) ** 2 for turns in (1, 2)
-        ]
-        even = np.maximum(*gathered) < _GATHERED * len(words)
+        even = _is_even(words[:, wide], 0x10000)
         grades[wide[even]] = 3 if len(words) < _MANY else 4
+    decimal = (words.max(axis=0) < _DECIMAL) & (changes >= 0.6 * (len(words) - 1)) & (len(words) >= _MANY)
+    four_digits = np.flatnonzero(decimal & (words.max(axis=0) > 0.9 * _DECIMAL) & (words.min(axis=0) < 0.1 * _DECIMAL))
+    if len(four_digits):
+        grades[four_digits[_is_even(words[:, four_digits], _DECIMAL)]] = 5
     return grades
+
+
+def _is_even(words: Words, circle: int) -> NDArray[np.bool_]:
+    angles = words.astype(np.float32) * np.float32(2 * np.pi / circle)
+    gathered = [np.cos(turns * angles).sum(axis=0) ** 2 + np.sin(turns * angles).sum(axis=0) ** 2 for turns in (1, 2)]
+    even: NDArray[np.bool_] = np.maximum(*gathered) < _GATHERED * len(words)
+    return even
 
 
 def _is_clock(words: Words, changed: NDArray[np.bool_], amount: Ints) -> NDArray[np.bool_]:

@@ -18,12 +18,12 @@ from dissectors.maps.model import MapArea
 
 from .chain import IMPOSSIBLE, chain_sums
 from .counting import NONE, Codes
-from .device import device_codes, device_counts, padded, zero_codes, zero_counts
+from .device import DEVICE_ORDERS, device_codes, device_counts, padded, way_codes, way_counts, zero_codes, zero_counts
 from .evidence import BlockEvidence, block_evidence
 from .hypotheses import HYPOTHESES, moved_registers
 from .readings import BlockReadings, Words
 from .sisters import Mask, pair_codes, pooled, sister_runs
-from .weights import DEVICE_ORDERS, Weights
+from .weights import Weights
 
 Floats = NDArray[np.float64]
 _TOGETHER: Final = 0.5  # what counts of a device's values for its word order: pairs in a row say one thing, not many
@@ -133,15 +133,19 @@ def run_posteriors(runs: Sequence[Run], weights: Weights) -> list[Floats]:
 def second_codes(runs: Sequence[Run], first: Sequence[Floats]) -> list[list[Codes]]:
     """The codes of the second pass: those of the first, and what the unit's other values are by the first pass."""
     moved = [moved_registers(run.moved) > 0 for run in runs]
+    counts_up = [run.codes[0]["i16 share"] % 3 == 1 for run in runs]
     counts: dict[int, Floats] = {}
     zeros: dict[int, Ints] = {}
-    for run, own, moves in zip(runs, first, moved, strict=True):
+    by_way: dict[int, Ints] = {}
+    for run, own, moves, ups in zip(runs, first, moved, counts_up, strict=True):
         counts[run.unit] = counts.get(run.unit, 0) + device_counts(own, moves)
         zeros[run.unit] = zeros.get(run.unit, 0) + zero_counts(run.words, run.moved)
+        by_way[run.unit] = by_way.get(run.unit, 0) + way_counts(run.words, run.moved, ups)
     extended: list[list[Codes]] = []
-    for run, own, moves in zip(runs, first, moved, strict=True):
+    for run, own, moves, ups in zip(runs, first, moved, counts_up, strict=True):
         pairs = [zero_codes(zeros[run.unit], run.words, run.moved, order) for order in DEVICE_ORDERS]
-        more = device_codes(counts[run.unit], own, moves, run.fits, pairs)
+        ways = [way_codes(by_way[run.unit], run.words, run.moved, ups, order) for order in DEVICE_ORDERS]
+        more = device_codes(counts[run.unit], own, moves, run.fits, pairs, ways)
         extended.append([{**one, **second} for one, second in zip(run.codes, more, strict=True)])
     return extended
 

@@ -16,15 +16,17 @@ from numpy.typing import NDArray
 
 from .chain import IMPOSSIBLE
 from .counting import SIZES, Codes
-from .device import ZERO_CODES
+from .device import DEVICE_ORDERS, WAY_CODES, ZERO_CODES
 from .hypotheses import FAMILIES, FAMILY_OF, HYPOTHESES
 
 Floats = NDArray[np.float64]
 _ORDERS: Final = 3  # of two neighbours: one has no order, the same, different ones
 NEIGHBOURS: Final = len(FAMILIES) ** 2 * _ORDERS
-SHARES: Final[Mapping[str, int]] = {"device family": 5 * 8, "device family moved": 5 * 8, "device zeros": ZERO_CODES}
+SHARES: Final[Mapping[str, int]] = {
+    "device family": 5 * 8, "device family moved": 5 * 8, "device zeros": ZERO_CODES,
+    "device zeros by way": WAY_CODES,
+}  # fmt: skip
 """Tables of the second pass: what the device's other values are."""
-DEVICE_ORDERS: Final = ("ABCD", "CDAB")
 TABLES: Final[Mapping[str, int]] = {
     **SIZES, **SHARES, "neighbours": NEIGHBOURS, "begin": 5, "end": 5,
     "device order": 2, "value order": 2 * len(FAMILIES),
