@@ -326,9 +326,7 @@ def _plotted(screen: BusScreen) -> None:
             t_ns, rows, registers = screen.desk.in_scope(*each.readings())
             if meaning.words == each.words:
                 numbers = meaning.numbers(registers) if meaning.is_number else registers[:, 0].astype(float)
-                series.append(
-                    Series(listing.label(spot), t_ns if bus.timed else rows, numbers, meaning.measure)
-                )
+                series.append(Series(listing.label(spot), t_ns if bus.timed else rows, numbers, meaning.measure))
         count = len(series[-1].t_ns) if series else 0
         span = ""
         if count > 1 and bus.timed:

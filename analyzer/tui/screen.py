@@ -14,7 +14,7 @@ from textual.app import ComposeResult
 from textual.binding import ActiveBinding, BindingType
 from textual.screen import Screen
 from textual.widget import Widget
-from textual.widgets import ContentSwitcher, Footer
+from textual.widgets import ContentSwitcher
 
 from dissectors.values import harmless
 
@@ -30,6 +30,7 @@ from .frames import FrameList
 from .jobs import Jobs
 from .jumps import Jumps
 from .keptfilters import KeptFilters
+from .keyline import KeyLine
 from .keys import BINDINGS
 from .lines import Lines
 from .look import at_row
@@ -98,7 +99,7 @@ class BusScreen(Screen[None]):
                 yield view.make(self.desk)
         yield DetailPane(id="study")
         yield StatusLine(self.desk, id="status")
-        yield Footer(compact=True, show_command_palette=False)
+        yield KeyLine()
 
     def on_mount(self) -> None:
         for each in self.query(FrameList):
