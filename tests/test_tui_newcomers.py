@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,14 +13,22 @@ from hypothesis import strategies as st
 from seats import Seat, opened, sample_in, using
 from textual.widgets import Label
 
+import captures
+from analyzer import languages
+from analyzer.languages import tr
 from analyzer.meant import meant
 from analyzer.model.filtering import compiled
 from analyzer.model.goto import span
+from analyzer.tui.causeitems import whose
 from analyzer.tui.filterbar import FilterBar
 from analyzer.tui.keys import key_name
 from analyzer.tui.picking import _no_file
 from analyzer.tui.plot import Series, told_apart
 from analyzer.words import percent
+from captures.chunks import Capture, Chunk
+from captures.line import LineSettings
+
+_NMEA = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n"
 
 
 @pytest.fixture
@@ -217,3 +227,31 @@ def test_the_ends_of_a_scale_are_told_apart_where_there_is_room(
     low: float, high: float, room: int, told: tuple[str, str]
 ) -> None:
     assert told_apart(low, high, room) == told
+
+
+@pytest.mark.parametrize("language", ["en", "ru"])
+@pytest.mark.parametrize(("said", "told"), [(_NMEA, "NMEA 0183"), (bytes(range(7, 40)), "1320")])
+def test_a_capture_without_a_frame_opens_at_what_it_is_instead(
+    said: bytes, told: str, language: str, tmp_path: Path
+) -> None:
+    languages.use(language)
+    path = tmp_path / "other.jsonl"
+    chunks = [Chunk(10**18 + second * 10**9, said) for second in range(40)]
+    captures.write(path, Capture.of(LineSettings(baud=9600), chunks))
+
+    async def work(sitting: Seat) -> None:
+        await sitting.until(lambda: sitting.screen.view == "home")
+        await sitting.settle()
+        assert tr("no Modbus frame was found") in sitting.shown() and told in sitting.shown()
+        assert not sitting.notices(), "it is said once"
+        for view in "145":
+            await sitting.press(view)
+            await sitting.until(lambda: tr("no Modbus frame was found; 0 tells what was captured") in sitting.shown())
+
+    using(opened(path), work, view=None)
+
+
+@pytest.mark.parametrize("blame", ["master", "line", "tap", "nobody"])
+def test_whose_fault_it_is_is_said_in_each_language(blame: str) -> None:
+    languages.use("ru")
+    assert not re.search("[a-z]", whose(SimpleNamespace(blame=blame, units=())))  # type: ignore[arg-type]

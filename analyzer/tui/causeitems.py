@@ -22,7 +22,8 @@ def whose(cause: Cause) -> str:
     if cause.blame == "unit" and cause.units:
         units = ", ".join(str(unit) for unit in cause.units[:3]) + (" …" if len(cause.units) > 3 else "")
         return tr("unit {unit}", unit=units)
-    return tr({"master": "the master", "line": "the line", "tap": "the tap"}.get(cause.blame, cause.blame))
+    whom = {"master": "the master", "line": "the line", "tap": "the tap", "nobody": "nobody"}
+    return tr(whom.get(cause.blame, cause.blame))
 
 
 def _cause_items(cause: Cause) -> tuple[Item, ...]:
