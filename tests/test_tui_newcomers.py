@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,18 +14,20 @@ from hypothesis import strategies as st
 from seats import Seat, opened, sample_in, using
 from textual.widgets import Label
 
+import analyzer
 import captures
 from analyzer import languages
 from analyzer.languages import tr
 from analyzer.meant import meant
 from analyzer.model.filtering import compiled
 from analyzer.model.goto import span
-from analyzer.tui.causeitems import whose
+from analyzer.tui.causeitems import of_cause, whose
 from analyzer.tui.filterbar import FilterBar
 from analyzer.tui.keys import key_name
 from analyzer.tui.picking import _no_file
 from analyzer.tui.plot import Series, told_apart
 from analyzer.words import percent
+from captures import samples
 from captures.chunks import Capture, Chunk
 from captures.line import LineSettings
 
@@ -255,3 +258,9 @@ def test_a_capture_without_a_frame_opens_at_what_it_is_instead(
 def test_whose_fault_it_is_is_said_in_each_language(blame: str) -> None:
     languages.use("ru")
     assert not re.search("[a-z]", whose(SimpleNamespace(blame=blame, units=())))  # type: ignore[arg-type]
+
+
+def test_how_often_a_cause_comes_again_is_told_in_a_unit_that_people_use() -> None:
+    cause = analyzer.open(samples.path("troubled.jsonl")).report().causes[0]
+    words = {item.name: item.text for item in of_cause(replace(cause, period_s=10_600.0)).items}
+    assert words["again"] == "every 2 h 56 min"

@@ -33,7 +33,7 @@ def _cause_items(cause: Cause) -> tuple[Item, ...]:
     lost = "" if not cause.lost_answers else counted(cause.lost_answers, "answer", "answers")
     if cause.lost_ms:
         lost += f"{', ' if lost else ''}{duration(round(cause.lost_ms * 1e6))}"
-    again = "" if cause.period_s is None else tr("every {seconds:.4g} s", seconds=cause.period_s)
+    again = "" if cause.period_s is None else tr("every {time}", time=duration(round(cause.period_s * 1e9)))
     facts = (
         ("what", cause.text), ("fault", fault), ("seen", cause.share), ("again", again), ("lost", lost),
         ("to be sure", cause.deciding_test), ("do", cause.remedy),
