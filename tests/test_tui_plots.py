@@ -9,6 +9,7 @@ import pytest
 from seats import Seat, sample_in, using
 
 import captures
+from analyzer import languages
 from analyzer.model.source import CaptureSource
 from analyzer.tui.plot import Plot, Series
 from analyzer.tui.registerlist import RegisterList
@@ -27,7 +28,8 @@ def test_pinned_values_stand_in_bands_of_their_own_each_with_its_newest_number(
         await sitting.settle()
         lines = sitting.shown().splitlines()[-plot.size.height - 2 :]
         heads = [line for line in lines if "━ " in line]
-        assert [line.split("━ ")[1].split(":")[0] for line in heads] == [series.name for series in plot.series]
+        for line, series in zip(heads, plot.series, strict=True):
+            assert line.split("━ ")[1].split(":")[0] in (series.name, series.short if size[0] < 80 else series.name)
         values = [series.numbers[-1] for series in plot.series]
         assert [float(line.split("last ")[1].split(",")[0].split()[0]) for line in heads] == values
         below = [lines[lines.index(head) + 1] for head in heads]
@@ -62,3 +64,15 @@ def test_a_number_stands_with_its_measure_and_one_that_is_none_is_called_so(tmp_
         assert "mains: last 230.25 V" in sitting.shown() and "broken: last no number" in sitting.shown()
 
     using(CaptureSource(captures.open(sample_in(tmp_path)), "x"), work, size=(100, 40), view="registers")
+
+
+def test_on_narrow_terminals_a_name_gives_way_to_the_number(tmp_path: Path) -> None:
+    languages.use("ru")
+
+    async def work(sitting: Seat) -> None:
+        plot = sitting.screen.query_one(Plot)
+        await sitting.press("5", "space", "down", "space")
+        await sitting.until(lambda: len(plot.series) == 2)
+        assert "━ 1 40002: последнее 564" in sitting.shown() and "━ 1 40108: последнее 230" in sitting.shown()
+
+    using(CaptureSource(captures.open(sample_in(tmp_path)), "x"), work, size=(40, 24), view="registers")

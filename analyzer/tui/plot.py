@@ -12,6 +12,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from rich.cells import cell_len
 from textual.strip import Strip
 
 from ..languages import tr
@@ -45,6 +46,7 @@ class Series:
     t_ns: NDArray[np.int64]
     numbers: NDArray[np.float64]
     measure: str = ""  # what they are counted in: V
+    short: str = ""  # its name where there is little room
 
     @property
     def range(self) -> tuple[float, float] | None:
@@ -188,7 +190,7 @@ class Plot(Painted):
         if len(self.series) == 1:
             return self._dots(number, line, columns, rows, span)
         if tall < _LEAST_BAND:
-            return self._dots(number, line, columns, rows, span, self.series[number].name)
+            return self._dots(number, line, columns, rows, span, self.series[number].short)
         return self._dots(number, line - 1, columns, rows - 1, span) if line else self._head(number, rows - 1)
 
     def _head(self, number: int, rows: int) -> list[StyledText]:
@@ -201,9 +203,12 @@ class Plot(Painted):
             if rows < _LEAST_BAND and reach[0] < reach[1]:
                 low, high = told_apart(*reach)
                 values += ", " + tr("{low} to {high}", low=low, high=high)
+        name = series.name
+        if cell_len(f"━ {name}: {values}") > self.content_size.width:
+            name = series.short or name
         return [
             StyledText("━ ", _KINDS[number % len(_KINDS)]),
-            StyledText(f"{series.name}: "),
+            StyledText(f"{name}: "),
             StyledText(values, "strong"),
             StyledText(_far_off(series), "warning"),
         ]
