@@ -21,6 +21,7 @@ from analyzer.languages import tr
 from analyzer.meant import meant
 from analyzer.model.filtering import compiled
 from analyzer.model.goto import span
+from analyzer.model.spoken import spoken
 from analyzer.tui.causeitems import of_cause, whose
 from analyzer.tui.filterbar import FilterBar
 from analyzer.tui.keys import key_name
@@ -252,6 +253,9 @@ def test_a_capture_without_a_frame_opens_at_what_it_is_instead(
             await sitting.until(lambda: tr("no Modbus frame was found; 0 tells what was captured") in sitting.shown())
 
     using(opened(path), work, view=None)
+    lines = list(spoken(opened(path)))
+    assert tr("No Modbus frame was found.") == lines[1] and any(told in line for line in lines)
+    assert not [line for line in lines if tr("No cause of trouble.") in line or line.startswith("0 ")]
 
 
 @pytest.mark.parametrize("blame", ["master", "line", "tap", "nobody"])
