@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from datetime import UTC, tzinfo
 from typing import TYPE_CHECKING
 
-from ..languages import counted, tr, wording
+from ..languages import counted, page_words, tr, wording
 from ..tables.schema import Kind
 from ..tables.transactions import Status
 from ..words import between, date_and_time, is_clock, seconds
@@ -60,7 +60,7 @@ def _instead(bus: Bus, source: ViewSource) -> Iterator[str]:
     report = bus.report(source)
     yield nothing(report)
     for label, words in facts(report):
-        yield f"{tr(label)}: {words}" if label else words
+        yield f"{page_words(label)}: {words}" if label else words
 
 
 def _transaction(bus: Bus, row: int, zone: tzinfo) -> str:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple
 import numpy as np
 from textual.binding import Binding, BindingType
 
-from ..languages import counted, tr
+from ..languages import counted, page_words, tr
 from ..words import compact, duration, percent, short
 from .causeitems import of_cause, whose
 from .doorcells import DoorCell
@@ -210,7 +210,9 @@ def _facts(report: Report) -> tuple[Item, ...]:
     """What the report says of a capture in which no frame was found."""
     from ..reports.page import facts
 
-    return tuple(Item(f"fact {i}", words, label=f"{tr(label):<11}") for i, (label, words) in enumerate(facts(report)))
+    return tuple(
+        Item(f"fact {i}", words, label=f"{page_words(label):<11}") for i, (label, words) in enumerate(facts(report))
+    )
 
 
 def _is_due(counts: Counts) -> bool:
