@@ -10,8 +10,8 @@ from datetime import tzinfo
 from typing import Final
 
 from .errors import HexError
-from .text.choosing import ByteJudge, no_judge
 from .text.halves import halves
+from .text.judging import ByteJudge, no_judge
 from .text.logs import LOOKED_FOR, Piece, UnreadLine, joined, read_lines
 
 _WHAT_IS_READ: Final = f"looked for {LOOKED_FOR}; paste the bytes of a frame, or lines of a log that show them"

@@ -18,7 +18,7 @@ from .line import POLARITIES, LineSettings
 from .packed import STANDARD_INPUT, LocalFile, local_file, unpacked
 from .recording.notes import Note as LineNote
 from .spacing import INFERRED, inferred
-from .text.choosing import ByteJudge, no_judge
+from .text.judging import ByteJudge, no_judge
 
 if TYPE_CHECKING:
     from .edges.spans import BitSpans
@@ -104,7 +104,7 @@ def _recognised(file: LocalFile, chosen: Format | None) -> tuple[LocalFile, Reco
             head = read_head(file.path)
         except CaptureError as error:
             raise file.blamed(error) from error
-        if not claimed(head, chosen):
+        if not claimed(head, file.path.suffix, chosen):
             try:
                 inside = unpacked(file, head, likely)
             except CaptureError:

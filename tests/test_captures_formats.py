@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import os
+import subprocess
+import sys
 import time
 import tracemalloc
 from collections.abc import Iterator
@@ -12,10 +14,11 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
+from running import environment
 
 import captures
-from captures import Capture, CaptureError, Chunk, LineSettings, Mark
-from captures.formats import formats
+from captures import Capture, CaptureError, Chunk, LineSettings, Mark, samples
+from captures.formats import formats, recognise
 from captures.formats.mcap.records import MAGIC
 
 CORPUS = Path(__file__).resolve().parents[2] / "shared" / "corpus"
@@ -239,3 +242,30 @@ def test_the_samples_are_whole_and_say_how_they_were_made() -> None:
         assert capture.line.baud == 19200
     with pytest.raises(KeyError):
         samples.path("absent.jsonl")
+
+
+def test_a_file_that_is_wholly_of_its_suffixs_format_is_taken_for_it_before_others_are_loaded(tmp_path: Path) -> None:
+    path = tmp_path / "some.mcap"
+    captures.write(path, Capture.of(LineSettings(baud=9600), [Chunk(0, b"123")]))
+    program = (
+        "import sys, captures; captures.open(sys.argv[1]);"
+        "print(*(name for name in sys.modules if name.startswith(('captures.formats.', 'captures.text.'))))"
+    )
+    loaded = subprocess.run(
+        [sys.executable, "-c", program, path], capture_output=True, text=True, env=environment(), check=True
+    ).stdout.split()
+    assert {name.split(".")[2] for name in loaded} <= {"mcap", "judging"}
+
+
+def test_that_haste_changes_no_answer() -> None:
+    for path in [*sorted((CORPUS / "real").glob("*.jsonl"))[:5], *map(samples.path, samples.names())]:
+        head = path.read_bytes()[:65536]
+        for suffix in SUFFIXES:
+            scores = {each: each.sniff(head) for each in formats().values()}
+            best = max(scores.values())
+            try:
+                taken = recognise(head, suffix, "it").format
+            except CaptureError:
+                continue
+            if best >= 1.0:
+                assert scores[taken] == best, (path, suffix)

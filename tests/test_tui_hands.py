@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from seats import Seat, opened, sample_in, using
-from textual.widgets._footer import FooterKey
+from textual.widgets import Input
 
 from analyzer import languages
 from analyzer.languages import tr
@@ -20,6 +20,7 @@ from analyzer.tui.app import Rtuscope
 from analyzer.tui.filterbar import FilterBar
 from analyzer.tui.findings import FindingList
 from analyzer.tui.help import Help
+from analyzer.tui.keyline import KeyLine
 from analyzer.tui.keys import BINDINGS
 from analyzer.tui.openfiles import NextFile
 from analyzer.tui.preferences import Preferences
@@ -96,15 +97,46 @@ def test_the_footer_shows_whole_keys_and_always_help_and_the_way_out(width: int,
     help_, leave = tr("Help"), tr("Quit")
 
     async def work(sitting: Seat) -> None:
+        footer = sitting.screen.query_one(KeyLine)
         for view in "12345":
             await sitting.press(view)
-            await sitting.until(lambda: bool(sitting.screen.query(FooterKey)))
-            keys = [key for key in sitting.screen.query(FooterKey) if key.display]
-            assert all(key.region.right <= width for key in keys), [str(key.render()) for key in keys]
-            told = [key.description for key in keys]
+            await sitting.until(lambda: bool(footer.keys))
+            assert sum(key.width for key in footer.keys) <= width, footer.keys
+            told = [key.description for key in footer.keys]
             assert help_ in told and leave in told and len(told) >= 3
 
     using(opened(capture), work, size=(width, 24))
+
+
+def test_a_key_in_the_footer_is_pressed_by_a_click_and_told_more_of_by_the_mouse(capture: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        await sitting.press("1")
+        footer = sitting.screen.query_one(KeyLine)
+        await sitting.until(lambda: any(key.description == "Filter" for key in footer.keys))
+        line = sitting.shown().splitlines()[-1]
+        await sitting.pilot.hover(footer, (line.index("Filter to"), 0))
+        assert footer.tooltip
+        await sitting.pilot.mouse_down(footer, (line.index("Filter"), 0))
+        await sitting.until(lambda: isinstance(sitting.screen.focused, Input))
+        await sitting.until(lambda: "Complete" in [key.description for key in footer.keys])
+
+    using(opened(capture), work, size=(120, 24))
+
+
+def test_the_footer_is_painted_anew_only_where_its_keys_are_others(
+    capture: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def work(sitting: Seat) -> None:
+        await sitting.press("2")
+        footer = sitting.screen.query_one(KeyLine)
+        painted: list[object] = []
+        monkeypatch.setattr(footer, "refresh", lambda *_, **__: painted.append(None))
+        await sitting.press("down", "down", "end", "home")
+        sitting.screen.refresh_bindings()
+        await sitting.settle()
+        assert not painted and not footer.children
+
+    using(opened(capture), work)
 
 
 def test_at_40_columns_a_finding_still_says_what_was_seen(capture: Path) -> None:

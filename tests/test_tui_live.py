@@ -16,6 +16,7 @@ from terminals import posix
 from analyzer.core import Analysed
 from analyzer.tui.live import LiveSource
 from captures.line import LineSettings
+from dissectors.crc import crc_bytes
 
 
 class Recorder:
@@ -111,21 +112,41 @@ def test_a_second_of_a_live_view_costs_little(view: str, tmp_path: Path) -> None
         assert 50 < min(rates) < 10_000, rates
 
 
+def say(line: int, units: range) -> None:
+    """A request to each of these units, into the line."""
+    for unit in units:
+        asked = bytes([unit, 3, 0, 0, 0, 1])
+        os.write(line, asked + crc_bytes(asked))
+        time.sleep(0.03)
+
+
+@posix
+def test_a_list_goes_on_following_after_a_look_at_other_views_and_says_so_at_80_columns(tmp_path: Path) -> None:
+    from emulator import Watched
+    from livebus import pty
+
+    line, name = pty()
+    with Watched("sniff", name, "--baud", "19200", "--tui", "-o", "bus.mcap", cwd=tmp_path) as terminal:
+        terminal.until("REC bus.mcap").until("following")
+        say(line, range(1, 31))
+        terminal.until("30   3 ")
+        terminal.press("605321")
+        say(line, range(31, 61))
+        terminal.until("60   3 ").until("following")
+        terminal.press("\x1b[A").until(lambda: "below (F follows)" in terminal.shown())
+        terminal.press("F2").until(lambda: "following" in terminal.shown())
+        say(line, range(61, 71))
+        terminal.until(" 70   3 ")
+
+
 @posix
 def test_marks_and_a_pause_typed_fast_on_a_live_line(tmp_path: Path) -> None:
     from emulator import Watched
     from livebus import pty
 
     import captures
-    from dissectors.crc import crc_bytes
 
     line, name = pty()
-
-    def say(units: range) -> None:
-        for unit in units:
-            asked = bytes([unit, 3, 0, 0, 0, 1])
-            os.write(line, asked + crc_bytes(asked))
-            time.sleep(0.03)
 
     def listed() -> list[str]:
         lines = terminal.picture.lines()
@@ -133,12 +154,12 @@ def test_marks_and_a_pause_typed_fast_on_a_live_line(tmp_path: Path) -> None:
 
     with Watched("sniff", name, "--baud", "19200", "--tui", "-o", "bus.mcap", cwd=tmp_path, columns=120) as terminal:
         terminal.until("REC bus.mcap")
-        say(range(1, 9))
+        say(line, range(1, 9))
         terminal.until("8 frames")
         terminal.press("Mpump on\rMpump off\r2\x1b[H\x1b[B\x1b[BmP").until("PAUSED").until('"pump off"')
         held = listed()
         assert len(held) == 8, terminal.shown()  # the notices of it all leave the list in sight
-        say(range(9, 13))
+        say(line, range(9, 13))
         terminal.until("12 frames")
         assert listed() == held
         terminal.press("PPP").until(lambda: "PAUSED" not in terminal.shown())

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,14 +14,26 @@ from hypothesis import strategies as st
 from seats import Seat, opened, sample_in, using
 from textual.widgets import Label
 
+import analyzer
+import captures
+from analyzer import languages
+from analyzer.languages import page_words, tr
 from analyzer.meant import meant
 from analyzer.model.filtering import compiled
 from analyzer.model.goto import span
+from analyzer.model.spoken import spoken
+from analyzer.tui.causeitems import of_cause, whose
 from analyzer.tui.filterbar import FilterBar
+from analyzer.tui.home import HomeList
 from analyzer.tui.keys import key_name
 from analyzer.tui.picking import _no_file
 from analyzer.tui.plot import Series, told_apart
 from analyzer.words import percent
+from captures import samples
+from captures.chunks import Capture, Chunk
+from captures.line import LineSettings
+
+_NMEA = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n"
 
 
 @pytest.fixture
@@ -217,3 +232,41 @@ def test_the_ends_of_a_scale_are_told_apart_where_there_is_room(
     low: float, high: float, room: int, told: tuple[str, str]
 ) -> None:
     assert told_apart(low, high, room) == told
+
+
+@pytest.mark.parametrize("language", ["en", "ru"])
+@pytest.mark.parametrize(("said", "told"), [(_NMEA, "NMEA 0183"), (bytes(range(7, 40)), "1320")])
+def test_a_capture_without_a_frame_opens_at_what_it_is_instead(
+    said: bytes, told: str, language: str, tmp_path: Path
+) -> None:
+    languages.use(language)
+    path = tmp_path / "other.jsonl"
+    chunks = [Chunk(10**18 + second * 10**9, said) for second in range(40)]
+    captures.write(path, Capture.of(LineSettings(baud=9600), chunks))
+
+    async def work(sitting: Seat) -> None:
+        await sitting.until(lambda: sitting.screen.view == "home")
+        await sitting.settle()
+        assert tr("no Modbus frame was found") in sitting.shown() and told in sitting.shown()
+        assert f"  {page_words('span')} " in sitting.shown() or sitting.screen.query_one(HomeList).cause is not None
+        assert not sitting.notices(), "it is said once"
+        for view in "145":
+            await sitting.press(view)
+            await sitting.until(lambda: tr("no Modbus frame was found; 0 tells what was captured") in sitting.shown())
+
+    using(opened(path), work, view=None)
+    lines = list(spoken(opened(path)))
+    assert page_words("No Modbus frame was found.") == lines[1] and any(told in line for line in lines)
+    assert not [line for line in lines if tr("No cause of trouble.") in line or line.startswith("0 ")]
+
+
+@pytest.mark.parametrize("blame", ["master", "line", "tap", "nobody"])
+def test_whose_fault_it_is_is_said_in_each_language(blame: str) -> None:
+    languages.use("ru")
+    assert not re.search("[a-z]", whose(SimpleNamespace(blame=blame, units=())))  # type: ignore[arg-type]
+
+
+def test_how_often_a_cause_comes_again_is_told_in_a_unit_that_people_use() -> None:
+    cause = analyzer.open(samples.path("troubled.jsonl")).report().causes[0]
+    words = {item.name: item.text for item in of_cause(replace(cause, period_s=10_600.0)).items}
+    assert words["again"] == "every 2 h 56 min"

@@ -28,7 +28,7 @@ _STEPS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("frames", ("2", "g", "1", "5", "enter", "tab", "home", "down", "tab", "tab")),
     ("findings", ("3", "home")),
     ("units", ("4",)),
-    ("registers", ("5", "down", "down")),
+    ("registers", ("5", "space", "down", "down")),
     ("timeline", ("6", "right", "right", "right", "space", "right", "right")),
     ("report", ("7",)),
     ("paste", ("8",)),

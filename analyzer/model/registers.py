@@ -90,10 +90,14 @@ class RegisterLog:
 
     def _sample(self, slots: _Ints, values: _Ints, rows: _Ints) -> None:
         """Keep the newest value in each stretch of rows; these are twice as long when there is no room for more."""
-        if self._first < 0:
+        begins = self._first < 0
+        if begins:
             self._first = int(rows[0])
         self._last = max(self._last, int(rows.max()))
         while self._last - self._first >= self._stretch * _SAMPLES:
+            if begins:  # nothing is kept yet
+                self._stretch *= 2
+                continue
             pairs = self._samples.reshape(len(self._samples), -1, 2)
             merged = np.where(pairs[..., 1] == _NO_SAMPLE, pairs[..., 0], pairs[..., 1])
             self._samples = np.concatenate((merged, np.full_like(merged, _NO_SAMPLE)), axis=1)

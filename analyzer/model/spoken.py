@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from datetime import UTC, tzinfo
 from typing import TYPE_CHECKING
 
-from ..languages import counted, tr, wording
+from ..languages import counted, page_words, tr, wording
 from ..tables.schema import Kind
 from ..tables.transactions import Status
 from ..words import between, date_and_time, is_clock, seconds
@@ -36,16 +36,31 @@ def spoken(source: ViewSource, text: str = "", zone: tzinfo = UTC, stop: Callabl
     transactions.extend()
     causes = bus.causes()
     yield f"{source.name}: {counted(bus.frames, 'frame', 'frames')}, {counted(bus.found.count, 'finding', 'findings')}"
-    yield f"{counted(len(causes), 'cause', 'causes')}." if causes else tr("No cause of trouble.")
+    if not bus.frames:
+        yield from _instead(bus, source)
+    if causes or bus.frames:
+        yield f"{counted(len(causes), 'cause', 'causes')}." if causes else tr("No cause of trouble.")
     for number, cause in enumerate(causes, 1):
         yield tr(
             "Cause {number}, {severity}, {share:.0%} sure: {text}. To do: {remedy}",
             number=number, severity=tr(cause.severity), share=cause.confidence, text=cause.text, remedy=cause.remedy,
         )  # fmt: skip
+    if not bus.frames:
+        return
     which = tr(" with {filter}", filter=text) if text else ""
     yield f"{counted(transactions.count, 'transaction', 'transactions')}{which}."
     for row in transactions.rows().tolist():
         yield _transaction(bus, row, zone)
+
+
+def _instead(bus: Bus, source: ViewSource) -> Iterator[str]:
+    """What the report says where no frame is."""
+    from ..reports.page import facts, nothing
+
+    report = bus.report(source)
+    yield nothing(report)
+    for label, words in facts(report):
+        yield f"{page_words(label)}: {words}" if label else words
 
 
 def _transaction(bus: Bus, row: int, zone: tzinfo) -> str:

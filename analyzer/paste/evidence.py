@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final, Literal
 
-from captures.text.choosing import Checked
+from captures.text.judging import Checked
 from dissectors.adu import CRC_SIZE, EXCEPTION, LAST_UNIT, MAX_ADU, MIN_ADU
 from dissectors.answers import expectation
 from dissectors.crc import crc_ok

@@ -22,7 +22,8 @@ def whose(cause: Cause) -> str:
     if cause.blame == "unit" and cause.units:
         units = ", ".join(str(unit) for unit in cause.units[:3]) + (" …" if len(cause.units) > 3 else "")
         return tr("unit {unit}", unit=units)
-    return tr({"master": "the master", "line": "the line", "tap": "the tap"}.get(cause.blame, cause.blame))
+    whom = {"master": "the master", "line": "the line", "tap": "the tap", "nobody": "nobody"}
+    return tr(whom.get(cause.blame, cause.blame))
 
 
 def _cause_items(cause: Cause) -> tuple[Item, ...]:
@@ -32,7 +33,7 @@ def _cause_items(cause: Cause) -> tuple[Item, ...]:
     lost = "" if not cause.lost_answers else counted(cause.lost_answers, "answer", "answers")
     if cause.lost_ms:
         lost += f"{', ' if lost else ''}{duration(round(cause.lost_ms * 1e6))}"
-    again = "" if cause.period_s is None else tr("every {seconds:.4g} s", seconds=cause.period_s)
+    again = "" if cause.period_s is None else tr("every {time}", time=duration(round(cause.period_s * 1e9)))
     facts = (
         ("what", cause.text), ("fault", fault), ("seen", cause.share), ("again", again), ("lost", lost),
         ("to be sure", cause.deciding_test), ("do", cause.remedy),

@@ -71,8 +71,15 @@ class ViewState:
         figures = self.figures
         return isinstance(figures, ScopedFigures) and not len(figures.rows)
 
+    @property
+    def is_foreign(self) -> bool:
+        """Whether all was read and no frame is there: it is no Modbus, or was heard at other settings."""
+        return self.bus.whole and not self.bus.frames
+
     def emptied(self, otherwise: str = "") -> str:
         """Why a view is empty: the scope, or else this."""
+        if self.is_foreign and self.source.path is not None:
+            return tr("no Modbus frame was found; 0 tells what was captured")
         if not self.scope.narrows or not self.bus.count:
             return tr(otherwise)
         return tr("nothing here passes {scope}; Esc takes it back", scope=self.scope_words())

@@ -177,12 +177,14 @@ def to_its_fields(screen: BusScreen, sender: Widget) -> None:  # noqa: ARG001
 
 
 def at_the_row(screen: BusScreen) -> None:
-    """The list that has come up is at the row under study, which stands below."""
+    """The list that has come up is at the row under study, which stands below; at its end if all lists follow that."""
     listing = screen.query_one(f"#{screen.view}", FrameList)
-    if screen.studied is not None:
+    if all(each.following for each in screen.query(FrameList)):
+        listing.grown()
+    elif screen.studied is not None:
         listing.go(screen.studied)
-        if listing.row is not None:
-            screen.study_row(listing.row)
+    if screen.studied is not None and listing.row is not None:
+        screen.study_row(listing.row)
 
 
 def under_cursor(screen: BusScreen) -> int | None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple
 import numpy as np
 from textual.binding import Binding, BindingType
 
-from ..languages import counted, tr
+from ..languages import counted, page_words, tr
 from ..words import compact, duration, percent, short
 from .causeitems import of_cause, whose
 from .doorcells import DoorCell
@@ -76,13 +76,15 @@ class HomeList(Lines):
         self.next_at = time.monotonic() + _AGAIN_S
         self._fresh_until = 0.0
         self.grown()
-        if self.count():
+        if self.count() or self.desk.is_foreign:
             self._tell()
 
     @property
     def empty(self) -> str:
         if self.state is None and self.desk.bus.count:
             return ""  # it is being reckoned, as the first line says
+        if self.desk.is_foreign:
+            return tr("what was captured instead is told below")
         return self.desk.emptied(self.EMPTY)
 
     @property
@@ -107,8 +109,10 @@ class HomeList(Lines):
         if y == 0:
             return fitted(self._verdict(), width)
         room = max(1, width - _LABEL - 11)
-        if not bus.count or not bus.timed:
-            return fitted([StyledText("" if bus.timed else f"  {tr('no times in this capture')}")], width)
+        if not bus.count or not bus.timed or self.desk.is_foreign:
+            return fitted(
+                [StyledText("" if bus.timed or self.desk.is_foreign else f"  {tr('no times in this capture')}")], width
+            )
         bins = self.desk.figures.over(bus.t_first, max(bus.t_last, bus.t_first + 1), room)
         if y == 1:
             most = ""
@@ -132,7 +136,7 @@ class HomeList(Lines):
         if self.desk.scope.narrows:
             shown = tr("{some:,} of {frames}", some=self.desk.figures.frames, frames=frames)
             totals = StyledText(f"   {shown}{span}", "dim")
-        if bus.whole and not bus.frames:
+        if self.desk.is_foreign:
             return [StyledText(f"  {tr('no Modbus frame was found')}"), totals]
         if state is None or not bus.frames:
             return [StyledText(f"  {tr('reading …')}"), totals]
@@ -197,7 +201,18 @@ class HomeList(Lines):
                 b"",
                 _unit_items(unit, self.state.causes, heard=bool(self.state.report.cards)),
             )
+        if self.state is not None and self.desk.is_foreign:
+            return FrameDetail(tr("what was captured"), b"", _facts(self.state.report))
         return FrameDetail("", b"", ())
+
+
+def _facts(report: Report) -> tuple[Item, ...]:
+    """What the report says of a capture in which no frame was found."""
+    from ..reports.page import facts
+
+    return tuple(
+        Item(f"fact {i}", words, label=f"{page_words(label):<11}") for i, (label, words) in enumerate(facts(report))
+    )
 
 
 def _is_due(counts: Counts) -> bool:
@@ -292,7 +307,7 @@ def _refresh(screen: BusScreen) -> None:
 
 
 def first(screen: BusScreen) -> None:
-    """Come up first where there are causes to tell and nobody has pressed a key yet."""
+    """Come up first where there are causes to tell, or no frame is there, and nobody has pressed a key yet."""
     home, bus, source = screen.query_one(HomeList), screen.desk.bus, screen.desk.source
     screen.undecided &= not screen.touched
     if not screen.undecided or not bus.count or (time.monotonic() < home.first_at and not bus.whole):
@@ -303,7 +318,7 @@ def first(screen: BusScreen) -> None:
     def decide(state: BusState) -> None:
         if screen.touched or not screen.undecided:
             return
-        if state.causes:
+        if state.causes or screen.desk.is_foreign:
             home.use(state)
             screen.action_view(VIEW.name)
         screen.undecided = not bus.whole and not state.causes

@@ -211,7 +211,8 @@ class Jobs:
         if trouble:
             self._screen.tell(tr("reading ended: {trouble}", trouble=trouble), wrong=True)
         self._tell_notices()
-        if not self._bus.frames and not trouble and self._screen.view != "paste":
+        told = self._screen.undecided or self._screen.view in ("home", "paste")
+        if not self._bus.frames and not trouble and not told:
             self._screen.tell(tr("no Modbus frame was found"), wrong=True)
 
     # Testing rows

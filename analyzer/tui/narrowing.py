@@ -33,8 +33,6 @@ class Narrowing:
         scope.only_changed = not scope.only_changed
         self.say()
         self._screen.jobs.reselect()
-        only = tr("only what changed since the last same poll; d shows all")
-        self._screen.tell(only if scope.only_changed else tr("all shown"))
 
     def noise(self) -> None:
         """Noise in place, or hidden."""

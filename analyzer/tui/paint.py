@@ -60,6 +60,7 @@ INKS: Final = {
     "head": Ink("quiet", "surface"), "dim": Ink("quiet"), "request": Ink("asks"), "response": Ink("answers"),
     "noise": Ink("noise", text="italic"), "error": Ink("bad", text="bold"), "warning": Ink("warn"),
     "note": Ink("note"), "good": Ink("good"), "strong": Ink(text="bold"), "accent": Ink("accent"),
+    "key": Ink("footer-key-foreground", text="bold"),
     "cursor": Ink("chosen-text", "chosen", "bold"), "cursor-away": Ink(back="chosen-away"),
     "lit": Ink("lit-text", "lit"), "lit-exact": Ink("chosen-text", "chosen", "bold"),
     **{f"tint-{colour}": Ink(back=f"tint-{colour}") for colour in ("red", "yellow", "green", "blue", "violet")},

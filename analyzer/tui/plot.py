@@ -1,7 +1,7 @@
 """Numbers over time: each column is the least and the greatest that was read in it, so that nothing is thinned away.
 
-Several series share the axis of time, each with a scale of its own; findings stand below as ticks, and a cursor reads
-what each series was.
+Several series share the axis of time, each in a band of its own with a scale of its own: over one another they could
+be told apart by colour alone. Findings stand below as ticks, and a cursor reads what each series was.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from rich.cells import cell_len
 from textual.strip import Strip
 
 from ..languages import tr
@@ -31,6 +32,10 @@ _FAR: Final = 0.01  # the share of readings at either end that may stand far off
 _LOST: Final = 5  # times so wide must all of them be, for the others to be drawn by themselves
 _NAMED: Final = 2  # numbers off the scale that are named
 _ENOUGH: Final = 50  # readings from which on a few are known from many
+_AROUND: Final = 3  # lines that are no band: title, findings, times
+_BORDER: Final = 1
+_LEAST_HEIGHT: Final = 8
+_LEAST_BAND: Final = 2  # lines: what it is, and the curve
 
 
 @dataclass(frozen=True)
@@ -40,6 +45,8 @@ class Series:
     name: str
     t_ns: NDArray[np.int64]
     numbers: NDArray[np.float64]
+    measure: str = ""  # what they are counted in: V
+    short: str = ""  # its name where there is little room
 
     @property
     def range(self) -> tuple[float, float] | None:
@@ -127,7 +134,7 @@ class Plot(Painted):
         self.ticks: NDArray[np.int64] = np.zeros(0, np.int64)
         self.cursor: float | None = None  # share of the span
         self._when = when
-        self._cells: list[NDArray[np.int64]] = []
+        self._cells: list[NDArray[np.int64] | None] = []
         self._drawn = (0, 0)
 
     def show(self, title: str, series: Sequence[Series], ticks: NDArray[np.int64] | None = None) -> None:
@@ -135,6 +142,7 @@ class Plot(Painted):
         self.title, self.series = title, series
         self.ticks = np.zeros(0, np.int64) if ticks is None else ticks
         self._cells, self._drawn = [], (0, 0)
+        self.styles.min_height = max(_LEAST_HEIGHT, _BORDER + _AROUND + _LEAST_BAND * len(series))
         self.refresh()
 
     @property
@@ -168,31 +176,41 @@ class Plot(Painted):
 
     def _line(self, y: int, height: int) -> list[StyledText]:
         span = self.span
-        legend = len(self.series) if len(self.series) > 1 else 0
         if y == 0 or span is None:
             far = _far_off(self.series[0]) if y == 0 and len(self.series) == 1 else ""
             return [StyledText(self.title if y == 0 else "", "strong"), StyledText(far, "warning")]
-        if y <= legend:
-            return self._legend(y - 1)
-        columns, rows = self._columns, height - 3 - legend
-        y -= 1 + legend
-        if rows < 1:
+        columns, room = self._columns, height - _AROUND
+        if room < len(self.series):
             return []
-        if y < rows:
-            return self._dots(y, columns, rows, span)
-        return self._tick_line(columns, span) if y == rows else self._axis(columns, span)
+        if y > room:
+            return self._tick_line(columns, span) if y == room + 1 else self._axis(columns, span)
+        tall = room // len(self.series)  # of a band; what is left over belongs to the first of them
+        number, line = _band(y - 1, room - tall * len(self.series), tall)
+        rows = tall + (room - tall * len(self.series) if number == 0 else 0)
+        if len(self.series) == 1:
+            return self._dots(number, line, columns, rows, span)
+        if tall < _LEAST_BAND:
+            return self._dots(number, line, columns, rows, span, self.series[number].short)
+        return self._dots(number, line - 1, columns, rows - 1, span) if line else self._head(number, rows - 1)
 
-    def _legend(self, number: int) -> list[StyledText]:
+    def _head(self, number: int, rows: int) -> list[StyledText]:
+        """What stands over a band: whose it is, its newest number or that under the cursor; a reach for a scale."""
         series = self.series[number]
         reach = series.range
         values = tr("no number")
         if reach is not None:
-            low, high = told_apart(*reach)
-            values = tr("{low} to {high}", low=low, high=high)
-        values += _far_off(series)
+            values = self._read(series) or tr("last {number}", number=_worded(series, float(series.numbers[-1])))
+            if rows < _LEAST_BAND and reach[0] < reach[1]:
+                low, high = told_apart(*reach)
+                values += ", " + tr("{low} to {high}", low=low, high=high)
+        name = series.name
+        if cell_len(f"━ {name}: {values}") > self.content_size.width:
+            name = series.short or name
         return [
-            StyledText(" ━ ", _KINDS[number % len(_KINDS)]),
-            StyledText(f"{series.name}: {values}{self._read(series)}"),
+            StyledText("━ ", _KINDS[number % len(_KINDS)]),
+            StyledText(f"{name}: "),
+            StyledText(values, "strong"),
+            StyledText(_far_off(series), "warning"),
         ]
 
     def _read(self, series: Series) -> str:
@@ -201,38 +219,33 @@ class Plot(Painted):
         if self.cursor is None or span is None:
             return ""
         number = series.at(self._time(span))
-        if number is None:
-            return ""
-        whole = number.is_integer() and abs(number) < _WHOLE
-        return tr(", here {number}", number=f"{number:.0f}" if whole else f"{number:.7g}")
+        return "" if number is None else tr("here {number}", number=_worded(series, number))
 
     def _time(self, span: tuple[int, int]) -> int:
         return span[0] + round((span[1] - span[0]) * (self.cursor or 0.0))
 
-    def _dots(self, y: int, columns: int, rows: int, span: tuple[int, int]) -> list[StyledText]:
-        if self._drawn != (columns, rows):
-            self._cells = [dots(series, span, columns, rows) for series in self.series]
-            self._drawn = columns, rows
-        reach = self.series[0].scale if len(self.series) == 1 else None
-        label = ""
-        if reach is not None:
+    def _dots(
+        self, number: int, y: int, columns: int, rows: int, span: tuple[int, int], name: str = ""
+    ) -> list[StyledText]:
+        """A line of a series' curve; left of it the ends of its scale, or a name where there is no room for more."""
+        if self._drawn != (columns, self.content_size.height):
+            self._drawn, self._cells = (columns, self.content_size.height), [None] * len(self.series)
+        series, cells = self.series[number], self._cells[number]
+        if cells is None:
+            cells = self._cells[number] = dots(series, span, columns, rows)
+        label, reach = name[: self._label], series.scale
+        if reach is not None and not name and (rows >= _LEAST_BAND or len(self.series) == 1):
             least, most = told_apart(*reach, self._label)
-            at_most, at_least = (0, rows - 1) if reach[0] < reach[1] else (rows // 2, rows // 2)
+            at_most, at_least = (0, rows - 1) if reach[0] < reach[1] else ((rows - 1) // 2, (rows - 1) // 2)
             label = most if y == at_most else least if y == at_least else ""
-        cursor_column = None if self.cursor is None else round(self.cursor * (columns - 1))
+        text = "".join(chr(_BLANK + cell) if cell else " " for cell in cells[y].tolist())
+        kind = _KINDS[number % len(_KINDS)]
         parts = [StyledText(f"{label:>{self._label}} ", "dim")]
-        text, kind = "", ""
-        for column in range(columns):
-            owner = next((i for i, cells in enumerate(self._cells) if cells[y, column]), None)
-            cell = " " if owner is None else chr(_BLANK + int(self._cells[owner][y, column]))
-            own = kind if owner is None else _KINDS[owner % len(_KINDS)]
-            if column == cursor_column:
-                cell, own = ("┊" if owner is None else cell), "strong"
-            if own != kind and text:
-                parts.append(StyledText(text, kind))
-                text = ""
-            text, kind = text + cell, own
-        return [*parts, StyledText(text, kind)]
+        if self.cursor is None:
+            return [*parts, StyledText(text, kind)]
+        at = round(self.cursor * (columns - 1))
+        under = "┊" if text[at] == " " else text[at]
+        return [*parts, StyledText(text[:at], kind), StyledText(under, "strong"), StyledText(text[at + 1 :], kind)]
 
     def _tick_line(self, columns: int, span: tuple[int, int]) -> list[StyledText]:
         marks = [" "] * columns
@@ -256,7 +269,7 @@ class Plot(Painted):
             middle = self._when(self._time(span), span[1] - span[0] < _FINE_NS)
             middle = middle[_DATE + 1 :] if of_one_day else middle
             if len(self.series) == 1:
-                middle += self._read(self.series[0])
+                middle += f", {self._read(self.series[0])}" if self._read(self.series[0]) else ""
         room = columns - len(first) - len(last)
         return [
             StyledText(" " * (self._label + 1) + first, "dim"),
@@ -271,6 +284,18 @@ def told_apart(low: float, high: float, room: int = 24) -> tuple[str, str]:
     fits = [pair for pair in texts if max(map(len, pair)) <= room] or texts[-1:]
     apart = sorted((pair for pair in fits if pair[0] != pair[1]), key=lambda pair: "e" in "".join(pair))
     return (apart or fits)[0]
+
+
+def _band(y: int, rest: int, tall: int) -> tuple[int, int]:
+    """The band that a line belongs to, and which line of it that is, where the first one is longer by the rest."""
+    return (0, y) if y < tall + rest else ((y - rest) // tall, (y - rest) % tall)
+
+
+def _worded(series: Series, number: float) -> str:
+    if not np.isfinite(number):
+        return tr("no number")
+    figures = f"{number:.0f}" if number.is_integer() and abs(number) < _WHOLE else f"{number:.7g}"
+    return f"{figures} {series.measure}".rstrip()
 
 
 def _far_off(series: Series) -> str:

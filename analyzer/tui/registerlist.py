@@ -279,6 +279,11 @@ def _in_order(register: WatchedRegister) -> tuple[int, bool, int, int]:
     return register.unit, register.area < _BIT_AREAS, -register.area, register.address
 
 
+def _short(spot: Spot) -> str:
+    """`17 40108`, as one goes there."""
+    return f"{spot[0]} {logical(spot[2], _AREA_NAMES[spot[1]])}"
+
+
 def _spot(register: WatchedRegister) -> Spot:
     return register.unit, register.area, register.address
 
@@ -326,9 +331,9 @@ def _plotted(screen: BusScreen) -> None:
             t_ns, rows, registers = screen.desk.in_scope(*each.readings())
             if meaning.words == each.words:
                 numbers = meaning.numbers(registers) if meaning.is_number else registers[:, 0].astype(float)
-                series.append(Series(listing.label(spot), t_ns if bus.timed else rows, numbers))
-        count = len(series[-1].t_ns) if series else 0
-        span = ""
+                times = t_ns if bus.timed else rows
+                series.append(Series(listing.label(spot), times, numbers, meaning.measure, _short(spot)))
+        count, span = len(series[-1].t_ns) if series else 0, ""
         if count > 1 and bus.timed:
             span = tr(" over {time}", time=duration(int(series[-1].t_ns[-1] - series[-1].t_ns[0])))
         plot.show(

@@ -14,7 +14,7 @@ from textual.app import ComposeResult
 from textual.binding import ActiveBinding, BindingType
 from textual.screen import Screen
 from textual.widget import Widget
-from textual.widgets import ContentSwitcher, Footer
+from textual.widgets import ContentSwitcher
 
 from dissectors.values import harmless
 
@@ -30,6 +30,7 @@ from .frames import FrameList
 from .jobs import Jobs
 from .jumps import Jumps
 from .keptfilters import KeptFilters
+from .keyline import KeyLine
 from .keys import BINDINGS
 from .lines import Lines
 from .look import at_row
@@ -98,7 +99,7 @@ class BusScreen(Screen[None]):
                 yield view.make(self.desk)
         yield DetailPane(id="study")
         yield StatusLine(self.desk, id="status")
-        yield Footer(compact=True, show_command_palette=False)
+        yield KeyLine()
 
     def on_mount(self) -> None:
         for each in self.query(FrameList):
@@ -179,12 +180,13 @@ class BusScreen(Screen[None]):
         where = counted(bus.frames, "frame", "frames") + (tr(", noise {count:,}", count=bus.noise) if bus.noise else "")
         if self.jobs.selection is not None:
             where = tr("{some:,} of {rows} shown", some=frames.rows.count, rows=counted(bus.count, "row", "rows"))
-        waiting = frames.count() - 1 - frames.cursor
-        if frames.live and not bus.whole:
-            where += tr(", following") if frames.following else tr(", {count:,} below (F follows)", count=waiting)
+        listing, follow = self.query_one(f"#{self.list_view}", FrameList), ""
+        if listing.live and not bus.whole:
+            waiting = listing.count() - 1 - listing.cursor
+            follow = tr("following") if listing.following else tr("{count:,} below (F follows)", count=waiting)
         if self.picked.anchor is not None:
             where += tr(", selected {count:,}", count=len(self.picked.rows()))
-        self.query_one(StatusLine).say(where, self.jobs.doing)
+        self.query_one(StatusLine).say(where, self.jobs.doing, follow)
 
     def study_row(self, row: int, *, to: tuple[str, ...] = ()) -> None:
         """Show a row's fields and bytes; the cursor of the fields goes to an item."""

@@ -23,6 +23,7 @@ def is_gone(source: object) -> bool:
 
 
 _SPIN = "|/-\\"
+_SLIM = 100  # columns under which not all of a live state has room
 
 
 class StatusLine(Painted):
@@ -33,11 +34,12 @@ class StatusLine(Painted):
         self.desk = desk
         self.where = ""
         self.doing = ""
+        self.follow = ""
         self._turn = 0
 
-    def say(self, where: str, doing: str = "") -> None:
-        """Where the cursor is, and what goes on."""
-        self.where, self.doing = where, doing
+    def say(self, where: str, doing: str = "", follow: str = "") -> None:
+        """Where the cursor is, what goes on, and live whether the list follows its end."""
+        self.where, self.doing, self.follow = where, doing, follow
         self._turn += 1
         self.refresh()
 
@@ -45,16 +47,21 @@ class StatusLine(Painted):
         width = self.content_size.width
         if y:
             return Strip.blank(width, self.base)
-        left = [StyledText(f" {self._called(max(12, width // 3))} ", "strong"), StyledText(f"{self._speed()}  ", "dim")]
-        if self.desk.paused:
-            left.append(StyledText(f"{tr('PAUSED, P goes on')}  ", "warning"))
         state = getattr(self.desk.source, "state", None)
         told = [] if state is None or self.desk.bus.whole else list(state())
+        slim = bool(told) and width < _SLIM  # what may change stands before what does not
+        left = [StyledText(f" {self._called(max(12, width // 3))} ", "strong")]
+        left.append(StyledText(" " if slim else f"{self._speed()}  ", "dim"))
+        if self.desk.paused:
+            left.append(StyledText(f"{tr('PAUSED, P goes on')}  ", "warning"))
         if doing := self.doing or self._listening():
             words = self.doing if told else doing  # beside a rate the spin alone says that it listens
             left.append(StyledText(f"{_SPIN[self._turn % len(_SPIN)]} {words}{'  ' if words else ''}", "accent"))
-        left += [StyledText(f"{harmless(words)}  ", kind) for words, kind in told]
-        left.append(StyledText(self.where))
+        states = [StyledText(f"{harmless(words)}  ", kind) for words, kind in told]
+        if slim:
+            left += [*states[:-1], StyledText(f"{self.follow}  "), states[-1], StyledText(self.where)]
+        else:
+            left += [*states, StyledText(", ".join(filter(None, (self.where, self.follow))))]
         right = self._finding_counts()
         size = sum(cell_len(part.text) for part in right)
         return self.strip([*fitted(left, max(0, width - size)), *right], width, self.base)

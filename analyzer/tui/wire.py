@@ -49,6 +49,7 @@ class ThinWire:
         self._texts: list[list[str]] = []
         self._looks: list[list[Look | None]] = []
         self._cache: dict[Style | None, tuple[Look, Look]] = {}
+        self._known: dict[Look, Look] = {}  # each look once: two are the same where they are one object
         self._sent: deque[tuple[float, int]] = deque()
 
     def forget(self) -> None:
@@ -89,12 +90,16 @@ class ThinWire:
                 if at != (y, first):
                     ahead = at is not None and at[0] == y and at[1] < first
                     out.append(f"\x1b[{first - at[1]}C" if ahead and at else f"\x1b[{y + 1};{first + 1}H")
-                for i in range(first, last):
-                    wanted = looks[i]
-                    if wanted is not now and wanted is not None and wanted != now and texts[i]:
+                begin = first
+                while begin < last:
+                    wanted, end = looks[begin], begin + 1
+                    while end < last and looks[end] is wanted:
+                        end += 1
+                    if wanted is not now and wanted is not None and wanted != now and any(texts[begin:end]):
                         code, now = _turned(now, wanted)
                         out.append(code)
-                    out.append(texts[i])
+                    out += texts[begin:end]
+                    begin = end
                 at = None if last >= self._size[0] else (y, last)
         if now != _PLAIN:
             out.append("\x1b[m")
@@ -109,8 +114,9 @@ class ThinWire:
             self._texts = [[" "] * width for _ in range(height)]
             self._looks = [[None] * width for _ in range(height)]
 
-    def _changes(self, y: int, x: int, segments: Iterable[Segment], console: Console) -> Iterator[int]:
+    def _changes(self, y: int, x: int, segments: Iterable[Segment], console: Console) -> list[int]:
         """Take the segments in; columns that are others now, ascending."""
+        changed: list[int] = []
         texts, looks, width = self._texts[y], self._looks[y], self._size[0]
         for text, style, control in segments:
             if control or not text:
@@ -127,13 +133,14 @@ class ThinWire:
             if texts[at:end] == cells and looks[at:end] == own:
                 continue
             for i, (cell, wanted) in enumerate(zip(cells, own, strict=True), at):
-                if texts[i] != cell or looks[i] != wanted:
+                if texts[i] != cell or looks[i] is not wanted:
                     if not texts[i]:  # the other half of a wide character goes with this one
                         texts[i - 1], looks[i - 1] = " ", None
                     if i + 1 < width and not texts[i + 1]:
                         texts[i + 1], looks[i + 1] = " ", None
                     texts[i], looks[i] = cell, wanted
-                    yield i
+                    changed.append(i)
+        return changed
 
     def _looks_of(self, style: Style | None, console: Console) -> tuple[Look, Look]:
         """How text in a style looks, and how a blank does."""
@@ -144,7 +151,7 @@ class ThinWire:
             full = _codes_of(style, console)
             marks = full.marks & _MARKS_ON_BLANKS
             blank = Look(full.front if marks else "", full.back, marks)
-            looks = self._cache[style] = (full, blank)
+            looks = self._cache[style] = (self._known.setdefault(full, full), self._known.setdefault(blank, blank))
         return looks
 
 
@@ -185,13 +192,14 @@ def _cells(text: str) -> list[str]:
     return out
 
 
-def _runs(columns: Iterable[int], looks: Sequence[Look | None], texts: Sequence[str]) -> Iterator[tuple[int, int]]:
+def _runs(changed: Sequence[int], looks: Sequence[Look | None], texts: Sequence[str]) -> Iterator[tuple[int, int]]:
     """Changed columns as stretches to write, over gaps that are shorter to write again than to jump over."""
-    changed = list(columns)  # all are taken in before the first is written
     first = last = -1
     for column in changed:
         if first < 0:
             first = column
+        elif column == last:
+            pass
         elif column - last > _FEW or not all(_alike(looks[i], looks[last - 1]) for i in range(last, column)):
             yield first, last
             first = column

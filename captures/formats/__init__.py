@@ -20,6 +20,7 @@ from ..chunks import Source
 from ..errors import CaptureError
 from ..files import other_kind
 
+WHOLLY = 1.0  # a `sniff` that no other outweighs
 CERTAIN = 0.9  # a `sniff` at or over this outweighs the suffix
 SUSPECT = 0.5  # at or over this it casts doubt on a suffix
 LIKELY = 0.1  # at or over this it may do without a suffix
@@ -96,10 +97,14 @@ def recognise(head: bytes, suffix: str, name: str) -> RecognisedFormat:
     are known to be no capture; one of our own by suffix; the likeliest by content.
     """
     suffix = suffix.lower()
-    foreign, own = _scores(foreign_formats(), head), _scores(formats(), head)
-    for scores in (foreign, own):
-        if scores and max(scores.values()) >= CERTAIN:
-            return _by_content(scores, suffix)
+    foreign = _scores(foreign_formats(), head)
+    if foreign and max(foreign.values()) >= CERTAIN:
+        return _by_content(foreign, suffix)
+    if (namesake := _wholly_namesake(head, suffix)) is not None:
+        return RecognisedFormat(namesake)
+    own = _scores(formats(), head)
+    if own and max(own.values()) >= CERTAIN:
+        return _by_content(own, suffix)
     if (by_suffix := _of_suffix(foreign, suffix)) is not None:
         return RecognisedFormat(by_suffix)
     if kind := other_kind(head):
@@ -116,11 +121,11 @@ def recognise(head: bytes, suffix: str, name: str) -> RecognisedFormat:
     )
 
 
-def claimed(head: bytes, chosen: Format | None) -> bool:
+def claimed(head: bytes, suffix: str, chosen: Format | None) -> bool:
     """Whether this format, or where none is chosen any, knows a file that begins like this for its own."""
     if chosen is not None:
         return _scores({chosen.name: chosen}, head)[chosen] >= LIKELY
-    return any(
+    return _wholly_namesake(head, suffix) is not None or any(
         score >= CERTAIN
         for registered in (foreign_formats(), formats())
         for score in _scores(registered, head).values()
@@ -154,6 +159,20 @@ def _written(format: Format) -> tuple[str, ...]:
     if format.write is None:
         return ()
     return format.suffixes if format.write_suffixes is None else format.write_suffixes
+
+
+def _namesake(suffix: str) -> Format | None:
+    """The format whose file in this folder is named as its suffix: alone it is loaded some 80 ms sooner than all."""
+    if suffix[1:] not in {module.name for module in pkgutil.iter_modules(__path__)}:
+        return None
+    format: Format = importlib.import_module(f"{__name__}.{suffix[1:]}").FORMAT
+    return format if suffix in format.suffixes else None
+
+
+def _wholly_namesake(head: bytes, suffix: str) -> Format | None:
+    """The same where the content is wholly its own."""
+    namesake = _namesake(suffix.lower())
+    return namesake if namesake is not None and _score(namesake, head) >= WHOLLY else None
 
 
 def _scores(known: dict[str, Format], head: bytes) -> dict[Format, float]:

@@ -26,7 +26,7 @@ from ..chunks import Block, Chunk, Mark, Note
 from ..errors import CaptureError
 from ..files import HEAD_BYTES, line_batches, opened, read_head
 from ..line import PROTOCOLS_NOTE, LineSettings
-from ..text.choosing import ByteJudge, no_judge
+from ..text.judging import ByteJudge, no_judge
 from ..text.logs import LOOKED_FOR, LogReader, Piece, UnreadLine, joined
 from . import Format
 

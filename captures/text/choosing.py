@@ -1,8 +1,4 @@
-"""Which of the runs of characters in a line are bytes: the check values say, then the writing, then a person's sense.
-
-`ByteJudge` is how this package, which knows nothing of protocols, hears of check values: a caller who knows a protocol
-passes one in. Without it the writing alone decides.
-"""
+"""Which runs of characters in a line are bytes: the check values say, then the writing, then a person's sense."""
 
 from __future__ import annotations
 
@@ -10,11 +6,12 @@ import re
 from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache, partial
-from typing import Final, NamedTuple, Protocol, cast
+from functools import lru_cache
+from typing import Final, NamedTuple
 
 from .candidates import HexWindow, TextLine, Writing, holds_digits, holds_several
 from .hexshapes import hex_candidates
+from .judging import ByteJudge, Checked
 from .othershapes import other_candidates
 from .places import in_its_place, is_cut, is_halved
 from .rows import ROWS, shows
@@ -30,37 +27,6 @@ _MARKED: Final = "\0marked"  # in place of the label, for all runs behind direct
 _LABEL: Final = 28  # characters
 _NUMBERS: Final = re.compile(r"0[xX][0-9A-Fa-f]+|\b(?=[a-fA-F]*\d)[0-9A-Fa-f]+\b|\d+")
 _BLANKS: Final = re.compile(r"[\s|*#/<>`-]+(?=([:=]?))")
-
-
-class Checked(NamedTuple):
-    """A stretch of bytes whose check value, or whose header's length, is right.
-
-    `repeats`: its answer may be the same bytes again. `envelope`: the protocol that it is a frame of, by its name.
-    """
-
-    start: int
-    end: int
-    repeats: bool = False
-    envelope: str = ""
-
-
-class ByteJudge(Protocol):
-    """Says which stretches of some bytes have right check values.
-
-    `damaged`: also which bytes are, end to end, as long as their headers say, whatever the check values are.
-    """
-
-    def __call__(self, data: bytes, *, damaged: bool = False) -> Sequence[Checked]: ...
-
-
-def no_judge(data: bytes, *, damaged: bool = False) -> Sequence[Checked]:  # noqa: ARG001 - as judges are called
-    """For those who know no protocol."""
-    return ()
-
-
-def lenient(judge: ByteJudge) -> ByteJudge:
-    """A judge of a text in which no check value is right."""
-    return cast(ByteJudge, partial(judge, damaged=True))
 
 
 @dataclass(slots=True)

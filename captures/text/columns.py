@@ -8,7 +8,8 @@ from itertools import accumulate, groupby, pairwise, takewhile
 from typing import Final
 
 from .candidates import H, Writing
-from .choosing import ByteJudge, ByteRun, Checked, Experience, label_in, lenient
+from .choosing import ByteRun, Experience, label_in
+from .judging import ByteJudge, Checked, lenient
 from .loglines import LogLine
 from .rows import is_ruler
 from .tokens import JOINED, NumberToken, holds_numbers, skeleton_of, tokens_of

@@ -18,11 +18,12 @@ from typing import Final
 from captures.text import stamps
 
 from .candidates import Writing, line_of
-from .choosing import ByteJudge, ByteRun, Experience, label_in, no_judge, runs_in
+from .choosing import ByteRun, Experience, label_in, runs_in
 from .dumps import Dump
 from .fractions import Fractions, counted
 from .halves import halves
 from .headings import Heading, marks_of_cells
+from .judging import ByteJudge, no_judge
 from .othershapes import unescape
 from .plain import plain, quoted
 from .rows import is_ruler

@@ -16,9 +16,10 @@ from itertools import islice, pairwise
 from typing import Final
 
 from .candidates import H, Writing
-from .choosing import MOST_JUDGED, ByteJudge, ByteRun, Experience, lenient, no_judge
+from .choosing import MOST_JUDGED, ByteRun, Experience
 from .entries import entries_of, whole_entries
 from .halves import halves
+from .judging import ByteJudge, lenient, no_judge
 from .loglines import LineReader, LogLine
 from .payloads import payload_of
 from .plain import is_of_mail, quoted

@@ -13,9 +13,10 @@ from itertools import pairwise
 from typing import Final
 
 from .candidates import HexWindow, Writing
-from .choosing import MOST_JUDGED, ByteJudge, ByteRun, Checked, Experience
+from .choosing import MOST_JUDGED, ByteRun, Experience
 from .columns import COLUMN_SHAPE, MOST_ROWS, settle_columns
 from .copies import settle_copies
+from .judging import ByteJudge, Checked
 from .loglines import LogLine
 from .rows import is_ruler, shows
 from .unchecked import settle_unchecked

@@ -1,0 +1,41 @@
+"""How this package, which knows nothing of protocols, hears of check values: who knows a protocol passes a judge in.
+
+Without one the writing alone decides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from typing import NamedTuple, Protocol, cast
+
+
+class Checked(NamedTuple):
+    """A stretch of bytes whose check value, or whose header's length, is right.
+
+    `repeats`: its answer may be the same bytes again. `envelope`: the protocol that it is a frame of, by its name.
+    """
+
+    start: int
+    end: int
+    repeats: bool = False
+    envelope: str = ""
+
+
+class ByteJudge(Protocol):
+    """Says which stretches of some bytes have right check values.
+
+    `damaged`: also which bytes are, end to end, as long as their headers say, whatever the check values are.
+    """
+
+    def __call__(self, data: bytes, *, damaged: bool = False) -> Sequence[Checked]: ...
+
+
+def no_judge(data: bytes, *, damaged: bool = False) -> Sequence[Checked]:  # noqa: ARG001 - as judges are called
+    """For those who know no protocol."""
+    return ()
+
+
+def lenient(judge: ByteJudge) -> ByteJudge:
+    """A judge of a text in which no check value is right."""
+    return cast(ByteJudge, partial(judge, damaged=True))

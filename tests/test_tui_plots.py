@@ -1,0 +1,78 @@
+"""Several values over one axis of time: each can be read by itself, in any colours and on small terminals."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from seats import Seat, sample_in, using
+
+import captures
+from analyzer import languages
+from analyzer.model.source import CaptureSource
+from analyzer.tui.plot import Plot, Series
+from analyzer.tui.registerlist import RegisterList
+
+_BRAILLE = range(0x2801, 0x2900)
+
+
+@pytest.mark.parametrize("size", [(80, 24), (80, 30), (40, 24), (120, 40)])
+def test_pinned_values_stand_in_bands_of_their_own_each_with_its_newest_number(
+    tmp_path: Path, size: tuple[int, int]
+) -> None:
+    async def work(sitting: Seat) -> None:
+        plot, listing = sitting.screen.query_one(Plot), sitting.screen.query_one(RegisterList)
+        await sitting.press("5", "space", "down", "space", "down", "down", "space", "down", "space", "down")
+        await sitting.until(lambda: len(plot.series) == 5)
+        await sitting.settle()
+        lines = sitting.shown().splitlines()[-plot.size.height - 2 :]
+        heads = [line for line in lines if "━ " in line]
+        for line, series in zip(heads, plot.series, strict=True):
+            assert line.split("━ ")[1].split(":")[0] in (series.name, series.short if size[0] < 80 else series.name)
+        values = [series.numbers[-1] for series in plot.series]
+        assert [float(line.split("last ")[1].split(",")[0].split()[0]) for line in heads] == values
+        below = [lines[lines.index(head) + 1] for head in heads]
+        assert all(any(ord(c) in _BRAILLE for c in line) for line in below)
+        assert listing.size.height >= 4, "what is chosen among stays in sight"
+        assert "▴" in lines[-4] and lines[-3].count(":") >= 2, "findings and times stay below them"
+
+    using(CaptureSource(captures.open(sample_in(tmp_path)), "x"), work, size=size, view="registers")
+
+
+def test_the_cursor_reads_every_band(tmp_path: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        plot = sitting.screen.query_one(Plot)
+        await sitting.press("5", "space", "down", "space", "left", "left")
+        await sitting.until(lambda: len(plot.series) == 2)
+        lines = sitting.shown().splitlines()
+        assert sum("━ " in line and "here " in line for line in lines) == 2
+        columns = [line.index("┊") for line in lines if "┊" in line]
+        assert len(columns) > 1 and len(set(columns)) == 1
+
+    using(CaptureSource(captures.open(sample_in(tmp_path)), "x"), work, size=(100, 40), view="registers")
+
+
+def test_a_number_stands_with_its_measure_and_one_that_is_none_is_called_so(tmp_path: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        plot = sitting.screen.query_one(Plot)
+        await sitting.press("5")
+        t_ns = np.arange(3) * 10**9
+        volts = Series("mains", t_ns, np.array([229.5, 230, 230.25]), "V")
+        plot.show("", (volts, Series("broken", t_ns, np.array([1.0, 2.0, np.nan]))))
+        await sitting.pilot.pause()
+        assert "mains: last 230.25 V" in sitting.shown() and "broken: last no number" in sitting.shown()
+
+    using(CaptureSource(captures.open(sample_in(tmp_path)), "x"), work, size=(100, 40), view="registers")
+
+
+def test_on_narrow_terminals_a_name_gives_way_to_the_number(tmp_path: Path) -> None:
+    languages.use("ru")
+
+    async def work(sitting: Seat) -> None:
+        plot = sitting.screen.query_one(Plot)
+        await sitting.press("5", "space", "down", "space")
+        await sitting.until(lambda: len(plot.series) == 2)
+        assert "━ 1 40002: последнее 564" in sitting.shown() and "━ 1 40108: последнее 230" in sitting.shown()
+
+    using(CaptureSource(captures.open(sample_in(tmp_path)), "x"), work, size=(40, 24), view="registers")
