@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from .askedagain import asked_again_into
 from .bits import likelihood_bits, surplus_bits
 from .evidence import Evidence
 from .registry import Symptom
@@ -56,7 +57,7 @@ class Hits:
     def __init__(self, evidence: Evidence) -> None:
         self.damaged = sum(map(evidence.damaged, evidence.units))
         self.requests = sum(evidence.behind(unit, Behind.REQUEST) for unit in evidence.units)
-        self.idle = sum(evidence.behind(unit, Behind.NOISE, Behind.ZEROS) for unit in evidence.units)
+        self.idle = sum(map(evidence.stray, evidence.units))
         self.exchanges = sum(unit.asked for unit in evidence.units)
 
     @property
@@ -107,7 +108,7 @@ def requests_evenness_bits(evidence: Evidence) -> float:
 
 def stray_behind(evidence: Evidence) -> list[float]:
     """About how many good answers of each unit have stray bytes behind them."""
-    return [evidence.behind(unit, Behind.NOISE, Behind.ZEROS) for unit in evidence.units]
+    return [evidence.stray(unit) for unit in evidence.units]
 
 
 def apart_bits(evidence: Evidence) -> float:
@@ -280,7 +281,7 @@ def timed_by_the_master(evidence: Evidence, unit: UnitLedger) -> list[Signature]
     begun_within = _spread([each.delay for each in run_into])
     if len(ends) >= _TOLD and begun_within > 2 * char_ns and _spread(ends) + off < _STEADIER * begun_within + char_ns:
         found += [each for each in readings if each.damage is not AnswerDamage.HEAD and each not in found]
-    return found
+    return found + [each for each in asked_again_into(evidence, unit) if each not in found]
 
 
 def _spread(numbers: Sequence[float] | NDArray[np.float64]) -> float:

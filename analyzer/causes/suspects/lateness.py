@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ...diagnosis.tap_clock import UNKNOWN
 from ...tables.findings import Severity
+from ..askedagain import asked_again_behind, asked_again_into
 from ..bits import likelihood_bits, surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, kind_of
 from ..exchanges import Ending
@@ -73,13 +74,17 @@ def timeout_too_short(evidence: Evidence) -> Iterator[Suspicion]:
         if evidence.is_open(Symptom.LATENESS, unit.unit):
             late[unit.unit] += min(evidence.begun[unit.unit], unit.count(Ending.SILENT, Ending.GARBAGE))
     found = [each for unit in evidence.units if (each := _weighed(evidence, unit, late)) is not None]
-    by_timer = [each for each in found if given_up_by_timer(evidence, each.unit) or _repeated_by_timer(each.unit)]
+    by_timer = [each for each in found if _is_timed(evidence, each.unit)]
     for group in alone_or_together(found, by_timer):
         group.sort(key=lambda each: -each.late / max(each.unit.asked, 1))
         mine = sum(each.late for each in group)
         rest = sum(late.values()) - sum(late[each.unit.unit] for each in group)
         if mine >= _MOSTLY * (mine + rest):
             yield _suspicion(evidence, group, mine, rest)
+
+
+def _is_timed(evidence: Evidence, unit: UnitLedger) -> bool:
+    return given_up_by_timer(evidence, unit) or _repeated_by_timer(unit) or bool(asked_again_into(evidence, unit))
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +112,8 @@ def _weighed(evidence: Evidence, unit: UnitLedger, late: Mapping[int, int]) -> _
 
 def _lives(evidence: Evidence, unit: UnitLedger) -> bool:
     """Whether anything was ever heard of a unit: one that is dead is late with nothing, whatever else is hit."""
-    return bool(unit.answered + unit.late + unit.strays + unit.doubles + unit.unfit + evidence.begun[unit.unit])
+    heard = unit.answered + unit.late + unit.strays + unit.doubles + unit.unfit + evidence.begun[unit.unit]
+    return bool(heard or asked_again_into(evidence, unit))
 
 
 def _suspicion(evidence: Evidence, group: Sequence[_LateUnit], mine: int, rest: int) -> Suspicion:
@@ -224,7 +230,8 @@ def _late(evidence: Evidence, unit: UnitLedger) -> int:
         or r in by_timer
     ]
     found += round(unit.count(Ending.GARBAGE) * len(late) / max(len(readings), 1))
-    return found + max(slow.count, hurried.count, _unheeded(evidence, unit))
+    behind = asked_again_behind(evidence, unit)
+    return found + max(slow.count, hurried.count, _unheeded(evidence, unit), _in_vain(evidence, unit), behind)
 
 
 def _hurried(evidence: Evidence, unit: UnitLedger) -> Slow:
@@ -369,6 +376,17 @@ def _unheeded(evidence: Evidence, unit: UnitLedger) -> int:
     if own > _SOONER * usual or delay < 3 * max(delays) or own < 0 or evidence.verdict.wait_ns > usual - own:
         return 0
     return len(unit.pauses)
+
+
+def _in_vain(evidence: Evidence, unit: UnitLedger) -> int:
+    """Good answers, all slow beside those of others, whose requests are repeated by the master's timer."""
+    delay, others = unit.delays.quantile(0.1), [other for other in evidence.units if other is not unit]
+    delays = [value for other in others if (value := other.delays.quantile(0.5)) is not None]
+    slow = delay is not None and len(delays) >= _OTHERS and delay > _FAR_SLOWER * max(delays)
+    met = unit.behind + unit.count(
+        Ending.GARBAGE
+    )  # a list of one poll repeats it by a timer as well, and meets nothing
+    return len(unit.redundant) if slow and met >= _LEAST and _repeated_by_timer(unit) else 0
 
 
 def _by_timer(unit: UnitLedger) -> bool:

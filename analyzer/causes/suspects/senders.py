@@ -210,7 +210,8 @@ def byte_count(evidence: Evidence) -> Iterator[Suspicion]:
     Severity.ERROR,
     blame="unit",
     text="Two devices answer to address {unit}[; {doubles:request|requests} got two answers][; in {damaged:answer|answers} "
-    "two transmitters mix]",
+    "two transmitters mix][; {tails:answer|answers} {tails:|runs|run} on when {tails:|it is|they are} over]"
+    "[; {met:exchange|exchanges} right behind {met:|is|are} hit by a second one]",
     share=_SHARE,
     deciding_test="Take the device with address {unit} off the bus: if the address still answers, there is another one",
     remedy="Give one of the two devices an address of its own",
@@ -229,6 +230,8 @@ def duplicate_address(evidence: Evidence) -> Iterator[Suspicion]:
         crossed = round(crossed) if doubles >= _LEAST or (len(readings) >= _LEAST and crossed >= _LEAST) else 0
         if doubles <= 1.2 * evidence.unanswered(unit):
             doubles = 0
+        tails = round(evidence.tails(unit))
+        crossed = max(crossed, tails)
         doubles = max(doubles, too_many)
         rest = [other for other in evidence.units if other is not unit]
         noisy = sum(evidence.behind(other, Behind.REQUEST, Behind.NOISE) for other in rest)
@@ -240,10 +243,13 @@ def duplicate_address(evidence: Evidence) -> Iterator[Suspicion]:
                 kinds = max(kinds, kind_bits(readings, _OVERTAKEN))
             bits += evidence.surplus(unit) + kinds
             bits -= _SHORT_BITS * _shortened(readings)
-        if bits <= 0 or doubles + len(readings) < _LEAST:
+        run_into = _run_into(evidence, unit) if doubles >= _LEAST else _answered_again(evidence, unit)
+        if bits + sum(run_into.values()) <= 0 or doubles + tails + len(readings) + 3 * len(run_into) < _LEAST:
             continue
-        run_into = _run_into(evidence, unit) if doubles >= _LEAST else {}
-        found = damage_suspicion(evidence, unit, bits + sum(run_into.values()), {"doubles": doubles})
+        met = sum(evidence.ledger.successors.met[other, unit.unit] for other in run_into)
+        found = damage_suspicion(
+            evidence, unit, bits + sum(run_into.values()), {"doubles": doubles, "tails": tails, "met": met}
+        )
         explains = found.explains | {(kind, unit.unit) for kind in _ITS_OWN}
         explains |= {(kind, other) for other in run_into for kind in (Symptom.DAMAGE, Symptom.BEHIND)}
         if too_many:  # the master takes one for what it asked next, and so on
@@ -271,6 +277,15 @@ def _run_into(evidence: Evidence, unit: UnitLedger) -> Mapping[int, float]:
         if bits > _RUN_INTO_BITS:
             found[other.unit] = bits
     return found
+
+
+def _answered_again(evidence: Evidence, unit: UnitLedger) -> Mapping[int, float]:
+    """The same of a unit whose second answers are lost in what is asked next, but for their ends: they are over before
+    any answer to that can come. Nothing where its own requests stay without, for it may be late then."""
+    if unit.count(Ending.SILENT) or not evidence.verdict.fine:
+        return {}
+    found = _run_into(evidence, unit)
+    return {other: bits for other, bits in found.items() if evidence.is_too_soon(evidence.ledger.units[other])}
 
 
 _MIXED: Final = {"whole": 0.35, "middle": 0.22, "long": 0.2, "cut": 0.06, "cut-short": 0.03, "crossed": 0.02,
