@@ -58,6 +58,22 @@ def test_the_rest_of_a_repeated_request_behind_an_answer_is_no_second_device_s(t
     assert named(causes(sent(), tick_ms=tick_ms)) == [("timeout-too-short", (3,))]
 
 
+def test_answers_behind_silence_that_come_when_the_unit_never_answers_are_to_the_request_before() -> None:
+    random = Random(8)
+
+    def sent() -> Iterator[Sent]:
+        for i in range(600):
+            unit = i % 4 + 1
+            yield 12.0, read_of(unit)
+            if unit == 3 and random.random() < 0.1:
+                yield _TIMEOUT_MS + 40.0, read_of(unit)
+                yield 20.0 + 60.0 * random.random(), answer_of(unit, 700 + i)
+            else:
+                yield 6.0 + random.random(), answer_of(unit, 700 + i)
+
+    assert named(causes(sent())) == [("timeout-too-short", (3,))]
+
+
 def test_what_ends_an_answer_late_is_a_second_device_s_and_no_noise_of_an_idle_line() -> None:
     """Beside noise that is: a spike makes low bits behind a start bit, and comes at any time."""
     random = Random(3)
@@ -77,6 +93,46 @@ def test_what_ends_an_answer_late_is_a_second_device_s_and_no_noise_of_an_idle_l
     found = named(causes(sent()))
     assert found[0] == ("duplicate-address", (2,))
     assert ("duplicate-address", (1,)) not in found
+
+
+@pytest.mark.parametrize("tick_ms", [0.0, 16.0])
+def test_an_end_that_is_longer_than_any_request_is_no_request_into_which_a_driver_is_held(tick_ms: float) -> None:
+    random = Random(6)
+
+    def sent() -> Iterator[Sent]:
+        for i in range(240):
+            unit = i % 4 + 1
+            yield 12.0, read_of(unit, quantity=12)
+            yield 5.0 + unit, answer_of(unit, 700 + i, 12)
+            if unit == 2:
+                yield 0.05, random.randbytes(random.randrange(6, 18))
+                yield _TIMEOUT_MS, b""
+
+    assert named(causes(sent(), tick_ms=tick_ms)) == [("duplicate-address", (2,))]
+
+
+def test_requests_that_follow_each_other_sooner_than_anybody_gives_up_are_answered_out_of_hearing() -> None:
+    """Behind a coarse adapter, where few polls tell how long each is waited for, the client resting between rounds."""
+    random = Random(7)
+
+    def sent() -> Iterator[Sent]:
+        for i in range(90):
+            yield (900.0 if i % 3 == 0 else 22.0 + random.random()), read_of(i % 3 // 2 + 1, 3, 2 + i % 3)
+
+    assert [cause for cause, _ in named(causes(sent(), tick_ms=16.0))] == ["tap-one-direction"]
+
+
+def test_a_few_frames_of_another_protocol_are_its_however_much_else_is_said() -> None:
+    def sent() -> Iterator[Sent]:
+        for i in range(600):
+            unit = i % 3 + 1
+            yield 20.0, read_of(unit, quantity=30)
+            yield 6.0, answer_of(unit, 700 + i, 30)
+            if i % 30 == 0:
+                body = bytes((3, 3, 4, i % 256, 1, 2, 3))
+                yield 15.0, b":" + (body + bytes((-sum(body) & 0xFF,))).hex().upper().encode() + b"\r\n"
+
+    assert [cause for cause, _ in named(causes(sent()))] == ["other-protocol"]
 
 
 def test_a_second_answer_that_is_lost_in_the_next_request_but_for_its_end_is_not_the_next_unit_s() -> None:
@@ -131,6 +187,7 @@ def test_a_value_that_changes_about_when_the_line_is_hit_once_is_no_drive_s() ->
     [
         ("absent-units", 8100, "ftdi16", [10, 12, 23, 28, 31]),  # writes that are asked again read like their echo
         ("timeout-too-short", 8100, "ftdi16", [10]),  # answers that only now and then meet the repeated request
+        ("ascii-driver-enabled-late", 8100, "precise", [1]),  # every line in ASCII ends as its request does
         ("emi-drive", 8103, "precise", []),  # what strays comes at its times, wherever the master rests then
     ],
 )
@@ -138,7 +195,7 @@ def test_cases_in_which_another_cause_was_named_once(case: str, seed: int, tap: 
     made = field_cases()[case].capture(tap, seed)
     parts = analyse(Capture.of(made.line, made.chunks))
     found = causes_of(ledger_of(((part.batch, part.transactions) for part in parts), made.line))
-    assert [(cause.cause, sorted(cause.units)) for cause in found] == [(case, units)]
+    assert [(cause.cause, sorted(cause.units)) for cause in found] == [(case.removeprefix("ascii-"), units)]
 
 
 @pytest.mark.parametrize("seed", [8100, 8101])

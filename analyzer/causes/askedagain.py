@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from .asciireading import is_in_ascii
 from .evidence import Evidence
 from .registry import Symptom
 from .signatures import Behind, Signature
@@ -24,7 +25,7 @@ def asked_again_into(evidence: Evidence, unit: UnitLedger) -> list[Signature]:
     """Damaged answers of a unit that go on when its request comes once more: it ends some of them, always as long behind
     the first one. No other master asks for the same at just that time."""
     char_ns, off = evidence.ledger.char_ns, evidence.verdict.wait_ns
-    readings = [each for each in evidence.readings(unit) if each.delay >= 0]
+    readings = [each for each in evidence.readings(unit) if each.delay >= 0 and not is_in_ascii(each.request)]
     again: list[float] = []
     for each in readings:
         at = each.heard.rfind(each.request[-_ENDING:])
@@ -46,7 +47,7 @@ def asked_again_behind(evidence: Evidence, unit: UnitLedger) -> int:
     begun = [
         (each.t_behind - sample.t_asked, each.heard.endswith(each.request[-_ENDING:]))
         for sample, each in zip(unit.followed.kept, readings, strict=True)
-        if each.behind in (Behind.REQUEST, Behind.NOISE) and len(each.request) != each.due  # an echo reads so too
+        if each.behind in (Behind.REQUEST, Behind.NOISE) and not _ends_alike(each)
     ]
     known = [t for t, is_known in begun if is_known]
     if len(known) < _LEAST:
@@ -54,6 +55,11 @@ def asked_again_behind(evidence: Evidence, unit: UnitLedger) -> int:
     reach = evidence.verdict.wait_ns + _REQUEST_CHARS * evidence.ledger.char_ns
     again = sum(abs(t - float(np.median(known))) <= reach for t, _ in begun)
     return round(unit.followed.offered * again / len(readings))
+
+
+def _ends_alike(reading: Signature) -> bool:
+    """Whether its answer ends as the request does: an echo, and every line in ASCII."""
+    return len(reading.request) == reading.due or is_in_ascii(reading.request)
 
 
 def _spread(numbers: Sequence[float]) -> float:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from .askedagain import asked_again_into
 from .bits import likelihood_bits, surplus_bits
 from .evidence import Evidence
+from .exchanges import Ending
 from .registry import Symptom
 from .signatures import AnswerDamage, Behind, Signature, known_header
 from .spells import spells_of
@@ -223,7 +224,7 @@ def interrupted(evidence: Evidence, unit: UnitLedger) -> int:
     """Requests to a unit behind which another came well before it ever answers, for which the master does wait: nobody
     gives up so soon, that is another who sends."""
     delays = unit.delays.numbers
-    if len(delays) < _TOLD:
+    if len(delays) < _TOLD or not (len(unit.quiet_waits) or unit.count(Ending.GARBAGE)):
         return 0
     met = _met_by_requests(evidence, unit, _SOONER * float(np.quantile(delays, _WAITED)) - evidence.verdict.wait_ns)
     return cut_short(evidence, unit) + met
@@ -254,10 +255,12 @@ def answers_too_many(evidence: Evidence, unit: UnitLedger) -> int:
     0 where it is so of others too, whose requests the tap does not hear."""
     if not evidence.ordered or not evidence.is_open(Symptom.DOUBLES, unit.unit):
         return 0
+    found = _surplus(unit)
+    if found < max(_MANY, _SOME * unit.asked):
+        return 0
     others = [other for other in evidence.units if other is not unit]
     most = max((_surplus(other) / other.asked for other in others if other.asked), default=0.0)
-    found = _surplus(unit)
-    return found if found >= max(_MANY, _FAR_MORE * most * unit.asked, _SOME * unit.asked) else 0
+    return found if found >= _FAR_MORE * most * unit.asked else 0
 
 
 def _surplus(unit: UnitLedger) -> int:

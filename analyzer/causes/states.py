@@ -148,8 +148,9 @@ class StateTable:
             states.hits[state, column] += int(gained[here].sum())
             states.trials[state, column] += int(passed[here].sum())
         begins = np.flatnonzero(changed)  # of states that last till the next one
-        lasted = np.add.reduceat(np.where(changed, 0, gained), np.concatenate(([0], begins)))
+        lasted = np.add.reduceat(gained, np.concatenate(([0], begins)))
         lasted[0] = states.since[column] + gained[: begins[0]].sum()
+        lasted[:-1] += gained[begins]  # nobody knows when between two reads it changed
         np.add.at(states.periods[:, column], 1 - in_two[begins], lasted[:-1] > 0)
         states.since[column] = lasted[-1]
 

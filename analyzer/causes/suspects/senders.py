@@ -220,8 +220,7 @@ def duplicate_address(evidence: Evidence) -> Iterator[Suspicion]:
     """Overlap, or two answers, for one unit alone."""
     for unit in evidence.units:
         readings, too_many = evidence.readings(unit), answers_too_many(evidence, unit)
-        foreign = sum(evidence.begun_by(reading) is not None for reading in readings)
-        if foreign >= max(_LEAST, _OFTEN * len(readings)) and not too_many:
+        if (_are_of_others(evidence, readings) or _are_of_others(evidence, _not_next(evidence, unit))) and not too_many:
             continue  # another unit is still answering when this one is asked
         doubles = unit.doubles if evidence.is_open(Symptom.DOUBLES, unit.unit) else 0
         doubles = max(doubles, round(evidence.behind(unit, Behind.ANSWER)))
@@ -259,7 +258,7 @@ def duplicate_address(evidence: Evidence) -> Iterator[Suspicion]:
         yield replace(found, explains=explains)
 
 
-_ITS_OWN: Final = (Symptom.DOUBLES, Symptom.LATENESS, Symptom.VALUES)  # values of two devices
+_ITS_OWN: Final = (Symptom.DOUBLES, Symptom.LATENESS, Symptom.VALUES, Symptom.REFUSAL)  # of two devices
 _DISORDER: Final = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.LATENESS, Symptom.SILENCE)
 
 
@@ -277,6 +276,18 @@ def _run_into(evidence: Evidence, unit: UnitLedger) -> Mapping[int, float]:
         if bits > _RUN_INTO_BITS:
             found[other.unit] = bits
     return found
+
+
+def _are_of_others(evidence: Evidence, readings: Sequence[Signature]) -> bool:
+    """Whether some of these bytes begin as the answers of another unit do."""
+    found = sum(evidence.begun_by(reading) is not None for reading in readings)
+    return found >= max(_LEAST, _OFTEN * len(readings))
+
+
+def _not_next(evidence: Evidence, unit: UnitLedger) -> list[Signature]:
+    """What stands behind good answers of a unit and does not begin by the number of the unit that is asked next."""
+    pairs = zip(unit.followed.kept, evidence.followed(unit), strict=False)
+    return [each for sample, each in pairs if each.heard[:1] != bytes((max(sample.next_unit, 0),))]
 
 
 def _answered_again(evidence: Evidence, unit: UnitLedger) -> Mapping[int, float]:
