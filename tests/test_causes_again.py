@@ -151,6 +151,28 @@ def test_a_second_answer_that_is_lost_in_the_next_request_but_for_its_end_is_not
     assert named(causes(sent())) == [("duplicate-address", (1,))]
 
 
+def test_a_second_answer_that_comes_two_exchanges_later_is_not_the_unit_s_that_it_meets() -> None:
+    random = Random(9)
+
+    def sent() -> Iterator[Sent]:
+        for i in range(240):
+            unit, answer = i % 4 + 1, answer_of(i % 4 + 1, 700 + i)
+            yield 12.0, read_of(unit)
+            if unit != 3:
+                yield 5.0 + unit, answer
+                continue
+            second = answer_of(1, 300 + i)  # of another device than the one that answered before
+            if random.random() < 0.5:
+                yield 5.0, second[: random.randrange(3, 7)] + random.randbytes(12)
+            else:
+                yield 5.0, answer
+                yield 3.0, second if random.random() < 0.3 else second[:4] + random.randbytes(7)
+            yield _TIMEOUT_MS, read_of(unit)
+            yield 8.0, answer
+
+    assert named(causes(sent()))[0] == ("duplicate-address", (1,))
+
+
 def test_a_few_refusals_in_a_row_for_want_of_time_are_told() -> None:
     def sent() -> Iterator[Sent]:
         for i in range(160):

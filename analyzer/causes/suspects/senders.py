@@ -235,7 +235,8 @@ def duplicate_address(evidence: Evidence) -> Iterator[Suspicion]:
         rest = [other for other in evidence.units if other is not unit]
         noisy = sum(evidence.behind(other, Behind.REQUEST, Behind.NOISE) for other in rest)
         background = max(HEALTHY, (noisy + 0.5) / (sum(other.answered for other in rest) + 50))
-        bits = surplus_bits(min(doubles + crossed, unit.asked), unit.asked, background)
+        bits = surplus_bits(min(doubles, unit.asked), unit.asked, HEALTHY)
+        bits += surplus_bits(min(crossed, unit.asked), unit.asked, background)
         if len(readings) >= _LEAST:
             kinds = kind_bits(readings, _MIXED)
             if crossed >= _LEAST:  # the weaker one begins first, and may be heard behind the other
@@ -245,7 +246,7 @@ def duplicate_address(evidence: Evidence) -> Iterator[Suspicion]:
         run_into = _run_into(evidence, unit) if doubles >= _LEAST else _answered_again(evidence, unit)
         if bits + sum(run_into.values()) <= 0 or doubles + tails + len(readings) + 3 * len(run_into) < _LEAST:
             continue
-        met = sum(evidence.ledger.successors.met[other, unit.unit] for other in run_into)
+        met = sum(_met(evidence, other, unit)[0] for other in run_into)
         found = damage_suspicion(
             evidence, unit, bits + sum(run_into.values()), {"doubles": doubles, "tails": tails, "met": met}
         )
@@ -267,11 +268,10 @@ def _run_into(evidence: Evidence, unit: UnitLedger) -> Mapping[int, float]:
     by how much likelier that is (bits)."""
     found, successors = {}, evidence.ledger.successors
     for other in evidence.units:
-        pair = (other.unit, unit.unit)
-        if other is unit or not evidence.is_open(Symptom.DAMAGE, other.unit) or not successors.met[pair]:
+        if other is unit or not evidence.is_open(Symptom.DAMAGE, other.unit):
             continue
         hit, asked = successors.met_of(other.unit), successors.followed_of(other.unit)
-        met, followed = successors.met[pair], successors.followed[pair]
+        met, followed = _met(evidence, other.unit, unit)
         bits = surplus_bits(met, followed, max(HEALTHY, (hit - met + 0.5) / (asked - followed + 50)))
         if bits > _RUN_INTO_BITS:
             found[other.unit] = bits
@@ -297,6 +297,20 @@ def _answered_again(evidence: Evidence, unit: UnitLedger) -> Mapping[int, float]
         return {}
     found = _run_into(evidence, unit)
     return {other: bits for other, bits in found.items() if evidence.is_too_soon(evidence.ledger.units[other])}
+
+
+def _met(evidence: Evidence, other: int, unit: UnitLedger) -> tuple[int, int]:
+    """How many exchanges of another unit right behind one's were hit, of how many; or two behind, where it is heard there."""
+    successors, pair = evidence.ledger.successors, (other, unit.unit)
+    if not successors.met[pair] and _is_heard_behind(evidence, evidence.ledger.units[other], unit):
+        return successors.near_hit[pair], successors.near[pair]
+    return successors.met[pair], successors.followed[pair]
+
+
+def _is_heard_behind(evidence: Evidence, unit: UnitLedger, other: UnitLedger) -> bool:
+    """Whether what stands in the place of a unit's answers, or behind them, begins as another's do."""
+    readings = (*evidence.readings(unit), *evidence.followed(unit))
+    return sum(evidence.begun_by(each) == other.unit for each in readings) >= _LEAST
 
 
 _MIXED: Final = {"whole": 0.35, "middle": 0.22, "long": 0.2, "cut": 0.06, "cut-short": 0.03, "crossed": 0.02,

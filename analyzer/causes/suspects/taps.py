@@ -269,6 +269,7 @@ def local_echo(evidence: Evidence) -> Iterator[Suspicion]:
     echoed = ledger.repeats_answered if ledger.echoing else 0
     explains: set[tuple[Symptom, int | None]] = {(Symptom.FRAMING, None), (Symptom.TIMING, None)}
     for unit in evidence.units:
+        explains.add((Symptom.TIMING, unit.unit))  # its answers are timed from the echo on
         readings = evidence.readings(unit)
         share = sum(reading.echoed for reading in readings) / len(readings) if readings else 0.0
         echoed += round(share * unit.count(Ending.GARBAGE))
