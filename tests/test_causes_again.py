@@ -39,6 +39,17 @@ def test_a_request_that_comes_again_into_its_own_answer_is_the_client_s_that_gav
     assert named(causes(sent(), tick_ms=tick_ms)) == [("timeout-too-short", (3,))]
 
 
+def test_an_echo_without_its_head_is_no_request_that_comes_again() -> None:
+    def sent() -> Iterator[Sent]:
+        for i in range(240):
+            unit = i % 4 + 1
+            write = frame(unit, 6, 0, 40, i // 256, i % 256)
+            yield 12.0, write
+            yield 5.0 + unit, (bytes((write[0] | 0x41,)) + write[1:] if unit == 3 and i % 8 < 4 else write)
+
+    assert named(causes(sent())) == [("driver-enabled-late", (3,))]
+
+
 @pytest.mark.parametrize("tick_ms", [0.0, 16.0])
 def test_the_rest_of_a_repeated_request_behind_an_answer_is_no_second_device_s(tick_ms: float) -> None:
     random = Random(2)

@@ -25,7 +25,7 @@ def asked_again_into(evidence: Evidence, unit: UnitLedger) -> list[Signature]:
     """Damaged answers of a unit that go on when its request comes once more: it ends some of them, always as long behind
     the first one. No other master asks for the same at just that time."""
     char_ns, off = evidence.ledger.char_ns, evidence.verdict.wait_ns
-    readings = [each for each in evidence.readings(unit) if each.delay >= 0 and not is_in_ascii(each.request)]
+    readings = [each for each in evidence.readings(unit) if each.delay >= 0 and not _ends_alike(each)]
     again: list[float] = []
     for each in readings:
         at = each.heard.rfind(each.request[-_ENDING:])
