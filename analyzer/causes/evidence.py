@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from dissectors.adu import EXCEPTION
+from dissectors.adu import EXCEPTION, MAX_ADU
 from dissectors.declaration import USER_DEFINED
 from dissectors.foreign import NAMES
 from dissectors.lengths import Role, rule
@@ -33,9 +33,21 @@ _WAITS: Final = 3  # that tell a timeout
 _SHORT_CUT: Final = 4  # bytes
 _LONG: Final = 6
 _RARE: Final = 0.01
+_AT_ONCE_CHARS: Final = 1.5
+_GLITCHES: Final = frozenset(0xFF << low & 0xFF for low in range(9))  # a line that is low once, from the start bit on
+_STRAY: Final = (Behind.NOISE, Behind.ZEROS)
+_TAILS: Final = 3
+_TIMED: Final = 6  # waits
+_TIMER: Final = 0.015  # of a time, by which a timer's strays,
+_COARSEST: Final = 0.2  # or what shows it
+_OFTEN: Final = 0.2
+_HALF: Final = 0.5
+_MOSTLY: Final = 0.6
+_SOON_CHARS: Final = 2.5  # nobody answers sooner
 _STRAYED: Final = 2  # bytes
 _FOREIGN: Final = 0.02  # of all bytes
 _FOREIGN_FRAMES: Final = 3
+_FOREIGN_SURE: Final = 10  # rows marked so
 _BY_CHANCE: Final = 0.01  # of all bytes
 
 # How damage spreads over kinds where it strikes anywhere, by chance.
@@ -167,6 +179,25 @@ class Evidence:
             return 0.0
         return unit.followed.offered * sum(reading.behind in kinds for reading in readings) / len(readings)
 
+    def tails(self, unit: UnitLedger) -> float:
+        """About how many good answers run on, as where a second transmitter ends later: what comes right behind them is
+        no request, no glitch of a driver that lets go or of noise, and seldom the same; 0 where most of it is."""
+        readings = self.followed(unit) if self.ordered else []
+        off = self.verdict.wait_ns if self.ledger.timed and np.isfinite(self.verdict.wait_ns) else 0.0
+        most = _AT_ONCE_CHARS * self.ledger.char_ns + off
+        at_once = [each for each in readings if each.behind in _STRAY and 0 <= each.rested <= most]
+        asked = max(map(len, self.ledger.polls.requests), default=0) + _STRAYED
+        longer = sum(len(each.heard) > asked for each in at_once) >= _OFTEN * len(at_once)
+        longest = MAX_ADU if longer or off <= self.ledger.char_ns else _LONG  # or it may be a request
+        found = [e.heard for e in at_once if len(e.heard) < longest and not _GLITCHES.issuperset(e.heard)]
+        if len(set(found)) < max(_TAILS, _HALF * len(found), _HALF * len(readings)):
+            return 0.0
+        return unit.followed.offered * len(at_once) / len(readings)
+
+    def stray(self, unit: UnitLedger) -> float:
+        """About how many good answers have bytes of the idle line behind them."""
+        return max(self.behind(unit, *_STRAY) - self.tails(unit), 0.0)
+
     def requests_behind(self, unit: UnitLedger) -> float:
         """About how many good answers have a damaged request behind them, known again or as long as one."""
         readings = self.followed(unit) if self.ordered else []
@@ -207,8 +238,20 @@ class Evidence:
         hits, trials = sum(map(self.damaged, others)), sum(other.asked for other in others)
         return max(HEALTHY, (hits + 0.5) / (trials + 0.5 / HEALTHY))
 
+    def is_too_soon(self, unit: UnitLedger) -> bool:
+        """Whether the garbage behind requests to a unit begins before it can answer, and is no whole answer
+        that noise runs into: somebody else was sending already."""
+        if not self.verdict.fine or not unit.delays.count:
+            return False
+        soonest = min(unit.delays.quantile(0.05) or UNKNOWN, _SOON_CHARS * self.ledger.char_ns)
+        readings = self.readings(unit)
+        found = sum(0 <= each.delay < soonest and each.length < each.due - 1 for each in readings)
+        return found >= max(_TAILS, _MOSTLY * len(readings))
+
     def surplus(self, unit: UnitLedger) -> float:
         """How much likelier the damage of a unit is as its own than as everybody's, in bits."""
+        if self.is_too_soon(unit):
+            return 0.0
         return surplus_bits(self.damaged(unit), unit.asked, self.elsewhere(unit))
 
     @cached_property
@@ -217,12 +260,13 @@ class Evidence:
 
         The one that rows are marked with comes first, so that the page and its causes name the same.
         """
-        if self.ledger.noise_bytes <= _FOREIGN * self.ledger.bytes:
-            return "", 0
+        sure = int(self.ledger.foreign[1:].max())
+        if self.ledger.noise_bytes <= _FOREIGN * self.ledger.bytes and sure < _FOREIGN_SURE:
+            return "", 0  # so little may be anything
         data = b"".join(octets for _, _, octets in self.ledger.noise)
         frames = Counter({name: count(data) for name, count in PROTOCOLS.items()})
         marked = NAMES[1 + int(self.ledger.foreign[1:].argmax())]
-        frames[marked] = max(frames[marked], int(self.ledger.foreign[1:].max()))
+        frames[marked] = max(frames[marked], sure)
         name = marked if frames[marked] >= _FOREIGN_FRAMES else max(frames, key=frames.__getitem__)
         return (name, frames[name]) if frames[name] >= _FOREIGN_FRAMES else ("", 0)
 
@@ -251,6 +295,10 @@ class Evidence:
         numbers = np.concatenate(waits) if waits else np.zeros(0)
         if np.count_nonzero(numbers > 0) < _WAITS or not self.ledger.timed:
             return None
+        usual = densest(numbers)
+        reach = max(_TIMER * usual, min(self.verdict.wait_ns, _COARSEST * usual))
+        if np.count_nonzero(np.abs(numbers - usual) < reach) >= max(_TIMED, _MOSTLY * len(numbers)):
+            return usual  # a timer's: what comes later than it is no answer that anybody waits for
         patient = numbers[numbers > self.patience_ns]
         return densest(patient if np.count_nonzero(patient > 0) >= _WAITS else numbers)
 

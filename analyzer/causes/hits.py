@@ -9,8 +9,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from .askedagain import asked_again_into
 from .bits import likelihood_bits, surplus_bits
 from .evidence import Evidence
+from .exchanges import Ending
 from .registry import Symptom
 from .signatures import AnswerDamage, Behind, Signature, known_header
 from .spells import spells_of
@@ -56,7 +58,7 @@ class Hits:
     def __init__(self, evidence: Evidence) -> None:
         self.damaged = sum(map(evidence.damaged, evidence.units))
         self.requests = sum(evidence.behind(unit, Behind.REQUEST) for unit in evidence.units)
-        self.idle = sum(evidence.behind(unit, Behind.NOISE, Behind.ZEROS) for unit in evidence.units)
+        self.idle = sum(map(evidence.stray, evidence.units))
         self.exchanges = sum(unit.asked for unit in evidence.units)
 
     @property
@@ -107,7 +109,7 @@ def requests_evenness_bits(evidence: Evidence) -> float:
 
 def stray_behind(evidence: Evidence) -> list[float]:
     """About how many good answers of each unit have stray bytes behind them."""
-    return [evidence.behind(unit, Behind.NOISE, Behind.ZEROS) for unit in evidence.units]
+    return [evidence.stray(unit) for unit in evidence.units]
 
 
 def apart_bits(evidence: Evidence) -> float:
@@ -222,7 +224,7 @@ def interrupted(evidence: Evidence, unit: UnitLedger) -> int:
     """Requests to a unit behind which another came well before it ever answers, for which the master does wait: nobody
     gives up so soon, that is another who sends."""
     delays = unit.delays.numbers
-    if len(delays) < _TOLD:
+    if len(delays) < _TOLD or not (len(unit.quiet_waits) or unit.count(Ending.GARBAGE)):
         return 0
     met = _met_by_requests(evidence, unit, _SOONER * float(np.quantile(delays, _WAITED)) - evidence.verdict.wait_ns)
     return cut_short(evidence, unit) + met
@@ -253,10 +255,12 @@ def answers_too_many(evidence: Evidence, unit: UnitLedger) -> int:
     0 where it is so of others too, whose requests the tap does not hear."""
     if not evidence.ordered or not evidence.is_open(Symptom.DOUBLES, unit.unit):
         return 0
+    found = _surplus(unit)
+    if found < max(_MANY, _SOME * unit.asked):
+        return 0
     others = [other for other in evidence.units if other is not unit]
     most = max((_surplus(other) / other.asked for other in others if other.asked), default=0.0)
-    found = _surplus(unit)
-    return found if found >= max(_MANY, _FAR_MORE * most * unit.asked, _SOME * unit.asked) else 0
+    return found if found >= _FAR_MORE * most * unit.asked else 0
 
 
 def _surplus(unit: UnitLedger) -> int:
@@ -280,7 +284,7 @@ def timed_by_the_master(evidence: Evidence, unit: UnitLedger) -> list[Signature]
     begun_within = _spread([each.delay for each in run_into])
     if len(ends) >= _TOLD and begun_within > 2 * char_ns and _spread(ends) + off < _STEADIER * begun_within + char_ns:
         found += [each for each in readings if each.damage is not AnswerDamage.HEAD and each not in found]
-    return found
+    return found + [each for each in asked_again_into(evidence, unit) if each not in found]
 
 
 def _spread(numbers: Sequence[float] | NDArray[np.float64]) -> float:

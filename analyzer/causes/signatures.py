@@ -228,6 +228,8 @@ def _read(sample: Sample, data: bytes, burst: list[SampleRow], requests: KnownRe
     if crossed or any(piece.kind == Kind.REQUEST for piece in burst[1:]):
         return _SignatureSums(AnswerDamage.CROSSED, 1, 0)
     begins = data.startswith(header[:3]) if len(data) >= 3 else data == header[: len(data)]
+    if begins and len(data) == due - 1:
+        return _SignatureSums(AnswerDamage.MIDDLE, 1, _HEAD)  # the check value is there, so it is lost inside
     if begins and len(data) < due:
         return _SignatureSums(AnswerDamage.CUT, due - len(data), len(data))
     if begins and len(data) > due + 2:

@@ -23,6 +23,7 @@ _POLLS: Final = 512
 _COLUMNS: Final = 256  # values of a poll
 _FROM: Final = 1  # hits, before which nothing need be followed
 _NOT_0: Final = "not 0"
+_ONCE: Final = 0.5  # of the bits, where it is hit but once while it has the value: many values change about then
 _SWITCHES: Final = 2  # changes of state, at the least
 
 
@@ -36,6 +37,8 @@ class _States:
     hits: NDArray[np.int64]  # (2, columns)
     trials: NDArray[np.int64]
     switches: NDArray[np.int64]
+    since: NDArray[np.int64]  # hits in the state that lasts
+    periods: NDArray[np.int64]  # (2, columns): how many times a state lasted, and was hit, until it changed
     newest: NDArray[np.int64]
     hits_then: int  # on the bus so far, when the newest was read
     trials_then: int
@@ -54,6 +57,7 @@ class DamageState:
     other_hits: int
     other_trials: int
     switches: int
+    periods: int  # how many times it had the value, and the bus was hit
     bits: float
 
     @property
@@ -103,7 +107,7 @@ class StateTable:
             none = np.zeros((2, count), np.int64)
             states = self._polls[number] = _States(
                 values[0].copy(), np.full(count, -1), np.zeros(count, np.bool_), none, none.copy(),
-                np.zeros(count, np.int64), values[0].copy(), int(hits[0]), int(trials[0])
+                np.zeros(count, np.int64), np.zeros(count, np.int64), none.copy(), values[0].copy(), int(hits[0]), int(trials[0])
             )  # fmt: skip
         before = np.concatenate((states.newest[None], values[:-1]))
         gained = np.diff(np.concatenate(([states.hits_then], hits)))
@@ -118,6 +122,7 @@ class StateTable:
             states.trials[0][steady & ~in_two] += int(passed.sum())
             states.hits[1][in_two] += int(gained.sum())
             states.trials[1][in_two] += int(passed.sum())
+            states.since[steady] += int(gained.sum())
         for column in np.flatnonzero(moving & ~states.many).tolist():
             self._count(states, column, values[:, column], changed[:, column], gained, passed)
 
@@ -142,6 +147,12 @@ class StateTable:
             here = (in_two == state) & ~changed
             states.hits[state, column] += int(gained[here].sum())
             states.trials[state, column] += int(passed[here].sum())
+        begins = np.flatnonzero(changed)  # of states that last till the next one
+        lasted = np.add.reduceat(gained, np.concatenate(([0], begins)))
+        lasted[0] = states.since[column] + gained[: begins[0]].sum()
+        lasted[:-1] += gained[begins]  # nobody knows when between two reads it changed
+        np.add.at(states.periods[:, column], 1 - in_two[begins], lasted[:-1] > 0)
+        states.since[column] = lasted[-1]
 
     def likeliest(self) -> DamageState | None:
         """The value whose states differ most in how often the bus was hit; None where none does."""
@@ -162,6 +173,9 @@ class StateTable:
                 own = sum(likelihood_bits(h, n, r) for h, n, r in zip(hits, trials, rates, strict=True))
                 bits = own - likelihood_bits(sum(hits), sum(trials), (sum(hits) + 0.25) / (sum(trials) + 0.5))
                 bad = int(rates[1] > rates[0])
+                mine = states.periods[:, column] + 0
+                lasts = int(states.newest[column] != states.one[column])
+                mine[lasts] += states.since[column] > 0
                 value = int((states.one, states.two)[bad][column])
                 yield DamageState(
                     number >> 40 & 0xFF,
@@ -173,7 +187,8 @@ class StateTable:
                     hits[1 - bad],
                     trials[1 - bad],
                     int(states.switches[column]),
-                    float(bits - price),
+                    int(mine[bad]),
+                    float((bits if mine[bad] > 1 else bits * _ONCE) - price),
                 )
 
 

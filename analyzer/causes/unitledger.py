@@ -28,6 +28,7 @@ class UnitLedger:
     def __init__(self, unit: int) -> None:
         self.unit = unit
         self.outcomes = np.zeros(len(Ending), np.int64)
+        self._counts: list[int] | None = None  # the same, once somebody asks
         self.repeats = 0  # requests to it that repeat the one before
         self.strays = 0  # right answers of it that answer nothing, while another unit is asked
         self.unfit = 0  # and that stand where its answer was due, and are another
@@ -65,7 +66,9 @@ class UnitLedger:
 
     def count(self, *outcomes: Ending) -> int:
         """How many requests to it ended so."""
-        return int(sum(self.outcomes[outcome] for outcome in outcomes))
+        if self._counts is None:
+            self._counts = self.outcomes.tolist()
+        return sum(self._counts[outcome] for outcome in outcomes)
 
     @property
     def asked(self) -> int:
@@ -85,6 +88,7 @@ class UnitLedger:
         if not self.outcomes.any():
             self.first = int(times[0])
         self.outcomes += counts
+        self._counts = None
         self.last = int(times[-1])
         self.repeats += int(np.count_nonzero(mine.repeats))
         for kind in counts.nonzero()[0].tolist():

@@ -21,6 +21,7 @@ _LEAST: Final = 3
 _MOSTLY: Final = 0.5
 _OFTEN: Final = 0.2
 _RARELY: Final = 0.05
+_TWICE: Final = 0.02  # of its answers
 _NEARLY: Final = 0.95
 _OWN_BITS: Final = 6.0
 _DUE: Final = 1.5  # times the usual pause,
@@ -41,7 +42,12 @@ _FAR: Final = 4.0  # times it
 )
 def driver_held(evidence: Evidence) -> Iterator[Suspicion]:
     """The request behind that unit's answers is damaged; of several units, where others' are well."""
-    totals = {unit.unit: evidence.behind(unit, Behind.REQUEST, Behind.NOISE) for unit in evidence.units}
+    totals = {
+        unit.unit: max(evidence.behind(unit, Behind.REQUEST, Behind.NOISE) - evidence.tails(unit), 0.0)
+        for unit in evidence.units
+    }
+    twice = {u.unit for u in evidence.units if evidence.behind(u, Behind.ANSWER) >= max(_LEAST, _TWICE * u.answered)}
+    totals |= dict.fromkeys(twice, 0.0)  # a driver that is held answers once
     held = [unit for unit in evidence.units if totals[unit.unit] >= max(_LEAST, _OFTEN * unit.answered)]
     well = [unit for unit in evidence.units if totals[unit.unit] <= _RARELY * unit.answered]
     sharing = held if len(held) < len(well) and len(held) + len(well) == len(evidence.units) else []

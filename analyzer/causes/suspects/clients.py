@@ -47,6 +47,7 @@ _OFTEN: Final = 0.3
 _BUSY: Final = 0.75  # of the line's time
 _BUSY_SILENT: Final = 0.6  # where the silences that are due take the rest,
 _NO_MORE: Final = 0.97  # so much of it together
+_TWICE: Final = 1.95
 _HURRIED: Final = 1.1  # of t3.5: the mean pause of a master that never rests
 _HURRIED_NS: Final = 3e5
 _RESTED: Final = 0.02  # of the time, beyond t3.5: without these rests a round would be no shorter to speak of
@@ -333,6 +334,8 @@ def overload(evidence: Evidence) -> Iterator[Suspicion]:
         return
     if load < _BUSY and (load + 2 * due * ledger.exchanges / ledger.span_ns < _NO_MORE or not evidence.verdict.fine):
         return  # on slow lines with short answers the silences that are due take much of the time
+    if (1 - load) * ledger.span_ns < _TWICE * due * ledger.exchanges:
+        return  # one of the two silences of an exchange is not kept: a matter of haste, whatever the clock tells
     mean = ledger.pauses.total / len(ledger.pauses)
     rested = (mean - due) * ledger.exchanges / ledger.span_ns
     if mean > _HURRIED * due + _HURRIED_NS and (load < _FULL or rested > max(_RESTED, load - _CROWDED)):

@@ -41,7 +41,7 @@ _OVERLAID: Final = 3.0  # bits for or against, of a damaged answer of quite anot
 _SOME_OVERLAID: Final = 0.12  # of the damaged answers
 _UNLIKE_BITS: Final = 100.0
 _UNLIKE: Final = 0.1  # of what is in favour of it
-_BY_TIME: Final = 0.5  # of what the times of hits are in favour of it: units are asked at other times
+_BY_TIME: Final = 1.0  # of what the times of hits are in favour of it: units are asked at other times
 _LOAD: Final = 0.4  # where nobody knows it
 _CONTRAST: Final = 8.0  # times as often the bus is hit while a value stands
 _SWITCHES: Final = 4  # of it, at the least; and a spell, at most
@@ -224,7 +224,7 @@ def _is_told(evidence: Evidence) -> bool:
     spells = int(np.count_nonzero(np.diff(inside.astype(np.int8), prepend=0) > 0))
     a_hit = found / int(evidence.ledger.grid.counts("damage").sum())
     told = state.bits / (state.hits + state.other_hits)
-    return _SWITCHES <= state.switches <= _SWITCHES * spells and told >= _AS_WELL * a_hit
+    return state.periods > 1 and _SWITCHES <= state.switches <= _SWITCHES * spells and told >= _AS_WELL * a_hit
 
 
 @suspect(

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ...diagnosis.tap_clock import UNKNOWN
 from ...tables.findings import Severity
+from ..askedagain import asked_again_behind, asked_again_into
 from ..bits import likelihood_bits, surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, kind_of
 from ..exchanges import Ending
@@ -19,6 +20,7 @@ from ..grouping import alone_or_together
 from ..hits import cut_short, given_up_by_timer, interrupted, timed_by_the_master
 from ..registry import Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage, Signature
+from ..stale import shifted, strays, untimely
 from ..unitledger import UnitLedger
 
 _LEAST: Final = 3
@@ -33,8 +35,6 @@ _SILENT: Final = 0.02
 _SILENT_FOR_LATE: Final = 3
 _OTHERS: Final = 2
 _STEADY: Final = 0.3
-_STEADIEST: Final = 0.01  # of a delay: so much any device's strays
-_SHIFTED: Final = 4.0
 _LATER: Final = 1.2  # than the longest delay of all that are well
 _HEAD_CHARS: Final = 3  # that a driver may lose
 _OVERDUE: Final = 0.8  # of the timeout
@@ -73,13 +73,17 @@ def timeout_too_short(evidence: Evidence) -> Iterator[Suspicion]:
         if evidence.is_open(Symptom.LATENESS, unit.unit):
             late[unit.unit] += min(evidence.begun[unit.unit], unit.count(Ending.SILENT, Ending.GARBAGE))
     found = [each for unit in evidence.units if (each := _weighed(evidence, unit, late)) is not None]
-    by_timer = [each for each in found if given_up_by_timer(evidence, each.unit) or _repeated_by_timer(each.unit)]
+    by_timer = [each for each in found if _is_timed(evidence, each.unit)]
     for group in alone_or_together(found, by_timer):
         group.sort(key=lambda each: -each.late / max(each.unit.asked, 1))
         mine = sum(each.late for each in group)
         rest = sum(late.values()) - sum(late[each.unit.unit] for each in group)
         if mine >= _MOSTLY * (mine + rest):
             yield _suspicion(evidence, group, mine, rest)
+
+
+def _is_timed(evidence: Evidence, unit: UnitLedger) -> bool:
+    return given_up_by_timer(evidence, unit) or _repeated_by_timer(unit) or bool(asked_again_into(evidence, unit))
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,17 +101,18 @@ def _weighed(evidence: Evidence, unit: UnitLedger, late: Mapping[int, int]) -> _
     if (short := cut_short(evidence, unit)) >= _LEAST and short > _MOSTLY * len(unit.quiet_waits):
         return None  # nor with nothing heard
     behind, run_into = _run_into(evidence, unit)
-    series, in_series = _shifted(evidence, unit)
-    sooner, too_soon = _too_soon(evidence, unit)
-    mine = max(late[unit.unit], run_into, in_series, too_soon)
+    series, in_series = shifted(evidence, unit)
+    odd, at_odd_times = untimely(evidence, unit)
+    mine = max(late[unit.unit], run_into, in_series, at_odd_times)
     if mine < _LEAST or mine > unit.asked + _LEAST:
         return None  # more than it was asked for are no late answers
-    return _LateUnit(unit, mine, behind + max(series, sooner))
+    return _LateUnit(unit, mine, behind + max(series, odd))
 
 
 def _lives(evidence: Evidence, unit: UnitLedger) -> bool:
     """Whether anything was ever heard of a unit: one that is dead is late with nothing, whatever else is hit."""
-    return bool(unit.answered + unit.late + unit.strays + unit.doubles + unit.unfit + evidence.begun[unit.unit])
+    heard = unit.answered + unit.late + unit.strays + unit.doubles + unit.unfit + evidence.begun[unit.unit]
+    return bool(heard or asked_again_into(evidence, unit))
 
 
 def _suspicion(evidence: Evidence, group: Sequence[_LateUnit], mine: int, rest: int) -> Suspicion:
@@ -172,36 +177,6 @@ def _run_into(evidence: Evidence, unit: UnitLedger) -> tuple[float, int]:
     return bits, round(mine - by_chance) if sure else 0
 
 
-def _shifted(evidence: Evidence, unit: UnitLedger) -> tuple[float, int]:
-    """How much likelier the answers behind a silent exchange are to the request before each (bits), and how many: from
-    that one on they take always the same time, from their own request on they do not."""
-    successors = evidence.ledger.successors
-    if unit.unit not in successors.delays or not evidence.is_open(Symptom.LATENESS, unit.unit):
-        return 0.0, 0
-    own, lagged = successors.delays[unit.unit].numbers, successors.lagged[unit.unit].numbers
-    known = max(evidence.verdict.wait_ns, _STEADIEST * float(np.median(lagged)))
-    if len(own) < 2 * _LEAST or not np.isfinite(known):
-        return 0.0, 0
-    strays, strays_lagged = (_strays(each) + known for each in (own, lagged))
-    bits = len(own) * float(np.log2(strays / strays_lagged))
-    sure = bits >= _SURE_BITS and strays > _SHIFTED * strays_lagged
-    return (bits, len(successors.delays[unit.unit])) if sure else (0.0, 0)
-
-
-def _too_soon(evidence: Evidence, unit: UnitLedger) -> tuple[float, int]:
-    """How much likelier good answers behind a silent exchange of the same unit are to the request before (bits), and how
-    many: they come sooner than the unit ever answers else, and the master gave up by its timer."""
-    successors = evidence.ledger.successors
-    if unit.unit not in successors.delays or not evidence.is_open(Symptom.LATENESS, unit.unit):
-        return 0.0, 0
-    own, usual = successors.delays[unit.unit].numbers, successors.usual[unit.unit].numbers
-    if len(usual) < 3 * _LEAST or not given_up_by_timer(evidence, unit):
-        return 0.0, 0
-    sooner = int(np.count_nonzero(own < _SOONER * float(usual.min()) - evidence.verdict.wait_ns))
-    bits = surplus_bits(sooner, len(own), 1 / len(usual))
-    return (bits, round(len(successors.delays[unit.unit]) * sooner / len(own))) if bits >= _SURE_BITS else (0.0, 0)
-
-
 def _late(evidence: Evidence, unit: UnitLedger) -> int:
     """Answers of a unit that came too late, as far as can be told."""
     if not evidence.is_open(Symptom.LATENESS, unit.unit):
@@ -224,7 +199,8 @@ def _late(evidence: Evidence, unit: UnitLedger) -> int:
         or r in by_timer
     ]
     found += round(unit.count(Ending.GARBAGE) * len(late) / max(len(readings), 1))
-    return found + max(slow.count, hurried.count, _unheeded(evidence, unit))
+    behind = asked_again_behind(evidence, unit)
+    return found + max(slow.count, hurried.count, _unheeded(evidence, unit), _in_vain(evidence, unit), behind)
 
 
 def _hurried(evidence: Evidence, unit: UnitLedger) -> Slow:
@@ -247,7 +223,7 @@ def _hurried(evidence: Evidence, unit: UnitLedger) -> Slow:
     behind = np.maximum.accumulate(pauses[::-1])[::-1][first : len(took) - _HURRIED + 1]
     sooner = behind < np.minimum(_SOONER * usual, usual - evidence.verdict.wait_ns)
     for bound in (first + np.flatnonzero(sooner)).tolist():
-        if _strays(turns[bound:]) < _STEADY * _strays(took[bound:]):  # by its timer
+        if strays(turns[bound:]) < _STEADY * strays(took[bound:]):  # by its timer
             return Slow(round(len(unit.pauses) * (1 - bound / len(took))), float(took[bound]))
     return Slow()
 
@@ -262,10 +238,6 @@ def _lowest_tenths(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
         low = int(low)
         deciles[n] = ordered[low] + part * (ordered[min(low + 1, n)] - ordered[low])
     return deciles
-
-
-def _strays(numbers: NDArray[np.float64]) -> float:
-    return float(np.subtract(*np.quantile(numbers, (0.9, 0.1))))
 
 
 def _own(reading: Signature, unit: UnitLedger) -> bool:
@@ -331,7 +303,7 @@ def _repeated_by_timer(unit: UnitLedger) -> bool:
     if len(turns) < _HURRIED:
         return False
     took = turns - unit.redundant_pauses.numbers
-    return _strays(turns) < _STEADY * _strays(took)  # no clock makes times more alike than they are
+    return strays(turns) < _STEADY * strays(took)  # no clock makes times more alike than they are
 
 
 def _sooner(evidence: Evidence, unit: UnitLedger) -> bool:
@@ -369,6 +341,17 @@ def _unheeded(evidence: Evidence, unit: UnitLedger) -> int:
     if own > _SOONER * usual or delay < 3 * max(delays) or own < 0 or evidence.verdict.wait_ns > usual - own:
         return 0
     return len(unit.pauses)
+
+
+def _in_vain(evidence: Evidence, unit: UnitLedger) -> int:
+    """Good answers, all slow beside those of others, whose requests are repeated by the master's timer."""
+    delay, others = unit.delays.quantile(0.1), [other for other in evidence.units if other is not unit]
+    delays = [value for other in others if (value := other.delays.quantile(0.5)) is not None]
+    slow = delay is not None and len(delays) >= _OTHERS and delay > _FAR_SLOWER * max(delays)
+    met = unit.behind + unit.count(
+        Ending.GARBAGE
+    )  # a list of one poll repeats it by a timer as well, and meets nothing
+    return len(unit.redundant) if slow and met >= _LEAST and _repeated_by_timer(unit) else 0
 
 
 def _by_timer(unit: UnitLedger) -> bool:

@@ -14,7 +14,8 @@ from ..registry import Suspicion, Symptom, suspect
 
 _LEAST: Final = 3
 _BUSY_LEAST: Final = 5
-_BACKGROUND: Final = 0.02  # of requests that a healthy unit refuses
+_BACKGROUND: Final = 0.02  # of requests that a healthy unit refuses,
+_BUSY_BACKGROUND: Final = 0.004  # and of those for which it has no time: hardly any
 _ALWAYS: Final = 0.9
 _AREAS: Final = 4  # that are named
 _WRITES: Final = (5, 6, 15, 16, 22, 23)
@@ -46,7 +47,7 @@ def unit_busy(evidence: Evidence) -> Iterator[Suspicion]:
         recurs = evidence.ledger.timed and len(begins) > 1
         yield Suspicion(
             (unit.unit,),
-            surplus_bits(unit.busy, unit.asked, _BACKGROUND) + clustering_bits(unit.busy, unit.asked, runs),
+            surplus_bits(unit.busy, unit.asked, _BUSY_BACKGROUND) + clustering_bits(unit.busy, unit.asked, runs),
             frozenset({(Symptom.REFUSAL, unit.unit)}),
             {
                 "unit": unit.unit,

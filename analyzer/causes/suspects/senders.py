@@ -210,7 +210,8 @@ def byte_count(evidence: Evidence) -> Iterator[Suspicion]:
     Severity.ERROR,
     blame="unit",
     text="Two devices answer to address {unit}[; {doubles:request|requests} got two answers][; in {damaged:answer|answers} "
-    "two transmitters mix]",
+    "two transmitters mix][; {tails:answer|answers} {tails:|runs|run} on when {tails:|it is|they are} over]"
+    "[; {met:exchange|exchanges} right behind {met:|is|are} hit by a second one]",
     share=_SHARE,
     deciding_test="Take the device with address {unit} off the bus: if the address still answers, there is another one",
     remedy="Give one of the two devices an address of its own",
@@ -219,8 +220,7 @@ def duplicate_address(evidence: Evidence) -> Iterator[Suspicion]:
     """Overlap, or two answers, for one unit alone."""
     for unit in evidence.units:
         readings, too_many = evidence.readings(unit), answers_too_many(evidence, unit)
-        foreign = sum(evidence.begun_by(reading) is not None for reading in readings)
-        if foreign >= max(_LEAST, _OFTEN * len(readings)) and not too_many:
+        if (_are_of_others(evidence, readings) or _are_of_others(evidence, _not_next(evidence, unit))) and not too_many:
             continue  # another unit is still answering when this one is asked
         doubles = unit.doubles if evidence.is_open(Symptom.DOUBLES, unit.unit) else 0
         doubles = max(doubles, round(evidence.behind(unit, Behind.ANSWER)))
@@ -229,21 +229,27 @@ def duplicate_address(evidence: Evidence) -> Iterator[Suspicion]:
         crossed = round(crossed) if doubles >= _LEAST or (len(readings) >= _LEAST and crossed >= _LEAST) else 0
         if doubles <= 1.2 * evidence.unanswered(unit):
             doubles = 0
+        tails = round(evidence.tails(unit))
+        crossed = max(crossed, tails)
         doubles = max(doubles, too_many)
         rest = [other for other in evidence.units if other is not unit]
         noisy = sum(evidence.behind(other, Behind.REQUEST, Behind.NOISE) for other in rest)
         background = max(HEALTHY, (noisy + 0.5) / (sum(other.answered for other in rest) + 50))
-        bits = surplus_bits(min(doubles + crossed, unit.asked), unit.asked, background)
+        bits = surplus_bits(min(doubles, unit.asked), unit.asked, HEALTHY)
+        bits += surplus_bits(min(crossed, unit.asked), unit.asked, background)
         if len(readings) >= _LEAST:
             kinds = kind_bits(readings, _MIXED)
             if crossed >= _LEAST:  # the weaker one begins first, and may be heard behind the other
                 kinds = max(kinds, kind_bits(readings, _OVERTAKEN))
             bits += evidence.surplus(unit) + kinds
             bits -= _SHORT_BITS * _shortened(readings)
-        if bits <= 0 or doubles + len(readings) < _LEAST:
+        run_into = _run_into(evidence, unit) if doubles >= _LEAST else _answered_again(evidence, unit)
+        if bits + sum(run_into.values()) <= 0 or doubles + tails + len(readings) + 3 * len(run_into) < _LEAST:
             continue
-        run_into = _run_into(evidence, unit) if doubles >= _LEAST else {}
-        found = damage_suspicion(evidence, unit, bits + sum(run_into.values()), {"doubles": doubles})
+        met = sum(_met(evidence, other, unit)[0] for other in run_into)
+        found = damage_suspicion(
+            evidence, unit, bits + sum(run_into.values()), {"doubles": doubles, "tails": tails, "met": met}
+        )
         explains = found.explains | {(kind, unit.unit) for kind in _ITS_OWN}
         explains |= {(kind, other) for other in run_into for kind in (Symptom.DAMAGE, Symptom.BEHIND)}
         if too_many:  # the master takes one for what it asked next, and so on
@@ -253,7 +259,7 @@ def duplicate_address(evidence: Evidence) -> Iterator[Suspicion]:
         yield replace(found, explains=explains)
 
 
-_ITS_OWN: Final = (Symptom.DOUBLES, Symptom.LATENESS, Symptom.VALUES)  # values of two devices
+_ITS_OWN: Final = (Symptom.DOUBLES, Symptom.LATENESS, Symptom.VALUES, Symptom.REFUSAL)  # of two devices
 _DISORDER: Final = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.LATENESS, Symptom.SILENCE)
 
 
@@ -262,15 +268,49 @@ def _run_into(evidence: Evidence, unit: UnitLedger) -> Mapping[int, float]:
     by how much likelier that is (bits)."""
     found, successors = {}, evidence.ledger.successors
     for other in evidence.units:
-        pair = (other.unit, unit.unit)
-        if other is unit or not evidence.is_open(Symptom.DAMAGE, other.unit) or not successors.met[pair]:
+        if other is unit or not evidence.is_open(Symptom.DAMAGE, other.unit):
             continue
         hit, asked = successors.met_of(other.unit), successors.followed_of(other.unit)
-        met, followed = successors.met[pair], successors.followed[pair]
+        met, followed = _met(evidence, other.unit, unit)
         bits = surplus_bits(met, followed, max(HEALTHY, (hit - met + 0.5) / (asked - followed + 50)))
         if bits > _RUN_INTO_BITS:
             found[other.unit] = bits
     return found
+
+
+def _are_of_others(evidence: Evidence, readings: Sequence[Signature]) -> bool:
+    """Whether some of these bytes begin as the answers of another unit do."""
+    found = sum(evidence.begun_by(reading) is not None for reading in readings)
+    return found >= max(_LEAST, _OFTEN * len(readings))
+
+
+def _not_next(evidence: Evidence, unit: UnitLedger) -> list[Signature]:
+    """What stands behind good answers of a unit and does not begin by the number of the unit that is asked next."""
+    pairs = zip(unit.followed.kept, evidence.followed(unit), strict=False)
+    return [each for sample, each in pairs if each.heard[:1] != bytes((max(sample.next_unit, 0),))]
+
+
+def _answered_again(evidence: Evidence, unit: UnitLedger) -> Mapping[int, float]:
+    """The same of a unit whose second answers are lost in what is asked next, but for their ends: they are over before
+    any answer to that can come. Nothing where its own requests stay without, for it may be late then."""
+    if unit.count(Ending.SILENT) or not evidence.verdict.fine:
+        return {}
+    found = _run_into(evidence, unit)
+    return {other: bits for other, bits in found.items() if evidence.is_too_soon(evidence.ledger.units[other])}
+
+
+def _met(evidence: Evidence, other: int, unit: UnitLedger) -> tuple[int, int]:
+    """How many exchanges of another unit right behind one's were hit, of how many; or two behind, where it is heard there."""
+    successors, pair = evidence.ledger.successors, (other, unit.unit)
+    if not successors.met[pair] and _is_heard_behind(evidence, evidence.ledger.units[other], unit):
+        return successors.near_hit[pair], successors.near[pair]
+    return successors.met[pair], successors.followed[pair]
+
+
+def _is_heard_behind(evidence: Evidence, unit: UnitLedger, other: UnitLedger) -> bool:
+    """Whether what stands in the place of a unit's answers, or behind them, begins as another's do."""
+    readings = (*evidence.readings(unit), *evidence.followed(unit))
+    return sum(evidence.begun_by(each) == other.unit for each in readings) >= _LEAST
 
 
 _MIXED: Final = {"whole": 0.35, "middle": 0.22, "long": 0.2, "cut": 0.06, "cut-short": 0.03, "crossed": 0.02,

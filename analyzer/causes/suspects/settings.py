@@ -138,9 +138,11 @@ def _alike(heads: Sequence[bytes], numbers: Set[bytes]) -> float:
 
 def _marked(evidence: Evidence, unit: UnitLedger) -> Iterator[Suspicion]:
     """Answers whose bytes are right and whose parity or stop bits are not."""
+    if unit.marked < max(_LEAST, _MARKED * unit.answered):
+        return
     others = [other for other in evidence.units if other.unit != unit.unit]
     background = max(HEALTHY, (sum(o.marked for o in others) + 0.5) / (sum(o.answered for o in others) + 50))
-    if unit.marked < max(_LEAST, _MARKED * unit.answered) or _marks_all(evidence, unit, others):
+    if _marks_all(evidence, unit, others):
         return
     numbers: Mapping[str, Any] = {
         "settings": "another parity",
@@ -172,14 +174,16 @@ def _refused(evidence: Evidence, unit: UnitLedger) -> Iterator[Suspicion]:
     """Answers that are well, as far as the tap tells, and whose requests the master repeats all the same: each of several
     polls so many times, and those of no other unit. A tap that marks no parity errors hears them so."""
     polls = [poll for poll in evidence.polls_of(unit.unit) if poll.asked >= _LEAST_ASKED]
+    if len(polls) < _SEVERAL or not all(
+        _REPEATED[0] * poll.asked <= poll.repeats <= _REPEATED[1] * poll.asked for poll in polls
+    ):
+        return
     others = [poll for poll in evidence.polls if poll.unit not in (0, unit.unit)]
     repeats, asked = sum(poll.repeats for poll in polls), sum(poll.asked for poll in polls)
     others_repeats, others_asked = sum(poll.repeats for poll in others), sum(poll.asked for poll in others)
     if (
-        len(polls) < _SEVERAL
-        or not others_asked
+        not others_asked
         or any(poll.count(Ending.OK) < _NEARLY_ALL * poll.asked for poll in polls)
-        or not all(_REPEATED[0] * poll.asked <= poll.repeats <= _REPEATED[1] * poll.asked for poll in polls)
         or unit.behind > (1 - _NEARLY_ALL) * unit.answered
         or others_repeats > (1 - _NEARLY_ALL) * others_asked
         or (evidence.verdict.fine and unit.holes.above(_HOLE_CHARS * evidence.ledger.char_ns) > 1 - _NEARLY_ALL)

@@ -29,6 +29,7 @@ _TO_THE_END: Final = 8
 _END_SHARE: Final = 0.1  # of the capture
 _LONG_SPELL: Final = 12  # requests
 _AS_LATE: Final = 0.95
+_SILENT_FOR_ECHO: Final = 5
 _ALL: Final = 0.5
 _NO_ANSWER_BEHIND: Final = 11  # the exception by which a gateway says that its target failed to respond
 _NEARLY_ALL: Final = 0.95
@@ -83,10 +84,14 @@ def _scanned(evidence: Evidence) -> frozenset[int]:
 
 def only_repeats(unit: UnitLedger) -> bool:
     """Whether what reads like its answers is the master's own requests once more: echoes, and as late as its repeats."""
-    if unit.answered != unit.echoes or unit.count(Ending.SILENT) < 5 * unit.answered:
+    if unit.answered != unit.echoes:
         return False
     delay, wait = unit.echo_delays.quantile(0.1), unit.waits.quantile(0.1)
-    return delay is None or wait is None or delay > _AS_LATE * wait
+    mostly = unit.count(Ending.SILENT) >= _SILENT_FOR_ECHO * unit.answered
+    if delay is None or wait is None:
+        return mostly
+    latest, longest = unit.echo_delays.quantile(0.9) or delay, unit.waits.quantile(0.9) or wait
+    return delay > _AS_LATE * wait and (mostly or latest * _AS_LATE < longest)
 
 
 def _died(evidence: Evidence, unit: UnitLedger) -> int | None:

@@ -45,6 +45,8 @@ _HARDLY_ANY: Final = 0.03  # of the silent requests
 _TURNS: Final = 3
 _MOST_UNITS: Final = 0.75
 _ANOTHER: Final = 2  # polls
+_AGAIN: Final = 0.1  # of the requests: a client that gives up asks again, whoever is silent
+_PATIENCE_NS: Final = 75e6  # nobody gives up sooner, on a whole bus
 _FEW: Final = 8  # waits of a poll that tell their mean and its error
 _ERRORS: Final = 6.0  # times the error of a mean
 _SLOPE_ERRORS: Final = 4.0  # times its own, for a slope that is about a character a byte besides
@@ -87,8 +89,8 @@ def tap_one_direction(evidence: Evidence) -> Iterator[Suspicion]:
         and not answered
         and not ledger.responses
     ):
-        repeated = sum(unit.repeats for unit in evidence.units)
-        if len(evidence.ledger.polls) > 1 and repeated <= 0.1 * asked and not _as_given_up(evidence):
+        seldom = min(unit.repeats / unit.asked for unit in evidence.units if unit.asked)  # a list may hold some twice
+        if len(evidence.ledger.polls) > 1 and seldom <= _AGAIN and not _as_given_up(evidence):
             yield _one(evidence, "requests", ledger.requests, ledger.responses)
     elif _misses_answers(evidence):
         found = _one(evidence, "part of the answers", answered, asked)
@@ -164,6 +166,8 @@ def _as_given_up(evidence: Evidence) -> bool:
         return False
     numbers = np.concatenate(waits)
     low, middle = float(np.quantile(numbers, 0.1)), float(np.quantile(numbers, 0.6))
+    if middle < _PATIENCE_NS:
+        return False
     strays = _TIMERS * middle + _LATE_NS
     if (alike := _are_alike([each for each in waits if len(each) >= _FEW], strays)) is not None:
         return alike
@@ -265,6 +269,7 @@ def local_echo(evidence: Evidence) -> Iterator[Suspicion]:
     echoed = ledger.repeats_answered if ledger.echoing else 0
     explains: set[tuple[Symptom, int | None]] = {(Symptom.FRAMING, None), (Symptom.TIMING, None)}
     for unit in evidence.units:
+        explains.add((Symptom.TIMING, unit.unit))  # its answers are timed from the echo on
         readings = evidence.readings(unit)
         share = sum(reading.echoed for reading in readings) / len(readings) if readings else 0.0
         echoed += round(share * unit.count(Ending.GARBAGE))

@@ -17,6 +17,7 @@ from ..unitledger import UnitLedger
 _LEAST: Final = 5
 _SOONEST: Final = 0.05  # of answers
 _HALF_CHAR: Final = 0.5
+_LOST: Final = 2  # bytes
 _MOST: Final = 0.6
 _FEW: Final = 0.15  # frames hit for a stretch on the idle line
 _EARLY: Final = (0.3, 0.22, 0.16, 0.12, 0.08, 0.05, 0.04, 0.03)  # bits of a byte that ringing behind its start reaches
@@ -68,7 +69,11 @@ def _run_into(evidence: Evidence, unit: UnitLedger) -> float:
     """The share of a unit's damaged answers into whose beginning noise runs: bytes come before it ever answers."""
     readings, soonest = evidence.readings(unit), unit.delays.quantile(_SOONEST)
     before = (soonest or 0.0) - evidence.verdict.wait_ns - _HALF_CHAR * evidence.ledger.char_ns
-    found = [each for each in readings if kind_of(each) in ("head", "ahead") or 0 <= each.delay < before]
+    found = [
+        each
+        for each in readings
+        if kind_of(each) in ("head", "ahead") or (0 <= each.delay < before and each.length >= each.due - _LOST)
+    ]  # its answer came, too
     return len(found) / len(readings) if readings else 0.0
 
 

@@ -1,0 +1,66 @@
+"""A request that comes once more while its answer does, or right behind it: the master had given up."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from .asciireading import is_in_ascii
+from .evidence import Evidence
+from .registry import Symptom
+from .signatures import Behind, Signature
+from .unitledger import UnitLedger
+
+_ENDING: Final = 3  # bytes by which a request is known again
+_HEADER: Final = 3  # of an answer
+_LEAST: Final = 3
+_STRAYS_CHARS: Final = 2.0  # a master's timer
+_REQUEST_CHARS: Final = 8
+_SELDOM: Final = 0.5  # of the good answers
+
+
+def asked_again_into(evidence: Evidence, unit: UnitLedger) -> list[Signature]:
+    """Damaged answers of a unit that go on when its request comes once more: it ends some of them, always as long behind
+    the first one. No other master asks for the same at just that time."""
+    char_ns, off = evidence.ledger.char_ns, evidence.verdict.wait_ns
+    readings = [each for each in evidence.readings(unit) if each.delay >= 0 and not _ends_alike(each)]
+    again: list[float] = []
+    for each in readings:
+        at = each.heard.rfind(each.request[-_ENDING:])
+        if at > _HEADER and not each.heard.startswith(each.request[:_HEADER]):
+            again.append(each.delay + (at + _ENDING - len(each.request)) * char_ns)
+    if len(again) < _LEAST or _spread(again) > off + _STRAYS_CHARS * char_ns:
+        return []
+    begun = float(np.median(again))
+    reach = off + _STRAYS_CHARS * char_ns
+    return [each for each in readings if each.delay - reach < begun < each.delay + each.length * char_ns + reach]
+
+
+def asked_again_behind(evidence: Evidence, unit: UnitLedger) -> int:
+    """About how many good answers have their own request right behind them once more, damaged, though what is well
+    answered is seldom asked again: known again in some, and in others by the time."""
+    if not evidence.is_open(Symptom.BEHIND, unit.unit) or len(unit.redundant) > _SELDOM * len(unit.delays):
+        return 0
+    readings = evidence.followed(unit)
+    begun = [
+        (each.t_behind - sample.t_asked, each.heard.endswith(each.request[-_ENDING:]))
+        for sample, each in zip(unit.followed.kept, readings, strict=True)
+        if each.behind in (Behind.REQUEST, Behind.NOISE) and not _ends_alike(each)
+    ]
+    known = [t for t, is_known in begun if is_known]
+    if len(known) < _LEAST:
+        return 0
+    reach = evidence.verdict.wait_ns + _REQUEST_CHARS * evidence.ledger.char_ns
+    again = sum(abs(t - float(np.median(known))) <= reach for t, _ in begun)
+    return round(unit.followed.offered * again / len(readings))
+
+
+def _ends_alike(reading: Signature) -> bool:
+    """Whether its answer ends as the request does: an echo, and every line in ASCII."""
+    return len(reading.request) == reading.due or is_in_ascii(reading.request)
+
+
+def _spread(numbers: Sequence[float]) -> float:
+    return float(np.subtract(*np.quantile(numbers, (0.9, 0.1))))
