@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 
 from .asciireading import is_in_ascii
+from .bits import strays
 from .evidence import Evidence
 from .registry import Symptom
-from .signatures import Behind, Signature
+from .signatures import ENDING, Behind, Signature
 from .unitledger import UnitLedger
 
-_ENDING: Final = 3  # bytes by which a request is known again
 _HEADER: Final = 3  # of an answer
 _LEAST: Final = 3
 _STRAYS_CHARS: Final = 2.0  # a master's timer
@@ -28,10 +27,10 @@ def asked_again_into(evidence: Evidence, unit: UnitLedger) -> list[Signature]:
     readings = [each for each in evidence.readings(unit) if each.delay >= 0 and not _ends_alike(each)]
     again: list[float] = []
     for each in readings:
-        at = each.heard.rfind(each.request[-_ENDING:])
+        at = each.heard.rfind(each.request[-ENDING:])
         if at > _HEADER and not each.heard.startswith(each.request[:_HEADER]):
-            again.append(each.delay + (at + _ENDING - len(each.request)) * char_ns)
-    if len(again) < _LEAST or _spread(again) > off + _STRAYS_CHARS * char_ns:
+            again.append(each.delay + (at + ENDING - len(each.request)) * char_ns)
+    if len(again) < _LEAST or strays(again) > off + _STRAYS_CHARS * char_ns:
         return []
     begun = float(np.median(again))
     reach = off + _STRAYS_CHARS * char_ns
@@ -45,7 +44,7 @@ def asked_again_behind(evidence: Evidence, unit: UnitLedger) -> int:
         return 0
     readings = evidence.followed(unit)
     begun = [
-        (each.t_behind - sample.t_asked, each.heard.endswith(each.request[-_ENDING:]))
+        (each.t_behind - sample.t_asked, each.heard.endswith(each.request[-ENDING:]))
         for sample, each in zip(unit.followed.kept, readings, strict=True)
         if each.behind in (Behind.REQUEST, Behind.NOISE) and not _ends_alike(each)
     ]
@@ -60,7 +59,3 @@ def asked_again_behind(evidence: Evidence, unit: UnitLedger) -> int:
 def _ends_alike(reading: Signature) -> bool:
     """Whether its answer ends as the request does: an echo, and every line in ASCII."""
     return len(reading.request) == reading.due or is_in_ascii(reading.request)
-
-
-def _spread(numbers: Sequence[float]) -> float:
-    return float(np.subtract(*np.quantile(numbers, (0.9, 0.1))))

@@ -123,3 +123,8 @@ def _log_bessel(x: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(
         x < _LARGE, np.log(np.i0(np.minimum(x, _LARGE))), large - 0.5 * np.log(2 * np.pi * large) + 1 / (8 * large)
     )
+
+
+def strays(numbers: Sequence[float] | NDArray[np.float64]) -> float:
+    """How far most of these lie apart; 0 where there are none."""
+    return float(np.subtract(*np.quantile(numbers, (0.9, 0.1)))) if len(numbers) else 0.0

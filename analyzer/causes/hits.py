@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .askedagain import asked_again_into
-from .bits import likelihood_bits, surplus_bits
+from .bits import likelihood_bits, strays, surplus_bits
 from .evidence import Evidence
 from .exchanges import Ending
 from .registry import Symptom
@@ -277,18 +277,14 @@ def timed_by_the_master(evidence: Evidence, unit: UnitLedger) -> list[Signature]
     if timeout is not None and off < _AT_ONCE * timeout:
         begun = [each for each in readings if abs(each.delay - timeout) <= _AT_ONCE * timeout]
         good = unit.delays.numbers
-        steady = len(good) < _TOLD or _spread([each.delay for each in begun]) < _STEADY * _spread(good)
+        steady = len(good) < _TOLD or strays([each.delay for each in begun]) < _STEADY * strays(good)
         found += begun if len(begun) >= _TOLD and steady else []
     run_into = [each for each in readings if each.damage in _RUN_INTO and each.length >= each.due]
     ends = [each.delay + each.length * char_ns for each in run_into]
-    begun_within = _spread([each.delay for each in run_into])
-    if len(ends) >= _TOLD and begun_within > 2 * char_ns and _spread(ends) + off < _STEADIER * begun_within + char_ns:
+    begun_within = strays([each.delay for each in run_into])
+    if len(ends) >= _TOLD and begun_within > 2 * char_ns and strays(ends) + off < _STEADIER * begun_within + char_ns:
         found += [each for each in readings if each.damage is not AnswerDamage.HEAD and each not in found]
     return found + [each for each in asked_again_into(evidence, unit) if each not in found]
-
-
-def _spread(numbers: Sequence[float] | NDArray[np.float64]) -> float:
-    return float(np.subtract(*np.quantile(numbers, (0.9, 0.1)))) if len(numbers) else 0.0
 
 
 def given_up_by_timer(evidence: Evidence, unit: UnitLedger) -> bool:
@@ -297,7 +293,7 @@ def given_up_by_timer(evidence: Evidence, unit: UnitLedger) -> bool:
     timeout, off = evidence.timeout_ns, evidence.verdict.wait_ns
     if timeout is not None and off > _TIMER_TOLD * timeout:  # no clock makes waits more alike than they are
         every = np.concatenate([each.quiet_waits.numbers for each in evidence.units])
-        return len(every) >= 2 * _TOLD and _spread(every) < _STEADY * timeout
+        return len(every) >= 2 * _TOLD and strays(every) < _STEADY * timeout
     waits = unit.quiet_waits.numbers  # what is late, and taken for the answer, ends a wait as well
     if len(waits) < _TOLD:
         waits = unit.waits.numbers

@@ -27,7 +27,7 @@ from .samples import Sample, SampleRow
 _HEAD_MOST: Final = 12  # bytes that may be put right
 _LEAST: Final = 4
 _HEAD: Final = 3  # bytes: of an answer the third is its byte count
-_ENDING: Final = 3  # bytes by which a damaged request is known again
+ENDING: Final = 3  # bytes by which a damaged request is known again
 _INSIDE: Final = 4  # and within other bytes
 _MOST_REQUESTS: Final = 256
 _COUNTED: Final = 3  # bytes of an answer's header that has a byte count
@@ -103,13 +103,13 @@ class KnownRequests:
     @classmethod
     def of(cls, requests: Sequence[bytes]) -> KnownRequests:
         """A request of each poll."""
-        endings = frozenset(request[-_ENDING:] for request in requests)
+        endings = frozenset(request[-ENDING:] for request in requests)
         heads = frozenset(request[:_HEAD] for request in requests)
         return cls(endings, heads, tuple({request[-_INSIDE:] for request in requests[:_MOST_REQUESTS]}))
 
     def end(self, data: bytes) -> bool:
         """Whether these bytes end like one of them."""
-        return data[-_ENDING:] in self.endings
+        return data[-ENDING:] in self.endings
 
     def begin(self, data: bytes, unit: int) -> bool:
         """Whether these bytes begin like one of them to another unit than this one."""
@@ -117,8 +117,8 @@ class KnownRequests:
 
     def are_in(self, data: bytes, but: bytes = b"") -> bool:
         """Whether one of them ends within these bytes or at their end; `but`: one that may."""
-        own = but[-_ENDING:]
-        return (self.end(data) and data[-_ENDING:] != own) or any(
+        own = but[-ENDING:]
+        return (self.end(data) and data[-ENDING:] != own) or any(
             ending in data for ending in self.within if ending != but[-_INSIDE:]
         )
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .bits import surplus_bits
+from .bits import strays, surplus_bits
 from .evidence import Evidence
 from .hits import given_up_by_timer
 from .registry import Symptom
@@ -56,8 +55,3 @@ def untimely(evidence: Evidence, unit: UnitLedger) -> tuple[float, int]:
         found.append((odd, 1 / len(usual) + 1 - _LONGEST))
     bits, mine = max((surplus_bits(int(which.sum()), len(own), chance), int(which.sum())) for which, chance in found)
     return (bits, round(len(successors.delays[unit.unit]) * mine / len(own))) if bits >= _SURE_BITS else (0.0, 0)
-
-
-def strays(numbers: NDArray[np.float64]) -> float:
-    """How far most of these lie apart."""
-    return float(np.subtract(*np.quantile(numbers, (0.9, 0.1))))

@@ -173,7 +173,7 @@ class StateTable:
                 own = sum(likelihood_bits(h, n, r) for h, n, r in zip(hits, trials, rates, strict=True))
                 bits = own - likelihood_bits(sum(hits), sum(trials), (sum(hits) + 0.25) / (sum(trials) + 0.5))
                 bad = int(rates[1] > rates[0])
-                mine = states.periods[:, column] + 0
+                mine = states.periods[:, column].copy()
                 lasts = int(states.newest[column] != states.one[column])
                 mine[lasts] += states.since[column] > 0
                 value = int((states.one, states.two)[bad][column])

@@ -116,7 +116,6 @@ class Watch:
         self._story = RunningStory(session.line)
         self._filter, self._until = _condition(arguments.filter, charts), _condition(arguments.until, charts)
         self._trigger = _condition(arguments.trigger, charts)
-        self._conditional = bool(self._filter or self._until or self._trigger or arguments.count)
         self._window: TriggerWindow[Any] = TriggerWindow(int(arguments.before * 1e9), int(arguments.after * 1e9))
         self._shown = 0
         self._over = False
@@ -142,10 +141,6 @@ class Watch:
                     tell(event.text)
             out: list[Any] = []
             for shown in self._recent.feed(step):
-                if not self._conditional:
-                    if part := self._lines.of(shown):
-                        out.append(part)
-                    continue
                 out += self._row(shown, step)
                 if self._over:
                     break

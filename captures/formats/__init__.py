@@ -161,6 +161,7 @@ def _written(format: Format) -> tuple[str, ...]:
     return format.suffixes if format.write_suffixes is None else format.write_suffixes
 
 
+@cache
 def _namesake(suffix: str) -> Format | None:
     """The format whose file in this folder is named as its suffix: alone it is loaded some 80 ms sooner than all."""
     if suffix[1:] not in {module.name for module in pkgutil.iter_modules(__path__)}:

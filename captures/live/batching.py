@@ -83,7 +83,6 @@ class ReadBatching:
         """The line's own silences are so long: shorter ones are no news."""
         quiet = max(self._quiet, silence_ns)
         self._steps = sorted({quiet, max(self._idle, quiet)})
-        self._quiet_from = quiet
         self._pause = max(_PAUSE_NS, silence_ns)
         self._ticked = len(self._steps)
 
@@ -104,8 +103,7 @@ class ReadBatching:
             self._held.append(tick_record(t_ns))  # this read is over: the next one will be later
             self._flush()
         else:
-            quiet = t_ns + self._quiet_from
-            self.deadline = quiet if quiet < latest else latest
+            self.deadline = min(t_ns + self._steps[0], latest)
 
     def event(self, port: int, kind: str, text: str, **more: Any) -> None:
         """Something happened; told at once."""

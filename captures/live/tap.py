@@ -88,19 +88,8 @@ class DeviceTap(Tap):
 
     def read(self) -> tuple[bytes, list[int]]:
         """See `Tap`."""
-        descriptor, marks = self.descriptor, self._marks
-        if descriptor is None:
-            data = self._burst()
-        else:
-            try:
-                data = os.read(descriptor, READ_BYTES)  # as much as a terminal keeps: it is empty then
-            except BlockingIOError:
-                return b"", []
-            except OSError as error:
-                raise PortGoneError(os_reason(error)) from error
-            if not data:
-                raise PortGoneError("closed at its other end, or unplugged")
-        return (data, []) if marks is None else marks.feed(data)
+        data = self._burst() if self.descriptor is None else self._waiting(self.descriptor)
+        return (data, []) if self._marks is None else self._marks.feed(data)
 
     def change(self, settings: PortSettings) -> None:
         """See `Tap`."""
@@ -134,6 +123,18 @@ class DeviceTap(Tap):
             self._high = high
         self.notices += [f"{self.settings.url}: {complaint}" for complaint in complaints]
         self._port.complaints = []
+
+    @staticmethod
+    def _waiting(descriptor: int) -> bytes:
+        try:
+            data = os.read(descriptor, READ_BYTES)  # as much as a terminal keeps: it is empty then
+        except BlockingIOError:
+            return b""
+        except OSError as error:
+            raise PortGoneError(os_reason(error)) from error
+        if not data:
+            raise PortGoneError("closed at its other end, or unplugged")
+        return data
 
     def _burst(self) -> bytes:
         data: bytes = b""

@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 from ...diagnosis.tap_clock import UNKNOWN
 from ...tables.findings import Severity
 from ..askedagain import asked_again_behind, asked_again_into
-from ..bits import likelihood_bits, surplus_bits
+from ..bits import likelihood_bits, strays, surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, kind_of
 from ..exchanges import Ending
 from ..grouping import alone_or_together
 from ..hits import cut_short, given_up_by_timer, interrupted, timed_by_the_master
 from ..registry import Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage, Signature
-from ..stale import shifted, strays, untimely
+from ..stale import shifted, untimely
 from ..unitledger import UnitLedger
 
 _LEAST: Final = 3
@@ -348,9 +348,7 @@ def _in_vain(evidence: Evidence, unit: UnitLedger) -> int:
     delay, others = unit.delays.quantile(0.1), [other for other in evidence.units if other is not unit]
     delays = [value for other in others if (value := other.delays.quantile(0.5)) is not None]
     slow = delay is not None and len(delays) >= _OTHERS and delay > _FAR_SLOWER * max(delays)
-    met = unit.behind + unit.count(
-        Ending.GARBAGE
-    )  # a list of one poll repeats it by a timer as well, and meets nothing
+    met = unit.behind + unit.count(Ending.GARBAGE)  # a list of one poll repeats it by a timer too, and meets nothing
     return len(unit.redundant) if slow and met >= _LEAST and _repeated_by_timer(unit) else 0
 
 

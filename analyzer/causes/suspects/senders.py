@@ -244,7 +244,7 @@ def duplicate_address(evidence: Evidence) -> Iterator[Suspicion]:
             bits += evidence.surplus(unit) + kinds
             bits -= _SHORT_BITS * _shortened(readings)
         run_into = _run_into(evidence, unit) if doubles >= _LEAST else _answered_again(evidence, unit)
-        if bits + sum(run_into.values()) <= 0 or doubles + tails + len(readings) + 3 * len(run_into) < _LEAST:
+        if bits + sum(run_into.values()) <= 0 or (not run_into and doubles + tails + len(readings) < _LEAST):
             continue
         met = sum(_met(evidence, other, unit)[0] for other in run_into)
         found = damage_suspicion(
