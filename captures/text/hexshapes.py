@@ -44,6 +44,7 @@ _GAP: Final = re.compile(r"[ \t]+")
 _SOME: Final = 3  # bytes: fewer say nothing
 _MAC_LENGTH: Final = 6
 _BYTEA: Final = 8  # digits behind one `\\x`, as databases write bytes
+_OFFSET_DIGITS: Final = range(4, 17)
 _WORD_LENGTH: Final = 8  # bytes: no address of a machine is longer
 
 
@@ -147,10 +148,14 @@ def _words(line: TextLine) -> Iterator[HexWindow]:
         tokens = line.text[start:end].split()
         if match[0].upper() in DIGITS_ABOVE:
             continue
-        if len(tokens) > 2 and len(tokens[0]) > 2 and all(len(token) == 2 for token in tokens[1:]):
-            continue  # the first is an offset
-        data = bytes.fromhex("".join(tokens))
-        yield HexWindow(data, start, end, "words", _level_of_words(line, start, end, tokens))
+        data, level = bytes.fromhex("".join(tokens)), _level_of_words(line, start, end, tokens)
+        if len(tokens) > 2 and len(tokens[0]) in _OFFSET_DIGITS and all(len(token) == 2 for token in tokens[1:]):
+            level = Writing.NUMBER  # the first is an offset, or all but the check value
+        if len(tokens) > 1 and line.text[end : end + 1].isalnum():  # "0A3843 after"
+            last = start + len(line.text[start : end - len(tokens[-1])].rstrip())
+            yield HexWindow(data[: -len(tokens[-1]) // 2], start, last, "words", level)
+            level = Writing.NUMBER if tokens[-1].isalpha() else level
+        yield HexWindow(data, start, end, "words", level)
         row = len(tokens) > 1 or _ROW_OF_WORDS.match(line.text) is not None
         if row and all(len(token) == 4 for token in tokens):
             yield HexWindow(swapped(data), start, end, "swapped words", Writing.NUMBER)
