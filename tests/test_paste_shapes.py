@@ -54,6 +54,14 @@ def test_frames_are_read_in_every_shape(name: str) -> None:
         assert frames_of(text) == [(message.role, message.data.hex()) for message in log], text
 
 
+def test_what_is_said_again_in_one_line_is_no_copy_of_itself() -> None:
+    asks, answers = "11 03 00 6B 00 03 76 87", "11 03 06 AE 41 56 52 43 40 49 AD"
+    exchange = [("request", asks.replace(" ", "").lower()), ("response", answers.replace(" ", "").lower())]
+    assert frames_of(f"{asks}, {answers}, {asks}, {answers}") == exchange * 2
+    assert frames_of(f"<- {asks} -> {answers} <- {asks}") == [*exchange, exchange[0]]
+    assert frames_of(f"read {asks} (buffer {asks.replace(' ', '')})") == exchange[:1]
+
+
 @pytest.mark.parametrize("name", SHAPES)
 def test_what_stands_around_is_no_byte(name: str) -> None:
     log, text, _ = made(name, SHAPES[name], 3)

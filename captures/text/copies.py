@@ -90,7 +90,9 @@ def settle_copies(lines: Sequence[LogLine], experience: Experience) -> None:
                 turned = turned or 0 != earlier.mark != entry.mark != 0
                 continue
             drop = _copy_of_two(earlier, entry, experience, turned=turned)
-            if drop is not None:
+            if drop is None:
+                turned = turned or _speaks_between(earlier, entry)
+            else:
                 other = earlier if drop is entry else entry
                 for run in drop.runs:
                     run.taken = False
@@ -114,6 +116,13 @@ def _one_report(earlier: _Entry, entry: _Entry) -> bool:
         return True
     limit = _ENTRY_FINE_NS if earlier.last.fine and entry.first.fine else _ENTRY_COARSE_NS
     return abs(second - first) <= limit
+
+
+def _speaks_between(between: _Entry, entry: _Entry) -> bool:
+    """Whether a frame, in the line of another, is one of its own: somebody spoke, and the next may be said again."""
+    if between.last is not entry.first or not (between.checked and entry.checked):
+        return False
+    return between.data not in entry.data and entry.data not in between.data
 
 
 def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience, *, turned: bool) -> _Entry | None:

@@ -48,5 +48,6 @@ SHAPES: Final[dict[str, Style]] = {
     "Device Monitoring Studio": lambda log, rng: "\n".join(f"{i:06d}: {word(m, 'Write Request (DOWN)', 'Read Request (UP)')}, 21.11.2026 {m.clock}0000 +0.0\n\n" + dump(m.data, lambda at, row: f" {row.hex(' ')}   {shown(row)}") + "\n" for i, m in enumerate(log)),
     "check value apart": lines_of(lambda m: f"{word(m, '[TX]', '[RX]')} {m.data[:-2].hex()} {spaced(m.data[-2:])}"),
     "words that begin as bytes": lines_of(lambda m: f"{word(m, 'sent', 'got')} {m.data.hex()} after {m.ms % 90 + 2} ms"),
+    "all in one line": lambda log, rng: ", ".join(spaced(m.data) for m in log),
     "hex, then decimal": lines_of(lambda m: f"{word(m, 'TX', 'RX')} HEX: {spaced(m.data)}\n{word(m, 'TX', 'RX')} DEC: {' '.join(map(str, m.data))}"),
 }  # fmt: skip
