@@ -1,6 +1,7 @@
 """The layouts on which inference of registers is fitted, and floors of its score on devices never fitted."""
 
 from itertools import pairwise
+from random import Random
 
 import numpy as np
 import pytest
@@ -49,3 +50,33 @@ def test_a_single_register_within_a_wide_value_is_no_right_answer(monkeypatch):
     scores.tallied(device, shipped_weights(), tally)
     assert tally.sure == [(1.0, False)]
     assert (tally.due["one word"], tally.right["one word"], tally.error()) == (1, 0, 1.0)
+
+
+def test_devices_never_fitted_are_read_as_well_as_the_pages_say():
+    """Three devices of each of the hard layouts, at other addresses; `docs/registers.md` has the figures of twelve."""
+    weights, tally = shipped_weights(), scores.Tally()
+    for path in sorted((series.LAYOUTS / "unseen").glob("*.csv")):
+        chart = series.read_map(path)
+        for seed in range(7000, 7003):
+            device = series.made_device(path.stem, chart, Random(f"{path.stem} {seed}"), 60)
+            scores.tallied(device, weights, tally)
+    share = {kind: tally.right[kind] / due for kind, due in tally.due.items()}
+    assert share["all"] > 0.89
+    assert share["16-bit"] > 0.95
+    assert share["float"] > 0.98
+    assert share["one word"] > 0.65
+    assert tally.two / tally.due["all"] > 0.985  # what cannot be told is among two readings
+    assert tally.error() < 0.035
+
+
+def test_other_devices_of_published_layouts_are_read_right():
+    """One device of each, filled by the hand that the tables know less of."""
+    weights, tally = shipped_weights(), scores.Tally()
+    for name, chart in published.published_layouts().items():
+        device = series.made_device(name, chart, Random(f"{name} 7000"), 60, another=1.0)
+        scores.tallied(device, weights, tally)
+    share = {kind: tally.right[kind] / due for kind, due in tally.due.items()}
+    assert share["all"] > 0.91
+    assert share["16-bit"] > 0.96
+    assert share["one word"] > 0.78
+    assert tally.error() < 0.02
