@@ -75,6 +75,7 @@ def tallied(device: MadeDevice, weights: Weights, tally: Tally) -> None:
         for cut in cut_of(run, posterior) if run.unit == 1 else ():
             answers[run.area, run.address + cut.at] = (cut.number, cut)
     truths: dict[tuple[MapArea, int], int] = {}
+    within: set[tuple[MapArea, int]] = set()  # registers of values that begin before them: no value of their own
     for area, address, quantity, rows in device.truth:
         block = next(b for b in device.readings if b.key == (1, area, address, quantity))
         words = block.series[0]
@@ -84,6 +85,7 @@ def tallied(device: MadeDevice, weights: Weights, tally: Tally) -> None:
             if row.type == "text":
                 continue
             truths[area, row.address] = number
+            within.update((area, register) for register in range(row.address + 1, row.end))
             at = row.address - address
             mine = moved[at : at + row.length]
             if not mine.any():
@@ -107,7 +109,8 @@ def tallied(device: MadeDevice, weights: Weights, tally: Tally) -> None:
                 )
     for (area, address), (number, cut) in answers.items():
         if cut.moved:
-            tally.sure.append((cut.confidence, truths.get((area, address), 0) == number))
+            alone = 0 if (area, address) not in within else None
+            tally.sure.append((cut.confidence, truths.get((area, address), alone) == number))
 
 
 def _kinds(row, mine) -> list[str]:

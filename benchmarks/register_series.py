@@ -1,7 +1,8 @@
 """Devices with maps and what their registers were: the truth on which inference is fitted and scored.
 
-Layouts are the shipped maps and those in `layouts/`; a family is a maker, or what the header of a layout says. Each
-device is made anew from a layout: moved to other addresses, sometimes with the other word order.
+Layouts are the shipped maps, those in `layouts/` and those that others published (`register_published`); a family is a
+maker, or what the header of a layout says. Each device is made anew from a layout: moved to other addresses, sometimes
+with the other word order.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 from register_plants import by_another_hand
+from register_published import published_layouts
 
 from analyzer.registers.hypotheses import HYPOTHESES
 from analyzer.registers.readings import RegisterReadings
@@ -35,7 +37,7 @@ OTHER_ORDER = {"ABCD": "CDAB", "CDAB": "ABCD"}
 def layouts() -> dict[str, RegisterMap]:
     """All layouts by name."""
     found = {name: shipped_map(name) for name in shipped_names()}
-    return found | {path.stem: read_map(path) for path in sorted(LAYOUTS.glob("*.csv"))}
+    return found | {path.stem: read_map(path) for path in sorted(LAYOUTS.glob("*.csv"))} | published_layouts()
 
 
 def family(chart: RegisterMap) -> str:

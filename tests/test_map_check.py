@@ -23,9 +23,9 @@ OTHER = {"ABCD": "CDAB", "CDAB": "ABCD"}
 
 
 @cache
-def readings_of(name: str, polls: int = 60) -> RegisterReadings:
+def readings_of(name: str, polls: int = 60, seed: str = "") -> RegisterReadings:
     """A device of this map, whose values are as their names say."""
-    client = MappedClient(Random(f"check {name}"), [(1, shipped_map(name))], 0.0)
+    client = MappedClient(Random(f"check {name}{seed}"), [(1, shipped_map(name))], 0.0)
     rows: dict[tuple[MapArea, int, int], list[list[int]]] = {(p.area, p.address, p.quantity): [] for p in client.polls}
     for _ in range(polls):
         client.devices[0].step()
@@ -73,6 +73,13 @@ def test_a_right_map_is_not_contradicted(name: str) -> None:
     assert not [remark for remark in remarks if remark.kind == "contradiction"]
 
 
+@pytest.mark.parametrize(("name", "seed"), [("el-psu", " 4"), ("nl-16di", " 2")])
+def test_a_device_that_lacks_a_value_holds_nothing_that_its_map_forbids(name: str, seed: str) -> None:
+    """Zero is no mark of what is not there where a unit's address begins at 1, or a speed has no state of it."""
+    remarks = check_map(readings_of(name, seed=seed), {1: shipped_map(name)})
+    assert not [remark for remark in remarks if remark.kind == "contradiction"]
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_planted_contradictions_are_found_where_they_stand(name: str) -> None:
     chart, readings = shipped_map(name), readings_of(name)
@@ -95,6 +102,23 @@ def test_a_high_word_that_is_zero_all_the_time_contradicts_no_wide_integer() -> 
     assert [remark.kind for remark in check_map(readings, {1: RegisterMap("meter", (turned, rows[1]))})] == [
         "contradiction"
     ]
+
+
+def test_a_wide_counter_that_begins_again_contradicts_no_map() -> None:
+    name = "solax-x1-hybrid"  # whose third device has one
+    remarks = check_map(readings_of(name, seed=" 2"), {1: shipped_map(name)})
+    assert not [remark for remark in remarks if remark.kind == "contradiction"]
+
+
+def test_a_full_counter_that_begins_again_is_not_below_zero() -> None:
+    row = MappedValue("input", 10, "Energy today", "u16")
+    full = [0xFFFF] * 20 + list(range(20))
+    to_and_fro = [0xFFFF, 0, 1, 0, 0xFFFF, 0xFFFF, 0, 1] * 5
+    for words, contradictions in ((full, 0), (full[::-1], 0), (to_and_fro, 1)):
+        readings = RegisterReadings()
+        readings.put(1, "input", 10, np.array(words, np.uint16)[:, None])
+        remarks = check_map(readings, {1: RegisterMap("meter", (row,))})
+        assert len([remark for remark in remarks if remark.kind == "contradiction"]) == contradictions, words
 
 
 @pytest.mark.parametrize("order", ["ABCD", "CDAB"])

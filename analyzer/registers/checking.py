@@ -152,7 +152,7 @@ def _wrong_sign(row: MappedValue, mine: np.ndarray[Any, Any]) -> Iterator[str]:
     over = series >= top
     if not over.any() or over.all():
         return
-    if not row.is_signed and is_signed(series, row.length):
+    if not row.is_signed and is_signed(series, row.length) and not _is_mark(series, over, top):
         below, above = int(series[over].max()) - 2 * int(top), int(series[~over].min())
         yield f"unsigned, but it passes below zero ({below} and {above} were read)"
     if row.is_signed:
@@ -160,6 +160,13 @@ def _wrong_sign(row: MappedValue, mine: np.ndarray[Any, Any]) -> Iterator[str]:
         passes = (over[1:] != over[:-1]) & (near < float(top) / 4)
         if passes.any() and not is_signed(series, row.length):
             yield f"signed, but it passes {int(top)} as if it were not"
+
+
+def _is_mark(series: np.ndarray[Any, Any], over: np.ndarray[Any, Any], top: np.uint64) -> bool:
+    """Whether what lies over the middle is all ones, once and then no more or the other way round: a counter that was
+    full, a device that had no value yet."""
+    ones = np.uint64(2 * int(top) - 1)
+    return bool((series[over] == ones).all() and (over[1:] != over[:-1]).sum() < 2)
 
 
 def _absurd(row: MappedValue, mine: Words) -> Iterator[str]:
@@ -231,7 +238,8 @@ def _is_possible(row: MappedValue, rival: RegisterValue, mine: Words) -> bool:
     """Whether the readings (n, length) can well be what the map has, however likely a rival is.
 
     A whole number whose low word alone moved, without running over, is told from a register of its own by what is usual
-    only; so is a float of sizes that people measure from a whole number in the same registers.
+    only, also where all of it goes back to nothing; so is a float of sizes that people measure from a whole number in
+    the same registers.
     """
     if rival.kind == "float":
         return False
@@ -241,8 +249,9 @@ def _is_possible(row: MappedValue, rival: RegisterValue, mine: Words) -> bool:
             float_classes(value)[0] <= 1
         )
     ordered = mine if row.order in ("ABCD", "BADC") else mine[:, ::-1]
-    still = (ordered == ordered[0]).all(axis=0)
-    steps = np.abs(np.diff(ordered[:, -1].astype(np.int64)))
+    goes_on = ordered[1:].any(axis=1)  # else it begins again
+    still = (ordered[1:] == ordered[:-1])[goes_on].all(axis=0)
+    steps = np.abs(np.diff(ordered[:, -1].astype(np.int64)))[goes_on]
     return bool(still[:-1].all() and not still[-1] and (steps < 0x8000).all())
 
 

@@ -127,6 +127,8 @@ class MappedDevice:
         size = 2 * row.length
         if self._mark is None:
             absent = self.random.choice((b"\0" * 2, b"\xff" * 2, b"\x80\0" if row.length == 1 else b"\0" * 2))
+            if absent == b"\0" * 2 and not _may_be_zero(row):
+                absent = b"\xff" * 2
             return registers_of(absent * row.length, cast(Order, row.order))
         if row.is_float and self._mark != "zero":
             return registers_of((b"\x7f\xc0" if size == 4 else b"\x7f\xf8").ljust(size, b"\0"), cast(Order, row.order))
@@ -157,6 +159,13 @@ class MappedDevice:
                 (key, series.motion(random, level, level * random.uniform(0.02, 0.3), wild=self.wild > 0))
             )
             self.words[key] = int(next(self._unlisted[-1][1])) & 0xFFFF
+
+
+def _may_be_zero(row: MappedValue) -> bool:
+    """Whether the map allows registers that hold nothing: its states, its limits."""
+    low, high = row.minimum, row.maximum
+    inside = (low is None or low <= row.offset) and (high is None or row.offset <= high)
+    return inside and (not row.values or row.type == "bits" or 0 in row.values)
 
 
 def encoded(row: MappedValue, number: float) -> list[int]:
