@@ -67,6 +67,25 @@ def test_answers_to_the_request_before_its_repetition_come_sooner_than_the_unit_
     assert named(causes(sent(), tick_ms=tick_ms)) == [("timeout-too-short", (3,))]
 
 
+def test_late_answers_to_writes_do_not_pass_for_usual_ones() -> None:
+    """A write that is asked again reads like a request and two echoes; what comes behind it tells no usual delay."""
+    random = Random(4)
+    write = frame(3, 5, 0, 1, 0xFF, 0)
+
+    def sent() -> Iterator[Sent]:
+        for i in range(450):
+            unit, late = i % 3 + 1, random.random() < 0.4
+            asked, answer = (write, write) if unit == 3 and i % 2 else (read_of(unit), answer_of(unit, 300 + i))
+            yield 30.0, asked
+            took = 4 * _TIMEOUT_MS * random.uniform(0.4, 0.7) if unit == 3 else 20.0
+            if unit == 3 and late:
+                yield 4 * _TIMEOUT_MS, asked
+                took = 4 * _TIMEOUT_MS * random.uniform(0.02, 0.35)
+            yield took, answer
+
+    assert named(causes(sent())) == [("timeout-too-short", (3,))]
+
+
 def test_waits_that_are_alike_behind_an_adapter_are_a_timer_s() -> None:
     """Where the adapter's times tell no single wait: no clock makes waits more alike than they are."""
     random = Random(3)
