@@ -204,11 +204,12 @@ def test_how_often_it_is_right() -> None:
         assert right[code] >= PRECISION[code] * said[code], code
 
 
-def test_a_robbed_answer_too_long_to_be_solved_is_told_by_the_robbed_request_behind_it() -> None:
+@pytest.mark.parametrize("lost", [1, 3])
+def test_a_robbed_answer_too_long_to_be_solved_is_told_by_the_robbed_request_behind_it(lost: int) -> None:
     """Its length is due, and what is left of it must end where the next frame, which the check value proves, begins."""
     request = bytes.fromhex("1e0400040055739b")
     values = bytes(20 + i % 200 for i in range(170))
-    answer = bytes((30, 4, 170)) + bytes((0x11, 0x13)) + values[2:]
+    answer = bytes((30, 4, 170)) + bytes((0x11, 0x13)) * lost + values[2 * lost :]
     answer += crc_bytes(answer)
     behind = bytes.fromhex("0a0300110004")
     behind += crc_bytes(behind)

@@ -67,6 +67,52 @@ def test_answers_to_the_request_before_its_repetition_come_sooner_than_the_unit_
     assert named(causes(sent(), tick_ms=tick_ms)) == [("timeout-too-short", (3,))]
 
 
+def test_late_answers_to_writes_do_not_pass_for_usual_ones() -> None:
+    """A write that is asked again reads like a request and two echoes; what comes behind it tells no usual delay."""
+    random = Random(4)
+    write = frame(3, 5, 0, 1, 0xFF, 0)
+
+    def sent() -> Iterator[Sent]:
+        for i in range(450):
+            unit, late = i % 3 + 1, random.random() < 0.4
+            asked, answer = (write, write) if unit == 3 and i % 2 else (read_of(unit), answer_of(unit, 300 + i))
+            yield 30.0, asked
+            took = 4 * _TIMEOUT_MS * random.uniform(0.4, 0.7) if unit == 3 else 20.0
+            if unit == 3 and late:
+                yield 4 * _TIMEOUT_MS, asked
+                took = 4 * _TIMEOUT_MS * random.uniform(0.02, 0.35)
+            yield took, answer
+
+    assert named(causes(sent())) == [("timeout-too-short", (3,))]
+
+
+def test_a_unit_whose_answer_comes_late_since_another_s_was_taken_for_it_is_not_accused() -> None:
+    """What runs into its request makes the master go on before its own answer comes."""
+    random = Random(5)
+
+    def exchange(unit: int, i: int) -> Iterator[Sent]:
+        yield 20.0, read_of(unit)
+        yield 15.0 + random.random(), answer_of(unit, 300 + i)
+
+    def sent() -> Iterator[Sent]:
+        for i in range(300):
+            if i % 4 != 3:
+                yield from (each for unit in (1, 2, 3) for each in exchange(unit, i))
+                continue
+            yield 20.0, read_of(1)
+            yield _TIMEOUT_MS, read_of(2)
+            yield 3.0, answer_of(1, 300 + i)
+            if i % 16 == 3:
+                yield 5.0, read_of(3)
+                yield 4.0, answer_of(2, 500 + i)
+                yield 9.0, answer_of(3, 700 + i)
+            else:
+                yield 15.0, answer_of(2, 500 + i)
+                yield from exchange(3, i)
+
+    assert named(causes(sent())) == [("timeout-too-short", (1,))]
+
+
 def test_waits_that_are_alike_behind_an_adapter_are_a_timer_s() -> None:
     """Where the adapter's times tell no single wait: no clock makes waits more alike than they are."""
     random = Random(3)

@@ -35,6 +35,12 @@ def test_a_second_answer_that_runs_into_the_next_exchange_is_no_second_master(ta
     assert sorted(found) == [("duplicate-address", (4,)), ("unit-line-settings", (37,))]
 
 
+def test_two_answers_at_once_whose_bytes_vary_are_not_those_of_other_settings() -> None:
+    """Other settings garble the same bytes in the same way each time: a third of them is a coincidence."""
+    found = _named("duplicate-beside-settings", 8110, "precise")
+    assert sorted(found) == [("duplicate-address", (149,)), ("unit-line-settings", (105,))]
+
+
 @pytest.mark.parametrize("tap", ["precise", "ftdi16"])
 def test_a_fixed_pause_that_takes_no_time_to_speak_of_is_no_rest(tap: str) -> None:
     """The line is full all the same: without these pauses the round would be hardly shorter."""

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from random import Random
 
 import pytest
+from bursts import Sent, answer_of, causes, named, read_of
 
 from analyzer.causes.ledger import ledger_of
 from analyzer.causes.model import Cause
@@ -135,3 +136,21 @@ def test_a_spell_whose_times_run_backwards_is_grouped_with_nobody() -> None:
     spells = {1: [Spell(100, 200, 3, after=150, before=90)], 2: [Spell(100, 200, 3, after=90, before=210)]}
     (group,) = outages_of(spells, 1000, lambda _: True) or ([],)
     assert all(len(outage.spells) == 2 for outage in group)
+
+
+@pytest.mark.parametrize("tick_ms", [0.0, 16.0])
+def test_a_dead_unit_on_a_line_that_floats_is_dead(tick_ms: float) -> None:
+    """Stray bytes while the master waits for it, each by itself, are no garbled answers."""
+    random = Random(3)
+
+    def sent() -> Iterator[Sent]:
+        for i in range(300):
+            yield 30.0, read_of(i % 3 + 1)
+            if i % 3 < 2:
+                yield 20.0, answer_of(i % 3 + 1, 300 + i)
+                continue
+            for _ in range(random.choice((0, 1, 2, 3))):
+                yield random.uniform(80.0, 150.0), bytes((random.choice((0xE0, 0xF0, 0xF8, 0xFC)),))
+            yield 150.0, b""
+
+    assert named(causes(sent(), tick_ms=tick_ms))[0] == ("dead-unit", (3,))

@@ -112,3 +112,11 @@ def test_frames_of_a_unit_whose_address_flow_control_eats_are_told_apart_and_men
     said = {place(finding) for finding in found if finding.start >= 0}
     assert set(due[6:]) <= said  # before, too little is known of this tap
     assert not [f.text for f in found if f.code == "noise" and f.start > due[6][1]]
+
+
+def test_robbed_frames_that_the_tap_parts_are_no_collisions() -> None:
+    """Where a gateway makes two rows of three frames without 11 and 13, what was asked and what comes out tell them."""
+    made = simulate(Scenario("clean", "gateway", transactions=200, seed=7311, defect="flow-control-loss"))
+    parts = analyse(Capture.of(made.line, made.chunks))
+    known = 400  # bytes, by which a port's flow control is known
+    assert not [f for part in parts for f in described(part.findings) if f.code == "collision" and f.start > known]

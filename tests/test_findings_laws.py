@@ -69,8 +69,10 @@ def test_the_same_on_a_long_bus_however_it_is_fed(wire: str, tap: str) -> None:
     [
         ("collision", "irq", 0),
         ("collision", "gateway", 3),
+        ("collision", "ftdi16", 7315),
         ("byte-missing", "irq", 3),
         ("flow-control-loss", "ftdi16", 2),
+        ("flow-control-loss", "gateway", 7311),
     ],
 )
 def test_the_same_where_a_damaged_frame_and_the_noise_behind_it_are_one(defect: str, tap: str, seed: int) -> None:

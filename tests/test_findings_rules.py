@@ -64,6 +64,13 @@ CONVERSATIONS: dict[str, tuple[list[bytes | float], list[tuple[str, int]]]] = {
     ),
     "damaged answer, not silence": ([20, REQUEST, 8, ANSWER[:5] + b"\x57" + ANSWER[6:], 200], [("bit-flip", 8)]),
     "the beginning of an answer": ([20, REQUEST, 8, ANSWER[:2], 200], [("truncated", 8)]),
+    "a second answer over one that had just begun": ([20, REQUEST, 8, ANSWER[:4] + FARS, 200], [("collision", 8)]),
+    "the same, and more behind it": (
+        [20, REQUEST, 8, ANSWER[:4] + FARS + bytes.fromhex("a3f190c81de76b02"), 200],
+        [("collision", 8)],
+    ),
+    "a cut answer, and one that nobody asked": ([20, REQUEST, 8, ANSWER[:4], 6, FARS, 200], [("truncated", 8)]),
+    "a cut request, and its answer at once": ([20, REQUEST[:6] + ANSWER, 200], [("truncated", 0)]),
     "a doubled end": ([20, REQUEST, 8, ANSWER + ANSWER[-4:], 200], [("bytes-repeated", 8)]),
 }
 
@@ -72,6 +79,20 @@ CONVERSATIONS: dict[str, tuple[list[bytes | float], list[tuple[str, int]]]] = {
 def test_conversations(name: str) -> None:
     steps, found = CONVERSATIONS[name]
     assert bus(*steps) == found
+
+
+def test_the_answer_to_a_robbed_request_is_no_request() -> None:
+    """A unit 17 never shows its address behind flow control; with another byte gone its answer is as long as any."""
+    wire = Wire()
+    for value in range(60):
+        wire.exchange(FAR, with_crc(f"020304{value % 16:04x}0002"))
+        wire.exchange(with_crc("0403002a0001"), with_crc("0403020007"))
+    request, answer = with_crc("110401140002"), with_crc("11040411800000")
+    robbed = [frame.translate(None, bytes((0x11, 0x13))) for frame in (request, answer)]
+    first = wire.offset
+    wire.exchange(*robbed)
+    wire.exchange(FAR, FARS)
+    assert said(diagnosed(wire)) == [("flow-control-loss", first), ("flow-control-loss", first + len(robbed[0]))]
 
 
 def test_an_echo_is_one_however_writes_look() -> None:

@@ -31,7 +31,8 @@ _WINDOW_ROWS: Final = 512  # behind a request: what follows after that many rows
 _WINDOW_BYTES: Final = 1 << 16
 ANSWERED: Final = np.isin(np.arange(256), (1, 2, 3, 4, 5, 6, 15, 16, 22, 23))  # of which an answer is known for one
 _AHEAD: Final = 2  # exchanges that are held back
-_STRAY_BYTES: Final = 1  # so few are no answer, however damaged
+_STRAY_BYTES: Final = 1  # so few end to end are no answer, however damaged
+_APART_NS: Final = 32_000_000  # from one byte to the next: two waits of an adapter, three characters at 1200 bit/s
 _SAME: Final = (1 << 40) - 1  # of a poll's number: all but the unit
 _REQUEST: Final = int(Kind.REQUEST)
 
@@ -41,7 +42,7 @@ class Ending(IntEnum):
 
     OK = 0
     EXCEPTION = 1
-    SILENT = 2  # not a byte, or a single stray one
+    SILENT = 2  # not a byte, or stray ones, each by itself
     GARBAGE = 3  # bytes, and no answer among them
     BROADCAST = 4
     UNHEARD = 5  # the recorder heard nothing when an answer was due
@@ -312,7 +313,9 @@ def _answered(made: Exchanges, rows: Rows, of: NDArray[np.intp]) -> None:
         np.add.at(made.noise, of[bad], lengths[bad])
     outcome = np.where(made.answer >= 0, np.uint8(Ending.OK), np.uint8(Ending.SILENT))
     outcome[made.exception > 0] = Ending.EXCEPTION
-    garbled = made.noise > _STRAY_BYTES
+    lasted = rows.t_end_ns[bad] - rows.t_start_ns[bad]
+    garbled = np.zeros(len(made), np.bool_)
+    garbled[of[bad[(lengths[bad] > _STRAY_BYTES) & (lasted <= _APART_NS * (lengths[bad] - 1))]]] = True
     unfit = others[of_own_function(rows, made, others, of)] if len(others) else others
     garbled[of[unfit]] = True
     outcome[(outcome == Ending.SILENT) & garbled] = Ending.GARBAGE

@@ -249,8 +249,9 @@ class Ledger:
         self._count_broadcasts(exchanges, outcome == _BROADCAST)
         waits = np.where(t_next == NEVER, 0, t_next - exchanges.t_asked)
         silent = outcome == _SILENT
-        silent &= ~(ECHOED[exchanges.function] & exchanges.next_same)  # one of two echoes reads like a repeated request
-        self.successors.add(exchanges.unit, silent, odd, exchanges.t_asked, exchanges.delay, waits)
+        unsure = silent & ECHOED[exchanges.function] & exchanges.next_same  # one of two echoes reads like a request
+        silent &= ~unsure
+        self.successors.add(exchanges.unit, silent, unsure, odd, exchanges.t_asked, exchanges.delay, waits)
         self.grid.add("asked", times)
         self.grid.add("damage", times[(outcome == _GARBAGE) | (exchanges.noise > 0)])
 

@@ -30,6 +30,7 @@ _HEAD: Final = 3  # bytes: of an answer the third is its byte count
 ENDING: Final = 3  # bytes by which a damaged request is known again
 _INSIDE: Final = 4  # and within other bytes
 _MOST_REQUESTS: Final = 256
+_EXCEPTION_ADU: Final = 5  # bytes
 _COUNTED: Final = 3  # bytes of an answer's header that has a byte count
 _TAIL_BITS: Final = 2  # bits of a byte that must have come before its driver let go
 _LOCAL: Final = 0.55  # share of bytes like those of a good answer: the damage is somewhere, not everywhere
@@ -214,13 +215,15 @@ def _read(sample: Sample, data: bytes, burst: list[SampleRow], requests: KnownRe
     if any(piece.check and piece.kind == Kind.RESPONSE for piece in burst):
         return _SignatureSums(AnswerDamage.OTHER, at=0)
     refused = bytes((sample.unit, sample.function | EXCEPTION))
+    if crc16(data) == 0 and len(data) == _EXCEPTION_ADU and data.startswith(refused):
+        return _SignatureSums(AnswerDamage.NONE)
     if due < _LEAST or len(header) < 2:
         return _SignatureSums(AnswerDamage.WHOLE, len(data), 0)
     echo = b""  # the answer is the request once more
     if len(header) == due - 2:
         header += crc_bytes(header)
         echo = sample.request if header == sample.request else echo
-    for length, head in ((due, header), (5, refused)):
+    for length, head in ((due, header), (_EXCEPTION_ADU, refused)):
         found = _of_length(sample, data, length, head)
         if found is not None:
             return found
@@ -242,6 +245,8 @@ def _read(sample: Sample, data: bytes, burst: list[SampleRow], requests: KnownRe
 def _of_length(sample: Sample, data: bytes, due: int, header: bytes) -> _SignatureSums | None:
     """What is right but for its head, its tail, its convention or one bit, if it should have had this length."""
     count = len(data)
+    if count == due and crc16(data) == 0:
+        return None  # whole, and something else: a request in two pieces, say
     usual = sample.usual if sample.usual is not None and len(sample.usual) == due else b""
     known = header + usual[len(header) : max(due - 2, 0)]
     if count == due and data.startswith(header[:3]):

@@ -35,19 +35,22 @@ class SuccessorTable:
     _newest: int = 0
     _last: tuple[int, int] = (0, 0)  # the newest behind
     _asked: int = 0
+    _unsure: bool = False
     _owing: tuple[int, int] = (0, 0)  # the unit of the newest silent request, and until when its answer may come
 
     def add(
         self,
         units: NDArray[np.uint8],
         silent: NDArray[np.bool_],
+        unsure: NDArray[np.bool_],
         odd: NDArray[np.bool_],
         asked: NDArray[np.int64],
         delays: NDArray[np.int64],
         waits: NDArray[np.int64],
     ) -> None:
-        """The next exchanges: `silent` those without an answer, `odd` those that were hit; `asked` when (ns), `delays`
-        until answers came, -1 for none or where nobody knows, `waits` until the next request."""
+        """The next exchanges: `silent` those without an answer, `unsure` those that may have had one, `odd` those that were
+        hit; `asked` when (ns), `delays` until answers came, -1 for none or where nobody knows, `waits` until the next
+        request."""
         seen, another = np.cumsum(silent), np.diff(units, prepend=units[:1]) != 0
         begins = np.maximum.accumulate(np.where(another, np.arange(len(units)), 0))  # of what is asked of one in a row
         hangs = seen > np.where(begins, seen[begins - 1], 0)
@@ -62,7 +65,8 @@ class SuccessorTable:
             mine = late & (units == unit)
             self.delays[unit].add(delays[mine])
             self.lagged[unit].add(lags[mine])
-        settled = (before == 0) & (delays >= 0)
+        settled = (before == 0) & (delays >= 0) & ~np.concatenate(([self._unsure], unsure[:-1]))
+        self._unsure = bool(unsure[-1])
         for unit in self.delays:
             self.usual[unit].add(delays[settled & (units == unit)])
         before = np.where(before == 0, self._owed(units, silent, asked, waits), before)

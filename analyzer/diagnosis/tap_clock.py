@@ -41,7 +41,7 @@ _MOST_VERDICTS: Final = 512  # verdicts
 _USUAL_NS: Final = 5_000_000  # a read from user space, where nothing tells more
 _FAST_BAUD: Final = 19200  # [2] 2.5.1.1: above it, both times are fixed
 _T15_FIXED_NS, _T35_FIXED_NS = 750_000, 1_750_000
-_STEPS_NS: Final = tuple(10**power for power in range(9, 3, -1))  # to which logs write their times
+_STEPS_NS: Final = tuple(10**power for power in range(9, 3, -1))  # to which logs write their times; each holds the next
 _FINE_STEP_NS: Final = 10**6  # in which no two frames end
 _IN_STEP: Final = 0.9  # of the frames
 UNKNOWN: Final = float("inf")
@@ -171,7 +171,12 @@ class TapClock:
         check: NDArray[Any],
     ) -> None:
         self._timed += len(ends)
-        self._in_step += [np.count_nonzero(ends % step == 0) for step in _STEPS_NS]
+        in_step = ends
+        for which in range(len(_STEPS_NS) - 1, -1, -1):  # what is in step with one is with all that are finer
+            in_step = in_step[in_step % _STEPS_NS[which] == 0]
+            if not len(in_step):
+                break
+            self._in_step[which] += len(in_step)
         if protocol.any():  # ASCII mode has other silences, Modbus TCP none
             plain = protocol == 0
             ends, reads, length, before, most, least, check = (

@@ -79,7 +79,7 @@ def timeout_too_short(evidence: Evidence) -> Iterator[Suspicion]:
         mine = sum(each.late for each in group)
         rest = sum(late.values()) - sum(late[each.unit.unit] for each in group)
         if mine >= _MOSTLY * (mine + rest):
-            yield _suspicion(evidence, group, mine, rest)
+            yield _suspicion(evidence, group, late, mine, rest)
 
 
 def _is_timed(evidence: Evidence, unit: UnitLedger) -> bool:
@@ -115,7 +115,9 @@ def _lives(evidence: Evidence, unit: UnitLedger) -> bool:
     return bool(heard or asked_again_into(evidence, unit))
 
 
-def _suspicion(evidence: Evidence, group: Sequence[_LateUnit], mine: int, rest: int) -> Suspicion:
+def _suspicion(
+    evidence: Evidence, group: Sequence[_LateUnit], late: Mapping[int, int], mine: int, rest: int
+) -> Suspicion:
     units = [each.unit for each in group]
     others = [other for other in evidence.units if other not in units]
     background = max(_BACKGROUND, (rest + 0.5) / (sum(other.asked for other in others) + 100))
@@ -131,6 +133,10 @@ def _suspicion(evidence: Evidence, group: Sequence[_LateUnit], mine: int, rest: 
         explains |= {(kind, unit.unit) for kind in (*_RUN_INTO, Symptom.LATENESS, Symptom.DOUBLES, Symptom.VALUES)}
         slow = max(slow, unit.delays.quantile(0.9) or 0.0)
     explains |= {(kind, other.unit) for other in others for kind in _RUN_INTO}
+    hit = evidence.ledger.successors.hit
+    for other in others:  # a master that takes what runs into an answer for it goes on before that comes
+        if late[other.unit] <= sum(hit[other.unit, unit.unit] for unit in units):
+            explains.add((Symptom.LATENESS, other.unit))
     known = [lost_ms for _, lost_ms in costs if lost_ms is not None]
     timeout = evidence.timeout_ns
     told = timeout is not None and slow > max(evidence.verdict.wait_ns, 0.5 * timeout)

@@ -21,6 +21,7 @@ from .senders import damage_suspicion
 _LEAST: Final = 3
 _BYTE: Final = 8.0
 _MOST_BYTES: Final = 3  # that count for a sample
+_NOT_AS_SENT: Final = log2(0.04)  # bits: settings garble the same bytes in the same way nearly always
 _SAME, _OTHER = log2(0.96 / 0.5), log2(0.04 / 0.5)  # bits: garbage that is like that of the same poll before, or not
 _EXPECTED: Final = {"whole": 0.83, "middle": 0.06, "cut": 0.03, "long": 0.03, "head": 0.02}
 _DRIFTED: Final = {"whole": 0.25, "middle": 0.55, "bits": 0.1, "cut": 0.03, "long": 0.03, "head": 0.04}
@@ -113,7 +114,7 @@ def _match(header: bytes, heard: bytes, sender: CharacterFormat, receiver: Chara
     if not garbled or header.startswith(garbled):
         return 0.0
     same = next((i for i, (one, two) in enumerate(zip(garbled, heard, strict=False)) if one != two), len(garbled))
-    return _BYTE * same if same == len(garbled) else -2.0
+    return _BYTE * same if same == len(garbled) else _NOT_AS_SENT
 
 
 def _steadiness(evidence: Evidence, unit: UnitLedger) -> float:

@@ -91,10 +91,15 @@ def _supposed(case: DamagedFrame, prior: float) -> Iterator[Explanation]:
         length, bits = predicted + OVERHEAD, 0.0
     lost = length - len(data)
     searched = len(data) <= _REACH.get(lost, 0)  # and no place found for them
-    if 1 <= lost <= min(_MOST_LOST, length // 4) and not searched:
+    if 1 <= lost <= _most_lost(length) and not searched:
         yield Explanation(
             "flow-control-loss", prior + bits + log2(comb(length, lost)) - _RARE * lost, length=length, lost=lost
         )
+
+
+def _most_lost(length: int) -> int:
+    """How many bytes a frame of this length may have lost and still be known."""
+    return min(_MOST_LOST, length // 4)
 
 
 # A stretch of noise that is several frames in a row, all robbed of their 11 and 13 bytes by the port's flow control.
@@ -174,14 +179,14 @@ def asked_by(verdict: Explanation, pending: bytes | None) -> bytes | None:
 def _lengths(case: DamagedFrame, most: int) -> list[int]:
     """How many bytes the first frame may have left, the shortest first."""
     lengths = set()
-    if case.due is not None:
-        lengths.add(case.due)
+    due = case.due or 0
+    left = {due - lost for lost in range(1, _most_lost(due) + 1)}
     for header in _headers(case.data[:_HEADER], most):
         for role in Role:
             length = told(header, role)
             if length is not None and not length.least:
                 lengths.add(length.length)
-    left = {length - lost for length in lengths for lost in range(1, _LOST + 1)}
+    left.update(length - lost for length in lengths for lost in range(1, _LOST + 1))
     return sorted(length for length in left if MIN_ADU - 1 <= length <= len(case.data))
 
 

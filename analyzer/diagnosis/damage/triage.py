@@ -7,7 +7,6 @@ has a good explanation. One cause, one finding: such a stretch is no noise any m
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import replace
 from functools import lru_cache
 from typing import Final, NamedTuple
 
@@ -48,13 +47,26 @@ class RecentTraffic(NamedTuple):
     units: frozenset[int]
 
 
+class _Open(NamedTuple):
+    """Rows end to end whose verdict is not the last, since what comes next may belong to them."""
+
+    first: Row
+    captured: bytes  # theirs
+    recent: RecentTraffic  # before them
+    code: str  # their verdict so far
+    joinable: bool  # whether noise behind them is weighed with them: not with what is noise itself
+
+    def ends_at(self, row: Row) -> bool:
+        return (row.port, row.start) == (self.first.port, self.first.start + len(self.captured)) and not row.errors
+
+
 class Triage:
     """Looks at rows in turn; remembers the last ones, and whether a port has ever given an 11 or 13."""
 
     def __init__(self, trail: LookBack) -> None:
         self._trail = trail
         self._flow_at: dict[int, int] = {}  # port: where its first 11 or 13 came
-        self._vague: tuple[int, int, str] | None = None  # port, end and verdict of the newest row, if that may change
+        self._open: _Open | None = None  # the newest rows, where their verdict may change
         self._mended: tuple[int, int, bytes] | None = None  # port, end, the request that flow control robbed there
         self.explained: dict[int, None] = {}  # requests of late, by index, whose answer came damaged
 
@@ -65,24 +77,32 @@ class Triage:
             if port not in self._flow_at:
                 self._watch_flow(view, port)
         explained: dict[int, Sequence[DividedFrame]] = {}
-        for number in _suspects(view):
+        for number in _suspects(view, first=self._open is not None):
             row = EarlierRow.of(batch, number)
-            recent = self._recent_traffic(batch, number, row)
-            if rejoined := self._joined(batch, number, row, recent):
+            before, self._open = self._open, None
+            parts = self._joined(batch, number, row, before) if before is not None and before.ends_at(row.row) else []
+            if before is not None and parts:
                 explained.pop(number - 1, None)
-                explained[number], self._vague = rejoined, None
-                self._remember(row, rejoined, recent.request)
-                continue
-            verdict = self._verdict(batch, number, row, recent)
-            vague = verdict is None or verdict.code in VAGUE or verdict.bits < FRAME
-            parts = self._divided(row, recent) if vague else []
-            if verdict is not None or parts:
-                explained[number] = parts or [DividedFrame(0, row.row.length, verdict or Explanation("crc-error", 0.0))]
-            self._remember(row, explained.get(number, ()), recent.request)
-            self._vague = None
-            if row.is_frame and verdict is not None and verdict.code in VAGUE:
-                self._vague = row.row.port, row.row.start + row.row.length, verdict.code
+                explained[number] = parts
+                self._remember(row, parts, before.recent.request)
+                if parts[0].verdict.code == "collision" and parts[0].length <= _MOST:
+                    self._open = before._replace(captured=before.captured + row.captured, code="collision")
+            elif not row.row.check and (parts := self._by_itself(batch, number, row)):
+                explained[number] = parts
         return explained
+
+    def _by_itself(self, batch: Batch, number: int, row: EarlierRow) -> Sequence[DividedFrame]:
+        """What happened to one row; nothing where it is noise that nothing ties to a frame."""
+        recent = self._recent_traffic(batch, number, row)
+        verdict = self._verdict(batch, number, row, recent)
+        vague = verdict is None or verdict.code in VAGUE or verdict.bits < FRAME
+        parts = self._divided(row.row, row.captured, recent) if vague and not row.row.errors else []
+        if verdict is not None and not parts:
+            parts = [DividedFrame(0, row.row.length, verdict)]
+            if verdict.code in VAGUE and not row.row.errors:
+                self._open = _Open(row.row, row.captured, recent, verdict.code, joinable=row.is_frame)
+        self._remember(row, parts, recent.request)
+        return parts
 
     def _watch_flow(self, view: DiagnosisStep, port: int) -> None:
         for hit in where(_IS_FLOW.take(view.batch.data)).tolist():
@@ -91,38 +111,40 @@ class Triage:
                 self._flow_at[port] = int(view.rows.start[row] + hit - view.rows.at[row])
                 return
 
-    def _joined(self, batch: Batch, number: int, row: EarlierRow, recent: RecentTraffic) -> list[DividedFrame]:
-        """That noise is the rest of the damaged frame before it, which explains both better than either by itself."""
-        if row.is_frame or row.row.errors or self._vague is None or (row.row.port, row.row.start) != self._vague[:2]:
+    def _joined(self, batch: Batch, number: int, row: EarlierRow, before: _Open) -> Sequence[DividedFrame]:
+        """What a row and the open rows right before it are together, if that explains both better than either by
+        itself."""
+        newest = next(self._trail.back(batch, number)).row
+        if newest.port != row.row.port or newest.start + newest.length != row.row.start:
             return []
-        before = next(self._trail.back(batch, number))
-        if (
-            before.row.errors
-            or row.row.gap_before_ns > HASTE_NS
-            or before.row.start + before.row.length != row.row.start
-        ):
+        size, both = len(before.captured), before.captured + row.captured
+        if row.is_frame:
+            collision = Explanation("collision", 0.0, 1.0, length=DamagedFrame(b"", request=before.recent.request).due)
+            return [DividedFrame(-size, len(both), collision)] if _overlaid(row.row, before) else []
+        if robbed := self._divided(before.first, both, before.recent):
+            return [part._replace(start=part.start - size) for part in robbed]
+        if not before.joinable or row.row.gap_before_ns > HASTE_NS:
             return []
-        pending, request, requests, units = recent
-        role = None if pending else Role.REQUEST if before.row.kind == Kind.REQUEST else Role.RESPONSE
-        case = DamagedFrame(before.captured, role, request, requests, units, flow_free=self._flow_free(before.row))
+        pending, request, requests, units = before.recent
+        role = None if pending else Role.REQUEST if before.first.kind == Kind.REQUEST else Role.RESPONSE
+        flow_free = self._flow_free(before.first)
+        case = DamagedFrame(before.captured, role, request, requests, units, flow_free=flow_free)
         best = joined(case, after=row.captured)
-        verdict, size = _nearest(best.verdict), len(before.captured)
-        more = len(row.captured) >= _LEAST or self._vague[2] == "collision"  # a byte or two alone show no second sender
+        verdict = _nearest(best.verdict)
+        more = len(row.captured) >= _LEAST or before.code == "collision"  # a byte or two alone show no second sender
         collided = verdict.code == "collision" and more and not _GLITCHES.issuperset(row.captured)
         if best.after and (verdict.repaired is not None or collided):
-            return [DividedFrame(-size, size + len(row.captured), verdict)]
-        if not case.flow_free:
-            return []
-        both = replace(case, data=before.captured + row.captured, role=None)
-        return [part._replace(start=part.start - size) for part in divided(both)]
+            return [DividedFrame(-size, len(both), verdict)]
+        return []
 
-    def _divided(self, row: EarlierRow, recent: RecentTraffic) -> list[DividedFrame]:
-        """The frames that a stretch was before flow control ran them together, on a port that gives no 11 and 13."""
-        free = self._flow_free(row.row)
-        if not free or len(row.captured) <= 2 * _LEAST or row.row.errors:
+    def _divided(self, first: Row, captured: bytes, recent: RecentTraffic) -> list[DividedFrame]:
+        """The frames that a stretch was before flow control ran them together, on a port that gives no 11 and 13;
+        `first` is the stretch, or the row that it begins with."""
+        free = self._flow_free(first)
+        if not free or len(captured) <= 2 * _LEAST:
             return []
         _, request, requests, units = recent
-        return divided(DamagedFrame(row.captured, None, request, requests, units, flow_free=free))
+        return divided(DamagedFrame(captured, None, request, requests, units, flow_free=free))
 
     def _flow_free(self, row: Row) -> int | None:
         """How many bytes the port had given without any 11 or 13; 0 where there were some, None where no byte was."""
@@ -137,7 +159,7 @@ class Triage:
             role = Role.REQUEST if row.row.kind == Kind.REQUEST else Role.RESPONSE
             if row.row.request >= 0:
                 request = batch.request_of(number, row.row.request) or request
-            if role is Role.REQUEST and pending is not None and _soon(row, pending):
+            if role is Role.REQUEST and (self._mends(row.row) or (pending is not None and _soon(row, pending))):
                 role = None  # no master asks again so soon: this is the answer
             elif role is Role.REQUEST:
                 pending = request = None
@@ -182,6 +204,10 @@ class Triage:
             request = asked_by(part.verdict, request)
         self._mended = (row.row.port, row.row.start + row.row.length, request) if parts and request else None
 
+    def _mends(self, row: Row) -> bool:
+        """Whether a row stands right behind a request that flow control robbed."""
+        return self._mended is not None and self._mended[:2] == (row.port, row.start)
+
     def _recent_traffic(self, batch: Batch, number: int, row: EarlierRow) -> RecentTraffic:
         """What was said before a row."""
         pending: EarlierRow | None = None
@@ -199,20 +225,32 @@ class Triage:
                     pending = before
             newest = False
         request = None if pending is None else pending.captured
-        if self._mended is not None and self._mended[:2] == (row.row.port, row.row.start):
+        if self._mended is not None and self._mends(row.row):
             request = self._mended[2]
         return RecentTraffic(pending, request, frozenset(requests), frozenset(units))
 
 
-def _suspects(view: DiagnosisStep) -> list[int]:
-    """Rows that need an autopsy: damaged frames in RTU mode, and noise that is not too long."""
+def _suspects(view: DiagnosisStep, *, first: bool) -> list[int]:
+    """Rows that need an autopsy: damaged frames in RTU mode, and noise that is not too long; right answers right behind
+    them, which tell what they were. `first`: the row before this batch is one of them."""
     noise = view.noise[view.rows.length[view.noise] <= _MOST] if len(view.noise) else view.noise
-    if not len(noise) and not len(view.damaged):
+    if not len(noise) and not len(view.damaged) and not first:
         return []
     protocol = view.rows.protocol
     foreign = view.rows.foreign
-    rows = sorted([*noise.tolist(), *view.damaged.tolist()])
+    damaged = np.concatenate([noise, view.damaged])
+    behind = np.intersect1d(np.append(damaged + 1, 0), view.responses)
+    rows = sorted([*damaged.tolist(), *behind.tolist()])
     return [row for row in rows if protocol[row] == Protocol.RTU and not foreign[row]]
+
+
+def _overlaid(row: Row, before: _Open) -> bool:
+    """Whether a right answer that nobody waited for ended one that had just begun: two senders at once."""
+    pending, request, *_ = before.recent
+    if pending is None or before.code != "truncated" or not row.check or row.request == pending.row.index:
+        return False
+    header = DamagedFrame(b"", request=request).header
+    return row.gap_before_ns < _HARD_NS and header.startswith(before.captured[: len(header)])
 
 
 def _soon(row: EarlierRow, pending: EarlierRow) -> bool:

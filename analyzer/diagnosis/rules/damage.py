@@ -19,7 +19,7 @@ from dissectors.crc_variants import VARIANTS
 from ...languages import counted, phrase
 from ...tables.findings import About, Findings, Rule, Severity, looks_for
 from ...tables.frame import adu_of
-from ...tables.schema import Kind, Protocol, Rows
+from ...tables.schema import Kind, Protocol, Row, Rows
 from ..damage import DividedFrame, Explanation
 from ..damage.triage import VAGUE
 from ..view import DiagnosisStep, where
@@ -273,7 +273,7 @@ class DamagedRows:
                 continue  # the capture begins inside it
             last = row == len(rows) - 1
             cut = last and _ends_early(parts)
-            if cut or (last and rows.kind[row] and parts[0].verdict.code in VAGUE):
+            if cut or (last and parts[0].verdict.code in VAGUE):
                 self._waiting, self._cut_by_end = findings, cut
             else:
                 yield from findings
@@ -292,7 +292,7 @@ def _of_marked(view: DiagnosisStep, marked: NDArray[np.intp]) -> Findings:
     codes = list(_RULES)
     for i in where(~frames).tolist():
         row = int(marked[i])
-        unit[i] = _owner(view, row)
+        unit[i] = _owner(view, row, rows.row(i))
         verdict = view.verdicts[row][0].verdict if row in view.verdicts else None
         if verdict is not None and verdict.code in codes:
             sure = verdict.certainty
@@ -300,16 +300,17 @@ def _of_marked(view: DiagnosisStep, marked: NDArray[np.intp]) -> Findings:
     return PARITY.on(rows, rows.errors, rows.length, unit, *more.T)
 
 
-def _owner(view: DiagnosisStep, number: int, verdict: Explanation | None = None) -> float:
-    """The unit whose exchange a damaged row belongs to: that of the request it follows; NaN where nothing tells."""
-    row = view.rows.row(number)
+def _owner(view: DiagnosisStep, number: int, row: Row, verdict: Explanation | None = None) -> float:
+    """The unit whose exchange a damaged row belongs to, row `number` or one right before it: that of the request it
+    follows; NaN where nothing tells."""
     if row.kind == Kind.REQUEST:
         return float(verdict.repaired[0]) if verdict is not None and verdict.repaired else nan
     request = view.batch.request_of(number, row.request) if row.request >= 0 else None
     if request is not None:
         return float(request[0])
     for before in view.trail.back(view.batch, number):
-        if before.is_frame and before.row.check:
+        behind = before.row.port == row.port and before.row.start > row.start
+        if before.is_frame and before.row.check and not behind:
             return float(before.row.unit) if before.row.kind == Kind.REQUEST and before.row.unit else nan
     return nan
 
@@ -329,20 +330,22 @@ def _ends_early(parts: Sequence[DividedFrame]) -> bool:
 
 
 def _findings_of(view: DiagnosisStep, number: int, part: DividedFrame) -> Iterator[Findings]:
-    """The finding of one part of a row, or of a row and the one before it."""
+    """The finding of one part of a row, or of a row and those before it."""
     row, data, verdict = view.rows[number : number + 1].copy(), view.bytes_of(number), part.verdict
     if row.errors[0]:
         return
-    if part.start < 0:
-        before = next(view.trail.back(view.batch, number))
-        row.index[:], row.t_start_ns[:] = before.row.index, before.row.t_start_ns
-        data = (before.captured + data)[before.row.length + part.start :]
-    data = data[max(part.start, 0) :][: part.length]
+    begins, start = view.rows.row(number), part.start
+    for before in view.trail.back(view.batch, number):
+        if start >= 0:
+            break
+        begins, start, data = before.row, start + before.row.length, before.captured + data
+    row.index[:], row.t_start_ns[:] = begins.index, begins.t_start_ns
+    data = data[max(start, 0) :][: part.length]
     row.start[:] += part.start
     row.length[:] = part.length
     if verdict.code == REPEATED.code and verdict.repaired and verdict.length == len(data):
         row = _with_the_frame_before(row, len(verdict.repaired), view, number)
-    rule, unit = _RULES.get(verdict.code), _owner(view, number, verdict)
+    rule, unit = _RULES.get(verdict.code), _owner(view, number, begins, verdict)
     if rule is not None:
         yield rule.on(row, *_numbers(verdict, data), unit)
     else:

@@ -1,0 +1,47 @@
+"""What is read from a few bytes behind a request, whatever they are."""
+
+from __future__ import annotations
+
+from bursts import frame, read_of
+from hypothesis import given
+from hypothesis import strategies as st
+
+from analyzer.causes.exchanges import Ending
+from analyzer.causes.samples import Sample, SampleRow
+from analyzer.causes.signatures import AnswerDamage, KnownRequests, Signature, signature
+from analyzer.tables.schema import Kind
+
+COILS = frame(32, 1, 0, 0, 0, 24)
+OTHER = frame(32, 4, 0, 64, 0, 2)
+REFUSED = frame(32, 0x81, 2)
+
+
+def _read(*data: bytes, usual: bytes | None = None) -> Signature:
+    """What stands behind a request for 24 coils, in such pieces of noise."""
+    pieces = tuple(
+        SampleRow(int(Kind.NOISE), False, False, 0, 10_000_000 + 2_000_000 * i, 11_000_000 + 2_000_000 * i, 0, each)
+        for i, each in enumerate(data)
+    )
+    sample = Sample(32, 1, COILS, 0, Ending.GARBAGE, 8, 0, 0, 500_000_000, 0, pieces, usual, False, 32)
+    return signature(sample, 1e6, KnownRequests.of([COILS, OTHER, read_of(7)]), off_ns=0.0)
+
+
+def test_a_request_in_two_pieces_is_one_and_no_answer_without_its_head() -> None:
+    """It is as long as the answer that is due, and its check value is right."""
+    assert len(OTHER) == 8
+    assert _read(OTHER[:1], OTHER[1:]).damage is AnswerDamage.CROSSED
+
+
+def test_a_refusal_in_two_pieces_is_one() -> None:
+    assert _read(REFUSED[:2], REFUSED[2:]).damage is AnswerDamage.NONE
+
+
+_WHOLE = st.binary(min_size=2, max_size=12).map(lambda body: frame(*body))
+_LIKE = st.one_of(st.binary(max_size=12), _WHOLE, st.sampled_from([COILS, OTHER, REFUSED, frame(32, 1, 3, 1, 2, 3)]))
+
+
+@given(st.lists(_LIKE, min_size=1, max_size=3), st.sampled_from([None, frame(32, 1, 3, 1, 2, 3)]))
+def test_any_bytes_are_read(pieces: list[bytes], usual: bytes | None) -> None:
+    found = _read(*pieces, usual=usual)
+    assert found.length <= sum(map(len, pieces))
+    assert all(0 <= bit <= 9 for bit in found.flips)
