@@ -97,6 +97,11 @@ def test_slow_answers_behind_which_the_client_goes_on_by_its_timer_were_given_up
     assert _named("timeout-too-short", 9333, "precise") == [("timeout-too-short", (115,))]
 
 
+def test_a_poll_whose_turn_comes_soon_by_the_clients_timetable_was_not_given_up() -> None:
+    """The next request, due by its own period, comes sooner behind a slow answer than behind any other."""
+    assert _named("healthy-timers", 8111, "precise") == []
+
+
 def test_a_high_word_that_makes_a_float_with_either_neighbour_is_no_other_order() -> None:
     """Two units of different kinds, asked for the same registers."""
     assert _named("healthy-timers", 11005, "precise") == []

@@ -346,7 +346,8 @@ def _unheeded(evidence: Evidence, unit: UnitLedger) -> int:
         return 0  # the one other unit may be the last of a round, behind which the master rests
     if own > _SOONER * usual or delay < 3 * max(delays) or own < 0 or evidence.verdict.wait_ns > usual - own:
         return 0
-    return len(unit.pauses)
+    timeout = (unit.turns.quantile(0.5) or 0.0) - usual  # as this would tell it
+    return len(unit.pauses) if timeout > max(delays) else 0
 
 
 def _in_vain(evidence: Evidence, unit: UnitLedger) -> int:
