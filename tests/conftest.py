@@ -1,12 +1,15 @@
-"""What holds for all tests: no property fails because a machine is slow, and no settings of a user's are read."""
+"""What holds for all tests: no property fails because a machine is slow, no settings of a user's are read, and no test
+leaves anything to the next one."""
 
 from __future__ import annotations
 
 import os
 import signal
 import tempfile
+from collections.abc import Iterator
 
 import pytest
+from declaring import declared
 from hypothesis import settings
 
 from analyzer import languages
@@ -28,3 +31,10 @@ for _name, _usual in (("SIGINT", signal.default_int_handler), ("SIGHUP", signal.
 def _told_in_english() -> None:
     """Each test begins in English, whatever language one before it chose."""
     languages.use("en")
+
+
+@pytest.fixture(autouse=True)
+def _declared_by_nobody() -> Iterator[None]:
+    """Functions that a test declares, by a command's `--functions` say, are not known to the next one."""
+    with declared():
+        yield

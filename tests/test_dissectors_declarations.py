@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib.metadata
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 import construct as c
@@ -12,7 +11,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dissectors import registry
 from dissectors.annotation import annotate, summary
 from dissectors.blocks import Items, Record, Registers, Rest, Text
 from dissectors.crc import crc_bytes
@@ -27,17 +25,6 @@ from dissectors.parts import ByteCount, Number, Quantity
 
 REQUEST, RESPONSE = Role.REQUEST, Role.RESPONSE
 CODE = 0x65
-
-
-@pytest.fixture(autouse=True)
-def _forgotten() -> Iterator[None]:
-    """What a test registers is gone after it."""
-    registry.functions()
-    before = dict(registry._declared)
-    yield
-    registry._declared.clear()
-    registry._declared.update(before)
-    registry._state["revision"] += 1
 
 
 def declare(response: object, **more: object) -> None:

@@ -5,9 +5,10 @@ import io
 
 import pytest
 from buses import LINE, adu, spaced
+from declaring import declared
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made import VENDOR, batches, declared, vendor_batches
+from made import VENDOR, batches, vendor_batches
 from pdus import CASES
 from running import ran
 

@@ -7,9 +7,10 @@ import gc
 import numpy as np
 import orjson
 import pytest
+from declaring import declared
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made import VENDOR, batches, declared, vendor_batches
+from made import VENDOR, batches, vendor_batches
 from pdus import CASES
 
 import analyzer

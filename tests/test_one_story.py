@@ -13,7 +13,6 @@ import pytest
 import ways_out
 from buses import LINE, adu, spaced
 from drifting import drifting_bus
-from made import declared  # noqa: F401 - the registry is left as it was
 
 from analyzer.analysis import Analysis
 from analyzer.checks import compile_check

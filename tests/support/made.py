@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-
 import numpy as np
 from hypothesis import strategies as st
 from pdus import CASES, REQUEST, RESPONSE, built, read_request
 
 from analyzer.tables.batch import Batch
 from analyzer.tables.schema import Kind, Rows
-from dissectors import registry
 from dissectors.crc import crc_bytes
 
 # Of quantities as small as the answers that hypothesis likes to make, so that either is now and then the larger.
@@ -105,19 +101,6 @@ SIX = Function(0x46, "Page", Struct("page" / Int8ub, "at" / Int16ub),
                Struct("n" / ByteCount(1, 9, of="page"), "r" / Registers("n", start="at", area="3x", each="reg")))
 SEVEN = Function(0x03, "My Read", Struct("page" / Number(1)), Struct("value" / Number(2)))
 """
-
-
-@contextmanager
-def declared() -> Iterator[None]:
-    """What is registered inside is gone afterwards."""
-    registry.functions()
-    before = dict(registry._declared)
-    try:
-        yield
-    finally:
-        registry._declared.clear()
-        registry._declared.update(before)
-        registry._state["revision"] += 1
 
 
 @st.composite
