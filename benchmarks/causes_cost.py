@@ -10,13 +10,12 @@ system; of the first two without imports) of all rounds count. What causes keep 
 from __future__ import annotations
 
 import argparse
-import resource
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
-from measuring import HERE, RTUSCOPE
+from measuring import HERE, RTUSCOPE, run
 from table import table
 
 _MEASURED = """
@@ -47,14 +46,6 @@ def measured(capture: Path, what: str) -> tuple[float, float, int]:
     return float(words[0]), float(words[1]), int(words[2])
 
 
-def reported(capture: Path) -> float:
-    """CPU seconds of a whole report."""
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    subprocess.run([*RTUSCOPE, "report", "--json", capture], check=True, stdout=subprocess.DEVNULL, cwd=HERE.parent)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-
-
 def row(wire: str, frames: int, units: int, rounds: int) -> list[str]:
     """One capture, made, measured and taken away."""
     with tempfile.TemporaryDirectory() as folder:
@@ -62,7 +53,7 @@ def row(wire: str, frames: int, units: int, rounds: int) -> list[str]:
         how = ("--wire", wire, "--tap", "irq", "--baud", "19200", "--units", str(units), "--seed", "3")
         subprocess.run([*RTUSCOPE, "simulate", capture, "--transactions", str(frames // 2), *how], check=True)
         runs = [(measured(capture, "findings"), measured(capture, "causes")) for _ in range(rounds)]
-        report = min(reported(capture) for _ in range(rounds))
+        report = min(run([*RTUSCOPE, "report", "--json", capture], Path(folder)).cpu for _ in range(rounds))
     without, with_causes = (min(each[i][0] for each in runs) for i in range(2))
     least, most = (min(each[i][1] for each in runs) for i in range(2))
     added = with_causes - without

@@ -15,3 +15,4 @@ MAX_PDU: Final = MAX_ADU - OVERHEAD  # bytes ([1] 4.1)
 BROADCAST: Final = 0  # the unit that every server hears and none answers ([2] 2.2)
 LAST_UNIT: Final = 247  # the last address that a server may have; 248 to 255 are reserved ([2] 2.2)
 EXCEPTION: Final = 0x80  # set in the function code of an exception response ([1] 7)
+EXCEPTION_ADU: Final = MIN_ADU + 1  # bytes of an exception response: its code besides

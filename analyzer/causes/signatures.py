@@ -14,7 +14,7 @@ from enum import Enum
 from functools import lru_cache
 from typing import Final
 
-from dissectors.adu import EXCEPTION
+from dissectors.adu import EXCEPTION, EXCEPTION_ADU
 from dissectors.answers import expectation
 from dissectors.crc import byte_between, crc16, crc_bytes, flipped_bit, needed, registers
 from dissectors.crc_variants import matching
@@ -30,7 +30,6 @@ _HEAD: Final = 3  # bytes: of an answer the third is its byte count
 ENDING: Final = 3  # bytes by which a damaged request is known again
 _INSIDE: Final = 4  # and within other bytes
 _MOST_REQUESTS: Final = 256
-_EXCEPTION_ADU: Final = 5  # bytes
 _COUNTED: Final = 3  # bytes of an answer's header that has a byte count
 _TAIL_BITS: Final = 2  # bits of a byte that must have come before its driver let go
 _LOCAL: Final = 0.55  # share of bytes like those of a good answer: the damage is somewhere, not everywhere
@@ -215,7 +214,7 @@ def _read(sample: Sample, data: bytes, burst: list[SampleRow], requests: KnownRe
     if any(piece.check and piece.kind == Kind.RESPONSE for piece in burst):
         return _SignatureSums(AnswerDamage.OTHER, at=0)
     refused = bytes((sample.unit, sample.function | EXCEPTION))
-    if crc16(data) == 0 and len(data) == _EXCEPTION_ADU and data.startswith(refused):
+    if crc16(data) == 0 and len(data) == EXCEPTION_ADU and data.startswith(refused):
         return _SignatureSums(AnswerDamage.NONE)
     if due < _LEAST or len(header) < 2:
         return _SignatureSums(AnswerDamage.WHOLE, len(data), 0)
@@ -223,7 +222,7 @@ def _read(sample: Sample, data: bytes, burst: list[SampleRow], requests: KnownRe
     if len(header) == due - 2:
         header += crc_bytes(header)
         echo = sample.request if header == sample.request else echo
-    for length, head in ((due, header), (_EXCEPTION_ADU, refused)):
+    for length, head in ((due, header), (EXCEPTION_ADU, refused)):
         found = _of_length(sample, data, length, head)
         if found is not None:
             return found

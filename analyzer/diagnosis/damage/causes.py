@@ -14,7 +14,7 @@ from dataclasses import replace
 from math import inf, log2
 from typing import Final, NamedTuple
 
-from dissectors.adu import EXCEPTION, MAX_ADU
+from dissectors.adu import EXCEPTION, EXCEPTION_ADU, MAX_ADU
 from dissectors.crc import byte_between, crc_bytes, flipped_bit
 from dissectors.crc_variants import VARIANTS, matching
 from dissectors.length_rules import Role
@@ -235,7 +235,6 @@ def collided(case: DamagedFrame) -> Iterator[Explanation]:
 
 
 _PRIOR_UNEXPLAINED = -1.0
-_EXCEPTION_ADU = 5
 _NO_HEADER = -3.0  # bytes that don't begin like anything
 _WRONG_LENGTH = -10.0  # damage of no simple kind seldom changes how long a frame is
 
@@ -252,7 +251,7 @@ def _answer(case: DamagedFrame) -> float:
     refused = bytes((case.expected.unit, case.expected.function | EXCEPTION))
     return max(
         _flips(case.header, case.data) + (0.0 if agrees(answer_length(case), case.data) else _WRONG_LENGTH),
-        _flips(refused, case.data) + REFUSED + (0.0 if len(case.data) == _EXCEPTION_ADU else _WRONG_LENGTH),
+        _flips(refused, case.data) + REFUSED + (0.0 if len(case.data) == EXCEPTION_ADU else _WRONG_LENGTH),
     )
 
 
