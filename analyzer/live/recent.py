@@ -67,17 +67,22 @@ class Recent:
 
     def _late(self, step: SessionStep) -> Iterator[ShownRow]:
         """Rows of earlier batches of which something is said now."""
-        on_new_rows = rows_of_findings(step.batch.rows, step.findings) >= 0
-        for number in np.flatnonzero(~on_new_rows & (step.findings.start >= 0)).tolist():
+        late = np.flatnonzero((rows_of_findings(step.batch.rows, step.findings) < 0) & (step.findings.start >= 0))
+        stands: dict[int, tuple[Batch, int]] = {}
+        for batch in reversed(self._batches):  # nearly all of them stand in the newest ones
+            rows = rows_of_findings(batch.rows, step.findings[late])
+            stands.update(
+                (number, (batch, row)) for number, row in zip(late.tolist(), rows.tolist(), strict=True) if row >= 0
+            )
+            late = late[rows < 0]
+            if not len(late):
+                break
+        for number, (batch, row) in sorted(stands.items(), key=lambda item: item[0]):
             one = step.findings[number : number + 1]
-            for batch in self._batches:
-                row = int(rows_of_findings(batch.rows, one)[0])
-                if row >= 0:
-                    values = batch.rows.row(row)
-                    request = batch.request_of(row, values.request) if values.request >= 0 else None
-                    said = (describe(one, 0),)
-                    yield ShownRow(batch.said(one), row, values, batch.bytes_of(row), request, said, late=True)
-                    break
+            values = batch.rows.row(row)
+            request = batch.request_of(row, values.request) if values.request >= 0 else None
+            said = (describe(one, 0),)
+            yield ShownRow(batch.said(one), row, values, batch.bytes_of(row), request, said, late=True)
 
 
 def of_the_bus(step: SessionStep) -> list[Finding]:
