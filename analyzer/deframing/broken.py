@@ -26,7 +26,6 @@ from .conversation import OpenRequest
 from .crc_windows import CrcWindows
 from .paths import Candidate, holds_a_frame
 from .possible_edges import PossibleEdges
-from .rules import Mask
 
 _LONGEST: Final = MAX_ADU + 64  # what a firmware makes of a byte count, or of a buffer
 _SILENT_BITS: Final = 4.0  # a right CRC between two silences
@@ -43,13 +42,13 @@ def broken_windows(
     edges: PossibleEdges,
     candidates: Sequence[Candidate],
     open_requests: Sequence[OpenRequest],
-    may: Mask,
+    may: frozenset[int],
 ) -> list[Candidate]:
     """Candidates in `data`, which begins at index `at` of the windows; `may` as `possible_starts` tells."""
     taken_starts = {c.start for c in candidates}
     found: dict[tuple[int, int, Role], Candidate] = {}
     for start in sorted(edges.begins - taken_starts):
-        if start + MIN_ADU > len(data) or not may[start]:
+        if start + MIN_ADU > len(data) or start not in may:
             continue
         head = crc.heads[at + start]
         for length, role, bits in _lengths(data, start, edges):

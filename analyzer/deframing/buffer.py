@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from captures.chunks import Block
 
 from ..tables.schema import NO_GAP
-from .gaps import TURNS, classes_of, classes_of_few
+from .gaps import TURNS, classes_of, classes_of_few, standing
 from .rules import Bytes, Index
 
 Times = NDArray[np.int64]
@@ -250,13 +250,12 @@ class ByteBuffer:
         return first_bytes
 
     def parted(
-        self, start: Index, end: Index, cut: NDArray[np.bool_], parts: NDArray[np.bool_]
+        self, start: Index, end: Index, cut: NDArray[np.bool_], parts: bytes
     ) -> tuple[Index, Index, Index | slice]:
         """Segments, those to `cut` in two where a silence `parts` (by class); and which given one each is of."""
-        some = np.flatnonzero(cut)
         cuts = [
-            low + 1 + np.flatnonzero(parts[self.classes[low + 1 : high]])
-            for low, high in zip(start[some].tolist(), end[some].tolist(), strict=True)
+            np.array(standing(self.classes[low:high].tobytes(), 1, parts), np.intp) + low
+            for low, high in zip(start[cut].tolist(), end[cut].tolist(), strict=True)
         ]
         if not any(map(len, cuts)):
             return start, end, slice(None)

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from dissectors.crc import CRC_TABLE
 
 PERIOD: Final = 32767
+_FEW: Final = 192  # bytes: of so few, one by one is faster than by arrays
 _SLICE: Final = 1 << 16  # bytes worked on at once: what stays in the cache
 
 U16 = NDArray[np.uint16]
@@ -35,16 +36,18 @@ class CrcWindows(NamedTuple):
     tails: U16
 
 
-def possible_starts(crc: CrcWindows, at: int, size: int) -> NDArray[np.bool_]:
-    """For each of the `size` bytes from index `at` on: whether any window from it on that ends among them may check.
+def possible_starts(crc: CrcWindows, at: int, size: int) -> frozenset[int]:
+    """Which of the `size` bytes from index `at` on may begin a window that ends among them and checks.
 
-    Where one does, that is told; of the others, one in 65,536 is told a byte of `size`.
+    All that do are told; of the others, one in 65,536 is told a byte of `size`.
     """
-    here = slice(at, at + size + 1)
-    ends = np.zeros(1 << 16, np.bool_)
-    ends[crc.tails[here]] = True
-    may: NDArray[np.bool_] = ends.take(crc.heads[here])
-    return may
+    tails, heads = crc.tails[at : at + size + 1], crc.heads[at : at + size]
+    if size <= _FEW:
+        ends = frozenset(tails.tolist())
+        return frozenset(start for start, head in enumerate(heads.tolist()) if head in ends)
+    marked = np.zeros(1 << 16, np.bool_)
+    marked[tails] = True
+    return frozenset(marked.take(heads).nonzero()[0].tolist())
 
 
 class _RegisterTables(NamedTuple):

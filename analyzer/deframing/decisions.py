@@ -30,7 +30,7 @@ from .certainty import UNDECIDED, Decision, evidence_of_steps, margins
 from .conversation import Conversation
 from .crc_windows import possible_starts
 from .forced import ForcedRuns, SearchedBytes
-from .gaps import AGAINST, SILENT, GapStatistics, SpeakerTurn, classes_of, next_checkpoint
+from .gaps import AGAINST, MAY_PART, GapStatistics, SpeakerTurn, classes_of, next_checkpoint, standing
 from .lattice import LEAD, Lattice
 from .looks import CUT, GAP, IDLE, NEVER, DecisionPoint, LaidPaths, OpenLook
 from .mangled import damaged_answers, damaged_requests
@@ -82,7 +82,7 @@ class Decider:
             decisions.append(decision)
             self._hear(look, decision)
             end = decision.steps[-1].end
-            if not decision.only_frames or end >= settled or not runs.contested(at + end):
+            if not decision.only_frames or end >= settled or runs.plain(at + end):
                 return decisions
             look.go_on(end, decision.steps[-1].conversation)
         if not decisions:
@@ -132,7 +132,7 @@ class Decider:
             limit = known
         last = limit if begin + limit < buffer.classed else limit - 1
         if last > look.pointed or limit > known:
-            look.classes[look.pointed :] = buffer.classes[begin + look.pointed : begin + limit + 1].tolist()
+            look.classes[look.pointed :] = buffer.classes[begin + look.pointed : begin + limit + 1].tobytes()
             look.points += self._points(look, begin, look.pointed, last)
             look.pointed = max(look.pointed, last)
 
@@ -143,8 +143,7 @@ class Decider:
         if len(buffer.quiet(*span, min(options.idle_ns, options.cut_ns))):
             idle.update((buffer.quiet(*span, options.idle_ns) - begin).tolist())
             cut.update((buffer.quiet(*span, options.cut_ns) - begin).tolist())
-        classes = buffer.classes[begin + low + 1 : begin + high + 1]
-        parted = set((low + 1 + (classes >= SILENT).nonzero()[0]).tolist())
+        parted = set(standing(look.classes[: high + 1], low + 1, MAY_PART))
         ends = {c.end for c in look.candidates if low < c.end <= high}
         return [
             self._point(look, position, 1 + (position in idle) + (position in cut), position in parted)
@@ -206,7 +205,7 @@ class Decider:
         if look.everything is not None:
             return look.everything
         origin, end = look.origin, point.position
-        data, classes = look.data[origin:end], np.array(look.classes[origin : end + 1], np.uint8)
+        data, classes = look.data[origin:end], look.classes[origin:end]
         declared = [
             c._replace(start=c.start - origin, end=c.end - origin)
             for c in look.candidates
@@ -266,7 +265,7 @@ class Decider:
         idle_bits = max(0.0, statistics.bits_by_turn[SpeakerTurn.REQUEST][self._idle_class]) * (stage == IDLE)
         if answer_may_come(data, frames, steps, lattice, idle_bits):
             return True
-        if stage == IDLE and statistics.parts()[self._idle_class]:
+        if stage == IDLE and statistics.parts[self._idle_class]:
             return False
         return frame_may_come(data, frames, steps, lattice, idle_bits, self._role)
 

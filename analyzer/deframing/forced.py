@@ -49,11 +49,10 @@ class ForcedRuns(NamedTuple):
     asks: ForcedRequests
     fits: Mask  # that it answers the one before it
 
-    def contested(self, position: int) -> bool:
-        """Whether an interval begins there that has rivals, or whose role is not plain."""
-        i = int(np.searchsorted(self.start, position))
-        begins = i < len(self.start) and self.start[i] == position
-        return begins and not (self.clean[i] and not self.either[i])
+    def plain(self, position: int) -> bool:
+        """Whether an interval begins there that has no rivals, and whose role is plain."""
+        i = int(self.start.searchsorted(position))
+        return bool(i < len(self.start) and self.start[i] == position and self.clean[i] and not self.either[i])
 
 
 class ForcedRequests(NamedTuple):

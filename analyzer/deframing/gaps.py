@@ -61,6 +61,25 @@ def classes_of_few(silences_ns: Sequence[int], char_ns: float) -> list[int]:
     return [_CLASS_OCTETS[int(min(max(silence / char_ns * 4, 0), _MOST))] for silence in silences_ns]
 
 
+def _by_class(mask: NDArray[np.bool_]) -> bytes:
+    """For each value that a byte has, 1 where such a class is meant, and 0."""
+    return mask.tobytes().ljust(256, b"\0")
+
+
+MAY_PART: Final = _by_class(np.arange(CLASSES) >= SILENT)
+
+
+def standing(classes: bytes | bytearray, first: int, meant: bytes) -> list[int]:
+    """The positions from `first` on before which a silence of a class that is meant stands."""
+    flags = classes.translate(meant)
+    positions: list[int] = []
+    at = flags.find(1, first)  # they are few among many bytes
+    while at >= 0:
+        positions.append(at)
+        at = flags.find(1, at + 1)
+    return positions
+
+
 def _prior(same_group: float, short: float, middle: float, long: float, weight: float) -> NDArray[np.float64]:
     """Counts to begin with: shares of silences within a read, under 3.5 characters, under 80, and longer."""
     bounds = [1, int(np.searchsorted(_EDGES, 3.5)) + 2, int(np.searchsorted(_EDGES, 80)) + 2, TURNS]
@@ -147,16 +166,15 @@ class GapStatistics:
         """The same as an array."""
         return self._table
 
-    def parts(self) -> NDArray[np.bool_]:
+    @property
+    def parts(self) -> bytes:
         """By class, whether such a silence surely parts two frames, whichever they are."""
-        surely: NDArray[np.bool_] = self._least >= _PARTS
-        return surely
+        return self._parts
 
     @property
-    def trusted(self) -> NDArray[np.bool_]:
+    def trusted(self) -> bytes:
         """By class, whether frames begin behind such silences and hardly ever have one inside."""
-        earned: NDArray[np.bool_] = self._any >= _PARTS
-        return earned
+        return self._trusted
 
     @property
     def most(self) -> list[float]:
@@ -254,10 +272,10 @@ class GapStatistics:
         either = _smooth(self._starts.sum(axis=0))
         starts = np.clip(np.log2(either / _smooth(self._inside)), -_CERTAIN, _CERTAIN)
         tells = [np.clip(np.log2(_smooth(counts) / either), -_TELLING, _TELLING) for counts in self._starts]
-        self._any = starts
+        self._trusted = _by_class(starts >= _PARTS)
         self._table = exact_bits(np.array([starts + tell for tell in tells]))
         self._tables: list[list[float]] = self._table.tolist()
-        self._least: NDArray[np.float64] = self._table.min(axis=0)
+        self._parts = _by_class(self._table.min(axis=0) >= _PARTS)
         self._most: list[float] = self._table.max(axis=0).tolist()
         self._unanswered_bits = min(-1.0, max(_UNANSWERED, exact_bits(math.log2(self._again / self._requests))))
         share = self._units / self._units.sum()

@@ -67,7 +67,7 @@ class OpenLook:
     framed: bool  # a frame ends at the origin
     origin: int = 0
     data: bytes = b""
-    classes: list[int] = field(default_factory=list)
+    classes: bytearray = field(default_factory=bytearray)  # of the silences before them
     candidates: list[Candidate] = field(default_factory=list)  # declared ones
     points: list[DecisionPoint] = field(default_factory=list)
     pointed: int = 0  # the position up to which there are points

@@ -5,11 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from .candidates import GLITCHES
-from .gaps import SILENT, GapStatistics
+from .gaps import MAY_PART, GapStatistics, standing
 from .lattice import GLITCH_RUN
 from .paths import Candidate
 
@@ -33,7 +30,7 @@ class PossibleEdges(NamedTuple):
 
 def possible_edges(
     data: bytes,
-    classes: NDArray[np.uint8],
+    classes: bytearray,
     candidates: Sequence[Candidate],
     idle: Sequence[int],
     statistics: GapStatistics,
@@ -41,12 +38,12 @@ def possible_edges(
     first: bool,
     over: bool,
 ) -> PossibleEdges:
-    """Edges in `data`; `idle`: where the line was quiet, its end too maybe; `over`: it is quiet behind the end.
+    """Edges in `data`; `classes`: of the silence before each of its bytes.
 
+    `idle`: where the line was quiet, its end too maybe; `over`: it is quiet behind the end.
     `first`: the capture begins with these bytes, which parts no less where nothing but one frame follows.
     """
-    parts, trusted = statistics.parts(), statistics.trusted
-    gaps = (1 + np.flatnonzero(classes[1 : len(data)] >= SILENT)).tolist()
+    gaps = standing(classes, 1, MAY_PART)
     begins = {0, *gaps, *(c.end for c in candidates)}
     ends = {*gaps, *idle, *(c.start for c in candidates)}
     for place in list(begins):
@@ -59,8 +56,7 @@ def possible_edges(
             if data[at] not in GLITCHES:
                 break
             ends.add(at)
-    cuts = (1 + np.flatnonzero(parts[classes[1 : len(data)]])).tolist()
-    silences = np.flatnonzero(trusted[classes[: len(data)]]).tolist()
+    cuts, silences = standing(classes, 1, statistics.parts), standing(classes, 0, statistics.trusted)
     if over:
         silences = [0] * (first and not silences) + silences + [len(data)]
     return PossibleEdges(frozenset(begins), frozenset(ends), tuple(cuts), tuple(silences))

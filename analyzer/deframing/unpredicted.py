@@ -8,7 +8,6 @@ functions that this bus has used before, windows count wherever they stand.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence, Set
-from functools import lru_cache
 from heapq import heappop, heappush
 from typing import Final
 
@@ -24,7 +23,6 @@ from .candidates import GLITCHES, ZERO_BITS
 from .crc_windows import CrcWindows
 from .paths import Candidate
 from .possible_edges import PossibleEdges, next_byte
-from .rules import Mask
 
 _UNHEARD: Final = -8.0  # bits: functions that nobody declared are rare
 _HEARD: Final = 2.0  # this one was on this bus before
@@ -46,7 +44,7 @@ def unknown_windows(
     edges: PossibleEdges,
     candidates: Sequence[Candidate],
     heard: Set[int],
-    may: Mask,
+    may: frozenset[int],
 ) -> list[Candidate]:
     """Candidates of undeclared length in `data`, which begins at index `at` of the windows.
 
@@ -90,7 +88,7 @@ def _links(
     edges: PossibleEdges,
     candidates: Sequence[Candidate],
     heard: Set[int],
-    may: Mask,
+    may: frozenset[int],
 ) -> dict[int, list[int]]:
     """Windows of functions of undeclared length, ends by start: from edges, from where others end, from known
     functions.
@@ -99,10 +97,8 @@ def _links(
     is no chance, though nothing else marks their ends.
     """
     n = len(data)
-    octets = np.frombuffer(data, np.uint8)
     begins = {c.start for c in candidates}
-    loose = _loose_functions(frozenset(heard)).take(octets[1:]) & may[: n - 1]
-    waiting = sorted({*loose.nonzero()[0].tolist(), *(i for i in edges.begins if i < n and may[i])})
+    waiting = sorted(i for i in may if i in edges.begins or (i + 1 < n and _is_loose(data[i + 1], heard)))
     links: dict[int, list[int]] = {}
     room = _LINKS + n // 4
     while waiting and room > 0:
@@ -117,17 +113,14 @@ def _links(
         room -= len(ends)
         for end in ends:
             for start in _starts_behind(data, end):
-                if start < n and may[start]:
+                if start in may:
                     heappush(waiting, start)
     return links
 
 
-@lru_cache(maxsize=64)
-def _loose_functions(heard: frozenset[int]) -> Mask:
-    """By function, whether its frames are looked for wherever they may stand."""
-    loose = np.zeros(256, np.bool_)
-    loose[[*heard, *USER_DEFINED]] = True
-    return loose
+def _is_loose(function: int, heard: Set[int]) -> bool:
+    """Whether frames of this function are looked for wherever they may stand."""
+    return function in heard or function in USER_DEFINED
 
 
 def _is_open(function: int) -> bool:
