@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
+from itertools import groupby
 from typing import Final, Literal
 
 Order = Literal["little", "big"]
@@ -27,15 +28,9 @@ class Algorithm:
     check: int
 
     def __call__(self, data: bytes) -> int:
-        table = _table(self.polynomial, self.reflected)
-        crc = self.init
-        if self.reflected:
-            for byte in data:
-                crc = crc >> 8 ^ table[(crc ^ byte) & 0xFF]
-        else:
-            for byte in data:
-                crc = (crc << 8 & 0xFFFF) ^ table[crc >> 8 ^ byte]
-        return crc ^ self.xorout
+        # A CRC is linear: what the initial value leaves behind hangs on the length alone, the rest on the bytes alone.
+        left = _left_of(self.init, self.polynomial, self.reflected, len(data))
+        return _remainder(self.polynomial, self.reflected, data) ^ left ^ self.xorout
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,16 +100,38 @@ VARIANTS: Final[tuple[CrcVariant, ...]] = (
 )
 
 
+_ALIKE: Final = tuple((made, tuple(alike)) for made, alike in groupby(VARIANTS, lambda v: (v.algorithm, v.skipped)))
+
+
 def matching(frame: bytes) -> Iterator[CrcVariant]:
     """The conventions by which the last two bytes of a frame are right; the usual one is not among them."""
     if len(frame) < 4:
         return
     body, sent = frame[:-2], frame[-2:]
-    check_values = {(algorithm, 0): algorithm(body) for algorithm in (_MODBUS, *ALGORITHMS)}
-    check_values[_MODBUS, 1] = _MODBUS(body[1:])
-    for variant in VARIANTS:
-        if check_values[variant.algorithm, variant.skipped] == int.from_bytes(sent, variant.order):
-            yield variant
+    for (algorithm, skipped), alike in _ALIKE:
+        value = algorithm(body[skipped:])
+        for variant in alike:
+            if value == int.from_bytes(sent, variant.order):
+                yield variant
+
+
+@lru_cache(maxsize=64)
+def _remainder(polynomial: int, reflected: bool, data: bytes, crc: int = 0) -> int:
+    """The register behind some bytes, from 0: the same for all algorithms of one polynomial and direction."""
+    table = _table(polynomial, reflected)
+    if reflected:
+        for byte in data:
+            crc = crc >> 8 ^ table[(crc ^ byte) & 0xFF]
+    else:
+        for byte in data:
+            crc = (crc << 8 & 0xFFFF) ^ table[crc >> 8 ^ byte]
+    return crc
+
+
+@lru_cache(maxsize=1 << 13)
+def _left_of(init: int, polynomial: int, reflected: bool, length: int) -> int:
+    """What an initial value leaves in the register behind so many bytes."""
+    return _remainder.__wrapped__(polynomial, reflected, bytes(length), init) if init else 0
 
 
 @cache
