@@ -246,13 +246,20 @@ class _MadeRows:
         return len(self.batch)
 
     def before(self, number: int, most: int) -> Iterator[EarlierRow]:
-        """At most so many rows before row number `number`, the nearest first; made few by few."""
+        """At most so many rows before row number `number`, the nearest first; made few by few where there are many."""
         end = max(number - most, 0)
+        if len(self.batch) <= _REACH:
+            yield from self._all[end:number][::-1]
+            return
         while number > end:
             first = max(number - _FEW, end)
             self._make(first, number)
             yield from [self._rows[before] for before in range(number - 1, first - 1, -1)]
             number = first
+
+    @cached_property
+    def _all(self) -> list[EarlierRow]:
+        return [EarlierRow(row, self.batch.bytes_of(number)) for number, row in enumerate(self.batch.rows)]
 
     def _make(self, first: int, last: int) -> None:
         missing = [number for number in range(first, last) if number not in self._rows]
@@ -295,8 +302,10 @@ class LookBack:
         """This batch is done."""
         if not len(batch):
             return
-        self._current = None
-        self._earlier.append(_MadeRows(batch if len(batch) <= _REACH else _end(batch)))
+        made, self._current = self._current, None
+        if made is None or made.batch is not batch or len(batch) > _REACH:
+            made = _MadeRows(batch if len(batch) <= _REACH else _end(batch))
+        self._earlier.append(made)
         self._rows += min(len(batch), _REACH)
         while self._rows - len(self._earlier[0]) >= _REACH:
             self._rows -= len(self._earlier.popleft())
