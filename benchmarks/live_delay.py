@@ -8,6 +8,9 @@ sniff` listens; each line that it prints is stamped when it arrives. Delay is th
 written to then, t3.5 included. Cost is what the command and the process that reads for it ran (the scheduler's count,
 all threads), as a share of one core, once all is imported: from the third second on. The bus is another process's, and
 sleeps between its writes: what it takes is not counted, nor does it take a core's time from what is measured.
+
+Then the cost of `sniff` alone, at the same pace, on a line of a function that nobody declared, and on one where half of
+the frames are random bytes.
 """
 
 from __future__ import annotations
@@ -19,7 +22,10 @@ import sys
 import threading
 import time
 import tty
+from collections.abc import Iterator
+from itertools import cycle
 from pathlib import Path
+from random import Random
 
 import numpy as np
 
@@ -37,11 +43,36 @@ def _adu(text: str) -> bytes:
     return data + crc_bytes(data)
 
 
-def measure(command: list[str], seconds: float, read: int) -> tuple[np.ndarray, dict[str, float], float]:
-    """Delays (s) of all frames after the first seconds, the share of a core by process, frames a second."""
+_POLL = [_adu("1103006b000a"), _adu("110314" + "0102" * 10)]
+_UNDECLARED = [_adu("1141010203"), _adu("1141" + "a15c" * 9)]
+
+
+def polls() -> Iterator[bytes]:
+    """Ten registers, asked for and answered."""
+    return cycle(_POLL)
+
+
+def undeclared() -> Iterator[bytes]:
+    """A function that nobody declared."""
+    return cycle(_UNDECLARED)
+
+
+def half_noise() -> Iterator[bytes]:
+    """The polls, half of the frames random bytes."""
+    random = Random(3)
+    return (random.randbytes(len(frame)) if random.random() < 0.5 else frame for frame in cycle(_POLL))
+
+
+def measure(
+    command: list[str], seconds: float, read: int, traffic: Iterator[bytes] | None = None
+) -> tuple[np.ndarray, dict[str, float], float]:
+    """Delays (s) of all frames after the first seconds, the share of a core by process, frames a second.
+
+    `traffic`: the frames, where these are not polls; then there are no delays.
+    """
     master, slave = os.openpty()
     tty.setraw(slave)
-    frames = [_adu("1103006b000a"), _adu("110314" + "0102" * 10)]
+    frames = polls() if traffic is None else traffic
     process = subprocess.Popen(
         [sys.executable, "-c", _START, command[0], os.ttyname(slave), *command[1:]],
         stdout=subprocess.PIPE,
@@ -68,7 +99,7 @@ def measure(command: list[str], seconds: float, read: int) -> tuple[np.ndarray, 
     while due < begun + _WARM_S + seconds:
         if not warm and due >= begun + _WARM_S:
             warm, before = len(sent), {name: _ran_ns(pid) for name, pid in pids.items()}
-        frame = frames[len(sent) % 2]
+        frame = next(frames)
         for at in range(0, len(frame), read):
             part = frame[at : at + read]
             due += len(part) * _CHARACTER_S
@@ -82,6 +113,8 @@ def measure(command: list[str], seconds: float, read: int) -> tuple[np.ndarray, 
     process.wait()
     looker.join()
     process.stderr.close()
+    if traffic is not None:
+        return np.empty(0), shares, (len(sent) - warm) / seconds
     if shows(command):
         assert len(shown) == len(sent), (len(shown), len(sent))
     delays = np.array(shown) - np.array(sent[: len(shown)])
@@ -110,13 +143,20 @@ def main() -> None:
         ("record", ["record", "--baud", "115200", "-o", f"/tmp/delay-{os.getpid()}.mcap", "--overwrite"]),
     ):
         delays, shares, rate = measure(command, given.seconds, given.read)
-        words = ", ".join(f"{name} {share:.1%}" for name, share in shares.items())
-        words = f"{name:14} {rate:.0f} frames/s  {sum(shares.values()):.1%} of a core ({words})"
+        words = f"{name:14} {rate:.0f} frames/s  {_in_words(shares)}"
         if len(delays):
             low, high = np.percentile(delays, [50, 99]) * 1e3
             words += f"  delay p50 {low:.1f} ms, p99 {high:.1f} ms, max {delays.max() * 1e3:.1f} ms"
         print(words, flush=True)
     Path(f"/tmp/delay-{os.getpid()}.mcap").unlink(missing_ok=True)
+    for traffic in (undeclared, half_noise):
+        _, shares, _ = measure(["sniff", "--baud", "115200"], given.seconds, given.read, traffic())
+        print(f"sniff, {traffic.__name__.replace('_', ' ')}: {_in_words(shares)}", flush=True)
+
+
+def _in_words(shares: dict[str, float]) -> str:
+    each = ", ".join(f"{name} {share:.1%}" for name, share in shares.items())
+    return f"{sum(shares.values()):.1%} of a core ({each})"
 
 
 if __name__ == "__main__":
