@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from captures.chunks import Block
 
 from ..tables.schema import NO_GAP
-from .gaps import TURNS, classes_of, classes_of_few, standing
+from .gaps import TURNS, classes_of, classes_of_few, silence_positions
 from .rules import Bytes, Index
 
 Times = NDArray[np.int64]
@@ -254,7 +254,7 @@ class ByteBuffer:
     ) -> tuple[Index, Index, Index | slice]:
         """Segments, those to `cut` in two where a silence `parts` (by class); and which given one each is of."""
         cuts = [
-            np.array(standing(self.classes[low:high].tobytes(), 1, parts), np.intp) + low
+            np.array(silence_positions(self.classes[low:high].tobytes(), 1, parts), np.intp) + low
             for low, high in zip(start[cut].tolist(), end[cut].tolist(), strict=True)
         ]
         if not any(map(len, cuts)):

@@ -30,7 +30,7 @@ from .certainty import UNDECIDED, Decision, evidence_of_steps, margins
 from .conversation import Conversation
 from .crc_windows import possible_starts
 from .forced import ForcedRuns, SearchedBytes
-from .gaps import AGAINST, MAY_PART, GapStatistics, SpeakerTurn, classes_of, next_checkpoint, standing
+from .gaps import AGAINST, MAY_PART, GapStatistics, SpeakerTurn, classes_of, next_checkpoint, silence_positions
 from .lattice import LEAD, Lattice
 from .looks import CUT, GAP, IDLE, NEVER, DecisionPoint, LaidPaths, OpenLook
 from .mangled import damaged_answers, damaged_requests
@@ -143,7 +143,7 @@ class Decider:
         if len(buffer.quiet(*span, min(options.idle_ns, options.cut_ns))):
             idle.update((buffer.quiet(*span, options.idle_ns) - begin).tolist())
             cut.update((buffer.quiet(*span, options.cut_ns) - begin).tolist())
-        parted = set(standing(look.classes[: high + 1], low + 1, MAY_PART))
+        parted = set(silence_positions(look.classes[: high + 1], low + 1, MAY_PART))
         ends = {c.end for c in look.candidates if low < c.end <= high}
         return [
             self._point(look, position, 1 + (position in idle) + (position in cut), position in parted)

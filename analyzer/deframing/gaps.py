@@ -69,7 +69,7 @@ def _by_class(mask: NDArray[np.bool_]) -> bytes:
 MAY_PART: Final = _by_class(np.arange(CLASSES) >= SILENT)
 
 
-def standing(classes: bytes | bytearray, first: int, meant: bytes) -> list[int]:
+def silence_positions(classes: bytes | bytearray, first: int, meant: bytes) -> list[int]:
     """The positions from `first` on before which a silence of a class that is meant stands."""
     flags = classes.translate(meant)
     positions: list[int] = []

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from .candidates import GLITCHES
-from .gaps import MAY_PART, GapStatistics, standing
+from .gaps import MAY_PART, GapStatistics, silence_positions
 from .lattice import GLITCH_RUN
 from .paths import Candidate
 
@@ -43,7 +43,7 @@ def possible_edges(
     `idle`: where the line was quiet, its end too maybe; `over`: it is quiet behind the end.
     `first`: the capture begins with these bytes, which parts no less where nothing but one frame follows.
     """
-    gaps = standing(classes, 1, MAY_PART)
+    gaps = silence_positions(classes, 1, MAY_PART)
     begins = {0, *gaps, *(c.end for c in candidates)}
     ends = {*gaps, *idle, *(c.start for c in candidates)}
     for place in list(begins):
@@ -56,7 +56,7 @@ def possible_edges(
             if data[at] not in GLITCHES:
                 break
             ends.add(at)
-    cuts, silences = standing(classes, 1, statistics.parts), standing(classes, 0, statistics.trusted)
+    cuts, silences = silence_positions(classes, 1, statistics.parts), silence_positions(classes, 0, statistics.trusted)
     if over:
         silences = [0] * (first and not silences) + silences + [len(data)]
     return PossibleEdges(frozenset(begins), frozenset(ends), tuple(cuts), tuple(silences))
