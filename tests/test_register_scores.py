@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scripts import package
 
+from analyzer.registers.evidence import shipped_weights
 from analyzer.registers.readings import RegisterReadings
-from analyzer.registers.weights import shipped_weights
 
 published = package("register_published")
 series = package("register_series")

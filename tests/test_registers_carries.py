@@ -9,8 +9,7 @@ import pytest
 
 from analyzer.registers.counting import Counting
 from analyzer.registers.inference import infer
-from analyzer.registers.lengths import change_lengths
-from analyzer.registers.manners import evenness
+from analyzer.registers.looks import change_lengths, evenness
 from analyzer.registers.readings import RegisterReadings
 
 Motion = Callable[[np.random.Generator], np.ndarray]

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from analyzer.registers.company import Company, around, company_of, kin, single_kin
-from analyzer.registers.device import way_codes, way_counts
-from analyzer.registers.manners import evenness
+from analyzer.registers.evidence import way_codes, way_counts
+from analyzer.registers.looks import evenness
 from analyzer.registers.readings import Words
 
 READINGS = 60

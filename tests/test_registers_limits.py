@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from analyzer.registers.limits import limit_breaches
+from analyzer.registers.checking import limit_breaches
 from analyzer.registers.readings import RegisterReadings
 from dissectors.maps import RegisterMap
 from dissectors.maps.model import MappedValue

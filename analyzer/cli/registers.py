@@ -61,8 +61,8 @@ def run(arguments: argparse.Namespace) -> int:
         from .like import find_like
 
         return find_like(arguments, capture, limits)
+    from analyzer.registers.drafting import with_own_words
     from analyzer.registers.inference import infer
-    from analyzer.registers.ownwords import with_own_words
     from analyzer.registers.recognition import recognised
 
     traffic = gathered(capture, arguments.capture, limits)
