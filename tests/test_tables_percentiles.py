@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analyzer.tables.percentiles import Histogram
+from analyzer.tables.bins import Histogram
 
 
 def test_nothing_counted_has_no_percentiles():

@@ -58,8 +58,8 @@ def listen(arguments: argparse.Namespace, out: BinaryIO | None = None) -> int:
     """Listen, and show it on standard output, or write it to `out`."""
     from dataclasses import replace
 
+    from ..live.conditions import TriggeredSink
     from ..live.session import RecordingSink, Session
-    from ..live.window import TriggeredSink
 
     load_functions(arguments)
     with Teller() as tell:

@@ -97,9 +97,9 @@ class Watch:
         """`extra`: more words for the status line; `fire` is told the time of each trigger; `out` takes what is shown
         in place of standard output (Wireshark's pipe, which calls all that is told beside it an error)."""
         from ..causes.story import RunningStory
+        from ..live.conditions import TriggerWindow
         from ..live.recent import Recent
         from ..live.status import LineStatus
-        from ..live.window import TriggerWindow
 
         self._arguments, self._session, self._extra, self._fire = arguments, session, extra, fire
         charts = chosen_charts(arguments)

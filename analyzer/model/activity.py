@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..languages import tr
+from ..tables.bins import TimeBins
 from ..tables.findings import Severity
 from ..tables.schema import Kind, Rows
-from ..tables.timebins import TimeBins
 from ..words import moment_of
 from .table import PIECE
 

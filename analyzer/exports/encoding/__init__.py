@@ -6,7 +6,6 @@ annotated whole (`whole`).
 """
 
 from .envelope import explain_json, noise_json
-from .lines import FrameJsonLines
-from .objects import FramesAhead
+from .lines import FrameJsonLines, FramesAhead
 
 __all__ = ["FrameJsonLines", "FramesAhead", "explain_json", "noise_json"]

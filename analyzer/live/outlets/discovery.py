@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from dissectors.maps.model import MappedValue, RegisterMap
 
-from ...exports.targets.mcap.mapped import topic_name
+from ...exports.targets.mcap.values import topic_name
 from ...version import __version__
 
 _CLASSES: Final = {  # unit of measure: device class

@@ -27,7 +27,7 @@ import numpy as np
 from captures.errors import os_reason
 from dissectors.maps.model import RegisterMap
 
-from ...exports.targets.mcap.mapped import topic_name
+from ...exports.targets.mcap.values import topic_name
 from ...extras import needs
 from ...tables.findings import described
 from ...tables.schema import Kind
