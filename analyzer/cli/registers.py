@@ -11,12 +11,13 @@ from .gathering import gathered
 from .inputs import (
     add_capture_arguments,
     add_limit_arguments,
+    add_map_argument,
+    chosen_charts,
     chosen_limits,
     load_functions,
     open_capture,
     unit_number,
 )
-from .maps import add_map_argument, chosen_charts
 from .terminal import tell
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Final, Protocol
 
 from ..terminal_text import terminal_text
 from .exits import DONE, NO_FRAME
-from .maps import add_map_argument, chosen_charts
+from .inputs import add_map_argument, chosen_charts
 from .quantities import seconds
 from .terminal import coloured, hung_up, places, put, put_bytes, put_data, say_in_place, tell, told_to_end
 

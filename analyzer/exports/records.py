@@ -2,6 +2,7 @@
 
 A table is an entry of `TABLES`: its columns with their kinds, and a function that makes them of what was analysed. The
 names and units are those of JSON lines, Parquet and Python alike; None is what is not there or not known.
+
 Where register maps are given, the table of values has what they say of them, too.
 """
 

@@ -2,6 +2,7 @@
 
 Cheap tests look at whole slices. A dear one (bytes, contents, words) is asked only where the ones before it have left
 the matter open, in blocks of rows, so that a conjunction with a cheap test in it stays cheap.
+
 A filter over an analysis as it streams by: exports and reports see only what passes. A row passes or not by itself. A
 transaction passes with its request or with its answer, whole, so that a request is never called unanswered because its
 answer was filtered away. Findings pass with the row that they stand on; those about the bus as a whole stay.

@@ -3,6 +3,7 @@
 Blocks are cut by the chunks alone, across the slices' seams, and fed to one `Analyzer`; so a line whose newest slice
 was analysed goes on with the next one, years after, without reading anything anew. `kept` is the whole state as bytes
 (a pickle, of nothing but this project's and numpy's classes), `resumed` makes it again.
+
 Beside the tables of an export a line keeps its units' hours: what became of requests and how long it took, so that
 questions of a fleet read little. Where the newest slice has grown since it was taken, the chunks that the lake has are
 passed over, and what is behind them is new.

@@ -17,7 +17,7 @@ from ..tables.schema import Kind
 from .table import NO_EVIDENCE, RowTable
 
 if TYPE_CHECKING:
-    from captures.edges.spans import BitSpans
+    from captures.edges.source import BitSpans
 
     from ..tables.batch import Batch
     from ..tables.schema import Rows

@@ -6,6 +6,7 @@ alone and are small once the high word stands before it. Where one word never mo
 holds (0, FFFF, a small number) and the shape of the moving one then say how often such a pair was one value.
 
 Codes are small whole numbers: the tables that they index are learnt (`weights.json`), everything here is counting.
+
 What the rest of a device says is counted too: how many of its values are of which family. The file of the tables is
 made by `benchmarks/fit_registers.py` from the open layouts beside it and the maps that are shipped; it says where they
 come from.

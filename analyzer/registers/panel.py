@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from dissectors.maps import MapError
 from dissectors.maps.table import csv_rows
-from dissectors.maps.tableaddresses import together
+from dissectors.maps.tablecells import together
 
 Floats = NDArray[np.float64]
 Beginning = Literal["1970", "midnight", "unknown"]

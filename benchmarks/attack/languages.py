@@ -248,7 +248,7 @@ def _given(data: bytes, chance: Random) -> None:
     from datetime import UTC, timedelta, timezone
 
     from analyzer.cli.exits import UsageError
-    from analyzer.cli.moments import moment, time_span
+    from analyzer.cli.quantities import moment, time_span
     from analyzer.model import goto, search
 
     text = data.decode(errors="replace")[:6000]
