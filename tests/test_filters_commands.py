@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from batches import piece, whole
+from buses import piece, whole
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from running import ran, refused

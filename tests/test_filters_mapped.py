@@ -6,8 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from batches import table
-from buses import adu
+from buses import adu, table
 from running import ran, refused
 
 import analyzer
