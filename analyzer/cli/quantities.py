@@ -10,7 +10,7 @@ from argparse import ArgumentTypeError
 from datetime import UTC, datetime, timedelta, tzinfo
 from typing import Final
 
-from ..words import is_clock, moment_of
+from ..words import UNITS_NS, is_clock, moment_of
 from .exits import UsageError
 
 _TIMES: Final = {"ms": 1e-3, "s": 1, "sec": 1, "m": 60, "min": 60, "h": 3600, "d": 86_400, "w": 604_800}
@@ -50,10 +50,6 @@ def _value(text: str, units: dict[str, float] | dict[str, int], bare: str, expec
     return float(match[1]) * factor
 
 
-_UNITS: Final = {
-    "ns": 1, "us": 1_000, "ms": 1_000_000, "": 1_000_000_000, "s": 1_000_000_000, "min": 60_000_000_000,
-    "h": 3_600_000_000_000,
-}  # fmt: skip
 _SPAN: Final = re.compile(r"([+-]?)(\d{1,12})(?:\.(\d{1,9}))?\s*(ns|us|ms|s|min|h|)")
 _CLOCK: Final = re.compile(
     r"(?:(\d{4}-\d\d-\d\d)[T ])?(\d{1,2}):(\d\d)(?::(\d\d)(?:[.,](\d{1,9}))?)?\s*(Z|[+-]\d\d:?\d\d)?"
@@ -66,7 +62,7 @@ def time_span(text: str, flag: str) -> int:
     match = _SPAN.fullmatch(text.strip())
     if match is None:
         raise UsageError(f"{flag} {text}: give a time such as 1.5s, -250ms, 2min")
-    unit = _UNITS[match[4]]
+    unit = UNITS_NS[match[4] or "s"]
     ns = int(match[2]) * unit + int((match[3] or "0").ljust(9, "0")) * unit // _SECOND
     return -ns if match[1] == "-" else ns
 

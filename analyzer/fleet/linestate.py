@@ -36,7 +36,8 @@ from ..exports.records import TABLES
 from ..options import Options
 from ..outages import deaf_times
 from ..tables.transactions import NEVER, Status
-from .datasets import CAUSES, DAY_NS, HOURS, LakeFiles
+from ..words import DAY_NS, HOUR_NS
+from .datasets import CAUSES, HOURS, LakeFiles
 from .errors import FleetError
 
 if TYPE_CHECKING:
@@ -48,7 +49,6 @@ if TYPE_CHECKING:
     from ..tables.transactions import TransactionRows
 
 
-HOUR_NS: Final = 3_600_000_000_000
 _STATUSES: Final = tuple(status.name.lower() for status in Status)
 _UNITS: Final = 256
 _COUNTS: Final = tuple(HOURS.names[2:])  # of them the last is a greatest, the others are sums

@@ -13,8 +13,8 @@ from ...languages import counted, in_use, page_words
 from ...languages.retelling import retold as in_language
 from ...reports.html.outcomes import OutcomeBar, OutcomePart
 from ...reports.page import file_name
-from ...words import between, duration, is_clock, moment
-from ..datasets import DAY_NS, day_name
+from ...words import DAY_NS, between, duration, is_clock, moment
+from ..datasets import day_name
 from ..lake import Lake
 from .sums import NO_CLOCK, FleetSums, LakeRow
 
