@@ -156,7 +156,7 @@ def cause_words(cause: str, part: str, english: str) -> str:
 
 
 def sentence(cause: str, part: str, english: str, numbers: Mapping[str, Any]) -> str:
-    """A part of what is said of a cause, filled (see `templates`), words among its numbers told in the language too."""
+    """A part of what is said of a cause, filled (a template), words among its numbers told in the language too."""
     return fill(cause_words(cause, part, english), _told(numbers))
 
 
