@@ -27,7 +27,6 @@ from .model import Check
 if TYPE_CHECKING:
     from dissectors.maps.units import UnitMaps
 
-
 LONGEST: Final = 4096  # characters
 _WORD: Final = re.compile(r"[\w-]{1,30}|\S")
 

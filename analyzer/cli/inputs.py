@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from ..filters import Filter
     from ..options import Options
 
-
 _GROUP: Final = b"[rtuscope.functions]"
 _LIMITS: Final = (  # flag, option, least and most in ms, help
     ("--t15-ms", "t15_ns", 0.01, 5000.0, "longest silence inside a frame (1.5 characters)"),

@@ -34,7 +34,6 @@ if TYPE_CHECKING:
 
     from ..live.tapsource import TapSource
 
-
 _RATE_DIGITS: Final = 8
 _TOKEN_VARIABLE: Final = "RTUSCOPE_TAP_TOKEN"
 

@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from ..core import Analysed
     from ..tables.batch import Batch
 
-
 Kind = Literal["integer", "number", "text", "flag", "time"]  # a time is ns since the epoch, or since the capture's zero
 Columns = Mapping[str, list[Any]]
 

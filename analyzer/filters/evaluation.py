@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from ..core import Analysed
     from ..tables.schema import Rows
 
-
 _SLICE: Final = 1 << 16  # rows
 _FURTHEST: Final = 1 << 62
 

@@ -48,7 +48,6 @@ if TYPE_CHECKING:
     from ..tables.batch import Batch
     from ..tables.transactions import TransactionRows
 
-
 _STATUSES: Final = tuple(status.name.lower() for status in Status)
 _UNITS: Final = 256
 _COUNTS: Final = tuple(HOURS.names[2:])  # of them the last is a greatest, the others are sums

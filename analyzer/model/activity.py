@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from .bus import Bus
     from .selection import Test
 
-
 _BINS: Final = 1 << 14
 _FIRST_BIN_NS: Final = 1_000_000  # of a bin, at first
 UNIT_BINS: Final = 64

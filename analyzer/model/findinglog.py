@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from ..causes.model import Cause
     from .bus import Bus
 
-
 _ROOM: Final = 64
 
 

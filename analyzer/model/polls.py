@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
     from .bus import Bus
 
-
 _REACH: Final = 4  # pieces
 _CACHED: Final = 6
 _WORD: Final = 8  # bytes that are taken at once

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from ..tables.batch import Batch
     from ..tables.schema import Rows
 
-
 _BYTES: Final = 1 << 20
 
 

@@ -44,7 +44,6 @@ if TYPE_CHECKING:
 
     from ..session import SessionStep
 
-
 _CLASSES: Final = {  # unit of measure: device class
     "V": "voltage", "A": "current", "W": "power", "kW": "power", "VA": "apparent_power", "var": "reactive_power",
     "Hz": "frequency", "Wh": "energy", "kWh": "energy", "MWh": "energy", "°C": "temperature", "°F": "temperature",

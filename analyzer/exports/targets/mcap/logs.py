@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 
     from ....core import Analysed
 
-
 MAX_OF_A_KIND: Final = 20_000  # further ones are counted on their frames, not told
 
 
