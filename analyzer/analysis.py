@@ -133,7 +133,7 @@ class Analysis:
         stream = analyse(self.capture, self.options)
         if self.only is None:
             return stream
-        from .filters.stream import filtered
+        from .filters.evaluation import filtered
 
         return filtered(stream, self.only, self.line)
 
@@ -177,7 +177,7 @@ class Analysis:
         Raises ExportError where there is no such table.
         """
 
-        from .exports.meaning import table_named
+        from .exports.records import table_named
 
         def records() -> Iterator[dict[str, Any]]:
             for columns in self.columns(table):
@@ -188,7 +188,7 @@ class Analysis:
 
     def columns(self, table: str) -> Iterator[Mapping[str, list[Any]]]:
         """The same as columns, part by part."""
-        from .exports.meaning import table_named
+        from .exports.records import table_named
 
         columns_of = table_named(table, self.maps).columns
         return (columns_of(part) for part in self.analysed())
@@ -203,8 +203,8 @@ class Analysis:
 
         if table == "frames":
             return arrow.table((analysed.batch for analysed in self.analysed()), noise=noise)
-        from .exports.meaning import table_named
         from .exports.record_files import records_arrow
+        from .exports.records import table_named
 
         chosen = table_named(table, self.maps)
         return records_arrow(chosen, (chosen.columns(part) for part in self.analysed()))

@@ -18,7 +18,7 @@ from dissectors.values import harmless
 
 from .exports.records import AREA_NAMES
 from .extras import needs
-from .words import is_clock, moment
+from .words import HOUR_NS, is_clock, moment
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,7 +35,6 @@ _STATUSES: Final = {  # what became of a request: colour, mark
 }
 _BINS: Final = 4000  # along the time: marks that would fall on one another are drawn once
 _MS: Final = 1e6
-_HOUR_NS: Final = 3_600_000_000_000
 _WIDE: Final = (9.0, 3.5)  # inches
 
 
@@ -146,7 +145,7 @@ def series_over_time(
     ax = _axes(ax)
     moments = [times for times, _ in series.values()]
     known = np.concatenate([np.zeros(0, np.int64), *moments])
-    dated = len(known) > 0 and is_clock(int(known.min())) and int(np.ptp(known)) > _HOUR_NS
+    dated = len(known) > 0 and is_clock(int(known.min())) and int(np.ptp(known)) > HOUR_NS
     axis = None if dated else _TimeAxis(ax, moments)
     for name, (times, values) in series.items():
         places = times.astype("datetime64[ns]") if axis is None else axis.places(times)

@@ -1,4 +1,4 @@
-"""Times in words: absolute, since the start, since the row before, since a reference."""
+"""Times in words: absolute, since the start, since the row before, since a reference; and the units they are in."""
 
 from __future__ import annotations
 
@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 CLOCK_FROM_NS: Final = 10**17  # times after 1973 are taken for a clock's, others count from the start of the capture
+UNITS_NS: Final = {"ns": 1, "us": 10**3, "ms": 10**6, "s": 10**9, "min": 60 * 10**9, "h": 3600 * 10**9}
+HOUR_NS: Final = UNITS_NS["h"]
+DAY_NS: Final = 24 * HOUR_NS
 _EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 
 

@@ -16,7 +16,7 @@ import tempfile
 from pathlib import Path
 
 from measuring import HERE, RTUSCOPE, run
-from table import table
+from report import table
 
 _MEASURED = """
 import resource, sys, time

@@ -12,19 +12,21 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
+import platform
 import sys
 import tempfile
 from dataclasses import asdict, dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-import machine
 import own
 import peers
 import report
 from goals import Goal, goals
-from growth import FEW, Grown, growth
 from measuring import HERE, RTUSCOPE, Job, JobError, Result, Used, in_turn, python, run
+from own import FEW, Grown, growth
 
 
 @dataclass(slots=True)
@@ -69,7 +71,7 @@ def compare(given: argparse.Namespace, folder: Path) -> Comparison:
         return corpora[frames]
 
     about = json.loads((corpus(given.frames) / "about.json").read_text())
-    found = Comparison(machine.about(), about, given.rounds)
+    found = Comparison(about_machine(), about, given.rounds)
     jobs = [*own.jobs(), *_peer_jobs(found)]
     found.absent |= {title: why for key, title in own.SECTIONS.items() if (why := own.why_not(key))}
     for job in jobs:
@@ -167,6 +169,33 @@ def main(arguments: list[str]) -> int:
     failed = [result for result in found.results if result.failed and result.job in own.jobs()]
     missed = given.strict and not given.only and any(goal.reached is False for goal in found.goals)
     return 1 if failed or missed else 0
+
+
+def about_machine() -> dict[str, str]:
+    """Date, processor, system, and versions of what runs."""
+    return {
+        "date": f"{datetime.now(UTC):%Y-%m-%d}",
+        "processor": f"{_processor()}, {os.cpu_count()} cores",
+        "system": f"{platform.system()} {platform.release()} {platform.machine()}",
+        "python": platform.python_version(),
+        "versions": ", ".join(_versions()),
+    }
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return platform.processor() or platform.machine()
+    return next((line.split(":")[1].strip() for line in lines if line.startswith("model name")), platform.machine())
+
+
+def _versions() -> list[str]:
+    from analyzer.version import __version__
+
+    found = [f"rtuscope {__version__}"]
+    found += [peers.version(package) for package in ("numpy", "orjson", "pyarrow") if peers.missing(package) is None]
+    return found + [peer.version() for peer in peers.all_of_them() if peer.absent() is None]
 
 
 if __name__ == "__main__":

@@ -26,10 +26,9 @@ from register_scores import Tally, tallied
 from register_series import MadeDevice, composed_devices, devices, family, layouts, true_cut
 
 from analyzer.registers.chain import ChainSums, chain_sums
-from analyzer.registers.device import DEVICE_ORDERS
+from analyzer.registers.evidence import DEVICE_ORDERS, TABLES, Weights, neighbour_codes, order_codes
 from analyzer.registers.hypotheses import FAMILY_OF, HYPOTHESES
 from analyzer.registers.runs import Run, run_pass, runs_of, second_codes
-from analyzer.registers.weights import TABLES, Weights, neighbour_codes, order_codes
 
 Floats = NDArray[np.float64]
 OUT = Path(__file__).resolve().parents[1] / "analyzer" / "registers" / "weights.json"

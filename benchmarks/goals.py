@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from growth import Grown
 from measuring import Result, Used
-from own import COLUMNS, FINDINGS, PAIRS
+from own import COLUMNS, FINDINGS, PAIRS, Grown
 
 BARE = 90 / 8  # `rtuscope parse`, cold: under 90 ms where bare Python takes 8 ms
 _FLAT = 16  # MiB that a tenfold capture may add

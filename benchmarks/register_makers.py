@@ -6,51 +6,30 @@ rounded.
 
 from __future__ import annotations
 
-import re
 import zlib
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import lru_cache
 from itertools import pairwise
-from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from register_layouts import DeviceLayout, listed_layouts
 from register_physics import Floats, Plant
 from register_series import MadeDevice
 
 from analyzer.registers.readings import RegisterReadings, Words
 from dissectors.maps.model import MapArea, MappedValue
 
-LAYOUTS: Final = Path(__file__).with_name("layouts") / "physics.txt"
-_VALUE: Final = re.compile(r"([A-Z0-9]+):([usf]\d\d)(?:x([\d.]+))?")
 _OTHER_ORDER: Final = {"ABCD": "CDAB", "CDAB": "ABCD"}
 _OTHER_AREA: Final[dict[MapArea, MapArea]] = {"input": "holding", "holding": "input"}
 _SHIFT: Final = 6  # addresses, for registers before the first
 _STRETCHES: Final = [8, 10, 16, 20, 32, 50]
 
 
-class Layout(NamedTuple):
-    """A maker's layout: `parts` are lists of words as the file has them."""
-
-    name: str
-    area: MapArea
-    order: str
-    float_order: str
-    parts: list[list[str]]
-
-
-@lru_cache(maxsize=1)
-def physical_layouts(path: Path = LAYOUTS) -> dict[str, Layout]:
+def physical_layouts() -> dict[str, DeviceLayout]:
     """The layouts by name."""
-    found = {}
-    for line in path.read_text().splitlines():
-        if line and not line.startswith("#"):
-            name, area, order, float_order, text = line.split(" ", 4)
-            parts = [part.split() for part in text.split(";")]
-            found[name] = Layout(name, "input" if area == "input" else "holding", order, float_order, parts)
-    return found
+    return listed_layouts("physics")
 
 
 def physical_devices(seeds: range, polls: int = 60, flip: float = 0.0) -> Iterator[MadeDevice]:
@@ -60,9 +39,9 @@ def physical_devices(seeds: range, polls: int = 60, flip: float = 0.0) -> Iterat
             yield physical_device(layout, seed, polls, flip)
 
 
-def physical_device(layout: Layout, seed: int, polls: int = 60, flip: float = 0.0) -> MadeDevice:
+def physical_device(layout: DeviceLayout, seed: int, polls: int = 60, flip: float = 0.0) -> MadeDevice:
     """One device."""
-    name, area, order, float_order, parts = layout
+    name, area, order, float_order = layout.name, layout.stretches[0].area, layout.order, layout.float_order
     if np.random.default_rng([7, zlib.crc32(name.encode()), seed]).random() < flip:
         order, float_order = _OTHER_ORDER[order], _OTHER_ORDER[float_order]
     rng = np.random.default_rng([zlib.crc32(name.encode()), seed])
@@ -76,19 +55,18 @@ def physical_device(layout: Layout, seed: int, polls: int = 60, flip: float = 0.
     readings = RegisterReadings()
     truth: list[tuple[MapArea, int, int, tuple[MappedValue, ...]]] = []
     lacks = rng.random() < 0.2
-    for part in parts:
+    for stretch in layout.stretches:
         rows: list[MappedValue] = []
         columns: list[Words] = []
         begin = at
-        for word in part:
-            if word[0] == "_":
-                columns.append(np.zeros((polls, int(word[1:])), np.uint16))
+        for token in stretch.tokens:
+            if token.code is None:
+                columns.append(np.zeros((polls, token.times or 0), np.uint16))
             else:
-                match = _VALUE.fullmatch(word)
-                assert match is not None, word
-                quantity, kind, factor = match.groups()
+                kind, quantity = token.type, token.code
+                assert kind is not None, token
                 value = np.zeros(polls) if lacks and rng.random() < 0.25 else plant(quantity)
-                raw = value * float(factor or 1)
+                raw = value * float(1 / (token.scale or 1))
                 if kind[0] == "f":
                     raw = _stepped(raw, steps)
                 own = float_order if kind[0] == "f" else order

@@ -12,10 +12,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from register_series import MadeDevice, number_of
 
-from analyzer.registers.cutting import Cut, cut_of
+from analyzer.registers.evidence import Weights
 from analyzer.registers.hypotheses import HYPOTHESES
-from analyzer.registers.runs import run_posteriors, runs_of
-from analyzer.registers.weights import Weights
+from analyzer.registers.runs import Cut, cut_of, run_posteriors, runs_of
 from dissectors.maps.model import MapArea
 
 COLUMNS = ("all", "16-bit", "float", "both words", "one word", "64-bit")

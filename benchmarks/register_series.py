@@ -1,6 +1,6 @@
 """Devices with maps and what their registers were: the truth on which inference is fitted and scored.
 
-Layouts are the shipped maps, those in `layouts/` and those that others published (`register_published`); a family is a
+Layouts are the shipped maps, those in `layouts/` and those that others published (`register_layouts`); a family is a
 maker, or what the header of a layout says. Each device is made anew from a layout: moved to other addresses, sometimes
 with the other word order.
 """
@@ -16,8 +16,8 @@ from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
+from register_layouts import published_layouts
 from register_plants import by_another_hand
-from register_published import published_layouts
 
 from analyzer.registers.hypotheses import HYPOTHESES
 from analyzer.registers.readings import RegisterReadings

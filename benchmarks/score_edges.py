@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from random import Random
 
 from edges import EDGES
-from edges.wires import Bus
+from edges.registry import Bus
 
 from analyzer.core import deframe
 from analyzer.tables.schema import Kind

@@ -24,7 +24,7 @@ from register_makers import physical_device, physical_layouts
 from register_scores import Tally, tallied
 from register_series import MadeDevice, family, layouts, made_device
 
-from analyzer.registers.weights import shipped_weights
+from analyzer.registers.evidence import shipped_weights
 from dissectors.maps import RegisterMap, read_map
 
 

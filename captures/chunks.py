@@ -26,7 +26,7 @@ from .ragged import copy_pieces, sums
 from .time_order import TimeOrder
 
 if TYPE_CHECKING:
-    from .edges.spans import BitSpans
+    from .edges.source import BitSpans
     from .recording.notes import Note as LineNote
 
 MAX_DAMAGE = 100  # entries kept; further ones are counted

@@ -21,7 +21,7 @@ from .spacing import INFERRED, inferred
 from .text.judging import ByteJudge, no_judge
 
 if TYPE_CHECKING:
-    from .edges.spans import BitSpans
+    from .edges.source import BitSpans
 
 _OFFSET_LENGTH: Final = len("+hh:mm")
 

@@ -14,7 +14,7 @@ from analyzer.causes.model import Cause
 from analyzer.causes.reasoning import causes_of
 from analyzer.causes.registry import suspects
 from analyzer.core import analyse
-from analyzer.languages.templates import CLAUSE, fill
+from analyzer.languages import CLAUSE, fill
 from analyzer.simulation.field.cases.registry import field_cases
 from captures.chunks import Capture
 

@@ -16,7 +16,7 @@ import captures
 import dissectors
 from analyzer import languages
 from analyzer.cli import main
-from analyzer.cli.telling import Teller
+from analyzer.cli.taps import Teller
 from analyzer.languages.retelling import retold
 
 _PACKAGES = (analyzer, captures, dissectors)

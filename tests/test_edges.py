@@ -17,8 +17,20 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from wave_files import binary_export, combined_table, edge_table, sample_table, scope_table, sr, vcd, vector_dump
-from wave_forms import edges_of, frames_on_line, random_frames, sampled
+from waves import (
+    binary_export,
+    combined_table,
+    edge_table,
+    edges_of,
+    frames_on_line,
+    random_frames,
+    sample_table,
+    sampled,
+    scope_table,
+    sr,
+    vcd,
+    vector_dump,
+)
 
 import captures
 from captures import Capture, CaptureError

@@ -8,8 +8,7 @@ from buses import LINE, adu, spaced
 from declaring import declared
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made import VENDOR, batches, vendor_batches
-from pdus import CASES
+from pdus import CASES, VENDOR, batches, vendor_batches
 from running import ran
 
 import captures

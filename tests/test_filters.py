@@ -8,11 +8,10 @@ import sys
 from functools import cache
 from pathlib import Path
 
-import batches
+import buses
 import numpy as np
 import pytest
-from batches import joined
-from buses import LINE, adu, spaced
+from buses import LINE, adu, joined, spaced
 
 import captures
 from analyzer.core import deframe
@@ -36,7 +35,7 @@ CHARTS = UnitMaps(other=shipped_map("eastron-sdm630"))
 @cache
 def troubled() -> BatchTable:
     """The sample capture with troubles."""
-    return batches.table(captures.open(samples.path("troubled.jsonl")))
+    return buses.table(captures.open(samples.path("troubled.jsonl")))
 
 
 def table(*frames: str, line: LineSettings = LINE) -> BatchTable:

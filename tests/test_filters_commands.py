@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from batches import piece, whole
+from buses import piece, whole
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from running import ran, refused
@@ -17,7 +17,7 @@ from running import ran, refused
 import captures
 from analyzer.core import Analysed
 from analyzer.filters import compile_filter
-from analyzer.filters.stream import filtered
+from analyzer.filters.evaluation import filtered
 from analyzer.reports import summarize
 from analyzer.tables.findings import Findings
 from analyzer.tables.transactions import TransactionRows

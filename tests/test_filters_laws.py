@@ -10,10 +10,10 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from batches import whole
+from buses import whole
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made import SMALL, batches
+from pdus import SMALL, batches
 
 import captures
 from analyzer.filters import BatchTable, Filter, FilterError, check, compile_filter, complete

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from batches import table
-from buses import adu
+from buses import adu, table
 from running import ran, refused
 
 import analyzer
@@ -17,8 +16,7 @@ from analyzer.simulation import Scenario, write
 from captures.chunks import Capture, Chunk
 from captures.line import LineSettings
 from dissectors.maps import RegisterMap, shipped_map
-from dissectors.maps.decoding import readings_by_map
-from dissectors.maps.measures import factor_between
+from dissectors.maps.decoding import factor_between, readings_by_map
 from dissectors.maps.model import MappedValue
 from dissectors.maps.units import UnitMaps
 

@@ -14,10 +14,10 @@ pytest.importorskip("fsspec", reason="a lake needs fsspec for object stores")
 
 from lakes import batch, bus, same
 
-from analyzer.fleet.cluster import DaskCluster
 from analyzer.fleet.errors import FleetError
 from analyzer.fleet.lake import Lake
 from analyzer.fleet.questions import Asked, ready
+from analyzer.fleet.runners import DaskCluster
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ pytest.importorskip("fsspec", reason="a lake needs fsspec for object stores")
 from lakes import batch, bus, ring, rows, same, sliced
 
 from analyzer.fleet import datasets
-from analyzer.fleet.growth import ChunkDigest, NotGrownError, behind
+from analyzer.fleet.linestate import ChunkDigest, NotGrownError, behind
 
 
 def test_a_slice_that_grew_goes_on_though_older_ones_are_gone(tmp_path):

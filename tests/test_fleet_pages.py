@@ -24,7 +24,7 @@ from lakes import BEGIN_NS, DAY_NS, batch, bus, write_fleet
 
 from analyzer.fleet.errors import FleetError
 from analyzer.fleet.lake import Lake
-from analyzer.fleet.pages import files, render, site_folder, sums, write_pages
+from analyzer.fleet.pages import files, site_folder, sums, write_pages
 from analyzer.fleet.pages.files import page_names
 from analyzer.fleet.pages.sites import sites_of
 
@@ -309,7 +309,7 @@ def test_what_goes_wrong_leaves_the_old_pages(lake, tmp_path, monkeypatch, momen
         raise OSError(28, "No space left on device")
 
     if moment == "rendering":
-        whole = render.rendered
+        whole = files.rendered
         monkeypatch.setattr(
             files, "rendered", lambda *a: (failing() if n == 3 else each for n, each in enumerate(whole(*a)))
         )

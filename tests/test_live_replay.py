@@ -17,10 +17,10 @@ from running import START, environment, ran, refused
 
 import captures
 from analyzer.core import Analyzer
+from analyzer.live.conditions import TriggerWindow
 from analyzer.live.recent import Recent
 from analyzer.live.replaying import Replay
 from analyzer.live.session import SessionStep
-from analyzer.live.window import TriggerWindow
 from captures import samples
 from captures.chunks import Block, Capture, Chunk
 from captures.live.wire import Tick

@@ -1,19 +1,25 @@
-"""`map check` on simulated devices: what a wrong map contradicts is found where it stands, a right one left alone."""
+"""Devices with maps: what a wrong map contradicts is found where it stands, a right one left alone.
+
+Values out of the limits of their map are told; what the values of healthy devices do is no cause of anything.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from random import Random
 
 import numpy as np
 import pytest
 
-from analyzer.registers.checking import check_map
+import analyzer
+from analyzer.registers.checking import check_map, limit_breaches
 from analyzer.registers.readings import RegisterReadings
+from analyzer.simulation import Scenario, write
 from analyzer.simulation.mapped.client import MappedClient
-from dissectors.maps import RegisterMap, shipped_map
+from dissectors.maps import RegisterMap, shipped_map, shipped_names
 from dissectors.maps.model import MapArea, MappedValue
 
 NAMES = ("eastron-sdm630", "abb-b23", "huawei-sun2000", "janitza-umg96rm", "siemens-pac3200", "carlo-gavazzi-em340")
@@ -141,3 +147,25 @@ def test_what_a_device_lacks_contradicts_no_map(kind: str, words: tuple[int, ...
     readings = RegisterReadings()
     readings.put(1, "input", 10, np.tile(np.array(stored, np.uint16) ^ 0x0100, (40, 1)))
     assert [r for r in check_map(readings, {1: RegisterMap("made up", (row,))}) if r.kind == "contradiction"]
+
+
+@pytest.mark.parametrize(("maximum", "said"), [(200.0, "greatest value 200"), (500.0, None)])
+def test_numbers_out_of_a_maps_limits(maximum: float, said: str | None) -> None:
+    volts = (230 + np.arange(120) % 7).astype(">f4").view(">u2").reshape(-1, 2).astype(np.uint16)
+    readings = RegisterReadings()
+    readings.put(1, "input", 100, volts, np.arange(120) * 1_000_000_000)
+    row = MappedValue("input", 100, "Voltage", "f32", length=2, unit="V", maximum=maximum)
+    found = limit_breaches(readings, {1: RegisterMap("x", (row,))})
+    assert [breach.unit for breach in found] == ([1] if said else [])
+    assert not said or ("Voltage" in found[0].text and said in found[0].text)
+
+
+SHIPPED = shipped_names()
+
+
+@pytest.mark.parametrize("first", range(0, len(SHIPPED), 9))
+def test_no_healthy_device_is_accused(first: int, tmp_path: Path) -> None:
+    maps = tuple(f"{name}@{unit}" for unit, name in enumerate(SHIPPED[first : first + 3], 1))
+    path = tmp_path / "bus.jsonl"
+    write(Scenario("clean", "precise", transactions=700, seed=first, maps=maps), path)
+    assert [cause.text for cause in analyzer.open(path).causes()] == [], maps

@@ -1,4 +1,4 @@
-"""Tables of registers as their users have them: other encodings, headings, addresses and factors."""
+"""Tables of registers as their users have them: other encodings, headings, addresses and factors; one oddity each."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from oddmaps import OddFile, check_import
 from running import refused
 
 from dissectors.maps.importers import import_maps
@@ -72,3 +73,174 @@ def test_a_workbook_without_its_library_names_what_installs_it(
     monkeypatch.setattr(sys, "prefix", str(tmp_path))
     said = refused(capsys, "map", "import", book, "-o", tmp_path / "map.csv")
     assert said.endswith("needs openpyxl: pipx inject rtuscope openpyxl")
+
+
+TABLES: dict[str, OddFile] = {
+    "Excel's line that names its delimiter": (
+        "list.csv",
+        b"sep=;\r\nRegister;Name;Type;Scale\r\n40001;Level, tank 1;UINT16;0,1\r\n40002;Level, tank 2;UINT16;0,1\r\n",
+        ["holding 0 u16 x0.1 Level, tank 1", "holding 1 u16 x0.1 Level, tank 2"],
+        "",
+    ),
+    "headings that are one long word": (
+        "liste.csv",
+        "Pumpe PS-40;;;;;\n;;;;;\nLfd. Nr.;Modbus-Adresse;Bezeichnung;Datenformat;Einheit;Skalierungsfaktor;"
+        "Lesen/Schreiben\n1;0x0100;Vorlauf;INT16;°C;0,1;R\n2;0x0101;Durchfluss;UINT32 (Low Word first);l/h;0,01;R\n"
+        "3;0x0103;Betriebsart (0 = Aus, 1 = Hand, 2 = Auto);UINT16;-;1;R/W\n4;0x0104;Leistung;FLOAT32;kW;-;R\n"
+        .encode("cp1252"),
+        ["holding 256 s16 x0.1 °C r Vorlauf", "holding 257 u32 CDAB x0.01 l/h r Durchfluss",
+         "holding 259 u16 rw {0=Aus; 1=Hand; 2=Auto} Betriebsart", "holding 260 f32 kW r Leistung"],
+        "",
+    ),
+    "logical numbers of all four areas, states in remarks": (
+        "list.csv",
+        b"Function code,Starting address,Qty,Data name,Data type,Unit,Resolution,Remark\n"
+        b"04H,30001,1,Voltage,UINT,V,0.1 V,\n"
+        b"04H,30011-30012,2,Energy,UDINT,kWh,0.01 kWh,High word first\n02H,10003,1,Door,BOOL,,,\n"
+        b'03H,40101,1,Baud,UINT,,1,"0: 4800, 1: 9600"\n01H,00001,1,Relay,BOOL,,,\n',
+        ["input 0 u16 x0.1 V Voltage", "input 10 u32 x0.01 kWh Energy", "discrete 2 bool Door",
+         "holding 100 u16 {0=4800; 1=9600} Baud", "coil 0 bool Relay"],
+        "",
+    ),
+    "UTF-16 without its mark": (
+        "list.txt",
+        "Address\tName\tType\n5\tFlow\tfloat\n7\tTotal\tU32\n".encode("utf-16-le"),
+        ["holding 5 f32 Flow", "holding 7 u32 Total"],
+        "",
+    ),
+    "units in the names, no column for them": (
+        "list.csv",
+        "Адрес;Наименование;Тип\n0;Напряжение L1, В;U16\n1;Ток L1 (А);U16\n2;Мощность [кВт];S16\n3;Пуск, стоп;U16\n"
+        .encode("cp1251"),
+        ["holding 0 u16 В Напряжение L1", "holding 1 u16 А Ток L1", "holding 2 s16 кВт Мощность",
+         "holding 3 u16 Пуск, стоп"],
+        "",
+    ),
+    "types with their order in brackets": (
+        "list.csv",
+        b"Address;Name;Type\n0;A;UINT32 (ABCD)\n2;B;INT32 (CDAB)\n4;C;float inverse\n6;D;Float32 word swap\n8;E;S16\n"
+        b"9;F;Float (DCBA)\n11;G;U32 LE\n",
+        ["holding 0 u32 A", "holding 2 s32 CDAB B", "holding 4 f32 CDAB C", "holding 6 f32 CDAB D", "holding 8 s16 E",
+         "holding 9 f32 DCBA F", "holding 11 u32 G"],
+        "row 8: .*taken for ABCD",
+    ),
+    "types in words": (
+        "list.csv",
+        b"Register,Name,Format\n1,A,INT16U\n2,B,INT32S\n4,C,32-bit float\n6,D,16 bit signed\n7,E,Unsigned 32 bits\n"
+        b"9,F,INT64U\n13,G,32bit unsigned integer\n15,H,signed short\n16,I,u_int32\n18,J,2 x 16 bit\n20,K,i16\n",
+        ["holding 1 u16 A", "holding 2 s32 B", "holding 4 f32 C", "holding 6 s16 D", "holding 7 u32 E",
+         "holding 9 u64 F", "holding 13 u32 G", "holding 15 s16 H", "holding 16 u32 I", "holding 18 u32 J",
+         "holding 20 s16 K"],
+        "",
+    ),
+    "types in a letter and a width": (
+        "list.csv",
+        b"Address;Name;Type\n0;A;f32\n2;B;F64\n6;C;FP32\n8;D;f32 CDAB\n10;E;U32\n12;F;float64\n16;G;s16\n17;H;F\n",
+        ["holding 0 f32 A", "holding 2 f64 B", "holding 6 f32 C", "holding 8 f32 CDAB D", "holding 10 u32 E",
+         "holding 12 f64 F", "holding 16 s16 G", "holding 17 f32 H"],
+        "",
+    ),
+    "headings of two rows": (
+        "list.csv",
+        b"Pump,,,,,\nRegister,,Parameter,Value,,\nDec,Hex,,Type,Factor,Unit\n4096,1000,Flow,uint32,0.01,m3/h\n"
+        b"4098,1002,Head,int16,0.1,m\n",
+        ["holding 4096 u32 x0.01 m3/h Flow", "holding 4098 s16 x0.1 m Head"],
+        "",
+    ),
+    "types in Russian words": (
+        "list.csv",
+        "Рег.;Параметр;Тип\n10;A;беззнаковое 32 бит\n12;B;целое со знаком\n13;C;с плавающей точкой\n15;D;строка 16\n"
+        "23;E;знаковое 32\n25;F;битовая маска\n".encode(),
+        ["holding 10 u32 A", "holding 12 s16 B", "holding 13 f32 C", "holding 15 text D", "holding 23 s32 E",
+         "holding 25 bits F"],
+        "",
+    ),
+    "scales in all manners": (
+        "list.csv",
+        "Address;Name;Scale\n0;A;0,1\n1;B;/10\n2;C;x0.1\n3;D;×0,01\n4;E;÷100\n5;F;1/10\n6;G;10^-3\n7;H;*0.5\n8;I;1:10\n"
+        "9;J;1E-2\n10;K;0.1 V\n11;L;-\n12;M;10⁻²\n13;N;-0,1\n".encode(),
+        ["holding 0 u16 x0.1 A", "holding 1 u16 x0.1 B", "holding 2 u16 x0.1 C", "holding 3 u16 x0.01 D",
+         "holding 4 u16 x0.01 E", "holding 5 u16 x0.1 F", "holding 6 u16 x0.001 G", "holding 7 u16 x0.5 H",
+         "holding 8 u16 x0.1 I", "holding 9 u16 x0.01 J", "holding 10 u16 x0.1 K", "holding 11 u16 L",
+         "holding 12 u16 x0.01 M", "holding 13 u16 x-0.1 N"],
+        "",
+    ),
+    "ranges in all manners": (
+        "list.csv",
+        b'Registers;Name\n100-101;A\n102..103;B\n104/105;C\n"106, 107";D\n108 + 109;E\n110 to 113;F\n114;G\n'
+        b"115 & 116;H\n",
+        ["holding 100 u32 A", "holding 102 u32 B", "holding 104 u32 C", "holding 106 u32 D", "holding 108 u32 E",
+         "holding 110 u64 F", "holding 114 u16 G", "holding 115 u32 H"],
+        "",
+    ),
+    "line breaks in headings and cells": (
+        "list.csv",
+        b'"Modbus\naddress";"Parameter\nname";"Data\ntype"\n40001;"Outlet\ntemperature";"INT\n16"\n'
+        b'40002;"Return\r\ntemperature";INT16\n',
+        ["holding 0 s16 Outlet temperature", "holding 1 s16 Return temperature"],
+        "",
+    ),
+    "empty rows, a repeated heading, a foot note": (
+        "list.csv",
+        b"Meter 7,,,\n,,,\nAddress,Name,Type,Unit\n,,,\n1,U,u16,V\n,,,\nPage 2,,,\nAddress,Name,Type,Unit\n"
+        b"2,I,u16,A\n,,,\nNote:,all values read only,,\n",
+        ["holding 1 u16 V U", "holding 2 u16 A I"],
+        "row 11: 'Note:' is no address",
+    ),
+    "a logical and a protocol address side by side": (
+        "list.csv",
+        b"Modbus address;Register (hex);Name;Type\n40101;0x0064;U;u16\n40102;0x0065;I;u16\n",
+        ["holding 100 u16 U", "holding 101 u16 I"],
+        "",
+    ),
+    "six figures and thin gaps": (
+        "list.csv",
+        "Register;Name;Type\n400 001;A;u16\n400\u202f003;B;u32\n300001;C;u16\n".encode(),
+        ["holding 0 u16 A", "holding 2 u32 B", "input 0 u16 C"],
+        "",
+    ),
+    "access in words": (
+        "list.csv",
+        "Адрес;Имя;Доступ\n1;A;только чтение\n2;B;чтение/запись\n3;C;запись\n4;D;write only\n5;E;RO\n6;F;R/W\n"
+        "7;G;Read\n".encode(),
+        ["holding 1 u16 r A", "holding 2 u16 rw B", "holding 3 u16 w C", "holding 4 u16 w D", "holding 5 u16 r E",
+         "holding 6 u16 rw F", "holding 7 u16 r G"],
+        "",
+    ),
+    "a column that is missing its heading, cells too many": (
+        "list.csv",
+        b"No;Address;;Name;Type\n1;10;x;Speed;u16;left over\n2;11;;Torque;s16\n3;12\n",
+        ["holding 10 u16 Speed", "holding 11 s16 Torque", "holding 12 u16 Register 12"],
+        "row 4: no name",
+    ),
+    "area in a column of short words": (
+        "list.tsv",
+        b"Type\tAddress\tName\tFormat\nAI\t0\tFlow\tFLOAT\nDI\t3\tDoor\tBOOL\nDO\t4\tPump\tBOOL\nAO\t9\tSetpoint\tINT\n",
+        ["input 0 f32 Flow", "discrete 3 bool Door", "coil 4 bool Pump", "holding 9 s16 Setpoint"],
+        "",
+    ),
+    "German of Windows": (
+        "liste.csv",
+        "Adresse;Bezeichnung;Datentyp;Länge;Größe\n10;Rücklauftemperatur;INT16;1;°C\n11;Störung Lüfter;UINT16;1;\n"
+        .encode("cp1252"),
+        ["holding 10 s16 Rücklauftemperatur", "holding 11 u16 Störung Lüfter"],
+        "",
+    ),
+    "powers of ten as factors": (
+        "list.csv",
+        b"Address,Name,Type,Scale factor\n0,U,uint16,-1\n1,I,uint16,-3\n2,P,uint32,0\n4,S,uint16,1\n",
+        ["holding 0 u16 x0.1 U", "holding 1 u16 x0.001 I", "holding 2 u32 P", "holding 4 u16 x10 S"],
+        "powers of ten",
+    ),
+    "states in the remarks": (
+        "list.csv",
+        b'Address;Name;Type;Remark\n7;Mode;enum;0: off, 1: heat, 2: cool\n8;Alarm;bitmap;"Bit0: low; Bit1: high"\n',
+        ["holding 7 enum {0=off; 1=heat; 2=cool} Mode", "holding 8 bits {0=low; 1=high} Alarm"],
+        "",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("oddity", TABLES)
+def test_a_table_of_people(oddity: str) -> None:
+    check_import(TABLES[oddity])

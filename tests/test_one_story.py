@@ -12,7 +12,7 @@ import orjson
 import pytest
 import ways_out
 from buses import LINE, adu, spaced
-from drifting import drifting_bus
+from waves import drifting_bus
 
 from analyzer.analysis import Analysis
 from analyzer.checks import compile_check

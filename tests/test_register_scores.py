@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 from scripts import package
 
+from analyzer.registers.evidence import shipped_weights
 from analyzer.registers.readings import RegisterReadings
-from analyzer.registers.weights import shipped_weights
 
-published = package("register_published")
+layouts = package("register_layouts")
 series = package("register_series")
 scores = package("register_scores")
 
 
 def test_published_layouts_are_layouts():
-    layouts = published.published_layouts()
-    assert len(layouts) > 90 and set(layouts) < set(series.layouts())
-    for name, chart in layouts.items():
+    published = layouts.published_layouts()
+    assert len(published) > 90 and set(published) < set(series.layouts())
+    for name, chart in published.items():
         assert chart.rows and chart.vendor, name
         for area in ("input", "holding"):
             rows = sorted((row for row in chart.rows if row.area == area), key=lambda row: row.address)
@@ -27,7 +27,7 @@ def test_published_layouts_are_layouts():
 
 
 def test_a_stretch_of_a_published_layout():
-    rows = published.stretch_values("input 10 V*3 _2 P/PV1:x0.1:kW state bits:u32 E:u64*2", "CDAB")
+    rows = layouts.stretch_values(layouts.stretch_of("input 10 V*3 _2 P/PV1:x0.1:kW state bits:u32 E:u64*2"), "CDAB")
     assert [(row.address, row.type, row.length) for row in rows] == [
         (10, "u16", 1), (11, "u16", 1), (12, "u16", 1), (15, "s32", 2), (17, "enum", 1), (18, "u32", 2),
         (20, "u64", 4), (24, "u64", 4),
@@ -35,13 +35,13 @@ def test_a_stretch_of_a_published_layout():
     assert [row.name for row in rows[:4]] == ["voltage L1", "voltage L2", "voltage L3", "power PV1"]
     assert (rows[3].scale, rows[3].unit, rows[3].order, rows[0].order) == (0.1, "kW", "CDAB", "ABCD")
     with pytest.raises(ValueError, match="'V-3' is no token"):
-        published.stretch_values("input 10 V-3", "ABCD")
+        layouts.stretch_values(layouts.stretch_of("input 10 V-3"), "ABCD")
 
 
 def test_a_single_register_within_a_wide_value_is_no_right_answer(monkeypatch):
     readings = RegisterReadings()
     readings.put(1, "input", 10, np.stack((np.zeros(60), np.arange(60) * 7 % 50), axis=1).astype(np.uint16))
-    (row,) = published.stretch_values("input 10 E", "ABCD")
+    (row,) = layouts.stretch_values(layouts.stretch_of("input 10 E"), "ABCD")
     device = series.MadeDevice("meter", "maker", "ABCD", readings, (("input", 10, 2, (row,)),))
     singles = np.zeros((2, 9))
     singles[:, 0] = 1.0
@@ -72,7 +72,7 @@ def test_devices_never_fitted_are_read_as_well_as_the_pages_say():
 def test_other_devices_of_published_layouts_are_read_right():
     """One device of each, filled by the hand that the tables know less of."""
     weights, tally = shipped_weights(), scores.Tally()
-    for name, chart in published.published_layouts().items():
+    for name, chart in layouts.published_layouts().items():
         device = series.made_device(name, chart, Random(f"{name} 7000"), 60, another=1.0)
         scores.tallied(device, weights, tally)
     share = {kind: tally.right[kind] / due for kind, due in tally.due.items()}

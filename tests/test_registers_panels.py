@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from meters import write_meter
+from buses import write_meter
 from running import ran
 
 from analyzer.registers.inference import infer

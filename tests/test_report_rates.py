@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from drifting import BAUD, OFF, bus, drifting_bus
-from wave_files import vcd
+from waves import BAUD, OFF, bus, drifting_bus, vcd
 
 import captures
 from analyzer.core import Analysed

@@ -15,8 +15,7 @@ import captures
 from analyzer import languages
 from analyzer.causes.registry import Suspect, suspects
 from analyzer.cli import main
-from analyzer.languages import cause_words
-from analyzer.languages.templates import fill
+from analyzer.languages import cause_words, fill
 
 SAMPLES = Path(captures.__file__).parent / "samples"
 _REPORTS = Path(analyzer.__file__).parent / "reports"

@@ -16,7 +16,7 @@ import pytest
 
 import captures
 from analyzer.simulation import TAPS, WIRES, Scenario, Simulation, simulate, write
-from analyzer.simulation.hostile import hostile
+from analyzer.simulation.conversation import hostile
 from dissectors.crc import crc_bytes
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -7,7 +7,7 @@ from datetime import UTC, datetime, timedelta, timezone
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analyzer.model.timemarks import time_marks
+from analyzer.model.activity import time_marks
 
 _YEARS = st.integers(1_600_000_000, 1_900_000_000)
 

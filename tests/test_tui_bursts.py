@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from meters import write_meter
+from buses import write_meter
 from seats import opened, sample_in
 
 if os.name != "posix":

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made import SMALL, batches
+from pdus import SMALL, batches
 
 import captures
 from analyzer.core import Analysed

@@ -29,10 +29,10 @@ from analyzer.core import Analysed
 from analyzer.exports import export
 from analyzer.model import goto, search
 from analyzer.model.bus import Bus
-from analyzer.model.bytestore import ByteStore
-from analyzer.model.explained import by_cause
+from analyzer.model.findinglog import by_cause
 from analyzer.model.polls import changed
 from analyzer.model.registers import RegisterSeries
+from analyzer.model.rowstores import ByteStore
 from analyzer.model.scope import ScopedFigures
 from analyzer.model.selection import Everything, Selection, frames_only, transactions, within
 from analyzer.model.shorttimes import AlikeNumbers, NarrowNumbers, ShortTimes

@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
-from meters import write_meter
+from buses import write_meter
 from seats import Seat, opened, seat
 
 import captures

@@ -34,7 +34,7 @@ from .unitledger import UnitLedger
 from .valuetable import ValueTable
 
 if TYPE_CHECKING:
-    from ..registers.limits import LimitBreach
+    from ..registers.checking import LimitBreach
 
 ASKED, BAD, DELAY = "asked", "bad", "delay"  # of a unit, in the grid of the time
 _CHAR_NS: Final = 1e6  # where the line's speed is not known

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from ..tables.timebins import TimeBins
+from ..tables.bins import TimeBins
 
 _PARTS: Final = 256
 _FIRST_NS: Final = 100_000_000

@@ -13,8 +13,7 @@ from .errors import CheckError as CheckError
 
 if TYPE_CHECKING:
     from .model import Breach, Check, Outcome, Results
-    from .parsing import compile_check
-    from .rulesfile import load_rules
+    from .parsing import compile_check, load_rules
     from .running import run
 
 __all__ = ["Breach", "Check", "CheckError", "Outcome", "Results", "compile_check", "load_rules", "run"]
@@ -25,7 +24,7 @@ _HOMES = {
     "Breach": "model",
     "Results": "model",
     "compile_check": "parsing",
-    "load_rules": "rulesfile",
+    "load_rules": "parsing",
     "run": "running",
 }
 

@@ -147,7 +147,7 @@ def chosen_runner(arguments: argparse.Namespace) -> Runner:
     from ..fleet.runners import ProcessPool, in_this_process
 
     if arguments.scheduler is not None:
-        from ..fleet.cluster import DaskCluster
+        from ..fleet.runners import DaskCluster
 
         return DaskCluster(arguments.scheduler)
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

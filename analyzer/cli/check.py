@@ -10,8 +10,16 @@ from dissectors.values import harmless
 
 from ..terminal_text import painted, terminal_text
 from .exits import DONE, FAILED, INTERRUPTED, NO_FRAME, UsageError
-from .inputs import add_capture_arguments, add_limit_arguments, chosen_limits, load_functions, open_capture, tell_damage
-from .maps import add_map_argument, chosen_charts
+from .inputs import (
+    add_capture_arguments,
+    add_limit_arguments,
+    add_map_argument,
+    chosen_charts,
+    chosen_limits,
+    load_functions,
+    open_capture,
+    tell_damage,
+)
 from .outputs import add_overwrite_argument, to_be_overwritten
 from .progress import Progress
 from .terminal import coloured, interruptible, put_json, tell

@@ -20,9 +20,9 @@ from .inputs import (
     opened_capture,
     tell_damage,
 )
-from .moments import moment, time_span
 from .outputs import add_overwrite_argument, to_be_overwritten
 from .progress import Progress
+from .quantities import moment, time_span
 from .terminal import interruptible, tell
 
 if TYPE_CHECKING:

@@ -10,13 +10,14 @@ from .inputs import (
     add_check_argument,
     add_filter_argument,
     add_limit_arguments,
+    add_map_argument,
+    chosen_charts,
     chosen_filter,
     chosen_limits,
     load_functions,
     open_capture,
     tell_damage,
 )
-from .maps import add_map_argument, chosen_charts
 from .outputs import add_overwrite_argument, to_be_overwritten
 from .progress import Progress
 from .terminal import interruptible, tell

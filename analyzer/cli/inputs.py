@@ -1,4 +1,4 @@
-"""What several commands take in: a capture, how it is to be read, and declarations of vendor functions."""
+"""What several commands take in: a capture, how it is to be read, declarations of vendor functions, register maps."""
 
 from __future__ import annotations
 
@@ -254,3 +254,21 @@ def tell_damage(name: str, capture: Capture) -> None:
         tell(f"{name}: {loss}")
     if capture.damage_count > _COMPLAINTS:
         tell(f"{name}: and {capture.damage_count - _COMPLAINTS:,} more such places")
+
+
+def add_map_argument(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
+    """--map."""
+    parser.add_argument(
+        "--map",
+        metavar="MAP[@UNIT]",
+        action="append",
+        default=[],
+        help="a register map, a file or one of `rtuscope map list`, for a unit or for all; may be given again",
+    )
+
+
+def chosen_charts(arguments: argparse.Namespace) -> UnitMaps:
+    """The maps that were given."""
+    from dissectors.maps.units import unit_maps
+
+    return unit_maps(arguments.map)

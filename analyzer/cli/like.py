@@ -70,7 +70,7 @@ def _table_text(name: str) -> str:
 
 
 def _text(matches: list[Match], wanted: str) -> str:
-    from analyzer.registers.overlay import HALF_HOUR_S
+    from analyzer.registers.panel import HALF_HOUR_S
     from analyzer.words import duration
 
     if not matches:

@@ -14,14 +14,15 @@ from .inputs import (
     CAPTURE_HELP,
     add_functions_argument,
     add_limit_arguments,
+    add_map_argument,
     add_reading_arguments,
+    chosen_charts,
     chosen_limits,
     given_limits,
     given_reading,
     load_functions,
     open_capture,
 )
-from .maps import add_map_argument, chosen_charts
 from .terminal import full_screen
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Final
 
-from .maps import chosen_charts
+from .inputs import chosen_charts
 
 if TYPE_CHECKING:
     from captures.recording.recorder import Recorder

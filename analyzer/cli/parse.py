@@ -8,8 +8,14 @@ import sys
 from typing import TYPE_CHECKING
 
 from .exits import DONE, FAILED, NO_FRAME, UsageError
-from .inputs import add_check_argument, add_functions_argument, add_zone_argument, load_functions
-from .maps import add_map_argument, chosen_charts
+from .inputs import (
+    add_check_argument,
+    add_functions_argument,
+    add_map_argument,
+    add_zone_argument,
+    chosen_charts,
+    load_functions,
+)
 from .terminal import coloured, put_json, shell_word, tell
 
 if TYPE_CHECKING:

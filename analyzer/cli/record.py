@@ -8,12 +8,18 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from .exits import DONE, FAILED
-from .inputs import add_functions_argument, add_limit_arguments, load_functions
-from .maps import add_map_argument
+from .inputs import add_functions_argument, add_limit_arguments, add_map_argument, load_functions
 from .outlets import add_outlet_arguments, outlets_of
 from .quantities import seconds
-from .taps import add_recording_arguments, add_tap_arguments, add_viewer_arguments, lost_words, recorder_of, tap_of
-from .telling import Teller
+from .taps import (
+    Teller,
+    add_recording_arguments,
+    add_tap_arguments,
+    add_viewer_arguments,
+    lost_words,
+    recorder_of,
+    tap_of,
+)
 from .watching import ended_by_signals
 
 if TYPE_CHECKING:

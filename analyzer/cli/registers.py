@@ -11,12 +11,13 @@ from .gathering import gathered
 from .inputs import (
     add_capture_arguments,
     add_limit_arguments,
+    add_map_argument,
+    chosen_charts,
     chosen_limits,
     load_functions,
     open_capture,
     unit_number,
 )
-from .maps import add_map_argument, chosen_charts
 from .terminal import tell
 
 if TYPE_CHECKING:
@@ -61,8 +62,8 @@ def run(arguments: argparse.Namespace) -> int:
         from .like import find_like
 
         return find_like(arguments, capture, limits)
+    from analyzer.registers.drafting import with_own_words
     from analyzer.registers.inference import infer
-    from analyzer.registers.ownwords import with_own_words
     from analyzer.registers.recognition import recognised
 
     traffic = gathered(capture, arguments.capture, limits)

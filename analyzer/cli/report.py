@@ -14,13 +14,14 @@ from .inputs import (
     add_check_argument,
     add_filter_argument,
     add_limit_arguments,
+    add_map_argument,
+    chosen_charts,
     chosen_filter,
     chosen_limits,
     load_functions,
     open_capture,
     opened_capture,
 )
-from .maps import add_map_argument, chosen_charts
 from .outputs import add_overwrite_argument, to_be_overwritten
 from .progress import Progress
 from .terminal import interruptible, put_json, put_page, tell

@@ -10,8 +10,15 @@ from typing import TYPE_CHECKING, BinaryIO, Final
 from .exits import FAILED, INTERRUPTED, UsageError
 from .inputs import add_functions_argument, add_limit_arguments, chosen_limits, load_functions
 from .outlets import add_outlet_arguments, outlets_of
-from .taps import add_recording_arguments, add_tap_arguments, add_viewer_arguments, lost_words, recorder_of, tap_of
-from .telling import Teller
+from .taps import (
+    Teller,
+    add_recording_arguments,
+    add_tap_arguments,
+    add_viewer_arguments,
+    lost_words,
+    recorder_of,
+    tap_of,
+)
 from .watching import Watch, add_view_arguments, ended_by_signals
 
 if TYPE_CHECKING:
@@ -58,8 +65,8 @@ def listen(arguments: argparse.Namespace, out: BinaryIO | None = None) -> int:
     """Listen, and show it on standard output, or write it to `out`."""
     from dataclasses import replace
 
+    from ..live.conditions import TriggeredSink
     from ..live.session import RecordingSink, Session
-    from ..live.window import TriggeredSink
 
     load_functions(arguments)
     with Teller() as tell:

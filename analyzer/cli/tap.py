@@ -9,8 +9,7 @@ from .exits import DONE, UsageError
 from .inputs import add_functions_argument, add_limit_arguments, load_functions
 from .outlets import address, shown_host
 from .quantities import octets, seconds
-from .taps import add_tap_arguments, add_token_argument, tap_of, token_of
-from .telling import Teller
+from .taps import Teller, add_tap_arguments, add_token_argument, tap_of, token_of
 from .watching import ended_by_signals
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Final, Protocol
 
 from ..terminal_text import terminal_text
 from .exits import DONE, NO_FRAME
-from .maps import add_map_argument, chosen_charts
+from .inputs import add_map_argument, chosen_charts
 from .quantities import seconds
 from .terminal import coloured, hung_up, places, put, put_bytes, put_data, say_in_place, tell, told_to_end
 
@@ -97,9 +97,9 @@ class Watch:
         """`extra`: more words for the status line; `fire` is told the time of each trigger; `out` takes what is shown
         in place of standard output (Wireshark's pipe, which calls all that is told beside it an error)."""
         from ..causes.story import RunningStory
+        from ..live.conditions import TriggerWindow
         from ..live.recent import Recent
         from ..live.status import LineStatus
-        from ..live.window import TriggerWindow
 
         self._arguments, self._session, self._extra, self._fire = arguments, session, extra, fire
         charts = chosen_charts(arguments)

@@ -41,7 +41,7 @@ def around(
     stop: Callable[[], bool] | None = None,
 ) -> tuple[Capture, int]:
     """The reads within so many seconds of any frame that passes, before and after it, and how many frames pass."""
-    from ..filters.stream import filtered
+    from ..filters.evaluation import filtered
 
     margin = round(seconds * 1e9)
     times: list[tuple[int, int]] = []

@@ -155,7 +155,7 @@ _WRITERS: Final = {"csv": CsvRecords, "jsonl": JsonRecords, "parquet": ParquetRe
 
 def open_records(out: OutputStream, capture: Capture, options: ExportOptions, name: str) -> RecordSink:  # noqa: ARG001
     """The sink of a table other than the frames, in the format of that name. Raises ExportError."""
-    from .meaning import table_named
+    from .records import table_named
 
     table = table_named(options.table, options.charts)
     writer = _WRITERS.get(name)

@@ -74,7 +74,7 @@ def export(
             sink = open_records(written, capture, options, format_name(out, name))
         stream = analyse(observed(capture, look=sink.block, stop=stopped), replace(limits, explain=options.explain))
         if options.filter is not None:
-            from ..filters.stream import filtered
+            from ..filters.evaluation import filtered
 
             stream = filtered(stream, options.filter, capture.line)
         for analysed in stream:

@@ -16,12 +16,12 @@ from dissectors.values import harmless
 
 from ..languages import tr
 from ..tables.columns import AREA_CODES, AreaCode
+from ..words import UNITS_NS
 from .errors import FilterError, meant
 from .tree import Bound, BytesWanted, Chars, Since, Span, Spans, TextPart, TextWanted, Wanted
 
 EQUAL: Final = ("==", "!=")
 ORDER: Final = ("<", "<=", ">", ">=")
-UNITS_NS: Final = {"ns": 1, "us": 10**3, "ms": 10**6, "s": 10**9, "min": 60 * 10**9, "h": 3600 * 10**9}
 _MICRO: Final = {"µs": "us", "μs": "us"}
 _LONGEST: Final = 256  # bytes or characters to look for
 BITS: Final = (AreaCode.COILS, AreaCode.DISCRETE_INPUTS)

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from dissectors.maps.measures import factor_between
+from dissectors.maps.decoding import factor_between
 from dissectors.maps.model import MappedValue
 from dissectors.maps.units import UnitMaps
 

@@ -1,8 +1,8 @@
 """Fleets: many captures of many sites, analysed into one lake of Parquet tables, and asked.
 
-A task is a pure function of one line's slices to files; a runner (`runners`, `cluster`) runs tasks wherever it likes;
-the manifest alone says which files are the lake's. Nothing here schedules, stores or queries by its own means: that is
-the work of Dask, fsspec, Parquet and DuckDB.
+A task is a pure function of one line's slices to files; a runner (`runners`) runs tasks wherever it likes; the manifest
+alone says which files are the lake's. Nothing here schedules, stores or queries by its own means: that is the work of
+Dask, fsspec, Parquet and DuckDB.
 """
 
 from __future__ import annotations

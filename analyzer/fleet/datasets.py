@@ -24,7 +24,7 @@ from captures.errors import os_reason
 from ..exports.records import TABLES
 from ..extras import needs
 from ..version import RULES
-from ..words import moment_of
+from ..words import DAY_NS, moment_of
 from .errors import FleetError, LakeWriteError
 
 if TYPE_CHECKING:
@@ -40,7 +40,6 @@ try:
 except ImportError as error:
     raise FleetError(needs("a lake", "pyarrow", "fleet")) from error
 
-DAY_NS: Final = 86_400_000_000_000
 GROUP: Final = 1 << 16  # rows of a row group, at least
 _TIME: Final = pa.timestamp("ns", "UTC")
 _LINE: Final = pa.field("line", pa.dictionary(pa.int8(), pa.string()))

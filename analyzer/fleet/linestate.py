@@ -3,10 +3,15 @@
 Blocks are cut by the chunks alone, across the slices' seams, and fed to one `Analyzer`; so a line whose newest slice
 was analysed goes on with the next one, years after, without reading anything anew. `kept` is the whole state as bytes
 (a pickle, of nothing but this project's and numpy's classes), `resumed` makes it again.
+
+Beside the tables of an export a line keeps its units' hours: what became of requests and how long it took, so that
+questions of a fleet read little. Where the newest slice has grown since it was taken, the chunks that the lake has are
+passed over, and what is behind them is new.
 """
 
 from __future__ import annotations
 
+import hashlib
 import io
 import pickle
 from collections.abc import Iterable, Iterator
@@ -15,6 +20,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
+from numpy.typing import NDArray
 
 from captures.spacing import INFERRED
 from captures.time_order import CLOCK_STEP_NS, TimeOrder
@@ -28,10 +35,10 @@ from ..exports.record_files import record_arrow, record_schema
 from ..exports.records import TABLES
 from ..options import Options
 from ..outages import deaf_times
-from ..tables.transactions import NEVER
-from .datasets import CAUSES, DAY_NS, LakeFiles
+from ..tables.transactions import NEVER, Status
+from ..words import DAY_NS, HOUR_NS
+from .datasets import CAUSES, HOURS, LakeFiles
 from .errors import FleetError
-from .hours import UnitHours
 
 if TYPE_CHECKING:
     from captures import Block, Capture
@@ -40,6 +47,64 @@ if TYPE_CHECKING:
 
     from ..tables.batch import Batch
     from ..tables.transactions import TransactionRows
+
+_STATUSES: Final = tuple(status.name.lower() for status in Status)
+_UNITS: Final = 256
+_COUNTS: Final = tuple(HOURS.names[2:])  # of them the last is a greatest, the others are sums
+
+
+class UnitHours:
+    """Transactions in, in the order of their requests; hours that are over out."""
+
+    def __init__(self) -> None:
+        self._open: dict[int, NDArray[np.int64]] = {}  # by the hour since the epoch: a row a unit
+
+    def feed(self, transactions: Any) -> Any:
+        """Take in a RecordBatch of the table `transactions`; the rows of hours that are over, as one of `HOURS`."""
+        if not len(transactions):
+            return _rows({})
+        hours = transactions.column("t_start_ns").view(pa.int64()).to_numpy() // HOUR_NS
+        for hour in np.unique(hours).tolist():
+            table = self._open.setdefault(hour, np.zeros((_UNITS, len(_COUNTS)), np.int64))
+            _count(table, transactions.filter(pa.array(hours == hour)))
+        newest = max(self._open)
+        return _rows({hour: self._open.pop(hour) for hour in sorted(self._open) if hour < newest - 1})
+
+    def close(self) -> Any:
+        """The rest."""
+        rest, self._open = self._open, {}
+        return _rows(dict(sorted(rest.items())))
+
+
+def _count(table: NDArray[np.int64], part: Any) -> None:
+    units = part.column("unit").to_numpy().astype(np.intp)
+
+    def add(name: str, which: NDArray[Any]) -> None:
+        np.add.at(table[:, _COUNTS.index(name)], units, which)
+
+    add("requests", np.ones(len(units), np.int64))
+    status = part.column("status")
+    for name in _STATUSES:
+        add(name, pc.equal(status, name).to_numpy(zero_copy_only=False).astype(np.int64))
+    for name, column in (("retries", "retry"), ("late", "late")):
+        add(name, part.column(column).to_numpy(zero_copy_only=False).astype(np.int64))
+    low, high = part.column("response_time_low_ns"), part.column("response_time_high_ns")
+    add("timed", pc.is_valid(low).to_numpy(zero_copy_only=False).astype(np.int64))
+    highs = pc.fill_null(high, 0).to_numpy()
+    add("response_time_low_sum_ns", pc.fill_null(low, 0).to_numpy())
+    add("response_time_high_sum_ns", highs)
+    np.maximum.at(table[:, _COUNTS.index("response_time_high_max_ns")], units, highs)
+
+
+def _rows(hours: dict[int, NDArray[np.int64]]) -> Any:
+    units = {hour: np.flatnonzero(table[:, 0]) for hour, table in hours.items()}
+    t_ns = np.concatenate([np.zeros(0, np.int64), *(np.full(len(u), hour * HOUR_NS) for hour, u in units.items())])
+    counts = np.concatenate([np.zeros((0, len(_COUNTS)), np.int64), *(hours[hour][u] for hour, u in units.items())])
+    numbers = np.concatenate([np.zeros(0, np.uint8), *(u.astype(np.uint8) for u in units.values())])
+    columns = [pa.array(t_ns).view(HOURS.field("t_ns").type), pa.array(numbers)]
+    columns += [pa.array(np.ascontiguousarray(counts[:, i])) for i in range(len(_COUNTS))]
+    return pa.record_batch(columns, schema=HOURS)
+
 
 _NOTES: Final = 4096  # of a line remembered, the newest
 _OURS: Final = ("analyzer.", "captures.", "dissectors.")
@@ -241,3 +306,44 @@ def resumed(data: bytes) -> LineState:
     if not isinstance(state, LineState):
         raise FleetError("the state of a line is something else")
     return state
+
+
+class NotGrownError(Exception):
+    """The slice does not begin with the chunks that were taken."""
+
+
+class ChunkDigest:
+    """What chunks come to, however divided into blocks: how many, and a digest of bytes, lengths, times, ports."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._columns = [hashlib.sha256() for _ in range(4)]
+
+    def add(self, block: Block) -> None:
+        """Chunks behind those so far."""
+        self.count += len(block)
+        columns = (block.data, np.diff(block.offsets), block.t_ns, block.port)
+        for digest, column in zip(self._columns, columns, strict=True):
+            digest.update(np.ascontiguousarray(column).tobytes())
+
+    def text(self) -> str:
+        """The digest."""
+        return hashlib.sha256(b"".join(each.digest() for each in self._columns)).hexdigest()[:32]
+
+
+def behind(blocks: Iterable[Block], count: int, digest: str, seen: ChunkDigest) -> Iterator[Block]:
+    """What stands behind the first `count` chunks, which have this digest; all are `seen`. Raises NotGrownError."""
+    left = count
+    for block in blocks:
+        at = min(left, len(block))
+        if at:
+            seen.add(block.slice(0, at))
+            left -= at
+            if not left and seen.text() != digest:
+                raise NotGrownError
+        if at < len(block):
+            rest = block.slice(at, len(block))
+            seen.add(rest)
+            yield rest
+    if left:
+        raise NotGrownError

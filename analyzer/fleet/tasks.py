@@ -22,8 +22,7 @@ from ..options import Options
 from ..version import RULES, __version__
 from .datasets import CAPTURES, DATASETS, LakeFiles
 from .errors import FleetError, LakeWriteError
-from .growth import ChunkDigest, NotGrownError, behind
-from .linestate import LineState, resumed
+from .linestate import ChunkDigest, LineState, NotGrownError, behind, resumed
 from .manifest import PackMember
 from .sources import SourceFile, as_it_is, readable
 from .stores import LakeStore, fetched, store

@@ -8,9 +8,8 @@
             for frame in step.batch.frames():
                 print(frame.t_end_ns, frame.summary())
 
-`session` puts bytes on the disk first and analyses them then, `feed` is that analysis, `tapsource` and `replaying` are
-where bytes come from, `scoring` judges line settings, `lines` and `status` are what a person sees, `window` keeps what
-was around a trigger.
+`session` puts bytes on the disk first and analyses them then, `tapsource` and `replaying` are where bytes come from,
+`lines` and `status` are what a person sees, `conditions` say what to show and keep what was around a trigger.
 """
 
 from __future__ import annotations

@@ -1,16 +1,26 @@
-"""A filter asked row by row while the bus goes on: what to show, when to stop, what triggers."""
+"""Conditions on a bus that goes on: a filter asked row by row, and what was around the moment at which one came true.
+
+A condition says what to show, when to stop, what triggers. Around a trigger only so many seconds before it and after it
+are kept, of lines or of blocks to record.
+"""
 
 from __future__ import annotations
 
+import threading
+from collections import deque
+from typing import Final, Generic, TypeVar
+
 import numpy as np
 
+from captures.chunks import Block
 from captures.line import LineSettings
+from captures.recording.notes import Note
 from dissectors.maps.units import UnitMaps
 
 from ..filters import compile_filter
 from ..filters.table import BatchTable
 from .recent import ShownRow
-from .session import SessionStep
+from .session import RecordingSink, SessionStep
 
 
 class Condition:
@@ -31,3 +41,82 @@ class Condition:
             table = BatchTable(shown.batch, line, transactions=step.analysed.transactions, origin_ns=self._origin)
             self._of, self._mask = shown.batch, self._filter.mask(table)
         return bool(self._mask[shown.row])
+
+
+T = TypeVar("T")
+_MEMORY: Final = 64 << 20  # bytes kept for a trigger that may come
+
+
+class TriggerWindow(Generic[T]):
+    """Passes things on that are near a trigger, and keeps the newest ones in case one comes."""
+
+    def __init__(self, before_ns: int, after_ns: int) -> None:
+        self._before, self._after = before_ns, after_ns
+        self._recent: deque[tuple[int, T, int]] = deque()
+        self._size = 0
+        self._until: int | None = None
+
+    def offer(self, t_ns: int, item: T, size: int = 1) -> list[T]:
+        """Things to pass on now: this one, or nothing."""
+        if self._until is not None and t_ns <= self._until:
+            return [item]
+        self._recent.append((t_ns, item, size))
+        self._size += size
+        while self._recent and (self._recent[0][0] < t_ns - self._before or self._size > _MEMORY):
+            self._size -= self._recent.popleft()[2]
+        return []
+
+    def fire(self, t_ns: int) -> list[T]:
+        """There is a trigger: what to pass on of what was before it."""
+        self._until = max(self._until or 0, t_ns + self._after)
+        near = [item for at, item, _ in self._recent if at >= t_ns - self._before]
+        self._recent.clear()
+        self._size = 0
+        return near
+
+
+class TriggeredSink:
+    """Before a recorder: lets blocks through that are near a trigger. `fire` may be called by another thread."""
+
+    def __init__(self, recorder: RecordingSink, before_ns: int, after_ns: int) -> None:
+        self._recorder = recorder
+        self._window: TriggerWindow[Block] = TriggerWindow(before_ns, after_ns)
+        self._lock = threading.Lock()
+        self._due: list[Block] = []
+        self._notes: list[Note] = []
+
+    def fire(self, t_ns: int) -> None:
+        """There is a trigger."""
+        with self._lock:
+            self._due += self._window.fire(t_ns)
+            self._notes.append(Note(t_ns, "trigger", "what was around this moment was recorded"))
+
+    def write(self, block: Block) -> None:
+        """A block, which is recorded now, later or not at all."""
+        with self._lock:
+            self._due += self._window.offer(int(block.t_ns[-1]), block, len(block.data))
+
+    def note(self, note: Note) -> None:
+        """A note."""
+        self._recorder.note(note)
+
+    def settings(self, line: LineSettings) -> None:
+        """The line is another from now on."""
+        self.tick()
+        self._recorder.settings(line)
+
+    def tick(self) -> None:
+        """Record what is due."""
+        with self._lock:
+            due, self._due = self._due, []
+            notes, self._notes = self._notes, []
+        for block in due:
+            self._recorder.write(block)
+        for note in notes:
+            self._recorder.note(note)
+        self._recorder.tick()
+
+    def close(self) -> None:
+        """No more comes."""
+        self.tick()
+        self._recorder.close()

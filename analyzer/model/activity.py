@@ -1,22 +1,31 @@
-"""How busy the bus was, over time: counts in equal bins over the whole capture, and each unit's share of the line.
+"""What happened when: the capture along an axis of time.
 
-For a span of few rows the counts are made from the rows themselves, so that one can zoom in to single frames.
+How busy the bus was: counts in equal bins over the whole capture, and each unit's share of the line. For a span of few
+rows the counts are made from the rows themselves, so that one can zoom in to single frames. A row each for causes,
+whatever a filter keeps, and units, in the same bins. And the round times of day that stand along such an axis.
 """
 
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from datetime import tzinfo
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..languages import tr
+from ..tables.bins import TimeBins
+from ..tables.findings import Severity
 from ..tables.schema import Kind, Rows
-from ..tables.timebins import TimeBins
+from ..words import moment_of
+from .table import PIECE
 
 if TYPE_CHECKING:
     from .bus import Bus
+    from .selection import Test
 
 _BINS: Final = 1 << 14
 _FIRST_BIN_NS: Final = 1_000_000  # of a bin, at first
@@ -139,3 +148,91 @@ class UnitActivity:
             last = int(used[-1]) + 1 if len(used) else 0
             sums, counts = (self._bins.tables[name][unit, :last].copy() for name in ("sums", "counts"))
         return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
+
+
+_LISTED_UNITS = 256
+
+
+class Band(NamedTuple):
+    """Rows that ended in each bin, and how many of them a warning or an error stands on; `cause`: see `bands`."""
+
+    name: str
+    counts: NDArray[np.int64]
+    troubles: NDArray[np.int64]
+    cause: int | None = None
+
+
+def bands(
+    bus: Bus,
+    scope: Sequence[Test],
+    span: tuple[int, int],
+    bins: int,
+    named: Sequence[tuple[str, Test]],
+    causes: Sequence[NDArray[np.int64]] = (),
+    stop: Callable[[], bool] = bool,
+) -> list[Band]:
+    """A band for each cause that shows in the span, each of the kept tests, and each unit, of rows that pass the scope.
+
+    A unit that only damaged frames speak of is none: their unit may be what was damaged.
+    `causes` are the rows that show each (`explained.rows_of_causes`); a band has the number of its cause.
+    """
+    t_start, t_end = span
+    width = max(t_end - t_start, 1) / bins
+    by_unit = np.zeros((2, _LISTED_UNITS, bins), np.int64)
+    by_test = np.zeros((2, len(named), bins), np.int64)
+    by_cause = np.zeros((len(causes), bins), np.int64)
+    first, last = bus.table.row_at_time(t_start), bus.table.row_at_time(t_end) + 1
+    for number, low, high in bus.table.slices(first, min(last, bus.count)):
+        if stop():
+            break
+        unit, kind, mark, ends = (
+            bus.table.column(number, name)[low:high] for name in ("unit", "kind", "mark", "t_end_ns")
+        )
+        slots = ((ends - t_start) // width).astype(np.int64)
+        inside = (slots >= 0) & (slots < bins)
+        for test in scope:
+            inside &= test(bus, number, low, high)
+        grave = mark >= Severity.WARNING
+        framed = inside & (kind != Kind.NOISE)
+        for i, wanted in enumerate((framed, framed & grave)):
+            keys = unit[wanted].astype(np.int64) * bins + slots[wanted]
+            by_unit[i] += np.bincount(keys, minlength=_LISTED_UNITS * bins).reshape(_LISTED_UNITS, bins)
+        for k, (_, test) in enumerate(named):
+            passed = inside & test(bus, number, low, high)
+            for i, wanted in enumerate((passed, passed & grave)):
+                by_test[i, k] += np.bincount(slots[wanted], minlength=bins)
+        for k, rows in enumerate(causes):
+            begin, end = np.searchsorted(rows, (number * PIECE + low, number * PIECE + high))
+            own = rows[begin:end] - (number * PIECE + low)
+            by_cause[k] += np.bincount(slots[own[inside[own]]], minlength=bins)
+    units = np.flatnonzero(by_unit[0].any(axis=1) & bus.units.heard).tolist()
+    return [
+        *(
+            Band(tr("cause {number}", number=k + 1), counts, counts, k)
+            for k, counts in enumerate(by_cause)
+            if counts.any()
+        ),
+        *(Band(name, by_test[0, k], by_test[1, k]) for k, (name, _) in enumerate(named)),
+        *(Band(tr("unit {number}", number=unit), by_unit[0, unit], by_unit[1, unit]) for unit in units),
+    ]
+
+
+_SECOND_NS: Final = 1_000_000_000
+_DAY_S: Final = 86_400
+_STEPS_S: Final = (
+    60, 120, 300, 600, 900, 1800, 3600, 7200, 10_800, 21_600, 43_200,
+    *(_DAY_S * days for days in (1, 2, 7, 14, 28, 56, 112, 365)),
+)  # fmt: skip
+
+
+def time_marks(begin_ns: int, end_ns: int, most: int, zone: tzinfo) -> Iterator[tuple[int, str]]:
+    """Some times of the span, about `most` of them at most, with what to call them: `08:30`, or at midnight `11-21`."""
+    wide = (end_ns - begin_ns) / _SECOND_NS / max(1, most)
+    step = next((step for step in _STEPS_S if step >= wide), _STEPS_S[-1])
+    offset = moment_of(begin_ns / _SECOND_NS, zone).utcoffset()
+    ahead = 0 if offset is None else int(offset.total_seconds())
+    at = -(-(begin_ns // _SECOND_NS + ahead) // step) * step - ahead
+    while at * _SECOND_NS <= end_ns:
+        moment = moment_of(at, zone)
+        yield at * _SECOND_NS, f"{moment:%m-%d}" if (at + ahead) % _DAY_S == 0 else f"{moment:%H:%M}"
+        at += step

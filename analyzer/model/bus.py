@@ -27,12 +27,10 @@ from ..tables.frame import Frame
 from ..tables.schema import NO_GAP, Kind, Row, Rows
 from ..tables.transactions import NEVER, OF_ANSWER, Status, TransactionRows
 from .activity import Activity, Bins, UnitActivity
-from .bytestore import ByteStore
-from .evidence import RowEvidence, evidence_columns, evidence_of
 from .findinglog import FindingLog
 from .polls import PollIndex
 from .registers import RegisterLog
-from .rowbits import RowBits
+from .rowstores import ByteStore, RowBits, RowEvidence, evidence_columns, evidence_of
 from .source import CaptureSource, ViewSource
 from .table import PIECE, BusRows, RowState, RowTable
 

@@ -7,10 +7,9 @@ from datetime import UTC, datetime, timedelta, tzinfo
 from typing import Final
 
 from ..languages import tr
-from ..words import is_clock, moment_of
+from ..words import UNITS_NS, is_clock, moment_of
 from .bus import Bus
 
-_UNITS: Final = {"us": 1_000, "ms": 1_000_000, "s": 1_000_000_000, "min": 60_000_000_000, "h": 3_600_000_000_000}
 _DIGITS: Final = r"\d{1,12}(?:\.\d{1,12})?"
 _FRAME: Final = re.compile(r"#?\d{1,18}")
 _SHARE: Final = re.compile(rf"({_DIGITS})\s*%")
@@ -51,7 +50,7 @@ def place(text: str, bus: Bus, row: int, zone: tzinfo = UTC) -> int:
     if not bus.timed:
         raise GotoError(tr("this capture has no times: go to a frame's number or a share such as 50%"))
     if match := _STEP.fullmatch(text):
-        ns = round(float(match[2]) * _UNITS[match[3]])
+        ns = round(float(match[2]) * UNITS_NS[match[3]])
         if not match[1]:
             return bus.table.row_at_time(bus.t_first + ns)
         return bus.table.row_at_time(bus.table.value("t_start_ns", row) + (ns if match[1] == "+" else -ns))
@@ -69,7 +68,7 @@ def span(text: str, bus: Bus, zone: tzinfo = UTC, now: datetime | None = None) -
     if not bus.timed or not bus.count:
         raise GotoError(tr("no times in this capture"))
     if match := _SECONDS.fullmatch(text):
-        low, high = (round(float(match[i]) * _UNITS[match[j] or match[4]]) for i, j in ((1, 2), (3, 4)))
+        low, high = (round(float(match[i]) * UNITS_NS[match[j] or match[4]]) for i, j in ((1, 2), (3, 4)))
         return _some(bus.t_first + low, bus.t_first + high)
     match = _SPAN.fullmatch(text)
     if match is None:

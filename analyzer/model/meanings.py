@@ -97,8 +97,8 @@ def told(
 ) -> dict[Spot, Meaning]:
     """What maps and the values themselves say, by place; of a long capture its first million rows. Takes a while.
     `types` are the user's own words: they teach what is told of the rest."""
+    from ..registers.drafting import with_own_words
     from ..registers.inference import infer
-    from ..registers.ownwords import with_own_words
     from ..registers.readings import RegisterReadings
 
     registers = RegisterReadings()

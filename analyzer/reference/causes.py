@@ -6,7 +6,7 @@ import re
 from typing import Final
 
 from ..causes.registry import Suspect, suspects
-from ..languages.templates import CLAUSE
+from ..languages import CLAUSE
 
 _HEAD: Final = """\
 # Causes

@@ -22,9 +22,9 @@ from dissectors.maps.model import MapArea, MappedValue
 from dissectors.values import Order
 
 from .hypotheses import numbers
+from .looks import is_absent
 from .readings import BlockReadings
 from .values import RegisterValue
-from .wordclasses import is_absent
 
 KINDS: Final = (
     "device", "region", "edges", "cuts", "strays", "unlisted", "types", "values", "contradictions",

@@ -2,6 +2,9 @@
 
 A contradiction is only what the readings cannot be under the map: a number out of its range, a state without a name, a
 sign or an order or a type that another reading explains beyond doubt.
+
+Values out of their map's limits are among these, as plain records of evidence: whether it is a cause is judged
+elsewhere.
 """
 
 from __future__ import annotations
@@ -16,13 +19,12 @@ import numpy as np
 from dissectors.maps.model import MappedValue, RegisterMap
 from dissectors.values import Order
 
-from .floatshapes import float_classes
 from .hypotheses import numbers, patterns
 from .inference import hypothesis_number, infer
+from .looks import float_classes, is_absent
 from .readings import BlockReadings, RegisterReadings, Words
 from .roles import is_signed
 from .values import RegisterValue
-from .wordclasses import is_absent
 
 _SURE: Final = 0.985  # confidence of another reading that contradicts a map, of several values
 _LIKELY: Final = 0.7  # of one value, which is then asked for again in the light of all other rows of the map
@@ -307,3 +309,20 @@ def _stretches(registers: set[tuple[Any, int]]) -> Iterator[tuple[str, int, int]
         before = register
     if begin is not None and before is not None:
         yield begin[0], begin[1], before[1]
+
+
+@dataclass(frozen=True, slots=True)
+class LimitBreach:
+    """A mapped value that was seen beyond its least or greatest value, in words."""
+
+    unit: int
+    text: str
+
+
+def limit_breaches(readings: RegisterReadings, charts: Mapping[int, RegisterMap]) -> list[LimitBreach]:
+    """The values that their maps do not allow, by unit and address."""
+    return [
+        LimitBreach(remark.unit, f"{remark.name}: {remark.text}")
+        for remark in sorted(check_map(readings, charts), key=lambda one: (one.unit, one.area, one.address))
+        if remark.kind == "contradiction" and ("least value" in remark.text or "greatest value" in remark.text)
+    ]

@@ -24,14 +24,29 @@ from .company import (
     rhythm,
     single_kin,
 )
-from .floatshapes import decimals, float_classes, float_ordinals, in_last_digits, is_absurd, spreads
 from .hypotheses import HYPOTHESES, Hypothesis, patterns
-from .lengths import change_bits, change_lengths, directions
-from .looks import SIGNS, is_epoch, sign_classes
-from .manners import EVEN, MANNERS, evenness, manners
+from .looks import (
+    EVEN,
+    MANNERS,
+    QUIET_GROUP,
+    SIGNS,
+    change_bits,
+    change_lengths,
+    decimals,
+    directions,
+    evenness,
+    float_classes,
+    float_ordinals,
+    in_last_digits,
+    is_absurd,
+    is_epoch,
+    manners,
+    sign_classes,
+    spreads,
+    word_classes,
+)
 from .readings import Words
 from .sisters import PAIR_CODES
-from .wordclasses import QUIET_GROUP, word_classes
 
 Step = TypeVar("Step", np.int64, np.float64)
 Codes = Mapping[str, Ints]

@@ -7,8 +7,8 @@
         print(value.unit, value.address, value.type, value.confidence)
 
 Theory: each polled block is cut into values. How likely each cut is follows from the description length of the series
-under each reading (`evidence`), tables learnt on open layouts (`weights`), sums over all cuts (`chain`), and a second
-pass in the light of the whole device (`device`). A map that is known decides for its registers and teaches the rest.
+under each reading, tables learnt on open layouts, and a second pass in the light of the whole device (all three:
+`evidence`), and sums over all cuts (`chain`). A map that is known decides for its registers and teaches the rest.
 """
 
 from __future__ import annotations
@@ -25,17 +25,15 @@ from dissectors.values import Order
 
 from . import roles
 from .byteorder import exclude, swapped_floats
-from .cutting import Cut, cut_of
+from .drafting import SAID
+from .evidence import Weights, shipped_weights
 from .hypotheses import HYPOTHESES, numbers, patterns
-from .ownwords import SAID
 from .readings import BlockReadings, RegisterReadings, Words
-from .reasons import reasons
-from .relations import SeriesKey, with_relations
-from .runs import Run, run_posteriors, runs_of
+from .roles import SeriesKey, reasons, with_relations
+from .runs import Cut, Run, cut_of, run_posteriors, runs_of
 from .sisters import asked_alike
 from .texts import bit_values, text_value, texts_in
 from .values import Number, OtherReading, RegisterValue
-from .weights import Weights, shipped_weights
 
 _CLOCK_S: Final = 5.0  # seconds, before a clock is told
 _PAIRS: Final = [n for n, hypothesis in enumerate(HYPOTHESES) if hypothesis.family == "i32"]

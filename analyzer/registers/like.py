@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from captures.ragged import Ints
 
 from .hypotheses import HYPOTHESES, numbers
-from .overlay import Floats, PanelTable, best_place, clock_difference
-from .panel import PanelError
+from .panel import Floats, PanelError, PanelTable, best_place, clock_difference
 from .readings import BlockReadings, RegisterReadings
 from .values import RegisterValue
 

@@ -20,9 +20,8 @@ from dissectors.maps.model import RegisterMap
 from dissectors.maps.units import UnitMaps
 
 from ..tables.batch import Batch
-from .drafting import drafted_map
+from .drafting import Place, drafted_map, with_own_words
 from .inference import infer
-from .ownwords import Place, with_own_words
 from .pace import is_due
 from .readings import RegisterReadings
 from .values import RegisterValue

@@ -1,7 +1,12 @@
-"""Runs of neighbouring registers of one unit: the polled blocks laid over each other, with the evidence of each.
+"""Runs of neighbouring registers of one unit, and how each is cut into values.
 
-Where several blocks cover the same registers, the one with most readings speaks. A value lies within one request, so
-registers that no block covers together are never one value.
+The polled blocks are laid over each other, with the evidence of each. Where several blocks cover the same registers,
+the one with most readings speaks. A value lies within one request, so registers that no block covers together are never
+one value.
+
+From shares to answers: the segments that stand, how sure each is, and what else it may be. Answers do not overlap. The
+cut is the one in which most of what moved is read right in expectation, which is not always the likeliest cut as a
+whole.
 """
 
 from __future__ import annotations
@@ -16,14 +21,24 @@ from numpy.typing import NDArray
 from captures.ragged import Ints
 from dissectors.maps.model import MapArea
 
-from .chain import IMPOSSIBLE, chain_sums
+from .chain import IMPOSSIBLE, best_cut, chain_sums
 from .counting import NONE, Codes
-from .device import DEVICE_ORDERS, device_codes, device_counts, padded, way_codes, way_counts, zero_codes, zero_counts
-from .evidence import BlockEvidence, block_evidence
-from .hypotheses import HYPOTHESES, moved_registers
+from .evidence import (
+    DEVICE_ORDERS,
+    BlockEvidence,
+    Weights,
+    block_evidence,
+    device_codes,
+    device_counts,
+    padded,
+    way_codes,
+    way_counts,
+    zero_codes,
+    zero_counts,
+)
+from .hypotheses import HYPOTHESES, WORDS, moved_registers
 from .readings import BlockReadings, Words
 from .sisters import Mask, pair_codes, pooled, sister_runs
-from .weights import Weights
 
 Floats = NDArray[np.float64]
 _TOGETHER: Final = 0.5  # what counts of a device's values for its word order: pairs in a row say one thing, not many
@@ -186,3 +201,58 @@ def _alike(runs: Sequence[Run]) -> list[list[int]]:
     for number, run in enumerate(runs):
         groups.setdefault(run.length.bit_length(), []).append(number)
     return list(groups.values())
+
+
+_QUIET = 0.02  # what a register that never moved counts beside one that did
+_LONE = 0.85  # and a moving one beside a quiet one as one value: in doubt it stands alone, which gives the same number
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cut:
+    """A value at register `at` of a run under hypothesis `number`; `second` is (register, hypothesis, share) of the
+    likeliest segment that this one excludes."""
+
+    run: Run
+    at: int
+    number: int
+    confidence: float
+    moved: bool
+    second: tuple[int, int, float] | None
+
+
+def cut_of(run: Run, posterior: NDArray[np.float64]) -> list[Cut]:
+    """The values of a run, by address."""
+    registers = moved_registers(run.moved)
+    moves = registers > 0
+    lone = (registers == 1) & (WORDS == 2)
+    counted = np.sqrt(registers) * np.where(lone, _LONE, 1.0) + _QUIET  # half way from values to registers
+    gains = np.where(run.fits, posterior * counted, -np.inf)
+    cuts = []
+    for at, number in best_cut(gains):
+        cuts.append(
+            Cut(
+                run,
+                at,
+                number,
+                float(np.clip(posterior[at, number], 0.0, 1.0)),
+                bool(moves[at, number]),
+                _second(posterior, moves, at, number),
+            )
+        )
+    return cuts
+
+
+def _second(
+    posterior: NDArray[np.float64], moves: NDArray[np.bool_], at: int, number: int
+) -> tuple[int, int, float] | None:
+    """The likeliest other segment that has a register in common with this one; one that moved, if this one did."""
+    end = at + HYPOTHESES[number].words
+    best: tuple[int, int, float] | None = None
+    for rival, hypothesis in enumerate(HYPOTHESES):
+        for begin in range(max(0, at - hypothesis.words + 1), min(end, len(posterior))):
+            share = float(posterior[begin, rival])
+            if (begin, rival) == (at, number) or share <= 0 or (moves[at, number] and not moves[begin, rival]):
+                continue
+            if best is None or share > best[2]:
+                best = (begin, rival, share)
+    return best

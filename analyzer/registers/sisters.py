@@ -19,8 +19,8 @@ from captures.ragged import Ints
 from dissectors.maps.model import MapArea
 
 from .hypotheses import LONGEST
+from .looks import WORD_CLASSES, word_classes
 from .readings import BlockReadings
-from .wordclasses import WORD_CLASSES, word_classes
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]

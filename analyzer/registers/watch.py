@@ -16,8 +16,8 @@ from dissectors.maps.model import MappedValue, RegisterMap
 
 from ..tables.batch import Batch
 from ..tables.columns import decode
+from .checking import LimitBreach, limit_breaches
 from .inference import infer
-from .limits import LimitBreach, limit_breaches
 from .mapped import MappedColumn, limits_broken, mapped_columns
 from .readings import RegisterReadings
 

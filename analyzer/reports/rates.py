@@ -12,7 +12,7 @@ from ..tables.schema import Kind, Rows
 from .model import RateRow
 
 if TYPE_CHECKING:
-    from captures.edges.spans import BitSpans
+    from captures.edges.source import BitSpans
 
 _CLIENT: Final = 256  # behind the units
 _LEAST: Final = 200  # bits that a rate is told of: each edge is seen a sample late at the most

@@ -20,7 +20,7 @@ from ..core import observed
 from ..diagnosis.tap_clock import TapClock
 from ..options import Options
 from ..outages import deaf_times, notes_of
-from ..tables.percentiles import Histogram
+from ..tables.bins import Histogram
 from ..tables.schema import Kind, Rows
 from ..tables.transactions import Status, TransactionRows
 from ..usernotes import Notes, marked_rows
@@ -280,7 +280,7 @@ def summarize(
     watch: Callable[[Analysed], None] | None = None,
     values: ValueWatch | None = None,
 ) -> Report:
-    """Deframe a capture and report on it, or on what passes a filter (`analyzer.filters.stream`).
+    """Deframe a capture and report on it, or on what passes a filter (`analyzer.filters.evaluation`).
 
     `watch` sees every batch too, for a page that shows more than the counts; `values` gathers what registers held.
     `progress` is told (frames, bytes) after each batch; once `stop` says True the report is made of what came so far.
@@ -293,7 +293,7 @@ def summarize(
     ledger = Ledger(line, options) if filter is None else None  # a part of a bus tells no story
     stream = analyse(observed(capture, stop=stop), options)
     if filter is not None:
-        from ..filters.stream import filtered
+        from ..filters.evaluation import filtered
 
         stream = filtered(summary.hear(stream), filter, line)
     notes, marks = Notes.of_capture(capture.path), list[BookmarkRow]()

@@ -7,10 +7,9 @@
     made = simulate(Scenario("clean", "precise", defect="byte-missing"))
     made.findings   # what is wrong, and where
 
-One idea a file: `devices` answer, `conversation` asks them, `hostile` makes payloads that fool a CRC scan, `line` puts
-the bytes into time, `faults` spoil them as often as `wires` say, `taps` cut what is left into chunks, `truth` says what
-was where; `defects` put one thing that is wrong on a healthy bus. The same scenario gives the same bytes wherever
-`random.Random` does.
+One idea a file: `devices` answer, `conversation` asks them, `line` puts the bytes into time, `wires` say how often and
+how they are spoilt, `taps` cut what is left into chunks, `truth` says what was where; `defects` put one thing that is
+wrong on a healthy bus. The same scenario gives the same bytes wherever `random.Random` does.
 """
 
 from __future__ import annotations

@@ -17,9 +17,8 @@ from .defects import defects
 from .defects.stage import Stage
 from .line import play
 from .mapped.client import MappedClient
-from .mapped.truth import TruthRegister
 from .taps import TAPS, with_errors
-from .truth import Scenario, TruthFinding, TruthFrame
+from .truth import Scenario, TruthFinding, TruthFrame, TruthRegister
 from .wires import WIRES
 
 

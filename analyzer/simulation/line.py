@@ -18,9 +18,8 @@ from dataclasses import dataclass
 from random import Random
 
 from .conversation import Asking, Exchange
-from .faults import FAULTS
 from .truth import TruthFrame
-from .wires import Wire
+from .wires import FAULTS, Wire
 
 MS = 1e6  # ns
 _START_NS = 100 * MS

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 from dissectors.functions import function_code
 
 from ..languages import tr
-from ..model.pollvalues import poll_values
+from ..model.polls import poll_values
 
 if TYPE_CHECKING:
     from .screen import BusScreen

@@ -14,9 +14,8 @@ from textual.binding import Binding, BindingType
 from textual.strip import Strip
 
 from ..languages import counted, tr
-from ..model.bands import Band, bands
-from ..model.explained import rows_of_causes
-from ..model.timemarks import time_marks
+from ..model.activity import Band, bands, time_marks
+from ..model.findinglog import rows_of_causes
 from ..words import is_clock, percent, short
 from .keptfilters import kept_tests
 from .messages import RowWanted, SpanChosen, SpanSeen

@@ -12,7 +12,7 @@ from textual.cache import LRUCache
 from dissectors.values import Area, logical
 
 from ..languages import tr
-from ..model.pollvalues import TransactionValues, poll_values
+from ..model.polls import TransactionValues, poll_values
 from ..model.selection import ListRows, Selection, Unfolded, transactions
 from ..tables.schema import Kind
 from ..words import pointed_ms

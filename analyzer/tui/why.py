@@ -14,7 +14,7 @@ from .items import Item
 
 if TYPE_CHECKING:
     from ..model.bus import Bus
-    from ..model.evidence import RowEvidence
+    from ..model.rowstores import RowEvidence
 
 _RULER: Final = 14  # columns
 _BITS: Final = 2.0  # a column of a bar

@@ -11,7 +11,7 @@ sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parents[2])]
 
 import attack  # noqa: E402 - from its own folder
 from attack import damage, fuzz, kills, lines, storms  # noqa: E402
-from attack.outcome import Outcome  # noqa: E402
+from attack.target import Outcome  # noqa: E402
 
 # Name: what runs it, how often in the short campaign, in the long one.
 ATTACKS: dict[str, tuple[Callable[..., Outcome], int, int]] = {

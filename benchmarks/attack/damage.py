@@ -16,7 +16,7 @@ from typing import Final
 from mcap.reader import make_reader
 
 import captures
-from attack.outcome import Outcome
+from attack.target import Outcome
 from captures import Block, Chunk, LineSettings
 from captures.formats.mcap.channel import ChunkChannel
 from captures.formats.mcap.records import TOPIC

@@ -24,8 +24,7 @@ from typing import Final
 
 from attack import account
 from attack.inputs import spoilt
-from attack.outcome import Outcome
-from attack.target import Target
+from attack.target import Outcome, Target
 from attack.targets import targets
 
 MEGABYTES: Final = 300

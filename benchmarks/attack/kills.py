@@ -20,7 +20,7 @@ from random import Random
 from typing import Final
 
 import captures
-from attack.outcome import Outcome
+from attack.target import Outcome
 from captures.recording.repair import repair
 
 MOST_LOST_S: Final = 1.0

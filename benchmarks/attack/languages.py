@@ -248,7 +248,7 @@ def _given(data: bytes, chance: Random) -> None:
     from datetime import UTC, timedelta, timezone
 
     from analyzer.cli.exits import UsageError
-    from analyzer.cli.moments import moment, time_span
+    from analyzer.cli.quantities import moment, time_span
     from analyzer.model import goto, search
 
     text = data.decode(errors="replace")[:6000]
@@ -271,7 +271,7 @@ def _given(data: bytes, chance: Random) -> None:
 def language_targets() -> list[Target]:
     """All of them."""
     from analyzer.checks.errors import CheckError
-    from analyzer.checks.rulesfile import RulesFileError
+    from analyzer.checks.parsing import RulesFileError
     from analyzer.filters import FilterError
     from analyzer.model.goto import GotoError
     from analyzer.model.search import SearchError

@@ -21,7 +21,7 @@ from random import Random
 from typing import Final, Protocol
 
 import captures
-from attack.outcome import Outcome
+from attack.target import Outcome
 
 _START: Final = "import sys; from analyzer.cli import main; sys.exit(main())"
 _RESTARTS: Final = 3

@@ -14,8 +14,18 @@ from typing import Final
 sys.path.append(str(Path(__file__).parents[2] / "tests" / "support"))
 
 from packets import Talk, pcap, pcapng, read_answer, read_request
-from wave_files import binary_export, edge_table, sample_table, scope_table, sr, vcd, vector_dump
-from wave_forms import edges_of, frames_on_line, sampled
+from waves import (
+    binary_export,
+    edge_table,
+    edges_of,
+    frames_on_line,
+    sample_table,
+    sampled,
+    scope_table,
+    sr,
+    vcd,
+    vector_dump,
+)
 
 _RTU: Final = (bytes.fromhex("1103006b00037687"), bytes.fromhex("110306ae415652434049ad"))
 _TABLES: Final = (

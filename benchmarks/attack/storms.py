@@ -19,7 +19,7 @@ from typing import Final
 from unittest import mock
 
 import captures
-from attack.outcome import Outcome
+from attack.target import Outcome
 from captures import Block, Chunk, LineSettings
 from captures.recording import mcapfile, recorder, ring
 from captures.recording.mcapfile import PART

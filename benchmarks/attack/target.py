@@ -1,11 +1,11 @@
-"""What an attack feeds inputs to, and what more than one kind of target needs."""
+"""What an attack feeds inputs to, what more than one kind of target needs, and what an attack gives."""
 
 from __future__ import annotations
 
 import os
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from random import Random
@@ -64,3 +64,17 @@ def conversation(chance: Random, count: int = 20) -> list[Chunk]:
         errors = (chance.randrange(len(data)),) if chance.random() < 0.1 else ()
         chunks.append(Chunk(t_ns, data, chance.choice((0, 0, 1)), chance.choice(tuple(Mark)), errors))
     return chunks
+
+
+@dataclass
+class Outcome:
+    """`failures` are a line or more each, with what brings them back."""
+
+    name: str
+    tried: int = 0
+    figures: str = ""
+    failures: list[str] = field(default_factory=list)
+
+    def __str__(self) -> str:
+        held = "held" if not self.failures else f"DID NOT HOLD {len(self.failures)} times"
+        return f"{self.name}: {self.tried:,} tried, {held}; {self.figures}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from edges import alone, lines, streams  # noqa: F401 - each registers its classes
+from edges import lines, streams  # noqa: F401 - each registers its classes
 from edges.registry import EDGES
 
 __all__ = ["EDGES"]

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from random import Random
 
 from edges.frames import adu, answer, request, some, vendor
-from edges.registry import ALL_TAPS, Edge, edge
-from edges.wires import Bus
+from edges.registry import ALL_TAPS, Bus, Edge, edge
 
 
 def healthy(bus: Bus, random: Random, polls: Sequence[bytes]) -> None:

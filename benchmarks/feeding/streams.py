@@ -9,7 +9,7 @@ from random import Random
 from typing import Final
 
 from edges.frames import answer, request, some, vendor
-from edges.wires import Bus
+from edges.registry import Bus
 
 from analyzer.simulation import TAPS
 from captures import Chunk, LineSettings

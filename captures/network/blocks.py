@@ -1,15 +1,17 @@
-"""Blocks of pcapng files as bytes, and what this tool puts into such files for itself: settings of the line, raw reads.
+"""Blocks of pcapng files as bytes, and what this tool puts into such files for itself.
 
-Raw reads stand in blocks of a type for local use, which other programs step over: columns of reads, packed by zlib. So
-a file of frames that Wireshark dissects still holds the capture that they came from, bit for bit.
+Settings of the line and raw reads. Raw reads stand in blocks of a type for local use, which other programs step over:
+columns of reads, packed by zlib. So a file of frames that Wireshark dissects still holds the capture that they came
+from, bit for bit. And what it says in comments of packets, for people, and for itself when it reads the file again.
 """
 
 from __future__ import annotations
 
 import json
+import re
 import struct
 import zlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -18,6 +20,8 @@ from numpy.typing import NDArray
 from ..chunks import Block, columns
 from ..limits import TIME_LIMIT
 from ..line import LineSettings
+from ..recording.notes import Note
+from .packets import LONGEST
 
 SECTION, INTERFACE, OLD_PACKET, SIMPLE_PACKET, ENHANCED_PACKET = 0x0A0D0D0A, 1, 2, 3, 6
 READS: Final = 0x80527473  # for local use
@@ -101,3 +105,43 @@ def reads_in(body: bytes) -> Block:
         raise ValueError("values out of their range")
     extras: dict[str, NDArray[np.generic]] = {"port": port, "mark": mark, "errors": errors}
     return columns(data[14 * count + 4 * wrong :], sizes, t_ns, timed=bool(timed), extras=extras)
+
+
+_ERRORS: Final = re.compile(r"parity or framing error at bytes? (\d{1,8}(?:-\d{1,8})?(?:, \d{1,8}(?:-\d{1,8})?)*)")
+_RANGES: Final = 1000  # in one comment
+_NOTE: Final = re.compile(r"note ([\w-]{1,40}): (.*)", re.S)
+
+
+def errors_comments(offsets: Sequence[int]) -> list[str]:
+    """The comments on a packet with bytes in error; `offsets` are theirs, ascending."""
+    ranges: list[list[int]] = []
+    for offset in offsets:
+        if ranges and ranges[-1][1] == offset - 1:
+            ranges[-1][1] = offset
+        else:
+            ranges.append([offset, offset])
+    words = [str(first) if first == last else f"{first}-{last}" for first, last in ranges]
+    parts = [", ".join(words[i : i + _RANGES]) for i in range(0, len(words), _RANGES)]
+    return [f"parity or framing error at byte{'s' if len(offsets) > 1 else ''} {part}" for part in parts]
+
+
+def errors_of(comment: str) -> list[int] | None:
+    """The offsets that `errors_comments` wrote; None for another comment."""
+    match = _ERRORS.fullmatch(comment)
+    if match is None:
+        return None
+    bounds = [[int(number) for number in word.split("-")] for word in match[1].split(", ")]
+    if sum(bound[-1] - bound[0] for bound in bounds) > LONGEST:
+        return None
+    return [offset for bound in bounds for offset in range(bound[0], bound[-1] + 1)]
+
+
+def note_comment(note: Note) -> str:
+    """A note of a recording as a comment."""
+    return note.text if note.kind == "comment" else f"note {note.kind}: {note.text}"
+
+
+def note_of(t_ns: int, comment: str) -> Note:
+    """A comment as a note of the capture."""
+    match = _NOTE.fullmatch(comment)
+    return Note(t_ns, "comment", comment) if match is None else Note(t_ns, match[1], match[2])

@@ -21,9 +21,9 @@ from ..line import LineSettings
 from ..ragged import copy_pieces
 from ..recording.notes import Note as LineNote
 from . import links
+from .blocks import errors_of, note_of
 from .choosing import SAMPLE, SAMPLE_BYTES, kind_of, looks_foreign, may_begin, whole_adus
 from .packets import Bytes, Interface, Ints, PacketFile, Packets, take_number
-from .remarks import errors_of, note_of
 from .tcp import ConnectionGroup, Half, Reassembly
 
 TAP: Final = "network"  # the line's `tap`, where bytes came over TCP

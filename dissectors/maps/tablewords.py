@@ -8,7 +8,7 @@ from typing import Final
 
 from .cells import CellError, area_of
 from .model import AREA_WORDS, MapArea
-from .tableaddresses import together
+from .tablecells import together
 
 _HEADING: Final = 60  # characters
 _HEADINGS: Final[Mapping[str, str]] = {

@@ -1,22 +1,33 @@
-"""Bytes, chunks and rows for tests: frames of every kind, streams of them, and what the deframer makes of a stream."""
+"""Bytes, chunks and rows for tests: frames of every kind, streams of them, and what the deframer makes of a stream.
+
+Whole captures as one batch, and pieces of them: for tests that look at rows across batches. And a meter that is polled:
+one float, as often as wanted.
+"""
 
 from __future__ import annotations
 
+import struct
 from array import array
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from random import Random
 
+import numpy as np
 import pytest
 from hypothesis import strategies as st
 
+import captures
+from analyzer.core import Analysed, analyse
 from analyzer.deframing.stream import RtuDeframer
+from analyzer.filters import BatchTable
 from analyzer.options import Options
 from analyzer.simulation import TAPS
 from analyzer.tables.batch import Batch
+from analyzer.tables.findings import Findings
 from analyzer.tables.schema import Kind, Rows
-from captures.chunks import Block, Chunk
+from analyzer.tables.transactions import TransactionRows
+from captures.chunks import Block, Capture, Chunk
 from captures.line import LineSettings
 from dissectors.crc import crc_bytes
 
@@ -162,3 +173,50 @@ def cut(draw: st.DrawFn, data: bytes) -> list[Chunk]:
         chunks.append(Chunk(now, data[at : at + size]))
         at += size
     return chunks
+
+
+def joined(batches: Iterable[Batch]) -> Batch:
+    """All rows of a capture as one batch."""
+    parts = list(batches)
+    shifts = np.cumsum([0, *(len(part.data) for part in parts)])
+    rows = Rows.joined([part.rows for part in parts])
+    rows.at[:] += np.repeat(shifts[:-1], [len(part) for part in parts])
+    found = [part.findings for part in parts if part.findings is not None]
+    data = np.concatenate([part.data for part in parts])
+    return Batch(rows, data, findings=Findings.joined(found) if found else None)
+
+
+def whole(capture: Capture) -> Analysed:
+    """A capture analysed, as one."""
+    found = list(analyse(capture))
+    batch = joined(each.batch for each in found)
+    assert batch.findings is not None
+    return Analysed(batch, TransactionRows.joined([each.transactions for each in found]), batch.findings)
+
+
+def table(capture: Capture) -> BatchTable:
+    """A capture as a filter sees it."""
+    one = whole(capture)
+    return BatchTable(one.batch, capture.line, transactions=one.transactions)
+
+
+def piece(one: Analysed, capture: Capture, first: int, last: int) -> Analysed:
+    """Rows `first` to `last` of it, with what is said of them, as the pipeline would give them."""
+    batch = BatchTable(one.batch, capture.line).batch(first, last)
+    rows, spots = batch.rows, one.findings
+    mine = [
+        bool(((rows.port == port) & (rows.start == start)).any())
+        for port, start in zip(spots.port.tolist(), spots.start.tolist(), strict=True)
+    ]
+    findings = spots[np.array(mine, np.bool_)] if len(mine) else spots
+    begun = one.transactions[np.isin(one.transactions.request, rows.index)]
+    return Analysed(replace(batch, findings=findings), begun, findings)
+
+
+def write_meter(path: Path, values: list[float]) -> None:
+    """One unit's holding registers 0 and 1, a float, polled once a second."""
+    chunks = []
+    for i, value in enumerate(values):
+        for at, frame in ((0, bytes.fromhex("010300000002")), (20, b"\x01\x03\x04" + struct.pack(">f", value))):
+            chunks.append(Chunk(1_780_000_000_000_000_000 + i * 10**9 + at * 10**6, frame + crc_bytes(frame)))
+    captures.write(path, Capture.of(LineSettings(baud=19200, char_bits=10), chunks))

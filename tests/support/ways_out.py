@@ -29,7 +29,8 @@ from analyzer.model.source import CaptureSource
 from analyzer.reports.model import Report
 from analyzer.tables.batch import Batch
 from analyzer.tables.columns import decode
-from analyzer.tables.findings import described
+from analyzer.tables.findings import Finding, described
+from analyzer.tables.frame import Frame
 from analyzer.tables.schema import Kind
 from analyzer.tables.values import confirmed_values
 from captures.chunks import Capture
@@ -56,17 +57,20 @@ def of_batches(batches: Iterable[Batch]) -> Facts:
     for batch in batches:
         for row in range(len(batch)):
             frame = batch.frame(row)
-            noise = frame.row.kind == Kind.NOISE
-            facts[frame.port, frame.start] = RowFacts(
-                "noise" if noise else frame.direction,
-                frame.length,
-                None if noise else frame.unit,
-                None if noise else frame.function,
-                None if noise else frame.request_start,
-                None if noise else frame.response_time_ns,
-                tuple(sorted(finding.code for finding in batch.findings_of(row))),
-            )
+            facts[frame.port, frame.start] = _of_frame(frame, frame.row.kind == Kind.NOISE, batch.findings_of(row))
     return facts
+
+
+def _of_frame(frame: Frame, noise: bool, findings: Iterable[Finding]) -> RowFacts:
+    return RowFacts(
+        "noise" if noise else frame.direction,
+        frame.length,
+        None if noise else frame.unit,
+        None if noise else frame.function,
+        None if noise else frame.request_start,
+        None if noise else frame.response_time_ns,
+        tuple(sorted(finding.code for finding in findings)),
+    )
 
 
 def of_bus(analysis: Analysis) -> Counter[str]:
@@ -193,16 +197,7 @@ def model_rows(capture: Capture) -> tuple[Facts, Counter[str]]:
     facts: Facts = {}
     for row in range(bus.count):
         frame = bus.frame(row)
-        noise = bus.is_noise(row)
-        facts[frame.port, frame.start] = RowFacts(
-            "noise" if noise else frame.direction,
-            frame.length,
-            None if noise else frame.unit,
-            None if noise else frame.function,
-            None if noise else frame.request_start,
-            None if noise else frame.response_time_ns,
-            tuple(sorted(finding.code for finding in bus.findings(row))),
-        )
+        facts[frame.port, frame.start] = _of_frame(frame, bool(bus.is_noise(row)), bus.findings(row))
     placeless = Counter(bus.found.finding(i).code for i in range(bus.found.count) if bus.found.row(i) < 0)
     return facts, placeless
 

@@ -2,11 +2,10 @@
 
 A line is put together from pieces that were encoded once, each from what annotation said of it (`pieces`): what a field
 says hangs on little more than its own bytes, so a table has most of it. A frame that is not of such a form (`forms`) is
-annotated whole (`whole`).
+annotated whole.
 """
 
 from .envelope import explain_json, noise_json
-from .lines import FrameJsonLines
-from .objects import FramesAhead
+from .lines import FrameJsonLines, FramesAhead
 
 __all__ = ["FrameJsonLines", "FramesAhead", "explain_json", "noise_json"]

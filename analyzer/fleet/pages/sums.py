@@ -6,8 +6,7 @@ from collections.abc import Iterable
 from itertools import groupby
 from typing import Any, Final
 
-from ...words import CLOCK_FROM_NS
-from ..datasets import DAY_NS
+from ...words import CLOCK_FROM_NS, DAY_NS
 from ..lake import Lake
 from ..questions import UNIT_COLUMNS
 

@@ -7,9 +7,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from ...tables.bins import TimeBins
 from ...tables.findings import Findings, Severity, rules
 from ...tables.schema import Rows
-from ...tables.timebins import TimeBins
 
 TROUBLE_BINS: Final = 240
 _FIRST_TROUBLE_BIN_NS: Final = 1_000_000

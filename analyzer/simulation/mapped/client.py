@@ -14,8 +14,8 @@ from typing import Final
 from dissectors.maps.model import READ_FUNCTIONS, MapArea, MappedValue, RegisterMap
 
 from ..conversation import Exchange, adu
+from ..truth import TruthRegister
 from .device import MappedDevice, encoded
-from .truth import TruthRegister
 
 _LAST: Final = 0x10000
 _MOST: Final = 125

@@ -15,8 +15,7 @@ from typing import Final
 from ..cells import area_and_address
 from ..model import DIGIT_OF_AREA, VALUE_TYPES, MapArea, MapError
 from ..table import csv_rows
-from ..tableaddresses import AddressForm, address_form, address_of
-from ..tabletypes import is_inverse, order_of, says_order, type_of
+from ..tablecells import AddressForm, address_form, address_of, is_inverse, order_of, says_order, type_of
 from ..tablewords import (
     access_of,
     area_of_cell,

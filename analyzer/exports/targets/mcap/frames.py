@@ -1,4 +1,7 @@
-"""Frames and noise as messages, a row of the batch each, in the order of their ends."""
+"""Frames, noise and transactions as messages, one each.
+
+Rows of a batch come in the order of their ends, transactions once they are settled.
+"""
 
 from __future__ import annotations
 
@@ -16,8 +19,10 @@ from captures.ragged import Ints
 
 from ....tables.batch import Batch
 from ....tables.columns import Decoded
+from ....tables.delays import delay_bounds
 from ....tables.frame import adu_of
 from ....tables.schema import BoundaryEvidence, Kind, Protocol, Rows
+from ....tables.transactions import TransactionRows
 
 _RENAMED: Final = {"direction": "kind", "crc_ok": "check"}
 _PLAIN: Final = ("index", "start", "length", "t_start_ns", "direction", "unit", "function", "crc_ok", "confidence")
@@ -94,3 +99,29 @@ def _bytes(batch: Batch, which: Ints, rows: Rows) -> Tails:
     adus = [adu_of(batch.bytes_of(row), int(batch.rows.protocol[row])).data for row in which.tolist()]
     sizes = np.array([len(adu) for adu in adus], np.int64)
     return Tails(np.frombuffer(b"".join(adus), np.uint8), np.cumsum(sizes) - sizes, sizes)
+
+
+def transaction_messages(settled: TransactionRows, off_ns: float, message: Message, channel: int) -> Iterator[Packed]:
+    """All of them in the order of their times: the start of the answer, or the end of a request that got none."""
+    times = np.where(settled.response >= 0, settled.t_response_ns, settled.t_request_ns)
+    if np.any(times[1:] < times[:-1]):
+        order = np.argsort(times, kind="stable")
+        settled, times = settled[order], times[order]
+    for first in range(0, len(settled), AT_ONCE):
+        block = slice(first, first + AT_ONCE)
+        yield _packed_transactions(settled[block], off_ns, times[block], message, channel)
+
+
+def _packed_transactions(
+    settled: TransactionRows, off_ns: float, times: Ints, message: Message, channel: int
+) -> Packed:
+    flags = [name for name in ("retry", "late") if settled.column(name).any()]
+    heads = packing.heads(message.layout(HEAD, {"retry", "late"} - {*flags}), len(settled))
+    for name in ("request", "unit", "function", "status", *flags):
+        heads[name] = settled.column(name)
+    message.put(heads, "response", settled.response, present=settled.response >= 0)
+    exact, low, high = delay_bounds(np.where(settled.response >= 0, settled.response_ns, -1), off_ns)
+    message.put(heads, "response_time_ms", exact / 1e6, present=exact >= 0)
+    message.put(heads, "response_time_low_ms", low / 1e6, present=low >= 0)
+    message.put(heads, "response_time_high_ms", high / 1e6, present=low >= 0)
+    return packing.packed(channel, times, [PackedPart(None, heads)])

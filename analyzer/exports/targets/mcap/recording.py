@@ -20,12 +20,9 @@ from ....tables.findings import Findings
 from ....version import __version__
 from ...output import OutputStream
 from ...sink import ExportOptions
-from .findings import Log
-from .frames import frame_messages, noise_messages
-from .mapped import MappedTopics
-from .stories import Stories
-from .transactions import transaction_messages
-from .values import UnitAreas
+from .frames import frame_messages, noise_messages, transaction_messages
+from .logs import Log, Stories
+from .values import MappedTopics, UnitAreas
 
 if TYPE_CHECKING:
     from captures import Block, Capture

@@ -1,7 +1,9 @@
-"""Tutorials and how-tos: every command runs as it stands there, and shows what stands below it; the site builds.
+"""What the pages say is what the tool does, and the site builds.
 
-A block of `text` below commands is what the last of them prints, `...` for lines left out; one of `console` is like it,
-digits apart.
+Tutorials and how-tos: every command runs as it stands there, and shows what stands below it. A block of `text` below
+commands is what the last of them prints, `...` for lines left out; one of `console` is like it, digits apart. What the
+README and the page for Python show is what the tool does. The Russian page keeps up with it: its codes and their
+severities, its commands and their options. `docs/findings.md` is what the rules declare, and shows each at work.
 """
 
 from __future__ import annotations
@@ -11,6 +13,7 @@ import importlib.util
 import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 import threading
@@ -20,6 +23,12 @@ from pathlib import Path
 
 import pytest
 from running import ROOT, spawned
+
+from analyzer.cli import main
+from analyzer.cli.app import Parser
+from analyzer.cli.commands import add_arguments
+from analyzer.reference.findings import markdown
+from analyzer.tables.findings import rules
 
 DOCS = ROOT / "docs"
 PAGES = sorted(page for folder in ("tutorials", "howto") for page in (DOCS / folder).glob("*.md"))
@@ -120,3 +129,78 @@ def test_the_site_builds(tmp_path):
     assert done.returncode == 0, done.stdout + done.stderr
     for page in PAGES:
         assert (tmp_path / "site" / page.relative_to(DOCS).with_suffix("") / "index.html").exists()
+
+
+RUSSIAN = (DOCS / "ru.md").read_text(encoding="utf-8")
+COMMANDS = re.findall(r"^rtuscope (.+?)(?: {2,}#.*)?$", RUSSIAN, re.MULTILINE)
+
+
+def test_every_finding_stands_there_with_its_severity() -> None:
+    told = {code: letter for letter, code in re.findall(r"^\| ([EWN]) \| `([a-z-]+)` \|", RUSSIAN, re.MULTILINE)}
+    assert told == {rule.code: rule.severity.name[0] for rule in rules()}
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_is_one(command: str) -> None:
+    name, *given = shlex.split(command)
+    parser = Parser(prog=name)
+    add_arguments(parser, name)
+    assert parser.parse_args(given)
+
+
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+PYTHON = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
+
+
+def test_the_parsed_frame(capsys: pytest.CaptureFixture[str]) -> None:
+    shown = re.search(r"```text\n\$ rtuscope (parse [0-9A-F ]+)\n(.*?)\n```", README, re.DOTALL)
+    assert shown is not None
+    assert main(shown[1].split()) == 0
+    assert capsys.readouterr().out.rstrip() == shown[2]
+
+
+def test_the_report_of_the_bundled_sample(capsys: pytest.CaptureFixture[str]) -> None:
+    shown = re.search(r"```text\n(capture .*?)\n\.\.\.\n```", README, re.DOTALL)
+    assert shown is not None
+    assert main(["demo"]) == 0
+    assert capsys.readouterr().out.startswith(shown[1])
+
+
+def test_the_vendor_function(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    declared = re.search(r"```python\n(from construct import .*?)\n```", PYTHON, re.DOTALL)
+    assert declared is not None
+    file = tmp_path / "trend.py"
+    file.write_text(declared[1])
+    assert main(["parse", "--functions", str(file), "--role", "request", "01 41 07 50 22"]) == 0
+    assert "trend of 7" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("begin", ["import analyzer", "from analyzer import Deframer"])
+def test_what_is_done_from_python(begin: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    code = re.search(rf"```python\n({begin}.*?)\n```", PYTHON, re.DOTALL)
+    assert code is not None
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(ROOT / "captures" / "samples" / "troubled.jsonl", "bus.jsonl")
+    done = subprocess.run([sys.executable, "-c", code[1]], capture_output=True, text=True, check=True)
+    assert "all-silent" in done.stdout or "read 3 holding registers" in done.stdout
+
+
+def test_every_file_that_is_named_exists() -> None:
+    names = re.findall(r"\]\(([^)#:]+)\)", README)
+    assert names
+    for name in names:
+        assert (ROOT / name).exists(), name
+
+
+def test_the_page_is_of_these_rules() -> None:
+    page = DOCS / "findings.md"
+    assert page.read_text(encoding="utf-8") == markdown(), "write it anew: python -m analyzer.reference.findings"
+
+
+def test_every_rule_says_when_why_and_what_to_do() -> None:
+    for rule in rules():
+        assert rule.when, rule.code
+        assert rule.cause, rule.code
+        assert rule.remedy, rule.code
+        assert rule.when[0].islower() or rule.when.startswith(("UART", "CRC")), rule.code
+        assert not rule.when.endswith("."), rule.code
