@@ -132,6 +132,8 @@ def _level_of_signed(tokens: list[str], gap: str) -> Writing:
     count, numbers = len(tokens), all(token.isdigit() for token in tokens)
     if (gap in "/." and count < 5) or all(token.isalpha() for token in tokens):
         return Writing.NUMBER  # a date, an address, a version, words
+    if is_ruler(tokens):
+        return Writing.NUMBER
     if gap == ":" and count == _MAC_LENGTH:
         return Writing.LIKELY
     if count > 3 or (count == 3 and not numbers):

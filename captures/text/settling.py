@@ -56,7 +56,7 @@ def settle(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -
 def _speaks_for_itself(run: ByteRun, line: LogLine, experience: Experience) -> bool:
     if run.sure or run.checked:
         return True
-    if run.level is Writing.NUMBER and is_ruler(line.clean[run.start : run.end].split()):
+    if run.level is Writing.NUMBER and is_ruler(re.findall(r"\w+", line.clean[run.start : run.end])):
         return False
     if run.halved and not experience.other:
         return False
