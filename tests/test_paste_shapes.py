@@ -92,10 +92,11 @@ def test_times_of_a_log_are_used(name: str, tmp_path: Path) -> None:
     assert len(times) == len(log)
 
 
+@pytest.mark.parametrize("suffix", [".txt", ".csv"])
 @pytest.mark.parametrize("name", DECODERS)
-def test_a_decoders_table_gives_each_byte_its_time(name: str, tmp_path: Path) -> None:
+def test_a_decoders_table_gives_each_byte_its_time(name: str, suffix: str, tmp_path: Path) -> None:
     log, text, _ = made(name, DECODERS[name], 3)
-    path = tmp_path / "table.txt"
+    path = tmp_path / f"table{suffix}"
     path.write_text(text, encoding="utf-8")
     chunks = list(captures.open(path, judge=judge).chunks())
     assert b"".join(chunk.data for chunk in chunks) == b"".join(message.data for message in log)

@@ -44,6 +44,7 @@ _OD_WORDS: Final = re.compile(r"^[0-7]{7}(?: +[0-7]{6})+\s*$")
 _QUOTE: Final = re.compile(r"^\s*>(?:\s*>)*\s(?=\s*\S)")
 _JPNEVULATOR: Final = re.compile(r"^\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{6}: (?P<label>\S.*?)\s*$")
 _SOCAT_BYTES: Final = re.compile(r"^ ((?:[0-9a-f]{2} ){0,15}[0-9a-f]{2})(?:  .*)?$")
+_OCTET: Final = re.compile(r"(?<![0-9A-Za-z])[0-9A-Fa-f]{2}[hH](?![0-9A-Za-z])")
 _LABELLED: Final = 56  # characters of a heading that name it
 _REMEMBERED: Final = 2048  # lines
 _FULL_ROW: Final = 8  # bytes of a row after which a read may go on in the next
@@ -305,7 +306,7 @@ class LineReader:
         label = label_in(rest[-_LABELLED:])
         parted, cells = marks_of_cells(rest, line_marks)
         self._heading = Heading(mark, t_ns, fine, label, port, left, bare, columns=columns, parted=parted, cells=cells)
-        line.quiet = bare and line.t_ns is not None
+        line.quiet = bare and line.t_ns is not None and _OCTET.search(rest) is None
 
     def _placed(self, line: LogLine, stamp: stamps.Stamp | None, mark: int) -> LogLine:
         """A line with bytes below its heading, and in its dump."""

@@ -86,7 +86,7 @@ def _counts(lines: Sequence[LogLine]) -> None:
         shown = line.clean[run.start : run.end]
         if len(run.data) == 1 and shown[0].isdigit() and shown[1:] in ("B", "b") and _ends(line, run):
             said = sum(len(one.data) for one in below.runs if one.taken)
-            if said == int(shown[0]) and below.number - line.number <= _NEAR:
+            if 1 < said == int(shown[0]) and run.label and below.number - line.number <= _NEAR:
                 run.taken, line.quiet = False, True
 
 

@@ -20,7 +20,7 @@ _PARTED: Final = ("\t", ";", ",", "|")
 _APART: Final = re.compile(r"\s{2,}")
 _NAME: Final = re.compile(
     r"^(?:(?:start|begin|rel\w*|abs\w*|packet)[ _-]?)?"
-    r"(?:time ?stamp|time|zeit(?:stempel)?|время|temps|tiempo|tempo|czas|时间|時間)"
+    r"(?:time ?stamp|start|begin|time|zeit(?:stempel)?|время|temps|tiempo|tempo|czas|时间|時間)"
     r"(?:[ _,]*[\[(]?\s*(?P<unit>sec(?:onds)?|с|сек|мс|мкс|ms|us|µs|μs|ns|s)[\])]?)?$",
     re.IGNORECASE,
 )
