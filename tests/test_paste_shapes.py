@@ -24,7 +24,16 @@ ALL = {**STYLES, **SHAPES, **FORUMS, **POSTS, **TOOLS, **DECODERS, **ISSUES}
 TIMED = [
     *("JSON with epoch", "InfluxDB", "count before", "wrapped at 40", "Docklight", "pymodbus 3"),
     *("ticks in brackets", "sigrok packets", "Moxa traffic", "pyserial spy", "BLE log"),
-    *("comma seconds", "quoted seconds", "minutes", "plus ms", "two clocks", "list of packets", "tshark fields"),
+    *(
+        "usbmon",
+        "comma seconds",
+        "quoted seconds",
+        "minutes",
+        "plus ms",
+        "two clocks",
+        "list of packets",
+        "tshark fields",
+    ),
 ]
 
 
@@ -60,6 +69,13 @@ def test_what_is_said_again_in_one_line_is_no_copy_of_itself() -> None:
     assert frames_of(f"{asks}, {answers}, {asks}, {answers}") == exchange * 2
     assert frames_of(f"<- {asks} -> {answers} <- {asks}") == [*exchange, exchange[0]]
     assert frames_of(f"read {asks} (buffer {asks.replace(' ', '')})") == exchange[:1]
+
+
+def test_what_a_program_lists_again_is_there_again() -> None:
+    asks = ["01 04 00 01 00 02 20 0B", "01 03 00 00 00 02 C4 0B", "00 04 00 01 00 02 21 DA"]
+    rows = [f'    ("Func 04 Reg {i}", 9600, bytes.fromhex("{frame}")),' for i, frame in enumerate(asks)]
+    text = "\n".join([*rows, "    # other speeds", f'    ("ID 1 @ 19200", 19200, bytes.fromhex("{asks[0]}")),'])
+    assert [data for _, data in frames_of(text)] == [frame.replace(" ", "").lower() for frame in (*asks, asks[0])]
 
 
 @pytest.mark.parametrize("name", SHAPES)

@@ -30,6 +30,7 @@ _NEAR: Final = 5  # lines between a count and the bytes that it counts
 _SHORT: Final = 3  # bytes: no more where text stands behind them
 _HEADED: Final = 6  # bytes for which the header of a frame speaks
 _CRC: Final = 2  # bytes
+_MAC: Final = 6  # bytes
 _CALLED_CRC: Final = re.compile(r"^\W*(?:crc|lrc|checksum)(?:-?16)?\W*$", re.IGNORECASE)
 
 
@@ -60,6 +61,8 @@ def _speaks_for_itself(run: ByteRun, line: LogLine, experience: Experience) -> b
         return False
     if run.halved and not experience.other:
         return False
+    if _is_hardware_address(run, experience):
+        return False
     if run.level >= experience.threshold:
         return True
     if run.level is Writing.LIKELY and run.mark and (len(run.data) > 1 or not run.heading):
@@ -76,6 +79,13 @@ def _speaks_for_itself(run: ByteRun, line: LogLine, experience: Experience) -> b
     if not run.label:
         return run.offset is not None or _is_all(run, line) or (_begins(line, run) and _closes(line, run))
     return len(run.data) > _SHORT or _ends(line, run)
+
+
+def _is_hardware_address(run: ByteRun, experience: Experience) -> bool:
+    """Whether six bytes are written as addresses of networks are, where frames are written otherwise."""
+    if run.shape not in ("pairs:", "pairs-") or len(run.data) != _MAC:
+        return False
+    return bool(experience.shapes) and run.shape not in experience.shapes
 
 
 def _counts(lines: Sequence[LogLine]) -> None:
