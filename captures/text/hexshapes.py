@@ -42,6 +42,7 @@ _ROW_OF_WORDS: Final = re.compile(rf"{H}{{7,8}} +{H}{{4}}\s*$")
 _COMMON_SIGNS: Final = ("%", "$", "x", "X", "h", "H")
 _GAP: Final = re.compile(r"[ \t]+")
 _SOME: Final = 3  # bytes: fewer say nothing
+_WORDY: Final = 4  # pairs that name a function code: `unit 01 fc 03`
 _MAC_LENGTH: Final = 6
 _BYTEA: Final = 8  # digits behind one `\\x`, as databases write bytes
 _OFFSET_DIGITS: Final = range(4, 17)
@@ -108,7 +109,7 @@ def _level_of_pairs(line: TextLine, start: int, end: int, tokens: list[str]) -> 
         return Writing.LIKELY if alone and (odd or start == line.begin) else Writing.NUMBER
     if len(tokens) < _SOME:
         return Writing.LIKELY if alone else Writing.NUMBER
-    if is_ruler(tokens):
+    if is_ruler(tokens) or (len(tokens) <= _WORDY and "fc" in map(str.lower, tokens[:2])):
         return Writing.NUMBER
     return Writing.BYTES if odd else Writing.LIKELY
 

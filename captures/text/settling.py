@@ -65,7 +65,8 @@ def _speaks_for_itself(run: ByteRun, line: LogLine, experience: Experience) -> b
         return False
     if run.level >= experience.threshold:
         return True
-    if run.level is Writing.LIKELY and run.mark and (len(run.data) > 1 or not run.heading):
+    numbers = _are_numbers(run, line)
+    if run.level is Writing.LIKELY and run.mark and (len(run.data) > 1 or not run.heading) and not numbers:
         return True
     if experience.decimals and run.shape == "decimal" and _plainly_decimal(line.clean[run.start : run.end]):
         return True
@@ -74,11 +75,20 @@ def _speaks_for_itself(run: ByteRun, line: LogLine, experience: Experience) -> b
         if (run.label, reading.shape) in experience.tails:
             run.take(reading)
             return True
-    if not experience.trust(run.label, run.shape, direct=run.direct):
+    if not experience.trust(run.label, run.shape, direct=run.direct and not numbers):
         return False
     if not run.label:
         return run.offset is not None or _is_all(run, line) or (_begins(line, run) and _closes(line, run))
     return len(run.data) > _SHORT or _ends(line, run)
+
+
+def _are_numbers(run: ByteRun, line: LogLine) -> bool:
+    """Whether it is what people write in decimals, too short for a frame: `40001 -> 1234`, `values read: 16 25 30`."""
+    shown = line.clean[run.start : run.end]
+    if run.shape == "words":
+        return len(run.data) < _HEADED and shown.isdigit()
+    tokens = re.findall(r"\w+", shown)
+    return 1 < len(tokens) <= _SHORT and all(token.isdigit() and token[0] != "0" for token in tokens)
 
 
 def _is_hardware_address(run: ByteRun, experience: Experience) -> bool:
