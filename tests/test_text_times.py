@@ -29,6 +29,7 @@ FORMS = [
     "{whole}:{ms:03d}.250 {way} {data}",
     "{clock}.250 {way} {data}",
     "0d 0h {minutes}m {seconds:06.3f}s {way} {data}",
+    "Pkt(3): 000:{clock} {way}:({data})",
     "[{ticks:9d}] {way} {data}",
     "({ticks}) {way} {data}",
     "t={ticks} {way} {data}",

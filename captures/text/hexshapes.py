@@ -42,6 +42,7 @@ _ROW_OF_WORDS: Final = re.compile(rf"{H}{{7,8}} +{H}{{4}}\s*$")
 _COMMON_SIGNS: Final = ("%", "$", "x", "X", "h", "H")
 _GAP: Final = re.compile(r"[ \t]+")
 _SOME: Final = 3  # bytes: fewer say nothing
+_TWO_PAIRS: Final = 4  # characters
 _WORDY: Final = 4  # pairs that name a function code: `unit 01 fc 03`
 _MAC_LENGTH: Final = 6
 _BYTEA: Final = 8  # digits behind one `\\x`, as databases write bytes
@@ -116,9 +117,10 @@ def _level_of_pairs(line: TextLine, start: int, end: int, tokens: list[str]) -> 
 
 def _signed(line: TextLine) -> Iterator[HexWindow]:
     """`11-03-00`, `11:03:00`, `11, 03, 00`, `[11][03]`, `'11', '03'`"""
-    text = line.text
-    for match in _SIGNED.finditer(text):
+    text, at = line.text, 0
+    while (match := _SIGNED.search(text, at)) is not None:
         gap, end = match["gap"], match.end()
+        at = end if end - match.start() > _TWO_PAIRS + len(gap) else end - 2  # `[11]: 05-10-00`: a count before them
         tokens = match[0].split(gap)
         goes_on = text.startswith(gap, end) and text[end + len(gap) : end + len(gap) + 1].isalnum()
         level = _level_of_signed(tokens, gap.strip())

@@ -51,7 +51,10 @@ _LONG: Final = 4096  # characters: in a longer line times are looked for
 _HEAD: Final = 256  # in the first of them alone
 _DATE_LENGTH: Final = 40  # characters that a date and a zone take at most
 _DIGIT = re.compile(r"\d")
-_LEAD = r"^(?:[\s\[(|\"']|(?:t|ts|time|elapsed|uptime)[ =:]{1,3})*"
+_LEAD = r"^[\s\[(|\"']*"
+_TITLE: Final = re.compile(
+    _LEAD + r"(?:t|ts|time|elapsed|uptime)[ =:]{1,3}(?=\d+(?:[.,]\d+)?(?:ms|us|µs|μs|ns|s)?[\s\]):,;|])", re.I
+)
 _SECONDS = re.compile(_LEAD + r"\+?(\d{1,10})\.(\d{3,18})(?: ?s)?(?=[\s\]):,;>|\"']|-\D|$)")
 _COMMA_SECONDS = re.compile(_LEAD + r"(\d{1,10}),(\d{1,9})(?: ?s)?(?=[;\t])")  # of a table in a comma's country
 _NUMBERED_SECONDS = re.compile(r"^\s*\d{1,9}[ \t]+(\d{1,10})\.(\d{6}|\d{9})(?=[ \t])")  # Wireshark's list of packets
@@ -69,13 +72,14 @@ _ODD_CLOCK: Final = re.compile(  # `10-01-48.958`, `10.01.48,958`, `2026-11-21_1
 _PARTS: Final = re.compile(  # `0d 0h 12m 3.456s`
     _LEAD + r"(?:(\d{1,5})d ?)?(?:(\d{1,5})h ?)?(\d{1,5})m ?(\d{1,5})(?:\.(\d{1,9}))?s(?=[\s\]):,;>|]|$)"
 )
+_DAYS: Final = re.compile(r"(?<![\w:.])(\d{1,3}):([0-2]\d):([0-5]\d):([0-5]\d)\.(\d{1,6})(?![\w.])")  # since some start
 _CALLED: Final = re.compile(r"\bdatetime(?:\.datetime)?\((\d{4}(?:, ?\d{1,6}){4,6})\)")  # as Python shows one
 _ANYWHERE: Final = re.compile(r"(?<![\w.])(1[2-9]\d{8})\.(\d{1,9})(?![\w.])")
 _TICKS = re.compile(  # milliseconds since a microcontroller began, or a program, as their logs write them
     r"^\s*(?:(\d{1,10}) \[[\w .#:-]{1,60}\] (?:TRACE|DEBUG|INFO|WARN|ERROR)\b|\[[A-Z]\] ?(\d+)\||[EWIDV] \((\d+)\)(?= )|\[ *(\d+)\](?:\[[EWIDV]\]| \[(?:INFO|DEBUG|WARN|ERR|ERROR|TRACE|VERB) *\]))"
 )
 _COUNTER = re.compile(  # `1023: TX 01 03`
-    r"^\s*(?:\[?(\d{1,10})\]?:|\[ *(\d{1,10})\]|\((\d{1,10})\)|(?:t|ts|time) ?= ?(\d{1,10})(?=\s)) ?(?=\W{0,2}(?:[TR]x|req|resp?|sen[dt]|recv|read|wr|write|in|out)\b|[-=]?[-=<>][->=]|[→←])",
+    r"^\s*(?:\[?(\d{1,10})\]?:|\[ *(\d{1,10})\]|\((\d{1,10})\)|(?<= {2})(\d{1,10})(?= )) ?(?=\W{0,2}(?:[TR]x|req|resp?|sen[dt]|recv|read|wr|write|in|out)\b|[-=]?[-=<>][->=]|[→←])",
     re.I,
 )
 _LAST = re.compile(r"[\w\"')\]}][ \t](1[2-9]\d{8})(\d{3}|\d{9})\s*$")  # as InfluxDB's lines end
@@ -126,6 +130,8 @@ def find(text: str, zone: tzinfo | None = UTC) -> tuple[Stamp | None, str]:
     if _DIGIT.search(text) is None:
         return None, text
     stamp = None
+    if (match := _TITLE.match(text)) is not None:
+        text = _blanked(text, match)
     for pattern, value in _COUNTS:
         if match := pattern.match(text):
             stamp = value(match)
@@ -141,13 +147,14 @@ def find(text: str, zone: tzinfo | None = UTC) -> tuple[Stamp | None, str]:
     if stamp is None and (match := _LAST.search(text)) is not None:
         stamp = _of_seconds_and_more(match[1], match[2])
         text = text[: match.start(1)].ljust(len(text))
-    for sign, pattern, written in _CLOCKS if stamp is None else ():
-        match = pattern.search(text) if sign in text else None
+    likely = _LIKELY_CLOCK.search(text)
+    for sign, found, written in _CLOCKS if stamp is None and likely is None else ():
+        match = found(text) if sign in text else None
         clock = None if match is None else _of_clock_written(written(match), zone)
         if match is not None and clock is not None:
             stamp = clock
             text = _blanked(text, match)
-    likely = _LIKELY_CLOCK.search(text)
+    timed = likely is not None
     while likely is not None:
         end = likely.end()
         for match in _CLOCK.finditer(text, max(likely.start() - _DATE_LENGTH, 0), end + _DATE_LENGTH):
@@ -156,13 +163,16 @@ def find(text: str, zone: tzinfo | None = UTC) -> tuple[Stamp | None, str]:
                 stamp = clock if stamp is None else _finer(stamp, clock)
                 text = _blanked(text, match)
         likely = _LIKELY_CLOCK.search(text, end)
+    if stamp is None and timed and (match := _DAYS.search(text)) is not None:
+        stamp = _of_parts(match)
+        text = _blanked(text, match)
     if _LIKELY_DATE.search(text):
         for match in _BARE_DATE.finditer(text):
             text = _blanked(text, match)
     if stamp is None and (match := _BRACKETED.match(text)) is not None:
         stamp = _of_seconds(match)
         text = _blanked(text, match, 1)
-    if stamp is None and (match := _ANYWHERE.search(text)) is not None:
+    if stamp is None and "." in text and (match := _ANYWHERE.search(text)) is not None:
         stamp = _of_seconds_and_more(match[1], match[2])
         text = _blanked(text, match)
     if stamp is not None and abs(stamp.t_ns) >= TIME_LIMIT:
@@ -292,7 +302,7 @@ def _of_call(match: re.Match[str]) -> str:
     return f"{year}-{month:02}-{day:02} {hour}:{minute:02}:{second:02}.{fraction:06}"
 
 
-_CLOCKS: Final = (("", _ODD_CLOCK, _with_colons), ("datetime(", _CALLED, _of_call))
+_CLOCKS: Final = (("", _ODD_CLOCK.match, _with_colons), ("datetime(", _CALLED.search, _of_call))
 
 
 def _date(match: re.Match[str], *, american: bool) -> tuple[int, int, int] | None:

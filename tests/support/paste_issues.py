@@ -6,7 +6,7 @@ import json
 from collections.abc import Sequence
 from typing import Final
 
-from pastes import Message, Style, dump, lines_of, shown, spaced, word
+from pastes import Message, Style, dump, lines_of, ox, shown, spaced, word
 
 
 def _gate(log: Sequence[Message], rng: object) -> str:  # noqa: ARG001
@@ -29,6 +29,19 @@ def _pieces(log: Sequence[Message], rng: object) -> str:  # noqa: ARG001
             out += [f"recv: {text}", f"Processing: {text}", "Frame - not ready"]
         out[-1:] = ["Getting Frame - " + " ".join(f"0x{b:x}" for b in m.data[1:-2]), "Factory Response[x': 3]"]
     return "\n".join(out)
+
+
+def _one_line(log: Sequence[Message], rng: object) -> str:  # noqa: ARG001
+    """What Home Assistant shows of pymodbus' newest events: all in one line, with what it held before said again."""
+    out = ["ERROR: No response received after 3 retries, continue with next request"]
+    for m in log:
+        if m.sent:
+            out.append(f">>>>> send: {ox(m.data)}")
+            continue
+        first, rest = ox(m.data[:4]), ox(m.data[4:])
+        out += [f">>>>> recv: {first} extra data:", f">>>>> extra: unexpected data: {first}"]
+        out.append(f">>>>> recv: {rest} extra data: {first}")
+    return " ".join(out)
 
 
 def _wrote_bits(log: Sequence[Message], rng: object) -> str:  # noqa: ARG001
@@ -97,6 +110,9 @@ ISSUES: Final[dict[str, Style]] = {
     "ESPHome bits glued": lambda log, rng: _wrote_bits(log, rng).replace("\n", ""),
     "Zephyr adu": _zephyr,
     "HAL calls": _hal,
+    "pymodbus in one line": _one_line,
+    "count in brackets": lines_of(lambda m: f"{m.clock} COM1 {word(m, 'TX', 'RX')} [{len(m.data)}] : {m.data.hex('.').upper()}"),
+    "count in parentheses": lines_of(lambda m: f"{word(m, 'TX', 'RX')} ({len(m.data)}): {m.data.hex('-').upper()}"),
     "usbmon": _usbmon,
     "Cyrillic digits in one word": lines_of(lambda m: f"{word(m, 'Запрос', 'Ответ')}: {_cyrillic(m.data)}"),
     "addresses of networks beside": lines_of(lambda m: f"I ({m.ms}) radio: Send to ac:a7:04:f4:03:ec {word(m, 'failed', 'done')}\nI ({m.ms}) MODBUS_{word(m, 'TX', 'RX')}: {m.data.hex(' ')}"),
