@@ -34,6 +34,7 @@ FORMS = [
     "({ticks}) {way} {data}",
     "t={ticks} {way} {data}",
     "t={elapsed:.3f}s dir={way} data={data}",
+    "- t: {elapsed:.3f}\n  dir: {way}\n  data: {data}",
     "time={elapsed:.3f} dir={way} data={data}",
     "{ticks} [main] DEBUG net.Transport - {way}: {data}",
     "{epoch!r} {way} {data}",

@@ -53,7 +53,7 @@ _DATE_LENGTH: Final = 40  # characters that a date and a zone take at most
 _DIGIT = re.compile(r"\d")
 _LEAD = r"^[\s\[(|\"']*"
 _TITLE: Final = re.compile(
-    _LEAD + r"(?:t|ts|time|elapsed|uptime)[ =:]{1,3}(?=\d+(?:[.,]\d+)?(?:ms|us|µs|μs|ns|s)?[\s\]):,;|])", re.I
+    _LEAD + r"(?:- )?(?:t|ts|time|elapsed|uptime)[ =:]{1,3}(?=\d+(?:[.,]\d+)?(?:ms|us|µs|μs|ns|s)?[\s\]):,;|])", re.I
 )
 _SECONDS = re.compile(_LEAD + r"\+?(\d{1,10})\.(\d{3,18})(?: ?s)?(?=[\s\]):,;>|\"']|-\D|$)")
 _COMMA_SECONDS = re.compile(_LEAD + r"(\d{1,10}),(\d{1,9})(?: ?s)?(?=[;\t])")  # of a table in a comma's country
