@@ -201,6 +201,24 @@ def test_words_in_windows_1251_are_read_in_notes_and_marks(tmp_path: Path) -> No
     assert "привет" in capture.damage[0].what
 
 
+@pytest.mark.parametrize(
+    ("page", "words", "mark"),
+    [
+        ("cp866", "Ответ", Mark.RX),
+        ("koi8-r", "Запрос", Mark.TX),
+        ("gb18030", "收←◆", Mark.RX),
+        ("gb18030", "发送数据", Mark.TX),
+        ("big5", "發送", Mark.TX),
+        ("cp932", "受信", Mark.RX),
+        ("euc-kr", "수신", Mark.RX),
+        ("cp1252", "réponse", Mark.RX),
+    ],
+)
+def test_words_in_other_code_pages_are_marks(tmp_path: Path, page: str, words: str, mark: Mark) -> None:
+    capture = log(tmp_path, f"12:00:01.500 {words}: {SPACED}\n".encode(page))
+    assert [(chunk.data, chunk.mark) for chunk in capture.chunks()] == [(REQUEST, mark)]
+
+
 def test_ascii_mode_frames_keep_their_characters(tmp_path: Path) -> None:
     capture = log(tmp_path, "12:00:01 :1103006B00037E\n12:00:02 :110306022B000000645A\n")
     assert [chunk.data for chunk in capture.chunks()] == [b":1103006B00037E\r\n", b":110306022B000000645A\r\n"]

@@ -210,3 +210,12 @@ def test_seconds_with_as_many_decimals_as_a_program_has_are_times(tmp_path: Path
     assert main(["export", str(log), "--format", "jsonl", "-o", str(out)]) == 0
     starts = [json.loads(line)["t_start_ns"] for line in out.open(encoding="utf-8")]
     assert starts[1] - starts[0] == 100_000_000
+
+
+def test_a_line_of_pymodbus_that_is_wrapped_within_bytes_loses_none() -> None:
+    text = (
+        "ERROR: request ask for id=1 but got id=127, Skipping. >>>>> send: 0x1 0x3 0x0 \n"
+        "0x0 0x0 0x1 0x84 0xa >>>>> recv: 0x1 0x3 0x2 0x0 0xfa 0x38 0x7 extra data:"
+    )
+    frames = [frame.adu.data.hex() for frame in read(text).frames() if frame.check_ok]
+    assert frames == ["010300000001840a", "01030200fa3807"]

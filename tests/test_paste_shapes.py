@@ -24,7 +24,16 @@ ALL = {**STYLES, **SHAPES, **FORUMS, **POSTS, **TOOLS, **DECODERS, **ISSUES}
 TIMED = [
     *("JSON with epoch", "InfluxDB", "count before", "wrapped at 40", "Docklight", "pymodbus 3"),
     *("ticks in brackets", "sigrok packets", "Moxa traffic", "pyserial spy", "BLE log"),
-    *("comma seconds", "quoted seconds", "minutes", "plus ms", "two clocks", "list of packets", "tshark fields"),
+    *(
+        "usbmon",
+        "comma seconds",
+        "quoted seconds",
+        "minutes",
+        "plus ms",
+        "two clocks",
+        "list of packets",
+        "tshark fields",
+    ),
 ]
 
 
@@ -62,6 +71,13 @@ def test_what_is_said_again_in_one_line_is_no_copy_of_itself() -> None:
     assert frames_of(f"read {asks} (buffer {asks.replace(' ', '')})") == exchange[:1]
 
 
+def test_what_a_program_lists_again_is_there_again() -> None:
+    asks = ["01 04 00 01 00 02 20 0B", "01 03 00 00 00 02 C4 0B", "00 04 00 01 00 02 21 DA"]
+    rows = [f'    ("Func 04 Reg {i}", 9600, bytes.fromhex("{frame}")),' for i, frame in enumerate(asks)]
+    text = "\n".join([*rows, "    # other speeds", f'    ("ID 1 @ 19200", 19200, bytes.fromhex("{asks[0]}")),'])
+    assert [data for _, data in frames_of(text)] == [frame.replace(" ", "").lower() for frame in (*asks, asks[0])]
+
+
 @pytest.mark.parametrize("name", SHAPES)
 def test_what_stands_around_is_no_byte(name: str) -> None:
     log, text, _ = made(name, SHAPES[name], 3)
@@ -92,10 +108,11 @@ def test_times_of_a_log_are_used(name: str, tmp_path: Path) -> None:
     assert len(times) == len(log)
 
 
+@pytest.mark.parametrize("suffix", [".txt", ".csv"])
 @pytest.mark.parametrize("name", DECODERS)
-def test_a_decoders_table_gives_each_byte_its_time(name: str, tmp_path: Path) -> None:
+def test_a_decoders_table_gives_each_byte_its_time(name: str, suffix: str, tmp_path: Path) -> None:
     log, text, _ = made(name, DECODERS[name], 3)
-    path = tmp_path / "table.txt"
+    path = tmp_path / f"table{suffix}"
     path.write_text(text, encoding="utf-8")
     chunks = list(captures.open(path, judge=judge).chunks())
     assert b"".join(chunk.data for chunk in chunks) == b"".join(message.data for message in log)

@@ -184,8 +184,9 @@ def _scores(known: dict[str, Format], head: bytes) -> dict[Format, float]:
 
 
 def _of_suffix(scores: dict[Format, float], suffix: str) -> Format | None:
+    """The likeliest of those with this suffix; of several that do not know the content, the one that reads the most."""
     named = [candidate for candidate in scores if suffix in candidate.suffixes]
-    return max(named, key=lambda candidate: scores[candidate], default=None)
+    return max(named, key=lambda candidate: (scores[candidate], candidate.sniff_last), default=None)
 
 
 def _by_content(scores: dict[Format, float], suffix: str) -> RecognisedFormat:

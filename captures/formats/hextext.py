@@ -126,9 +126,11 @@ def _text_of(file: BinaryIO, note: Note) -> Iterator[str]:
     file.seek(0)
     if codec is not None:
         file = cast(BinaryIO, codecs.EncodedFile(file, "utf-8", codec, "replace"))
+    page = ""
     for _, lines in line_batches(file, note, _BATCH):
+        page = page or encodings.code_page(lines)
         for line in lines:
-            text = encodings.line_of(line)
+            text = encodings.line_of(line, page)
             yield from encodings.lines_of(text.rstrip("\r\n")) if b"\r" in line else (text,)
 
 

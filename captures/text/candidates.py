@@ -68,7 +68,9 @@ _SHORT: Final = re.compile(rf"(?<![0-9A-Za-z]){H}{{1,3}}(?![0-9A-Za-z])|{H}{{8}}
 _CLOSED: Final = re.compile(r"^\s*\d[\s\d,]*(?:[\])}]|$)")
 _BIG: Final = re.compile(r"[A-Za-z0-9+/]{6}[A-Za-z0-9+/=]{2}")
 _TYPED: Final = "[0-9A-Fa-fOoIlАВСЕаесО]"
-MISTYPED: Final = re.compile(rf"(?<!\w){_TYPED}{{2}}(?:[ \t,-]{{1,2}}{_TYPED}{{2}}){{3,}}(?!\w)")  # O1 03 СD
+MISTYPED: Final = re.compile(  # `O1 03 СD`, `O103СD...`
+    rf"(?<!\w)(?:{_TYPED}{{2}}(?:[ \t,-]{{1,2}}{_TYPED}{{2}}){{3,}}|(?:{_TYPED}{{2}}){{4,256}})(?!\w)"
+)
 _WRAPPING: Final = " \t\r\n,;:|=>[](){}\"'-._*◇◆□■#/$`"
 _SOLID: Final = re.compile(f"[^{re.escape(_WRAPPING)}]")
 _NEAR: Final = 40  # characters

@@ -17,6 +17,7 @@ _CRC: Final = 2  # bytes
 _MBAP: Final = 7  # bytes before a PDU
 _NAMED_ALIKE: Final = 8  # characters
 _ENTRY_LINES: Final = 8  # between two reports of the same bytes
+_BETWEEN: Final = 2  # other whole frames, after which, in a text without times, a frame is there again
 _ENTRY_FINE_NS: Final = 60_000_000
 _ENTRY_COARSE_NS: Final = 1_000_000_000
 _HANDLERS_NS: Final = 2_000_000  # between two handlers of one event
@@ -84,14 +85,17 @@ def _entries(lines: Sequence[LogLine]) -> Iterator[_Entry]:
 def settle_copies(lines: Sequence[LogLine], experience: Experience) -> None:
     recent: list[_Entry] = []
     for entry in _entries(lines):
-        turned = False  # the other side spoke in between
+        turned, others = False, 0  # the other side spoke in between; whole frames that stand there
         for earlier in reversed(recent):
-            if not _one_report(earlier, entry):
+            apart = int(earlier.checked and earlier.last is not entry.first)
+            if not _one_report(earlier, entry) or (others >= _BETWEEN and entry.first.t_ns is None):
                 turned = turned or 0 != earlier.mark != entry.mark != 0
+                others += apart
                 continue
             drop = _copy_of_two(earlier, entry, experience, turned=turned)
             if drop is None:
                 turned = turned or _speaks_between(earlier, entry)
+                others += apart
             else:
                 other = earlier if drop is entry else entry
                 for run in drop.runs:

@@ -42,6 +42,8 @@ _ROW_OF_WORDS: Final = re.compile(rf"{H}{{7,8}} +{H}{{4}}\s*$")
 _COMMON_SIGNS: Final = ("%", "$", "x", "X", "h", "H")
 _GAP: Final = re.compile(r"[ \t]+")
 _SOME: Final = 3  # bytes: fewer say nothing
+_TWO_PAIRS: Final = 4  # characters
+_WORDY: Final = 4  # pairs that name a function code: `unit 01 fc 03`
 _MAC_LENGTH: Final = 6
 _BYTEA: Final = 8  # digits behind one `\\x`, as databases write bytes
 _OFFSET_DIGITS: Final = range(4, 17)
@@ -108,16 +110,17 @@ def _level_of_pairs(line: TextLine, start: int, end: int, tokens: list[str]) -> 
         return Writing.LIKELY if alone and (odd or start == line.begin) else Writing.NUMBER
     if len(tokens) < _SOME:
         return Writing.LIKELY if alone else Writing.NUMBER
-    if is_ruler(tokens):
+    if is_ruler(tokens) or (len(tokens) <= _WORDY and "fc" in map(str.lower, tokens[:2])):
         return Writing.NUMBER
     return Writing.BYTES if odd else Writing.LIKELY
 
 
 def _signed(line: TextLine) -> Iterator[HexWindow]:
     """`11-03-00`, `11:03:00`, `11, 03, 00`, `[11][03]`, `'11', '03'`"""
-    text = line.text
-    for match in _SIGNED.finditer(text):
+    text, at = line.text, 0
+    while (match := _SIGNED.search(text, at)) is not None:
         gap, end = match["gap"], match.end()
+        at = end if end - match.start() > _TWO_PAIRS + len(gap) else end - 2  # `[11]: 05-10-00`: a count before them
         tokens = match[0].split(gap)
         goes_on = text.startswith(gap, end) and text[end + len(gap) : end + len(gap) + 1].isalnum()
         level = _level_of_signed(tokens, gap.strip())
@@ -132,6 +135,8 @@ def _level_of_signed(tokens: list[str], gap: str) -> Writing:
     count, numbers = len(tokens), all(token.isdigit() for token in tokens)
     if (gap in "/." and count < 5) or all(token.isalpha() for token in tokens):
         return Writing.NUMBER  # a date, an address, a version, words
+    if is_ruler(tokens):
+        return Writing.NUMBER
     if gap == ":" and count == _MAC_LENGTH:
         return Writing.LIKELY
     if count > 3 or (count == 3 and not numbers):

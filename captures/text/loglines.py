@@ -24,6 +24,7 @@ from .fractions import Fractions, counted
 from .halves import halves
 from .headings import Heading, marks_of_cells
 from .judging import ByteJudge, no_judge
+from .marking import with_marks
 from .othershapes import unescape
 from .plain import plain, quoted
 from .rows import is_ruler
@@ -44,6 +45,7 @@ _OD_WORDS: Final = re.compile(r"^[0-7]{7}(?: +[0-7]{6})+\s*$")
 _QUOTE: Final = re.compile(r"^\s*>(?:\s*>)*\s(?=\s*\S)")
 _JPNEVULATOR: Final = re.compile(r"^\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{6}: (?P<label>\S.*?)\s*$")
 _SOCAT_BYTES: Final = re.compile(r"^ ((?:[0-9a-f]{2} ){0,15}[0-9a-f]{2})(?:  .*)?$")
+_OCTET: Final = re.compile(r"(?<![0-9A-Za-z])[0-9A-Fa-f]{2}[hH](?![0-9A-Za-z])")
 _LABELLED: Final = 56  # characters of a heading that name it
 _REMEMBERED: Final = 2048  # lines
 _FULL_ROW: Final = 8  # bytes of a row after which a read may go on in the next
@@ -189,6 +191,8 @@ class LineReader:
         t_ns, fine = self._time(stamp), stamp is not None and stamp.fine
         if groups.get("sample") and self.sample_rate:
             t_ns, fine = round(int(groups["sample"]) / self.sample_rate * 1e9), True
+        if groups.get("us"):
+            t_ns, fine = int(groups["us"]) * 1000, True
         length = int(groups["length"]) if groups.get("length") else None
         if shape.role is LineRole.HEADER:
             above = self._heading
@@ -280,7 +284,7 @@ class LineReader:
         if remembered is None or remembered[0] != learnt:
             line_marks = marks(text)
             runs = runs_in(line_of(text, (mark.end for mark in line_marks)), self.judge, self.experience)
-            _with_marks(text, runs, line_marks)
+            with_marks(text, runs, line_marks)
             if len(text) > _BARE_LEAST:
                 return line_marks, runs
             if len(self._memory) >= _REMEMBERED:
@@ -305,7 +309,7 @@ class LineReader:
         label = label_in(rest[-_LABELLED:])
         parted, cells = marks_of_cells(rest, line_marks)
         self._heading = Heading(mark, t_ns, fine, label, port, left, bare, columns=columns, parted=parted, cells=cells)
-        line.quiet = bare and line.t_ns is not None
+        line.quiet = bare and line.t_ns is not None and _OCTET.search(rest) is None
 
     def _placed(self, line: LogLine, stamp: stamps.Stamp | None, mark: int) -> LogLine:
         """A line with bytes below its heading, and in its dump."""
@@ -363,28 +367,6 @@ class LineReader:
             self._days += 1
         self._newest = t_ns
         return t_ns + self._days * stamps.DAY_NS
-
-
-def _with_marks(text: str, runs: list[ByteRun], line_marks: list[LineMark]) -> None:
-    """Each run with the mark before it; of one run alone, the one behind it where there is none before.
-
-    An arrow says nothing behind a plain word, nor behind the first run: there it points from one frame to the next.
-    """
-    ahead, newest = 0, None
-    for run in runs:
-        for mark in line_marks[ahead:]:
-            if mark.end > run.start:
-                break
-            ahead += 1
-            if not (mark.arrow and ((newest is not None and newest.plain) or runs[0].end <= mark.start)):
-                newest = mark
-        if newest is not None:
-            run.mark, run.arrow = newest.mark, newest.arrow
-            run.direct = not _WORD.search(text, newest.end, run.start)
-    if len(runs) == 1 and not runs[0].mark:
-        behind = [mark for mark in line_marks if mark.start >= runs[0].end and not mark.arrow]
-        if len(behind) == 1:
-            runs[0].mark = behind[0].mark
 
 
 def _why_none(text: str, rest: str) -> str:

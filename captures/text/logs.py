@@ -46,7 +46,7 @@ _STRETCH: Final = 512  # lines that are settled together
 _MOST: Final = 1 << 18  # characters of a line that is searched at once
 _ENTRY: Final = re.compile(  # how one begins
     r"\[\d\d:\d\d:\d\d(?:\.\d+)?\]\[[A-Z]{1,2}\]\[|(?<!\S)\[[A-Z]\] ?\d+\| |"
-    r"(?<![\w:.-])20\d\d-\d\d-\d\d[ T]\d\d:\d\d:\d\d[.,]\d{3} [A-Z(]"
+    r"(?<![\w:.-])20\d\d-\d\d-\d\d[ T]\d\d:\d\d:\d\d[.,]\d{3} [A-Z(]|>>>>> (?=send: |recv: |extra: )"
 )
 _ENTRIES: Final = (120, 3)  # characters, and entries, of a line that may be several
 _ADDRESS: Final = re.compile(r"\d{1,3}(?:\.\d{1,3}){3}")  # of a network

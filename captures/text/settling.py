@@ -30,6 +30,7 @@ _NEAR: Final = 5  # lines between a count and the bytes that it counts
 _SHORT: Final = 3  # bytes: no more where text stands behind them
 _HEADED: Final = 6  # bytes for which the header of a frame speaks
 _CRC: Final = 2  # bytes
+_MAC: Final = 6  # bytes
 _CALLED_CRC: Final = re.compile(r"^\W*(?:crc|lrc|checksum)(?:-?16)?\W*$", re.IGNORECASE)
 
 
@@ -56,13 +57,16 @@ def settle(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -
 def _speaks_for_itself(run: ByteRun, line: LogLine, experience: Experience) -> bool:
     if run.sure or run.checked:
         return True
-    if run.level is Writing.NUMBER and is_ruler(line.clean[run.start : run.end].split()):
+    if run.level is Writing.NUMBER and is_ruler(re.findall(r"\w+", line.clean[run.start : run.end])):
         return False
     if run.halved and not experience.other:
         return False
+    if _is_hardware_address(run, experience):
+        return False
     if run.level >= experience.threshold:
         return True
-    if run.level is Writing.LIKELY and run.mark and (len(run.data) > 1 or not run.heading):
+    numbers = _are_numbers(run, line)
+    if run.level is Writing.LIKELY and run.mark and (len(run.data) > 1 or not run.heading) and not numbers:
         return True
     if experience.decimals and run.shape == "decimal" and _plainly_decimal(line.clean[run.start : run.end]):
         return True
@@ -71,11 +75,27 @@ def _speaks_for_itself(run: ByteRun, line: LogLine, experience: Experience) -> b
         if (run.label, reading.shape) in experience.tails:
             run.take(reading)
             return True
-    if not experience.trust(run.label, run.shape, direct=run.direct):
+    if not experience.trust(run.label, run.shape, direct=run.direct and not numbers):
         return False
     if not run.label:
         return run.offset is not None or _is_all(run, line) or (_begins(line, run) and _closes(line, run))
     return len(run.data) > _SHORT or _ends(line, run)
+
+
+def _are_numbers(run: ByteRun, line: LogLine) -> bool:
+    """Whether it is what people write in decimals, too short for a frame: `40001 -> 1234`, `values read: 16 25 30`."""
+    shown = line.clean[run.start : run.end]
+    if run.shape == "words":
+        return len(run.data) < _HEADED and shown.isdigit()
+    tokens = re.findall(r"\w+", shown)
+    return 1 < len(tokens) <= _SHORT and all(token.isdigit() and token[0] != "0" for token in tokens)
+
+
+def _is_hardware_address(run: ByteRun, experience: Experience) -> bool:
+    """Whether six bytes are written as addresses of networks are, where frames are written otherwise."""
+    if run.shape not in ("pairs:", "pairs-") or len(run.data) != _MAC:
+        return False
+    return bool(experience.shapes) and run.shape not in experience.shapes
 
 
 def _counts(lines: Sequence[LogLine]) -> None:
@@ -86,7 +106,7 @@ def _counts(lines: Sequence[LogLine]) -> None:
         shown = line.clean[run.start : run.end]
         if len(run.data) == 1 and shown[0].isdigit() and shown[1:] in ("B", "b") and _ends(line, run):
             said = sum(len(one.data) for one in below.runs if one.taken)
-            if said == int(shown[0]) and below.number - line.number <= _NEAR:
+            if 1 < said == int(shown[0]) and run.label and below.number - line.number <= _NEAR:
                 run.taken, line.quiet = False, True
 
 

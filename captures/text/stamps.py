@@ -30,13 +30,16 @@ _DATE = (
     r"[01]?\d[-/][0-3]?\d)"
 )
 _CLOCK = re.compile(
-    rf"(?<![\w:.])(?:{_DATE}(?:,? ?T?| |_|-|,){{0,1}} ?(?<=[T _,-])|(?P<y6>\d{{4}})年(?P<mo6>\d{{1,2}})月(?P<d6>\d{{1,2}})日 ?)?"
+    rf"(?<![0-9A-Za-z_.])(?<!\d:)(?<!\b[0-9a-f]:)(?<!\b[0-9a-f][0-9a-f]:)(?:{_DATE}(?:,? ?T?| |_|-|,){{0,1}} ?(?<=[T _,-])|(?P<y6>\d{{4}})年(?P<mo6>\d{{1,2}})月(?P<d6>\d{{1,2}})日 ?)?"
     r"(?P<h>\d{1,2}):(?P<mi>\d\d):(?P<s>\d\d)"
-    r"(?:\.(?P<fz>\d{3},\d{3})(?!\d)|\.(?P<f>\d{1,9})|,(?P<fc>\d{3}(?:\d{3}){0,2})(?!\d)|:(?P<fm>\d{3})(?!\d))?"
-    r"(?:\ ?(?P<half>[AaPp])\.?[Mm]\.?)?(?:\ ?(?P<zone>Z\b|[+-]\d\d:?\d\d|UTC\b|GMT\b))?(?:(?=[i-wyz][a-z]{2})|(?!\w|:\w|\.\d))"
+    r"(?:[.:](?P<fz>\d{3}[,.]\d{3})(?!\d)|\.(?P<f>\d{1,9})|,(?P<fc>\d{3}(?:\d{3}){0,2})(?!\d)|:(?P<fm>\d{3})(?!\d)|"
+    r"\ (?P<fs>\d{3})(?=\ ?(?:ms|мс)\b)|\ \((?P<fp>\d{3})\))?"
+    r"(?:\ ?(?P<half>[AaPp])\.?[Mm]\.?)?(?:\ ?(?P<zone>Z\b|[+-]\d\d:?\d\d|UTC\b|GMT\b))?"
+    r"(?:(?=[i-wyz][a-z]{2}|[tr]x(?![0-9a-z]))|(?![0-9a-z_]|:[0-9a-f]{1,2}(?!\w)|\.\d))"
     r"(?:\ (?P<y7>20\d\d)(?=[\]) ]))?",
     re.IGNORECASE,
 )
+_FRACTIONS: Final = ("fz", "f", "fc", "fm", "fs", "fp")
 _BARE_DATE = re.compile(
     r"(?<![\w.:-])(?:\d{4}[-/]\d\d[-/]\d\d|\d\d[./]\d\d[./]\d{4}|\d{4}\.\d\d\.\d\d)(?![\w:]|[-/.]\w)|"
     r"(?<![\w.:-])\d\d?-(?:jan|feb|mar|apr|may|jun|jul|aug|sep|oct|nov|dec)-\d{2,4}\b",
@@ -49,6 +52,9 @@ _HEAD: Final = 256  # in the first of them alone
 _DATE_LENGTH: Final = 40  # characters that a date and a zone take at most
 _DIGIT = re.compile(r"\d")
 _LEAD = r"^[\s\[(|\"']*"
+_TITLE: Final = re.compile(
+    _LEAD + r"(?:- )?(?:t|ts|time|elapsed|uptime)[ =:]{1,3}(?=\d+(?:[.,]\d+)?(?:ms|us|µs|μs|ns|s)?[\s\]):,;|])", re.I
+)
 _SECONDS = re.compile(_LEAD + r"\+?(\d{1,10})\.(\d{3,18})(?: ?s)?(?=[\s\]):,;>|\"']|-\D|$)")
 _COMMA_SECONDS = re.compile(_LEAD + r"(\d{1,10}),(\d{1,9})(?: ?s)?(?=[;\t])")  # of a table in a comma's country
 _NUMBERED_SECONDS = re.compile(r"^\s*\d{1,9}[ \t]+(\d{1,10})\.(\d{6}|\d{9})(?=[ \t])")  # Wireshark's list of packets
@@ -58,11 +64,22 @@ _EPOCH = re.compile(_LEAD + r"(1[2-9]\d{11}(?:\d{3}){0,2})(?=[\])]|[\s,:;]+(?![0
 _EPOCH_SECONDS = re.compile(_LEAD + r"(1[2-9]\d{8})(?=[\])]|[\s,:;]+(?![0-9A-Fa-f]{6})\S)")
 _UNIT = re.compile(rf"{_LEAD}\+?(?:[\w-]+\]\s*)?(\d+)(?:\.(\d{{1,9}}))? ?(ms|us|µs|μs|ns|s)(?=[\s\]):,;>|]|$)")
 _NUMBERED_UNIT = re.compile(r"^\s*\d{1,9}\s*[|,;\t]\s*(-?)(\d{1,18})(?:\.(\d{1,9}))? ?(ms|us|µs|μs|ns|s)(?=[\s,;|])")
-_TICKS = re.compile(  # milliseconds since a microcontroller began, as its logs write them
-    r"^\s*(?:\[[A-Z]\] ?(\d+)\||[EWIDV] \((\d+)\)(?= )|\[ *(\d+)\](?:\[[EWIDV]\]| \[(?:INFO|DEBUG|WARN|ERR|ERROR|TRACE|VERB) *\]))"
+_ODD_CLOCK: Final = re.compile(  # `10-01-48.958`, `10.01.48,958`, `2026-11-21_10-01-48`, `20261121T100148`
+    r"^[\s\[(|\"']*(?:(?P<date>20\d\d-\d\d-\d\d|20\d\d[01]\d[0-3]\d)[ T_-](?P<h>\d\d)(?P<sign>[-.]?)(?P<mi>\d\d)(?P=sign)"
+    r"(?P<s>\d\d)(?:[.,](?P<f>\d{1,9}))?|(?P<hh>\d\d)(?:(?P<dash>-)|(?P<dot>\.))(?P<mm>\d\d)(?(dash)-|\.)(?P<ss>\d\d)"
+    r"(?(dash)[.,]|,)(?P<ff>\d{3}|\d{6}))(?![\w.])"
+)
+_PARTS: Final = re.compile(  # `0d 0h 12m 3.456s`
+    _LEAD + r"(?:(\d{1,5})d ?)?(?:(\d{1,5})h ?)?(\d{1,5})m ?(\d{1,5})(?:\.(\d{1,9}))?s(?=[\s\]):,;>|]|$)"
+)
+_DAYS: Final = re.compile(r"(?<![\w:.])(\d{1,3}):([0-2]\d):([0-5]\d):([0-5]\d)\.(\d{1,6})(?![\w.])")  # since some start
+_CALLED: Final = re.compile(r"\bdatetime(?:\.datetime)?\((\d{4}(?:, ?\d{1,6}){4,6})\)")  # as Python shows one
+_ANYWHERE: Final = re.compile(r"(?<![\w.])(1[2-9]\d{8})\.(\d{1,9})(?![\w.])")
+_TICKS = re.compile(  # milliseconds since a microcontroller began, or a program, as their logs write them
+    r"^\s*(?:(\d{1,10}) \[[\w .#:-]{1,60}\] (?:TRACE|DEBUG|INFO|WARN|ERROR)\b|\[[A-Z]\] ?(\d+)\||[EWIDV] \((\d+)\)(?= )|\[ *(\d+)\](?:\[[EWIDV]\]| \[(?:INFO|DEBUG|WARN|ERR|ERROR|TRACE|VERB) *\]))"
 )
 _COUNTER = re.compile(  # `1023: TX 01 03`
-    r"^\s*\[?(\d{1,10})\]?: ?(?=\W{0,2}(?:[TR]x|req|resp?|sen[dt]|recv|read|wr|write|in|out)\b|[-=]?[-=<>][->=]|[→←])",
+    r"^\s*(?:\[?(\d{1,10})\]?:|\[ *(\d{1,10})\]|\((\d{1,10})\)|(?<= {2})(\d{1,10})(?= )) ?(?=\W{0,2}(?:[TR]x|req|resp?|sen[dt]|recv|read|wr|write|in|out)\b|[-=]?[-=<>][->=]|[→←])",
     re.I,
 )
 _LAST = re.compile(r"[\w\"')\]}][ \t](1[2-9]\d{8})(\d{3}|\d{9})\s*$")  # as InfluxDB's lines end
@@ -113,6 +130,8 @@ def find(text: str, zone: tzinfo | None = UTC) -> tuple[Stamp | None, str]:
     if _DIGIT.search(text) is None:
         return None, text
     stamp = None
+    if (match := _TITLE.match(text)) is not None:
+        text = _blanked(text, match)
     for pattern, value in _COUNTS:
         if match := pattern.match(text):
             stamp = value(match)
@@ -129,6 +148,13 @@ def find(text: str, zone: tzinfo | None = UTC) -> tuple[Stamp | None, str]:
         stamp = _of_seconds_and_more(match[1], match[2])
         text = text[: match.start(1)].ljust(len(text))
     likely = _LIKELY_CLOCK.search(text)
+    for sign, found, written in _CLOCKS if stamp is None and likely is None else ():
+        match = found(text) if sign in text else None
+        clock = None if match is None else _of_clock_written(written(match), zone)
+        if match is not None and clock is not None:
+            stamp = clock
+            text = _blanked(text, match)
+    timed = likely is not None
     while likely is not None:
         end = likely.end()
         for match in _CLOCK.finditer(text, max(likely.start() - _DATE_LENGTH, 0), end + _DATE_LENGTH):
@@ -137,12 +163,18 @@ def find(text: str, zone: tzinfo | None = UTC) -> tuple[Stamp | None, str]:
                 stamp = clock if stamp is None else _finer(stamp, clock)
                 text = _blanked(text, match)
         likely = _LIKELY_CLOCK.search(text, end)
+    if stamp is None and timed and (match := _DAYS.search(text)) is not None:
+        stamp = _of_parts(match)
+        text = _blanked(text, match)
     if _LIKELY_DATE.search(text):
         for match in _BARE_DATE.finditer(text):
             text = _blanked(text, match)
     if stamp is None and (match := _BRACKETED.match(text)) is not None:
         stamp = _of_seconds(match)
         text = _blanked(text, match, 1)
+    if stamp is None and "." in text and (match := _ANYWHERE.search(text)) is not None:
+        stamp = _of_seconds_and_more(match[1], match[2])
+        text = _blanked(text, match)
     if stamp is not None and abs(stamp.t_ns) >= TIME_LIMIT:
         stamp = None
     return stamp, text
@@ -205,7 +237,13 @@ def _of_ticks(match: re.Match[str]) -> Stamp:
 
 
 def _of_counter(match: re.Match[str]) -> Stamp:
-    return Stamp(int(match[1]) * 10**6, of_day=False, counter=True)
+    return Stamp(int(next(filter(None, match.groups()))) * 10**6, of_day=False, counter=True)
+
+
+def _of_parts(match: re.Match[str]) -> Stamp:
+    days, hours, minutes, seconds = (int(part or 0) for part in match.groups()[:4])
+    whole = ((days * 24 + hours) * 60 + minutes) * 60 + seconds
+    return Stamp(whole * 10**9 + _fraction(match[5]), of_day=False)
 
 
 _COUNTS: Final = (
@@ -213,6 +251,7 @@ _COUNTS: Final = (
     (_COMMA_SECONDS, _of_seconds),
     (_NUMBERED_SECONDS, _of_seconds),
     (_MINUTES, _of_minutes),
+    (_PARTS, _of_parts),
     (_EPOCH, _of_epoch),
     (_EPOCH_SECONDS, _of_epoch),
     (_UNIT, _of_unit),
@@ -229,7 +268,7 @@ def _of_clock(match: re.Match[str], zone: tzinfo | None) -> Stamp | None:
     half = match["half"]
     if half:
         hour = hour % 12 + (12 if half in "Pp" else 0)
-    fraction = (match["fz"] or "").replace(",", "") or match["f"] or match["fc"] or match["fm"]
+    fraction = next((match[name] for name in _FRACTIONS if match[name]), "").replace(",", "").replace(".", "")
     t_ns = (hour * 3600 + minute * 60 + second) * 10**9 + _fraction(fraction)
     date = _date(match, american=bool(half))
     if date is None:
@@ -241,6 +280,29 @@ def _of_clock(match: re.Match[str], zone: tzinfo | None) -> Stamp | None:
     t_ns += seconds * 10**9
     zoned = bool(match["zone"])
     return Stamp(t_ns, of_day=False, zoned=zoned, fine=bool(fraction), places=len(match["f"] or ""))
+
+
+def _of_clock_written(text: str, zone: tzinfo | None) -> Stamp | None:
+    match = _CLOCK.fullmatch(text)
+    return None if match is None else _of_clock(match, zone)
+
+
+def _with_colons(match: re.Match[str]) -> str:
+    """A clock whose parts others than colons hold together, or nothing."""
+    date, fraction = match["date"] or "", match["f"] or match["ff"]
+    if date and "-" not in date:
+        date = f"{date[:4]}-{date[4:6]}-{date[6:]}"
+    clock = f"{match['h'] or match['hh']}:{match['mi'] or match['mm']}:{match['s'] or match['ss']}"
+    return f"{date} {clock}".strip() + (f".{fraction}" if fraction else "")
+
+
+def _of_call(match: re.Match[str]) -> str:
+    year, month, day, hour, minute, *rest = (int(part) for part in match[1].split(","))
+    second, fraction = [*rest, 0, 0][:2]
+    return f"{year}-{month:02}-{day:02} {hour}:{minute:02}:{second:02}.{fraction:06}"
+
+
+_CLOCKS: Final = (("", _ODD_CLOCK.match, _with_colons), ("datetime(", _CALLED.search, _of_call))
 
 
 def _date(match: re.Match[str], *, american: bool) -> tuple[int, int, int] | None:

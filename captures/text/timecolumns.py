@@ -20,10 +20,17 @@ _PARTED: Final = ("\t", ";", ",", "|")
 _APART: Final = re.compile(r"\s{2,}")
 _NAME: Final = re.compile(
     r"^(?:(?:start|begin|rel\w*|abs\w*|packet)[ _-]?)?"
-    r"(?:time ?stamp|time|zeit(?:stempel)?|время|temps|tiempo|tempo|czas|时间|時間)"
+    r"(?:time ?stamp|start|begin|time|zeit(?:stempel)?|время|temps|tiempo|tempo|czas|时间|時間)"
     r"(?:[ _,]*[\[(]?\s*(?P<unit>sec(?:onds)?|с|сек|мс|мкс|ms|us|µs|μs|ns|s)[\])]?)?$",
     re.IGNORECASE,
 )
+_UNIT_NAME: Final = re.compile(  # of a table's first column: `ms`, `t`, `elapsed [s]`
+    r"^(?:t|elapsed|uptime|millis|micros)?"
+    r"(?:[ _,]*[\[(]?\s*(?P<unit>sec(?:onds)?|с|сек|мс|мкс|ms|us|µs|μs|ns|s)[\])]?)?$",
+    re.IGNORECASE,
+)
+_NO_NAMES: Final = ("", "s", "с")
+_UNITS: Final = {"millis": 10**6, "micros": 10**3}
 _DATE: Final = re.compile(r"^(?:date|datum|дата|date[ /_]?time|datetime|дата[ /,]?время)$", re.IGNORECASE)
 _CELL: Final = re.compile(
     r"^[\"']?\s*(?P<sign>[-+−])?(?P<whole>\d{1,18})(?:[.,](?P<fraction>\d{1,18}))?(?:[eE](?P<power>[-+]?\d{1,2}))?"
@@ -91,8 +98,9 @@ def time_column(text: str) -> TimeColumn | None:
         for number, name in enumerate(names):
             if _DATE.match(name) is not None:
                 return TimeColumn(parted, number, len(cells), None, days=True)
-            if (match := _NAME.match(name)) is not None:
-                unit = TITLE_UNIT_NS.get((match["unit"] or "").lower())
+            match = _NAME.match(name) or (None if number or name in _NO_NAMES else _UNIT_NAME.match(name))
+            if match is not None:
+                unit = _UNITS.get(name.lower()) or TITLE_UNIT_NS.get((match["unit"] or "").lower())
                 return TimeColumn(parted, number, len(cells), unit, days=False)
     return None
 

@@ -198,6 +198,7 @@ class Shape:
 
 MARK_WORDS = {">": TX, ">>>": TX, "tx": TX, "send": TX, "write": TX, "written": TX, "irp_mj_write": TX}
 MARK_WORDS |= {"<": RX, "<<<": RX, "rx": RX, "recv": RX, "read": RX, "irp_mj_read": RX}
+MARK_WORDS |= {"s bo": TX, "c bi": RX}
 MARK_WORDS |= {"processing": RX, "handling data": RX, "unexpected data": RX}
 _STRACE = r"^(?:\[pid +\d+\] |\d+ +)?(?:(?P<time>\d\d:\d\d:\d\d(?:\.\d+)?|\d{9,10}\.\d+) )?"
 
@@ -236,7 +237,7 @@ SHAPES = (
         "pymodbus",
         LineRole.BYTES,
         re.compile(
-            r"^(?P<time>\d{4}-\d\d-\d\d \d\d:\d\d:\d\d[,.]\d{3})?(?:(?!(?:send|recv): 0x).)*\b"
+            r"^(?P<time>\d{4}-\d\d-\d\d \d\d:\d\d:\d\d[,.]\d{3})?(?:(?!(?:send|recv): 0x| 0x[0-9a-f]{1,2} 0x).)*\b"
             r"(?P<mark>send|recv|processing|handling data|unexpected data|getting frame|current frame in buffer)"
             r"(?:: | - )"
             r"(?P<hex>(?:0x[0-9a-f]{1,2}(?: |$))*)\s*(?:(?:extra data|unexpected data|old_data):.*)?$",
@@ -302,6 +303,15 @@ SHAPES = (
         "Free Serial Analyzer",
         LineRole.HEADER,
         re.compile(r"^\[(?P<time>\d[^\]]+)\] (?P<mark>Written|Read) data \(\S+\)\s*$"),
+    ),
+    Shape(  # behind the two status bytes of an FTDI adapter, where it is one
+        "usbmon",
+        LineRole.BYTES,
+        re.compile(
+            r"^[0-9a-f]{8,16} (?P<us>\d{1,16}) (?P<mark>[SCE] [CBIZ][io]):\d+:\d+:\d+ "
+            r"(?:s .*|-?\d+(?: \d+(?: (?:[<>]|= (?:[0-3]160 ?)?))?)?)"
+            r"(?P<hex>[0-9a-f ]*)$"
+        ),
     ),
     Shape(
         "PortMon",

@@ -6,7 +6,7 @@ import json
 from collections.abc import Sequence
 from typing import Final
 
-from pastes import Message, Style, dump, lines_of, shown, spaced, word
+from pastes import Message, Style, dump, lines_of, ox, shown, spaced, word
 
 
 def _gate(log: Sequence[Message], rng: object) -> str:  # noqa: ARG001
@@ -29,6 +29,19 @@ def _pieces(log: Sequence[Message], rng: object) -> str:  # noqa: ARG001
             out += [f"recv: {text}", f"Processing: {text}", "Frame - not ready"]
         out[-1:] = ["Getting Frame - " + " ".join(f"0x{b:x}" for b in m.data[1:-2]), "Factory Response[x': 3]"]
     return "\n".join(out)
+
+
+def _one_line(log: Sequence[Message], rng: object) -> str:  # noqa: ARG001
+    """What Home Assistant shows of pymodbus' newest events: all in one line, with what it held before said again."""
+    out = ["ERROR: No response received after 3 retries, continue with next request"]
+    for m in log:
+        if m.sent:
+            out.append(f">>>>> send: {ox(m.data)}")
+            continue
+        first, rest = ox(m.data[:4]), ox(m.data[4:])
+        out += [f">>>>> recv: {first} extra data:", f">>>>> extra: unexpected data: {first}"]
+        out.append(f">>>>> recv: {rest} extra data: {first}")
+    return " ".join(out)
 
 
 def _wrote_bits(log: Sequence[Message], rng: object) -> str:  # noqa: ARG001
@@ -58,6 +71,26 @@ def _pairs(form: str) -> Style:
     )
 
 
+def _usbmon(log: Sequence[Message], rng: object) -> str:  # noqa: ARG001
+    """What Linux tells of an FTDI adapter's transfers, its two status bytes before all that it heard."""
+    out = []
+    for i, m in enumerate(log):
+        head, us = f"ffff9a0f1c2d{i:02x}00", 3_575_000_000 + 1000 * m.ms
+        if m.sent:
+            out.append(f"{head} {us} S Bo:1:004:2 -115 {len(m.data)} = {m.data.hex(' ', -4)}")
+            out.append(f"{head} {us + 120} C Bo:1:004:2 0 {len(m.data)} >")
+            out.append(f"{head} {us + 130} S Bi:1:004:1 -115 512 <")
+        else:
+            heard = b"\x01\x60" + m.data
+            out.append(f"{head} {us - 900} C Bi:1:004:1 0 2 = 0160")
+            out.append(f"{head} {us} C Bi:1:004:1 0 {len(heard)} = {heard.hex(' ', -4)}")
+    return "\n".join(out)
+
+
+def _cyrillic(data: bytes) -> str:
+    return data.hex().upper().translate(str.maketrans("ABCE", "АВСЕ"))
+
+
 def _hal(log: Sequence[Message], rng: object) -> str:  # noqa: ARG001
     """What is heard comes in two calls."""
     out = []
@@ -77,6 +110,13 @@ ISSUES: Final[dict[str, Style]] = {
     "ESPHome bits glued": lambda log, rng: _wrote_bits(log, rng).replace("\n", ""),
     "Zephyr adu": _zephyr,
     "HAL calls": _hal,
+    "pymodbus in one line": _one_line,
+    "count in brackets": lines_of(lambda m: f"{m.clock} COM1 {word(m, 'TX', 'RX')} [{len(m.data)}] : {m.data.hex('.').upper()}"),
+    "count in parentheses": lines_of(lambda m: f"{word(m, 'TX', 'RX')} ({len(m.data)}): {m.data.hex('-').upper()}"),
+    "usbmon": _usbmon,
+    "Cyrillic digits in one word": lines_of(lambda m: f"{word(m, 'Запрос', 'Ответ')}: {_cyrillic(m.data)}"),
+    "addresses of networks beside": lines_of(lambda m: f"I ({m.ms}) radio: Send to ac:a7:04:f4:03:ec {word(m, 'failed', 'done')}\nI ({m.ms}) MODBUS_{word(m, 'TX', 'RX')}: {m.data.hex(' ')}"),
+    "ModScan in one line": lambda log, rng: "".join(f"[{b:02x}]" if m.sent else f"<{b:02x}>" for m in log for b in m.data),
     "test script": _pairs('[[test]]\nname = "step"\nsend = "{a}"\nexpect = "{b}"\n'),
     "doxygen": _pairs("/// @brief  step\n/// send: {a}\n/// response: {b}\n/// value is 0x0000 means no fault"),
     "tree items": _pairs('    item->setText(0,"x");\n    item->setText(1,"{a}");\n    item->setText(2,"{b}");'),

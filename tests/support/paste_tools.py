@@ -399,5 +399,9 @@ DECODERS: Final[dict[str, Style]] = {
     "PicoScope commas": _timed("{n};{comma};{b:02X};", "Paket;Startzeit;Daten;Fehler"),
     "Acute": _timed("{n}\t{us:.2f}us\t{word}\t{b:02X}\t\t", "Label\tTimestamp\tDir\tData\tParity\tInformation"),
     "KingstVIS": _timed("{s:.9f},0x{b:02X},,", "Time [s],Value,Parity Error,Framing Error"),
+    "Tektronix events": _timed("{n},{s:.9f},{b:02X},,{word}", "Index,Time,Data,Errors,Tx/Rx"),
+    "Rohde & Schwarz": _timed("{n};OK;{s:.6f};{s:.6f};{b:02X}", "Frame;State;Start;Stop;Word"),
+    "DSView": _timed("{n},{us:.2f},Start bit\n{n},{us:.2f},{b:02X}\n{n},{us:.2f},Stop bit", "Id,Time[us],0:UART"),
+    "ZeroPlus items": _timed("{n},{us:.2f}us,{b:02X}H,{word}", "Item,TimeStamp,Data,Describe"),
     "ZeroPlus": _timed("{n:5d} | {us:12.1f} us | DATA | {b:02X}"),
 }  # fmt: skip
