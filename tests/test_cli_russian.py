@@ -79,7 +79,7 @@ _EVENTS = (
     "analyzer/live/tapsource.py", "analyzer/live/session.py",
 )  # fmt: skip
 _LAST_LINES = (
-    "bus.mcap: 236 reads, 1,590 bytes of the line", "recorded 12 bytes of the line", "/dev/ttyX: no such port; "
+    "recorded 12 bytes of the line", "/dev/ttyX: no such port; "
     "`rtuscope ports` lists those that are there", "recorded 12 bytes of the line, 3 taken away by someone, LOST 4",
     "mqtt: broker:1883: connected again", "/dev/ttyX: open", "/dev/ttyX: is back",
     "COM3: lost (closed at its other end)",
@@ -229,5 +229,5 @@ def test_what_a_batch_came_to_is_told_in_russian(capsys: pytest.CaptureFixture[s
     tell_result(BatchResult(lines=2, captures=3, frames=1_200, octets=9_600_000, skipped=1, seconds=0.5))
     tell_result(BatchResult(packed=LakePacking(12, 2)))
     said = capsys.readouterr().out.splitlines()
-    assert said[0] == "принято записей: 3, линий: 2, уже были: 1; кадров: 1,200, с линии 9.6 MB за 0.5 s"
+    assert said[0] == "принято записей: 3, линий: 2, уже были: 1; кадров: 1 200, с линии 9.6 MB за 0.5 s"
     assert said[2] == "малых файлов хранилища было 12, стало 2"

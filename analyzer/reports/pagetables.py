@@ -7,7 +7,7 @@ from typing import Final
 
 from dissectors.values import harmless
 
-from ..languages import page_words
+from ..languages import grouped, page_words
 from ..words import between, compact, duration, is_clock, time_of_day
 from .findings import and_more
 from .model import BookmarkRow, Counts, HourRow, PollRow, Report, Times, UnitCard, UnitChange, UnitRow
@@ -108,7 +108,7 @@ def _exceptions(report: Report) -> Iterator[str]:
     yield page_words("exceptions")
     for row in report.exceptions[:_EXCEPTIONS]:
         asked = page_words("unit {unit}, function {function:02d}", unit=row.unit, function=row.function)
-        yield f"{row.count:>9,} x {asked}: {row.exception:02X} {row.name}"
+        yield f"{grouped(row.count):>9} x {asked}: {row.exception:02X} {row.name}"
     if len(report.exceptions) > _EXCEPTIONS:
         yield f"{'':>9}   {and_more(len(report.exceptions) - _EXCEPTIONS, 'other kind', 'other kinds')}"
 
@@ -165,7 +165,7 @@ def outcome_words(card: UnitCard, *, damage: bool = True) -> Iterator[str]:
             yield page_words(words, number=number)
     if card.garbage:
         garbage = page_words("{number:,} garbage", number=card.garbage)
-        regions = ", ".join(f"{page_words(region)} {count:,}" for region, count in card.damage.items() if count)
+        regions = ", ".join(f"{page_words(region)} {grouped(count)}" for region, count in card.damage.items() if count)
         yield f"{garbage} {page_words('(damaged: {regions})', regions=regions)}" if regions and damage else garbage
     for number, words in ((card.late, "{number:,} late"), (card.doubles, "{number:,} answered twice")):
         if number:

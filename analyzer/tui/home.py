@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple
 import numpy as np
 from textual.binding import Binding, BindingType
 
-from ..languages import counted, page_words, tr
+from ..languages import counted, grouped, page_words, tr
 from ..words import compact, duration, percent, short
 from .causeitems import of_cause, whose
 from .doorcells import DoorCell
@@ -271,7 +271,7 @@ def _unit_items(unit: UnitRow, causes: Sequence[Cause], *, heard: bool) -> tuple
     items = [
         Item(
             "asked",
-            f"{counts.requests:,}: " + ", ".join(f"{tr(word)} {number:,}" for number, word in ended if number),
+            f"{grouped(counts.requests)}: " + ", ".join(f"{tr(word)} {grouped(number)}" for number, word in ended if number),
             label=f"{tr('asked'):<11}",
         )
     ]
