@@ -119,7 +119,9 @@ def and_more(count: int, one: str, many: str) -> str:
 
 
 def _among(row: FindingRow) -> str:
-    shares = [f"{unit} ({grouped(count)})" if len(row.units) > 1 else f"{unit}" for unit, count in row.units.items()][:_UNITS]
+    shares = [f"{unit} ({grouped(count)})" if len(row.units) > 1 else f"{unit}" for unit, count in row.units.items()][
+        :_UNITS
+    ]
     if not shares:
         return ""
     more = page_words(" and others") if len(row.units) > _UNITS else ""

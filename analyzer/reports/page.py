@@ -208,7 +208,7 @@ def _response(report: Report) -> str:
     if not times.count or times.off_ns is None:
         return unknown("no times in this capture" if not report.timed else "this tap's times cannot tell them")
     words = ", ".join(f"{figure} {times.worded(figure)}" for figure in ("p50", "p95", "p99", "max"))
-    answers = report.transactions.answered + report.transactions.exceptions + report.transactions.damaged
+    answers = report.transactions.answers
     if times.count < answers:
         words += page_words(" ({some:,} of {all:,} measured)", some=times.count, all=answers)
     return words

@@ -86,7 +86,7 @@ def _table(
     rows: Sequence[tuple[str, Counts, Times]],
 ) -> Iterator[str]:
     """Counts, and of the figures of response times as many as there is room for, those named first before others."""
-    cells = {figure: [_cell(times, figure) for _, _, times in rows] for figure in figures}
+    cells = {figure: [_cell(counts, times, figure) for _, counts, times in rows] for figure in figures}
     widths = {figure: _width(cells[figure]) for figure in figures}
     room, shown = WIDTH - width - sum(w for _, w, _ in columns), []
     for figure in figures:
@@ -113,7 +113,10 @@ def _exceptions(report: Report) -> Iterator[str]:
         yield f"{'':>9}   {and_more(len(report.exceptions) - _EXCEPTIONS, 'other kind', 'other kinds')}"
 
 
-def _cell(times: Times, figure: str) -> str:
+def _cell(counts: Counts, times: Times, figure: str) -> str:
+    """A figure; a dash where no answer came whose time could be known."""
+    if not counts.answers:
+        return "-"
     low, high = times.bounds(figure) or (0, 0)
     return f"{low / 1e9:.3g} s" if low == high >= _LONG_NS else times.worded(figure)
 
@@ -171,7 +174,7 @@ def outcome_words(card: UnitCard, *, damage: bool = True) -> Iterator[str]:
         if number:
             yield page_words(words, number=number)
     if card.delay_ns is not None:
-        yield page_words("answers after {time}", time=between(*card.delay_ns))
+        yield page_words("95% of answers after {time}", time=between(*card.delay_ns))
 
 
 def _clock(t_ns: int) -> str:

@@ -212,7 +212,9 @@ class FindingList(Lines):
         which = tr(_LEAST[self.least]) + (tr(", {code} only", code=self.code) if self.code else "")
         if self.grouped:
             which += tr(" by cause")
-        return fitted([StyledText(f"  {', '.join(counts)}   "), StyledText(f"{which}: {grouped(len(self._numbers))}")], width)
+        return fitted(
+            [StyledText(f"  {', '.join(counts)}   "), StyledText(f"{which}: {grouped(len(self._numbers))}")], width
+        )
 
     def pieces(self, line: int, width: int) -> Sequence[StyledText]:
         block, number = self._at(line)

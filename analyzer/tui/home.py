@@ -12,7 +12,7 @@ import numpy as np
 from textual.binding import Binding, BindingType
 
 from ..languages import counted, grouped, page_words, tr
-from ..words import compact, duration, percent, short
+from ..words import compact, duration, percent, short_bound
 from .causeitems import of_cause, whose
 from .doorcells import DoorCell
 from .filterbar import FilterBar
@@ -36,7 +36,7 @@ _WIDE: Final = 100  # columns from which on there is room to say whose fault a c
 _NARROW: Final = 60  # and under which there is room for the least of a unit only
 _LETTERS: Final = {"error": "E", "warning": "W", "note": "N"}
 _MANY: Final = 0.05  # of the requests without a good answer
-_ANSWERS: Final = 26  # columns: `answers 48.3ms, 95% 53.3ms`
+_ANSWERS: Final = 28  # columns: `answers ≤48.3ms, 95% ≤53.3ms`
 
 
 class BusState(NamedTuple):
@@ -171,14 +171,14 @@ class HomeList(Lines):
         answers = tr("no answer times") if _is_due(counts) else tr("no answer is due")
         half, most = times.bounds("p50"), times.bounds("p95")
         if half is not None and most is not None:
-            answers = tr("answers {half}, 95% {most}", half=short(half[1]), most=short(most[1]))
+            answers = tr("answers {half}, 95% {most}", half=short_bound(half), most=short_bound(most))
         health = tr("sound") if _is_due(counts) else ""
         if bad or late:
             share = f"{bad or late:.0%}" if (bad or late) >= 0.005 else "<1%"
             health = tr("{share:>4} bad", share=share) if bad else tr("{share:>3} late", share=share)
         whom = [StyledText(tr("  unit {unit:>3} ", unit=unit.unit)), StyledText(f"{health:>8} ", kind)]
         if width < _NARROW:
-            return [*whom, StyledText("" if most is None else f"  95% {short(most[1])}")]
+            return [*whom, StyledText("" if most is None else f"  95% {short_bound(most)}")]
         parts = [
             *whom,
             StyledText(tr("{asked:>6} asked  ", asked=compact(counts.requests))),
@@ -271,7 +271,8 @@ def _unit_items(unit: UnitRow, causes: Sequence[Cause], *, heard: bool) -> tuple
     items = [
         Item(
             "asked",
-            f"{grouped(counts.requests)}: " + ", ".join(f"{tr(word)} {grouped(number)}" for number, word in ended if number),
+            f"{grouped(counts.requests)}: "
+            + ", ".join(f"{tr(word)} {grouped(number)}" for number, word in ended if number),
             label=f"{tr('asked'):<11}",
         )
     ]

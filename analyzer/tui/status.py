@@ -85,6 +85,8 @@ class StatusLine(Painted):
     def _finding_counts(self) -> list[StyledText]:
         counts = self.desk.bus.found.by_severity
         kinds = ((Severity.ERROR, "E", "error"), (Severity.WARNING, "W", "warning"), (Severity.NOTE, "N", "note"))
-        counted = [StyledText(f" {grouped(counts[level])}{letter}", kind) for level, letter, kind in kinds if counts[level]]
+        counted = [
+            StyledText(f" {grouped(counts[level])}{letter}", kind) for level, letter, kind in kinds if counts[level]
+        ]
         lost = [StyledText(f" {tr('!{count:,} lost', count=self.desk.losses)}", "error")] if self.desk.losses else []
         return [*lost, *counted, StyledText(" ")]
