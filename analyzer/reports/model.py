@@ -102,7 +102,7 @@ class UnitCard:
     """One unit's exchanges by what was heard: silence and garbage are two things.
 
     `damage`: of the garbage, so many by the place in the frame; `delay_ns`: between what 95 of a hundred of its
-    answers take (the tap's uncertainty included), None where that is unknown; `changes`: times in which it was otherwise.
+    answers take (the tap's uncertainty included), None where that is unknown; `changes`: when it was otherwise.
     """
 
     unit: int
