@@ -231,3 +231,25 @@ def test_what_a_batch_came_to_is_told_in_russian(capsys: pytest.CaptureFixture[s
     said = capsys.readouterr().out.splitlines()
     assert said[0] == "принято записей: 3, линий: 2, уже были: 1; кадров: 1 200, с линии 9.6 MB за 0.5 s"
     assert said[2] == "малых файлов хранилища было 12, стало 2"
+
+
+def test_lines_of_several_templates_are_told_by_the_one_that_says_all() -> None:
+    languages.use("ru")
+    for english, russian in (
+        ("/tmp/a.mcap: not a capture but an ELF program", "/tmp/a.mcap: не запись, а программа (ELF)"),
+        (
+            "x: not a capture but a Parquet table: open the capture that it was made from",
+            "x: не запись, а таблица Parquet: откройте запись, из которой она сделана",
+        ),
+        (
+            "nothing is called 'foo'; rtuscope help findings has all codes",
+            "ничто не называется 'foo'; все коды: rtuscope help findings",
+        ),
+        (
+            "no format 'foo'; formats are csv, jsonl (by suffix or --format)",
+            "нет формата 'foo'; форматы: csv, jsonl (по окончанию или --format)",
+        ),
+        ("/dev/null: not a serial port", "/dev/null: не последовательный порт"),
+        ("/tmp/a: 1,590 bytes sent", "/tmp/a: отправлено байтов: 1 590"),
+    ):
+        assert retold(english) == russian
