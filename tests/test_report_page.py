@@ -174,3 +174,14 @@ def test_sizes_say_something_from_the_first_byte_on():
     assert [data_size(n) for n in (0, 812, 5_230, 999_949, 999_950, 1_200_000, 3_400_000_000)] == [
         "0 B", "812 B", "5.2 kB", "999.9 kB", "1.0 MB", "1.2 MB", "3.4 GB",
     ]  # fmt: skip
+
+
+def test_what_nobody_weighed_has_no_certainty(capsys, tmp_path):
+    path = tmp_path / "other-speed.jsonl"
+    head = {"format": "serial-chunks", "version": 1, "baud": 19200, "char_bits": 11}
+    chunks = [{"t_ns": n * 120 * MS, "hex": "80f8e67e66fe1e80", "errors": [1, 2]} for n in range(300)]
+    path.write_text("\n".join(map(json.dumps, [head, *chunks])))
+    page = ran(capsys, "report", path).out
+    assert "parity-error" in page and "-100%" not in page
+    report = json.loads(ran(capsys, "report", path, "--json").out)
+    assert [group["certainty"] for row in report["findings"] for group in row["groups"]] == [None]
