@@ -12,7 +12,7 @@ import numpy as np
 from textual.binding import Binding, BindingType
 
 from ..languages import counted, grouped, page_words, tr
-from ..words import compact, duration, percent, short_bound
+from ..words import compact, duration, percent, short, short_bound
 from .causeitems import of_cause, whose
 from .doorcells import DoorCell
 from .filterbar import FilterBar
@@ -36,6 +36,8 @@ _WIDE: Final = 100  # columns from which on there is room to say whose fault a c
 _NARROW: Final = 60  # and under which there is room for the least of a unit only
 _LETTERS: Final = {"error": "E", "warning": "W", "note": "N"}
 _MANY: Final = 0.05  # of the requests without a good answer
+_PEAK: Final = 20  # columns: ` peak 27% in 1m02s`
+_LEAST_PEAK: Final = 11  # ` peak 27%`
 _ANSWERS: Final = 28  # columns: `answers ≤48.3ms, 95% ≤53.3ms`
 
 
@@ -108,7 +110,7 @@ class HomeList(Lines):
         bus = self.desk.bus
         if y == 0:
             return fitted(self._verdict(), width)
-        room = max(1, width - _LABEL - 11)
+        room = max(1, width - _LABEL - (_PEAK if width >= _NARROW else _LEAST_PEAK))
         if not bus.count or not bus.timed or self.desk.is_foreign:
             return fitted(
                 [StyledText("" if bus.timed or self.desk.is_foreign else f"  {tr('no times in this capture')}")], width
@@ -119,6 +121,8 @@ class HomeList(Lines):
             if bus.char_ns:
                 share = min(1.0, float((bins.octets * bus.char_ns / bins.width_ns).max()))
                 most = tr(" peak {share}", share=percent(share))
+                if width >= _NARROW:
+                    most += tr(" in {time}", time=short(round(bins.width_ns)))
             return fitted(
                 [StyledText(f"{tr('load'):>{_LABEL - 1}} "), *_bars(bins.octets, room), StyledText(most)], width
             )
