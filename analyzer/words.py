@@ -163,3 +163,14 @@ def percent(share: float) -> str:
 def plural(number: int, one: str, many: str) -> str:
     """`1 retry`, `2 retries`."""
     return f"{number:,} {one if number == 1 else many}"
+
+
+def data_size(octets: int) -> str:
+    """A number of bytes as people read it: `812 B`, `5.2 kB`, `1.2 MB`, `3.4 GB`."""
+    if octets < 1000:
+        return f"{octets} B"
+    for unit in ("kB", "MB"):
+        octets_of = octets / (1e3 if unit == "kB" else 1e6)
+        if octets_of < 999.95:
+            return f"{octets_of:.1f} {unit}"
+    return f"{octets / 1e9:.1f} GB"

@@ -307,3 +307,15 @@ def test_the_recorder_s_sample_and_the_workflows_are_what_they_should_be():
 def test_numbers_beyond_all_bounds_are_one_line(capsys, tmp_path, flag, text):
     said = refused(capsys, "record", "/dev/nowhere", "-o", tmp_path / "bus.mcap", flag, text)
     assert flag in said and "defect" not in said
+
+
+def test_a_wrong_value_of_many_is_one_short_line(capsys):
+    done = ran(capsys, "simulate", "x.jsonl", "--defect", "foo")
+    assert done.err == "rtuscope: argument --defect: invalid choice: 'foo' (see rtuscope simulate --help)\n"
+
+
+def test_one_read_is_not_many(capsys, tmp_path):
+    out, sample = tmp_path / "one.jsonl", samples.path("troubled.jsonl")
+    assert ran(capsys, "convert", sample, "-o", out, "--frames", "10").out == f"{out}: 1 read, 8 bytes of the line\n"
+    said = ran(capsys, "convert", sample, "-o", out, "--overwrite", "--lang", "ru").out
+    assert said == f"{out}: 236 чтений, 1 590 байтов с линии\n"

@@ -79,7 +79,7 @@ _EVENTS = (
     "analyzer/live/tapsource.py", "analyzer/live/session.py",
 )  # fmt: skip
 _LAST_LINES = (
-    "bus.mcap: 236 reads, 1,590 bytes of the line", "recorded 12 bytes of the line", "/dev/ttyX: no such port; "
+    "recorded 12 bytes of the line", "/dev/ttyX: no such port; "
     "`rtuscope ports` lists those that are there", "recorded 12 bytes of the line, 3 taken away by someone, LOST 4",
     "mqtt: broker:1883: connected again", "/dev/ttyX: open", "/dev/ttyX: is back",
     "COM3: lost (closed at its other end)",
@@ -229,5 +229,27 @@ def test_what_a_batch_came_to_is_told_in_russian(capsys: pytest.CaptureFixture[s
     tell_result(BatchResult(lines=2, captures=3, frames=1_200, octets=9_600_000, skipped=1, seconds=0.5))
     tell_result(BatchResult(packed=LakePacking(12, 2)))
     said = capsys.readouterr().out.splitlines()
-    assert said[0] == "принято записей: 3, линий: 2, уже были: 1; кадров: 1,200, с линии 9.6 MB за 0.5 s"
+    assert said[0] == "принято записей: 3, линий: 2, уже были: 1; кадров: 1 200, с линии 9.6 MB за 0.5 s"
     assert said[2] == "малых файлов хранилища было 12, стало 2"
+
+
+def test_lines_of_several_templates_are_told_by_the_one_that_says_all() -> None:
+    languages.use("ru")
+    for english, russian in (
+        ("/tmp/a.mcap: not a capture but an ELF program", "/tmp/a.mcap: не запись, а программа (ELF)"),
+        (
+            "x: not a capture but a Parquet table: open the capture that it was made from",
+            "x: не запись, а таблица Parquet: откройте запись, из которой она сделана",
+        ),
+        (
+            "nothing is called 'foo'; rtuscope help findings has all codes",
+            "ничто не называется 'foo'; все коды: rtuscope help findings",
+        ),
+        (
+            "no format 'foo'; formats are csv, jsonl (by suffix or --format)",
+            "нет формата 'foo'; форматы: csv, jsonl (по окончанию или --format)",
+        ),
+        ("/dev/null: not a serial port", "/dev/null: не последовательный порт"),
+        ("/tmp/a: 1,590 bytes sent", "/tmp/a: отправлено байтов: 1 590"),
+    ):
+        assert retold(english) == russian

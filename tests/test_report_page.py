@@ -4,10 +4,14 @@ import json
 from dataclasses import replace
 
 import pytest
+from running import ran
 
+from analyzer.languages import telling
 from analyzer.reports.model import Counts, ExceptionRow, FunctionRow, Load, Report, Times, UnitRow
 from analyzer.reports.page import text
-from analyzer.words import compact, duration
+from analyzer.reports.paragraphs import Paragraph
+from analyzer.words import compact, data_size, duration
+from captures import samples
 
 MS = 1_000_000
 TIMES = Times(380, 2 * MS, 12_345_678, 15 * MS, 20 * MS, 103 * MS)
@@ -137,3 +141,47 @@ def test_durations(ns, words):
 @pytest.mark.parametrize("number", [0, 99_999, 100_000, 12_345_678, 10**9, 10**13, 10**18])
 def test_counts_stay_short(number):
     assert len(compact(number)) <= 5
+
+
+def test_answers_that_never_came_have_no_unknown_time():
+    rows = (
+        UnitRow(17, COUNTS, TIMES), UnitRow(4, Counts(3, 1, unanswered=2), Times()),
+        UnitRow(9, Counts(3, unanswered=3), Times()),
+    )  # fmt: skip
+    lines = map(str.split, text(replace(REPORT, units=rows)).splitlines())
+    by_unit = {words[0]: words[-1] for words in lines if words and words[0] in ("4", "9")}
+    assert (by_unit["4"], by_unit["9"]) == ("?", "-")
+
+
+def test_a_card_has_the_times_of_the_table(capsys):
+    report = json.loads(ran(capsys, "report", samples.path("troubled.jsonl"), "--json").out)
+    times = {row["unit"]: row["times"] for row in report["units"]}
+    assert report["cards"]
+    for card in report["cards"]:
+        of = times[card["unit"]]
+        assert card["delay_ns"] == [of["min_low_ns"], of["p95_ns"] or of["p95_high_ns"]]
+
+
+def test_thousands_stay_together_in_russian():
+    with telling("ru"):
+        page = text(replace(REPORT, bytes=12_000, frames=1_234_567))
+    assert "байты     12 000, из них" in page and "кадры     1 234 567: 400 запросов" in page
+    assert "12,000" not in page
+    assert Paragraph("до 12 345 байтов").lines(10) == ["до 12 345", "   байтов"]
+
+
+def test_sizes_say_something_from_the_first_byte_on():
+    assert [data_size(n) for n in (0, 812, 5_230, 999_949, 999_950, 1_200_000, 3_400_000_000)] == [
+        "0 B", "812 B", "5.2 kB", "999.9 kB", "1.0 MB", "1.2 MB", "3.4 GB",
+    ]  # fmt: skip
+
+
+def test_what_nobody_weighed_has_no_certainty(capsys, tmp_path):
+    path = tmp_path / "other-speed.jsonl"
+    head = {"format": "serial-chunks", "version": 1, "baud": 19200, "char_bits": 11}
+    chunks = [{"t_ns": n * 120 * MS, "hex": "80f8e67e66fe1e80", "errors": [1, 2]} for n in range(300)]
+    path.write_text("\n".join(map(json.dumps, [head, *chunks])))
+    page = ran(capsys, "report", path).out
+    assert "parity-error" in page and "-100%" not in page
+    report = json.loads(ran(capsys, "report", path, "--json").out)
+    assert [group["certainty"] for row in report["findings"] for group in row["groups"]] == [None]

@@ -125,7 +125,7 @@ def test_every_view_obeys_the_scope_and_says_what_empties_it(capture: Path) -> N
         assert bins is not None and bins.frames.sum() == sitting.app.desk.figures.frames
         screen.query_one(FilterBar).use("unit == 99")
         await sitting.settle()
-        for view in "0123456":
+        for view in "01234567":
             await sitting.press(view)
             await sitting.until(lambda: "nothing here passes unit == 99; Esc takes it back" in sitting.shown())
         await sitting.press("5")

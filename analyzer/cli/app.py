@@ -25,6 +25,7 @@ from .terminal import shell_word, tell
 
 _PLACEHOLDER: Final = re.compile("[A-Z][A-Z_]+")
 _OURS: Final = frozenset({"analyzer", "captures", "dissectors"})
+_NAMED: Final = 12  # values of an argument at most that an error lists
 
 
 class HelpText(argparse.RawDescriptionHelpFormatter):
@@ -69,8 +70,10 @@ class Parser(argparse.ArgumentParser):
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is not None and value not in action.choices:
             near = did_you_mean(str(value), map(str, action.choices))
-            choices = ", ".join(map(str, action.choices))
-            raise argparse.ArgumentError(action, f"invalid choice: {value!r}{near or f' (choose from {choices})'}")
+            choices = list(map(str, action.choices))
+            if not near and len(choices) <= _NAMED:  # of more the help that is named beside tells
+                near = f" (choose from {', '.join(choices)})"
+            raise argparse.ArgumentError(action, f"invalid choice: {value!r}{near}")
 
     def error(self, message: str) -> NoReturn:
         from ..languages.retelling import retold

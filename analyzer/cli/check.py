@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from dissectors.values import harmless
 
+from ..languages import page_words
 from ..terminal_text import painted, terminal_text
 from .exits import DONE, FAILED, INTERRUPTED, NO_FRAME, UsageError
 from .inputs import (
@@ -118,7 +119,7 @@ def _checks(arguments: argparse.Namespace, capture: Capture) -> list[Check]:
         checks += load_rules(path, capture.line, charts)
     if not checks:
         if not arguments.json:
-            print(f"no rules given (--rule, --rules): {_DEFAULT!r} is asserted")
+            print(page_words("no rules given (--rule, --rules): {rule} is asserted", rule=repr(_DEFAULT)))
         checks.append(compile_check(_DEFAULT, capture.line))
     return checks
 

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Final
 
 from dissectors.values import harmless
 
-from ..languages.retelling import retold
 from ..meant import did_you_mean
 from .exits import DONE, INTERRUPTED, NO_FRAME, UsageError
 from .inputs import (
@@ -20,7 +19,7 @@ from .inputs import (
     opened_capture,
     tell_damage,
 )
-from .outputs import add_overwrite_argument, to_be_overwritten
+from .outputs import add_overwrite_argument, captured_words, to_be_overwritten
 from .progress import Progress
 from .quantities import moment, time_span
 from .terminal import interruptible, tell
@@ -108,8 +107,8 @@ def run(arguments: argparse.Namespace) -> int:
         tell_damage(path, capture)
     if lost := _lost(edited, chosen, written):
         tell(f"{arguments.output}: files of this format have no room for {', '.join(lost)}")
-    line = f"{arguments.output}: {written.reads:,} reads, {written.bytes:,} bytes of the line"
-    print(harmless(retold(line)), file=sys.stderr if arguments.output == "-" else sys.stdout)
+    line = f"{arguments.output}: {captured_words(written.reads, written.bytes)}"
+    print(harmless(line), file=sys.stderr if arguments.output == "-" else sys.stdout)
     if stopped:
         tell("stopped by Ctrl-C; what was done is kept, and partial")
         return INTERRUPTED

@@ -9,6 +9,7 @@ from typing import Final
 
 from dissectors.values import harmless
 
+from ..languages import counted, tr
 from ..terminal_text import terminal_text
 from .exits import UsageError
 
@@ -40,3 +41,10 @@ def to_be_overwritten(path: str | Path, *, overwrite: bool, source: Path | None 
     if sys.stdin.readline().strip().lower() not in _YES:
         raise UsageError(f"{path}: left as it was")
     return True
+
+
+def captured_words(reads: int, octets: int) -> str:
+    """How much of a line a capture that was written holds."""
+    return tr(
+        "{reads}, {bytes} of the line", reads=counted(reads, "read", "reads"), bytes=counted(octets, "byte", "bytes")
+    )

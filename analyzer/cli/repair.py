@@ -7,9 +7,8 @@ from pathlib import Path
 
 from dissectors.values import harmless
 
-from ..languages.retelling import retold
 from .exits import DONE, NO_FRAME
-from .outputs import add_overwrite_argument, to_be_overwritten
+from .outputs import add_overwrite_argument, captured_words, to_be_overwritten
 from .terminal import tell
 
 EXAMPLE = """\
@@ -46,5 +45,5 @@ def run(arguments: argparse.Namespace) -> int:
     result = repair(source, target)
     for loss in result.damage:
         tell(f"{source}: {loss}")
-    print(harmless(retold(f"{target}: {result.chunks:,} reads, {result.bytes:,} bytes of the line")))
+    print(harmless(f"{target}: {captured_words(result.chunks, result.bytes)}"))
     return DONE if result.bytes else NO_FRAME

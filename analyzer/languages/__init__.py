@@ -29,6 +29,7 @@ from typing import Any, Final
 from dissectors.wording import ENGLISH, Wording
 
 from ..words import plural
+from .numerals import GroupedInt
 
 CLAUSE: Final = re.compile(r"\[([^][]*)\]")
 
@@ -116,14 +117,29 @@ def catalogue(language: str) -> Mapping[str, Any]:
 
 def page_words(english: str, /, **numbers: object) -> str:
     """Words of the report page, in the language in use; a template is filled with its numbers."""
-    words: str = catalogue(_language.get()).get("page", {}).get(english, english)
-    return words.format_map(numbers) if numbers else words
+    return _worded("page", english, numbers)
 
 
 def tr(english: str, /, **numbers: object) -> str:
     """Words of the interface, in the language in use; a template is filled with its numbers."""
-    words: str = catalogue(_language.get()).get("interface", {}).get(english, english)
-    return words.format_map(numbers) if numbers else words
+    return _worded("interface", english, numbers)
+
+
+def _worded(table: str, english: str, numbers: Mapping[str, object]) -> str:
+    words: str = catalogue(_language.get()).get(table, {}).get(english, english)
+    return words.format_map(_numerals(numbers)) if numbers else words
+
+
+def grouped(number: int) -> str:
+    """A number with its thousands apart: `12,842`; in Russian, where a comma begins decimals, by a space."""
+    return f"{number if _language.get() == 'en' else GroupedInt(number):,}"
+
+
+def _numerals(numbers: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Numbers whose thousands a template sets apart as `grouped` does."""
+    if _language.get() == "en":
+        return numbers
+    return {name: GroupedInt(value) if type(value) is int else value for name, value in numbers.items()}
 
 
 def counted(number: int, one: str, many: str) -> str:
@@ -131,7 +147,7 @@ def counted(number: int, one: str, many: str) -> str:
     forms = catalogue(_language.get()).get("counted", {}).get(one)
     if forms is None:
         return plural(number, one, many)
-    return f"{number:,} {form_of(number, forms)}"
+    return f"{grouped(number)} {form_of(number, forms)}"
 
 
 def wording() -> Wording:
@@ -169,7 +185,9 @@ def filled(template: str, numbers: Mapping[str, Any]) -> str:
 
 def _told(numbers: Mapping[str, Any]) -> Mapping[str, Any]:
     words = catalogue(_language.get()).get("fragments", {})
-    return {k: _fragment(words, v) if isinstance(v, str) else v for k, v in numbers.items()} if words else numbers
+    if not words:
+        return numbers
+    return {k: _fragment(words, v) if isinstance(v, str) else v for k, v in _numerals(numbers).items()}
 
 
 def _fragment(words: Mapping[str, str], english: str) -> str:

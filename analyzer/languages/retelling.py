@@ -13,6 +13,7 @@ from functools import cache
 from typing import Final, NamedTuple
 
 from . import catalogue, in_use
+from .numerals import regrouped
 
 _PLACE: Final = re.compile(r"\{\d+\}")
 _COLONS: Final = 24  # so many at most in a line of ours
@@ -58,15 +59,15 @@ def _told(line: str, templates: tuple[_Template, ...], known: dict[str, tuple[in
     """How many letters of a line templates have, and the line told: by one template, or what stands around a colon."""
     if line in known:
         return known[line]
-    ways = [(0, line)]
-    if (found := _match(line, templates)) is not None:
-        template, match = found
-        parts = [_told(part, templates, known) for part in match.groups()]
-        ways.append((template.weight + sum(n for n, _ in parts), template.words.format(*(part for _, part in parts))))
+    ways = [(0, regrouped(line))]
     for head, rest in _split(line):
         if (told := _told(rest, templates, known))[0]:
             before = _told(head, templates, known)
             ways.append((before[0] + told[0], f"{before[1]}: {told[1]}"))
+    if (found := _match(line, templates)) is not None:  # last: a file's name before a colon is no part of a template
+        template, match = found
+        parts = [_told(part, templates, known) for part in match.groups()]
+        ways.append((template.weight + sum(n for n, _ in parts), template.words.format(*(part for _, part in parts))))
     known[line] = max(ways, key=lambda way: way[0])
     return known[line]
 

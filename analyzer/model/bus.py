@@ -70,7 +70,7 @@ class Bus:
         self.activity = Activity()
         self.units = UnitActivity()
         self.frames = 0
-        self.noise = 0
+        self.noise_bytes = 0  # in no frame
         self._count = 0
         self.whole = False  # nothing more comes
         self.t_first = self.t_last = 0
@@ -167,7 +167,7 @@ class Bus:
             self.t_first = int(rows.t_start_ns[0])
         self.t_first = min(self.t_first, int(rows.t_start_ns.min()))
         self.t_last = max(self.t_last, int(rows.t_end_ns.max()))
-        self.noise += int(noise.sum())
+        self.noise_bytes += int(rows.length[noise].sum())
         self.frames += n - int(noise.sum())
         self.table.append(BusRows(**columns))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
@@ -15,9 +16,8 @@ from ..causes.signatures import AnswerDamage, Signature
 from ..causes.spells import spells_of
 from ..causes.unitledger import UnitLedger
 from ..languages import page_words
-from ..tables.delays import bounds_of
 from ..words import between
-from .model import UnitCard, UnitChange
+from .model import Times, UnitCard, UnitChange
 
 _SURE_BITS: Final = 16.0  # that a change of outcomes must be worth
 _SLOWER: Final = 1.5  # times: that a change of delays must be
@@ -31,21 +31,18 @@ _REGIONS: Final = {
 }  # fmt: skip
 
 
-def unit_cards(ledger: Ledger, off_ns: float | None) -> tuple[UnitCard, ...]:
-    """The cards of all units that were asked for something. `off_ns`: by how much response times may be wrong."""
+def unit_cards(ledger: Ledger, times: Mapping[int, Times]) -> tuple[UnitCard, ...]:
+    """The cards of all units that were asked for something. `times`: those of their answers, as tables have them."""
     evidence = Evidence(ledger)
-    return tuple(_card(evidence, unit, off_ns) for unit in evidence.units)
+    return tuple(_card(evidence, unit, times.get(unit.unit, Times())) for unit in evidence.units)
 
 
-def _card(evidence: Evidence, unit: UnitLedger, off_ns: float | None) -> UnitCard:
+def _card(evidence: Evidence, unit: UnitLedger, times: Times) -> UnitCard:
     garbage = unit.count(Ending.GARBAGE)
     regions = Counter(map(_region, evidence.readings(unit)))
     read = sum(regions.values())
-    low, high = unit.delays.quantile(0.05), unit.delays.quantile(0.95)
-    bounds = None
-    if evidence.ledger.timed and low is not None and high is not None:
-        first, last = bounds_of(round(low), off_ns), bounds_of(round(high), off_ns)
-        bounds = None if first is None or last is None else (first[0], last[1])
+    least, most = times.bounds("min"), times.bounds("p95")
+    bounds = None if least is None or most is None or not evidence.ledger.timed else (least[0], most[1])
     return UnitCard(
         unit.unit,
         unit.asked,

@@ -8,7 +8,7 @@ from typing import Final
 
 from ..causes.links import cause_of
 from ..causes.model import Cause
-from ..languages import counted, page_words
+from ..languages import counted, grouped, page_words
 from ..words import is_clock, time_of_day
 from .model import FindingGroup, FindingRow
 from .paragraphs import PageLine, Paragraph
@@ -64,7 +64,7 @@ def lines(findings: Sequence[FindingRow]) -> Iterator[PageLine]:
     )
     yield f"{finding:<24}{severity:<10}{count:>9}{answers:>14}{time:>12}"
     for row in findings:
-        lost = f"{row.lost_answers:,}" if row.lost_answers else "-"
+        lost = grouped(row.lost_answers) if row.lost_answers else "-"
         time = seconds(row.lost_ms) if row.lost_ms else "-"
         yield f"{row.code:<24}{page_words(row.severity):<10}{row.count:>9,}{lost:>14}{time:>12}"
 
@@ -119,7 +119,9 @@ def and_more(count: int, one: str, many: str) -> str:
 
 
 def _among(row: FindingRow) -> str:
-    shares = [f"{unit} ({count:,})" if len(row.units) > 1 else f"{unit}" for unit, count in row.units.items()][:_UNITS]
+    shares = [f"{unit} ({grouped(count)})" if len(row.units) > 1 else f"{unit}" for unit, count in row.units.items()][
+        :_UNITS
+    ]
     if not shares:
         return ""
     more = page_words(" and others") if len(row.units) > _UNITS else ""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from ..languages import page_words
+from ..languages import grouped, page_words
 from ..tables.findings import Severity, described
 from ..tables.transactions import Status
 from ..words import is_clock, moment
@@ -73,7 +73,7 @@ class HourTable:
             span = min((hour + 1) * _HOUR_NS, self._end) - begin
             load = self._bytes[hour] * self._character_ns / span if self._character_ns and span > 0 else None
             commonest = self._findings[hour].most_common(1)
-            finding = f"{commonest[0][0]} x {commonest[0][1]:,}" if commonest else ""
+            finding = f"{commonest[0][0]} x {grouped(commonest[0][1])}" if commonest else ""
             counts = Counts(**dict(self._counts[hour]))
             hours.append(HourRow(self._name(hour), begin, counts, None if load is None else min(load, 1.0), finding))
         return tuple(hours)

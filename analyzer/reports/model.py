@@ -73,6 +73,11 @@ class Counts:
     late: int = 0  # answers after the client had moved on
     unheard: int = 0  # may have been answered while the recorder heard nothing
 
+    @property
+    def answers(self) -> int:
+        """Those that something answered."""
+        return self.answered + self.exceptions + self.damaged
+
 
 @dataclass(frozen=True, slots=True)
 class UnitRow:
@@ -96,8 +101,8 @@ class UnitChange:
 class UnitCard:
     """One unit's exchanges by what was heard: silence and garbage are two things.
 
-    `damage`: of the garbage, so many by the place in the frame; `delay_ns`: between what nine in ten of its answers
-    take (the tap's uncertainty included), None where that is unknown; `changes`: times in which it was otherwise.
+    `damage`: of the garbage, so many by the place in the frame; `delay_ns`: between what 95 of a hundred of its
+    answers take (the tap's uncertainty included), None where that is unknown; `changes`: when it was otherwise.
     """
 
     unit: int

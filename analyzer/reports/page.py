@@ -11,7 +11,7 @@ from typing import Final
 
 from dissectors.values import harmless
 
-from ..languages import counted, page_words
+from ..languages import counted, grouped, page_words
 from ..languages.retelling import retold
 from ..outages import unheard
 from ..words import duration, is_clock, moment
@@ -67,7 +67,7 @@ def facts(report: Report) -> Iterator[tuple[str, str]]:
     yield "bytes", _bytes(report)
     if not report.frames:
         return
-    frames = f"{report.frames:,}: {counted(report.requests, 'request', 'requests')}, "
+    frames = f"{grouped(report.frames)}: {counted(report.requests, 'request', 'requests')}, "
     frames += counted(report.responses, "response", "responses")
     if report.damaged_frames:
         frames += page_words("; {count:,} with a wrong check value", count=report.damaged_frames)
@@ -138,7 +138,7 @@ def _recording(report: Report) -> Iterator[tuple[str, str]]:
 
 
 def _bytes(report: Report) -> str:
-    words = f"{report.bytes:,}"
+    words = grouped(report.bytes)
     if report.noise_bytes:
         stretches = counted(report.noise_stretches, "stretch", "stretches")
         words += page_words(
@@ -187,7 +187,7 @@ def _transactions(counts: Counts) -> Iterator[tuple[str, str]]:
     ):
         if number:
             parts.append(page_words(words, number=number))
-    yield "requests", f"{counts.requests:,}: {', '.join(parts)}"
+    yield "requests", f"{grouped(counts.requests)}: {', '.join(parts)}"
     again = [counted(counts.retries, "retry", "retries")] if counts.retries else []
     again += [counted(counts.late, "late answer", "late answers")] if counts.late else []
     if again:
@@ -208,7 +208,7 @@ def _response(report: Report) -> str:
     if not times.count or times.off_ns is None:
         return unknown("no times in this capture" if not report.timed else "this tap's times cannot tell them")
     words = ", ".join(f"{figure} {times.worded(figure)}" for figure in ("p50", "p95", "p99", "max"))
-    answers = report.transactions.answered + report.transactions.exceptions + report.transactions.damaged
+    answers = report.transactions.answers
     if times.count < answers:
         words += page_words(" ({some:,} of {all:,} measured)", some=times.count, all=answers)
     return words

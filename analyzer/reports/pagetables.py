@@ -7,7 +7,7 @@ from typing import Final
 
 from dissectors.values import harmless
 
-from ..languages import page_words
+from ..languages import grouped, page_words
 from ..words import between, compact, duration, is_clock, time_of_day
 from .findings import and_more
 from .model import BookmarkRow, Counts, HourRow, PollRow, Report, Times, UnitCard, UnitChange, UnitRow
@@ -86,7 +86,7 @@ def _table(
     rows: Sequence[tuple[str, Counts, Times]],
 ) -> Iterator[str]:
     """Counts, and of the figures of response times as many as there is room for, those named first before others."""
-    cells = {figure: [_cell(times, figure) for _, _, times in rows] for figure in figures}
+    cells = {figure: [_cell(counts, times, figure) for _, counts, times in rows] for figure in figures}
     widths = {figure: _width(cells[figure]) for figure in figures}
     room, shown = WIDTH - width - sum(w for _, w, _ in columns), []
     for figure in figures:
@@ -108,12 +108,15 @@ def _exceptions(report: Report) -> Iterator[str]:
     yield page_words("exceptions")
     for row in report.exceptions[:_EXCEPTIONS]:
         asked = page_words("unit {unit}, function {function:02d}", unit=row.unit, function=row.function)
-        yield f"{row.count:>9,} x {asked}: {row.exception:02X} {row.name}"
+        yield f"{grouped(row.count):>9} x {asked}: {row.exception:02X} {row.name}"
     if len(report.exceptions) > _EXCEPTIONS:
         yield f"{'':>9}   {and_more(len(report.exceptions) - _EXCEPTIONS, 'other kind', 'other kinds')}"
 
 
-def _cell(times: Times, figure: str) -> str:
+def _cell(counts: Counts, times: Times, figure: str) -> str:
+    """A figure; a dash where no answer came whose time could be known."""
+    if not counts.answers:
+        return "-"
     low, high = times.bounds(figure) or (0, 0)
     return f"{low / 1e9:.3g} s" if low == high >= _LONG_NS else times.worded(figure)
 
@@ -165,13 +168,13 @@ def outcome_words(card: UnitCard, *, damage: bool = True) -> Iterator[str]:
             yield page_words(words, number=number)
     if card.garbage:
         garbage = page_words("{number:,} garbage", number=card.garbage)
-        regions = ", ".join(f"{page_words(region)} {count:,}" for region, count in card.damage.items() if count)
+        regions = ", ".join(f"{page_words(region)} {grouped(count)}" for region, count in card.damage.items() if count)
         yield f"{garbage} {page_words('(damaged: {regions})', regions=regions)}" if regions and damage else garbage
     for number, words in ((card.late, "{number:,} late"), (card.doubles, "{number:,} answered twice")):
         if number:
             yield page_words(words, number=number)
     if card.delay_ns is not None:
-        yield page_words("answers after {time}", time=between(*card.delay_ns))
+        yield page_words("95% of answers after {time}", time=between(*card.delay_ns))
 
 
 def _clock(t_ns: int) -> str:

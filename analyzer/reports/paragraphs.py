@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from textwrap import wrap
 from typing import Final
 
 WIDTH: Final = 80  # columns of the page
+_APART: Final = re.compile(r"(?<=\d) (?=\d{3}\b)")  # thousands, in languages that set them apart by a space
+_KEPT: Final = "\N{NO-BREAK SPACE}"  # no line ends at it
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,14 +26,15 @@ class Paragraph:
 
     def lines(self, width: int) -> list[str]:
         """So many columns wide."""
-        return wrap(
-            self.words,
+        lines = wrap(
+            _APART.sub(_KEPT, self.words),
             width,
             initial_indent=self.first,
             subsequent_indent=self.others,
             break_on_hyphens=False,
             break_long_words=not self.whole,
         )
+        return [line.replace(_KEPT, " ") for line in lines]
 
 
 PageLine = str | Paragraph

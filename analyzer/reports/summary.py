@@ -330,7 +330,7 @@ def with_cards(report: Report, ledger: Ledger) -> Report:
     """The report with what was heard of each unit: silence and garbage are two things."""
     from .cards import unit_cards
 
-    return replace(report, cards=unit_cards(ledger, report.times.off_ns))
+    return replace(report, cards=unit_cards(ledger, {row.unit: row.times for row in report.units}))
 
 
 def with_story(report: Report, ledger: Ledger) -> Report:

@@ -33,7 +33,8 @@ class _GroupTally:
     first: Findings  # one
     count: int = 0
     until: int = 0
-    certain: float = 0.0
+    certain: float = 0.0  # the sum of the certainties of those that have one
+    judged: int = 0  # and their number
 
 
 @dataclass(slots=True)
@@ -105,7 +106,9 @@ class Troubles:
                     group = kind.groups[unit, variant] = _GroupTally(findings[mine[:1]])
                 group.count += len(mine)
                 group.until = max(group.until, int(findings.t_ns[mine].max()))
-                group.certain += float(certain[mine].sum())
+                judged = certain[mine][certain[mine] >= 0]
+                group.certain += float(judged.sum())
+                group.judged += len(judged)
 
     def rows(self) -> tuple[FindingRow, ...]:
         """A row a rule, those that cost most first."""
@@ -151,7 +154,7 @@ class Troubles:
             text=finding.text,
             cause=finding.cause,
             remedy=finding.remedy,
-            certainty=round(group.certain / group.count, 3) if "certainty" in rule.numbers and group.certain else None,
+            certainty=round(group.certain / group.judged, 3) if group.certain else None,
             index=finding.index,
             start=finding.start,
             t_ns=finding.t_ns,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..languages import counted, tr
+from ..languages import counted, grouped, tr
 from ..words import duration
 from .items import FrameDetail, Item
 
@@ -37,7 +37,7 @@ def _cause_items(cause: Cause) -> tuple[Item, ...]:
     facts = (
         ("what", cause.text), ("fault", fault), ("seen", cause.share), ("again", again), ("lost", lost),
         ("to be sure", cause.deciding_test), ("do", cause.remedy),
-        ("frames", ", ".join(f"{index:,}" for index in cause.frames) + tr("   Enter goes there") if cause.frames
+        ("frames", ", ".join(grouped(index) for index in cause.frames) + tr("   Enter goes there") if cause.frames
          else ""),
     )  # fmt: skip
     kinds = {"what": "strong", "do": "good"}

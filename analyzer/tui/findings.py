@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from textual.binding import Binding, BindingType
 
-from ..languages import counted, tr
+from ..languages import counted, grouped, tr
 from ..model.findinglog import by_cause
 from ..model.selection import Selection
 from ..tables.findings import Severity
@@ -206,13 +206,15 @@ class FindingList(Lines):
         counts = [
             counted(self._levels[level], level.name.lower(), f"{level.name.lower()}s")
             if roomy
-            else f"{self._levels[level]:,} {LETTER[level]}"
+            else f"{grouped(self._levels[level])} {LETTER[level]}"
             for level in sorted(Severity, reverse=True)
         ]
         which = tr(_LEAST[self.least]) + (tr(", {code} only", code=self.code) if self.code else "")
         if self.grouped:
             which += tr(" by cause")
-        return fitted([StyledText(f"  {', '.join(counts)}   "), StyledText(f"{which}: {len(self._numbers):,}")], width)
+        return fitted(
+            [StyledText(f"  {', '.join(counts)}   "), StyledText(f"{which}: {grouped(len(self._numbers))}")], width
+        )
 
     def pieces(self, line: int, width: int) -> Sequence[StyledText]:
         block, number = self._at(line)

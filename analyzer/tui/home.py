@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple
 import numpy as np
 from textual.binding import Binding, BindingType
 
-from ..languages import counted, page_words, tr
-from ..words import compact, duration, percent, short
+from ..languages import counted, grouped, page_words, tr
+from ..words import compact, duration, percent, short, short_bound
 from .causeitems import of_cause, whose
 from .doorcells import DoorCell
 from .filterbar import FilterBar
@@ -36,7 +36,9 @@ _WIDE: Final = 100  # columns from which on there is room to say whose fault a c
 _NARROW: Final = 60  # and under which there is room for the least of a unit only
 _LETTERS: Final = {"error": "E", "warning": "W", "note": "N"}
 _MANY: Final = 0.05  # of the requests without a good answer
-_ANSWERS: Final = 26  # columns: `answers 48.3ms, 95% 53.3ms`
+_PEAK: Final = 20  # columns: ` peak 27% in 1m02s`
+_LEAST_PEAK: Final = 11  # ` peak 27%`
+_ANSWERS: Final = 28  # columns: `answers ≤48.3ms, 95% ≤53.3ms`
 
 
 class BusState(NamedTuple):
@@ -108,7 +110,7 @@ class HomeList(Lines):
         bus = self.desk.bus
         if y == 0:
             return fitted(self._verdict(), width)
-        room = max(1, width - _LABEL - 11)
+        room = max(1, width - _LABEL - (_PEAK if width >= _NARROW else _LEAST_PEAK))
         if not bus.count or not bus.timed or self.desk.is_foreign:
             return fitted(
                 [StyledText("" if bus.timed or self.desk.is_foreign else f"  {tr('no times in this capture')}")], width
@@ -119,6 +121,8 @@ class HomeList(Lines):
             if bus.char_ns:
                 share = min(1.0, float((bins.octets * bus.char_ns / bins.width_ns).max()))
                 most = tr(" peak {share}", share=percent(share))
+                if width >= _NARROW:
+                    most += tr(" in {time}", time=short(round(bins.width_ns)))
             return fitted(
                 [StyledText(f"{tr('load'):>{_LABEL - 1}} "), *_bars(bins.octets, room), StyledText(most)], width
             )
@@ -171,14 +175,14 @@ class HomeList(Lines):
         answers = tr("no answer times") if _is_due(counts) else tr("no answer is due")
         half, most = times.bounds("p50"), times.bounds("p95")
         if half is not None and most is not None:
-            answers = tr("answers {half}, 95% {most}", half=short(half[1]), most=short(most[1]))
+            answers = tr("answers {half}, 95% {most}", half=short_bound(half), most=short_bound(most))
         health = tr("sound") if _is_due(counts) else ""
         if bad or late:
             share = f"{bad or late:.0%}" if (bad or late) >= 0.005 else "<1%"
             health = tr("{share:>4} bad", share=share) if bad else tr("{share:>3} late", share=share)
         whom = [StyledText(tr("  unit {unit:>3} ", unit=unit.unit)), StyledText(f"{health:>8} ", kind)]
         if width < _NARROW:
-            return [*whom, StyledText("" if most is None else f"  95% {short(most[1])}")]
+            return [*whom, StyledText("" if most is None else f"  95% {short_bound(most)}")]
         parts = [
             *whom,
             StyledText(tr("{asked:>6} asked  ", asked=compact(counts.requests))),
@@ -271,7 +275,8 @@ def _unit_items(unit: UnitRow, causes: Sequence[Cause], *, heard: bool) -> tuple
     items = [
         Item(
             "asked",
-            f"{counts.requests:,}: " + ", ".join(f"{tr(word)} {number:,}" for number, word in ended if number),
+            f"{grouped(counts.requests)}: "
+            + ", ".join(f"{tr(word)} {grouped(number)}" for number, word in ended if number),
             label=f"{tr('asked'):<11}",
         )
     ]

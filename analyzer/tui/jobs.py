@@ -17,6 +17,7 @@ from ..languages.retelling import error_words
 from ..model.scope import Scope, ScopedFigures
 from ..model.selection import Everything, ListRows, Selection
 from ..model.source import Grave
+from ..words import data_size
 from . import home
 from .views import BY_NAME
 
@@ -156,7 +157,7 @@ class Jobs:
 
     def _rows_came(self) -> None:
         live = self._source.live
-        self.doing = "" if live else tr("reading, {size:,.0f} MB", size=self._bus.store.size / 1e6)
+        self.doing = "" if live else tr("reading, {size}", size=data_size(self._bus.store.size))
         self._first_row()
         if live:
             self._tell_notices()

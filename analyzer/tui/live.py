@@ -16,7 +16,7 @@ from ..live.session import Session
 from ..live.status import LineStatus
 from ..model.source import Grave
 from ..outages import Deaf, deaf_times
-from ..words import percent
+from ..words import data_size, percent
 
 _NOTICES: Final = 5  # the newest
 _BAD: Final = frozenset({"lost", "failed", "gap"})  # events that mean a loss
@@ -112,7 +112,7 @@ class LiveSource:
             paused = record.paused
             words.append(
                 (
-                    f"{tr('RECORDING PAUSED') if paused else tr('REC')}{name} {record.bytes / 1e6:,.1f} MB",
+                    f"{tr('RECORDING PAUSED') if paused else tr('REC')}{name} {data_size(record.bytes)}",
                     "error" if paused else "good",
                 )
             )

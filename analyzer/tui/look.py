@@ -103,9 +103,12 @@ def _compared(desk: ViewState, row: int, fields: tuple[Field, ...], other: int, 
     if bus.timed:
         since = bus.table.value("t_start_ns", row) - bus.table.value("t_start_ns", other)
         away = tr(", {time} before", time=short(since)) if since >= 0 else tr(", {time} later", time=short(-since))
-    difference = counted(len(pairs), "value differs", "values differ") if pairs else tr("nothing differs")
+    words = tr("nothing differs from frame {number}", number=frame.index)
+    if pairs:
+        difference = counted(len(pairs), "value differs", "values differ")
+        words = tr("{difference} from frame {number}", difference=difference, number=frame.index)
     return Item(
-        name, tr("{difference} from frame {number}", difference=difference, number=frame.index) + away,
+        name, words + away,
         kind="accent" if pairs else "dim", label=tr(name), ready=False,
         children=tuple(
             Item(

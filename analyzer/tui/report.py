@@ -14,6 +14,7 @@ from .view import JUMPS, View
 
 if TYPE_CHECKING:
     from ..reports.model import Report
+    from .desk import ViewState
     from .screen import BusScreen
 
 _NARROWEST: Final = 24  # columns: no page is told in fewer
@@ -24,6 +25,10 @@ class ReportPage(VerticalScroll):
 
     _report: Report | None = None
 
+    def __init__(self, desk: ViewState, *, id: str) -> None:
+        super().__init__(id=id)
+        self.desk = desk
+
     def compose(self) -> ComposeResult:
         yield Static(f"  {tr('reading …')}", id="page", markup=False)
 
@@ -33,6 +38,9 @@ class ReportPage(VerticalScroll):
         from ..reports.paragraphs import WIDTH
 
         self._report = report
+        if self.desk.is_emptied:
+            self.query_one("#page", Static).update(Text(f"  {self.desk.emptied()}"))
+            return
         width = max(_NARROWEST, min(WIDTH, self.scrollable_content_region.width))
         self.query_one("#page", Static).update(Text(text(report, width).removesuffix("\n")))
 
@@ -47,6 +55,6 @@ def _refresh(screen: BusScreen) -> None:
 
 VIEW: Final = View(
     name="report", key="7", title="Report",
-    make=lambda _: ReportPage(id="report"), refresh=_refresh,
+    make=lambda desk: ReportPage(desk, id="report"), refresh=_refresh,
     without=(*JUMPS, "select"), figures=True,
 )  # fmt: skip

@@ -177,7 +177,9 @@ class BusScreen(Screen[None]):
     def say(self) -> None:
         """The status line, as things are."""
         bus, frames = self.desk.bus, self.frames
-        where = counted(bus.frames, "frame", "frames") + (tr(", noise {count:,}", count=bus.noise) if bus.noise else "")
+        where = counted(bus.frames, "frame", "frames") + (
+            tr(", noise {count:,} B", count=bus.noise_bytes) if bus.noise_bytes else ""
+        )
         if self.jobs.selection is not None:
             where = tr("{some:,} of {rows} shown", some=frames.rows.count, rows=counted(bus.count, "row", "rows"))
         listing, follow = self.query_one(f"#{self.list_view}", FrameList), ""

@@ -9,7 +9,7 @@ from textual.strip import Strip
 
 from dissectors.values import harmless
 
-from ..languages import tr
+from ..languages import counted, grouped, tr
 from ..tables.findings import Severity
 from .paint import Painted, StyledText, fitted
 
@@ -85,6 +85,9 @@ class StatusLine(Painted):
     def _finding_counts(self) -> list[StyledText]:
         counts = self.desk.bus.found.by_severity
         kinds = ((Severity.ERROR, "E", "error"), (Severity.WARNING, "W", "warning"), (Severity.NOTE, "N", "note"))
-        counted = [StyledText(f" {counts[level]:,}{letter}", kind) for level, letter, kind in kinds if counts[level]]
-        lost = [StyledText(f" {tr('!{count:,} lost', count=self.desk.losses)}", "error")] if self.desk.losses else []
-        return [*lost, *counted, StyledText(" ")]
+        by_kind = [
+            StyledText(f" {grouped(counts[level])}{letter}", kind) for level, letter, kind in kinds if counts[level]
+        ]
+        losses = self.desk.losses
+        lost = [StyledText(f" !{counted(losses, 'loss', 'losses')}", "error")] if losses else []
+        return [*lost, *by_kind, StyledText(" ")]

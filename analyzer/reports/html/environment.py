@@ -9,7 +9,7 @@ from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
 from dissectors.values import harmless
 
-from ...languages import counted, in_use, page_words, tr
+from ...languages import counted, grouped, in_use, page_words, tr
 from ...version import __version__
 
 
@@ -23,5 +23,6 @@ def page_environment(package: str | None = None) -> Environment:
         lstrip_blocks=True,
         finalize=lambda value: harmless(value) if type(value) is str else value,
     )
+    environment.filters["grouped"] = grouped
     environment.globals.update(w=page_words, grade=tr, counted=counted, language=in_use(), version=__version__)
     return environment
