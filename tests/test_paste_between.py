@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from analyzer.paste import read
+from captures.errors import HexError
 
 ASKS, ANSWERS = "0B 03 00 10 00 02 C5 64", "0B 03 04 00 FA 01 2C 70 4F"
 WRITINGS = [
@@ -43,3 +44,17 @@ def test_what_stands_between_is_no_byte(writing: str, between: str) -> None:
         ASKS,
         ANSWERS,
     ]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "40001: 250\n40002: 300\n40003: 1000\n40004: 1234",
+        "2026-11-21 10:15:03 ERROR modbus timeout, slave 5, retry 3",
+        "Помогите, не работает обмен с частотником, адрес 1, скорость 9600. Ошибка 0x0B постоянно.",
+        "inst = minimalmodbus.Instrument('/dev/ttyUSB0', 1)\nprint(inst.read_register(0x10, 1))",
+    ],
+)
+def test_where_nothing_is_a_byte_none_is_read(text: str) -> None:
+    with pytest.raises(HexError):
+        read(text)

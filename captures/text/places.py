@@ -52,6 +52,7 @@ _OTHER_THINGS: Final = frozenset(
 _OF_THINGS: Final = frozenset(["address", "addr", "number", "id", "no", "nr"])
 _OFFSET_ENDS: Final = frozenset("0123456789abcdefABCDEFhH")
 _ELLIPSIS_STARTS: Final = frozenset(" ,.…")
+_NUMBER: Final = 2  # bytes that may be one number
 _FEW: Final = 17  # characters: six bytes
 
 
@@ -62,7 +63,10 @@ def in_its_place(found: HexWindow, line: TextLine) -> HexWindow:
     if found.shape in ROWS and bare[-1:] in _OFFSET_ENDS and (offset := _OFFSET.search(before)) is not None:
         begin = found.start - len(before) + offset.start("all")
         if begin in line.first:
-            level = max(found.level, Writing.BYTES if len(found.data) > 2 else Writing.LIKELY)
+            number = len(found.data) <= _NUMBER and line.text[found.start : found.end].isdigit()  # `40003: 1000`
+            level = (
+                found.level if number else max(found.level, Writing.BYTES if len(found.data) > 2 else Writing.LIKELY)
+            )
             return found._replace(offset=offset[2], level=level, lead=begin)
     if found.level and not found.ascii and _is_named_otherwise(before):
         return found._replace(level=Writing.NUMBER, lead=found.start)
