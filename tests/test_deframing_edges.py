@@ -16,6 +16,7 @@ conversations = st.lists(transactions(), max_size=3)
 glitches = st.lists(st.sampled_from([b"\0", b"\xff", b"\xfe"]), max_size=_MOST_STRAYS).map(b"".join)
 stray_bytes = st.one_of(glitches, st.binary(max_size=_MOST_STRAYS))
 frames = st.tuples(transactions(), st.integers(0, 1)).map(lambda drawn: drawn[0][drawn[1]])
+WRITE, UNANSWERED = bytes.fromhex("010500000000cdca"), bytes.fromhex("010100000001fdca")
 ANSWER = bytes.fromhex("0103020019798e")
 
 
@@ -31,6 +32,10 @@ ANSWER = bytes.fromhex("0103020019798e")
 )
 @example(ahead=[], before=b"", frame=ANSWER, behind=b"\0", after=[], tap="untimed", seed=0)
 @example(ahead=[], before=b"\xfe", frame=ANSWER, behind=b"\0\0", after=[], tap="ftdi16", seed=0)
+@example(
+    ahead=[[WRITE, WRITE]], before=b"\0\0\0\1", frame=UNANSWERED, behind=b"\0\0\1", after=[[WRITE, WRITE]],
+    tap="untimed", seed=0,
+)  # fmt: skip
 def test_a_legal_frame_is_found_among_stray_bytes(
     ahead: list[list[bytes]],
     before: bytes,
