@@ -148,6 +148,7 @@ IN_ANY_BYTES: Final[dict[str, Callable[[bytes], Iterator[ForeignFrame]]]] = {
     "DCON": _lines_of(_DCON),
 }
 TALKERS: Final = frozenset({_NMEA})  # one sends, unasked, to whoever listens
+UNCHECKED: Final = frozenset({"OWEN", "DCON"})  # known by the characters of their lines alone
 MERCURY_200: Final = "Mercury 200 (a meter's own, with the CRC of Modbus)"
 MERCURY_230: Final = "Mercury 230 (a meter's own, with the CRC of Modbus)"
 MILUR: Final = "Milur (a meter's own, with the CRC of Modbus)"

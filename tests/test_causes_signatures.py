@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from bursts import frame, read_of
+from bursts import answer_of, frame, read_of
 from hypothesis import given
 from hypothesis import strategies as st
 
 from analyzer.causes.exchanges import Ending
 from analyzer.causes.samples import Sample, SampleRow
-from analyzer.causes.signatures import AnswerDamage, KnownRequests, Signature, signature
+from analyzer.causes.signatures import AnswerDamage, Behind, KnownRequests, Signature, signature
 from analyzer.tables.schema import Kind
 
 COILS = frame(32, 1, 0, 0, 0, 24)
@@ -34,6 +34,24 @@ def test_a_request_in_two_pieces_is_one_and_no_answer_without_its_head() -> None
 
 def test_a_refusal_in_two_pieces_is_one() -> None:
     assert _read(REFUSED[:2], REFUSED[2:]).damage is AnswerDamage.NONE
+
+
+def _behind_an_answer(*data: bytes) -> Behind:
+    """What such pieces of noise behind a good answer to a request for 24 coils are."""
+    good = SampleRow(int(Kind.RESPONSE), True, True, 32, 10_000_000, 18_000_000, 0, frame(32, 1, 3, 1, 2, 3))
+    pieces = tuple(
+        SampleRow(int(Kind.NOISE), False, False, 0, 20_000_000 + 2_000_000 * i, 21_000_000 + 2_000_000 * i, 0, each)
+        for i, each in enumerate(data)
+    )
+    sample = Sample(32, 1, COILS, 0, Ending.OK, 8, 0, 0, 500_000_000, 0, (good, *pieces), None, False, 7)
+    return signature(sample, 1e6, KnownRequests.of([COILS, OTHER, read_of(7)]), off_ns=0.0).behind
+
+
+def test_the_next_request_and_its_answer_whole_but_in_pieces_are_nothing_that_collided() -> None:
+    request, answer = read_of(7), answer_of(7, 1234)
+    assert _behind_an_answer(request, answer[:3], answer[3:]) is Behind.NOTHING
+    assert _behind_an_answer(request + answer[:3], bytes((answer[3] ^ 8,)) + answer[4:]) is not Behind.NOTHING
+    assert _behind_an_answer(request[:5], answer) is not Behind.NOTHING
 
 
 _WHOLE = st.binary(min_size=2, max_size=12).map(lambda body: frame(*body))

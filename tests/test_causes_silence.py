@@ -154,3 +154,16 @@ def test_a_dead_unit_on_a_line_that_floats_is_dead(tick_ms: float) -> None:
             yield 150.0, b""
 
     assert named(causes(sent(), tick_ms=tick_ms))[0] == ("dead-unit", (3,))
+
+
+def test_a_search_is_one_though_a_gateway_holds_up_a_try_of_it() -> None:
+    sent: list[Sent] = []
+    for number in range(1, 31):
+        if number == 5:
+            sent += [(20.0, read_of(number)), (10.0, answer_of(number, 7))]
+            continue
+        held = 6000.0 if number in (12, 20, 25) else 200.0
+        sent += [(200.0, read_of(number)), (held, read_of(number)), (200.0, read_of(number))]
+    for value in range(150):
+        sent += [(100.0, read_of(5)), (10.0, answer_of(5, value))]
+    assert not causes(sent)

@@ -13,11 +13,12 @@ import numpy as np
 
 from dissectors.adu import EXCEPTION, MAX_ADU
 from dissectors.declaration import USER_DEFINED
-from dissectors.foreign import NAMES
+from dissectors.foreign import NAMES, UNCHECKED
 from dissectors.lengths import Role, rule
 
 from ..diagnosis.tap_clock import UNKNOWN, TimeTrust, silences
 from ..tables.transactions import ECHOED
+from .asciireading import is_in_ascii
 from .bits import surplus_bits
 from .exchanges import Ending
 from .foreign import PROTOCOLS
@@ -258,13 +259,16 @@ class Evidence:
     def foreign(self) -> tuple[str, int]:
         """The protocol whose frames stand among the bytes in no frame, and how many of those looked at; ("", 0).
 
-        The one that rows are marked with comes first, so that the page and its causes name the same.
+        The one that rows are marked with comes first, so that the page and its causes name the same. What only characters
+        tell is none on a line in ASCII mode, where nothing is marked so.
         """
         sure = int(self.ledger.foreign[1:].max())
         if self.ledger.noise_bytes <= _FOREIGN * self.ledger.bytes and sure < _FOREIGN_SURE:
             return "", 0  # so little may be anything
         data = b"".join(octets for _, _, octets in self.ledger.noise)
-        frames = Counter({name: count(data) for name, count in PROTOCOLS.items()})
+        in_ascii = any(map(is_in_ascii, self.ledger.polls.sure_requests))  # of such a line damage leaves lines as well
+        among = {name: count for name, count in PROTOCOLS.items() if not (in_ascii and name in UNCHECKED)}
+        frames = Counter({name: count(data) for name, count in among.items()})
         marked = NAMES[1 + int(self.ledger.foreign[1:].argmax())]
         frames[marked] = max(frames[marked], sure)
         name = marked if frames[marked] >= _FOREIGN_FRAMES else max(frames, key=frames.__getitem__)

@@ -25,6 +25,7 @@ from .exchanges import Ending
 from .samples import Sample, SampleRow
 
 _HEAD_MOST: Final = 12  # bytes that may be put right
+_READ: Final = 8  # bytes of a request to read, or to write one value
 _LEAST: Final = 4
 _HEAD: Final = 3  # bytes: of an answer the third is its byte count
 ENDING: Final = 3  # bytes by which a damaged request is known again
@@ -114,6 +115,11 @@ class KnownRequests:
     def begin(self, data: bytes, unit: int) -> bool:
         """Whether these bytes begin like one of them to another unit than this one."""
         return data[:_HEAD] in self.heads and data[0] != unit
+
+    def asks_and_gets(self, data: bytes) -> bool:
+        """Whether these bytes are one of them and its answer, both whole: what a tap held up and handed over in pieces."""
+        request, answer = data[:_READ], data[_READ:]
+        return data[:_HEAD] in self.heads and crc16(request) == 0 and crc16(answer) == 0 and answer[:2] == data[:2]
 
     def are_in(self, data: bytes, but: bytes = b"") -> bool:
         """Whether one of them ends within these bytes or at their end; `but`: one that may."""
@@ -371,6 +377,8 @@ def _kind_of(rest: list[SampleRow], sample: Sample, requests: KnownRequests) -> 
     data = b"".join(piece.data for piece in rest)
     if crc16(data) == 0 and len(data) >= _LEAST:
         return Behind.NOTHING  # whole after all, in pieces
+    if len(data) > 2 * _LEAST and requests.asks_and_gets(data):
+        return Behind.NOTHING
     if is_in_ascii(sample.request) and not data.strip(b"\r\n"):
         return Behind.NOTHING  # the end of a line, behind a pause of the tap's
     if not any(data) and len(data) <= 2:

@@ -70,7 +70,9 @@ def _scanned(evidence: Evidence) -> frozenset[int]:
     once = [
         unit
         for unit in evidence.units
-        if unit.asked - unit.repeats <= _VISITS and not unit.answered and unit.last - unit.first <= _VISIT * span
+        if (visits := unit.asked - unit.repeats) <= _VISITS
+        and not unit.answered
+        and (visits == 1 or unit.last - unit.first <= _VISIT * span)  # what passes it on may hold one try up
     ]
     if len(once) < _SCAN:
         return frozenset()
