@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from random import Random
 
 import pytest
-from bursts import CHAR_MS, Sent, answer_of, causes, frame, named, read_of
+from bursts import CHAR_MS, Sent, answer_of, causes, frame, ledger, named, read_of
 
 from analyzer.causes.ledger import ledger_of
 from analyzer.causes.reasoning import causes_of
@@ -120,6 +120,39 @@ def test_an_end_that_is_longer_than_any_request_is_no_request_into_which_a_drive
                 yield _TIMEOUT_MS, b""
 
     assert named(causes(sent(), tick_ms=tick_ms)) == [("duplicate-address", (2,))]
+
+
+def test_what_an_idle_line_makes_behind_answers_is_no_end_of_a_second_one() -> None:
+    """Nearly all of its bytes are low once, from the start bit on; a few are not."""
+    random = Random(8)
+
+    def sent() -> Iterator[Sent]:
+        for i in range(240):
+            unit = i % 4 + 1
+            yield 12.0, read_of(unit, quantity=12)
+            yield 5.0 + unit, answer_of(unit, 700 + i, 12)
+            if unit == 2:
+                idle = [0xFF << random.randrange(9) & 0xFF for _ in range(random.randrange(3, 9))]
+                yield 0.05, bytes((*idle, random.choice((0xF0, 0xFE))) if i % 8 < 4 else (0x7F, *idle, 0xFE, 0xE0))
+                yield _TIMEOUT_MS, b""
+
+    assert "duplicate-address" not in {cause.cause for cause in causes(sent())}
+
+
+@pytest.mark.parametrize("unheard", [5, 6])
+def test_the_answer_to_a_request_that_a_tap_cut_in_two_is_no_second_answer(unheard: int) -> None:
+    """As a gateway does that hands over the rest of a packet with what comes next; with a byte missing it is one."""
+
+    def sent() -> Iterator[Sent]:
+        for i in range(120):
+            yield 20.0, read_of(1)
+            yield 6.0, answer_of(1, 700 + i)
+            if i % 6 == 0:
+                yield 20.0, read_of(1, 4)[:5]
+                yield 90e3, read_of(1, 4)[unheard:]
+                yield 6.0, frame(1, 4, 4, 0, i, 0, 3)
+
+    assert ledger(sent()).unit(1).doubles == (20 if unheard > 5 else 0)
 
 
 def test_requests_that_follow_each_other_sooner_than_anybody_gives_up_are_answered_out_of_hearing() -> None:

@@ -36,14 +36,16 @@ def test_a_refusal_in_two_pieces_is_one() -> None:
     assert _read(REFUSED[:2], REFUSED[2:]).damage is AnswerDamage.NONE
 
 
-def _behind_an_answer(*data: bytes) -> Behind:
-    """What such pieces of noise behind a good answer to a request for 24 coils are."""
+def _behind_an_answer(*data: bytes, then: SampleRow | None = None) -> Behind:
+    """What such pieces of noise, and that row, behind a good answer to a request for 24 coils are."""
     good = SampleRow(int(Kind.RESPONSE), True, True, 32, 10_000_000, 18_000_000, 0, frame(32, 1, 3, 1, 2, 3))
     pieces = tuple(
         SampleRow(int(Kind.NOISE), False, False, 0, 20_000_000 + 2_000_000 * i, 21_000_000 + 2_000_000 * i, 0, each)
         for i, each in enumerate(data)
     )
-    sample = Sample(32, 1, COILS, 0, Ending.OK, 8, 0, 0, 500_000_000, 0, (good, *pieces), None, False, 7)
+    sample = Sample(
+        32, 1, COILS, 0, Ending.OK, 8, 0, 0, 500_000_000, 0, (good, *pieces, *([then] if then else ())), None, False, 7
+    )
     return signature(sample, 1e6, KnownRequests.of([COILS, OTHER, read_of(7)]), off_ns=0.0).behind
 
 
@@ -52,6 +54,14 @@ def test_the_next_request_and_its_answer_whole_but_in_pieces_are_nothing_that_co
     assert _behind_an_answer(request, answer[:3], answer[3:]) is Behind.NOTHING
     assert _behind_an_answer(request + answer[:3], bytes((answer[3] ^ 8,)) + answer[4:]) is not Behind.NOTHING
     assert _behind_an_answer(request[:5], answer) is not Behind.NOTHING
+
+
+def test_an_answer_to_a_request_in_pieces_is_no_second_one() -> None:
+    """As where a tap hands over the rest of a request with what comes next, a minute later."""
+    answer = SampleRow(int(Kind.RESPONSE), True, False, 32, 90_000_000, 95_000_000, 0, frame(32, 4, 4, 0, 1, 0, 2))
+    assert _behind_an_answer(OTHER[:5], OTHER[5:], then=answer) is Behind.NOTHING
+    assert _behind_an_answer(OTHER[:5], OTHER[6:], then=answer) is Behind.ANSWER
+    assert _behind_an_answer(then=answer) is Behind.ANSWER
 
 
 _WHOLE = st.binary(min_size=2, max_size=12).map(lambda body: frame(*body))

@@ -36,6 +36,7 @@ _LONG: Final = 6
 _RARE: Final = 0.01
 _AT_ONCE_CHARS: Final = 1.5
 _GLITCHES: Final = frozenset(0xFF << low & 0xFF for low in range(9))  # a line that is low once, from the start bit on
+_LOW: Final = 0x00  # all the way: the one of those that is often sent as well
 _STRAY: Final = (Behind.NOISE, Behind.ZEROS)
 _TAILS: Final = 3
 _TIMED: Final = 6  # waits
@@ -190,7 +191,7 @@ class Evidence:
         asked = max(map(len, self.ledger.polls.requests), default=0) + _STRAYED
         longer = sum(len(each.heard) > asked for each in at_once) >= _OFTEN * len(at_once)
         longest = MAX_ADU if longer or off <= self.ledger.char_ns else _LONG  # or it may be a request
-        found = [e.heard for e in at_once if len(e.heard) < longest and not _GLITCHES.issuperset(e.heard)]
+        found = [e.heard for e in at_once if len(e.heard) < longest and not _is_of_line(e.heard)]
         if len(set(found)) < max(_TAILS, _HALF * len(found), _HALF * len(readings)):
             return 0.0
         return unit.followed.offered * len(at_once) / len(readings)
@@ -341,3 +342,9 @@ def overlaid(readings: Sequence[Signature]) -> int:
 def share_of(readings: list[Signature], *kinds: str) -> float:
     """The share of readings of these kinds; 0 without any."""
     return sum(kind_of(each) in kinds for each in readings) / len(readings) if readings else 0.0
+
+
+def _is_of_line(heard: bytes) -> bool:
+    """Whether these bytes are what a line makes that nobody drives: all are low once, or half of them, zeros not counted."""
+    once = sum(byte in _GLITCHES for byte in heard)
+    return once == len(heard) or 2 * (once - heard.count(_LOW)) >= len(heard)

@@ -25,7 +25,7 @@ from ..tables.transactions import ECHOED, NEVER, Status, TransactionRows
 from .crowdedtimes import CrowdedTimes
 from .exchanges import ANSWERED, Ending, ExchangeBuilder, Exchanges, RowColumns, Stretch, Unowned
 from .polls import PollTable
-from .samples import sampled
+from .samples import asked_in_pieces, sampled
 from .states import StateTable
 from .successors import SuccessorTable
 from .thinned import Thinned
@@ -315,7 +315,7 @@ class Ledger:
                 number = int(rows.unit[row])
                 if row == own or rows.kind[row] != _RESPONSE or not rows.check[row] or not number:
                     continue
-                if not ANSWERED[rows.function[row]]:
+                if not ANSWERED[rows.function[row]] or _is_asked_in_pieces(part, i, row):
                     continue
                 if to_all and rows.request[row] < 0 and rows.function[row] == exchanges.function[i]:
                     self.unit(number).called += 1
@@ -347,6 +347,14 @@ class Ledger:
         if len(before):
             return part.table.bytes_of(int(part.exchanges.answer[before[-1]]))
         return self.polls.usual.get(int(polls[i]))
+
+
+def _is_asked_in_pieces(part: Stretch, i: int, row: int) -> bool:
+    """Whether the damaged rows right before an answer, behind the request of exchange i, are the request that it answers."""
+    first, table = row, part.table
+    while first - 1 in part.rows_of(i) and not table.rows.check[first - 1]:
+        first -= 1
+    return asked_in_pieces(b"".join(map(table.bytes_of, range(first, row))), table.bytes_of(row))
 
 
 def _was_answered(exchanges: Exchanges, i: int, unit: int) -> bool:

@@ -5,12 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
+from dissectors.adu import EXCEPTION
+from dissectors.crc import crc16
+
 from ..tables.schema import Kind
 from .exchanges import Ending, Stretch
 
 _MOST: Final = 96  # of a unit
 _PIECES: Final = 12  # of a sample
 _BYTES: Final = 600
+_REQUEST: Final = 8  # bytes of one that reads, the shortest
 
 
 class SampleRow(NamedTuple):
@@ -71,6 +75,18 @@ class Samples:
     def weight(self) -> float:
         """How many of those offered each kept one stands for."""
         return self.offered / len(self.kept) if self.kept else 0.0
+
+
+def asked_in_pieces(between: bytes, answer: bytes) -> bool:
+    """Whether the bytes between two answers end with a whole request that the second one may answer: a tap held a part
+    of it back, and no silence that long is inside a frame."""
+    header = bytes((answer[0], answer[1] & ~EXCEPTION))
+    at = between.find(header)
+    while 0 <= at <= len(between) - _REQUEST:
+        if crc16(between[at:]) == 0:
+            return True
+        at = between.find(header, at + 1)
+    return False
 
 
 def sampled(stretch: Stretch, i: int, usual: bytes | None) -> Sample:

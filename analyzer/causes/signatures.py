@@ -22,7 +22,7 @@ from dissectors.crc_variants import matching
 from ..tables.schema import Kind
 from .asciireading import COLON, ascii_due, is_in_ascii, read_ascii
 from .exchanges import Ending
-from .samples import Sample, SampleRow
+from .samples import Sample, SampleRow, asked_in_pieces
 
 _HEAD_MOST: Final = 12  # bytes that may be put right
 _READ: Final = 8  # bytes of a request to read, or to write one value
@@ -370,8 +370,11 @@ def _behind(sample: Sample, requests: KnownRequests) -> tuple[Behind, int]:
 
 
 def _kind_of(rest: list[SampleRow], sample: Sample, requests: KnownRequests) -> Behind:
-    if any(piece.check and piece.kind == Kind.RESPONSE and piece.unit == sample.unit for piece in rest):
-        return Behind.ANSWER
+    again = [piece.check and piece.kind == Kind.RESPONSE and piece.unit == sample.unit for piece in rest]
+    if any(again):
+        first = again.index(True)
+        asked = asked_in_pieces(b"".join(piece.data for piece in rest[:first]), rest[first].data)
+        return Behind.NOTHING if asked else Behind.ANSWER
     if all(piece.check for piece in rest):
         return Behind.NOTHING
     data = b"".join(piece.data for piece in rest)
