@@ -32,6 +32,13 @@ def test_a_request_in_two_pieces_is_one_and_no_answer_without_its_head() -> None
     assert _read(OTHER[:1], OTHER[1:]).damage is AnswerDamage.CROSSED
 
 
+def test_an_answer_whose_rest_came_with_the_next_request_is_whole() -> None:
+    answer = frame(32, 1, 3, 1, 2, 3)
+    assert _read(answer[:3], answer[3:] + OTHER[:4]).damage is AnswerDamage.NONE
+    assert _read(answer[:3], answer[4:] + OTHER[:4]).damage is not AnswerDamage.NONE
+    assert _read(answer[:3] + answer[3:] + OTHER[:4]).damage is not AnswerDamage.NONE
+
+
 def test_a_refusal_in_two_pieces_is_one() -> None:
     assert _read(REFUSED[:2], REFUSED[2:]).damage is AnswerDamage.NONE
 
