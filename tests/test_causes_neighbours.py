@@ -24,6 +24,12 @@ def _named(case: str, seed: int, tap: str) -> list[tuple[str, tuple[int, ...]]]:
 
 
 @pytest.mark.parametrize("tap", ["precise", "ftdi16"])
+def test_a_write_that_comes_again_behind_its_answer_without_a_head_is_no_answer() -> None:
+    """Bytes of a write and of its answer are the same: what comes when the client gives up is the write."""
+    found = _named("dead-beside-driver", 61000, "precise")
+    assert sorted(found) == [("dead-unit", (25,)), ("driver-enabled-late", (17,))]
+
+
 def test_a_quiet_bus_that_is_disturbed_at_times_does_not_float(tap: str) -> None:
     """Where frames are rare, so are those that are hit."""
     assert _named("hours", 9100, tap) == [("hours", ())]
