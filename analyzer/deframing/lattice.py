@@ -208,8 +208,8 @@ class Lattice:
         unit = self._units[adu[0]]
         if damaged:
             return unit, conversation  # nobody will answer it
-        # The very bytes of the last request, all of them, are not there by chance. But if that was answered, and noise
-        # behind it may have been another, nobody knows which was the last: what stands in it would speak against itself.
+        # All bytes of the last request again are no chance. But if that was answered, and noise behind it may have
+        # been another, nobody knows which was the last: what stands in that noise would speak against itself.
         if adu == conversation.last and not (self._request or (lost and conversation.answered)):
             same = min(FITS, 8.0 * (len(adu) - 2) - KNOWN)
             bits = same + (REPEATED if conversation.answered else self._unanswered)
