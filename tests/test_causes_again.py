@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from random import Random
 
 import pytest
@@ -106,37 +106,33 @@ def test_what_ends_an_answer_late_is_a_second_device_s_and_no_noise_of_an_idle_l
     assert ("duplicate-address", (1,)) not in found
 
 
+def _behind_unit_2(behind: Callable[[int], bytes]) -> Iterator[Sent]:
+    """Polls of four units; such bytes right behind each answer of unit 2, after which the client waits."""
+    for i in range(240):
+        unit = i % 4 + 1
+        yield 12.0, read_of(unit, quantity=12)
+        yield 5.0 + unit, answer_of(unit, 700 + i, 12)
+        if unit == 2:
+            yield 0.05, behind(i)
+            yield _TIMEOUT_MS, b""
+
+
 @pytest.mark.parametrize("tick_ms", [0.0, 16.0])
 def test_an_end_that_is_longer_than_any_request_is_no_request_into_which_a_driver_is_held(tick_ms: float) -> None:
     random = Random(6)
-
-    def sent() -> Iterator[Sent]:
-        for i in range(240):
-            unit = i % 4 + 1
-            yield 12.0, read_of(unit, quantity=12)
-            yield 5.0 + unit, answer_of(unit, 700 + i, 12)
-            if unit == 2:
-                yield 0.05, random.randbytes(random.randrange(6, 18))
-                yield _TIMEOUT_MS, b""
-
-    assert named(causes(sent(), tick_ms=tick_ms)) == [("duplicate-address", (2,))]
+    sent = _behind_unit_2(lambda _: random.randbytes(random.randrange(6, 18)))
+    assert named(causes(sent, tick_ms=tick_ms)) == [("duplicate-address", (2,))]
 
 
 def test_what_an_idle_line_makes_behind_answers_is_no_end_of_a_second_one() -> None:
     """Nearly all of its bytes are low once, from the start bit on; a few are not."""
     random = Random(8)
 
-    def sent() -> Iterator[Sent]:
-        for i in range(240):
-            unit = i % 4 + 1
-            yield 12.0, read_of(unit, quantity=12)
-            yield 5.0 + unit, answer_of(unit, 700 + i, 12)
-            if unit == 2:
-                idle = [0xFF << random.randrange(9) & 0xFF for _ in range(random.randrange(3, 9))]
-                yield 0.05, bytes((*idle, random.choice((0xF0, 0xFE))) if i % 8 < 4 else (0x7F, *idle, 0xFE, 0xE0))
-                yield _TIMEOUT_MS, b""
+    def idle(i: int) -> bytes:
+        octets = [0xFF << random.randrange(9) & 0xFF for _ in range(random.randrange(3, 9))]
+        return bytes((*octets, random.choice((0xF0, 0xFE))) if i % 8 < 4 else (0x7F, *octets, 0xFE, 0xE0))
 
-    assert "duplicate-address" not in {cause.cause for cause in causes(sent())}
+    assert "duplicate-address" not in {cause.cause for cause in causes(_behind_unit_2(idle))}
 
 
 @pytest.mark.parametrize("unheard", [5, 6])

@@ -14,7 +14,7 @@ from .exchanges import Ending, Stretch
 _MOST: Final = 96  # of a unit
 _PIECES: Final = 12  # of a sample
 _BYTES: Final = 600
-_REQUEST: Final = 8  # bytes of one that reads, the shortest
+READ_REQUEST: Final = 8  # bytes of a request to read, or to write one value: the shortest
 
 
 class SampleRow(NamedTuple):
@@ -82,7 +82,7 @@ def asked_in_pieces(between: bytes, answer: bytes) -> bool:
     of it back, and no silence that long is inside a frame."""
     header = bytes((answer[0], answer[1] & ~EXCEPTION))
     at = between.find(header)
-    while 0 <= at <= len(between) - _REQUEST:
+    while 0 <= at <= len(between) - READ_REQUEST:
         if crc16(between[at:]) == 0:
             return True
         at = between.find(header, at + 1)

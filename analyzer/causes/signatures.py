@@ -22,10 +22,9 @@ from dissectors.crc_variants import matching
 from ..tables.schema import Kind
 from .asciireading import COLON, ascii_due, is_in_ascii, read_ascii
 from .exchanges import Ending
-from .samples import Sample, SampleRow, asked_in_pieces
+from .samples import READ_REQUEST, Sample, SampleRow, asked_in_pieces
 
 _HEAD_MOST: Final = 12  # bytes that may be put right
-_READ: Final = 8  # bytes of a request to read, or to write one value
 _LEAST: Final = 4
 _HEAD: Final = 3  # bytes: of an answer the third is its byte count
 ENDING: Final = 3  # bytes by which a damaged request is known again
@@ -118,7 +117,7 @@ class KnownRequests:
 
     def asks_and_gets(self, data: bytes) -> bool:
         """Whether these bytes are one of them and its answer, both whole: what a tap held up and handed over in pieces."""
-        request, answer = data[:_READ], data[_READ:]
+        request, answer = data[:READ_REQUEST], data[READ_REQUEST:]
         return data[:_HEAD] in self.heads and crc16(request) == 0 and crc16(answer) == 0 and answer[:2] == data[:2]
 
     def are_in(self, data: bytes, but: bytes = b"") -> bool:
@@ -184,8 +183,9 @@ def signature(sample: Sample, char_ns: float, requests: KnownRequests, *, off_ns
 
 def _is_whole_in_pieces(sample: Sample, data: bytes) -> bool:
     """Whether the answer that is due is there, its rest held back by a tap, maybe with what was asked next behind it."""
-    due = sample.due if len(sample.pieces) > 1 else len(data)
-    return len(data) >= due == sample.due and crc16(data[:due]) == 0 and data.startswith(_header(sample.request))
+    due = sample.due
+    there = len(data) == due or (len(data) > due and len(sample.pieces) > 1)
+    return there and crc16(data[:due]) == 0 and data.startswith(_header(sample.request))
 
 
 def known_header(request: bytes) -> bytes:

@@ -77,7 +77,8 @@ class Recent:
             late = late[rows < 0]
             if not len(late):
                 break
-        for number, (batch, row) in sorted(stands.items(), key=lambda item: item[0]):
+        for number in sorted(stands):
+            batch, row = stands[number]
             one = step.findings[number : number + 1]
             values = batch.rows.row(row)
             request = batch.request_of(row, values.request) if values.request >= 0 else None

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from textwrap import wrap
 from typing import Final
 
+from ..languages.numerals import APART
+
 WIDTH: Final = 80  # columns of the page
-_APART: Final = re.compile(r"(?<=\d) (?=\d{3}\b)")  # thousands, in languages that set them apart by a space
+_APART: Final = re.compile(rf"(?<=\d){APART}(?=\d{{3}}\b)")  # thousands, in languages that set them apart by a space
 _KEPT: Final = "\N{NO-BREAK SPACE}"  # no line ends at it
 
 
@@ -34,7 +36,7 @@ class Paragraph:
             break_on_hyphens=False,
             break_long_words=not self.whole,
         )
-        return [line.replace(_KEPT, " ") for line in lines]
+        return [line.replace(_KEPT, APART) for line in lines]
 
 
 PageLine = str | Paragraph
