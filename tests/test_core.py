@@ -9,6 +9,7 @@ from hypothesis import given, settings
 
 import captures
 from analyzer.core import Analysed, Analyzer, analyse, deframe
+from analyzer.live import session as live_session
 from analyzer.live.session import Session
 from analyzer.tables.findings import Findings, described
 from analyzer.tables.schema import Kind, Rows
@@ -198,6 +199,49 @@ def test_a_replay_waits_for_the_analysis_and_misses_nothing():
         steps = list(session.steps())
     assert sum(step.missed for step in steps) == 0
     assert sum(len(step.batch) for step in steps) == 400
+
+
+class Clocks:
+    """In place of the module `time`: each step takes so much of the processor, s, and none of the day."""
+
+    def __init__(self, step_s):
+        self._step_s, self._ran, self._now, self.slept = step_s, 0.0, 0.0, []
+
+    def thread_time(self):
+        self._ran += self._step_s  # since it was last asked
+        return self._ran
+
+    def monotonic(self):
+        return self._now
+
+    def sleep(self, seconds):
+        assert seconds > 0
+        self.slept.append(seconds)
+        self._now += seconds
+
+
+@pytest.mark.parametrize(("step_s", "pause_s"), [(0.002, 0.014), (0.15, 0.1)])
+def test_where_steps_are_dear_more_is_gathered_for_each(monkeypatch, step_s, pause_s):
+    clocks = Clocks(step_s)
+    monkeypatch.setattr(live_session, "time", clocks)
+    pace = live_session._Pace()
+    for _ in range(60):
+        pace.wait()
+        pace.begin()
+    assert clocks.slept[-1] == pytest.approx(pause_s, rel=0.01)
+    assert sum(clocks.slept) == pytest.approx(clocks.monotonic())
+
+
+@pytest.mark.parametrize("waits", [False, True])
+def test_only_a_line_that_does_not_wait_is_gathered(monkeypatch, waits):
+    clocks = Clocks(0.02)
+    monkeypatch.setattr(live_session, "time", clocks)
+    source = Scripted([Block.from_chunks([chunk]) for chunk in spaced(POLL * 20)])
+    source.waits = waits
+    with Session(source) as session:
+        steps = list(session.steps())
+    assert sum(len(step.batch) for step in steps) == 40
+    assert bool(clocks.slept) is not waits
 
 
 @pytest.mark.parametrize("unplugged", [False, True])

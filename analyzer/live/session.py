@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import queue
 import threading
+import time
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -27,6 +28,9 @@ from .outlets import Outlet
 
 _BACKLOG: Final = 4 << 20  # bytes that wait for the analysis at most
 _PATIENCE_S: Final = 0.2
+_SPARED: Final = 7  # times what a step takes of the processor pass at least until the next one begins,
+_LONGEST_S: Final = 0.1  # but no more than this
+_LATELY: Final = 8  # steps, over which that is averaged
 _DEAF: Final = frozenset({"lost", "opened", "gap"})  # events that tell when nothing was heard
 _NOTED: Final = frozenset({"lost", "opened", "clock", "settled", "gap", "notice"})  # events that stand in the record
 
@@ -174,9 +178,12 @@ class Session:
         return step
 
     def _steps(self) -> Iterator[SessionStep]:
-        over = False
+        over, pace = False, _Pace()
         while not over:
+            if not self._source.waits:
+                pace.wait()
             items = self._queue.get()
+            pace.begin()
             while not self._queue.empty():
                 items += self._queue.get()
             for part in _grouped(items):
@@ -285,6 +292,24 @@ class Session:
         if self._missed:
             self._ready.append(_Missed(t_ns, self._missed))
             self._missed = {}
+
+
+class _Pace:
+    """Gathers more before the next step where steps are dear, as on a line full of noise or on a slow machine: most of
+    what a step costs goes by the step. `begin` a step, `wait` behind it."""
+
+    def __init__(self) -> None:
+        self._mean_s = 0.0
+        self.begin()
+
+    def begin(self) -> None:
+        self._begun, self._ran = time.monotonic(), time.thread_time()
+
+    def wait(self) -> None:
+        self._mean_s += (time.thread_time() - self._ran - self._mean_s) / _LATELY
+        left = self._begun + min(_SPARED * self._mean_s, _LONGEST_S) - time.monotonic()
+        if left > 0:
+            time.sleep(left)
 
 
 @dataclass(frozen=True, slots=True)

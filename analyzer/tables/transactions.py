@@ -35,7 +35,7 @@ NEVER: Final = -(1 << 62)  # a time that is none
 _PATIENCE: Final = 16  # frames after a request, beyond which no answer is waited for
 _PIPELINED: Final = 1024  # the same over Modbus TCP, where many connections and transactions are open at once
 _REACH: Final = 1 << 16  # and bytes, noise included
-_GLITCHES: Final = (0x00, 0xFE, 0xFF)  # noise bytes that say nothing
+_GLITCHES: Final = bytes((0x00, 0xFE, 0xFF))  # noise bytes that say nothing
 _MIN_ADU: Final = 4
 _TRANSACTION_ID: Final = 2  # bytes, anew in each request over Modbus TCP
 _ALIKE: Final = 2  # bytes in which a damaged request may differ from its repetition
@@ -175,8 +175,7 @@ class Transactions:
         lost = np.zeros(len(rows) + 1, np.int64)
         for row in bad.tolist():
             at = int(rows.at[row])
-            octets = batch.data[at : at + int(rows.length[row])]
-            lost[row + 1] = len(octets) - int(np.isin(octets, _GLITCHES).sum())
+            lost[row + 1] = len(batch.data[at : at + int(rows.length[row])].tobytes().translate(None, _GLITCHES))
         total = np.cumsum(lost)
         first = max(known - 1, 0)
         bounds = np.append(requests, len(rows)) if known == 0 else np.concatenate(([0], requests, [len(rows)]))

@@ -115,19 +115,21 @@ def driver_enabled_late(evidence: Evidence) -> Iterator[Suspicion]:
 def _out_of_step(evidence: Evidence, unit: UnitLedger) -> float:
     """Bits for garbage that begins as a known header does whose first bits are missing, nearly the same number each
     time: its receiver is out of step from there on."""
-    pairs = Counter((known_header(each.request), each.heard[:_BEGINNING]) for each in evidence.readings(unit))
+    heard: dict[bytes, Counter[bytes]] = defaultdict(Counter)  # by what was to be sent
+    for each in evidence.readings(unit):
+        heard[known_header(each.request)][each.heard[:_BEGINNING]] += 1
     best = 0.0
     for receiver in formats_of(evidence.ledger.line):
         for lost in range(2, _LOST_BITS):
             reach = range(round(_SPREAD[0] * lost), round(_SPREAD[1] * lost) + 1)
             price = log2(len(reach))
             bits = -_BYTE
-            for (header, heard), count in pairs.items():
-                garbled = [beheaded(header, each, receiver)[:_BEGINNING] for each in reach]
-                fits = max(
-                    (len(g) for g in garbled if g and heard.startswith(g) and not header.startswith(g)), default=0
-                )
-                bits += count * (_BYTE * fits - price if fits else -_MISSED)
+            for header, heads in heard.items():
+                garbled = {beheaded(header, bits_lost, receiver)[:_BEGINNING] for bits_lost in reach}
+                telling = [g for g in garbled if g and not header.startswith(g)]
+                for head, count in heads.items():
+                    fits = max((len(g) for g in telling if head.startswith(g)), default=0)
+                    bits += count * (_BYTE * fits - price if fits else -_MISSED)
             best = max(best, bits)
     return best
 

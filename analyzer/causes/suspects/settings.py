@@ -76,11 +76,13 @@ def _fitting(evidence: Evidence, readings: Sequence[Signature]) -> tuple[float, 
     """The other settings by which the garbage's first bytes are just what was to be sent: their weight, their words, and
     by how much a clock is off."""
     best, words, off = 0.0, "another speed or parity, or a clock that is off", 0.0
-    pairs = Counter((known_header(r.request), r.heard[:_MOST_BYTES]) for r in readings)
+    heard: dict[bytes, Counter[bytes]] = defaultdict(Counter)  # by what was to be sent
+    for reading in readings:
+        heard[known_header(reading.request)][reading.heard[:_MOST_BYTES]] += 1
     for receiver in formats_of(evidence.ledger.line):
         for sender, drift in other_formats(receiver):
             bits = -_BYTE + max(
-                sum(count * _match(h, heard, sender, receiver, sample) for (h, heard), count in pairs.items())
+                sum(_match(header, heads, sender, receiver, sample) for header, heads in heard.items())
                 for sample in samples(sender, receiver)
             )
             if bits > best:
@@ -108,13 +110,15 @@ def _seven_bits(readings: Sequence[Signature]) -> float:
     return one * _OTHER + (len(odd) - one) * _SAME - _BYTE
 
 
-def _match(header: bytes, heard: bytes, sender: CharacterFormat, receiver: CharacterFormat, sample: float) -> float:
-    """Bits for first bytes that are garbled just so; nothing where they would be as they should."""
+def _match(
+    header: bytes, heads: Mapping[bytes, int], sender: CharacterFormat, receiver: CharacterFormat, sample: float
+) -> float:
+    """Bits for first bytes, each heard so often, that are garbled just so; nothing where they would be as they should."""
     garbled = misread(header, sender, receiver, sample)[:_MOST_BYTES]
     if not garbled or header.startswith(garbled):
         return 0.0
-    same = next((i for i, (one, two) in enumerate(zip(garbled, heard, strict=False)) if one != two), len(garbled))
-    return _BYTE * same if same == len(garbled) else _NOT_AS_SENT
+    same = sum(count for head, count in heads.items() if head.startswith(garbled) or garbled.startswith(head))
+    return _BYTE * len(garbled) * same + _NOT_AS_SENT * (sum(heads.values()) - same)
 
 
 def _steadiness(evidence: Evidence, unit: UnitLedger) -> float:

@@ -152,9 +152,11 @@ def other_conventions(case: DamagedFrame) -> Iterator[Explanation]:
     data = case.data
     if len(data) > MAX_ADU:
         return
+    frame = data[:-2] + crc_bytes(data[:-2])
+    bits = _PRIOR_VARIANT + 16.0 + likelihood(frame, case) - log2(len(VARIANTS))
+    if bits == -inf:  # nobody sends such a frame, whatever its check value
+        return
     for variant in matching(data):
-        frame = data[:-2] + crc_bytes(data[:-2])
-        bits = _PRIOR_VARIANT + 16.0 + likelihood(frame, case) - log2(len(VARIANTS))
         yield Explanation("crc-variant", bits, repaired=frame, variant=variant.name)
 
 
@@ -336,5 +338,9 @@ def autopsy(case: DamagedFrame) -> Explanation:
     best = verdicts[0]
     weights = [2.0 ** (verdict.bits - best.bits) for verdict in verdicts]
     total = sum(weights)
-    weighed = [replace(verdict, certainty=weight / total) for verdict, weight in zip(verdicts, weights, strict=True)]
-    return replace(weighed[0], rivals=tuple(verdict for verdict in weighed[1:] if verdict.bits >= best.bits - _NEAR))
+    near = [
+        replace(verdict, certainty=weight / total)
+        for verdict, weight in zip(verdicts[1:], weights[1:], strict=True)
+        if verdict.bits >= best.bits - _NEAR
+    ]
+    return replace(best, certainty=weights[0] / total, rivals=tuple(near))
