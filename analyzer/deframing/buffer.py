@@ -165,9 +165,13 @@ class ByteBuffer:
         self.classes[self.group[first:upto]] = classes
         self._closed = upto
 
+    def lasts(self, least_ns: int) -> bool:
+        """Whether so long passed from the byte before the first one here to the last: else no silence is so long."""
+        return len(self.time) > 0 and int(self.time.max()) - min(int(self.time.min()), self._before[0]) >= least_ns
+
     def quiet(self, low: int, high: int, least_ns: int) -> Index:
         """Byte indices in (low, high) before which the times step by `least_ns` or more; `high` excluded."""
-        first, last = self.group.searchsorted((low + 1, high)).tolist()
+        first, last = self.group.searchsorted((low + 1, high)).tolist() if self.lasts(least_ns) else (0, 0)
         if first >= last:
             return np.empty(0, np.intp)
         previous = self.time[first - 1 : last - 1] if first else np.append(self._before[0], self.time[: last - 1])

@@ -171,7 +171,7 @@ class Engine:
     def _search(self, data: Bytes, crc: CrcWindows, offset: int) -> Candidates:
         """Candidates of bytes at a stream offset; what an earlier look has found is not searched again."""
         searched = self._searched - offset
-        if searched < MIN_ADU:
+        if searched <= MAX_ADU:  # what ends behind it may begin anywhere before
             found = search_candidates(data, crc)
         else:
             known, shift = self._found, offset - self._found_from
@@ -189,7 +189,7 @@ class Engine:
         """Candidates that no long silence cuts, of the role that this port has."""
         if self._role is not None:
             found = found.of(self._role)
-        if not len(found):
+        if not len(found) or not self.buffer.lasts(self.options.cut_ns):
             return found
         low, high = begin + int(found.start[0]), begin + int(found.end.max())
         cuts = self.buffer.quiet(low, high, self.options.cut_ns) - begin
