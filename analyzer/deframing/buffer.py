@@ -171,7 +171,7 @@ class ByteBuffer:
 
     def quiet(self, low: int, high: int, least_ns: int) -> Index:
         """Byte indices in (low, high) before which the times step by `least_ns` or more; `high` excluded."""
-        first, last = self.group.searchsorted((low + 1, high)).tolist() if self.lasts(least_ns) else (0, 0)
+        first, last = self.group.searchsorted((low + 1, high)).tolist()
         if first >= last:
             return np.empty(0, np.intp)
         previous = self.time[first - 1 : last - 1] if first else np.append(self._before[0], self.time[: last - 1])
