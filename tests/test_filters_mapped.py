@@ -151,7 +151,7 @@ def test_in_commands(bus: Path, tmp_path: Path, capsys: pytest.CaptureFixture[st
 def test_in_the_model_of_the_interface(bus: Path) -> None:
     """The interface's filter on its own columns passes the same rows as that of the exports."""
     from analyzer.model.bus import Bus
-    from analyzer.model.filtering import compiled
+    from analyzer.model.selection import compiled
     from analyzer.model.source import CaptureSource
 
     capture = captures.open(bus)

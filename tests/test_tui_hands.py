@@ -14,7 +14,7 @@ from textual.widgets import Input
 
 from analyzer import languages
 from analyzer.languages import tr
-from analyzer.model.goto import GotoError, span
+from analyzer.model.search import GotoError, span
 from analyzer.model.spoken import spoken
 from analyzer.tui.app import Rtuscope
 from analyzer.tui.filterbar import FilterBar

@@ -27,17 +27,15 @@ from analyzer import words
 from analyzer.causes.links import SYMPTOM_OF
 from analyzer.core import Analysed
 from analyzer.exports import export
-from analyzer.model import goto, search
+from analyzer.model import search
 from analyzer.model.bus import Bus
-from analyzer.model.findinglog import by_cause
 from analyzer.model.polls import changed
 from analyzer.model.registers import RegisterSeries
-from analyzer.model.rowstores import ByteStore
+from analyzer.model.rowstores import ByteStore, by_cause
 from analyzer.model.scope import ScopedFigures
 from analyzer.model.selection import Everything, Selection, frames_only, transactions, within
-from analyzer.model.shorttimes import AlikeNumbers, NarrowNumbers, ShortTimes
 from analyzer.model.source import CaptureSource
-from analyzer.model.table import PIECE, BusRows, RowTable
+from analyzer.model.table import PIECE, AlikeNumbers, BusRows, NarrowNumbers, RowTable, ShortTimes
 from analyzer.simulation import Scenario, simulate
 from analyzer.tables.batch import Batch
 from analyzer.tables.findings import Severity, codes
@@ -339,16 +337,16 @@ def test_search_finds_floats_in_every_order(order: str) -> None:
 
 def test_go_to_takes_numbers_times_steps_and_shares(troubled: Bus) -> None:
     last = troubled.count - 1
-    assert troubled.frame(goto.place("12", troubled, 0)).index == 12
-    assert goto.place("100%", troubled, 0) == last
-    row = goto.place("5s", troubled, 0)
+    assert troubled.frame(search.place("12", troubled, 0)).index == 12
+    assert search.place("100%", troubled, 0) == last
+    row = search.place("5s", troubled, 0)
     assert troubled.table.value("t_start_ns", row) <= troubled.t_first + 5_000_000_000
-    assert goto.place("+10s", troubled, row) > row
-    assert goto.place("-1min", troubled, row) == 0
-    assert goto.place("08:29:55", troubled, 0) > 0
+    assert search.place("+10s", troubled, row) > row
+    assert search.place("-1min", troubled, row) == 0
+    assert search.place("08:29:55", troubled, 0) > 0
     for wrong in ("", "abc", "9999999", "25:00:00", "5 apples", "9" * 5000, "9" * 400 + "%", "9" * 400 + "s"):
-        with pytest.raises(goto.GotoError):
-            goto.place(wrong, troubled, 0)
+        with pytest.raises(search.GotoError):
+            search.place(wrong, troubled, 0)
 
 
 def test_activity_counts_everything_once_near_and_far(troubled: Bus) -> None:

@@ -11,9 +11,8 @@ from seats import Seat, opened, sample_in, using
 
 import captures
 from analyzer.model.bus import Bus
-from analyzer.model.filtering import compiled
 from analyzer.model.scope import Scope, ScopedFigures
-from analyzer.model.selection import Unfolded
+from analyzer.model.selection import Unfolded, compiled
 from analyzer.model.source import CaptureSource
 from analyzer.tables.schema import Kind
 from analyzer.tui.filterbar import FilterBar

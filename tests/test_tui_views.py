@@ -14,7 +14,7 @@ from seats import Seat, opened, sample_in, using
 import captures
 from analyzer.core import Analysed, deframe
 from analyzer.diagnosis.judge import Judge
-from analyzer.model.findinglog import by_cause
+from analyzer.model.rowstores import by_cause
 from analyzer.model.source import CaptureSource, Nothing
 from analyzer.options import Options
 from analyzer.tables.batch import Batch

@@ -98,7 +98,7 @@ def _own_words(capture: str) -> dict[tuple[int, str, int], str]:
     """What the user said of registers in the interface, kept beside the capture."""
     from pathlib import Path
 
-    from analyzer.model.meanings import own_words
+    from analyzer.model.registers import own_words
     from analyzer.usernotes import Notes, NotesError
 
     try:

@@ -22,9 +22,8 @@ from dissectors.maps.decoding import read_mapped
 
 from ..registers.mapped import MappedColumn, mapped_columns
 from ..tables.columns import AreaCode, decode
-from ..tables.delays import delay_bounds
 from ..tables.findings import described
-from ..tables.transactions import Status
+from ..tables.transactions import Status, delay_bounds
 from ..tables.values import confirmed_values
 from .output import ExportError
 

@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..tables.batch import Batch
-from ..tables.columns import AreaCode, HeldValues, ValueSpans, unplaced_keys
-from ..tables.pdus import words_of
+from ..tables.columns import AreaCode, HeldValues, ValueSpans, unplaced_keys, words_of
 from .slices import Mask, TableSlice, ValueSlice
 from .table import RowOctets
 from .tree import Wanted

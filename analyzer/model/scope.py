@@ -31,7 +31,7 @@ from .table import PIECE
 if TYPE_CHECKING:
     from ..reports.model import Report
     from .bus import Bus
-    from .filtering import CompiledTest
+    from .selection import CompiledTest
     from .source import ViewSource
 
 _AT_ONCE = 1 << 13  # rows

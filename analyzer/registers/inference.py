@@ -8,7 +8,7 @@
 
 Theory: each polled block is cut into values. How likely each cut is follows from the description length of the series
 under each reading, tables learnt on open layouts, and a second pass in the light of the whole device (all three:
-`evidence`), and sums over all cuts (`chain`). A map that is known decides for its registers and teaches the rest.
+`evidence`), and sums over all cuts (`hypotheses`). A map that is known decides for its registers and teaches the rest.
 """
 
 from __future__ import annotations

@@ -22,8 +22,7 @@ from dissectors.maps.units import UnitMaps
 from ..tables.batch import Batch
 from .drafting import Place, drafted_map, with_own_words
 from .inference import infer
-from .pace import is_due
-from .readings import RegisterReadings
+from .readings import RegisterReadings, is_due
 from .values import RegisterValue
 
 _LEAST: Final = 12  # readings of a value

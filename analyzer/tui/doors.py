@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from ..languages import tr
-from ..model.filtering import compiled
 from ..model.search import for_test
+from ..model.selection import compiled
 from .doorcells import DoorCell
 from .filterbar import FilterBar
 from .prompts import Choose

@@ -18,7 +18,7 @@ from dissectors.maps.units import UnitMaps
 
 from ..filters import Completion, FilterError, check, complete
 from ..languages import tr
-from ..model.filtering import compiled
+from ..model.selection import compiled
 from .lines import Lines
 from .messages import FilterChanged, FilterLeft, LineEntered
 from .paint import StyledText, fitted

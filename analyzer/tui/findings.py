@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from textual.binding import Binding, BindingType
 
 from ..languages import counted, grouped, tr
-from ..model.findinglog import by_cause
+from ..model.rowstores import by_cause
 from ..model.selection import Selection
 from ..tables.findings import Severity
 from .causeitems import of_cause

@@ -86,7 +86,7 @@ def _shown(binding: Binding, mine: Mapping[str, str]) -> str:
 
 
 def _page(mine: Mapping[str, str], here: Sequence[Widget]) -> Group:
-    from ..model.filtering import EXAMPLES
+    from ..model.selection import EXAMPLES
 
     parts: list[Text | Table] = []
     for title, keys in (*_keys(mine, here), ("In the list", [(sign, tr(words)) for sign, words in MARKS])):

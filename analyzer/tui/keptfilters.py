@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from ..filters import FilterError
 from ..languages import tr
-from ..model.filtering import compiled
+from ..model.selection import compiled
 from ..settings import COLOURS
 from .filterbar import FilterBar
 from .preferences import KeptFilter

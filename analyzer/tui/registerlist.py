@@ -15,9 +15,8 @@ from dissectors.values import AREAS, logical
 
 from ..languages import counted, tr
 from ..languages.retelling import error_words
-from ..model.meanings import AREA_WORDS, CHOICES, PLAIN, Meaning, Spot, chosen, told
-from ..model.registers import RegisterSeries, WatchedRegister
-from ..registers.pace import is_due
+from ..model.registers import AREA_WORDS, CHOICES, PLAIN, Meaning, RegisterSeries, Spot, WatchedRegister, chosen, told
+from ..registers.readings import is_due
 from ..words import duration, short
 from .burst import ASKING
 from .doorcells import DoorCell, register_text

@@ -249,14 +249,14 @@ def _given(data: bytes, chance: Random) -> None:
 
     from analyzer.cli.exits import UsageError
     from analyzer.cli.quantities import moment, time_span
-    from analyzer.model import goto, search
+    from analyzer.model import search
 
     text = data.decode(errors="replace")[:6000]
     zone = chance.choice((UTC, timezone(timedelta(hours=14)), timezone(-timedelta(hours=12))))
     bus = _bus()
     takers: tuple[Callable[[], Any], ...] = (
-        lambda: goto.place(text, bus, chance.randrange(bus.count), zone),
-        lambda: goto.span(text, bus, zone),
+        lambda: search.place(text, bus, chance.randrange(bus.count), zone),
+        lambda: search.span(text, bus, zone),
         lambda: search.wanted(text).hits(bus, 0, min(bus.count, 40)),
         lambda: moment(text, "--from", chance.choice((bus.t_first, 0, -(10**15), 10**18)), zone),
         lambda: time_span(text, "--shift"),
@@ -273,8 +273,7 @@ def language_targets() -> list[Target]:
     from analyzer.checks.errors import CheckError
     from analyzer.checks.parsing import RulesFileError
     from analyzer.filters import FilterError
-    from analyzer.model.goto import GotoError
-    from analyzer.model.search import SearchError
+    from analyzer.model.search import GotoError, SearchError
     from analyzer.settings import SettingsError
     from analyzer.usernotes import NotesError
 

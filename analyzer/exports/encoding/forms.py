@@ -22,7 +22,7 @@ from dissectors.layout import CountedBlock, FieldRef, Slots, exception_slots, sl
 from dissectors.length_rules import Role
 
 from ...tables.batch import Batch
-from ...tables.pdus import Pdus
+from ...tables.columns import Pdus
 from ...tables.schema import Kind, Protocol, Rows
 from ...tables.schema import Protocol as Envelope
 from ...tables.schema import Rows as BatchRows

@@ -20,7 +20,7 @@ from dissectors.fields import Field
 from dissectors.length_rules import Role
 
 from ...tables.batch import Batch
-from ...tables.pdus import Pdus
+from ...tables.columns import Pdus
 from ...tables.schema import Kind, Rows
 from .blocks import fields
 from .envelope import HEAD, TAIL, Envelope, Whole, noise_json

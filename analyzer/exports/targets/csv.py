@@ -18,9 +18,8 @@ from dissectors.functions import function_name
 from dissectors.values import FORMULA_STARTS
 
 from ...tables.batch import Batch
-from ...tables.columns import Decoded, decode
+from ...tables.columns import Decoded, Pdus, decode
 from ...tables.frame import Frame
-from ...tables.pdus import Pdus
 from ...tables.schema import Direction, Kind, Protocol, Rows
 from ...words import is_clock
 from ..encoding import explain_json

@@ -10,10 +10,10 @@ from dissectors.fields import Field
 from dissectors.length_rules import Role
 
 from ...languages import field_name, page_words, wording
-from ...tables.delays import bounds_of
 from ...tables.findings import Finding
 from ...tables.frame import Frame, adu_of
 from ...tables.schema import Protocol
+from ...tables.transactions import bounds_of
 from ...words import between
 from .examples import FindingExample
 

@@ -19,10 +19,9 @@ from captures.ragged import Ints
 
 from ....tables.batch import Batch
 from ....tables.columns import Decoded
-from ....tables.delays import delay_bounds
 from ....tables.frame import adu_of
 from ....tables.schema import BoundaryEvidence, Kind, Protocol, Rows
-from ....tables.transactions import TransactionRows
+from ....tables.transactions import TransactionRows, delay_bounds
 
 _RENAMED: Final = {"direction": "kind", "crc_ok": "check"}
 _PLAIN: Final = ("index", "start", "length", "t_start_ns", "direction", "unit", "function", "crc_ok", "confidence")
