@@ -19,9 +19,23 @@ from dissectors.crc import byte_between, crc_bytes, flipped_bit
 from dissectors.crc_variants import VARIANTS, matching
 from dissectors.length_rules import Role
 
-from .case import ByteRepair, DamagedFrame, Explanation, Length, agrees, answer_length, told
+from .case import (
+    BYTE,
+    LENGTH_TOLD,
+    RECURS,
+    REFUSED,
+    ByteRepair,
+    DamagedFrame,
+    Explanation,
+    Length,
+    agrees,
+    answer_length,
+    counted,
+    likelihood,
+    opening,
+    told,
+)
 from .flow_control import swallowed
-from .likelihood import BYTE, LENGTH_TOLD, RECURS, REFUSED, counted, likelihood, opening
 
 # Several places that explain the same bytes: one verdict, all of them said, the likeliest first.
 

@@ -17,8 +17,7 @@ from dissectors.crc import byte_between, stepped
 from dissectors.length_rules import Role
 from dissectors.lengths import pdu_length
 
-from .case import FRAME, ByteRepair, DamagedFrame, Explanation, told
-from .likelihood import BYTE, likelihood
+from .case import BYTE, FRAME, ByteRepair, DamagedFrame, Explanation, likelihood, told
 
 XON_XOFF: Final = frozenset((0x11, 0x13))
 _PRIOR: Final = -4.0

@@ -13,8 +13,7 @@ from dissectors.crc import crc16, lrc
 from dissectors.crc_variants import VARIANTS
 
 from ..truth import TruthFrame
-from .registry import defect
-from .stage import Stage
+from .stage import Stage, defect
 
 _ANSWERS = 0.7  # the share of damages that answers suffer
 _HEADER = 3  # bytes by which a damaged frame is still known for what it was
