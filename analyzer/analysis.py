@@ -203,8 +203,7 @@ class Analysis:
 
         if table == "frames":
             return arrow.table((analysed.batch for analysed in self.analysed()), noise=noise)
-        from .exports.record_files import records_arrow
-        from .exports.records import table_named
+        from .exports.records import records_arrow, table_named
 
         chosen = table_named(table, self.maps)
         return records_arrow(chosen, (chosen.columns(part) for part in self.analysed()))

@@ -158,8 +158,7 @@ def _functions_in(values: Iterable[object]) -> Iterator[Function]:
 
 def _check(function: Function) -> None:
     """A declaration must give a rule for both sides, and names that can be shown."""
-    from .length_rules import Role, compiled
-    from .structure import field_names
+    from .length_rules import Role, compiled, field_names
 
     names = (*field_names(function.request), *field_names(function.response))
     for text in (function.name, *function.words("request"), *function.words("response"), *names):

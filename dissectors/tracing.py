@@ -16,11 +16,10 @@ from typing import Any, Final
 import construct
 
 from .blocks import Variant, opaque
-from .fields import Field, FieldTracer, Value, filled
+from .fields import Field, FieldTracer, Value, Wording, filled
+from .length_rules import rebuilt
 from .parts import AnyConstruct, AnySubconstruct, Number, Part, Short
-from .structure import rebuilt
 from .values import harmless
-from .wording import Wording
 
 _TRIALS: Final = (construct.GreedyRange, construct.Select, construct.Peek)
 _RECORDER: Final = "recorder"

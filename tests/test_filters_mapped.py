@@ -16,8 +16,7 @@ from analyzer.simulation import Scenario, write
 from captures.chunks import Capture, Chunk
 from captures.line import LineSettings
 from dissectors.maps import RegisterMap, shipped_map
-from dissectors.maps.decoding import factor_between, readings_by_map
-from dissectors.maps.model import MappedValue
+from dissectors.maps.model import MappedValue, factor_between, readings_by_map
 from dissectors.maps.units import UnitMaps
 
 MAPS = ("eastron-sdm630@1", "xy-md02@7")

@@ -17,9 +17,9 @@ from livebus import eventually, pty, raw_pty
 from running import environment
 
 from captures.chunks import Block
+from captures.live.batching import event_record, reads_record, tick_record
 from captures.live.listening import Listening
 from captures.live.ports import ports
-from captures.live.records import event_record, reads_record, tick_record
 from captures.live.settings import PortSettings
 from captures.live.tap import DeviceTap, PortError, Unmarked
 from captures.live.wire import Decoder, PortEvent, Tick

@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 
 from dissectors.values import harmless
 
-from ..exports.output import output
+from ..exports.sink import output
 from .model import Outcome, Results
 
 

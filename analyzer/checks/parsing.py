@@ -18,11 +18,10 @@ from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedTok
 
 from captures.line import LineSettings
 
-from ..filters.errors import FilterError
+from ..filters import FilterError
 from ..meant import did_you_mean
-from .errors import CheckError
-from .forms import CHARTS, SHOWN, TERMINALS, forms
-from .model import Check
+from . import CheckError
+from .model import CHARTS, TERMINALS, WORDS_OF_TERMINALS, Check, forms
 
 if TYPE_CHECKING:
     from dissectors.maps.units import UnitMaps
@@ -87,7 +86,7 @@ def _explained(text: str, error: UnexpectedInput) -> CheckError:
         awaited = error.accepts or error.expected
     literal = {terminal.name: terminal.pattern for terminal in grammar().terminals}
     names = ("$END" if name == "<END-OF-FILE>" else name for name in awaited if name != "WS")
-    listed = sorted(dict.fromkeys(SHOWN.get(name) or f"'{literal[name].value}'" for name in names))
+    listed = sorted(dict.fromkeys(WORDS_OF_TERMINALS.get(name) or f"'{literal[name].value}'" for name in names))
     expected = " or ".join([*filter(None, [", ".join(listed[:-1])]), *listed[-1:]])
     word = _WORD.match(text, position)
     if not word:

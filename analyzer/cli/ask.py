@@ -102,7 +102,7 @@ def _plot(answer: Any, path: Path, title: str) -> None:
     import numpy as np
     import pyarrow as pa
 
-    from ..exports.output import output
+    from ..exports.sink import output
     from ..plots import drawn_series
 
     if not len(answer):

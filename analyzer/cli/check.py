@@ -64,7 +64,7 @@ class _List(argparse.Action):
     """--list: needs no capture, as --help does not."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        from ..checks.forms import forms
+        from ..checks.model import forms
 
         for form in forms():
             for example in form.examples:

@@ -48,7 +48,7 @@ def _filter(text: str) -> Iterable[str]:
 
 
 def _rules(_: str) -> Iterable[str]:
-    from ..checks.forms import forms
+    from ..checks.model import forms
 
     return [example for form in forms() for example in form.examples]
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Final
 
 from captures.errors import CaptureError
-from captures.network.links import UPPER_PDU
+from captures.network.packets import UPPER_PDU
 
 from ..version import __version__
 from . import sniff

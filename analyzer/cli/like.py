@@ -52,7 +52,7 @@ def find_like(arguments: argparse.Namespace, capture: Capture, limits: Options) 
 
 
 def _table_text(name: str) -> str:
-    from dissectors.maps.encodings import decoded
+    from dissectors.maps.files import decoded
 
     if not name.strip():
         raise UsageError("--like: expected a number, or a table of times and values")

@@ -325,7 +325,7 @@ def _check_suffix(path: str) -> None:
 
 
 def _write(chart: RegisterMap, path: str) -> None:
-    from analyzer.exports.output import output
+    from analyzer.exports.sink import output
     from dissectors.maps import map_text
     from dissectors.values import harmless
 

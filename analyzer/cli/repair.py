@@ -31,8 +31,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Write it."""
-    from captures.recording.mcapfile import PART
-    from captures.recording.repair import repair
+    from captures.recording.mcapfile import PART, repair
 
     source = Path(arguments.file)
     if arguments.output is not None:

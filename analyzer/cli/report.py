@@ -139,7 +139,7 @@ def _report(
     from ..options import Options
     from ..reports import summarize
     from ..reports.against import differences
-    from ..reports.hours import HourTable
+    from ..reports.breakdown import HourTable
 
     progress = Progress(f"report {source}")
     hours = HourTable(capture.line) if terms.hours else None
@@ -191,7 +191,7 @@ def show(capture: Capture, source: str, terms: ReportTerms = ReportTerms(), *, a
 
 def write_page(capture: Capture, source: str, path: str, terms: ReportTerms) -> Report:
     """Write the report on an open capture as HTML."""
-    from ..exports.output import output
+    from ..exports.sink import output
     from ..reports.html import Sights, page
 
     sights = Sights()

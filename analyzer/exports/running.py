@@ -16,8 +16,7 @@ from ..core import observed
 from ..options import Options
 from ..tables.findings import Severity, rules
 from ..tables.schema import Kind
-from .output import ExportError, output
-from .sink import ExportOptions, format_name, target
+from .sink import ExportError, ExportOptions, format_name, output, target
 
 _PLAIN = ExportOptions()
 _ROWS = 8192  # written at once: how long Ctrl-C and progress wait
@@ -69,7 +68,7 @@ def export(
         if options.table == "frames":
             sink = module.open_sink(written, capture, options)
         else:
-            from .record_files import open_records
+            from .records import open_records
 
             sink = open_records(written, capture, options, format_name(out, name))
         stream = analyse(observed(capture, look=sink.block, stop=stopped), replace(limits, explain=options.explain))

@@ -22,7 +22,7 @@ from captures.line import LineSettings
 from ..languages import tr
 from ..tables.columns import decode
 from ..tables.transactions import TransactionRows
-from .errors import FilterError
+from . import FilterError
 from .fields import Cost, cost
 from .slices import BLOCK, Each, Mask, TableSlice
 from .table import BatchTable, FilterTable, narrowed

@@ -17,7 +17,7 @@ from dissectors.values import harmless
 from ..languages import tr
 from ..tables.columns import AREA_CODES, AreaCode
 from ..words import UNITS_NS
-from .errors import FilterError, meant
+from . import FilterError, meant
 from .tree import Bound, BytesWanted, Chars, Since, Span, Spans, TextPart, TextWanted, Wanted
 
 EQUAL: Final = ("==", "!=")

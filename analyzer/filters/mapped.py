@@ -13,13 +13,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from dissectors.maps.decoding import factor_between
-from dissectors.maps.model import MappedValue
+from dissectors.maps.model import MappedValue, factor_between
 from dissectors.maps.units import UnitMaps
 
 from ..languages import tr
 from ..registers.mapped import MappedColumn, mapped_columns
-from .errors import FilterError, meant
+from . import FilterError, meant
 from .fields import Cost, FilterField, by_name
 from .kinds import EQUAL, ORDER, Item, Literal, Suggestion, plain_number, quoted, spelled
 from .slices import FieldSlice, Mask, TableSlice, says

@@ -15,7 +15,7 @@ from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedTok
 from lark.visitors import Transformer_NonRecursive, v_args
 
 from ..languages import tr
-from .errors import FilterError, meant
+from . import FilterError, meant
 from .fields import FIELDS, FilterField, by_name, cost
 from .kinds import Addresses, Flag, Item, Literal, Named, spelled
 from .tree import And, Node, Not, Or, Same, Span, Spans, Test, parts, tests

@@ -10,8 +10,8 @@ from itertools import takewhile
 from typing import Any, Final
 
 from ..version import __version__
+from . import FleetError, LakeWriteError
 from .datasets import DATASETS, touched
-from .errors import FleetError, LakeWriteError
 from .manifest import LakeLine, Manifest, writing
 from .packs import LakePacking, pack
 from .runners import Runner

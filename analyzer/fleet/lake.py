@@ -12,8 +12,8 @@ from os import PathLike, fspath
 from typing import Any, Final
 
 from ..extras import needs
+from . import FleetError
 from .datasets import DATASETS
-from .errors import FleetError
 from .manifest import Manifest, TableFiles
 from .stores import FolderStore, filesystem, store
 

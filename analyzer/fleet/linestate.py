@@ -31,14 +31,13 @@ from ..causes.reasoning import causes_of
 from ..causes.telling import numbers_kept
 from ..core import Analysed, Analyzer, EvenBlocks
 from ..exports.arrow import record_batch
-from ..exports.record_files import record_arrow, record_schema
-from ..exports.records import TABLES
+from ..exports.records import TABLES, record_arrow, record_schema
 from ..options import Options
 from ..outages import deaf_times
 from ..tables.transactions import NEVER, Status
 from ..words import DAY_NS, HOUR_NS
+from . import FleetError
 from .datasets import CAUSES, HOURS, LakeFiles
-from .errors import FleetError
 
 if TYPE_CHECKING:
     from captures import Block, Capture

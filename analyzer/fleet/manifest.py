@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
-from .errors import FleetError
+from . import FleetError
 from .stores import FolderStore, LakeStore
 
 FOLDER: Final = "manifest"

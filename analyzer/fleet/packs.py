@@ -18,7 +18,7 @@ from urllib.parse import unquote
 from uuid import uuid4
 
 from ..extras import needs
-from .errors import FleetError
+from . import FleetError
 
 try:
     import pyarrow as pa

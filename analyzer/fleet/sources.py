@@ -22,7 +22,7 @@ from typing import Any, Final
 
 from captures.errors import os_reason
 
-from .errors import FleetError
+from . import FleetError
 from .stores import fetched, filesystem, is_remote
 
 _RING: Final = re.compile(r"(?P<line>.+)-\d{8}T\d{6}\.\d{3}Z")

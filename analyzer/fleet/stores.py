@@ -17,7 +17,7 @@ from uuid import uuid4
 from captures.errors import os_reason
 
 from ..extras import needs
-from .errors import FleetError
+from . import FleetError
 
 PART = ".part"  # the end of names of files that are not whole yet
 

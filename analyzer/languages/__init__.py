@@ -1,11 +1,10 @@
 """The language in which reports and causes are told: one catalogue a language, English being the words in the code.
 
-A catalogue is the TOML files of this package that begin with the language's name: `page` (words of the report, by their
-English), `fragments` (words that are filled into others), `causes` (by id: text, share, test, remedy), `findings`
-(pieces of what findings say, by their English), `frames` (templates of what a frame and its fields say), `fields`
-(names of fields), `errors` (templates of one-line errors), `interface` (words of the interface) and `counted` (nouns
-behind a number, by their English singular, in all their forms). What a catalogue lacks is told in
-English.
+A catalogue is the TOML files of this package that begin with the language's name: `page` (words of the report, by
+their English), `fragments` (words that are filled into others), `causes` (by id: text, share, test, remedy),
+`findings` (pieces of what findings say, by their English), `frames` (templates of what a frame and its fields say),
+`fields` (names of fields), `errors` (templates of one-line errors), `interface` (words of the interface) and `counted`
+(nouns behind a number, by their English singular, in all their forms). What a catalogue lacks is told in English.
 
 Templates of sentences have nouns that agree with what stands beside them, and clauses that are left out if they say
 nothing:
@@ -14,6 +13,9 @@ nothing:
     {asked:|stays|stay}                  the word alone, in its form
     {units:unit|units}                   unit 5, or units 5, 7: a noun before a list
     [, {hits} of {trials} of others]     left out where its last number is 0, its last list or words empty
+
+Languages with a decimal comma write thousands apart by a space. A no-break space does not print as itself on every
+terminal (`dissectors.values.harmless`); what wraps lines keeps a number whole (`reports.paragraphs`).
 """
 
 from __future__ import annotations
@@ -26,10 +28,25 @@ from functools import cache
 from string import Formatter
 from typing import Any, Final
 
-from dissectors.wording import ENGLISH, Wording
+from dissectors.fields import ENGLISH, Wording
 
 from ..words import plural
-from .numerals import GroupedInt
+
+APART: Final = " "
+_ENGLISH: Final = re.compile(r"\d{1,3}(,\d{3})+")
+
+
+class GroupedInt(int):
+    """An integer that a template's `{count:,}` writes so."""
+
+    def __format__(self, spec: str) -> str:
+        return super().__format__(spec).replace(",", APART)
+
+
+def regrouped(text: str) -> str:
+    """Text that is one number, its thousands apart by commas, written so; any other as it is."""
+    return text.replace(",", APART) if _ENGLISH.fullmatch(text) else text
+
 
 CLAUSE: Final = re.compile(r"\[([^][]*)\]")
 

@@ -12,8 +12,7 @@ from collections.abc import Iterator
 from functools import cache
 from typing import Final, NamedTuple
 
-from . import catalogue, in_use
-from .numerals import regrouped
+from . import catalogue, in_use, regrouped
 
 _PLACE: Final = re.compile(r"\{\d+\}")
 _COLONS: Final = 24  # so many at most in a line of ours

@@ -14,8 +14,7 @@ import math
 import re
 from collections.abc import Mapping
 
-from dissectors.maps.decoding import MappedReading
-from dissectors.maps.model import RegisterMap
+from dissectors.maps.model import MappedReading, RegisterMap
 from dissectors.values import harmless
 
 from ..registers.revising import Revision

@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dissectors.wording import ENGLISH
+from dissectors.fields import ENGLISH
 
 from ..languages import tr, wording
 from ..languages.retelling import error_words

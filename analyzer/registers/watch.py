@@ -11,8 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from dissectors.maps.decoding import read_mapped
-from dissectors.maps.model import MappedValue, RegisterMap
+from dissectors.maps.model import MappedValue, RegisterMap, read_mapped
 
 from ..tables.batch import Batch
 from ..tables.columns import decode

@@ -15,7 +15,7 @@ from ..languages import counted, grouped, page_words
 from ..languages.retelling import retold
 from ..outages import unheard
 from ..words import duration, is_clock, moment
-from . import against, findings, pagetables, values
+from . import against, findings, pagetables
 from .findings import and_more
 from .model import Counts, RateRow, Report
 from .paragraphs import WIDTH, PageLine, Paragraph
@@ -45,7 +45,7 @@ def _lines(report: Report) -> Iterator[PageLine]:
         yield ""
         yield from table
     yield from findings.lines(report.findings)
-    yield from values.lines(report.values)
+    yield from pagetables.value_lines(report.values)
 
 
 def facts(report: Report) -> Iterator[tuple[str, str]]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, BinaryIO, Final, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ..exports.output import OutputStream
+from ..exports.sink import OutputStream
 from ..languages import counted, tr
 from ..languages.retelling import error_words, retold
 from ..model.selection import Selection

@@ -17,7 +17,7 @@ from ..tables.findings import NOTHING
 from ..tables.schema import Kind
 
 if TYPE_CHECKING:
-    from ..exports.output import OutputStream
+    from ..exports.sink import OutputStream
     from ..model.source import ViewSource
 
 _AT_ONCE: Final = 1 << 12  # rows
@@ -33,7 +33,7 @@ def save(bus: Bus, source: ViewSource, rows: NDArray[np.int64], path: Path, stop
     is never called unanswered because its answer was not chosen. The file appears whole or not at all, holding what
     came before `stop` said True. Raises ExportError and CaptureError.
     """
-    from ..exports.output import output
+    from ..exports.sink import output
 
     with output(path, source=source.path) as stream:
         return write(bus, source, rows, path, stream, stop)

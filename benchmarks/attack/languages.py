@@ -73,7 +73,7 @@ def _filters() -> Sequence[bytes]:
 @cache
 def rules() -> Sequence[bytes]:
     """The examples of all forms."""
-    from analyzer.checks.forms import forms
+    from analyzer.checks.model import forms
 
     return [example.encode() for form in forms() for example in form.examples]
 
@@ -270,7 +270,7 @@ def _given(data: bytes, chance: Random) -> None:
 
 def language_targets() -> list[Target]:
     """All of them."""
-    from analyzer.checks.errors import CheckError
+    from analyzer.checks import CheckError
     from analyzer.checks.parsing import RulesFileError
     from analyzer.filters import FilterError
     from analyzer.model.search import GotoError, SearchError

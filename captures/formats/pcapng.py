@@ -26,8 +26,7 @@ from ..files import opened, read_head
 from ..limits import TIME_LIMIT
 from ..line import LineSettings
 from ..network.blocks import errors_comments, note_comment
-from ..network.links import UPPER_PDU
-from ..network.packets import INBOUND, LONGEST, OUTBOUND, Interface, Ints, Packets
+from ..network.packets import INBOUND, LONGEST, OUTBOUND, UPPER_PDU, Interface, Ints, Packets
 from ..recording.notes import Note as LineNote
 from . import Format
 

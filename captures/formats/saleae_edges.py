@@ -27,9 +27,8 @@ from numpy.typing import NDArray
 from captures.text import stamps
 
 from ..chunks import Note
-from ..edges.samples import rate_said, unit_of
 from ..edges.source import EdgePiece, edge_reader
-from ..edges.uart import Times
+from ..edges.uart import Times, rate_said, unit_of
 from ..errors import CaptureError
 from ..files import lines_of, opened, read_head, text_batches
 from ..limits import TIME_LIMIT

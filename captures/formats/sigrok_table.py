@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..chunks import Note
-from ..edges.samples import rate_said, sample_times, unit_of
 from ..edges.source import EdgePiece, edge_reader
+from ..edges.uart import rate_said, sample_times, unit_of
 from ..errors import CaptureError
 from ..files import lines_of, opened, read_head, text_batches
 from . import Format

@@ -23,8 +23,8 @@ from typing import Any, Final
 from ..chunks import Block
 from ..errors import os_reason
 from ..line import LineSettings
+from .batching import position_record
 from .gateway import keep_alive
-from .records import position_record
 from .tapstream import HELLO_S, VERSION, TapSetupError, hear, proof, say
 from .wire import Item, PortEvent, WireError, records_of
 

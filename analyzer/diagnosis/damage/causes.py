@@ -15,8 +15,7 @@ from math import inf, log2
 from typing import Final, NamedTuple
 
 from dissectors.adu import EXCEPTION, EXCEPTION_ADU, MAX_ADU
-from dissectors.crc import byte_between, crc_bytes, flipped_bit
-from dissectors.crc_variants import VARIANTS, matching
+from dissectors.crc import VARIANTS, byte_between, crc_bytes, flipped_bit, matching
 from dissectors.length_rules import Role
 
 from .case import (

@@ -16,8 +16,7 @@ from dissectors.layout import CountedBlock, Slot, Slots
 from dissectors.length_rules import Role
 
 from .forms import BatchBytes, FormBlocks, FormPart, FormRows, looked
-from .pieces import Ints, Store, encoded, inside, insides, middle, parted, without
-from .sheet import Cursor, within
+from .sheet import Cursor, Ints, Store, encoded, inside, insides, middle, parted, within, without
 
 _FIELDS: Final = b'","fields":['
 _VALUE: Final = b'%d,"raw":"%04x","text":"'  # `middle` of a register

@@ -26,8 +26,7 @@ from ...tables.columns import Pdus
 from ...tables.schema import Kind, Protocol, Rows
 from ...tables.schema import Protocol as Envelope
 from ...tables.schema import Rows as BatchRows
-from .pieces import Ints, Pieces, pieces
-from .sheet import Cursor, Sheet
+from .sheet import Cursor, Ints, Pieces, Sheet, pieces
 
 _LEAST: Final = 4  # bytes of an RTU frame that has a check value
 _LAST: Final = 0xFFFF  # the last address

@@ -21,8 +21,7 @@ from dissectors.length_rules import Role
 
 from .blocks import BitText, RegisterText, block_text, numbers, taken_apart
 from .forms import BatchBytes, FormPart, FormRows
-from .pieces import Ints, Store
-from .sheet import Cursor
+from .sheet import Cursor, Ints, Store
 
 Escape = Callable[[str], bytes]
 

@@ -23,13 +23,11 @@ from ...tables.frame import Frame
 from ...tables.schema import Direction, Kind, Protocol, Rows
 from ...words import is_clock
 from ..encoding import explain_json
-from ..encoding.envelope import Whole
 from ..encoding.forms import BatchBytes, Forms, kept
-from ..encoding.pieces import Ints, Pieces, Store, without
-from ..encoding.sheet import Cursor, Sheet, within
+from ..encoding.lines import Whole
+from ..encoding.sheet import Cursor, Ints, Pieces, Sheet, Store, within, without
 from ..encoding.summaries import words
-from ..output import OutputStream
-from ..sink import ExportOptions
+from ..sink import ExportOptions, OutputStream
 
 if TYPE_CHECKING:
     from captures import Block, Capture

@@ -5,18 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Final
 
-from analyzer.reports import findings, pagetables, values
+from analyzer.reports import findings, pagetables
 from captures.line import LineSettings
 
 from ...languages import counted, page_words
 from ...words import duration
 from ..model import FindingRow, Report, UnitCard
 from ..page import facts, file_name, nothing
-from .causecards import about
 from .charts import range_chart, time_chart
-from .environment import page_environment
-from .outcomes import OutcomeBar, cause_bars, unit_bar
-from .pieces import shown
+from .examples import shown
+from .pageparts import OutcomeBar, about, cause_bars, page_environment, unit_bar
 
 if TYPE_CHECKING:
     from ...causes.model import Cause
@@ -33,7 +31,7 @@ def page(report: Report, sights: Sights) -> str:
     """The whole document."""
     environment = page_environment()
     environment.filters.update(duration=lambda ns: "?" if ns is None else duration(ns), seconds=findings.seconds)
-    environment.filters["short"] = values.short
+    environment.filters["short"] = pagetables.short
     environment.filters["poll"] = pagetables.poll_words
     environment.globals["bytes"] = lambda count: counted(count, "byte", "bytes")
     char_ns = LineSettings(baud=report.baud, char_bits=report.char_bits).character_ns

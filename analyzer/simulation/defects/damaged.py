@@ -9,8 +9,7 @@ from collections.abc import Callable
 from random import Random
 from typing import Any
 
-from dissectors.crc import crc16, lrc
-from dissectors.crc_variants import VARIANTS
+from dissectors.crc import VARIANTS, crc16, lrc
 
 from ..truth import TruthFrame
 from .stage import Stage, defect

@@ -12,7 +12,7 @@ from pathlib import PurePath
 from typing import Any, Final
 
 from ..cells import CellError, one_line, value_of
-from ..encodings import decoded
+from ..files import decoded
 from ..model import MapError, MappedValue, RegisterMap
 
 _MOST_NOTES: Final = 20
@@ -96,7 +96,7 @@ class MapSource:
         """The YAML content; tags that a program defines for itself stand for their plain values."""
         if not self.is_text or ":" not in self.text:
             return None
-        from ..yamltext import load_yaml
+        from ..yamlform import load_yaml
 
         try:
             return load_yaml(self.text, lenient=True)
