@@ -288,7 +288,7 @@ def test_what_runs_everywhere_needs_nothing_of_posix():
         "sys.modules.update(termios=None, fcntl=None, tty=None, serial=types.ModuleType('serial')); "
         "import captures.live.reader, captures.live.listening, captures.live.ports, captures.recording.recorder, "
         "analyzer.live.tapsource, analyzer.live.session, analyzer.cli.sniff, analyzer.cli.record, analyzer.cli.replay, "
-        "analyzer.cli.ports, analyzer.cli.repair, analyzer.cli.keys"
+        "analyzer.cli.ports, analyzer.cli.repair, analyzer.cli.terminal"
     )
     done = subprocess.run([sys.executable, "-c", code], env=environment(), capture_output=True)
     assert done.returncode == 0, done.stderr.decode()

@@ -41,7 +41,7 @@ from analyzer.tables.batch import Batch
 from analyzer.tables.findings import Severity, codes
 from analyzer.tables.frame import Frame
 from analyzer.tables.schema import NO_GAP, Kind
-from analyzer.tui.saving import save
+from analyzer.tui.picking import save
 from analyzer.usernotes import Notes, NotesError
 from analyzer.words import date_and_time, pointed_ms, seconds, short, time_of_day, zone_name
 from captures import samples

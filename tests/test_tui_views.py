@@ -21,7 +21,7 @@ from analyzer.tables.batch import Batch
 from analyzer.tui.details import Details
 from analyzer.tui.filterbar import FilterBar
 from analyzer.tui.findings import FindingList
-from analyzer.tui.help import Help
+from analyzer.tui.keys import Help
 from analyzer.tui.pastepane import PasteText, PieceList
 from analyzer.tui.plot import Plot
 from analyzer.tui.registerlist import RegisterList

@@ -121,7 +121,7 @@ def _with_settings(parser: argparse.ArgumentParser, arguments: list[str]) -> arg
     if next(found_files(), None) is None:
         parsed = parser.parse_args(arguments[1:])
     else:
-        from .settling import settled
+        from .config import settled
 
         parsed = settled(parser, arguments[0], arguments[1:])
     chosen = getattr(parsed, "lang", None) or os.environ.get("RTUSCOPE_LANG")
@@ -175,7 +175,7 @@ def _run(arguments: list[str]) -> int:
     if "_ARGCOMPLETE" in os.environ:
         import argcomplete
 
-        from .completing import complete_arguments
+        from .completion import complete_arguments
 
         parser = command_line(COMMANDS)
         complete_arguments(parser)

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Final
 from dissectors.values import harmless
 
 from .exits import DONE, UsageError
+from .inputs import seconds
 from .outputs import add_overwrite_argument, to_be_overwritten
-from .quantities import seconds
 from .terminal import put_data, put_json
 
 if TYPE_CHECKING:

@@ -22,8 +22,7 @@ from .inputs import (
     tell_damage,
 )
 from .outputs import add_overwrite_argument, to_be_overwritten
-from .progress import Progress
-from .terminal import coloured, interruptible, put_json, tell
+from .terminal import Progress, coloured, interruptible, put_json, tell
 
 if TYPE_CHECKING:
     from captures import Capture

@@ -16,13 +16,13 @@ from .inputs import (
     add_reading_arguments,
     capture_format,
     load_functions,
+    moment,
     opened_capture,
     tell_damage,
+    time_span,
 )
 from .outputs import add_overwrite_argument, captured_words, to_be_overwritten
-from .progress import Progress
-from .quantities import moment, time_span
-from .terminal import interruptible, tell
+from .terminal import Progress, interruptible, tell
 
 if TYPE_CHECKING:
     from captures import Block, Capture

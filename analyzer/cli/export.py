@@ -19,8 +19,7 @@ from .inputs import (
     tell_damage,
 )
 from .outputs import add_overwrite_argument, to_be_overwritten
-from .progress import Progress
-from .terminal import interruptible, tell
+from .terminal import Progress, interruptible, tell
 
 EXAMPLE = """\
 rtuscope simulate bus.jsonl --wire noisy

@@ -23,8 +23,7 @@ from .inputs import (
     opened_capture,
 )
 from .outputs import add_overwrite_argument, to_be_overwritten
-from .progress import Progress
-from .terminal import interruptible, put_json, put_page, tell
+from .terminal import Progress, interruptible, put_json, put_page, tell
 
 if TYPE_CHECKING:
     from captures import Capture

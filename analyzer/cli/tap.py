@@ -6,11 +6,9 @@ import argparse
 from typing import TYPE_CHECKING, Final
 
 from .exits import DONE, UsageError
-from .inputs import add_functions_argument, add_limit_arguments, load_functions
-from .outlets import address, shown_host
-from .quantities import octets, seconds
+from .inputs import add_functions_argument, add_limit_arguments, load_functions, octets, seconds
 from .taps import Teller, add_tap_arguments, add_token_argument, tap_of, token_of
-from .watching import ended_by_signals
+from .watching import address, ended_by_signals, shown_host
 
 if TYPE_CHECKING:
     from captures.live.tapserver import TapServer

@@ -24,8 +24,8 @@ from dissectors.values import harmless
 from ..terminal_text import ERASE_LINE, terminal_text
 from ..version import __version__
 from .exits import UsageError
+from .inputs import octets, seconds, time_or_size
 from .outputs import add_overwrite_argument, to_be_overwritten
-from .quantities import octets, seconds, time_or_size
 from .terminal import places
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from .batch import add_fleet_arguments, batch_options, chosen_runner, outdated, shown_progress, tell_result
 from .exits import DONE, FAILED, INTERRUPTED
-from .quantities import seconds
+from .inputs import seconds
 from .terminal import Stop, endable, interruptible, tell
 
 if TYPE_CHECKING:

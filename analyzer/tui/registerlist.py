@@ -19,13 +19,11 @@ from ..model.registers import AREA_WORDS, CHOICES, PLAIN, Meaning, RegisterSerie
 from ..registers.readings import is_due
 from ..words import duration, short
 from .burst import ASKING
-from .doorcells import DoorCell, register_text
 from .lines import Lines
 from .paint import StyledText, fitted
-from .plot import Plot, Series
+from .plot import Plot, Series, trend
 from .prompts import Ask
-from .sparks import trend
-from .view import JUMPS, View
+from .view import JUMPS, DoorCell, View, register_text
 
 if TYPE_CHECKING:
     from textual.widget import Widget

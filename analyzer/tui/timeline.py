@@ -20,7 +20,7 @@ from ..words import is_clock, percent, short
 from .keptfilters import kept_tests
 from .messages import RowWanted, SpanChosen, SpanSeen
 from .paint import Painted, StyledText, fitted
-from .sparks import EIGHTHS
+from .plot import EIGHTHS
 from .view import JUMPS, View
 
 if TYPE_CHECKING:

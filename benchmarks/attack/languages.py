@@ -148,8 +148,8 @@ def _rules_file(data: bytes, _: Random) -> None:
 def _settings(data: bytes, chance: Random) -> None:
     """A settings file as the user's or a project's, and as the defaults of a command."""
     from analyzer import settings
+    from analyzer.cli.config import settled
     from analyzer.cli.exits import UsageError
-    from analyzer.cli.settling import settled
 
     path = folder() / chance.choice(("rtuscope.toml", "config.toml"))
     path.write_bytes(data)
@@ -248,7 +248,7 @@ def _given(data: bytes, chance: Random) -> None:
     from datetime import UTC, timedelta, timezone
 
     from analyzer.cli.exits import UsageError
-    from analyzer.cli.quantities import moment, time_span
+    from analyzer.cli.inputs import moment, time_span
     from analyzer.model import search
 
     text = data.decode(errors="replace")[:6000]
