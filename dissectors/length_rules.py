@@ -64,7 +64,7 @@ def _walk(con: AnyConstruct, name: str | None, declared: DeclarationShape, at: i
     while isinstance(con, construct.Renamed):
         name, con = con.name, con.subcon
     if isinstance(con, Number):
-        _number(con, name, declared, at)
+        _walk_number(con, name, declared, at)
         return _fixed(con.width, declared, at)
     if isinstance(con, construct.Struct | construct.Sequence):
         for part in con.subcons:
@@ -77,7 +77,7 @@ def _walk(con: AnyConstruct, name: str | None, declared: DeclarationShape, at: i
         counter = declared.layout.get(con.count)
         if con.less and counter is not None:  # fewer than what it counts besides cannot be
             declared.checks.append(Bound(*counter, con.less, 0x100 ** counter[1] - 1, soft=False))
-        _counted(con.count, con.scale, declared)
+        _walk_counted(con.count, con.scale, declared)
         return None
     if isinstance(con, Items):
         _items(con, declared, at)
@@ -100,7 +100,7 @@ def _fixed(size: int, declared: DeclarationShape, at: int | None) -> int | None:
     return None if at is None else at + size
 
 
-def _counted(name: object, scale: int, declared: DeclarationShape) -> None:
+def _walk_counted(name: object, scale: int, declared: DeclarationShape) -> None:
     """Bytes that the number `name` counts."""
     counter = declared.layout.get(name) if isinstance(name, str) else None
     if counter is None or declared.count is not None:
@@ -109,7 +109,7 @@ def _counted(name: object, scale: int, declared: DeclarationShape) -> None:
         declared.count = Count(*counter, scale)
 
 
-def _number(con: Number, name: str | None, declared: DeclarationShape, at: int | None) -> None:
+def _walk_number(con: Number, name: str | None, declared: DeclarationShape, at: int | None) -> None:
     if at is None:
         return
     declared.checks += [replace(check, offset=at) for check in con.checks]
@@ -129,7 +129,7 @@ def _items(con: Items, declared: DeclarationShape, at: int | None) -> None:
     if con.octets is None:
         declared.stepped = True
         return
-    _counted(con.octets, 1, declared)
+    _walk_counted(con.octets, 1, declared)
     element = con.subcon
     while isinstance(element, construct.Renamed):
         element = element.subcon
@@ -165,12 +165,12 @@ def _foreign(con: Any, name: str | None, declared: DeclarationShape, at: int | N
             declared.layout[name] = (at, size)
         return _fixed(size, declared, at)
     if isinstance(con, construct.Bytes):
-        _counted(_path_name(con.length), 1, declared)
+        _walk_counted(_path_name(con.length), 1, declared)
         return None
     if isinstance(con, construct.Array):
         each = _size(con.subcon)
         if each is not None:
-            _counted(_path_name(con.count), each, declared)
+            _walk_counted(_path_name(con.count), each, declared)
             return None
     if isinstance(con, construct.Prefixed) and not con.includelength and at is not None:
         width = _size(con.lengthfield)

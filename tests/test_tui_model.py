@@ -33,7 +33,7 @@ from analyzer.model.polls import changed
 from analyzer.model.registers import RegisterSeries
 from analyzer.model.rowstores import ByteStore, by_cause
 from analyzer.model.scope import ScopedFigures
-from analyzer.model.selection import Everything, Selection, frames_only, transactions, within
+from analyzer.model.selection import Everything, Selection, frames_only, in_span, transactions
 from analyzer.model.source import CaptureSource
 from analyzer.model.table import PIECE, AlikeNumbers, BusRows, NarrowNumbers, RowTable, ShortTimes
 from analyzer.simulation import Scenario, simulate
@@ -183,7 +183,7 @@ def test_how_registers_went_is_their_newest_value_in_each_stretch_of_the_capture
 
 
 def test_selections_hold_the_rows_that_pass_whenever_they_are_asked(troubled: Bus) -> None:
-    for test in (frames_only, transactions, within(troubled.t_first, troubled.t_first + 3_000_000_000)):
+    for test in (frames_only, transactions, in_span(troubled.t_first, troubled.t_first + 3_000_000_000)):
         selection = Selection(troubled, test)
         assert selection.extend()
         passed = np.flatnonzero(test(troubled, 0, 0, troubled.count))
@@ -337,16 +337,16 @@ def test_search_finds_floats_in_every_order(order: str) -> None:
 
 def test_go_to_takes_numbers_times_steps_and_shares(troubled: Bus) -> None:
     last = troubled.count - 1
-    assert troubled.frame(search.place("12", troubled, 0)).index == 12
-    assert search.place("100%", troubled, 0) == last
-    row = search.place("5s", troubled, 0)
+    assert troubled.frame(search.row_named("12", troubled, 0)).index == 12
+    assert search.row_named("100%", troubled, 0) == last
+    row = search.row_named("5s", troubled, 0)
     assert troubled.table.value("t_start_ns", row) <= troubled.t_first + 5_000_000_000
-    assert search.place("+10s", troubled, row) > row
-    assert search.place("-1min", troubled, row) == 0
-    assert search.place("08:29:55", troubled, 0) > 0
+    assert search.row_named("+10s", troubled, row) > row
+    assert search.row_named("-1min", troubled, row) == 0
+    assert search.row_named("08:29:55", troubled, 0) > 0
     for wrong in ("", "abc", "9999999", "25:00:00", "5 apples", "9" * 5000, "9" * 400 + "%", "9" * 400 + "s"):
         with pytest.raises(search.GotoError):
-            search.place(wrong, troubled, 0)
+            search.row_named(wrong, troubled, 0)
 
 
 def test_activity_counts_everything_once_near_and_far(troubled: Bus) -> None:

@@ -179,7 +179,7 @@ class Results:
         }
 
 
-def joined(numbers: Iterable[int]) -> str:
+def comma_separated(numbers: Iterable[int]) -> str:
     """Numbers in order, with commas."""
     return ", ".join(map(str, sorted(numbers)))
 

@@ -48,7 +48,7 @@ def compile_check(
     form = forms()[int(str(tree.data).removeprefix("form_"))]
     token = CHARTS.set(charts)
     try:
-        start = form.make(line or LineSettings(), *map(_plain, tree.children))
+        start = form.make(line or LineSettings(), *map(_terminals, tree.children))
     except CheckError:
         raise
     except FilterError as error:  # of the parts that the display filter reads
@@ -65,7 +65,7 @@ def grammar() -> Lark:
     return Lark(f"{start}\n{rules}{TERMINALS}", parser="lalr", maybe_placeholders=True)
 
 
-def _plain(child: Any) -> Any:
+def _terminals(child: Any) -> Any:
     """A terminal, or those of a list."""
     return list(child.children) if isinstance(child, Tree) else child
 

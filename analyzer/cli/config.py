@@ -54,7 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
         if value is None:
             print(f"{key:<{width}}  {_UNSET}  ({words})")
         else:
-            print(f"{key:<{width}}  {_shown(value.value)}  from {value.where}")
+            print(f"{key:<{width}}  {_setting_text(value.value)}  from {value.where}")
     return DONE
 
 
@@ -62,7 +62,7 @@ def _object(value: SetValue) -> dict[str, Any]:
     return {"value": value.value, "file": value.file, "line": value.line}
 
 
-def _shown(value: Any) -> str:
+def _setting_text(value: Any) -> str:
     return ", ".join(value) if isinstance(value, list) else str(value)
 
 

@@ -44,7 +44,7 @@ def seconds(text: str) -> float:
     return _value(text, _TIMES, "s", "a time such as 90s, 15min, 12h or 7d")
 
 
-def octets(text: str) -> int:
+def size_in_bytes(text: str) -> int:
     """A size in bytes, which a bare number is; for argparse."""
     return int(_value(text, _SIZES, "b", "a size such as 500kB, 64MB or 2GB"))
 
@@ -54,7 +54,7 @@ def time_or_size(text: str) -> tuple[float | None, int | None]:
     match = _SHAPE.fullmatch(text)
     unit = match[2].lower() if match else ""
     if unit in _SIZES and unit != "m":
-        return None, octets(text)
+        return None, size_in_bytes(text)
     if unit in _TIMES:
         return seconds(text), None
     raise ArgumentTypeError(f"{text!r} is neither a time such as 7d nor a size such as 2GB")

@@ -134,7 +134,7 @@ def _table(values: list[RegisterValue], *, everything: bool) -> str:
     from dissectors.values import harmless
 
     shown = [value for value in values if everything or value.changes or value.name or value.kind == "text"]
-    rows = [_WORDS, *(_row(value) for value in shown)] if shown else []
+    rows = [_WORDS, *(_table_row(value) for value in shown)] if shown else []
     widths = [max((len(row[column]) for row in rows), default=0) for column in range(len(_WORDS) - 1)]
     lines = []
     for row in rows:
@@ -155,7 +155,7 @@ def _devices(devices: list[Recognised], *, used: bool) -> str:
     return "".join(f"{line}\n" for line in lines)
 
 
-def _row(value: RegisterValue) -> tuple[str, ...]:
+def _table_row(value: RegisterValue) -> tuple[str, ...]:
     last = value.address + value.words - 1
     where = f"{value.area} {value.address}" + (f"-{last}" if value.words > 1 else "")
     kind = value.type if value.changes or value.name else value.kind
@@ -167,15 +167,15 @@ def _row(value: RegisterValue) -> tuple[str, ...]:
         kind,
         value.order or "",
         value.role or "",
-        _number(value.minimum),
-        _number(value.maximum),
-        _number(value.last) + scale + (f" {value.unit_of_measure}" if value.unit_of_measure else ""),
+        _value_cell(value.minimum),
+        _value_cell(value.maximum),
+        _value_cell(value.last) + scale + (f" {value.unit_of_measure}" if value.unit_of_measure else ""),
         f"{value.confidence:.0%}",
         why,
     )
 
 
-def _number(value: float | str | None) -> str:
+def _value_cell(value: float | str | None) -> str:
     text = "" if value is None else f"{value:.7g}" if isinstance(value, float) else str(value)
     return text if len(text) <= _WIDEST else f"{text[: _WIDEST - 1]}…"
 
@@ -212,7 +212,7 @@ def find_like(arguments: argparse.Namespace, capture: Capture, limits: Options) 
         for match in matches[: 10 * _SHOWN]:
             print(json.dumps(match.to_json(), separators=(",", ":")))
     else:
-        sys.stdout.write(_text(matches, wanted))
+        sys.stdout.write(_matches_text(matches, wanted))
     return DONE if matches else FAILED
 
 
@@ -234,7 +234,7 @@ def _table_text(name: str) -> str:
     return text
 
 
-def _text(matches: list[Match], wanted: str) -> str:
+def _matches_text(matches: list[Match], wanted: str) -> str:
     from analyzer.registers.panel import HALF_HOUR_S
     from analyzer.words import duration
 

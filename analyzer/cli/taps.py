@@ -24,7 +24,7 @@ from dissectors.values import harmless
 from ..terminal_text import ERASE_LINE, terminal_text
 from ..version import __version__
 from .exits import UsageError
-from .inputs import octets, seconds, time_or_size
+from .inputs import seconds, size_in_bytes, time_or_size
 from .outputs import add_overwrite_argument, to_be_overwritten
 from .terminal import places
 
@@ -95,7 +95,9 @@ def add_recording_arguments(parser: argparse.ArgumentParser, *, needed: bool) ->
     )
     add_overwrite_argument(recording, "FILE")
     recording.add_argument("--rotate-every", type=seconds, metavar="TIME", help="begin a new file so often: 1h, 1d")
-    recording.add_argument("--rotate-size", type=octets, metavar="SIZE", help="begin a new file at this size: 64MB")
+    recording.add_argument(
+        "--rotate-size", type=size_in_bytes, metavar="SIZE", help="begin a new file at this size: 64MB"
+    )
     recording.add_argument(
         "--keep",
         type=time_or_size,
@@ -222,9 +224,9 @@ class Teller:
             self._left_out += 1
             return
         if self._left_out:
-            self._texts.put(partial(_line, f"{self._left_out} lines could not be shown"))
+            self._texts.put(partial(_line_in_language, f"{self._left_out} lines could not be shown"))
             self._left_out = 0
-        self._texts.put(partial(_line, text))
+        self._texts.put(partial(_line_in_language, text))
 
     def status(self, text: str) -> None:
         """The status line, unless something waits to be shown."""
@@ -261,7 +263,7 @@ def _write_unbuffered(text: str) -> None:
         data = data[os.write(sys.stderr.fileno(), data) :]
 
 
-def _line(text: str) -> str:
+def _line_in_language(text: str) -> str:
     """A line of the program's, in the language in use: words are looked up by the thread that writes."""
     from ..languages.retelling import retold
 

@@ -95,10 +95,10 @@ def _argument(number: int, call: str, display: str, kind: str, **more: str) -> N
 
 
 def _put(sentence: str, **values: str) -> None:
-    print(sentence, "".join(f"{{{name}={_plain(value)}}}" for name, value in values.items()))
+    print(sentence, "".join(f"{{{name}={_without_braces(value)}}}" for name, value in values.items()))
 
 
-def _plain(text: str) -> str:
+def _without_braces(text: str) -> str:
     """Without what would end a value."""
     return text.translate({ord("{"): "(", ord("}"): ")"})
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from captures.line import LineSettings
 
 from ..options import Options
-from ..outages import Deaf, excused, marked
+from ..outages import Deaf, excused, with_unheard
 from ..tables.batch import Batch, join_batches
 from ..tables.findings import NOTHING, Findings, fresh_looks
 from ..tables.schema import Kind, Rows
@@ -156,14 +156,14 @@ class Judge:
     def close(self) -> tuple[TransactionRows, Findings]:
         """No more rows come: the rest, and what concerns the bus as a whole."""
         settled, findings = self._settle() if self._waiting else (TransactionRows.zeros(0), NOTHING)
-        last = marked(self._transactions.close(), self.outages)
+        last = with_unheard(self._transactions.close(), self.outages)
         concluded = excused(self._diagnosis.close(last), self.outages)
         return TransactionRows.joined((settled, last)), Findings.joined((findings, concluded))
 
     def _settle(self) -> tuple[TransactionRows, Findings]:
         batch = join_batches(self._waiting)
         self._waiting, self._rows = [], 0
-        settled = marked(self._transactions.feed(batch), self.outages)
+        settled = with_unheard(self._transactions.feed(batch), self.outages)
         return settled, excused(self._diagnosis.feed(batch, settled), self.outages)
 
     def _odd(self, batch: Batch) -> bool:

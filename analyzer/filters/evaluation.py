@@ -54,7 +54,7 @@ def resolved(node: Node, line: LineSettings, origin_ns: int) -> Node:
         if not isinstance(node.wanted, Spans):
             return node
         spans = (
-            replace(span, low=_number(span.low, line, origin_ns), high=_number(span.high, line, origin_ns))
+            replace(span, low=_bound_value(span.low, line, origin_ns), high=_bound_value(span.high, line, origin_ns))
             for span in node.wanted.spans
         )
         return replace(node, wanted=Spans(tuple(spans)))
@@ -62,7 +62,7 @@ def resolved(node: Node, line: LineSettings, origin_ns: int) -> Node:
     return replace(node, parts=inner) if isinstance(node, And | Or) else replace(node, part=inner[0])
 
 
-def _number(bound: Bound | None, line: LineSettings, origin_ns: int) -> int | float | None:
+def _bound_value(bound: Bound | None, line: LineSettings, origin_ns: int) -> int | float | None:
     if isinstance(bound, Chars):
         character_ns = line.nominal_character_ns
         if character_ns is None:

@@ -20,7 +20,7 @@ from ..languages import tr
 from ..registers.mapped import MappedColumn, mapped_columns
 from . import FilterError, meant
 from .fields import Cost, FilterField, by_name
-from .kinds import EQUAL, ORDER, Item, Literal, Suggestion, plain_number, quoted, spelled
+from .kinds import EQUAL, ORDER, Item, Literal, Suggestion, plain_number, spelled, typed_name
 from .slices import FieldSlice, Mask, TableSlice, says
 from .tree import MeasuredSpan, MeasuresWanted, TextWanted, Wanted
 
@@ -75,7 +75,7 @@ class MeasureKind:
 
     def choices(self) -> Iterable[Suggestion]:
         states = {state: text for row in self.rows for state, text in row.values.items() if row.type != "bits"}
-        return [Suggestion(quoted(text), tr("state {number}", number=state)) for state, text in states.items()]
+        return [Suggestion(typed_name(text), tr("state {number}", number=state)) for state, text in states.items()]
 
     def wanted(self, operator: str, items: Sequence[Item]) -> Wanted:
         return MeasuresWanted(tuple(self._span(operator, low, high) for low, high in items))

@@ -134,7 +134,7 @@ def _write(store: LakeStore, table: str, group: list[_SmallFile]) -> dict[str, A
 def _own(rows: Any, piece: _SmallFile, first: int) -> Any:
     """The rows of a file that are the lake's, with all columns of a pack; its parts numbered from `first`."""
     if piece.numbers is None:
-        for column, value in {**_place(piece.file), "part": pa.scalar(first, pa.int32())}.items():
+        for column, value in {**_site_and_day(piece.file), "part": pa.scalar(first, pa.int32())}.items():
             rows = rows.append_column(column, pa.repeat(value, len(rows)))
         return rows
     numbers = pc.index_in(rows.column("part"), pa.array(piece.numbers, pa.int32()))
@@ -142,7 +142,7 @@ def _own(rows: Any, piece: _SmallFile, first: int) -> Any:
     return rows.filter(pc.is_valid(numbers))
 
 
-def _place(name: str) -> dict[str, Any]:
+def _site_and_day(name: str) -> dict[str, Any]:
     """Site and day, as the name of a file of one line has them."""
     keys = dict(folder.split("=", 1) for folder in name.split("/")[1:-1])
     place = {"site": pa.scalar(unquote(keys["site"]))}

@@ -53,7 +53,7 @@ class Question:
     answer: Callable[[Lake, Asked], Any]  # an Arrow table
 
 
-def _within(asked: Asked, column: str = "t_ns") -> str:
+def _sql_span(asked: Asked, column: str = "t_ns") -> str:
     since = "" if asked.since_s is None else f" AND {column}::TIMESTAMPTZ >= {_NEWEST} - to_seconds($since)"
     return ("WHERE true" if asked.site is None else "WHERE site = $site") + since
 
@@ -67,7 +67,7 @@ def _worst_units(lake: Lake, asked: Asked) -> Any:
     """By the least share of bad answers that the count makes likely (Wilson, 95 %): one of one is not the worst."""
     return lake.arrow(
         f"""WITH units AS (SELECT site, line, unit, {UNIT_COLUMNS}
-    FROM hours {_within(asked)} AND unit > 0 GROUP BY ALL),
+    FROM hours {_sql_span(asked)} AND unit > 0 GROUP BY ALL),
   judged AS (SELECT *, (exceptions + unanswered + damaged) / asked AS p FROM units WHERE asked > 0)
 SELECT site, line, unit, asked, exceptions, unanswered, damaged, retries, bad_percent, mean_ms_low, mean_ms_high
 FROM judged WHERE p > 0
@@ -152,7 +152,7 @@ def _register(lake: Lake, asked: Asked) -> Any:
         )
     day = "" if asked.since_s is None else f" AND day >= ({_NEWEST} - to_seconds($since))::DATE"
     return lake.arrow(
-        f"""SELECT t_ns, site, line, area, raw FROM values {_within(asked)}{day}
+        f"""SELECT t_ns, site, line, area, raw FROM values {_sql_span(asked)}{day}
   AND unit = $unit AND address = $address {"AND area = $area" if area else ""}
 ORDER BY site, line, t_ns, "index", area""",
         _parameters(asked, unit=int(unit), address=int(address), area=area[0] if area else None),
@@ -165,7 +165,7 @@ def _to(text: str, most: int) -> bool:
 
 
 def _damaged(lake: Lake, asked: Asked) -> Any:
-    where = _within(asked)
+    where = _sql_span(asked)
     return lake.arrow(
         f"""SELECT site, line, source, state, damage_count, damage[1] AS first FROM captures {where}
   AND state IN ('damaged', 'unreadable') ORDER BY site, line, source LIMIT {asked.limit}""",
@@ -178,7 +178,7 @@ def _drift(lake: Lake, asked: Asked) -> Any:
     hours = lake.arrow(
         f"""SELECT site, line, unit, t_ns, requests - broadcast - unheard AS asked, {_BAD} AS bad, timed,
   response_time_low_sum_ns AS low, response_time_high_sum_ns AS high
-FROM hours {_within(asked)} AND unit > 0 ORDER BY site, line, unit, t_ns""",
+FROM hours {_sql_span(asked)} AND unit > 0 ORDER BY site, line, unit, t_ns""",
         _parameters(asked),
     )
     return drifts(hours).slice(0, asked.limit)

@@ -46,7 +46,7 @@ def _templates(language: str, table: str) -> tuple[_Template, ...]:
 def retold(line: str, table: str = "errors") -> str:
     """A line in the language in use; as it is where no template of the catalogue's table has its words."""
     templates = _templates(in_use(), table) if len(line) <= _LONGEST else ()
-    return _told(line, templates, {})[1] if templates else line
+    return _by_templates(line, templates, {})[1] if templates else line
 
 
 def error_words(error: BaseException) -> str:
@@ -54,18 +54,18 @@ def error_words(error: BaseException) -> str:
     return retold(str(error)) or type(error).__name__
 
 
-def _told(line: str, templates: tuple[_Template, ...], known: dict[str, tuple[int, str]]) -> tuple[int, str]:
+def _by_templates(line: str, templates: tuple[_Template, ...], known: dict[str, tuple[int, str]]) -> tuple[int, str]:
     """How many letters of a line templates have, and the line told: by one template, or what stands around a colon."""
     if line in known:
         return known[line]
     ways = [(0, regrouped(line))]
     for head, rest in _split(line):
-        if (told := _told(rest, templates, known))[0]:
-            before = _told(head, templates, known)
+        if (told := _by_templates(rest, templates, known))[0]:
+            before = _by_templates(head, templates, known)
             ways.append((before[0] + told[0], f"{before[1]}: {told[1]}"))
     if (found := _match(line, templates)) is not None:  # last: a file's name before a colon is no part of a template
         template, match = found
-        parts = [_told(part, templates, known) for part in match.groups()]
+        parts = [_by_templates(part, templates, known) for part in match.groups()]
         ways.append((template.weight + sum(n for n, _ in parts), template.words.format(*(part for _, part in parts))))
     known[line] = max(ways, key=lambda way: way[0])
     return known[line]

@@ -296,7 +296,7 @@ def chosen(type_words: str) -> Meaning | None:
     return next((meaning for meaning in CHOICES if meaning.type == type_words), None)
 
 
-def told(
+def meanings_of(
     bus: Bus,
     charts_of: Callable[[Iterable[int]], Mapping[int, RegisterMap]],
     stop: Callable[[], bool] = bool,

@@ -21,10 +21,10 @@ from .selection import (
     Test,
     both,
     frames_only,
+    in_span,
     remembered,
     transactions,
     transactions_with,
-    within,
 )
 from .table import PIECE
 
@@ -67,7 +67,7 @@ class Scope:
         if self.hide_noise:
             tests.append(frames_only)
         if self.span is not None:
-            tests.append(within(*self.span))
+            tests.append(in_span(*self.span))
         if self.filter is not None:
             tests.append(self.filter.test)
         return tests

@@ -49,7 +49,7 @@ def is_place(text: str) -> bool:
     return any(form.fullmatch(text) for form in (_FRAME, _SHARE, _STEP, _DAY))
 
 
-def place(text: str, bus: Bus, row: int, zone: tzinfo = UTC) -> int:
+def row_named(text: str, bus: Bus, row: int, zone: tzinfo = UTC) -> int:
     """The row that `text` names, seen from `row`; times of day are those of `zone`. Raises GotoError."""
     text = text.strip().lower()
     if not bus.count:
@@ -175,7 +175,7 @@ def wanted(text: str) -> Wanted:
 
 def _as(kind: str, text: str) -> Wanted:
     if kind == "bytes":
-        data = _octets(text)
+        data = _bytes_of_text(text)
         return Wanted(tr("the bytes {hex}", hex=data.hex(" ").upper()), for_bytes(text), data)
     if kind == "value":
         whole = "." not in text and "e" not in text.lower().removeprefix("0x")
@@ -184,7 +184,7 @@ def _as(kind: str, text: str) -> Wanted:
     return Wanted(tr('the text "{text}"', text=text), for_text(text), text.encode())
 
 
-def _octets(text: str) -> bytes:
+def _bytes_of_text(text: str) -> bytes:
     from captures.errors import HexError
     from captures.hexwords import read_text
 
@@ -196,7 +196,7 @@ def _octets(text: str) -> bytes:
 
 def for_bytes(text: str) -> Hits:
     """Rows that hold these bytes (`03 02`, `0x03,0x02`) in one stretch."""
-    pattern = re.compile(re.escape(_octets(text)), re.DOTALL)
+    pattern = re.compile(re.escape(_bytes_of_text(text)), re.DOTALL)
     return lambda bus, first, last: _holding(bus, pattern, first, last)
 
 

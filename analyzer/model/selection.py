@@ -180,7 +180,7 @@ def remembered(test: Test) -> Test:
     return last_or_new
 
 
-def within(t_start: int, t_end: int) -> Test:
+def in_span(t_start: int, t_end: int) -> Test:
     """Rows that touch a span of time."""
 
     def test(bus: Bus, number: int, low: int, high: int) -> NDArray[np.bool_]:

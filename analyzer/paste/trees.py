@@ -52,7 +52,7 @@ def tree(paste: Paste, *, colour: bool = False, values: bool = False) -> Termina
     for piece in paste.pieces:
         lines.append("")
         if isinstance(piece, PastedNoise):
-            octets = shown(piece.data, _NOISE_BYTES)
+            octets = hex_shown(piece.data, _NOISE_BYTES)
             length = counted(piece.length, "byte", "bytes")
             where = tr("{bytes} at {start}: {octets}", bytes=length, start=piece.start, octets=octets)
             lines.append(terminal_text(painted(tr("in no frame"), style.bold), f"  {where}"))
@@ -191,9 +191,9 @@ def _octets(field: Field) -> str:
         if field.bits == 1:
             return tr("bit {bit}", bit=field.bit)
         return tr("bits {first}-{last}", first=field.bit, last=field.bit + (field.bits or 1) - 1)
-    return shown(bytes.fromhex(field.raw), _HEX_BYTES)
+    return hex_shown(bytes.fromhex(field.raw), _HEX_BYTES)
 
 
-def shown(data: bytes, most: int) -> str:
+def hex_shown(data: bytes, most: int) -> str:
     """Bytes in hex, the first ones of many."""
     return data[:most].hex(" ").upper() + (" …" if len(data) > most else "")

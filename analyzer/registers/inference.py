@@ -317,10 +317,10 @@ def _extremes(
     else:
         least, greatest = float(np.fmin.reduce(floats)), float(np.fmax.reduce(floats))
         return (least, greatest) if is_float else (int(least), int(greatest))
-    return _shown(low[first]), _shown(high[first])
+    return _float_as_read(low[first]), _float_as_read(high[first])
 
 
-def _shown(number: Any) -> Number:
+def _float_as_read(number: Any) -> Number:
     """A number as people read it: of a float of 32 bits the digits that it has."""
     if isinstance(number, np.floating):
         return float(f"{float(number):.7g}") if math.isfinite(number) else None
@@ -330,7 +330,7 @@ def _shown(number: Any) -> Number:
 def _last(words: Words, order: Order, *, is_float: bool, signed: bool) -> Number:
     number = numbers(words[None], order, is_float=is_float, signed=signed)[0]
     if is_float:
-        return _shown(np.float32(number)) if len(words) == 2 else _shown(number)
+        return _float_as_read(np.float32(number)) if len(words) == 2 else _float_as_read(number)
     pattern = int(patterns(words[None], order)[0])
     width = 16 * len(words)
     return pattern - (1 << width) if signed and pattern >> (width - 1) else pattern

@@ -163,7 +163,7 @@ def _points(rows: Sequence[Sequence[str]]) -> tuple[list[tuple[float, float]], B
     columns = [[row[at] if at < len(row) else "" for row in body] for at in range(max(map(len, body)))]
     times, behind, beginning = _times(columns)
     for column in columns[behind:]:
-        values = [_number(cell) for cell in column]
+        values = [_decimal(cell) for cell in column]
         points = [(at, value) for at, value in zip(times, values, strict=True) if at is not None and value is not None]
         if 2 * len(points) > len(body):
             return points, beginning
@@ -249,13 +249,13 @@ def _iso(cell: str) -> float | None:
 
 def _epoch(cell: str) -> float | None:
     """Seconds as they stand; large ones are ms or ns since 1970."""
-    number = _number(cell)
+    number = _decimal(cell)
     if number is None:
         return None
     return number / 1e9 if number > 1e17 else number / 1e3 if number > 1e11 else number
 
 
-def _number(cell: str) -> float | None:
+def _decimal(cell: str) -> float | None:
     """A number with a decimal comma or point, gaps at its thousands, and a unit of measure behind it."""
     match = _VALUE.fullmatch(cell[:60])
     if match is None:

@@ -101,13 +101,13 @@ def _placed(model: ChainModel) -> list[MappedValue]:
             address=row.address + shift,
             scale_address=None if row.scale_address is None else row.scale_address + shift,
         )
-        for row in _rows(name, home)
+        for row in _chart_rows(name, home)
         if row.end + shift <= last
     ]
 
 
 @lru_cache(maxsize=8)
-def _rows(name: str, home: int) -> tuple[MappedValue, ...]:
+def _chart_rows(name: str, home: int) -> tuple[MappedValue, ...]:
     """The rows of a shipped map from this model on, to the next one."""
     rows = shipped_map(name).rows
     later = [at for shipped, at in _HOME.values() if shipped == name and at > home]

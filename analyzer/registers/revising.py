@@ -84,9 +84,9 @@ class RevisedRegisters:
         self.values = infer(self._readings, charts=settled)
         fresh = [value for value in self.values if _is_sure(value)]
         self.charts = UnitMaps({**{unit: _readable(fresh, unit) for unit in units if unit not in declared}, **declared})
-        revisions = [Revision(self._reported.get(_place(value)), value) for value in fresh]
+        revisions = [Revision(self._reported.get(_spot(value)), value) for value in fresh]
         revisions = [one for one in revisions if one.before is None or typed(one.before) != typed(one.value)]
-        self._reported = {_place(value): value for value in fresh}
+        self._reported = {_spot(value): value for value in fresh}
         return revisions
 
 
@@ -101,7 +101,7 @@ def placed(value: RegisterValue) -> str:
     return f"unit {value.unit} {value.area} {value.address}{last}"
 
 
-def _place(value: RegisterValue) -> Place:
+def _spot(value: RegisterValue) -> Place:
     return value.unit, value.area, value.address
 
 

@@ -161,12 +161,12 @@ def poll_rows(ledger: Ledger) -> tuple[PollRow, ...]:
                 jitter,
             )
         )
-    rows = _joined(rows)
+    rows = _mergeable(rows)
     rows.sort(key=lambda row: (-row.asked, row.unit, row.function, row.address))
     return tuple(rows[:_MOST_POLLS])
 
 
-def _joined(rows: list[PollRow]) -> list[PollRow]:
+def _mergeable(rows: list[PollRow]) -> list[PollRow]:
     """The same, with what one request could ask for as two do now: of one unit and function, side by side, as often."""
     ordered = sorted(rows, key=lambda row: (row.unit, row.function, row.address, row.quantity))
     joined = list(ordered)

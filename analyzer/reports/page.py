@@ -54,7 +54,7 @@ def facts(report: Report) -> Iterator[tuple[str, str]]:
     yield "capture", ", ".join(named) or page_words("unnamed")
     if report.filter:
         yield "filter", page_words("{filter} (what follows covers what passes)", filter=report.filter)
-    yield "line", _line(report)
+    yield "line", _line_words(report)
     yield "span", _span(report)
     label = "skipped" if report.format == "text" else "damaged"  # a log's words between its bytes are no damage
     for loss in report.damage[:_LOSSES]:
@@ -93,7 +93,7 @@ def nothing(report: Report) -> str:
     return page_words("No frame passes the filter." if report.filter else "No Modbus frame was found.")
 
 
-def _line(report: Report) -> str:
+def _line_words(report: Report) -> str:
     if report.baud is None:
         return page_words("baud not known")
     parts = [page_words("{baud} bit/s", baud=report.baud)]

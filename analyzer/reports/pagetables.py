@@ -254,7 +254,7 @@ def value_lines(values: Sequence[WatchedValue]) -> Iterator[str]:
     unit, name, last, least, mean, most = map(page_words, ("unit", "value", "last", "min", "mean", "max"))
     yield f"{unit:>4}  {name:<{_NAME}}{last:<{_LAST}}{least:>8}{mean:>8}{most:>8}"
     for value in values[:_VALUE_ROWS]:
-        numbers = "".join(f"{short(number):>8}" for number in (value.minimum, value.mean, value.maximum))
+        numbers = "".join(f"{short_number(number):>8}" for number in (value.minimum, value.mean, value.maximum))
         row = f"{value.unit:>4}  {cut(label(value), _NAME - 1):<{_NAME}}{cut(value.last, _LAST - 1):<{_LAST}}{numbers}"
         yield row.rstrip()
         if value.outside:
@@ -269,7 +269,7 @@ def label(value: WatchedValue) -> str:
     return value.name or f"{value.area} {value.address} {value.type}"
 
 
-def short(number: float | None) -> str:
+def short_number(number: float | None) -> str:
     """A number in at most seven characters."""
     if number is None:
         return ""

@@ -86,14 +86,14 @@ class Jumps:
 
         def wrong(text: str) -> str:
             try:
-                search.place(text, self._bus, begin, self._screen.desk.zone)
+                search.row_named(text, self._bus, begin, self._screen.desk.zone)
             except search.GotoError as error:
                 return str(error)
             return ""
 
         text = await self._screen.app.push_screen_wait(Ask(self._asks("Go to"), tr(search.FORMS), wrong=wrong))
         if text is not None:
-            self.go(search.place(text, self._bus, begin, self._screen.desk.zone))
+            self.go(search.row_named(text, self._bus, begin, self._screen.desk.zone))
 
     async def ask_span(self) -> None:
         """Ask for a span of time, and narrow everything to it."""
@@ -127,7 +127,7 @@ class Jumps:
         def wrong(text: str) -> str:
             try:
                 if _names_row(text):
-                    search.place(text, self._bus, begin, zone)
+                    search.row_named(text, self._bus, begin, zone)
                 else:
                     search.wanted(text)
             except (search.SearchError, search.GotoError) as error:
@@ -141,7 +141,7 @@ class Jumps:
             return
         self._sought = text
         if _names_row(text):
-            self.go(search.place(text, self._bus, begin, zone))
+            self.go(search.row_named(text, self._bus, begin, zone))
         else:
             self._wanted = search.wanted(text)
             self._find_first()

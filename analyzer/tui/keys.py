@@ -169,10 +169,10 @@ def _keys(mine: Mapping[str, str], here: Sequence[Widget]) -> Iterator[tuple[str
     first = [title for title, kind in _WIDGETS if any(type(widget) is kind for widget in here)]
     for title, group in sorted([*GROUPS, *groups], key=lambda each: each[0] not in first):
         own = [each for each in group if isinstance(each, Binding)]
-        yield title, [(_shown(each, mine), tr(each.tooltip or each.description)) for each in own]
+        yield title, [(_keys_written(each, mine), tr(each.tooltip or each.description)) for each in own]
 
 
-def _shown(binding: Binding, mine: Mapping[str, str]) -> str:
+def _keys_written(binding: Binding, mine: Mapping[str, str]) -> str:
     """The keys of a binding, as they are written on a keyboard."""
     own = mine.get(binding.id or "")
     if own is None and binding.key_display:

@@ -146,14 +146,14 @@ def at_row(desk: ViewState, row: int) -> FrameDetail:
             children=_facts(desk, row),
             ready=False,
         )
-        return FrameDetail(tr("noise"), data, (head, *_findings(bus.findings(row)), *why(bus, row)))
+        return FrameDetail(tr("noise"), data, (head, *_finding_items(bus.findings(row)), *why(bus, row)))
     frame = bus.frame(row)
     fields = frame.fields(wording())
     title = tr("frame {number}", number=frame.index)
     items = (
         Item("frame", _heading(frame), kind="strong", label=title, children=_facts(desk, row, frame),
              ready=False),
-        *_findings(frame.findings),
+        *_finding_items(frame.findings),
         *_versus(desk, row, fields),
         *why(bus, row),
         *_fields(fields),
@@ -167,12 +167,12 @@ def _versus(desk: ViewState, row: int, fields: tuple[Field, ...]) -> Iterator[It
     before = desk.bus.polls.before(row)
     if before is not None:
         yield _compared(desk, row, fields, before, "versus")
-    marked = _marked(desk, row)
+    marked = _at_reference(desk, row)
     if marked is not None and marked != before:
         yield _compared(desk, row, fields, marked, "versus R")
 
 
-def _marked(desk: ViewState, row: int) -> int | None:
+def _at_reference(desk: ViewState, row: int) -> int | None:
     """The answer at the user's time reference, if it is to the same poll as this one, of whatever unit."""
     bus, place = desk.bus, desk.notes.reference
     marked = -1 if place is None else bus.table.row_of_byte(*place)
@@ -237,7 +237,7 @@ def at_piece(pasted: PastedFrame | PastedNoise) -> FrameDetail:
     problem = trouble(pasted)
     if problem:
         items.append(Item("trouble", problem, kind="error", label="!"))
-    items.extend(_findings(getattr(pasted, "findings", ())))
+    items.extend(_finding_items(getattr(pasted, "findings", ())))
     items.extend(_fields(fields))
     if pasted.also is not None:
         others = pasted.fields(pasted.also, wording())
@@ -301,7 +301,7 @@ def _facts(desk: ViewState, row: int, frame: Frame | None = None) -> tuple[Item,
 
 def at_finding(finding: Finding) -> FrameDetail:
     """A finding about the bus as a whole."""
-    return FrameDetail(tr("the bus as a whole"), b"", tuple(_findings((finding,))))
+    return FrameDetail(tr("the bus as a whole"), b"", tuple(_finding_items((finding,))))
 
 
 def finding_name(finding: Finding) -> str:
@@ -309,7 +309,7 @@ def finding_name(finding: Finding) -> str:
     return f"finding {finding.code}"
 
 
-def _findings(findings: Iterable[Finding]) -> Iterator[Item]:
+def _finding_items(findings: Iterable[Finding]) -> Iterator[Item]:
     codes: set[str] = set()
     for i, finding in enumerate(findings):
         name = finding_name(finding) if finding.code not in codes else f"{finding_name(finding)} {i}"

@@ -201,13 +201,13 @@ class Colourless(LineFilter):
     def apply(self, segments: list[Segment], background: Color) -> list[Segment]:
         """`background`: that of the widget, which stands for none."""
         return [
-            Segment(text, None if style is None else _plain(style, background.rgb, self._flat), control)
+            Segment(text, None if style is None else _unshaded(style, background.rgb, self._flat), control)
             for text, style, control in segments
         ]
 
 
 @lru_cache(1024)
-def _plain(style: Style, background: Rgb, flat: frozenset[Rgb]) -> Style:
+def _unshaded(style: Style, background: Rgb, flat: frozenset[Rgb]) -> Style:
     own = None if style.bgcolor is None or style.bgcolor.is_default else tuple(style.bgcolor.get_truecolor())
     shaded = own is not None and own not in flat and own != background
     return style + _OWN + Style(reverse=shaded != bool(style.reverse))

@@ -40,11 +40,11 @@ class Tabs(Static):
             if sum(len(text) for _, text in words) <= self.size.width:
                 return words
         return [
-            (view, f" {_digit(view)} {_short(view) if view.name == self.chosen else ''}".ljust(3)) for view in VIEWS
+            (view, f" {_digit(view)} {_tab_title(view) if view.name == self.chosen else ''}".ljust(3)) for view in VIEWS
         ]
 
     def _word(self, view: View, *, narrow: bool) -> str:
-        title = _short(view) if narrow else tr(view.title)
+        title = _tab_title(view) if narrow else tr(view.title)
         return f" {_digit(view)} {title}{' ' if not narrow or view.name == self.chosen else ''}"
 
     def render(self) -> Text:
@@ -67,7 +67,7 @@ def _digit(view: View) -> str:
     return view.key.partition(",")[0]
 
 
-def _short(view: View) -> str:
+def _tab_title(view: View) -> str:
     return tr(view.short or view.title)
 
 

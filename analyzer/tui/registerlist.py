@@ -15,7 +15,17 @@ from dissectors.values import AREAS, logical
 
 from ..languages import counted, tr
 from ..languages.retelling import error_words
-from ..model.registers import AREA_WORDS, CHOICES, PLAIN, Meaning, RegisterSeries, Spot, WatchedRegister, chosen, told
+from ..model.registers import (
+    AREA_WORDS,
+    CHOICES,
+    PLAIN,
+    Meaning,
+    RegisterSeries,
+    Spot,
+    WatchedRegister,
+    chosen,
+    meanings_of,
+)
 from ..registers.readings import is_due
 from ..words import duration, short
 from .burst import ASKING
@@ -276,7 +286,7 @@ def _in_order(register: WatchedRegister) -> tuple[int, bool, int, int]:
     return register.unit, register.area < _BIT_AREAS, -register.area, register.address
 
 
-def _short(spot: Spot) -> str:
+def _spot_text(spot: Spot) -> str:
     """`17 40108`, as one goes there."""
     return f"{spot[0]} {logical(spot[2], _AREA_NAMES[spot[1]])}"
 
@@ -329,7 +339,7 @@ def _plotted(screen: BusScreen) -> None:
             if meaning.words == each.words:
                 numbers = meaning.numbers(registers) if meaning.is_number else registers[:, 0].astype(float)
                 times = t_ns if bus.timed else rows
-                series.append(Series(listing.label(spot), times, numbers, meaning.measure, _short(spot)))
+                series.append(Series(listing.label(spot), times, numbers, meaning.measure, _spot_text(spot)))
         count, span = len(series[-1].t_ns) if series else 0, ""
         if count > 1 and bus.timed:
             span = tr(" over {time}", time=duration(int(series[-1].t_ns[-1] - series[-1].t_ns[0])))
@@ -355,7 +365,7 @@ def _refresh(screen: BusScreen) -> None:
     if bus.count and due:
         pane.typed_at = bus.count
         charts, types = screen.desk.charts, dict(screen.desk.notes.types)
-        screen.jobs.run("meanings", lambda stop: told(bus, charts, stop, types), listing.use)
+        screen.jobs.run("meanings", lambda stop: meanings_of(bus, charts, stop, types), listing.use)
 
 
 def _chosen(screen: BusScreen, sender: Widget) -> None:  # noqa: ARG001

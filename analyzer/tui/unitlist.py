@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from .screen import BusScreen
 
 
-def _number(number: float) -> str:
+def _six_digits(number: float) -> str:
     return f"{number:.6g}"
 
 
@@ -36,7 +36,7 @@ class History(Painted):
     def __init__(self, *, id: str, classes: str) -> None:
         super().__init__(id=id, classes=classes)
         self.title = ""
-        self._written: Callable[[float], str] = _number
+        self._written: Callable[[float], str] = _six_digits
         self._points: list[tuple[int, float]] = []
         self._from_zero = False
 
@@ -50,7 +50,7 @@ class History(Painted):
     ) -> None:
         """Times and numbers (NaN: none from then on), oldest first; `written` is how a number is put into words."""
         self.title = title
-        self._written = written or _number
+        self._written = written or _six_digits
         self._from_zero = from_zero
         self._points = list(points)
         self.refresh()

@@ -255,7 +255,7 @@ def _given(data: bytes, chance: Random) -> None:
     zone = chance.choice((UTC, timezone(timedelta(hours=14)), timezone(-timedelta(hours=12))))
     bus = _bus()
     takers: tuple[Callable[[], Any], ...] = (
-        lambda: search.place(text, bus, chance.randrange(bus.count), zone),
+        lambda: search.row_named(text, bus, chance.randrange(bus.count), zone),
         lambda: search.span(text, bus, zone),
         lambda: search.wanted(text).hits(bus, 0, min(bus.count, 40)),
         lambda: moment(text, "--from", chance.choice((bus.t_first, 0, -(10**15), 10**18)), zone),

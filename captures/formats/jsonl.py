@@ -74,7 +74,7 @@ def reads_in(text: bytes) -> tuple[Ints, Ints, bytes] | None:
     for at, words in ((starts, layout.before), (between, layout.between), (last, layout.after)):
         if not _all_are(data, at, words):
             return None
-    t_ns, content = _numbers(data, times, widths), _octets(data, first, lengths)
+    t_ns, content = _numbers(data, times, widths), _from_hex(data, first, lengths)
     return None if t_ns is None or content is None else (t_ns, lengths >> 1, content)
 
 
@@ -95,7 +95,7 @@ def _numbers(data: Bytes, at: Ints, widths: Ints) -> Ints | None:
     return numbers
 
 
-def _octets(data: Bytes, at: Ints, lengths: Ints) -> bytes | None:
+def _from_hex(data: Bytes, at: Ints, lengths: Ints) -> bytes | None:
     """The bytes that hex digits stand for, end to end; None where there is anything but digits."""
     begins = sums(lengths)
     digits = np.empty(int(begins[-1]), np.uint8)
@@ -246,11 +246,11 @@ def _options(row: dict[str, Any], size: int) -> tuple[int, Mark, list[int]]:
     """Port, mark and sorted error offsets of a read; ValueError says what is wrong with them."""
     port, mark, errors = row.get("port", 0), row.get("mark"), row.get("errors") or []
     if type(port) is not int or not 0 <= port <= 255:
-        raise ValueError(f"port {_short(port)} is not a number from 0 to 255")
+        raise ValueError(f"port {_excerpt(port)} is not a number from 0 to 255")
     if mark is not None and (not isinstance(mark, str) or mark not in _MARKS):
-        raise ValueError(f'mark {_short(mark)} is neither "tx" nor "rx"')
+        raise ValueError(f'mark {_excerpt(mark)} is neither "tx" nor "rx"')
     if not isinstance(errors, list) or any(type(error) is not int or not 0 <= error < size for error in errors):
-        raise ValueError(f"errors {_short(errors)} are not offsets in a read of {size} bytes")
+        raise ValueError(f"errors {_excerpt(errors)} are not offsets in a read of {size} bytes")
     return port, _MARKS[mark] if mark else Mark.NONE, sorted(set(errors))
 
 
@@ -277,19 +277,19 @@ def _chunk(line: bytes) -> Chunk:
         raise ValueError('not a read: "t_ns" and "hex" are needed')
     t_ns, text = row["t_ns"], row["hex"]
     if type(t_ns) is not int or not -TIME_LIMIT < t_ns < TIME_LIMIT:
-        raise ValueError(f"t_ns {_short(t_ns)} is not a time in whole nanoseconds")
+        raise ValueError(f"t_ns {_excerpt(t_ns)} is not a time in whole nanoseconds")
     if not isinstance(text, str):
-        raise ValueError(f"hex {_short(text)} is not text")
+        raise ValueError(f"hex {_excerpt(text)} is not text")
     try:
         data = bytes.fromhex(text)
     except ValueError:
         odd = "an odd number of" if len(text) % 2 else "not all"
-        raise ValueError(f"hex {_short(text)} has {odd} hex digits") from None
+        raise ValueError(f"hex {_excerpt(text)} has {odd} hex digits") from None
     port, mark, errors = _options(row, len(data))
     return Chunk(t_ns, data, port, mark, tuple(errors))
 
 
-def _short(value: object) -> str:
+def _excerpt(value: object) -> str:
     text = repr(value)
     return text if len(text) <= 40 else text[:37] + "..."
 

@@ -81,13 +81,13 @@ class _Table:
         """Times and levels of the rows of a text that can be read."""
         width = len(self.names) + 1
         text = self.head.plain(text)
-        cells = _cells(text if text.endswith(b"\n") else text + b"\n", width)
+        cells = _first_cells(text if text.endswith(b"\n") else text + b"\n", width)
         if cells is None:
             lines = lines_of(text)
             good = [line for line in lines if re.fullmatch(rb"[^,]+(?:,[01X]){%d}" % (width - 1), line)]
             if wrong := sum(bool(line.strip()) for line in lines) - len(good):
                 note(f"lines {number} to {number + len(lines)}", f"{wrong:,} rows that are none: left out")
-            cells = _cells(b"".join(line + b"\n" for line in good), width)
+            cells = _first_cells(b"".join(line + b"\n" for line in good), width)
         if cells is None:
             return np.zeros(0, np.int64), np.zeros((0, width - 1), np.bool_)
         times = _nanoseconds(cells[0], self.head.unit_ns)
@@ -103,7 +103,7 @@ class _Table:
         return times[usable], levels
 
 
-def _cells(text: bytes, width: int) -> tuple[NDArray[np.bytes_], NDArray[np.uint8]] | None:
+def _first_cells(text: bytes, width: int) -> tuple[NDArray[np.bytes_], NDArray[np.uint8]] | None:
     """The first cell of each row as text, the others as one character each; None where any row is not like that."""
     data = np.frombuffer(text, np.uint8)
     ends = np.flatnonzero((data == ord(",")) | (data == ord("\n")))

@@ -108,7 +108,7 @@ class Port:
         now = result.settings
         text = f"{now.url}: {'is back' if back else 'open'}"
         self.desk.event(self.number, "opened", text, tap=result.kind, back=back, settings=now.to_json())
-        if now.is_device and _line(now) != _line(self.settings):  # they were changed meanwhile
+        if now.is_device and _wire_settings(now) != _wire_settings(self.settings):  # they were changed meanwhile
             self._set(result)
         self._tell_notices()
         if self.tap is not None and self.tap.descriptor is not None and not now.is_device:
@@ -163,7 +163,7 @@ class Port:
             self.tap.notices.clear()
 
 
-def _line(settings: PortSettings) -> tuple[int | None, str, int]:
+def _wire_settings(settings: PortSettings) -> tuple[int | None, str, int]:
     return settings.baud, settings.parity, settings.data_bits
 
 

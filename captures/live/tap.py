@@ -164,7 +164,7 @@ class DeviceTap(Tap):
             with suppress(OSError, ValueError, serial.SerialException, AttributeError):
                 self._port.reset_input_buffer()
         except (OSError, ValueError, serial.SerialException) as error:
-            raise PortGoneError(_words(error)) from error
+            raise PortGoneError(_cause_of_error(error)) from error
         except Exception as error:  # termios.error is none of these
             self.notices.append(f"{settings.url}: {settings} is refused: {error}")
         self._check_driver()
@@ -208,7 +208,7 @@ class DeviceTap(Tap):
         except (serial.SerialException, OSError, TypeError) as error:  # TypeError: pyserial's, closed while it waits
             if not _POSIX and _TIMED_OUT.search(str(error)):
                 return data
-            raise PortGoneError(_words(error)) from error
+            raise PortGoneError(_cause_of_error(error)) from error
         return data
 
 
@@ -240,7 +240,7 @@ def _opened(settings: PortSettings) -> Any:
     except (serial.SerialException, OSError) as error:
         raise PortError(_refused(settings.url, error)) from error
     except Exception as error:  # termios.error, ValueError
-        raise PortError(f"{settings.url}: cannot be opened: {_words(error)}") from error
+        raise PortError(f"{settings.url}: cannot be opened: {_cause_of_error(error)}") from error
     return port
 
 
@@ -263,10 +263,10 @@ def _refused(url: str, error: Exception) -> str:
         return f"{url}: no permission: {access_advice(url)}"
     if code == errno.ENOTTY or "Inappropriate ioctl" in text or Path(url).is_file():  # Windows fails as it is set up
         return f"{url}: not a serial port"
-    return f"{url}: cannot be opened: {_words(error)}"
+    return f"{url}: cannot be opened: {_cause_of_error(error)}"
 
 
-def _words(error: Exception) -> str:
+def _cause_of_error(error: Exception) -> str:
     """What went wrong, without the port's name and the number that libraries put before it."""
     text = re.sub(r"^(?i:could not open port) .*?: |\[Errno \d+\] ", "", str(error))
     return " ".join(text.split()) or type(error).__name__

@@ -222,7 +222,7 @@ def segments_of(packets: Packets, chosen: Ints, link: int) -> Segments:
         intact = np.isin(following, (_TCP, UDP))
         ends = _Ends(tcp, begins + 40 + take_number(data, begins + 4, 2), following, range(8, 40))
         parts.append(_of_version(data, six[intact], begins[intact], ends, intact))
-    return _joined(packets, chosen, end, parts)
+    return _segments_of_all(packets, chosen, end, parts)
 
 
 def _ip(data: Bytes, at: Ints, link: int) -> Ints:
@@ -274,7 +274,7 @@ def _of_version(data: Bytes, which: Ints, ip: Ints, ends: _Ends, intact: NDArray
     return _VersionSegments(which, keys, tcp, end)
 
 
-def _joined(packets: Packets, chosen: Ints, captured: Ints, parts: list[_VersionSegments]) -> Segments:
+def _segments_of_all(packets: Packets, chosen: Ints, captured: Ints, parts: list[_VersionSegments]) -> Segments:
     data = packets.data
     none = [np.zeros(0, np.int64)]
     keys = np.concatenate([part.keys for part in parts] or [np.zeros((0, KEY), np.uint8)])

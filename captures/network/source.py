@@ -157,7 +157,7 @@ def _surveyed(file: PacketFile) -> _Survey:
                 survey.others[f"link type {link}" + (f" ({_LINKS[link]})" if link in _LINKS else "")] += len(chosen)
     reassembly.close()
     survey.groups = list(listener.judged.values())
-    _number(survey, file.interfaces)
+    _give_ports(survey, file.interfaces)
     return survey
 
 
@@ -165,7 +165,7 @@ def _unheard(_where: str, _what: str) -> None:
     """Damage is for the second reading to say."""
 
 
-def _number(survey: _Survey, interfaces: list[Interface]) -> None:
+def _give_ports(survey: _Survey, interfaces: list[Interface]) -> None:
     """Give ports: serial interfaces first, as they are named by this tool, then connections in order of appearance."""
     named = {}
     for interface in survey.serial:

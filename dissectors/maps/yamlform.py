@@ -48,7 +48,7 @@ def _merges(value: yaml.Node) -> bool:
     return all(isinstance(one, yaml.MappingNode) for one in listed)
 
 
-def _plain(loader: Any, _suffix: str, node: yaml.Node) -> Any:
+def _plain_node(loader: Any, _suffix: str, node: yaml.Node) -> Any:
     if isinstance(node, yaml.MappingNode):
         return loader.construct_mapping(node, deep=True)
     if isinstance(node, yaml.SequenceNode):
@@ -56,7 +56,7 @@ def _plain(loader: Any, _suffix: str, node: yaml.Node) -> Any:
     return str(node.value)
 
 
-_Lenient.add_multi_constructor("!", _plain)
+_Lenient.add_multi_constructor("!", _plain_node)
 
 
 def load_yaml(text: str, *, lenient: bool = False) -> Any:
@@ -136,20 +136,20 @@ def read_yaml(text: str, file: str) -> RegisterMap:
     if not isinstance(content, Mapping) or not isinstance(content.get(_ROWS), list):
         raise MapError(f"{file}: expected a mapping with a list {_ROWS!r}")
     header = {str(key).lower(): value for key, value in content.items() if key != _ROWS}
-    return assembled(header, _rows(content[_ROWS], file), file)
+    return assembled(header, _cells_of_rows(content[_ROWS], file), file)
 
 
 def write_yaml(chart: RegisterMap) -> str:
     """The YAML text of a map."""
     header: dict[str, Any] = dict(header_of(chart))
-    rows = [_row(row, chart.word_order) for row in chart.rows]
+    rows = [_entry_of_value(row, chart.word_order) for row in chart.rows]
     text: str = yaml.safe_dump(
         {**header, "address_base": 0, _ROWS: rows}, allow_unicode=True, sort_keys=False, width=120
     )
     return text
 
 
-def _rows(rows: list[Any], file: str) -> Iterator[tuple[int, Mapping[str, object]]]:
+def _cells_of_rows(rows: list[Any], file: str) -> Iterator[tuple[int, Mapping[str, object]]]:
     for number, row in enumerate(rows, 1):
         if not isinstance(row, Mapping):
             raise MapError(f"{file}: row {number}: expected a mapping of columns")
@@ -163,7 +163,7 @@ def _plain_entry(value: object) -> object:
     return value
 
 
-def _row(value: MappedValue, order: str) -> dict[str, Any]:
+def _entry_of_value(value: MappedValue, order: str) -> dict[str, Any]:
     cells: dict[str, Any] = {key: cell for key, cell in cells_of(value, order).items() if cell != ""}
     cells["address"] = value.address
     for key in ("scale", "offset", "min", "max"):

@@ -16,7 +16,7 @@ from ...reports import Report
 from ...reports.page import unknown
 from ...tables.schema import Kind
 from .. import CheckError
-from ..model import Breaches, CheckedBatch, RuleResult, Start, form, joined
+from ..model import Breaches, CheckedBatch, RuleResult, Start, comma_separated, form
 from ..parsing import at
 from .answers import COMPARE
 from .counts import whole
@@ -78,9 +78,11 @@ class _UnitsOnBus:
     def verdict(self, report: Report) -> RuleResult:  # noqa: ARG002
         strangers = self._heard - self.allowed
         absent = self.allowed - self._answered if self.all_of_them else set()
-        parts = [page_words("units {units}", units=joined(self._heard)) if self._heard else page_words("no units")]
-        parts += [page_words("not expected: {units}", units=joined(strangers))] if strangers else []
-        parts += [page_words("never answered: {units}", units=joined(absent))] if absent else []
+        parts = [
+            page_words("units {units}", units=comma_separated(self._heard)) if self._heard else page_words("no units")
+        ]
+        parts += [page_words("not expected: {units}", units=comma_separated(strangers))] if strangers else []
+        parts += [page_words("never answered: {units}", units=comma_separated(absent))] if absent else []
         return RuleResult(not strangers and not absent, "; ".join(parts), tuple(self._breaches.first))
 
 

@@ -88,7 +88,7 @@ class PassingCount:
         )
 
 
-def _counted(words: list[Token], most: int, line: LineSettings) -> Start:
+def _at_most(words: list[Token], most: int, line: LineSettings) -> Start:
     """At most so many of what these words name."""
     name = spelled(" ".join(words))
     if name in WORDS:
@@ -116,12 +116,12 @@ def no_findings(line: LineSettings, severity: Token | None) -> Start:  # noqa: A
 
 @form("no", '"no"i thing', "this never happens", "no crc errors", "no late-response")
 def none_of(line: LineSettings, thing: list[Token]) -> Start:
-    return _counted(thing, 0, line)
+    return _at_most(thing, 0, line)
 
 
 @form("at-most", '"at"i "most"i NUMBER thing', "this happens so often at most", "at most 3 retries")
 def at_most(line: LineSettings, number: Token, thing: list[Token]) -> Start:
-    return _counted(thing, whole(number), line)
+    return _at_most(thing, whole(number), line)
 
 
 def whole(number: Token, most: int = 1 << 62) -> int:

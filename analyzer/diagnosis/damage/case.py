@@ -140,7 +140,7 @@ class Length(NamedTuple):
     least: bool = False
 
 
-def told(data: bytes, role: Role) -> Length | None:
+def predicted_length(data: bytes, role: Role) -> Length | None:
     """The length that a frame's first bytes tell for a role, 0 where they can't be one; None where nothing tells."""
     pdu = data[1:MAX_PDU]
     if not pdu:
@@ -163,7 +163,7 @@ def answer_length(case: DamagedFrame) -> Length | None:
         return None
     if case.due is not None:
         return Length(case.due)
-    return told(case.data, Role.RESPONSE) if case.expected.fits(case.data) else None
+    return predicted_length(case.data, Role.RESPONSE) if case.expected.fits(case.data) else None
 
 
 def agrees(length: Length | None, data: bytes) -> bool:
@@ -255,10 +255,10 @@ def _unit(unit: int, case: DamagedFrame) -> float:
 def _structure(pdu: bytes, role: Role, *, predicted: bool) -> float:
     if broken := plausibility(pdu, role):
         return _BROKEN * len(broken)
-    return _checked(pdu[0], role, revision()) + (LENGTH_TOLD if predicted and counted(pdu[0], role) else 0.0)
+    return _checked(pdu[0], role, revision()) + (LENGTH_TOLD if predicted and has_count(pdu[0], role) else 0.0)
 
 
-def counted(function: int, role: Role) -> bool:
+def has_count(function: int, role: Role) -> bool:
     """Whether a frame's length hangs on what it holds."""
     declared = rule(function, role)
     return declared is not None and (declared.count is not None or declared.walk is not None)

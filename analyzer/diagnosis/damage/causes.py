@@ -29,10 +29,10 @@ from .case import (
     Length,
     agrees,
     answer_length,
-    counted,
+    has_count,
     likelihood,
     opening,
-    told,
+    predicted_length,
 )
 from .flow_control import swallowed
 
@@ -201,7 +201,7 @@ def _beginnings(case: DamagedFrame) -> Iterator[tuple[float, Length]]:
     if due is not None and case.header[: len(data)] == data[: len(case.header)]:
         yield BYTE * min(len(case.header), len(data)), due
     for role in Role:
-        length = told(data, role)
+        length = predicted_length(data, role)
         if length is not None:
             yield opening(data, role, case), length
     same = [frame for frame in case.known if frame.startswith(data) and len(frame) > len(data)]
@@ -281,10 +281,10 @@ def _any_frame(case: DamagedFrame) -> float:
     data, best = case.data, _NO_HEADER
     for role in Role:
         bits = opening(data, role, case)
-        length = told(data, role)
+        length = predicted_length(data, role)
         if not agrees(length, data):
             bits += _WRONG_LENGTH
-        elif length is not None and counted(data[1], role):
+        elif length is not None and has_count(data[1], role):
             bits += LENGTH_TOLD
         best = max(best, bits)
     return best

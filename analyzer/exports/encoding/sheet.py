@@ -352,7 +352,7 @@ class Cursor:
         self._at += width * counts
 
 
-def within(counts: Ints) -> Ints:
+def counted_on(counts: Ints) -> Ints:
     """0, 1, 2 … of each of some counts, end to end."""
     ends = np.cumsum(counts)
     indices: Ints = np.arange(int(ends[-1]) if len(ends) else 0)

@@ -146,7 +146,7 @@ class ExampleView:
     strips: tuple[Strip, ...]
 
 
-def shown(example: FindingExample, origin_ns: int | None, off_ns: float | None) -> ExampleView:
+def example_view(example: FindingExample, origin_ns: int | None, off_ns: float | None) -> ExampleView:
     """Lay an example out; `origin_ns` is the time that counts as 0, None where the capture has no times; `off_ns`: by
     how much response times may be wrong."""
     finding, frame = example.finding, example.frame

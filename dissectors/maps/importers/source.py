@@ -76,7 +76,7 @@ class MapSource:
         try:
             return json.loads(_LAST_COMMA.sub(lambda found: found[1] or "", bare))
         except ValueError as error:
-            self._problems["JSON"] = _place(error)
+            self._problems["JSON"] = _json_error(error)
         except RecursionError:
             self._problems["JSON"] = _TOO_DEEP
         return None
@@ -169,7 +169,7 @@ class MapBuilder:
         return ImportedMap(chart, tuple(notes))
 
 
-def _place(error: ValueError) -> str:
+def _json_error(error: ValueError) -> str:
     """What is wrong with a JSON text, line first."""
     return f"line {error.lineno}: {error.msg}" if isinstance(error, json.JSONDecodeError) else one_line(error)[:200]
 

@@ -27,9 +27,9 @@ from ..tablewords import (
     headings,
     is_function,
     is_powers,
-    joined,
     limits_of,
     measure_in,
+    merged_headings,
     plain_number,
     unit_of,
     values_of,
@@ -120,7 +120,7 @@ def _rows_of(sheet: Any, most_rows: int, most_columns: int, *, merged: bool) -> 
     if merged:
         most_rows, most_columns = min(most_rows, sheet.max_row), min(most_columns, sheet.max_column)
     values: Iterable[Sequence[object]] = sheet.iter_rows(values_only=True, max_row=most_rows, max_col=most_columns)
-    rows = [[_text(cell) for cell in row] for row in values]
+    rows = [[_shown_text(cell) for cell in row] for row in values]
     if merged:
         for area in sheet.merged_cells.ranges:
             row, first = area.min_row - 1, area.min_col - 1
@@ -134,7 +134,7 @@ def _hidden(sheet: Any) -> frozenset[int]:
     return frozenset(column for span in spans for column in span if column < 1 << 14)
 
 
-def _text(cell: object) -> str:
+def _shown_text(cell: object) -> str:
     """What a cell shows. A day among registers was a range (10-11) that the spreadsheet took for one: none of its
     numbers is an address."""
     if cell is None:
@@ -204,7 +204,7 @@ def _sheet(source: MapSource, sheet: WorkbookSheet, *, several: bool) -> Importe
             continue
         if all(re.fullmatch("[-=:. ]+", cell) for cell in cells):  # a rule between rows
             continue
-        joint = joined(row, rows[number]) if number < len(rows) else None
+        joint = merged_headings(row, rows[number]) if number < len(rows) else None
         if joint or headings(row):
             if joint:
                 row, second = joint, number + 1
