@@ -285,9 +285,8 @@ class Hex:
         return ()
 
     def wanted(self, operator: str, items: Sequence[Item]) -> Wanted:
-        return BytesWanted(
-            tuple(_literal_bytes(alone(item)) for item in items), whole=operator != TextPart.WITHIN.value
-        )
+        wanted = tuple(_literal_bytes(alone(item)) for item in items)
+        return BytesWanted(wanted, whole=operator != TextPart.WITHIN.value)
 
 
 @dataclass(frozen=True)

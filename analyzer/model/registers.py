@@ -40,6 +40,9 @@ _NO_SAMPLE: Final = -1
 _Ints = NDArray[np.int64]
 
 
+Spot = tuple[int, int, int]  # unit, area (an AreaCode less 1), address
+
+
 @dataclass(frozen=True, slots=True)
 class WatchedRegister:
     """One register, coil or input. `area` is an AreaCode less 1; `before` is None where it was seen once."""
@@ -51,6 +54,11 @@ class WatchedRegister:
     before: int | None
     t_ns: int
     row: int
+
+    @property
+    def spot(self) -> Spot:
+        """Where it is."""
+        return self.unit, self.area, self.address
 
     @property
     def changed(self) -> bool:
@@ -227,7 +235,6 @@ def _readings(batch: Batch) -> tuple[_Ints, _Ints, _Ints]:
     return np.repeat(base, confirmed.counts) | address, values.astype(np.int64), rows
 
 
-Spot = tuple[int, int, int]  # unit, area (an AreaCode less 1), address
 AREA_WORDS: Final = ("coil", "discrete", "input", "holding")
 _BIT_AREAS: Final = 2
 _SHOWN_AS: Final = {"enum": "u", "time": "u", "bcd": "u", "text": "text", "bits": "bits", "bool": "u"}

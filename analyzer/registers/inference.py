@@ -62,10 +62,10 @@ def infer(
     if turned:
         values, runs = _as_they_stand(blocks, charts, weights, turned)
         replaced = {(v.unit, v.area, v.address + n) for v in turned for n in range(v.words)}
-        values = [value for value in values if (value.unit, value.area, value.address) not in replaced] + turned
+        values = [value for value in values if value.key not in replaced] + turned
     if units is not None:
         values = [value for value in values if value.unit in units]
-    values.sort(key=lambda value: (value.unit, value.area, value.address))
+    values.sort(key=lambda value: value.key)
     return with_relations(values, _moved_series(runs, values))
 
 
@@ -143,7 +143,7 @@ def _moved_series(
         words = next(series for source, series in zip(owner.blocks, owner.series, strict=True) if source is block)[0]
         mine = words[:, columns[0] : columns[0] + value.words]
         floats = numbers(mine, order, is_float=value.kind == "float", signed=value.signed)
-        moved.setdefault(id(block), {})[value.unit, value.area, value.address] = floats
+        moved.setdefault(id(block), {})[value.key] = floats
     return {
         key: (number, floats) for number, by_key in moved.items() if len(by_key) > 2 for key, floats in by_key.items()
     }

@@ -15,17 +15,7 @@ from dissectors.values import AREAS, logical
 
 from ..languages import counted, tr
 from ..languages.retelling import error_words
-from ..model.registers import (
-    AREA_WORDS,
-    CHOICES,
-    PLAIN,
-    Meaning,
-    RegisterSeries,
-    Spot,
-    WatchedRegister,
-    chosen,
-    meanings_of,
-)
+from ..model.registers import AREA_WORDS, CHOICES, PLAIN, Meaning, RegisterSeries, chosen, meanings_of
 from ..registers.readings import is_due
 from ..words import duration, short
 from .burst import ASKING
@@ -38,6 +28,7 @@ from .view import JUMPS, DoorCell, View, register_text
 if TYPE_CHECKING:
     from textual.widget import Widget
 
+    from ..model.registers import Spot, WatchedRegister
     from .desk import ViewState
     from .screen import BusScreen
 
@@ -83,10 +74,10 @@ class RegisterList(Lines):
     def grown(self) -> None:
         before = self.register
         self._registers = sorted(self.desk.figures.registers.all(), key=_in_order)
-        self._line_of = {_spot(r): i for i, r in enumerate(self._registers)}
+        self._line_of = {r.spot: i for i, r in enumerate(self._registers)}
         self._find_parts()
         if before is not None:
-            self.cursor = self._line_of.get(_spot(before), self.cursor)
+            self.cursor = self._line_of.get(before.spot, self.cursor)
         super().grown()
         if before is None and self._registers:
             self._tell()
@@ -101,9 +92,9 @@ class RegisterList(Lines):
     def _find_parts(self) -> None:
         self._parts = {}
         for register in self._registers:
-            unit, area, address = _spot(register)
+            unit, area, address = register.spot
             if (unit, area, address) not in self._parts:
-                for k in range(1, self.meaning(_spot(register)).words):
+                for k in range(1, self.meaning(register.spot).words):
                     self._parts[unit, area, address + k] = unit, area, address
 
     def meaning(self, spot: Spot) -> Meaning:
@@ -127,7 +118,7 @@ class RegisterList(Lines):
 
     def pieces(self, line: int, width: int) -> Sequence[StyledText]:
         register = self._registers[line]
-        spot = _spot(register)
+        spot = register.spot
         meaning = self.meaning(spot)
         bit = register.area < _BIT_AREAS
         members = self._members(register, meaning)
@@ -191,7 +182,7 @@ class RegisterList(Lines):
 
     def owner(self, register: WatchedRegister) -> Spot:
         """Where the value begins that a register is part of."""
-        return self._parts.get(_spot(register), _spot(register))
+        return self._parts.get(register.spot, register.spot)
 
     def label(self, spot: Spot) -> str:
         """A value in words: place, name, type."""
@@ -289,10 +280,6 @@ def _in_order(register: WatchedRegister) -> tuple[int, bool, int, int]:
 def _spot_text(spot: Spot) -> str:
     """`17 40108`, as one goes there."""
     return f"{spot[0]} {logical(spot[2], _AREA_NAMES[spot[1]])}"
-
-
-def _spot(register: WatchedRegister) -> Spot:
-    return register.unit, register.area, register.address
 
 
 class RegistersPane(Vertical):

@@ -175,8 +175,8 @@ class MappedReading:
             "area": row.area,
             "address": row.address,
             "name": row.name,
-            "raw": _plain(self.raw),
-            "value": _plain(self.value),
+            "raw": json_number(self.raw),
+            "value": json_number(self.value),
             "unit_of_measure": row.unit,
             "text": self.text,
         }
@@ -246,8 +246,8 @@ def _bit_names(row: MappedValue, raw: int) -> str:
     return ", ".join(names) if names else "none"
 
 
-def _plain(value: Meaning) -> Meaning:
-    """JSON has no infinity and no NaN."""
+def json_number(value: Any) -> Any:
+    """JSON has no infinity and no NaN: those are null."""
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
