@@ -17,7 +17,7 @@ import dissectors
 from analyzer import languages
 from analyzer.cli import main
 from analyzer.cli.taps import Teller
-from analyzer.languages.retelling import retold
+from analyzer.languages import retold
 
 _PACKAGES = (analyzer, captures, dissectors)
 _RAISED = re.compile(

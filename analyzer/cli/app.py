@@ -78,7 +78,7 @@ class Parser(argparse.ArgumentParser):
             raise argparse.ArgumentError(action, f"invalid choice: {value!r}{near}")
 
     def error(self, message: str) -> NoReturn:
-        from ..languages.retelling import retold
+        from ..languages import retold
 
         raise UsageError(f"{retold(message)} {retold(f'(see {self.prog} --help)')}")
 
@@ -260,7 +260,7 @@ def _tell_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _in_language(words: str) -> str:
-    from ..languages.retelling import retold
+    from ..languages import retold
 
     return retold(words, "help")
 

@@ -12,8 +12,7 @@ from dissectors.values import harmless
 
 from .exits import DONE, UsageError
 from .inputs import seconds
-from .outputs import add_overwrite_argument, to_be_overwritten
-from .terminal import put_data, put_json
+from .terminal import add_overwrite_argument, put_data, put_json, to_be_overwritten
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -21,8 +21,7 @@ from .inputs import (
     open_capture,
     tell_damage,
 )
-from .outputs import add_overwrite_argument, to_be_overwritten
-from .terminal import Progress, coloured, interruptible, put_json, tell
+from .terminal import Progress, add_overwrite_argument, coloured, interruptible, put_json, tell, to_be_overwritten
 
 if TYPE_CHECKING:
     from captures import Capture

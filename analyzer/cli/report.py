@@ -22,8 +22,7 @@ from .inputs import (
     open_capture,
     opened_capture,
 )
-from .outputs import add_overwrite_argument, to_be_overwritten
-from .terminal import Progress, interruptible, put_json, put_page, tell
+from .terminal import Progress, add_overwrite_argument, interruptible, put_json, put_page, tell, to_be_overwritten
 
 if TYPE_CHECKING:
     from captures import Capture

@@ -25,8 +25,7 @@ from ..terminal_text import ERASE_LINE, terminal_text
 from ..version import __version__
 from .exits import UsageError
 from .inputs import seconds, size_in_bytes, time_or_size
-from .outputs import add_overwrite_argument, to_be_overwritten
-from .terminal import places
+from .terminal import add_overwrite_argument, places, to_be_overwritten
 
 if TYPE_CHECKING:
     from captures.live.tapviewer import TapViewer
@@ -265,7 +264,7 @@ def _write_unbuffered(text: str) -> None:
 
 def _line_in_language(text: str) -> str:
     """A line of the program's, in the language in use: words are looked up by the thread that writes."""
-    from ..languages.retelling import retold
+    from ..languages import retold
 
     erase = ERASE_LINE if places(sys.stderr) else ""
     return terminal_text(erase, f"rtuscope: {harmless(retold(text))}\n")

@@ -1,12 +1,14 @@
-"""What commands say, and what a terminal adds: a line in place, colour, single keys, how far work has come, and Ctrl-C
-that keeps what was done.
+"""What commands put out, and what a terminal adds: a line in place, colour, single keys, how far work has come, and
+Ctrl-C that keeps what was done.
 
 Nothing of the latter shows on a pipe. Colour follows the terminal and NO_COLOR. How far long work has come is drawn by
-rich, which is imported when there is something to draw: most work is over before.
+rich, which is imported when there is something to draw: most work is over before. No file is written over unless
+somebody said so.
 """
 
 from __future__ import annotations
 
+import argparse
 import io
 import os
 import re
@@ -17,12 +19,15 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from types import FrameType
 from typing import IO, Any, BinaryIO, Final
 
 from dissectors.values import harmless
 
+from ..languages import counted, tr
 from ..terminal_text import ERASE_LINE, TerminalText, painted, terminal_text, trusted
+from .exits import UsageError
 
 _VIRTUAL_TERMINAL: Final = 1 | 4  # ENABLE_PROCESSED_OUTPUT, ENABLE_VIRTUAL_TERMINAL_PROCESSING
 
@@ -85,7 +90,7 @@ def endable() -> Iterator[None]:
 
 def tell(text: str) -> None:
     """A line on standard error, in the language in use, past a status line that may stand there."""
-    from ..languages.retelling import retold
+    from ..languages import retold
 
     erase = ERASE_LINE if places(sys.stderr) else ""
     print(terminal_text(erase, f"rtuscope: {harmless(retold(text))}"), file=sys.stderr, flush=True)
@@ -337,3 +342,40 @@ def _windows(pressed: Callable[[str], None], ended: threading.Event) -> None:
     while not ended.wait(0.05):
         while console.kbhit():
             pressed(console.getwch())
+
+
+_YES: Final = ("y", "yes", "д", "да")
+
+
+def add_overwrite_argument(parser: argparse.ArgumentParser | argparse._ArgumentGroup, what: str) -> None:
+    """--overwrite, for the file that is called `what` in the help."""
+    parser.add_argument(
+        "--overwrite", action="store_true", help=f"even if {what} is there already (on a terminal you are asked)"
+    )
+
+
+def to_be_overwritten(path: str | Path, *, overwrite: bool, source: Path | None = None) -> bool:
+    """Whether a file stands there that is to be written over: by `overwrite`, or because the user says so now.
+
+    UsageError where it stands there and is not to be touched; `source`, the capture that is read, never is.
+    """
+    if str(path) == "-" or not Path(path).is_file():  # nothing there, or a pipe, a device, a folder
+        return False
+    if source is not None and Path(path).samefile(source):
+        raise UsageError(f"{path}: is the capture that is being read; give another name")
+    if overwrite:
+        return True
+    if not (sys.stdin.isatty() and sys.stderr.isatty()):
+        raise UsageError(f"{path}: is there already: give another name, or --overwrite")
+    sys.stderr.write(terminal_text(harmless(f"{path} is there already: overwrite it? [y/N] ")))
+    sys.stderr.flush()
+    if sys.stdin.readline().strip().lower() not in _YES:
+        raise UsageError(f"{path}: left as it was")
+    return True
+
+
+def captured_words(reads: int, octets: int) -> str:
+    """How much of a line a capture that was written holds."""
+    return tr(
+        "{reads}, {bytes} of the line", reads=counted(reads, "read", "reads"), bytes=counted(octets, "byte", "bytes")
+    )

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from dissectors.fields import ENGLISH
 
-from ..languages import tr, wording
-from ..languages.retelling import error_words
+from ..languages import error_words, tr, wording
 from ..tables.columns import decode
 from ..words import UNITS_NS, is_clock, moment_of
 from .bus import Bus

@@ -13,8 +13,7 @@ from dissectors.fields import Field
 from dissectors.length_rules import Role
 from dissectors.values import harmless
 
-from ..languages import counted, field_name, tr, wording
-from ..languages.retelling import retold
+from ..languages import counted, field_name, retold, tr, wording
 from ..terminal_text import TerminalText, painted, terminal_text
 from .model import Paste, PastedFrame, PastedNoise
 from .numbers import every_reading, likely_floats

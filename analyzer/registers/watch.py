@@ -69,7 +69,7 @@ class ValueWatch:
         watched = [running.watched(key[0]) for key, running in self._mapped.items()]
         if self._inferred:
             covered = {(v.unit, v.area, at) for v in watched for at in range(v.address, v.address + v.words)}
-            watched += [v for v in self._sure_values() if v.key not in covered]
+            watched += [v for v in self._sure_values() if (v.unit, v.area, v.address) not in covered]
         return tuple(sorted(watched, key=lambda value: (value.unit, value.area, value.address, value.name)))
 
     def breaches(self) -> list[LimitBreach]:

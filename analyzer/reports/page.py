@@ -11,8 +11,7 @@ from typing import Final
 
 from dissectors.values import harmless
 
-from ..languages import counted, grouped, page_words
-from ..languages.retelling import retold
+from ..languages import counted, grouped, page_words, retold
 from ..outages import unheard
 from ..words import duration, is_clock, moment
 from . import against, findings, pagetables

@@ -15,8 +15,7 @@ from textual.command import CommandPalette
 from textual.filter import Monochrome
 from textual.screen import Screen
 
-from ..languages import tr
-from ..languages.retelling import error_words
+from ..languages import error_words, tr
 from ..model.bus import Bus
 from ..usernotes import Notes, NotesError
 from .burst import KeyQueue

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 from captures import CaptureError
 
-from ..languages import tr
-from ..languages.retelling import error_words
+from ..languages import error_words, tr
 from ..words import TimeBase
 from .frames import FrameList
 from .prompts import Ask

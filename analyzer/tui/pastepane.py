@@ -13,8 +13,7 @@ from textual.widgets import Label, TextArea
 
 from captures.errors import HexError
 
-from ..languages import counted, tr
-from ..languages.retelling import error_words
+from ..languages import counted, error_words, tr
 from ..paste import Paste, PasteError, read
 from ..paste.model import PastedFrame, PastedNoise
 from ..paste.trees import heading, hex_shown, trouble

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from ..core import Analysed
 from ..exports.sink import OutputStream
-from ..languages import counted, tr
-from ..languages.retelling import error_words, retold
+from ..languages import counted, error_words, retold, tr
 from ..model.bus import Bus
 from ..model.selection import Selection
 from ..model.table import PIECE

@@ -13,8 +13,7 @@ from textual.containers import Vertical
 from captures import CaptureError
 from dissectors.values import AREAS, logical
 
-from ..languages import counted, tr
-from ..languages.retelling import error_words
+from ..languages import counted, error_words, tr
 from ..model.registers import AREA_WORDS, CHOICES, PLAIN, Meaning, RegisterSeries, chosen, meanings_of
 from ..registers.readings import is_due
 from ..words import duration, short

@@ -10,7 +10,7 @@ from typing import Any, Final
 from ...causes.model import Cause
 from ...causes.telling import CauseWords, told_again
 from ...languages import counted, in_use, page_words
-from ...languages.retelling import retold as in_language
+from ...languages import retold as in_language
 from ...reports.html.pageparts import OutcomeBar, OutcomePart
 from ...reports.page import file_name
 from ...words import DAY_NS, between, duration, is_clock, moment
