@@ -98,9 +98,9 @@ def _passing(node: Node, section: TableSlice, requested: Mask | None) -> Mask:
         return _same(node, section, requested)
     values = node.field.get(section, requested)
     if node.wanted is None:
-        return values.known()
+        return values.valid()
     good = values.passing(node.wanted)
-    return values.known() & ~good if node.negated else good
+    return values.valid() & ~good if node.negated else good
 
 
 def _same(node: Same, section: TableSlice, requested: Mask | None) -> Mask:
@@ -130,9 +130,9 @@ def _of_values(node: Node, each: Each) -> Mask:
         assert node.field.each is not None
         values = node.field.each(each)
         if node.wanted is None:
-            return values.known()
+            return values.valid()
         good = values.passing(node.wanted)
-        return values.known() & ~good if node.negated else good
+        return values.valid() & ~good if node.negated else good
     masks = [_of_values(part, each) for part in parts(node)]
     if isinstance(node, Not):
         return ~masks[0]

@@ -36,7 +36,7 @@ class HeldSlice:
     signed: bool = False
     left_out: frozenset[AreaCode] = frozenset()
 
-    def known(self) -> Mask:
+    def valid(self) -> Mask:
         mask = np.zeros(len(self.section), np.bool_)
         for span in self._spans(self.section.held, None):
             mask[span.rows[span.counts > 0]] = True

@@ -118,7 +118,7 @@ class _MeasuredSlice:
     columns: list[MappedColumn]
     count: int
 
-    def known(self) -> Mask:
+    def valid(self) -> Mask:
         return self._rows(lambda one: ~np.isnan(one.values))
 
     def passing(self, wanted: Wanted) -> Mask:
@@ -139,7 +139,7 @@ class _NameSlice:
     columns: list[MappedColumn]
     count: int
 
-    def known(self) -> Mask:
+    def valid(self) -> Mask:
         return self._of(self.columns)
 
     def passing(self, wanted: Wanted) -> Mask:

@@ -179,15 +179,15 @@ def _combined(rows: bytes) -> list[str]:
     A row stands where a channel changed: hardly ever twice the same, and seldom with changes of several channels.
     """
     lines = rows.replace(b"\r", b"").replace(b" ", b"").split(b"\n")[:-1]  # the last line may be cut
-    found = [match[1] for line in lines if (match := _COMBINED.search(line))]
-    values = [int(text, 16) for text in found]
+    layout = [match[1] for line in lines if (match := _COMBINED.search(line))]
+    values = [int(text, 16) for text in layout]
     changes = [one ^ other for one, other in itertools.pairwise(values)]
     if len(values) < max(_ROWS, _SINGLE * sum(map(bool, lines))) or changes.count(0) > len(changes) // _ROWS:
         return []
     single = sum(change.bit_count() == 1 for change in changes)
     if max(values) > _NIBBLE and single < _SINGLE * len(changes):
         return []
-    return [f"Channel {bit}" for bit in range(4 * max(map(len, found)))]
+    return [f"Channel {bit}" for bit in range(4 * max(map(len, layout)))]
 
 
 def _head(head: bytes) -> _TableHead | None:
@@ -205,15 +205,15 @@ def _head(head: bytes) -> _TableHead | None:
             if len(names) > 1 and (sampled := _SAMPLE.fullmatch(names[0]) is not None) | (
                 _TIME.fullmatch(names[0]) is not None and (sign == b"," or unit is not None)
             ):
-                found = _TableHead(names[1:], number, size, sign, unit or 10**9)
+                layout = _TableHead(names[1:], number, size, sign, unit or 10**9)
                 if sign == b"," and len(names) == 2 and (channels := _combined(head[size:])):
-                    found = replace(found, names=channels, combined=True)
-                row = found.plain(head[size:].partition(b"\n")[0])
+                    layout = replace(layout, names=channels, combined=True)
+                row = layout.plain(head[size:].partition(b"\n")[0])
                 if sampled:
-                    found = replace(found, unit_ns=10**9 / rate if rate else 0)
+                    layout = replace(layout, unit_ns=10**9 / rate if rate else 0)
                 elif unit is None and rate and row.partition(b",")[0].isdigit():
-                    found = replace(found, unit_ns=next(one for one in _COUNTED if rate * one <= 10**9 or one == 1))
-                return found if not row.strip() or _STATES.fullmatch(row) else None
+                    layout = replace(layout, unit_ns=next(one for one in _COUNTED if rate * one <= 10**9 or one == 1))
+                return layout if not row.strip() or _STATES.fullmatch(row) else None
         return None
     return None
 
