@@ -16,8 +16,8 @@ from analyzer.simulation import Scenario, write
 from captures.chunks import Capture, Chunk
 from captures.line import LineSettings
 from dissectors.maps import RegisterMap, shipped_map
+from dissectors.maps.files import UnitMaps
 from dissectors.maps.model import MappedValue, factor_between, readings_by_map
-from dissectors.maps.units import UnitMaps
 
 MAPS = ("eastron-sdm630@1", "xy-md02@7")
 CHARTS = UnitMaps({1: shipped_map("eastron-sdm630"), 7: shipped_map("xy-md02")})

@@ -36,7 +36,7 @@ from ..tables.schema import Kind
 from ..tables.transactions import TransactionRows
 
 if TYPE_CHECKING:
-    from dissectors.maps.units import UnitMaps
+    from dissectors.maps.files import UnitMaps
 
 SHOWN: Final = 5  # places that an outcome names
 

@@ -24,7 +24,7 @@ from . import CheckError
 from .model import CHARTS, TERMINALS, WORDS_OF_TERMINALS, Check, forms
 
 if TYPE_CHECKING:
-    from dissectors.maps.units import UnitMaps
+    from dissectors.maps.files import UnitMaps
 
 LONGEST: Final = 4096  # characters
 _WORD: Final = re.compile(r"[\w-]{1,30}|\S")

@@ -121,7 +121,7 @@ def _check_maps(settings: Settings) -> None:
 
 
 def _check_filter(value: SetValue, maps: Sequence[str]) -> None:
-    from dissectors.maps.units import unit_maps
+    from dissectors.maps.files import unit_maps
 
     from ..filters.evaluation import check
 

@@ -26,7 +26,7 @@ from .terminal import tell
 if TYPE_CHECKING:
     from captures import Capture
     from captures.line import LineSettings
-    from dissectors.maps.units import UnitMaps
+    from dissectors.maps.files import UnitMaps
 
     from ..filters import Filter
     from ..options import Options
@@ -359,6 +359,6 @@ def add_map_argument(parser: argparse.ArgumentParser | argparse._ArgumentGroup) 
 
 def chosen_charts(arguments: argparse.Namespace) -> UnitMaps:
     """The maps that were given."""
-    from dissectors.maps.units import unit_maps
+    from dissectors.maps.files import unit_maps
 
     return unit_maps(arguments.map)

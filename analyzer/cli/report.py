@@ -26,7 +26,7 @@ from .terminal import Progress, add_overwrite_argument, interruptible, put_json,
 
 if TYPE_CHECKING:
     from captures import Capture
-    from dissectors.maps.units import UnitMaps
+    from dissectors.maps.files import UnitMaps
 
     from ..core import Analysed
     from ..filters import Filter

@@ -23,8 +23,8 @@ from .terminal import coloured, hung_up, places, put, put_bytes, put_data, say_i
 
 if TYPE_CHECKING:
     from captures.recording.recorder import Recorder
+    from dissectors.maps.files import UnitMaps
     from dissectors.maps.model import RegisterMap
-    from dissectors.maps.units import UnitMaps
 
     from ..causes.story import CauseRevision
     from ..live.conditions import Condition

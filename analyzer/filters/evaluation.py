@@ -29,7 +29,7 @@ from .table import BatchTable, FilterTable, narrowed
 from .tree import And, Bound, Chars, Node, Not, Or, Same, Since, Spans, Test, parts, tests
 
 if TYPE_CHECKING:
-    from dissectors.maps.units import UnitMaps
+    from dissectors.maps.files import UnitMaps
 
     from ..core import Analysed
     from ..tables.schema import Rows

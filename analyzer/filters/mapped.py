@@ -13,8 +13,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from dissectors.maps.files import UnitMaps
 from dissectors.maps.model import MappedValue, factor_between
-from dissectors.maps.units import UnitMaps
 
 from ..languages import tr
 from ..registers.mapped import MappedColumn, mapped_columns

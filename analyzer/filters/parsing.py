@@ -21,7 +21,7 @@ from .kinds import Addresses, Flag, Item, Literal, Named, spelled
 from .tree import And, Node, Not, Or, Same, Span, Spans, Test, parts, tests
 
 if TYPE_CHECKING:
-    from dissectors.maps.units import UnitMaps
+    from dissectors.maps.files import UnitMaps
 
 LONGEST: Final = 4096  # characters
 _DEEPEST: Final = 50  # parentheses

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from captures.line import LineSettings
 from dissectors.adu import CRC_SIZE
-from dissectors.maps.units import UnitMaps
+from dissectors.maps.files import UnitMaps
 
 from ..filters import RowOctets, compile_filter
 from ..tables.batch import Batch

@@ -16,8 +16,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
+from dissectors.maps.files import UnitMaps
 from dissectors.maps.model import RegisterMap
-from dissectors.maps.units import UnitMaps
 
 from ..tables.batch import Batch
 from .drafting import Place, drafted_map, with_own_words

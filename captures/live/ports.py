@@ -14,8 +14,7 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from .gateway import SocketTap
-from .rfc2217 import PortServerTap
+from .gateway import PortServerTap, SocketTap
 from .settings import PortSettings
 from .tap import DeviceTap, PortError, Tap, access_advice, latency_ms, may_listen, programs_by_device, real_device
 

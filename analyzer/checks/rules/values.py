@@ -16,7 +16,7 @@ from ...reports.page import unknown
 from ..model import CHARTS, Breaches, CheckedBatch, RuleResult, Start, form
 
 if TYPE_CHECKING:
-    from dissectors.maps.units import UnitMaps
+    from dissectors.maps.files import UnitMaps
 
 
 class _Limits:

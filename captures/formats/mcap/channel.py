@@ -1,6 +1,8 @@
-"""The channels of an MCAP file that this tool writes: raw chunks, a block as bytes and back; and log messages.
+"""The channels of an MCAP file that this tool writes: raw chunks, a block as bytes and back; log messages; one topic
+alone.
 
-Logs are `foxglove.Log` in protobuf, the well-known schema of log messages, which viewers show as a log.
+Logs are `foxglove.Log` in protobuf, the well-known schema of log messages, which viewers show as a log. Messages of
+one topic are read out of the records of a file, whatever stands beside them.
 """
 
 from __future__ import annotations
@@ -8,11 +10,14 @@ from __future__ import annotations
 import base64
 import binascii
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import orjson
+from mcap.opcode import Opcode
+from mcap.records import Channel
 from numpy.typing import NDArray
 
 from ...chunks import Block, columns
@@ -20,7 +25,8 @@ from ...errors import CaptureError
 from ...limits import TIME_LIMIT
 from ...line import LineSettings
 from .protobuf import ENCODING, Message, MessageField, Type, delimited, fields_in, varint_field
-from .records import METADATA, TOPIC, chunk_limit, one_line
+from .records import MESSAGE, METADATA, RECORD, TOPIC, DamagedRecordError, chunk_limit, one_line, records_in
+from .scanning import ScannedRecord, stream_of
 
 if TYPE_CHECKING:
     from mcap.writer import Writer
@@ -76,7 +82,7 @@ def _text(number: int, text: str) -> bytes:
 
 BATCH_BYTES: Final = 1 << 14  # of a message, about: what damage costs
 BATCH_NS: Final = 10_000_000_000
-MESSAGE: Final = Message(
+CHUNK_MESSAGE: Final = Message(
     "rtuscope.Chunks",
     (
         MessageField("t_ns", Type.SFIXED64),
@@ -88,7 +94,7 @@ MESSAGE: Final = Message(
         MessageField("errors", Type.FIXED32, repeated=True),
     ),
 )
-_NUMBER: Final = MESSAGE.numbers
+_NUMBER: Final = CHUNK_MESSAGE.numbers
 _COLUMNS: Final = {_NUMBER["after_ns"]: "<i8", _NUMBER["sizes"]: "<u4", _NUMBER["errors"]: "<u4"}
 _BYTES: Final = {_NUMBER["data"], _NUMBER["port"], _NUMBER["mark"]}
 _CHUNK_BYTES: Final = 12  # that a chunk takes in a message besides its data
@@ -115,7 +121,7 @@ class ChunkChannel:
     ) -> None:
         settings = _settings_record(line, timed)
         writer.add_metadata(METADATA, {**(about or {}), **settings})
-        schema = writer.register_schema(MESSAGE.name, ENCODING, MESSAGE.schema())
+        schema = writer.register_schema(CHUNK_MESSAGE.name, ENCODING, CHUNK_MESSAGE.schema())
         self._channel = writer.register_channel(TOPIC, ENCODING, schema, settings)
         self._writer = writer
         self._sequence = 0
@@ -247,3 +253,45 @@ def _from_json(payload: bytes | memoryview) -> Mapping[str, Any]:
     except (TypeError, KeyError, IndexError, OverflowError, binascii.Error) as error:
         raise ValueError(f"not as its schema says: {one_line(error)}") from error
     return columns
+
+
+UNDECLARED: Final = ""  # encoding of messages whose channel's declaration is lost
+_HEAD: Final = MESSAGE.size - RECORD.size  # of a message, before its data
+
+
+@dataclass(frozen=True, slots=True)
+class TopicMessage:
+    """A message of the topic that was asked for, or of a channel that is not declared; `log_time` in ns."""
+
+    log_time: int
+    encoding: str
+    data: memoryview
+
+
+def messages_in(record: ScannedRecord, channels: dict[int, str | None], topic: str) -> Iterator[TopicMessage]:
+    """The messages in a record; DamagedRecordError ends it where there may be more.
+
+    `channels` collects the encodings of declared channels by id, None for those of other topics.
+    """
+    content = memoryview(record.content)
+    inner: Iterator[tuple[int, int, int]] = iter([(record.opcode, 0, len(content))])
+    if record.opcode == Opcode.CHUNK:
+        inner = records_in(record.content, record.packed)
+    for opcode, start, end in inner:
+        if opcode == Opcode.CHANNEL:
+            channel = channel_in(record.content[start:end])
+            channels[channel.id] = channel.message_encoding if channel.topic == topic else None
+        elif opcode == Opcode.MESSAGE and end - start >= _HEAD:
+            encoding = channels.get(int.from_bytes(content[start : start + 2], "little"), UNDECLARED)
+            if encoding is not None:
+                log_time = int.from_bytes(content[start + 6 : start + 14], "little")
+                yield TopicMessage(log_time, encoding, content[start + _HEAD : end])
+
+
+def channel_in(content: bytes) -> Channel:
+    """A channel record inside a chunk; DamagedRecordError where it is none."""
+    try:
+        channel: Channel = Channel.read(stream_of(content))
+    except Exception as error:  # the library's, of many kinds
+        raise DamagedRecordError(f"a damaged channel: {one_line(error)}") from error
+    return channel
