@@ -15,19 +15,21 @@ import re
 import shutil
 import signal
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from pathlib import Path
 from types import FrameType
-from typing import IO, Any, BinaryIO, Final
+from typing import IO, TYPE_CHECKING, Any, BinaryIO, Final
 
 from dissectors.values import harmless
 
 from ..languages import counted, tr
 from ..terminal_text import ERASE_LINE, TerminalText, painted, terminal_text, trusted
 from .exits import UsageError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+    from threading import Event
 
 _VIRTUAL_TERMINAL: Final = 1 | 4  # ENABLE_PROCESSED_OUTPUT, ENABLE_VIRTUAL_TERMINAL_PROCESSING
 
@@ -292,9 +294,11 @@ def keys(pressed: Callable[[str], None]) -> Iterator[bool]:
     if not sys.stdin.isatty():
         yield False
         return
-    ended = threading.Event()
+    from threading import Event, Thread
+
+    ended = Event()
     listen = _windows if os.name == "nt" else _posix
-    thread = threading.Thread(target=listen, args=(pressed, ended), daemon=True)
+    thread = Thread(target=listen, args=(pressed, ended), daemon=True)
     with _raw():
         thread.start()
         try:
@@ -323,7 +327,7 @@ def _raw() -> Iterator[None]:
             termios.tcsetattr(descriptor, termios.TCSADRAIN, before)
 
 
-def _posix(pressed: Callable[[str], None], ended: threading.Event) -> None:
+def _posix(pressed: Callable[[str], None], ended: Event) -> None:
     import select
 
     while not ended.is_set():
@@ -335,7 +339,7 @@ def _posix(pressed: Callable[[str], None], ended: threading.Event) -> None:
             pressed(data.decode(errors="replace"))
 
 
-def _windows(pressed: Callable[[str], None], ended: threading.Event) -> None:
+def _windows(pressed: Callable[[str], None], ended: Event) -> None:
     from importlib import import_module
 
     console: Any = import_module("msvcrt")
@@ -359,6 +363,8 @@ def to_be_overwritten(path: str | Path, *, overwrite: bool, source: Path | None 
 
     UsageError where it stands there and is not to be touched; `source`, the capture that is read, never is.
     """
+    from pathlib import Path
+
     if str(path) == "-" or not Path(path).is_file():  # nothing there, or a pipe, a device, a folder
         return False
     if source is not None and Path(path).samefile(source):

@@ -14,7 +14,6 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from .gateway import PortServerTap, SocketTap
 from .settings import PortSettings
 from .tap import DeviceTap, PortError, Tap, access_advice, latency_ms, may_listen, programs_by_device, real_device
 
@@ -119,18 +118,18 @@ def _listed() -> list[Any]:
         raise PortError(f"this computer's serial ports cannot be listed: {type(error).__name__}: {error}") from error
 
 
-_KINDS = {"socket": SocketTap, "rfc2217": PortServerTap}
-
-
 def open_tap(settings: PortSettings, *, blocking: bool = False) -> Tap:
     """An open port; PortError says in one line why it can't be. `blocking`: without a descriptor to wait on."""
     if settings.is_device:
         return DeviceTap(settings, blocking=blocking)
+    from .gateway import PortServerTap, SocketTap
+
+    kinds = {"socket": SocketTap, "rfc2217": PortServerTap}
     scheme = settings.url.partition("://")[0].lower()
-    if scheme not in _KINDS:
-        schemes = ", ".join(f"{name}://HOST:PORT" for name in _KINDS)
+    if scheme not in kinds:
+        schemes = ", ".join(f"{name}://HOST:PORT" for name in kinds)
         raise PortError(f"{settings.url}: no way to listen by {scheme}://: there are serial devices and {schemes}")
-    return _KINDS[scheme](settings, blocking=blocking)
+    return kinds[scheme](settings, blocking=blocking)
 
 
 class Attempts:
