@@ -1,9 +1,9 @@
 """What commands put out, and what a terminal adds: a line in place, colour, single keys, how far work has come, and
 Ctrl-C that keeps what was done.
 
-Nothing of the latter shows on a pipe. Colour follows the terminal and NO_COLOR. How far long work has come is drawn by
-rich, which is imported when there is something to draw: most work is over before. No file is written over unless
-somebody said so.
+Nothing that a terminal adds shows on a pipe. Colour follows the terminal and NO_COLOR. How far long work has come is
+drawn by rich, which is imported when there is something to draw: most work is over before. No file is written over
+unless somebody said so.
 """
 
 from __future__ import annotations

@@ -6,7 +6,9 @@ end to end are the conversation of the whole capture. What a request can still b
 hangs on the rows alone: so batches do not matter.
 
 A serial answer carries no address. Where several requests of one shape are open and as many answers follow, a server
-answers in the order in which it was asked, which shows only when the second answer has come: `put_in_order`.
+answers in the order in which it was asked, which shows only when the second answer has come: `_put_in_order`.
+
+Response times are told as far as a tap's clock carries them: exact, an interval, or unknown (`DelayBounds`).
 """
 
 from __future__ import annotations

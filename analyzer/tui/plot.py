@@ -2,6 +2,8 @@
 
 Several series share the axis of time, each in a band of its own with a scale of its own: over one another they could
 be told apart by colour alone. Findings stand below as ticks, and a cursor reads what each series was.
+
+Beside words numbers are small lines of blocks, in eighths of a line, of which taller plots are made, too.
 """
 
 from __future__ import annotations
