@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from .analysis import Analysis, open
     from .core import Analysed, analyse, deframe
     from .deframing.protocols import Deframer
-    from .diagnosis.running import Diagnosis
+    from .diagnosis.judge import Diagnosis
     from .fleet.lake import lake
     from .options import Options
     from .tables.batch import Batch
@@ -36,7 +36,7 @@ _HOMES = {
     "Analysis": "analysis",
     "Batch": "tables.batch",
     "Deframer": "deframing.protocols",
-    "Diagnosis": "diagnosis.running",
+    "Diagnosis": "diagnosis.judge",
     "Finding": "tables.findings",
     "Frame": "tables.frame",
     "Options": "options",

@@ -22,7 +22,7 @@ from .tables.schema import Rows
 from .tables.transactions import TransactionRows, Transactions
 
 if TYPE_CHECKING:
-    from dissectors.maps.units import UnitMaps
+    from dissectors.maps.files import UnitMaps
 
     from .causes.model import Cause
     from .exports.running import Exported
@@ -87,7 +87,7 @@ class Analysis:
     def with_maps(self, *maps: str) -> Analysis:
         """The same with the names of register maps, `MAP@UNIT` or `MAP` each: in `records`, `to_arrow`, `export`,
         `report`, and in filters to come. Raises MapError."""
-        from dissectors.maps.units import unit_maps
+        from dissectors.maps.files import unit_maps
 
         return Analysis(self.capture, self.options, only=self.only, maps=unit_maps(maps))
 
@@ -203,8 +203,7 @@ class Analysis:
 
         if table == "frames":
             return arrow.table((analysed.batch for analysed in self.analysed()), noise=noise)
-        from .exports.record_files import records_arrow
-        from .exports.records import table_named
+        from .exports.records import records_arrow, table_named
 
         chosen = table_named(table, self.maps)
         return records_arrow(chosen, (chosen.columns(part) for part in self.analysed()))

@@ -25,7 +25,7 @@ def install_line(library: str, extra: str | None = None) -> str:
         return f"pipx inject {_NAME} {library}"
     if (prefix / "uv-receipt.toml").exists():
         extras, others = _kept(prefix / "uv-receipt.toml")
-        withs = " ".join(f"--with {_quoted(each, quote)}" for each in (*others, library))
+        withs = " ".join(f"--with {_shell_word(each, quote)}" for each in (*others, library))
         return f"uv tool install {withs} {quote}{source}{extras}{quote}"
     if extra is None:
         return f"{_python()} -m pip install {library}"
@@ -52,7 +52,7 @@ def _requirement(entry: Mapping[str, str]) -> str:
     return place or f"{entry['name']}{entry.get('specifier', '')}"
 
 
-def _quoted(requirement: str, quote: str) -> str:
+def _shell_word(requirement: str, quote: str) -> str:
     return requirement if requirement.replace("-", "").replace("_", "").isalnum() else f"{quote}{requirement}{quote}"
 
 

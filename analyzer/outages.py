@@ -64,7 +64,7 @@ def deaf_times(notes: Iterable[Note]) -> list[Deaf]:
     return sorted(times, key=lambda time: time.from_ns)
 
 
-def marked(settled: TransactionRows, times: Sequence[Deaf]) -> TransactionRows:
+def with_unheard(settled: TransactionRows, times: Sequence[Deaf]) -> TransactionRows:
     """Transactions, with those UNHEARD that wait for an answer which may have come while nothing was heard."""
     silent = np.flatnonzero(settled.status == Status.UNANSWERED) if times else ()
     if not len(silent):

@@ -54,7 +54,7 @@ class Plots:
             for status in set(columns["status"]):
                 chosen = statuses == status
                 points[status].append((times[chosen], units[chosen]))
-        drawn = {status: (_joined(parts, 0), _joined(parts, 1)) for status, parts in points.items()}
+        drawn = {status: (_side_by_side(parts, 0), _side_by_side(parts, 1)) for status, parts in points.items()}
         ax = _axes(ax)
         all_units = sorted({unit for _, units in drawn.values() for unit in units.tolist()})
         lanes = {unit: lane for lane, unit in enumerate(all_units)}
@@ -69,7 +69,7 @@ class Plots:
         ax.set_yticks(range(len(all_units)), [f"unit {unit}" for unit in all_units])
         ax.set_ylim(-0.6, max(len(all_units), 1) - 0.4)
         ax.set_title("requests, and what became of them")
-        return _told(ax)
+        return _with_legend(ax)
 
     def response_times(self, ax: Axes | None = None) -> Axes:
         """How many of a unit's answers came within a time. A band where the tap tells only between which times."""
@@ -94,7 +94,7 @@ class Plots:
         ax.set_xlabel("response time, ms")
         ax.set_ylabel("share of answers")
         ax.set_title("response times" + (f"; of {unknown:,} answers this tap cannot tell them" if unknown else ""))
-        return _told(ax)
+        return _with_legend(ax)
 
     def register(self, unit: int, address: int, *, area: str = "holding", ax: Axes | None = None) -> Axes:
         """What a register, coil or input was, over time; by a map (`with_maps`) its value, name and measure.
@@ -118,8 +118,8 @@ class Plots:
         axis = _TimeAxis(ax, [moments])
         numbers = np.array([np.nan if value is None else float(value) for value in values])
         ax.step(axis.places(moments[order]), numbers[order], ".-", where="post")
-        ax.set_title(_text(f"unit {unit}: {name or f'{area} {address}'}"))
-        ax.set_ylabel(_text(measure or ("value" if name else "raw value")))
+        ax.set_title(_label_text(f"unit {unit}: {name or f'{area} {address}'}"))
+        ax.set_ylabel(_label_text(measure or ("value" if name else "raw value")))
         return ax
 
     def _timed(self) -> None:
@@ -150,7 +150,9 @@ def series_over_time(
     for name, (times, values) in series.items():
         places = times.astype("datetime64[ns]") if axis is None else axis.places(times)
         many = len(times) > _BINS  # in a picture of lines each would be a stroke of its own
-        ax.step(places, values, ".-", where="post", markersize=2, linewidth=0.8, label=_text(name), rasterized=many)
+        ax.step(
+            places, values, ".-", where="post", markersize=2, linewidth=0.8, label=_label_text(name), rasterized=many
+        )
     if dated:
         from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 
@@ -159,8 +161,8 @@ def series_over_time(
         ax.xaxis.set_major_formatter(ConciseDateFormatter(locator))
         ax.set_xlabel("UTC")
     ax.set_ylabel("raw value")
-    ax.set_title(_text(title))
-    return _told(ax)
+    ax.set_title(_label_text(title))
+    return _with_legend(ax)
 
 
 def drawn_series(kind: str, series: Mapping[str, tuple[NDArray[np.int64], NDArray[np.float64]]], title: str) -> bytes:
@@ -199,18 +201,18 @@ def _axes(ax: Axes | None) -> Axes:
     return axes
 
 
-def _told(ax: Axes) -> Axes:
+def _with_legend(ax: Axes) -> Axes:
     """With a legend, where there is anything to tell."""
     if ax.get_legend_handles_labels()[0]:
         ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize="small")
     return ax
 
 
-def _text(text: str) -> str:
+def _label_text(text: str) -> str:
     return harmless(text).replace("$", r"\$")  # matplotlib would read mathematics between two of them
 
 
-def _joined(parts: list[tuple[NDArray[Any], NDArray[Any]]], side: int) -> NDArray[np.int64]:
+def _side_by_side(parts: list[tuple[NDArray[Any], NDArray[Any]]], side: int) -> NDArray[np.int64]:
     return np.concatenate([part[side] for part in parts])
 
 

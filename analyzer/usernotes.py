@@ -58,10 +58,10 @@ class Notes:
             if document["version"] != _VERSION:
                 version = str(document["version"])[:20]
                 raise NotesError(f"{path}: version {version} of the notes is not known here: left alone")
-            comments = {_place(note): str(note.get("comment", "")) for note in document["bookmarks"]}
+            comments = {_note_place(note): str(note.get("comment", "")) for note in document["bookmarks"]}
             reference = document.get("time_reference")
             types = {_register(text): str(words) for text, words in dict(document.get("types", {})).items()}
-            return cls(path, comments, None if reference is None else _place(reference), types)
+            return cls(path, comments, None if reference is None else _note_place(reference), types)
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise NotesError(f"{path}: holds no notes of this program: left alone") from error
 
@@ -139,7 +139,7 @@ def _register(text: str) -> tuple[int, int, int]:
     return unit, area, address
 
 
-def _place(note: dict[str, object]) -> Place:
+def _note_place(note: dict[str, object]) -> Place:
     """Where a note belongs; ValueError where no row can be."""
     port, start = note["port"], note["start"]
     if not (isinstance(port, int) and isinstance(start, int) and 0 <= port < 256 and 0 <= start < 1 << 63):

@@ -25,9 +25,8 @@ from register_makers import physical_devices, physical_layouts
 from register_scores import Tally, tallied
 from register_series import MadeDevice, composed_devices, devices, family, layouts, true_cut
 
-from analyzer.registers.chain import ChainSums, chain_sums
 from analyzer.registers.evidence import DEVICE_ORDERS, TABLES, Weights, neighbour_codes, order_codes
-from analyzer.registers.hypotheses import FAMILY_OF, HYPOTHESES
+from analyzer.registers.hypotheses import FAMILY_OF, HYPOTHESES, ChainSums, chain_sums
 from analyzer.registers.runs import Run, run_pass, runs_of, second_codes
 
 Floats = NDArray[np.float64]

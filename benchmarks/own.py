@@ -44,7 +44,7 @@ def _there(module: str) -> bool:
 
 def why_not(section: str) -> str | None:
     """What a section of ours lacks here, if anything."""
-    if section == "findings" and not _there("analyzer.diagnosis.running"):
+    if section == "findings" and not _there("analyzer.diagnosis.judge"):
         return "this version has no findings"
     if section in EXPORTS and not _there(f"analyzer.exports.targets.{section}"):
         return f"this version has no export to {section}"

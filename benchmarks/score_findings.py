@@ -23,7 +23,7 @@ from analyzer.simulation import TAPS, Scenario, Simulation, TruthFinding, simula
 from analyzer.simulation.defects import defects
 from analyzer.tables.findings import Finding, Severity, described
 from captures.chunks import Capture
-from dissectors.crc_variants import VARIANTS
+from dissectors.crc import VARIANTS
 
 # True of a tap, of the polls that a healthy master happens to make, or of one window in 65,536, whatever else is wrong.
 _ALWAYS = {"timing-blind", "poll-waste", "crc-collision"}

@@ -58,12 +58,12 @@ class LineSettings:
             if value is None:
                 continue
             if key not in _RULES:
-                notes[key] = _text(value)
+                notes[key] = _note_text(value)
             elif _RULES[key](value):
                 settings[key] = value
             else:
-                notes[key] = _text(value)
-                complaints.append(f"{key} is {_text(value)[:40]}, which no line can have: not used")
+                notes[key] = _note_text(value)
+                complaints.append(f"{key} is {_note_text(value)[:40]}, which no line can have: not used")
         return cls(**settings, notes=notes), complaints  # type: ignore[arg-type]
 
     def to_header(self) -> dict[str, object]:
@@ -110,7 +110,7 @@ _RULES = {
 }
 
 
-def _text(value: object) -> str:
+def _note_text(value: object) -> str:
     if isinstance(value, str):
         return value
     import json  # rare, and `rtuscope parse` starts without

@@ -13,7 +13,7 @@ from typing import Final
 from .adu import BROADCAST, CRC_SIZE, EXCEPTION, LAST_UNIT
 from .blocks import opaque
 from .envelopes import MBAP, Adu
-from .fields import Field, FieldTracer, filled
+from .fields import ENGLISH, Field, FieldTracer, Wording, filled
 from .functions.exceptions import RESPONSE as EXCEPTION_RESPONSE
 from .functions.exceptions import exception_name
 from .length_rules import Role
@@ -22,7 +22,6 @@ from .parts import AnyConstruct, Short
 from .registry import function as declared
 from .registry import function_class, function_code, function_name
 from .tracing import record
-from .wording import ENGLISH, Wording
 
 __all__ = ["Context", "Field", "annotate", "summary"]
 
@@ -39,7 +38,7 @@ class Context:
 def annotate(adu: Adu, role: Role, context: Context = Context(), wording: Wording = ENGLISH) -> tuple[Field, ...]:
     """Every field of a frame, in order; offsets are in `adu.data`. Never raises, whatever the bytes.
 
-    Texts and problems are told in `wording`; names never are, and text that is the device's own stays.
+    Texts and problems are told in the context's words; names never are, and text that is the device's own stays.
     """
     data = adu.data
     head = header_fields(adu, wording)

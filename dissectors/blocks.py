@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 import construct
 
-from .fields import Field, FieldTracer, Value
+from .fields import ENGLISH, Field, FieldTracer, Value, Wording
 from .parts import AnyConstruct, Part, Short, register_text
 from .values import Area, device_text, is_text, logical
-from .wording import ENGLISH, Wording
 
 if TYPE_CHECKING:
     _Struct = construct.Struct

@@ -1,16 +1,38 @@
-"""A field: a stretch of a frame with its name, its value and what to say of it.
+"""A field: a stretch of a frame with its name, its value and what to say of it, in words of whatever language.
 
 Fields form a tree. Offsets are in the ADU's bytes (`Adu.data`). Top-level fields tile the ADU; children lie inside
 their parent. Where bits are meant, `bit` is the lowest one, counted from the least significant bit of the field's
 bytes read as one big-endian number, and `bits` says how many.
+
+Frames are told in English here; whoever tells them otherwise hands over words of the same kind.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from typing import Final
 
-from .wording import ENGLISH, Wording
+
+def plural(number: int, noun: str) -> str:
+    """`1 coil`, `3 coils`."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+@dataclass(frozen=True, slots=True)
+class Wording:
+    """`say` gives words, or a template with the same places, by its English; `count` so many of a noun."""
+
+    say: Callable[[str], str] = str
+    count: Callable[[int, str], str] = plural
+
+    def tell(self, template: str, /, **numbers: object) -> str:
+        """A template by its English, filled."""
+        return self.say(template).format_map(numbers)
+
+
+ENGLISH: Final = Wording()
+
 
 Value = int | float | str | bool | None
 

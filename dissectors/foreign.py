@@ -13,8 +13,7 @@ import re
 from collections.abc import Callable, Iterator
 from typing import Final, NamedTuple
 
-from .crc import CRC_TABLE, lrc
-from .crc_variants import ALGORITHMS, Algorithm
+from .crc import ALGORITHMS, CRC_TABLE, Algorithm, lrc
 
 _MOST: Final = 1 << 12  # bytes looked at
 _CHECKS: Final = 64  # check values computed over whole frames

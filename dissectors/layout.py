@@ -18,12 +18,11 @@ from .blocks import Bits, Counted, Registers
 from .declaration import Function
 from .fields import Field, FieldTracer
 from .functions.exceptions import RESPONSE as EXCEPTION_RESPONSE
-from .length_rules import Role
+from .length_rules import DeclarationShape, Role, rebuilt, shape
 from .lengths import layout
 from .limits import Count
 from .parts import Address, AnyConstruct, Number, Output, Quantity, Register, dependencies
 from .registry import functions, revision
-from .structure import DeclarationShape, rebuilt, shape
 from .tracing import echoed
 from .values import Area
 

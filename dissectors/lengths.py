@@ -10,10 +10,9 @@ from collections.abc import Iterator, Mapping
 from typing import Final
 
 from .adu import EXCEPTION
-from .length_rules import LengthRule, Role, broken_value, compiled, relations_of
+from .length_rules import DeclarationShape, LengthRule, Role, broken_value, compiled, relations_of, shape
 from .limits import Bound, Choice, Count, Echo, Multiple, RequestedByteCount, Sized
 from .registry import functions, revision
-from .structure import DeclarationShape, shape
 
 __all__ = [
     "RULES",

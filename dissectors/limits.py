@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
-from .wording import ENGLISH, Wording
+from .fields import ENGLISH, Wording
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -13,11 +13,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import construct
 
-from .fields import Field, FieldTracer
+from .fields import ENGLISH, Field, FieldTracer, Wording
 from .limits import Bound, Check, Choice, Multiple, taken
 from .values import Area, hexadecimal, logical, signed
 from .values import bits as bit_text
-from .wording import ENGLISH, Wording
 
 if TYPE_CHECKING:
     AnyConstruct = construct.Construct[Any, Any]

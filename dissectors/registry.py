@@ -92,13 +92,13 @@ def load_file(path: str | os.PathLike[str]) -> list[Function]:
             raise
         line = _line_of(error, name)
         where = f"{name}:{line}" if line else name
-        raise DeclarationError(f"{where}: {_words(error)}") from error
+        raise DeclarationError(f"{where}: {_error_line(error)}") from error
     try:
         declarations = list(_functions_in(space.values()))
         for function in declarations:
             register(function)
     except Exception as error:
-        raise DeclarationError(f"{name}: {_words(error)}") from error
+        raise DeclarationError(f"{name}: {_error_line(error)}") from error
     if not declarations:
         raise DeclarationError(f"{name}: defines no Function")
     return declarations
@@ -119,7 +119,7 @@ def load_entry_points(tell: Callable[[str], object] = warnings.warn) -> list[Fun
         except BaseException as error:
             if isinstance(error, KeyboardInterrupt):
                 raise
-            tell(f"plug-in {point.name} ({point.value}) is left out: {_words(error)}")
+            tell(f"plug-in {point.name} ({point.value}) is left out: {_error_line(error)}")
     return loaded
 
 
@@ -158,8 +158,7 @@ def _functions_in(values: Iterable[object]) -> Iterator[Function]:
 
 def _check(function: Function) -> None:
     """A declaration must give a rule for both sides, and names that can be shown."""
-    from .length_rules import Role, compiled
-    from .structure import field_names
+    from .length_rules import Role, compiled, field_names
 
     names = (*field_names(function.request), *field_names(function.response))
     for text in (function.name, *function.words("request"), *function.words("response"), *names):
@@ -170,7 +169,9 @@ def _check(function: Function) -> None:
             compiled(function, role)
         except Exception as error:
             side = role.name.lower()
-            raise DeclarationError(f"function {function.code} {function.name!r}: {side}: {_words(error)}") from error
+            raise DeclarationError(
+                f"function {function.code} {function.name!r}: {side}: {_error_line(error)}"
+            ) from error
 
 
 def _line_of(error: BaseException, name: str) -> int:
@@ -184,7 +185,7 @@ def _line_of(error: BaseException, name: str) -> int:
     return line
 
 
-def _words(error: BaseException) -> str:
+def _error_line(error: BaseException) -> str:
     """An error on one line."""
     try:
         text = " ".join(str(error).split())

@@ -16,11 +16,10 @@ from typing import Any, Final
 import construct
 
 from .blocks import Variant, opaque
-from .fields import Field, FieldTracer, Value, filled
+from .fields import Field, FieldTracer, Value, Wording, filled
+from .length_rules import rebuilt
 from .parts import AnyConstruct, AnySubconstruct, Number, Part, Short
-from .structure import rebuilt
 from .values import harmless
-from .wording import Wording
 
 _TRIALS: Final = (construct.GreedyRange, construct.Select, construct.Peek)
 _RECORDER: Final = "recorder"
@@ -192,11 +191,11 @@ def foreign(con: Any, name: str, start: int, length: int, value: Any, tracer: Fi
         return tracer.make(name, start, length, None, " ".join(c.text for c in children), tuple(children))
     if isinstance(value, dict):
         children = list(_bit_fields(con, value, name, start, length, tracer))
-        text = ", ".join(f"{key} {_shown(item)[1]}" for key, item in value.items() if not str(key).startswith("_"))
+        text = ", ".join(f"{key} {_json_value(item)[1]}" for key, item in value.items() if not str(key).startswith("_"))
         return tracer.make(name, start, length, None, text, tuple(children))
     if isinstance(value, bytes):
         return opaque(name, start, length, raw, tracer)
-    plain, text = _shown(value)
+    plain, text = _json_value(value)
     return tracer.make(name, start, length, plain, text)
 
 
@@ -216,13 +215,13 @@ def _bit_fields(
             return []
         left -= width
         if part.name and part.name in value:
-            plain, text = _shown(value[part.name])
+            plain, text = _json_value(value[part.name])
             field = tracer.make(name, start, length, plain, text)
             fields.append(Field(part.name, field.start, length, plain, field.raw, text, left, width))
     return fields
 
 
-def _shown(value: Any) -> tuple[Value, str]:
+def _json_value(value: Any) -> tuple[Value, str]:
     """A foreign value as JSON has it, and its text."""
     number = getattr(value, "intvalue", None)
     if isinstance(number, int):  # construct's Enum: a name that knows its number

@@ -12,8 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from analyzer.diagnosis.damage import FRAME, DamagedFrame, Explanation, autopsy, divided, joined
-from dissectors.crc import crc_bytes, crc_ok
-from dissectors.crc_variants import VARIANTS
+from dissectors.crc import VARIANTS, crc_bytes, crc_ok
 from dissectors.length_rules import Role
 
 READ = adu("1103006b0003")

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from captures.formats.jsonl.evenlines import reads_in
+from captures.formats.jsonl import reads_in
 
 times = st.integers(0, 10**18 - 1) | st.integers(0, 99)
 reads = st.lists(st.tuples(times, st.binary(min_size=1, max_size=300)), min_size=1, max_size=30)

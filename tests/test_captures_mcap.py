@@ -17,7 +17,7 @@ from mcap_protobuf.decoder import DecoderFactory
 
 import captures
 from captures import Block, Capture, CaptureError, Chunk, LineSettings, Mark
-from captures.formats.mcap.channel import MESSAGE, ChunkChannel
+from captures.formats.mcap.channel import CHUNK_MESSAGE, ChunkChannel
 from captures.formats.mcap.records import METADATA, TOPIC
 from captures.formats.mcap.writer import COMPRESSIONS, ArrayWriter
 
@@ -200,7 +200,7 @@ def test_a_message_that_is_not_as_its_schema_says_is_left_out(tmp_path: Path, me
     writer.start(library="test")
     ours = ChunkChannel(writer, LINE)
     if isinstance(message, dict):
-        kind = GetMessageClass(schema_pool(MESSAGE.schema()).FindMessageTypeByName("rtuscope.Chunks"))
+        kind = GetMessageClass(schema_pool(CHUNK_MESSAGE.schema()).FindMessageTypeByName("rtuscope.Chunks"))
         message = kind(**message).SerializeToString()
     writer.add_message(1, 0, message, 0)
     ours.write(Block.from_chunks([Chunk(5, b"a")]))

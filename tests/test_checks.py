@@ -15,7 +15,7 @@ from running import ran, refused
 import captures
 from analyzer import core
 from analyzer.checks import CheckError, Outcome, compile_check, run
-from analyzer.checks.forms import forms
+from analyzer.checks.model import forms
 from analyzer.reference.checks import markdown
 from captures import Capture, Chunk, samples
 

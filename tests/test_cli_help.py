@@ -16,8 +16,7 @@ import analyzer
 from analyzer.cli.app import command_line
 from analyzer.cli.commands import COMMANDS
 from analyzer.cli.exits import meanings
-from analyzer.languages import catalogue, telling, use
-from analyzer.languages.retelling import retold
+from analyzer.languages import catalogue, retold, telling, use
 from analyzer.reference.causes import markdown
 from captures.formats import foreign_formats, formats
 

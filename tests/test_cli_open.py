@@ -60,7 +60,7 @@ def test_limits_are_checked_and_go_along_to_the_browser(
     path = samples.path("healthy.jsonl")
     assert "longer than --t35-ms" in refused(capsys, "open", path, "--t15-ms", "3", "--t35-ms", "2")
     given: list[Sequence[str]] = []
-    monkeypatch.setattr("analyzer.cli.web.serve", lambda command, *_: given.append(command))
+    monkeypatch.setattr("analyzer.cli.open.serve", lambda command, *_: given.append(command))
     ran(capsys, "open", path, "--web", "--t35-ms", "2.5", "--idle-ms", "20")
     assert list(given[0][-6:]) == ["--t35-ms", "2.5", "--idle-ms", "20", "--", str(path)]
 

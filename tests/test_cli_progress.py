@@ -10,8 +10,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from analyzer.cli import progress
-from analyzer.cli.progress import Progress, ProgressLine
+from analyzer.cli import terminal
+from analyzer.cli.terminal import Progress, ProgressLine
 from analyzer.terminal_text import TerminalText
 from captures.files import opened, share_read
 
@@ -63,7 +63,7 @@ class Screen(io.StringIO):
 def test_short_work_shows_nothing_and_long_work_is_taken_away_at_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [100.0]
     monkeypatch.setenv("TERM", "xterm")
-    monkeypatch.setattr(progress, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    monkeypatch.setattr(terminal, "time", SimpleNamespace(monotonic=lambda: now[0]))
     monkeypatch.setattr(sys, "stderr", screen := Screen())
     teller = Progress("report bus.mcap")
     teller(10, 100, 0.1)
@@ -78,7 +78,7 @@ def test_short_work_shows_nothing_and_long_work_is_taken_away_at_its_end(monkeyp
 
 def test_a_pipe_is_told_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [100.0]
-    monkeypatch.setattr(progress, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    monkeypatch.setattr(terminal, "time", SimpleNamespace(monotonic=lambda: now[0]))
     monkeypatch.setattr(sys, "stderr", pipe := io.StringIO())
     teller = Progress("report bus.mcap")
     now[0] += 60.0

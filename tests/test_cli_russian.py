@@ -17,7 +17,7 @@ import dissectors
 from analyzer import languages
 from analyzer.cli import main
 from analyzer.cli.taps import Teller
-from analyzer.languages.retelling import retold
+from analyzer.languages import retold
 
 _PACKAGES = (analyzer, captures, dissectors)
 _RAISED = re.compile(
@@ -75,7 +75,7 @@ _TELLING = (
     "captures/recording/recorder.py", "analyzer/simulation/bus.py", "captures/live/tapserver.py",
 )  # fmt: skip
 _EVENTS = (
-    "captures/live/reader.py", "captures/live/tap.py", "captures/live/rfc2217.py", "captures/live/tapviewer.py",
+    "captures/live/reader.py", "captures/live/tap.py", "captures/live/gateway.py", "captures/live/tapviewer.py",
     "analyzer/live/tapsource.py", "analyzer/live/session.py",
 )  # fmt: skip
 _LAST_LINES = (

@@ -6,8 +6,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dissectors.crc import CRC_TABLE, byte_between, crc16, crc_bytes, crc_ok, flipped_bit, lrc, needed, registers
-from dissectors.crc_variants import ALGORITHMS, VARIANTS, Algorithm, CrcVariant, matching
+from dissectors.crc import (
+    ALGORITHMS,
+    CRC_TABLE,
+    VARIANTS,
+    Algorithm,
+    CrcVariant,
+    byte_between,
+    crc16,
+    crc_bytes,
+    crc_ok,
+    flipped_bit,
+    lrc,
+    matching,
+    needed,
+    registers,
+)
 
 VECTORS = [
     "1103006B00037687",

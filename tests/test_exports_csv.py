@@ -13,7 +13,7 @@ from running import ran
 
 import captures
 from analyzer.exports import ExportOptions
-from analyzer.exports.output import OutputStream
+from analyzer.exports.sink import OutputStream
 from analyzer.exports.targets.csv import COLUMNS, EXPLAINED, open_sink, safe
 from analyzer.tables.batch import Batch
 from captures import Capture

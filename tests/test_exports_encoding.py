@@ -23,8 +23,7 @@ from analyzer.core import deframe
 from analyzer.deframing.protocols import Deframer
 from analyzer.exports.encoding import FrameJsonLines, explain_json, noise_json
 from analyzer.exports.encoding.blocks import BitPieces, RegisterPieces
-from analyzer.exports.encoding.pieces import Store, decimals, inside, insides, without
-from analyzer.exports.encoding.sheet import Sheet
+from analyzer.exports.encoding.sheet import Sheet, Store, decimals, inside, insides, without
 from analyzer.exports.targets.csv import _seconds
 from analyzer.options import Options
 from analyzer.simulation import Scenario, write

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from analyzer.exports.output import ExportError, output
+from analyzer.exports.sink import ExportError, output
 from captures import CaptureError
 
 

@@ -27,7 +27,7 @@ from captures import samples
 from captures.chunks import Capture
 from captures.line import LineSettings
 from dissectors.maps import shipped_map
-from dissectors.maps.units import UnitMaps
+from dissectors.maps.files import UnitMaps
 
 CHARTS = UnitMaps(other=shipped_map("eastron-sdm630"))
 

@@ -16,9 +16,8 @@ from analyzer.simulation import Scenario, write
 from captures.chunks import Capture, Chunk
 from captures.line import LineSettings
 from dissectors.maps import RegisterMap, shipped_map
-from dissectors.maps.decoding import factor_between, readings_by_map
-from dissectors.maps.model import MappedValue
-from dissectors.maps.units import UnitMaps
+from dissectors.maps.files import UnitMaps
+from dissectors.maps.model import MappedValue, factor_between, readings_by_map
 
 MAPS = ("eastron-sdm630@1", "xy-md02@7")
 CHARTS = UnitMaps({1: shipped_map("eastron-sdm630"), 7: shipped_map("xy-md02")})
@@ -151,7 +150,7 @@ def test_in_commands(bus: Path, tmp_path: Path, capsys: pytest.CaptureFixture[st
 def test_in_the_model_of_the_interface(bus: Path) -> None:
     """The interface's filter on its own columns passes the same rows as that of the exports."""
     from analyzer.model.bus import Bus
-    from analyzer.model.filtering import compiled
+    from analyzer.model.selection import compiled
     from analyzer.model.source import CaptureSource
 
     capture = captures.open(bus)

@@ -11,7 +11,7 @@ from hypothesis import example, given, settings
 
 from analyzer.core import Analysed, analyse
 from analyzer.deframing.stream import RtuDeframer
-from analyzer.diagnosis.running import Diagnosis
+from analyzer.diagnosis.judge import Diagnosis
 from analyzer.simulation import Scenario, simulate
 from analyzer.tables.findings import About, Findings, codes, described, rules
 from analyzer.tables.schema import Kind

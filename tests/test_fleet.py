@@ -20,8 +20,8 @@ pytest.importorskip("fsspec", reason="a lake needs fsspec for object stores")
 
 from lakes import BEGIN_NS, DAY_NS, batch, bus, plain, rows, same, sliced, write_fleet
 
+from analyzer.fleet import FleetError
 from analyzer.fleet.datasets import DATASETS, LakeFiles
-from analyzer.fleet.errors import FleetError
 from analyzer.fleet.lake import Lake
 from analyzer.fleet.linestate import LineState, resumed
 from analyzer.fleet.questions import QUESTIONS, Asked, ready
@@ -254,7 +254,7 @@ def test_names_of_sites_may_be_anything(tmp_path):
 def test_a_change_for_good_is_found_with_its_hour():
     import pyarrow as pa
 
-    from analyzer.fleet.drift import drifts
+    from analyzer.fleet.questions import drifts
 
     chance = np.random.default_rng(1)
     count = 200

@@ -14,7 +14,7 @@ pytest.importorskip("fsspec", reason="a lake needs fsspec for object stores")
 
 from lakes import batch, bus, same
 
-from analyzer.fleet.errors import FleetError
+from analyzer.fleet import FleetError
 from analyzer.fleet.lake import Lake
 from analyzer.fleet.questions import Asked, ready
 from analyzer.fleet.runners import DaskCluster

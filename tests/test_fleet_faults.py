@@ -26,7 +26,7 @@ from lakes import DAY_NS, batch, bus, plain, rows, same, sliced, write_fleet
 
 from analyzer.cli.batch import chosen_runner
 from analyzer.cli.terminal import endable
-from analyzer.fleet.errors import FleetError
+from analyzer.fleet import FleetError
 from analyzer.fleet.lake import Lake
 from analyzer.fleet.manifest import FOLDER, Manifest, writing
 from analyzer.fleet.questions import Asked, ready

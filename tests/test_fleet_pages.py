@@ -22,7 +22,7 @@ pytest.importorskip("fsspec", reason="a lake needs fsspec for object stores")
 
 from lakes import BEGIN_NS, DAY_NS, batch, bus, write_fleet
 
-from analyzer.fleet.errors import FleetError
+from analyzer.fleet import FleetError
 from analyzer.fleet.lake import Lake
 from analyzer.fleet.pages import files, site_folder, sums, write_pages
 from analyzer.fleet.pages.files import page_names

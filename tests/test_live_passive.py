@@ -16,7 +16,7 @@ from livebus import pty
 from running import START, environment, ran
 
 from captures.chunks import Block
-from captures.live import access, ports, tap
+from captures.live import ports, tap
 from captures.live.listening import Listening
 from captures.live.settings import PortSettings
 from captures.live.tap import DeviceTap, PortError
@@ -233,7 +233,7 @@ def permission_denied(monkeypatch, group, mode):
 @pytest.mark.parametrize("group", ["root", "disk", "sudo", "wheel", "docker", "adm", "tty", "shadow", "kmem"])
 def test_nobody_is_sent_into_a_group_that_is_not_for_serial_ports(monkeypatch, group):
     permission_denied(monkeypatch, group, 0o660)
-    for advice in (access.access_advice("/dev/ttyX"), tap._refused("/dev/ttyX", PermissionError(errno.EACCES, "no"))):
+    for advice in (tap.access_advice("/dev/ttyX"), tap._refused("/dev/ttyX", PermissionError(errno.EACCES, "no"))):
         assert "usermod" not in advice
         assert group not in advice.replace("root)", "").split()
         assert "udev rule" in advice
@@ -241,11 +241,11 @@ def test_nobody_is_sent_into_a_group_that_is_not_for_serial_ports(monkeypatch, g
 
 def test_a_group_that_is_for_serial_ports_is_named_where_it_helps(monkeypatch):
     permission_denied(monkeypatch, "dialout", 0o660)
-    assert access.access_advice("/dev/ttyX") == "`sudo usermod -aG dialout $USER`, then log in again"
+    assert tap.access_advice("/dev/ttyX") == "`sudo usermod -aG dialout $USER`, then log in again"
     permission_denied(monkeypatch, "dialout", 0o600)
-    assert "usermod" not in access.access_advice("/dev/ttyX")
+    assert "usermod" not in tap.access_advice("/dev/ttyX")
     monkeypatch.setattr(sys, "platform", "darwin")
-    assert "usermod" not in access.access_advice("/dev/ttyX")
+    assert "usermod" not in tap.access_advice("/dev/ttyX")
 
 
 @pytest.mark.parametrize(("group", "words"), [("root", "udev rule"), ("uucp", "usermod -aG uucp $USER")])

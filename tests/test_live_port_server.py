@@ -15,7 +15,7 @@ from serial import rfc2217
 from analyzer.cli.exits import UsageError
 from analyzer.live.tapsource import TapSource
 from captures.chunks import Block
-from captures.live.rfc2217 import PortServerTap, TelnetReceiver
+from captures.live.gateway import PortServerTap, TelnetReceiver
 from captures.live.settings import PortSettings
 from captures.live.tap import PortError, PortGoneError
 from captures.live.wire import PortEvent
@@ -147,7 +147,7 @@ def test_a_setting_that_the_server_refuses_is_told():
 
 
 def test_a_server_that_speaks_no_rfc_2217_is_heard_all_the_same(monkeypatch):
-    monkeypatch.setattr("captures.live.rfc2217._NEGOTIATION_S", 0.2)
+    monkeypatch.setattr("captures.live.gateway._NEGOTIATION_S", 0.2)
     with Server(Line(), speaks=False) as server:
         tap = PortServerTap(PortSettings(server.url), blocking=True)
         assert tap.settings.baud is None

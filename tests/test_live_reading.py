@@ -17,9 +17,9 @@ from livebus import eventually, pty, raw_pty
 from running import environment
 
 from captures.chunks import Block
+from captures.live.batching import event_record, reads_record, tick_record
 from captures.live.listening import Listening
 from captures.live.ports import ports
-from captures.live.records import event_record, reads_record, tick_record
 from captures.live.settings import PortSettings
 from captures.live.tap import DeviceTap, PortError, Unmarked
 from captures.live.wire import Decoder, PortEvent, Tick
@@ -288,7 +288,7 @@ def test_what_runs_everywhere_needs_nothing_of_posix():
         "sys.modules.update(termios=None, fcntl=None, tty=None, serial=types.ModuleType('serial')); "
         "import captures.live.reader, captures.live.listening, captures.live.ports, captures.recording.recorder, "
         "analyzer.live.tapsource, analyzer.live.session, analyzer.cli.sniff, analyzer.cli.record, analyzer.cli.replay, "
-        "analyzer.cli.ports, analyzer.cli.repair, analyzer.cli.keys"
+        "analyzer.cli.ports, analyzer.cli.repair, analyzer.cli.terminal"
     )
     done = subprocess.run([sys.executable, "-c", code], env=environment(), capture_output=True)
     assert done.returncode == 0, done.stderr.decode()

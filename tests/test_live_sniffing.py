@@ -27,7 +27,7 @@ from analyzer.cli import sniff as sniff_command
 from analyzer.cli.app import Parser
 from analyzer.cli.commands import add_arguments, load
 from captures.line import LineSettings
-from captures.live.access import programs_using
+from captures.live.tap import programs_using
 from captures.recording.notes import read
 from captures.recording.recorder import Recorder
 

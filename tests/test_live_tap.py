@@ -22,7 +22,7 @@ import captures
 from captures.chunks import Block, Chunk
 from captures.line import LineSettings
 from captures.live import tapserver
-from captures.live.records import HEAD, POSITION, READS, event_record, position_record, tick_record
+from captures.live.batching import HEAD, POSITION, READS, event_record, position_record, tick_record
 from captures.live.tap import PortError
 from captures.live.tapserver import KeptStream, TapServer
 from captures.live.tapstream import TapAddress, TapSetupError, hear, is_local, proof, say, serving_context

@@ -8,8 +8,8 @@ from livebus import pty, raw_pty
 
 from captures.chunks import Block
 from captures.live.listening import Listening
+from captures.live.reader import Waiting
 from captures.live.settings import PortSettings
-from captures.live.waiting import Waiting
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="descriptors are waited for on POSIX")
 _PATIENCE_S = 5.0

@@ -344,8 +344,7 @@ def test_random_bytes_are_no_modbus_tcp(reads: list[tuple[Mark, bytes]]) -> None
 
 def test_a_storm_of_connections_is_forgotten_in_time() -> None:
     """Memory is bounded whatever comes: half-open connections are given up, oldest first."""
-    from captures.network.links import segments
-    from captures.network.packets import Packets
+    from captures.network.packets import Packets, segments_of
 
     class Counting:
         def run(self, half: Half, which: object) -> None: ...
@@ -363,7 +362,7 @@ def test_a_storm_of_connections_is_forgotten_in_time() -> None:
         size = np.full(count, len(base))
         zeros = np.zeros(count, np.int64)
         packets = Packets(rows.ravel(), at, size, zeros, zeros, zeros, zeros)
-        reassembly.feed(segments(packets, np.arange(count), 1), rows.tobytes())
+        reassembly.feed(segments_of(packets, np.arange(count), 1), rows.tobytes())
     assert len(reassembly._halves) <= 1 << 16
     assert len(reassembly.groups) <= (1 << 14) + 1
     assert isinstance(reassembly.groups[-1], ConnectionGroup)

@@ -16,7 +16,7 @@ from running import ran, refused, spawned
 
 import analyzer
 import captures
-from analyzer.live.outlets.mailbox import Letter, Mailbox
+from analyzer.live.outlets import Letter, Mailbox
 from captures import samples
 
 needs_pty = pytest.mark.skipif(os.name != "posix", reason="pseudo-terminals are POSIX")

@@ -7,8 +7,7 @@ import pytest
 
 from analyzer.registers.inference import infer
 from analyzer.registers.readings import RegisterReadings
-from analyzer.registers.recognition import UnitTexts, recognised
-from analyzer.registers.sunspec import ChainModel, sunspec_chain
+from analyzer.registers.recognition import ChainModel, UnitTexts, recognised, sunspec_chain
 
 ROWS = 60
 

@@ -16,7 +16,7 @@ from analyzer.model.source import CaptureSource
 from analyzer.outages import deaf_times, notes_of
 from analyzer.tables.findings import described
 from analyzer.tui.desk import ViewState
-from analyzer.tui.rows import UNHEARD, ended
+from analyzer.tui.frames import UNHEARD, outcome_beside
 from captures import Block, Chunk
 from captures.recording.notes import Note, read
 from captures.recording.recorder import Recorder
@@ -66,7 +66,7 @@ def test_no_unit_is_blamed_for_an_answer_that_fell_into_a_gap(tmp_path: Path) ->
     bus.close()
     assert bus.found.by_code["no-response"] == 1
     desk = ViewState(source, bus)
-    assert [ended(desk, row).text for row in (8, 15)] == [UNHEARD, "none"]
+    assert [outcome_beside(desk, row).text for row in (8, 15)] == [UNHEARD, "none"]
     assert any("nothing heard for 680 ms" in notice for notice in source.notices())
 
 

@@ -23,10 +23,9 @@ from captures.line import LineSettings
 from captures.recording import mcapfile
 from captures.recording import recorder as recorder_module
 from captures.recording import ring as ring_module
-from captures.recording.mcapfile import PART, move_to_free_name
+from captures.recording.mcapfile import PART, move_to_free_name, repair
 from captures.recording.notes import Note, read
 from captures.recording.recorder import Recorder
-from captures.recording.repair import repair
 from captures.recording.ring import Ring, RingLimits
 
 LINE = LineSettings(baud=19200, char_bits=11, parity="E", stop_bits=1, tap="usb")

@@ -11,10 +11,9 @@ from running import ran
 import analyzer
 import captures
 from analyzer.core import Analyzer
-from analyzer.model.meanings import AREA_WORDS
+from analyzer.model.registers import AREA_WORDS
 from analyzer.registers.inference import infer
-from analyzer.registers.pace import is_due
-from analyzer.registers.readings import RegisterReadings
+from analyzer.registers.readings import RegisterReadings, is_due
 from analyzer.registers.revising import RevisedRegisters, Revision
 from analyzer.simulation import Scenario, write
 from analyzer.usernotes import Notes

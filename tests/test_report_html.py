@@ -14,9 +14,9 @@ from running import ran, refused
 
 import captures
 from analyzer.reports import summarize
-from analyzer.reports.hours import HourTable
+from analyzer.reports.breakdown import HourTable
 from analyzer.reports.html import Sights, page
-from analyzer.reports.html.troublebins import TroubleBins
+from analyzer.reports.html.charts import TroubleBins
 from analyzer.reports.page import facts
 from analyzer.tables.findings import NOTHING
 from analyzer.tables.schema import Rows

@@ -16,8 +16,7 @@ from analyzer.simulation.defects import defects
 from analyzer.tables.findings import About, rules
 from analyzer.tables.schema import Kind
 from captures.chunks import Capture
-from dissectors.crc import crc_ok
-from dissectors.crc_variants import VARIANTS
+from dissectors.crc import VARIANTS, crc_ok
 
 DEFECTS = defects()
 

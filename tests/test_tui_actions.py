@@ -12,9 +12,8 @@ from textual.widgets import Input
 from textual.widgets._toast import ToastRack
 
 from analyzer.tables.schema import Kind
-from analyzer.tui.details import Details
+from analyzer.tui.details import BytesPane, Details
 from analyzer.tui.filterbar import Completions, FilterBar
-from analyzer.tui.octets import BytesPane
 from analyzer.tui.prompts import Ask
 from analyzer.words import TimeBase
 

@@ -12,7 +12,7 @@ import captures
 from analyzer.core import Analysed
 from analyzer.filters import BatchTable, compile_filter
 from analyzer.model.bus import Bus
-from analyzer.model.filtering import PieceTable, compiled
+from analyzer.model.selection import PieceTable, compiled
 from analyzer.model.source import CaptureSource
 from analyzer.tables.columns import decode
 from analyzer.tables.findings import NOTHING

@@ -14,14 +14,13 @@ from textual.widgets import Input
 
 from analyzer import languages
 from analyzer.languages import tr
-from analyzer.model.goto import GotoError, span
+from analyzer.model.search import GotoError, span
 from analyzer.model.spoken import spoken
 from analyzer.tui.app import Rtuscope
+from analyzer.tui.bottomlines import KeyLine
 from analyzer.tui.filterbar import FilterBar
 from analyzer.tui.findings import FindingList
-from analyzer.tui.help import Help
-from analyzer.tui.keyline import KeyLine
-from analyzer.tui.keys import BINDINGS
+from analyzer.tui.keys import BINDINGS, Help
 from analyzer.tui.openfiles import NextFile
 from analyzer.tui.preferences import Preferences
 from captures.recording.notes import MARK, Note

@@ -27,23 +27,21 @@ from analyzer import words
 from analyzer.causes.links import SYMPTOM_OF
 from analyzer.core import Analysed
 from analyzer.exports import export
-from analyzer.model import goto, search
+from analyzer.model import search
 from analyzer.model.bus import Bus
-from analyzer.model.findinglog import by_cause
 from analyzer.model.polls import changed
 from analyzer.model.registers import RegisterSeries
-from analyzer.model.rowstores import ByteStore
+from analyzer.model.rowstores import ByteStore, by_cause
 from analyzer.model.scope import ScopedFigures
-from analyzer.model.selection import Everything, Selection, frames_only, transactions, within
-from analyzer.model.shorttimes import AlikeNumbers, NarrowNumbers, ShortTimes
+from analyzer.model.selection import Everything, Selection, frames_only, in_span, transactions
 from analyzer.model.source import CaptureSource
-from analyzer.model.table import PIECE, BusRows, RowTable
+from analyzer.model.table import PIECE, AlikeNumbers, BusRows, NarrowNumbers, RowTable, ShortTimes
 from analyzer.simulation import Scenario, simulate
 from analyzer.tables.batch import Batch
 from analyzer.tables.findings import Severity, codes
 from analyzer.tables.frame import Frame
 from analyzer.tables.schema import NO_GAP, Kind
-from analyzer.tui.saving import save
+from analyzer.tui.picking import save
 from analyzer.usernotes import Notes, NotesError
 from analyzer.words import date_and_time, pointed_ms, seconds, short, time_of_day, zone_name
 from captures import samples
@@ -185,7 +183,7 @@ def test_how_registers_went_is_their_newest_value_in_each_stretch_of_the_capture
 
 
 def test_selections_hold_the_rows_that_pass_whenever_they_are_asked(troubled: Bus) -> None:
-    for test in (frames_only, transactions, within(troubled.t_first, troubled.t_first + 3_000_000_000)):
+    for test in (frames_only, transactions, in_span(troubled.t_first, troubled.t_first + 3_000_000_000)):
         selection = Selection(troubled, test)
         assert selection.extend()
         passed = np.flatnonzero(test(troubled, 0, 0, troubled.count))
@@ -339,16 +337,16 @@ def test_search_finds_floats_in_every_order(order: str) -> None:
 
 def test_go_to_takes_numbers_times_steps_and_shares(troubled: Bus) -> None:
     last = troubled.count - 1
-    assert troubled.frame(goto.place("12", troubled, 0)).index == 12
-    assert goto.place("100%", troubled, 0) == last
-    row = goto.place("5s", troubled, 0)
+    assert troubled.frame(search.row_named("12", troubled, 0)).index == 12
+    assert search.row_named("100%", troubled, 0) == last
+    row = search.row_named("5s", troubled, 0)
     assert troubled.table.value("t_start_ns", row) <= troubled.t_first + 5_000_000_000
-    assert goto.place("+10s", troubled, row) > row
-    assert goto.place("-1min", troubled, row) == 0
-    assert goto.place("08:29:55", troubled, 0) > 0
+    assert search.row_named("+10s", troubled, row) > row
+    assert search.row_named("-1min", troubled, row) == 0
+    assert search.row_named("08:29:55", troubled, 0) > 0
     for wrong in ("", "abc", "9999999", "25:00:00", "5 apples", "9" * 5000, "9" * 400 + "%", "9" * 400 + "s"):
-        with pytest.raises(goto.GotoError):
-            goto.place(wrong, troubled, 0)
+        with pytest.raises(search.GotoError):
+            search.row_named(wrong, troubled, 0)
 
 
 def test_activity_counts_everything_once_near_and_far(troubled: Bus) -> None:

@@ -19,8 +19,8 @@ import captures
 from analyzer import languages
 from analyzer.languages import page_words, tr
 from analyzer.meant import meant
-from analyzer.model.filtering import compiled
-from analyzer.model.goto import span
+from analyzer.model.search import span
+from analyzer.model.selection import compiled
 from analyzer.model.spoken import spoken
 from analyzer.tui.causeitems import of_cause, whose
 from analyzer.tui.filterbar import FilterBar

@@ -22,9 +22,9 @@ from analyzer.causes.model import Cause
 from analyzer.core import Analysed
 from analyzer.model.activity import Activity
 from analyzer.model.bus import Bus
-from analyzer.model.filtering import CompiledTest
 from analyzer.model.registers import RegisterSeries
 from analyzer.model.scope import ScopedFigures
+from analyzer.model.selection import CompiledTest
 from analyzer.model.source import CaptureSource
 from analyzer.tui import jobs
 from analyzer.tui.app import Rtuscope

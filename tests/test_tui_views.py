@@ -14,14 +14,14 @@ from seats import Seat, opened, sample_in, using
 import captures
 from analyzer.core import Analysed, deframe
 from analyzer.diagnosis.judge import Judge
-from analyzer.model.findinglog import by_cause
+from analyzer.model.rowstores import by_cause
 from analyzer.model.source import CaptureSource, Nothing
 from analyzer.options import Options
 from analyzer.tables.batch import Batch
 from analyzer.tui.details import Details
 from analyzer.tui.filterbar import FilterBar
 from analyzer.tui.findings import FindingList
-from analyzer.tui.help import Help
+from analyzer.tui.keys import Help
 from analyzer.tui.pastepane import PasteText, PieceList
 from analyzer.tui.plot import Plot
 from analyzer.tui.registerlist import RegisterList

@@ -14,7 +14,7 @@ from livebus import Running, TeeBus, eventually, pty, served
 from pymodbus.client import ModbusSerialClient
 from running import environment, ran, refused
 
-from captures.live.access import programs_using
+from captures.live.tap import programs_using
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="pseudo-terminals are POSIX")
 FRAMES = ("-Y", "mbrtu", "-e", "frame.number")

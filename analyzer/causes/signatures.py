@@ -16,8 +16,7 @@ from typing import Final
 
 from dissectors.adu import EXCEPTION, EXCEPTION_ADU
 from dissectors.answers import expectation
-from dissectors.crc import byte_between, crc16, crc_bytes, flipped_bit, needed, registers
-from dissectors.crc_variants import matching
+from dissectors.crc import byte_between, crc16, crc_bytes, flipped_bit, matching, needed, registers
 
 from ..tables.schema import Kind
 from .asciireading import COLON, ascii_due, is_in_ascii, read_ascii

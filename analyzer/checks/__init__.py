@@ -1,6 +1,6 @@
 """Assertions on a capture, for test benches and CI: `run(capture, [compile_check("no crc errors")])`.
 
-A rule is a line of a small language: `forms` holds the collection of what can be said, `rules` says it, a family a
+A rule is a line of a small language: `model` holds the collection of what can be said, `rules` says it, a family a
 file; `parsing` reads a line, `running` goes over a capture once for all rules. `docs/check.md` is made from the forms.
 """
 
@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ..filters import FilterError
 from ..lazy import lazily
-from .errors import CheckError as CheckError
 
 if TYPE_CHECKING:
     from .model import Breach, Check, Outcome, Results
@@ -30,3 +30,7 @@ _HOMES = {
 
 
 __getattr__ = lazily(__name__, _HOMES)
+
+
+class CheckError(FilterError):
+    """A rule that cannot be used: `message` says what is wrong, `column` where (from 0); the text says both."""

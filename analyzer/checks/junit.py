@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 
 from dissectors.values import harmless
 
-from ..exports.output import output
+from ..exports.sink import output
 from .model import Outcome, Results
 
 
@@ -23,9 +23,9 @@ def xml(results: Results) -> bytes:
         )
         if outcome.word == "FAIL":
             failure = ElementTree.SubElement(case, "failure", {"message": _message(outcome)})
-            failure.text = _words(outcome)
+            failure.text = _outcome_words(outcome)
         else:
-            ElementTree.SubElement(case, "system-out").text = _words(outcome)
+            ElementTree.SubElement(case, "system-out").text = _outcome_words(outcome)
     ElementTree.indent(root)
     document: bytes = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
     return document + b"\n"
@@ -44,6 +44,6 @@ def _message(outcome: Outcome) -> str:
     return harmless(f"{outcome.check}: {outcome.measured}")
 
 
-def _words(outcome: Outcome) -> str:
+def _outcome_words(outcome: Outcome) -> str:
     lines = [f"{outcome.word} {_message(outcome)}", *(breach.words for breach in outcome.places)]
     return "\n".join(lines)

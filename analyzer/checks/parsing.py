@@ -18,14 +18,13 @@ from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedTok
 
 from captures.line import LineSettings
 
-from ..filters.errors import FilterError
+from ..filters import FilterError
 from ..meant import did_you_mean
-from .errors import CheckError
-from .forms import CHARTS, SHOWN, TERMINALS, forms
-from .model import Check
+from . import CheckError
+from .model import CHARTS, TERMINALS, WORDS_OF_TERMINALS, Check, forms
 
 if TYPE_CHECKING:
-    from dissectors.maps.units import UnitMaps
+    from dissectors.maps.files import UnitMaps
 
 LONGEST: Final = 4096  # characters
 _WORD: Final = re.compile(r"[\w-]{1,30}|\S")
@@ -49,7 +48,7 @@ def compile_check(
     form = forms()[int(str(tree.data).removeprefix("form_"))]
     token = CHARTS.set(charts)
     try:
-        start = form.make(line or LineSettings(), *map(_plain, tree.children))
+        start = form.make(line or LineSettings(), *map(_terminals, tree.children))
     except CheckError:
         raise
     except FilterError as error:  # of the parts that the display filter reads
@@ -66,7 +65,7 @@ def grammar() -> Lark:
     return Lark(f"{start}\n{rules}{TERMINALS}", parser="lalr", maybe_placeholders=True)
 
 
-def _plain(child: Any) -> Any:
+def _terminals(child: Any) -> Any:
     """A terminal, or those of a list."""
     return list(child.children) if isinstance(child, Tree) else child
 
@@ -87,7 +86,7 @@ def _explained(text: str, error: UnexpectedInput) -> CheckError:
         awaited = error.accepts or error.expected
     literal = {terminal.name: terminal.pattern for terminal in grammar().terminals}
     names = ("$END" if name == "<END-OF-FILE>" else name for name in awaited if name != "WS")
-    listed = sorted(dict.fromkeys(SHOWN.get(name) or f"'{literal[name].value}'" for name in names))
+    listed = sorted(dict.fromkeys(WORDS_OF_TERMINALS.get(name) or f"'{literal[name].value}'" for name in names))
     expected = " or ".join([*filter(None, [", ".join(listed[:-1])]), *listed[-1:]])
     word = _WORD.match(text, position)
     if not word:

@@ -32,7 +32,7 @@ class HelpText(argparse.RawDescriptionHelpFormatter):
     """argparse's help, its own words in the language in use too."""
 
     def add_usage(self, usage: Any, actions: Any, groups: Any, prefix: str | None = None) -> None:
-        super().add_usage(usage, actions, groups, _told("usage: ") if prefix is None else prefix)
+        super().add_usage(usage, actions, groups, _in_language("usage: ") if prefix is None else prefix)
 
     def _metavar_formatter(
         self, action: argparse.Action, default_metavar: str | None
@@ -41,7 +41,9 @@ class HelpText(argparse.RawDescriptionHelpFormatter):
         formatted = super()._metavar_formatter(action, default_metavar)  # type: ignore[arg-type]
         if default_metavar is None or (action.choices is not None and action.metavar is None):
             return formatted
-        return lambda count: tuple(_PLACEHOLDER.sub(lambda word: _told(word[0]), name) for name in formatted(count))
+        return lambda count: tuple(
+            _PLACEHOLDER.sub(lambda word: _in_language(word[0]), name) for name in formatted(count)
+        )
 
 
 class Parser(argparse.ArgumentParser):
@@ -76,7 +78,7 @@ class Parser(argparse.ArgumentParser):
             raise argparse.ArgumentError(action, f"invalid choice: {value!r}{near}")
 
     def error(self, message: str) -> NoReturn:
-        from ..languages.retelling import retold
+        from ..languages import retold
 
         raise UsageError(f"{retold(message)} {retold(f'(see {self.prog} --help)')}")
 
@@ -110,7 +112,7 @@ def _status_of(arguments: list[str]) -> int:
         if os.environ.get("RTUSCOPE_DEBUG"):
             raise
         with suppress(OSError):  # nobody listens on standard error: the status still tells
-            tell(_words(error))
+            tell(_error_line(error))
         _settle_stdout()
         return UNUSABLE
     return status
@@ -121,7 +123,7 @@ def _with_settings(parser: argparse.ArgumentParser, arguments: list[str]) -> arg
     if next(found_files(), None) is None:
         parsed = parser.parse_args(arguments[1:])
     else:
-        from .settling import settled
+        from .config import settled
 
         parsed = settled(parser, arguments[0], arguments[1:])
     chosen = getattr(parsed, "lang", None) or os.environ.get("RTUSCOPE_LANG")
@@ -175,7 +177,7 @@ def _run(arguments: list[str]) -> int:
     if "_ARGCOMPLETE" in os.environ:
         import argcomplete
 
-        from .completing import complete_arguments
+        from .completion import complete_arguments
 
         parser = command_line(COMMANDS)
         complete_arguments(parser)
@@ -207,9 +209,9 @@ def command_line(filled: Iterable[str]) -> Parser:
     """All commands by name; those in `filled` with their arguments too."""
     parser = Parser(
         prog="rtuscope",
-        description=_told("Frame parser and serial-capture analyzer for Modbus RTU buses."),
-        epilog=f"{_told('example:')}\n  rtuscope parse 11 03 00 6B 00 03 76 87\n\n"
-        + _told("`rtuscope COMMAND --help` tells the rest, each with an example."),
+        description=_in_language("Frame parser and serial-capture analyzer for Modbus RTU buses."),
+        epilog=f"{_in_language('example:')}\n  rtuscope parse 11 03 00 6B 00 03 76 87\n\n"
+        + _in_language("`rtuscope COMMAND --help` tells the rest, each with an example."),
     )
     parser.add_argument("--version", action="version", version=f"rtuscope {__version__}")
     add_language(parser)
@@ -237,33 +239,33 @@ def _fill(parser: argparse.ArgumentParser, name: str) -> Command:
 
 def _help(parser: argparse.ArgumentParser, name: str, words: str, lines: list[str]) -> None:
     """What stands around a parser's arguments in its help."""
-    words = _told(words)
-    statuses = [f"  {status:<5}{_told(meaning)}\n" for status, meaning in meanings(name)]
+    words = _in_language(words)
+    statuses = [f"  {status:<5}{_in_language(meaning)}\n" for status, meaning in meanings(name)]
     examples = [f"  {line}\n" for line in lines]
     parser.description = f"{words[:1].upper()}{words[1:]}."
-    told = [f"{_told('exit status:')}\n", *statuses]
-    parser.epilog = "".join([*told, *([f"\n{_told('example:')}\n", *examples] if examples else [])])
+    told = [f"{_in_language('exit status:')}\n", *statuses]
+    parser.epilog = "".join([*told, *([f"\n{_in_language('example:')}\n", *examples] if examples else [])])
 
 
 def _tell_arguments(parser: argparse.ArgumentParser) -> None:
     """What arguments say of themselves, and the titles above them, in the language in use."""
     for group in parser._action_groups:
-        group.title = group.title and _told(group.title)
-        group.description = group.description and _told(group.description)
+        group.title = group.title and _in_language(group.title)
+        group.description = group.description and _in_language(group.description)
     for action in parser._actions:
-        action.help = action.help and _told(action.help)
+        action.help = action.help and _in_language(action.help)
         if isinstance(action, argparse._SubParsersAction):
             for choice in action._choices_actions:
-                choice.help = choice.help and _told(choice.help)
+                choice.help = choice.help and _in_language(choice.help)
 
 
-def _told(words: str) -> str:
-    from ..languages.retelling import retold
+def _in_language(words: str) -> str:
+    from ..languages import retold
 
     return retold(words, "help")
 
 
-def _words(error: Exception) -> str:
+def _error_line(error: Exception) -> str:
     """An exception in one line: what, where, what to do."""
     if type(error).__module__.partition(".")[0] in _OURS:
         text = str(error)

@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Any, Final
 from dissectors.values import harmless
 
 from .exits import DONE, UsageError
-from .outputs import add_overwrite_argument, to_be_overwritten
-from .quantities import seconds
-from .terminal import put_data, put_json
+from .inputs import seconds
+from .terminal import add_overwrite_argument, put_data, put_json, to_be_overwritten
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -76,7 +75,7 @@ def run(arguments: argparse.Namespace) -> int:
         to_be_overwritten(arguments.plot, overwrite=arguments.overwrite)
         _plot(answer, arguments.plot, f"unit {arguments.words[0]}, address {arguments.words[1]}")
     elif arguments.json:
-        put_json(_plain(answer))
+        put_json(_rows_by_name(answer))
     elif arguments.csv:
         _put_csv(answer)
     else:
@@ -102,7 +101,7 @@ def _plot(answer: Any, path: Path, title: str) -> None:
     import numpy as np
     import pyarrow as pa
 
-    from ..exports.output import output
+    from ..exports.sink import output
     from ..plots import drawn_series
 
     if not len(answer):
@@ -121,12 +120,12 @@ def _plot(answer: Any, path: Path, title: str) -> None:
         file.write(picture)
 
 
-def _plain(answer: Any) -> list[dict[str, Any]]:
+def _rows_by_name(answer: Any) -> list[dict[str, Any]]:
     names = answer.column_names
-    return [dict(zip(names, row, strict=True)) for row in _rows(answer, keep=True)]
+    return [dict(zip(names, row, strict=True)) for row in _plain_rows(answer, keep=True)]
 
 
-def _rows(answer: Any, *, keep: bool = False) -> Iterable[list[Any]]:
+def _plain_rows(answer: Any, *, keep: bool = False) -> Iterable[list[Any]]:
     """Rows of plain values; without `keep` all of them text. Times as ISO 8601 with all nanoseconds."""
     import pyarrow as pa
     import pyarrow.compute as pc
@@ -140,7 +139,7 @@ def _rows(answer: Any, *, keep: bool = False) -> Iterable[list[Any]]:
         elif pa.types.is_temporal(column.type) or pa.types.is_dictionary(column.type):
             column = column.cast(pa.string())
         values = column.to_pylist()
-        columns.append([_json(value) if keep else "" if value is None else _text(value) for value in values])
+        columns.append([_json(value) if keep else "" if value is None else _cell_text(value) for value in values])
     return (list(row) for row in zip(*columns, strict=True))
 
 
@@ -158,13 +157,13 @@ def _json(value: Any) -> Any:
     return value if isinstance(value, str | int | float | bool) or value is None else str(value)
 
 
-def _text(value: Any) -> str:
+def _cell_text(value: Any) -> str:
     if isinstance(value, bytes):
         return value.hex(" ").upper()
     if isinstance(value, bool):
         return str(value).lower()  # as exports have it
     if isinstance(value, list):
-        return " ".join(map(_text, value))
+        return " ".join(map(_cell_text, value))
     return str(value)
 
 
@@ -176,8 +175,8 @@ def _put_csv(answer: Any) -> None:
 
     writer = csv.writer(made := io.StringIO(), lineterminator="\n")
     writer.writerow(answer.column_names)
-    for row in _rows(answer):
-        writer.writerow([safe(cell) if _words(cell) else cell for cell in row])
+    for row in _plain_rows(answer):
+        writer.writerow([safe(cell) if _is_text(cell) else cell for cell in row])
         if made.tell() > _PIECE:
             put_data(made.getvalue())
             made.seek(0)
@@ -185,7 +184,7 @@ def _put_csv(answer: Any) -> None:
     put_data(made.getvalue())
 
 
-def _words(cell: str) -> bool:
+def _is_text(cell: str) -> bool:
     """Whether it is no number: a minus sign at its beginning is none that a spreadsheet would run."""
     try:
         float(cell)
@@ -194,13 +193,13 @@ def _words(cell: str) -> bool:
     return False
 
 
-def _short(cell: str) -> str:
+def _cut_cell(cell: str) -> str:
     return cell if len(cell) <= _WIDEST else cell[: _WIDEST - 1] + "…"
 
 
 def _put_table(answer: Any) -> None:
-    rows = [[harmless(cell) for cell in row] for row in _rows(answer)]
-    rows = [[*map(_short, row[:-1]), *row[-1:]] for row in rows]  # the last column has nothing beside it
+    rows = [[harmless(cell) for cell in row] for row in _plain_rows(answer)]
+    rows = [[*map(_cut_cell, row[:-1]), *row[-1:]] for row in rows]  # the last column has nothing beside it
     heads = [harmless(name) for name in answer.column_names]
     widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
     for row in [heads, *rows]:

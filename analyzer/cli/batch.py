@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 from ..languages import tr
 from .exits import DONE, FAILED, INTERRUPTED, UsageError
 from .inputs import add_functions_argument, add_limit_arguments, add_reading_arguments, chosen_limits, load_functions
-from .progress import Progress
-from .terminal import endable, interruptible, places, say_in_place, tell
+from .terminal import Progress, endable, interruptible, places, say_in_place, tell
 
 if TYPE_CHECKING:
     from ..fleet.batch import BatchResult, BatchStep

@@ -21,9 +21,7 @@ from .inputs import (
     open_capture,
     tell_damage,
 )
-from .outputs import add_overwrite_argument, to_be_overwritten
-from .progress import Progress
-from .terminal import coloured, interruptible, put_json, tell
+from .terminal import Progress, add_overwrite_argument, coloured, interruptible, put_json, tell, to_be_overwritten
 
 if TYPE_CHECKING:
     from captures import Capture
@@ -64,7 +62,7 @@ class _List(argparse.Action):
     """--list: needs no capture, as --help does not."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        from ..checks.forms import forms
+        from ..checks.model import forms
 
         for form in forms():
             for example in form.examples:

@@ -16,13 +16,12 @@ from .inputs import (
     add_reading_arguments,
     capture_format,
     load_functions,
+    moment,
     opened_capture,
     tell_damage,
+    time_span,
 )
-from .outputs import add_overwrite_argument, captured_words, to_be_overwritten
-from .progress import Progress
-from .quantities import moment, time_span
-from .terminal import interruptible, tell
+from .terminal import Progress, add_overwrite_argument, captured_words, interruptible, tell, to_be_overwritten
 
 if TYPE_CHECKING:
     from captures import Block, Capture
@@ -201,7 +200,7 @@ def _cut(capture: Capture, arguments: argparse.Namespace) -> Capture:
             raise UsageError(f"--from {arguments.begin} is later than --to {arguments.end}")
         capture = cut_to_times(capture, [(begin, end)])
     if arguments.frames is not None:
-        from ..exports.cutting import frames_only
+        from ..exports.running import frames_only
 
         low, dots, high = arguments.frames.partition("..")
         if not (low.isdecimal() and (high.isdecimal() if dots else True)) or int(low) > int(high or low):
@@ -213,7 +212,7 @@ def _cut(capture: Capture, arguments: argparse.Namespace) -> Capture:
 
 
 def _around(capture: Capture, arguments: argparse.Namespace) -> Capture:
-    from ..exports.cutting import around
+    from ..exports.running import around
     from ..filters import FilterError, compile_filter
 
     seconds = _SECONDS if arguments.seconds is None else arguments.seconds

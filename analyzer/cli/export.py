@@ -18,9 +18,7 @@ from .inputs import (
     open_capture,
     tell_damage,
 )
-from .outputs import add_overwrite_argument, to_be_overwritten
-from .progress import Progress
-from .terminal import interruptible, tell
+from .terminal import Progress, add_overwrite_argument, interruptible, tell, to_be_overwritten
 
 EXAMPLE = """\
 rtuscope simulate bus.jsonl --wire noisy

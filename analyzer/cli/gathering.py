@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from .inputs import tell_damage
-from .progress import Progress
-from .terminal import interruptible, tell
+from .terminal import Progress, interruptible, tell
 
 if TYPE_CHECKING:
     from analyzer.options import Options

@@ -24,20 +24,20 @@ _ENVIRONMENT = (
 def man_page() -> str:
     """The page, in roff."""
     parser = command_line(COMMANDS)
-    lines = ['.TH RTUSCOPE 1 "" "rtuscope" "User Commands"', ".SH NAME", _text(f"rtuscope - {parser.description}")]
+    lines = ['.TH RTUSCOPE 1 "" "rtuscope" "User Commands"', ".SH NAME", _roff_text(f"rtuscope - {parser.description}")]
     lines += [".SH SYNOPSIS", ".B rtuscope", r"\fICOMMAND\fR [\fIOPTION\fR ...]", ".SH COMMANDS"]
     commands = next(action for action in parser._actions if isinstance(action, argparse._SubParsersAction))
     for name, words in COMMANDS.items():
-        lines += [".SS " + _text(f"rtuscope {name}"), _text(f"{words[0].upper()}{words[1:]}.")]
+        lines += [".SS " + _roff_text(f"rtuscope {name}"), _roff_text(f"{words[0].upper()}{words[1:]}.")]
         lines += _arguments(commands.choices[name])
         lines += [".P", "Example:", ".nf"]
-        lines += [rf"\&    {_text(line)}" for line in load(name).EXAMPLE.splitlines()]
+        lines += [rf"\&    {_roff_text(line)}" for line in load(name).EXAMPLE.splitlines()]
         lines += [".fi"]
     exits = tuple((str(status), words) for status, words in MEANINGS)
     for title, entries in (("EXIT STATUS", exits), ("FILES", _FILES), ("ENVIRONMENT", _ENVIRONMENT)):
         lines.append(f".SH {title}")
         for term, words in entries:
-            lines += [".TP", f".B {_text(term)}", _text(words)]
+            lines += [".TP", f".B {_roff_text(term)}", _roff_text(words)]
     lines += [
         ".SH SEE ALSO",
         "rtuscope help, which prints the documentation: formats, filters, checks, findings, causes",
@@ -50,21 +50,21 @@ def _arguments(parser: argparse.ArgumentParser, begin: str = "") -> Iterator[str
         if isinstance(action, argparse._SubParsersAction):
             helps = {choice.dest: choice.help or "" for choice in action._choices_actions}
             for name, inner in action.choices.items():
-                yield from (".TP", rf".B {_text(f'{begin}{name}')}", _text(helps.get(name, "")))
+                yield from (".TP", rf".B {_roff_text(f'{begin}{name}')}", _roff_text(helps.get(name, "")))
                 yield from (".RS", *_arguments(inner), ".RE")
         elif action.help not in (None, argparse.SUPPRESS) and action.dest != "help":
-            yield from (".TP", _term(action), _text((action.help or "").replace("%%", "%")))
+            yield from (".TP", _term(action), _roff_text((action.help or "").replace("%%", "%")))
 
 
 def _term(action: argparse.Action) -> str:
     name = action.metavar or (f"{{{','.join(map(str, action.choices))}}}" if action.choices else action.dest.upper())
-    value = "" if action.nargs == 0 else rf" \fI{_text(name if isinstance(name, str) else ' '.join(name))}\fR"
+    value = "" if action.nargs == 0 else rf" \fI{_roff_text(name if isinstance(name, str) else ' '.join(name))}\fR"
     if not action.option_strings:
         return value.strip()
-    return ", ".join(rf"\fB{_text(flag)}\fR" for flag in action.option_strings) + value
+    return ", ".join(rf"\fB{_roff_text(flag)}\fR" for flag in action.option_strings) + value
 
 
-def _text(text: str) -> str:
+def _roff_text(text: str) -> str:
     """A line of text as roff takes it."""
     escaped = text.replace("\\", r"\e").replace("-", r"\-").replace("\n", " ")
     return rf"\&{escaped}" if escaped[:1] in (".", "'") else escaped

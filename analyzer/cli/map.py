@@ -20,8 +20,7 @@ from .inputs import (
     open_capture,
     unit_number,
 )
-from .outputs import add_overwrite_argument, to_be_overwritten
-from .terminal import put_data, tell
+from .terminal import add_overwrite_argument, put_data, tell, to_be_overwritten
 
 if TYPE_CHECKING:
     from dissectors.maps import RegisterMap
@@ -325,7 +324,7 @@ def _check_suffix(path: str) -> None:
 
 
 def _write(chart: RegisterMap, path: str) -> None:
-    from analyzer.exports.output import output
+    from analyzer.exports.sink import output
     from dissectors.maps import map_text
     from dissectors.values import harmless
 

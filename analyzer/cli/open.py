@@ -1,14 +1,32 @@
-"""`rtuscope open`: a capture in the terminal interface; without one, a prompt to paste bytes at."""
+"""`rtuscope open`: a capture in the terminal interface; without one, a prompt to paste bytes at. `--web`: in a browser.
+
+Whoever reaches the page reads the screen and types on it, so it is for whoever was given its address alone: every path
+begins with a random token, the Host must be one that this server goes by (no name that a stranger made point here), and
+a request that a browser makes for another page (Origin) is refused. What is in a page of ours loads nothing from
+elsewhere. The interface itself, knowing that it runs in a browser, writes no file.
+
+textual-serve brings the terminal for the browser and the process behind each tab; routes are made here, so that none of
+its own, unguarded ones is there by accident.
+"""
 
 from __future__ import annotations
 
 import argparse
+import ipaddress
+import logging
 import os
+import secrets
+import shlex
+import socket
+import subprocess
 import sys
+from collections.abc import Awaitable, Callable, Sequence
+from contextlib import suppress
 from datetime import UTC
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Final
 
+from ..extras import needs
 from .exits import DONE, UsageError
 from .inputs import (
     CAPTURE_HELP,
@@ -23,12 +41,176 @@ from .inputs import (
     load_functions,
     open_capture,
 )
-from .terminal import full_screen
+from .terminal import full_screen, tell
 
 if TYPE_CHECKING:
+    from aiohttp import web
+
     from captures import Capture
 
     from ..options import Options
+
+_TITLE: Final = "rtuscope"
+_LOOPBACK: Final = ("127.0.0.1", "localhost", "::1")
+_ENDING_S: Final = 2  # that tabs have to end, when the server does
+_HEADERS: Final = {
+    "Content-Security-Policy": "default-src 'none'; script-src 'self' 'unsafe-inline'; "
+    "style-src 'self' 'unsafe-inline'; img-src 'self' data:; font-src 'self'; connect-src 'self' {socket}; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+}
+
+
+def serve(command: Sequence[str], host: str, port: int) -> None:
+    """Show what `command` shows, one process a tab, until Ctrl-C. UsageError where that cannot be."""
+    try:
+        from aiohttp.web import run_app
+        from textual_serve.server import Server
+    except ImportError as error:
+        raise UsageError(needs("--web", "textual-serve", "web")) from error
+    logging.basicConfig(level=logging.WARNING, handlers=[_TellingHandler()])
+    sockets = _listening(host, port)
+    port = sockets[0].getsockname()[1]
+    token = secrets.token_urlsafe(24)
+    if not _is_loopback(host):
+        tell(f"whoever reaches {host}:{port} and knows the address below sees this capture; nothing is encrypted")
+    shown = socket.gethostname() if _is_any(host) else host
+    server = Server(shell_command(command), host=host, port=port, title=_TITLE)
+    app = guarded(server, host, token)
+    with suppress(KeyboardInterrupt):  # pressed before the loop runs, or on Windows
+        print(f"http://{f'[{shown}]' if ':' in shown else shown}:{port}/{token}/", flush=True)
+        tell("open this address in a browser; Ctrl-C ends it")
+        run_app(app, sock=sockets, print=None, access_log=None, shutdown_timeout=_ENDING_S)
+
+
+def shell_command(arguments: Sequence[str], *, windows: bool = os.name == "nt") -> str:
+    """A command line that the system's shell takes apart into these arguments, whatever they hold."""
+    if not windows:
+        return shlex.join(arguments)
+    return " ".join(_for_cmd(argument) for argument in arguments)
+
+
+def _for_cmd(argument: str) -> str:
+    """An argument between quotes, in which cmd.exe leaves all but % alone; those stand outside, behind a caret."""
+    # A space makes list2cmdline quote, and double backslashes before a quote: the space is taken away again.
+    parts = (subprocess.list2cmdline([f" {part}"]).replace(" ", "", 1) for part in argument.split("%"))
+    return "^%".join(parts)
+
+
+def guarded(server: Any, host: str, token: str) -> web.Application:
+    """The web application: `server` (of textual-serve) behind token, Host and Origin."""
+    from aiohttp import web
+    from jinja2 import Environment, FileSystemLoader
+
+    page = Environment(loader=FileSystemLoader(server.templates_path), autoescape=True).get_template("app_index.html")
+
+    @web.middleware
+    async def guard(
+        request: web.Request, handler: Callable[[web.Request], Awaitable[web.StreamResponse]]
+    ) -> web.StreamResponse:
+        why = refusal(request.headers.get("Host", ""), request.headers.getall("Origin", []), host)
+        if why:
+            raise web.HTTPForbidden(text=why)
+        if not request.path.startswith((f"/{token}/", "/download/")):  # a download's own key is its token
+            raise web.HTTPForbidden(text="this address lacks its token: use the one that rtuscope printed")
+        return await handler(request)
+
+    async def index(request: web.Request) -> web.Response:
+        address = f"{request.host}/{token}"
+        text = page.render(
+            font_size=16,
+            app_websocket_url=f"ws://{address}/ws",
+            config={"static": {"url": f"/{token}/static/"}},
+            application={"name": _TITLE},
+        )
+        return web.Response(text=text, content_type="text/html", headers={"Cache-Control": "no-store"})
+
+    async def headers(request: web.Request, response: web.StreamResponse) -> None:
+        for name, value in _HEADERS.items():
+            response.headers.setdefault(name, value.format(socket=f"ws://{request.host}"))
+
+    app = web.Application(middlewares=[guard])
+    app.add_routes(
+        [
+            web.get(f"/{token}/", index),
+            web.get(f"/{token}/ws", server.handle_websocket),
+            web.get("/download/{key}", server.handle_download),  # where its script looks for it
+            web.static(f"/{token}/static", server.statics_path),
+        ]
+    )
+    app.on_response_prepare.append(headers)
+    return app
+
+
+def refusal(named: str, origins: Sequence[str], listening: str) -> str:
+    """Why a request is refused that was made to the Host `named`, from pages of `origins`; empty where it is not."""
+    name = _name(named)
+    if not name or not _goes_by(name, listening):
+        return "this server does not go by that name"
+    if any(origin != f"http://{named}" for origin in origins):
+        return "pages of other origins have no business here"
+    return ""
+
+
+def _name(host: str) -> str:
+    """The name or address in a Host header, without its port."""
+    if host.startswith("["):
+        return host[1:].partition("]")[0].lower()
+    return host.rpartition(":")[0].lower() if host.count(":") == 1 else host.lower()
+
+
+def _goes_by(name: str, listening: str) -> bool:
+    """Whether a server that listens there goes by this name: an address says where a browser really went."""
+    if _is_loopback(listening):
+        return name in _LOOPBACK or (_is_address(name) and ipaddress.ip_address(name).is_loopback)
+    return name in (listening.lower(), *_LOOPBACK, socket.gethostname().lower()) or _is_address(name)
+
+
+def _is_address(name: str) -> bool:
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True
+
+
+def _is_any(host: str) -> bool:
+    return _is_address(host) and ipaddress.ip_address(host).is_unspecified
+
+
+def _is_loopback(host: str) -> bool:
+    return host == "localhost" or (_is_address(host) and ipaddress.ip_address(host).is_loopback)
+
+
+def _listening(host: str, port: int) -> list[socket.socket]:
+    """Sockets that listen there, on all addresses of the name."""
+    sockets: list[socket.socket] = []
+    trouble = ""
+    try:
+        for family, *_, address in socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE):
+            try:
+                sockets.append(socket.create_server(address[:2], family=family))
+            except OSError as error:
+                trouble = (error.strerror or str(error)).partition(" (")[0].lower()
+            if not port:
+                break
+    except (OSError, OverflowError, UnicodeError) as error:  # no such name, no such port
+        trouble = str(error)
+    if not sockets:
+        raise UsageError(f"cannot listen at {host}:{port}: {trouble}: give another --port or --host")
+    return sockets
+
+
+class _TellingHandler(logging.Handler):
+    """What goes wrong in the server, in one line."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        tell(record.getMessage())
+
 
 EXAMPLE = """\
 rtuscope simulate bus.jsonl --wire noisy
@@ -72,8 +254,6 @@ def run(arguments: argparse.Namespace) -> int:
     charts = chosen_charts(arguments)
     capture = None if arguments.capture is None else open_capture(arguments)
     if arguments.web:
-        from .web import serve
-
         serve(in_a_browser(arguments), arguments.host, arguments.port)
         return DONE
     if arguments.plain:

@@ -59,7 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     from ..paste import left_out, read, tree
 
-    text = _text(arguments)
+    text = _pasted_text(arguments)
     load_functions(arguments)
     charts = chosen_charts(arguments) if arguments.map else {}  # what maps are is not imported for nothing
     try:
@@ -112,7 +112,7 @@ def _source(arguments: argparse.Namespace) -> str:
     return "standard input" if arguments.file in (None, "-") else str(arguments.file)
 
 
-def _text(arguments: argparse.Namespace) -> str:
+def _pasted_text(arguments: argparse.Namespace) -> str:
     """What was pasted: arguments, a file, or standard input."""
     if arguments.hex == ["-"]:
         arguments.hex, arguments.file = [], "-"

@@ -8,9 +8,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from .exits import DONE, FAILED
-from .inputs import add_functions_argument, add_limit_arguments, add_map_argument, load_functions
-from .outlets import add_outlet_arguments, outlets_of
-from .quantities import seconds
+from .inputs import add_functions_argument, add_limit_arguments, add_map_argument, load_functions, seconds
 from .taps import (
     Teller,
     add_recording_arguments,
@@ -20,7 +18,7 @@ from .taps import (
     recorder_of,
     tap_of,
 )
-from .watching import ended_by_signals
+from .watching import add_outlet_arguments, ended_by_signals, outlets_of
 
 if TYPE_CHECKING:
     from captures.live.tapviewer import TapViewer

@@ -1,12 +1,13 @@
-"""`rtuscope registers`: what the registers mean, told from what they were."""
+"""`rtuscope registers`: what the registers mean, told from what they were; `--like`: which one showed this number."""
 
 from __future__ import annotations
 
 import argparse
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from .exits import DONE, INTERRUPTED, NO_FRAME, UsageError
+from .exits import DONE, FAILED, INTERRUPTED, NO_FRAME, UsageError
 from .gathering import gathered
 from .inputs import (
     add_capture_arguments,
@@ -21,9 +22,12 @@ from .inputs import (
 from .terminal import tell
 
 if TYPE_CHECKING:
-    from analyzer.registers.recognition import Recognised
-    from analyzer.registers.values import RegisterValue
+    from captures import Capture
 
+    from ..options import Options
+    from ..registers.like import Match
+    from ..registers.recognition import Recognised
+    from ..registers.values import RegisterValue
     from .gathering import RegisterTraffic
 
 EXAMPLE = """\
@@ -59,8 +63,6 @@ def run(arguments: argparse.Namespace) -> int:
     charts = chosen_charts(arguments)
     capture = open_capture(arguments)
     if arguments.like is not None:
-        from .like import find_like
-
         return find_like(arguments, capture, limits)
     from analyzer.registers.drafting import with_own_words
     from analyzer.registers.inference import infer
@@ -98,7 +100,7 @@ def _own_words(capture: str) -> dict[tuple[int, str, int], str]:
     """What the user said of registers in the interface, kept beside the capture."""
     from pathlib import Path
 
-    from analyzer.model.meanings import own_words
+    from analyzer.model.registers import own_words
     from analyzer.usernotes import Notes, NotesError
 
     try:
@@ -132,7 +134,7 @@ def _table(values: list[RegisterValue], *, everything: bool) -> str:
     from dissectors.values import harmless
 
     shown = [value for value in values if everything or value.changes or value.name or value.kind == "text"]
-    rows = [_WORDS, *(_row(value) for value in shown)] if shown else []
+    rows = [_WORDS, *(_table_row(value) for value in shown)] if shown else []
     widths = [max((len(row[column]) for row in rows), default=0) for column in range(len(_WORDS) - 1)]
     lines = []
     for row in rows:
@@ -153,7 +155,7 @@ def _devices(devices: list[Recognised], *, used: bool) -> str:
     return "".join(f"{line}\n" for line in lines)
 
 
-def _row(value: RegisterValue) -> tuple[str, ...]:
+def _table_row(value: RegisterValue) -> tuple[str, ...]:
     last = value.address + value.words - 1
     where = f"{value.area} {value.address}" + (f"-{last}" if value.words > 1 else "")
     kind = value.type if value.changes or value.name else value.kind
@@ -165,14 +167,94 @@ def _row(value: RegisterValue) -> tuple[str, ...]:
         kind,
         value.order or "",
         value.role or "",
-        _number(value.minimum),
-        _number(value.maximum),
-        _number(value.last) + scale + (f" {value.unit_of_measure}" if value.unit_of_measure else ""),
+        _value_cell(value.minimum),
+        _value_cell(value.maximum),
+        _value_cell(value.last) + scale + (f" {value.unit_of_measure}" if value.unit_of_measure else ""),
         f"{value.confidence:.0%}",
         why,
     )
 
 
-def _number(value: float | str | None) -> str:
+def _value_cell(value: float | str | None) -> str:
     text = "" if value is None else f"{value:.7g}" if isinstance(value, float) else str(value)
     return text if len(text) <= _WIDEST else f"{text[: _WIDEST - 1]}…"
+
+
+_ROWS: Final = 1 << 14  # readings of a block
+_SHOWN: Final = 12
+_LONGEST: Final = 16 << 20  # bytes of a table
+
+
+def find_like(arguments: argparse.Namespace, capture: Capture, limits: Options) -> int:
+    """Print the registers that showed it, best first."""
+    from analyzer.registers.inference import infer
+    from analyzer.registers.like import matches_of_series, matches_of_value
+    from analyzer.registers.panel import PanelError, read_panel
+
+    wanted = str(arguments.like)
+    table = None
+    try:
+        float(wanted.replace(",", "."))
+    except ValueError:
+        table = _table_text(wanted)
+    readings = gathered(capture, arguments.capture, limits, most=_ROWS).readings
+    values = infer(readings, units=arguments.unit)
+    try:
+        if table is None:
+            matches = matches_of_value(readings, wanted, values, arguments.unit)
+        else:
+            matches = matches_of_series(readings, read_panel(table, wanted), values, arguments.unit)
+    except PanelError as error:
+        raise UsageError(f"--like: {error}") from error
+    if arguments.json:
+        import json
+
+        for match in matches[: 10 * _SHOWN]:
+            print(json.dumps(match.to_json(), separators=(",", ":")))
+    else:
+        sys.stdout.write(_matches_text(matches, wanted))
+    return DONE if matches else FAILED
+
+
+def _table_text(name: str) -> str:
+    from dissectors.maps.files import decoded
+
+    if not name.strip():
+        raise UsageError("--like: expected a number, or a table of times and values")
+    path = Path(name)
+    try:
+        with path.open("rb") as file:
+            data = file.read(_LONGEST + 1)
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise UsageError(f"--like {name}: neither a number nor a table of times and values: {reason}") from error
+    text = decoded(data) if len(data) <= _LONGEST else None
+    if text is None:
+        raise UsageError(f"--like {name}: a table of times and values as CSV is expected")
+    return text
+
+
+def _matches_text(matches: list[Match], wanted: str) -> str:
+    from analyzer.registers.panel import HALF_HOUR_S
+    from analyzer.words import duration
+
+    if not matches:
+        return f"no register showed {wanted}\n"
+    lines = []
+    ahead = matches[0].clock_s
+    if ahead is not None:
+        how = "ahead of" if ahead > 0 else "behind"
+        zone = " (a time zone, or summer time)" if ahead % HALF_HOUR_S == 0 else ""
+        lines.append(
+            f"the clocks differ by {duration(round(abs(ahead) * 1e9))}: the table's is {how} the capture's{zone}"
+        )
+    for match in matches[:_SHOWN]:
+        where = f"unit {match.unit} {match.area} {match.address}"
+        order = f" {match.order}" if match.order else ""
+        scale = f" x{match.scale:g}" if match.scale != 1 else ""
+        offset = f" {match.offset:+g}" if match.offset else ""
+        lag = f", {match.lag_s:+.1f} s" if match.lag_s is not None else ""
+        lines.append(f"{where}: {match.type}{order}{scale}{offset} showed {match.value:g}{lag} ({match.score:.2f})")
+    if len(matches) > _SHOWN:
+        lines.append(f"and {len(matches) - _SHOWN} more (--json lists them)")
+    return "\n".join(lines) + "\n"

@@ -8,8 +8,7 @@ from pathlib import Path
 from dissectors.values import harmless
 
 from .exits import DONE, NO_FRAME
-from .outputs import add_overwrite_argument, captured_words, to_be_overwritten
-from .terminal import tell
+from .terminal import add_overwrite_argument, captured_words, tell, to_be_overwritten
 
 EXAMPLE = """\
 rtuscope simulate bus.mcap --transactions 20
@@ -31,8 +30,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Write it."""
-    from captures.recording.mcapfile import PART
-    from captures.recording.repair import repair
+    from captures.recording.mcapfile import PART, repair
 
     source = Path(arguments.file)
     if arguments.output is not None:

@@ -8,10 +8,8 @@ from typing import TYPE_CHECKING
 
 from .exits import DONE, NO_FRAME, UsageError
 from .inputs import add_capture_arguments, add_limit_arguments, chosen_limits, load_functions, open_capture, tell_damage
-from .keys import keys
-from .outlets import add_outlet_arguments, outlets_of
-from .terminal import tell
-from .watching import Watch, add_view_arguments, ended_by_signals
+from .terminal import keys, tell
+from .watching import Watch, add_outlet_arguments, add_view_arguments, ended_by_signals, outlets_of
 
 if TYPE_CHECKING:
     from captures import Capture

@@ -22,13 +22,11 @@ from .inputs import (
     open_capture,
     opened_capture,
 )
-from .outputs import add_overwrite_argument, to_be_overwritten
-from .progress import Progress
-from .terminal import interruptible, put_json, put_page, tell
+from .terminal import Progress, add_overwrite_argument, interruptible, put_json, put_page, tell, to_be_overwritten
 
 if TYPE_CHECKING:
     from captures import Capture
-    from dissectors.maps.units import UnitMaps
+    from dissectors.maps.files import UnitMaps
 
     from ..core import Analysed
     from ..filters import Filter
@@ -139,7 +137,7 @@ def _report(
     from ..options import Options
     from ..reports import summarize
     from ..reports.against import differences
-    from ..reports.hours import HourTable
+    from ..reports.breakdown import HourTable
 
     progress = Progress(f"report {source}")
     hours = HourTable(capture.line) if terms.hours else None
@@ -191,7 +189,7 @@ def show(capture: Capture, source: str, terms: ReportTerms = ReportTerms(), *, a
 
 def write_page(capture: Capture, source: str, path: str, terms: ReportTerms) -> Report:
     """Write the report on an open capture as HTML."""
-    from ..exports.output import output
+    from ..exports.sink import output
     from ..reports.html import Sights, page
 
     sights = Sights()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from .exits import DONE, UsageError
-from .outputs import add_overwrite_argument, to_be_overwritten
+from .terminal import add_overwrite_argument, to_be_overwritten
 
 EXAMPLE = """\
 rtuscope simulate bus.jsonl --wire noisy --tap ftdi16 --seed 7

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, BinaryIO, Final
 
 from .exits import FAILED, INTERRUPTED, UsageError
 from .inputs import add_functions_argument, add_limit_arguments, chosen_limits, load_functions
-from .outlets import add_outlet_arguments, outlets_of
 from .taps import (
     Teller,
     add_recording_arguments,
@@ -19,7 +18,7 @@ from .taps import (
     recorder_of,
     tap_of,
 )
-from .watching import Watch, add_view_arguments, ended_by_signals
+from .watching import Watch, add_outlet_arguments, add_view_arguments, ended_by_signals, outlets_of
 
 if TYPE_CHECKING:
     from captures.recording.recorder import Recorder

@@ -6,11 +6,9 @@ import argparse
 from typing import TYPE_CHECKING, Final
 
 from .exits import DONE, UsageError
-from .inputs import add_functions_argument, add_limit_arguments, load_functions
-from .outlets import address, shown_host
-from .quantities import octets, seconds
+from .inputs import add_functions_argument, add_limit_arguments, load_functions, seconds, size_in_bytes
 from .taps import Teller, add_tap_arguments, add_token_argument, tap_of, token_of
-from .watching import ended_by_signals
+from .watching import address, ended_by_signals, shown_host
 
 if TYPE_CHECKING:
     from captures.live.tapserver import TapServer
@@ -36,7 +34,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     viewers.add_argument(
         "--buffer",
         metavar="SIZE",
-        type=octets,
+        type=size_in_bytes,
         default="64MB",
         help="memory for what a viewer whose connection broke still gets (64MB: 40 min of a saturated line)",
     )

@@ -24,9 +24,8 @@ from dissectors.values import harmless
 from ..terminal_text import ERASE_LINE, terminal_text
 from ..version import __version__
 from .exits import UsageError
-from .outputs import add_overwrite_argument, to_be_overwritten
-from .quantities import octets, seconds, time_or_size
-from .terminal import places
+from .inputs import seconds, size_in_bytes, time_or_size
+from .terminal import add_overwrite_argument, places, to_be_overwritten
 
 if TYPE_CHECKING:
     from captures.live.tapviewer import TapViewer
@@ -95,7 +94,9 @@ def add_recording_arguments(parser: argparse.ArgumentParser, *, needed: bool) ->
     )
     add_overwrite_argument(recording, "FILE")
     recording.add_argument("--rotate-every", type=seconds, metavar="TIME", help="begin a new file so often: 1h, 1d")
-    recording.add_argument("--rotate-size", type=octets, metavar="SIZE", help="begin a new file at this size: 64MB")
+    recording.add_argument(
+        "--rotate-size", type=size_in_bytes, metavar="SIZE", help="begin a new file at this size: 64MB"
+    )
     recording.add_argument(
         "--keep",
         type=time_or_size,
@@ -222,9 +223,9 @@ class Teller:
             self._left_out += 1
             return
         if self._left_out:
-            self._texts.put(partial(_line, f"{self._left_out} lines could not be shown"))
+            self._texts.put(partial(_line_in_language, f"{self._left_out} lines could not be shown"))
             self._left_out = 0
-        self._texts.put(partial(_line, text))
+        self._texts.put(partial(_line_in_language, text))
 
     def status(self, text: str) -> None:
         """The status line, unless something waits to be shown."""
@@ -261,9 +262,9 @@ def _write_unbuffered(text: str) -> None:
         data = data[os.write(sys.stderr.fileno(), data) :]
 
 
-def _line(text: str) -> str:
+def _line_in_language(text: str) -> str:
     """A line of the program's, in the language in use: words are looked up by the thread that writes."""
-    from ..languages.retelling import retold
+    from ..languages import retold
 
     erase = ERASE_LINE if places(sys.stderr) else ""
     return terminal_text(erase, f"rtuscope: {harmless(retold(text))}\n")

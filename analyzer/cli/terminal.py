@@ -1,22 +1,35 @@
-"""What commands say, and what a terminal adds: a line in place, colour, and Ctrl-C that keeps what was done.
+"""What commands put out, and what a terminal adds: a line in place, colour, single keys, how far work has come, and
+Ctrl-C that keeps what was done.
 
-Nothing of the latter shows on a pipe. Colour follows the terminal and NO_COLOR.
+Nothing that a terminal adds shows on a pipe. Colour follows the terminal and NO_COLOR. How far long work has come is
+drawn by rich, which is imported when there is something to draw: most work is over before. No file is written over
+unless somebody said so.
 """
 
 from __future__ import annotations
 
+import argparse
+import io
 import os
 import re
+import shutil
 import signal
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
-from typing import IO, BinaryIO, Final
+from typing import IO, TYPE_CHECKING, Any, BinaryIO, Final
 
 from dissectors.values import harmless
 
-from ..terminal_text import ERASE_LINE, TerminalText, painted, terminal_text
+from ..languages import counted, tr
+from ..terminal_text import ERASE_LINE, TerminalText, painted, terminal_text, trusted
+from .exits import UsageError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+    from threading import Event
 
 _VIRTUAL_TERMINAL: Final = 1 | 4  # ENABLE_PROCESSED_OUTPUT, ENABLE_VIRTUAL_TERMINAL_PROCESSING
 
@@ -79,7 +92,7 @@ def endable() -> Iterator[None]:
 
 def tell(text: str) -> None:
     """A line on standard error, in the language in use, past a status line that may stand there."""
-    from ..languages.retelling import retold
+    from ..languages import retold
 
     erase = ERASE_LINE if places(sys.stderr) else ""
     print(terminal_text(erase, f"rtuscope: {harmless(retold(text))}"), file=sys.stderr, flush=True)
@@ -195,3 +208,180 @@ def shell_word(name: str, *, windows: bool = os.name == "nt") -> str:
     import shlex
 
     return shlex.quote(name)
+
+
+_PERIOD_S: Final = 0.2
+_BAR: Final = 24  # columns
+_SHARE_AND_TIME: Final = 23  # columns, with what is between them
+_LEAST_LABEL: Final = 12
+
+
+class Progress:
+    """Called as work goes on; `clear` takes the line away."""
+
+    def __init__(self, label: str, counted: str = "frames", octets_of: str = "the line") -> None:
+        self._label, self._counted, self._octets_of = label, counted, octets_of
+        self._line: ProgressLine | None = None
+        self._begun = time.monotonic()
+        self._next = self._begun + 2 * _PERIOD_S if places(sys.stderr) else float("inf")
+
+    def __call__(self, count: int, octets: int, share: float | None = None) -> None:
+        """Say it, if the last time is long enough ago. `share` of all; else that of the files being read, if known."""
+        now = time.monotonic()
+        if now < self._next:
+            return
+        if share is None:
+            from captures.files import share_read
+
+            share = share_read()
+        self._next = now + _PERIOD_S
+        if self._line is None:
+            self._line = ProgressLine(self._label, colour=coloured(sys.stderr), encoding=sys.stderr.encoding)
+        rate = count / max(now - self._begun, 1e-3)
+        words = f"{count:,} {self._counted}, {rate:,.0f}/s, {octets / 1e6:,.1f} MB of {self._octets_of}"
+        say_in_place(self._line.at(share, words, now, shutil.get_terminal_size().columns - 1))
+
+    def clear(self) -> None:
+        """Take the line away."""
+        if self._line is not None:
+            say_in_place("")
+
+
+class ProgressLine:
+    """The line itself: label, bar, share, words, and the time left as the newest pace tells it."""
+
+    def __init__(self, label: str, *, colour: bool, encoding: str | None = None) -> None:
+        """`encoding` of where it is shown: the bar is of ASCII where nothing else can be."""
+        from rich import progress
+        from rich.console import Console
+        from rich.table import Column
+
+        def whole() -> Column:
+            return Column(no_wrap=True)
+
+        columns: list[progress.ProgressColumn] = [
+            progress.TextColumn("{task.description}", markup=False, table_column=whole()),
+            progress.BarColumn(_BAR),
+            progress.TaskProgressColumn(table_column=whole()),
+            progress.TextColumn("{task.fields[words]}", markup=False, table_column=whole()),
+            progress.TimeRemainingColumn(compact=True, table_column=whole()),
+            progress.TextColumn("{task.fields[left]}", style="progress.remaining", table_column=whole()),
+        ]
+        self._label, self._now = harmless(label), 0.0
+        shown = io.TextIOWrapper(io.BytesIO(), encoding or "utf-8", errors="replace")
+        self._console = Console(file=shown, force_terminal=True, no_color=not colour, highlight=False)
+        self._progress = progress.Progress(
+            *columns, console=self._console, auto_refresh=False, get_time=lambda: self._now
+        )
+        self._task = self._progress.add_task("", total=None, words="", left="")
+
+    def at(self, share: float | None, words: str, now_s: float, columns: int) -> TerminalText:
+        """How it stands at a time (s), so many columns wide at most. `share` of all, where that is known."""
+        self._now = now_s
+        room = max(columns - _BAR - _SHARE_AND_TIME - len(words), _LEAST_LABEL)
+        label = self._label if len(self._label) <= room else f"{self._label[: room - 1]}…"
+        total, left = (None, "") if share is None else (1.0, "left")
+        self._progress.update(self._task, description=label, total=total, completed=share, words=words, left=left)
+        self._console.width = columns
+        with self._console.capture() as drawn:
+            self._console.print(self._progress.get_renderable(), end="")
+        return trusted(drawn.get().splitlines()[0])
+
+
+@contextmanager
+def keys(pressed: Callable[[str], None]) -> Iterator[bool]:
+    """Tell each key to `pressed`, from a thread of its own; whether there is a keyboard at all."""
+    if not sys.stdin.isatty():
+        yield False
+        return
+    from threading import Event, Thread
+
+    ended = Event()
+    listen = _windows if os.name == "nt" else _posix
+    thread = Thread(target=listen, args=(pressed, ended), daemon=True)
+    with _raw():
+        thread.start()
+        try:
+            yield True
+        finally:
+            ended.set()
+            thread.join(1)
+
+
+@contextmanager
+def _raw() -> Iterator[None]:
+    """A terminal that gives keys at once, and Ctrl-C as ever."""
+    if os.name == "nt":
+        yield
+        return
+    import termios
+    import tty
+
+    descriptor = sys.stdin.fileno()
+    before = termios.tcgetattr(descriptor)
+    try:
+        tty.setcbreak(descriptor)
+        yield
+    finally:
+        with suppress(termios.error):
+            termios.tcsetattr(descriptor, termios.TCSADRAIN, before)
+
+
+def _posix(pressed: Callable[[str], None], ended: Event) -> None:
+    import select
+
+    while not ended.is_set():
+        ready, _, _ = select.select([sys.stdin.fileno()], [], [], 0.2)
+        if ready:
+            data = os.read(sys.stdin.fileno(), 16)
+            if not data:
+                return
+            pressed(data.decode(errors="replace"))
+
+
+def _windows(pressed: Callable[[str], None], ended: Event) -> None:
+    from importlib import import_module
+
+    console: Any = import_module("msvcrt")
+    while not ended.wait(0.05):
+        while console.kbhit():
+            pressed(console.getwch())
+
+
+_YES: Final = ("y", "yes", "д", "да")
+
+
+def add_overwrite_argument(parser: argparse.ArgumentParser | argparse._ArgumentGroup, what: str) -> None:
+    """--overwrite, for the file that is called `what` in the help."""
+    parser.add_argument(
+        "--overwrite", action="store_true", help=f"even if {what} is there already (on a terminal you are asked)"
+    )
+
+
+def to_be_overwritten(path: str | Path, *, overwrite: bool, source: Path | None = None) -> bool:
+    """Whether a file stands there that is to be written over: by `overwrite`, or because the user says so now.
+
+    UsageError where it stands there and is not to be touched; `source`, the capture that is read, never is.
+    """
+    from pathlib import Path
+
+    if str(path) == "-" or not Path(path).is_file():  # nothing there, or a pipe, a device, a folder
+        return False
+    if source is not None and Path(path).samefile(source):
+        raise UsageError(f"{path}: is the capture that is being read; give another name")
+    if overwrite:
+        return True
+    if not (sys.stdin.isatty() and sys.stderr.isatty()):
+        raise UsageError(f"{path}: is there already: give another name, or --overwrite")
+    sys.stderr.write(terminal_text(harmless(f"{path} is there already: overwrite it? [y/N] ")))
+    sys.stderr.flush()
+    if sys.stdin.readline().strip().lower() not in _YES:
+        raise UsageError(f"{path}: left as it was")
+    return True
+
+
+def captured_words(reads: int, octets: int) -> str:
+    """How much of a line a capture that was written holds."""
+    return tr(
+        "{reads}, {bytes} of the line", reads=counted(reads, "read", "reads"), bytes=counted(octets, "byte", "bytes")
+    )

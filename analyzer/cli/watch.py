@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from .batch import add_fleet_arguments, batch_options, chosen_runner, outdated, shown_progress, tell_result
 from .exits import DONE, FAILED, INTERRUPTED
-from .quantities import seconds
+from .inputs import seconds
 from .terminal import Stop, endable, interruptible, tell
 
 if TYPE_CHECKING:
@@ -40,8 +40,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Take them in until Ctrl-C."""
+    from ..fleet import FleetError
     from ..fleet.batch import run_batch
-    from ..fleet.errors import FleetError
     from ..fleet.sources import lines_of, settled
     from ..fleet.stores import store
 
@@ -86,7 +86,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _there(sources: list[str], refused: list[str], tell: Callable[[str], None] | None) -> list[SourceFile]:
     """The captures of all sources. One that names none now is told, if somebody takes that, and the rest taken."""
-    from ..fleet.errors import FleetError
+    from ..fleet import FleetError
     from ..fleet.sources import found
 
     if tell is None:

@@ -1,4 +1,8 @@
-"""A session shown on a terminal or written to a pipe: what `sniff` and `replay` have in common."""
+"""A session shown on a terminal or written to a pipe, what `sniff` and `replay` have in common, and where it goes
+besides.
+
+The latter: --metrics, --mqtt, --foxglove.
+"""
 
 from __future__ import annotations
 
@@ -8,22 +12,23 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any, BinaryIO, Final, Protocol
 
 from ..terminal_text import terminal_text
 from .exits import DONE, NO_FRAME
-from .inputs import add_map_argument, chosen_charts
-from .quantities import seconds
+from .inputs import add_map_argument, chosen_charts, seconds
 from .terminal import coloured, hung_up, places, put, put_bytes, put_data, say_in_place, tell, told_to_end
 
 if TYPE_CHECKING:
+    from captures.recording.recorder import Recorder
+    from dissectors.maps.files import UnitMaps
     from dissectors.maps.model import RegisterMap
-    from dissectors.maps.units import UnitMaps
 
     from ..causes.story import CauseRevision
     from ..live.conditions import Condition
+    from ..live.outlets import Outlet
     from ..live.recent import ShownRow
     from ..live.session import Session, SessionStep
     from ..registers.revising import RevisedRegisters, Revision
@@ -281,3 +286,66 @@ def ended_by_signals(stop: Callable[[], None], *, abandon: Callable[[], None] | 
             signal.signal(number, old)
         ended.set()
         requested.set()
+
+
+_LOCAL: Final = "127.0.0.1"  # unless a host is named, nobody else is served
+
+
+def add_outlet_arguments(parser: argparse.ArgumentParser) -> None:
+    """The flags."""
+    group = parser.add_argument_group("out to other programs, which nothing here waits for (rtuscope help outlets)")
+    group.add_argument(
+        "--metrics",
+        metavar="[HOST:]PORT",
+        type=address,
+        help="OpenMetrics for Prometheus, at http://HOST:PORT/metrics",
+    )
+    group.add_argument(
+        "--mqtt",
+        metavar="URL",
+        help="values by --map, units' health and findings to a broker: mqtt://[USER@]HOST[:PORT][/TOPIC], mqtts://",
+    )
+    group.add_argument(
+        "--foxglove", metavar="[HOST:]PORT", type=address, help="the topics of an MCAP export, live at ws://HOST:PORT"
+    )
+
+
+def outlets_of(
+    arguments: argparse.Namespace, tell: Callable[[str], None], recorders: Sequence[Recorder] = ()
+) -> list[Outlet]:
+    """Those that were asked for, begun; OutletError. `tell` must not wait for anybody; `recorders` holds the recorder
+    once there is one."""
+    begun: list[Outlet] = []
+    if arguments.metrics is not None:
+        from ..live.outlets.metrics import Metrics
+
+        recorded = lambda: (sum(r.bytes for r in recorders), sum(r.lost for r in recorders))  # noqa: E731
+        host, port = arguments.metrics
+        metrics = Metrics(host, port, recorded if getattr(arguments, "output", None) else None)
+        begun.append(metrics)
+        tell(f"metrics: http://{shown_host(host)}:{metrics.port}/metrics")
+    if arguments.foxglove is not None:
+        from ..live.outlets.foxglove import Foxglove
+
+        host, port = arguments.foxglove
+        foxglove = Foxglove(host, port, chosen_charts(arguments))
+        begun.append(foxglove)
+        tell(f"foxglove: ws://{shown_host(host)}:{foxglove.port}")
+    if arguments.mqtt is not None:
+        from ..live.outlets.mqtt import Mqtt
+
+        begun.append(Mqtt(arguments.mqtt, chosen_charts(arguments), tell))
+    return begun
+
+
+def address(text: str) -> tuple[str, int]:
+    """`[HOST:]PORT` as host and port; for argparse."""
+    host, colon, port = text.rpartition(":")
+    if not port.isdecimal() or int(port) > 65535 or (colon and not host):
+        raise argparse.ArgumentTypeError(f"{text!r} is neither a port nor HOST:PORT")
+    return host.strip("[]") or _LOCAL, int(port)
+
+
+def shown_host(host: str) -> str:
+    """A host as an URL has it."""
+    return f"[{host}]" if ":" in host else host

@@ -23,8 +23,7 @@ from dissectors.adu import MAX_ADU
 from dissectors.length_rules import Role
 
 from ..options import Options
-from .awaited import answer_may_come, frame_may_come
-from .broken import broken_windows, silent_windows
+from .broken import broken_windows, damaged_answers, damaged_requests, silent_windows
 from .buffer import ByteBuffer
 from .certainty import UNDECIDED, Decision, evidence_of_steps, margins
 from .conversation import Conversation
@@ -32,12 +31,10 @@ from .crc_windows import possible_starts
 from .forced import ForcedRuns, SearchedBytes
 from .gaps import AGAINST, MAY_PART, GapStatistics, SpeakerTurn, classes_of, next_checkpoint, silence_positions
 from .lattice import LEAD, Lattice
-from .looks import CUT, GAP, IDLE, NEVER, DecisionPoint, LaidPaths, OpenLook
-from .mangled import damaged_answers, damaged_requests
+from .looks import CUT, GAP, IDLE, NEVER, DecisionPoint, LaidPaths, OpenLook, answer_may_come, frame_may_come
 from .paths import SURE, PathStep, by_end
-from .possible_edges import possible_edges
 from .segments import NOISE, DecidedSegments
-from .unpredicted import unknown_windows
+from .unpredicted import possible_edges, unknown_windows
 
 WINDOWS: Final = (96, 384, 2048)  # bytes looked at: mostly a few frames do; the last at most waits for a decision
 _ALONE: Final = 15.0  # bits that frames end to end with silence behind them need

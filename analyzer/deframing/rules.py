@@ -117,7 +117,7 @@ def _check(check: Bound | Choice | Multiple | Sized) -> tuple[Callable[[Bytes, I
     if isinstance(check, Bound):
         span = 1 << (8 * check.width)
         return (
-            lambda data, at: _within(big_endian_at(data, at + check.offset + 1, check.width), check.low, check.high),
+            lambda data, at: _in_range(big_endian_at(data, at + check.offset + 1, check.width), check.low, check.high),
             exact_bits(math.log2(span / (min(check.high, span - 1) - check.low + 1))),
         )
     if isinstance(check, Choice):
@@ -139,7 +139,7 @@ def _check(check: Bound | Choice | Multiple | Sized) -> tuple[Callable[[Bytes, I
     return sized, 8.0
 
 
-def _within(value: Index, low: int, high: int) -> Mask:
+def _in_range(value: Index, low: int, high: int) -> Mask:
     inside: Mask = (value >= low) & (value <= high)
     return inside
 

@@ -24,10 +24,9 @@ from ..tables.schema import Protocol as Envelope
 from .buffer import CharacterTime
 from .directions import port_role
 from .engine import Engine
-from .enveloped import EnvelopedPairer
 from .foreign import ForeignTalk
-from .segments import StreamSegments
-from .unordered import UnorderedRows
+from .pairing import EnvelopedPairer
+from .segments import StreamSegments, UnorderedRows
 from .wireorder import Across, ClockSkew, WireOrder
 
 _UNKNOWN_CHARACTER_NS: Final = 1e6  # 10 bits at 9600 bit/s, about: only the scale of the silence classes hangs on it

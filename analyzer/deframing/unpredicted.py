@@ -1,15 +1,16 @@
-"""Frames of undeclared functions.
+"""Frames of undeclared functions, and the possible edges of frames that nothing predicts.
 
 Nothing predicts where such a frame ends, and one window in 65,536 checks by chance, so only windows count that begin
-at a possible edge and end at one, or where another such window begins, and so on: chains of them tile the bytes. Of
-functions that this bus has used before, windows count wherever they stand.
+at a possible edge (next to silences and to other frames, glitches aside) and end at one, or where another such window
+begins, and so on: chains of them tile the bytes. Of functions that this bus has used before, windows count wherever
+they stand.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence, Set
 from heapq import heappop, heappush
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +22,69 @@ from dissectors.lengths import rule
 
 from .candidates import GLITCHES, ZERO_BITS
 from .crc_windows import CrcWindows
+from .gaps import MAY_PART, GapStatistics, silence_positions
+from .lattice import GLITCH_RUN
 from .paths import Candidate
-from .possible_edges import PossibleEdges, next_byte
+
+
+class PossibleEdges(NamedTuple):
+    """Offsets in a stretch."""
+
+    begins: frozenset[int]
+    ends: frozenset[int]
+    cuts: tuple[int, ...] = ()  # sorted: silences that surely part what stands on their sides
+    silences: tuple[int, ...] = ()  # sorted: those that frames hardly ever have inside
+
+    def behind(self, candidates: Sequence[Candidate]) -> PossibleEdges:
+        """These, and the ends of candidates: what is decided up to such an end begins there anew."""
+        return self._replace(begins=self.begins | {c.end for c in candidates})
+
+    def parted(self, start: int, end: int) -> bool:
+        """Whether such a silence stands inside [start, end)."""
+        return any(start < cut < end for cut in self.cuts)
+
+
+def possible_edges(
+    data: bytes,
+    classes: bytearray,
+    candidates: Sequence[Candidate],
+    idle: Sequence[int],
+    statistics: GapStatistics,
+    *,
+    first: bool,
+    over: bool,
+) -> PossibleEdges:
+    """Edges in `data`; `classes`: of the silence before each of its bytes.
+
+    `idle`: where the line was quiet, its end too maybe; `over`: it is quiet behind the end.
+    `first`: the capture begins with these bytes, which parts no less where nothing but one frame follows.
+    """
+    gaps = silence_positions(classes, 1, MAY_PART)
+    begins = {0, *gaps, *(c.end for c in candidates)}
+    ends = {*gaps, *idle, *(c.start for c in candidates)}
+    for place in list(begins):
+        for at in range(place, min(place + GLITCH_RUN, len(data))):
+            if data[at] not in GLITCHES:
+                break
+            begins.add(at + 1)
+    for place in list(ends):
+        for at in range(place - 1, max(place - 1 - GLITCH_RUN, -1), -1):
+            if data[at] not in GLITCHES:
+                break
+            ends.add(at)
+    cuts, silences = silence_positions(classes, 1, statistics.parts), silence_positions(classes, 0, statistics.trusted)
+    if over:
+        silences = [0] * (first and not silences) + silences + [len(data)]
+    return PossibleEdges(frozenset(begins), frozenset(ends), tuple(cuts), tuple(silences))
+
+
+def next_byte(data: bytes, place: int) -> int:
+    """The first byte from `place` on that is no glitch, within the length of a run of them; else `place`."""
+    for at in range(place, min(place + GLITCH_RUN, len(data))):
+        if data[at] not in GLITCHES:
+            return at
+    return place
+
 
 _UNHEARD: Final = -8.0  # bits: functions that nobody declared are rare
 _HEARD: Final = 2.0  # this one was on this bus before

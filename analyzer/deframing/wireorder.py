@@ -24,7 +24,7 @@ from dissectors.answers import Expectation, expectation
 from ..tables.frame import adu_of
 from ..tables.schema import NO_GAP, Kind, Protocol, Row
 from .directions import certain_frames, either_way, said_directions, settled_directions
-from .unordered import UnorderedRows
+from .segments import UnorderedRows
 
 _SETTLE_FRAMES: Final = 32  # by which directions are settled
 _SETTLE_NS: Final = 2_000_000_000  # or those heard in this time

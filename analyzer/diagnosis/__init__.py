@@ -1,5 +1,5 @@
 """What is wrong with a bus, where, why probably, and what to do.
 
-`model` holds the shape of a finding, `registry` the rules (one declaration and one look each, found in `rules`),
-`diagnosis` runs them over rows as they come.
+`rules` holds a declaration and a look for each finding, whose shape is that of `analyzer.tables.findings`; `judge` runs
+them over rows as they come.
 """

@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 from captures.line import LineSettings
 
 from ..options import Options
+from ..tables.bins import ColumnQueue, Spread
 from ..tables.schema import NO_GAP, Kind, Rows
-from .spread import ColumnQueue, Spread
 
 FIRST: Final = 32  # frames of the first verdict
 _EVERY: Final = 1024

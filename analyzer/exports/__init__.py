@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING
 from ..lazy import lazily
 
 if TYPE_CHECKING:
-    from .output import ExportError
     from .running import Exported, export
-    from .sink import ExportOptions, formats
+    from .sink import ExportError, ExportOptions, formats
 
 __all__ = ["ExportError", "ExportOptions", "Exported", "export", "formats"]
 
 _HOME = {
-    "ExportError": "output",
+    "ExportError": "sink",
     "ExportOptions": "sink",
     "Exported": "running",
     "export": "running",

@@ -34,7 +34,7 @@ _BITS: Final = ("length", "crc", "silence", "conversation")  # evidence, in bits
 
 
 @cache
-def _words(words: tuple[str, ...]) -> Any:
+def _word_column(words: tuple[str, ...]) -> Any:
     return _ragged(pa.string(), [word.encode() for word in words])
 
 
@@ -92,8 +92,8 @@ def record_batch(batch: Batch, *, noise: bool = False, explain: bool = False) ->
     rows = batch.rows
     frames = rows.kind != Kind.NOISE
     columns = _positions(rows, frames) | _envelope(rows, frames) | _contents(decode(batch))
-    columns["bytes"] = _octets(batch)
-    columns["findings"] = _findings(batch)
+    columns["bytes"] = _frame_bytes(batch)
+    columns["findings"] = _finding_codes(batch)
     if explain:
         columns |= _evidence(batch, frames)
     wanted = schema(explain=explain)
@@ -147,7 +147,7 @@ def _contents(decoded: Decoded) -> dict[str, Any]:
     }
 
 
-def _octets(batch: Batch) -> Any:
+def _frame_bytes(batch: Batch) -> Any:
     """The bytes of each row; of ASCII frames what their digits stand for."""
     rows = batch.rows
     ends = np.cumsum(rows.length)
@@ -168,7 +168,7 @@ def _octets(batch: Batch) -> Any:
     return pa.Array.from_buffers(pa.binary(), len(rows), [None, pa.py_buffer(offsets), pa.py_buffer(data)])
 
 
-def _findings(batch: Batch) -> Any:
+def _finding_codes(batch: Batch) -> Any:
     """The codes of what was found about each row."""
     findings = batch.findings
     names: tuple[str, ...] = ()
@@ -180,7 +180,7 @@ def _findings(batch: Batch) -> Any:
         rules = findings.rule[np.argsort(rows, kind="stable")][np.count_nonzero(rows < 0) :]
         counts = batch.finding_counts
     offsets = np.concatenate(([0], np.cumsum(counts))).astype(np.int32)
-    values = pa.DictionaryArray.from_arrays(_array(rules), _words(names))
+    values = pa.DictionaryArray.from_arrays(_array(rules), _word_column(names))
     return pa.ListArray.from_arrays(_array(offsets), values)
 
 
@@ -216,4 +216,4 @@ def _coded(numbers: NDArray[Any], words: Iterable[str], null: NDArray[np.bool_] 
     codes = np.ascontiguousarray(numbers).astype(np.int8)
     if null is not None:
         codes[null] = 0
-    return pa.DictionaryArray.from_arrays(_array(codes, null), _words(tuple(words)))
+    return pa.DictionaryArray.from_arrays(_array(codes, null), _word_column(tuple(words)))

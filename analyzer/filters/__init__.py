@@ -6,10 +6,12 @@ A table is a batch (`BatchTable`) or whatever has its columns (`Table`).
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
+from ..languages import tr
 from ..lazy import lazily
-from .errors import FilterError as FilterError
+from ..meant import meant as nearest
 
 if TYPE_CHECKING:
     from .completion import Completion, complete
@@ -43,3 +45,18 @@ _HOMES = {
 
 
 __getattr__ = lazily(__name__, _HOMES)
+
+
+class FilterError(ValueError):
+    """A filter that cannot be used: `message` says what is wrong, `column` where (from 0); the text says both."""
+
+    def __init__(self, message: str, column: int) -> None:
+        super().__init__(tr("column {number}: {message}", number=column + 1, message=message))
+        self.message = message
+        self.column = column
+
+
+def meant(word: str, words: Iterable[str]) -> str:
+    """`; did you mean unit?` where a known word is near, else nothing."""
+    known = nearest(word, words)
+    return "" if known is None else tr("; did you mean {word}?", word=known)

@@ -22,14 +22,14 @@ from captures.line import LineSettings
 from ..languages import tr
 from ..tables.columns import decode
 from ..tables.transactions import TransactionRows
-from .errors import FilterError
+from . import FilterError
 from .fields import Cost, cost
 from .slices import BLOCK, Each, Mask, TableSlice
 from .table import BatchTable, FilterTable, narrowed
 from .tree import And, Bound, Chars, Node, Not, Or, Same, Since, Spans, Test, parts, tests
 
 if TYPE_CHECKING:
-    from dissectors.maps.units import UnitMaps
+    from dissectors.maps.files import UnitMaps
 
     from ..core import Analysed
     from ..tables.schema import Rows
@@ -54,7 +54,7 @@ def resolved(node: Node, line: LineSettings, origin_ns: int) -> Node:
         if not isinstance(node.wanted, Spans):
             return node
         spans = (
-            replace(span, low=_number(span.low, line, origin_ns), high=_number(span.high, line, origin_ns))
+            replace(span, low=_bound_value(span.low, line, origin_ns), high=_bound_value(span.high, line, origin_ns))
             for span in node.wanted.spans
         )
         return replace(node, wanted=Spans(tuple(spans)))
@@ -62,7 +62,7 @@ def resolved(node: Node, line: LineSettings, origin_ns: int) -> Node:
     return replace(node, parts=inner) if isinstance(node, And | Or) else replace(node, part=inner[0])
 
 
-def _number(bound: Bound | None, line: LineSettings, origin_ns: int) -> int | float | None:
+def _bound_value(bound: Bound | None, line: LineSettings, origin_ns: int) -> int | float | None:
     if isinstance(bound, Chars):
         character_ns = line.nominal_character_ns
         if character_ns is None:
@@ -98,9 +98,9 @@ def _passing(node: Node, section: TableSlice, requested: Mask | None) -> Mask:
         return _same(node, section, requested)
     values = node.field.get(section, requested)
     if node.wanted is None:
-        return values.known()
+        return values.valid()
     good = values.passing(node.wanted)
-    return values.known() & ~good if node.negated else good
+    return values.valid() & ~good if node.negated else good
 
 
 def _same(node: Same, section: TableSlice, requested: Mask | None) -> Mask:
@@ -130,9 +130,9 @@ def _of_values(node: Node, each: Each) -> Mask:
         assert node.field.each is not None
         values = node.field.each(each)
         if node.wanted is None:
-            return values.known()
+            return values.valid()
         good = values.passing(node.wanted)
-        return values.known() & ~good if node.negated else good
+        return values.valid() & ~good if node.negated else good
     masks = [_of_values(part, each) for part in parts(node)]
     if isinstance(node, Not):
         return ~masks[0]

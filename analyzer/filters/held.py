@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..tables.batch import Batch
-from ..tables.columns import AreaCode, HeldValues, ValueSpans, unplaced_keys
-from ..tables.pdus import words_of
+from ..tables.columns import AreaCode, HeldValues, ValueSpans, unplaced_keys, words_of
 from .slices import Mask, TableSlice, ValueSlice
 from .table import RowOctets
 from .tree import Wanted
@@ -37,7 +36,7 @@ class HeldSlice:
     signed: bool = False
     left_out: frozenset[AreaCode] = frozenset()
 
-    def known(self) -> Mask:
+    def valid(self) -> Mask:
         mask = np.zeros(len(self.section), np.bool_)
         for span in self._spans(self.section.held, None):
             mask[span.rows[span.counts > 0]] = True
@@ -87,7 +86,7 @@ class HeldSlice:
     def _of(self, held: HeldValues, count: int, passes: Passes, *, bits_pass: bool) -> Mask:
         """Which rows of a batch pass."""
         mask = np.zeros(count, np.bool_)
-        before, size = _counted(held.pdus.data, passes)
+        before, size = _passing_before(held.pdus.data, passes)
         spans = self._spans(held, None if bits_pass else _touched(held, before, size))
         registers = [span for span in spans if span.read is None]
         if registers:
@@ -129,7 +128,7 @@ def _in_registers(spans: list[ValueSpans], before: NDArray[np.int32], size: int,
     mask[rows[before[first + counts] > before[first]]] = True
 
 
-def _counted(data: NDArray[np.uint8], passes: Passes) -> tuple[NDArray[np.int32], int]:
+def _passing_before(data: NDArray[np.uint8], passes: Passes) -> tuple[NDArray[np.int32], int]:
     """How many numbers pass before each: first of those at even places, `size` figures, then of those at odd ones."""
     size = len(data) // 2 + 1
     before = np.zeros(2 * size, np.int32)

@@ -17,7 +17,7 @@ from dissectors.values import harmless
 from ..languages import tr
 from ..tables.columns import AREA_CODES, AreaCode
 from ..words import UNITS_NS
-from .errors import FilterError, meant
+from . import FilterError, meant
 from .tree import Bound, BytesWanted, Chars, Since, Span, Spans, TextPart, TextWanted, Wanted
 
 EQUAL: Final = ("==", "!=")
@@ -102,7 +102,7 @@ class Ordered:
             last = self.bound(high)
             if self.area(high) != area:
                 raise FilterError(tr("both ends of a range must be of one area"), high.column)
-            if type(last) is type(number) and _plain(last) < _plain(number):
+            if type(last) is type(number) and _bound_number(last) < _bound_number(number):
                 raise FilterError(tr("a range goes upwards: {low}..{high}", low=high.shown, high=low.shown), low.column)
             return Span(number, last, area=area)
         if operator in ORDER:
@@ -187,7 +187,7 @@ class Named(Ordered):
         return f"number, or {listed}" if self.numeric else listed
 
     def choices(self) -> Iterable[Suggestion]:
-        return [Suggestion(quoted(name), f"{tr(self.what)} {number}") for number, name in self.names().items()]
+        return [Suggestion(typed_name(name), f"{tr(self.what)} {number}") for number, name in self.names().items()]
 
     def bound(self, literal: Literal, *, exact: bool = True) -> Bound:
         if literal.form == "number" and self.numeric:
@@ -285,7 +285,8 @@ class Hex:
         return ()
 
     def wanted(self, operator: str, items: Sequence[Item]) -> Wanted:
-        return BytesWanted(tuple(_octets(alone(item)) for item in items), whole=operator != TextPart.WITHIN.value)
+        wanted = tuple(_literal_bytes(alone(item)) for item in items)
+        return BytesWanted(wanted, whole=operator != TextPart.WITHIN.value)
 
 
 @dataclass(frozen=True)
@@ -354,7 +355,7 @@ def spelled(name: str) -> str:
     return re.sub(r"[\s_-]+", "-", name.strip().casefold())
 
 
-def quoted(name: str) -> str:
+def typed_name(name: str) -> str:
     """A name as it is typed."""
     return name if re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name) else f'"{name}"'
 
@@ -363,7 +364,7 @@ def _integer(literal: Literal, most: int) -> int:
     return int(NumberKind(0, most).bound(literal))  # type: ignore[arg-type]
 
 
-def _octets(literal: Literal) -> bytes:
+def _literal_bytes(literal: Literal) -> bytes:
     text = literal.text
     bare = re.sub(r"0x|[\s,:-]+", "", text.lower())
     if literal.form == "address" or literal.unit:
@@ -390,7 +391,7 @@ def _absolute(literal: Literal) -> int:
     return (moment - datetime(1970, 1, 1, tzinfo=UTC)) // timedelta(microseconds=1) * 1000
 
 
-def _plain(bound: Bound) -> float:
+def _bound_number(bound: Bound) -> float:
     return bound.count if isinstance(bound, Chars) else bound.ns if isinstance(bound, Since) else bound
 
 

@@ -13,15 +13,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from dissectors.maps.decoding import factor_between
-from dissectors.maps.model import MappedValue
-from dissectors.maps.units import UnitMaps
+from dissectors.maps.files import UnitMaps
+from dissectors.maps.model import MappedValue, factor_between
 
 from ..languages import tr
 from ..registers.mapped import MappedColumn, mapped_columns
-from .errors import FilterError, meant
+from . import FilterError, meant
 from .fields import Cost, FilterField, by_name
-from .kinds import EQUAL, ORDER, Item, Literal, Suggestion, plain_number, quoted, spelled
+from .kinds import EQUAL, ORDER, Item, Literal, Suggestion, plain_number, spelled, typed_name
 from .slices import FieldSlice, Mask, TableSlice, says
 from .tree import MeasuredSpan, MeasuresWanted, TextWanted, Wanted
 
@@ -76,7 +75,7 @@ class MeasureKind:
 
     def choices(self) -> Iterable[Suggestion]:
         states = {state: text for row in self.rows for state, text in row.values.items() if row.type != "bits"}
-        return [Suggestion(quoted(text), tr("state {number}", number=state)) for state, text in states.items()]
+        return [Suggestion(typed_name(text), tr("state {number}", number=state)) for state, text in states.items()]
 
     def wanted(self, operator: str, items: Sequence[Item]) -> Wanted:
         return MeasuresWanted(tuple(self._span(operator, low, high) for low, high in items))
@@ -119,7 +118,7 @@ class _MeasuredSlice:
     columns: list[MappedColumn]
     count: int
 
-    def known(self) -> Mask:
+    def valid(self) -> Mask:
         return self._rows(lambda one: ~np.isnan(one.values))
 
     def passing(self, wanted: Wanted) -> Mask:
@@ -140,7 +139,7 @@ class _NameSlice:
     columns: list[MappedColumn]
     count: int
 
-    def known(self) -> Mask:
+    def valid(self) -> Mask:
         return self._of(self.columns)
 
     def passing(self, wanted: Wanted) -> Mask:

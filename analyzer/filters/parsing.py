@@ -15,13 +15,13 @@ from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedTok
 from lark.visitors import Transformer_NonRecursive, v_args
 
 from ..languages import tr
-from .errors import FilterError, meant
+from . import FilterError, meant
 from .fields import FIELDS, FilterField, by_name, cost
 from .kinds import Addresses, Flag, Item, Literal, Named, spelled
 from .tree import And, Node, Not, Or, Same, Span, Spans, Test, parts, tests
 
 if TYPE_CHECKING:
-    from dissectors.maps.units import UnitMaps
+    from dissectors.maps.files import UnitMaps
 
 LONGEST: Final = 4096  # characters
 _DEEPEST: Final = 50  # parentheses
@@ -103,10 +103,10 @@ class _Builder(Transformer_NonRecursive[Token, Node]):
         return parts[0]
 
     def any(self, parts: list[Any]) -> Node:
-        return _joined(Or, parts)
+        return _under_one_node(Or, parts)
 
     def all(self, parts: list[Any]) -> Node:
-        node = _joined(And, parts)
+        node = _under_one_node(And, parts)
         return _together(node) if isinstance(node, And) else node
 
     @v_args(inline=True)
@@ -194,7 +194,7 @@ def _test(field: FilterField, operator: str, column: int, items: list[Item]) -> 
     return Test(field, field.kind.wanted("==" if operator == "!=" else operator, items), operator == "!=")
 
 
-def _joined(join: type[And] | type[Or], parts: Iterable[Node | Token]) -> Node:
+def _under_one_node(join: type[And] | type[Or], parts: Iterable[Node | Token]) -> Node:
     """Parts under one node, those that cost less first; parts that are joined alike become parts of it."""
     flat: list[Node] = []
     for part in parts:
@@ -209,7 +209,7 @@ def _together(node: And) -> Node:
     kinds = {isinstance(test.field.kind, Addresses) for part in mine for test in tests(part)}
     if len(kinds) < 2:
         return node
-    return _joined(And, [*(part for part in node.parts if not _of_values(part)), Same(And(tuple(mine)))])
+    return _under_one_node(And, [*(part for part in node.parts if not _of_values(part)), Same(And(tuple(mine)))])
 
 
 def _of_values(node: Node) -> bool:

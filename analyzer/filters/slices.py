@@ -30,7 +30,7 @@ _FEW: Final = 8  # spans: beyond, single numbers are looked up together
 class FieldSlice(Protocol):
     """One field of some rows."""
 
-    def known(self) -> Mask:
+    def valid(self) -> Mask:
         """Which rows have it."""
         ...
 
@@ -51,7 +51,7 @@ class ValueSlice:
     last: NDArray[Any] | None = None
     areas: NDArray[np.uint8] | None = None
 
-    def known(self) -> Mask:
+    def valid(self) -> Mask:
         return np.ones(len(self.values), np.bool_) if self.has is None else self.has
 
     def passing(self, wanted: Wanted) -> Mask:
@@ -97,8 +97,8 @@ class Several:
     rows: NDArray[np.integer[Any]]
     count: int
 
-    def known(self) -> Mask:
-        return self._of(self.each.known())
+    def valid(self) -> Mask:
+        return self._of(self.each.valid())
 
     def passing(self, wanted: Wanted) -> Mask:
         return self._of(self.each.passing(wanted))
@@ -115,7 +115,7 @@ class Bytes:
 
     batch: Batch
 
-    def known(self) -> Mask:
+    def valid(self) -> Mask:
         return np.ones(len(self.batch), np.bool_)
 
     def passing(self, wanted: Wanted) -> Mask:
@@ -156,7 +156,7 @@ class TextSlice:
     rows: NDArray[np.intp]
     count: int
 
-    def known(self) -> Mask:
+    def valid(self) -> Mask:
         mask = np.zeros(self.count, np.bool_)
         mask[self.rows] = True
         return mask

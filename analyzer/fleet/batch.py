@@ -10,8 +10,8 @@ from itertools import takewhile
 from typing import Any, Final
 
 from ..version import __version__
+from . import FleetError, LakeWriteError
 from .datasets import DATASETS, touched
-from .errors import FleetError, LakeWriteError
 from .manifest import LakeLine, Manifest, writing
 from .packs import LakePacking, pack
 from .runners import Runner
@@ -57,9 +57,9 @@ def planned(
 ) -> list[LineTask]:
     """The tasks that are left to do, the largest first. What is not done is counted in `result`."""
     tasks = []
-    taken = _Taken(manifest)
+    entered = _Taken(manifest)
     for line in lines:
-        known = taken.elsewhere(line.site, line.line)
+        known = entered.elsewhere(line.site, line.line)
         plain = LineTask(
             manifest.store.root, line.site, line.line, line.files, options, known, None, sliced=line.sliced
         )
@@ -80,10 +80,10 @@ class _Taken:
 
     def add(self, site: str, line: str, slices: Iterable[Mapping[str, Any]]) -> None:
         """What a line has."""
-        taken = self._lines.setdefault(site, {})
+        entered = self._lines.setdefault(site, {})
         for one in slices:
             if one["state"] in _HAVE_ROWS:
-                taken.setdefault(one["sha256"], set()).add(line)
+                entered.setdefault(one["sha256"], set()).add(line)
 
     def elsewhere(self, site: str, line: str) -> frozenset[str]:
         """What another line of the site has; where this one has it as well, it is the first one's by name."""
@@ -145,21 +145,21 @@ def _continued(
     slices, last = list(before.slices()), before.last
     usable = last["version"] == __version__ and not touched(last.get("rules", {}))
     every_one_there = {one["url"] for one in slices} <= {file.url for file in plain.files}
-    taken = {one["url"] for one in slices if one["state"] in _HAVE_ROWS}
+    entered = {one["url"] for one in slices if one["state"] in _HAVE_ROWS}
     newest = max(one["url"].rpartition("/")[2] for one in slices)
     grown = slices[-1] if usable and _may_have_grown(slices[-1], fresh[0], newest) else None
     if grown is None and fresh[0].name <= newest:
         if every_one_there:
             return plain
         for file in fresh:
-            if file.url in taken:
+            if file.url in entered:
                 words = "has changed since, and older slices of its line are there no more: left as it was"
             elif file.name <= newest:
                 words = "belongs before slices of which some are there no more: taken in behind them"
             else:
                 continue
             result.troubles.append(f"{readable(file.url)}: {words}")
-        fresh = tuple(file for file in fresh if file.url not in taken)
+        fresh = tuple(file for file in fresh if file.url not in entered)
         if not fresh:
             return None
     return replace(
@@ -202,13 +202,13 @@ def run_batch(
         remove_waste(manifest)
         tasks = planned(manifest, lines, options, redo=redo, result=result)
         total, done, unwritten = sum(_size(task) for task in tasks), 0, 0
-        taken = _Taken(manifest)
+        entered = _Taken(manifest)
         while tasks:
             again: list[LineTask] = []
             wanted = takewhile(lambda _: stop is None or not stop(), tasks)
             with closing(runner(wanted)) as outcomes:
                 for task, outcome in outcomes:
-                    if copies := _copies(taken, task, outcome):
+                    if copies := _copies(entered, task, outcome):
                         again.append(replace(task, known=task.known | copies))
                         continue
                     unwritten = unwritten + 1 if isinstance(outcome, LakeWriteError) else 0
@@ -217,7 +217,7 @@ def run_batch(
                     done += _size(task)
                     _enter(manifest, task, outcome, result)
                     if not isinstance(outcome, Exception):
-                        taken.add(task.site, task.line, outcome["slices"])
+                        entered.add(task.site, task.line, outcome["slices"])
                     if progress is not None:
                         progress(BatchStep(done, total, result.frames, time.monotonic() - begun))
             tasks = again
@@ -228,12 +228,12 @@ def run_batch(
     return result
 
 
-def _copies(taken: _Taken, task: LineTask, outcome: dict[str, Any] | Exception) -> frozenset[str]:
+def _copies(entered: _Taken, task: LineTask, outcome: dict[str, Any] | Exception) -> frozenset[str]:
     """What a task took though another line of the site has it since: two copies of a capture, in one batch."""
     if isinstance(outcome, Exception):
         return frozenset()
     own = {one["sha256"] for one in outcome["slices"] if one["state"] in _HAVE_ROWS}
-    return taken.elsewhere(task.site, task.line) & own
+    return entered.elsewhere(task.site, task.line) & own
 
 
 def _enter(manifest: Manifest, task: LineTask, outcome: dict[str, Any] | Exception, result: BatchResult) -> None:

@@ -25,7 +25,7 @@ from ..exports.records import TABLES
 from ..extras import needs
 from ..version import RULES
 from ..words import DAY_NS, moment_of
-from .errors import FleetError, LakeWriteError
+from . import FleetError, LakeWriteError
 
 if TYPE_CHECKING:
     from .stores import LakeStore
@@ -35,7 +35,7 @@ try:
     from pyarrow.parquet import ParquetWriter
 
     from ..exports.arrow import SCHEMA
-    from ..exports.record_files import record_schema
+    from ..exports.records import record_schema
     from ..exports.targets.parquet import frames_writer
 except ImportError as error:
     raise FleetError(needs("a lake", "pyarrow", "fleet")) from error

@@ -12,8 +12,8 @@ from os import PathLike, fspath
 from typing import Any, Final
 
 from ..extras import needs
+from . import FleetError
 from .datasets import DATASETS
-from .errors import FleetError
 from .manifest import Manifest, TableFiles
 from .stores import FolderStore, filesystem, store
 
@@ -60,7 +60,7 @@ class Lake:
                 raise FleetError("only one query at a time, and nothing but queries: SELECT, or WITH ... SELECT")
             return connection.sql(text, params=parameters) if parameters else connection.sql(text)
         except duckdb.Error as error:
-            raise FleetError(_words(error)) from error
+            raise FleetError(_sql_error_line(error)) from error
 
     def arrow(self, text: str, parameters: dict[str, Any] | None = None) -> Any:
         """The answer to a query as an Arrow table. Raises FleetError as `sql` does."""
@@ -69,7 +69,7 @@ class Lake:
             relation = self.sql(text, parameters)
             return relation.to_arrow_table()
         except duckdb.Error as error:
-            raise FleetError(_words(error)) from error
+            raise FleetError(_sql_error_line(error)) from error
 
     def polars(self, table: str) -> Any:
         """A polars LazyFrame."""
@@ -112,18 +112,18 @@ def _connected(lake: Lake) -> Any:
         connection.register_filesystem(filesystem(lake.store.root)[0])
     connection.execute("SET TimeZone = 'UTC'")
     for table in DATASETS:
-        rows = _rows(lake, table)
+        rows = _select_all(lake, table)
         if rows is None:
             connection.register(f"empty_{table}", _empty(table))
         connection.execute(f"CREATE VIEW {table} AS {rows or f'SELECT * FROM empty_{table}'}")
     if local:
-        connection.execute(f"SET allowed_directories = [{quoted(lake.store.root + '/')}]")
+        connection.execute(f"SET allowed_directories = [{sql_text(lake.store.root + '/')}]")
         connection.execute("SET enable_external_access = false")
     connection.execute("SET lock_configuration = true")
     return connection
 
 
-def _rows(lake: Lake, table: str) -> str | None:
+def _select_all(lake: Lake, table: str) -> str | None:
     """What selects all rows of a table; None where it has no file."""
     files, days = lake.files(table), DATASETS[table].time is not None
     selected = []
@@ -139,15 +139,15 @@ def _rows(lake: Lake, table: str) -> str | None:
 
 
 def _list(files: list[str]) -> str:
-    return f"[{', '.join(map(quoted, files))}]"
+    return f"[{', '.join(map(sql_text, files))}]"
 
 
-def _words(error: Exception) -> str:
+def _sql_error_line(error: Exception) -> str:
     """What DuckDB says, in a line; not all the functions that it has instead."""
     return " ".join(str(error).partition("Candidate functions:")[0].split())
 
 
-def quoted(text: str) -> str:
+def sql_text(text: str) -> str:
     """A text as SQL has it."""
     return "'" + text.replace("'", "''") + "'"
 

@@ -31,14 +31,13 @@ from ..causes.reasoning import causes_of
 from ..causes.telling import numbers_kept
 from ..core import Analysed, Analyzer, EvenBlocks
 from ..exports.arrow import record_batch
-from ..exports.record_files import record_arrow, record_schema
-from ..exports.records import TABLES
+from ..exports.records import TABLES, record_arrow, record_schema
 from ..options import Options
 from ..outages import deaf_times
 from ..tables.transactions import NEVER, Status
 from ..words import DAY_NS, HOUR_NS
+from . import FleetError
 from .datasets import CAUSES, HOURS, LakeFiles
-from .errors import FleetError
 
 if TYPE_CHECKING:
     from captures import Block, Capture
@@ -62,18 +61,18 @@ class UnitHours:
     def feed(self, transactions: Any) -> Any:
         """Take in a RecordBatch of the table `transactions`; the rows of hours that are over, as one of `HOURS`."""
         if not len(transactions):
-            return _rows({})
+            return _hours_table({})
         hours = transactions.column("t_start_ns").view(pa.int64()).to_numpy() // HOUR_NS
         for hour in np.unique(hours).tolist():
             table = self._open.setdefault(hour, np.zeros((_UNITS, len(_COUNTS)), np.int64))
             _count(table, transactions.filter(pa.array(hours == hour)))
         newest = max(self._open)
-        return _rows({hour: self._open.pop(hour) for hour in sorted(self._open) if hour < newest - 1})
+        return _hours_table({hour: self._open.pop(hour) for hour in sorted(self._open) if hour < newest - 1})
 
     def close(self) -> Any:
         """The rest."""
         rest, self._open = self._open, {}
-        return _rows(dict(sorted(rest.items())))
+        return _hours_table(dict(sorted(rest.items())))
 
 
 def _count(table: NDArray[np.int64], part: Any) -> None:
@@ -96,7 +95,7 @@ def _count(table: NDArray[np.int64], part: Any) -> None:
     np.maximum.at(table[:, _COUNTS.index("response_time_high_max_ns")], units, highs)
 
 
-def _rows(hours: dict[int, NDArray[np.int64]]) -> Any:
+def _hours_table(hours: dict[int, NDArray[np.int64]]) -> Any:
     units = {hour: np.flatnonzero(table[:, 0]) for hour, table in hours.items()}
     t_ns = np.concatenate([np.zeros(0, np.int64), *(np.full(len(u), hour * HOUR_NS) for hour, u in units.items())])
     counts = np.concatenate([np.zeros((0, len(_COUNTS)), np.int64), *(hours[hour][u] for hour, u in units.items())])
@@ -237,7 +236,7 @@ class LineState:
             }
             for cause in causes_of(ledger)
         ]
-        columns = [_cells(field.type, [row[field.name] for row in rows]) for field in CAUSES]
+        columns = [_column_of_kind(field.type, [row[field.name] for row in rows]) for field in CAUSES]
         files.add("causes", pa.record_batch(columns, schema=CAUSES))
 
     def kept(self) -> bytes:
@@ -245,7 +244,7 @@ class LineState:
         return pickle.dumps(self, protocol=5)
 
 
-def _cells(kind: Any, values: list[Any]) -> Any:
+def _column_of_kind(kind: Any, values: list[Any]) -> Any:
     return pa.array([list(each) if isinstance(each, tuple) else each for each in values], kind)
 
 

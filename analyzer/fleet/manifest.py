@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
-from .errors import FleetError
+from . import FleetError
 from .stores import FolderStore, LakeStore
 
 FOLDER: Final = "manifest"
@@ -96,7 +96,7 @@ class Manifest:
         self.newest = 0
         for name in store.names(FOLDER):
             if name.endswith(".json"):
-                self._take(_number(name), _entry(store, name))
+                self._take(_entry_number(name), _entry(store, name))
 
     @classmethod
     def of(cls, store: LakeStore) -> Manifest:
@@ -155,7 +155,7 @@ class Manifest:
             self._packed |= {name: (pack["name"], part) for part, (name, _) in enumerate(members)}
 
 
-def _number(name: str) -> int:
+def _entry_number(name: str) -> int:
     stem = name.rpartition("/")[2].removesuffix(".json")
     return int(stem) if stem.isdecimal() else 0
 

@@ -18,7 +18,7 @@ from urllib.parse import unquote
 from uuid import uuid4
 
 from ..extras import needs
-from .errors import FleetError
+from . import FleetError
 
 try:
     import pyarrow as pa
@@ -72,10 +72,10 @@ def pack(manifest: Manifest, least: int | None = None, stop: Callable[[], bool] 
     before = after = 0
     least = MANY if least is None else least
     for table in DATASETS:
-        pieces, settled = _small(manifest, table)
+        smalls, settled = _small(manifest, table)
         if settled < least or (stop is not None and stop()):
             continue
-        groups = [group for group in _groups(pieces) if len(group) > 1 or group[0].stale]
+        groups = [group for group in _groups(smalls) if len(group) > 1 or group[0].stale]
         if groups:
             manifest.add({"packs": [_write(manifest.store, table, group) for group in groups]})
         before, after = before + sum(map(len, groups)), after + len(groups)
@@ -86,29 +86,29 @@ def _small(manifest: Manifest, table: str) -> tuple[list[_SmallFile], int]:
     """What is worth packing, by site and day; and how much of it a line that goes on will not soon replace."""
     files, rows = manifest.files(table), manifest.rows(table)
     passing = {name for line in manifest.lines.values() if line.last["state"] for name, _ in line.tail(table)}
-    pieces = [_SmallFile(name, ((name, rows[name]),)) for name in files.loose if rows[name] < SMALL]
-    settled = sum(piece.file not in passing for piece in pieces)
+    smalls = [_SmallFile(name, ((name, rows[name]),)) for name in files.loose if rows[name] < SMALL]
+    settled = sum(small.file not in passing for small in smalls)
     for name, stale in files.packs.items():
         members = manifest.packs[name].members
         numbers = tuple(number for number in range(len(members)) if number not in stale)
         dead = sum(members[number][1] for number in stale)
         live = _SmallFile(name, tuple(members[number] for number in numbers), numbers, dead)
         if live.rows < SMALL or dead > _STALE * live.rows:
-            pieces.append(live)
+            smalls.append(live)
             settled += 1
-    return sorted(pieces, key=lambda piece: min(piece.members)), settled  # names begin with site and day
+    return sorted(smalls, key=lambda small: min(small.members)), settled  # names begin with site and day
 
 
-def _groups(pieces: list[_SmallFile]) -> Iterator[list[_SmallFile]]:
+def _groups(smalls: list[_SmallFile]) -> Iterator[list[_SmallFile]]:
     """Those that make a pack together."""
     group: list[_SmallFile] = []
     rows = 0
-    for piece in pieces:
-        if group and rows + piece.rows > FULL:
+    for small in smalls:
+        if group and rows + small.rows > FULL:
             yield group
             group, rows = [], 0
-        group.append(piece)
-        rows += piece.rows
+        group.append(small)
+        rows += small.rows
     yield group
 
 
@@ -117,11 +117,11 @@ def _write(store: LakeStore, table: str, group: list[_SmallFile]) -> dict[str, A
     schema = pack_schema(table)
     parts: list[Any] = []
     members: list[PackMember] = []
-    for piece in group:
-        with fetched(store.url(piece.file)) as path, ParquetFile(path) as file:
+    for small in group:
+        with fetched(store.url(small.file)) as path, ParquetFile(path) as file:
             rows = file.read()
-        parts.append(_own(rows, piece, len(members)).select(schema.names).cast(schema))
-        members += piece.members
+        parts.append(_own(rows, small, len(members)).select(schema.names).cast(schema))
+        members += small.members
     path = store.scratch()
     make: Callable[..., Any] = frames_writer if table == "frames" else ParquetWriter
     with make(str(path), schema, compression="zstd") as writer:
@@ -131,18 +131,18 @@ def _write(store: LakeStore, table: str, group: list[_SmallFile]) -> dict[str, A
     return {"table": table, "name": name, "members": members}
 
 
-def _own(rows: Any, piece: _SmallFile, first: int) -> Any:
+def _own(rows: Any, small: _SmallFile, first: int) -> Any:
     """The rows of a file that are the lake's, with all columns of a pack; its parts numbered from `first`."""
-    if piece.numbers is None:
-        for column, value in {**_place(piece.file), "part": pa.scalar(first, pa.int32())}.items():
+    if small.numbers is None:
+        for column, value in {**_site_and_day(small.file), "part": pa.scalar(first, pa.int32())}.items():
             rows = rows.append_column(column, pa.repeat(value, len(rows)))
         return rows
-    numbers = pc.index_in(rows.column("part"), pa.array(piece.numbers, pa.int32()))
+    numbers = pc.index_in(rows.column("part"), pa.array(small.numbers, pa.int32()))
     rows = rows.set_column(rows.column_names.index("part"), "part", pc.add(numbers, pa.scalar(first, pa.int32())))
     return rows.filter(pc.is_valid(numbers))
 
 
-def _place(name: str) -> dict[str, Any]:
+def _site_and_day(name: str) -> dict[str, Any]:
     """Site and day, as the name of a file of one line has them."""
     keys = dict(folder.split("=", 1) for folder in name.split("/")[1:-1])
     place = {"site": pa.scalar(unquote(keys["site"]))}

@@ -2,17 +2,26 @@
 
 Times are told from the newest byte that the lake has, not from today: a lake may be old. A unit's response time lies
 between the two figures that are given of it; they are one where its tap tells times exactly.
+
+What changed for good about a unit, and when, is no SQL: one change point a series, in its hours. A series is cut where
+that explains it best (the least sum of squares about two means rather than one), and told where the difference is many
+times what the hours' own scatter makes likely. Where a tap only tells between what a response time lies, the two means
+must not overlap.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
 from ..meant import meant
-from .errors import FleetError
+from . import FleetError
 from .lake import Lake
 
 _NEWEST: Final = "(SELECT max(t_last_ns)::TIMESTAMPTZ FROM captures)"  # an interval is not taken from nanoseconds
@@ -44,7 +53,7 @@ class Question:
     answer: Callable[[Lake, Asked], Any]  # an Arrow table
 
 
-def _within(asked: Asked, column: str = "t_ns") -> str:
+def _sql_span(asked: Asked, column: str = "t_ns") -> str:
     since = "" if asked.since_s is None else f" AND {column}::TIMESTAMPTZ >= {_NEWEST} - to_seconds($since)"
     return ("WHERE true" if asked.site is None else "WHERE site = $site") + since
 
@@ -58,7 +67,7 @@ def _worst_units(lake: Lake, asked: Asked) -> Any:
     """By the least share of bad answers that the count makes likely (Wilson, 95 %): one of one is not the worst."""
     return lake.arrow(
         f"""WITH units AS (SELECT site, line, unit, {UNIT_COLUMNS}
-    FROM hours {_within(asked)} AND unit > 0 GROUP BY ALL),
+    FROM hours {_sql_span(asked)} AND unit > 0 GROUP BY ALL),
   judged AS (SELECT *, (exceptions + unanswered + damaged) / asked AS p FROM units WHERE asked > 0)
 SELECT site, line, unit, asked, exceptions, unanswered, damaged, retries, bad_percent, mean_ms_low, mean_ms_high
 FROM judged WHERE p > 0
@@ -143,7 +152,7 @@ def _register(lake: Lake, asked: Asked) -> Any:
         )
     day = "" if asked.since_s is None else f" AND day >= ({_NEWEST} - to_seconds($since))::DATE"
     return lake.arrow(
-        f"""SELECT t_ns, site, line, area, raw FROM values {_within(asked)}{day}
+        f"""SELECT t_ns, site, line, area, raw FROM values {_sql_span(asked)}{day}
   AND unit = $unit AND address = $address {"AND area = $area" if area else ""}
 ORDER BY site, line, t_ns, "index", area""",
         _parameters(asked, unit=int(unit), address=int(address), area=area[0] if area else None),
@@ -156,7 +165,7 @@ def _to(text: str, most: int) -> bool:
 
 
 def _damaged(lake: Lake, asked: Asked) -> Any:
-    where = _within(asked)
+    where = _sql_span(asked)
     return lake.arrow(
         f"""SELECT site, line, source, state, damage_count, damage[1] AS first FROM captures {where}
   AND state IN ('damaged', 'unreadable') ORDER BY site, line, source LIMIT {asked.limit}""",
@@ -165,12 +174,11 @@ def _damaged(lake: Lake, asked: Asked) -> Any:
 
 
 def _drift(lake: Lake, asked: Asked) -> Any:
-    from .drift import drifts
 
     hours = lake.arrow(
         f"""SELECT site, line, unit, t_ns, requests - broadcast - unheard AS asked, {_BAD} AS bad, timed,
   response_time_low_sum_ns AS low, response_time_high_sum_ns AS high
-FROM hours {_within(asked)} AND unit > 0 ORDER BY site, line, unit, t_ns""",
+FROM hours {_sql_span(asked)} AND unit > 0 ORDER BY site, line, unit, t_ns""",
         _parameters(asked),
     )
     return drifts(hours).slice(0, asked.limit)
@@ -198,3 +206,80 @@ def ready(lake: Lake, name: str, asked: Asked) -> Any:
     if asked.site is not None:
         _known_site(lake, asked.site)
     return question.answer(lake, asked)
+
+
+_LEAST: Final = 6  # hours on either side of a change
+_SIGMAS: Final = 6.0  # a change that hours' scatter alone makes once in far more series than a fleet has
+_MS: Final = 0.5  # a change of less is nothing to anybody
+_PERCENT: Final = 0.5
+_Numbers = NDArray[np.float64]
+
+
+def drifts(hours: Any) -> Any:
+    """Changes, the surest first, of a table of hours sorted by site, line, unit and time."""
+    rows = sorted(_changes(hours), key=lambda row: (-row["sigmas"], row["site"], row["line"], row["unit"]))
+    schema = pa.schema(
+        [
+            ("site", pa.string()),
+            ("line", pa.string()),
+            ("unit", pa.uint8()),
+            ("what", pa.string()),
+            ("since", pa.timestamp("ns", "UTC")),
+            ("before", pa.float64()),
+            ("after", pa.float64()),
+            ("sigmas", pa.float64()),
+            ("hours", pa.int64()),
+        ]
+    )
+    return pa.Table.from_pylist(rows, schema)
+
+
+def _changes(hours: Any) -> Iterator[dict[str, Any]]:
+    sites, lines = (hours.column(name).to_pylist() for name in ("site", "line"))
+    units, asked, bad, timed, low, high = (
+        hours.column(name).to_numpy().astype(np.float64) for name in ("unit", "asked", "bad", "timed", "low", "high")
+    )
+    times = hours.column("t_ns").cast(pa.timestamp("ns", "UTC")).cast(pa.int64()).to_numpy()
+    keys = [*zip(sites, lines, units.tolist(), strict=True)]
+    begins = [row for row in range(len(keys)) if not row or keys[row] != keys[row - 1]]
+    for begin, end in zip(begins, [*begins[1:], len(keys)], strict=True):
+        site, line, unit = keys[begin]
+        about = {"site": site, "line": line, "unit": int(unit)}
+        mine = slice(begin, end)
+        known = timed[mine] > 0
+        lows, highs = (each[mine][known] / timed[mine][known] / 1e6 for each in (low, high))
+        yield from _change(about, "mean response time, ms", times[mine][known], lows, highs, _MS)
+        known = asked[mine] > 0
+        rates = 100 * bad[mine][known] / asked[mine][known]
+        yield from _change(about, "bad answers, %", times[mine][known], rates, rates, _PERCENT)
+
+
+def _change(
+    about: dict[str, Any], what: str, times: NDArray[np.int64], low: _Numbers, high: _Numbers, least: float
+) -> Iterator[dict[str, Any]]:
+    values = (low + high) / 2
+    count = len(values)
+    if count < 2 * _LEAST:
+        return
+    sums = np.cumsum(values)
+    n = np.arange(1, count)
+    left, right = sums[:-1] / n, (sums[-1] - sums[:-1]) / (count - n)
+    gain = n * (count - n) / count * (left - right) ** 2
+    gain[: _LEAST - 1] = gain[count - _LEAST :] = -1
+    at = int(gain.argmax()) + 1
+    before, after = float(values[:at].mean()), float(values[at:].mean())
+    rest = np.concatenate((values[:at] - before, values[at:] - after))
+    scatter = float(np.sqrt((rest**2).sum() / (count - 2)))
+    unsure = float((high - low).mean()) / 2
+    change = abs(after - before)
+    sigmas = change / max(scatter * np.sqrt(1 / at + 1 / (count - at)), 1e-9)
+    if sigmas >= _SIGMAS and change >= least and change > 2 * unsure:
+        yield {
+            **about,
+            "what": what,
+            "since": int(times[at]),
+            "before": round(before, 3),
+            "after": round(after, 3),
+            "sigmas": round(min(sigmas, 1e6), 1),
+            "hours": count,
+        }

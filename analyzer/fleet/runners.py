@@ -25,7 +25,7 @@ from multiprocessing.connection import Connection
 from typing import Any, Final, NoReturn
 
 from ..extras import needs
-from .errors import FleetError
+from . import FleetError
 from .tasks import LineTask, run_task
 
 Outcome = tuple[LineTask, dict[str, Any] | Exception]

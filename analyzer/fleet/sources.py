@@ -22,7 +22,7 @@ from typing import Any, Final
 
 from captures.errors import os_reason
 
-from .errors import FleetError
+from . import FleetError
 from .stores import fetched, filesystem, is_remote
 
 _RING: Final = re.compile(r"(?P<line>.+)-\d{8}T\d{6}\.\d{3}Z")
@@ -124,7 +124,7 @@ def lines_of(
         grouped[key].append((folder, file, sliced or whole is not None))
     lines = []
     for key, members in sorted(grouped.items()):
-        line = _line(*key, members)
+        line = _line_of_members(*key, members)
         if isinstance(line, LineFiles):
             lines.append(line)
         else:
@@ -150,7 +150,7 @@ def _header_site(file: SourceFile) -> str | None:
         return None  # the batch says what is the matter with it
 
 
-def _line(site: str, line: str, members: list[tuple[str, SourceFile, bool]]) -> LineFiles | str:
+def _line_of_members(site: str, line: str, members: list[tuple[str, SourceFile, bool]]) -> LineFiles | str:
     """A line, or why these files are not one."""
     first = members[0]
     other = next((each for each in members if each[0] != first[0]), None)

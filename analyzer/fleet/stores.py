@@ -17,7 +17,7 @@ from uuid import uuid4
 from captures.errors import os_reason
 
 from ..extras import needs
-from .errors import FleetError
+from . import FleetError
 
 PART = ".part"  # the end of names of files that are not whole yet
 
@@ -93,13 +93,13 @@ class FolderStore:
 
     def write(self, name: str, data: bytes) -> None:
         path = self.scratch()
-        with _told(self.url(name)):
+        with _as_fleet_error(self.url(name)):
             path.write_bytes(data)
         self.put(name, path)
 
     def put(self, name: str, path: Path) -> None:
         target = self._folder / name
-        with _told(target):
+        with _as_fleet_error(target):
             target.parent.mkdir(parents=True, exist_ok=True)
             with path.open("rb+") as file:
                 os.fsync(file.fileno())
@@ -115,7 +115,7 @@ class FolderStore:
 
     def scratch(self) -> Path:
         folder = self._folder / "scratch"
-        with _told(folder):
+        with _as_fleet_error(folder):
             folder.mkdir(parents=True, exist_ok=True)
         return folder / f"{uuid4().hex}{PART}"
 
@@ -130,20 +130,20 @@ class ObjectStore:
 
     def names(self, folder: str) -> list[str]:
         self._system.invalidate_cache()
-        with _told(f"{self.root}/{folder}"):
+        with _as_fleet_error(f"{self.root}/{folder}"):
             paths = self._system.find(f"{self._path}/{folder}")
         return sorted(path[len(self._path) + 1 :] for path in paths)
 
     def read(self, name: str) -> bytes:
-        with _told(self.url(name)):
+        with _as_fleet_error(self.url(name)):
             return bytes(self._system.cat_file(f"{self._path}/{name}"))
 
     def write(self, name: str, data: bytes) -> None:
-        with _told(self.url(name)):
+        with _as_fleet_error(self.url(name)):
             self._system.pipe_file(f"{self._path}/{name}", data)
 
     def put(self, name: str, path: Path) -> None:
-        with _told(self.url(name)):
+        with _as_fleet_error(self.url(name)):
             self._system.put_file(str(path), f"{self._path}/{name}")
         path.unlink()
 
@@ -169,13 +169,13 @@ def fetched(url: str) -> Iterator[Path]:
     system, path = filesystem(url)
     with tempfile.TemporaryDirectory(prefix="rtuscope-source-") as folder:
         target = Path(folder) / (Path(path).name or "capture")
-        with _told(url):
+        with _as_fleet_error(url):
             system.get_file(path, str(target))
         yield target
 
 
 @contextmanager
-def _told(where: object) -> Iterator[None]:
+def _as_fleet_error(where: object) -> Iterator[None]:
     """What an operating system, or a store's library, says of a failure, as a FleetError."""
     try:
         yield

@@ -20,8 +20,8 @@ from captures.errors import CaptureError, os_reason
 from ..languages import telling
 from ..options import Options
 from ..version import RULES, __version__
+from . import FleetError, LakeWriteError
 from .datasets import CAPTURES, DATASETS, LakeFiles
-from .errors import FleetError, LakeWriteError
 from .linestate import ChunkDigest, LineState, NotGrownError, behind, resumed
 from .manifest import PackMember
 from .sources import SourceFile, as_it_is, readable

@@ -15,7 +15,7 @@ import numpy as np
 from captures.chunks import Block
 from captures.line import LineSettings
 from captures.recording.notes import Note
-from dissectors.maps.units import UnitMaps
+from dissectors.maps.files import UnitMaps
 
 from ..filters import compile_filter
 from ..filters.table import BatchTable

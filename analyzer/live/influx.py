@@ -14,8 +14,7 @@ import math
 import re
 from collections.abc import Mapping
 
-from dissectors.maps.decoding import MappedReading
-from dissectors.maps.model import RegisterMap
+from dissectors.maps.model import MappedReading, RegisterMap
 from dissectors.values import harmless
 
 from ..registers.revising import Revision
@@ -70,7 +69,7 @@ class InfluxLines:
 def _value(reading: MappedReading) -> tuple[str, str, tuple[str, str]]:
     """Name, area and field of a reading: a number where it is one, else its words."""
     value = reading.value
-    field = ("text", _quoted(reading.text))
+    field = ("text", _string_value(reading.text))
     if isinstance(value, int | float) and math.isfinite(value):
         field = ("value", repr(float(value)))
     return reading.row.name, reading.row.area, field
@@ -78,7 +77,7 @@ def _value(reading: MappedReading) -> tuple[str, str, tuple[str, str]]:
 
 def _finding(finding: Finding, unit: int | None, t_ns: int) -> str:
     tags = {"code": finding.code, "severity": finding.severity.name.lower(), "unit": unit, "port": finding.port}
-    return _line("modbus_finding", tags, {"text": _quoted(finding.text)}, max(t_ns, finding.t_ns, 0))
+    return _line("modbus_finding", tags, {"text": _string_value(finding.text)}, max(t_ns, finding.t_ns, 0))
 
 
 def _line(measurement: str, tags: Mapping[str, object], fields: Mapping[str, str], t_ns: int) -> str:
@@ -93,6 +92,6 @@ def _tag(text: str) -> str:
     return re.sub(r"([,= ])", r"\\\1", text.replace("\\", "/"))  # a backslash at its end would escape what follows
 
 
-def _quoted(text: str) -> str:
+def _string_value(text: str) -> str:
     escaped = " ".join(harmless(text).split()).replace("\\", "\\\\").replace('"', '\\"')
     return f'"{escaped}"'

@@ -11,8 +11,7 @@ import orjson
 
 from dissectors.annotation import annotate
 from dissectors.length_rules import Role
-from dissectors.maps.decoding import MappedReading
-from dissectors.maps.model import RegisterMap
+from dissectors.maps.model import MappedReading, RegisterMap
 from dissectors.values import harmless
 
 from ..causes.story import CauseRevision

@@ -174,7 +174,7 @@ def bands(
     """A band for each cause that shows in the span, each of the kept tests, and each unit, of rows that pass the scope.
 
     A unit that only damaged frames speak of is none: their unit may be what was damaged.
-    `causes` are the rows that show each (`findinglog.rows_of_causes`); a band has the number of its cause.
+    `causes` are the rows that show each (`rowstores.rows_of_causes`); a band has the number of its cause.
     """
     t_start, t_end = span
     width = max(t_end - t_start, 1) / bins

@@ -22,15 +22,13 @@ from ..options import Options
 from ..outages import Deaf
 from ..reports.summary import Summary, with_cards, with_story
 from ..tables.batch import Batch
-from ..tables.delays import bounds_of
 from ..tables.frame import Frame
 from ..tables.schema import NO_GAP, Kind, Row, Rows
-from ..tables.transactions import NEVER, OF_ANSWER, Status, TransactionRows
+from ..tables.transactions import NEVER, OF_ANSWER, Status, TransactionRows, bounds_of
 from .activity import Activity, Bins, UnitActivity
-from .findinglog import FindingLog
 from .polls import PollIndex
 from .registers import RegisterLog
-from .rowstores import ByteStore, RowBits, RowEvidence, evidence_columns, evidence_of
+from .rowstores import ByteStore, FindingLog, RowBits, RowEvidence, evidence_columns, evidence_of
 from .source import CaptureSource, ViewSource
 from .table import PIECE, BusRows, RowState, RowTable
 

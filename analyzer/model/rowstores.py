@@ -1,26 +1,33 @@
-"""What is kept beside the table of rows, row by row.
+"""What is kept beside the table of rows.
 
-Their bytes, kept once and in row order; why their boundaries stand where they do, in 15 bytes a row; and how long their
-bits took, where a capture has edges, and by that how fast senders' clocks are.
+Row by row: their bytes, kept once and in row order; why their boundaries stand where they do, in 15 bytes a row; and
+how long their bits took, where a capture has edges, and by that how fast senders' clocks are. And findings in the
+order in which they were made, each with the row that it stands on; and by what explains them.
 """
 
 from __future__ import annotations
 
 import threading
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..causes.links import cause_of
 from ..reports.rates import RateTable, bit_times
+from ..tables.findings import Finding, Findings, Severity, codes, describe, rules
 from ..tables.schema import Kind
 from .table import NO_EVIDENCE, RowTable
 
 if TYPE_CHECKING:
     from captures.edges.source import BitSpans
 
+    from ..causes.model import Cause
     from ..tables.batch import Batch
     from ..tables.schema import Rows
+    from .bus import Bus
 
 _BYTES: Final = 1 << 20
 
@@ -145,3 +152,157 @@ class RowBits:
             if len(self._taken) > 1:
                 self._taken = [np.concatenate(self._taken, axis=1)]
             return self._taken[0][:, rows]
+
+
+_ROOM: Final = 64
+
+
+class FindingLog:
+    """All findings; `rows` says where each stands, -1 for the bus as a whole."""
+
+    def __init__(self) -> None:
+        self._findings = Findings.zeros(_ROOM)
+        self._rows = np.zeros(_ROOM, np.int32)
+        self.count = 0
+        self.by_code: Counter[str] = Counter()
+        self.by_severity: Counter[Severity] = Counter(dict.fromkeys(Severity, 0))  # all there: others go through it
+        self._severity = np.array([rule.severity for rule in rules()], np.uint8)
+
+    def add(self, findings: Findings, table: RowTable) -> None:
+        """Take in some more, and mark their rows."""
+        n = len(findings)
+        if not n:
+            return
+        if self.count + n > len(self._findings):
+            room = max(len(self._findings) * 5 // 4, self.count + n)
+            self._findings = Findings.joined((self._findings, Findings.zeros(room - len(self._findings))))
+            self._rows = np.concatenate((self._rows, np.zeros(room - len(self._rows), np.int32)))
+        rows = table.rows_of_bytes(findings.port, findings.start)
+        self._findings.put(slice(self.count, self.count + n), findings)
+        self._rows[self.count : self.count + n] = rows
+        grave = self._severity[findings.rule]
+        order = np.argsort(grave, kind="stable")  # the gravest is written last
+        order = order[rows[order] >= 0]
+        marks = np.maximum(table.take("mark", rows[order]), grave[order])
+        table.put("mark", rows[order], marks)
+        for level in Severity:
+            self.by_severity[level] += int((grave == level).sum())
+        names = codes()
+        for rule, count in zip(*np.unique(findings.rule, return_counts=True), strict=True):
+            self.by_code[names[rule]] += int(count)
+        self.count += n
+
+    def row(self, i: int) -> int:
+        """The row on which finding `i` stands, -1 for none."""
+        return int(self._rows[i])
+
+    def rows_of(self, numbers: NDArray[np.int64]) -> NDArray[np.int32]:
+        """`row` for many."""
+        return self._rows[numbers]
+
+    def rules_of(self, numbers: NDArray[np.int64]) -> NDArray[np.int16]:
+        """The rule of some findings."""
+        rules: NDArray[np.int16] = self._findings.rule[numbers]
+        return rules
+
+    def levels_of(self, numbers: NDArray[np.int64]) -> Counter[Severity]:
+        """How many of some findings are of each severity."""
+        grave = self._severity[self._findings.rule[numbers]]
+        return Counter({level: int((grave == level).sum()) for level in Severity})
+
+    def finding(self, i: int) -> Finding:
+        """Finding `i` in words."""
+        return describe(self._findings, i)
+
+    def of_row(self, row: int) -> tuple[Finding, ...]:
+        """What stands on a row, the gravest first."""
+        numbers = np.flatnonzero(self._rows[: self.count] == row)
+        return tuple(sorted((self.finding(i) for i in numbers.tolist()), key=lambda f: -f.severity))
+
+    def rows_beyond(self, row: int, step: int) -> NDArray[np.int32]:
+        """Rows with findings behind `row`, or before it where `step` is negative, the nearest first."""
+        rows = self._rows[: self.count]
+        if step > 0:
+            return np.unique(rows[rows > row])
+        return np.unique(rows[(rows < row) & (rows >= 0)])[::-1]
+
+    def times(self, table: RowTable, unit: int) -> NDArray[np.int64]:
+        """When the rows of a unit began that findings stand on, ascending, ns."""
+        rows = np.unique(self._rows[: self.count]).astype(np.int64)
+        rows = rows[rows >= 0]
+        return np.sort(table.take("t_start_ns", rows[table.take("unit", rows) == unit]))
+
+    def rules(self, first: int, last: int) -> tuple[NDArray[np.int64], NDArray[np.int16]]:
+        """Rows from `first` to `last` (excluded) that findings stand on, ascending, and the rule of each."""
+        rows = self._rows[: self.count]
+        numbers = np.flatnonzero((rows >= first) & (rows < last))
+        numbers = numbers[np.argsort(rows[numbers], kind="stable")]
+        return rows[numbers].astype(np.int64), self._findings.rule[numbers]
+
+    def on(self, wanted: NDArray[np.int64]) -> Findings:
+        """Those on the wanted rows (ascending, at least one), in the order of their rows."""
+        rows = self._rows[: self.count]
+        numbers = np.flatnonzero((rows >= wanted[0]) & (rows <= wanted[-1]))
+        numbers = numbers[np.isin(rows[numbers], wanted)]
+        return self._findings[numbers[np.argsort(rows[numbers], kind="stable")]]
+
+    def chosen(self, code: str | None, least: Severity) -> NDArray[np.int64]:
+        """Numbers of the findings of a code (None: any) and of at least that severity, in the order of their rows."""
+        findings = self._findings[: self.count]
+        good = self._severity[findings.rule] >= least
+        if code is not None:
+            good &= findings.rule == codes().index(code)
+        numbers = np.flatnonzero(good)
+        return numbers[np.argsort(self._rows[numbers], kind="stable")]
+
+    @property
+    def nbytes(self) -> int:
+        return int(self._findings.nbytes + self._rows.nbytes)
+
+
+_UNIT = 0xFFFF  # of a key: unit + 1, 0 for the bus as a whole
+
+
+class ExplainedFindings(NamedTuple):
+    """What one cause explains, or (`cause` None) none does: numbers of findings by code, the most frequent first.
+
+    `cause` is its number among those asked about; the findings of a code are in the order of their rows.
+    """
+
+    cause: int | None
+    by_code: Mapping[str, NDArray[np.int64]]
+
+
+def by_cause(bus: Bus, numbers: NDArray[np.int64], causes: Sequence[Cause]) -> list[ExplainedFindings]:
+    """Some findings by cause: of each cause, best first, what it explains of them, then what none explains."""
+    log, table, names = bus.found, bus.table, codes()
+    rows = log.rows_of(numbers).astype(np.int64)
+    units = np.where(rows >= 0, table.take("unit", np.maximum(rows, 0)).astype(np.int64), -1)
+    keys = log.rules_of(numbers).astype(np.int64) << 16 | units + 1
+    groups: dict[int | None, dict[str, list[NDArray[np.int64]]]] = {}
+    for key in np.unique(keys).tolist():
+        code, unit = names[key >> 16], (key & _UNIT) - 1
+        cause = cause_of(code, None if unit < 0 else unit, causes)
+        groups.setdefault(cause, {}).setdefault(code, []).append(numbers[keys == key])
+    explained = []
+    for which in [*range(len(causes)), None]:
+        parts = {code: np.sort(np.concatenate(each)) for code, each in groups.get(which, {}).items()}
+        if which is None and not parts:
+            continue
+        ordered = sorted(parts.items(), key=lambda each: -len(each[1]))
+        by_code = {code: each[np.argsort(log.rows_of(each), kind="stable")] for code, each in ordered}
+        explained.append(ExplainedFindings(which, by_code))
+    return explained
+
+
+def rows_of_causes(bus: Bus, causes: Sequence[Cause]) -> list[NDArray[np.int64]]:
+    """The rows that the findings stand on which each cause explains, ascending."""
+    if not causes:
+        return []
+    rows = [np.zeros(0, np.int64) for _ in causes]
+    for explained in by_cause(bus, np.arange(bus.found.count), causes):
+        if explained.cause is not None and explained.by_code:
+            numbers = np.concatenate(list(explained.by_code.values()))
+            on = np.unique(bus.found.rows_of(numbers).astype(np.int64))
+            rows[explained.cause] = on[on >= 0]
+    return rows

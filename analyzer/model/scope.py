@@ -21,17 +21,17 @@ from .selection import (
     Test,
     both,
     frames_only,
+    in_span,
     remembered,
     transactions,
     transactions_with,
-    within,
 )
 from .table import PIECE
 
 if TYPE_CHECKING:
     from ..reports.model import Report
     from .bus import Bus
-    from .filtering import CompiledTest
+    from .selection import CompiledTest
     from .source import ViewSource
 
 _AT_ONCE = 1 << 13  # rows
@@ -67,7 +67,7 @@ class Scope:
         if self.hide_noise:
             tests.append(frames_only)
         if self.span is not None:
-            tests.append(within(*self.span))
+            tests.append(in_span(*self.span))
         if self.filter is not None:
             tests.append(self.filter.test)
         return tests

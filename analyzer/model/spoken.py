@@ -11,8 +11,8 @@ from ..tables.schema import Kind
 from ..tables.transactions import Status
 from ..words import between, date_and_time, is_clock, seconds
 from .bus import Bus
-from .filtering import compiled
 from .scope import Scope
+from .selection import compiled
 from .table import RowState
 
 if TYPE_CHECKING:

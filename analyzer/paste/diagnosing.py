@@ -10,7 +10,7 @@ import numpy as np
 from captures.line import LineSettings
 from dissectors.length_rules import Role
 
-from ..diagnosis.running import Diagnosis
+from ..diagnosis.judge import Diagnosis
 from ..options import Options
 from ..tables.batch import Batch
 from ..tables.findings import Finding, Findings, described

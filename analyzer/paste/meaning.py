@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final
 
 from dissectors.maps import RegisterMap
-from dissectors.maps.decoding import MappedReading, readings_by_map
+from dissectors.maps.model import MappedReading, readings_by_map
 
 from ..languages import tr
 

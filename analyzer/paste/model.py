@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from dissectors.adu import EXCEPTION
 from dissectors.annotation import Context, annotate, summary
 from dissectors.envelopes import Adu
-from dissectors.fields import Field
+from dissectors.fields import ENGLISH, Field, Wording
 from dissectors.functions import function_name
 from dissectors.length_rules import Role
-from dissectors.wording import ENGLISH, Wording
 
 if TYPE_CHECKING:
     from ..tables.findings import Finding

@@ -13,8 +13,7 @@ from dissectors.fields import Field
 from dissectors.length_rules import Role
 from dissectors.values import harmless
 
-from ..languages import counted, field_name, tr, wording
-from ..languages.retelling import retold
+from ..languages import counted, field_name, retold, tr, wording
 from ..terminal_text import TerminalText, painted, terminal_text
 from .model import Paste, PastedFrame, PastedNoise
 from .numbers import every_reading, likely_floats
@@ -52,7 +51,7 @@ def tree(paste: Paste, *, colour: bool = False, values: bool = False) -> Termina
     for piece in paste.pieces:
         lines.append("")
         if isinstance(piece, PastedNoise):
-            octets = shown(piece.data, _NOISE_BYTES)
+            octets = hex_shown(piece.data, _NOISE_BYTES)
             length = counted(piece.length, "byte", "bytes")
             where = tr("{bytes} at {start}: {octets}", bytes=length, start=piece.start, octets=octets)
             lines.append(terminal_text(painted(tr("in no frame"), style.bold), f"  {where}"))
@@ -191,9 +190,9 @@ def _octets(field: Field) -> str:
         if field.bits == 1:
             return tr("bit {bit}", bit=field.bit)
         return tr("bits {first}-{last}", first=field.bit, last=field.bit + (field.bits or 1) - 1)
-    return shown(bytes.fromhex(field.raw), _HEX_BYTES)
+    return hex_shown(bytes.fromhex(field.raw), _HEX_BYTES)
 
 
-def shown(data: bytes, most: int) -> str:
+def hex_shown(data: bytes, most: int) -> str:
     """Bytes in hex, the first ones of many."""
     return data[:most].hex(" ").upper() + (" …" if len(data) > most else "")

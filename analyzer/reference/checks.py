@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from ..checks.forms import forms
+from ..checks.model import forms
 from ..checks.rules.counts import WORDS
 
 _HEAD: Final = """\

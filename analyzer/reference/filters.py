@@ -92,10 +92,10 @@ for found in bus.analysed():
 
 def markdown() -> str:
     """The page, newline at the end."""
-    return _HEAD + "".join(_row(field) for field in FIELDS) + _TAIL
+    return _HEAD + "".join(_field_row(field) for field in FIELDS) + _TAIL
 
 
-def _row(field: FilterField) -> str:
+def _field_row(field: FilterField) -> str:
     names = ", ".join(f"`{name}`" for name in (field.name, *field.aliases))
     marks = ("¹" if field.settled else "") + ("²" if field.cost >= Cost.BYTES else "")
     operators = " ".join(f"`{operator}`" for operator in field.kind.operators)

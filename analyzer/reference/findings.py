@@ -12,8 +12,7 @@ from typing import Final
 
 from dissectors.fields import Field
 
-from ..diagnosis.clauses import titled
-from ..tables.findings import Finding, Rule, codes, described, rules
+from ..tables.findings import Finding, Rule, codes, described, rules, titled
 
 _HEAD: Final = """\
 # Findings

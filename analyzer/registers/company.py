@@ -61,10 +61,10 @@ def rhythm(company: Company, high: Ints, low: Ints) -> Ints:
     """Of every second register to either side of a pair: how many in line with its high word stand at zero, and
     how many in line with its low word do not (of either 0 there are none, 1 to 4 from few to all)."""
     seen, zeros, others = (np.zeros(len(high), np.int64) for _ in range(3))
-    for there, top, bottom in _pairs_beside(company, high, low, _BESIDE):
-        seen += there
-        zeros += there & company.zero[top]
-        others += there & ~company.zero[bottom]
+    for present, top, bottom in _pairs_beside(company, high, low, _BESIDE):
+        seen += present
+        zeros += present & company.zero[top]
+        others += present & ~company.zero[bottom]
     shares = [np.digitize(count / np.maximum(seen, 1), (0.2, 0.6, 0.9)) + 1 for count in (zeros, others)]
     return np.where(seen > 0, shares[0] * 5 + shares[1], 0)
 
@@ -76,10 +76,10 @@ def pairs_in_line(company: Company, high: Ints, low: Ints) -> Ints:
     words, moved = company.words, company.moved
     says_nothing = np.isin(words, _MARKS)
     alike, against = (np.zeros(len(high), np.int64) for _ in range(2))
-    for there, top, bottom in _pairs_beside(company, high, low, _IN_LINE):
+    for present, top, bottom in _pairs_beside(company, high, low, _IN_LINE):
         fits = ~moved[top] & (says_nothing[top] | (words[top] == words[high]))
-        alike += there & fits & (moved[bottom] | (words[bottom] != 0))
-        against += there & ~fits & ~(moved[top] & moved[bottom])
+        alike += present & fits & (moved[bottom] | (words[bottom] != 0))
+        against += present & ~fits & ~(moved[top] & moved[bottom])
     rows: Ints = np.digitize(alike, (1, 2, 3, 4, 6)) * 4 + np.minimum(against, 3)
     return rows
 
@@ -95,11 +95,11 @@ def fours_in_line(company: Company, columns: Ints) -> Ints:
     alike, against = (np.zeros(len(columns), np.int64) for _ in range(2))
     begins = np.arange(len(columns))
     for away in _FOURS:
-        there = begins + away >= company.first[: len(begins)]
-        there &= begins + away + 3 <= company.last[: len(begins)]
-        slot = np.where(there, begins + away, 0)
-        alike += there & fits[slot] & says[slot]
-        against += there & ~fits[slot]
+        present = begins + away >= company.first[: len(begins)]
+        present &= begins + away + 3 <= company.last[: len(begins)]
+        slot = np.where(present, begins + away, 0)
+        alike += present & fits[slot] & says[slot]
+        against += present & ~fits[slot]
     grades: Ints = np.minimum(alike, 3) * 3 + np.minimum(against, 2)
     return grades
 
@@ -134,10 +134,10 @@ def single_kin(company: Company) -> Ints:
 
 def _is_kin(company: Company, at: Ints, away: Ints) -> Ints:
     to = at + away
-    there = (to >= company.first[at]) & (to <= company.last[at])
-    to = np.where(there, to, 0)
+    present = (to >= company.first[at]) & (to <= company.last[at])
+    to = np.where(present, to, 0)
     by_distance = np.where(np.abs(away) == 1, company.next[np.minimum(at, to)], company.after[np.minimum(at, to)])
-    return np.where(there & company.moved[to], by_distance, 0)
+    return np.where(present & company.moved[to], by_distance, 0)
 
 
 def _stands(company: Company, at: Ints, away: Ints) -> Ints:
@@ -154,6 +154,6 @@ def _pairs_beside(
 ) -> Iterator[tuple[Mask, Ints, Ints]]:
     """At each distance: where there is such a pair in the block, its high words, its low words."""
     for away in distances:
-        there = (low + away >= company.first[low]) & (high + away >= company.first[high])
-        there &= (low + away <= company.last[low]) & (high + away <= company.last[high])
-        yield there, np.where(there, high + away, 0), np.where(there, low + away, 0)
+        present = (low + away >= company.first[low]) & (high + away >= company.first[high])
+        present &= (low + away <= company.last[low]) & (high + away <= company.last[high])
+        yield present, np.where(present, high + away, 0), np.where(present, low + away, 0)

@@ -23,11 +23,11 @@ def drafted_map(values: Sequence[RegisterValue], device: str, source: str) -> Re
     """A map of what was inferred of one unit: names are addresses, with how sure and why beside them."""
     orders = [value.order for value in values if value.order and value.changes]
     order = max(set(orders), key=orders.count) if orders else "ABCD"
-    rows = [_row(value) for value in values if value.kind not in ("unknown",)]
+    rows = [_drafted_row(value) for value in values if value.kind not in ("unknown",)]
     return RegisterMap(device, tuple(rows), word_order=order, source=source)
 
 
-def _row(value: RegisterValue) -> MappedValue:
+def _drafted_row(value: RegisterValue) -> MappedValue:
     kind = value.type if value.kind != "constant" else f"u{16 * value.words}"
     letter = "b" if value.area in ("coil", "discrete") else "r"
     return MappedValue(

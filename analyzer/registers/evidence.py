@@ -25,9 +25,8 @@ from numpy.typing import NDArray
 
 from captures.ragged import Ints
 
-from .chain import IMPOSSIBLE
 from .counting import NONE, SIZES, Codes, Counting
-from .hypotheses import FAMILIES, FAMILY_OF, HYPOTHESES
+from .hypotheses import FAMILIES, FAMILY_OF, HYPOTHESES, IMPOSSIBLE
 from .readings import Words
 
 _PORTION: Final = 1024  # registers that are counted at once

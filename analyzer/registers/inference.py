@@ -8,7 +8,7 @@
 
 Theory: each polled block is cut into values. How likely each cut is follows from the description length of the series
 under each reading, tables learnt on open layouts, and a second pass in the light of the whole device (all three:
-`evidence`), and sums over all cuts (`chain`). A map that is known decides for its registers and teaches the rest.
+`evidence`), and sums over all cuts (`hypotheses`). A map that is known decides for its registers and teaches the rest.
 """
 
 from __future__ import annotations
@@ -62,10 +62,10 @@ def infer(
     if turned:
         values, runs = _as_they_stand(blocks, charts, weights, turned)
         replaced = {(v.unit, v.area, v.address + n) for v in turned for n in range(v.words)}
-        values = [value for value in values if (value.unit, value.area, value.address) not in replaced] + turned
+        values = [value for value in values if value.key not in replaced] + turned
     if units is not None:
         values = [value for value in values if value.unit in units]
-    values.sort(key=lambda value: (value.unit, value.area, value.address))
+    values.sort(key=lambda value: value.key)
     return with_relations(values, _moved_series(runs, values))
 
 
@@ -143,7 +143,7 @@ def _moved_series(
         words = next(series for source, series in zip(owner.blocks, owner.series, strict=True) if source is block)[0]
         mine = words[:, columns[0] : columns[0] + value.words]
         floats = numbers(mine, order, is_float=value.kind == "float", signed=value.signed)
-        moved.setdefault(id(block), {})[value.unit, value.area, value.address] = floats
+        moved.setdefault(id(block), {})[value.key] = floats
     return {
         key: (number, floats) for number, by_key in moved.items() if len(by_key) > 2 for key, floats in by_key.items()
     }
@@ -317,10 +317,10 @@ def _extremes(
     else:
         least, greatest = float(np.fmin.reduce(floats)), float(np.fmax.reduce(floats))
         return (least, greatest) if is_float else (int(least), int(greatest))
-    return _shown(low[first]), _shown(high[first])
+    return _float_as_read(low[first]), _float_as_read(high[first])
 
 
-def _shown(number: Any) -> Number:
+def _float_as_read(number: Any) -> Number:
     """A number as people read it: of a float of 32 bits the digits that it has."""
     if isinstance(number, np.floating):
         return float(f"{float(number):.7g}") if math.isfinite(number) else None
@@ -330,7 +330,7 @@ def _shown(number: Any) -> Number:
 def _last(words: Words, order: Order, *, is_float: bool, signed: bool) -> Number:
     number = numbers(words[None], order, is_float=is_float, signed=signed)[0]
     if is_float:
-        return _shown(np.float32(number)) if len(words) == 2 else _shown(number)
+        return _float_as_read(np.float32(number)) if len(words) == 2 else _float_as_read(number)
     pattern = int(patterns(words[None], order)[0])
     width = 16 * len(words)
     return pattern - (1 << width) if signed and pattern >> (width - 1) else pattern

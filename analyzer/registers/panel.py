@@ -66,16 +66,16 @@ def clock_difference(lag_s: float, near_s: float) -> float:
 def best_place(times_s: Floats, shown: Floats, series: Sequence[tuple[Floats, Floats]]) -> tuple[float, float] | None:
     """The lag at which the table goes best with one of these series (times in s, readings), and the share of its
     variance that is left there; of places that are about as good the nearest one. None where it has no place."""
-    found: list[tuple[float, float]] = []
+    matched: list[tuple[float, float]] = []
     for at_s, values in series:
         lags, left = _places(times_s, shown, at_s, values)
         if len(lags):
             good = left <= _AS_GOOD * left.min() + _EVEN
             which = np.flatnonzero(good)[np.argmin(np.abs(lags[good]))]
-            found.append((float(left[which]), float(lags[which])))
-    if not found:
+            matched.append((float(left[which]), float(lags[which])))
+    if not matched:
         return None
-    left_least, lag = min(found)
+    left_least, lag = min(matched)
     return lag, left_least
 
 
@@ -143,9 +143,9 @@ def read_panel(text: str, file: str) -> PanelTable:
             ]
         except MapError as error:
             raise PanelError(str(error)) from error
-        found, since = _points([row for row in rows if len(row) > 1])
-        if len(found) > len(best):
-            best, beginning = found, since
+        matched, since = _points([row for row in rows if len(row) > 1])
+        if len(matched) > len(best):
+            best, beginning = matched, since
     if len(best) < 3:
         raise PanelError(
             f"{file}: {len(best)} rows of a time and a value, such as 12:30:05,23.4: at least 3 are needed"
@@ -163,7 +163,7 @@ def _points(rows: Sequence[Sequence[str]]) -> tuple[list[tuple[float, float]], B
     columns = [[row[at] if at < len(row) else "" for row in body] for at in range(max(map(len, body)))]
     times, behind, beginning = _times(columns)
     for column in columns[behind:]:
-        values = [_number(cell) for cell in column]
+        values = [_decimal(cell) for cell in column]
         points = [(at, value) for at, value in zip(times, values, strict=True) if at is not None and value is not None]
         if 2 * len(points) > len(body):
             return points, beginning
@@ -195,14 +195,14 @@ def _times(columns: Sequence[Sequence[str]]) -> tuple[list[float | None], int, B
 
 def _over_midnight(hours: Sequence[float | None]) -> list[float | None]:
     """Times of day in the order of the rows, those behind a midnight a day later."""
-    found: list[float | None] = []
+    matched: list[float | None] = []
     before, days = 0.0, 0
     for seconds in hours:
         if seconds is not None:
             days += seconds < before - DAY_S / 2
             before = seconds
-        found.append(None if seconds is None else seconds + days * DAY_S)
-    return found
+        matched.append(None if seconds is None else seconds + days * DAY_S)
+    return matched
 
 
 def _read(column: Sequence[str], ways: Sequence[Callable[[str], float | None]]) -> list[float | None] | None:
@@ -249,13 +249,13 @@ def _iso(cell: str) -> float | None:
 
 def _epoch(cell: str) -> float | None:
     """Seconds as they stand; large ones are ms or ns since 1970."""
-    number = _number(cell)
+    number = _decimal(cell)
     if number is None:
         return None
     return number / 1e9 if number > 1e17 else number / 1e3 if number > 1e11 else number
 
 
-def _number(cell: str) -> float | None:
+def _decimal(cell: str) -> float | None:
     """A number with a decimal comma or point, gaps at its thousands, and a unit of measure behind it."""
     match = _VALUE.fullmatch(cell[:60])
     if match is None:

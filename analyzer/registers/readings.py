@@ -194,3 +194,12 @@ def _block(key: int, most: int) -> BlockReadings:
     unit, key = key & (1 << _UNIT_BITS) - 1, key >> _UNIT_BITS
     area, written = AREA_OF_CODE[key & (1 << _AREA_BITS) - 1], bool(key >> _AREA_BITS)
     return BlockReadings(unit, area, address, quantity, written, most)
+
+
+_FRAMES_AT_FIRST: Final = 48  # frames before anything is told
+_FRAMES_MORE: Final = 1.5
+
+
+def is_due(asked_at: int, frames: int) -> bool:
+    """Whether there is so much more than when types were asked for; both in frames."""
+    return frames >= max(_FRAMES_AT_FIRST, int(asked_at * _FRAMES_MORE) + 1)

@@ -16,14 +16,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
+from dissectors.maps.files import UnitMaps
 from dissectors.maps.model import RegisterMap
-from dissectors.maps.units import UnitMaps
 
 from ..tables.batch import Batch
 from .drafting import Place, drafted_map, with_own_words
 from .inference import infer
-from .pace import is_due
-from .readings import RegisterReadings
+from .readings import RegisterReadings, is_due
 from .values import RegisterValue
 
 _LEAST: Final = 12  # readings of a value
@@ -85,9 +84,9 @@ class RevisedRegisters:
         self.values = infer(self._readings, charts=settled)
         fresh = [value for value in self.values if _is_sure(value)]
         self.charts = UnitMaps({**{unit: _readable(fresh, unit) for unit in units if unit not in declared}, **declared})
-        revisions = [Revision(self._reported.get(_place(value)), value) for value in fresh]
+        revisions = [Revision(self._reported.get(value.key), value) for value in fresh]
         revisions = [one for one in revisions if one.before is None or typed(one.before) != typed(one.value)]
-        self._reported = {_place(value): value for value in fresh}
+        self._reported = {value.key: value for value in fresh}
         return revisions
 
 
@@ -100,10 +99,6 @@ def placed(value: RegisterValue) -> str:
     """`unit 1 input 100-101`."""
     last = f"-{value.address + value.words - 1}" if value.words > 1 else ""
     return f"unit {value.unit} {value.area} {value.address}{last}"
-
-
-def _place(value: RegisterValue) -> Place:
-    return value.unit, value.area, value.address
 
 
 def _is_sure(value: RegisterValue) -> bool:

@@ -128,13 +128,13 @@ def with_relations(
     """The values, those with a relation saying so; `series` are readings of values that moved, with their block."""
     blocks: dict[int, list[RegisterValue]] = {}
     for value in values:
-        key = (value.unit, value.area, value.address)
+        key = value.key
         if key in series and value.kind in ("int", "float"):
             blocks.setdefault(series[key][0], []).append(value)
     texts: dict[SeriesKey, str] = {}
     for members in blocks.values():
         members = members[:_MOST_VALUES]
-        table = np.stack([series[v.unit, v.area, v.address][1] for v in members], axis=1)
+        table = np.stack([series[v.key][1] for v in members], axis=1)
         sane = np.flatnonzero(np.abs(np.nan_to_num(table, nan=np.inf)).max(axis=0) < _SANE)
         members, table = [members[at] for at in sane.tolist()], table[:, sane]
         if len(table) >= _LEAST_READINGS and len(members) > 2:
@@ -143,7 +143,7 @@ def with_relations(
                 texts[members[at].unit, members[at].area, members[at].address] = text
     found = []
     for value in values:
-        words = texts.get((value.unit, value.area, value.address))
+        words = texts.get(value.key)
         found.append(replace(value, why=f"{value.why}; {words}") if words else value)
     return found
 

@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from captures.ragged import Ints
 from dissectors.maps.model import MapArea
 
-from .chain import IMPOSSIBLE, best_cut, chain_sums
 from .counting import NONE, Codes
 from .evidence import (
     DEVICE_ORDERS,
@@ -36,7 +35,7 @@ from .evidence import (
     zero_codes,
     zero_counts,
 )
-from .hypotheses import HYPOTHESES, WORDS, moved_registers
+from .hypotheses import HYPOTHESES, IMPOSSIBLE, WORDS, best_cut, chain_sums, moved_registers
 from .readings import BlockReadings, Words
 from .sisters import Mask, pair_codes, pooled, sister_runs
 

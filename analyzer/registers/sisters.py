@@ -75,7 +75,7 @@ def sister_runs(runs: Sequence[RunOfUnit]) -> list[list[tuple[int, Mask]]]:
         bits.append(_agreement(np.stack([_symbols(runs[number]) for number in members])))
         units = np.array([runs[number].unit for number in members])
         np.add.at(total, (units[:, None], units), bits[-1].sum(axis=2))
-    alike = _joined(total)
+    alike = _sister_pairs(total)
     found: list[list[tuple[int, Mask]]] = [[] for _ in runs]
     for members, mine in zip(shared, bits, strict=True):
         units = np.array([runs[number].unit for number in members])
@@ -86,7 +86,7 @@ def sister_runs(runs: Sequence[RunOfUnit]) -> list[list[tuple[int, Mask]]]:
     return found
 
 
-def _joined(total: Floats) -> Mask:
+def _sister_pairs(total: Floats) -> Mask:
     """Which units are sisters (256, 256): those alike beyond doubt, and those likely alike that have such a sister in
     common."""
     sure = total >= _ENOUGH

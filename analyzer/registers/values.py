@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
-from dissectors.maps.model import MapArea
+from dissectors.maps.model import MapArea, json_number
 
 Number = int | float | str | None
 
@@ -22,7 +21,7 @@ class OtherReading:
     confidence: float
 
     def to_json(self) -> dict[str, Any]:
-        return {name: _plain(getattr(self, name)) for name in self.__slots__}
+        return {name: json_number(getattr(self, name)) for name in self.__slots__}
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +70,11 @@ class RegisterValue:
             case _:
                 return f"{'s' if self.signed else 'u'}{width}"
 
+    @property
+    def key(self) -> tuple[int, str, int]:
+        """Where it is: unit, area, address."""
+        return self.unit, self.area, self.address
+
     def to_json(self) -> dict[str, Any]:
         """The line of `rtuscope registers --json`."""
         line: dict[str, Any] = {}
@@ -78,10 +82,5 @@ class RegisterValue:
             value = getattr(self, slot)
             if isinstance(value, OtherReading):
                 value = value.to_json()
-            line[{"minimum": "min", "maximum": "max"}.get(slot, slot)] = _plain(value)
+            line[{"minimum": "min", "maximum": "max"}.get(slot, slot)] = json_number(value)
         return line
-
-
-def _plain(value: Any) -> Any:
-    """JSON has no NaN and no infinity: those are null."""
-    return None if isinstance(value, float) and not math.isfinite(value) else value

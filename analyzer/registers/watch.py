@@ -11,8 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from dissectors.maps.decoding import read_mapped
-from dissectors.maps.model import MappedValue, RegisterMap
+from dissectors.maps.model import MappedValue, RegisterMap, read_mapped
 
 from ..tables.batch import Batch
 from ..tables.columns import decode
@@ -90,9 +89,9 @@ class ValueWatch:
                 f"{value.type} {value.order or ''}".strip(),
                 "",
                 value.readings,
-                _number(value.minimum),
+                _as_float(value.minimum),
                 None,
-                _number(value.maximum),
+                _as_float(value.maximum),
                 "" if value.last is None else f"{value.last:.7g}" if isinstance(value.last, float) else str(value.last),
                 0,
                 value.confidence,
@@ -145,18 +144,18 @@ class _Running:
             kind,
             row.unit,
             self.count,
-            _short(self.least) if plain else None,
-            _short(self.total / self.known) if plain else None,
-            _short(self.greatest) if plain else None,
+            _nine_digits(self.least) if plain else None,
+            _nine_digits(self.total / self.known) if plain else None,
+            _nine_digits(self.greatest) if plain else None,
             self.last,
             self.outside,
             1.0,
         )
 
 
-def _short(number: float) -> float:
+def _nine_digits(number: float) -> float:
     return float(f"{number:.9g}")
 
 
-def _number(value: object) -> float | None:
+def _as_float(value: object) -> float | None:
     return float(value) if isinstance(value, int | float) else None

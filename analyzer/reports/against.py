@@ -41,7 +41,7 @@ class Difference:
 def differences(now: Report, before: Report) -> tuple[Difference, ...]:
     """What changed from one report to another, the new and worse first."""
     changes = [*_causes(now, before), *_units(now, before), *_answers(now, before), *_times(now, before),
-             *_findings(now, before), *_polls(now, before), *_load(now, before)]  # fmt: skip
+             *_finding_differences(now, before), *_polls(now, before), *_load(now, before)]  # fmt: skip
     return tuple(sorted(changes, key=lambda each: _ORDER.index(each.change)))
 
 
@@ -129,7 +129,7 @@ def _slower(now: Times, before: Times, figure: str) -> Change | None:
     return "better" if two[0] > _SLOWER * one[1] else None
 
 
-def _findings(now: Report, before: Report) -> Iterator[Difference]:
+def _finding_differences(now: Report, before: Report) -> Iterator[Difference]:
     old, new = ({row.code: row for row in report.findings if row.severity != "note"} for report in (before, now))
     requests, requests_then = max(now.transactions.requests, 1), max(before.transactions.requests, 1)
     for code in sorted(new.keys() | old.keys()):

@@ -11,11 +11,10 @@ from typing import Final
 
 from dissectors.values import harmless
 
-from ..languages import counted, grouped, page_words
-from ..languages.retelling import retold
+from ..languages import counted, grouped, page_words, retold
 from ..outages import unheard
 from ..words import duration, is_clock, moment
-from . import against, findings, pagetables, values
+from . import against, findings, pagetables
 from .findings import and_more
 from .model import Counts, RateRow, Report
 from .paragraphs import WIDTH, PageLine, Paragraph
@@ -45,7 +44,7 @@ def _lines(report: Report) -> Iterator[PageLine]:
         yield ""
         yield from table
     yield from findings.lines(report.findings)
-    yield from values.lines(report.values)
+    yield from pagetables.value_lines(report.values)
 
 
 def facts(report: Report) -> Iterator[tuple[str, str]]:
@@ -54,7 +53,7 @@ def facts(report: Report) -> Iterator[tuple[str, str]]:
     yield "capture", ", ".join(named) or page_words("unnamed")
     if report.filter:
         yield "filter", page_words("{filter} (what follows covers what passes)", filter=report.filter)
-    yield "line", _line(report)
+    yield "line", _line_words(report)
     yield "span", _span(report)
     label = "skipped" if report.format == "text" else "damaged"  # a log's words between its bytes are no damage
     for loss in report.damage[:_LOSSES]:
@@ -93,7 +92,7 @@ def nothing(report: Report) -> str:
     return page_words("No frame passes the filter." if report.filter else "No Modbus frame was found.")
 
 
-def _line(report: Report) -> str:
+def _line_words(report: Report) -> str:
     if report.baud is None:
         return page_words("baud not known")
     parts = [page_words("{baud} bit/s", baud=report.baud)]

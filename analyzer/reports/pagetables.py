@@ -1,9 +1,12 @@
-"""The tables of the text report, each of at most 80 columns: what does not fit is in the JSON."""
+"""The tables of the text report, each of at most 80 columns: what does not fit is in the JSON.
+
+And the words for the values of a bus, which the HTML page shares.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from dissectors.values import harmless
 
@@ -12,6 +15,9 @@ from ..words import between, compact, duration, is_clock, time_of_day
 from .findings import and_more
 from .model import BookmarkRow, Counts, HourRow, PollRow, Report, Times, UnitCard, UnitChange, UnitRow
 from .paragraphs import WIDTH, PageLine, Paragraph
+
+if TYPE_CHECKING:
+    from ..registers.watch import WatchedValue
 
 _ROWS: Final = 24  # units on the page; --json has all
 _CARDS: Final = 6
@@ -234,3 +240,43 @@ def _bookmarks(rows: Sequence[BookmarkRow]) -> Iterator[PageLine]:
         yield Paragraph(words, first="   ", others="      ")
     if len(rows) > _BOOKMARKS:
         yield f"   {and_more(len(rows) - _BOOKMARKS, 'more bookmark', 'more bookmarks')}"
+
+
+_VALUE_ROWS: Final = 60  # on the page; --json has all
+_NAME, _LAST = 28, 22  # columns
+
+
+def value_lines(values: Sequence[WatchedValue]) -> Iterator[str]:
+    """A table of the values, nothing where there are none."""
+    if not values:
+        return
+    yield ""
+    unit, name, last, least, mean, most = map(page_words, ("unit", "value", "last", "min", "mean", "max"))
+    yield f"{unit:>4}  {name:<{_NAME}}{last:<{_LAST}}{least:>8}{mean:>8}{most:>8}"
+    for value in values[:_VALUE_ROWS]:
+        numbers = "".join(f"{short_number(number):>8}" for number in (value.minimum, value.mean, value.maximum))
+        row = f"{value.unit:>4}  {cut(label(value), _NAME - 1):<{_NAME}}{cut(value.last, _LAST - 1):<{_LAST}}{numbers}"
+        yield row.rstrip()
+        if value.outside:
+            outside = "{some:,} of {all:,} readings are outside the limits of the map"
+            yield f"{'':6}{page_words(outside, some=value.outside, all=value.readings)}"
+    if len(values) > _VALUE_ROWS:
+        yield and_more(len(values) - _VALUE_ROWS, "more value", "more values")
+
+
+def label(value: WatchedValue) -> str:
+    """The name by a map; else where it stands, and as what it is read."""
+    return value.name or f"{value.area} {value.address} {value.type}"
+
+
+def short_number(number: float | None) -> str:
+    """A number in at most seven characters."""
+    if number is None:
+        return ""
+    text = f"{number:.5g}"
+    return text if len(text) <= 7 else f"{number:.2g}" if len(f"{number:.2g}") <= 7 else f"{number:.0e}"
+
+
+def cut(text: str, width: int) -> str:
+    """A text in so many columns."""
+    return text if len(text) <= width else f"{text[: width - 2]}.."

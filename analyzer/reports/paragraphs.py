@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from textwrap import wrap
 from typing import Final
 
-from ..languages.numerals import APART
+from ..languages import APART
 
 WIDTH: Final = 80  # columns of the page
 _APART: Final = re.compile(rf"(?<=\d){APART}(?=\d{{3}}\b)")  # thousands, in languages that set them apart by a space

@@ -328,7 +328,7 @@ def summarize(
 
 def with_cards(report: Report, ledger: Ledger) -> Report:
     """The report with what was heard of each unit: silence and garbage are two things."""
-    from .cards import unit_cards
+    from .breakdown import unit_cards
 
     return replace(report, cards=unit_cards(ledger, {row.unit: row.times for row in report.units}))
 
@@ -336,8 +336,8 @@ def with_cards(report: Report, ledger: Ledger) -> Report:
 def with_story(report: Report, ledger: Ledger) -> Report:
     """And with the causes, the findings that follow from each, and the polls."""
     from ..causes.reasoning import causes_of
+    from .breakdown import poll_rows
     from .findings import explained_row
-    from .polls import poll_rows
 
     causes = tuple(causes_of(ledger))
     explained = tuple(explained_row(row, causes) for row in report.findings)

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..causes.thinned import Thinned, densest
-from ..diagnosis.clauses import titled
-from ..tables.findings import Findings, Rule, describe, rules
+from ..tables.findings import Findings, Rule, describe, rules, titled
 from ..tables.schema import Rows
 from ..tables.transactions import NEVER, Status, TransactionRows
 from .model import FindingGroup, FindingRow

@@ -7,9 +7,9 @@
     made = simulate(Scenario("clean", "precise", defect="byte-missing"))
     made.findings   # what is wrong, and where
 
-One idea a file: `devices` answer, `conversation` asks them, `line` puts the bytes into time, `wires` say how often and
-how they are spoilt, `taps` cut what is left into chunks, `truth` says what was where; `defects` put one thing that is
-wrong on a healthy bus. The same scenario gives the same bytes wherever `random.Random` does.
+One idea a file: `devices` answer, `conversation` asks them, `line` puts the bytes into time on wires that say how often
+and how they are spoilt, `taps` cut what is left into chunks, `truth` says what was where; `defects` put one thing that
+is wrong on a healthy bus. The same scenario gives the same bytes wherever `random.Random` does.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from ..lazy import lazily
 
 if TYPE_CHECKING:
     from .bus import Simulation, simulate, write
+    from .line import WIRES, Wire
     from .taps import TAPS, SimulatedTap
     from .truth import Scenario, TruthFinding, TruthFrame
-    from .wires import WIRES, Wire
 
 _HOMES = {
     "TAPS": "taps",
-    "WIRES": "wires",
+    "WIRES": "line",
     "Scenario": "truth",
     "Simulation": "bus",
     "SimulatedTap": "taps",
     "TruthFinding": "truth",
     "TruthFrame": "truth",
-    "Wire": "wires",
+    "Wire": "line",
     "simulate": "bus",
     "write": "bus",
 }

@@ -15,11 +15,10 @@ from dissectors.maps import RegisterMap, map_for_unit
 from .conversation import Client, Habits
 from .defects import defects
 from .defects.stage import Stage
-from .line import play
+from .line import WIRES, play
 from .mapped.client import MappedClient
 from .taps import TAPS, with_errors
 from .truth import Scenario, TruthFinding, TruthFrame, TruthRegister
-from .wires import WIRES
 
 
 @dataclass(frozen=True, slots=True)

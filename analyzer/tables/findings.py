@@ -2,6 +2,9 @@
 
 Findings travel as rows of `Findings`, a few numbers each, and become words (`Finding`) only where somebody reads them.
 Observation is not root cause: `text` says what was seen, `cause` what it likely comes from.
+
+The clauses that findings rest on have their titles here: [1] MODBUS Application Protocol Specification V1.1b3, [2]
+MODBUS over Serial Line Specification and Implementation Guide V1.02.
 """
 
 from __future__ import annotations
@@ -23,7 +26,6 @@ from .columnar import Columns, Float64s, Int16s, Int64s, UInt8s
 if TYPE_CHECKING:
     from ..diagnosis.view import DiagnosisStep
     from .schema import Rows
-
 
 NUMBERS: Final = 8  # figures of evidence that a finding carries at most
 
@@ -239,3 +241,26 @@ def fresh_looks() -> list[Look]:
     """All looks, those that remember with nothing to remember yet."""
     rules()
     return [look() if isinstance(look, type) else look for look in _looks]
+
+
+_TITLES: Final[Mapping[str, str]] = {
+    "[1] 4.1": "Protocol description",
+    "[1] 5": "Function Code Categories",
+    "[1] 6": "Function codes descriptions",
+    "[1] 6.1": "01 Read Coils",
+    "[1] 6.5": "05 Write Single Coil",
+    "[1] 7": "MODBUS Exception Responses",
+    "[2] 2.1": "MODBUS Master/Slaves protocol principle",
+    "[2] 2.2": "MODBUS Addressing rules",
+    "[2] 2.4.1": "Master State diagram",
+    "[2] 2.5.1": "RTU Transmission Mode",
+    "[2] 2.5.1.1": "MODBUS Message RTU Framing",
+    "[2] 2.5.1.2": "CRC Checking",
+    "[2] 6.2.2": "CRC Generation",
+}
+
+
+def titled(clause: str) -> str:
+    """A clause's number with its title: `[2] 2.5.1.2 (CRC Checking)`."""
+    title = _TITLES.get(clause)
+    return f"{clause} ({title})" if title else clause

@@ -8,10 +8,9 @@ from typing import Any
 
 from dissectors.annotation import Context, annotate, summary
 from dissectors.envelopes import Adu, ascii_adu, ascii_frames, rtu, tcp
-from dissectors.fields import Field
+from dissectors.fields import ENGLISH, Field, Wording
 from dissectors.functions import function_name
 from dissectors.length_rules import Role
-from dissectors.wording import ENGLISH, Wording
 
 from ..html_text import html_page, html_table
 from .findings import Finding

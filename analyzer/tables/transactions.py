@@ -6,14 +6,16 @@ end to end are the conversation of the whole capture. What a request can still b
 hangs on the rows alone: so batches do not matter.
 
 A serial answer carries no address. Where several requests of one shape are open and as many answers follow, a server
-answers in the order in which it was asked, which shows only when the second answer has come: `put_in_order`.
+answers in the order in which it was asked, which shows only when the second answer has come: `_put_in_order`.
+
+Response times are told as far as a tap's clock carries them: exact, an interval, or unknown (`DelayBounds`).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -136,9 +138,9 @@ class Transactions:
         late = self._answer(batch, requests, responses, horizon)
         self._mark_retries(batch, requests, known)
         if late:
-            asked = self._open.request
-            for place in late:
-                self._put_in_order(place, asked)
+            requested = self._open.request
+            for position in late:
+                self._put_in_order(position, requested)
         status = self._open.status
         waiting = (status == Status.UNANSWERED) | (status == Status.BROADCAST)
         waiting |= (status == Status.DAMAGED) & (self._open.t_next_ns == NEVER)  # what it costs shows the next request
@@ -190,25 +192,25 @@ class Transactions:
     ) -> list[int]:
         """Join answers to their requests; the places of those that came late, in the order of the answers."""
         rows = batch.rows
-        asked = self._open.request
+        requested = self._open.request
         wanted = rows.request[responses]
-        place = np.searchsorted(asked, wanted)
-        found = place < len(asked)
-        found[found] = (asked[place[found]] == wanted[found]) & (responses[found] < horizon[place[found]])
-        place, responses = place[found], responses[found]
+        position = np.searchsorted(requested, wanted)
+        found = position < len(requested)
+        found[found] = (requested[position[found]] == wanted[found]) & (responses[found] < horizon[position[found]])
+        position, responses = position[found], responses[found]
         for name, column in OF_ANSWER.items():
-            self._open.column(name)[place] = rows.column(column).take(responses)
+            self._open.column(name)[position] = rows.column(column).take(responses)
         status = np.where(rows.exception[responses] > 0, np.uint8(Status.EXCEPTION), np.uint8(Status.ANSWERED))
         status[~rows.check[responses]] = Status.DAMAGED
-        self._open.status[place] = status
-        following = np.append(asked[1:], np.iinfo(np.int64).max)
-        late = following[place] < rows.index[responses]
-        late &= self._open.protocol[place] != Protocol.TCP  # whose answers say what they answer
-        self._open.late[place] = late
+        self._open.status[position] = status
+        following = np.append(requested[1:], np.iinfo(np.int64).max)
+        late = following[position] < rows.index[responses]
+        late &= self._open.protocol[position] != Protocol.TCP  # whose answers say what they answer
+        self._open.late[position] = late
         newest = np.append(-1, requests)[np.searchsorted(requests, responses[late])]
-        for at, row, before in zip(place[late].tolist(), responses[late].tolist(), newest.tolist(), strict=True):
+        for at, row, before in zip(position[late].tolist(), responses[late].tolist(), newest.tolist(), strict=True):
             self._open.mistaken[at] = self._mistaken(batch, row, before)
-        after: list[int] = place[late].tolist()
+        after: list[int] = position[late].tolist()
         return after
 
     def _mistaken(self, batch: Batch, row: int, before: int) -> bool:
@@ -220,43 +222,43 @@ class Transactions:
         if newest is None:
             return False
         protocol = int(batch.rows.protocol[row])
-        asked, answer = adu_of(newest, protocol).data, adu_of(batch.bytes_of(row), protocol).data
-        return expectation(asked).fits(answer) if min(len(asked), len(answer)) >= _MIN_ADU else False
+        requested, answer = adu_of(newest, protocol).data, adu_of(batch.bytes_of(row), protocol).data
+        return expectation(requested).fits(answer) if min(len(requested), len(answer)) >= _MIN_ADU else False
 
-    def _put_in_order(self, place: int, asked: NDArray[np.int64]) -> None:
+    def _put_in_order(self, position: int, requested: NDArray[np.int64]) -> None:
         """Answers to requests of one shape, the last of which came late: the first request had the first of them.
 
         A master that takes a late answer for that to its next request takes every later one for the next, too, until
         one comes that nobody asked for: only then it shows whose they were.
         """
-        opened, own = self._open, self._open.response[place]
-        responses = opened.response[place + 1 : int(np.searchsorted(asked, own))]
-        later = place + 1 + np.flatnonzero((responses >= 0) & (responses < own))
-        chain = [place, *(at for at in later.tolist() if self._alike(place, at))]
-        answers = [*chain[1:], place]  # of each, where that stood which it had
+        opened, own = self._open, self._open.response[position]
+        responses = opened.response[position + 1 : int(np.searchsorted(requested, own))]
+        later = position + 1 + np.flatnonzero((responses >= 0) & (responses < own))
+        chain = [position, *(at for at in later.tolist() if self._alike(position, at))]
+        answers = [*chain[1:], position]  # of each, where that stood which it had
         told = opened[np.array(answers)]
         waited = told.t_response_ns - opened.t_request_ns[chain]
-        patience = max(LATE_NS, LATE_WAITS * (int(opened.t_next_ns[place]) - int(opened.t_request_ns[place])))
+        patience = max(LATE_NS, LATE_WAITS * (int(opened.t_next_ns[position]) - int(opened.t_request_ns[position])))
         if len(chain) < 2 or (np.diff(told.response) < 0).any() or waited.max() > patience:
             return
         mistaken = told.mistaken | ~told.late  # what was in time for the newest request fits that
         for name in (*OF_ANSWER, "status"):
             opened.column(name)[chain] = told.column(name)
-        newest = np.searchsorted(asked, told.response) - 1
+        newest = np.searchsorted(requested, told.response) - 1
         opened.late[chain] = late = newest != chain
         opened.mistaken[chain] = mistaken & late
         opened.response_ns[chain] = np.where(told.response_ns >= 0, np.maximum(waited, 0), -1)
 
-    def _alike(self, place: int, newer: int) -> bool:
+    def _alike(self, position: int, newer: int) -> bool:
         """Whether the answers to these two requests could as well be exchanged."""
         rows = self._open
-        if any(column[place] != column[newer] for column in (rows.unit, rows.function, rows.length, rows.port)):
+        if any(column[position] != column[newer] for column in (rows.unit, rows.function, rows.length, rows.port)):
             return False
-        of_one_length = rows.response_length[place] == rows.response_length[newer]
-        if not (of_one_length or rows.exception[place] or rows.exception[newer]):
+        of_one_length = rows.response_length[position] == rows.response_length[newer]
+        if not (of_one_length or rows.exception[position] or rows.exception[newer]):
             return False
         return bool(rows.retry[newer]) or all(
-            isinstance(relation, RequestedByteCount) for relation in relations(int(rows.function[place]))
+            isinstance(relation, RequestedByteCount) for relation in relations(int(rows.function[position]))
         )
 
     def _mark_retries(self, batch: Batch, requests: NDArray[np.intp], known: int) -> None:
@@ -265,10 +267,10 @@ class Transactions:
             opened = self._open
             bad = np.append(self._failed if not known else _failed(opened[known - 1 : known]), _failed(opened[known:]))
             for i in np.flatnonzero(bad[:-1]).tolist():
-                asked = self._last_request if i == 0 else batch.bytes_of(int(requests[i - 1]))
+                requested = self._last_request if i == 0 else batch.bytes_of(int(requests[i - 1]))
                 row, protocol = int(requests[i]), int(opened.protocol[known + i])
-                if asked is not None and len(asked) == batch.rows.length[row]:
-                    same = _same_request(asked, batch.bytes_of(row), protocol)
+                if requested is not None and len(requested) == batch.rows.length[row]:
+                    same = _same_request(requested, batch.bytes_of(row), protocol)
                     if protocol == Protocol.TCP:
                         self._repeats[known + i] = same
                     else:
@@ -292,8 +294,10 @@ class Transactions:
         same[1:] = (lengths[1:] == lengths[:-1]) & (unit[1:] == unit[:-1]) & (function[1:] == function[:-1])
         same[1:] &= (checks[1:] == checks[:-1]) | (protocol[1:] != Protocol.RTU)
         for i in np.flatnonzero(may & same).tolist():
-            asked = self._last_request if i == 0 else batch.bytes_of(int(requests[i - 1]))
-            same[i] = asked is not None and _same_request(asked, batch.bytes_of(int(requests[i])), int(protocol[i]))
+            requested = self._last_request if i == 0 else batch.bytes_of(int(requests[i - 1]))
+            same[i] = requested is not None and _same_request(
+                requested, batch.bytes_of(int(requests[i])), int(protocol[i])
+            )
         opened.again[known:] = may & same
 
     def _mark_second_tries(self, batch: Batch, requests: NDArray[np.intp], known: int) -> None:
@@ -330,13 +334,43 @@ def _shared(one: bytes, two: bytes) -> int:
 
 def _begin(opened: TransactionRows, rows: Rows, requests: NDArray[np.intp]) -> None:
     """Fill in transactions of requests that nobody has answered yet."""
-    asked = rows[requests]
-    opened.request[:], opened.start[:], opened.length[:] = asked.index, asked.start, asked.length
-    opened.t_start_ns[:], opened.t_request_ns[:], opened.t_next_ns[:] = asked.t_start_ns, asked.t_end_ns, NEVER
-    opened.unit[:], opened.function[:] = asked.unit, asked.function
-    opened.port[:], opened.protocol[:] = asked.port, asked.protocol
+    requested = rows[requests]
+    opened.request[:], opened.start[:], opened.length[:] = requested.index, requested.start, requested.length
+    opened.t_start_ns[:], opened.t_request_ns[:], opened.t_next_ns[:] = requested.t_start_ns, requested.t_end_ns, NEVER
+    opened.unit[:], opened.function[:] = requested.unit, requested.function
+    opened.port[:], opened.protocol[:] = requested.port, requested.protocol
     for column in (opened.response, opened.response_start, opened.response_length, opened.t_response_ns):
         column[:] = -1
     opened.response_ns[:] = -1
     to_all = (opened.unit == 0) & (opened.protocol != Protocol.TCP)  # unit 0 of a TCP server is itself
     opened.status[:] = np.where(to_all, np.uint8(Status.BROADCAST), np.uint8(Status.UNANSWERED))
+
+
+EXACT: Final = 0.05  # of a time: what may be wrong by no more is not worth an interval
+
+
+class DelayBounds(NamedTuple):
+    """Columns of ns, -1 for none: what is exact, and between what each lies (twice the same where it is exact)."""
+
+    exact: NDArray[np.int64]
+    low: NDArray[np.int64]
+    high: NDArray[np.int64]
+
+
+def bounds_of(delay: int, off_ns: float | None) -> tuple[int, int] | None:
+    """Between what a time (ns) lies that may be wrong by so much; None where that is not known (None or infinite)."""
+    if off_ns is None or not np.isfinite(off_ns):
+        return None
+    return (delay, delay) if off_ns <= EXACT * delay else (max(round(delay - off_ns), 0), round(delay + off_ns))
+
+
+def delay_bounds(delays: NDArray[np.int64], off_ns: float) -> DelayBounds:
+    """The same of a column of times (ns, -1 for none)."""
+    none = np.full(len(delays), -1, np.int64)
+    if not np.isfinite(off_ns):
+        return DelayBounds(none, none, none)
+    measured = (delays >= 0) & (off_ns <= EXACT * delays)
+    present = delays >= 0
+    low = np.where(present, np.where(measured, delays, np.maximum(delays - round(off_ns), 0)), -1)
+    high = np.where(present, np.where(measured, delays, delays + round(off_ns)), -1)
+    return DelayBounds(np.where(measured, delays, -1), low, high)

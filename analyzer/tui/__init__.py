@@ -41,7 +41,7 @@ def run(
     """
     gc.disable()  # until the first rows stand there, see `Jobs`: none of what is imported and built is garbage
     try:
-        _shown(source, view, light, zone, charts, reader or _plain)
+        _shown(source, view, light, zone, charts, reader or _capture_source)
     finally:
         gc.enable()
 
@@ -70,7 +70,7 @@ def _shown(
         source, view = reader(resumed.path), resumed.view
 
 
-def _plain(path: Path) -> ViewSource:
+def _capture_source(path: Path) -> ViewSource:
     """A file as it is."""
     import captures
 

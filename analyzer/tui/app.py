@@ -15,18 +15,15 @@ from textual.command import CommandPalette
 from textual.filter import Monochrome
 from textual.screen import Screen
 
-from ..languages import tr
-from ..languages.retelling import error_words
+from ..languages import error_words, tr
 from ..model.bus import Bus
 from ..usernotes import Notes, NotesError
 from .burst import KeyQueue
-from .colourless import Colourless
 from .desk import ViewState
 from .keptfilters import rules_of
 from .keys import key_name
 from .openfiles import NextFile
-from .paint import DARK, HARMLESS, LIGHT
-from .palette16 import DARK_16, LIGHT_16
+from .paint import DARK, DARK_16, HARMLESS, LIGHT, LIGHT_16, Colourless
 from .preferences import Preferences
 from .screen import BusScreen
 from .views import VIEWS

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 from captures import CaptureError
 
-from ..languages import tr
-from ..languages.retelling import error_words
+from ..languages import error_words, tr
 from ..words import TimeBase
 from .frames import FrameList
 from .prompts import Ask
@@ -29,11 +28,11 @@ class Bookmarks:
         screen, notes = self._screen, self._desk.notes
         if screen.row is None:
             return
-        place = self._desk.place(screen.row)
+        spot = self._desk.place(screen.row)
 
         def change() -> None:
-            comment = notes.comments.get(place)
-            if notes.toggle(place):
+            comment = notes.comments.get(spot)
+            if notes.toggle(spot):
                 where = tr("until you leave") if notes.path is None else tr("in {file}", file=notes.path.name)
                 screen.tell(tr("bookmark kept {where}; ' goes to the next", where=where))
             else:
@@ -46,9 +45,9 @@ class Bookmarks:
         """Take back the newest change of a bookmark or comment."""
 
         def change() -> None:
-            place = self._desk.notes.undo()
-            row = -1 if place is None else self._desk.bus.table.row_of_byte(*place)
-            self._screen.tell(tr("nothing to take back") if place is None else tr("taken back"))
+            spot = self._desk.notes.undo()
+            row = -1 if spot is None else self._desk.bus.table.row_of_byte(*spot)
+            self._screen.tell(tr("nothing to take back") if spot is None else tr("taken back"))
             if row >= 0:
                 self._screen.jumps.go(row)
 
@@ -60,21 +59,21 @@ class Bookmarks:
         if screen.row is None or not self._desk.bus.timed:
             screen.tell(tr("no times here"))
             return
-        place = self._desk.place(screen.row)
-        again = notes.reference == place
+        spot = self._desk.place(screen.row)
+        again = notes.reference == spot
         self._desk.base = TimeBase.START if again else TimeBase.REFERENCE
-        self._noted(lambda: notes.refer(None if again else place))
+        self._noted(lambda: notes.refer(None if again else spot))
 
     async def ask_comment(self) -> None:
         """Ask for a comment on the row."""
         screen, notes = self._screen, self._desk.notes
         if screen.row is None:
             return
-        place = self._desk.place(screen.row)
+        spot = self._desk.place(screen.row)
         hint = tr("Enter keeps it beside the capture") if notes.path else tr("Enter keeps it until you leave")
-        text = await screen.app.push_screen_wait(Ask(tr("Comment"), hint, value=notes.comments.get(place, "")))
+        text = await screen.app.push_screen_wait(Ask(tr("Comment"), hint, value=notes.comments.get(spot, "")))
         if text is not None:
-            self._noted(lambda: notes.comment(place, text))
+            self._noted(lambda: notes.comment(spot, text))
 
     async def ask_mark(self) -> None:
         """Ask for a note that goes into the recording, and stands as a comment on the newest row."""
@@ -96,7 +95,7 @@ class Bookmarks:
     def next(self) -> None:
         """Go to the next bookmark, from the first one on again."""
         table = self._desk.bus.table
-        rows = sorted(row for row in (table.row_of_byte(*place) for place in self._desk.notes.comments) if row >= 0)
+        rows = sorted(row for row in (table.row_of_byte(*spot) for spot in self._desk.notes.comments) if row >= 0)
         if not rows:
             self._screen.tell(tr("no bookmarks yet: m sets one"))
             return

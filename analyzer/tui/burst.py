@@ -1,8 +1,11 @@
 """Keys in order: the next one is taken up when all is done that the last one set off.
 
-Textual hands a key to the widget in focus and takes the next at once. Typed fast, or sent by a script, a key then finds
-the cursor, the view or the question of some keys ago. Here a key waits for the one before it: for the widget that got
-it, for whoever is told by it, for a question that it brings up to have the keys, and for a list to show other rows.
+Textual hands a key to the widget in focus and takes the next at once. Typed fast, or sent by a script, a key then
+finds the cursor, the view or the question of some keys ago. Here a key waits for the one before it: for the widget
+that got it, for whoever is told by it, for a question that it brings up to have the keys, and for a list to show other
+rows.
+
+With Cyrillic on, a letter key gives the letter that stands on it; it means the same key.
 """
 
 from __future__ import annotations
@@ -14,15 +17,29 @@ from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 
+from textual.events import Key
+from textual.keys import _character_to_key
 from textual.screen import ModalScreen
 from textual.widgets import Input, TextArea
-
-from .twins import latin
 
 if TYPE_CHECKING:
     from textual.app import App
     from textual.dom import DOMNode
-    from textual.events import Key
+
+_LATIN: Final = "qwertyuiop[]asdfghjkl;'zxcvbnm,./`"
+_CYRILLIC: Final = "йцукенгшщзхъфывапролджэячсмитьбю.ё"
+_UPPER: Final = 'QWERTYUIOP{}ASDFGHJKL:"ZXCVBNM<>?~'
+TWINS: Final = {
+    **{own: latin for own, latin in zip(_CYRILLIC, _LATIN, strict=True) if own != "."},
+    **{own.upper(): latin for own, latin in zip(_CYRILLIC, _UPPER, strict=True) if own != "."},
+}
+
+
+def latin(event: Key) -> Key:
+    """The key as the Latin layout has it; itself where it is no Cyrillic letter."""
+    twin = TWINS.get(event.character or "")
+    return event if twin is None else Key(twin if twin.isalpha() else _character_to_key(twin), twin)
+
 
 ASKING: Final = "ask"  # group of the workers that put questions
 FINDING: Final = "find"  # and of those that look for the next hit

@@ -13,12 +13,12 @@ from textual.containers import Horizontal, Vertical
 from textual.widgets import Input, Label
 
 from captures.line import LineSettings
+from dissectors.maps.files import UnitMaps
 from dissectors.maps.model import RegisterMap
-from dissectors.maps.units import UnitMaps
 
 from ..filters import Completion, FilterError, check, complete
 from ..languages import tr
-from ..model.filtering import compiled
+from ..model.selection import compiled
 from .lines import Lines
 from .messages import FilterChanged, FilterLeft, LineEntered
 from .paint import StyledText, fitted

@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 from textual.binding import Binding, BindingType
 
 from ..languages import counted, grouped, tr
-from ..model.findinglog import by_cause
+from ..model.rowstores import by_cause
 from ..model.selection import Selection
 from ..tables.findings import Severity
 from .causeitems import of_cause
+from .frames import LETTER, SEVERITY
 from .items import NOTHING
 from .lines import Lines
 from .look import at_finding, finding_name
 from .paint import StyledText, fitted
-from .rows import LETTER, SEVERITY
 from .view import View
 
 if TYPE_CHECKING:

@@ -1,25 +1,158 @@
-"""The frame list: a line a row of the bus, requests and answers joined."""
+"""The frame list: a line a row of the bus, requests and answers joined, in pieces of text that conversations show too.
+
+Which columns of the lists are shown is kept among the user's preferences.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar, Final
 
-from ..languages import tr
+from rich.cells import cell_len
+
+from dissectors.values import harmless
+
+from ..languages import counted, tr, wording
 from ..model.selection import Everything, ListRows
-from ..words import TimeBase, short, zone_name
-from . import rows as words
+from ..model.table import RowState
+from ..tables.schema import Kind
+from ..tables.transactions import Status
+from ..words import TimeBase, short, short_bound, zone_name
 from .details import Details
 from .items import NOTHING
 from .lines import Lines
-from .paint import StyledText
+from .paint import StyledText, fitted
+from .prompts import Choose
 from .view import View, grown
 
 if TYPE_CHECKING:
     from textual.widget import Widget
 
+    from ..tables.findings import Finding
     from .desk import ViewState
     from .screen import BusScreen
+
+SEVERITY: Final = ("", "note", "warning", "error")  # kind of text by mark
+LETTER: Final = (" ", "N", "W", "E")
+UNHEARD: Final = "unheard"  # an answer that the recording may have missed
+_NOISE_BYTES: Final = 12
+_ENDED: Final = {
+    Status.UNANSWERED: ("none", "error"),
+    Status.BROADCAST: ("bcast", "dim"),
+    Status.DAMAGED: ("bad", "error"),
+    Status.UNHEARD: (UNHEARD, "dim"),
+}
+
+
+def row_marks(desk: ViewState, row: int) -> StyledText:
+    """Two characters: the gravest finding's letter, and `*` for a bookmark or `R` for the time reference."""
+    mark = desk.bus.table.value("mark", row)
+    place = desk.place(row)
+    note = "R" if place == desk.notes.reference else "*" if place in desk.notes.comments else " "
+    return StyledText(LETTER[mark] + note, SEVERITY[mark] or ("accent" if note != " " else ""))
+
+
+def joint(desk: ViewState, row: int) -> str:
+    """Two characters: how a row hangs together with its neighbour, and its direction."""
+    table = desk.bus.table
+    kind, partner = table.value("kind", row), table.value("partner", row)
+    if kind == Kind.NOISE:
+        return "~~"
+    if kind == Kind.REQUEST:
+        return "┌→" if partner == row + 1 else "╷→" if partner >= 0 else " →"
+    return "└←" if partner == row - 1 and _mutual(desk, row, partner) else "╵←" if partner >= 0 else "?←"
+
+
+def _mutual(desk: ViewState, row: int, partner: int) -> bool:
+    return desk.bus.table.value("partner", partner) == row
+
+
+def row_direction(desk: ViewState, row: int) -> str:
+    """The kind of text of a row's direction."""
+    return ("noise", "request", "response")[desk.bus.table.value("kind", row)]
+
+
+def row_words(desk: ViewState, row: int) -> tuple[list[StyledText], list[StyledText]]:
+    """A row in words; and what was said of it: codes of findings, the user's comment."""
+    bus = desk.bus
+    if bus.is_noise(row):
+        octets = bus.captured(row)
+        shown = octets[:_NOISE_BYTES].hex(" ").upper() + (" …" if len(octets) > _NOISE_BYTES else "")
+        content = [StyledText(f"{tr('noise')}, {counted(len(octets), 'byte', 'bytes')}: {shown}", "noise")]
+        findings = bus.findings(row)
+    else:
+        frame = bus.frame(row)
+        findings = frame.findings
+        content = [StyledText("" if frame.crc_ok else tr("CRC wrong: "), "error"), StyledText(frame.summary(wording()))]
+    return content, _about(desk, row, findings)
+
+
+def findings_beside(desk: ViewState, row: int) -> list[StyledText]:
+    """What was said of a row: codes of findings, the user's comment."""
+    return _about(desk, row, desk.bus.findings(row))
+
+
+def _about(desk: ViewState, row: int, findings: Sequence[Finding]) -> list[StyledText]:
+    codes = {finding.code: finding.severity for finding in reversed(findings)}
+    parts = [StyledText(f"  {code}", SEVERITY[severity]) for code, severity in codes.items()]
+    comment = desk.notes.comments.get(desk.place(row))
+    if comment:
+        parts.append(StyledText(f'  "{harmless(comment)}"', "accent"))
+    return parts
+
+
+def beside_content(content: list[StyledText], about: list[StyledText], width: int) -> list[StyledText]:
+    """Both in this many columns: at least half for the words, the rest for what was said of them."""
+    need = sum(cell_len(part.text) for part in about)
+    if not need:
+        return fitted(content, width)
+    room = max(width - need, width // 2)
+    size = sum(cell_len(part.text) for part in content)
+    return fitted([*(fitted(content, room) if size > room else content), *about], width)
+
+
+def outcome_beside(desk: ViewState, row: int) -> StyledText:
+    """How long an answer took; of a request, that there was none."""
+    table = desk.bus.table
+    kind = table.value("kind", row)
+    if kind == Kind.RESPONSE:
+        return StyledText(short_bound(desk.bus.response(row)), "")
+    if kind == Kind.REQUEST and table.value("partner", row) < 0:
+        status = table.value("state", row) & RowState.STATUS
+        if status:
+            return StyledText(*_ENDED.get(Status(status - 1), ("", "")))
+    return StyledText("", "")
+
+
+_WORDS: Final = {
+    "number": "number of the frame", "time": "time", "gap": "silence before it", "unit": "unit",
+    "function": "function", "register": "register", "quantity": "quantity", "answer": "time of the answer",
+}  # fmt: skip
+
+
+class ShownColumns:
+    """The columns of the list that is shown."""
+
+    def __init__(self, screen: BusScreen) -> None:
+        self._screen = screen
+
+    async def choose(self) -> None:
+        """Show and hide them one by one, until Esc."""
+        screen, wishes = self._screen, self._screen.desk.wishes
+        listing = screen.query_one(f"#{screen.list_view}", FrameList)
+        at: int | None = 0
+        while at is not None:
+            names = [f"{listing.id}.{column}" for column in listing.COLUMNS]
+            choices = [
+                (str(i), f"{'·' if name in wishes.hidden else '✓'} {tr(_WORDS[column])}")
+                for i, (name, column) in enumerate(zip(names, listing.COLUMNS, strict=True), 1)
+            ]
+            at = await screen.app.push_screen_wait(Choose(tr("Columns; Esc: done"), choices, at=at))
+            if at is not None:
+                wishes.hidden ^= {names[at]}
+                wishes.save()
+                listing.unpaint()
+
 
 Dropped = tuple[tuple[int, tuple[str, ...]], ...]  # columns of the screen under which columns of the list are left out
 _SLIM = 48  # columns under which times are shorter
@@ -135,29 +268,29 @@ class FrameList(Lines):
         desk, table = self.desk, self.desk.bus.table
         number, time, answer = self.columns(width)
         noise = desk.bus.is_noise(row)
-        kind = words.direction(desk, row)
+        kind = row_direction(desk, row)
         index = "" if noise else str(table.value("frame", row))
         unit = "" if noise else str(table.value("unit", row))
         function = "" if noise else str(table.value("function", row))
-        ended = words.ended(desk, row)
+        ended = outcome_beside(desk, row)
         parts = self.shown([
-            ("", words.marks(desk, row)),
+            ("", row_marks(desk, row)),
             ("number", StyledText(f"{index:>{number}} ", "dim")),
             ("time", StyledText(f"{self.time(row, before, width):>{time}} ")),
             ("gap", StyledText(f"{short(desk.bus.gap_ns(row)):>6} " if width >= _NARROW else "", "dim")),
-            ("", StyledText(f" {words.joint(desk, row)} ", kind)),
+            ("", StyledText(f" {joint(desk, row)} ", kind)),
             ("unit", StyledText(f"{unit:>4} ", kind)),
             ("function", StyledText(f"{function:>3} ", kind)),
             ("answer", StyledText(f"{tr(ended.text):>{answer}}  ", ended.kind) if answer else StyledText(" ")),
         ], width)  # fmt: skip
-        content, about = words.words(desk, row)
-        if not answer and ended.text == words.UNHEARD:
+        content, about = row_words(desk, row)
+        if not answer and ended.text == UNHEARD:
             about.append(StyledText(f"  {tr('answer not heard')}", "dim"))
         elif not answer and ended.kind == "error" and not about:
             why = tr("unanswered") if ended.text == "none" else tr("bad answer")
             about.append(StyledText(f"  {why}", "error"))
         used = sum(len(part.text) for part in parts)
-        return [*parts, *words.shared(content, about, max(0, width - used))]
+        return [*parts, *beside_content(content, about, max(0, width - used))]
 
 
 def shown_row(screen: BusScreen, sender: Widget) -> None:

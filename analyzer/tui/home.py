@@ -14,13 +14,12 @@ from textual.binding import Binding, BindingType
 from ..languages import counted, grouped, page_words, tr
 from ..words import compact, duration, percent, short, short_bound
 from .causeitems import of_cause, whose
-from .doorcells import DoorCell
 from .filterbar import FilterBar
 from .items import FrameDetail, Item
 from .lines import Lines
 from .paint import StyledText, fitted
-from .sparks import sparkline
-from .view import View
+from .plot import sparkline
+from .view import DoorCell, View
 
 if TYPE_CHECKING:
     from textual.widget import Widget

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from textual.worker import get_current_worker
 
-from ..languages import in_use, tr, use
-from ..languages.retelling import error_words
+from ..languages import error_words, in_use, tr, use
 from ..model.scope import Scope, ScopedFigures
 from ..model.selection import Everything, ListRows, Selection
 from ..model.source import Grave

@@ -6,7 +6,7 @@ from collections import deque
 from typing import TYPE_CHECKING, Final
 
 from ..languages import tr
-from ..model import goto, search
+from ..model import search
 from ..words import is_clock, zone_name
 from .burst import FINDING
 from .frames import FrameList
@@ -86,14 +86,14 @@ class Jumps:
 
         def wrong(text: str) -> str:
             try:
-                goto.place(text, self._bus, begin, self._screen.desk.zone)
-            except goto.GotoError as error:
+                search.row_named(text, self._bus, begin, self._screen.desk.zone)
+            except search.GotoError as error:
                 return str(error)
             return ""
 
-        text = await self._screen.app.push_screen_wait(Ask(self._asks("Go to"), tr(goto.FORMS), wrong=wrong))
+        text = await self._screen.app.push_screen_wait(Ask(self._asks("Go to"), tr(search.FORMS), wrong=wrong))
         if text is not None:
-            self.go(goto.place(text, self._bus, begin, self._screen.desk.zone))
+            self.go(search.row_named(text, self._bus, begin, self._screen.desk.zone))
 
     async def ask_span(self) -> None:
         """Ask for a span of time, and narrow everything to it."""
@@ -101,14 +101,14 @@ class Jumps:
 
         def wrong(text: str) -> str:
             try:
-                goto.span(text, self._bus, zone)
-            except goto.GotoError as error:
+                search.span(text, self._bus, zone)
+            except search.GotoError as error:
                 return str(error)
             return ""
 
-        text = await self._screen.app.push_screen_wait(Ask(self._asks("Only the time"), tr(goto.SPANS), wrong=wrong))
+        text = await self._screen.app.push_screen_wait(Ask(self._asks("Only the time"), tr(search.SPANS), wrong=wrong))
         if text is not None:
-            self._screen.narrowing.to_span(goto.span(text, self._bus, zone))
+            self._screen.narrowing.to_span(search.span(text, self._bus, zone))
 
     async def ask_what(self) -> None:
         """Ask what to look for, tell what is understood while it is typed, and look; a place is gone to."""
@@ -127,10 +127,10 @@ class Jumps:
         def wrong(text: str) -> str:
             try:
                 if _names_row(text):
-                    goto.place(text, self._bus, begin, zone)
+                    search.row_named(text, self._bus, begin, zone)
                 else:
                     search.wanted(text)
-            except (search.SearchError, goto.GotoError) as error:
+            except (search.SearchError, search.GotoError) as error:
                 return str(error)
             return ""
 
@@ -141,7 +141,7 @@ class Jumps:
             return
         self._sought = text
         if _names_row(text):
-            self.go(goto.place(text, self._bus, begin, zone))
+            self.go(search.row_named(text, self._bus, begin, zone))
         else:
             self._wanted = search.wanted(text)
             self._find_first()
@@ -215,4 +215,4 @@ class Jumps:
 def _names_row(text: str) -> bool:
     """Whether a text names a place, not something to look for: `#120`, `12.5s`, `+200ms`, `08:29`, `50%`."""
     text = text.strip().lower()
-    return goto.is_place(text) and not text.isdecimal()
+    return search.is_place(text) and not text.isdecimal()

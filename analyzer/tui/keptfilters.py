@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from ..filters import FilterError
 from ..languages import tr
-from ..model.filtering import compiled
+from ..model.selection import compiled
 from ..settings import COLOURS
 from .filterbar import FilterBar
 from .preferences import KeptFilter
@@ -35,7 +35,7 @@ class KeptFilters:
         bar = screen.query_one(FilterBar)
         own = wishes.filters[:_SHOWN]
         shown = [*own, *wishes.presets][: 2 * _SHOWN]
-        choices = [(_KEYS[i], _words(entry)) for i, entry in enumerate(shown)]
+        choices = [(_KEYS[i], _entry_words(entry)) for i, entry in enumerate(shown)]
         choices += [("k", tr("keep the filter in use: {filter}", filter=bar.text))] if bar.text else []
         choices += [("d", tr("drop one"))] if own else []
         if not choices:
@@ -90,7 +90,7 @@ def kept_tests(desk: ViewState) -> Iterator[tuple[str, Test]]:
             continue
 
 
-def _words(entry: KeptFilter) -> str:
+def _entry_words(entry: KeptFilter) -> str:
     return f"{entry.name}: {entry.text}" + (f" ({entry.colour})" if entry.colour not in ("", entry.name) else "")
 
 

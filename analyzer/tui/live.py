@@ -10,8 +10,7 @@ from captures.line import LineSettings
 from captures.recording.notes import Note
 
 from ..core import Analysed
-from ..languages import counted, tr
-from ..languages.retelling import retold
+from ..languages import counted, retold, tr
 from ..live.session import Session
 from ..live.status import LineStatus
 from ..model.source import Grave

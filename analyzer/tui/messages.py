@@ -9,7 +9,7 @@ from textual.message import Message
 if TYPE_CHECKING:
     from textual.widget import Widget
 
-    from ..model.filtering import CompiledTest
+    from ..model.selection import CompiledTest
     from .look import FrameDetail
 
 

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from captures.recording.notes import MARK
 
-from ..languages import tr
-from ..languages.retelling import error_words
+from ..languages import error_words, tr
 from ..outages import notes_of
 from .prompts import Ask
 

@@ -2,14 +2,19 @@
 
 Whatever a widget shows passes `Harmless` on its way to the terminal, as all other output passes
 `analyzer.terminal_text`.
+
+Two themes are of the sixteen colours that every terminal has: each stands exactly on one of them. With NO_COLOR the
+terminal's own two colours alone; what has a background of its own stands out in reverse.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from functools import lru_cache
 from typing import Final, NamedTuple
 
 from rich.cells import cell_len, set_cell_size
+from rich.color import Color as RichColour
 from rich.segment import Segment
 from rich.style import Style
 from textual.color import Color
@@ -175,5 +180,62 @@ LIGHT: Final = Theme(
         "tint-red": "#ffd9d6", "tint-yellow": "#fff1c2", "tint-green": "#d6f2da", "tint-blue": "#d6e8ff",
         "tint-violet": "#ecdcff",
         "footer-key-foreground": "#8f4700",
+    },
+)  # fmt: skip
+
+
+_OWN: Final = Style.from_color(RichColour.default(), RichColour.default())
+Rgb = tuple[int, int, int]
+
+
+class Colourless(LineFilter):
+    """Takes the colours out of lines."""
+
+    def __init__(self, flat: Iterable[Rgb]) -> None:
+        """`flat`: backgrounds that stand out nowhere: that of lists' heads, and what Textual takes the terminal's own
+        for where a screen shines through another.
+        """
+        super().__init__()
+        self._flat = frozenset(flat)
+
+    def apply(self, segments: list[Segment], background: Color) -> list[Segment]:
+        """`background`: that of the widget, which stands for none."""
+        return [
+            Segment(text, None if style is None else _unshaded(style, background.rgb, self._flat), control)
+            for text, style, control in segments
+        ]
+
+
+@lru_cache(1024)
+def _unshaded(style: Style, background: Rgb, flat: frozenset[Rgb]) -> Style:
+    own = None if style.bgcolor is None or style.bgcolor.is_default else tuple(style.bgcolor.get_truecolor())
+    shaded = own is not None and own not in flat and own != background
+    return style + _OWN + Style(reverse=shaded != bool(style.reverse))
+
+
+DARK_16: Final = Theme(
+    name="rtuscope-dark-16",
+    primary="#55ffff", secondary="#00aaaa", accent="#ffff55", foreground="#ffffff", background="#000000",
+    surface="#000000", panel="#0000aa", success="#55ff55", warning="#ffff55", error="#ff5555", dark=True,
+    variables={
+        "quiet": "#aaaaaa", "rule": "#555555", "asks": "#55ffff", "answers": "#55ff55", "noise": "#ff55ff",
+        "bad": "#ff5555", "warn": "#ffff55", "note": "#aaaaaa", "good": "#55ff55",
+        "chosen": "#00aaaa", "chosen-text": "#000000", "chosen-away": "#555555",
+        "lit": "#aa5500", "lit-text": "#ffffff",
+        "tint-red": "#aa0000", "tint-yellow": "#aa5500", "tint-green": "#00aa00", "tint-blue": "#0000aa",
+        "tint-violet": "#aa00aa", "footer-key-foreground": "#ffff55",
+    },
+)  # fmt: skip
+LIGHT_16: Final = Theme(
+    name="rtuscope-light-16",
+    primary="#0000aa", secondary="#00aaaa", accent="#aa0000", foreground="#000000", background="#ffffff",
+    surface="#ffffff", panel="#aaaaaa", success="#00aa00", warning="#aa5500", error="#aa0000", dark=False,
+    variables={
+        "quiet": "#555555", "rule": "#aaaaaa", "asks": "#0000aa", "answers": "#00aa00", "noise": "#aa00aa",
+        "bad": "#aa0000", "warn": "#aa5500", "note": "#555555", "good": "#00aa00",
+        "chosen": "#0000aa", "chosen-text": "#ffffff", "chosen-away": "#aaaaaa",
+        "lit": "#ffff55", "lit-text": "#000000",
+        "tint-red": "#ff5555", "tint-yellow": "#ffff55", "tint-green": "#55ff55", "tint-blue": "#55ffff",
+        "tint-violet": "#ff55ff", "footer-key-foreground": "#aa0000",
     },
 )  # fmt: skip

@@ -13,11 +13,10 @@ from textual.widgets import Label, TextArea
 
 from captures.errors import HexError
 
-from ..languages import counted, tr
-from ..languages.retelling import error_words
+from ..languages import counted, error_words, tr
 from ..paste import Paste, PasteError, read
 from ..paste.model import PastedFrame, PastedNoise
-from ..paste.trees import heading, shown, trouble
+from ..paste.trees import heading, hex_shown, trouble
 from .lines import Lines
 from .look import NOTHING, FrameDetail, at_piece
 from .messages import DetailWanted, LineChosen
@@ -78,7 +77,9 @@ class PieceList(Lines):
         at = StyledText(f"{pasted.start:>5}  ", "dim")
         if isinstance(pasted, PastedNoise):
             length = counted(pasted.length, "byte", "bytes")
-            return fitted([at, StyledText(f"{tr('in no frame')}, {length}: {shown(pasted.data, 12)}", "noise")], width)
+            return fitted(
+                [at, StyledText(f"{tr('in no frame')}, {length}: {hex_shown(pasted.data, 12)}", "noise")], width
+            )
         wrong = trouble(pasted)
         parts = [at, StyledText(heading(pasted), pasted.role.name.lower())]
         return fitted([*parts, StyledText(f"  {wrong}", "error")] if wrong else parts, width)

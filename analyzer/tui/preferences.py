@@ -15,8 +15,7 @@ from typing import Any, Final
 import captures
 
 from ..filters import check
-from ..languages import tr
-from ..languages.retelling import error_words
+from ..languages import error_words, tr
 from ..settingfiles import user_folder
 from ..settings import COLOURS, SettingsError, read_settings
 

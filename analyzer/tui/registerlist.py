@@ -13,24 +13,21 @@ from textual.containers import Vertical
 from captures import CaptureError
 from dissectors.values import AREAS, logical
 
-from ..languages import counted, tr
-from ..languages.retelling import error_words
-from ..model.meanings import AREA_WORDS, CHOICES, PLAIN, Meaning, Spot, chosen, told
-from ..model.registers import RegisterSeries, WatchedRegister
-from ..registers.pace import is_due
+from ..languages import counted, error_words, tr
+from ..model.registers import AREA_WORDS, CHOICES, PLAIN, Meaning, RegisterSeries, chosen, meanings_of
+from ..registers.readings import is_due
 from ..words import duration, short
 from .burst import ASKING
-from .doorcells import DoorCell, register_text
 from .lines import Lines
 from .paint import StyledText, fitted
-from .plot import Plot, Series
+from .plot import Plot, Series, trend
 from .prompts import Ask
-from .sparks import trend
-from .view import JUMPS, View
+from .view import JUMPS, DoorCell, View, register_text
 
 if TYPE_CHECKING:
     from textual.widget import Widget
 
+    from ..model.registers import Spot, WatchedRegister
     from .desk import ViewState
     from .screen import BusScreen
 
@@ -76,10 +73,10 @@ class RegisterList(Lines):
     def grown(self) -> None:
         before = self.register
         self._registers = sorted(self.desk.figures.registers.all(), key=_in_order)
-        self._line_of = {_spot(r): i for i, r in enumerate(self._registers)}
+        self._line_of = {r.spot: i for i, r in enumerate(self._registers)}
         self._find_parts()
         if before is not None:
-            self.cursor = self._line_of.get(_spot(before), self.cursor)
+            self.cursor = self._line_of.get(before.spot, self.cursor)
         super().grown()
         if before is None and self._registers:
             self._tell()
@@ -94,9 +91,9 @@ class RegisterList(Lines):
     def _find_parts(self) -> None:
         self._parts = {}
         for register in self._registers:
-            unit, area, address = _spot(register)
+            unit, area, address = register.spot
             if (unit, area, address) not in self._parts:
-                for k in range(1, self.meaning(_spot(register)).words):
+                for k in range(1, self.meaning(register.spot).words):
                     self._parts[unit, area, address + k] = unit, area, address
 
     def meaning(self, spot: Spot) -> Meaning:
@@ -120,7 +117,7 @@ class RegisterList(Lines):
 
     def pieces(self, line: int, width: int) -> Sequence[StyledText]:
         register = self._registers[line]
-        spot = _spot(register)
+        spot = register.spot
         meaning = self.meaning(spot)
         bit = register.area < _BIT_AREAS
         members = self._members(register, meaning)
@@ -184,7 +181,7 @@ class RegisterList(Lines):
 
     def owner(self, register: WatchedRegister) -> Spot:
         """Where the value begins that a register is part of."""
-        return self._parts.get(_spot(register), _spot(register))
+        return self._parts.get(register.spot, register.spot)
 
     def label(self, spot: Spot) -> str:
         """A value in words: place, name, type."""
@@ -279,13 +276,9 @@ def _in_order(register: WatchedRegister) -> tuple[int, bool, int, int]:
     return register.unit, register.area < _BIT_AREAS, -register.area, register.address
 
 
-def _short(spot: Spot) -> str:
+def _spot_text(spot: Spot) -> str:
     """`17 40108`, as one goes there."""
     return f"{spot[0]} {logical(spot[2], _AREA_NAMES[spot[1]])}"
-
-
-def _spot(register: WatchedRegister) -> Spot:
-    return register.unit, register.area, register.address
 
 
 class RegistersPane(Vertical):
@@ -332,7 +325,7 @@ def _plotted(screen: BusScreen) -> None:
             if meaning.words == each.words:
                 numbers = meaning.numbers(registers) if meaning.is_number else registers[:, 0].astype(float)
                 times = t_ns if bus.timed else rows
-                series.append(Series(listing.label(spot), times, numbers, meaning.measure, _short(spot)))
+                series.append(Series(listing.label(spot), times, numbers, meaning.measure, _spot_text(spot)))
         count, span = len(series[-1].t_ns) if series else 0, ""
         if count > 1 and bus.timed:
             span = tr(" over {time}", time=duration(int(series[-1].t_ns[-1] - series[-1].t_ns[0])))
@@ -358,7 +351,7 @@ def _refresh(screen: BusScreen) -> None:
     if bus.count and due:
         pane.typed_at = bus.count
         charts, types = screen.desk.charts, dict(screen.desk.notes.types)
-        screen.jobs.run("meanings", lambda stop: told(bus, charts, stop, types), listing.use)
+        screen.jobs.run("meanings", lambda stop: meanings_of(bus, charts, stop, types), listing.use)
 
 
 def _chosen(screen: BusScreen, sender: Widget) -> None:  # noqa: ARG001

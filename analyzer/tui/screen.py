@@ -20,17 +20,14 @@ from dissectors.values import harmless
 
 from ..languages import counted, tr
 from .bookmarks import Bookmarks
+from .bottomlines import KeyLine, StatusLine, fitting
 from .burst import ASKING
-from .columns import ShownColumns
-from .detailpane import DetailPane
-from .doors import Doors
+from .details import DetailPane
 from .filterbar import FilterBar
-from .footing import fitting
-from .frames import FrameList
+from .frames import FrameList, ShownColumns
 from .jobs import Jobs
 from .jumps import Jumps
 from .keptfilters import KeptFilters
-from .keyline import KeyLine
 from .keys import BINDINGS
 from .lines import Lines
 from .look import at_row
@@ -44,13 +41,11 @@ from .messages import (
     SpanChosen,
     ViewWanted,
 )
-from .narrowing import Narrowing
+from .narrowing import Doors, Narrowing
 from .openfiles import NextFile, OpenFiles
-from .panes import Panes
+from .panes import Panes, Tabs
 from .picking import PickedRows
 from .prompts import Choose
-from .status import StatusLine
-from .tabs import Tabs
 from .transactions import TransactionList
 from .view import LISTS, View
 from .views import BY_NAME, VIEWS
@@ -382,7 +377,7 @@ class BusScreen(Screen[None]):
         self.app.exit()
 
     def action_help(self) -> None:
-        from .help import Help
+        from .keys import Help
 
         self.app.push_screen(Help(self.desk.wishes.keys, self.query_one(f"#{self.view}")))
 

@@ -15,12 +15,12 @@ from textual.strip import Strip
 
 from ..languages import counted, tr
 from ..model.activity import Band, bands, time_marks
-from ..model.findinglog import rows_of_causes
+from ..model.rowstores import rows_of_causes
 from ..words import is_clock, percent, short
 from .keptfilters import kept_tests
 from .messages import RowWanted, SpanChosen, SpanSeen
 from .paint import Painted, StyledText, fitted
-from .sparks import EIGHTHS
+from .plot import EIGHTHS
 from .view import JUMPS, View
 
 if TYPE_CHECKING:

@@ -16,8 +16,22 @@ from ..model.polls import TransactionValues, poll_values
 from ..model.selection import ListRows, Selection, Unfolded, transactions
 from ..tables.schema import Kind
 from ..words import pointed_ms
-from . import rows as words
-from .frames import FrameList, at_the_row, shown_row, to_its_fields, under_cursor
+from .frames import (
+    LETTER,
+    SEVERITY,
+    UNHEARD,
+    FrameList,
+    at_the_row,
+    beside_content,
+    findings_beside,
+    outcome_beside,
+    row_direction,
+    row_marks,
+    row_words,
+    shown_row,
+    to_its_fields,
+    under_cursor,
+)
 from .messages import OnlyChanged
 from .paint import StyledText
 from .view import View, grown
@@ -25,7 +39,7 @@ from .view import View, grown
 if TYPE_CHECKING:
     from .desk import ViewState
 
-_OUTCOMES: Final = {"none": "no answer", "bcast": "broadcast", words.UNHEARD: "answer not heard", "": "…"}
+_OUTCOMES: Final = {"none": "no answer", "bcast": "broadcast", UNHEARD: "answer not heard", "": "…"}
 _WORDY: Final = 48  # columns from which on there is room for all of the head
 _BLOCK: Final = 32  # lines that are read at once
 _CACHED: Final = 2048  # transactions
@@ -129,14 +143,14 @@ class TransactionList(FrameList):
         number, time, _ = self.columns(width)
         carried = self._values(line, row)
         answer = carried.answer
-        ended = words.ended(desk, row if answer < 0 else answer)
+        ended = outcome_beside(desk, row if answer < 0 else answer)
         grave = max(table.value("mark", row), 0 if answer < 0 else table.value("mark", answer))
-        own = (words.marks(desk, each) for each in (row, answer) if each >= 0)
+        own = (row_marks(desk, each) for each in (row, answer) if each >= 0)
         mark = next(filter(_is_noted, own), StyledText("  "))  # the user's, on the request or on its answer
         took = desk.bus.response(answer) if answer >= 0 else None
         quantity = "" if carried.quantity < 0 else f"×{carried.quantity}"
         parts = self.shown([
-            ("", StyledText(words.LETTER[grave] + mark.text[1], words.SEVERITY[grave] or mark.kind)),
+            ("", StyledText(LETTER[grave] + mark.text[1], SEVERITY[grave] or mark.kind)),
             ("number", StyledText(f"{table.value('frame', row):>{number}} ", "dim")),
             ("time", StyledText(f"{self.time(row, self.row_at(line - 1) if line else None, width):>{time}} ")),
             ("unit", StyledText(f"{table.value('unit', row):>4} ", "request")),
@@ -152,14 +166,14 @@ class TransactionList(FrameList):
         """What came of it: values in columns, or words where there are none."""
         desk, row, answer = self.desk, carried.row, carried.answer
         table = desk.bus.table
-        about = words.about(desk, row) + (words.about(desk, answer) if answer >= 0 else [])
+        about = findings_beside(desk, row) + (findings_beside(desk, answer) if answer >= 0 else [])
         bad = answer >= 0 and (table.value("exception", answer) > 0 or not table.value("check", answer))
         if bad:
             about = [each for each in about if each.text.strip() != "exception"]
         outcome: list[StyledText] = []
         if answer < 0 and not ended.text and desk.bus.whole:
-            return words.shared(words.words(desk, row)[0], about, room)  # nobody can say what became of it
-        if answer < 0 and words.direction(desk, row) == "request":
+            return beside_content(row_words(desk, row)[0], about, room)  # nobody can say what became of it
+        if answer < 0 and row_direction(desk, row) == "request":
             outcome = [StyledText(tr(_OUTCOMES.get(ended.text, ended.text)), ended.kind)]
             if carried.register and carried.values:
                 outcome += [StyledText(": "), *_columns(carried)]
@@ -167,12 +181,12 @@ class TransactionList(FrameList):
             told = _columns(carried)
             if desk.scope.only_changed:
                 told = _changes(carried) if carried.changed else [StyledText(tr("new "), "dim"), *told]
-            return words.shared(told, about, room)
+            return beside_content(told, about, room)
         elif answer >= 0:
-            outcome = words.words(desk, answer)[0]
+            outcome = row_words(desk, answer)[0]
         if not carried.register:
-            outcome = [*words.words(desk, row)[0], *([StyledText(" → ", "response")] if outcome else []), *outcome]
-        return words.shared(outcome, about, room)
+            outcome = [*row_words(desk, row)[0], *([StyledText(" → ", "response")] if outcome else []), *outcome]
+        return beside_content(outcome, about, room)
 
     def _values(self, line: int, row: int) -> TransactionValues:
         """What a line carries; a block of lines is read at once."""

@@ -1,7 +1,8 @@
 """A view of the bus: one record, from which the screen makes its tab, its key, its widget, and what happens in it.
 
 A new view is a file with such a record and a line in `views`. Its functions get the screen, and of a list the widget
-whose cursor moved; what they need of the view itself they ask the screen for by the widget's class.
+whose cursor moved; what they need of the view itself they ask the screen for by the widget's class. What stands on a
+line of a list is told as filters that mean it: the cells that doors lead through.
 """
 
 from __future__ import annotations
@@ -10,7 +11,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from .doorcells import DoorCell, cells_of_row
+from dissectors.functions import function_code
+
+from ..languages import tr
+from ..model.polls import poll_values
 from .paint import Painted
 
 if TYPE_CHECKING:
@@ -18,6 +22,57 @@ if TYPE_CHECKING:
 
     from .desk import ViewState
     from .screen import BusScreen
+
+_BIT_AREAS: Final = "01"
+
+
+@dataclass(frozen=True, slots=True)
+class DoorCell:
+    """Something that stands on a line: a key to choose it by, its words, and the filter that means it."""
+
+    key: str
+    words: str
+    text: str
+
+
+def register_text(unit: int, logical: str) -> str:
+    """The filter for a register or a bit of a unit."""
+    return f"unit == {unit} and {'bit' if logical[0] in _BIT_AREAS else 'register'} == {logical}"
+
+
+def cells_of_row(screen: BusScreen) -> list[DoorCell]:
+    """What the row under the cursor speaks of, the field under the cursor below first."""
+    row, bus = screen.jumps.here, screen.desk.bus
+    if row < 0 or not bus.count:
+        return []
+    if bus.is_noise(row):
+        return [DoorCell("n", tr("noise"), "noise")]
+    frame = bus.frame(row)
+    cells = []
+    item = screen.detail.fields.item
+    place = "" if item is None else item.text.partition(":")[0]
+    if screen.detail.fields.has_focus and item is not None and item.length and place.isdecimal() and len(place) > 4:
+        words = tr("register {register} of unit {unit}", register=place, unit=frame.unit)
+        cells.append(DoorCell("v", words, register_text(frame.unit, place)))
+    cells += [
+        DoorCell("u", tr("unit {unit}", unit=frame.unit), f"unit == {frame.unit}"),
+        DoorCell("f", f"{function_code(frame.function)} {frame.name}", f"function == {frame.function}"),
+    ]
+    partner = bus.partner(row)
+    asked = partner if partner is not None and frame.direction == "response" else row
+    poll = poll_values(bus, [asked])[0]
+    if poll.register:
+        register = register_text(frame.unit, poll.register)
+        words = tr("register {register} of unit {unit}", register=poll.register, unit=frame.unit)
+        cells.append(DoorCell("r", words, register))
+        whole = f"{register} and function == {frame.function} and quantity == {poll.quantity}"
+        cells.append(DoorCell("p", tr("this poll: {words}", words=f"×{poll.quantity}, {words}"), whole))
+    if frame.exception:
+        cells.append(DoorCell("x", tr("exception {code}", code=frame.exception), f"exception == {frame.exception}"))
+    codes = dict.fromkeys(finding.code for each in {row, asked, partner} - {None} for finding in bus.findings(each))  # type: ignore[arg-type]
+    cells += [DoorCell("cdeghij"[i], code, f'finding == "{code}"') for i, code in enumerate(list(codes)[:7])]
+    return cells
+
 
 JUMPS: Final = ("find", "find_on", "goto", "counterpart", "finding")  # the screen's actions that go to another row
 

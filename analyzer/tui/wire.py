@@ -122,7 +122,7 @@ class ThinWire:
             if control or not text:
                 continue
             full, blank = self._looks_of(style, console)
-            cells = list(text) if text.isascii() else _cells(text)
+            cells = list(text) if text.isascii() else _cells_of_text(text)
             own: list[Look | None] = [blank if cell == " " else full for cell in cells]
             skip, room = max(0, -x), max(0, width - x)
             if skip or len(cells) > room:
@@ -179,7 +179,7 @@ def _of_chops(update: ChopsUpdate) -> Iterator[Stretch]:
                 yield y, low, strip if (low, high) == (x, end) else strip.crop(low - x, high - x)
 
 
-def _cells(text: str) -> list[str]:
+def _cells_of_text(text: str) -> list[str]:
     """A text cell by cell; the second cell of a wide character is empty."""
     if len(text) == cell_len(text):
         return list(text)

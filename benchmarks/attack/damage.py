@@ -21,8 +21,8 @@ from captures import Block, Chunk, LineSettings
 from captures.formats.mcap.channel import ChunkChannel
 from captures.formats.mcap.records import TOPIC
 from captures.formats.mcap.writer import ArrayWriter
+from captures.recording.mcapfile import repair
 from captures.recording.notes import Note, NoteChannel
-from captures.recording.repair import repair
 
 BEGUN_NS: Final = 1_800_000_000 * 10**9
 STEP_NS: Final = 500_000_000

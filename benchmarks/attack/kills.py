@@ -21,7 +21,7 @@ from typing import Final
 
 import captures
 from attack.target import Outcome
-from captures.recording.repair import repair
+from captures.recording.mcapfile import repair
 
 MOST_LOST_S: Final = 1.0
 _START: Final = "import sys; from analyzer.cli import main; sys.exit(main())"

@@ -73,7 +73,7 @@ def _filters() -> Sequence[bytes]:
 @cache
 def rules() -> Sequence[bytes]:
     """The examples of all forms."""
-    from analyzer.checks.forms import forms
+    from analyzer.checks.model import forms
 
     return [example.encode() for form in forms() for example in form.examples]
 
@@ -148,8 +148,8 @@ def _rules_file(data: bytes, _: Random) -> None:
 def _settings(data: bytes, chance: Random) -> None:
     """A settings file as the user's or a project's, and as the defaults of a command."""
     from analyzer import settings
+    from analyzer.cli.config import settled
     from analyzer.cli.exits import UsageError
-    from analyzer.cli.settling import settled
 
     path = folder() / chance.choice(("rtuscope.toml", "config.toml"))
     path.write_bytes(data)
@@ -248,15 +248,15 @@ def _given(data: bytes, chance: Random) -> None:
     from datetime import UTC, timedelta, timezone
 
     from analyzer.cli.exits import UsageError
-    from analyzer.cli.quantities import moment, time_span
-    from analyzer.model import goto, search
+    from analyzer.cli.inputs import moment, time_span
+    from analyzer.model import search
 
     text = data.decode(errors="replace")[:6000]
     zone = chance.choice((UTC, timezone(timedelta(hours=14)), timezone(-timedelta(hours=12))))
     bus = _bus()
     takers: tuple[Callable[[], Any], ...] = (
-        lambda: goto.place(text, bus, chance.randrange(bus.count), zone),
-        lambda: goto.span(text, bus, zone),
+        lambda: search.row_named(text, bus, chance.randrange(bus.count), zone),
+        lambda: search.span(text, bus, zone),
         lambda: search.wanted(text).hits(bus, 0, min(bus.count, 40)),
         lambda: moment(text, "--from", chance.choice((bus.t_first, 0, -(10**15), 10**18)), zone),
         lambda: time_span(text, "--shift"),
@@ -270,11 +270,10 @@ def _given(data: bytes, chance: Random) -> None:
 
 def language_targets() -> list[Target]:
     """All of them."""
-    from analyzer.checks.errors import CheckError
+    from analyzer.checks import CheckError
     from analyzer.checks.parsing import RulesFileError
     from analyzer.filters import FilterError
-    from analyzer.model.goto import GotoError
-    from analyzer.model.search import SearchError
+    from analyzer.model.search import GotoError, SearchError
     from analyzer.settings import SettingsError
     from analyzer.usernotes import NotesError
 

@@ -189,8 +189,7 @@ def _take_workbook(data: bytes, chance: Random) -> None:
 
 
 def _survives(chart: object, chance: Random) -> None:
-    from dissectors.maps.decoding import read_mapped
-    from dissectors.maps.model import RegisterMap
+    from dissectors.maps.model import RegisterMap, read_mapped
     from dissectors.maps.table import read_table, write_table
     from dissectors.maps.yamlform import read_yaml, write_yaml
 

@@ -18,7 +18,7 @@ from attack.mapfiles import OWN
 from attack.target import LINE
 
 if TYPE_CHECKING:
-    from dissectors.maps.units import UnitMaps
+    from dissectors.maps.files import UnitMaps
 
 Words = Callable[[Random], str]
 _DEEPEST: Final = 12  # rules in each other, from where on the shortest way out is taken
@@ -106,8 +106,8 @@ def of(*texts: str) -> Words:
 @cache
 def maps() -> UnitMaps:
     """Where values have their names from, for filters and rules."""
+    from dissectors.maps.files import UnitMaps
     from dissectors.maps.table import read_table
-    from dissectors.maps.units import UnitMaps
 
     return UnitMaps(other=read_table(OWN, "own.csv"))
 

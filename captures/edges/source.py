@@ -140,7 +140,7 @@ def edge_source(path: Path, file: EdgeFile, given: GivenSettings) -> EdgeSource:
         _Channel(one.number, port, file.levels[one.number], one.settings) for port, one in enumerate(serial[:_PORTS])
     ]
     spans = BitSpans({one.port: one.settings.baud for one in channels})
-    return EdgeSource(file, channels, _line(file, channels, given), told, spans)
+    return EdgeSource(file, channels, _line_of_channels(file, channels, given), told, spans)
 
 
 def _heads(file: EdgeFile) -> list[Times]:
@@ -187,7 +187,7 @@ def _heard_in(one: Times, other: Times, settings: UartSettings) -> bool:
     return bool((off < settings.bit_ns).mean() > _SAME)
 
 
-def _line(file: EdgeFile, channels: Sequence[_Channel], given: GivenSettings) -> LineSettings:
+def _line_of_channels(file: EdgeFile, channels: Sequence[_Channel], given: GivenSettings) -> LineSettings:
     first = channels[0].settings
     parity, stop = first.parity, float(first.stop_bits)
     notes = {}

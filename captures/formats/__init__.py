@@ -68,7 +68,7 @@ def foreign_formats() -> dict[str, Format]:
         except BaseException as error:
             if isinstance(error, KeyboardInterrupt):
                 raise
-            warnings.warn(f"plug-in {entry.name} ({entry.value}) is left out: {_words(error)}", stacklevel=2)
+            warnings.warn(f"plug-in {entry.name} ({entry.value}) is left out: {_error_line(error)}", stacklevel=2)
         else:
             formats_by_name[loaded.name] = loaded
     return formats_by_name
@@ -209,11 +209,11 @@ def _score(format: Format, head: bytes) -> float:
     try:
         return float(format.sniff(head))
     except Exception as error:
-        warnings.warn(f"capture format {format.name} is left out: {_words(error)}", stacklevel=2)
+        warnings.warn(f"capture format {format.name} is left out: {_error_line(error)}", stacklevel=2)
         return 0.0
 
 
-def _words(error: BaseException) -> str:
+def _error_line(error: BaseException) -> str:
     return " ".join(f"{type(error).__name__}: {error}".split())
 
 

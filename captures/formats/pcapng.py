@@ -26,8 +26,7 @@ from ..files import opened, read_head
 from ..limits import TIME_LIMIT
 from ..line import LineSettings
 from ..network.blocks import errors_comments, note_comment
-from ..network.links import UPPER_PDU
-from ..network.packets import INBOUND, LONGEST, OUTBOUND, Interface, Ints, Packets
+from ..network.packets import INBOUND, LONGEST, OUTBOUND, UPPER_PDU, Interface, Ints, Packets
 from ..recording.notes import Note as LineNote
 from . import Format
 
@@ -137,7 +136,7 @@ class _PcapngFile:
         yield from self._columns(data, batch, note)
 
     def _section(self, body: bytes) -> None:
-        comments = [_text(value) for code, value in ng.options(body[16:], self._order) if code == ng.COMMENT]
+        comments = [_comment_text(value) for code, value in ng.options(body[16:], self._order) if code == ng.COMMENT]
         if not self.header:
             self.header.update(ng.settings_in(comments))
 
@@ -156,7 +155,7 @@ class _PcapngFile:
         if len(resolution) == 1:
             units = 2 ** (resolution[0] & 0x7F) if resolution[0] & 0x80 else 10 ** min(resolution[0], 30)
         seconds = struct.unpack(f"{self._order}q", offset)[0] if len(offset) == 8 else 0
-        name = _text(by_code[ng.NAME]) if ng.NAME in by_code else None
+        name = _comment_text(by_code[ng.NAME]) if ng.NAME in by_code else None
         serial = link == UPPER_PDU and 0 < baud < 10**8  # an Ethernet card's speed is no baud rate
         self.interfaces.append(Interface(link, name, baud if serial else None))
         self._clocks.append(_InterfaceClock(units, seconds))
@@ -217,11 +216,11 @@ def _remarks(
             if code == ng.FLAGS and len(value) == 4:
                 flags[row] = struct.unpack(f"{order}I", value)[0]
             elif code == ng.COMMENT:
-                comments.setdefault(row, []).append(_text(value))
+                comments.setdefault(row, []).append(_comment_text(value))
     return flags, comments
 
 
-def _text(data: bytes) -> str:
+def _comment_text(data: bytes) -> str:
     return data.decode("utf-8", "replace")
 
 

@@ -72,7 +72,7 @@ class _SaleaeReader:
                     if i == 1 or not line.strip():
                         continue
                     try:
-                        chunk = self._chunk(_cells(line, self.delimiter), ports)
+                        chunk = self._chunk(_split_row(line, self.delimiter), ports)
                     except ValueError as error:
                         note(f"line {i}", f"{error}: left out")
                     else:
@@ -102,7 +102,7 @@ def _values(cells: Sequence[str], columns: Mapping[str, tuple[int, ...]]) -> dic
     return {key: [cells[i] for i in where if i < len(cells)] for key, where in columns.items()}
 
 
-def _cells(line: bytes, delimiter: str) -> list[str]:
+def _split_row(line: bytes, delimiter: str) -> list[str]:
     try:
         text = line.decode("utf-8", "replace").strip("\r\n\ufeff")
         return next(csv.reader([text], delimiter=delimiter), [])
@@ -115,7 +115,7 @@ def _header(head: bytes) -> tuple[dict[str, tuple[int, ...]], str] | None:
     first = head.split(b"\n", 1)[0]
     for delimiter in (",", ";", "\t"):
         try:
-            names = [cell.strip().lower() for cell in _cells(first, delimiter)]
+            names = [cell.strip().lower() for cell in _split_row(first, delimiter)]
         except ValueError:
             continue
         columns = {key: tuple(i for i, name in enumerate(names) if name in titles) for key, titles in _NAMES.items()}
@@ -124,14 +124,14 @@ def _header(head: bytes) -> tuple[dict[str, tuple[int, ...]], str] | None:
     return None
 
 
-def _number(text: str) -> float:
+def _decimal(text: str) -> float:
     """A number, with a decimal comma where spreadsheets write one."""
     return float(text.replace(",", "."))
 
 
 def _time(text: str) -> int:
     try:
-        return round(_number(text) * 1e9)
+        return round(_decimal(text) * 1e9)
     except (ValueError, OverflowError):
         stamp, _ = stamps.find(text)
         if stamp is None:
@@ -141,7 +141,7 @@ def _time(text: str) -> int:
 
 def _duration(cells: Sequence[str]) -> int:
     try:
-        return max(0, min(round(_number(cells[0]) * 1e9), TIME_LIMIT)) if cells else 0
+        return max(0, min(round(_decimal(cells[0]) * 1e9), TIME_LIMIT)) if cells else 0
     except (ValueError, OverflowError):
         return 0
 
@@ -205,7 +205,7 @@ def _read(
     rows = []
     for line in head.split(b"\n")[1 : -1 if len(head) >= HEAD_BYTES else None]:
         try:
-            rows.append(_values(_cells(line, delimiter), columns))
+            rows.append(_values(_split_row(line, delimiter), columns))
         except ValueError:
             continue
     rows = [row for row in rows if row["time"] and row["data"] and row["type"][:1] in ([], ["data"], ["address"])]

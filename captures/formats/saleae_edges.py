@@ -27,9 +27,8 @@ from numpy.typing import NDArray
 from captures.text import stamps
 
 from ..chunks import Note
-from ..edges.samples import rate_said, unit_of
 from ..edges.source import EdgePiece, edge_reader
-from ..edges.uart import Times
+from ..edges.uart import Times, rate_said, unit_of
 from ..errors import CaptureError
 from ..files import lines_of, opened, read_head, text_batches
 from ..limits import TIME_LIMIT
@@ -82,13 +81,13 @@ class _Table:
         """Times and levels of the rows of a text that can be read."""
         width = len(self.names) + 1
         text = self.head.plain(text)
-        cells = _cells(text if text.endswith(b"\n") else text + b"\n", width)
+        cells = _first_cells(text if text.endswith(b"\n") else text + b"\n", width)
         if cells is None:
             lines = lines_of(text)
             good = [line for line in lines if re.fullmatch(rb"[^,]+(?:,[01X]){%d}" % (width - 1), line)]
             if wrong := sum(bool(line.strip()) for line in lines) - len(good):
                 note(f"lines {number} to {number + len(lines)}", f"{wrong:,} rows that are none: left out")
-            cells = _cells(b"".join(line + b"\n" for line in good), width)
+            cells = _first_cells(b"".join(line + b"\n" for line in good), width)
         if cells is None:
             return np.zeros(0, np.int64), np.zeros((0, width - 1), np.bool_)
         times = _nanoseconds(cells[0], self.head.unit_ns)
@@ -104,7 +103,7 @@ class _Table:
         return times[usable], levels
 
 
-def _cells(text: bytes, width: int) -> tuple[NDArray[np.bytes_], NDArray[np.uint8]] | None:
+def _first_cells(text: bytes, width: int) -> tuple[NDArray[np.bytes_], NDArray[np.uint8]] | None:
     """The first cell of each row as text, the others as one character each; None where any row is not like that."""
     data = np.frombuffer(text, np.uint8)
     ends = np.flatnonzero((data == ord(",")) | (data == ord("\n")))
@@ -180,15 +179,15 @@ def _combined(rows: bytes) -> list[str]:
     A row stands where a channel changed: hardly ever twice the same, and seldom with changes of several channels.
     """
     lines = rows.replace(b"\r", b"").replace(b" ", b"").split(b"\n")[:-1]  # the last line may be cut
-    found = [match[1] for line in lines if (match := _COMBINED.search(line))]
-    values = [int(text, 16) for text in found]
+    layout = [match[1] for line in lines if (match := _COMBINED.search(line))]
+    values = [int(text, 16) for text in layout]
     changes = [one ^ other for one, other in itertools.pairwise(values)]
     if len(values) < max(_ROWS, _SINGLE * sum(map(bool, lines))) or changes.count(0) > len(changes) // _ROWS:
         return []
     single = sum(change.bit_count() == 1 for change in changes)
     if max(values) > _NIBBLE and single < _SINGLE * len(changes):
         return []
-    return [f"Channel {bit}" for bit in range(4 * max(map(len, found)))]
+    return [f"Channel {bit}" for bit in range(4 * max(map(len, layout)))]
 
 
 def _head(head: bytes) -> _TableHead | None:
@@ -206,15 +205,15 @@ def _head(head: bytes) -> _TableHead | None:
             if len(names) > 1 and (sampled := _SAMPLE.fullmatch(names[0]) is not None) | (
                 _TIME.fullmatch(names[0]) is not None and (sign == b"," or unit is not None)
             ):
-                found = _TableHead(names[1:], number, size, sign, unit or 10**9)
+                layout = _TableHead(names[1:], number, size, sign, unit or 10**9)
                 if sign == b"," and len(names) == 2 and (channels := _combined(head[size:])):
-                    found = replace(found, names=channels, combined=True)
-                row = found.plain(head[size:].partition(b"\n")[0])
+                    layout = replace(layout, names=channels, combined=True)
+                row = layout.plain(head[size:].partition(b"\n")[0])
                 if sampled:
-                    found = replace(found, unit_ns=10**9 / rate if rate else 0)
+                    layout = replace(layout, unit_ns=10**9 / rate if rate else 0)
                 elif unit is None and rate and row.partition(b",")[0].isdigit():
-                    found = replace(found, unit_ns=next(one for one in _COUNTED if rate * one <= 10**9 or one == 1))
-                return found if not row.strip() or _STATES.fullmatch(row) else None
+                    layout = replace(layout, unit_ns=next(one for one in _COUNTED if rate * one <= 10**9 or one == 1))
+                return layout if not row.strip() or _STATES.fullmatch(row) else None
         return None
     return None
 

@@ -23,9 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..chunks import Note
-from ..edges.samples import unit_of
 from ..edges.source import EdgePiece, edge_reader
-from ..edges.uart import Times
+from ..edges.uart import Times, unit_of
 from ..errors import CaptureError
 from ..files import lines_of, opened, read_head, text_batches
 from ..limits import TIME_LIMIT

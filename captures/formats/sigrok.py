@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..chunks import Note
-from ..edges.samples import RATE, hertz_of, sample_times
 from ..edges.source import EdgePiece, edge_reader
+from ..edges.uart import RATE, hertz_of, sample_times
 from ..errors import CaptureError
 from ..files import opened
 from . import Format

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..chunks import Note
-from ..edges.samples import rate_said, sample_times, unit_of
 from ..edges.source import EdgePiece, edge_reader
+from ..edges.uart import rate_said, sample_times, unit_of
 from ..errors import CaptureError
 from ..files import lines_of, opened, read_head, text_batches
 from . import Format
@@ -65,9 +65,9 @@ class _SampleTable:
     def _states(self, text: bytes, number: int, note: Note) -> NDArray[np.uint8]:
         """The levels of the rows that can be read, a row a sample."""
         width = len(self.names)
-        rows = _levels(_plain(text), width)
+        rows = _levels(_without_blanks(text), width)
         if rows is None:
-            lines = lines_of(_plain(text))
+            lines = lines_of(_without_blanks(text))
             good = [line for line in lines if len(line) == 2 * width - 1 and _ROW.fullmatch(line)]
             if wrong := sum(bool(line.strip()) for line in lines) - len(good):
                 note(f"lines {number} to {number + len(lines)}", f"{wrong:,} rows that are none: left out")
@@ -75,7 +75,7 @@ class _SampleTable:
         return np.zeros((0, width), np.uint8) if rows is None else rows
 
 
-def _plain(text: bytes) -> bytes:
+def _without_blanks(text: bytes) -> bytes:
     return text.replace(b"\r", b"").replace(b" ", b"")
 
 
@@ -100,7 +100,7 @@ def _table(path: Path, head: bytes) -> _SampleTable | None:
             rate = rate_said(text) or rate
             if (listed := _CHANNELS.match(text)) is not None:
                 names = [name.strip() for name in listed[1].split(",")]
-        elif _ROW.fullmatch(row := _plain(line)):
+        elif _ROW.fullmatch(row := _without_blanks(line)):
             levels = [int(cell) for cell in row.decode().split(",")]
             if len(levels) > _MOST or not _are_samples(head[size:], len(levels), certain=rate is not None):
                 return None
@@ -120,7 +120,7 @@ def _table(path: Path, head: bytes) -> _SampleTable | None:
 def _are_samples(text: bytes, width: int, *, certain: bool) -> bool:
     """Whether the rows that begin there are samples: most of the first ones, all of many where no rate is said."""
     most = _FEW if certain else _MANY
-    rows = [_plain(line) for line in text.split(b"\n", most)[:most]]
+    rows = [_without_blanks(line) for line in text.split(b"\n", most)[:most]]
     good = sum(len(row) == 2 * width - 1 and _ROW.fullmatch(row) is not None for row in rows)
     return good > len(rows) / 2 if certain else good == _MANY
 

@@ -1,16 +1,21 @@
-"""The serial ports of this machine, and what is known of them."""
+"""The serial ports of this machine, what is known of them, and ports being opened.
+
+Each attempt to open one is in a thread of its own: a gateway that does not answer keeps nobody waiting.
+"""
 
 from __future__ import annotations
 
 import os
+import queue
+import threading
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from .access import access_advice, may_listen, programs_by_device, real_device
 from .settings import PortSettings
-from .tap import PortError, latency_ms
+from .tap import DeviceTap, PortError, Tap, access_advice, latency_ms, may_listen, programs_by_device, real_device
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,3 +116,50 @@ def _listed() -> list[Any]:
         return list(list_ports.comports())
     except Exception as error:
         raise PortError(f"this computer's serial ports cannot be listed: {type(error).__name__}: {error}") from error
+
+
+def open_tap(settings: PortSettings, *, blocking: bool = False) -> Tap:
+    """An open port; PortError says in one line why it can't be. `blocking`: without a descriptor to wait on."""
+    if settings.is_device:
+        return DeviceTap(settings, blocking=blocking)
+    from .gateway import PortServerTap, SocketTap
+
+    kinds = {"socket": SocketTap, "rfc2217": PortServerTap}
+    scheme = settings.url.partition("://")[0].lower()
+    if scheme not in kinds:
+        schemes = ", ".join(f"{name}://HOST:PORT" for name in kinds)
+        raise PortError(f"{settings.url}: no way to listen by {scheme}://: there are serial devices and {schemes}")
+    return kinds[scheme](settings, blocking=blocking)
+
+
+class Attempts:
+    """Attempts that go on; `wake` is called, in any thread, each time that one is over."""
+
+    def __init__(self, wake: Callable[[], object], *, blocking: bool) -> None:
+        self._wake = wake
+        self._blocking = blocking
+        self._over: queue.SimpleQueue[tuple[int, Tap | PortError]] = queue.SimpleQueue()
+
+    def begin(self, number: int, settings: PortSettings, identity: Identity) -> None:
+        """Try to open a port, under the name that its adapter has now."""
+        threading.Thread(target=self._try, args=(number, settings, identity), daemon=True).start()
+
+    def take(self) -> list[tuple[int, Tap | PortError]]:
+        """Those that are over, by the number of their port: a tap, or why there is none."""
+        over = []
+        while not self._over.empty():
+            over.append(self._over.get())
+        return over
+
+    def _try(self, number: int, settings: PortSettings, identity: Identity) -> None:
+        result: Tap | PortError
+        try:
+            settings = identity.found(settings)
+            result = open_tap(settings, blocking=self._blocking)
+            identity.learn(settings)
+        except PortError as error:
+            result = error
+        except Exception as error:  # a driver or library that fails in its own way: the port may come back
+            result = PortError(f"{settings.url}: cannot be opened: {type(error).__name__}: {error}")
+        self._over.put((number, result))
+        self._wake()

@@ -1,12 +1,12 @@
 """The process that reads taps: it waits for bytes, stamps them and passes them on, and does nothing else.
 
 In a process of its own, since a busy one stamps late: gaps of milliseconds, by which frames are told apart, would be
-gone. On POSIX it waits on the descriptors (`waiting`); elsewhere a thread a port waits in pyserial's own blocking read.
-No polling, no sleep. A port that goes is waited for, and opened again by a thread aside.
+gone. On POSIX it waits on the descriptors; elsewhere a thread a port waits in pyserial's own blocking
+read. No polling, no sleep. A port that goes is waited for, and opened again by a thread aside.
 
-Its standard output carries `records`; what the listener is too slow to take is kept here. On standard input come
-commands, a JSON object a line; its end ends the process, with an event `ended`, and so does the end of all that there
-was to listen to. Any other end is an event `failed`.
+Its standard output carries records (`batching`); what the listener is too slow to take is kept here. On standard input
+come commands, a JSON object a line; its end ends the process, with an event `ended`, and so does the end of all that
+there was to listen to. Any other end is an event `failed`.
 """
 
 from __future__ import annotations
@@ -18,18 +18,60 @@ import select
 import signal
 import sys
 import threading
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from .batching import ReadBatching, SteadyClock
-from .opening import Attempts
-from .ports import Identity
-from .records import Commands, Pipe
+from .batching import Commands, Pipe, ReadBatching, SteadyClock
+from .ports import Attempts, Identity
 from .settings import PortSettings
 from .tap import PortError, PortGoneError, Tap
-from .waiting import Waiting
+
+if sys.platform == "linux":
+    _GONE = select.EPOLLHUP | select.EPOLLERR
+
+    class Waiting:
+        """`terminals` are told once each time that more has come, and must be read empty then; `others`, as long as
+        there is something; `writable`, as long as there is room."""
+
+        def __init__(self, terminals: Collection[int], others: Collection[int], writable: Collection[int]) -> None:
+            self._terminals = frozenset(terminals)
+            self._epoll = select.epoll()
+            for descriptor in terminals:
+                self._epoll.register(descriptor, select.EPOLLIN | select.EPOLLET)
+            for descriptor in others:
+                self._epoll.register(descriptor, select.EPOLLIN)
+            for descriptor in writable:
+                self._epoll.register(descriptor, select.EPOLLOUT)
+
+        def ready(self, wait_s: float) -> list[int]:
+            """Those with something, or room, as soon as there are any; none after so long."""
+            ready = []
+            for descriptor, events in self._epoll.poll(wait_s):
+                ready.append(descriptor)
+                if events & _GONE and descriptor in self._terminals:  # behind what it still has: told until let go of
+                    self._epoll.modify(descriptor, select.EPOLLIN)
+            return ready
+
+        def close(self) -> None:
+            """Wait for nothing any more."""
+            self._epoll.close()
+
+else:
+
+    class Waiting:
+        """As on Linux; terminals, too, are told as long as there is something."""
+
+        def __init__(self, terminals: Collection[int], others: Collection[int], writable: Collection[int]) -> None:
+            self._readable, self._writable = [*terminals, *others], list(writable)
+
+        def ready(self, wait_s: float) -> list[int]:
+            readable, writable, _ = select.select(self._readable, self._writable, (), wait_s)
+            return [*readable, *writable]
+
+        def close(self) -> None: ...
+
 
 _RETRY_NS: Final = 500_000_000
 _NEVER: Final = 1 << 62
@@ -66,7 +108,7 @@ class Port:
         now = result.settings
         text = f"{now.url}: {'is back' if back else 'open'}"
         self.desk.event(self.number, "opened", text, tap=result.kind, back=back, settings=now.to_json())
-        if now.is_device and _line(now) != _line(self.settings):  # they were changed meanwhile
+        if now.is_device and _wire_settings(now) != _wire_settings(self.settings):  # they were changed meanwhile
             self._set(result)
         self._tell_notices()
         if self.tap is not None and self.tap.descriptor is not None and not now.is_device:
@@ -121,7 +163,7 @@ class Port:
             self.tap.notices.clear()
 
 
-def _line(settings: PortSettings) -> tuple[int | None, str, int]:
+def _wire_settings(settings: PortSettings) -> tuple[int | None, str, int]:
     return settings.baud, settings.parity, settings.data_bits
 
 

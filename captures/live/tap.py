@@ -1,12 +1,6 @@
 """One port, open for listening. A tap never transmits, and leaves the line as it is.
 
-On POSIX a device is a `ReadOnlyPort`: open for reading only, RTS and DTR low. Elsewhere pyserial opens it for reading
-and writing, since it has no other way, with both lines disabled by the first settings that it makes; nothing writes to
-it. The port is locked, so that no other program takes half of the bytes, and one that a program has open is not
-touched, as far as that can be seen: its lines and settings are that program's.
-
-Errors of single bytes (parity, framing) are marked by the driver where it can (PARMRK). What an adapter or driver can't
-do is a notice, not a failure.
+And whether this user may listen to a device, who has it open already, and what to do about either.
 """
 
 from __future__ import annotations
@@ -14,6 +8,9 @@ from __future__ import annotations
 import errno
 import os
 import re
+import stat
+import sys
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
@@ -21,8 +18,74 @@ from typing import Any, Final
 import serial
 
 from ..errors import CaptureError, os_reason
-from .access import access_advice, programs_using, real_device
 from .settings import FALLBACK_BAUD, PortSettings
+
+# Groups that distributions made for serial ports. To be in another, as root or disk, gives rights over the machine.
+_GROUPS: Final = frozenset({"dialout", "uucp", "plugdev", "serial"})
+_RULE: Final = "give it to group dialout by a udev rule (docs/live.md, `A device that may not be opened`)"
+
+
+def real_device(device: str) -> str:
+    """The device that a name leads to. On Windows the name itself: to ask where it leads would open the port."""
+    return device.upper() if os.name == "nt" else os.path.realpath(device)
+
+
+def may_listen(device: str) -> bool:
+    """Whether this user may open it for reading; where that is not told by a file's mode, it is taken to be so."""
+    return os.name == "nt" or os.access(device, os.R_OK)
+
+
+def access_advice(device: str) -> str:
+    """What someone does who may not open a device."""
+    if not sys.platform.startswith("linux"):
+        return "ask whoever administers this computer"
+    group = _serial_group(device)
+    if group is None:
+        return f"no group that is for serial ports may read it; {_RULE}"
+    return f"`sudo usermod -aG {group} $USER`, then log in again"
+
+
+def _serial_group(device: str) -> str | None:
+    """The group to be in, if there is one that is for serial ports and may read the device."""
+    try:
+        group, mode = Path(device).group(), Path(device).stat().st_mode
+    except (OSError, KeyError, NotImplementedError):
+        return None
+    return group if group in _GROUPS and mode & stat.S_IRGRP else None
+
+
+def programs_using(device: str) -> list[str]:
+    """Other programs that have this device open, as far as /proc shows them to this user: `name (process)`."""
+    return programs_by_device().get(real_device(device), [])
+
+
+def programs_by_device() -> dict[str, list[str]]:
+    """Other programs that have terminal devices open, by device."""
+    users: dict[str, list[str]] = {}
+    for process, device in _open_devices():
+        with suppress(OSError):
+            who = f"{(process / 'comm').read_text().strip()} ({process.name})"
+            programs = users.setdefault(device, [])
+            if who not in programs:
+                programs.append(who)
+    return users
+
+
+def _open_devices() -> Iterator[tuple[Path, str]]:
+    if not sys.platform.startswith("linux"):
+        return
+    own = str(os.getpid())
+    with suppress(OSError):
+        for process in Path("/proc").glob("[0-9]*"):
+            if process.name == own:
+                continue
+            with suppress(OSError):
+                for descriptor in (process / "fd").iterdir():
+                    with suppress(OSError):
+                        target = os.readlink(descriptor)  # noqa: PTH115 - a string is wanted
+                        if target.startswith(("/dev/tty", "/dev/pts/")):
+                            yield process, target
+
 
 READ_BYTES: Final = 4096
 WAIT_S: Final = 0.2  # of a blocking read, after which it looks whether it should end
@@ -101,7 +164,7 @@ class DeviceTap(Tap):
             with suppress(OSError, ValueError, serial.SerialException, AttributeError):
                 self._port.reset_input_buffer()
         except (OSError, ValueError, serial.SerialException) as error:
-            raise PortGoneError(_words(error)) from error
+            raise PortGoneError(_cause_of_error(error)) from error
         except Exception as error:  # termios.error is none of these
             self.notices.append(f"{settings.url}: {settings} is refused: {error}")
         self._check_driver()
@@ -145,7 +208,7 @@ class DeviceTap(Tap):
         except (serial.SerialException, OSError, TypeError) as error:  # TypeError: pyserial's, closed while it waits
             if not _POSIX and _TIMED_OUT.search(str(error)):
                 return data
-            raise PortGoneError(_words(error)) from error
+            raise PortGoneError(_cause_of_error(error)) from error
         return data
 
 
@@ -177,7 +240,7 @@ def _opened(settings: PortSettings) -> Any:
     except (serial.SerialException, OSError) as error:
         raise PortError(_refused(settings.url, error)) from error
     except Exception as error:  # termios.error, ValueError
-        raise PortError(f"{settings.url}: cannot be opened: {_words(error)}") from error
+        raise PortError(f"{settings.url}: cannot be opened: {_cause_of_error(error)}") from error
     return port
 
 
@@ -200,10 +263,10 @@ def _refused(url: str, error: Exception) -> str:
         return f"{url}: no permission: {access_advice(url)}"
     if code == errno.ENOTTY or "Inappropriate ioctl" in text or Path(url).is_file():  # Windows fails as it is set up
         return f"{url}: not a serial port"
-    return f"{url}: cannot be opened: {_words(error)}"
+    return f"{url}: cannot be opened: {_cause_of_error(error)}"
 
 
-def _words(error: Exception) -> str:
+def _cause_of_error(error: Exception) -> str:
     """What went wrong, without the port's name and the number that libraries put before it."""
     text = re.sub(r"^(?i:could not open port) .*?: |\[Errno \d+\] ", "", str(error))
     return " ".join(text.split()) or type(error).__name__

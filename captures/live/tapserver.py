@@ -23,8 +23,8 @@ from typing import Any, Final
 from ..chunks import Block
 from ..errors import os_reason
 from ..line import LineSettings
+from .batching import position_record
 from .gateway import keep_alive
-from .records import position_record
 from .tapstream import HELLO_S, VERSION, TapSetupError, hear, proof, say
 from .wire import Item, PortEvent, WireError, records_of
 
@@ -217,7 +217,7 @@ class TapServer:
         say(connection, {"session": self._session})
         number = None
         if asked.get("session"):  # it comes back: to this tap as it was, or as it began anew
-            number = _number(asked) if asked["session"] == self._session else 0
+            number = _position_asked(asked) if asked["session"] == self._session else 0
         number, position = self._history.position(number)
         connection.sendall(position)
         return number
@@ -241,6 +241,6 @@ def _hang_up(connections: list[socket.socket]) -> None:
         socket.socket.shutdown(connections[0], socket.SHUT_RDWR)
 
 
-def _number(asked: dict[str, Any]) -> int | None:
+def _position_asked(asked: dict[str, Any]) -> int | None:
     number = asked.get("next")
     return number if isinstance(number, int) and not isinstance(number, bool) and number >= 0 else None

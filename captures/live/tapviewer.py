@@ -20,7 +20,7 @@ from typing import Any, Final
 from ..chunks import Block
 from ..errors import os_reason
 from ..line import LineSettings
-from .records import POSITION
+from .batching import POSITION
 from .tap import WAIT_S, PortError
 from .tapstream import HELLO_S, VERSION, NoHelloError, TapAddress, hear, is_nonce, proof, say, viewing_context
 from .wire import Item, PortEvent, Splitter, Tick, WireError, item_of, json_object

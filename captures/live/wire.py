@@ -16,7 +16,7 @@ import numpy as np
 from ..chunks import Block
 from ..errors import CaptureError
 from ..limits import TIME_LIMIT
-from .records import COUNTS, EVENT, HEAD, READS, TICK, event_record, tick_record
+from .batching import COUNTS, EVENT, HEAD, READS, TICK, event_record, tick_record
 
 MOST: Final = 1 << 22  # bytes of a record: a reader's own are some KB
 _BLOCK_BYTES: Final = 1 << 18  # of a line in one record
@@ -124,7 +124,7 @@ def records_of(item: Item) -> Iterator[tuple[bytes, int]]:
 
 
 def _reads_of(block: Block) -> bytes:
-    """As `records.reads_record`, of columns."""
+    """As `batching.reads_record`, of columns."""
     sizes = np.diff(block.offsets)
     if sizes.max(initial=0) > _READ_BYTES:
         raise ValueError(f"a read of {sizes.max()} bytes")

@@ -20,10 +20,21 @@ from ..errors import CaptureError
 from ..line import LineSettings
 from ..ragged import copy_pieces
 from ..recording.notes import Note as LineNote
-from . import links
 from .blocks import errors_of, note_of
 from .choosing import SAMPLE, SAMPLE_BYTES, kind_of, looks_foreign, may_begin, whole_adus
-from .packets import Bytes, Interface, Ints, PacketFile, Packets, take_number
+from .packets import (
+    NETWORK,
+    SERIAL,
+    Bytes,
+    Interface,
+    Ints,
+    PacketFile,
+    Packets,
+    Segments,
+    segments_of,
+    serial_reads,
+    take_number,
+)
 from .tcp import ConnectionGroup, Half, Reassembly
 
 TAP: Final = "network"  # the line's `tap`, where bytes came over TCP
@@ -94,7 +105,7 @@ class _ConnectionSurvey:
     def __init__(self) -> None:
         self.judged: dict[int, _Judged] = {}  # by the group's number
         self.data = b""
-        self.segments: links.Segments | None = None
+        self.segments: Segments | None = None
 
     def _of(self, half: Half) -> _Judged:
         return self.judged.setdefault(half.group.number, _Judged(half.group))
@@ -131,14 +142,14 @@ def _surveyed(file: PacketFile) -> _Survey:
         listener.data = packets.data.tobytes()
         for interface, chosen in _by_interface(packets):
             link = file.interfaces[interface].link
-            if link in links.SERIAL:
-                reads = links.serial_reads(packets, chosen, link)
+            if link in SERIAL:
+                reads = serial_reads(packets, chosen, link)
                 if len(reads.packet):
                     survey.serial.setdefault(interface, len(survey.serial))
                 if reads.other:
                     survey.others["other dissectors than mbrtu, mbtcp and data"] += reads.other
-            elif link in links.NETWORK:
-                listener.segments = links.segments(packets, chosen, link)
+            elif link in NETWORK:
+                listener.segments = segments_of(packets, chosen, link)
                 reassembly.feed(listener.segments, listener.data)
                 if listener.segments.other:
                     survey.others[_NO_TRANSPORT] += listener.segments.other
@@ -146,7 +157,7 @@ def _surveyed(file: PacketFile) -> _Survey:
                 survey.others[f"link type {link}" + (f" ({_LINKS[link]})" if link in _LINKS else "")] += len(chosen)
     reassembly.close()
     survey.groups = list(listener.judged.values())
-    _number(survey, file.interfaces)
+    _give_ports(survey, file.interfaces)
     return survey
 
 
@@ -154,7 +165,7 @@ def _unheard(_where: str, _what: str) -> None:
     """Damage is for the second reading to say."""
 
 
-def _number(survey: _Survey, interfaces: list[Interface]) -> None:
+def _give_ports(survey: _Survey, interfaces: list[Interface]) -> None:
     """Give ports: serial interfaces first, as they are named by this tool, then connections in order of appearance."""
     named = {}
     for interface in survey.serial:
@@ -244,7 +255,7 @@ class _PacketBlocks:
         self._pieces: list[tuple[int, int, int, int, int]] = []  # the same one by one
         self._packet: Ints = np.zeros(1, np.int64)  # of the segments that are fed; -1: the newest
         self._whole: NDArray[np.bool_] = np.zeros(1, np.bool_)  # which of them are one whole Modbus TCP frame
-        self._segments: links.Segments | None = None
+        self._segments: Segments | None = None
         self._t_ns = 0
 
     def block(self, packets: Packets, interfaces: list[Interface]) -> Block:
@@ -254,14 +265,14 @@ class _PacketBlocks:
         wrong: list[Ints] = []
         for interface, chosen in _by_interface(packets):
             link = interfaces[interface].link
-            if link in links.SERIAL and interface in self._survey.serial:
-                reads = links.serial_reads(packets, chosen, link)
+            if link in SERIAL and interface in self._survey.serial:
+                reads = serial_reads(packets, chosen, link)
                 self.lost += reads.lost
                 port = np.full(len(reads.packet), self._survey.serial[interface])
                 self._parts.append(np.stack((reads.packet, reads.begin, reads.size, port, reads.mark)))
                 wrong.append(reads.packet[reads.wrong])
-            elif link in links.NETWORK and self._survey.ports:
-                self._segments = segments = links.segments(packets, chosen, link)
+            elif link in NETWORK and self._survey.ports:
+                self._segments = segments = segments_of(packets, chosen, link)
                 self._packet = np.append(segments.packet, len(packets) - 1)
                 self._whole = _one_frame(packets.data, segments)
                 self.reassembly.feed(segments, self._data)
@@ -352,7 +363,7 @@ def packet_notes(file: PacketFile) -> list[LineNote]:
     return sorted(notes, key=lambda note: note.t_ns)
 
 
-def _one_frame(data: Bytes, segments: links.Segments) -> NDArray[np.bool_]:
+def _one_frame(data: Bytes, segments: Segments) -> NDArray[np.bool_]:
     """Which segments carry one whole Modbus TCP frame and nothing else."""
     begin = segments.begin
     length = take_number(data, begin + 4, 2)

@@ -20,8 +20,7 @@ from typing import Final, Protocol
 import numpy as np
 
 from ..chunks import Mark
-from .links import KEY, UDP, Segments
-from .packets import Ints
+from .packets import KEY, UDP, Ints, Segments
 
 _MASK: Final = (1 << 32) - 1
 _HALF: Final = 1 << 31

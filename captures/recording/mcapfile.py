@@ -1,9 +1,6 @@
 """One recording: raw chunks and notes in an MCAP file that is readable up to its last commit, and indexed once closed.
 
-While it is written it is called NAME.part; it takes its name when it is whole, and never that of another file. The
-file underneath only ever ends where a whole write ended: what is written is held until `commit`, which puts it on the
-disk, synced, or fails and takes back what it had begun. So a full disk leaves the file as it was, and what is held can
-be committed later.
+And a whole file of a recording that was cut or damaged: everything that can be read, with its index.
 """
 
 from __future__ import annotations
@@ -13,17 +10,20 @@ import os
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from typing import Final
+from typing import BinaryIO, Final
 
-from ..chunks import Block
+from ..chunks import Block, Capture, Damage
 from ..errors import OPEN_ELSEWHERE
-from ..files import patiently
+from ..files import patiently, replacing
 from ..formats.mcap.channel import ChunkChannel
+from ..formats.mcap.reading import first_metadata
 from ..formats.mcap.writer import ArrayWriter
+from ..io import open
 from ..line import LineSettings
-from .notes import Note, NoteChannel
+from .notes import Note, NoteChannel, read
 
 PART: Final = ".part"
 FileIdentity = tuple[int, ...]
@@ -236,3 +236,46 @@ def sync_folder(folder: Path) -> None:
             os.fsync(descriptor)
         finally:
             os.close(descriptor)
+
+
+@dataclass(frozen=True, slots=True)
+class Repaired:
+    """What a repair has saved, and what it could not."""
+
+    chunks: int
+    bytes: int
+    notes: int
+    damage: list[Damage]
+    damage_count: int
+
+
+def repair(source: Path, target: Path) -> Repaired:
+    """Write all of `source` that can be read to `target`, whole. CaptureError where there is nothing to read."""
+    capture = open(source)
+    with replacing(target) as file:
+        chunks, octets, notes = _copy(capture, source, file)
+    return Repaired(chunks, octets, notes, capture.damage, capture.damage_count)
+
+
+def _copy(capture: Capture, source: Path, file: BinaryIO) -> tuple[int, int, int]:
+    writer = ArrayWriter(file)
+    writer.start(library="rtuscope")
+    about = {**first_metadata(source), "repaired_from": str(source)}
+    channel = ChunkChannel(writer, capture.line, timed=capture.timed, about=about)
+    notes = read(source)
+    chunks = octets = damage = 0
+    newest: int | None = None
+    for block in capture.blocks():
+        if newest is not None and capture.damage_count > damage:
+            what = capture.damage[-1] if len(capture.damage) == capture.damage_count else "damaged"
+            notes.append(Note(newest, "gap", f"{source.name}: {what}"))
+        channel.write(block)
+        chunks += len(block)
+        octets += len(block.data)
+        newest, damage = int(block.t_ns.max()), capture.damage_count
+    if notes:
+        note_channel = NoteChannel(writer)
+        for note in sorted(notes, key=lambda note: note.t_ns):
+            note_channel.write(note)
+    writer.finish()
+    return chunks, octets, len(notes)

@@ -16,9 +16,9 @@ import orjson
 
 from ..errors import CaptureError
 from ..files import opened
+from ..formats.mcap.channel import TopicMessage, messages_in
 from ..formats.mcap.records import DamagedRecordError
 from ..formats.mcap.scanning import FileBytes, ScannedRecord, lacks, read_summary, walk
-from ..formats.mcap.topics import TopicMessage, messages_in
 
 if TYPE_CHECKING:
     from mcap.writer import Writer

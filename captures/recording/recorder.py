@@ -21,9 +21,8 @@ from ..chunks import Block
 from ..errors import CaptureError, os_reason
 from ..files import refuse_device_name
 from ..line import LineSettings
-from .mcapfile import PART, FileIdentity, RecordingFile, file_identity, is_written, move_to_free_name
+from .mcapfile import PART, FileIdentity, RecordingFile, file_identity, is_written, move_to_free_name, repair
 from .notes import Note
-from .repair import repair
 from .ring import SUFFIX, Ring, RingLimits
 
 _PERIOD_S: Final = 0.5  # between commits

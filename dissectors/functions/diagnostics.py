@@ -9,10 +9,9 @@ from construct import Struct, Switch, this
 
 from ..blocks import Record, Rest, Split
 from ..declaration import Function
-from ..fields import Value
+from ..fields import ENGLISH, Value, Wording
 from ..limits import Choice
 from ..parts import AnyConstruct, ByteCount, Code, Flags, Mask, Number, State
-from ..wording import ENGLISH, Wording
 
 _ZERO: Final = Number(2, Choice(0, 2, (0,)))
 _QUERY: Final = Rest(usual=2)

@@ -79,17 +79,17 @@ COLUMN_NAMES: Final = tuple(column.name for column in COLUMNS)
 def value_of(cells: Mapping[str, object], *, base: int = 0, order: str = "ABCD") -> MappedValue:
     """The value of one row's cells by column name; CellError where one cannot be read."""
     area, address = area_and_address(cells.get("area"), cells.get("address"), base)
-    name = _text(cells, "name")
+    name = _text_cell(cells, "name")
     if not name:
         raise CellError("name", "", "a name")
     kind = type_of(cells.get("type"), area)
-    low, high = _number(cells, "min"), _number(cells, "max")
+    low, high = _fraction(cells, "min"), _fraction(cells, "max")
     if low is not None and high is not None and low > high:
         raise CellError("max", cells.get("max"), f"at least min, {low:g}")
     length = length_of(cells.get("length"), kind)
     if address + length > _LAST_ADDRESS + 1:
         raise CellError("address", cells.get("address"), f"that {length} registers end by {_LAST_ADDRESS}")
-    scale = _number(cells, "scale")
+    scale = _fraction(cells, "scale")
     if scale == 0:
         raise CellError("scale", 0, "a number other than 0")
     return MappedValue(
@@ -100,15 +100,15 @@ def value_of(cells: Mapping[str, object], *, base: int = 0, order: str = "ABCD")
         order=order_of(cells.get("order"), order),
         length=length,
         scale=1.0 if scale is None else scale,
-        offset=_number(cells, "offset") or 0.0,
+        offset=_fraction(cells, "offset") or 0.0,
         scale_address=_scale_register(cells.get("scale_register"), area, base),
-        unit=_text(cells, "unit"),
+        unit=_text_cell(cells, "unit"),
         values=names_of(cells.get("values")),
         access=_access(cells.get("access")),
         minimum=low,
         maximum=high,
-        description=_text(cells, "description"),
-        group=_text(cells, "group"),
+        description=_text_cell(cells, "description"),
+        group=_text_cell(cells, "group"),
         other=other_texts(cells, COLUMN_NAMES),
     )
 
@@ -306,7 +306,7 @@ def _access(cell: object) -> str:
     return word
 
 
-def _number(cells: Mapping[str, object], column: str) -> float | None:
+def _fraction(cells: Mapping[str, object], column: str) -> float | None:
     text = _cell(cells.get(column))
     if not text:
         return None
@@ -331,7 +331,7 @@ def one_line(text: object) -> str:
     return harmless(" ".join(str(text).split()))
 
 
-def _text(cells: Mapping[str, object], column: str) -> str:
+def _text_cell(cells: Mapping[str, object], column: str) -> str:
     if _nested(value := cells.get(column)):
         raise CellError(column, type(value).__name__, "a text")
     return one_line(_cell(value))[:_TEXT_LENGTH]

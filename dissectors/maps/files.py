@@ -1,17 +1,55 @@
-"""Maps by file or by name: reading, writing, and the maps that come with this package."""
+"""Maps by file or by name: reading, writing, the maps that come with this package, and which map serves which unit.
+
+Files are of whatever characters spreadsheets and editors save.
+"""
 
 from __future__ import annotations
 
 import os
 import re
+from collections.abc import Iterable
 from functools import lru_cache
 from importlib.resources import files as package_files
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
-from .encodings import decoded
 from .model import MapError, RegisterMap
 from .table import read_table, write_table
+
+_MARKS: Final = (b"\xff\xfe", b"\xfe\xff")
+_LOOK: Final = 4096  # bytes
+_WORD: Final = re.compile(rb"[A-Za-z\xc0-\xff]*[\xc0-\xff][A-Za-z\xc0-\xff]*")
+
+
+def decoded(data: bytes) -> str | None:
+    """The text: UTF-8, UTF-16 with its mark or without, else the Windows page that its words are of; None for bytes
+    that are no text."""
+    if data[:2] in _MARKS:
+        return data.decode("utf-16", "replace").lstrip("\ufeff")
+    if b"\0" in data[:_LOOK]:
+        wide = _wide(data[:_LOOK])
+        return data.decode(wide, "replace") if wide else None
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode(_page(data), "replace")
+
+
+def _wide(data: bytes) -> str | None:
+    """UTF-16 without its mark: delimiters and line ends are ASCII in any language, so that one half has zeros alone."""
+    even, odd = data[0::2].count(0), data[1::2].count(0)
+    lead, other = max(even, odd), min(even, odd)
+    if other or lead < len(data) // 16 or data.count(b"\0\0\0"):
+        return None
+    return "utf-16-le" if odd else "utf-16-be"
+
+
+def _page(data: bytes) -> str:
+    """Windows-1251 where the words have Cyrillic letters throughout, Windows-1252 where letters of it stand alone."""
+    words = _WORD.findall(data)
+    cyrillic = sum(len(re.findall(rb"[\xc0-\xff]", word)) > len(word) // 2 for word in words)
+    return "cp1251" if 2 * cyrillic >= len(words) else "cp1252"
+
 
 _YAML: Final = (".yaml", ".yml")
 _MOST: Final = 8 << 20  # bytes: no map is longer
@@ -87,3 +125,46 @@ def _unknown(name: str) -> str:
     near = get_close_matches(name, shipped_names(), 1)
     hint = f"did you mean {near[0]}?" if near else "`rtuscope map list` names those that are shipped"
     return f"{name}: no such file, and no shipped map of that name: {hint}"
+
+
+def unit_maps(names: Iterable[str]) -> UnitMaps:
+    """The maps of `MAP@UNIT` or `MAP` each; of several without a unit the first serves. MapError."""
+
+    by_unit, other = {}, None
+    for text in names:
+        chart, unit = map_for_unit(text)
+        if unit is None:
+            other = other or chart
+        else:
+            by_unit[unit] = chart
+    return UnitMaps(by_unit, other)
+
+
+class UnitMaps(dict[int, RegisterMap]):
+    """Maps by unit; `other` serves every unit that has none of its own."""
+
+    def __init__(self, by_unit: dict[int, RegisterMap] | None = None, other: RegisterMap | None = None) -> None:
+        super().__init__(by_unit or {})
+        self.other = other
+
+    def __missing__(self, unit: int) -> RegisterMap:
+        if self.other is None:
+            raise KeyError(unit)
+        return self.other
+
+    def get(self, unit: int, default: Any = None) -> Any:
+        """The map of a unit."""
+        return dict.get(self, unit, self.other if self.other is not None else default)
+
+    def of(self, units: Iterable[int]) -> dict[int, RegisterMap]:
+        """The maps of these units, those without one left out."""
+        return {unit: self[unit] for unit in units if unit in self or self.other is not None}
+
+    @property
+    def all(self) -> list[RegisterMap]:
+        """Every map, once."""
+        listed = [*self.values(), *([self.other] if self.other is not None else [])]
+        return list({id(chart): chart for chart in listed}.values())
+
+    def __bool__(self) -> bool:
+        return len(self) > 0 or self.other is not None

@@ -70,7 +70,7 @@ def read_table(text: str, file: str) -> RegisterMap:
         if needed not in columns:
             present = one_line(", ".join(filter(None, columns)))[:200]
             raise MapError(f"{file}: row {begin + 1}: no column {needed!r}: there are {present}")
-    return assembled(header, _cells(numbered, columns), file)
+    return assembled(header, _cells_by_column(numbered, columns), file)
 
 
 def csv_rows(lines: Sequence[str], delimiter: str, file: str) -> Iterator[tuple[int, list[str]]]:
@@ -87,17 +87,17 @@ def write_table(chart: RegisterMap) -> str:
     """The CSV text of a map."""
     out = io.StringIO()
     for key, value in header_of(chart).items():
-        out.write(_quoted(_guarded(f"# {one_line(key.replace(':', ' '))}: {one_line(value)}")) + "\n")
+        out.write(_csv_cell(_guarded(f"# {one_line(key.replace(':', ' '))}: {one_line(value)}")) + "\n")
     rows = [cells_of(row, chart.word_order) for row in chart.rows]
     extra = dict.fromkeys(name for row in rows for name in row if name not in COLUMN_NAMES)
     always = ("area", "address", "name", "type")
     wanted = [name for name in COLUMN_NAMES if name in always or any(row[name] for row in rows)]
     for cells in ({name: name for name in (*wanted, *extra)}, *rows):
-        out.write(",".join(_quoted(_guarded(cells.get(name, ""))) for name in (*wanted, *extra)) + "\n")
+        out.write(",".join(_csv_cell(_guarded(cells.get(name, ""))) for name in (*wanted, *extra)) + "\n")
     return out.getvalue()
 
 
-def _quoted(cell: str) -> str:
+def _csv_cell(cell: str) -> str:
     """A cell as it stands whole whichever of the usual delimiters a spreadsheet takes."""
     return '"' + cell.replace('"', '""') + '"' if re.search('[,;\t"]', cell) else cell
 
@@ -172,7 +172,9 @@ def assembled(header: Mapping[str, object], rows: Iterator[tuple[int, Mapping[st
     )
 
 
-def _cells(rows: Iterator[tuple[int, list[str]]], columns: Sequence[str]) -> Iterator[tuple[int, Mapping[str, object]]]:
+def _cells_by_column(
+    rows: Iterator[tuple[int, list[str]]], columns: Sequence[str]
+) -> Iterator[tuple[int, Mapping[str, object]]]:
     for number, row in rows:
         if any(cell.strip() for cell in row) and not row[0].lstrip().startswith("#"):
             named = dict(zip(columns, row, strict=False))

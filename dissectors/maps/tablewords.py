@@ -98,7 +98,7 @@ def headings(row: Sequence[str], below: Sequence[Sequence[str]] = ()) -> dict[st
     return columns if {"address", "name"} <= set(columns) and len(columns) >= 2 else {}
 
 
-def joined(row: Sequence[str], second: Sequence[str]) -> list[str] | None:
+def merged_headings(row: Sequence[str], second: Sequence[str]) -> list[str] | None:
     """The headings of two rows as one: where the second says more of columns that the first has together (`Address`
     over `Dec` and `Hex`), or what the first leaves out. None where the second is no heading."""
     texts = [" ".join(cell.lower().split()).strip(" :.") for cell in second]

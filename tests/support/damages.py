@@ -8,8 +8,7 @@ from random import Random
 
 from analyzer.diagnosis.damage import DamagedFrame, Explanation
 from analyzer.simulation.conversation import Client, Habits
-from dissectors.crc import crc16
-from dissectors.crc_variants import VARIANTS
+from dissectors.crc import VARIANTS, crc16
 from dissectors.length_rules import Role
 
 

@@ -14,7 +14,7 @@ from textual.pilot import Pilot
 import captures
 from analyzer.model.source import CaptureSource, ViewSource
 from analyzer.tui.app import Rtuscope
-from analyzer.tui.help import Help
+from analyzer.tui.keys import Help
 from analyzer.tui.openfiles import NextFile
 from analyzer.tui.prompts import Ask, Choose
 from analyzer.tui.screen import BusScreen

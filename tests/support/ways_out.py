@@ -23,8 +23,8 @@ from analyzer.deframing.protocols import Deframer
 from analyzer.exports import ExportOptions, export
 from analyzer.live import Replay, Session
 from analyzer.model.bus import Bus
-from analyzer.model.filtering import compiled
 from analyzer.model.scope import Scope, ScopedFigures
+from analyzer.model.selection import compiled
 from analyzer.model.source import CaptureSource
 from analyzer.reports.model import Report
 from analyzer.tables.batch import Batch

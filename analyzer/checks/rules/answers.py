@@ -19,8 +19,7 @@ from ...reports.model import Times
 from ...reports.page import unknown
 from ...tables.transactions import Status, TransactionRows
 from ...words import duration as worded
-from ..forms import Start, form
-from ..model import Breach, Breaches, CheckedBatch, RuleResult
+from ..model import Breach, Breaches, CheckedBatch, RuleResult, Start, form
 from ..parsing import at
 from .counts import whole
 

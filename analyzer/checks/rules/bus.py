@@ -1,9 +1,10 @@
-"""The bus as a whole: its load, who is on it, and that there is something to judge at all."""
+"""The bus as a whole: its load, who is on it, that there is something to judge, and that nothing is wrong with it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from lark import Token
@@ -14,9 +15,8 @@ from ...languages import counted, page_words
 from ...reports import Report
 from ...reports.page import unknown
 from ...tables.schema import Kind
-from ..errors import CheckError
-from ..forms import Start, form
-from ..model import Breaches, CheckedBatch, RuleResult, joined
+from .. import CheckError
+from ..model import Breaches, CheckedBatch, RuleResult, Start, comma_separated, form
 from ..parsing import at
 from .answers import COMPARE
 from .counts import whole
@@ -78,9 +78,11 @@ class _UnitsOnBus:
     def verdict(self, report: Report) -> RuleResult:  # noqa: ARG002
         strangers = self._heard - self.allowed
         absent = self.allowed - self._answered if self.all_of_them else set()
-        parts = [page_words("units {units}", units=joined(self._heard)) if self._heard else page_words("no units")]
-        parts += [page_words("not expected: {units}", units=joined(strangers))] if strangers else []
-        parts += [page_words("never answered: {units}", units=joined(absent))] if absent else []
+        parts = [
+            page_words("units {units}", units=comma_separated(self._heard)) if self._heard else page_words("no units")
+        ]
+        parts += [page_words("not expected: {units}", units=comma_separated(strangers))] if strangers else []
+        parts += [page_words("never answered: {units}", units=comma_separated(absent))] if absent else []
         return RuleResult(not strangers and not absent, "; ".join(parts), tuple(self._breaches.first))
 
 
@@ -95,3 +97,32 @@ def units_are(line: LineSettings, numbers: list[Token]) -> Start:  # noqa: ARG00
 def no_units_but(line: LineSettings, numbers: list[Token]) -> Start:  # noqa: ARG001
     allowed = frozenset(whole(number, 255) for number in numbers)
     return lambda: _UnitsOnBus(allowed, all_of_them=False)
+
+
+@dataclass
+class _Causes:
+    """Counts the causes that concern a unit, or all; notes are no fault."""
+
+    needs_causes: ClassVar[bool] = True
+    unit: int | None
+
+    def feed(self, checked: CheckedBatch) -> None:
+        pass
+
+    def verdict(self, report: Report) -> RuleResult:
+        causes = [cause for cause in report.causes if cause.severity != "note"]
+        if self.unit is not None:
+            causes = [cause for cause in causes if self.unit in cause.units]
+        listed = "; ".join(
+            f"{cause.cause} ({page_words('{share:.0%} sure', share=cause.confidence)}): {cause.text}"
+            for cause in causes
+        )
+        return RuleResult(not causes, listed or page_words("none"))
+
+
+@form("no-causes", '"no"i ("cause"i | "causes"i) ["of"i "unit"i NUMBER]',
+      "nothing is wrong with the bus, or with one unit: no cause but notes", "no causes",
+      "no cause of unit 7")  # fmt: skip
+def no_causes(line: LineSettings, unit: Token | None) -> Start:  # noqa: ARG001
+    number = None if unit is None else whole(unit, 255)
+    return lambda: _Causes(number)

@@ -1,4 +1,6 @@
-"""How often something may happen: findings by code or severity, and plain words for what people ask for most."""
+"""How often something may happen: findings by code or severity, plain words for what people ask for most, and whatever
+the display filter can tell that has no form of its own.
+"""
 
 from __future__ import annotations
 
@@ -12,15 +14,13 @@ from numpy.typing import NDArray
 from captures.line import LineSettings
 from dissectors.values import harmless
 
-from ...filters import Filter, compile_filter
-from ...filters.errors import meant
+from ...filters import Filter, FilterError, compile_filter, meant
 from ...filters.kinds import spelled
 from ...languages import counted, page_words
 from ...reports import Report
 from ...tables.findings import Findings, Severity, codes, describe, rules
-from ..errors import CheckError
-from ..forms import Start, form
-from ..model import Breach, Breaches, CheckedBatch, RuleResult
+from .. import CheckError
+from ..model import CHARTS, Breach, Breaches, CheckedBatch, RuleResult, Start, form
 from ..parsing import at
 
 # Plain words, and the display filter that they stand for.
@@ -88,7 +88,7 @@ class PassingCount:
         )
 
 
-def _counted(words: list[Token], most: int, line: LineSettings) -> Start:
+def _at_most(words: list[Token], most: int, line: LineSettings) -> Start:
     """At most so many of what these words name."""
     name = spelled(" ".join(words))
     if name in WORDS:
@@ -116,12 +116,12 @@ def no_findings(line: LineSettings, severity: Token | None) -> Start:  # noqa: A
 
 @form("no", '"no"i thing', "this never happens", "no crc errors", "no late-response")
 def none_of(line: LineSettings, thing: list[Token]) -> Start:
-    return _counted(thing, 0, line)
+    return _at_most(thing, 0, line)
 
 
 @form("at-most", '"at"i "most"i NUMBER thing', "this happens so often at most", "at most 3 retries")
 def at_most(line: LineSettings, number: Token, thing: list[Token]) -> Start:
-    return _counted(thing, whole(number), line)
+    return _at_most(thing, whole(number), line)
 
 
 def whole(number: Token, most: int = 1 << 62) -> int:
@@ -129,3 +129,29 @@ def whole(number: Token, most: int = 1 << 62) -> int:
     if not number.isdigit() or int(number) > most:
         raise CheckError(f"a whole number{'' if most >> 60 else f' up to {most}'} is needed, not {number}", at(number))
     return int(number)
+
+
+def _filter(text: Token, line: LineSettings) -> Filter:
+    try:
+        return compile_filter(text, line, CHARTS.get())
+    except FilterError as error:
+        raise CheckError(error.message, at(text) + error.column) from error
+
+
+@form(
+    "none-where",
+    '"none"i "where"i FILTER',
+    "no row passes a display filter",
+    "none where unit == 17 and exception == 4",
+)
+def none_where(line: LineSettings, text: Token) -> Start:
+    wanted = _filter(text, line)
+    return lambda: PassingCount(wanted)
+
+
+@form("all-where", '"all"i "where"i FILTER ":" FILTER',
+      "all rows that pass the first filter pass the second, and there are some",
+      "all where function == 3 and request: quantity <= 50")  # fmt: skip
+def all_where(line: LineSettings, chosen: Token, due: Token) -> Start:
+    first, second = _filter(chosen, line), _filter(due, line)
+    return lambda: PassingCount(first, None, second)

@@ -13,11 +13,10 @@ from ...languages import counted, page_words
 from ...registers.mapped import limits_broken, mapped_columns
 from ...reports import Report
 from ...reports.page import unknown
-from ..forms import CHARTS, Start, form
-from ..model import Breaches, CheckedBatch, RuleResult
+from ..model import CHARTS, Breaches, CheckedBatch, RuleResult, Start, form
 
 if TYPE_CHECKING:
-    from dissectors.maps.units import UnitMaps
+    from dissectors.maps.files import UnitMaps
 
 
 class _Limits:

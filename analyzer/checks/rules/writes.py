@@ -16,18 +16,16 @@ from numpy.typing import NDArray
 from captures.line import LineSettings
 from dissectors.functions import function
 from dissectors.layout import contents
-from dissectors.length_rules import Role
+from dissectors.length_rules import Role, shape
 from dissectors.parts import Mask
-from dissectors.structure import shape
 from dissectors.values import Area, ValueFormError, physical
 
 from ...languages import counted, page_words
 from ...reports import Report
 from ...tables.columns import AREA_CODES
 from ...tables.schema import Kind
-from ..errors import CheckError
-from ..forms import Start, form
-from ..model import Breaches, CheckedBatch, RuleResult
+from .. import CheckError
+from ..model import Breaches, CheckedBatch, RuleResult, Start, form
 from ..parsing import at
 
 _ENDS: Final = re.compile(r"\s*(?:-|\.\.)\s*")

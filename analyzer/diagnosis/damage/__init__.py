@@ -3,7 +3,7 @@
     verdict = autopsy(DamagedFrame(captured, Role.RESPONSE, request=asked))
     verdict.code, verdict.byte, verdict.bit         # "bit-flip", 5, 3
 
-`case` is what is known of the bytes and what comes out, `likelihood` how likely a frame was sent, `causes` weighs the
+`case` is what is known of the bytes, what comes out, and how likely a frame was sent; `causes` weighs the
 explanations; `joined` does so with the noise beside the frame, `divided` takes frames apart that ran together. Pure
 functions of the bytes and of what the conversation tells; bytes are never altered: `repaired` is a supposition.
 """

@@ -15,13 +15,26 @@ from math import inf, log2
 from typing import Final, NamedTuple
 
 from dissectors.adu import EXCEPTION, EXCEPTION_ADU, MAX_ADU
-from dissectors.crc import byte_between, crc_bytes, flipped_bit
-from dissectors.crc_variants import VARIANTS, matching
+from dissectors.crc import VARIANTS, byte_between, crc_bytes, flipped_bit, matching
 from dissectors.length_rules import Role
 
-from .case import ByteRepair, DamagedFrame, Explanation, Length, agrees, answer_length, told
+from .case import (
+    BYTE,
+    LENGTH_TOLD,
+    RECURS,
+    REFUSED,
+    ByteRepair,
+    DamagedFrame,
+    Explanation,
+    Length,
+    agrees,
+    answer_length,
+    has_count,
+    likelihood,
+    opening,
+    predicted_length,
+)
 from .flow_control import swallowed
-from .likelihood import BYTE, LENGTH_TOLD, RECURS, REFUSED, counted, likelihood, opening
 
 # Several places that explain the same bytes: one verdict, all of them said, the likeliest first.
 
@@ -190,7 +203,7 @@ def _beginnings(case: DamagedFrame) -> Iterator[tuple[float, Length]]:
     if due is not None and case.header[: len(data)] == data[: len(case.header)]:
         yield BYTE * min(len(case.header), len(data)), due
     for role in Role:
-        length = told(data, role)
+        length = predicted_length(data, role)
         if length is not None:
             yield opening(data, role, case), length
     same = [frame for frame in case.known if frame.startswith(data) and len(frame) > len(data)]
@@ -270,10 +283,10 @@ def _any_frame(case: DamagedFrame) -> float:
     data, best = case.data, _NO_HEADER
     for role in Role:
         bits = opening(data, role, case)
-        length = told(data, role)
+        length = predicted_length(data, role)
         if not agrees(length, data):
             bits += _WRONG_LENGTH
-        elif length is not None and counted(data[1], role):
+        elif length is not None and has_count(data[1], role):
             bits += LENGTH_TOLD
         best = max(best, bits)
     return best

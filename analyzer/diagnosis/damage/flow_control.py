@@ -17,8 +17,7 @@ from dissectors.crc import byte_between, stepped
 from dissectors.length_rules import Role
 from dissectors.lengths import pdu_length
 
-from .case import FRAME, ByteRepair, DamagedFrame, Explanation, told
-from .likelihood import BYTE, likelihood
+from .case import BYTE, FRAME, ByteRepair, DamagedFrame, Explanation, likelihood, predicted_length
 
 XON_XOFF: Final = frozenset((0x11, 0x13))
 _PRIOR: Final = -4.0
@@ -170,7 +169,7 @@ def asked_by(verdict: Explanation, pending: bytes | None) -> bytes | None:
     """
     if verdict.code != "flow-control-loss" or verdict.repaired is None:
         return None
-    length = told(verdict.repaired, Role.REQUEST)
+    length = predicted_length(verdict.repaired, Role.REQUEST)
     expected = DamagedFrame(b"", request=pending).expected
     answers = expected is not None and expected.fits(verdict.repaired)
     return verdict.repaired if not answers and length is not None and length.length == len(verdict.repaired) else None
@@ -183,7 +182,7 @@ def _lengths(case: DamagedFrame, most: int) -> list[int]:
     left = {due - lost for lost in range(1, _most_lost(due) + 1)}
     for header in _headers(case.data[:_HEADER], most):
         for role in Role:
-            length = told(header, role)
+            length = predicted_length(header, role)
             if length is not None and not length.least:
                 lengths.add(length.length)
     left.update(length - lost for length in lengths for lost in range(1, _LOST + 1))

@@ -13,8 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from dissectors.crc import crc16
-from dissectors.crc_variants import VARIANTS
+from dissectors.crc import VARIANTS, crc16
 
 from ...languages import counted, phrase
 from ...tables.findings import About, Findings, Rule, Severity, looks_for

@@ -21,10 +21,9 @@ from dissectors.limits import Bound, RequestedByteCount
 from dissectors.registry import revision
 
 from ...languages import phrase
-from ...tables.bins import Histogram
+from ...tables.bins import ColumnQueue, Histogram, Spread
 from ...tables.findings import About, Findings, Rule, Severity, looks_for
 from ...tables.schema import Kind, Protocol
-from ..spread import ColumnQueue, Spread
 from ..tap_clock import UNKNOWN
 from ..view import DiagnosisStep, where
 

@@ -1,7 +1,13 @@
-"""Bytes that belong to no frame, and what their place says of where they come from.
+"""Bytes that are no frames of this bus: noise, another protocol's, and windows that check by chance.
 
-A stretch is judged when the rows on both its sides are known. One that an autopsy explains, that the UART marked, or
-that hangs together with a damaged frame is said there and not here; without any frame nothing is noise.
+Noise belongs to no frame; its place says where it comes from. A stretch is judged when the rows on both its sides are
+known. One that an autopsy explains, that the UART marked, or that hangs together with a damaged frame is said there
+and not here; without any frame nothing is noise. Bytes of another protocol that shares the pair are named and counted,
+and are nobody's fault.
+
+Windows with a right CRC that are no frames (chance, a payload that holds whole frames, a beginning that checks) are
+worth a note, since a tool that looks for right CRCs takes them for frames. Only frames about which the deframer had to
+weigh other explanations can hold any; those are searched again, all at once.
 """
 
 from __future__ import annotations
@@ -11,10 +17,41 @@ from enum import IntEnum
 from math import nan
 from typing import Final, NamedTuple
 
+import numpy as np
+
+from dissectors.foreign import NAMES
+
+from ...deframing.candidates import search_candidates
+from ...deframing.crc_windows import crc_windows
 from ...languages import counted, phrase
 from ...tables.findings import About, Findings, Rule, Severity, looks_for
 from ...tables.schema import NO_GAP, Kind, Protocol, Rows
-from ..view import DiagnosisStep
+from ..view import DiagnosisStep, where
+
+OTHER: Final = Rule(
+    "other-protocol",
+    Severity.NOTE,
+    About.NOISE,
+    when="bytes in no Modbus frame are those of another protocol",
+    numbers=("protocol", "bytes"),
+    text=lambda numbers: phrase(
+        "{bytes} of {protocol}: no Modbus, and no fault",
+        bytes=counted(int(numbers["bytes"]), "byte", "bytes"),
+        protocol=NAMES[int(numbers["protocol"])],
+    ),
+    cause="devices of another protocol share the pair with Modbus",
+    remedy="leave it, as long as Modbus devices do not take its frames for their own; else give it a pair of its own",
+)
+
+
+@looks_for(OTHER)
+def other_protocols(view: DiagnosisStep) -> Iterator[Findings]:
+    """Noise that the deframer knows for another protocol's."""
+    rows = where(view.rows.foreign)
+    if len(rows):
+        noise = view.rows[rows]
+        yield OTHER.on(noise, noise.foreign, noise.length)
+
 
 _GLITCHES: Final = frozenset((0x00, 0xFE, 0xFF))
 _GLITCH_RUN: Final = 6  # bytes
@@ -159,3 +196,49 @@ class NoiseStretches:
 def _hard(gap_ns: int, view: DiagnosisStep) -> bool:
     """Whether what stands there is as near as bytes of one frame; in one read nothing shows that it is not."""
     return bool(gap_ns == NO_GAP or gap_ns < _HARD * (view.line.nominal_character_ns or _USUAL_CHARACTER_NS))
+
+
+_LEAST: Final = 4  # bytes of a frame
+
+COLLISION: Final = Rule(
+    "crc-collision",
+    Severity.NOTE,
+    About.FRAME,
+    when="a window of bytes has a right CRC, but a better explanation covers it",
+    clause="[2] 2.5.1.2",
+    numbers=("window_start", "window_length", "windows"),
+    text=lambda numbers: phrase(
+        "{bytes} from byte {window_start:.0f} on have a right CRC, but are part of this frame"
+        if numbers["window_start"]
+        else "the first {bytes} have a right CRC, but are part of this frame",
+        numbers,
+        bytes=counted(int(numbers["window_length"]), "byte", "bytes"),
+    ),
+    cause="chance, 1 window in 65,536, or registers that hold a whole frame",
+    remedy="nothing: it only misleads tools that look for right CRCs alone",
+)
+
+
+@looks_for(COLLISION)
+def inner_windows(view: DiagnosisStep) -> Iterator[Findings]:
+    """Frames with such a window inside them."""
+    rows, contested = view.rows, view.right(where(view.rows.contested))
+    if not len(contested):
+        return
+    lengths = rows.length[contested]
+    ends = np.cumsum(lengths)
+    begins = ends - lengths
+    data = view.batch.data[np.repeat(rows.at[contested] - begins, lengths) + np.arange(int(ends[-1]))]
+    crc = crc_windows(data)
+    candidates = search_candidates(data, crc)
+    heads = np.repeat(begins, lengths)
+    early = where(crc.heads.take(heads) == crc.tails[1:]) + 1  # ends of windows that begin where their frame does
+    start, end = np.concatenate((candidates.start, heads[early - 1])), np.concatenate((candidates.end, early))
+    start, end = np.unique(np.stack((start, end)), axis=1)
+    owner = np.searchsorted(ends, start, side="right")
+    inside = (end <= ends[owner]) & (end - start < lengths[owner]) & (end - start >= _LEAST)
+    inside[inside] = [data[s:e].any() for s, e in zip(start[inside], end[inside], strict=True)]
+    frames, first, counts = np.unique(owner[inside], return_index=True, return_counts=True)
+    if len(frames):
+        first_start, first_end = start[inside][first], end[inside][first]
+        yield COLLISION.on(rows[contested[frames]], first_start - begins[frames], first_end - first_start, counts)

@@ -16,8 +16,7 @@ from dissectors.layout import CountedBlock, Slot, Slots
 from dissectors.length_rules import Role
 
 from .forms import BatchBytes, FormBlocks, FormPart, FormRows, looked
-from .pieces import Ints, Store, encoded, inside, insides, middle, parted, without
-from .sheet import Cursor, within
+from .sheet import Cursor, Ints, Store, counted_on, encoded, inside, insides, middle, parted, without
 
 _FIELDS: Final = b'","fields":['
 _VALUE: Final = b'%d,"raw":"%04x","text":"'  # `middle` of a register
@@ -65,7 +64,7 @@ class RegisterPieces(_BlockPieces):
         """The pieces of these blocks."""
         super().put(rows, source, cursor)
         blocks = rows.blocks
-        i = within(blocks.counts)
+        i = counted_on(blocks.counts)
         values = source.words(np.repeat(blocks.begins, blocks.counts) + 2 * i)
         addresses = blocks.addresses(i)
         cursor.spread(
@@ -111,7 +110,7 @@ class BitPieces(_BlockPieces):
         """The pieces of these blocks."""
         super().put(rows, source, cursor)
         blocks = rows.blocks
-        i = within(blocks.counts)
+        i = counted_on(blocks.counts)
         octet, bit = i >> 3, i & 7
         byte = source.octets(np.repeat(blocks.begins, blocks.counts) + octet)
         on = byte >> bit & 1
@@ -231,7 +230,7 @@ class RegisterText:
     def put(self, blocks: FormBlocks, source: BatchBytes, cursor: Cursor) -> None:
         """The pieces of these blocks' lines."""
         shown = np.minimum(blocks.counts, self._shown)
-        i = within(shown)
+        i = counted_on(shown)
         values = source.words(np.repeat(blocks.begins, shown) + 2 * i)
         texts = self._texts.take(values)
         cursor.spread(shown, np.where(i > 0, texts, without(texts, len(self._between))))
@@ -260,7 +259,7 @@ class BitText:
         """The pieces of these blocks' lines."""
         shown = np.minimum(blocks.counts, self._shown)
         groups = (shown + 7) >> 3
-        i = within(groups)
+        i = counted_on(groups)
         bits = np.minimum(np.repeat(shown, groups) - 8 * i, 8)
         byte = source.octets(np.repeat(blocks.begins, groups) + i)
         cursor.spread(groups, self._texts.take(byte << 5 | bits << 1 | (i > 0)))

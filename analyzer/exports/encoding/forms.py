@@ -22,12 +22,11 @@ from dissectors.layout import CountedBlock, FieldRef, Slots, exception_slots, sl
 from dissectors.length_rules import Role
 
 from ...tables.batch import Batch
-from ...tables.pdus import Pdus
+from ...tables.columns import Pdus
 from ...tables.schema import Kind, Protocol, Rows
 from ...tables.schema import Protocol as Envelope
 from ...tables.schema import Rows as BatchRows
-from .pieces import Ints, Pieces, pieces
-from .sheet import Cursor, Sheet
+from .sheet import Cursor, Ints, Pieces, Sheet, pieces
 
 _LEAST: Final = 4  # bytes of an RTU frame that has a check value
 _LAST: Final = 0xFFFF  # the last address

@@ -21,8 +21,7 @@ from dissectors.length_rules import Role
 
 from .blocks import BitText, RegisterText, block_text, numbers, taken_apart
 from .forms import BatchBytes, FormPart, FormRows
-from .pieces import Ints, Store
-from .sheet import Cursor
+from .sheet import Cursor, Ints, Store
 
 Escape = Callable[[str], bytes]
 
@@ -94,7 +93,7 @@ class _Exception(_Always):
         cursor.put(self._texts.take(source.pdus.number(1, 1, rows.here)))
 
 
-def words(
+def summary_pieces(
     store: Store, begin: Escape, escape: Escape, code: int, role: Role, form: Slots
 ) -> tuple[FormPart, ...] | None:
     """The parts of a form's summary; None where no template can be put together so.

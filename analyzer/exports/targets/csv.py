@@ -18,19 +18,16 @@ from dissectors.functions import function_name
 from dissectors.values import FORMULA_STARTS
 
 from ...tables.batch import Batch
-from ...tables.columns import Decoded, decode
+from ...tables.columns import Decoded, Pdus, decode
 from ...tables.frame import Frame
-from ...tables.pdus import Pdus
 from ...tables.schema import Direction, Kind, Protocol, Rows
 from ...words import is_clock
 from ..encoding import explain_json
-from ..encoding.envelope import Whole
 from ..encoding.forms import BatchBytes, Forms, kept
-from ..encoding.pieces import Ints, Pieces, Store, without
-from ..encoding.sheet import Cursor, Sheet, within
-from ..encoding.summaries import words
-from ..output import OutputStream
-from ..sink import ExportOptions
+from ..encoding.lines import Whole
+from ..encoding.sheet import Cursor, Ints, Pieces, Sheet, Store, counted_on, without
+from ..encoding.summaries import summary_pieces
+from ..sink import ExportOptions, OutputStream
 
 if TYPE_CHECKING:
     from captures import Block, Capture
@@ -108,7 +105,7 @@ class _CsvTable:
         self._unit = self._store.table(_unit)
         self._function = self._store.table(_function)
         self._confidence = self._store.table(lambda key: b",%.6f," % float(np.uint32(key).view(np.float32)))
-        self._forms = Forms(partial(words, self._store, _begun, _quoted))
+        self._forms = Forms(partial(summary_pieces, self._store, _begun, _csv_text))
         self._summary = Whole(lambda frame: _begun(frame.summary()))
         self._decoded: tuple[Batch, Decoded] | None = None
         columns = COLUMNS + (EXPLAINED if options.explain else ())
@@ -201,7 +198,7 @@ class _CsvTable:
         findings = np.full(len(row_numbers), self._store.fixed(b'",,'), np.int64)
         odd = np.flatnonzero(batch.finding_counts[row_numbers])
         if len(odd):
-            texts = [b'",' + _findings(batch.findings_of(row)) + b"," for row in row_numbers[odd].tolist()]
+            texts = [b'",' + _findings_cell(batch.findings_of(row)) + b"," for row in row_numbers[odd].tolist()]
             findings[odd] = cursor.sheet.texts(texts)
         cursor.put(findings)
         if self._timed:
@@ -210,7 +207,7 @@ class _CsvTable:
         cursor.put(self._number.take(contents.quantity + 1))
         cursor.put(b",")
         numbers = self._value.take(contents.values)
-        cursor.spread(contents.counts, np.where(within(contents.counts) > 0, numbers, without(numbers, 1)))
+        cursor.spread(contents.counts, np.where(counted_on(contents.counts) > 0, numbers, without(numbers, 1)))
         if self._options.explain:
             cursor.put_texts([_explained(batch.frame(row)) + b"\n" for row in row_numbers.tolist()])
         else:
@@ -235,7 +232,7 @@ class _CsvTable:
         decoded = self._decoded[1]
         begins = decoded.offsets[row_numbers]
         counts = decoded.offsets[row_numbers + 1] - begins
-        values = decoded.values.take(np.repeat(begins, counts) + within(counts)).astype(np.int64)
+        values = decoded.values.take(np.repeat(begins, counts) + counted_on(counts)).astype(np.int64)
         address, quantity = (column[row_numbers].astype(np.int64) for column in (decoded.address, decoded.quantity))
         return _SpokenWords(address, quantity, counts, values)
 
@@ -252,7 +249,7 @@ class _CsvTable:
             columns += [rows.column(name).tolist() for name in ("t_start_ns", "t_end_ns")]
         begins = [form % row for row in zip(*columns, strict=True)]
         hexes = [batch.bytes_of(row).hex(" ").upper().encode() for row in row_numbers.tolist()]
-        findings = [b",," + _findings(batch.findings_of(row)) for row in row_numbers.tolist()]
+        findings = [b",," + _findings_cell(batch.findings_of(row)) for row in row_numbers.tolist()]
         return [b"".join((begin, blank, *texts, end)) for begin, *texts in zip(begins, hexes, findings, strict=True)]
 
 
@@ -303,7 +300,7 @@ def _function(key: int) -> bytes:
     check = "" if key & _NO_CHECK else str(bool(key & 1)).lower()
     name = safe(function_name(function))
     if not _SPECIAL.isdisjoint(name):
-        name = f'"{_quoted(name).decode()}"'
+        name = f'"{_csv_text(name).decode()}"'
     return f",{function},{name},{exception or ''},{check}".encode()
 
 
@@ -318,7 +315,7 @@ def _explained(frame: Frame) -> bytes:
     return b"".join(b"," + ("" if cell is None else str(cell)).encode() for cell in cells)
 
 
-def _findings(findings: Sequence[Finding]) -> bytes:
+def _findings_cell(findings: Sequence[Finding]) -> bytes:
     """Findings in one cell."""
     if not findings:
         return b""
@@ -327,10 +324,10 @@ def _findings(findings: Sequence[Finding]) -> bytes:
 
 def _begun(text: str) -> bytes:
     """The beginning of a text between quotes."""
-    return _quoted(safe(text))
+    return _csv_text(safe(text))
 
 
-def _quoted(text: str) -> bytes:
+def _csv_text(text: str) -> bytes:
     """Text as it stands between quotes."""
     return text.replace('"', '""').encode()
 

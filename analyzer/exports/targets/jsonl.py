@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 from ...tables.batch import Batch
 from ..encoding import FrameJsonLines
-from ..output import OutputStream
-from ..sink import ExportOptions
+from ..sink import ExportOptions, OutputStream
 
 if TYPE_CHECKING:
     from captures import Block, Capture

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Final
 
 from ...extras import needs
-from ..output import ExportError, OutputStream
-from ..sink import ExportOptions
+from ..sink import ExportError, ExportOptions, OutputStream
 
 if TYPE_CHECKING:
     from captures import Block, Capture

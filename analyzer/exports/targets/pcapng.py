@@ -31,8 +31,7 @@ from numpy.typing import NDArray
 from captures.line import LineSettings
 from captures.network import blocks as ng
 from captures.network.blocks import pcapng_block, pcapng_option
-from captures.network.links import UPPER_PDU
-from captures.network.packets import INBOUND, OUTBOUND
+from captures.network.packets import INBOUND, OUTBOUND, UPPER_PDU
 
 from ...tables.batch import Batch
 from ...tables.findings import Finding
@@ -40,8 +39,7 @@ from ...tables.schema import Kind, Protocol
 from ...usernotes import Notes, marked_rows
 from ...version import __version__
 from ..encoding import explain_json
-from ..output import OutputStream
-from ..sink import ExportOptions
+from ..sink import ExportOptions, OutputStream
 
 if TYPE_CHECKING:
     from captures import Block, Capture

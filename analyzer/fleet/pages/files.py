@@ -21,9 +21,8 @@ from captures.errors import CaptureError, os_reason
 from captures.files import replacing
 
 from ...languages import counted, page_words
-from ...reports.html.causecards import about
-from ...reports.html.environment import page_environment
-from ..errors import FleetError
+from ...reports.html.pageparts import about, page_environment
+from .. import FleetError
 from ..lake import Lake
 from .sites import CURVE, CauseSpell, SiteHealth, calendar_ends, level_words, sites_of, spelled
 from .sums import NO_CLOCK

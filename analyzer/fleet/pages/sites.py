@@ -10,8 +10,8 @@ from typing import Any, Final
 from ...causes.model import Cause
 from ...causes.telling import CauseWords, told_again
 from ...languages import counted, in_use, page_words
-from ...languages.retelling import retold as in_language
-from ...reports.html.outcomes import OutcomeBar, OutcomePart
+from ...languages import retold as in_language
+from ...reports.html.pageparts import OutcomeBar, OutcomePart
 from ...reports.page import file_name
 from ...words import DAY_NS, between, duration, is_clock, moment
 from ..datasets import day_name
@@ -283,7 +283,7 @@ def _between_ms(low: float, high: float) -> str:
 
 def _spell(row: LakeRow, fresh: int) -> CauseSpell:
     newest = row["newest"]
-    words = _told(row["cause"], newest)
+    words = _cause_words(row["cause"], newest)
     cause = Cause(
         cause=row["cause"],
         severity=newest["severity"],
@@ -307,7 +307,7 @@ def _spell(row: LakeRow, fresh: int) -> CauseSpell:
     return CauseSpell(cause, row["line"], first, last, row["days"], bool(row["lately"]), first >= fresh)
 
 
-def _told(cause: str, kept: LakeRow) -> CauseWords:
+def _cause_words(cause: str, kept: LakeRow) -> CauseWords:
     """A cause in the language in use; as it was kept where that is English, or this version knows no such cause."""
     plain = CauseWords(*(kept[name] or "" for name in ("text", "share", "deciding_test", "remedy")))
     return plain if in_use() == "en" else told_again(cause, kept["numbers"]) or plain

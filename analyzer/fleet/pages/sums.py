@@ -61,17 +61,17 @@ class FleetSums:
 
     def __init__(self, lake: Lake) -> None:
         """Raises FleetError where the lake cannot be asked."""
-        self.days = _by_site(_rows(lake, _SITE_DAYS))
-        self.sites = {row["site"]: row for row in _rows(lake, _SITES)}
-        self.units = _by_site(_rows(lake, _UNITS))
+        self.days = _by_site(_lake_rows(lake, _SITE_DAYS))
+        self.sites = {row["site"]: row for row in _lake_rows(lake, _SITES)}
+        self.units = _by_site(_lake_rows(lake, _UNITS))
         shown = {(row["site"], row["line"], row["unit"]) for rows in self.units.values() for row in rows}
         self.unit_days: dict[tuple[str, str, int], list[LakeRow]] = {}
-        for row in _rows(lake, _UNIT_DAYS):
+        for row in _lake_rows(lake, _UNIT_DAYS):
             if (key := (row["site"], row["line"], row["unit"])) in shown:
                 self.unit_days.setdefault(key, []).append(row)
-        self.causes = _by_site(_rows(lake, _SITE_CAUSES))
-        self.captures = {row["site"]: row for row in _rows(lake, _SITE_CAPTURES)}
-        self.latest, self.harmed = (_by_site(_rows(lake, text)) for text in (_LATEST, _HARMED))
+        self.causes = _by_site(_lake_rows(lake, _SITE_CAUSES))
+        self.captures = {row["site"]: row for row in _lake_rows(lake, _SITE_CAPTURES)}
+        self.latest, self.harmed = (_by_site(_lake_rows(lake, text)) for text in (_LATEST, _HARMED))
 
     def calendar(self) -> list[int]:
         """The days to show, since the epoch: without a gap up to the newest; first 0 where some have no clock."""
@@ -90,6 +90,6 @@ def _by_site(rows: Iterable[LakeRow]) -> BySite:
     return {site: list(own) for site, own in groupby(rows, lambda row: str(row["site"]))}
 
 
-def _rows(lake: Lake, text: str) -> list[LakeRow]:
+def _lake_rows(lake: Lake, text: str) -> list[LakeRow]:
     rows: list[LakeRow] = lake.arrow(text).to_pylist()
     return rows

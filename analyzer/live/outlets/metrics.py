@@ -13,9 +13,8 @@ import numpy as np
 from ...extras import needs
 from ...tables.findings import evidence, rules
 from ...tables.schema import Kind
-from ..status import LineStatus
+from ..status import LineStatus, by_unit
 from . import OutletError
-from .traffic import by_unit
 
 if TYPE_CHECKING:
     from captures.line import LineSettings
@@ -23,7 +22,7 @@ if TYPE_CHECKING:
     from ..session import SessionStep
 
 _BUCKETS_S: Final = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
-_OF_UNIT: Final = {  # counter: its name among those of `traffic`, help
+_OF_UNIT: Final = {  # counter: its name among those of `by_unit`, help
     "requests": ("requests", "Requests that were settled"),
     "answers": ("answered", "Requests that got a good answer"),
     "unanswered": ("unanswered", "Requests that got no answer"),

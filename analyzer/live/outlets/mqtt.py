@@ -35,9 +35,8 @@ from ...tables.findings import described
 from ...tables.schema import Kind
 from ...version import __version__
 from ..lines import FrameCache, confirmed_readings
-from . import OutletError, Tell
-from .mailbox import Letter, Mailbox
-from .traffic import by_unit
+from ..status import by_unit
+from . import Letter, Mailbox, OutletError, Tell
 
 if TYPE_CHECKING:
     from captures.line import LineSettings

@@ -5,18 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Final
 
-from analyzer.reports import findings, pagetables, values
+from analyzer.reports import findings, pagetables
 from captures.line import LineSettings
 
 from ...languages import counted, page_words
 from ...words import duration
 from ..model import FindingRow, Report, UnitCard
 from ..page import facts, file_name, nothing
-from .causecards import about
 from .charts import range_chart, time_chart
-from .environment import page_environment
-from .outcomes import OutcomeBar, cause_bars, unit_bar
-from .pieces import shown
+from .examples import example_view
+from .pageparts import OutcomeBar, about, cause_bars, page_environment, unit_bar
 
 if TYPE_CHECKING:
     from ...causes.model import Cause
@@ -33,7 +31,7 @@ def page(report: Report, sights: Sights) -> str:
     """The whole document."""
     environment = page_environment()
     environment.filters.update(duration=lambda ns: "?" if ns is None else duration(ns), seconds=findings.seconds)
-    environment.filters["short"] = values.short
+    environment.filters["short"] = pagetables.short_number
     environment.filters["poll"] = pagetables.poll_words
     environment.globals["bytes"] = lambda count: counted(count, "byte", "bytes")
     char_ns = LineSettings(baud=report.baud, char_bits=report.char_bits).character_ns
@@ -43,7 +41,7 @@ def page(report: Report, sights: Sights) -> str:
     return environment.get_template("page.html.j2").render(
         report=report,
         named=file_name,
-        facts=_joined(report),
+        facts=_facts_by_label(report),
         nothing=nothing(report),
         verdict=_verdict(worst),
         causes=[
@@ -58,7 +56,7 @@ def page(report: Report, sights: Sights) -> str:
             (
                 row,
                 findings.cost(row),
-                [shown(example, origin, report.times.off_ns) for example in sights.examples.of(row.code)],
+                [example_view(example, origin, report.times.off_ns) for example in sights.examples.of(row.code)],
             )
             for row in worst[:_CARDS]
         ],
@@ -84,7 +82,7 @@ def _units(cards: Sequence[UnitCard]) -> Iterator[tuple[OutcomeBar, list[str], l
         yield unit_bar(card), words, regions[:_REGIONS], [pagetables.change_words(change) for change in card.changes]
 
 
-def _joined(report: Report) -> list[tuple[str, list[str]]]:
+def _facts_by_label(report: Report) -> list[tuple[str, list[str]]]:
     """The facts, each label with all of its lines."""
     joined: list[tuple[str, list[str]]] = []
     for label, words in facts(report):

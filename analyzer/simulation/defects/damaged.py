@@ -9,12 +9,10 @@ from collections.abc import Callable
 from random import Random
 from typing import Any
 
-from dissectors.crc import crc16, lrc
-from dissectors.crc_variants import VARIANTS
+from dissectors.crc import VARIANTS, crc16, lrc
 
 from ..truth import TruthFrame
-from .registry import defect
-from .stage import Stage
+from .stage import Stage, defect
 
 _ANSWERS = 0.7  # the share of damages that answers suffer
 _HEADER = 3  # bytes by which a damaged frame is still known for what it was
@@ -68,7 +66,7 @@ def byte_missing(stage: Stage) -> None:
 
     def damage(random: Random, sent: bytes) -> tuple[bytes, dict[str, Any]]:
         at = random.randrange(len(sent))
-        return sent[:at] + sent[at + 1 :], _place(sent, at)
+        return sent[:at] + sent[at + 1 :], _run_of_byte(sent, at)
 
     _put(stage, damage, "byte-missing")
 
@@ -80,12 +78,12 @@ def byte_extra(stage: Stage) -> None:
     def damage(random: Random, sent: bytes) -> tuple[bytes, dict[str, Any]]:
         at = random.randint(1, len(sent) - 1)
         captured = sent[:at] + random.randbytes(1) + sent[at:]
-        return captured, _place(captured, at)
+        return captured, _run_of_byte(captured, at)
 
     _put(stage, damage, "byte-extra")
 
 
-def _place(data: bytes, at: int) -> dict[str, Any]:
+def _run_of_byte(data: bytes, at: int) -> dict[str, Any]:
     """A byte and the run of equal ones that it stands in: losing or adding any of them is all the same."""
     first = last = at
     while first and data[first - 1] == data[at]:

@@ -1,17 +1,30 @@
-"""A healthy bus on which defects are put: a master that polls its list in turn, answers in time, silences kept.
+"""A healthy bus on which defects are put, and the one collection of those: an entry a code of the findings' table.
 
-Nothing that happens here by itself deserves an error or a warning: requests are distinct and recur, no exceptions, all
-units answer within 4 to 8 ms, the line is idle half of the time. A defect takes the next poll and spoils it, or does
-things of its own; what it does wrong it says with `found`. Times are ns since the capture began.
+The bus: a master that polls its list in turn, answers in time, silences kept. Nothing that happens here by itself
+deserves an error or a warning: requests are distinct and recur, no exceptions, all units answer within 4 to 8 ms, the
+line is idle half of the time. A defect takes the next poll and spoils it, or does things of its own; what it does wrong
+it says with `found`. Times are ns since the capture began.
+
+    @defect("no-response")
+    def no_response(stage: Stage) -> None:
+        \"\"\"A unit is silent for once.\"\"\"
+        ...
+
+A module of `analyzer.simulation.defects` holds such functions; nothing lists the modules. A function puts the defect on
+the stage once, from an idle line to an idle line. One that shapes the whole capture (`whole=True`) is called once, with
+the number of exchanges that the capture should have.
 """
 
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
 from random import Random
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
+from ...registry import Registry
 from ..conversation import Client, Exchange, Habits, adu
 from ..devices import Device
 from ..truth import TruthFinding, TruthFrame
@@ -174,3 +187,59 @@ class Stage:
     def found_on_bus(self, code: str, **detail: Any) -> None:
         """This is wrong with the bus as a whole."""
         self.findings.append(TruthFinding(code, -1, 0, detail))
+
+
+EVERY_TAP: Final = ("precise", "irq", "ftdi16", "gateway", "untimed")
+TIMED: Final = ("precise",)  # what silences say needs a tap that sees them
+
+
+@dataclass(frozen=True, slots=True)
+class Defect:
+    """A defect that can be put on a stage; `taps` are those that can carry its evidence, `units` the fewest that
+    it takes."""
+
+    code: str
+    place: Callable[..., None]
+    taps: tuple[str, ...] = EVERY_TAP
+    whole: bool = False
+    units: int = 1
+
+    @property
+    def words(self) -> str:
+        """What happens, in a sentence."""
+        return (self.place.__doc__ or "").strip().splitlines()[0]
+
+    def put(self, stage: Stage, exchanges: int) -> None:
+        """The whole capture: healthy exchanges with this defect, some 30 times in 400 of them."""
+        if self.whole:
+            self.place(stage, exchanges)
+            return
+        stage.healthy(_WARM_UP)
+        for _ in range(max(1, exchanges // _APART)):
+            stage.healthy(stage.random.randint(_APART - 6, _APART + 2))
+            self.place(stage)
+        stage.healthy(_LAST)
+
+
+_WARM_UP: Final = 14  # exchanges: each poll once
+_APART: Final = 12
+_LAST: Final = 3
+
+_F = TypeVar("_F", bound=Callable[..., None])
+_DEFECTS: Final = Registry[Defect]("analyzer.simulation.defects", "defect")
+
+
+def defect(code: str, **how: Any) -> Callable[[_F], _F]:
+    """Enters a function as the defect of this code."""
+
+    def enter(place: _F) -> _F:
+        _DEFECTS.enter(code, Defect(code, place, **how))
+        return place
+
+    return enter
+
+
+@cache
+def defects() -> Mapping[str, Defect]:
+    """All defects, by code."""
+    return _DEFECTS.by_name()

@@ -1,6 +1,8 @@
-"""Raw chunks as messages of an MCAP file: their channel, and a block as bytes and back.
+"""The channels of an MCAP file that this tool writes: raw chunks, a block as bytes and back; log messages; one topic
+alone.
 
-The fields are told in `captures.formats.mcap`.
+Logs are `foxglove.Log` in protobuf, the well-known schema of log messages, which viewers show as a log. Messages of
+one topic are read out of the records of a file, whatever stands beside them.
 """
 
 from __future__ import annotations
@@ -8,28 +10,77 @@ from __future__ import annotations
 import base64
 import binascii
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import orjson
+from mcap.opcode import Opcode
+from mcap.records import Channel
 from numpy.typing import NDArray
 
 from ...chunks import Block, columns
 from ...errors import CaptureError
 from ...limits import TIME_LIMIT
 from ...line import LineSettings
-from .protobuf import ENCODING, Message, MessageField, Type, delimited, fields_in
-from .records import METADATA, TOPIC, chunk_limit, one_line
+from .protobuf import ENCODING, Message, MessageField, Type, delimited, fields_in, text_field, varint_field
+from .records import MESSAGE, METADATA, RECORD, TOPIC, DamagedRecordError, chunk_limit, one_line, records_in
+from .scanning import ScannedRecord, stream_of
 
 if TYPE_CHECKING:
     from mcap.writer import Writer
 
     from .writer import ArrayWriter
 
+LOG_NAME: Final = "foxglove.Log"
+_INT64, _INT32, _FIXED32, _STRING, _MESSAGE, _ENUM = 3, 5, 7, 9, 11, 14  # types of a field descriptor
+_LEVELS: Final = ("UNKNOWN", "DEBUG", "INFO", "WARNING", "ERROR", "FATAL")
+
+
+def log_schema() -> bytes:
+    """The schema as a serialised FileDescriptorSet; it brings google.protobuf.Timestamp along."""
+    stamp = text_field(1, "Timestamp") + _field("seconds", 1, _INT64) + _field("nanos", 2, _INT32)
+    levels = b"".join(delimited(2, text_field(1, name) + varint_field(2, n)) for n, name in enumerate(_LEVELS))
+    log = b"".join(
+        (
+            text_field(1, "Log"),
+            _field("timestamp", 1, _MESSAGE, ".google.protobuf.Timestamp"),
+            _field("level", 2, _ENUM, ".foxglove.Log.Level"),
+            _field("message", 3, _STRING),
+            _field("name", 4, _STRING),
+            _field("file", 5, _STRING),
+            _field("line", 6, _FIXED32),
+            delimited(4, text_field(1, "Level") + levels),
+        )
+    )
+    return _file("google/protobuf/timestamp.proto", "google.protobuf", stamp) + _file(
+        "foxglove/Log.proto", "foxglove", log, "google/protobuf/timestamp.proto"
+    )
+
+
+def log_message(t_ns: int, level: int, message: str, name: str) -> bytes:
+    """One message; `level` 1 debug, 2 info, 3 warning, 4 error."""
+    seconds, nanos = divmod(max(t_ns, 0), 1_000_000_000)
+    stamp = varint_field(1, seconds) + varint_field(2, nanos)
+    return delimited(1, stamp) + varint_field(2, level) + text_field(3, message) + text_field(4, name)
+
+
+def _field(name: str, number: int, kind: int, type_name: str = "") -> bytes:
+    parts = (text_field(1, name), varint_field(3, number), varint_field(4, 1), varint_field(5, kind))
+    return delimited(2, b"".join((*parts, text_field(6, type_name) if type_name else b"")))
+
+
+def _file(name: str, package: str, message: bytes, *needs: str) -> bytes:
+    depends = b"".join(text_field(3, need) for need in needs)
+    return delimited(
+        1, text_field(1, name) + text_field(2, package) + depends + delimited(4, message) + text_field(12, "proto3")
+    )
+
+
 BATCH_BYTES: Final = 1 << 14  # of a message, about: what damage costs
 BATCH_NS: Final = 10_000_000_000
-MESSAGE: Final = Message(
+CHUNK_MESSAGE: Final = Message(
     "rtuscope.Chunks",
     (
         MessageField("t_ns", Type.SFIXED64),
@@ -41,7 +92,7 @@ MESSAGE: Final = Message(
         MessageField("errors", Type.FIXED32, repeated=True),
     ),
 )
-_NUMBER: Final = MESSAGE.numbers
+_NUMBER: Final = CHUNK_MESSAGE.numbers
 _COLUMNS: Final = {_NUMBER["after_ns"]: "<i8", _NUMBER["sizes"]: "<u4", _NUMBER["errors"]: "<u4"}
 _BYTES: Final = {_NUMBER["data"], _NUMBER["port"], _NUMBER["mark"]}
 _CHUNK_BYTES: Final = 12  # that a chunk takes in a message besides its data
@@ -68,7 +119,7 @@ class ChunkChannel:
     ) -> None:
         settings = _settings_record(line, timed)
         writer.add_metadata(METADATA, {**(about or {}), **settings})
-        schema = writer.register_schema(MESSAGE.name, ENCODING, MESSAGE.schema())
+        schema = writer.register_schema(CHUNK_MESSAGE.name, ENCODING, CHUNK_MESSAGE.schema())
         self._channel = writer.register_channel(TOPIC, ENCODING, schema, settings)
         self._writer = writer
         self._sequence = 0
@@ -200,3 +251,45 @@ def _from_json(payload: bytes | memoryview) -> Mapping[str, Any]:
     except (TypeError, KeyError, IndexError, OverflowError, binascii.Error) as error:
         raise ValueError(f"not as its schema says: {one_line(error)}") from error
     return columns
+
+
+UNDECLARED: Final = ""  # encoding of messages whose channel's declaration is lost
+_HEAD: Final = MESSAGE.size - RECORD.size  # of a message, before its data
+
+
+@dataclass(frozen=True, slots=True)
+class TopicMessage:
+    """A message of the topic that was asked for, or of a channel that is not declared; `log_time` in ns."""
+
+    log_time: int
+    encoding: str
+    data: memoryview
+
+
+def messages_in(record: ScannedRecord, channels: dict[int, str | None], topic: str) -> Iterator[TopicMessage]:
+    """The messages in a record; DamagedRecordError ends it where there may be more.
+
+    `channels` collects the encodings of declared channels by id, None for those of other topics.
+    """
+    content = memoryview(record.content)
+    inner: Iterator[tuple[int, int, int]] = iter([(record.opcode, 0, len(content))])
+    if record.opcode == Opcode.CHUNK:
+        inner = records_in(record.content, record.packed)
+    for opcode, start, end in inner:
+        if opcode == Opcode.CHANNEL:
+            channel = channel_in(record.content[start:end])
+            channels[channel.id] = channel.message_encoding if channel.topic == topic else None
+        elif opcode == Opcode.MESSAGE and end - start >= _HEAD:
+            encoding = channels.get(int.from_bytes(content[start : start + 2], "little"), UNDECLARED)
+            if encoding is not None:
+                log_time = int.from_bytes(content[start + 6 : start + 14], "little")
+                yield TopicMessage(log_time, encoding, content[start + _HEAD : end])
+
+
+def channel_in(content: bytes) -> Channel:
+    """A channel record inside a chunk; DamagedRecordError where it is none."""
+    try:
+        channel: Channel = Channel.read(stream_of(content))
+    except Exception as error:  # the library's, of many kinds
+        raise DamagedRecordError(f"a damaged channel: {one_line(error)}") from error
+    return channel

@@ -91,12 +91,12 @@ class Message:
         parts: list[bytes] = []
         choices = 0
         for field in self.fields:
-            parts.append(_part(2, self._field(field, choices)))
+            parts.append(delimited(2, self._field(field, choices)))
             choices += field.optional
         for field in self.fields:
             if field.names is not None and self._enum_of(field) is field:
-                parts.append(_part(4, _enum(_type_name(field), field.names)))
-        parts += [_part(8, _text(1, f"_{field.name}")) for field in self.fields if field.optional]
+                parts.append(delimited(4, _enum(_type_name(field), field.names)))
+        parts += [delimited(8, text_field(1, f"_{field.name}")) for field in self.fields if field.optional]
         return _file(self.name, b"".join(parts))
 
     def _field(self, field: MessageField, choice: int) -> bytes:
@@ -105,7 +105,7 @@ class Message:
         if b"_" in name:
             parts.append(delimited(10, name))  # the name in JSON, which would else be in camel case
         if field.names is not None:
-            parts.append(_text(6, f".{self.name}.{_type_name(self._enum_of(field))}"))
+            parts.append(text_field(6, f".{self.name}.{_type_name(self._enum_of(field))}"))
         if field.optional:
             parts += [varint_field(9, choice), varint_field(17, 1)]
         return b"".join(parts)
@@ -250,17 +250,17 @@ def _file(name: str, content: bytes) -> bytes:
     """A set of one file with one message type, of which `content` says all but its name and its reserved numbers."""
     package, _, own = name.rpartition(".")
     parts = (
-        _text(1, f"{name.replace('.', '/')}.proto"),
-        _text(2, package),
-        _part(4, _text(1, own) + content + _RESERVED),
-        _text(12, "proto3"),
+        text_field(1, f"{name.replace('.', '/')}.proto"),
+        text_field(2, package),
+        delimited(4, text_field(1, own) + content + _RESERVED),
+        text_field(12, "proto3"),
     )
-    return _part(1, b"".join(parts))
+    return delimited(1, b"".join(parts))
 
 
 def _enum(name: str, names: Mapping[str, int]) -> bytes:
-    values = (_part(2, _text(1, key) + varint_field(2, value)) for key, value in names.items())
-    return _text(1, name) + b"".join(values)
+    values = (delimited(2, text_field(1, key) + varint_field(2, value)) for key, value in names.items())
+    return text_field(1, name) + b"".join(values)
 
 
 def _type_name(field: MessageField) -> str:
@@ -281,12 +281,9 @@ def varint_field(number: int, value: int) -> bytes:
     return _varint(number << 3) + _varint(value)
 
 
-def _part(number: int, content: bytes) -> bytes:
-    return delimited(number, content)
+def text_field(number: int, text: str) -> bytes:
+    """A string as a field; what UTF-8 has no bytes for is a question mark."""
+    return delimited(number, text.encode("utf-8", "replace"))
 
 
-def _text(number: int, text: str) -> bytes:
-    return delimited(number, text.encode())
-
-
-_RESERVED: Final = b"".join(_part(9, varint_field(1, spare) + varint_field(2, spare + 1)) for spare in SPARE)
+_RESERVED: Final = b"".join(delimited(9, varint_field(1, spare) + varint_field(2, spare + 1)) for spare in SPARE)

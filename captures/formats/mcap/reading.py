@@ -18,11 +18,10 @@ from ...errors import CaptureError
 from ...files import opened
 from ...limits import TIME_LIMIT
 from ...line import LineSettings
-from .channel import block_of
+from .channel import UNDECLARED, TopicMessage, block_of, channel_in, messages_in
 from .protobuf import ENCODING
 from .records import METADATA, TOPIC, DamagedRecordError, one_line, records_in
 from .scanning import FileBytes, Loss, ScannedRecord, read_summary, stream_of, walk
-from .topics import UNDECLARED, TopicMessage, channel_in, messages_in
 
 if TYPE_CHECKING:
     from ...recording.notes import Note as LineNote

@@ -96,7 +96,7 @@ class ArrayWriter:
     def register_schema(self, name: str, encoding: str, data: bytes) -> int:
         """A new schema's id."""
         number = len(self._schemas) + 1
-        content = (struct.pack("<H", number), _text(name), _text(encoding), _sized(data))
+        content = (struct.pack("<H", number), _sized_text(name), _sized_text(encoding), _sized(data))
         self._schemas[number] = _record(Opcode.SCHEMA, content)
         return number
 
@@ -107,8 +107,13 @@ class ArrayWriter:
         number = len(self._channels) + 1
         if number >= _IDS:
             raise ValueError("an MCAP file has at most 65535 channels")
-        about = b"".join(_text(key) + _text(value) for key, value in (metadata or {}).items())
-        content = (struct.pack("<HH", number, schema_id), _text(topic), _text(message_encoding), _sized(about))
+        about = b"".join(_sized_text(key) + _sized_text(value) for key, value in (metadata or {}).items())
+        content = (
+            struct.pack("<HH", number, schema_id),
+            _sized_text(topic),
+            _sized_text(message_encoding),
+            _sized(about),
+        )
         self._channels[number] = _record(Opcode.CHANNEL, content)
         self._schema_of[number] = schema_id
         self._undeclared.add(number)
@@ -278,7 +283,7 @@ def _chunk_index(chunk: Chunk, start: int, length: int, size: int, places: bytes
         struct.pack("<QQQQ", chunk.message_start_time, chunk.message_end_time, start, length),
         _sized(places),
         struct.pack("<Q", indexes),
-        _text(chunk.compression),
+        _sized_text(chunk.compression),
         struct.pack("<QQ", size, chunk.uncompressed_size),
     )
     return _record(Opcode.CHUNK_INDEX, content)
@@ -292,7 +297,7 @@ def _sized(content: bytes) -> bytes:
     return len(content).to_bytes(4, "little") + content
 
 
-def _text(text: str) -> bytes:
+def _sized_text(text: str) -> bytes:
     return _sized(text.encode())
 
 

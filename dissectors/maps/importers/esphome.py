@@ -119,7 +119,7 @@ def _filters(builder: MapBuilder, name: object, item: Mapping[str, Any]) -> tupl
     own = {"lambda": item["lambda"]} if "lambda" in item else {}
     for step in (own, *mappings(item.get("filters"))):
         for key, value in step.items():
-            line = _line(key, step)
+            line = _factor_and_offset(key, step)
             if line is not None:
                 scale, offset = scale * line[0], offset * line[0] + line[1]
             elif key == "lambda":
@@ -135,7 +135,7 @@ def _filters(builder: MapBuilder, name: object, item: Mapping[str, Any]) -> tupl
     return scale, offset
 
 
-def _line(key: object, step: Mapping[str, Any]) -> tuple[float, float] | None:
+def _factor_and_offset(key: object, step: Mapping[str, Any]) -> tuple[float, float] | None:
     """Factor and offset of one filter, None where it is no straight line."""
     number = number_in(step, str(key), float("nan"))
     if key in ("multiply", "offset") and number == number:

@@ -12,7 +12,7 @@ from pathlib import PurePath
 from typing import Any, Final
 
 from ..cells import CellError, one_line, value_of
-from ..encodings import decoded
+from ..files import decoded
 from ..model import MapError, MappedValue, RegisterMap
 
 _MOST_NOTES: Final = 20
@@ -76,7 +76,7 @@ class MapSource:
         try:
             return json.loads(_LAST_COMMA.sub(lambda found: found[1] or "", bare))
         except ValueError as error:
-            self._problems["JSON"] = _place(error)
+            self._problems["JSON"] = _json_error(error)
         except RecursionError:
             self._problems["JSON"] = _TOO_DEEP
         return None
@@ -96,7 +96,7 @@ class MapSource:
         """The YAML content; tags that a program defines for itself stand for their plain values."""
         if not self.is_text or ":" not in self.text:
             return None
-        from ..yamltext import load_yaml
+        from ..yamlform import load_yaml
 
         try:
             return load_yaml(self.text, lenient=True)
@@ -169,7 +169,7 @@ class MapBuilder:
         return ImportedMap(chart, tuple(notes))
 
 
-def _place(error: ValueError) -> str:
+def _json_error(error: ValueError) -> str:
     """What is wrong with a JSON text, line first."""
     return f"line {error.lineno}: {error.msg}" if isinstance(error, json.JSONDecodeError) else one_line(error)[:200]
 

@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Final
 if TYPE_CHECKING:
     from captures import Capture
 
-    from ...output import OutputStream
-    from ...sink import ExportOptions
+    from ...sink import ExportOptions, OutputStream
     from .recording import Recording
 
 BINARY: Final = True

@@ -6,7 +6,7 @@ import struct
 from collections.abc import Callable
 from random import Random
 
-from dissectors.crc_variants import VARIANTS
+from dissectors.crc import VARIANTS
 
 from ..bench import SECOND, Expected, read_pdu, site, write_pdu
 from ..master import FieldPoll

@@ -6,8 +6,7 @@ import struct
 from collections.abc import Callable
 from random import Random
 
-from dissectors.crc import lrc
-from dissectors.crc_variants import ALGORITHMS, Algorithm
+from dissectors.crc import ALGORITHMS, Algorithm, lrc
 
 from ...conversation import adu
 from ..bench import SECOND, Bench, Expected, site

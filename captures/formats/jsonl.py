@@ -7,9 +7,12 @@ Other keys of the header are line settings or notes; `"timed": false` (or the ta
 nothing. Optional keys of a read: `port` (0 to 255), `errors` (offsets in it), `mark` ("tx" or "rx", a log's word for
 its direction). A line that can't be used is noted with its number and left out.
 
-Lines are taken a batch at a time: those of the plain layout above as arrays (`evenlines`), others by one JSON
-parse and one hex conversion for the whole batch. Only a batch that is not perfect is read line by line, to find out
-which line is at fault.
+Lines are taken a batch at a time: those of the plain layout above as arrays, without parsing any as JSON, others by
+one JSON parse and one hex conversion for the whole batch. Only a batch that is not perfect is read line by line, to
+find out which line is at fault. A line of the plain layout has six double quotes and no more, so that their places
+tell where the number and the digits are; all that stands between is compared. What does not fit in any way (other
+keys, an escape, an odd digit, a line cut short, a time that is not a plain number) is for the real parser: then
+nothing is given, and never anything that JSON would not say.
 """
 
 from __future__ import annotations
@@ -17,18 +20,92 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Final
 
 import numpy as np
 import orjson
 
-from ...chunks import Block, Chunk, Mark, Note, columns
-from ...errors import CaptureError
-from ...files import first_line, lines_of, opened, read_head, text_batches
-from ...limits import TIME_LIMIT
-from ...line import LineSettings
-from .. import Format
-from .evenlines import reads_in
+from ..chunks import Block, Chunk, Mark, Note, columns
+from ..errors import CaptureError
+from ..files import first_line, lines_of, opened, read_head, text_batches
+from ..limits import TIME_LIMIT
+from ..line import LineSettings
+from ..ragged import Bytes, Ints, copy_pieces, sums, windows
+from . import Format
+
+_QUOTES: Final = 6  # in a line
+_TIME_DIGITS: Final = 18  # of a time that needs no look at its range
+_POWERS: Final = 10 ** np.arange(_TIME_DIGITS - 1, -1, -1, dtype=np.int64)
+
+
+@dataclass(frozen=True, slots=True)
+class _Layout:
+    """What stands before the time, between time and digits, and after them."""
+
+    before: bytes
+    between: bytes
+    after: bytes = b'"}\n'
+
+
+_LAYOUTS: Final = (_Layout(b'{"t_ns": ', b', "hex": "'), _Layout(b'{"t_ns":', b',"hex":"'))
+
+
+def reads_in(text: bytes) -> tuple[Ints, Ints, bytes] | None:
+    """Times, sizes and bytes of the reads in whole lines; None where any line is not of the one layout.
+
+    At least one byte a read; times are 0 to 10^18 - 1.
+    """
+    layout = next((layout for layout in _LAYOUTS if text.startswith(layout.before)), None)
+    if layout is None or not text.endswith(layout.after):
+        return None
+    data = np.frombuffer(text, np.uint8)
+    quotes = np.flatnonzero(data == ord('"'))
+    if len(quotes) % _QUOTES:
+        return None
+    first, last = quotes[4::_QUOTES] + 1, quotes[5::_QUOTES]  # the digits
+    ends = last + len(layout.after)
+    starts = np.concatenate(([0], ends[:-1]))
+    times, between = starts + len(layout.before), first - len(layout.between)
+    widths, lengths = between - times, last - first
+    if ends[-1] != len(data) or widths.min() < 1 or widths.max() > _TIME_DIGITS or lengths.min() < 2:
+        return None
+    if (lengths & 1).any():
+        return None
+    for at, words in ((starts, layout.before), (between, layout.between), (last, layout.after)):
+        if not _all_are(data, at, words):
+            return None
+    t_ns, content = _numbers(data, times, widths), _from_hex(data, first, lengths)
+    return None if t_ns is None or content is None else (t_ns, lengths >> 1, content)
+
+
+def _all_are(data: Bytes, at: Ints, words: bytes) -> bool:
+    heads = windows(data, len(words))[at]
+    return bool((heads == np.frombuffer(words, f"V{len(words)}")).all())
+
+
+def _numbers(data: Bytes, at: Ints, widths: Ints) -> Ints | None:
+    """Plain numbers as JSON writes them: digits, the first not 0 unless it is alone."""
+    numbers = np.zeros(len(at), np.int64)
+    for width in np.flatnonzero(np.bincount(widths)).tolist():
+        which = np.flatnonzero(widths == width)
+        digits = windows(data, width)[at[which]].view(np.uint8).reshape(-1, width) - np.uint8(ord("0"))
+        if digits.max() > 9 or (width > 1 and not digits[:, 0].all()):
+            return None
+        numbers[which] = digits @ _POWERS[-width:]
+    return numbers
+
+
+def _from_hex(data: Bytes, at: Ints, lengths: Ints) -> bytes | None:
+    """The bytes that hex digits stand for, end to end; None where there is anything but digits."""
+    begins = sums(lengths)
+    digits = np.empty(int(begins[-1]), np.uint8)
+    copy_pieces(digits, begins[:-1], data, at, lengths)
+    try:
+        octets = bytes.fromhex(digits.tobytes().decode("ascii"))
+    except ValueError:
+        return None
+    return octets if 2 * len(octets) == len(digits) else None  # spaces would be skipped
+
 
 NAME = "serial-chunks"
 VERSION = 1
@@ -169,11 +246,11 @@ def _options(row: dict[str, Any], size: int) -> tuple[int, Mark, list[int]]:
     """Port, mark and sorted error offsets of a read; ValueError says what is wrong with them."""
     port, mark, errors = row.get("port", 0), row.get("mark"), row.get("errors") or []
     if type(port) is not int or not 0 <= port <= 255:
-        raise ValueError(f"port {_short(port)} is not a number from 0 to 255")
+        raise ValueError(f"port {_excerpt(port)} is not a number from 0 to 255")
     if mark is not None and (not isinstance(mark, str) or mark not in _MARKS):
-        raise ValueError(f'mark {_short(mark)} is neither "tx" nor "rx"')
+        raise ValueError(f'mark {_excerpt(mark)} is neither "tx" nor "rx"')
     if not isinstance(errors, list) or any(type(error) is not int or not 0 <= error < size for error in errors):
-        raise ValueError(f"errors {_short(errors)} are not offsets in a read of {size} bytes")
+        raise ValueError(f"errors {_excerpt(errors)} are not offsets in a read of {size} bytes")
     return port, _MARKS[mark] if mark else Mark.NONE, sorted(set(errors))
 
 
@@ -200,19 +277,19 @@ def _chunk(line: bytes) -> Chunk:
         raise ValueError('not a read: "t_ns" and "hex" are needed')
     t_ns, text = row["t_ns"], row["hex"]
     if type(t_ns) is not int or not -TIME_LIMIT < t_ns < TIME_LIMIT:
-        raise ValueError(f"t_ns {_short(t_ns)} is not a time in whole nanoseconds")
+        raise ValueError(f"t_ns {_excerpt(t_ns)} is not a time in whole nanoseconds")
     if not isinstance(text, str):
-        raise ValueError(f"hex {_short(text)} is not text")
+        raise ValueError(f"hex {_excerpt(text)} is not text")
     try:
         data = bytes.fromhex(text)
     except ValueError:
         odd = "an odd number of" if len(text) % 2 else "not all"
-        raise ValueError(f"hex {_short(text)} has {odd} hex digits") from None
+        raise ValueError(f"hex {_excerpt(text)} has {odd} hex digits") from None
     port, mark, errors = _options(row, len(data))
     return Chunk(t_ns, data, port, mark, tuple(errors))
 
 
-def _short(value: object) -> str:
+def _excerpt(value: object) -> str:
     text = repr(value)
     return text if len(text) <= 40 else text[:37] + "..."
 

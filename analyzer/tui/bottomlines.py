@@ -1,0 +1,224 @@
+"""The two lines at the bottom: what is open and how far it is read, where the cursor is, what was found; and the keys.
+
+The keys are those that mean something where the focus is, clickable: whole ones, as many as there is room for, those
+for help and to leave among them, told in the language in use. Textual's own footer makes a dozen widgets anew whenever
+the focus moves, some 15 ms of work before the first rows and behind many a key; this line is painted, and only when
+other keys stand in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from rich.cells import cell_len
+from textual import events
+from textual.binding import ActiveBinding, Binding
+from textual.screen import Screen
+from textual.strip import Strip
+from textual.widget import Widget
+from textual.widgets import Input
+
+from dissectors.values import harmless
+
+from ..languages import counted, grouped, tr
+from ..tables.findings import Severity
+from .paint import Painted, StyledText, fitted
+
+if TYPE_CHECKING:
+    from .desk import ViewState
+
+
+def is_gone(source: object) -> bool:
+    """Whether a live source cannot hear anything now."""
+    return bool(getattr(source, "gone", False))
+
+
+_SPIN = "|/-\\"
+_SLIM = 100  # columns under which not all of a live state has room
+
+
+class StatusLine(Painted):
+    """One line; `say` puts what the list knows into it."""
+
+    def __init__(self, desk: ViewState, *, id: str) -> None:
+        super().__init__(id=id)
+        self.desk = desk
+        self.where = ""
+        self.doing = ""
+        self.follow = ""
+        self._turn = 0
+
+    def say(self, where: str, doing: str = "", follow: str = "") -> None:
+        """Where the cursor is, what goes on, and live whether the list follows its end."""
+        self.where, self.doing, self.follow = where, doing, follow
+        self._turn += 1
+        self.refresh()
+
+    def render_line(self, y: int) -> Strip:
+        width = self.content_size.width
+        if y:
+            return Strip.blank(width, self.base)
+        state = getattr(self.desk.source, "state", None)
+        told = [] if state is None or self.desk.bus.whole else list(state())
+        slim = bool(told) and width < _SLIM  # what may change stands before what does not
+        left = [StyledText(f" {self._called(max(12, width // 3))} ", "strong")]
+        left.append(StyledText(" " if slim else f"{self._speed()}  ", "dim"))
+        if self.desk.paused:
+            left.append(StyledText(f"{tr('PAUSED, P goes on')}  ", "warning"))
+        if doing := self.doing or self._listening():
+            words = self.doing if told else doing  # beside a rate the spin alone says that it listens
+            left.append(StyledText(f"{_SPIN[self._turn % len(_SPIN)]} {words}{'  ' if words else ''}", "accent"))
+        states = [StyledText(f"{harmless(words)}  ", kind) for words, kind in told]
+        if slim:
+            left += [*states[:-1], StyledText(f"{self.follow}  "), states[-1], StyledText(self.where)]
+        else:
+            left += [*states, StyledText(", ".join(filter(None, (self.where, self.follow))))]
+        right = self._finding_counts()
+        size = sum(cell_len(part.text) for part in right)
+        return self.strip([*fitted(left, max(0, width - size)), *right], width, self.base)
+
+    def _listening(self) -> str:
+        """What a live source does, if it can: looked at when it is painted, as all that stands beside it."""
+        source = self.desk.source
+        return tr("listening") if source.live and not self.desk.bus.whole and not is_gone(source) else ""
+
+    def _called(self, most: int) -> str:
+        name = harmless(self.desk.source.name)
+        return name if len(name) <= most else "…" + name[1 - most :]
+
+    def _speed(self) -> str:
+        line = self.desk.source.line
+        if not line.baud:
+            return tr("baud not known")
+        stop = f"{line.stop_bits:g}" if line.stop_bits else ""
+        return f"{line.baud}{f' 8{line.parity}{stop}' if line.parity else ''}"
+
+    def _finding_counts(self) -> list[StyledText]:
+        counts = self.desk.bus.found.by_severity
+        kinds = ((Severity.ERROR, "E", "error"), (Severity.WARNING, "W", "warning"), (Severity.NOTE, "N", "note"))
+        by_kind = [
+            StyledText(f" {grouped(counts[level])}{letter}", kind) for level, letter, kind in kinds if counts[level]
+        ]
+        losses = self.desk.losses
+        lost = [StyledText(f" !{counted(losses, 'loss', 'losses')}", "error")] if losses else []
+        return [*lost, *by_kind, StyledText(" ")]
+
+
+_ALWAYS: Final = frozenset({"help", "leave"})  # actions
+_LAST: Final = ("export", "door('=')", "span")  # where all others have room
+
+
+def fitting(
+    bindings: Mapping[str, ActiveBinding], display: Callable[[Binding], str], width: int, focused: Widget | None = None
+) -> dict[str, ActiveBinding]:
+    """The same bindings by key, those that do not fit into a line of `width` cells no longer shown in it.
+
+    Where one types into a line (`focused`), its own keys alone: the letters of all others are text there.
+    """
+    if isinstance(focused, Input):
+        bindings = {key: each if each.node is focused else _unshown(each) for key, each in bindings.items()}
+    active = {key: _in_language(each) if each.binding.show else each for key, each in bindings.items()}
+    first = {each.binding.action: each.binding for each in reversed([*active.values()]) if each.binding.show}
+    cells = {action: cell_len(f"{display(binding)} {binding.description} ") for action, binding in first.items()}
+    room = width - sum(cells[action] for action in _ALWAYS & cells.keys())
+    left_out: set[str] = set()
+    wanted = dict.fromkeys(each.binding.action for each in active.values() if each.binding.show)
+    for action in sorted((each for each in wanted if each not in _ALWAYS), key=_rank):
+        room = -1 if cells[action] > room else room - cells[action]  # and none behind it: they keep their order
+        if room < 0:
+            left_out.add(action)
+    return {key: _unshown(each) if each.binding.action in left_out else each for key, each in active.items()}
+
+
+def _unshown(active: ActiveBinding) -> ActiveBinding:
+    return active._replace(binding=replace(active.binding, show=False))
+
+
+def _rank(action: str) -> int:
+    return _LAST.index(action) + 1 if action in _LAST else 0
+
+
+def _in_language(active: ActiveBinding) -> ActiveBinding:
+    binding = replace(active.binding, description=tr(active.binding.description))
+    return active._replace(binding=binding, tooltip=tr(active.tooltip))
+
+
+class KeyInLine(NamedTuple):
+    """A key as it stands there."""
+
+    key: str
+    display: str
+    description: str
+    enabled: bool
+    tooltip: str
+
+    @property
+    def width(self) -> int:
+        """Its columns, the blank behind it among them."""
+        return cell_len(f"{self.display} {self.description} ")
+
+
+class KeyLine(Painted):
+    """The keys that the screen's bindings show."""
+
+    ALLOW_SELECT = False
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.keys: tuple[KeyInLine, ...] = ()
+        self._waiting = False
+
+    def on_mount(self) -> None:
+        self.screen.bindings_updated_signal.subscribe(self, self._bindings_changed)
+
+    def _bindings_changed(self, screen: Screen[object]) -> None:
+        if self._waiting or not self.app.app_focus or screen is not self.screen:
+            return
+        self._waiting = True
+        self.call_after_refresh(self._look)
+
+    def _look(self) -> None:
+        self._waiting = False
+        keys = tuple(self._shown_keys())
+        if self.is_attached and keys != self.keys:
+            self.keys = keys
+            self.refresh()
+
+    def _shown_keys(self) -> Iterator[KeyInLine]:
+        """A key for each action, the first that its bindings name."""
+        actions = set()
+        for _, binding, enabled, tooltip in self.screen.active_bindings.values():
+            if binding.show and binding.action not in actions:
+                actions.add(binding.action)
+                yield KeyInLine(binding.key, self.app.get_key_display(binding), binding.description, enabled, tooltip)
+
+    def render_line(self, y: int) -> Strip:
+        width = self.content_size.width
+        if y:
+            return Strip.blank(width, self.base)
+        parts = []
+        for key in self.keys:
+            parts.append(StyledText(key.display, "key" if key.enabled else "dim"))
+            parts.append(StyledText(f" {key.description} ", "" if key.enabled else "dim"))
+        return self.strip(fitted(parts, width), width, self.base)
+
+    def _under(self, event: events.MouseEvent) -> KeyInLine | None:
+        right = 0
+        for key in self.keys:
+            right += key.width
+            if event.x < right:
+                return key
+        return None
+
+    def on_mouse_down(self, event: events.MouseDown) -> None:
+        key = self._under(event)
+        if key is not None and key.enabled:
+            self.app.simulate_key(key.key)
+
+    def on_mouse_move(self, event: events.MouseMove) -> None:
+        key = self._under(event)
+        told = (key.tooltip or None) if key is not None else None
+        if told != self.tooltip:
+            self.tooltip = told
