@@ -126,7 +126,7 @@ def silence_bits(silent: int, asked: int) -> float:
     text="Unit {unit} {answers}: {silent} of {asked} requests to it {how}[, while {others_answered} of "
     "{others_asked} to other units were answered]",
     share="{silent} of {asked} requests to unit {unit}[, {others_silent} of {others_asked} to others]",
-    deciding_test="Poll unit {unit} alone, with a master put in the place of the bus: if it stays silent, it is the unit "
+    deciding_test="Poll unit {unit} alone, with a client put in the place of the bus: if it stays silent, it is the unit "
     "or its address; if it answers, its drop or its place on the bus",
     remedy="Check the unit's power, its address, and whether A and B are swapped at it; take it off the poll list if it is "
     "not there",
@@ -248,11 +248,11 @@ def absent_units(evidence: Evidence) -> Iterator[Suspicion]:
     "retry-policy",
     Severity.WARNING,
     blame="master",
-    text="The master asks unit {unit}, which never answers, {tries:.0f} times a poll before it goes on: {silent} requests "
+    text="The client asks unit {unit}, which never answers, {tries:.0f} times a poll before it goes on: {silent} requests "
     "in vain",
     share="{silent} of {asked} requests to unit {unit}, {tries:.1f} a poll",
-    deciding_test="Set the master's retries to one and see how much faster the other units are polled",
-    remedy="Let the master give up after one or two retries and ask a silent unit again only now and then; find out why "
+    deciding_test="Set the client's retries to one and see how much faster the other units are polled",
+    remedy="Let the client give up after one or two retries and ask a silent unit again only now and then; find out why "
     "unit {unit} is silent",
 )
 def retry_policy(evidence: Evidence) -> Iterator[Suspicion]:

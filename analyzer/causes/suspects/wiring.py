@@ -38,7 +38,7 @@ _UNIT_BITS: Final = 6.0  # each unit more that is said to be far
     share="{idle} stretches in {exchanges} exchanges[, {damaged:damaged answer|damaged answers}]",
     deciding_test="Measure A against B on the idle line: under 200 mV it floats",
     remedy="Fit bias resistors (pull-up on B, pull-down on A, 390 to 650 ohm) at one place of the bus, or switch the "
-    "master's on",
+    "client's on",
 )
 def bias(evidence: Evidence) -> Iterator[Suspicion]:
     """Noise between frames, and frames that are well."""

@@ -77,16 +77,16 @@ WASTE: Final = Rule(
         )
         + (phrase(", and save {saved_ms:.3g} ms a round", numbers) if "saved_ms" in numbers else "")
     ),
-    cause="the master polls each value by itself",
+    cause="the client polls each value by itself",
     remedy="read the block in one request",
 )
 SATURATED: Final = Rule(
     "bus-saturated",
     Severity.WARNING,
     About.BUS,
-    when="the load takes so much of the line that the master has hardly any idle time left",
+    when="the load takes so much of the line that the client has hardly any idle time left",
     numbers=("load_percent", "idle_percent"),
-    text="{load_percent:.0f} % of the time bytes are on the line, and the master pauses for {idle_percent:.0f} % only",
+    text="{load_percent:.0f} % of the time bytes are on the line, and the client pauses for {idle_percent:.0f} % only",
     cause="more is polled than the line can carry at this speed",
     remedy="raise the baud rate, join polls into blocks, poll slow values less often",
 )

@@ -54,7 +54,7 @@ GAP_SHORT: Final = Rule(
     text=lambda numbers: phrase(
         "the response starts {gap:.3g} ms ({passed:.1f} characters) after the frame before, {due_ms:.3g} ms are due"
         if numbers["is_response"]
-        else "the master starts its request {gap:.3g} ms ({passed:.1f} characters) after the frame before, "
+        else "the client starts its request {gap:.3g} ms ({passed:.1f} characters) after the frame before, "
         "{due_ms:.3g} ms are due",
         numbers,
         gap=max(numbers["gap_ms"], 0),
@@ -63,14 +63,14 @@ GAP_SHORT: Final = Rule(
     cause=lambda numbers: phrase(
         "the device answers without waiting for 3.5 characters"
         if numbers["is_response"]
-        else "the master's inter-frame delay is too short"
+        else "the client's inter-frame delay is too short"
     ),
     remedy=lambda numbers: phrase(
-        "none while the master takes these answers; where it misses them, a response delay in the device, well below "
-        "the master's timeout"
+        "none while the client takes these answers; where it misses them, a response delay in the device, well below "
+        "the client's timeout"
         if numbers["is_response"]
         else "none while the devices answer; where some miss requests, a delay of 3.5 characters between polls in the "
-        "master, which makes a round of polls longer"
+        "client, which makes a round of polls longer"
     ),
 )
 TURNAROUND: Final = Rule(
@@ -81,8 +81,8 @@ TURNAROUND: Final = Rule(
     clause="[2] 2.4.1",
     numbers=("pause_ms", "due_ms"),
     text="a request {pause_ms:.3g} ms after a broadcast; {due_ms:.0f} ms are due, as no answer says when all are done",
-    cause="the master does not wait after a broadcast",
-    remedy="set the master's turnaround delay to 100 to 200 ms",
+    cause="the client does not wait after a broadcast",
+    remedy="set the client's turnaround delay to 100 to 200 ms",
 )
 
 

@@ -13,7 +13,7 @@ from ...words import is_clock, moment
 
 _BLAMED: Final[Mapping[str, str]] = {
     "unit": "fault of the unit",
-    "master": "fault of the master",
+    "master": "fault of the client",
     "line": "fault of the line",
     "tap": "fault of the tap",
 }
