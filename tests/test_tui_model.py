@@ -358,6 +358,11 @@ def test_activity_counts_everything_once_near_and_far(troubled: Bus) -> None:
     assert near.frames.sum() == troubled.frames
     far = troubled.activity._bins.tables["all"]
     assert far[0].sum() == size
+    rows = np.arange(troubled.count)
+    marks = troubled.table.take("mark", rows)
+    silent = marks >= Severity.WARNING  # a request that nobody answers too, as in the report's chart
+    assert near.troubles.sum() == far[2].sum() == silent.sum()
+    assert (silent & troubled.table.take("check", rows)).any()
 
 
 def test_units_take_their_bytes(troubled: Bus) -> None:

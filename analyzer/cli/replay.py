@@ -81,9 +81,12 @@ def _onto_port(arguments: argparse.Namespace, capture: Capture) -> int:
         raise UsageError(f"--to cannot send parity {line.parity}: give --parity N, E or O")
     port = PortSettings(arguments.to, line.baud, line.parity or "N", line.stop_bits or 1, arguments.bits or 8)
     ended: list[bool] = []
-    tell(f"transmitting on {port.url}, {port}")
+
+    def opened() -> None:
+        tell(f"transmitting on {port.url}, {port}")
+
     with ended_by_signals(lambda: ended.append(True)):
-        sent = play(capture, port, speed=arguments.speed, only=arguments.only, stop=lambda: bool(ended))
+        sent = play(capture, port, speed=arguments.speed, only=arguments.only, stop=lambda: bool(ended), opened=opened)
     tell(f"{sent:,} bytes sent")
     return DONE if sent else NO_FRAME
 

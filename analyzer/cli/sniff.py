@@ -106,8 +106,11 @@ def _recorded(recorder: Recorder | None) -> str:
     """Words for the status line."""
     if recorder is None:
         return ""
-    paused = "  RECORDING PAUSED" if recorder.paused else ""
-    return f"  recorded {recorder.bytes / 1e6:,.1f} MB of the line{paused}"
+    from ..languages import tr
+    from ..words import data_size
+
+    paused = f"  {tr('RECORDING PAUSED')}" if recorder.paused else ""
+    return f"  {tr('recorded {size} of the line', size=data_size(recorder.bytes))}{paused}"
 
 
 def _abandon(session: Session, recorder: Recorder | None, tell: Teller) -> None:

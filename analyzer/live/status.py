@@ -9,9 +9,16 @@ import numpy as np
 
 from captures.line import LineSettings
 
+from ..languages import counted, tr
+from ..words import percent
 from .session import SessionStep
 
 _WINDOW_NS: Final = 2_000_000_000
+
+
+def not_analysed(octets: int) -> str:
+    """What is said while a session runs of bytes that the analysis could not keep up with; nothing of none."""
+    return tr("NOT ANALYSED LIVE {bytes}", bytes=counted(octets, "byte", "bytes")) if octets else ""
 
 
 class LineStatus:
@@ -60,14 +67,18 @@ class LineStatus:
         return min(1.0, octets * character_ns / 1e9 / self._span_s)
 
     def __str__(self) -> str:
-        load = "" if self.load is None else f"load {self.load:.0%}  "
-        marked = f"  {self.marked:,} parity or framing" if self.marked else ""
-        missed = f"  NOT ANALYSED LIVE {self.missed:,} bytes" if self.missed else ""
         minutes, seconds = divmod(self.elapsed_ns // 1_000_000_000, 60)
-        return (
-            f"{minutes // 60:d}:{minutes % 60:02d}:{seconds:02d}  {load}{self.frames_per_s:.0f} frames/s  "
-            f"{self.frames:,} frames  {self.errors:,} errors{marked}{missed}"
-        )
+        marked = tr("{bytes} with a parity or framing error", bytes=counted(self.marked, "byte", "bytes"))
+        words = [
+            f"{minutes // 60:d}:{minutes % 60:02d}:{seconds:02d}",
+            "" if self.load is None else tr("line load {share}", share=percent(self.load)),
+            tr("{rate:.0f} frames/s", rate=self.frames_per_s),
+            counted(self.frames, "frame", "frames"),
+            counted(self.errors, "error", "errors"),
+            marked if self.marked else "",
+            not_analysed(self.missed),
+        ]
+        return "  ".join(filter(None, words))
 
     @property
     def _span_s(self) -> float:

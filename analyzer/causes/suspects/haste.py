@@ -33,7 +33,7 @@ def _told_t35(evidence: Evidence) -> float | None:
     "{requests} requests",
     share="{short} of {requests} requests",
     deciding_test="Let the client pause for 5 ms before each request, and watch the units that lost requests",
-    remedy="Set the client's inter-frame delay to 3.5 characters ({due:.3g} ms) at the least",
+    remedy="Set the client's inter-frame delay to 3.5 characters ({due:ms}) at the least",
 )
 def master_too_fast(evidence: Evidence) -> Iterator[Suspicion]:
     """Less than t3.5 before requests, where the clock carries it."""
@@ -65,7 +65,7 @@ def master_too_fast(evidence: Evidence) -> Iterator[Suspicion]:
     "of {answers}",
     share="{short} of {answers} answers of {units:unit|units}",
     deciding_test="Look whether the client, or units that listen, lose frames right behind requests to {units:unit|units}",
-    remedy="Set the unit's response delay to 3.5 characters ({due:.3g} ms) at the least",
+    remedy="Set the unit's response delay to 3.5 characters ({due:ms}) at the least",
 )
 def unit_too_fast(evidence: Evidence) -> Iterator[Suspicion]:
     """Less than t3.5 before the answers of some units."""

@@ -57,7 +57,7 @@ _KINDS: Final = {
     Severity.ERROR,
     blame="master",
     text="The client does not wait long enough for {units:unit|units}: {late:answer|answers} came when the client had gone on"
-    "[ (up to {delay:.3g} ms after the request)]; what it takes for an answer to one request may be that of the one before",
+    "[ (up to {delay:ms} after the request)]; what it takes for an answer to one request may be that of the one before",
     share="{late} of {asked} requests to {units:unit|units}[, {others_late} of {others_asked} to others]",
     deciding_test="Set the client's timeout three times as long: no request may stay without an answer then",
     remedy="Set the response timeout longer than the slowest answer of {units:unit|units}, and let the client drop what "

@@ -11,6 +11,7 @@ from ..evidence import Evidence
 from ..exchanges import Ending
 from ..polls import Poll
 from ..registry import Suspicion, Symptom, suspect
+from ..spells import mean_period_s
 
 _LEAST: Final = 3
 _BUSY_LEAST: Final = 5
@@ -44,7 +45,6 @@ def unit_busy(evidence: Evidence) -> Iterator[Suspicion]:
         runs = len(spells) + unit.refusals.single + unit.refusals.more
         codes = [code for poll in evidence.polls_of(unit.unit) for code in poll.exceptions if code in (5, 6)]
         begins = [each.begin for each in spells]
-        recurs = evidence.ledger.timed and len(begins) > 1
         yield Suspicion(
             (unit.unit,),
             surplus_bits(unit.busy, unit.asked, _BUSY_BACKGROUND) + clustering_bits(unit.busy, unit.asked, runs),
@@ -58,7 +58,7 @@ def unit_busy(evidence: Evidence) -> Iterator[Suspicion]:
             },
             since=begins[0] if begins else unit.first,
             until=spells[-1].end if spells else unit.last,
-            period_s=round((begins[-1] - begins[0]) / (len(begins) - 1) / 1e9, 3) if recurs else None,
+            period_s=mean_period_s(begins),
             lost_answers=unit.busy,
             frames=tuple(unit.examples.get(Ending.EXCEPTION, [])),
         )

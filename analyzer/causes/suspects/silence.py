@@ -13,6 +13,7 @@ from ..evidence import Evidence
 from ..exchanges import Ending
 from ..registry import Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage
+from ..spells import mean_period_s
 from ..timegrid import Spell
 from ..unitledger import UnitLedger
 
@@ -279,7 +280,8 @@ def retry_policy(evidence: Evidence) -> Iterator[Suspicion]:
     "unit-restarts",
     Severity.ERROR,
     blame="unit",
-    text="Unit {unit} goes silent for about {length:.3g} {measure}, {often}: {silent} requests stayed without a byte",
+    text="Unit {unit} goes silent[ for about {length:sec}][, {row:request|requests} in a row], {often}: {silent} requests "
+    "stayed without a byte",
     share="{silent} of {asked} requests to unit {unit}; spells of silence: {spells}",
     deciding_test="Watch the unit's power and its running light, or its uptime register, when it goes silent next",
     remedy="Check the unit's supply and its connector; a watchdog that resets it points to its firmware or to interference",
@@ -305,15 +307,13 @@ def unit_restarts(evidence: Evidence) -> Iterator[Suspicion]:
                 "spells": len(spells) + unit.silences.more,
                 "silent": silent,
                 "asked": unit.asked,
-                "length": median(each.end - each.begin for each in spells) / 1e9
-                if timed
-                else median(each.count for each in spells),
-                "measure": "s" if timed else "requests in a row",
+                "length": median(each.end - each.begin for each in spells) / 1e9 if timed else 0.0,
+                "row": 0 if timed else round(median(each.count for each in spells)),
                 "often": "once" if once else "again and again",
             },
             since=begins[0],
             until=spells[-1].end,
-            period_s=round((begins[-1] - begins[0]) / (len(begins) - 1) / 1e9, 3) if timed and not once else None,
+            period_s=None if once else mean_period_s(begins),
             lost_answers=lost,
             lost_ms=lost_ms,
             frames=tuple(unit.examples.get(Ending.SILENT, [])),

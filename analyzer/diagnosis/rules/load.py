@@ -51,11 +51,10 @@ SLOW: Final = Rule(
     numbers=("unit", "p50_ms", "p95_ms", "usual_ms", "own_past"),
     varies="own_past",
     text=lambda numbers: phrase(
-        "unit {unit:.0f} answers in {p50_ms:.3g} ms (median; 95 % within {p95_ms:.3g} ms), at first it took "
-        "{usual_ms:.3g} ms"
+        "unit {unit:.0f} answers in {p50_ms:ms} (median; 95 % within {p95_ms:ms}), at first it took {usual_ms:ms}"
         if numbers["own_past"]
-        else "unit {unit:.0f} answers in {p50_ms:.3g} ms (median; 95 % within {p95_ms:.3g} ms), the other units take "
-        "{usual_ms:.3g} ms",
+        else "unit {unit:.0f} answers in {p50_ms:ms} (median; 95 % within {p95_ms:ms}), the other units take "
+        "{usual_ms:ms}",
         numbers,
     ),
     cause="a slow processor, a gateway or radio behind this unit, or a device that is busy with something else",
@@ -75,7 +74,7 @@ WASTE: Final = Rule(
             name=function_name(int(numbers["function"])),
             last=numbers["first_address"] + numbers["quantity"] - 1,
         )
-        + (phrase(", and save {saved_ms:.3g} ms a round", numbers) if "saved_ms" in numbers else "")
+        + (phrase(", and save {saved_ms:ms} a round", numbers) if "saved_ms" in numbers else "")
     ),
     cause="the client polls each value by itself",
     remedy="read the block in one request",

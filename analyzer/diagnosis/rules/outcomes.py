@@ -19,7 +19,7 @@ _ANSWERED, _UNANSWERED, _DAMAGED = int(Status.ANSWERED), int(Status.UNANSWERED),
 
 def _silent(numbers: Mapping[str, float]) -> str:
     if "waited_ms" in numbers:
-        return phrase("unit {unit:.0f} did not answer in {waited_ms:.4g} ms, until the next request", numbers)
+        return phrase("unit {unit:.0f} did not answer in {waited_ms:ms}, until the next request", numbers)
     return phrase("unit {unit:.0f} did not answer", numbers)
 
 
@@ -60,7 +60,7 @@ RETRY: Final = Rule(
     numbers=("unit", "after_ms"),
     text=lambda numbers: (
         phrase("the client repeats its request")
-        + (phrase(", {after_ms:.4g} ms after the first try", numbers) if "after_ms" in numbers else "")
+        + (phrase(", {after_ms:ms} after the first try", numbers) if "after_ms" in numbers else "")
     ),
     cause="it got no answer, a damaged one or one too late",
     remedy="look at what became of the request before",
@@ -69,7 +69,7 @@ RETRY: Final = Rule(
 
 def _came_late(numbers: Mapping[str, float]) -> str:
     words = phrase("unit {unit:.0f} answers frame {request:.0f}", numbers)
-    words += phrase(", {late_ms:.4g} ms after it", numbers) if "late_ms" in numbers else ""
+    words += phrase(", {late_ms:ms} after it", numbers) if "late_ms" in numbers else ""
     words += phrase(", when the client has gone on; ")
     return words + phrase(
         "it fits the client's newest request as well, which takes these values one poll too late"
@@ -110,7 +110,7 @@ ECHO: Final = Rule(
     numbers=("after_ms",),
     text=lambda numbers: (
         phrase("the same frame once more")
-        + (phrase(", {after_ms:.3g} ms after itself", numbers) if "after_ms" in numbers else "")
+        + (phrase(", {after_ms:ms} after itself", numbers) if "after_ms" in numbers else "")
     ),
     cause="the tap or a converter with local echo shows each sent frame twice",
     remedy="switch the converter's local echo off, or tap the line behind it",
