@@ -94,7 +94,7 @@ def test_frames_are_told_in_russian():
 @pytest.mark.parametrize(
     ("language", "words"),
     [
-        ("en", "0:00:00  line load 0.9%  2 frames/s  1 frame  1 error  1 byte with a parity or framing error"),
+        ("en", "0:00:00  load 0.9%  2 frames/s  1 frame  1 error  1 byte with a parity or framing error"),
         ("ru", "0:00:00  загрузка 0.9%  2 кадр/s  1 кадр  1 ошибка  с ошибкой чётности или стопового бита: 1 байт"),
     ],
 )

@@ -71,7 +71,7 @@ class LineStatus:
         marked = tr("{bytes} with a parity or framing error", bytes=counted(self.marked, "byte", "bytes"))
         words = [
             f"{minutes // 60:d}:{minutes % 60:02d}:{seconds:02d}",
-            "" if self.load is None else tr("line load {share}", share=percent(self.load)),
+            "" if self.load is None else tr("load {share}", share=percent(self.load)),
             tr("{rate:.0f} frames/s", rate=self.frames_per_s),
             counted(self.frames, "frame", "frames"),
             counted(self.errors, "error", "errors"),

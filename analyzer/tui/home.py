@@ -171,7 +171,7 @@ class HomeList(Lines):
         load = ""
         if bus.char_ns and bus.timed and bus.t_last > bus.t_first:
             share = self.desk.figures.units.octets[unit.unit] * bus.char_ns / (bus.t_last - bus.t_first)
-            load = tr("load {share}", share=percent(share))
+            load = tr("uses {share}", share=percent(share))
         answers = tr("no answer times") if _is_due(counts) else tr("no answer is due")
         half, most = times.bounds("p50"), times.bounds("p95")
         if half is not None and most is not None:

@@ -122,7 +122,7 @@ class LiveSource:
             words.append((tr("{bytes} not analysed", bytes=counted(self._missed, "byte", "bytes")), "error"))
         load = self._status.load
         rate = tr("{rate:.0f} frames/s", rate=self._status.frames_per_s)
-        words.append((rate + ("" if load is None else f", {tr('line load {share}', share=percent(load))}"), ""))
+        words.append((rate + ("" if load is None else f", {tr('load {share}', share=percent(load))}"), ""))
         return words
 
 

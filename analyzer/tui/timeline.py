@@ -251,7 +251,7 @@ class Timeline(Painted, can_focus=True):
         i = self.cursor
         t_ns = self.time_at(i)
         at = self.desk.when(t_ns) if self._by_the_clock else f"{(t_ns - self.desk.bus.t_first) / 1e9:.6f} s"
-        load = f", {tr('line load {share}', share=percent(self._loads(bins)[i]))}" if self.desk.bus.char_ns else ""
+        load = f", {tr('load {share}', share=percent(self._loads(bins)[i]))}" if self.desk.bus.char_ns else ""
         frames = counted(int(bins.frames[i]), "frame", "frames")
         if self.desk.is_emptied:
             return [StyledText(f" {self.desk.emptied()}", "dim")]
