@@ -112,9 +112,8 @@ class HomeList(Lines):
             return fitted(self._verdict(), width)
         room = max(1, width - _LABEL - (_PEAK if width >= _NARROW else _LEAST_PEAK))
         if not bus.count or not bus.timed or self.desk.is_foreign:
-            return fitted(
-                [StyledText("" if bus.timed or self.desk.is_foreign else f"  {tr('no times in this capture')}")], width
-            )
+            untimed = y == 1 and not bus.timed and not self.desk.is_foreign
+            return fitted([StyledText(f"  {tr('no times in this capture')}" if untimed else "")], width)
         bins = self.desk.figures.over(bus.t_first, max(bus.t_last, bus.t_first + 1), room)
         if y == 1:
             most = ""
@@ -191,7 +190,7 @@ class HomeList(Lines):
         ]
         room = width - sum(len(part.text) for part in parts) - 2
         if room > 7:
-            parts.append(StyledText("  " + sparkline(self.desk.figures.units.means(unit.unit), room), "accent"))
+            parts.append(StyledText("  " + sparkline(self.desk.answer_means(unit.unit), room), "accent"))
         return parts
 
     def look(self) -> FrameDetail:
