@@ -94,8 +94,8 @@ def test_frames_are_told_in_russian():
 @pytest.mark.parametrize(
     ("language", "words"),
     [
-        ("en", "0:00:00  load 0.9%  2 frames/s  1 frame  1 error  1 byte with a parity or framing error"),
-        ("ru", "0:00:00  загрузка 0.9%  2 кадр/s  1 кадр  1 ошибка  с ошибкой чётности или стопового бита: 1 байт"),
+        ("en", "0:00:00  1 byte with a parity or framing error  1 error  load 0.9%  2 frames/s  1 frame"),
+        ("ru", "0:00:00  с ошибкой чётности или стопового бита: 1 байт  1 ошибка  загрузка 0.9%  2 кадр/s  1 кадр"),
     ],
 )
 def test_the_status_line_agrees_with_its_numbers(language, words):
@@ -106,6 +106,7 @@ def test_the_status_line_agrees_with_its_numbers(language, words):
     status.feed(SessionStep(1_000_000_000, analyzer.latest, heard=8, marked=1))
     with telling(language):
         assert str(status) == words
+        assert status.fitted("REC 5.2 kB", 25) == "0:00:00  REC 5.2 kB"  # no half of a number behind it
 
 
 def test_a_recording_is_told_in_the_units_of_the_interface():
@@ -114,6 +115,6 @@ def test_a_recording_is_told_in_the_units_of_the_interface():
 
     small: Any = Small()
     with telling("en"):
-        assert _recorded(small) == "  recorded 5.2 kB of the line  RECORDING PAUSED"
+        assert _recorded(small) == "RECORDING PAUSED 5.2 kB"
     with telling("ru"):
-        assert _recorded(small) == "  записано с линии: 5.2 kB  ЗАПИСЬ НА ПАУЗЕ"
+        assert _recorded(small) == "ЗАПИСЬ НА ПАУЗЕ 5.2 kB"

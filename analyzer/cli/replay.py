@@ -6,6 +6,7 @@ import argparse
 from argparse import ArgumentTypeError
 from typing import TYPE_CHECKING
 
+from ..languages import tr
 from .exits import DONE, NO_FRAME, UsageError
 from .inputs import add_capture_arguments, add_limit_arguments, chosen_limits, load_functions, open_capture, tell_damage
 from .keys import keys
@@ -104,7 +105,7 @@ def _press(replay: Replay, key: str) -> None:
 
 def _how(replay: Replay) -> str:
     speed = "max" if replay.speed is None else f"x{replay.speed:g}"
-    return f"  {speed}{'  PAUSED' if replay.paused else ''}"
+    return f"{speed}  {tr('PAUSED')}" if replay.paused else speed
 
 
 def _speed(text: str) -> float | None:

@@ -106,11 +106,9 @@ def _recorded(recorder: Recorder | None) -> str:
     """Words for the status line."""
     if recorder is None:
         return ""
-    from ..languages import tr
-    from ..words import data_size
+    from ..live.status import recording_words
 
-    paused = f"  {tr('RECORDING PAUSED')}" if recorder.paused else ""
-    return f"  {tr('recorded {size} of the line', size=data_size(recorder.bytes))}{paused}"
+    return recording_words(recorder.bytes, paused=recorder.paused)
 
 
 def _abandon(session: Session, recorder: Recorder | None, tell: Teller) -> None:

@@ -156,7 +156,7 @@ class Watch:
             self._write([*map(self._tell_cause, self._story.close())])
         self._clear()
         if self._status_shown:
-            print(f"{self.status}{self._extra()}", file=sys.stderr)
+            print("  ".join(self.status.parts(self._extra())), file=sys.stderr)
         return DONE if self.status.frames else NO_FRAME
 
     def _revised(self, step: SessionStep) -> list[Any]:
@@ -203,7 +203,7 @@ class Watch:
             now = time.monotonic()
             if new := now >= self._next_status:
                 self._next_status = now + _PERIOD_S
-                self._words = f"{self.status}{self._extra()}"[: shutil.get_terminal_size().columns - 1]
+                self._words = self.status.fitted(self._extra(), shutil.get_terminal_size().columns - 1)
             if new or parts:
                 say_in_place(self._words)
 

@@ -10,7 +10,7 @@ import numpy as np
 from captures.line import LineSettings
 
 from ..languages import counted, tr
-from ..words import percent
+from ..words import data_size, percent
 from .session import SessionStep
 
 _WINDOW_NS: Final = 2_000_000_000
@@ -19,6 +19,11 @@ _WINDOW_NS: Final = 2_000_000_000
 def not_analysed(octets: int) -> str:
     """What is said while a session runs of bytes that the analysis could not keep up with; nothing of none."""
     return tr("NOT ANALYSED LIVE {bytes}", bytes=counted(octets, "byte", "bytes")) if octets else ""
+
+
+def recording_words(octets: int, *, paused: bool, name: str = "") -> str:
+    """How a recording does: `REC bus.mcap 5.2 kB`."""
+    return " ".join(filter(None, (tr("RECORDING PAUSED" if paused else "REC"), name, data_size(octets))))
 
 
 class LineStatus:
@@ -66,19 +71,33 @@ class LineStatus:
         octets = sum(heard for _, heard, _ in tuple(self._recent))
         return min(1.0, octets * character_ns / 1e9 / self._span_s)
 
-    def __str__(self) -> str:
+    def parts(self, more: str = "") -> list[str]:
+        """What it says, what must not be missed first; `more` stands behind the time."""
         minutes, seconds = divmod(self.elapsed_ns // 1_000_000_000, 60)
         marked = tr("{bytes} with a parity or framing error", bytes=counted(self.marked, "byte", "bytes"))
         words = [
             f"{minutes // 60:d}:{minutes % 60:02d}:{seconds:02d}",
+            more,
+            not_analysed(self.missed),
+            marked if self.marked else "",
+            counted(self.errors, "error", "errors"),
             "" if self.load is None else tr("load {share}", share=percent(self.load)),
             tr("{rate:.0f} frames/s", rate=self.frames_per_s),
             counted(self.frames, "frame", "frames"),
-            counted(self.errors, "error", "errors"),
-            marked if self.marked else "",
-            not_analysed(self.missed),
         ]
-        return "  ".join(filter(None, words))
+        return [part for part in words if part]
+
+    def fitted(self, more: str, width: int) -> str:
+        """The same on one line, of which what finds no room is left out whole: half a number says another one."""
+        line, *others = self.parts(more)
+        for part in others:
+            if len(line) + 2 + len(part) > width:
+                break
+            line += f"  {part}"
+        return line[:width]
+
+    def __str__(self) -> str:
+        return "  ".join(self.parts())
 
     @property
     def _span_s(self) -> float:
