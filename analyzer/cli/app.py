@@ -78,6 +78,9 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         from ..languages.retelling import retold
 
+        if message.endswith(" required: ACTION"):
+            actions = (each for each in self._actions if isinstance(each, argparse._SubParsersAction))
+            message = f"say what to do: {', '.join(each for found in actions for each in found.choices)}"
         raise UsageError(f"{retold(message)} {retold(f'(see {self.prog} --help)')}")
 
 
