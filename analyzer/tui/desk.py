@@ -77,6 +77,11 @@ class ViewState:
         return isinstance(figures, ScopedFigures) and not len(figures.rows)
 
     @property
+    def is_untimed(self) -> bool:
+        """Whether rows came, and without times."""
+        return bool(self.bus.count) and not self.bus.timed
+
+    @property
     def is_foreign(self) -> bool:
         """Whether all was read and no frame is there: it is no Modbus, or was heard at other settings."""
         return self.bus.whole and not self.bus.frames

@@ -320,8 +320,7 @@ class Timeline(Painted, can_focus=True):
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Without times there is no axis to move on."""
-        bus = self.desk.bus
-        return (bus.timed or not bus.count) and super().check_action(action, parameters)
+        return not self.desk.is_untimed and super().check_action(action, parameters)
 
     def action_pin(self) -> None:
         self.pinned = None if self.pinned is not None else self.time_at(self.cursor)
