@@ -157,7 +157,11 @@ class Watch:
         self._clear()
         if self._status_shown:
             print("  ".join(self.status.parts(self._extra())), file=sys.stderr)
-        return DONE if self.status.frames else NO_FRAME
+        if self.status.frames:
+            return DONE
+        if self._out is None:
+            tell(f"no Modbus frame in {self.status.bytes:,} bytes heard" if self.status.bytes else "nothing was heard")
+        return NO_FRAME
 
     def _revised(self, step: SessionStep) -> list[Any]:
         """What registers mean, where that is told for the first time or otherwise; frames are read so from here on."""
