@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -12,7 +13,7 @@ from buses import CHAR_NS, LINE, adu
 from packets import read_answer, read_request
 
 from analyzer.cli.sniff import _recorded
-from analyzer.core import Analyzer
+from analyzer.core import Analyzer, analyse
 from analyzer.deframing.decisions import Decider
 from analyzer.deframing.stream import RtuDeframer
 from analyzer.languages import telling
@@ -21,7 +22,9 @@ from analyzer.live.recent import Recent
 from analyzer.live.session import SessionStep
 from analyzer.live.status import LineStatus
 from analyzer.options import Options
-from captures.chunks import Block, Chunk
+from analyzer.simulation import Scenario, simulate
+from analyzer.tables.findings import Severity, described
+from captures.chunks import Block, Capture, Chunk
 from captures.line import LineSettings
 
 _READ = 8  # bytes: what a FIFO gives
@@ -118,3 +121,14 @@ def test_a_recording_is_told_in_the_units_of_the_interface():
         assert _recorded(small) == "RECORDING PAUSED 5.2 kB"
     with telling("ru"):
         assert _recorded(small) == "ЗАПИСЬ НА ПАУЗЕ 5.2 kB"
+
+
+@pytest.mark.parametrize("defect", ["noise", "no-response", "exception"])
+def test_the_status_line_counts_what_the_views_count(defect):
+    made = simulate(Scenario("clean", "precise", transactions=120, seed=3, defect=defect))
+    capture = Capture.of(made.line, made.chunks)
+    status, told = LineStatus(made.line), Counter[Severity]()
+    for part in analyse(capture):
+        status.feed(SessionStep(0, part))
+        told.update(finding.severity for finding in described(part.findings))
+    assert (status.errors, status.warnings) == (told[Severity.ERROR], told[Severity.WARNING]) != (0, 0)

@@ -10,6 +10,7 @@ import numpy as np
 from captures.line import LineSettings
 
 from ..languages import counted, tr
+from ..tables.findings import Severity, rules
 from ..words import data_size, percent
 from .session import SessionStep
 
@@ -27,12 +28,13 @@ def recording_words(octets: int, *, paused: bool, name: str = "") -> str:
 
 
 class LineStatus:
-    """Counts steps. `errors` are frames with a wrong check value and stretches of noise, `marked` bytes with an error
-    of the UART's, `missed` bytes that were not analysed live."""
+    """Counts steps. `errors` and `warnings` are findings, as every view counts them, `marked` bytes with an error of
+    the UART's, `missed` bytes that were not analysed live."""
 
     def __init__(self, line: LineSettings) -> None:
         self.line = line
-        self.bytes = self.frames = self.errors = self.marked = self.missed = 0
+        self.bytes = self.frames = self.errors = self.warnings = self.marked = self.missed = 0
+        self._severity = np.array([rule.severity for rule in rules()], np.uint8)  # by the number of the rule
         self._recent: deque[tuple[int, int, int]] = deque()  # time, bytes, frames; told from another thread: copy it
         self._first: int | None = None
 
@@ -41,7 +43,9 @@ class LineStatus:
         rows = step.batch.rows
         frames = int(np.count_nonzero(rows.kind))  # all but NOISE
         self.frames += frames
-        self.errors += len(rows) - int(np.count_nonzero(rows.check))  # noise has none
+        severity = self._severity[step.findings.rule]
+        self.errors += int(np.count_nonzero(severity == Severity.ERROR))
+        self.warnings += int(np.count_nonzero(severity == Severity.WARNING))
         self.bytes += step.heard
         self.marked += step.marked
         self.missed += step.missed
@@ -81,6 +85,7 @@ class LineStatus:
             not_analysed(self.missed),
             marked if self.marked else "",
             counted(self.errors, "error", "errors"),
+            counted(self.warnings, "warning", "warnings") if self.warnings else "",
             "" if self.load is None else tr("load {share}", share=percent(self.load)),
             tr("{rate:.0f} frames/s", rate=self.frames_per_s),
             counted(self.frames, "frame", "frames"),
