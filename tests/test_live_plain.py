@@ -74,7 +74,7 @@ def test_a_frame_of_modbus_tcp_has_no_check_value_that_could_be_wrong():
     assert len(told) == 2 and "17 03" in told[0] and not any("WRONG" in line for line in told)
 
 
-@pytest.mark.parametrize(("off_ns", "took"), [(0.0, "21.5 ms"), (16.2e6, "5.3..38 ms"), (math.inf, "")])
+@pytest.mark.parametrize(("off_ns", "took"), [(0.0, "21.5 ms"), (16.2e6, "5.2..38 ms"), (math.inf, "")])
 def test_a_response_time_is_told_as_far_as_the_clock_carries_it(off_ns, took):
     analyzer = Analyzer(LINE)
     sent = [Chunk(1_000_000_000, _EXCHANGE[0]), Chunk(1_021_500_000 + len(_EXCHANGE[1]) * CHAR_NS, _EXCHANGE[1])]
