@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from datetime import UTC, datetime, timedelta, tzinfo
 from enum import Enum
 from typing import TYPE_CHECKING, Final, overload
@@ -104,10 +105,15 @@ def pointed_ms(low_ns: int, high_ns: int) -> str:
 
 
 def short_bound(bounds: tuple[int, int] | None) -> str:
-    """`short` of a time that lies between two: `12.3ms`, or what it is at most, `≤17ms`; a dash where it is unknown."""
+    """`short` of a time that lies between two: `12.3ms`, or what it is at most, `≤17ms`, rounded up; a dash where it is
+    unknown."""
     if bounds is None:
         return "-"
-    return short(bounds[0]) if bounds[0] == bounds[1] else f"≤{short(bounds[1])}"
+    low, high = bounds
+    if low == high:
+        return short(low)
+    step = max(10 ** (len(str(high)) - 3), 1000) if high < 99_950_000_000 else UNITS_NS["s"]  # of what `short` shows
+    return f"≤{short(-(-high // step) * step)}"
 
 
 def moment(t_ns: int) -> str:
@@ -133,14 +139,22 @@ def duration(ns: int) -> str:
 
 
 def between(low_ns: int, high_ns: int) -> str:
-    """A duration that lies between two: `9..17 ms`, `0..1.2 s`; `870 us` where they are one."""
+    """A duration that lies between two: `9..17 ms`, `0..1.2 s`, rounded outwards; `870 us` where they are one."""
     if low_ns == high_ns:
         return duration(low_ns)
     for scale, unit in ((1e3, "us"), (1e6, "ms"), (1e9, "s")):
         if high_ns < 999.5 * scale or unit == "s":
-            low, high = (f"{ns / scale:.2g}" if ns < 9.95 * scale else f"{ns / scale:.0f}" for ns in (low_ns, high_ns))
-            return f"{low}..{high} {unit}"
+            return f"{_rounded(low_ns / scale, math.floor)}..{_rounded(high_ns / scale, math.ceil)} {unit}"
     return duration(high_ns)
+
+
+def _rounded(number: float, towards: Callable[[float], int]) -> str:
+    """Two digits of a number, all of one from ten on; `towards`: `math.floor` or `math.ceil`."""
+    if number <= 0:
+        return "0"
+    step = 10.0 ** min(math.floor(math.log10(number)) - 1, 0)
+    rounded = towards(round(number / step, 9)) * step
+    return f"{rounded:.0f}" if rounded > 9.95 else f"{rounded:.2g}"
 
 
 def compact(number: int) -> str:

@@ -41,6 +41,7 @@ _OTHER_KINDS = (
     (b"<!DOCTYPE html", f"an HTML page: {_SOURCE}"),
     (b"<?xml", "an XML document"),
 )
+EXPORTED: Final = f"a table that this tool exported: {_SOURCE}"
 _TAR = (257, b"ustar")  # offset and what stands there
 _OWN_COLUMNS = {"index", "unit", "function", "severity", "address"}  # beside one with a time in ns
 _OWN_KEYS = re.compile(
@@ -73,13 +74,23 @@ def other_kind(head: bytes) -> str | None:
             return kind
     if head[_TAR[0] :].startswith(_TAR[1]):
         return "a tar archive: unpack it first"
-    first = head.partition(b"\n")[0].decode("utf-8", "replace").lstrip("\ufeff")
-    columns = re.split('[,;\t"\r]+', first)
+    columns = _columns(head)
     if _OWN_COLUMNS.intersection(columns) and any(column.endswith("_ns") for column in columns):
-        return f"a table that this tool exported: {_SOURCE}"
+        return EXPORTED
     if _OWN_KEYS.match(head):
         return f"a report of this tool: {_SOURCE}"
     return None
+
+
+def is_exported(head: bytes) -> bool:
+    """Whether it is the table of frames that this tool exports, whatever its numbers look like besides."""
+    return {"kind", "index", "t_start_ns"}.issubset(_columns(head))
+
+
+def _columns(head: bytes) -> list[str]:
+    """What the first line names."""
+    first = head.partition(b"\n")[0].decode("utf-8", "replace").lstrip("\ufeff")
+    return re.split('[,;\t"\r]+', first)
 
 
 _READ: Final[list[BinaryIO]] = []  # files being read, for `share_read`

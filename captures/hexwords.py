@@ -14,7 +14,7 @@ from .text.halves import halves
 from .text.judging import ByteJudge, no_judge
 from .text.logs import LOOKED_FOR, Piece, UnreadLine, joined, read_lines
 
-_WHAT_IS_READ: Final = f"looked for {LOOKED_FOR}; paste the bytes of a frame, or lines of a log that show them"
+_WHAT_IS_READ: Final = f"paste bytes {LOOKED_FOR}, or lines of a log that show them"
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +86,7 @@ def _nothing(text: str, unread: tuple[UnreadLine, ...]) -> str:
     """What to say where there are no bytes."""
     shown = " ".join(text.split())
     if not shown:
-        return "no hex bytes: the text is empty"
+        return "nothing to read: it is empty"
     lines = text.splitlines()
     for number, line in enumerate(lines, 1):
         if (half := halves(line)) is not None:

@@ -20,9 +20,10 @@ from pathlib import Path
 
 import pytest
 import zstandard
+from running import ran
 
 import captures
-from captures import CaptureError, Chunk, LineSettings, files
+from captures import CaptureError, Chunk, LineSettings, files, samples
 from captures.errors import os_reason
 
 READS = [Chunk(1000, b"\x11\x03"), Chunk(2000, b"\x00\x6b")]
@@ -59,6 +60,15 @@ def test_files_of_another_kind_are_named(tmp_path: Path, content: bytes, said: s
     text = refused(path)
     assert said in text
     assert str(path) in text
+
+
+def test_a_table_of_frames_is_one_whatever_its_numbers_look_like(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A logic analyser's samples, by their numbers."""
+    path = tmp_path / "frames.csv"
+    assert ran(capsys, "export", samples.path("troubled.jsonl"), "-o", path).status == 0
+    assert "a table that this tool exported" in refused(path)
 
 
 def test_missing_files_and_folders(tmp_path: Path) -> None:

@@ -34,7 +34,7 @@ def _causes(*, wrong: bool, twice: bool) -> list[Cause]:
 
 
 def test_answers_that_are_whole_and_asked_for_again_tell_another_parity() -> None:
-    assert "are whole, and the master asks again" in _causes(wrong=True, twice=False)[0].text
+    assert "are whole, and the client asks again" in _causes(wrong=True, twice=False)[0].text
 
 
 @pytest.mark.parametrize("twice", [False, True])

@@ -40,6 +40,7 @@ WRITES = [*HEALTHY, WRITE, WRITE, MASK, MASK, COILS, adu("110f0010000a"), *HEALT
     ("rule", "good", "bad", "places"),
     [
         ("no crc errors", HEALTHY, [*HEALTHY, READ, DAMAGED, *HEALTHY], 1),
+        ("no crc error", HEALTHY, [*HEALTHY, READ, DAMAGED, *HEALTHY], 1),  # as people say it; crc-error is a code
         ("no bit-flip", HEALTHY, [*HEALTHY, READ, DAMAGED, *HEALTHY], 1),
         ("at most 1 exceptions", [*HEALTHY, READ, EXCEPTION], [READ, EXCEPTION] * 7, 5),
         ("no findings of severity error", [*HEALTHY, READ, EXCEPTION], [*HEALTHY, READ, DAMAGED, *HEALTHY], 1),

@@ -89,7 +89,7 @@ def test_the_example_of_the_first_help_works(capsys):
         (["report", "no-such-file.jsonl"], "no-such-file.jsonl: no such file"),
         (["export", "."], "is a directory"),
         (["simulate", "x.jsonl", "--baud", "-1"], "-1"),
-        (["simulate", "x.jsonl", "--transactions", "none"], "none"),
+        (["simulate", "x.jsonl", "--transactions", "none"], "'none' is not a whole number"),
         (["simulate", "x.weird"], "suffix"),
     ],
 )

@@ -107,7 +107,7 @@ def test_a_binary_file_is_one_line(capsys, tmp_path):
 
 def test_nothing_on_standard_input_is_one_line():
     done = spawned("parse", stdin=b"")
-    assert (done.status, done.err) == (2, "rtuscope: standard input: no hex bytes: the text is empty\n")
+    assert (done.status, done.err) == (2, "rtuscope: standard input: nothing to read: it is empty\n")
 
 
 def test_a_vendors_function_is_declared_in_a_file(tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import errno
 import os
 import re
 from collections.abc import Iterator
@@ -18,6 +19,7 @@ from analyzer import languages
 from analyzer.cli import main
 from analyzer.cli.taps import Teller
 from analyzer.languages import retold
+from captures.live.tap import high_line_words, refusal
 
 _PACKAGES = (analyzer, captures, dissectors)
 _RAISED = re.compile(
@@ -61,6 +63,29 @@ def _said() -> Iterator[str]:
 
 
 _FLAGS = re.compile(r"--?[a-z][\w-]*|⟨⟩|\b(?:line|row|unit|function|recording|metrics|foxglove|standard output)\b")
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        *(
+            refusal("/dev/ttyUSB0", OSError(code, "x"))
+            for code in (errno.EBUSY, errno.EACCES, errno.ENOENT, errno.ENOTTY)
+        ),
+        *(f"/dev/ttyUSB0: {words}" for high in (None, ["RTS"], ["RTS", "DTR"]) for words in high_line_words(high)),
+        "/dev/ttyUSB0: no permission: `sudo usermod -aG dialout $USER`, then log in again",
+        "/dev/ttyUSB0: the adapter holds bytes back for 16 ms, so that silences cannot be told: `echo 1`",
+        "/dev/ttyUSB0: parity and framing errors cannot be seen here (x)",
+        "listening: no rate to set",
+        "listening: 19200 8E1, as the port server is set",
+        "the computer's clock was set, or it slept: now +3600.000 s against the recorded times",
+    ],
+)
+def test_what_a_port_is_told_of_is_whole_in_russian(line: str) -> None:
+    languages.use("ru")
+    left = re.sub(r"`[^`]*`|/\S+|docs/\S+", "", retold(line))
+    assert re.search("[а-я]{3}", left), left
+    assert not re.search(r"\b(?!RTS|DTR|udev|dialout|rtuscope)[A-Za-z]{3,}", left), left
 
 
 def test_every_error_is_in_the_catalogue() -> None:
@@ -226,10 +251,12 @@ def test_what_a_batch_came_to_is_told_in_russian(capsys: pytest.CaptureFixture[s
     from analyzer.fleet.packs import LakePacking
 
     languages.use("ru")
-    tell_result(BatchResult(lines=2, captures=3, frames=1_200, octets=9_600_000, skipped=1, seconds=0.5))
+    tell_result(BatchResult(lines=2, captures=3, frames=1_200, octets=9_600_000, skipped=1, damaged=2, seconds=0.5))
     tell_result(BatchResult(packed=LakePacking(12, 2)))
     said = capsys.readouterr().out.splitlines()
-    assert said[0] == "принято записей: 3, линий: 2, уже были: 1; кадров: 1 200, с линии 9.6 MB за 0.5 s"
+    assert (
+        said[0] == "принято: 3 записи, 2 линии, из них порченых: 2, уже были: 1; 1 200 кадров, с линии 9.6 MB за 0.5 s"
+    )
     assert said[2] == "малых файлов хранилища было 12, стало 2"
 
 

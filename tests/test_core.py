@@ -224,7 +224,7 @@ class Clocks:
 def test_where_steps_are_dear_more_is_gathered_for_each(monkeypatch, step_s, pause_s):
     clocks = Clocks(step_s)
     monkeypatch.setattr(live_session, "time", clocks)
-    pace = live_session._Pace()
+    pace = live_session._StepPace()
     for _ in range(60):
         pace.wait()
         pace.begin()

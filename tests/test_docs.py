@@ -27,6 +27,7 @@ from running import ROOT, spawned
 from analyzer.cli import main
 from analyzer.cli.app import Parser
 from analyzer.cli.commands import add_arguments
+from analyzer.reference.causes import markdown as causes_page
 from analyzer.reference.findings import markdown
 from analyzer.tables.findings import rules
 
@@ -195,6 +196,13 @@ def test_every_file_that_is_named_exists() -> None:
 def test_the_page_is_of_these_rules() -> None:
     page = DOCS / "findings.md"
     assert page.read_text(encoding="utf-8") == markdown(), "write it anew: python -m analyzer.reference.findings"
+
+
+def test_who_asks_is_a_client_as_in_the_glossary() -> None:
+    """Names of causes and titles of clauses are no words of ours."""
+    names = re.compile(r"`[a-z-]+`|#[a-z-]+|## [a-z-]+|Master State diagram|MODBUS Master/Slaves")
+    for page in (markdown(), causes_page()):
+        assert not re.search("master|slave", names.sub("", page), re.IGNORECASE)
 
 
 def test_every_rule_says_when_why_and_what_to_do() -> None:

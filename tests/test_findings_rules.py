@@ -194,7 +194,7 @@ def test_marked_bytes() -> None:
     ("steps", "words"),
     [
         ([20, REQUEST, 8, b"\0", ANSWER], "before the frame of unit 17"),
-        ([20, b"\xff", REQUEST, 8, ANSWER], "before the frame of the master"),
+        ([20, b"\xff", REQUEST, 8, ANSWER], "before the frame of the client"),
         ([20, REQUEST, 8, ANSWER, b"\0"], "after the frame of unit 17"),
         ([20, REQUEST, 8, ANSWER, 10, b"\x5a\xa7", 10], "on an idle line"),
     ],

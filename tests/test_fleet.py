@@ -290,9 +290,9 @@ def test_watch_takes_what_came_since(fleet, tmp_path, capsys):
     assert "6 captures" in capsys.readouterr().out
     captures.write(fleet / "site0" / "new.mcap", bus("clean", 99, 20))
     assert main(command) == 0
-    assert "1 captures" in capsys.readouterr().out
+    assert "1 capture of 1 bus line taken in, 6 were" in capsys.readouterr().out
     assert main(command) == 0
-    assert "0 captures of 0 lines taken in, 7 were there already" in capsys.readouterr().out
+    assert "0 captures of 0 bus lines taken in, 7 were there already" in capsys.readouterr().out
 
 
 def test_batch_will_not_mix_into_a_lake_unasked(sources, lake_path, capsys):

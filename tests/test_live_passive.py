@@ -233,7 +233,7 @@ def permission_denied(monkeypatch, group, mode):
 @pytest.mark.parametrize("group", ["root", "disk", "sudo", "wheel", "docker", "adm", "tty", "shadow", "kmem"])
 def test_nobody_is_sent_into_a_group_that_is_not_for_serial_ports(monkeypatch, group):
     permission_denied(monkeypatch, group, 0o660)
-    for advice in (tap.access_advice("/dev/ttyX"), tap._refused("/dev/ttyX", PermissionError(errno.EACCES, "no"))):
+    for advice in (tap.access_advice("/dev/ttyX"), tap.refusal("/dev/ttyX", PermissionError(errno.EACCES, "no"))):
         assert "usermod" not in advice
         assert group not in advice.replace("root)", "").split()
         assert "udev rule" in advice

@@ -158,6 +158,7 @@ def test_a_silent_bus_holds_no_frame():
     _, name = pty()
     status, out, said = Running("sniff", name, "--duration", "0.3s").ended(None)
     assert (status, out) == (1, b""), said
+    assert "rtuscope: nothing was heard" in said
 
 
 @pytest.mark.parametrize("command", ["sniff", "record"])

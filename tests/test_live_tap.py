@@ -16,7 +16,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 from livebus import Running, eventually, pty
-from running import refused
+from running import refused, spawned
 
 import captures
 from captures.chunks import Block, Chunk
@@ -508,6 +508,14 @@ def test_a_tap_that_others_reach_wants_a_token(capsys, tmp_path, monkeypatch):
     assert "a tap of a tap" in refused(capsys, "tap", "tap://bus")
     assert "--port2" in refused(capsys, "sniff", "tap://bus", "--port2", "/dev/x")
     assert "no tap there: connection refused" in refused(capsys, "sniff", "tap://127.0.0.1:1")
+
+
+def test_viewers_are_told_of_no_tap_whose_port_is_not_there():
+    done = spawned("tap", "/dev/not-there", "--listen", "0")
+    assert done.status == 2
+    assert done.err.splitlines() == [
+        "rtuscope: /dev/not-there: no such port; `rtuscope ports` lists those that are there"
+    ]
 
 
 @pytest.mark.skipif(os.name != "posix", reason="pseudo-terminals are POSIX")

@@ -177,10 +177,10 @@ def test_a_log_written_newest_first_is_read_from_its_end(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("text", ["hello", "refused by 192.168.1.105:502", "temperature 3.14", "{'a': 1}"])
-def test_where_no_bytes_are_it_is_said_what_was_looked_for(text: str, tmp_path: Path) -> None:
-    with pytest.raises(HexError, match=r"looked for pairs of hex digits .* paste the bytes of a frame"):
+def test_where_no_bytes_are_one_short_line_says_what_they_look_like(text: str, tmp_path: Path) -> None:
+    with pytest.raises(HexError, match=r"^no hex bytes found.*: paste bytes such as 11 03 00 6B .*show them$"):
         read(text)
     path = tmp_path / "log.txt"
     path.write_text(f"{text}\n", encoding="utf-8")
-    with pytest.raises(CaptureError, match=r"no hex bytes found.*looked for"):
+    with pytest.raises(CaptureError, match=r"no hex bytes found, such as .*; line 1: "):
         captures.open(path)

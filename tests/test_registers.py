@@ -323,7 +323,7 @@ WRONG = [
     (("registers", "BUS", "--like", "nosuch.csv"), "neither a number nor a table"),
     (("registers", "BUS", "--map", "nosuch"), "no such file, and no shipped map"),
     (("registers", "BUS", "--map", "el-psu@300"), "unit 300"),
-    (("map",), "required: ACTION"),
+    (("map",), "say what to do: list, show, check, import, infer, diff"),
     (("map", "show", "nosuch"), "map list"),
     (("map", "show", "BUS"), "no table: expected a row of column names"),
     (("map", "check", "xy-md02", "BUS", "--unit", "9"), "no answer of unit 9"),

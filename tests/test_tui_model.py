@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
@@ -43,7 +44,18 @@ from analyzer.tables.frame import Frame
 from analyzer.tables.schema import NO_GAP, Kind
 from analyzer.tui.picking import save
 from analyzer.usernotes import Notes, NotesError
-from analyzer.words import date_and_time, pointed_ms, seconds, short, time_of_day, zone_name
+from analyzer.words import (
+    UNITS_NS,
+    between,
+    date_and_time,
+    duration,
+    pointed_ms,
+    seconds,
+    short,
+    short_bound,
+    time_of_day,
+    zone_name,
+)
 from captures import samples
 from captures.chunks import Capture
 
@@ -356,6 +368,11 @@ def test_activity_counts_everything_once_near_and_far(troubled: Bus) -> None:
     assert near.frames.sum() == troubled.frames
     far = troubled.activity._bins.tables["all"]
     assert far[0].sum() == size
+    rows = np.arange(troubled.count)
+    marks = troubled.table.take("mark", rows)
+    silent = marks >= Severity.WARNING  # a request that nobody answers too, as in the report's chart
+    assert near.troubles.sum() == far[2].sum() == silent.sum()
+    assert (silent & troubled.table.take("check", rows)).any()
 
 
 def test_units_take_their_bytes(troubled: Bus) -> None:
@@ -542,6 +559,20 @@ def test_narrow_and_alike_numbers_give_what_was_put_in(numbers: list[int]) -> No
     assert counted.nbytes == (4 if ascending[-1] - ascending[0] > 0xFFFF else 2) * (n + 1)
     assert lengths.nbytes == (4 if max(numbers) > 0xFFFF else 2) * (n + 1)
     assert ports.nbytes == (n + 1 if len({each % 256 for each in numbers}) > 1 else 0)
+
+
+@given(st.integers(0, 10**14), st.integers(1, 10**14))
+def test_what_is_said_to_be_the_bounds_holds_the_bounds(low: int, wide: int) -> None:
+    """Rounded, but outwards: the words never promise more than is known."""
+    low_words, high, unit = re.split(r"\.\.| ", between(low, low + wide))
+    scale = UNITS_NS[unit] * (1 + 1e-8)  # of what is counted in floating point
+    assert float(low_words) * UNITS_NS[unit] <= low * (1 + 1e-8) and low + wide <= float(high) * scale
+    assert between(low, low) == duration(low)
+
+
+@pytest.mark.parametrize(("ns", "words"), [(552_300, "≤553us"), (35_040_000, "≤35.1ms"), (123_400_000_000, "≤2m04s")])
+def test_an_upper_bound_is_rounded_up(ns: int, words: str) -> None:
+    assert short_bound((0, ns)) == words
 
 
 def test_answer_times_are_as_sure_as_the_report_has_them(troubled: Bus) -> None:

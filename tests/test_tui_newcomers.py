@@ -21,7 +21,9 @@ from analyzer.languages import page_words, tr
 from analyzer.meant import meant
 from analyzer.model.search import span
 from analyzer.model.selection import compiled
+from analyzer.model.source import CaptureSource
 from analyzer.model.spoken import spoken
+from analyzer.simulation import Scenario, simulate
 from analyzer.tui.causeitems import of_cause, whose
 from analyzer.tui.filterbar import FilterBar
 from analyzer.tui.home import HomeList
@@ -270,3 +272,16 @@ def test_how_often_a_cause_comes_again_is_told_in_a_unit_that_people_use() -> No
     cause = analyzer.open(samples.path("troubled.jsonl")).report().causes[0]
     words = {item.name: item.text for item in of_cause(replace(cause, period_s=10_600.0)).items}
     assert words["again"] == "every 2 h 56 min"
+
+
+def test_a_unit_that_is_found_to_be_slow_is_not_called_sound() -> None:
+    """Though all of its requests are answered: Home says of it what the list of findings says."""
+    made = simulate(Scenario("clean", "precise", transactions=300, seed=49, defect="slow-device"))
+
+    async def look(sitting: Seat) -> None:
+        await sitting.press("0")
+        await sitting.until(lambda: "asked" in sitting.shown())
+        (unit,) = re.findall(r"unit +(\d+) +slow", sitting.shown())
+        assert re.search(rf"found +unit {unit} answers in", sitting.shown())  # the first line, and told below
+
+    using(CaptureSource(Capture.of(made.line, made.chunks), "bus"), look, size=(100, 30))

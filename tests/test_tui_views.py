@@ -339,8 +339,11 @@ def test_no_capture_no_times_and_no_frames() -> None:
             await sitting.press(view)
             if view == "6":
                 assert "no times" in sitting.shown()
+                assert "Zoom in" not in sitting.shown() and "Span" not in sitting.shown()  # keys that would do nothing
         await sitting.press("ctrl+l", "escape", "1", "t", "r", "c", "right_square_bracket", "apostrophe", "n", "escape")
         assert sitting.bus.count == 3
+        await sitting.press("0")
+        assert sitting.shown().count("no times in this capture") == 1
 
     using(CaptureSource(untimed, "dump"), look)
 
@@ -348,8 +351,24 @@ def test_no_capture_no_times_and_no_frames() -> None:
         for key in "1346":
             await sitting.press(key, "down", "enter", "m", "y", "e", "c", "space", "escape")
         assert sitting.bus.count == 0
+        await sitting.press("3")
+        assert "nothing captured yet" in sitting.shown() and "good news" not in sitting.shown()
 
     using(CaptureSource(Capture.of(LineSettings(), []), "empty"), empty)
+
+
+def test_a_unit_s_answer_times_are_drawn_as_far_as_the_clock_carries_them(capture: Path) -> None:
+    async def look(sitting: Seat) -> None:
+        await sitting.press("4")
+        units = sitting.screen.query_one(UnitList)
+        for off_ns, most in ((0, "36ms"), (16_000_000, "≤52ms")):
+            sitting.bus.off_ns = off_ns
+            _, points, written = units.history()
+            assert points and written(36e6) == most and written(0) == "0us"
+        sitting.bus.off_ns = None
+        assert units.history()[1] == []
+
+    using(opened(capture), look)
 
 
 def test_keys_pressed_while_it_starts_do_not_go_to_the_filter(capture: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import log2
 from typing import Any, Final
 
@@ -11,6 +12,14 @@ from .bits import likelihood_bits
 
 _SWITCH_BITS: Final = 9.0  # a change between quiet and disturbed, one of 256 parts
 _ROUNDS: Final = 6
+_RECURS: Final = 3  # times: two are one distance, which nothing confirms
+
+
+def mean_period_s(begins_ns: Sequence[int]) -> float | None:
+    """How often something comes again, by when it began each time; None where it came too few times to tell."""
+    if len(begins_ns) < _RECURS:
+        return None
+    return round((begins_ns[-1] - begins_ns[0]) / (len(begins_ns) - 1) / 1e9, 3)
 
 
 def spells_of(

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from dissectors.values import harmless
 
 from ..filters.table import BatchTable
-from ..languages import page_words
+from ..languages import page_words, wording
 from ..registry import Registry
 from ..reports import Report
 from ..tables.batch import Batch
@@ -81,7 +81,7 @@ class CheckedBatch:
             noise = values.kind == Kind.NOISE
             findings = self.batch.findings_of(row) if noise else ()
             text = "; ".join([page_words("bytes in no frame"), *(each.text for each in findings[:1])]) if noise else ""
-            text = text or self.batch.frame(row).summary()
+            text = text or self.batch.frame(row).summary(wording())
         index = values.index
         return Breach(
             harmless(text),

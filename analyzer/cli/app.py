@@ -24,6 +24,7 @@ from .exits import DONE, INTERRUPTED, UNUSABLE, UsageError, meanings
 from .terminal import shell_word, tell
 
 _PLACEHOLDER: Final = re.compile("[A-Z][A-Z_]+")
+_NO_NUMBER: Final = re.compile("invalid (int|float) value: ('.*')")  # as argparse has it
 _OURS: Final = frozenset({"analyzer", "captures", "dissectors"})
 _NAMED: Final = 12  # values of an argument at most that an error lists
 
@@ -80,6 +81,10 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         from ..languages import retold
 
+        message = _NO_NUMBER.sub(lambda no: f"{no[2]} is not a {'whole ' if no[1] == 'int' else ''}number", message)
+        if message.endswith(" required: ACTION"):
+            actions = (each for each in self._actions if isinstance(each, argparse._SubParsersAction))
+            message = f"say what to do: {', '.join(each for found in actions for each in found.choices)}"
         raise UsageError(f"{retold(message)} {retold(f'(see {self.prog} --help)')}")
 
 

@@ -9,7 +9,8 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from ..languages import tr
+from ..languages import counted, tr
+from ..words import data_size
 from .exits import DONE, FAILED, INTERRUPTED, UsageError
 from .inputs import add_functions_argument, add_limit_arguments, add_reading_arguments, chosen_limits, load_functions
 from .terminal import Progress, endable, interruptible, places, say_in_place, tell
@@ -168,16 +169,17 @@ def tell_result(result: BatchResult) -> None:
         tell(trouble)
     if len(result.troubles) > _TOLD:
         tell(f"and {len(result.troubles) - _TOLD:,} more (rtuscope ask LAKE damaged lists captures)")
+    damaged = tr(", {count:,} of them damaged", count=result.damaged) if result.damaged else ""
     skipped = tr(", {count:,} were there already", count=result.skipped) if result.skipped else ""
     print(
         tr(
-            "{captures:,} captures of {lines:,} lines taken in{skipped}: {frames:,} frames, "
-            "{size:,.1f} MB of the line in {time:,.1f} s",
-            captures=result.captures,
-            lines=result.lines,
+            "{captures} of {lines} taken in{damaged}{skipped}: {frames}, {size} of the line in {time:,.1f} s",
+            captures=counted(result.captures, "capture", "captures"),
+            lines=counted(result.lines, "bus line", "bus lines"),
+            damaged=damaged,
             skipped=skipped,
-            frames=result.frames,
-            size=result.octets / 1e6,
+            frames=counted(result.frames, "frame", "frames"),
+            size=data_size(result.octets),
             time=result.seconds,
         )
     )

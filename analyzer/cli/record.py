@@ -101,6 +101,7 @@ def _analysed(
 ) -> None:
     """The same through a session, whose other thread records whatever the analysis does."""
     from ..live.session import Session
+    from ..live.status import not_analysed
 
     session = Session(source, recorder=recorder, outlets=outlets)
     begun = time.monotonic()
@@ -112,11 +113,14 @@ def _analysed(
             for event in step.events:
                 if event.kind != "settings":
                     tell(event.text)
-            behind = f"  NOT ANALYSED LIVE {missed:,} bytes" if missed else ""
-            tell.status(f"{_status(heard, recorder)}{behind}")
+            tell.status("  ".join(filter(None, (_status(heard, recorder), not_analysed(missed)))))
             if arguments.duration and time.monotonic() - begun >= arguments.duration:
                 session.stop()
 
 
 def _status(heard: int, recorder: Recorder) -> str:
-    return f"{heard:,} bytes heard, {recorder.bytes:,} on the disk{'  PAUSED' if recorder.paused else ''}"
+    from ..languages import counted, grouped, tr
+
+    octets = counted(heard, "byte", "bytes")
+    words = tr("{bytes} heard, {kept} on the disk", bytes=octets, kept=grouped(recorder.bytes))
+    return f"{words}  {tr('RECORDING PAUSED')}" if recorder.paused else words

@@ -6,6 +6,7 @@ import argparse
 from argparse import ArgumentTypeError
 from typing import TYPE_CHECKING
 
+from ..languages import tr
 from .exits import DONE, NO_FRAME, UsageError
 from .inputs import add_capture_arguments, add_limit_arguments, chosen_limits, load_functions, open_capture, tell_damage
 from .terminal import keys, tell
@@ -79,9 +80,12 @@ def _onto_port(arguments: argparse.Namespace, capture: Capture) -> int:
         raise UsageError(f"--to cannot send parity {line.parity}: give --parity N, E or O")
     port = PortSettings(arguments.to, line.baud, line.parity or "N", line.stop_bits or 1, arguments.bits or 8)
     ended: list[bool] = []
-    tell(f"transmitting on {port.url}, {port}")
+
+    def opened() -> None:
+        tell(f"transmitting on {port.url}, {port}")
+
     with ended_by_signals(lambda: ended.append(True)):
-        sent = play(capture, port, speed=arguments.speed, only=arguments.only, stop=lambda: bool(ended))
+        sent = play(capture, port, speed=arguments.speed, only=arguments.only, stop=lambda: bool(ended), opened=opened)
     tell(f"{sent:,} bytes sent")
     return DONE if sent else NO_FRAME
 
@@ -99,7 +103,7 @@ def _press(replay: Replay, key: str) -> None:
 
 def _how(replay: Replay) -> str:
     speed = "max" if replay.speed is None else f"x{replay.speed:g}"
-    return f"  {speed}{'  PAUSED' if replay.paused else ''}"
+    return f"{speed}  {tr('PAUSED')}" if replay.paused else speed
 
 
 def _speed(text: str) -> float | None:

@@ -105,8 +105,9 @@ def _recorded(recorder: Recorder | None) -> str:
     """Words for the status line."""
     if recorder is None:
         return ""
-    paused = "  RECORDING PAUSED" if recorder.paused else ""
-    return f"  recorded {recorder.bytes / 1e6:,.1f} MB of the line{paused}"
+    from ..live.status import recording_words
+
+    return recording_words(recorder.bytes, paused=recorder.paused)
 
 
 def _abandon(session: Session, recorder: Recorder | None, tell: Teller) -> None:

@@ -51,16 +51,17 @@ def run(arguments: argparse.Namespace) -> int:
         raise UsageError("a tap of a tap: viewers of this one can listen to that one themselves")
     load_functions(arguments)
     with Teller() as tell:
-        server = _server(arguments, tell)
+        server, address = _server(arguments, tell)
         try:
-            heard = _serve(arguments, server, tell)
+            heard = _serve(arguments, server, address, tell)
         finally:
             server.close()
         tell(f"{heard:,} bytes heard")
     return DONE
 
 
-def _server(arguments: argparse.Namespace, tell: Teller) -> TapServer:
+def _server(arguments: argparse.Namespace, tell: Teller) -> tuple[TapServer, str]:
+    """It, and what viewers give as their port."""
     from captures.live.tapserver import TapServer
     from captures.live.tapstream import is_local, serving_context
 
@@ -78,28 +79,32 @@ def _server(arguments: argparse.Namespace, tell: Teller) -> TapServer:
     tls = serving_context(arguments.tls_cert, arguments.tls_key) if arguments.tls_cert else None
     server = TapServer(host, port, tell=tell, token=token, tls=tls, keep_bytes=arguments.buffer)
     scheme = "tap" if tls is None else "taps"
-    tell(f"viewers: rtuscope sniff {scheme}://{shown_host(host)}:{server.port}")
-    return server
+    return server, f"{scheme}://{shown_host(host)}:{server.port}"
 
 
-def _serve(arguments: argparse.Namespace, server: TapServer, tell: Teller) -> int:
+def _serve(arguments: argparse.Namespace, server: TapServer, address: str, tell: Teller) -> int:
     """Until the end; the bytes that were heard."""
     import time
 
     from captures.chunks import Block
     from captures.live.wire import PortEvent
 
+    from ..languages import counted, tr
+
     begun = time.monotonic()
     heard = 0
     source = tap_of(arguments)
     with ended_by_signals(source.close):
-        for item in source.items():
+        for number, item in enumerate(source.items()):
+            if not number:  # the port is there, or waited for: who comes will hear something
+                tell(f"viewers: rtuscope sniff {address}")
             server.feed(item, source.line)
             if isinstance(item, Block):
                 heard += len(item.data)
             elif isinstance(item, PortEvent) and item.kind != "settings":
                 tell(item.text)
-            tell.status(f"{heard:,} bytes heard, viewers: {server.viewers}")
+            octets = counted(heard, "byte", "bytes")
+            tell.status(tr("{bytes} heard, viewers: {count}", bytes=octets, count=server.viewers))
             if arguments.duration and time.monotonic() - begun >= arguments.duration:
                 source.close()
     return heard

@@ -161,8 +161,12 @@ class Watch:
             self._write([*map(self._tell_cause, self._story.close())])
         self._clear()
         if self._status_shown:
-            print(f"{self.status}{self._extra()}", file=sys.stderr)
-        return DONE if self.status.frames else NO_FRAME
+            print("  ".join(self.status.parts(self._extra())), file=sys.stderr)
+        if self.status.frames:
+            return DONE
+        if self._out is None:
+            tell(f"no Modbus frame in {self.status.bytes:,} bytes heard" if self.status.bytes else "nothing was heard")
+        return NO_FRAME
 
     def _revised(self, step: SessionStep) -> list[Any]:
         """What registers mean, where that is told for the first time or otherwise; frames are read so from here on."""
@@ -208,7 +212,7 @@ class Watch:
             now = time.monotonic()
             if new := now >= self._next_status:
                 self._next_status = now + _PERIOD_S
-                self._words = f"{self.status}{self._extra()}"[: shutil.get_terminal_size().columns - 1]
+                self._words = self.status.fitted(self._extra(), shutil.get_terminal_size().columns - 1)
             if new or parts:
                 say_in_place(self._words)
 

@@ -13,6 +13,7 @@ nothing:
     {asked:|stays|stay}                  the word alone, in its form
     {units:unit|units}                   unit 5, or units 5, 7: a noun before a list
     [, {hits} of {trials} of others]     left out where its last number is 0, its last list or words empty
+    {waited_ms:ms}, {cycle:sec}          a time in its natural unit: 258 ms, 12.5 s
 
 Languages with a decimal comma write thousands apart by a space. A no-break space does not print as itself on every
 terminal (`dissectors.values.harmless`); what wraps lines keeps a number whole (`reports.paragraphs`).
@@ -34,7 +35,7 @@ from typing import Any, Final, NamedTuple
 
 from dissectors.fields import ENGLISH, Wording
 
-from ..words import plural
+from ..words import UNITS_NS, duration, plural
 
 APART: Final = " "
 _ENGLISH: Final = re.compile(r"\d{1,3}(,\d{3})+")
@@ -63,10 +64,15 @@ def form_of(number: int, forms: Sequence[str]) -> str:
     return forms[0 if last == 1 and not teens else 1 if last in (2, 3, 4) and not teens else 2]
 
 
+_TIMES: Final = {"ms": UNITS_NS["ms"], "sec": UNITS_NS["s"]}
+
+
 class TemplateFiller(Formatter):
     """Fills templates; lists are tuples."""
 
     def format_field(self, value: Any, spec: str) -> str:
+        if spec in _TIMES:
+            return duration(round(value * _TIMES[spec]))
         listed = isinstance(value, tuple)
         shown = ", ".join(map(str, value)) if listed else value
         noun, *forms = spec.split("|")
@@ -199,8 +205,8 @@ def sentence(cause: str, part: str, english: str, numbers: Mapping[str, Any]) ->
 
 def filled(template: str, numbers: Mapping[str, Any]) -> str:
     """A template of a finding with its numbers, those that are words told in the language too."""
-    if _language.get() == "en":
-        return template.format_map(numbers)
+    if _language.get() == "en" and ":ms}" not in template:
+        return template.format_map(numbers)  # as the filler does it, and sooner
     return TemplateFiller().vformat(template, (), _told(numbers))
 
 

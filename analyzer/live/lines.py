@@ -16,14 +16,15 @@ from dissectors.values import harmless
 
 from ..causes.story import CauseRevision
 from ..exports.encoding import noise_json
-from ..languages import counted, tr
+from ..languages import counted, tr, wording
 from ..paste.meaning import mapped_readings
 from ..tables.batch import Batch
 from ..tables.findings import Finding, Severity
 from ..tables.frame import Frame, adu_of
 from ..tables.schema import Kind, Row
+from ..tables.transactions import bounds_of
 from ..terminal_text import TerminalText, painted, terminal_text
-from ..words import duration
+from ..words import between
 from .recent import ShownRow
 
 if TYPE_CHECKING:
@@ -94,7 +95,7 @@ class TextLines:
         words = self._summaries.of_row(row, shown.captured, shown.request_bytes, shown.frame)
         if shown.late:
             return self._cut(f"{clock_time(row.t_end_ns)}   #{row.index}: {words}", "2")
-        return self._frame(row, words)
+        return self._frame(row, words, shown.off_ns)
 
     def bus(self, finding: Finding) -> TerminalText:
         """A finding about the bus as a whole."""
@@ -111,9 +112,10 @@ class TextLines:
         text = f"{mark} {head}: {cause.text}"
         return self._cut(text, _COLOURS[Severity[cause.severity.upper()]])
 
-    def _frame(self, row: Row, words: str) -> TerminalText:
+    def _frame(self, row: Row, words: str, off_ns: float) -> TerminalText:
         arrow = ">" if row.kind == _REQUEST else "<"
-        took = "" if row.response_ns < 0 else f"   {duration(row.response_ns)}"
+        bounds = None if row.response_ns < 0 else bounds_of(row.response_ns, off_ns)
+        took = "" if bounds is None else f"   {between(*bounds)}"
         check = "" if row.check else f"   {tr('WRONG CHECK VALUE')}"
         head = f"{clock_time(row.t_end_ns)} {arrow} {row.unit:3d} {row.function:02d} "
         if self._width is not None:
@@ -215,9 +217,9 @@ def _named(frame: Frame, charts: Mapping[int, RegisterMap]) -> str:
     """A frame in words; mapped values by their names."""
     readings = frame_readings(frame, charts)
     if not readings:
-        return frame.summary()
+        return frame.summary(wording())
     names = ", ".join(f"{reading.row.name} {reading.text}" for reading in readings)
-    return f"{frame.summary().partition(': ')[0]}: {names}"
+    return f"{frame.summary(wording()).partition(': ')[0]}: {names}"
 
 
 def _noise(batch: Batch, row: int) -> str:

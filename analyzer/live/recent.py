@@ -31,6 +31,7 @@ class ShownRow(NamedTuple):
     request_bytes: bytes | None  # of the request that it answers
     findings: tuple[Finding, ...]
     late: bool
+    off_ns: float  # by how much response times may be wrong, as far as is known by now
 
     def frame(self) -> Frame:
         """A view of it, if it is a frame."""
@@ -51,14 +52,15 @@ class Recent:
         if len(step.findings) > (0 if own is None else len(own)):
             yield from self._late(step)
         silent = own is None or not len(own)
-        octets = batch.data.tobytes()
+        octets, off_ns = batch.data.tobytes(), step.analysed.off_ns
         asked = dict(batch.earlier)  # bytes of frames by their index: each may be a request that one behind it answers
         for row, values in enumerate(batch.rows):
             captured = octets[values.at : values.at + values.length]
             request = asked.get(values.request)
             if values.index >= 0:
                 asked[values.index] = captured
-            yield ShownRow(batch, row, values, captured, request, () if silent else batch.findings_of(row), late=False)
+            said = () if silent else batch.findings_of(row)
+            yield ShownRow(batch, row, values, captured, request, said, late=False, off_ns=off_ns)
         if len(batch):
             self._batches.append(batch)
             self._rows += len(batch)
@@ -83,7 +85,7 @@ class Recent:
             values = batch.rows.row(row)
             request = batch.request_of(row, values.request) if values.request >= 0 else None
             said = (describe(one, 0),)
-            yield ShownRow(batch.said(one), row, values, batch.bytes_of(row), request, said, late=True)
+            yield ShownRow(batch.said(one), row, values, batch.bytes_of(row), request, said, True, step.analysed.off_ns)
 
 
 def of_the_bus(step: SessionStep) -> list[Finding]:

@@ -182,16 +182,20 @@ def play(
     speed: float | None = 1.0,
     only: Only | None = None,
     stop: Callable[[], bool] = bool,
+    opened: Callable[[], object] = bool,
 ) -> int:
-    """Play onto a port; how many bytes went out. CaptureError where the port can't be used."""
+    """Play onto a port; how many bytes went out. CaptureError where it can't be used; else `opened` is called first."""
     import serial
+
+    from captures.live.tap import refusal
 
     try:
         out = serial.serial_for_url(
             port.url, baudrate=port.baud or FALLBACK_BAUD, parity=port.parity, stopbits=port.stop_bits, write_timeout=5
         )
     except (OSError, ValueError) as error:
-        raise CaptureError(f"{port.url}: cannot be played to: {error}") from error
+        raise CaptureError(refusal(port.url, error)) from error
+    opened()
     sent, begun, first = 0, time.monotonic_ns(), None
     with out:
         try:

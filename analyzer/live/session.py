@@ -178,7 +178,7 @@ class Session:
         return step
 
     def _steps(self) -> Iterator[SessionStep]:
-        over, pace = False, _Pace()
+        over, pace = False, _StepPace()
         while not over:
             if not self._source.waits:
                 pace.wait()
@@ -294,7 +294,7 @@ class Session:
             self._missed = {}
 
 
-class _Pace:
+class _StepPace:
     """Gathers more before the next step where steps are dear, as on a line full of noise or on a slow machine: most of
     what a step costs goes by the step. `begin` a step, `wait` behind it."""
 

@@ -14,20 +14,34 @@ import numpy as np
 
 from captures.line import LineSettings
 
+from ..languages import counted, tr
 from ..reports.summary import BY_STATUS
+from ..tables.findings import Severity, rules
 from ..tables.transactions import TransactionRows
+from ..words import data_size, percent
 from .session import SessionStep
 
 _WINDOW_NS: Final = 2_000_000_000
 
 
+def not_analysed(octets: int) -> str:
+    """What is said while a session runs of bytes that the analysis could not keep up with; nothing of none."""
+    return tr("NOT ANALYSED LIVE {bytes}", bytes=counted(octets, "byte", "bytes")) if octets else ""
+
+
+def recording_words(octets: int, *, paused: bool, name: str = "") -> str:
+    """How a recording does: `REC bus.mcap 5.2 kB`."""
+    return " ".join(filter(None, (tr("RECORDING PAUSED" if paused else "REC"), name, data_size(octets))))
+
+
 class LineStatus:
-    """Counts steps. `errors` are frames with a wrong check value and stretches of noise, `marked` bytes with an error
-    of the UART's, `missed` bytes that were not analysed live."""
+    """Counts steps. `errors` and `warnings` are findings, as every view counts them, `marked` bytes with an error of
+    the UART's, `missed` bytes that were not analysed live."""
 
     def __init__(self, line: LineSettings) -> None:
         self.line = line
-        self.bytes = self.frames = self.errors = self.marked = self.missed = 0
+        self.bytes = self.frames = self.errors = self.warnings = self.marked = self.missed = 0
+        self._severity = np.array([rule.severity for rule in rules()], np.uint8)  # by the number of the rule
         self._recent: deque[tuple[int, int, int]] = deque()  # time, bytes, frames; told from another thread: copy it
         self._first: int | None = None
 
@@ -36,7 +50,9 @@ class LineStatus:
         rows = step.batch.rows
         frames = int(np.count_nonzero(rows.kind))  # all but NOISE
         self.frames += frames
-        self.errors += len(rows) - int(np.count_nonzero(rows.check))  # noise has none
+        severity = self._severity[step.findings.rule]
+        self.errors += int(np.count_nonzero(severity == Severity.ERROR))
+        self.warnings += int(np.count_nonzero(severity == Severity.WARNING))
         self.bytes += step.heard
         self.marked += step.marked
         self.missed += step.missed
@@ -66,15 +82,34 @@ class LineStatus:
         octets = sum(heard for _, heard, _ in tuple(self._recent))
         return min(1.0, octets * character_ns / 1e9 / self._span_s)
 
-    def __str__(self) -> str:
-        load = "" if self.load is None else f"load {self.load:.0%}  "
-        marked = f"  {self.marked:,} parity or framing" if self.marked else ""
-        missed = f"  NOT ANALYSED LIVE {self.missed:,} bytes" if self.missed else ""
+    def parts(self, more: str = "") -> list[str]:
+        """What it says, what must not be missed first; `more` stands behind the time."""
         minutes, seconds = divmod(self.elapsed_ns // 1_000_000_000, 60)
-        return (
-            f"{minutes // 60:d}:{minutes % 60:02d}:{seconds:02d}  {load}{self.frames_per_s:.0f} frames/s  "
-            f"{self.frames:,} frames  {self.errors:,} errors{marked}{missed}"
-        )
+        marked = tr("{bytes} with a parity or framing error", bytes=counted(self.marked, "byte", "bytes"))
+        words = [
+            f"{minutes // 60:d}:{minutes % 60:02d}:{seconds:02d}",
+            more,
+            not_analysed(self.missed),
+            marked if self.marked else "",
+            counted(self.errors, "error", "errors"),
+            counted(self.warnings, "warning", "warnings") if self.warnings else "",
+            "" if self.load is None else tr("load {share}", share=percent(self.load)),
+            tr("{rate:.0f} frames/s", rate=self.frames_per_s),
+            counted(self.frames, "frame", "frames"),
+        ]
+        return [part for part in words if part]
+
+    def fitted(self, more: str, width: int) -> str:
+        """The same on one line, of which what finds no room is left out whole: half a number says another one."""
+        line, *others = self.parts(more)
+        for part in others:
+            if len(line) + 2 + len(part) > width:
+                break
+            line += f"  {part}"
+        return line[:width]
+
+    def __str__(self) -> str:
+        return "  ".join(self.parts())
 
     @property
     def _span_s(self) -> float:

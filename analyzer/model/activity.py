@@ -33,7 +33,8 @@ UNIT_BINS: Final = 64
 _UNITS: Final = 256
 _FIRST_UNIT_BIN_NS: Final = 100_000_000  # of a bin, at first
 _FEW: Final = 1 << 20  # rows that are counted anew
-_TRACKS: Final = 4  # bytes, frames, damaged frames and exceptions, noise bytes
+_TRACKS: Final = 4  # bytes, frames, rows in trouble, noise bytes
+_TROUBLE: Final = 2  # of them
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +45,7 @@ class Bins:
     width_ns: float
     octets: NDArray[np.int64]
     frames: NDArray[np.int64]
-    troubles: NDArray[np.int64]  # frames with a wrong check value, exceptions, noise stretches
+    troubles: NDArray[np.int64]  # rows that a warning or an error stands on, as in a `Band`
     noise: NDArray[np.int64]  # bytes
 
 
@@ -59,10 +60,16 @@ class Activity:
     def feed(self, rows: Rows) -> None:
         """Count rows in, where they end."""
         bins = self._bins
-        columns = (rows.length, rows.kind, rows.check, rows.exception)
+        unmarked = np.zeros(len(rows), np.uint8)
         with self._merging:
             bins.reach(int(rows.t_start_ns[0]), int(rows.t_end_ns.max()))
-            bins.tables["all"] += _counted(*columns, bins.bins(rows.t_end_ns), _BINS)
+            bins.tables["all"] += _counted(rows.length, rows.kind, unmarked, bins.bins(rows.t_end_ns), _BINS)
+
+    def trouble(self, ends: NDArray[np.int64]) -> None:
+        """Rows that were fed, by their ends, on which a warning or an error stands now."""
+        if len(ends):
+            with self._merging:
+                self._bins.tables["all"][_TROUBLE] += np.bincount(self._bins.bins(ends), minlength=_BINS)
 
     def over(self, bus: Bus, t_start: int, t_end: int, bins: int) -> Bins:
         """The span in this many bins."""
@@ -74,11 +81,10 @@ class Activity:
                 ends = bus.table.stretch(number, "t_end_ns", slice(low, high))
                 slots = ((ends - t_start) // width).astype(np.int64)
                 inside = (slots >= 0) & (slots < bins)
-                lengths, kinds, checks, exceptions = (
-                    bus.table.stretch(number, name, slice(low, high))[inside]
-                    for name in ("length", "kind", "check", "exception")
+                lengths, kinds, marks = (
+                    bus.table.stretch(number, name, slice(low, high))[inside] for name in ("length", "kind", "mark")
                 )
-                total += _counted(lengths, kinds, checks, exceptions, slots[inside], bins)
+                total += _counted(lengths, kinds, marks, slots[inside], bins)
             return Bins(t_start, width, *total)
         with self._merging:
             begin_ns, width_ns, table = self._bins.begin_ns or 0, self._bins.width_ns, self._bins.tables["all"].copy()
@@ -94,23 +100,19 @@ def binned(bus: Bus, rows: NDArray[np.int64], t_start: int, t_end: int, bins: in
     ends = bus.table.take("t_end_ns", rows)
     slots = ((ends - t_start) // width).astype(np.int64)
     inside = (slots >= 0) & (slots < bins)
-    lengths, kinds, checks, exceptions = (
-        bus.table.take(name, rows[inside]) for name in ("length", "kind", "check", "exception")
-    )
-    return Bins(t_start, width, *_counted(lengths, kinds, checks, exceptions, slots[inside], bins))
+    lengths, kinds, marks = (bus.table.take(name, rows[inside]) for name in ("length", "kind", "mark"))
+    return Bins(t_start, width, *_counted(lengths, kinds, marks, slots[inside], bins))
 
 
 def _counted(
     lengths: NDArray[np.int64],
     kinds: NDArray[np.uint8],
-    checks: NDArray[np.bool_],
-    exceptions: NDArray[np.uint8],
+    marks: NDArray[np.uint8],
     slots: NDArray[np.int64],
     bins: int,
 ) -> NDArray[np.int64]:
     noise = kinds == Kind.NOISE
-    trouble = noise | ~checks | (exceptions > 0)
-    weights = (lengths, ~noise, trouble, lengths * noise)
+    weights = (lengths, ~noise, marks >= Severity.WARNING, lengths * noise)
     return np.stack([np.bincount(slots, weight, bins)[:bins].astype(np.int64) for weight in weights])
 
 

@@ -118,13 +118,14 @@ class Bus:
             self._join(batch.rows, first)
         self._settle(analysed.transactions)
         told = self.found.count
-        self.found.add(analysed.findings, self.table)
+        in_trouble = self.found.add(analysed.findings, self.table)
         earlier = np.unique(self.found.rows_of(np.arange(told, self.found.count))).astype(np.int64)
         earlier = earlier[(earlier >= 0) & (earlier < first)]
         if len(batch):
             self.registers.feed(batch, np.arange(first, first + len(batch)))
             self.activity.feed(batch.rows)
             self.units.feed(batch.rows)
+        self.activity.trouble(self.table.take("t_end_ns", in_trouble))
         with self._lock:
             if self.bits is not None:
                 self.bits.feed(batch.rows)

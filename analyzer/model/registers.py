@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from dissectors.values import Order, readings
 
+from ..languages import tr
 from ..registers.hypotheses import numbers
 from ..tables.batch import Batch
 from ..tables.columns import decode
@@ -277,7 +278,7 @@ class Meaning:
     def text(self, values: Sequence[int], *, bit: bool = False) -> str:
         """A reading in words; a dash where a register of it was not seen."""
         if bit:
-            return "on" if values[0] else "off"
+            return tr("on" if values[0] else "off")
         if len(values) < self.words:
             return "-"
         if self.source == "map" and self.is_number and self.kind != "hex":

@@ -168,11 +168,11 @@ class FindingLog:
         self.by_severity: Counter[Severity] = Counter(dict.fromkeys(Severity, 0))  # all there: others go through it
         self._severity = np.array([rule.severity for rule in rules()], np.uint8)
 
-    def add(self, findings: Findings, table: RowTable) -> None:
-        """Take in some more, and mark their rows."""
+    def add(self, findings: Findings, table: RowTable) -> NDArray[np.int64]:
+        """Take in some more, and mark their rows; those on which a warning or an error stands for the first time."""
         n = len(findings)
         if not n:
-            return
+            return np.zeros(0, np.int64)
         if self.count + n > len(self._findings):
             room = max(len(self._findings) * 5 // 4, self.count + n)
             self._findings = Findings.joined((self._findings, Findings.zeros(room - len(self._findings))))
@@ -184,6 +184,8 @@ class FindingLog:
         order = np.argsort(grave, kind="stable")  # the gravest is written last
         order = order[rows[order] >= 0]
         marks = np.maximum(table.take("mark", rows[order]), grave[order])
+        graver = np.unique(rows[order][marks >= Severity.WARNING]).astype(np.int64)
+        graver = graver[table.take("mark", graver) < Severity.WARNING]
         table.put("mark", rows[order], marks)
         for level in Severity:
             self.by_severity[level] += int((grave == level).sum())
@@ -191,6 +193,7 @@ class FindingLog:
         for rule, count in zip(*np.unique(findings.rule, return_counts=True), strict=True):
             self.by_code[names[rule]] += int(count)
         self.count += n
+        return graver
 
     def row(self, i: int) -> int:
         """The row on which finding `i` stands, -1 for none."""

@@ -23,7 +23,7 @@ what was counted.
 | cause | severity | fault of |
 | --- | --- | --- |
 """
-_BLAMED: Final = {"unit": "a unit", "master": "the master", "line": "the line", "tap": "the tap", "nobody": "nobody"}
+_BLAMED: Final = {"unit": "a unit", "master": "the client", "line": "the line", "tap": "the tap", "nobody": "nobody"}
 _BLANK: Final = re.compile(r"\{([a-z_]+)(?::([^}]*))?\}")
 _LISTS: Final = ("units", "sisters")  # behind their noun
 

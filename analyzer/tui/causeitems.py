@@ -22,7 +22,7 @@ def whose(cause: Cause) -> str:
     if cause.blame == "unit" and cause.units:
         units = ", ".join(str(unit) for unit in cause.units[:3]) + (" …" if len(cause.units) > 3 else "")
         return tr("unit {unit}", unit=units)
-    whom = {"master": "the master", "line": "the line", "tap": "the tap", "nobody": "nobody"}
+    whom = {"master": "the client", "line": "the line", "tap": "the tap", "nobody": "nobody"}
     return tr(whom.get(cause.blame, cause.blame))
 
 

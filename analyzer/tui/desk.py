@@ -65,11 +65,21 @@ class ViewState:
         inside = np.isin(rows, figures.rows)
         return t_ns[inside], rows[inside], values[inside]
 
+    def answer_means(self, unit: int) -> NDArray[np.float64]:
+        """Mean answer times of a unit (ns) over the capture, NaN where there are none; empty if the tap's clock tells
+        none."""
+        return np.zeros(0) if self.bus.off_ns is None else self.figures.units.means(unit)
+
     @property
     def is_emptied(self) -> bool:
         """Whether the scope leaves no row at all; False until that was counted."""
         figures = self.figures
         return isinstance(figures, ScopedFigures) and not len(figures.rows)
+
+    @property
+    def is_untimed(self) -> bool:
+        """Whether rows came, and without times."""
+        return bool(self.bus.count) and not self.bus.timed
 
     @property
     def is_foreign(self) -> bool:

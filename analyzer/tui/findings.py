@@ -86,7 +86,7 @@ class FindingList(Lines):
 
     @property
     def empty(self) -> str:
-        return self.desk.emptied(self.EMPTY)
+        return self.desk.emptied(self.EMPTY if self.desk.bus.count else "nothing captured yet")
 
     @property
     def grouped(self) -> bool:

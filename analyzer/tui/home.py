@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from textual.widget import Widget
 
     from ..causes.model import Cause
-    from ..reports.model import Counts, Report, Times, UnitRow
+    from ..reports.model import Counts, FindingRow, Report, Times, UnitRow
     from .desk import ViewState
     from .screen import BusScreen
 
@@ -71,9 +71,9 @@ class HomeList(Lines):
             units = {unit.unit for unit in state.report.units}
             own = [cause for cause in state.causes if not cause.units or units.intersection(cause.units)]
             state = BusState(state.report, own)
-        self.state = BusState(
-            replace(state.report, units=tuple(sorted(state.report.units_as_heard, key=_badness))), state.causes
-        )
+        slow = _slow_units(state.report)
+        sickest = sorted(state.report.units_as_heard, key=lambda row: (*_badness(row), row.unit not in slow, row.unit))
+        self.state = BusState(replace(state.report, units=tuple(sickest)), state.causes)
         self.next_at = time.monotonic() + _AGAIN_S
         self._fresh_until = 0.0
         self.grown()
@@ -111,9 +111,8 @@ class HomeList(Lines):
             return fitted(self._verdict(), width)
         room = max(1, width - _LABEL - (_PEAK if width >= _NARROW else _LEAST_PEAK))
         if not bus.count or not bus.timed or self.desk.is_foreign:
-            return fitted(
-                [StyledText("" if bus.timed or self.desk.is_foreign else f"  {tr('no times in this capture')}")], width
-            )
+            untimed = y == 1 and not bus.timed and not self.desk.is_foreign
+            return fitted([StyledText(f"  {tr('no times in this capture')}" if untimed else "")], width)
         bins = self.desk.figures.over(bus.t_first, max(bus.t_last, bus.t_first + 1), room)
         if y == 1:
             most = ""
@@ -166,16 +165,17 @@ class HomeList(Lines):
     def _unit_line(self, unit: UnitRow, width: int) -> list[StyledText]:
         bus, counts, times = self.desk.bus, unit.counts, unit.times
         bad, late = (count / max(1, counts.requests) for count in (_bad(counts), counts.late))
-        kind = "error" if bad > _MANY else "warning" if bad or late else "good"
+        slow = unit.unit in _slow_units(self.state.report) if self.state is not None else False
+        kind = "error" if bad > _MANY else "warning" if bad or late or slow else "good"
         load = ""
         if bus.char_ns and bus.timed and bus.t_last > bus.t_first:
             share = self.desk.figures.units.octets[unit.unit] * bus.char_ns / (bus.t_last - bus.t_first)
-            load = tr("load {share}", share=percent(share))
+            load = tr("uses {share}", share=percent(share))
         answers = tr("no answer times") if _is_due(counts) else tr("no answer is due")
         half, most = times.bounds("p50"), times.bounds("p95")
         if half is not None and most is not None:
             answers = tr("answers {half}, 95% {most}", half=short_bound(half), most=short_bound(most))
-        health = tr("sound") if _is_due(counts) else ""
+        health = tr("slow" if slow else "sound") if _is_due(counts) else ""
         if bad or late:
             share = f"{bad or late:.0%}" if (bad or late) >= 0.005 else "<1%"
             health = tr("{share:>4} bad", share=share) if bad else tr("{share:>3} late", share=share)
@@ -190,7 +190,7 @@ class HomeList(Lines):
         ]
         room = width - sum(len(part.text) for part in parts) - 2
         if room > 7:
-            parts.append(StyledText("  " + sparkline(self.desk.figures.units.means(unit.unit), room), "accent"))
+            parts.append(StyledText("  " + sparkline(self.desk.answer_means(unit.unit), room), "accent"))
         return parts
 
     def look(self) -> FrameDetail:
@@ -202,7 +202,7 @@ class HomeList(Lines):
             return FrameDetail(
                 tr("unit {unit}", unit=unit.unit),
                 b"",
-                _unit_items(unit, self.state.causes, heard=bool(self.state.report.cards)),
+                _unit_items(unit, self.state, heard=bool(self.state.report.cards)),
             )
         if self.state is not None and self.desk.is_foreign:
             return FrameDetail(tr("what was captured"), b"", _facts(self.state.report))
@@ -228,11 +228,16 @@ def _bad(counts: Counts) -> int:
     return counts.unanswered + counts.exceptions + counts.damaged
 
 
-def _badness(unit: UnitRow) -> tuple[float, float, int]:
-    """The sickest first: most requests without a good answer, most late answers; then by number."""
+def _badness(unit: UnitRow) -> tuple[float, float]:
+    """The sickest first: most requests without a good answer, most late answers."""
     counts = unit.counts
     asked = max(1, counts.requests)
-    return -_bad(counts) / asked, -counts.late / asked, unit.unit
+    return -_bad(counts) / asked, -counts.late / asked
+
+
+def _slow_units(report: Report) -> Mapping[int, FindingRow]:
+    """Units that are found to be slow, which no answer of theirs shows by itself."""
+    return {unit: row for row in report.findings if row.code == "slow-device" for unit in row.units}
 
 
 def _bars(octets: np.ndarray[tuple[int], np.dtype[np.int64]], width: int) -> list[StyledText]:
@@ -263,7 +268,7 @@ def _clauses(text: str, room: int) -> str:
     return f"{text[: ends[-1]]} …" if ends else text
 
 
-def _unit_items(unit: UnitRow, causes: Sequence[Cause], *, heard: bool) -> tuple[Item, ...]:
+def _unit_items(unit: UnitRow, state: BusState, *, heard: bool) -> tuple[Item, ...]:
     """`heard`: silence is told from garbage."""
     counts, times = unit.counts, unit.times
     none, bad = ("silent", "garbage") if heard else ("not answered", "damaged")
@@ -285,7 +290,11 @@ def _unit_items(unit: UnitRow, causes: Sequence[Cause], *, heard: bool) -> tuple
             half=times.worded("p50"), most=times.worded("p95"), all=times.worded("max"),
         )  # fmt: skip
         items.append(Item("answers", shares, label=f"{tr('answers'):<11}"))
-    mine = [cause for cause in causes if unit.unit in cause.units]
+    slow = _slow_units(state.report).get(unit.unit)
+    if slow is not None:
+        what = slow.text if len(slow.units) == 1 else slow.code
+        items.append(Item("found", what, kind=slow.severity, label=f"{tr('found'):<11}"))
+    mine = [cause for cause in state.causes if unit.unit in cause.units]
     items += [
         Item(f"cause {i}", cause.text, kind=cause.severity, label=f"{tr('cause'):<11}") for i, cause in enumerate(mine)
     ]

@@ -12,10 +12,10 @@ from captures.recording.notes import Note
 from ..core import Analysed
 from ..languages import counted, retold, tr
 from ..live.session import Session
-from ..live.status import LineStatus
+from ..live.status import LineStatus, recording_words
 from ..model.source import Grave
 from ..outages import Deaf, deaf_times
-from ..words import data_size, percent
+from ..words import percent
 
 _NOTICES: Final = 5  # the newest
 _BAD: Final = frozenset({"lost", "failed", "gap"})  # events that mean a loss
@@ -107,14 +107,8 @@ class LiveSource:
         if record is None:
             words.append((tr("not recorded"), "dim"))
         else:
-            name = "" if record.path is None else f" {record.path.name}"
-            paused = record.paused
-            words.append(
-                (
-                    f"{tr('RECORDING PAUSED') if paused else tr('REC')}{name} {data_size(record.bytes)}",
-                    "error" if paused else "good",
-                )
-            )
+            name, paused = "" if record.path is None else record.path.name, record.paused
+            words.append((recording_words(record.bytes, paused=paused, name=name), "error" if paused else "good"))
             if record.lost:
                 words.append((tr("LOST {bytes}", bytes=counted(record.lost, "byte", "bytes")), "error"))
         if self._missed:

@@ -248,7 +248,7 @@ class BusScreen(Screen[None]):
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Keys that mean nothing in a view are not shown there."""
-        if action in BY_NAME[self.view].without:
+        if action in BY_NAME[self.view].without or (action == "span" and self.desk.is_untimed):
             return False
         return super().check_action(action, parameters)
 

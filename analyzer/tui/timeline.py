@@ -318,6 +318,10 @@ class Timeline(Painted, can_focus=True):
         self.grown()
         self._moved()
 
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Without times there is no axis to move on."""
+        return not self.desk.is_untimed and super().check_action(action, parameters)
+
     def action_pin(self) -> None:
         self.pinned = None if self.pinned is not None else self.time_at(self.cursor)
         self.refresh()

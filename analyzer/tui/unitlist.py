@@ -11,7 +11,8 @@ from textual.containers import Vertical
 from textual.strip import Strip
 
 from ..languages import tr
-from ..words import compact, percent, short, short_bound
+from ..tables.transactions import bounds_of
+from ..words import compact, percent, short_bound
 from .filterbar import FilterBar
 from .lines import Lines
 from .paint import Painted, StyledText, fitted
@@ -134,11 +135,11 @@ class UnitList(Lines):
         unit = self.unit
         if unit is None:
             return "", [], str
-        means = self.desk.figures.units.means(unit)
+        means, off_ns = self.desk.answer_means(unit), self.desk.bus.off_ns
         return (
             tr(" unit {unit}: mean answer time over the capture", unit=unit),
             list(enumerate(means.tolist())),
-            lambda ns: short(round(ns)),
+            lambda ns: short_bound(bounds_of(round(ns), off_ns) if ns else (0, 0)),
         )
 
     def count(self) -> int:
@@ -165,7 +166,7 @@ class UnitList(Lines):
         parts = [self._cell(unit, name, room) for name, room in columns.items()]
         room = width - sum(columns.values()) - 2
         if room >= _SPARKS:
-            parts.append(StyledText("  " + sparkline(self.desk.figures.units.means(unit.unit), room), "accent"))
+            parts.append(StyledText("  " + sparkline(self.desk.answer_means(unit.unit), room), "accent"))
         return fitted(parts, width)
 
     def _cell(self, unit: UnitRow, name: str, room: int) -> StyledText:

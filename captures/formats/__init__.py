@@ -18,7 +18,7 @@ from pathlib import Path
 
 from ..chunks import Source
 from ..errors import CaptureError
-from ..files import other_kind
+from ..files import EXPORTED, is_exported, other_kind
 
 WHOLLY = 1.0  # a `sniff` that no other outweighs
 CERTAIN = 0.9  # a `sniff` at or over this outweighs the suffix
@@ -97,6 +97,8 @@ def recognise(head: bytes, suffix: str, name: str) -> RecognisedFormat:
     are known to be no capture; one of our own by suffix; the likeliest by content.
     """
     suffix = suffix.lower()
+    if is_exported(head):  # numbers in columns are a logic analyser's, too
+        raise CaptureError(f"{name}: not a capture but {EXPORTED}")
     foreign = _scores(foreign_formats(), head)
     if foreign and max(foreign.values()) >= CERTAIN:
         return _by_content(foreign, suffix)

@@ -190,7 +190,7 @@ def _refuse(path: Path, unread: list[UnreadLine]) -> None:
     if not unread:
         raise CaptureError(f"{path}: no hex bytes found: the file holds only empty lines and comments")
     first = next((one for one in unread if not one.empty), unread[0])
-    raise CaptureError(f"{path}: no hex bytes found, first at line {first.line}: {first.why}; looked for {LOOKED_FOR}")
+    raise CaptureError(f"{path}: no hex bytes found, {LOOKED_FOR}; line {first.line}: {first.why}")
 
 
 def _zone_name(zone: tzinfo | None) -> str:

@@ -147,7 +147,7 @@ class DeviceTap(Tap):
             self._check_driver()
         except OSError as error:
             self.close()
-            raise PortError(_refused(settings.url, error)) from error
+            raise PortError(refusal(settings.url, error)) from error
 
     def read(self) -> tuple[bytes, list[int]]:
         """See `Tap`."""
@@ -238,7 +238,7 @@ def _opened(settings: PortSettings) -> Any:
         port.rts = port.dtr = False
         port.open()
     except (serial.SerialException, OSError) as error:
-        raise PortError(_refused(settings.url, error)) from error
+        raise PortError(refusal(settings.url, error)) from error
     except Exception as error:  # termios.error, ValueError
         raise PortError(f"{settings.url}: cannot be opened: {_cause_of_error(error)}") from error
     return port
@@ -252,7 +252,7 @@ def _port_class() -> Any:
     return ReadOnlyPort
 
 
-def _refused(url: str, error: Exception) -> str:
+def refusal(url: str, error: Exception) -> str:
     """Why a port could not be opened, and what to do."""
     code, text = getattr(error, "errno", None), str(error)
     if code == errno.ENOENT or "FileNotFoundError" in text:

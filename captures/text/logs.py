@@ -26,10 +26,7 @@ from .plain import is_of_mail, quoted
 from .repeats import with_repeats
 from .settling import only_bytes, settle
 
-LOOKED_FOR: Final = (
-    "pairs of hex digits (11 03 00 6B, 1103006B, 0x11, \\x11, [11][03]), ASCII frames (:1103…) and decimals with a "
-    "right check value"
-)
+LOOKED_FOR: Final = "such as 11 03 00 6B or :1103006B…"  # behind "no hex bytes"
 _LEARNT_LINES: Final = 800  # of a text's beginning,
 _LEARNT: Final = 1 << 16  # and characters
 # What is taken for bytes unchecked, from the plainest on, as far as a text has nothing plainer.

@@ -36,7 +36,7 @@ _FAR: Final = 4.0  # times it
     text="The driver of {units:unit|units} is held into the next request: {spoilt} requests that came behind "
     "{answers} answers are damaged[, {others_spoilt} behind the {others_answers} of others]",
     share="{spoilt} of {answers} requests behind answers of {units:unit|units}[, {others_spoilt} of {others_answers} behind others]",
-    deciding_test="Let the master pause for 50 ms before each request: if the damage goes, a driver was held too long",
+    deciding_test="Let the client pause for 50 ms before each request: if the damage goes, a driver was held too long",
     remedy="Shorten the time for which {units:unit|units} (or a converter there) {units:|holds its|hold their} driver behind "
     "the last byte",
 )
@@ -127,7 +127,7 @@ def _instead_of_requests(evidence: Evidence, unit: UnitLedger) -> int:
     text="A 00 follows the frames of {units:unit|units}: {zeros} of {answers} answers have one",
     share="{zeros} of {answers} answers of {units:unit|units}[, {others_zeros} of {others_answers} of others]",
     deciding_test="Take {units:unit|units} off the bus: the extra bytes go with {units:|it|them}",
-    remedy="Update the unit's firmware, or let its driver go sooner behind the last byte; masters that wait for a silence "
+    remedy="Update the unit's firmware, or let its driver go sooner behind the last byte; clients that wait for a silence "
     "take such frames for damaged",
 )
 def null_suffix(evidence: Evidence) -> Iterator[Suspicion]:

@@ -67,11 +67,11 @@ _HOLE_CHARS: Final = 1.5
     "two-masters",
     Severity.ERROR,
     blame="master",
-    text="Two masters poll on this line and know nothing of each other: {crossed} requests came while an answer was due"
+    text="Two clients poll on this line and know nothing of each other: {crossed} requests came while an answer was due"
     "[, {damaged:answer|answers} {damaged:|is|are} cut or overlaid by one]",
     share="{hits} of {exchanges} exchanges, of {units_hit:unit|units}",
-    deciding_test="Take one master off: no request may then come while an answer is due",
-    remedy="Let one master poll and the other get its values from it, or put a gateway with several clients between",
+    deciding_test="Take one client off: no request may then come while an answer is due",
+    remedy="Let one client poll and the other get its values from it, or put a gateway with several clients between",
 )
 def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
     """Requests while an answer is due, and what collides with them, for all units alike."""
@@ -206,7 +206,7 @@ def _run_into(evidence: Evidence, back: CalledBack) -> set[tuple[Symptom, int | 
     "broadcast-storm",
     Severity.ERROR,
     blame="master",
-    text="Broadcasts leave no time for anything else: {broadcasts} of {requests} requests go to unit 0, {pause:.3g} ms apart",
+    text="Broadcasts leave no time for anything else: {broadcasts} of {requests} requests go to unit 0, {pause:ms} apart",
     share="{broadcasts} of {requests} requests",
     deciding_test="Stop what broadcasts and see whether the polls come back to their pace",
     remedy="Broadcast when something changes, not all the time, and leave 100 to 200 ms behind each",
@@ -256,11 +256,11 @@ def _mean_pause(evidence: Evidence) -> float | None:
     "converter-gaps",
     Severity.WARNING,
     blame="line",
-    text="Answers[ of {units:unit|units}] come in pieces[ of {size} bytes] with silences of about {hole:.3g} ms inside: a "
+    text="Answers[ of {units:unit|units}] come in pieces[ of {size} bytes] with silences of about {hole:ms} inside: a "
     "radio, modem or converter passes them on so",
     share="{broken} of {answers} answers[ of {units:unit|units}][, {others_broken} of {others_answers} of others]",
     deciding_test="Tap the line on the far side of the converter: there the answers must be in one piece",
-    remedy="Give masters and gateways on the way a longer silence that ends a frame (t3.5 of 50 ms), or a converter that "
+    remedy="Give clients and gateways on the way a longer silence that ends a frame (t3.5 of 50 ms), or a converter that "
     "knows Modbus and passes frames on whole",
 )
 def converter_gaps(evidence: Evidence) -> Iterator[Suspicion]:
@@ -311,8 +311,8 @@ def _piece(places: dict[int, int]) -> int:
     "overload",
     Severity.WARNING,
     blame="master",
-    text="More is polled than the line can carry: bytes are on it {load:.0%} of the time and the master never rests; a round "
-    "of its {polls} polls takes {cycle:.3g} s",
+    text="More is polled than the line can carry: bytes are on it {load:.0%} of the time and the client never rests; a round "
+    "of its {polls} polls takes {cycle:sec}",
     share="{load:.0%} of the line's time",
     deciding_test="Take half of the polls off the list: the others must then come twice as often",
     remedy="Raise the baud rate, join polls of adjacent registers into one, poll slow values less often, or use two lines",

@@ -29,11 +29,11 @@ def _told_t35(evidence: Evidence) -> float | None:
     "master-too-fast",
     Severity.WARNING,
     blame="master",
-    text="The master sends its next request {gap:.3g} characters after an answer (median), where 3.5 are due: {short} of "
+    text="The client sends its next request {gap:.3g} characters after an answer (median), where 3.5 are due: {short} of "
     "{requests} requests",
     share="{short} of {requests} requests",
-    deciding_test="Let the master pause for 5 ms before each request, and watch the units that lost requests",
-    remedy="Set the master's inter-frame delay to 3.5 characters ({due:.3g} ms) at the least",
+    deciding_test="Let the client pause for 5 ms before each request, and watch the units that lost requests",
+    remedy="Set the client's inter-frame delay to 3.5 characters ({due:ms}) at the least",
 )
 def master_too_fast(evidence: Evidence) -> Iterator[Suspicion]:
     """Less than t3.5 before requests, where the clock carries it."""
@@ -64,8 +64,8 @@ def master_too_fast(evidence: Evidence) -> Iterator[Suspicion]:
     text="Answers of {units:unit|units} come {gap:.3g} characters after the request (median), where 3.5 are due: {short} "
     "of {answers}",
     share="{short} of {answers} answers of {units:unit|units}",
-    deciding_test="Look whether the master, or units that listen, lose frames right behind requests to {units:unit|units}",
-    remedy="Set the unit's response delay to 3.5 characters ({due:.3g} ms) at the least",
+    deciding_test="Look whether the client, or units that listen, lose frames right behind requests to {units:unit|units}",
+    remedy="Set the unit's response delay to 3.5 characters ({due:ms}) at the least",
 )
 def unit_too_fast(evidence: Evidence) -> Iterator[Suspicion]:
     """Less than t3.5 before the answers of some units."""

@@ -14,6 +14,7 @@ from ..exchanges import Ending
 from ..ledger import ASKED, BAD
 from ..outages import Outage, outages_of
 from ..registry import Suspicion, Symptom, suspect
+from ..spells import mean_period_s
 from .silence import is_spell, only_repeats, silence_bits
 
 _TOGETHER_BITS: Final = 2.0  # two faults at once are unlikely by themselves, and the more so at one time
@@ -91,7 +92,7 @@ def _together(evidence: Evidence, group: Sequence[Outage]) -> Iterator[Suspicion
         },
         since=begins[0],
         until=max(outage.end for outage in group),
-        period_s=round((begins[-1] - begins[0]) / (len(begins) - 1) / 1e9, 3) if len(begins) > 1 else None,
+        period_s=mean_period_s(begins),
         lost_answers=silent,
         lost_ms=round(sum(known), 3) if known else None,
         frames=tuple(index for unit in mine for index in unit.examples.get(Ending.SILENT, []))[:6],

@@ -11,6 +11,7 @@ from ..evidence import Evidence
 from ..exchanges import Ending
 from ..polls import Poll
 from ..registry import Suspicion, Symptom, suspect
+from ..spells import mean_period_s
 
 _LEAST: Final = 3
 _BUSY_LEAST: Final = 5
@@ -33,7 +34,7 @@ _REFUSES: Final = (1, 2, 3, 4)
     text="Unit {unit} says that it is busy, in {spells:spell|spells}: {busy} of {asked} requests got exception {code}",
     share="{busy} of {asked} requests to unit {unit}",
     deciding_test="Poll unit {unit} half as often: the exceptions go if it cannot keep up",
-    remedy="Poll it less often or fewer registers at once, and let the master ask again after a pause when it is busy",
+    remedy="Poll it less often or fewer registers at once, and let the client ask again after a pause when it is busy",
 )
 def unit_busy(evidence: Evidence) -> Iterator[Suspicion]:
     """Exception 06 or 05, in spells."""
@@ -44,7 +45,6 @@ def unit_busy(evidence: Evidence) -> Iterator[Suspicion]:
         runs = len(spells) + unit.refusals.single + unit.refusals.more
         codes = [code for poll in evidence.polls_of(unit.unit) for code in poll.exceptions if code in (5, 6)]
         begins = [each.begin for each in spells]
-        recurs = evidence.ledger.timed and len(begins) > 1
         yield Suspicion(
             (unit.unit,),
             surplus_bits(unit.busy, unit.asked, _BUSY_BACKGROUND) + clustering_bits(unit.busy, unit.asked, runs),
@@ -58,7 +58,7 @@ def unit_busy(evidence: Evidence) -> Iterator[Suspicion]:
             },
             since=begins[0] if begins else unit.first,
             until=spells[-1].end if spells else unit.last,
-            period_s=round((begins[-1] - begins[0]) / (len(begins) - 1) / 1e9, 3) if recurs else None,
+            period_s=mean_period_s(begins),
             lost_answers=unit.busy,
             frames=tuple(unit.examples.get(Ending.EXCEPTION, [])),
         )
@@ -139,7 +139,7 @@ _TEST: Final = "Read the registers of unit {unit} one by one around {areas}: it 
     "off-by-one",
     Severity.WARNING,
     blame="master",
-    text="The master's list is off by one for unit {unit}: {areas}[ and {more} more] is refused (exception {codes}, {refused} of {asked}), "
+    text="The client's list is off by one for unit {unit}: {areas}[ and {more} more] is refused (exception {codes}, {refused} of {asked}), "
     "while all but one register of it reads well",
     share="{refused} of {asked} such requests to unit {unit}",
     deciding_test=_TEST,
@@ -157,7 +157,7 @@ def off_by_one(evidence: Evidence) -> Iterator[Suspicion]:
     "missing-registers",
     Severity.WARNING,
     blame="master",
-    text="The master asks unit {unit} for registers that it does not have: {areas}[ and {more} more], refused "
+    text="The client asks unit {unit} for registers that it does not have: {areas}[ and {more} more], refused "
     "{refused} of {asked} times (exception {codes})",
     share="{refused} of {asked} such requests to unit {unit}",
     deciding_test=_TEST,
@@ -175,7 +175,7 @@ def missing_registers(evidence: Evidence) -> Iterator[Suspicion]:
     "read-only",
     Severity.WARNING,
     blame="master",
-    text="The master writes registers of unit {unit} that it may only read: {areas}[ and {more} more], refused "
+    text="The client writes registers of unit {unit} that it may only read: {areas}[ and {more} more], refused "
     "{refused} of {asked} times (exception {codes}), though read well",
     share="{refused} of {asked} such requests to unit {unit}",
     deciding_test="Write one of these registers of unit {unit} by hand, with the value that it has",

@@ -198,7 +198,7 @@ def crc_convention(evidence: Evidence) -> Iterator[Suspicion]:
     "that does not fit what was asked",
     share=_SHARE,
     deciding_test="Compare the byte count of one answer with its length",
-    remedy="Update the unit's firmware; some masters can be told to pass over the byte count",
+    remedy="Update the unit's firmware; some clients can be told to pass over the byte count",
 )
 def byte_count(evidence: Evidence) -> Iterator[Suspicion]:
     """All frames of one unit with a wrong count."""

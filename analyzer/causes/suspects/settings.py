@@ -198,7 +198,7 @@ def _refused(evidence: Evidence, unit: UnitLedger) -> Iterator[Suspicion]:
     words = {
         "settings": "another parity, which this tap does not mark",
         "drift": 0.0,
-        "how": "are whole, and the master asks again",
+        "how": "are whole, and the client asks again",
     }
     found = damage_suspicion(evidence, unit, bits, words)
     yield replace(

@@ -13,6 +13,7 @@ from ..evidence import Evidence
 from ..exchanges import Ending
 from ..registry import Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage
+from ..spells import mean_period_s
 from ..timegrid import Spell
 from ..unitledger import UnitLedger
 
@@ -126,7 +127,7 @@ def silence_bits(silent: int, asked: int) -> float:
     text="Unit {unit} {answers}: {silent} of {asked} requests to it {how}[, while {others_answered} of "
     "{others_asked} to other units were answered]",
     share="{silent} of {asked} requests to unit {unit}[, {others_silent} of {others_asked} to others]",
-    deciding_test="Poll unit {unit} alone, with a master put in the place of the bus: if it stays silent, it is the unit "
+    deciding_test="Poll unit {unit} alone, with a client put in the place of the bus: if it stays silent, it is the unit "
     "or its address; if it answers, its drop or its place on the bus",
     remedy="Check the unit's power, its address, and whether A and B are swapped at it; take it off the poll list if it is "
     "not there",
@@ -248,11 +249,11 @@ def absent_units(evidence: Evidence) -> Iterator[Suspicion]:
     "retry-policy",
     Severity.WARNING,
     blame="master",
-    text="The master asks unit {unit}, which never answers, {tries:.0f} times a poll before it goes on: {silent} requests "
+    text="The client asks unit {unit}, which never answers, {tries:.0f} times a poll before it goes on: {silent} requests "
     "in vain",
     share="{silent} of {asked} requests to unit {unit}, {tries:.1f} a poll",
-    deciding_test="Set the master's retries to one and see how much faster the other units are polled",
-    remedy="Let the master give up after one or two retries and ask a silent unit again only now and then; find out why "
+    deciding_test="Set the client's retries to one and see how much faster the other units are polled",
+    remedy="Let the client give up after one or two retries and ask a silent unit again only now and then; find out why "
     "unit {unit} is silent",
 )
 def retry_policy(evidence: Evidence) -> Iterator[Suspicion]:
@@ -279,7 +280,8 @@ def retry_policy(evidence: Evidence) -> Iterator[Suspicion]:
     "unit-restarts",
     Severity.ERROR,
     blame="unit",
-    text="Unit {unit} goes silent for about {length:.3g} {measure}, {often}: {silent} requests stayed without a byte",
+    text="Unit {unit} goes silent[ for about {length:sec}][, {row:request|requests} in a row], {often}: {silent} requests "
+    "stayed without a byte",
     share="{silent} of {asked} requests to unit {unit}; spells of silence: {spells}",
     deciding_test="Watch the unit's power and its running light, or its uptime register, when it goes silent next",
     remedy="Check the unit's supply and its connector; a watchdog that resets it points to its firmware or to interference",
@@ -305,15 +307,13 @@ def unit_restarts(evidence: Evidence) -> Iterator[Suspicion]:
                 "spells": len(spells) + unit.silences.more,
                 "silent": silent,
                 "asked": unit.asked,
-                "length": median(each.end - each.begin for each in spells) / 1e9
-                if timed
-                else median(each.count for each in spells),
-                "measure": "s" if timed else "requests in a row",
+                "length": median(each.end - each.begin for each in spells) / 1e9 if timed else 0.0,
+                "row": 0 if timed else round(median(each.count for each in spells)),
                 "often": "once" if once else "again and again",
             },
             since=begins[0],
             until=spells[-1].end,
-            period_s=round((begins[-1] - begins[0]) / (len(begins) - 1) / 1e9, 3) if timed and not once else None,
+            period_s=None if once else mean_period_s(begins),
             lost_answers=lost,
             lost_ms=lost_ms,
             frames=tuple(unit.examples.get(Ending.SILENT, [])),

@@ -248,7 +248,7 @@ def _spread(values: NDArray[np.float64]) -> float:
     "those of its {sisters:sister unit|sister units} only the other way round",
     share="{pairs} values of unit {unit}",
     deciding_test="Compare one value of unit {unit} with its own display, in both orders",
-    remedy="Set the unit's word order, or that of its tags in the master, to that of the others",
+    remedy="Set the unit's word order, or that of its tags in the client, to that of the others",
 )
 def word_order(evidence: Evidence) -> Iterator[Suspicion]:
     """Floats that are right in one order in most units and in the other one in one."""

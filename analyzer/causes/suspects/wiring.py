@@ -34,11 +34,11 @@ _UNIT_BITS: Final = 6.0  # each unit more that is said to be far
     Severity.WARNING,
     blame="line",
     text="Nothing holds the line when nobody drives it: {idle} stretches of stray bytes on the idle line, while "
-    "{well} of {answers} frames are whole",
+    "{well} of {exchanges:exchange|exchanges} {well:|shows|show} no damage",
     share="{idle} stretches in {exchanges} exchanges[, {damaged:damaged answer|damaged answers}]",
     deciding_test="Measure A against B on the idle line: under 200 mV it floats",
     remedy="Fit bias resistors (pull-up on B, pull-down on A, 390 to 650 ohm) at one place of the bus, or switch the "
-    "master's on",
+    "client's on",
 )
 def bias(evidence: Evidence) -> Iterator[Suspicion]:
     """Noise between frames, and frames that are well."""

@@ -154,8 +154,8 @@ COLLISION: Final = Rule(
         phrase("{bytes} of no frame where an answer was due", bytes=_bytes(numbers["bytes"]))
         + (phrase(" of {due:.0f}", numbers) if "due" in numbers else "")
     ),
-    cause="two transmitters at once: two devices share an address, a second master, or a device that sends unasked",
-    remedy="disconnect devices one by one; look for doubled addresses and for a second master",
+    cause="two transmitters at once: two devices share an address, a second client, or a device that sends unasked",
+    remedy="disconnect devices one by one; look for doubled addresses and for a second client",
 )
 CRC_ERROR: Final = Rule(
     "crc-error",

@@ -50,11 +50,10 @@ SLOW: Final = Rule(
     numbers=("unit", "p50_ms", "p95_ms", "usual_ms", "own_past"),
     varies="own_past",
     text=lambda numbers: phrase(
-        "unit {unit:.0f} answers in {p50_ms:.3g} ms (median; 95 % within {p95_ms:.3g} ms), at first it took "
-        "{usual_ms:.3g} ms"
+        "unit {unit:.0f} answers in {p50_ms:ms} (median; 95 % within {p95_ms:ms}), at first it took {usual_ms:ms}"
         if numbers["own_past"]
-        else "unit {unit:.0f} answers in {p50_ms:.3g} ms (median; 95 % within {p95_ms:.3g} ms), the other units take "
-        "{usual_ms:.3g} ms",
+        else "unit {unit:.0f} answers in {p50_ms:ms} (median; 95 % within {p95_ms:ms}), the other units take "
+        "{usual_ms:ms}",
         numbers,
     ),
     cause="a slow processor, a gateway or radio behind this unit, or a device that is busy with something else",
@@ -74,18 +73,18 @@ WASTE: Final = Rule(
             name=function_name(int(numbers["function"])),
             last=numbers["first_address"] + numbers["quantity"] - 1,
         )
-        + (phrase(", and save {saved_ms:.3g} ms a round", numbers) if "saved_ms" in numbers else "")
+        + (phrase(", and save {saved_ms:ms} a round", numbers) if "saved_ms" in numbers else "")
     ),
-    cause="the master polls each value by itself",
+    cause="the client polls each value by itself",
     remedy="read the block in one request",
 )
 SATURATED: Final = Rule(
     "bus-saturated",
     Severity.WARNING,
     About.BUS,
-    when="the load takes so much of the line that the master has hardly any idle time left",
+    when="the load takes so much of the line that the client has hardly any idle time left",
     numbers=("load_percent", "idle_percent"),
-    text="{load_percent:.0f} % of the time bytes are on the line, and the master pauses for {idle_percent:.0f} % only",
+    text="{load_percent:.0f} % of the time bytes are on the line, and the client pauses for {idle_percent:.0f} % only",
     cause="more is polled than the line can carry at this speed",
     remedy="raise the baud rate, join polls into blocks, poll slow values less often",
 )

@@ -69,7 +69,7 @@ class Pattern(IntEnum):
 
 
 def _sender(numbers: Mapping[str, float]) -> str:
-    return phrase("unit {unit:.0f}", numbers) if "unit" in numbers else phrase("the master")
+    return phrase("unit {unit:.0f}", numbers) if "unit" in numbers else phrase("the client")
 
 
 def _text(numbers: Mapping[str, float]) -> str:

@@ -19,7 +19,7 @@ _ANSWERED, _UNANSWERED, _DAMAGED = int(Status.ANSWERED), int(Status.UNANSWERED),
 
 def _silent(numbers: Mapping[str, float]) -> str:
     if "waited_ms" in numbers:
-        return phrase("unit {unit:.0f} did not answer in {waited_ms:.4g} ms, until the next request", numbers)
+        return phrase("unit {unit:.0f} did not answer in {waited_ms:ms}, until the next request", numbers)
     return phrase("unit {unit:.0f} did not answer", numbers)
 
 
@@ -43,7 +43,7 @@ NO_RESPONSE: Final = Rule(
         "swapped A and B, or a request that reached it damaged"
     ),
     remedy=lambda numbers: phrase(
-        "look when it falls silent: its power, its connector, what the master asks of it just then"
+        "look when it falls silent: its power, its connector, what the client asks of it just then"
         if numbers["answered_before"]
         else "check the unit's number, and the line behind the gateway if it is one; take it off the poll list if it "
         "is not there"
@@ -59,8 +59,8 @@ RETRY: Final = Rule(
     clause="[2] 2.4.1",
     numbers=("unit", "after_ms"),
     text=lambda numbers: (
-        phrase("the master repeats its request")
-        + (phrase(", {after_ms:.4g} ms after the first try", numbers) if "after_ms" in numbers else "")
+        phrase("the client repeats its request")
+        + (phrase(", {after_ms:ms} after the first try", numbers) if "after_ms" in numbers else "")
     ),
     cause="it got no answer, a damaged one or one too late",
     remedy="look at what became of the request before",
@@ -69,12 +69,12 @@ RETRY: Final = Rule(
 
 def _came_late(numbers: Mapping[str, float]) -> str:
     words = phrase("unit {unit:.0f} answers frame {request:.0f}", numbers)
-    words += phrase(", {late_ms:.4g} ms after it", numbers) if "late_ms" in numbers else ""
-    words += phrase(", when the master has gone on; ")
+    words += phrase(", {late_ms:ms} after it", numbers) if "late_ms" in numbers else ""
+    words += phrase(", when the client has gone on; ")
     return words + phrase(
-        "it fits the master's newest request as well, which takes these values one poll too late"
+        "it fits the client's newest request as well, which takes these values one poll too late"
         if numbers["mistaken"]
-        else "it does not fit the master's newest request, which can reject it"
+        else "it does not fit the client's newest request, which can reject it"
     )
 
 
@@ -82,7 +82,7 @@ LATE: Final = Rule(
     "late-response",
     Severity.ERROR,
     About.TRANSACTION,
-    when="an answer comes after the master has gone on to its next request",
+    when="an answer comes after the client has gone on to its next request",
     clause="[2] 2.4.1",
     numbers=("unit", "late_ms", "request", "mistaken", "waited_ms"),
     varies="mistaken",
@@ -90,7 +90,7 @@ LATE: Final = Rule(
     wastes="waited_ms",
     text=_came_late,
     cause=lambda numbers: (
-        phrase("the unit answers later than the master waits")
+        phrase("the unit answers later than the client waits")
         + (
             phrase("; answers carry no register address, so nobody notices the wrong values")
             if numbers["mistaken"]
@@ -98,7 +98,7 @@ LATE: Final = Rule(
         )
     ),
     remedy=lambda numbers: (
-        phrase("make the master's response timeout longer than the unit's longest response time")
+        phrase("make the client's response timeout longer than the unit's longest response time")
         + (phrase("; do not trust the values of this unit until then") if numbers["mistaken"] else "")
     ),
 )
@@ -110,7 +110,7 @@ ECHO: Final = Rule(
     numbers=("after_ms",),
     text=lambda numbers: (
         phrase("the same frame once more")
-        + (phrase(", {after_ms:.3g} ms after itself", numbers) if "after_ms" in numbers else "")
+        + (phrase(", {after_ms:ms} after itself", numbers) if "after_ms" in numbers else "")
     ),
     cause="the tap or a converter with local echo shows each sent frame twice",
     remedy="switch the converter's local echo off, or tap the line behind it",

@@ -28,8 +28,8 @@ UNEXPECTED: Final = Rule(
     clause="[2] 2.4.1",
     numbers=("unit", "function"),
     text="unit {unit:.0f} answers, and nobody asked it",
-    cause="a second master whose requests the tap does not see, or a device that sends on its own",
-    remedy="tap the line where both directions pass; look for a second master",
+    cause="a second client whose requests the tap does not see, or a device that sends on its own",
+    remedy="tap the line where both directions pass; look for a second client",
 )
 DUPLICATE: Final = Rule(
     "duplicate-response",
@@ -73,8 +73,8 @@ BROADCAST_READ: Final = Rule(
     clause="[2] 2.1",
     numbers=("function",),
     text="a read is sent to unit 0, which nobody may answer",
-    cause="the unit's address is not set in the master, or it searches for a device",
-    remedy="set the unit's address in the master",
+    cause="the unit's address is not set in the client, or it searches for a device",
+    remedy="set the unit's address in the client",
 )
 
 

@@ -43,7 +43,7 @@ QUANTITY: Final = Rule(
     clause="[1] 6",
     numbers=("quantity", "low", "high", "function"),
     text=_quantity_text,
-    cause="the master's poll list asks for more than one frame can carry, or for nothing",
+    cause="the client's poll list asks for more than one frame can carry, or for nothing",
     remedy="split the poll into blocks within the limit",
 )
 BYTE_COUNT: Final = Rule(
@@ -67,7 +67,7 @@ COIL_VALUE: Final = Rule(
     text=lambda numbers: phrase(
         "a coil is written with {value}, allowed are FF00 (on) and 0000 (off)", value=f"{int(numbers['value']):04X}"
     ),
-    cause="the master writes 1 for on, or swaps the two bytes",
+    cause="the client writes 1 for on, or swaps the two bytes",
     remedy="send FF00 for on and 0000 for off",
 )
 PADDING: Final = Rule(
@@ -83,7 +83,7 @@ PADDING: Final = Rule(
         octet=f"{int(numbers['last_byte']):02X}",
     ),
     cause="the device sends whole bytes of its memory and does not clear the bits that nobody asked for",
-    remedy="ignore these bits in the master; the device's vendor should clear them",
+    remedy="ignore these bits in the client; the device's vendor should clear them",
 )
 RESERVED_UNIT: Final = Rule(
     "reserved-unit",
@@ -119,7 +119,7 @@ INVALID_FUNCTION: Final = Rule(
     numbers=("function",),
     text="a request with function code {function:.0f}, possible are 1 to 127",
     cause="the sender builds its request from the wrong byte, or repeats an exception answer",
-    remedy="correct the master's function code",
+    remedy="correct the client's function code",
 )
 TOO_LONG: Final = Rule(
     "frame-too-long",

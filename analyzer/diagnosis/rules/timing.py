@@ -30,7 +30,7 @@ GAP_INSIDE: Final = Rule(
     numbers=("gap_ms", "characters", "byte", "t35_ms"),
     text=lambda numbers: (
         phrase(
-            "{gap_ms:.3g} ms of silence ({characters:.1f} characters) inside the frame, before byte {byte:.0f}; a "
+            "{gap_ms:ms} of silence ({characters:.1f} characters) inside the frame, before byte {byte:.0f}; a "
             "receiver that keeps to t1.5 discards the frame",
             numbers,
         )
@@ -52,10 +52,10 @@ GAP_SHORT: Final = Rule(
     numbers=("gap_ms", "characters", "due_ms", "is_response"),
     varies="is_response",
     text=lambda numbers: phrase(
-        "the response starts {gap:.3g} ms ({passed:.1f} characters) after the frame before, {due_ms:.3g} ms are due"
+        "the response starts {gap:ms} ({passed:.1f} characters) after the frame before, {due_ms:ms} are due"
         if numbers["is_response"]
-        else "the master starts its request {gap:.3g} ms ({passed:.1f} characters) after the frame before, "
-        "{due_ms:.3g} ms are due",
+        else "the client starts its request {gap:ms} ({passed:.1f} characters) after the frame before, "
+        "{due_ms:ms} are due",
         numbers,
         gap=max(numbers["gap_ms"], 0),
         passed=max(numbers["characters"], 0),
@@ -63,14 +63,14 @@ GAP_SHORT: Final = Rule(
     cause=lambda numbers: phrase(
         "the device answers without waiting for 3.5 characters"
         if numbers["is_response"]
-        else "the master's inter-frame delay is too short"
+        else "the client's inter-frame delay is too short"
     ),
     remedy=lambda numbers: phrase(
-        "none while the master takes these answers; where it misses them, a response delay in the device, well below "
-        "the master's timeout"
+        "none while the client takes these answers; where it misses them, a response delay in the device, well below "
+        "the client's timeout"
         if numbers["is_response"]
         else "none while the devices answer; where some miss requests, a delay of 3.5 characters between polls in the "
-        "master, which makes a round of polls longer"
+        "client, which makes a round of polls longer"
     ),
 )
 TURNAROUND: Final = Rule(
@@ -80,9 +80,9 @@ TURNAROUND: Final = Rule(
     when="a request comes sooner than 100 ms after a broadcast",
     clause="[2] 2.4.1",
     numbers=("pause_ms", "due_ms"),
-    text="a request {pause_ms:.3g} ms after a broadcast; {due_ms:.0f} ms are due, as no answer says when all are done",
-    cause="the master does not wait after a broadcast",
-    remedy="set the master's turnaround delay to 100 to 200 ms",
+    text="a request {pause_ms:ms} after a broadcast; {due_ms:.0f} ms are due, as no answer says when all are done",
+    cause="the client does not wait after a broadcast",
+    remedy="set the client's turnaround delay to 100 to 200 ms",
 )
 
 
@@ -90,7 +90,7 @@ def _blind(numbers: Mapping[str, float]) -> str:
     if "off_by_ms" not in numbers:
         return phrase("this capture's times cannot show silences and response times")
     return phrase(
-        "times are off by up to {off_by_ms:.2g} ms, {bytes_a_read:.2g} bytes come in a read: silences of t1.5 and t3.5 "
+        "times are off by up to {off_by_ms:ms}, {bytes_a_read:.2g} bytes come in a read: silences of t1.5 and t3.5 "
         "cannot be judged",
         numbers,
     )

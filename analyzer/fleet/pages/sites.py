@@ -176,9 +176,7 @@ def _site(site: str, file: str, sums: FleetSums, days: Sequence[int], fresh: int
         captures=captured.get("captures", 0),
         harmed=captured.get("harmed", 0),
         octets=captured.get("bytes") or 0,
-        span="–" if oldest is None or newest is None else page_words(
-            "{first} to {last}", first=_when(oldest), last=_when(newest)
-        ),
+        span="–" if oldest is None or newest is None else _span(_when(oldest), _when(newest)),
         newest="–" if newest is None else _date(newest // DAY_NS),
         behind=newest is None or NO_CLOCK <= newest // DAY_NS < sums.newest - 1,
         units=tuple(_unit(row, sums.unit_days.get((site, row["line"], row["unit"]), ()), days) for row in units),
@@ -331,6 +329,10 @@ def _capture(row: LakeRow) -> CaptureEntry:
 
 def _when(t_ns: int) -> str:
     return moment(t_ns)[:-4] if is_clock(t_ns) else page_words("no clock")
+
+
+def _span(first: str, last: str) -> str:
+    return first if first == last else page_words("{first} to {last}", first=first, last=last)
 
 
 def _date(day: int) -> str:

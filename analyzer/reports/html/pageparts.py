@@ -39,7 +39,7 @@ def page_environment(package: str | None = None) -> Environment:
 
 _BLAMED: Final[Mapping[str, str]] = {
     "unit": "fault of the unit",
-    "master": "fault of the master",
+    "master": "fault of the client",
     "line": "fault of the line",
     "tap": "fault of the tap",
 }
