@@ -9,14 +9,16 @@ import numpy as np
 from .asciireading import is_in_ascii
 from .bits import strays
 from .evidence import Evidence
+from .knownrequests import ENDING
 from .registry import Symptom
-from .signatures import ENDING, Behind, Signature
+from .signatures import Behind, Signature
 from .unitledger import UnitLedger
 
 _HEADER: Final = 3  # of an answer
 _LEAST: Final = 3
 _STRAYS_CHARS: Final = 2.0  # a master's timer
 _REQUEST_CHARS: Final = 8
+_TOLD: Final = 0.5  # of a time: by so much it may be wrong and tell something
 _SELDOM: Final = 0.5  # of the good answers
 
 
@@ -33,6 +35,8 @@ def asked_again_into(evidence: Evidence, unit: UnitLedger) -> list[Signature]:
     if len(again) < _LEAST or strays(again) > off + _STRAYS_CHARS * char_ns:
         return []
     begun = float(np.median(again))
+    if off > _TOLD * begun:
+        return []  # what a tap holds back and hands over at once comes always as long behind, too
     reach = off + _STRAYS_CHARS * char_ns
     return [each for each in readings if each.delay - reach < begun < each.delay + each.length * char_ns + reach]
 
