@@ -1,4 +1,4 @@
-"""What a gateway's times cannot tell: how soon an answer came, what was sent between requests that it hands over at once."""
+"""What a gateway does not tell: how soon an answer came, what was sent between requests that it hands over at once."""
 
 from __future__ import annotations
 
