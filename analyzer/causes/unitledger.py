@@ -40,6 +40,7 @@ class UnitLedger:
         self.redundant = Thinned()  # ns, delays of good answers whose request the master repeats all the same
         self.heeded = Thinned()  # and of those whose request it does not repeat
         self.redundant_pauses = Thinned()  # ns, from the end of such an answer to the request's repetition
+        self.last_pauses = Thinned()  # ns, from the end of a good answer to the last repetition to what is asked then
         self.redundant_turns = Thinned()  # ns, from their requests to the repetition, of the same
         self.pauses = Thinned()  # ns, from its good answers to the next request
         self.turns = Thinned()  # ns, from a request that is well answered to the next one
@@ -48,6 +49,7 @@ class UnitLedger:
         self.called = 0  # broadcasts that it answered, by its own address
         self.behind = 0  # good answers with something behind them before the next request
         self.first_answer: int | None = None
+        self.first_again: int | None = None  # the first of its good answers whose request is repeated all the same
         self.first = 0  # ns or bytes: `Ledger.axis`
         self.last = 0
         self.delays = Thinned()  # ns
@@ -100,7 +102,10 @@ class UnitLedger:
         if every:
             if self.first_answer is None:
                 self.first_answer = int(times[np.argmax(good)])
-            self._add_answers(mine if every == len(mine) else mine[good], timed=timed, hole_ns=hole_ns)
+            whole = every == len(mine)
+            self._add_answers(
+                mine if whole else mine[good], times if whole else times[good], timed=timed, hole_ns=hole_ns
+            )
         if counts[_SILENT] or counts[_GARBAGE] or self.silences_but_echoes.is_open:
             heard = outcome != _UNHEARD  # an answer that nobody could hear ends no silence
             _count_silences(self.silences, mine, times, heard)
@@ -121,12 +126,14 @@ class UnitLedger:
             self.quiet_waits.add(waits[silent & (mine.late == 0) & (mine.strays == 0) & ~echo])
             self.garbage_waits.add(waits[known & (outcome == _GARBAGE)])
 
-    def _add_answers(self, good: Exchanges, *, timed: bool, hole_ns: float) -> None:
+    def _add_answers(self, good: Exchanges, times: NDArray[np.int64], *, timed: bool, hole_ns: float) -> None:
         delays, noise, strays = good.delay, good.noise, good.strays
         known, again = delays >= 0, good.next_same
         self.delays.add(delays[known])
         if again.any():
             self.redundant.add(delays[known & again])
+            if self.first_again is None:
+                self.first_again = int(times[np.argmax(again)])
         self.heeded.add(delays[known & ~again])
         alone = (noise == 0) & (strays == 0)
         self.behind += len(good) - int(np.count_nonzero(alone))
@@ -138,6 +145,8 @@ class UnitLedger:
             if again.any():
                 self.redundant_pauses.add((t_next - good.t_answered)[followed & again])
                 self.redundant_turns.add((t_next - good.t_asked)[followed & again])
+            if good.repeats.any():
+                self.last_pauses.add((t_next - good.t_answered)[followed & good.repeats & ~again])
         marks = good.marks
         if marks.any():
             self.marked += int(np.count_nonzero(marks))
