@@ -131,3 +131,11 @@ def test_two_mixed_answers_whose_first_byte_is_right_are_of_two_devices() -> Non
         ("duplicate-address", (2,)),
         ("unit-line-settings", (25,)),
     }
+
+
+@pytest.mark.parametrize(("seed", "unit"), [(70001, 22), (91002, 129)])
+def test_two_devices_are_told_by_what_begins_too_soon_and_though_the_master_goes_on_sooner_for_them(
+    seed: int, unit: int
+) -> None:
+    """Neither a driver that is late, which begins none sooner, nor another master, whom all units meet."""
+    assert _named("duplicate-address", seed, "precise")[0] == ("duplicate-address", (unit,))

@@ -19,6 +19,7 @@ from ..hits import (
     given_up_by_timer,
     interrupted,
     is_about_one,
+    is_one_units,
     late_of_any,
     requests_evenness_bits,
     spells_of_hits,
@@ -80,7 +81,9 @@ def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
     late = late_of_any(evidence)
     by_timer = [unit for unit in units if unit.late and given_up_by_timer(evidence, unit)]
     others = [unit for unit in units if unit not in by_timer]  # what is late of these is not the timer's
-    sure = sum(early.values()) >= _MET or late - max((unit.late for unit in others), default=0) >= _LEAST
+    spread = sum(early.values()) - max(early.values(), default=0) >= _MET or not is_one_units(evidence)
+    sure = sum(early.values()) >= _MET and spread  # two answers to one unit's requests drive a master on as well
+    sure = sure or late - max((unit.late for unit in others), default=0) >= _LEAST
     if not evidence.ordered or broadcasts_answered(evidence) or (is_about_one(evidence) and not sure):
         return
     if any(answers_too_many(evidence, unit) for unit in units):

@@ -79,6 +79,8 @@ _BYTE: Final = 8.0
 _CHECKED: Final = 16.0
 _RUN_INTO_BITS: Final = 20.0
 _BEGINNING: Final = 3  # bytes of garbage that count
+_CHARACTER_BITS: Final = 12
+_BEFORE_BITS: Final = 4.0
 _LOST_BITS: Final = 24  # more than two characters
 _SPREAD: Final = (0.88, 1.12)  # of the delay, from answer to answer
 _MISSED: Final = 2.0  # bits against it, where garbage begins otherwise
@@ -102,7 +104,10 @@ def _head(_: Evidence, __: UnitLedger, readings: list[Signature]) -> Mapping[str
 )
 def driver_enabled_late(evidence: Evidence) -> Iterator[Suspicion]:
     """AnswerDamage at the head of one sender's frames."""
-    yield from damage_suspicions(evidence, {"head": 0.85, "whole": 0.06, "middle": 0.03}, ("head",), _head)
+    for found in damage_suspicions(evidence, {"head": 0.85, "whole": 0.06, "middle": 0.03}, ("head",), _head):
+        bits = found.bits - _BEFORE_BITS * _begun_before(evidence, evidence.ledger.units[found.units[0]])
+        if bits > 0:
+            yield replace(found, bits=bits)
     for unit in evidence.units:
         readings = evidence.readings(unit)
         if len(readings) >= _LEAST and share_of(readings, "head") < _MOSTLY:
@@ -110,6 +115,23 @@ def driver_enabled_late(evidence: Evidence) -> Iterator[Suspicion]:
             if bits > 0:
                 bits += evidence.surplus(unit) + kind_bits(readings, _BEHEADED)
                 yield damage_suspicion(evidence, unit, bits, {"bytes": 1})
+
+
+def _begun_before(evidence: Evidence, unit: UnitLedger) -> int:
+    """How many damaged answers have their first byte as if it had begun some bits too soon, and all their bytes: another
+    transmitter's start was heard before. A driver that is late begins none sooner."""
+    found = 0
+    for each in evidence.readings(unit):
+        header = known_header(each.request)
+        if len(header) < 2 or len(each.heard) < 2:
+            continue
+        first = each.heard[0]
+        if each.length == each.due and first != header[0] and each.heard[1:2] == header[1:2]:
+            sooner = any(first >> bits == header[0] & 0xFF >> bits for bits in range(1, 8))
+            late = {beheaded(header, lost, each_format)[:1] for each_format in formats_of(evidence.ledger.line)
+                    for lost in range(1, _CHARACTER_BITS)}  # fmt: skip
+            found += sooner and bytes((first,)) not in late
+    return found
 
 
 def _out_of_step(evidence: Evidence, unit: UnitLedger) -> float:
@@ -242,7 +264,7 @@ def duplicate_address(evidence: Evidence) -> Iterator[Suspicion]:
             if crossed >= _LEAST:  # the weaker one begins first, and may be heard behind the other
                 kinds = max(kinds, kind_bits(readings, _OVERTAKEN))
             bits += evidence.surplus(unit) + kinds
-            bits -= _SHORT_BITS * _shortened(readings)
+            bits += _BEFORE_BITS * _begun_before(evidence, unit) - _SHORT_BITS * _shortened(readings)
         run_into = _run_into(evidence, unit) if doubles >= _LEAST else _answered_again(evidence, unit)
         if bits + sum(run_into.values()) <= 0 or (not run_into and doubles + tails + len(readings) < _LEAST):
             continue
