@@ -21,7 +21,7 @@ from ..tables.transactions import ECHOED
 from .asciireading import is_in_ascii
 from .bits import surplus_bits
 from .exchanges import Ending
-from .foreign import PROTOCOLS
+from .foreign import PROTOCOLS, rtu_frames
 from .knownrequests import KnownRequests
 from .ledger import Ledger
 from .polls import Poll
@@ -50,6 +50,7 @@ _HALF: Final = 0.5
 _MOSTLY: Final = 0.6
 _SOON_CHARS: Final = 2.5  # nobody answers sooner
 _STRAYED: Final = 2  # bytes
+_RTU: Final = "Modbus RTU"
 _FOREIGN: Final = 0.02  # of all bytes
 _FOREIGN_FRAMES: Final = 3
 _FOREIGN_SURE: Final = 10  # rows marked so
@@ -286,6 +287,8 @@ class Evidence:
         in_ascii = any(map(is_in_ascii, self.ledger.polls.sure_requests))  # of such a line damage leaves lines as well
         among = {name: count for name, count in PROTOCOLS.items() if not (in_ascii and name in UNCHECKED)}
         frames = Counter({name: count(data) for name, count in among.items()})
+        if in_ascii:
+            frames[_RTU] = rtu_frames(octets for _, _, octets in self.ledger.noise)
         marked = NAMES[1 + int(self.ledger.foreign[1:].argmax())]
         frames[marked] = max(frames[marked], sure)
         name = marked if frames[marked] >= _FOREIGN_FRAMES else max(frames, key=frames.__getitem__)

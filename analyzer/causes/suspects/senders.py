@@ -79,6 +79,7 @@ _BYTE: Final = 8.0
 _CHECKED: Final = 16.0
 _RUN_INTO_BITS: Final = 20.0
 _BEGINNING: Final = 3  # bytes of garbage that count
+_FEWER: Final = 0.6
 _CHARACTER_BITS: Final = 12
 _BEFORE_BITS: Final = 4.0
 _LOST_BITS: Final = 24  # more than two characters
@@ -137,7 +138,10 @@ def _begun_before(evidence: Evidence, unit: UnitLedger) -> int:
 def _out_of_step(evidence: Evidence, unit: UnitLedger) -> float:
     """Bits for garbage that begins as a known header does whose first bits are missing, nearly the same number each
     time: its receiver is out of step from there on."""
-    pairs = Counter((known_header(each.request), each.heard[:_BEGINNING]) for each in evidence.readings(unit))
+    readings = evidence.readings(unit)
+    if readings and sum(each.length < _FEWER * each.due for each in readings) > _MOSTLY * len(readings):
+        return 0.0  # what is out of step is heard a byte a byte
+    pairs = Counter((known_header(each.request), each.heard[:_BEGINNING]) for each in readings)
     best = 0.0
     for receiver in formats_of(evidence.ledger.line):
         for lost in range(2, _LOST_BITS):

@@ -8,6 +8,7 @@ from statistics import median
 from typing import Final
 
 from ...tables.findings import Severity
+from ...tables.transactions import ECHOED
 from ..bits import clustering_bits, regularity_bits, surplus_bits
 from ..evidence import Evidence
 from ..exchanges import Ending
@@ -34,6 +35,7 @@ _SILENT_FOR_ECHO: Final = 5
 _ALL: Final = 0.5
 _NO_ANSWER_BEHIND: Final = 11  # the exception by which a gateway says that its target failed to respond
 _NEARLY_ALL: Final = 0.95
+_HARDLY: Final = 0.25  # of what would be so by chance
 _SCAN: Final = 8  # units
 _VISITS: Final = 2
 _VISIT: Final = 0.05  # of the capture
@@ -293,6 +295,8 @@ def unit_restarts(evidence: Evidence) -> Iterator[Suspicion]:
     for unit in evidence.units:
         silent, spells = evidence.silent(unit), _spells(evidence, unit)
         inside = sum(each.count for each in spells)
+        if _are_second_answers(evidence, unit):
+            continue
         once = len(spells) == 1 and spells[0].count >= _TO_THE_END and spells[0].before is not None
         if (len(spells) < 2 and not once) or not unit.answered or inside < 0.6 * silent or inside < 2 * _SPELL:
             continue
@@ -323,6 +327,14 @@ def unit_restarts(evidence: Evidence) -> Iterator[Suspicion]:
             lost_ms=lost_ms,
             frames=tuple(unit.examples.get(Ending.SILENT, [])),
         )
+
+
+def _are_second_answers(evidence: Evidence, unit: UnitLedger) -> bool:
+    """Whether next to no request is silent but such whose answer reads like it, though others are asked: of two answers
+    to one the second reads like a request that stayed without."""
+    polls = [poll for poll in evidence.polls_of(unit.unit) if not ECHOED[poll.function]]
+    asked, silent = sum(poll.asked for poll in polls), unit.count(Ending.SILENT)
+    return bool(asked) and evidence.unanswered(unit) < _HARDLY * silent * asked / unit.asked
 
 
 def is_spell(evidence: Evidence, spell: Spell) -> bool:
