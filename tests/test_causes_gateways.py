@@ -46,3 +46,11 @@ def test_a_unit_that_was_come_back_to_four_times_in_vain_is_silent_to_the_end() 
 
 def test_a_transfer_of_eight_blocks_is_one() -> None:
     assert _first("vendor-transfer", "precise", 83001) == ("vendor-transfer", (30,))
+
+
+def test_a_unit_that_alone_stays_silent_and_is_heard_behind_others_is_late() -> None:
+    assert _first("timeout-too-short-shifted", "gateway", 70002) == ("timeout-too-short", (17,))
+
+
+def test_what_comes_in_spells_is_no_second_master_of_whom_nothing_else_is_seen() -> None:
+    assert _first("hours", "gateway", 91002) == ("hours", ())
