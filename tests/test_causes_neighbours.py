@@ -133,6 +133,10 @@ def test_two_mixed_answers_whose_first_byte_is_right_are_of_two_devices() -> Non
     }
 
 
+def test_what_a_second_answer_makes_of_the_next_request_is_no_answer_of_another_unit() -> None:
+    assert _named("duplicate-address", 91000, "precise")[0] == ("duplicate-address", (26,))
+
+
 @pytest.mark.parametrize(("seed", "unit"), [(70001, 22), (91002, 129)])
 def test_two_devices_are_told_by_what_begins_too_soon_and_though_the_master_goes_on_sooner_for_them(
     seed: int, unit: int

@@ -246,7 +246,8 @@ def duplicate_address(evidence: Evidence) -> Iterator[Suspicion]:
     """Overlap, or two answers, for one unit alone."""
     for unit in evidence.units:
         readings, too_many = evidence.readings(unit), answers_too_many(evidence, unit)
-        if (_are_of_others(evidence, readings) or _are_of_others(evidence, _not_next(evidence, unit))) and not too_many:
+        behind = _are_of_others(evidence, _not_next(evidence, unit), len(evidence.followed(unit)))
+        if (_are_of_others(evidence, readings, len(readings)) or behind) and not too_many:
             continue  # another unit is still answering when this one is asked
         doubles = unit.doubles if evidence.is_open(Symptom.DOUBLES, unit.unit) else 0
         doubles = max(doubles, round(evidence.behind(unit, Behind.ANSWER)))
@@ -304,16 +305,21 @@ def _run_into(evidence: Evidence, unit: UnitLedger) -> Mapping[int, float]:
     return found
 
 
-def _are_of_others(evidence: Evidence, readings: Sequence[Signature]) -> bool:
-    """Whether some of these bytes begin as the answers of another unit do."""
+def _are_of_others(evidence: Evidence, readings: Sequence[Signature], every: int) -> bool:
+    """Whether some of these bytes begin as the answers of another unit do; `every`: of how many."""
     found = sum(evidence.begun_by(reading) is not None for reading in readings)
-    return found >= max(_LEAST, _OFTEN * len(readings))
+    return found >= max(_LEAST, _OFTEN * every)
 
 
 def _not_next(evidence: Evidence, unit: UnitLedger) -> list[Signature]:
-    """What stands behind good answers of a unit and does not begin by the number of the unit that is asked next."""
+    """What stands behind good answers of a unit and does not begin by the number of the unit that is asked next, nor as
+    another request that something ran into."""
     pairs = zip(unit.followed.kept, evidence.followed(unit), strict=False)
-    return [each for sample, each in pairs if each.heard[:1] != bytes((max(sample.next_unit, 0),))]
+    return [
+        each
+        for sample, each in pairs
+        if each.heard[:1] != bytes((max(sample.next_unit, 0),)) and not evidence.requests.begin(each.heard, unit.unit)
+    ]
 
 
 def _answered_again(evidence: Evidence, unit: UnitLedger) -> Mapping[int, float]:
