@@ -143,3 +143,8 @@ def test_two_devices_are_told_by_what_begins_too_soon_and_though_the_master_goes
 ) -> None:
     """Neither a driver that is late, which begins none sooner, nor another master, whom all units meet."""
     assert _named("duplicate-address", seed, "precise")[0] == ("duplicate-address", (unit,))
+
+
+def test_three_second_answers_of_one_unit_are_enough() -> None:
+    """No noise makes answers whose check value is right, and nothing of it stays silent that could be late."""
+    assert _named("short-duplicate-address", 20000, "precise") == [("duplicate-address", (34,))]

@@ -25,6 +25,7 @@ from ..unitledger import UnitLedger
 _LEAST: Final = 3
 _MOSTLY: Final = 0.5
 _OFTEN: Final = 0.2
+_TWO_RIGHT: Final = 0.001  # of requests: no noise makes a second answer whose check value is right
 _SHORT: Final = 0.8  # of what is due: two answers that overlap are no shorter than one,
 _SHORT_BITS: Final = 2.0  # but where the receiver falls out of step
 
@@ -256,13 +257,18 @@ def duplicate_address(evidence: Evidence) -> Iterator[Suspicion]:
         crossed = round(crossed) if doubles >= _LEAST or (len(readings) >= _LEAST and crossed >= _LEAST) else 0
         if doubles <= 1.2 * evidence.unanswered(unit):
             doubles = 0
+        if evidence.verdict.fine and not unit.count(Ending.SILENT):  # one that is late leaves silence before
+            doubles += min(unit.unfit, doubles)
+            rarely = _TWO_RIGHT
+        else:
+            rarely = HEALTHY
         tails = round(evidence.tails(unit))
         crossed = max(crossed, tails)
         doubles = max(doubles, too_many)
         rest = [other for other in evidence.units if other is not unit]
         noisy = sum(evidence.behind(other, Behind.REQUEST, Behind.NOISE) for other in rest)
         background = max(HEALTHY, (noisy + 0.5) / (sum(other.answered for other in rest) + 50))
-        bits = surplus_bits(min(doubles, unit.asked), unit.asked, HEALTHY)
+        bits = surplus_bits(min(doubles, unit.asked), unit.asked, rarely)
         bits += surplus_bits(min(crossed, unit.asked), unit.asked, background)
         if len(readings) >= _LEAST:
             kinds = kind_bits(readings, _MIXED)
