@@ -6,8 +6,9 @@ from bursts import causes, named
 
 from analyzer.causes.asciireading import is_in_ascii
 from analyzer.causes.exchanges import Ending
+from analyzer.causes.knownrequests import KnownRequests
 from analyzer.causes.samples import Sample, SampleRow
-from analyzer.causes.signatures import AnswerDamage, KnownRequests, known_header, signature
+from analyzer.causes.signatures import AnswerDamage, known_header, signature
 from analyzer.tables.schema import Kind
 from dissectors.crc import crc_bytes, lrc
 

@@ -111,3 +111,40 @@ def test_a_poll_whose_turn_comes_soon_by_the_clients_timetable_was_not_given_up(
 def test_a_high_word_that_makes_a_float_with_either_neighbour_is_no_other_order() -> None:
     """Two units of different kinds, asked for the same registers."""
     assert _named("healthy-timers", 11005, "precise") == []
+
+
+@pytest.mark.parametrize(
+    ("case", "seed", "first"),
+    [
+        ("duplicate-address", 52000, ("duplicate-address", (32,))),
+        ("ascii-driver-enabled-late", 83001, ("driver-enabled-late", (33,))),
+    ],
+)
+def test_what_differs_each_time_or_lacks_its_first_bits_is_not_sent_by_other_settings(
+    case: str, seed: int, first: tuple[str, tuple[int, ...]]
+) -> None:
+    assert _named(case, seed, "precise")[0] == first
+
+
+def test_two_mixed_answers_whose_first_byte_is_right_are_of_two_devices() -> None:
+    assert set(_named("duplicate-beside-settings", 91002, "precise")) == {
+        ("duplicate-address", (2,)),
+        ("unit-line-settings", (25,)),
+    }
+
+
+def test_what_a_second_answer_makes_of_the_next_request_is_no_answer_of_another_unit() -> None:
+    assert _named("duplicate-address", 91000, "precise")[0] == ("duplicate-address", (26,))
+
+
+@pytest.mark.parametrize(("seed", "unit"), [(70001, 22), (91002, 129)])
+def test_two_devices_are_told_by_what_begins_too_soon_and_though_the_master_goes_on_sooner_for_them(
+    seed: int, unit: int
+) -> None:
+    """Neither a driver that is late, which begins none sooner, nor another master, whom all units meet."""
+    assert _named("duplicate-address", seed, "precise")[0] == ("duplicate-address", (unit,))
+
+
+def test_three_second_answers_of_one_unit_are_enough() -> None:
+    """No noise makes answers whose check value is right, and nothing of it stays silent that could be late."""
+    assert _named("short-duplicate-address", 20000, "precise") == [("duplicate-address", (34,))]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from statistics import median_low
 from typing import Final
 
 import numpy as np
@@ -9,14 +10,17 @@ import numpy as np
 from .asciireading import is_in_ascii
 from .bits import strays
 from .evidence import Evidence
+from .knownrequests import ENDING
 from .registry import Symptom
-from .signatures import ENDING, Behind, Signature
+from .signatures import Behind, Signature
 from .unitledger import UnitLedger
 
 _HEADER: Final = 3  # of an answer
 _LEAST: Final = 3
 _STRAYS_CHARS: Final = 2.0  # a master's timer
 _REQUEST_CHARS: Final = 8
+_LONGER: Final = 1.5
+_TOLD: Final = 0.5  # of a time: by so much it may be wrong and tell something
 _SELDOM: Final = 0.5  # of the good answers
 
 
@@ -33,6 +37,8 @@ def asked_again_into(evidence: Evidence, unit: UnitLedger) -> list[Signature]:
     if len(again) < _LEAST or strays(again) > off + _STRAYS_CHARS * char_ns:
         return []
     begun = float(np.median(again))
+    if off > _TOLD * begun:
+        return []  # what a tap holds back and hands over at once comes always as long behind, too
     reach = off + _STRAYS_CHARS * char_ns
     return [each for each in readings if each.delay - reach < begun < each.delay + each.length * char_ns + reach]
 
@@ -54,6 +60,16 @@ def asked_again_behind(evidence: Evidence, unit: UnitLedger) -> int:
     reach = evidence.verdict.wait_ns + _REQUEST_CHARS * evidence.ledger.char_ns
     again = sum(abs(t - float(np.median(known))) <= reach for t, _ in begun)
     return round(unit.followed.offered * again / len(readings))
+
+
+def waits_longer(evidence: Evidence, unit: UnitLedger, times: float = _LONGER) -> bool:
+    """Whether the master waits longer behind a unit's answers, before it repeats what it asked, than nearly ever behind
+    others': it had not given up when they came. The last unit of a round, behind which it rests, tells nothing."""
+    found = [other.pauses.quantile(0.9) for other in evidence.units if other is not unit]
+    usual, waited = [pause for pause in found if pause is not None], unit.redundant_pauses.quantile(0.1)
+    if not usual or waited is None:
+        return False
+    return waited > times * max(median_low(usual), evidence.ledger.char_ns)
 
 
 def _ends_alike(reading: Signature) -> bool:

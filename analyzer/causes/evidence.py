@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import log2
 from typing import Final
@@ -21,16 +21,19 @@ from ..tables.transactions import ECHOED
 from .asciireading import is_in_ascii
 from .bits import surplus_bits
 from .exchanges import Ending
-from .foreign import PROTOCOLS
+from .foreign import PROTOCOLS, rtu_frames
+from .knownrequests import KnownRequests
 from .ledger import Ledger
 from .polls import Poll
 from .registry import Explained, Symptom
-from .signatures import AnswerDamage, Behind, KnownRequests, Signature, signature
+from .signatures import AnswerDamage, Behind, Signature, held_ns, signature
 from .thinned import densest
+from .timegrid import Spells
 from .unitledger import UnitLedger
 
 HEALTHY: Final = 0.004  # damaged exchanges of a line on which nothing is wrong
-_WAITS: Final = 3  # that tell a timeout
+_WAITS: Final = 3  # that tell a timeout, or how long a tap holds bytes back
+_MOST_HELD: Final = 0.9
 _SHORT_CUT: Final = 4  # bytes
 _LONG: Final = 6
 _RARE: Final = 0.01
@@ -47,6 +50,7 @@ _HALF: Final = 0.5
 _MOSTLY: Final = 0.6
 _SOON_CHARS: Final = 2.5  # nobody answers sooner
 _STRAYED: Final = 2  # bytes
+_RTU: Final = "Modbus RTU"
 _FOREIGN: Final = 0.02  # of all bytes
 _FOREIGN_FRAMES: Final = 3
 _FOREIGN_SURE: Final = 10  # rows marked so
@@ -95,8 +99,14 @@ class Evidence:
 
     @cached_property
     def verdict(self) -> TimeTrust:
-        """What the tap's times can carry."""
-        return self.ledger.clock.newest() if self.ledger.timed else TimeTrust()
+        """What the tap's times can carry; not so much where it was seen to hold parts of frames back for longer than that,
+        as a converter does that waits for a full packet."""
+        if not self.ledger.timed:
+            return TimeTrust()
+        found = self.ledger.clock.newest()
+        samples = [] if found.fine else [each for unit in self.ledger.polled for each in unit.samples.kept]
+        held = [ns for each in samples if (ns := held_ns(each, self.requests)) > found.wait_ns]
+        return replace(found, wait_ns=float(np.quantile(held, _MOST_HELD))) if len(held) >= _WAITS else found
 
     @cached_property
     def t35_ns(self) -> float | None:
@@ -116,6 +126,13 @@ class Evidence:
         if not self.ordered and unit.answered + unit.strays + unit.late + unit.doubles + unit.unfit:
             return 0
         return unit.count(Ending.SILENT) if self.is_open(Symptom.SILENCE, unit.unit) else 0
+
+    def silences(self, unit: UnitLedger) -> Spells:
+        """When a unit was silent. Where the clock does not tell how soon an answer came, one that is its request once more
+        may be that request, asked again: it ends no silence of a unit that answers otherwise."""
+        timeout, echoes = self.timeout_ns, unit.echoes
+        told = self.verdict.fine or (timeout is not None and self.verdict.wait_ns < _HALF * timeout)
+        return unit.silences if told or unit.answered < 2 * echoes else unit.silences_but_echoes
 
     def unanswered(self, unit: UnitLedger) -> int:
         """Requests without a byte, but for those whose answer is the request once more: two answers to one of them read
@@ -270,6 +287,8 @@ class Evidence:
         in_ascii = any(map(is_in_ascii, self.ledger.polls.sure_requests))  # of such a line damage leaves lines as well
         among = {name: count for name, count in PROTOCOLS.items() if not (in_ascii and name in UNCHECKED)}
         frames = Counter({name: count(data) for name, count in among.items()})
+        if in_ascii:
+            frames[_RTU] = rtu_frames(octets for _, _, octets in self.ledger.noise)
         marked = NAMES[1 + int(self.ledger.foreign[1:].argmax())]
         frames[marked] = max(frames[marked], sure)
         name = marked if frames[marked] >= _FOREIGN_FRAMES else max(frames, key=frames.__getitem__)

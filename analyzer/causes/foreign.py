@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Final
 
 import numpy as np
 
+from dissectors.crc import crc_ok
 from dissectors.foreign import IN_ANY_BYTES
 
 from ..deframing.crc_windows import crc_windows
+from .samples import READ_REQUEST
 
 _LENGTHS: Final = (7, 8, 9, 10, 11, 14, 22)  # bytes of a meter's frames
 _SHORTEST: Final = _LENGTHS[0]
 _SHARE: Final = 0.05  # of the bytes, at the least
+_READS: Final = (1, 2, 3, 4)
 _MODBUS: Final = (1, 2, 3, 4, 5, 6, 7, 8, 15, 16, 17, 22, 23, 43)
 
 
@@ -26,9 +29,20 @@ def _serial_number(data: bytes) -> int:
     for length in _LENGTHS:
         if length <= len(data):
             for at in np.flatnonzero(crc.heads[:-length] == crc.tails[length:]).tolist():
-                heads[data[at : at + 4]][data[at : at + length]] += 1
+                frame = data[at : at + length]
+                if any(frame[-2:]):  # FF FF and zeros check, as long as they last
+                    heads[frame[:4]][frame] += 1
     counts = (found.total() for head, found in heads.items() if head[1] & 0x7F not in _MODBUS and len(found) > 1)
     return max((count for count in counts if count >= max(4, _SHARE * len(data) / _SHORTEST)), default=0)
+
+
+def rtu_frames(stretches: Iterable[bytes]) -> int:
+    """Right requests of Modbus RTU to read, where a line is in ASCII mode."""
+    return sum(
+        stretch[at + 1] in _READS and not any(stretch[at + 4 : at + 5]) and crc_ok(stretch[at : at + READ_REQUEST])
+        for stretch in stretches
+        for at in range(len(stretch) - READ_REQUEST + 1)
+    )
 
 
 def _counted(name: str) -> Callable[[bytes], int]:

@@ -51,7 +51,9 @@ def formats_of(line: LineSettings) -> tuple[CharacterFormat, ...]:
     if not line.baud:
         return ()
     if line.parity in ("N", "E", "O"):
-        return (CharacterFormat(line.baud, 8, line.parity, int(line.stop_bits or 1)),)
+        stop_bits = int(line.stop_bits or 1)
+        of_seven = line.char_bits == 1 + 7 + (line.parity != "N") + stop_bits  # as ASCII mode has them
+        return (CharacterFormat(line.baud, 7 if of_seven else 8, line.parity, stop_bits),)
     if line.char_bits == 10:
         return (CharacterFormat(line.baud, 8, "N", 1), CharacterFormat(line.baud, 7, "E", 1))
     return *(CharacterFormat(line.baud, 8, parity, 1) for parity in "EO"), CharacterFormat(line.baud, 8, "N", 2)

@@ -80,6 +80,8 @@ class Samples:
 def asked_in_pieces(between: bytes, answer: bytes) -> bool:
     """Whether the bytes between two answers end with a whole request that the second one may answer: a tap held a part
     of it back, and no silence that long is inside a frame."""
+    if len(answer) < 2:  # a sample's bytes end here
+        return False
     header = bytes((answer[0], answer[1] & ~EXCEPTION))
     at = between.find(header)
     while 0 <= at <= len(between) - READ_REQUEST:
@@ -94,6 +96,8 @@ def sampled(stretch: Stretch, i: int, usual: bytes | None) -> Sample:
     exchanges, table = stretch.exchanges, stretch.table
     rows, pieces, room = table.rows, [], _BYTES
     for row in stretch.rows_of(i)[:_PIECES]:
+        if room <= 0:
+            break
         data = table.bytes_of(row)[:room]
         room -= len(data)
         kind = int(rows.kind[row])

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from functools import lru_cache
+from itertools import pairwise
 from typing import Final
 
 from dissectors.adu import EXCEPTION, EXCEPTION_ADU
@@ -21,14 +22,12 @@ from dissectors.crc import byte_between, crc16, crc_bytes, flipped_bit, matching
 from ..tables.schema import Kind
 from .asciireading import COLON, ascii_due, is_in_ascii, read_ascii
 from .exchanges import Ending
-from .samples import READ_REQUEST, Sample, SampleRow, asked_in_pieces
+from .knownrequests import KnownRequests
+from .samples import Sample, SampleRow, asked_in_pieces
 
 _HEAD_MOST: Final = 12  # bytes that may be put right
 _LEAST: Final = 4
 _HEAD: Final = 3  # bytes: of an answer the third is its byte count
-ENDING: Final = 3  # bytes by which a damaged request is known again
-_INSIDE: Final = 4  # and within other bytes
-_MOST_REQUESTS: Final = 256
 _COUNTED: Final = 3  # bytes of an answer's header that has a byte count
 _TAIL_BITS: Final = 2  # bits of a byte that must have come before its driver let go
 _LOCAL: Final = 0.55  # share of bytes like those of a good answer: the damage is somewhere, not everywhere
@@ -91,42 +90,6 @@ class Signature:
     most: int = 0  # of what came behind a good answer: as many without a silence between them
 
 
-@dataclass(frozen=True, slots=True)
-class KnownRequests:
-    """Requests of a bus, by their last bytes and their first ones."""
-
-    endings: frozenset[bytes] = frozenset()
-    heads: frozenset[bytes] = frozenset()
-    within: tuple[bytes, ...] = ()
-
-    @classmethod
-    def of(cls, requests: Sequence[bytes]) -> KnownRequests:
-        """A request of each poll."""
-        endings = frozenset(request[-ENDING:] for request in requests)
-        heads = frozenset(request[:_HEAD] for request in requests)
-        return cls(endings, heads, tuple({request[-_INSIDE:] for request in requests[:_MOST_REQUESTS]}))
-
-    def end(self, data: bytes) -> bool:
-        """Whether these bytes end like one of them."""
-        return data[-ENDING:] in self.endings
-
-    def begin(self, data: bytes, unit: int) -> bool:
-        """Whether these bytes begin like one of them to another unit than this one."""
-        return data[:_HEAD] in self.heads and data[0] != unit
-
-    def asks_and_gets(self, data: bytes) -> bool:
-        """Whether these bytes are one of them and its answer, both whole: what a tap held up and handed over in pieces."""
-        request, answer = data[:READ_REQUEST], data[READ_REQUEST:]
-        return data[:_HEAD] in self.heads and crc16(request) == 0 and crc16(answer) == 0 and answer[:2] == data[:2]
-
-    def are_in(self, data: bytes, but: bytes = b"") -> bool:
-        """Whether one of them ends within these bytes or at their end; `but`: one that may."""
-        own = but[-ENDING:]
-        return (self.end(data) and data[-ENDING:] != own) or any(
-            ending in data for ending in self.within if ending != but[-_INSIDE:]
-        )
-
-
 def signature(sample: Sample, char_ns: float, requests: KnownRequests, *, off_ns: float) -> Signature:
     """Read a sample. `requests`: those of this bus, by which a damaged one is known again; `off_ns`: by how much silences
     may be wrong, infinite where nobody knows."""
@@ -146,7 +109,7 @@ def signature(sample: Sample, char_ns: float, requests: KnownRequests, *, off_ns
                          heard=strange, request=sample.request, most=_most(others, _APART_CHARS * char_ns + off_ns))  # fmt: skip
     burst, rest = _first_burst(sample.pieces, _APART_CHARS * char_ns + 5e6 + _SURELY * off_ns)
     every = b"".join(piece.data for piece in sample.pieces)
-    if not burst or _is_whole_in_pieces(sample, every):
+    if not burst or _is_whole_in_pieces(sample, every) or _asks_in_pieces(sample, every, requests):
         return Signature(AnswerDamage.NONE, due=sample.due)
     data = b"".join(piece.data for piece in burst)
     echoed = data.startswith(sample.request) and len(data) > len(sample.request)
@@ -185,6 +148,19 @@ def _is_whole_in_pieces(sample: Sample, data: bytes) -> bool:
     due = sample.due
     there = len(data) == due or (len(data) > due and len(sample.pieces) > 1)
     return there and crc16(data[:due]) == 0 and data.startswith(_header(sample.request))
+
+
+def held_ns(sample: Sample, requests: KnownRequests) -> int:
+    """The longest silence between pieces that make a whole frame: so long a tap held some of it back; 0 for none."""
+    data = b"".join(piece.data for piece in sample.pieces)
+    if len(sample.pieces) < 2 or not (_is_whole_in_pieces(sample, data) or _asks_in_pieces(sample, data, requests)):
+        return 0
+    return max(two.t_start - one.t_end for one, two in pairwise(sample.pieces))
+
+
+def _asks_in_pieces(sample: Sample, data: bytes, requests: KnownRequests) -> bool:
+    """Whether these bytes are a request and no answer at all, the same again or another, which a tap handed over in pieces."""
+    return len(sample.pieces) > 1 and crc16(data) == 0 and (data == sample.request or requests.begin(data, sample.unit))
 
 
 def known_header(request: bytes) -> bytes:

@@ -39,7 +39,8 @@ class TimeGrid(TimeBins):
 @dataclass(slots=True)
 class Spell:
     """Consecutive exchanges that ended alike: first and last time (ns), how many; the times of the exchanges before and
-    behind them, None where there was none; `doubtful`: how many among them of which nobody knows."""
+    behind them, None where there was none; `doubtful`: how many among them of which nobody knows; `visits`: how many of
+    them repeat no request."""
 
     begin: int
     end: int
@@ -47,6 +48,7 @@ class Spell:
     after: int | None = None
     before: int | None = None
     doubtful: int = 0
+    visits: int = 0
 
     @property
     def is_sure(self) -> bool:
@@ -70,13 +72,21 @@ class Spells:
         """The next exchanges, the newest of which was then, ended otherwise; none goes on."""
         self._well = time
 
-    def add(self, hits: NDArray[np.bool_], times: NDArray[np.int64], doubtful: NDArray[np.bool_] | None = None) -> None:
-        """The next exchanges: whether each ended so, and when; doubtful ones end no run and make none longer."""
+    def add(
+        self,
+        hits: NDArray[np.bool_],
+        times: NDArray[np.int64],
+        doubtful: NDArray[np.bool_] | None = None,
+        repeats: NDArray[np.bool_] | None = None,
+    ) -> None:
+        """The next exchanges: whether each ended so, and when; doubtful ones end no run and make none longer. `repeats`:
+        those that are asked once more."""
         seen = np.full(len(hits), self._doubtful)
+        first = np.ones(len(hits), np.int64) if repeats is None else (~repeats).astype(np.int64)
         if doubtful is not None and doubtful.any():
             seen += doubtful.cumsum()
             self._doubtful, known = int(seen[-1]), ~doubtful
-            hits, times, seen = hits[known], times[known], seen[known]
+            hits, times, seen, first = hits[known], times[known], seen[known], first[known]
         if not len(hits):
             return
         if self._open is not None and not hits[0]:
@@ -88,6 +98,7 @@ class Spells:
                 after = int(times[begin - 1]) if begin else self._well
                 self._open, self._seen = Spell(int(times[begin]), 0, 0, after), int(seen[begin])
             self._open.end, self._open.count = int(times[end - 1]), self._open.count + end - begin
+            self._open.visits += int(first[begin:end].sum())
             self._open.doubtful = int(seen[end - 1]) - self._seen
             if end < len(hits):
                 self._open.before = int(times[end])

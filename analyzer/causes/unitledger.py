@@ -40,6 +40,7 @@ class UnitLedger:
         self.redundant = Thinned()  # ns, delays of good answers whose request the master repeats all the same
         self.heeded = Thinned()  # and of those whose request it does not repeat
         self.redundant_pauses = Thinned()  # ns, from the end of such an answer to the request's repetition
+        self.last_pauses = Thinned()  # ns, from the end of a good answer to the last repetition to what is asked then
         self.redundant_turns = Thinned()  # ns, from their requests to the repetition, of the same
         self.pauses = Thinned()  # ns, from its good answers to the next request
         self.turns = Thinned()  # ns, from a request that is well answered to the next one
@@ -48,7 +49,7 @@ class UnitLedger:
         self.called = 0  # broadcasts that it answered, by its own address
         self.behind = 0  # good answers with something behind them before the next request
         self.first_answer: int | None = None
-        self.last_answer: int | None = None
+        self.first_again: int | None = None  # the first of its good answers whose request is repeated all the same
         self.first = 0  # ns or bytes: `Ledger.axis`
         self.last = 0
         self.delays = Thinned()  # ns
@@ -59,6 +60,7 @@ class UnitLedger:
         self.holes = Thinned()  # ns, the longest silence inside an answer
         self.hole_places: Counter[int] = Counter()
         self.silences = Spells()
+        self.silences_but_echoes = Spells()  # as if there were no answers that are their request once more
         self.refusals = Spells()
         self.busy = 0
         self.samples = Samples()  # without a good answer
@@ -100,13 +102,17 @@ class UnitLedger:
         if every:
             if self.first_answer is None:
                 self.first_answer = int(times[np.argmax(good)])
-            self.last_answer = int(times[len(good) - 1 - np.argmax(good[::-1])])
-            self._add_answers(mine if every == len(mine) else mine[good], timed=timed, hole_ns=hole_ns)
-        if counts[_SILENT] or counts[_GARBAGE] or self.silences.is_open:
+            whole = every == len(mine)
+            self._add_answers(
+                mine if whole else mine[good], times if whole else times[good], timed=timed, hole_ns=hole_ns
+            )
+        if counts[_SILENT] or counts[_GARBAGE] or self.silences_but_echoes.is_open:
             heard = outcome != _UNHEARD  # an answer that nobody could hear ends no silence
-            self.silences.add(outcome[heard] == _SILENT, times[heard], outcome[heard] == _GARBAGE)
+            _count_silences(self.silences, mine, times, heard)
+            _count_silences(self.silences_but_echoes, mine, times, heard & ~_are_echoes(mine))
         elif every:
             self.silences.pass_over(int(times[-1]))
+            self.silences_but_echoes.pass_over(int(times[-1]))
         if counts[_EXCEPTION] or self.refusals.is_open:
             busy = BUSY[mine.exception]
             self.busy += int(np.count_nonzero(busy))
@@ -120,12 +126,14 @@ class UnitLedger:
             self.quiet_waits.add(waits[silent & (mine.late == 0) & (mine.strays == 0) & ~echo])
             self.garbage_waits.add(waits[known & (outcome == _GARBAGE)])
 
-    def _add_answers(self, good: Exchanges, *, timed: bool, hole_ns: float) -> None:
+    def _add_answers(self, good: Exchanges, times: NDArray[np.int64], *, timed: bool, hole_ns: float) -> None:
         delays, noise, strays = good.delay, good.noise, good.strays
         known, again = delays >= 0, good.next_same
         self.delays.add(delays[known])
         if again.any():
             self.redundant.add(delays[known & again])
+            if self.first_again is None:
+                self.first_again = int(times[np.argmax(again)])
         self.heeded.add(delays[known & ~again])
         alone = (noise == 0) & (strays == 0)
         self.behind += len(good) - int(np.count_nonzero(alone))
@@ -137,13 +145,14 @@ class UnitLedger:
             if again.any():
                 self.redundant_pauses.add((t_next - good.t_answered)[followed & again])
                 self.redundant_turns.add((t_next - good.t_asked)[followed & again])
+            if good.repeats.any():
+                self.last_pauses.add((t_next - good.t_answered)[followed & good.repeats & ~again])
         marks = good.marks
         if marks.any():
             self.marked += int(np.count_nonzero(marks))
             self.marked_bytes += int(marks.sum())
-        echoes = ECHOED[good.function]
+        echoes = _are_echoes(good)
         if echoes.any():
-            echoes &= (good.exception == 0) & (good.answer_bytes == good.asked_bytes)
             self.echoes += int(np.count_nonzero(echoes))
             self.echo_delays.add(delays[known & echoes])
         gaps, holes = good.answer_gap, good.hole
@@ -152,3 +161,15 @@ class UnitLedger:
         long = holes > hole_ns
         if long.any():
             self.hole_places.update(good.hole_at[long].tolist())
+
+
+def _are_echoes(mine: Exchanges) -> NDArray[np.bool_]:
+    """Which exchanges are answered by what reads like their request once more."""
+    found: NDArray[np.bool_] = ECHOED[mine.function] & (mine.outcome == _OK) & (mine.answer_bytes == mine.asked_bytes)
+    return found
+
+
+def _count_silences(spells: Spells, mine: Exchanges, times: NDArray[np.int64], counted: NDArray[np.bool_]) -> None:
+    """Those of these exchanges that count, into spells of silence."""
+    outcome = mine.outcome[counted]
+    spells.add(outcome == _SILENT, times[counted], outcome == _GARBAGE, mine.repeats[counted])

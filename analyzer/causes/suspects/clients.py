@@ -19,6 +19,7 @@ from ..hits import (
     given_up_by_timer,
     interrupted,
     is_about_one,
+    is_one_units,
     late_of_any,
     requests_evenness_bits,
     spells_of_hits,
@@ -43,6 +44,9 @@ _RUN_INTO: Final = ("crossed", "cut", "cut-short")  # as a request that is sent 
 _ON_FRAMES: Final = 0.93  # of what collides
 _TOO_SOON: Final = 0.9  # of t3.5
 _MOSTLY: Final = 0.5
+_NEARLY_ALL: Final = 0.8
+_ALONE_BITS: Final = 12.0
+_SEVERAL: Final = 4  # units: of fewer another master may well ask one alone
 _OFTEN: Final = 0.3
 _BUSY: Final = 0.75  # of the line's time
 _BUSY_SILENT: Final = 0.6  # where the silences that are due take the rest,
@@ -80,7 +84,9 @@ def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
     late = late_of_any(evidence)
     by_timer = [unit for unit in units if unit.late and given_up_by_timer(evidence, unit)]
     others = [unit for unit in units if unit not in by_timer]  # what is late of these is not the timer's
-    sure = sum(early.values()) >= _MET or late - max((unit.late for unit in others), default=0) >= _LEAST
+    spread = sum(early.values()) - max(early.values(), default=0) >= _MET or not is_one_units(evidence)
+    sure = sum(early.values()) >= _MET and spread  # two answers to one unit's requests drive a master on as well
+    sure = sure or late - max((unit.late for unit in others), default=0) >= _LEAST
     if not evidence.ordered or broadcasts_answered(evidence) or (is_about_one(evidence) and not sure):
         return
     if any(answers_too_many(evidence, unit) for unit in units):
@@ -101,7 +107,7 @@ def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
     crossed = hasty + late + requests + damaged * sent_into
     hits = min(hasty + late + behind + damaged, evidence.ledger.exchanges)
     unlike = min(evenness_bits(evidence), requests_evenness_bits(evidence)) < -_UNLIKE_BITS
-    few = not sure and (len(hit) < min(2, len(units)) or unlike or _twice(evidence))
+    few = not sure and (len(hit) < min(2, len(units)) or unlike or _twice(evidence) or _is_one_late(evidence))
     if few or crossed < _LEAST or crossed < 0.4 * hits or not hasty + late + requests:
         return
     met = min(overlaid(readings), sum(kind_of(each) in _RUN_INTO for each in readings))
@@ -111,9 +117,12 @@ def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
     bits += overlaid(readings) + 2 * (hasty + late) + likelihood_bits(damaged + requests, damaged + behind, _ON_FRAMES)
     bits -= likelihood_bits(damaged + requests, damaged + behind, 0.5)
     bits += evenness_bits(evidence) / 2  # two cycles meet where they do, yet not at one unit only
+    spells = spells_of_hits(evidence)[0]
+    bits += (
+        spells if sure else -spells
+    )  # one of them comes later, or goes; of what is not seen two polls go on as they do
     if sure:  # no single master cuts short what it asked, whatever disturbs the line
         bits += _CUT_SHORT_BITS * sum(early.values())
-        bits += spells_of_hits(evidence)[0]  # one of them comes later, or goes
     costs = [evidence.cost(unit, Ending.SILENT, Ending.GARBAGE) for unit in units]
     known = [ms for _, ms in costs if ms is not None]
     kinds = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.LATENESS, Symptom.SILENCE, Symptom.DOUBLES, Symptom.MARKS)
@@ -132,6 +141,21 @@ def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
         lost_ms=round(sum(known), 3) if known else None,
         frames=tuple(index for unit in hit for index in unit.examples.get(Ending.GARBAGE, []))[:6],
     )
+
+
+def _is_one_late(evidence: Evidence) -> bool:
+    """Whether one unit alone stays silent, more than its share, and what is heard in the place of others' answers and
+    behind them begins as its answers do: it is late. Two masters leave all units silent."""
+    begun = evidence.begun.most_common(1)
+    if not begun or len(evidence.units) < _SEVERAL or begun[0][1] < max(_LEAST, _NEARLY_ALL * evidence.begun.total()):
+        return False
+    late = evidence.ledger.units[begun[0][0]]
+    silent, asked = (
+        sum(unit.count(Ending.SILENT) for unit in evidence.units),
+        sum(unit.asked for unit in evidence.units),
+    )
+    mine = late.count(Ending.SILENT)
+    return mine >= _NEARLY_ALL * silent and surplus_bits(mine, silent, late.asked / asked) >= _ALONE_BITS
 
 
 def _twice(evidence: Evidence) -> bool:

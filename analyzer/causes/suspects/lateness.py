@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...diagnosis.tap_clock import UNKNOWN
 from ...tables.findings import Severity
-from ..askedagain import asked_again_behind, asked_again_into
+from ..askedagain import asked_again_behind, asked_again_into, waits_longer
 from ..bits import likelihood_bits, strays, surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, kind_of
 from ..exchanges import Ending
@@ -286,7 +286,7 @@ def _redundant(evidence: Evidence, unit: UnitLedger) -> Slow:
     again, heeded = np.sort(unit.redundant.numbers), np.sort(unit.heeded.numbers)
     if len(again) < _LEAST or not len(heeded):
         return Slow()
-    if not _sooner(evidence, unit) and not _repeated_by_timer(unit):
+    if (not _sooner(evidence, unit) and not _repeated_by_timer(unit)) or waits_longer(evidence, unit, 1.0):
         return Slow()
     best = Slow()
     most = _SURE_BITS

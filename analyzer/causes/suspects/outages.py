@@ -47,7 +47,7 @@ def silent_together(evidence: Evidence) -> list[list[Outage]]:
     """Outages of the bus, those of about the same units together."""
     ledger = evidence.ledger
     spells = {
-        unit.unit: unit.silences.all
+        unit.unit: evidence.silences(unit).all
         for unit in evidence.units
         if unit.answered and evidence.silent(unit) and not only_repeats(unit)
     }

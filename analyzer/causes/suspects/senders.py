@@ -25,6 +25,7 @@ from ..unitledger import UnitLedger
 _LEAST: Final = 3
 _MOSTLY: Final = 0.5
 _OFTEN: Final = 0.2
+_TWO_RIGHT: Final = 0.001  # of requests: no noise makes a second answer whose check value is right
 _SHORT: Final = 0.8  # of what is due: two answers that overlap are no shorter than one,
 _SHORT_BITS: Final = 2.0  # but where the receiver falls out of step
 
@@ -79,6 +80,9 @@ _BYTE: Final = 8.0
 _CHECKED: Final = 16.0
 _RUN_INTO_BITS: Final = 20.0
 _BEGINNING: Final = 3  # bytes of garbage that count
+_FEWER: Final = 0.6
+_CHARACTER_BITS: Final = 12
+_BEFORE_BITS: Final = 4.0
 _LOST_BITS: Final = 24  # more than two characters
 _SPREAD: Final = (0.88, 1.12)  # of the delay, from answer to answer
 _MISSED: Final = 2.0  # bits against it, where garbage begins otherwise
@@ -102,7 +106,10 @@ def _head(_: Evidence, __: UnitLedger, readings: list[Signature]) -> Mapping[str
 )
 def driver_enabled_late(evidence: Evidence) -> Iterator[Suspicion]:
     """AnswerDamage at the head of one sender's frames."""
-    yield from damage_suspicions(evidence, {"head": 0.85, "whole": 0.06, "middle": 0.03}, ("head",), _head)
+    for found in damage_suspicions(evidence, {"head": 0.85, "whole": 0.06, "middle": 0.03}, ("head",), _head):
+        bits = found.bits - _BEFORE_BITS * _begun_before(evidence, evidence.ledger.units[found.units[0]])
+        if bits > 0:
+            yield replace(found, bits=bits)
     for unit in evidence.units:
         readings = evidence.readings(unit)
         if len(readings) >= _LEAST and share_of(readings, "head") < _MOSTLY:
@@ -112,11 +119,31 @@ def driver_enabled_late(evidence: Evidence) -> Iterator[Suspicion]:
                 yield damage_suspicion(evidence, unit, bits, {"bytes": 1})
 
 
+def _begun_before(evidence: Evidence, unit: UnitLedger) -> int:
+    """How many damaged answers have their first byte as if it had begun some bits too soon, and all their bytes: another
+    transmitter's start was heard before. A driver that is late begins none sooner."""
+    found = 0
+    for each in evidence.readings(unit):
+        header = known_header(each.request)
+        if len(header) < 2 or len(each.heard) < 2:
+            continue
+        first = each.heard[0]
+        if each.length == each.due and first != header[0] and each.heard[1:2] == header[1:2]:
+            sooner = any(first >> bits == header[0] & 0xFF >> bits for bits in range(1, 8))
+            late = {beheaded(header, lost, each_format)[:1] for each_format in formats_of(evidence.ledger.line)
+                    for lost in range(1, _CHARACTER_BITS)}  # fmt: skip
+            found += sooner and bytes((first,)) not in late
+    return found
+
+
 def _out_of_step(evidence: Evidence, unit: UnitLedger) -> float:
     """Bits for garbage that begins as a known header does whose first bits are missing, nearly the same number each
     time: its receiver is out of step from there on."""
+    readings = evidence.readings(unit)
+    if readings and sum(each.length < _FEWER * each.due for each in readings) > _MOSTLY * len(readings):
+        return 0.0  # what is out of step is heard a byte a byte
     heard: dict[bytes, Counter[bytes]] = defaultdict(Counter)  # by what was to be sent
-    for each in evidence.readings(unit):
+    for each in readings:
         heard[known_header(each.request)][each.heard[:_BEGINNING]] += 1
     best = 0.0
     for receiver in formats_of(evidence.ledger.line):
@@ -222,7 +249,8 @@ def duplicate_address(evidence: Evidence) -> Iterator[Suspicion]:
     """Overlap, or two answers, for one unit alone."""
     for unit in evidence.units:
         readings, too_many = evidence.readings(unit), answers_too_many(evidence, unit)
-        if (_are_of_others(evidence, readings) or _are_of_others(evidence, _not_next(evidence, unit))) and not too_many:
+        behind = _are_of_others(evidence, _not_next(evidence, unit), len(evidence.followed(unit)))
+        if (_are_of_others(evidence, readings, len(readings)) or behind) and not too_many:
             continue  # another unit is still answering when this one is asked
         doubles = unit.doubles if evidence.is_open(Symptom.DOUBLES, unit.unit) else 0
         doubles = max(doubles, round(evidence.behind(unit, Behind.ANSWER)))
@@ -231,20 +259,25 @@ def duplicate_address(evidence: Evidence) -> Iterator[Suspicion]:
         crossed = round(crossed) if doubles >= _LEAST or (len(readings) >= _LEAST and crossed >= _LEAST) else 0
         if doubles <= 1.2 * evidence.unanswered(unit):
             doubles = 0
+        if evidence.verdict.fine and not unit.count(Ending.SILENT):  # one that is late leaves silence before
+            doubles += min(unit.unfit, doubles)
+            rarely = _TWO_RIGHT
+        else:
+            rarely = HEALTHY
         tails = round(evidence.tails(unit))
         crossed = max(crossed, tails)
         doubles = max(doubles, too_many)
         rest = [other for other in evidence.units if other is not unit]
         noisy = sum(evidence.behind(other, Behind.REQUEST, Behind.NOISE) for other in rest)
         background = max(HEALTHY, (noisy + 0.5) / (sum(other.answered for other in rest) + 50))
-        bits = surplus_bits(min(doubles, unit.asked), unit.asked, HEALTHY)
+        bits = surplus_bits(min(doubles, unit.asked), unit.asked, rarely)
         bits += surplus_bits(min(crossed, unit.asked), unit.asked, background)
         if len(readings) >= _LEAST:
             kinds = kind_bits(readings, _MIXED)
             if crossed >= _LEAST:  # the weaker one begins first, and may be heard behind the other
                 kinds = max(kinds, kind_bits(readings, _OVERTAKEN))
             bits += evidence.surplus(unit) + kinds
-            bits -= _SHORT_BITS * _shortened(readings)
+            bits += _BEFORE_BITS * _begun_before(evidence, unit) - _SHORT_BITS * _shortened(readings)
         run_into = _run_into(evidence, unit) if doubles >= _LEAST else _answered_again(evidence, unit)
         if bits + sum(run_into.values()) <= 0 or (not run_into and doubles + tails + len(readings) < _LEAST):
             continue
@@ -280,16 +313,21 @@ def _run_into(evidence: Evidence, unit: UnitLedger) -> Mapping[int, float]:
     return found
 
 
-def _are_of_others(evidence: Evidence, readings: Sequence[Signature]) -> bool:
-    """Whether some of these bytes begin as the answers of another unit do."""
+def _are_of_others(evidence: Evidence, readings: Sequence[Signature], every: int) -> bool:
+    """Whether some of these bytes begin as the answers of another unit do; `every`: of how many."""
     found = sum(evidence.begun_by(reading) is not None for reading in readings)
-    return found >= max(_LEAST, _OFTEN * len(readings))
+    return found >= max(_LEAST, _OFTEN * every)
 
 
 def _not_next(evidence: Evidence, unit: UnitLedger) -> list[Signature]:
-    """What stands behind good answers of a unit and does not begin by the number of the unit that is asked next."""
+    """What stands behind good answers of a unit and does not begin by the number of the unit that is asked next, nor as
+    another request that something ran into."""
     pairs = zip(unit.followed.kept, evidence.followed(unit), strict=False)
-    return [each for sample, each in pairs if each.heard[:1] != bytes((max(sample.next_unit, 0),))]
+    return [
+        each
+        for sample, each in pairs
+        if each.heard[:1] != bytes((max(sample.next_unit, 0),)) and not evidence.requests.begin(each.heard, unit.unit)
+    ]
 
 
 def _answered_again(evidence: Evidence, unit: UnitLedger) -> Mapping[int, float]:

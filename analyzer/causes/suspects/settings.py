@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Mapping, Sequence, Set
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from math import log2
+from statistics import median
 from typing import Any, Final
 
 from ...tables.findings import Severity
+from ..askedagain import waits_longer
 from ..bits import surplus_bits
 from ..evidence import HEALTHY, Evidence, kind_bits, share_of
 from ..exchanges import Ending
 from ..misreading import CharacterFormat, drifts, formats_of, misread, other_formats, samples, whole_by_another_clock
+from ..polls import Poll
 from ..registry import Suspicion, Symptom, suspect
+from ..samples import READ_REQUEST
 from ..signatures import Signature, known_header
 from ..unitledger import UnitLedger
 from .senders import damage_suspicion
@@ -26,6 +30,7 @@ _SAME, _OTHER = log2(0.96 / 0.5), log2(0.04 / 0.5)  # bits: garbage that is like
 _EXPECTED: Final = {"whole": 0.83, "middle": 0.06, "cut": 0.03, "long": 0.03, "head": 0.02}
 _DRIFTED: Final = {"whole": 0.25, "middle": 0.55, "bits": 0.1, "cut": 0.03, "long": 0.03, "head": 0.04}
 _MOSTLY: Final = 0.6
+_BEGINS_RIGHT: Final = 6.0  # bits
 _SHORT: Final = 32  # bytes of which each may have been two
 _TRIED: Final = 12
 _A_CLOCK: Final = "a clock that is off"
@@ -36,6 +41,9 @@ _LEAST_ASKED: Final = 6
 _SEVERAL: Final = 2  # polls: one alone may be asked more often than the others on purpose
 _NEARLY_ALL: Final = 0.9
 _REPEATED: Final = (0.4, 0.85)  # of the requests of each poll
+_AS_LONG: Final = 0.95
+_LATER: Final = 1.05
+_AGAIN: Final = 1.5  # times a visit
 _HOLE_CHARS: Final = 2.0
 _MOST_REFUSED: Final = 90.0
 
@@ -64,6 +72,8 @@ def unit_line_settings(evidence: Evidence) -> Iterator[Suspicion]:
             if clock[0] > bits:
                 bits, drift = clock
                 words, kinds = _A_CLOCK, max(kinds, kind_bits(readings, _DRIFTED))
+            if not bits and _begin_right(readings) >= _MOSTLY:
+                bits -= _BEGINS_RIGHT  # what garbles an answer garbles its first byte as well, but for few settings
             bits += evidence.surplus(unit) + kinds + _steadiness(evidence, unit)
             if bits > 0:
                 yield damage_suspicion(evidence, unit, bits, {"settings": words, "drift": drift, "how": _GARBAGE})
@@ -103,6 +113,11 @@ def _by_clock(evidence: Evidence, readings: Sequence[Signature]) -> tuple[float,
     return best
 
 
+def _begin_right(readings: Sequence[Signature]) -> float:
+    """The share of damaged answers whose first byte is as it must be."""
+    return sum(each.heard[:1] == known_header(each.request)[:1] for each in readings) / len(readings)
+
+
 def _seven_bits(readings: Sequence[Signature]) -> float:
     """How much likelier it is that the highest bit of each byte is the parity of the others, each byte taken once."""
     odd = [byte.bit_count() & 1 for byte in set(b"".join(reading.heard for reading in readings))]
@@ -123,22 +138,21 @@ def _match(
 
 def _steadiness(evidence: Evidence, unit: UnitLedger) -> float:
     """Whether the same poll gives the same garbage each time, as far as its header goes."""
-    polls: dict[int, list[bytes]] = defaultdict(list)
-    for sample in unit.samples.kept:
-        if sample.outcome == Ending.GARBAGE:
-            polls[sample.poll].append(b"".join(piece.data for piece in sample.pieces)[:2])
-    numbers = {bytes((each.unit,)) for each in evidence.units}
-    return sum(_alike(heads, numbers) for heads in polls.values())
+    polls: dict[bytes, list[Signature]] = defaultdict(list)
+    for each in evidence.readings(unit):
+        polls[each.request].append(each)
+    return sum(map(_alike, polls.values()))
 
 
-def _alike(heads: Sequence[bytes], numbers: Set[bytes]) -> float:
-    """The same by one byte or by two; by one only where that is no unit's number, which is no garbage."""
-    found = []
-    for count in (1, 2):
-        common, times = Counter(head[:count] for head in heads).most_common(1)[0]
-        if common not in numbers:
-            found.append((times - 1) * _SAME + (len(heads) - times) * _OTHER)
-    return max(found, default=0.0)
+def _alike(readings: Sequence[Signature]) -> float:
+    """The garbage of one poll by its first bytes: as many as come of the header alone, which by a faster sender are fewer.
+    That a header is right tells nothing, for it is so where two mix, too."""
+    header = known_header(readings[0].request)[:_MOST_BYTES]
+    length, due = median(each.length for each in readings), max(each.due for each in readings)
+    count = max(min(round(len(header) * length / max(due, 1)), len(header)), 1)
+    common, times = Counter(each.heard[:count] for each in readings).most_common(1)[0]
+    same = 0.0 if common == header[:count] else _SAME
+    return (times - 1) * same + (len(readings) - times) * _OTHER
 
 
 def _marked(evidence: Evidence, unit: UnitLedger) -> Iterator[Suspicion]:
@@ -175,13 +189,40 @@ def _marks_all(evidence: Evidence, unit: UnitLedger, others: Sequence[UnitLedger
     return marked >= _ABOUT_AS * own * answered > 0 or asked > _ABOUT_AS * own * requests
 
 
+def _waits_on(evidence: Evidence, unit: UnitLedger, polls: Sequence[Poll]) -> bool:
+    """Whether the master waits on behind answers of a unit, far longer than it pauses elsewhere, and then repeats what it
+    asked: it does not take them. Not told of one poll repeated once, which a list may hold at its beginning and its end,
+    unless that begins in the midst."""
+    if len(unit.redundant_pauses) < _LEAST_ASKED or unit.first_again is None or not waits_longer(evidence, unit):
+        return False
+    waited, last = unit.redundant_pauses.quantile(0.5), unit.last_pauses.quantile(0.5)
+    if waited is None or last is None or len(unit.last_pauses) < _LEAST or last < _AS_LONG * waited:
+        return False  # a poll that has a timer of its own does not keep others waiting for as long
+    if any(poll.repeats > _REPEATED[1] * poll.asked for poll in polls):
+        return False
+    if unit.first_again - unit.first > unit.last - unit.first_again:
+        return True
+    several = len(polls) >= _SEVERAL and all(poll.repeats >= _SEVERAL for poll in polls)
+    again = sum(poll.repeats for poll in polls) >= _AGAIN * sum(poll.asked - poll.repeats for poll in polls)
+    turn = (unit.redundant_turns.quantile(0.5) or 0.0) + READ_REQUEST * evidence.ledger.char_ns
+    return (several or again) and all(_goes_round(poll, turn) for poll in polls)
+
+
+def _goes_round(poll: Poll, turn_ns: float) -> bool:
+    """Whether a poll comes back later than so often a turn: the master asks others between. One with a timer of its own
+    comes back in step, whoever is asked between."""
+    visits = max(poll.asked - poll.repeats, 1)
+    return len(poll.intervals) > 0 and float(poll.intervals.mean()) >= _LATER * turn_ns * poll.asked / visits
+
+
 def _refused(evidence: Evidence, unit: UnitLedger) -> Iterator[Suspicion]:
     """Answers that are well, as far as the tap tells, and whose requests the master repeats all the same: each of several
-    polls so many times, and those of no other unit. A tap that marks no parity errors hears them so."""
+    polls so many times, or by its timer, and those of no other unit. A tap that marks no parity errors hears them so."""
     polls = [poll for poll in evidence.polls_of(unit.unit) if poll.asked >= _LEAST_ASKED]
-    if len(polls) < _SEVERAL or not all(
+    always = len(polls) >= _SEVERAL and all(
         _REPEATED[0] * poll.asked <= poll.repeats <= _REPEATED[1] * poll.asked for poll in polls
-    ):
+    )
+    if not polls or not (always or _waits_on(evidence, unit, polls)):
         return
     others = [poll for poll in evidence.polls if poll.unit not in (0, unit.unit)]
     repeats, asked = sum(poll.repeats for poll in polls), sum(poll.asked for poll in polls)

@@ -8,6 +8,7 @@ from statistics import median
 from typing import Final
 
 from ...tables.findings import Severity
+from ...tables.transactions import ECHOED
 from ..bits import clustering_bits, regularity_bits, surplus_bits
 from ..evidence import Evidence
 from ..exchanges import Ending
@@ -20,7 +21,7 @@ from ..unitledger import UnitLedger
 _LEAST: Final = 5  # requests without an answer
 _LEAST_OF_SEVERAL: Final = 3
 _STRAY_BYTES: Final = 2
-_STRAYS: Final = 0.05  # of requests: bytes that may be noise, not answers
+_STRAYS: Final = 0.05  # of requests, or as often as others are hit: bytes that may be noise, not answers
 _BACKGROUND: Final = 0.02
 _MANY_TRIES: Final = 4.5  # a poll
 _SPELL: Final = 3  # requests in a row
@@ -28,12 +29,14 @@ _PAIR: Final = 2  # and of those, more than retries, where so long is between th
 _PAIR_TIMEOUTS: Final = 3
 _TO_THE_END: Final = 8
 _END_SHARE: Final = 0.1  # of the capture
-_LONG_SPELL: Final = 12  # requests
+_LONG_SPELL: Final = 12  # requests,
+_VISITS_IN_VAIN: Final = 4  # or so many times that the master came back to it: what is lost once is not asked for anew
 _AS_LATE: Final = 0.95
 _SILENT_FOR_ECHO: Final = 5
 _ALL: Final = 0.5
 _NO_ANSWER_BEHIND: Final = 11  # the exception by which a gateway says that its target failed to respond
 _NEARLY_ALL: Final = 0.95
+_HARDLY: Final = 0.25  # of what would be so by chance
 _SCAN: Final = 8  # units
 _VISITS: Final = 2
 _VISIT: Final = 0.05  # of the capture
@@ -51,7 +54,7 @@ def _never(evidence: Evidence) -> list[UnitLedger]:
         and (not unit.answered or only_repeats(unit))
         and not unit.strays
         and not unit.late
-        and _answering(evidence, unit) <= _STRAYS * unit.asked
+        and _answering(evidence, unit) <= max(_STRAYS, evidence.elsewhere(unit)) * unit.asked
     ]
     return found if len(found) > 1 else [unit for unit in found if evidence.silent(unit) >= _LEAST]
 
@@ -60,7 +63,9 @@ def _answering(evidence: Evidence, unit: UnitLedger) -> float:
     """About how many damaged answers of a unit may be its: not those of a byte or two, nor the master's next request."""
     readings = evidence.readings(unit)
     own = [each for each in readings if each.damage is not AnswerDamage.CROSSED and each.length > _STRAY_BYTES]
-    return unit.count(Ending.GARBAGE) * (len(own) / len(readings) if readings else 1)
+    told = evidence.ordered and evidence.is_open(Symptom.DAMAGE, unit.unit)
+    count = evidence.damaged(unit) if told else unit.count(Ending.GARBAGE)
+    return count * (len(own) / len(readings) if readings else 1)
 
 
 def _scanned(evidence: Evidence) -> frozenset[int]:
@@ -99,14 +104,15 @@ def only_repeats(unit: UnitLedger) -> bool:
 
 def _died(evidence: Evidence, unit: UnitLedger) -> int | None:
     """Since when a unit that did answer has been silent to the end."""
-    spell = unit.silences.lasting
+    spells = evidence.silences(unit)
+    spell = spells.lasting
     if spell is None or not unit.answered or not evidence.silent(unit) or only_repeats(unit):
         return None
-    before = max((each.count for each in unit.silences.all if each is not spell), default=0)
+    before = max((each.count for each in spells.all if each is not spell), default=0)
     span = evidence.ledger.grid.width_ns * 256 if not evidence.ledger.timed else evidence.ledger.span_ns
-    since = spell.begin if unit.last_answer is None else unit.last_answer  # its silence begins behind its last answer
+    since = spell.begin if spell.after is None else spell.after  # its silence begins behind its last answer
     lasted = (evidence.ledger.end - since if evidence.ledger.timed else spell.end - spell.begin) / max(span, 1)
-    long = lasted >= _END_SHARE or spell.count >= _LONG_SPELL
+    long = lasted >= _END_SHARE or spell.count >= _LONG_SPELL or spell.visits >= _VISITS_IN_VAIN
     return spell.begin if long and spell.count >= max(_TO_THE_END, 3 * before) else None
 
 
@@ -176,7 +182,7 @@ def _excused(evidence: Evidence, unit: UnitLedger) -> Iterator[Suspicion]:
 def _silence(evidence: Evidence, unit: UnitLedger, since: int | None) -> Suspicion:
     others = [other for other in evidence.units if other.unit != unit.unit]
     silent = evidence.silent(unit)
-    lasting = unit.silences.lasting
+    lasting = evidence.silences(unit).lasting
     bits = silence_bits(silent, unit.asked)
     if since is not None and lasting is not None:
         silent, bits = lasting.count, silence_bits(lasting.count, lasting.count)
@@ -291,10 +297,13 @@ def unit_restarts(evidence: Evidence) -> Iterator[Suspicion]:
     for unit in evidence.units:
         silent, spells = evidence.silent(unit), _spells(evidence, unit)
         inside = sum(each.count for each in spells)
+        if _are_second_answers(evidence, unit):
+            continue
         once = len(spells) == 1 and spells[0].count >= _TO_THE_END and spells[0].before is not None
         if (len(spells) < 2 and not once) or not unit.answered or inside < 0.6 * silent or inside < 2 * _SPELL:
             continue
-        runs = len(unit.silences.all) + unit.silences.single + unit.silences.more
+        silences = evidence.silences(unit)
+        runs = len(silences.all) + silences.single + silences.more
         begins = [each.begin for each in spells]
         lost, lost_ms = evidence.cost(unit, Ending.SILENT)
         timed = evidence.ledger.timed
@@ -304,7 +313,7 @@ def unit_restarts(evidence: Evidence) -> Iterator[Suspicion]:
             frozenset({(Symptom.SILENCE, unit.unit)}),
             {
                 "unit": unit.unit,
-                "spells": len(spells) + unit.silences.more,
+                "spells": len(spells) + silences.more,
                 "silent": silent,
                 "asked": unit.asked,
                 "length": median(each.end - each.begin for each in spells) / 1e9 if timed else 0.0,
@@ -320,6 +329,14 @@ def unit_restarts(evidence: Evidence) -> Iterator[Suspicion]:
         )
 
 
+def _are_second_answers(evidence: Evidence, unit: UnitLedger) -> bool:
+    """Whether next to no request is silent but such whose answer reads like it, though others are asked: of two answers
+    to one the second reads like a request that stayed without."""
+    polls = [poll for poll in evidence.polls_of(unit.unit) if not ECHOED[poll.function]]
+    asked, silent = sum(poll.asked for poll in polls), unit.count(Ending.SILENT)
+    return bool(asked) and evidence.unanswered(unit) < _HARDLY * silent * asked / unit.asked
+
+
 def is_spell(evidence: Evidence, spell: Spell) -> bool:
     """Whether a unit was silent for a while: to several requests, or to two that are no retry of one poll."""
     if spell.count >= _SPELL:
@@ -331,5 +348,7 @@ def is_spell(evidence: Evidence, spell: Spell) -> bool:
 def _spells(evidence: Evidence, unit: UnitLedger) -> list[Spell]:
     """When a unit was silent for a while; of two requests where nothing is ever asked again at once."""
     return [
-        each for each in unit.silences.all if is_spell(evidence, each) or (each.count == _PAIR and not unit.repeats)
+        each
+        for each in evidence.silences(unit).all
+        if is_spell(evidence, each) or (each.count == _PAIR and not unit.repeats)
     ]

@@ -14,6 +14,7 @@ from ..evidence import Evidence
 from ..registry import Suspicion, Symptom, suspect
 
 _FRAMES: Final = 20
+_FRAMES_MOVED: Final = 8  # right by their check values, of a function that its user has defined
 _BYTES: Final = 0.2
 _BITS: Final = 14.0  # a frame of another protocol, its check value right
 _ODD: Final = 0.6
@@ -37,7 +38,7 @@ def vendor_transfer(evidence: Evidence) -> Iterator[Suspicion]:
             int(ledger.functions[code]),
             int(ledger.function_bytes[code]) / max(ledger.right_bytes, 1),
         )
-        if frames < _FRAMES or part < _BYTES:
+        if frames < _FRAMES_MOVED or part < _BYTES:
             continue
         polls = [poll for poll in evidence.polls if poll.function == code]
         units = sorted({poll.unit for poll in polls}, key=lambda u: -sum(p.asked for p in polls if p.unit == u))
