@@ -20,7 +20,7 @@ from .tools import either_way
 MOST_JUDGED: Final = 4096  # bytes of one run that a judge is shown
 _LEAST: Final = 4  # bytes that can hold a check value
 _HEADED: Final = 6  # bytes for which the header of a frame speaks
-_PAIR_AND_BLANK: Final = 3  # characters
+_PAIR_AND_BLANKS: Final = (3, 4)  # characters
 _ENOUGH: Final = 0.5  # of a number's bytes that a check value must cover
 _AROUND: Final = " \t|<>"  # signs around the characters of a row
 _MARKED: Final = "\0marked"  # in place of the label, for all runs behind direction marks
@@ -133,7 +133,9 @@ def runs_in(line: TextLine, judge: ByteJudge, experience: Experience) -> list[By
         return []
     rows = {(entry.candidate.start, entry.candidate.shape) for entry in ranked if entry.candidate.offset is not None}
     ranked = [  # of a row of a dump the first byte is no word before the others
-        entry for entry in ranked if (entry.candidate.start - _PAIR_AND_BLANK, entry.candidate.shape) not in rows
+        entry
+        for entry in ranked
+        if not any((entry.candidate.start - pair, entry.candidate.shape) in rows for pair in _PAIR_AND_BLANKS)
     ]
     offsets = {entry.candidate.lead for entry in ranked if entry.candidate.offset is not None}
     ranked.sort(key=lambda entry: (entry.whole or entry.candidate.start not in offsets, *entry.rank), reverse=True)

@@ -251,11 +251,12 @@ class LineReader:
             if t_ns is not None:
                 self._heading = Heading(NONE, t_ns, line.fine, "", joins=True)
             return line
-        if self._dump.ends_with(rest):
+        if self._dump.ends_with(rest) or self._dump.shows(rest):
             line.quiet = True
             return line
         line_marks, line.runs = self._searched(rest)
-        if not any(run.level or run.checked for run in line.runs):
+        in_dump = self._dump.row is not None and bool(line.runs) and line.runs[0].offset is not None
+        if not in_dump and not any(run.level or run.checked for run in line.runs):
             self._as_heading(line, rest, line_marks)
             self._times = time_column(text) or self._times
         if is_ruler(rest.strip(" |\t").split()):

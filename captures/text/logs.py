@@ -304,9 +304,11 @@ def _contents(line: LogLine) -> Iterator[Piece | UnreadLine]:
         yield Piece(run.data, line.number, text, run.ascii, run.mark, line.t_ns, line.port, continues, envelope)
     if line.problem is not None:
         yield UnreadLine(line.number, text, line.problem, empty=line.problem.startswith("no bytes"))
-    for run in chosen:
-        if run.cut and line.problem is None:
-            yield UnreadLine(line.number, text, f"the text shows the first {len(run.data)} bytes only")
+    for i, run in enumerate(chosen):
+        if run.cut and line.problem is None and not (i and chosen[i - 1].cut):
+            more = i + 1 < len(chosen)
+            why = "leaves bytes out behind the first {}" if more else "shows the first {} bytes only"
+            yield UnreadLine(line.number, text, f"the text {why.format(len(run.data))}")
     if any(run.halved and not run.checked for run in chosen):
         yield UnreadLine(line.number, text, halves(line.clean) or "half a byte")
     elif line.problem is None:

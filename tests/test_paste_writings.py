@@ -1,0 +1,33 @@
+"""What stands beside bytes: signs that some are left out, values that look like a mail's escapes, numbers of lines."""
+
+from __future__ import annotations
+
+from paste_readings import bytes_read, frames_read
+
+from analyzer.paste import read
+
+ASKS, ANSWERS = "01 03 00 00 00 02 C4 0B", "01 03 04 00 11 00 22 2A 2F"
+
+
+def hexed(text: str) -> bytes:
+    return bytes.fromhex(text)
+
+
+def test_bytes_behind_those_that_are_left_out_are_read() -> None:
+    text = f"TX: {ASKS}\nRX: 01 03 14 00 00 00 01 ... 00 02 ... C4 20"
+    assert bytes_read(text) == hexed(ASKS + "01 03 14 00 00 00 01 00 02 C4 20")
+    assert [one.why for one in read(text).unread] == ["the text leaves bytes out behind the first 7"]
+    assert bytes_read(f"TX: {ASKS}\nRX: 01 03 14 00 00 … C4 20") == hexed(ASKS + "01 03 14 00 00 C4 20")
+    assert bytes_read(f"TX: {ASKS}\nRX: 01 03 14 00 00 ... 20 more bytes") == hexed(ASKS + "01 03 14 00 00")
+
+
+def test_a_value_at_a_lines_end_is_no_escape_of_a_mail() -> None:
+    frame = bytes.fromhex("01 10 00 10 00 03 06 00 9A 00 00 00 00 BF 09")
+    assert bytes_read("TX: 01 10 00 10 00 03 06 00 9A 00 00 00 00 CRCL=BF CRCH=09") == frame
+    assert bytes_read(f"Sent =3D {ASKS}=20") == hexed(ASKS)
+
+
+def test_numbers_of_lines_need_neighbours_that_count_on() -> None:
+    both = [("request", hexed(ASKS).hex()), ("response", hexed(ANSWERS).hex())]
+    assert frames_read(f"  41 {ASKS}\n  42 {ANSWERS}") == both
+    assert bytes_read(f"  41 {ASKS}\n  44 {ANSWERS}") == b"\x41" + hexed(ASKS) + b"\x44" + hexed(ANSWERS)
