@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from paste_readings import bytes_read, frames_read
 
-from analyzer.paste import read
+import captures
+from analyzer.analysis import Analysis
+from analyzer.paste import judge, read
+from analyzer.tables.schema import Kind
 
 ASKS, ANSWERS = "01 03 00 00 00 02 C4 0B", "01 03 04 00 11 00 22 2A 2F"
 
@@ -31,3 +36,20 @@ def test_numbers_of_lines_need_neighbours_that_count_on() -> None:
     both = [("request", hexed(ASKS).hex()), ("response", hexed(ANSWERS).hex())]
     assert frames_read(f"  41 {ASKS}\n  42 {ANSWERS}") == both
     assert bytes_read(f"  41 {ASKS}\n  44 {ANSWERS}") == b"\x41" + hexed(ASKS) + b"\x44" + hexed(ANSWERS)
+
+
+def test_nobody_answers_himself(tmp_path: Path) -> None:
+    """A log of one side's writes has no answers, of the other no requests; where a sniffer marks both alike it has."""
+    write = "01 06 00 01 00 07 99 C8"
+    for text, roles in (
+        (f"TX: {write}\nTX: {write}", ["request", "request"]),
+        (f"RX: {write}\nRX: {write}", ["response", "response"]),
+        (f"TX: {write}\nTX: {write}\nRX: {write}\nTX: {ASKS}", ["request", "request", "response", "request"]),
+        (f"RX: {write}\nRX: {write}\nRX: {ASKS}\nRX: {ANSWERS}", ["request", "response"] * 2),
+    ):
+        assert [role for role, _ in frames_read(text)] == roles, text
+        path = tmp_path / "log.txt"
+        path.write_text("\n".join(f"10:00:{i:02}.100 {line}" for i, line in enumerate(text.split("\n"))))
+        assert [Kind(kind).name.lower() for kind in Analysis(captures.open(path, judge=judge)).rows().kind] == roles, (
+            text
+        )

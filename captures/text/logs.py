@@ -58,7 +58,8 @@ class Piece:
     """Bytes of a log with what is known of them; `t_ns` counts on past midnight where the log has times of day.
 
     `continues` says that these bytes belong to the same read, or dump, as the piece before. `port` names who speaks,
-    `envelope` the protocol that check values say these bytes are of.
+    `envelope` the protocol that check values say these bytes are of. `either_way`: whole frames, each of which reads as
+    its own answer, too.
     """
 
     data: bytes
@@ -70,6 +71,7 @@ class Piece:
     port: str = ""
     continues: bool = False
     envelope: str = ""
+    either_way: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -301,7 +303,10 @@ def _contents(line: LogLine) -> Iterator[Piece | UnreadLine]:
     for i, run in enumerate(chosen):
         continues = line.continues and not i
         envelope = run.checked[0].envelope if run.checked else ""
-        yield Piece(run.data, line.number, text, run.ascii, run.mark, line.t_ns, line.port, continues, envelope)
+        yield Piece(
+            run.data, line.number, text, run.ascii, run.mark, line.t_ns, line.port, continues, envelope,
+            run.checked != () and all(span.repeats for span in run.checked),
+        )  # fmt: skip
     if line.problem is not None:
         yield UnreadLine(line.number, text, line.problem, empty=line.problem.startswith("no bytes"))
     for i, run in enumerate(chosen):
