@@ -41,15 +41,21 @@ def test_numbers_of_lines_need_neighbours_that_count_on() -> None:
 def test_nobody_answers_himself(tmp_path: Path) -> None:
     """A log of one side's writes has no answers, of the other no requests; where a sniffer marks both alike it has."""
     write = "01 06 00 01 00 07 99 C8"
-    for text, roles in (
-        (f"TX: {write}\nTX: {write}", ["request", "request"]),
-        (f"RX: {write}\nRX: {write}", ["response", "response"]),
-        (f"TX: {write}\nTX: {write}\nRX: {write}\nTX: {ASKS}", ["request", "request", "response", "request"]),
-        (f"RX: {write}\nRX: {write}\nRX: {ASKS}\nRX: {ANSWERS}", ["request", "response"] * 2),
+    for lines, roles in (
+        ([f"01.100 TX: {write}", f"02.100 TX: {write}"], ["request", "request"]),
+        ([f"01.100 RX: {write}", f"02.100 RX: {write}"], ["response", "response"]),
+        (
+            [f"01.100 TX: {write}", f"02.100 TX: {write}", f"02.130 RX: {write}", f"03.100 TX: {ASKS}"],
+            ["request", "request", "response", "request"],
+        ),
+        (
+            [f"01.100 RX: {write}", f"01.130 RX: {write}", f"02.100 RX: {ASKS}", f"02.130 RX: {ANSWERS}"],
+            ["request", "response"] * 2,
+        ),
     ):
+        text = "\n".join(f"10:00:{line}" for line in lines)
         assert [role for role, _ in frames_read(text)] == roles, text
         path = tmp_path / "log.txt"
-        path.write_text("\n".join(f"10:00:{i:02}.100 {line}" for i, line in enumerate(text.split("\n"))))
-        assert [Kind(kind).name.lower() for kind in Analysis(captures.open(path, judge=judge)).rows().kind] == roles, (
-            text
-        )
+        path.write_text(text)
+        rows = Analysis(captures.open(path, judge=judge)).rows()
+        assert [Kind(kind).name.lower() for kind in rows.kind] == roles, text

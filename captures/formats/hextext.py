@@ -190,7 +190,7 @@ def _read(
 
 
 def _only_direction(reads: Sequence[Piece]) -> str | None:
-    """The direction of a log, a client's as most are, that marks one side alone and whose frames read alike both ways."""
+    """The direction of a log, a client's as most are, that marks one side alone, if its frames read alike both ways."""
     sides = {read.mark for read in reads}
     if len(sides) > 1 or not all(read.either_way and read.envelope == "rtu" and not read.port for read in reads):
         return None
