@@ -36,6 +36,10 @@ TIMED = [
         "tshark fields",
         "Zabbix",
         "two clocks far apart",
+        "one line, mailed",
+        "entries, mailed and quoted",
+        "milliseconds before a mark",
+        "milliseconds in a column",
     ),
 ]
 

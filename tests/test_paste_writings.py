@@ -59,3 +59,10 @@ def test_nobody_answers_himself(tmp_path: Path) -> None:
         path.write_text(text)
         rows = Analysis(captures.open(path, judge=judge)).rows()
         assert [Kind(kind).name.lower() for kind in rows.kind] == roles, text
+
+
+def test_ascii_frames_stand_end_to_end_and_behind_a_words_colon() -> None:
+    asks, answers = ":010300000002FA", ":01030400110022C5"
+    both = [("request", asks[1:].lower()), ("response", answers[1:].lower())]
+    assert frames_read(asks + answers) == both
+    assert frames_read(f"Query{asks}\nResponse{answers}") == both

@@ -36,6 +36,16 @@ def leave_out_line_numbers(lines: Sequence[LogLine]) -> None:
             run.checked = [span._replace(start=span.start - 1, end=span.end - 1) for span in run.checked]
 
 
+def leave_out_counts(lines: Sequence[LogLine]) -> None:
+    """`[12] F7 0F …`: how many bytes stand behind, in a cell of its own, is none of them."""
+    for line in lines:
+        for before, run in pairwise(line.runs):
+            shown = line.clean[before.start : before.end]
+            apart = line.clean[before.end : run.start]
+            if shown.isdigit() and len(before.data) == 1 and int(shown) == len(run.data) and not apart.isspace():
+                before.taken = before.taken and apart.strip("])}>:;,|= \t") != ""
+
+
 def settle_behind_cuts(lines: Sequence[LogLine]) -> None:
     """`01 03 14 00 … C4 20`: bytes written as those before, behind a sign that some between are left out."""
     for line in lines:

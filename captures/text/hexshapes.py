@@ -37,7 +37,7 @@ _PREFIXED: Final = re.compile(
     rf"(?:{_BETWEEN}(?P=sign){_UP_TO_SIGN}[uU]?['\"]?)*{_GLUED}"
 )
 _SUFFIXED: Final = re.compile(rf"{EDGE}(?:0(?=[A-Fa-f]))?{H}{{2}}[hH](?:[\s,;-]+(?:0(?=[A-Fa-f]))?{H}{{2}}[hH])+{END}")
-_ASCII: Final = re.compile(rf"(?<![0-9A-Za-z_]):((?:{H}{{2}}){{3,300}}){END}")
+_ASCII: Final = re.compile(rf"(?<![0-9A-Za-z_])(?::(?:{H}{{2}}){{3,300}})+{END}")
 _BITS: Final = re.compile(r"0[bB][01]{8}$")
 _ASCII_APART: Final = re.compile(rf"(?:^|[:>|=])[ \t]*(?P<frame>:(?:[ \t]?{H}{{2}}){{3,300}}){END}")
 _BEFORE_CHECK: Final = re.compile(rf"{CHECK_NAME}\W*$", re.IGNORECASE)
@@ -244,8 +244,11 @@ def _suffixed(text: str) -> Iterator[HexWindow]:
 def _ascii_frames(text: str) -> Iterator[HexWindow]:
     """`:1103006B00037E`, `: 11 03 00 6B 00 03 7E`"""
     for match in _ASCII.finditer(text):
-        level = Writing.NUMBER if _BITS.match(match[1]) else Writing.BYTES
-        yield HexWindow(match[0].encode() + b"\r\n", *match.span(), "ascii", level, ascii=True)
+        end = match.start()
+        for frame in match[0][1:].split(":"):
+            start, end = end, end + 1 + len(frame)
+            level = Writing.NUMBER if _BITS.match(frame) else Writing.BYTES
+            yield HexWindow(f":{frame}\r\n".encode(), start, end, "ascii", level, ascii=True)
     for match in _ASCII_APART.finditer(text):
         frame = "".join(match["frame"].split())
         if len(frame) < len(match["frame"]):  # its LRC must be right, and no bit of it may be an RTU frame

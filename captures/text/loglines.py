@@ -226,7 +226,8 @@ class LineReader:
     def _payload(self, text: str, shape: Shape, label: str) -> ByteRun | None:
         """The bytes of a tool's line, in whatever shape they stand; what was right in lines like it goes first."""
         if shape.role is LineRole.STRING:
-            return ByteRun(unescape(text), 0, len(text), "\\x", Writing.BYTES)
+            data = unescape(text)
+            return ByteRun(data, 0, len(text), "\\x", Writing.BYTES, checked=self.judge(data))
         _, runs = self._searched(text)
         trusted = False
         for run in runs:

@@ -12,10 +12,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from datetime import tzinfo
-from itertools import islice, pairwise
+from itertools import islice
 from typing import Final
 
-from .candidates import H, Writing
+from .candidates import Writing
 from .choosing import MOST_JUDGED, ByteRun, Experience
 from .entries import entries_of, whole_entries
 from .halves import halves
@@ -25,6 +25,7 @@ from .payloads import payload_of
 from .plain import is_of_mail, quoted
 from .repeats import with_repeats
 from .settling import only_bytes, settle
+from .wrapping import entries_in, mended, unfolded, unwrapped
 
 LOOKED_FOR: Final = (
     "pairs of hex digits (11 03 00 6B, 1103006B, 0x11, \\x11, [11][03]), ASCII frames (:1103…) and decimals with a "
@@ -35,19 +36,9 @@ _LEARNT: Final = 1 << 16  # and characters
 # What is taken for bytes unchecked, from the plainest on, as far as a text has nothing plainer.
 _UNITS: Final = {3: "milliseconds", 6: "microseconds", 9: "nanoseconds"}
 _STANDARDS: Final = ((Writing.BYTES, False), (Writing.LIKELY, False), (Writing.BYTES, True))
-_WINDOW: Final = 38  # columns that a window has at least
-_PAIRS_WIDE: Final = 14  # characters of a few pairs
-_BROKEN: Final = re.compile(rf"(?: {H}{{2}}){{4}} {H}$")
-_BEGUN: Final = re.compile(rf"{H}(?:(?: {H}{{2}}){{2}}|(?: {H}{{2}})?\s*$)")
-_FOLDED: Final = (60, 76)  # characters of a line that a mail folds
-_MOST_FOLDED: Final = 64  # lines into one
 _PLAIN_PAIRS: Final = ("pairs", "pairs-", "pairs:", "pairs,")
 _STRETCH: Final = 512  # lines that are settled together
 _MOST: Final = 1 << 18  # characters of a line that is searched at once
-_ENTRY: Final = re.compile(  # how one begins
-    r"\[\d\d:\d\d:\d\d(?:\.\d+)?\]\[[A-Z]{1,2}\]\[|(?<!\S)\[[A-Z]\] ?\d+\| |"
-    r"(?<![\w:.-])20\d\d-\d\d-\d\d[ T]\d\d:\d\d:\d\d[.,]\d{3} [A-Z(]|>>>>> (?=send: |recv: |extra: )"
-)
 _ENTRIES: Final = (120, 3)  # characters, and entries, of a line that may be several
 _ADDRESS: Final = re.compile(r"\d{1,3}(?:\.\d{1,3}){3}")  # of a network
 _PORTION: Final = re.compile(rf"[^\n]{{1,{_MOST}}}(?=[\s,;\\]|$)|[^\n]{{1,{_MOST}}}")
@@ -194,7 +185,9 @@ class LogReader:
         yield from self._settled(len(self._waiting))
 
     def _whole(self, lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
-        return with_repeats(_parted(whole_entries(_mended(_unfolded(lines) if self._experience.mail else lines))))
+        return with_repeats(
+            _parted(whole_entries(mended(unwrapped(unfolded(lines) if self._experience.mail else lines))))
+        )
 
     def _line_reader(self) -> LineReader:
         return LineReader(self._settler(), self._zone, self._sample_rate, self._experience)
@@ -218,53 +211,12 @@ def read_lines(
     return [*reader.feed(enumerate(lines, 1)), *reader.close()]
 
 
-def _unfolded(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
-    """Lines, with those whole that a mail's `=` at their end says to go on in the next."""
-    held: list[str] = []
-    first = 0
-    for number, line in lines:
-        text = line.rstrip("\r\n")
-        first = first if held else number
-        if text.endswith("=") and _FOLDED[0] <= len(text) <= _FOLDED[1] and " " in text and len(held) < _MOST_FOLDED:
-            held.append(text[:-1])
-        elif held:
-            yield first, "".join((*held, text))
-            held = []
-        else:
-            yield number, line
-    if held:
-        yield first, "".join(held)
-
-
-def _mended(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
-    """Lines, with a byte that a terminal's edge broke in two whole at the end of the first."""
-    held: tuple[int, str] | None = None
-    for number, line in lines:
-        text = line.rstrip("\r\n")
-        if held is not None:
-            if _BEGUN.match(text):
-                yield held[0], held[1] + text[0]
-                text = line = text[1:]
-            else:
-                yield held
-            held = None
-        if _BROKEN.search(text, max(len(text) - _PAIRS_WIDE, 0)) and len(text) >= _WINDOW:
-            held = number, text
-        else:
-            yield number, line
-    if held is not None:
-        yield held
-
-
 def _parted(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
     """Lines, with log entries apart that stand in one, or whose line breaks were lost, as blanks or altogether."""
     for number, line in ((number, entry) for number, whole in lines for entry in entries_of(whole)):
-        heads = [head.start() for head in _ENTRY.finditer(line)] if _ENTRIES[0] < len(line) <= _MOST else []
-        if len(heads) < _ENTRIES[1]:
-            yield number, line
-            continue
-        for start, end in pairwise((0, *heads[heads[0] == 0 :], len(line))):
-            yield number, line[start:end]
+        several = _ENTRIES[0] < len(line) <= _MOST and len(entries := list(entries_in(line))) >= _ENTRIES[1]
+        for entry in entries if several else (line,):
+            yield number, entry
 
 
 def _beginning(lines: Iterable[str]) -> Iterator[str]:

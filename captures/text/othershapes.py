@@ -63,6 +63,7 @@ _CARETS: Final = re.compile(r"(?:(?<![^\s:>'\"=\]])[!-~]{0,8})?\^[@-_?][ -~]*")
 _WITH_CHARACTERS: Final = re.compile(rf"(?<!\w)(?:{H}{{2}} ?\[.\][ ,]{{0,3}}){{4,}}")
 _IN_BRACKETS: Final = re.compile(rf"\((0[xX]{H}{{1,2}}|\d{{1,3}})\)")
 _PLAIN_WORD: Final = re.compile(r"[A-Za-z]?(?:[a-z]*|[A-Z]*)|[a-z/]+")
+_ASCII_BEHIND_WORD: Final = re.compile(rf"(?<=[A-Za-z]{{2}}):(?:{H}{{2}}){{3,300}}{END}")  # `Tx:0103…`
 _LEAST_BASE64: Final = 8  # characters
 
 
@@ -80,6 +81,8 @@ def other_candidates(line: TextLine) -> Iterator[HexWindow]:
         yield from _control_names(text)
     if "^" in text:
         yield from _carets(text)
+    for match in _ASCII_BEHIND_WORD.finditer(text):
+        yield HexWindow(f"{match[0]}\r\n".encode(), *match.span(), "ascii", Writing.NUMBER, ascii=True)
     yield from _decimals(text)
     if max(text.count("("), text.count("[")) >= _LEAST_BYTES:
         yield from _in_brackets(text)

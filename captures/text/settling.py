@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Final
 
-from .beside import leave_out_line_numbers, settle_behind_cuts, settle_narrow_dumps
+from .beside import leave_out_counts, leave_out_line_numbers, settle_behind_cuts, settle_narrow_dumps
 from .candidates import CHECK_NAME, HexWindow, Writing
 from .choosing import MOST_JUDGED, ByteRun, Experience
 from .columns import COLUMN_SHAPE, MOST_ROWS, settle_columns
@@ -41,6 +41,7 @@ def settle(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -
         for run in line.runs:
             run.taken = _speaks_for_itself(run, line, experience)
     leave_out_line_numbers(lines)
+    leave_out_counts(lines)
     _counts(lines)
     _beside(lines)
     settle_narrow_dumps(lines, judge)

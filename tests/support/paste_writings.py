@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Sequence
+from textwrap import wrap
 from typing import Final
 
-from pastes import Message, Style, lines_of, shown, spaced, word
+from pastes import Message, Style, dump, lines_of, ox, shown, spaced, word
 
 _ESCAPES: Final = {0: "\\0", 7: "\\a", 8: "\\b", 9: "\\t", 10: "\\n", 11: "\\v", 12: "\\f", 13: "\\r"}
 _HAND_TYPED: Final = str.maketrans("ABCE", "АВСЕ")
@@ -36,6 +37,30 @@ def _parted(m: Message, sign: str) -> str:
     return sign.join(m.data.hex()[i : i + 8] for i in range(0, 2 * len(m.data), 8))
 
 
+def _events(m: Message) -> list[str]:
+    """What pymodbus tells of a frame."""
+    head = f"2026-03-11 {m.clock.replace('.', ',')} DEBUG"
+    if m.sent:
+        return [f"{head} transaction:215 SEND: {ox(m.data)}", f"{head} client:72 New Transaction state 'SENDING'"]
+    got, pdu = f"{head} transaction:292 RECV: {ox(m.data)}", f"{head} framer:180 Getting Frame - {ox(m.data[1:-2])}"
+    return [got, pdu, f"{head} factory:266 Factory Response[ReadHoldingRegistersResponse: 3]"]
+
+
+def _mailed(width: int, before: str, between: str) -> Style:
+    """The events, broken where a mail's width ends."""
+
+    def style(log: Sequence[Message], rng: random.Random) -> str:
+        text = between.join(event for m in log for event in _events(m))
+        parts = [part for line in text.split("\n") for part in wrap(line, width, break_on_hyphens=False)]
+        return "\n".join(before + part for part in parts)
+
+    return style
+
+
+def _octal(m: Message) -> str:
+    return "".join(f"\\{b:03o}" for b in m.data)
+
+
 WRITINGS: Final[dict[str, Style]] = {
     "h before": lines_of(lambda m: f"{word(m, 'SND', 'Reply')}: " + " ".join(f"h{b:02X}" for b in m.data)),
     "H before": lines_of(lambda m: f"{word(m, 'Query', 'Reply')}: " + ", ".join(f"H{b:02X}" for b in m.data)),
@@ -54,4 +79,12 @@ WRITINGS: Final[dict[str, Style]] = {
     "od -An -tu1": _of_all(lambda at, row: "".join(f"{b:4d}" for b in row)),
     "Zabbix": lines_of(lambda m: f"  2311:20261121:{m.clock[:8].replace(':', '')}.{m.ms % 1000:03d} modbus: {word(m, 'sent', 'received')} {m.data.hex(' ')}"),
     "two clocks far apart": lines_of(lambda m: f"TRACE  | jvm 1    | 2026/11/21 {m.clock[:8]} | D [d.ModbusRtuDriver         ] [{m.clock.replace('.', ',')}]: {word(m, 'Tx', 'Rx')} {m.data.hex()}"),
+    "one line, mailed": _mailed(66, "", " "),
+    "one line, mailed and quoted": _mailed(72, "> ", " "),
+    "entries, mailed": _mailed(64, "", "\n"),
+    "entries, mailed and quoted": _mailed(70, "> ", "\n"),
+    "count in brackets": lines_of(lambda m: f"[{m.clock}] {word(m, '->', '<-')} [{len(m.data)}] {m.data.hex(' ')}"),
+    "milliseconds before a mark": lines_of(lambda m: f"{m.ms + 1000} {word(m, 'TX:', 'RX:')} {m.data.hex(' ')}"),
+    "milliseconds in a column": lines_of(lambda m: f"{m.ms + 1000} | {word(m, 'TX', 'RX')} | {m.data.hex(' ')}"),
+    "strace with dumps": lines_of(lambda m: f'{word(m, "write", "read")}(3, "{_octal(m)}", {len(m.data)}) = {len(m.data)}\n' + dump(m.data, lambda at, row: f" | {at:05x}  {row[:8].hex(' '):<23}  {row[8:].hex(' '):<23}  {shown(row):<16} |")),
 }  # fmt: skip
