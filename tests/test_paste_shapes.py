@@ -40,6 +40,8 @@ TIMED = [
         "entries, mailed and quoted",
         "milliseconds before a mark",
         "milliseconds in a column",
+        "milliseconds before a name",
+        "Modbus Slave with times",
     ),
 ]
 

@@ -66,3 +66,23 @@ def test_ascii_frames_stand_end_to_end_and_behind_a_words_colon() -> None:
     both = [("request", asks[1:].lower()), ("response", answers[1:].lower())]
     assert frames_read(asks + answers) == both
     assert frames_read(f"Query{asks}\nResponse{answers}") == both
+
+
+def test_frames_whose_crc_is_turned_round_are_bytes_in_any_writing() -> None:
+    turned = hexed("01 03 00 00 00 02 0B C4") + hexed("01 03 04 00 11 00 22 2F 2A")
+    first, second = turned[:8], turned[8:]
+    for text in (
+        f"TX: {', '.join(map(str, first))}\nRX: {', '.join(map(str, second))}",
+        f"tx = {list(first)}\nrx = {list(second)}",
+        f"bus/set {first.hex()}\nbus/get {second.hex()}",
+        f"{' '.join(f'{byte:b}'.zfill(8) for byte in first)}\n{' '.join(f'{byte:b}'.zfill(8) for byte in second)}",
+    ):
+        assert bytes_read(text) == turned, text
+    number = "TX: 01 03 00 00 00 02 CRC: 0x0BC4"  # with its high byte first, as numbers are written
+    assert frames_read(number) == [("request", hexed(ASKS).hex())]
+
+
+def test_bytes_a_line_are_read_whatever_they_look_like() -> None:
+    answer = hexed("01 03 04 00 56 00 28 9A 39")  # damaged, with bytes that look decimal
+    lines = [f"10:00:01.130 RX: {byte:02X}" for byte in answer]
+    assert bytes_read("\n".join([f"10:00:01.100 TX: {ASKS}", *lines])) == hexed(ASKS) + answer

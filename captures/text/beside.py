@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
+from itertools import groupby, pairwise
 from typing import Final
 
 from .candidates import LEFT_OUT
@@ -13,27 +13,39 @@ from .judging import ByteJudge
 from .loglines import LogLine
 
 _NUMBER: Final = re.compile(r"\s*(\d{1,6})(?=[\s:.)|])")
+_COUNTING: Final = 2  # lines
 _WORD_BEHIND: Final = re.compile(r"\s*[^\W\d]")
 _LEAST_ROWS: Final = 4  # of one byte each that can be a frame
 
 
 def leave_out_line_numbers(lines: Sequence[LogLine]) -> None:
-    """`98 01 03 … 99 01 03 …`: what counts on from line to line before frames is none of their bytes."""
+    """`98 01 03 … 99 01 03 …`: what counts on from line to line before frames is none of their bytes.
+
+    One frame that begins behind its number tells for all; where one begins with it, units are counted.
+    """
     filled = [line for line in lines if line.clean.strip()]
-    numbers = [None if (match := _NUMBER.match(line.clean)) is None else int(match[1]) for line in filled]
-    for i, (line, number) in enumerate(zip(filled, numbers, strict=True)):
-        run = line.runs[0] if line.runs else None
-        if number is None or run is None or not run.checked or run.checked[0].start != 1 or run.shape != "pairs":
-            continue
-        near = (numbers[i - 1] if i else None, numbers[i + 1] if i + 1 < len(numbers) else None)
-        if line.clean[: run.start].strip() == "" and near in (
-            (number - 1, number + 1),
-            (None, number + 1),
-            (number - 1, None),
-        ):
-            run.start += len(line.clean[run.start :]) - len(line.clean[run.start + 2 :].lstrip())
-            run.data = run.data[1:]
-            run.checked = [span._replace(start=span.start - 1, end=span.end - 1) for span in run.checked]
+    numbers = [-1 if (match := _NUMBER.match(line.clean)) is None else int(match[1]) for line in filled]
+    counting: list[LogLine] = []
+    for i, line in enumerate(filled):
+        if counting and not 0 < numbers[i] == numbers[i - 1] + 1:
+            _leave_out(counting)
+            counting = []
+        if numbers[i] >= 0:
+            counting.append(line)
+    _leave_out(counting)
+
+
+def _leave_out(counting: Sequence[LogLine]) -> None:
+    runs = [line.runs[0] for line in counting if line.runs and not line.clean[: line.runs[0].start].strip()]
+    pairs = [run for run in runs if run.shape == "pairs" and len(run.data) > 1]
+    if len(counting) < _COUNTING or {run.checked[0].start for run in pairs if run.checked} != {1}:
+        return
+    starts = {id(line.runs[0]): line for line in counting if line.runs}
+    for run in pairs:
+        text = starts[id(run)].clean[run.start + 2 :]
+        run.start += 2 + len(text) - len(text.lstrip())
+        run.data = run.data[1:]
+        run.checked = [span._replace(start=span.start - 1, end=span.end - 1) for span in run.checked]
 
 
 def leave_out_counts(lines: Sequence[LogLine]) -> None:
@@ -54,6 +66,23 @@ def settle_behind_cuts(lines: Sequence[LogLine]) -> None:
                 continue
             several = len(run.data) > 1 or not _WORD_BEHIND.match(line.clean, run.end)  # `... 14 more bytes`
             run.taken = several and line.clean[before.end : run.start].strip(" \t,") in LEFT_OUT
+
+
+def settle_single_bytes(lines: Sequence[LogLine]) -> None:
+    """`RX: 03`, `RX: 56`: bytes that come a line each; where most are plainly bytes, so is what looks decimal."""
+    for key, same in groupby(lines, _single_byte):
+        runs = [line.runs[0] for line in same] if key is not None else []
+        if len(runs) >= _LEAST_ROWS and 2 * sum(run.taken for run in runs) >= len(runs):
+            for run in runs:
+                run.taken = run.taken or run.why is None
+
+
+def _single_byte(line: LogLine) -> tuple[str, str, int, int | None] | None:
+    """How a line shows the only byte that it ends with; None of other lines."""
+    if len(line.runs) != 1 or len((run := line.runs[0]).data) != 1 or not run.mark or run.shape != "pairs":
+        return None
+    behind = line.clean[run.end :]
+    return None if any(map(str.isalnum, behind)) else (run.label, run.shape, run.mark, line.t_ns)
 
 
 def settle_narrow_dumps(lines: Sequence[LogLine], judge: ByteJudge) -> None:

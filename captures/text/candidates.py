@@ -64,7 +64,7 @@ _DIGIT: Final = re.compile(
     r"\d|[\"'][A-Za-z0-9+/]{8}|(?<![A-Za-z])[A-Fa-f]{2}(?![A-Za-z])|\\|><|\^[@-_]|[A-Za-z+/]{6}=|"
     r"(?<![\w+/])(?=[A-Z+/]+(?![\w+/])|[A-Za-z+/]*[a-z/+][A-Z])(?:[A-Za-z+/]{4}){2,}(?![\w+/])"  # base64
 )
-_SHORT: Final = re.compile(rf"(?<![0-9A-Za-z]){H}{{1,3}}(?![0-9A-Za-z])|{H}{{8}}")
+_SHORT: Final = re.compile(rf"(?<![0-9A-Za-z])(?:&[hH])?{H}{{1,3}}(?![0-9A-Za-z])|{H}{{8}}")
 _CLOSED: Final = re.compile(r"^\s*\d[\s\d,]*(?:[\])}]|$)")
 _BIG: Final = re.compile(r"[A-Za-z0-9+/]{6}[A-Za-z0-9+/=]{2}")
 _ALIKE: Final = "OoIlАВСЕаесОЗΑΒΕΟ"  # typed by hand, on a Cyrillic or a Greek keyboard, too

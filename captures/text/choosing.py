@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 from .candidates import HexWindow, TextLine, Writing, holds_digits, holds_several
 from .hexshapes import hex_candidates
 from .judging import ByteJudge, Checked
-from .othershapes import other_candidates
+from .othershapes import LOOK_ALIKES, other_candidates
 from .places import in_its_place, is_cut, is_halved
 from .rows import ROWS, shows
 from .tools import either_way
@@ -106,6 +106,8 @@ class Experience:
         """One more run."""
         if run.checked:
             self.shapes.update((run.shape, *run.rivals))
+            if run.shape.startswith("pairs"):
+                self.shapes.add(LOOK_ALIKES)  # pairs, too, of letters that are typed in their place
         right = run.checked or (run.level is Writing.BYTES and run.label)
         for label in (run.label, _MARKED) if run.direct else (run.label,):
             self.met[label, run.shape] = self.met.get((label, run.shape), 0) + 1

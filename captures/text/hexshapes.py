@@ -45,6 +45,7 @@ _ROW_OF_WORDS: Final = re.compile(rf"{H}{{7,8}} +{H}{{4}}\s*$")
 _COMMON_SIGNS: Final = ("%", "$", "x", "X", "h", "H")
 _GAP: Final = re.compile(r"[ \t]+")
 _SOME: Final = 3  # bytes: fewer say nothing
+_STAMPED: Final = 8  # characters: no time before bytes is shorter
 _TWO_PAIRS: Final = 4  # characters
 _WORDY: Final = 4  # pairs that name a function code: `unit 01 fc 03`
 _MAC_LENGTH: Final = 6
@@ -91,7 +92,10 @@ def _pairs(line: TextLine) -> Iterator[HexWindow]:
             second = text.index(tokens[1], start + 2)
             (usual, _), *_ = Counter(_GAP.findall(text, second, end)).most_common(1)
             apart = text[start + 2 : second] != usual
-            counted = tokens[0].isdigit() and int(tokens[0]) == len(tokens) - 1  # "10 01 03 00 ...": so many bytes
+            counted = tokens[0].isdigit() and int(tokens[0]) == len(tokens) - 1  # "OUT 10 01 03 00 ...": so many bytes
+            counted = counted and not (
+                start < _STAMPED and line.alone(start, end)
+            )  # which nothing but bytes cannot say
             behind_sign = line.before(start).rstrip()[-1:] in _BEFORE_BYTES
             word = tokens[0].isalpha() and not (behind_sign or line.alone(start, end))
             if apart or counted or word:

@@ -13,15 +13,16 @@ from typing import Final
 
 from .candidates import EDGE, END, LOOK_ALIKE, MISTYPED, H, HexWindow, TextLine, Writing
 
+LOOK_ALIKES: Final = "look-alikes"
 _LONG: Final = 1 << 16  # characters: these shapes are not looked for in a longer line
-_ESCAPES: Final = re.compile(r"\\(?:x[0-9A-Fa-f]{2}|u00[0-9A-Fa-f]{2}|u\{[0-9A-Fa-f]{1,2}\}|\d{1,3})")
+_ESCAPES: Final = re.compile(r"\\(?:x[0-9A-Fa-f]{2}|u00[0-9A-Fa-f]{2}|[ux]\{[0-9A-Fa-f]{1,2}\}|\d{1,3})")
 _QUOTE: Final = re.compile(r"\\.|([\"'])", re.DOTALL)
 _INNER: Final = re.compile(r"\\([\"'])(.*?)\\\1")  # within another string
 _BARE: Final = re.compile(r"\\[xu\d]\S*(?: (?=\S{0,20}\\(?:x|\d{3}))\S*)*")
 _NUL: Final = re.compile(r"(?<!\\)\\0(?=\d)")
-_HALF: Final = re.compile(r"\\x(?![0-9A-Fa-f]{2})")
+_HALF: Final = re.compile(r"\\x(?![0-9A-Fa-f]{2}|\{)")
 _ESCAPE: Final = re.compile(
-    r"\\(?:x([0-9A-Fa-f]{1,2})|u00([0-9A-Fa-f]{2})|u\{([0-9A-Fa-f]{1,2})\}|([0-7]{1,3})|(.))|([^\\])", re.DOTALL
+    r"\\(?:x([0-9A-Fa-f]{1,2})|u00([0-9A-Fa-f]{2})|[ux]\{([0-9A-Fa-f]{1,2})\}|([0-7]{1,3})|(.))|([^\\])", re.DOTALL
 )
 _DECIMAL_ESCAPE: Final = re.compile(r"()()()\\(\d{1,3})|\\(.)|([^\\])", re.DOTALL)
 _SIMPLE_ESCAPES: Final = {"0": 0, "a": 7, "b": 8, "t": 9, "n": 10, "v": 11, "f": 12, "r": 13, "e": 27, "s": 32}
@@ -61,7 +62,7 @@ _NAMED: Final = re.compile(rf"(?<!\S)\S{{0,300}}?<(?:{'|'.join(_CONTROLS)})>.*<(
 _CARET: Final = re.compile(r"(M-)?(?:\^([@-_?])|([ -~]))")
 _CARETS: Final = re.compile(r"(?:(?<![^\s:>'\"=\]])[!-~]{0,8})?\^[@-_?][ -~]*")
 _WITH_CHARACTERS: Final = re.compile(rf"(?<!\w)(?:{H}{{2}} ?\[.\][ ,]{{0,3}}){{4,}}")
-_IN_BRACKETS: Final = re.compile(rf"\((0[xX]{H}{{1,2}}|\d{{1,3}})\)")
+_IN_BRACKETS: Final = re.compile(rf"\((?:(?:0[xX]|&[hH]|\$)({H}{{1,2}})|(\d{{1,3}}))\)")
 _PLAIN_WORD: Final = re.compile(r"[A-Za-z]?(?:[a-z]*|[A-Z]*)|[a-z/]+")
 _ASCII_BEHIND_WORD: Final = re.compile(rf"(?<=[A-Za-z]{{2}}):(?:{H}{{2}}){{3,300}}{END}")  # `Tx:0103…`
 _LEAST_BASE64: Final = 8  # characters
@@ -210,9 +211,9 @@ def _in_brackets(text: str) -> Iterator[HexWindow]:
         digits = re.findall(rf"({H}{{2}}) ?\[.\]", match[0])
         yield HexWindow(bytes.fromhex("".join(digits)), *match.span(), "pair [.]", Writing.NUMBER)
     found = list(_IN_BRACKETS.finditer(text))
-    values = [int(match[1], 16 if match[1][:2] in ("0x", "0X") else 10) for match in found]
+    values = [int(match[1], 16) if match[1] else int(match[2]) for match in found]
     if len(values) >= _LEAST_BYTES and max(values) < 256:
-        yield HexWindow(bytes(values), found[0].start(1), found[-1].end(1), "(byte)", Writing.NUMBER)
+        yield HexWindow(bytes(values), found[0].start() + 1, found[-1].end() - 1, "(byte)", Writing.NUMBER)
 
 
 def _mistyped(text: str) -> Iterator[HexWindow]:
@@ -220,7 +221,7 @@ def _mistyped(text: str) -> Iterator[HexWindow]:
     for match in MISTYPED.finditer(text):
         if (typed := match[0].translate(LOOK_ALIKE)) != match[0]:
             data = bytes.fromhex("".join(re.findall(rf"{H}{{2}}", typed)))
-            yield HexWindow(data, *match.span(), "look-alikes", Writing.NUMBER)
+            yield HexWindow(data, *match.span(), LOOK_ALIKES, Writing.NUMBER)
 
 
 def unescape(text: str, escape: re.Pattern[str] = _ESCAPE, base: int = 8) -> bytes:

@@ -9,15 +9,21 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Final
 
-from .beside import leave_out_counts, leave_out_line_numbers, settle_behind_cuts, settle_narrow_dumps
+from .beside import (
+    leave_out_counts,
+    leave_out_line_numbers,
+    settle_behind_cuts,
+    settle_narrow_dumps,
+    settle_single_bytes,
+)
 from .candidates import CHECK_NAME, HexWindow, Writing
 from .choosing import MOST_JUDGED, ByteRun, Experience
 from .columns import COLUMN_SHAPE, MOST_ROWS, settle_columns
 from .copies import settle_copies
-from .judging import ByteJudge, Checked
+from .judging import ByteJudge, Checked, unturned
 from .loglines import LogLine
 from .rows import is_ruler, shows
 from .unchecked import settle_unchecked
@@ -44,8 +50,9 @@ def settle(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -
     leave_out_counts(lines)
     _counts(lines)
     _beside(lines)
+    settle_single_bytes(lines)
     settle_narrow_dumps(lines, judge)
-    settle_columns(lines, judge, experience)
+    settle_columns(lines, unturned(judge), experience)
     _blocks(lines, judge, experience)
     _rows_of_dumps(lines, judge)
     if not experience.damaged:
@@ -342,11 +349,11 @@ def _tails(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -
 def _completes(run: ByteRun, open_runs: Sequence[bytes], judge: ByteJudge) -> bool:
     """Whether a frame begins in one of the open runs and ends with this one, which then is taken."""
     candidates: tuple[ByteRun | HexWindow, ...] = (run, *run.others)
-    for reading in candidates:
+    for turned, reading in product((False, True), candidates):  # a number has its high byte first
         for i in range(len(open_runs)):
             joint = b"".join(open_runs[i:]) + reading.data
             begins = len(joint) - len(reading.data)
-            if any(span.start < begins and span.end == len(joint) for span in judge(joint)):
+            if any(span.start < begins and span.end == len(joint) and span.turned == turned for span in judge(joint)):
                 if isinstance(reading, HexWindow):
                     run.take(reading)
                 run.taken = True

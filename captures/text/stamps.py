@@ -81,7 +81,7 @@ _TICKS = re.compile(  # milliseconds since a microcontroller began, or a program
     r"^\s*(?:(\d{1,10}) \[[\w .#:-]{1,60}\] (?:TRACE|DEBUG|INFO|WARN|ERROR)\b|\[[A-Z]\] ?(\d+)\||[EWIDV] \((\d+)\)(?= )|\[ *(\d+)\](?:\[[EWIDV]\]| \[(?:INFO|DEBUG|WARN|ERR|ERROR|TRACE|VERB) *\]))"
 )
 _COUNTER = re.compile(  # `1023: TX 01 03`
-    r"^\s*(?:\[?(\d{1,10})\]?:|\[ *(\d{1,10})\]|\((\d{1,10})\)|(?<= {2})(\d{1,10})(?= )) ?(?=\W{0,2}(?:[TR]x|req|resp?|sen[dt]|recv|read|wr|write|in|out)\b|[-=]?[-=<>][->=]|[→←])|^\s*(\d{4,10})(?: ?[|;,\t]| (?=\S)) ?(?=\W{0,2}(?:[TR]x\b|[-=]?[-=<>][->=]|[→←]))",
+    r"^\s*(?:\[?(\d{1,10})\]?:|\[ *(\d{1,10})\]|\((\d{1,10})\)|(?<= {2})(\d{1,10})(?= )) ?(?=\W{0,2}(?:\w{0,8}_)?(?:[TR]x|req|resp?|sen[dt]|recv|read|wr|write|in|out)\b|[-=]?[-=<>][->=]|[→←])|^\s*\[ *(\d{1,10})\] (?=\w{1,12}(?:Send|Receive|Write|Read)\b)|^\s*(\d{4,10})(?: ?[|;,\t]| (?=\S)) ?(?=\W{0,2}(?:[TR]x\b|[-=]?[-=<>][->=]|[→←]))",
     re.I,
 )
 _LAST = re.compile(r"[\w\"')\]}][ \t](1[2-9]\d{8})(\d{3}|\d{9})\s*$")  # as InfluxDB's lines end

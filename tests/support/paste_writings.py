@@ -86,5 +86,10 @@ WRITINGS: Final[dict[str, Style]] = {
     "count in brackets": lines_of(lambda m: f"[{m.clock}] {word(m, '->', '<-')} [{len(m.data)}] {m.data.hex(' ')}"),
     "milliseconds before a mark": lines_of(lambda m: f"{m.ms + 1000} {word(m, 'TX:', 'RX:')} {m.data.hex(' ')}"),
     "milliseconds in a column": lines_of(lambda m: f"{m.ms + 1000} | {word(m, 'TX', 'RX')} | {m.data.hex(' ')}"),
+    "Chr in Basic": lines_of(lambda m: f"{word(m, 'tx', 'rx')} = " + " & ".join(f"Chr(&H{b:02X})" for b in m.data)),
+    "escapes in Perl": lines_of(lambda m: f'my ${word(m, "tx", "rx")} = "' + "".join(f"\\x{{{b:02x}}}" for b in m.data) + '";'),
+    "Modbus Slave with times": lambda log, rng: "\n".join(f"{word(m, 'Tx', 'Rx')}:{i:06d}-{m.clock}-{spaced(m.data)}" for i, m in enumerate(log)),
+    "milliseconds before a name": lines_of(lambda m: f"[{m.ms:>8}] {word(m, 'MB_TX', 'MB_RX')}({len(m.data)}): {m.data.hex(' ')}"),
+    "Cyrillic digits between dashes": lines_of(lambda m: f"{word(m, 'отправил', 'принял')} " + spaced(m.data).replace(" ", "-").translate(_HAND_TYPED)),
     "strace with dumps": lines_of(lambda m: f'{word(m, "write", "read")}(3, "{_octal(m)}", {len(m.data)}) = {len(m.data)}\n' + dump(m.data, lambda at, row: f" | {at:05x}  {row[:8].hex(' '):<23}  {row[8:].hex(' '):<23}  {shown(row):<16} |")),
 }  # fmt: skip
