@@ -39,9 +39,9 @@ _OTHER_KINDS = (
     (b"SQLite format 3\x00", "an SQLite database"),
     (b"PAR1", f"a Parquet table: {_SOURCE}"),
     (b"<!DOCTYPE html", f"an HTML page: {_SOURCE}"),
-    (b"<?xml", "an XML document"),
 )
 EXPORTED: Final = f"a table that this tool exported: {_SOURCE}"
+_XML: Final = b"<?xml"
 _TAR = (257, b"ustar")  # offset and what stands there
 _OWN_COLUMNS = {"index", "unit", "function", "severity", "address"}  # beside one with a time in ns
 _OWN_KEYS = re.compile(
@@ -67,8 +67,13 @@ def first_line(path: Path, head: bytes) -> bytes:
         return file.readline(_HEADER_LIMIT).removesuffix(b"\n")
 
 
-def other_kind(head: bytes) -> str | None:
-    """What a file that begins like this is, when it is a well-known kind that holds no capture."""
+def other_kind(head: bytes, *, log: bool = False) -> str | None:
+    """What a file that begins like this is, when it is a well-known kind that holds no capture.
+
+    `log`: its lines hold bytes, as logs do, which some programs write as XML.
+    """
+    if head.startswith(_XML) and not log:
+        return "an XML document"
     for magic, kind in _OTHER_KINDS:
         if head.startswith(magic):
             return kind

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from math import ceil
 
+DIRECTIONS_NOTE = "directions"  # in the notes of a line: the only direction of each port, in order: `request,response`
 PROTOCOLS_NOTE = "protocols"  # in the notes of a line: what each port speaks, in order: `tcp,rtu`, where that is known
 POLARITIES = ("normal", "inverted")  # of edges: a line that is high, or low, when idle
 _BAUD_LIMIT = 100_000_000

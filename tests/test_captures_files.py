@@ -50,6 +50,7 @@ def refused(path: Path, format: str | None = None) -> str:
         (b'{\n  "source": "bus.jsonl",\n  "frames": 12\n}\n', "a report of this tool"),
         (b"\x7fELF\x02\x01", "ELF program"),
         (b"%PDF-1.7", "PDF document"),
+        (b"<?xml version='1.0'?>\n<map>\n<title>Holding registers</title>\n</map>\n", "XML document"),
         (b"\x1f\x8b\x08\x00", "gzip"),
     ],
 )
@@ -124,6 +125,19 @@ def test_content_outweighs_the_suffix(tmp_path: Path) -> None:
     assert captures.open(path).format == "serial-chunks"
     path.write_bytes(b"11 03 00 6B\n")
     assert captures.open(path).format == "bin", "text in a raw file may be an ASCII-mode bus"
+
+
+def test_logs_are_read_whatever_programs_name_them(tmp_path: Path) -> None:
+    lines = b"10:00:01.123 TX: 01 03 00 00 00 02 C4 0B\n10:00:01.153 RX: 01 03 04 00 11 00 22 2A 2F\n"
+    tagged = (
+        b"<?xml version='1.0'?>\n<log>\n" + b"".join(b"<m>%b</m>\n" % line for line in lines.splitlines()) + b"</log>"
+    )
+    for name, content in (("a.dat", lines), ("b.xml", tagged), ("c.dat", tagged)):
+        (tmp_path / name).write_bytes(content)
+        capture = captures.open(tmp_path / name)
+        assert (capture.format, len(list(capture.chunks()))) == ("text", 2), name
+    (tmp_path / "d.dat").write_bytes(b"300000002FA\r\n:010304001100220C5\r\n")
+    assert captures.open(tmp_path / "d.dat").format == "bin", "an ASCII-mode bus as it stood on the line"
 
 
 def test_bad_lines_are_noted_with_their_numbers_and_the_rest_is_given(tmp_path: Path) -> None:

@@ -10,17 +10,18 @@ import pytest
 from paste_forums import FORUMS
 from paste_issues import ISSUES
 from paste_posts import POSTS
+from paste_readings import bytes_read, frames_read
 from paste_shapes import SHAPES
 from paste_tools import DECODERS, TOOLS
+from paste_writings import WRITINGS
 from pastes import STYLES, Message, Style, cluttered, messages, spaced
 
 import captures
-from analyzer.paste import PasteError, judge, read
+from analyzer.paste import judge, read
 from captures import CaptureError
 from captures.errors import HexError
-from captures.hexwords import read_text
 
-ALL = {**STYLES, **SHAPES, **FORUMS, **POSTS, **TOOLS, **DECODERS, **ISSUES}
+ALL = {**STYLES, **SHAPES, **FORUMS, **POSTS, **TOOLS, **DECODERS, **ISSUES, **WRITINGS}
 TIMED = [
     *("JSON with epoch", "InfluxDB", "count before", "wrapped at 40", "Docklight", "pymodbus 3"),
     *("ticks in brackets", "sigrok packets", "Moxa traffic", "pyserial spy", "BLE log"),
@@ -33,6 +34,14 @@ TIMED = [
         "two clocks",
         "list of packets",
         "tshark fields",
+        "Zabbix",
+        "two clocks far apart",
+        "one line, mailed",
+        "entries, mailed and quoted",
+        "milliseconds before a mark",
+        "milliseconds in a column",
+        "milliseconds before a name",
+        "Modbus Slave with times",
     ),
 ]
 
@@ -46,36 +55,28 @@ def made(name: str, style: Style, seed: int) -> tuple[list[Message], str, random
     return log, text, rng
 
 
-def frames_of(text: str) -> list[tuple[str, str]]:
-    try:
-        paste = read(text)
-    except (HexError, PasteError) as error:
-        return [("error", str(error))]
-    return [(frame.role.name.lower(), frame.adu.data.hex()) for frame in paste.frames() if frame.check_ok]
-
-
 @pytest.mark.parametrize("name", ALL)
 def test_frames_are_read_in_every_shape(name: str) -> None:
     for seed in range(2):
         log, text, _ = made(name, ALL[name], seed)
         if not log:
             continue
-        assert frames_of(text) == [(message.role, message.data.hex()) for message in log], text
+        assert frames_read(text) == [(message.role, message.data.hex()) for message in log], text
 
 
 def test_what_is_said_again_in_one_line_is_no_copy_of_itself() -> None:
     asks, answers = "11 03 00 6B 00 03 76 87", "11 03 06 AE 41 56 52 43 40 49 AD"
     exchange = [("request", asks.replace(" ", "").lower()), ("response", answers.replace(" ", "").lower())]
-    assert frames_of(f"{asks}, {answers}, {asks}, {answers}") == exchange * 2
-    assert frames_of(f"<- {asks} -> {answers} <- {asks}") == [*exchange, exchange[0]]
-    assert frames_of(f"read {asks} (buffer {asks.replace(' ', '')})") == exchange[:1]
+    assert frames_read(f"{asks}, {answers}, {asks}, {answers}") == exchange * 2
+    assert frames_read(f"<- {asks} -> {answers} <- {asks}") == [*exchange, exchange[0]]
+    assert frames_read(f"read {asks} (buffer {asks.replace(' ', '')})") == exchange[:1]
 
 
 def test_what_a_program_lists_again_is_there_again() -> None:
     asks = ["01 04 00 01 00 02 20 0B", "01 03 00 00 00 02 C4 0B", "00 04 00 01 00 02 21 DA"]
     rows = [f'    ("Func 04 Reg {i}", 9600, bytes.fromhex("{frame}")),' for i, frame in enumerate(asks)]
     text = "\n".join([*rows, "    # other speeds", f'    ("ID 1 @ 19200", 19200, bytes.fromhex("{asks[0]}")),'])
-    assert [data for _, data in frames_of(text)] == [frame.replace(" ", "").lower() for frame in (*asks, asks[0])]
+    assert [data for _, data in frames_read(text)] == [frame.replace(" ", "").lower() for frame in (*asks, asks[0])]
 
 
 @pytest.mark.parametrize("name", SHAPES)
@@ -94,7 +95,7 @@ def test_other_lines_between_change_little() -> None:
         if not log:
             continue
         mixed = cluttered(text, rng, 0.3, len(log))
-        if frames_of(mixed) != [(message.role, message.data.hex()) for message in log]:
+        if frames_read(mixed) != [(message.role, message.data.hex()) for message in log]:
             wrong.append(name)
     assert 30 * len(wrong) <= len(ALL), wrong
 
@@ -131,17 +132,9 @@ def test_one_damaged_frame_is_read_as_those_around_it() -> None:
             continue
         broken = log[3].data[:-1] + bytes((log[3].data[-1] ^ 0x40,))
         log[3] = Message(broken, log[3].sent, log[3].ms)
-        if flat(ALL[name](log, rng)) != b"".join(message.data for message in log):
+        if bytes_read(ALL[name](log, rng)) != b"".join(message.data for message in log):
             wrong.append(name)
     assert 30 * len(wrong) <= len(ALL), wrong
-
-
-def flat(text: str) -> bytes:
-    """All bytes of a text, before they are put into frames (none is lost there, as a property test says)."""
-    try:
-        return b"".join(words.data for words in read_text(text, judge))
-    except HexError:
-        return b""
 
 
 def damaged(message: Message) -> Message:
@@ -161,7 +154,7 @@ def test_where_little_is_right_the_bytes_are_read(name: str, share: int) -> None
             log = [damaged(message) for message in log]
         else:
             log = [Message(message.data[:-2], message.sent, message.ms) for message in log]
-        if flat(ALL[shape](log, rng)) != b"".join(message.data for message in log):
+        if bytes_read(ALL[shape](log, rng)) != b"".join(message.data for message in log):
             wrong.append(shape)
     assert share * len(wrong) <= len(shapes), wrong
 

@@ -7,13 +7,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from captures.line import LineSettings
+from captures.line import DIRECTIONS_NOTE, LineSettings
 from dissectors.length_rules import Role
 
 from ..tables.schema import Kind, Rows
 from .rules import Bytes, length_tables
 
-DIRECTIONS_NOTE: Final = "directions"  # of a line: the direction of each port, in order: `request,response`
 _ROLES: Final = {"request": Role.REQUEST, "response": Role.RESPONSE}
 _SHARE: Final = 8  # certain frames of one kind, for each of the other, on a port that carries one direction
 _FEW: Final = 2  # certain frames are no chance, nor are pairs of like frames

@@ -9,13 +9,12 @@ from typing import Final
 import numpy as np
 
 from captures.chunks import Block
-from captures.line import LineSettings
+from captures.line import DIRECTIONS_NOTE, LineSettings
 from captures.live.baud import Search
 from captures.live.listening import HOLD_NS, IDLE_NS, QUIET_NS, Listening
 from captures.live.settings import PortSettings
 from captures.live.wire import Item, PortEvent, Tick
 
-from ..deframing.directions import DIRECTIONS_NOTE
 from ..deframing.protocols import Deframer
 from ..tables.schema import Kind, Rows
 

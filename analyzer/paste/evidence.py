@@ -13,7 +13,7 @@ from typing import Final, Literal
 from captures.text.judging import Checked
 from dissectors.adu import CRC_SIZE, EXCEPTION, LAST_UNIT, MAX_ADU, MIN_ADU
 from dissectors.answers import expectation
-from dissectors.crc import crc_ok
+from dissectors.crc import crc_bytes, crc_ok
 from dissectors.envelopes import MBAP, ascii_frames, tcp_frames
 from dissectors.lengths import Role, pdu_length, plausibility, rule, sound_roles
 
@@ -26,11 +26,30 @@ _MOST_DAMAGED: Final = 1024
 
 
 def judge(data: bytes, *, damaged: bool = False) -> list[Checked]:
-    """The stretches of these bytes whose check value is right, in order; none overlaps another.
+    """The stretches of these bytes whose check value is right, or turned round, in order; none overlaps another.
 
     `damaged`: where there are none, all of it if frames are as long as their headers say, with a wrong CRC or without.
     """
-    return _right(data) or (_as_announced(data) if damaged else [])
+    return _right(data) or _turned(data) or (_as_announced(data) if damaged else [])
+
+
+def _turned(data: bytes) -> list[Checked]:
+    """Frames end to end whose CRC has its bytes the wrong way round, as programs send it that mistake their order."""
+    frames: list[Checked] = []
+    at = 0
+    while MIN_ADU <= len(data) - at <= _MOST_DAMAGED:
+        head = data[at : at + MAX_ADU]
+        lengths = (predicted(head, role) or 0 for role in Role)
+        length = next((size for size in lengths if MIN_ADU <= size <= len(head) and _is_turned(head[:size])), 0)
+        if not length:
+            return []
+        frames.append(Checked(at, at + length, _answers_itself(head[: length - CRC_SIZE]), "rtu", turned=True))
+        at += length
+    return frames if at == len(data) else []
+
+
+def _is_turned(adu: bytes) -> bool:
+    return crc_bytes(adu[:-CRC_SIZE]) == adu[: -CRC_SIZE - 1 : -1]
 
 
 def _as_announced(data: bytes) -> list[Checked]:

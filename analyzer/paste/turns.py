@@ -39,12 +39,16 @@ class Turn:
 def turns(frames: Sequence[Turn]) -> list[PastedFrame]:
     """The frames with directions, answers tied to their requests."""
     sent = _senders(frames)
+    telling = _telling_marks(frames)
+    said_by: dict[int, int] = {}  # who, by the offsets of requests
     directed: list[PastedFrame] = []
     waiting: list[PastedFrame] = []
     for frame in frames:
         adu, roles = frame.adu, frame.roles
         request = next((earlier for earlier in reversed(waiting) if _answers(earlier.adu, adu)), None)
         marked = sent.get(frame.mark)
+        if request is not None and len(roles) > 1 and frame.mark in telling and said_by[request.start] == frame.mark:
+            request = None  # nobody answers himself
         also = None
         if len(roles) == 1:
             role = roles[0]
@@ -73,6 +77,7 @@ def turns(frames: Sequence[Turn]) -> list[PastedFrame]:
             )
         )
         if role is Role.REQUEST:
+            said_by[frame.start] = frame.mark
             waiting = [*waiting, directed[-1]] if adu.protocol == "tcp" else [directed[-1]]
         elif request is not None:
             waiting.remove(request)
@@ -132,6 +137,12 @@ def _senders(frames: Sequence[Turn]) -> dict[int, Role]:
     echoed = [first.mark for first, second in pairwise(frames) if _echoed(first, second)]
     asks = RX if 2 * echoed.count(RX) > len(echoed) else TX
     return {asks: Role.REQUEST, TX + RX - asks: Role.RESPONSE}
+
+
+def _telling_marks(frames: Sequence[Turn]) -> frozenset[int]:
+    """The marks that are a side's own: none that stands at requests as well as at answers, as a sniffer's does."""
+    sides = {(frame.mark, frame.roles[0]) for frame in frames if frame.mark and len(frame.roles) == 1}
+    return frozenset(mark for mark in (TX, RX) if len({role for one, role in sides if one == mark}) < len(BOTH))
 
 
 def _echoed(first: Turn, second: Turn) -> bool:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+import re
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -25,6 +26,8 @@ CERTAIN = 0.9  # a `sniff` at or over this outweighs the suffix
 SUSPECT = 0.5  # at or over this it casts doubt on a suffix
 LIKELY = 0.1  # at or over this it may do without a suffix
 ENTRY_POINTS = "rtuscope.captures"
+_ANY_DATA = ".dat"  # a suffix that programs give to logs as well as to the raw bytes of a line
+_ASCII_MODE = re.compile(rb"[0-9A-F]{0,512}\r?\n?:[0-9A-F]{6}")  # frames of ASCII mode as they stood on the line
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +97,7 @@ def recognise(head: bytes, suffix: str, name: str) -> RecognisedFormat:
     """The format of a file that begins like this; CaptureError, about `name`, where there is none.
 
     In this order: content without doubt, the formats of other distributions first; one of theirs by suffix; files that
-    are known to be no capture; one of our own by suffix; the likeliest by content.
+    are known to be no capture; one of our own by suffix, but for logs named .dat; the likeliest by content.
     """
     suffix = suffix.lower()
     if is_exported(head):  # numbers in columns are a logic analyser's, too
@@ -109,10 +112,12 @@ def recognise(head: bytes, suffix: str, name: str) -> RecognisedFormat:
         return _by_content(own, suffix)
     if (by_suffix := _of_suffix(foreign, suffix)) is not None:
         return RecognisedFormat(by_suffix)
-    if kind := other_kind(head):
+    likely = max((scores for scores in (foreign, own) if scores), key=lambda scores: max(scores.values()))
+    if kind := other_kind(head, log=max(likely.values()) >= LIKELY):
         raise CaptureError(f"{name}: not a capture but {kind}")
     by_suffix = _of_suffix(own, suffix)
-    likely = max((scores for scores in (foreign, own) if scores), key=lambda scores: max(scores.values()))
+    if suffix == _ANY_DATA and max(likely.values()) >= LIKELY and not _ASCII_MODE.match(head):
+        return _by_content(likely, suffix)
     if by_suffix is not None and (own[by_suffix] > 0 or max(likely.values()) < LIKELY):
         return RecognisedFormat(by_suffix, _suspicion(by_suffix, own, head))
     if max(likely.values()) >= LIKELY:

@@ -25,12 +25,13 @@ from captures.text import encodings
 from ..chunks import Block, Chunk, Mark, Note
 from ..errors import CaptureError
 from ..files import HEAD_BYTES, line_batches, opened, read_head
-from ..line import PROTOCOLS_NOTE, LineSettings
+from ..line import DIRECTIONS_NOTE, PROTOCOLS_NOTE, LineSettings
 from ..text.judging import ByteJudge, no_judge
 from ..text.logs import LOOKED_FOR, LogReader, Piece, UnreadLine, joined
 from . import Format
 
 _MARK_WORDS = ("", "TX", "RX")
+_DIRECTIONS = {int(Mark.TX): "request", int(Mark.RX): "response"}
 _JOIN_BYTES = 1 << 16  # a dump of any length comes in chunks of this size
 _BLOCK_CHUNKS = 1 << 14
 _SNIFFED = 1 << 14  # bytes by which a text is known
@@ -152,7 +153,9 @@ def _read(
         raise CaptureError(f"{path}: not text: name it .bin if it is the raw bytes of a line")
     reader = LogReader(judge, tz, sample_rate)
     with opened(path) as file:
-        learnt = reader.learn(_text_of(file, _silent))
+        lines = _text_of(file, _silent)
+        learnt = reader.learn(lines)
+        whole = next(lines, None) is None
     reads = [read for read in learnt if isinstance(read, Piece)]
     if not reads:
         _refuse(path, [read for read in learnt if isinstance(read, UnreadLine)])
@@ -167,11 +170,31 @@ def _read(
     spoken = {number: envelope for (_, envelope), number in ports.items()}
     if not any(spoken.values()):
         spoken = dict.fromkeys(spoken, next((read.envelope for read in reads if read.envelope), ""))
-    line = LineSettings(notes={PROTOCOLS_NOTE: ",".join(spoken.values())} if any(spoken.values()) else {})
+    notes = {PROTOCOLS_NOTE: ",".join(spoken.values())} if any(spoken.values()) else {}
+    if whole and (direction := _only_direction(reads)) is not None:
+        notes[DIRECTIONS_NOTE] = direction
     first_ns = (times[-1] if turned else times[0]) if timed else 0
     return _TextReader(
-        path, line, timed, first_ns, tuple(notices), ports, judge, tz, sample_rate, reader, newest_first=turned
+        path,
+        LineSettings(notes=notes),
+        timed,
+        first_ns,
+        tuple(notices),
+        ports,
+        judge,
+        tz,
+        sample_rate,
+        reader,
+        newest_first=turned,
     )
+
+
+def _only_direction(reads: Sequence[Piece]) -> str | None:
+    """The direction of a log, a client's as most are, that marks one side alone, if its frames read alike both ways."""
+    sides = {read.mark for read in reads}
+    if len(sides) > 1 or not all(read.either_way and read.envelope == "rtu" and not read.port for read in reads):
+        return None
+    return _DIRECTIONS.get(sides.pop())
 
 
 def _ports(reads: Sequence[Piece]) -> dict[tuple[str, str], int]:

@@ -64,13 +64,17 @@ _DIGIT: Final = re.compile(
     r"\d|[\"'][A-Za-z0-9+/]{8}|(?<![A-Za-z])[A-Fa-f]{2}(?![A-Za-z])|\\|><|\^[@-_]|[A-Za-z+/]{6}=|"
     r"(?<![\w+/])(?=[A-Z+/]+(?![\w+/])|[A-Za-z+/]*[a-z/+][A-Z])(?:[A-Za-z+/]{4}){2,}(?![\w+/])"  # base64
 )
-_SHORT: Final = re.compile(rf"(?<![0-9A-Za-z]){H}{{1,3}}(?![0-9A-Za-z])|{H}{{8}}")
+_SHORT: Final = re.compile(rf"(?<![0-9A-Za-z])(?:&[hH])?{H}{{1,3}}(?![0-9A-Za-z])|{H}{{8}}")
 _CLOSED: Final = re.compile(r"^\s*\d[\s\d,]*(?:[\])}]|$)")
 _BIG: Final = re.compile(r"[A-Za-z0-9+/]{6}[A-Za-z0-9+/=]{2}")
-_TYPED: Final = "[0-9A-Fa-fOoIlАВСЕаесО]"
+_ALIKE: Final = "OoIlАВСЕаесОЗΑΒΕΟ"  # typed by hand, on a Cyrillic or a Greek keyboard, too
+LOOK_ALIKE: Final = str.maketrans(_ALIKE, "0011ABCEaec03ABE0")
+TYPED: Final = f"[0-9A-Fa-f{_ALIKE}]"
 MISTYPED: Final = re.compile(  # `O1 03 СD`, `O103СD...`
-    rf"(?<!\w)(?:{_TYPED}{{2}}(?:[ \t,-]{{1,2}}{_TYPED}{{2}}){{3,}}|(?:{_TYPED}{{2}}){{4,256}})(?!\w)"
+    rf"(?<!\w)(?:{TYPED}{{2}}(?:[ \t,-]{{1,2}}{TYPED}{{2}}){{3,}}|(?:{TYPED}{{2}}){{4,256}})(?!\w)"
 )
+LEFT_OUT: Final = ("...", "…")  # between bytes, or behind them
+CHECK_NAME: Final = r"(?:crc|lrc|checksum|кс|контрольная сумма|prüfsumme|校验码?|校驗碼?)(?:[-_ ]?16)?"
 _WRAPPING: Final = " \t\r\n,;:|=>[](){}\"'-._*◇◆□■#/$`"
 _SOLID: Final = re.compile(f"[^{re.escape(_WRAPPING)}]")
 _NEAR: Final = 40  # characters

@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 from .candidates import HexWindow, TextLine, Writing, holds_digits, holds_several
 from .hexshapes import hex_candidates
 from .judging import ByteJudge, Checked
-from .othershapes import other_candidates
+from .othershapes import LOOK_ALIKES, other_candidates
 from .places import in_its_place, is_cut, is_halved
 from .rows import ROWS, shows
 from .tools import either_way
@@ -20,7 +20,7 @@ from .tools import either_way
 MOST_JUDGED: Final = 4096  # bytes of one run that a judge is shown
 _LEAST: Final = 4  # bytes that can hold a check value
 _HEADED: Final = 6  # bytes for which the header of a frame speaks
-_PAIR_AND_BLANK: Final = 3  # characters
+_PAIR_AND_BLANKS: Final = (3, 4)  # characters
 _ENOUGH: Final = 0.5  # of a number's bytes that a check value must cover
 _AROUND: Final = " \t|<>"  # signs around the characters of a row
 _MARKED: Final = "\0marked"  # in place of the label, for all runs behind direction marks
@@ -106,6 +106,8 @@ class Experience:
         """One more run."""
         if run.checked:
             self.shapes.update((run.shape, *run.rivals))
+            if run.shape.startswith("pairs"):
+                self.shapes.add(LOOK_ALIKES)  # pairs, too, of letters that are typed in their place
         right = run.checked or (run.level is Writing.BYTES and run.label)
         for label in (run.label, _MARKED) if run.direct else (run.label,):
             self.met[label, run.shape] = self.met.get((label, run.shape), 0) + 1
@@ -133,7 +135,9 @@ def runs_in(line: TextLine, judge: ByteJudge, experience: Experience) -> list[By
         return []
     rows = {(entry.candidate.start, entry.candidate.shape) for entry in ranked if entry.candidate.offset is not None}
     ranked = [  # of a row of a dump the first byte is no word before the others
-        entry for entry in ranked if (entry.candidate.start - _PAIR_AND_BLANK, entry.candidate.shape) not in rows
+        entry
+        for entry in ranked
+        if not any((entry.candidate.start - pair, entry.candidate.shape) in rows for pair in _PAIR_AND_BLANKS)
     ]
     offsets = {entry.candidate.lead for entry in ranked if entry.candidate.offset is not None}
     ranked.sort(key=lambda entry: (entry.whole or entry.candidate.start not in offsets, *entry.rank), reverse=True)

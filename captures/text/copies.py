@@ -164,7 +164,8 @@ def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience, *, turn
         if _is_named_alike(earlier, entry):
             return entry
         buffered = elsewise and timed and not earlier.checked  # what was read, and the buffer that holds it
-        return entry if marked or buffered or pair in experience.reports else None
+        dumped = elsewise and earlier.runs[0].sure and not entry.mark and entry.first.number == earlier.last.number + 1
+        return entry if marked or buffered or dumped or pair in experience.reports else None
     if same_line and len(entry.data) == len(earlier.data):  # a string and its hex, in another encoding
         strings = [one for one in (earlier, entry) if one.runs[0].shape == "\\x"]
         same = sum(a == b for a, b in zip(earlier.data, entry.data, strict=True))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from .choosing import ByteRun
+from .othershapes import OD_BELOW, od_bytes
 
 _DIGITS: Final = re.compile(r"[0-9A-Fa-f]{3,8}")
 
@@ -41,6 +42,11 @@ class Dump:
             self.row.padded = True
             return True
         return self._is_next(digits, self.length)
+
+    def shows(self, rest: str) -> bool:
+        """Whether a line without an offset is the newest row as characters, as `od -t x1c` writes it below."""
+        cells = OD_BELOW.match(rest) if self.row is not None else None
+        return cells is not None and self.row is not None and od_bytes(cells["row"]) == self.row.data
 
     def _is_next(self, digits: str, length: int) -> bool:
         """Whether these digits are where the dump goes on: in hex, or in octal as od writes it."""

@@ -16,7 +16,7 @@ _HALVED: Final = (
     (re.compile(rf"(?:^|[\s,;:])0[xX]((?:{H}{{2}})+{H})\b"), "an odd number of hex digits in 0x{} at column {}"),
     (re.compile(rf"\b{H}{{2}}[ \t,:-]{{1,2}}({H}|{H}{{3}})(?![0-9A-Za-z_.])"), _ODD),
     (re.compile(rf"(?:^|[\s,;:])(?=[a-fA-F]*\d)({H}{{5,}})\s*$"), _ODD),
-    (re.compile(r"(\\x)(?![0-9A-Fa-f]{2})"), "{} without two hex digits at column {}"),
+    (re.compile(r"(\\x)(?![0-9A-Fa-f]{2}|\{)"), "{} without two hex digits at column {}"),
 )
 
 

@@ -12,13 +12,15 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import Final
 
-from .candidates import EDGE, END, LONG, H, HexWindow, TextLine, Writing
+from .candidates import CHECK_NAME, EDGE, END, LEFT_OUT, LONG, H, HexWindow, TextLine, Writing
 from .rows import DIGITS_ABOVE, before_characters, is_ruler, swapped
 
 _GLUED: Final = (
     rf"(?:{END}|(?=[A-Za-z]{{0,31}}[g-zG-Z])(?=[A-Za-z]{{2}})|(?=\d{{4}}-\d\d-\d\d))"  # to a word, to a date
 )
-_SIGN: Final = r"(?:0[xX]|(?:[A-Z]+#)?16#|\$|&[hH]|%|[XxHh]['\"]?)"  # C, PLC languages, Pascal, Basic, URLs
+_SIGN: Final = (  # C, PLC languages, Pascal, Basic, URLs, Verilog
+    r"(?:0[xX]|(?:[A-Z]+#)?16#|\$|&[hH]|%|8'[hH]|[XxHh]['\"]?)"
+)
 _PAIRS: Final = re.compile(rf"{EDGE}{H}{{2}}(?:[ \t]{{1,4}}{H}{{2}})*{_GLUED}")
 _LOOSE: Final = re.compile(rf"{EDGE}(?:{H}{{2}}){{1,4}}(?:[ \t]{{1,6}}(?:{H}{{2}}){{1,4}})+{END}")
 _PAIR_OF_PAIRS: Final = 2
@@ -35,13 +37,15 @@ _PREFIXED: Final = re.compile(
     rf"(?:{_BETWEEN}(?P=sign){_UP_TO_SIGN}[uU]?['\"]?)*{_GLUED}"
 )
 _SUFFIXED: Final = re.compile(rf"{EDGE}(?:0(?=[A-Fa-f]))?{H}{{2}}[hH](?:[\s,;-]+(?:0(?=[A-Fa-f]))?{H}{{2}}[hH])+{END}")
-_ASCII: Final = re.compile(rf"(?<![0-9A-Za-z_]):((?:{H}{{2}}){{3,300}}){END}")
+_ASCII: Final = re.compile(rf"(?<![0-9A-Za-z_])(?::(?:{H}{{2}}){{3,300}})+{END}")
 _BITS: Final = re.compile(r"0[bB][01]{8}$")
 _ASCII_APART: Final = re.compile(rf"(?:^|[:>|=])[ \t]*(?P<frame>:(?:[ \t]?{H}{{2}}){{3,300}}){END}")
+_BEFORE_CHECK: Final = re.compile(rf"{CHECK_NAME}\W*$", re.IGNORECASE)
 _ROW_OF_WORDS: Final = re.compile(rf"{H}{{7,8}} +{H}{{4}}\s*$")
 _COMMON_SIGNS: Final = ("%", "$", "x", "X", "h", "H")
 _GAP: Final = re.compile(r"[ \t]+")
 _SOME: Final = 3  # bytes: fewer say nothing
+_STAMPED: Final = 8  # characters: no time before bytes is shorter
 _TWO_PAIRS: Final = 4  # characters
 _WORDY: Final = 4  # pairs that name a function code: `unit 01 fc 03`
 _MAC_LENGTH: Final = 6
@@ -57,7 +61,7 @@ def hex_candidates(line: TextLine) -> Iterator[HexWindow]:
     yield from _signed(line)
     yield from _words(line)
     yield from _loose_words(line)
-    if not _SIGNS.isdisjoint(text):
+    if not _SIGNS.isdisjoint(text) or _LETTER_H.search(text):
         yield from _prefixed(line)
     if "h" in text or "H" in text:
         yield from _suffixed(text)
@@ -66,6 +70,7 @@ def hex_candidates(line: TextLine) -> Iterator[HexWindow]:
 
 
 _SIGNS: Final = frozenset("xX$#&%'\"")
+_LETTER_H: Final = re.compile(rf"(?<![0-9A-Za-z_.])(?:h{H}{{2}}[ ,;]+){{2}}", re.IGNORECASE)
 
 
 _BEFORE_BYTES: Final = tuple(":=[({")
@@ -87,7 +92,10 @@ def _pairs(line: TextLine) -> Iterator[HexWindow]:
             second = text.index(tokens[1], start + 2)
             (usual, _), *_ = Counter(_GAP.findall(text, second, end)).most_common(1)
             apart = text[start + 2 : second] != usual
-            counted = tokens[0].isdigit() and int(tokens[0]) == len(tokens) - 1  # "10 01 03 00 ...": so many bytes
+            counted = tokens[0].isdigit() and int(tokens[0]) == len(tokens) - 1  # "OUT 10 01 03 00 ...": so many bytes
+            counted = counted and not (
+                start < _STAMPED and line.alone(start, end)
+            )  # which nothing but bytes cannot say
             behind_sign = line.before(start).rstrip()[-1:] in _BEFORE_BYTES
             word = tokens[0].isalpha() and not (behind_sign or line.alone(start, end))
             if apart or counted or word:
@@ -120,6 +128,9 @@ def _signed(line: TextLine) -> Iterator[HexWindow]:
     text, at = line.text, 0
     while (match := _SIGNED.search(text, at)) is not None:
         gap, end = match["gap"], match.end()
+        if gap.strip() in LEFT_OUT:
+            at = match.start() + 2
+            continue
         at = end if end - match.start() > _TWO_PAIRS + len(gap) else end - 2  # `[11]: 05-10-00`: a count before them
         tokens = match[0].split(gap)
         goes_on = text.startswith(gap, end) and text[end + len(gap) : end + len(gap) + 1].isalnum()
@@ -162,8 +173,11 @@ def _words(line: TextLine) -> Iterator[HexWindow]:
             level = Writing.NUMBER if tokens[-1].isalpha() else level
         yield HexWindow(data, start, end, "words", level)
         row = len(tokens) > 1 or _ROW_OF_WORDS.match(line.text) is not None
-        if row and all(len(token) == 4 for token in tokens):
+        if all(len(token) == 4 for token in tokens) and (row or _BEFORE_CHECK.search(line.before(start))):
             yield HexWindow(swapped(data), start, end, "swapped words", Writing.NUMBER)
+        elif row and len(tokens) > 1 and all(len(token) == 8 for token in tokens[:-1]) and len(tokens[-1]) <= 8:
+            parts = (bytes.fromhex(token)[::-1] for token in tokens)
+            yield HexWindow(b"".join(parts), start, end, "swapped words", Writing.NUMBER)
 
 
 def _level_of_words(line: TextLine, start: int, end: int, tokens: list[str]) -> Writing:
@@ -234,8 +248,11 @@ def _suffixed(text: str) -> Iterator[HexWindow]:
 def _ascii_frames(text: str) -> Iterator[HexWindow]:
     """`:1103006B00037E`, `: 11 03 00 6B 00 03 7E`"""
     for match in _ASCII.finditer(text):
-        level = Writing.NUMBER if _BITS.match(match[1]) else Writing.BYTES
-        yield HexWindow(match[0].encode() + b"\r\n", *match.span(), "ascii", level, ascii=True)
+        end = match.start()
+        for frame in match[0][1:].split(":"):
+            start, end = end, end + 1 + len(frame)
+            level = Writing.NUMBER if _BITS.match(frame) else Writing.BYTES
+            yield HexWindow(f":{frame}\r\n".encode(), start, end, "ascii", level, ascii=True)
     for match in _ASCII_APART.finditer(text):
         frame = "".join(match["frame"].split())
         if len(frame) < len(match["frame"]):  # its LRC must be right, and no bit of it may be an RTU frame

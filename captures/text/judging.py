@@ -14,12 +14,14 @@ class Checked(NamedTuple):
     """A stretch of bytes whose check value, or whose header's length, is right.
 
     `repeats`: its answer may be the same bytes again. `envelope`: the protocol that it is a frame of, by its name.
+    `turned`: the bytes of the check value are the wrong way round.
     """
 
     start: int
     end: int
     repeats: bool = False
     envelope: str = ""
+    turned: bool = False
 
 
 class ByteJudge(Protocol):
@@ -34,6 +36,16 @@ class ByteJudge(Protocol):
 def no_judge(data: bytes, *, damaged: bool = False) -> Sequence[Checked]:  # noqa: ARG001 - as judges are called
     """For those who know no protocol."""
     return ()
+
+
+def unturned(judge: ByteJudge) -> ByteJudge:
+    """A judge to whom a check value the wrong way round is none: numbers apart have the high byte first."""
+
+    def strict(data: bytes, *, damaged: bool = False) -> Sequence[Checked]:
+        spans = judge(data, damaged=True) if damaged else judge(data)  # a lenient judge stays one
+        return [span for span in spans if not span.turned]
+
+    return strict
 
 
 def lenient(judge: ByteJudge) -> ByteJudge:

@@ -226,7 +226,8 @@ class LineReader:
     def _payload(self, text: str, shape: Shape, label: str) -> ByteRun | None:
         """The bytes of a tool's line, in whatever shape they stand; what was right in lines like it goes first."""
         if shape.role is LineRole.STRING:
-            return ByteRun(unescape(text), 0, len(text), "\\x", Writing.BYTES)
+            data = unescape(text)
+            return ByteRun(data, 0, len(text), "\\x", Writing.BYTES, checked=self.judge(data))
         _, runs = self._searched(text)
         trusted = False
         for run in runs:
@@ -251,11 +252,12 @@ class LineReader:
             if t_ns is not None:
                 self._heading = Heading(NONE, t_ns, line.fine, "", joins=True)
             return line
-        if self._dump.ends_with(rest):
+        if self._dump.ends_with(rest) or self._dump.shows(rest):
             line.quiet = True
             return line
         line_marks, line.runs = self._searched(rest)
-        if not any(run.level or run.checked for run in line.runs):
+        in_dump = self._dump.row is not None and bool(line.runs) and line.runs[0].offset is not None
+        if not in_dump and not any(run.level or run.checked for run in line.runs):
             self._as_heading(line, rest, line_marks)
             self._times = time_column(text) or self._times
         if is_ruler(rest.strip(" |\t").split()):

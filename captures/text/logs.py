@@ -12,10 +12,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from datetime import tzinfo
-from itertools import islice, pairwise
+from itertools import islice
 from typing import Final
 
-from .candidates import H, Writing
+from .candidates import Writing
 from .choosing import MOST_JUDGED, ByteRun, Experience
 from .entries import entries_of, whole_entries
 from .halves import halves
@@ -25,6 +25,7 @@ from .payloads import payload_of
 from .plain import is_of_mail, quoted
 from .repeats import with_repeats
 from .settling import only_bytes, settle
+from .wrapping import entries_in, mended, unfolded, unwrapped
 
 LOOKED_FOR: Final = "such as 11 03 00 6B or :1103006B…"  # behind "no hex bytes"
 _LEARNT_LINES: Final = 800  # of a text's beginning,
@@ -32,19 +33,9 @@ _LEARNT: Final = 1 << 16  # and characters
 # What is taken for bytes unchecked, from the plainest on, as far as a text has nothing plainer.
 _UNITS: Final = {3: "milliseconds", 6: "microseconds", 9: "nanoseconds"}
 _STANDARDS: Final = ((Writing.BYTES, False), (Writing.LIKELY, False), (Writing.BYTES, True))
-_WINDOW: Final = 38  # columns that a window has at least
-_PAIRS_WIDE: Final = 14  # characters of a few pairs
-_BROKEN: Final = re.compile(rf"(?: {H}{{2}}){{4}} {H}$")
-_BEGUN: Final = re.compile(rf"{H}(?:(?: {H}{{2}}){{2}}|(?: {H}{{2}})?\s*$)")
-_FOLDED: Final = (60, 76)  # characters of a line that a mail folds
-_MOST_FOLDED: Final = 64  # lines into one
 _PLAIN_PAIRS: Final = ("pairs", "pairs-", "pairs:", "pairs,")
 _STRETCH: Final = 512  # lines that are settled together
 _MOST: Final = 1 << 18  # characters of a line that is searched at once
-_ENTRY: Final = re.compile(  # how one begins
-    r"\[\d\d:\d\d:\d\d(?:\.\d+)?\]\[[A-Z]{1,2}\]\[|(?<!\S)\[[A-Z]\] ?\d+\| |"
-    r"(?<![\w:.-])20\d\d-\d\d-\d\d[ T]\d\d:\d\d:\d\d[.,]\d{3} [A-Z(]|>>>>> (?=send: |recv: |extra: )"
-)
 _ENTRIES: Final = (120, 3)  # characters, and entries, of a line that may be several
 _ADDRESS: Final = re.compile(r"\d{1,3}(?:\.\d{1,3}){3}")  # of a network
 _PORTION: Final = re.compile(rf"[^\n]{{1,{_MOST}}}(?=[\s,;\\]|$)|[^\n]{{1,{_MOST}}}")
@@ -55,7 +46,8 @@ class Piece:
     """Bytes of a log with what is known of them; `t_ns` counts on past midnight where the log has times of day.
 
     `continues` says that these bytes belong to the same read, or dump, as the piece before. `port` names who speaks,
-    `envelope` the protocol that check values say these bytes are of.
+    `envelope` the protocol that check values say these bytes are of. `either_way`: whole frames, each of which reads as
+    its own answer, too.
     """
 
     data: bytes
@@ -67,6 +59,7 @@ class Piece:
     port: str = ""
     continues: bool = False
     envelope: str = ""
+    either_way: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,7 +182,9 @@ class LogReader:
         yield from self._settled(len(self._waiting))
 
     def _whole(self, lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
-        return with_repeats(_parted(whole_entries(_mended(_unfolded(lines) if self._experience.mail else lines))))
+        return with_repeats(
+            _parted(whole_entries(mended(unwrapped(unfolded(lines) if self._experience.mail else lines))))
+        )
 
     def _line_reader(self) -> LineReader:
         return LineReader(self._settler(), self._zone, self._sample_rate, self._experience)
@@ -213,53 +208,12 @@ def read_lines(
     return [*reader.feed(enumerate(lines, 1)), *reader.close()]
 
 
-def _unfolded(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
-    """Lines, with those whole that a mail's `=` at their end says to go on in the next."""
-    held: list[str] = []
-    first = 0
-    for number, line in lines:
-        text = line.rstrip("\r\n")
-        first = first if held else number
-        if text.endswith("=") and _FOLDED[0] <= len(text) <= _FOLDED[1] and " " in text and len(held) < _MOST_FOLDED:
-            held.append(text[:-1])
-        elif held:
-            yield first, "".join((*held, text))
-            held = []
-        else:
-            yield number, line
-    if held:
-        yield first, "".join(held)
-
-
-def _mended(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
-    """Lines, with a byte that a terminal's edge broke in two whole at the end of the first."""
-    held: tuple[int, str] | None = None
-    for number, line in lines:
-        text = line.rstrip("\r\n")
-        if held is not None:
-            if _BEGUN.match(text):
-                yield held[0], held[1] + text[0]
-                text = line = text[1:]
-            else:
-                yield held
-            held = None
-        if _BROKEN.search(text, max(len(text) - _PAIRS_WIDE, 0)) and len(text) >= _WINDOW:
-            held = number, text
-        else:
-            yield number, line
-    if held is not None:
-        yield held
-
-
 def _parted(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
     """Lines, with log entries apart that stand in one, or whose line breaks were lost, as blanks or altogether."""
     for number, line in ((number, entry) for number, whole in lines for entry in entries_of(whole)):
-        heads = [head.start() for head in _ENTRY.finditer(line)] if _ENTRIES[0] < len(line) <= _MOST else []
-        if len(heads) < _ENTRIES[1]:
-            yield number, line
-            continue
-        for start, end in pairwise((0, *heads[heads[0] == 0 :], len(line))):
-            yield number, line[start:end]
+        several = _ENTRIES[0] < len(line) <= _MOST and len(entries := list(entries_in(line))) >= _ENTRIES[1]
+        for entry in entries if several else (line,):
+            yield number, entry
 
 
 def _beginning(lines: Iterable[str]) -> Iterator[str]:
@@ -298,12 +252,17 @@ def _contents(line: LogLine) -> Iterator[Piece | UnreadLine]:
     for i, run in enumerate(chosen):
         continues = line.continues and not i
         envelope = run.checked[0].envelope if run.checked else ""
-        yield Piece(run.data, line.number, text, run.ascii, run.mark, line.t_ns, line.port, continues, envelope)
+        yield Piece(
+            run.data, line.number, text, run.ascii, run.mark, line.t_ns, line.port, continues, envelope,
+            run.checked != () and all(span.repeats for span in run.checked),
+        )  # fmt: skip
     if line.problem is not None:
         yield UnreadLine(line.number, text, line.problem, empty=line.problem.startswith("no bytes"))
-    for run in chosen:
-        if run.cut and line.problem is None:
-            yield UnreadLine(line.number, text, f"the text shows the first {len(run.data)} bytes only")
+    for i, run in enumerate(chosen):
+        if run.cut and line.problem is None and not (i and chosen[i - 1].cut):
+            more = i + 1 < len(chosen)
+            why = "leaves bytes out behind the first {}" if more else "shows the first {} bytes only"
+            yield UnreadLine(line.number, text, f"the text {why.format(len(run.data))}")
     if any(run.halved and not run.checked for run in chosen):
         yield UnreadLine(line.number, text, halves(line.clean) or "half a byte")
     elif line.problem is None:

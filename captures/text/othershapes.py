@@ -11,17 +11,18 @@ from bisect import bisect_left
 from collections.abc import Iterator
 from typing import Final
 
-from .candidates import EDGE, END, MISTYPED, H, HexWindow, TextLine, Writing
+from .candidates import EDGE, END, LOOK_ALIKE, MISTYPED, H, HexWindow, TextLine, Writing
 
+LOOK_ALIKES: Final = "look-alikes"
 _LONG: Final = 1 << 16  # characters: these shapes are not looked for in a longer line
-_ESCAPES: Final = re.compile(r"\\(?:x[0-9A-Fa-f]{2}|u00[0-9A-Fa-f]{2}|u\{[0-9A-Fa-f]{1,2}\}|\d{1,3})")
+_ESCAPES: Final = re.compile(r"\\(?:x[0-9A-Fa-f]{2}|u00[0-9A-Fa-f]{2}|[ux]\{[0-9A-Fa-f]{1,2}\}|\d{1,3})")
 _QUOTE: Final = re.compile(r"\\.|([\"'])", re.DOTALL)
 _INNER: Final = re.compile(r"\\([\"'])(.*?)\\\1")  # within another string
 _BARE: Final = re.compile(r"\\[xu\d]\S*(?: (?=\S{0,20}\\(?:x|\d{3}))\S*)*")
 _NUL: Final = re.compile(r"(?<!\\)\\0(?=\d)")
-_HALF: Final = re.compile(r"\\x(?![0-9A-Fa-f]{2})")
+_HALF: Final = re.compile(r"\\x(?![0-9A-Fa-f]{2}|\{)")
 _ESCAPE: Final = re.compile(
-    r"\\(?:x([0-9A-Fa-f]{1,2})|u00([0-9A-Fa-f]{2})|u\{([0-9A-Fa-f]{1,2})\}|([0-7]{1,3})|(.))|([^\\])", re.DOTALL
+    r"\\(?:x([0-9A-Fa-f]{1,2})|u00([0-9A-Fa-f]{2})|[ux]\{([0-9A-Fa-f]{1,2})\}|([0-7]{1,3})|(.))|([^\\])", re.DOTALL
 )
 _DECIMAL_ESCAPE: Final = re.compile(r"()()()\\(\d{1,3})|\\(.)|([^\\])", re.DOTALL)
 _SIMPLE_ESCAPES: Final = {"0": 0, "a": 7, "b": 8, "t": 9, "n": 10, "v": 11, "f": 12, "r": 13, "e": 27, "s": 32}
@@ -34,7 +35,7 @@ _DECIMALS: Final = (
     ),
     re.compile(r"(?<![\w.+-])\d{1,3}(?P<dash>-)\d{1,3}(?:-\d{1,3}){2,}+"),
 )
-_LAST_ROW: Final = re.compile(r"^\s*(\d{1,3}(?:\s*,\s*\d{1,3}){0,2})\s*(?:[\])}]|,?\s*$)")  # of an array
+_LAST_ROW: Final = re.compile(r"^\s*(\d{1,3}(?:(?:\s*,\s*|\s+)\d{1,3}){0,2})\s*(?:[\])}]|,?\s*$)")  # of an array
 _ROW_END: Final = re.compile(r"^[0-7]{7} {1,4}(\d{1,3}(?: {1,3}\d{1,3}){0,2})\s*$")  # of od
 _GOES_ON: Final = re.compile(r"\w|[.,]\d|-\d")
 _PADDED: Final = re.compile(r"\d{3}(?:\]\[\d{3})+")  # three digits each
@@ -47,7 +48,9 @@ _DIGITS: Final = (
 )
 _BINARY: Final = re.compile(r"(?<![\w.])(?P<sign>(?:0b)?)[01]{8}(?:[\s,;|]{1,3}(?P=sign)[01]{8})*(?!\w)")
 _BASE64: Final = re.compile(r"(?<![\w+/=])(?:[A-Za-z0-9+/]{4})+(?:[A-Za-z0-9+/]{2}==|[A-Za-z0-9+/]{3}=)?(?![\w+/=])")
-_OD_CHARACTERS: Final = re.compile(r"^[0-7]{7}(?P<row>(?: {3}\S| {2}\\[0abtnvfr]| [0-7]{3}){1,16})\s*$")
+_OD_CELLS: Final = r"(?P<row>(?: {3}[ -~]| {2}\\[0abtnvfr]| [0-7]{3}){1,16})\s*$"
+_OD_CHARACTERS: Final = re.compile(rf"^[0-9a-f]{{7}}{_OD_CELLS}")
+OD_BELOW: Final = re.compile(rf"^ {{7}}{_OD_CELLS}")  # of a row whose bytes stand above
 _HEX_ESCAPE: Final = re.compile(r"\\([0-9A-F]{2})()()()|\\([bfnrst\\])|([^\\\s])")
 _HEX_ESCAPES: Final = re.compile(rf"(?:{_HEX_ESCAPE.pattern.replace('(', '(?:')}){{4,}}")
 _NAMES: Final = (
@@ -59,9 +62,9 @@ _NAMED: Final = re.compile(rf"(?<!\S)\S{{0,300}}?<(?:{'|'.join(_CONTROLS)})>.*<(
 _CARET: Final = re.compile(r"(M-)?(?:\^([@-_?])|([ -~]))")
 _CARETS: Final = re.compile(r"(?:(?<![^\s:>'\"=\]])[!-~]{0,8})?\^[@-_?][ -~]*")
 _WITH_CHARACTERS: Final = re.compile(rf"(?<!\w)(?:{H}{{2}} ?\[.\][ ,]{{0,3}}){{4,}}")
-_IN_BRACKETS: Final = re.compile(rf"\((0[xX]{H}{{1,2}}|\d{{1,3}})\)")
-_LOOK_ALIKE: Final = str.maketrans("OoIlАВСЕаесО", "0011ABCEaec0")  # typed by hand, in Cyrillic, too
+_IN_BRACKETS: Final = re.compile(rf"\((?:(?:0[xX]|&[hH]|\$)({H}{{1,2}})|(\d{{1,3}}))\)")
 _PLAIN_WORD: Final = re.compile(r"[A-Za-z]?(?:[a-z]*|[A-Z]*)|[a-z/]+")
+_ASCII_BEHIND_WORD: Final = re.compile(rf"(?<=[A-Za-z]{{2}}):(?:{H}{{2}}){{3,300}}{END}")  # `Tx:0103…`
 _LEAST_BASE64: Final = 8  # characters
 
 
@@ -79,6 +82,8 @@ def other_candidates(line: TextLine) -> Iterator[HexWindow]:
         yield from _control_names(text)
     if "^" in text:
         yield from _carets(text)
+    for match in _ASCII_BEHIND_WORD.finditer(text):
+        yield HexWindow(f"{match[0]}\r\n".encode(), *match.span(), "ascii", Writing.NUMBER, ascii=True)
     yield from _decimals(text)
     if max(text.count("("), text.count("[")) >= _LEAST_BYTES:
         yield from _in_brackets(text)
@@ -166,12 +171,14 @@ def _hex_escapes(text: str) -> Iterator[HexWindow]:
 def _od_characters(text: str) -> Iterator[HexWindow]:
     r"""`0000000 001 003  \0   k  \0 001 365 326`, as `od -c` writes a row."""
     if (match := _OD_CHARACTERS.match(text)) is not None:
-        start, end = match.span("row")
-        cells = [text[at : at + 4].strip() for at in range(start, end, 4)]
-        data = b"".join(unescape(f"\\{cell}" if len(cell) == len("001") else cell) for cell in cells)
-        yield HexWindow(
-            data, start + len(text[start:end]) - len(text[start:end].lstrip()), end, "od -c", Writing.NUMBER
-        )
+        end = match.end("row")
+        yield HexWindow(od_bytes(match["row"]), end - len(match["row"].lstrip()), end, "od -c", Writing.NUMBER)
+
+
+def od_bytes(row: str) -> bytes:
+    """The bytes of a row of `od -c`, four characters each."""
+    cells = [row[at : at + 4][1:] for at in range(0, len(row), 4)]
+    return b"".join(unescape(f"\\{cell}" if cell.isdigit() else cell.lstrip() or " ") for cell in cells)
 
 
 def _control_names(text: str) -> Iterator[HexWindow]:
@@ -204,17 +211,17 @@ def _in_brackets(text: str) -> Iterator[HexWindow]:
         digits = re.findall(rf"({H}{{2}}) ?\[.\]", match[0])
         yield HexWindow(bytes.fromhex("".join(digits)), *match.span(), "pair [.]", Writing.NUMBER)
     found = list(_IN_BRACKETS.finditer(text))
-    values = [int(match[1], 16 if match[1][:2] in ("0x", "0X") else 10) for match in found]
+    values = [int(match[1], 16) if match[1] else int(match[2]) for match in found]
     if len(values) >= _LEAST_BYTES and max(values) < 256:
-        yield HexWindow(bytes(values), found[0].start(1), found[-1].end(1), "(byte)", Writing.NUMBER)
+        yield HexWindow(bytes(values), found[0].start() + 1, found[-1].end() - 1, "(byte)", Writing.NUMBER)
 
 
 def _mistyped(text: str) -> Iterator[HexWindow]:
     """`O1 03 СD`: letters in place of digits that look like them."""
     for match in MISTYPED.finditer(text):
-        if (typed := match[0].translate(_LOOK_ALIKE)) != match[0]:
+        if (typed := match[0].translate(LOOK_ALIKE)) != match[0]:
             data = bytes.fromhex("".join(re.findall(rf"{H}{{2}}", typed)))
-            yield HexWindow(data, *match.span(), "look-alikes", Writing.NUMBER)
+            yield HexWindow(data, *match.span(), LOOK_ALIKES, Writing.NUMBER)
 
 
 def unescape(text: str, escape: re.Pattern[str] = _ESCAPE, base: int = 8) -> bytes:

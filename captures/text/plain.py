@@ -6,16 +6,20 @@ import html
 import re
 from typing import Final
 
+from .candidates import LOOK_ALIKE, TYPED
+
 _ANSI: Final = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 # What is typed as something else than the plain characters that it means, or is markup around them.
 _PLAIN: Final = str.maketrans(
     {0xFF01 + i: chr(0x21 + i) for i in range(94)}
-    | {"\u3000": " ", "\u00a0": " ", "\u2009": " ", "\u202f": " ", "\x00": " ", "\u2018": "'", "\u2019": "'"}
+    | dict.fromkeys((0x00A0, *range(0x2000, 0x200B), 0x202F, 0x205F, 0x3000, 0), " ")  # blanks of all widths
+    | dict.fromkeys((0x00AD, *range(0x200B, 0x2010), *range(0x202A, 0x202F), *range(0x2060, 0x2070), 0xFEFF))  # unseen
+    | dict.fromkeys((*range(0x2010, 0x2014), 0x2212), "-")
     | {
+        "\u2018": "'",
+        "\u2019": "'",
         "\u201c": '"',
         "\u201d": '"',
-        "\u2013": "-",
-        "\u2212": "-",
         "、": ",",
         "【": "[",
         "】": "]",
@@ -23,9 +27,7 @@ _PLAIN: Final = str.maketrans(
         "┊": " ",
         "║": "|",
         "┃": "|",
-        "\u200b": None,
     }
-    | {"\ufeff": None, "\x00": " "}
 )
 _CELL: Final = re.compile(r"(?:</?(?:td|th|tr|li|p|br|div|dd|dt)\b[^<>]*>\s*)+", re.IGNORECASE)
 _TAG: Final = re.compile(r"</?(?:code|span|pre|b|i|em|strong|font|a|tt|ul|ol|table|tbody)\b[^<>]*>", re.IGNORECASE)
@@ -47,10 +49,12 @@ _CAST_BEHIND: Final = re.compile(  # of Kotlin and Rust
 _ESCAPE: Final = re.compile(r"\\(.)")
 _ESCAPED_BLANKS: Final = re.compile(r"\\[nrt]")
 _URL_BLANK: Final = re.compile(r"(?<!%[0-9A-Fa-f]{2})%20(?=[0-9A-Za-z])")
-_PRINTABLE: Final = re.compile(r"=(3D|20(?=\s*$)|09(?=\s*$))")  # of a mail: the sign itself, and blanks at an end
+_PRINTABLE: Final = re.compile(  # of a mail: the sign itself, and blanks at an end; behind a name it is a value
+    r"=3D|(?<![G-Zg-z_][A-Za-z])(?<![G-Zg-z_][A-Za-z]{2})(?<![G-Zg-z_])=(?:20|09)(?=\s*$)"
+)
 _OF_WORDS: Final = frozenset("nrt\"'/")  # escapes in a string of words: no byte is written so
 _HEX_SIGN: Final = re.compile(  # typed with a letter O, a multiplication sign, a Cyrillic letter
-    r"(?<!\w)(?:[OoОо][xX×хХ]|0[×хХ])(?=[0-9A-Fa-f]{1,2}(?![0-9A-Za-z]))"
+    rf"(?<!\w)(?:[OoОо][xX×хХ]|0[×хХ]|0[xX](?=[0-9A-Fa-f]?[^\x00-\x7f]))({TYPED}{{1,2}})(?!\w)"
 )
 _REPEATED: Final = re.compile(r"(?<!\w)(0x[0-9A-Fa-f]{1,2}|\d{1,3}) <repeats (\d{1,3}) times>")  # as gdb shows arrays
 _LOST_BREAK: Final = re.compile(r"(?<![0-9A-Za-z])([0-9A-Fa-f]{2})(?=(?:[TR]x|[TR]X|tx|rx) ?[:>])")  # `0BRx: 01 03`
@@ -69,7 +73,7 @@ def plain(line: str) -> str:
     if "&" in text and ";" in text and _ENTITY.search(text):
         text = html.unescape(text).replace("\u00a0", " ")
     if _HEX_SIGN.search(text):
-        text = _HEX_SIGN.sub("0x", text)
+        text = _HEX_SIGN.sub(lambda match: f"0x{match[1].translate(LOOK_ALIKE)}", text)
     if " <repeats " in text:
         text = _REPEATED.sub(lambda match: ", ".join([match[1]] * int(match[2])), text)
     if _LOST_BREAK.search(text):
@@ -84,7 +88,7 @@ def plain(line: str) -> str:
     if "\\" in text and set(_ESCAPE.findall(text)) <= _OF_WORDS:
         text = _ESCAPED_BLANKS.sub("  ", text)
     if is_of_mail(text):
-        text = _PRINTABLE.sub(lambda match: chr(int(match[1], 16)), text)
+        text = _PRINTABLE.sub(lambda match: chr(int(match[0][1:], 16)), text)
     if "%20" in text:
         text = _URL_BLANK.sub("   ", text)
     if "u8" in text or "yte" in text:

@@ -9,14 +9,21 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Final
 
-from .candidates import HexWindow, Writing
+from .beside import (
+    leave_out_counts,
+    leave_out_line_numbers,
+    settle_behind_cuts,
+    settle_narrow_dumps,
+    settle_single_bytes,
+)
+from .candidates import CHECK_NAME, HexWindow, Writing
 from .choosing import MOST_JUDGED, ByteRun, Experience
 from .columns import COLUMN_SHAPE, MOST_ROWS, settle_columns
 from .copies import settle_copies
-from .judging import ByteJudge, Checked
+from .judging import ByteJudge, Checked, unturned
 from .loglines import LogLine
 from .rows import is_ruler, shows
 from .unchecked import settle_unchecked
@@ -31,7 +38,7 @@ _SHORT: Final = 3  # bytes: no more where text stands behind them
 _HEADED: Final = 6  # bytes for which the header of a frame speaks
 _CRC: Final = 2  # bytes
 _MAC: Final = 6  # bytes
-_CALLED_CRC: Final = re.compile(r"^\W*(?:crc|lrc|checksum)(?:-?16)?\W*$", re.IGNORECASE)
+_CALLED_CRC: Final = re.compile(rf"^\W*{CHECK_NAME}\W*$", re.IGNORECASE)
 
 
 def settle(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -> None:
@@ -39,9 +46,13 @@ def settle(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -
     for line in lines:
         for run in line.runs:
             run.taken = _speaks_for_itself(run, line, experience)
+    leave_out_line_numbers(lines)
+    leave_out_counts(lines)
     _counts(lines)
     _beside(lines)
-    settle_columns(lines, judge, experience)
+    settle_single_bytes(lines)
+    settle_narrow_dumps(lines, judge)
+    settle_columns(lines, unturned(judge), experience)
     _blocks(lines, judge, experience)
     _rows_of_dumps(lines, judge)
     if not experience.damaged:
@@ -49,6 +60,7 @@ def settle(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -
     settle_unchecked(lines, experience)
     _as_long_as_they_say(lines, judge, experience)
     _named_check_values(lines)
+    settle_behind_cuts(lines)
     _ends_of_arrays(lines)
     _bytes_alone(lines)
     settle_copies(lines, experience)
@@ -182,8 +194,12 @@ def _closes(line: LogLine, run: ByteRun) -> bool:
 
 
 def _reread(block: list[tuple[LogLine, ByteRun]], judge: ByteJudge, experience: Experience) -> None:
-    """Rows that are right together in one shape are read in it, and so are those like them."""
-    if any(run.checked for _, run in block):
+    """Rows that are right together in one shape are read in it, and so are those like them.
+
+    Where some are right alone, the rest of a frame may stand in those beside them.
+    """
+    alone = sum(_covered(run.checked) for _, run in block)
+    if alone and all(run.taken and _covered(run.checked) == len(run.data) for _, run in block if run.checked):
         return
     readings = [_readings(run) for _, run in block]
     for shape in readings[0]:
@@ -191,7 +207,7 @@ def _reread(block: list[tuple[LogLine, ByteRun]], judge: ByteJudge, experience: 
             continue
         data = b"".join(reading[shape].data for reading in readings)
         if len(data) <= MOST_JUDGED and (checked := judge(data)):
-            if 2 * sum(span.end - span.start for span in checked) < len(data):
+            if 2 * _covered(checked) < len(data) or _covered(checked) <= alone:
                 continue
             at = 0
             for (line, run), reading in zip(block, readings, strict=True):
@@ -203,6 +219,11 @@ def _reread(block: list[tuple[LogLine, ByteRun]], judge: ByteJudge, experience: 
             experience.shapes.add(shape)
             block[0][1].checked = checked
             return
+
+
+def _covered(checked: Sequence[Checked]) -> int:
+    """How many bytes these stretches are."""
+    return sum(span.end - span.start for span in checked)
 
 
 def _rows_of_dumps(lines: Sequence[LogLine], judge: ByteJudge) -> None:
@@ -283,7 +304,7 @@ def _as_long_as_they_say(lines: Sequence[LogLine], judge: ByteJudge, experience:
 
 
 def _all_of(data: bytes, checked: Sequence[Checked]) -> bool:
-    return sum(span.end - span.start for span in checked) == len(data)
+    return _covered(checked) == len(data)
 
 
 def _named_check_values(lines: Sequence[LogLine]) -> None:
@@ -328,11 +349,11 @@ def _tails(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -
 def _completes(run: ByteRun, open_runs: Sequence[bytes], judge: ByteJudge) -> bool:
     """Whether a frame begins in one of the open runs and ends with this one, which then is taken."""
     candidates: tuple[ByteRun | HexWindow, ...] = (run, *run.others)
-    for reading in candidates:
+    for turned, reading in product((False, True), candidates):  # a number has its high byte first
         for i in range(len(open_runs)):
             joint = b"".join(open_runs[i:]) + reading.data
             begins = len(joint) - len(reading.data)
-            if any(span.start < begins and span.end == len(joint) for span in judge(joint)):
+            if any(span.start < begins and span.end == len(joint) and span.turned == turned for span in judge(joint)):
                 if isinstance(reading, HexWindow):
                     run.take(reading)
                 run.taken = True

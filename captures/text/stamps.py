@@ -50,6 +50,7 @@ _LIKELY_DATE = re.compile(r"\d[-/.](?:\d\d|[A-Za-z])")
 _LONG: Final = 4096  # characters: in a longer line times are looked for
 _HEAD: Final = 256  # in the first of them alone
 _DATE_LENGTH: Final = 40  # characters that a date and a zone take at most
+_CLOCK_TAIL: Final = 20  # that a fraction, am or pm and a zone take
 _DIGIT = re.compile(r"\d")
 _LEAD = r"^[\s\[(|\"']*"
 _TITLE: Final = re.compile(
@@ -64,8 +65,9 @@ _EPOCH = re.compile(_LEAD + r"(1[2-9]\d{11}(?:\d{3}){0,2})(?=[\])]|[\s,:;]+(?![0
 _EPOCH_SECONDS = re.compile(_LEAD + r"(1[2-9]\d{8})(?=[\])]|[\s,:;]+(?![0-9A-Fa-f]{6})\S)")
 _UNIT = re.compile(rf"{_LEAD}\+?(?:[\w-]+\]\s*)?(\d+)(?:\.(\d{{1,9}}))? ?(ms|us|µs|μs|ns|s)(?=[\s\]):,;>|]|$)")
 _NUMBERED_UNIT = re.compile(r"^\s*\d{1,9}\s*[|,;\t]\s*(-?)(\d{1,18})(?:\.(\d{1,9}))? ?(ms|us|µs|μs|ns|s)(?=[\s,;|])")
-_ODD_CLOCK: Final = re.compile(  # `10-01-48.958`, `10.01.48,958`, `2026-11-21_10-01-48`, `20261121T100148`
-    r"^[\s\[(|\"']*(?:(?P<date>20\d\d-\d\d-\d\d|20\d\d[01]\d[0-3]\d)[ T_-](?P<h>\d\d)(?P<sign>[-.]?)(?P<mi>\d\d)(?P=sign)"
+# `10-01-48.958`, `10.01.48,958`, `2026-11-21_10-01-48`, `20261121T100148`, behind a process `2311:20261121:100148.958`
+_ODD_CLOCK: Final = re.compile(
+    r"^[\s\[(|\"']*(?:(?:\d{1,7}:(?=20\d{6}:))?(?P<date>20\d\d-\d\d-\d\d|20\d\d[01]\d[0-3]\d)[ T_:-](?P<h>\d\d)(?P<sign>[-.]?)(?P<mi>\d\d)(?P=sign)"
     r"(?P<s>\d\d)(?:[.,](?P<f>\d{1,9}))?|(?P<hh>\d\d)(?:(?P<dash>-)|(?P<dot>\.))(?P<mm>\d\d)(?(dash)-|\.)(?P<ss>\d\d)"
     r"(?(dash)[.,]|,)(?P<ff>\d{3}|\d{6}))(?![\w.])"
 )
@@ -79,7 +81,7 @@ _TICKS = re.compile(  # milliseconds since a microcontroller began, or a program
     r"^\s*(?:(\d{1,10}) \[[\w .#:-]{1,60}\] (?:TRACE|DEBUG|INFO|WARN|ERROR)\b|\[[A-Z]\] ?(\d+)\||[EWIDV] \((\d+)\)(?= )|\[ *(\d+)\](?:\[[EWIDV]\]| \[(?:INFO|DEBUG|WARN|ERR|ERROR|TRACE|VERB) *\]))"
 )
 _COUNTER = re.compile(  # `1023: TX 01 03`
-    r"^\s*(?:\[?(\d{1,10})\]?:|\[ *(\d{1,10})\]|\((\d{1,10})\)|(?<= {2})(\d{1,10})(?= )) ?(?=\W{0,2}(?:[TR]x|req|resp?|sen[dt]|recv|read|wr|write|in|out)\b|[-=]?[-=<>][->=]|[→←])",
+    r"^\s*(?:\[?(\d{1,10})\]?:|\[ *(\d{1,10})\]|\((\d{1,10})\)|(?<= {2})(\d{1,10})(?= )) ?(?=\W{0,2}(?:\w{0,8}_)?(?:[TR]x|req|resp?|sen[dt]|recv|read|wr|write|in|out)\b|[-=]?[-=<>][->=]|[→←])|^\s*\[ *(\d{1,10})\] (?=\w{1,12}(?:Send|Receive|Write|Read)\b)|^\s*(\d{4,10})(?: ?[|;,\t]| (?=\S)) ?(?=\W{0,2}(?:[TR]x\b|[-=]?[-=<>][->=]|[→←]))",
     re.I,
 )
 _LAST = re.compile(r"[\w\"')\]}][ \t](1[2-9]\d{8})(\d{3}|\d{9})\s*$")  # as InfluxDB's lines end
@@ -157,7 +159,10 @@ def find(text: str, zone: tzinfo | None = UTC) -> tuple[Stamp | None, str]:
     timed = likely is not None
     while likely is not None:
         end = likely.end()
-        for match in _CLOCK.finditer(text, max(likely.start() - _DATE_LENGTH, 0), end + _DATE_LENGTH):
+        limit = end + _DATE_LENGTH
+        for match in _CLOCK.finditer(text, max(likely.start() - _DATE_LENGTH, 0), limit):
+            if match.end() + _CLOCK_TAIL > limit and match.start() > likely.start():
+                break  # another, which is looked at whole below
             end = max(end, match.end())
             if (clock := _of_clock(match, zone)) is not None:
                 stamp = clock if stamp is None else _finer(stamp, clock)

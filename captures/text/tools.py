@@ -18,16 +18,19 @@ from typing import Final, NamedTuple
 NONE, TX, RX = 0, 1, 2
 
 _WORDS: Final = {
-    TX: "tx txd send sends sending sent transmit transmitted transmitting request requests requested requesting req "
-    "query outgoing wrote written writing "
-    "запрос отправка отправлено отправлен отправляю отправляем передача передано посылка послано запит надіслано "
+    TX: "tx txd snd xmit send sends sending sent transmit transmitted transmitting request requests requested "
+    "requesting req query outgoing wrote written writing "
+    "запрос отправка отправлено отправлен отправил отправляю отправляем послал "
+    "посылаю передал передаю шлю шлёт шлет "
+    "передача передано посылка послано запит надіслано "
     "gesendet senden sende gesendete anfrage abfrage envoi envoyé envoyée envoyer requête demande émission émis trame "
     "enviado enviada envío enviando enviar solicitud petición consulta envio requisição pedido pergunta solicitação "
     "inviato inviata invio inviati richiesta wysłano wysłane wysyłam zapytanie żądanie nadano "
     "gönderilen gönderildi gönder istek sorgu odesláno dotaz verzonden verzoek skickat",
-    RX: "rx rxd recv rcvd receive receives receiving received response resp responds responded responding "
+    RX: "rx rxd recv rcv rcvd receive receives receiving received response resp responds responded responding "
     "reply replies replied replying answer answers answered answering incoming "
-    "ответ приём прием принят принято принимаю получено получен получили відповідь отримано "
+    "ответ приём прием принят принято принял принимаю получено получен получил получаю получили приходит пришло "
+    "відповідь отримано "
     "empfangen empfang empfangene antwort reçu reçue réception recevoir réponse "
     "recibido recibida recibiendo recepción respuesta recebido recebida recepção resposta "
     "ricevuto ricevuta ricezione risposta odebrano otrzymano odbiór odpowiedź "
@@ -201,6 +204,7 @@ MARK_WORDS |= {"<": RX, "<<<": RX, "rx": RX, "recv": RX, "read": RX, "irp_mj_rea
 MARK_WORDS |= {"s bo": TX, "c bi": RX}
 MARK_WORDS |= {"processing": RX, "handling data": RX, "unexpected data": RX}
 _STRACE = r"^(?:\[pid +\d+\] |\d+ +)?(?:(?P<time>\d\d:\d\d:\d\d(?:\.\d+)?|\d{9,10}\.\d+) )?"
+_POLL_TIME: Final = r"(?:(?P<time>\d\d:\d\d:\d\d\.\d{3})-)?"
 
 SHAPES = (
     Shape(
@@ -226,8 +230,8 @@ SHAPES = (
             r"(?:\+{3}|-{3}) (?:exited|killed|SIG))"
         ),
     ),
-    Shape("Modbus Poll", LineRole.BYTES, re.compile(r"^(?P<mark>Tx|Rx):\d{4,}-(?P<hex>.*)$")),
-    Shape("Modbus Poll", LineRole.BYTES, re.compile(r"^\d{4,}-(?P<mark>Tx|Rx):(?P<hex>.*)$")),
+    Shape("Modbus Poll", LineRole.BYTES, re.compile(rf"^(?P<mark>Tx|Rx):\d{{4,}}-{_POLL_TIME}(?P<hex>.*)$")),
+    Shape("Modbus Poll", LineRole.BYTES, re.compile(rf"^\d{{4,}}-(?P<mark>Tx|Rx):{_POLL_TIME}(?P<hex>.*)$")),
     Shape(
         "QModMaster",
         LineRole.BYTES,
