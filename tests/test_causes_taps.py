@@ -11,6 +11,7 @@ import pytest
 from analyzer.causes.ledger import ledger_of
 from analyzer.causes.reasoning import causes_of
 from analyzer.core import analyse
+from analyzer.simulation import Scenario, simulate
 from analyzer.simulation.field.bench import Expected, FieldCapture, site
 from analyzer.simulation.field.cases.registry import field_cases
 from captures.chunks import Capture, Chunk
@@ -74,3 +75,29 @@ def test_the_longer_the_answer_that_is_asked_for_the_later_the_master_goes_on() 
 
 def test_a_timer_behind_which_pauses_stray_is_told_by_some_rounds() -> None:
     assert _asked_only(lambda _: 200e6, 17, 40e6) == ["absent-units"]
+
+
+@pytest.mark.parametrize("seed", [2, 3])
+def test_flow_control_on_the_tap_is_no_units_fault(seed: int) -> None:
+    made = simulate(Scenario("clean", "precise", transactions=300, seed=seed, defect="flow-control-loss"))
+    assert _causes(Capture.of(made.line, made.chunks)) == ["tap-flow-control"]
+
+
+def test_a_unit_19_whose_number_flow_control_eats_is_behind_answers_of_another() -> None:
+    assert _named(field_cases()["tap-flow-control"].capture("precise", 500)) == ["tap-flow-control"]
+
+
+def test_damage_on_a_bus_that_says_no_11_and_no_13_is_not_flow_controls() -> None:
+    request = bytes.fromhex("050300640008")
+    random, chunks, t_ns = Random(4), list[Chunk](), 1_000_000_000
+    while len(chunks) < 240:
+        body = bytes((5, 3, 16, *random.choices((0, 1, 2, 0x40, 0x7C), k=16)))
+        answer = bytearray(body + crc_bytes(body))
+        if len(chunks) % 3 == 0:
+            answer[random.randrange(4, len(answer))] ^= 0x04
+        if not {0x11, 0x13}.intersection(answer):
+            for adu, pause_ns in ((request + crc_bytes(request), 40_000_000), (bytes(answer), 8_000_000)):
+                t_ns += pause_ns + ceil(len(adu) * _CHAR_NS)
+                chunks.append(Chunk(t_ns, adu))
+    assert not {0x11, 0x13}.intersection(b"".join(chunk.data for chunk in chunks))
+    assert "tap-flow-control" not in _causes(Capture.of(LineSettings(baud=19200, char_bits=11), chunks))

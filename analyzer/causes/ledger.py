@@ -17,6 +17,7 @@ from captures.line import LineSettings
 from dissectors.foreign import NAMES
 
 from ..deframing.directions import either_way
+from ..diagnosis.damage.flow_control import IS_FLOW
 from ..diagnosis.tap_clock import TapClock
 from ..options import Options
 from ..tables.batch import Batch
@@ -88,6 +89,7 @@ class Ledger:
         self.noise: list[tuple[int, int, bytes]] = []  # a few stretches in no frame: time, port, bytes
         self.stray_times = CrowdedTimes()  # ns, of short stretches in no frame
         self.marked_bytes = 0  # by the UART
+        self.flow_bytes = 0  # that are XON or XOFF
         self.ports: dict[int, Counter[str]] = defaultdict(Counter)
         self.begin: int | None = None
         self.end = 0
@@ -151,6 +153,7 @@ class Ledger:
         self.responses += int(np.count_nonzero(right)) - requests
         self.bytes += int(length.sum())
         self.marked_bytes += int(rows.errors.sum())
+        self.flow_bytes += int(np.count_nonzero(IS_FLOW.take(table.data)))
         if self.begin is None:
             self.begin = int(rows.t_start_ns[0])
         self.end = max(self.end, int(rows.t_end_ns.max()))

@@ -12,6 +12,8 @@ from dataclasses import replace
 from math import comb, inf, log2
 from typing import Final, NamedTuple
 
+import numpy as np
+
 from dissectors.adu import MAX_ADU, MIN_ADU, OVERHEAD
 from dissectors.crc import byte_between, stepped
 from dissectors.length_rules import Role
@@ -20,6 +22,7 @@ from dissectors.lengths import pdu_length
 from .case import BYTE, FRAME, ByteRepair, DamagedFrame, Explanation, likelihood, predicted_length
 
 XON_XOFF: Final = frozenset((0x11, 0x13))
+IS_FLOW: Final = np.isin(np.arange(256), sorted(XON_XOFF))
 _PRIOR: Final = -4.0
 _NONE_YET: Final = 1.5  # bits: it has not let one through so far
 _A_BYTE: Final = 0.0085  # bits that each byte says which is neither: one in 170 should be

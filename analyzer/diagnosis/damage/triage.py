@@ -21,6 +21,7 @@ from ...tables.batch import Batch
 from ...tables.schema import NO_GAP, Kind, Protocol, Row
 from ..view import DiagnosisStep, EarlierRow, LookBack, where
 from . import FRAME, DamagedFrame, DividedFrame, Explanation, asked_by, autopsy, divided, joined
+from .flow_control import IS_FLOW
 
 HASTE_NS: Final = 50_000_000  # sooner than any master gives up waiting
 _HARD_NS: Final = 1_500_000  # what comes sooner belongs to the frame before
@@ -33,7 +34,6 @@ _NEAR: Final = 2.0  # bits by which an explanation may lose to "nothing explains
 _CUT_NEAR: Final = 6.0  # the same for that the frame is cut short: its length alone says so
 _SURE: Final = 0.5  # certainty from which noise is explained
 _GLITCHES: Final = frozenset((0x00, 0xFE, 0xFF))
-_IS_FLOW: Final = np.isin(np.arange(256), (0x11, 0x13))  # XON and XOFF
 _NOISE, _REQUEST = int(Kind.NOISE), int(Kind.REQUEST)  # asked of many rows: enums are slow
 
 
@@ -105,7 +105,7 @@ class Triage:
         return parts
 
     def _watch_flow(self, view: DiagnosisStep, port: int) -> None:
-        for hit in where(_IS_FLOW.take(view.batch.data)).tolist():
+        for hit in where(IS_FLOW.take(view.batch.data)).tolist():
             row = int(view.rows.at.searchsorted(hit, side="right")) - 1
             if int(view.rows.port[row]) == port:
                 self._flow_at[port] = int(view.rows.start[row] + hit - view.rows.at[row])

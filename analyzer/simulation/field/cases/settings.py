@@ -62,6 +62,14 @@ def tap_line_settings(random: Random, tap: str) -> Site:
     return bench, Expected("tap-line-settings")
 
 
+@field_case("tap-flow-control", LOCAL)
+def tap_flow_control(random: Random, tap: str) -> Site:
+    """The tap's port has XON/XOFF on, and eats those bytes; each unit says some."""
+    bench = site(random, tap, seconds=(30, 300))
+    bench.tapped = lambda octets: [octet for octet in octets if octet.value not in (0x11, 0x13)]
+    return bench, Expected("tap-flow-control")
+
+
 @field_case("tap-one-direction")
 def tap_one_direction(random: Random, tap: str) -> Site:
     """The tap hears the client only, or the units only."""
