@@ -344,3 +344,9 @@ def path_of(folder: Path, text: str, name: str = "table.txt") -> Path:
     path = folder / name
     path.write_text(text + "\n", encoding="utf-8")
     return path
+
+
+@pytest.mark.parametrize("zero", ["\u1bb0", "\u0660", "\uff10", "\U0001d7d8"])
+def test_digits_of_another_script_are_read_as_digits(tmp_path: Path, zero: str) -> None:
+    path = path_of(tmp_path, f"{zero}0 00 00 0A\n{REQUEST.hex(' ').replace('0', zero)}", "a.log")
+    assert b"".join(chunk.data for chunk in captures.open(path).chunks()).endswith(REQUEST)

@@ -8,6 +8,7 @@ from typing import Final
 
 from .candidates import LOOK_ALIKE, TYPED
 
+_OTHER_DIGIT: Final = re.compile(r"(?![0-9])\d")  # of another script
 _ANSI: Final = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 # What is typed as something else than the plain characters that it means, or is markup around them.
 _PLAIN: Final = str.maketrans(
@@ -67,7 +68,7 @@ def plain(line: str) -> str:
     if "\x1b" in text:
         text = _ANSI.sub("", text)
     if not text.isascii() or "\x00" in text:
-        text = text.translate(_PLAIN)
+        text = _OTHER_DIGIT.sub(lambda match: str(int(match[0])), text.translate(_PLAIN))
     if "<" in text and ">" in text and len(_OCTET.findall(text)) < _SOME:  # <DD> is a tag as well
         text = _TAG.sub("", _CELL.sub(" | ", text))
     if "&" in text and ";" in text and _ENTITY.search(text):
