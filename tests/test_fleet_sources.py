@@ -195,7 +195,7 @@ def test_what_fits_no_line_is_told_and_the_rest_is_taken(tmp_path, capsys):
     command = ["batch", str(tmp_path / "src"), "-o", str(tmp_path / "lake"), "--workers", "1"]
     assert main(command) == 1
     told = capsys.readouterr()
-    assert "would both be site plant, line bus.mcap: use --site-from" in told.err and "1 captures" in told.out
+    assert "would both be site plant, line bus.mcap: use --site-from" in told.err and "1 capture of" in told.out
     watching = ["watch", str(tmp_path / "new"), "--from", str(tmp_path / "src"), "--once", "--workers", "1"]
     assert main([*watching, "--site-from", r"/(?P<site>north|other)/"]) == 1
     told = capsys.readouterr()
@@ -251,7 +251,7 @@ def test_watch_tells_of_changed_rules_and_redoes_when_asked(tmp_path, monkeypatc
     assert main(command) == 0
     assert "1 lines were made by other rules or options: --redo" in capsys.readouterr().err
     assert main([*command, "--redo"]) == 0
-    assert "3 captures of 1 lines" in capsys.readouterr().out
+    assert "3 captures of 1 bus line" in capsys.readouterr().out
     assert main([*command, "--redo"]) == 0
     assert "0 captures of 0 lines" in capsys.readouterr().out
 
