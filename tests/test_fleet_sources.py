@@ -249,11 +249,11 @@ def test_watch_tells_of_changed_rules_and_redoes_when_asked(tmp_path, monkeypatc
     monkeypatch.setitem(version.RULES, "causes", version.RULES["causes"] + 1)
     capsys.readouterr()
     assert main(command) == 0
-    assert "1 lines were made by other rules or options: --redo" in capsys.readouterr().err
+    assert "lines made by other rules or options: 1; --redo" in capsys.readouterr().err
     assert main([*command, "--redo"]) == 0
     assert "3 captures of 1 bus line" in capsys.readouterr().out
     assert main([*command, "--redo"]) == 0
-    assert "0 captures of 0 lines" in capsys.readouterr().out
+    assert "0 captures of 0 bus lines" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("back_s", [0, 100], ids=["an overlap", "a clock set back"])

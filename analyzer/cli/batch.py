@@ -118,7 +118,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def outdated(result: BatchResult) -> str:
     """What is said of lines that are as other rules or options made them."""
-    return f"{result.outdated} lines were made by other rules or options: --redo makes anew what these touch"
+    return f"lines made by other rules or options: {result.outdated}; --redo makes anew what these touch"
 
 
 def batch_options(arguments: argparse.Namespace) -> BatchOptions:
