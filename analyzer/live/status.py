@@ -50,9 +50,10 @@ class LineStatus:
         rows = step.batch.rows
         frames = int(np.count_nonzero(rows.kind))  # all but NOISE
         self.frames += frames
-        severity = self._severity[step.findings.rule]
-        self.errors += int(np.count_nonzero(severity == Severity.ERROR))
-        self.warnings += int(np.count_nonzero(severity == Severity.WARNING))
+        if len(step.findings):
+            severity = self._severity[step.findings.rule]
+            self.errors += int(np.count_nonzero(severity == Severity.ERROR))
+            self.warnings += int(np.count_nonzero(severity == Severity.WARNING))
         self.bytes += step.heard
         self.marked += step.marked
         self.missed += step.missed
