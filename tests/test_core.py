@@ -207,6 +207,9 @@ class Clocks:
     def __init__(self, step_s):
         self._step_s, self._ran, self._now, self.slept = step_s, 0.0, 0.0, []
 
+    def passes(self, step_s):
+        self._step_s = step_s
+
     def thread_time(self):
         self._ran += self._step_s  # since it was last asked
         return self._ran
@@ -220,7 +223,7 @@ class Clocks:
         self._now += seconds
 
 
-@pytest.mark.parametrize(("step_s", "pause_s"), [(0.002, 0.014), (0.15, 0.1)])
+@pytest.mark.parametrize(("step_s", "pause_s"), [(0.002, 0.018), (0.15, 0.1)])
 def test_where_steps_are_dear_more_is_gathered_for_each(monkeypatch, step_s, pause_s):
     clocks = Clocks(step_s)
     monkeypatch.setattr(live_session, "time", clocks)
@@ -230,6 +233,17 @@ def test_where_steps_are_dear_more_is_gathered_for_each(monkeypatch, step_s, pau
         pace.begin()
     assert clocks.slept[-1] == pytest.approx(pause_s, rel=0.01)
     assert sum(clocks.slept) == pytest.approx(clocks.monotonic())
+
+
+def test_one_step_that_is_dear_holds_up_none_behind_it(monkeypatch):
+    clocks = Clocks(0.002)
+    monkeypatch.setattr(live_session, "time", clocks)
+    pace = live_session._StepPace()
+    for number in range(60):
+        clocks.passes(0.2 if number == 50 else 0.002)
+        pace.wait()
+        pace.begin()
+    assert max(clocks.slept[50:]) < 0.021
 
 
 @pytest.mark.parametrize("waits", [False, True])

@@ -28,9 +28,11 @@ from .outlets import Outlet
 
 _BACKLOG: Final = 4 << 20  # bytes that wait for the analysis at most
 _PATIENCE_S: Final = 0.2
-_SPARED: Final = 7  # times what a step takes of the processor pass at least until the next one begins,
+_SPARED: Final = 9  # times what a step takes of the processor pass at least until the next one begins,
 _LONGEST_S: Final = 0.1  # but no more than this
-_LATELY: Final = 8  # steps, over which that is averaged
+_LATELY: Final = 8  # steps, over which that is averaged,
+_ODD: Final = 2  # times the average count of one that takes longer, as now and then a look at all that was heard does
+_USUAL_S: Final = 0.001  # before any
 _DEAF: Final = frozenset({"lost", "opened", "gap"})  # events that tell when nothing was heard
 _NOTED: Final = frozenset({"lost", "opened", "clock", "settled", "gap", "notice"})  # events that stand in the record
 
@@ -299,14 +301,15 @@ class _StepPace:
     what a step costs goes by the step. `begin` a step, `wait` behind it."""
 
     def __init__(self) -> None:
-        self._mean_s = 0.0
+        self._mean_s = _USUAL_S
         self.begin()
 
     def begin(self) -> None:
         self._begun, self._ran = time.monotonic(), time.thread_time()
 
     def wait(self) -> None:
-        self._mean_s += (time.thread_time() - self._ran - self._mean_s) / _LATELY
+        took_s = min(time.thread_time() - self._ran, _ODD * self._mean_s)
+        self._mean_s += (took_s - self._mean_s) / _LATELY
         left = self._begun + min(_SPARED * self._mean_s, _LONGEST_S) - time.monotonic()
         if left > 0:
             time.sleep(left)
