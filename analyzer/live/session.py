@@ -297,7 +297,7 @@ class Session:
 
 
 class _StepPace:
-    """Gathers more before the next step where steps are dear, as on a line full of noise or on a slow machine: most of
+    """Gathers more before the next step where steps are dear, as on a line full of noise or on a slow machine: part of
     what a step costs goes by the step. `begin` a step, `wait` behind it."""
 
     def __init__(self) -> None:
