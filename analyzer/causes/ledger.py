@@ -26,7 +26,7 @@ from ..tables.transactions import ECHOED, NEVER, Status, TransactionRows
 from .crowdedtimes import CrowdedTimes
 from .exchanges import ANSWERED, Ending, ExchangeBuilder, Exchanges, RowColumns, Stretch, Unowned
 from .polls import PollTable
-from .samples import asked_in_pieces, sampled
+from .samples import READ_REQUEST, asked_in_pieces, sampled
 from .states import StateTable
 from .successors import SuccessorTable
 from .thinned import Thinned
@@ -44,8 +44,7 @@ _NOISE_BYTES: Final = 512
 _EXAMPLES: Final = 3
 _BACK: Final = 2  # exchanges
 STRAY: Final = 3  # bytes that one spike makes
-_EIGHT: Final = 8  # bytes of a request by one of these functions
-_OF_EIGHT: Final = np.isin(np.arange(256), (1, 2, 3, 4, 5, 6))
+_OF_EIGHT: Final = np.isin(np.arange(256), (1, 2, 3, 4, 5, 6))  # whose requests have so many bytes
 _COUNTED: Final = np.isin(np.arange(256), (1, 2, 3, 4))  # whose answers have a byte count,
 _REGISTERS: Final = np.isin(np.arange(256), (3, 4))
 _AROUND: Final = 5  # and so many bytes besides
@@ -181,10 +180,10 @@ class Ledger:
         """Right frames that are not as long as what they are said to be, and read like the other kind."""
         rows, asks = table.rows, table.rows.kind == _REQUEST
         of_eight = right & (rows.protocol == Protocol.RTU) & _OF_EIGHT[rows.function]
-        misshapen: NDArray[np.bool_] = of_eight & asks & (rows.length != _EIGHT)
-        counted = (of_eight & ~asks & _COUNTED[rows.function] & (rows.length == _EIGHT)).nonzero()[0]
+        misshapen: NDArray[np.bool_] = of_eight & asks & (rows.length != READ_REQUEST)
+        counted = (of_eight & ~asks & _COUNTED[rows.function] & (rows.length == READ_REQUEST)).nonzero()[0]
         odd = _REGISTERS[rows.function[counted]]  # three bytes of data are no registers, whatever the count says
-        misshapen[counted] = odd | (table.data[rows.at[counted] + 2] + _AROUND != _EIGHT)
+        misshapen[counted] = odd | (table.data[rows.at[counted] + 2] + _AROUND != READ_REQUEST)
         return misshapen
 
     def _count_noise(self, table: RowColumns, noise: NDArray[np.intp]) -> None:

@@ -42,11 +42,12 @@ def tap_flow_control(evidence: Evidence) -> Iterator[Suspicion]:
     robbed = damaged = 0.0
     solved = 0
     explains: set[tuple[Symptom, int | None]] = {(Symptom.FRAMING, None), (Symptom.REQUESTS, None)}
+    units = frozenset(unit.unit for unit in evidence.units)
     for unit in evidence.units:
         explains |= {(kind, unit.unit) for kind in _ROBBED}
         readings = evidence.readings(unit)
         if readings:
-            whole = sum(_is_robbed(reading, evidence) for reading in readings)
+            whole = sum(_is_robbed(reading, units, ledger.bytes) for reading in readings)
             solved += whole
             damaged += unit.count(Ending.GARBAGE)
             robbed += unit.count(Ending.GARBAGE) * whole / len(readings)
@@ -56,11 +57,8 @@ def tap_flow_control(evidence: Evidence) -> Iterator[Suspicion]:
     yield Suspicion((), _LEFT * robbed, frozenset(explains), numbers, ledger.begin, ledger.end)
 
 
-def _is_robbed(reading: Signature, evidence: Evidence) -> bool:
+def _is_robbed(reading: Signature, units: frozenset[int], flow_free: int) -> bool:
     """Whether an answer lacks bytes 11 and 13, and nothing else; alone, or before frames of units 17 and 19, which say no
     number then."""
-    units = frozenset(unit.unit for unit in evidence.units)
-    case = DamagedFrame(
-        reading.heard, Role.RESPONSE, reading.request or None, units=units, flow_free=evidence.ledger.bytes
-    )
+    case = DamagedFrame(reading.heard, Role.RESPONSE, reading.request or None, units=units, flow_free=flow_free)
     return autopsy(case).code == "flow-control-loss" or bool(divided(replace(case, role=None)))

@@ -130,10 +130,20 @@ def _begun_before(evidence: Evidence, unit: UnitLedger) -> int:
         first = each.heard[0]
         if each.length == each.due and first != header[0] and each.heard[1:2] == header[1:2]:
             sooner = any(first >> bits == header[0] & 0xFF >> bits for bits in range(1, 8))
-            late = {beheaded(header, lost, each_format)[:1] for each_format in formats_of(evidence.ledger.line)
-                    for lost in range(1, _CHARACTER_BITS)}  # fmt: skip
-            found += sooner and bytes((first,)) not in late
+            found += sooner and not any(
+                beheaded(header, lost, receiver).startswith(each.heard[:1])
+                for receiver in formats_of(evidence.ledger.line)
+                for lost in range(1, _CHARACTER_BITS)
+            )
     return found
+
+
+def beginnings(readings: Sequence[Signature], most: int) -> dict[bytes, Counter[bytes]]:
+    """How often each beginning of so many bytes was heard, by the header that was to be sent."""
+    heard: dict[bytes, Counter[bytes]] = defaultdict(Counter)
+    for each in readings:
+        heard[known_header(each.request)][each.heard[:most]] += 1
+    return heard
 
 
 def _out_of_step(evidence: Evidence, unit: UnitLedger) -> float:
@@ -142,9 +152,7 @@ def _out_of_step(evidence: Evidence, unit: UnitLedger) -> float:
     readings = evidence.readings(unit)
     if readings and sum(each.length < _FEWER * each.due for each in readings) > _MOSTLY * len(readings):
         return 0.0  # what is out of step is heard a byte a byte
-    heard: dict[bytes, Counter[bytes]] = defaultdict(Counter)  # by what was to be sent
-    for each in readings:
-        heard[known_header(each.request)][each.heard[:_BEGINNING]] += 1
+    heard = beginnings(readings, _BEGINNING)
     best = 0.0
     for receiver in formats_of(evidence.ledger.line):
         for lost in range(2, _LOST_BITS):

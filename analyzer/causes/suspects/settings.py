@@ -20,7 +20,7 @@ from ..registry import Suspicion, Symptom, suspect
 from ..samples import READ_REQUEST
 from ..signatures import Signature, known_header
 from ..unitledger import UnitLedger
-from .senders import damage_suspicion
+from .senders import beginnings, damage_suspicion
 
 _LEAST: Final = 3
 _BYTE: Final = 8.0
@@ -86,9 +86,7 @@ def _fitting(evidence: Evidence, readings: Sequence[Signature]) -> tuple[float, 
     """The other settings by which the garbage's first bytes are just what was to be sent: their weight, their words, and
     by how much a clock is off."""
     best, words, off = 0.0, "another speed or parity, or a clock that is off", 0.0
-    heard: dict[bytes, Counter[bytes]] = defaultdict(Counter)  # by what was to be sent
-    for reading in readings:
-        heard[known_header(reading.request)][reading.heard[:_MOST_BYTES]] += 1
+    heard = beginnings(readings, _MOST_BYTES)
     for receiver in formats_of(evidence.ledger.line):
         for sender, drift in other_formats(receiver):
             bits = -_BYTE + max(
