@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from captures.chunks import Block, Capture
 from captures.line import LineSettings
@@ -37,15 +38,18 @@ class Analysed:
     Of an `Analyzer`'s results the transactions are those that the batch's requests began, and the findings those on its
     rows and, in the last one, those about the bus as a whole. Of its `latest` both may speak of rows before.
     `batch.findings` are those of `findings` that stand on its rows. `skew` is what is known at the end of the clocks of
-    two taps, in the last one. `off_ns`: by how much response times may be wrong, as far as is known by now; 0 where
-    they are measured, infinite where this tap cannot tell them.
+    two taps, in the last one.
     """
 
     batch: Batch
     transactions: TransactionRows
     findings: Findings
     skew: ClockSkew | None = None
-    off_ns: float = 0.0
+
+    @property
+    def off_ns(self) -> float:
+        """By how much response times may be wrong: see `Batch`."""
+        return self.batch.off_ns
 
     @classmethod
     def nothing(cls) -> Analysed:
@@ -139,8 +143,8 @@ class Analyzer:
     def close(self) -> list[Analysed]:
         """No more comes: the rest, and what concerns the bus as a whole."""
         settled = self._advance(self._deframer.close())
-        batch = self._latest.batch
         transactions, findings = self._judge.close()
+        batch = self._latest.batch
         transactions, findings = self._origin.transactions(transactions), self._origin.findings(findings)
         self._latest = Analysed(
             batch,
@@ -150,7 +154,7 @@ class Analyzer:
         if not self._settles:
             return []
         self._unsettled.add_said(transactions, findings)
-        last = settled + [replace(analysed, off_ns=self._judge.off_ns) for analysed in self._unsettled.rest()]
+        last = settled + list(self._unsettled.rest(batch.off_ns))
         return [*last[:-1], replace(last[-1], skew=self._deframer.skew)] if last else last
 
     def _count(self, octets_by_port: Mapping[int, int]) -> None:
@@ -173,8 +177,8 @@ class Analyzer:
         if self._judge.waits:
             return []
         open_from = self._judge.open_from
-        settled = self._unsettled.settled(None if open_from is None else open_from + self._origin.frames)
-        return [replace(analysed, off_ns=self._judge.off_ns) for analysed in settled]
+        behind = None if open_from is None else open_from + self._origin.frames
+        return list(self._unsettled.settled(behind, batch.off_ns))
 
 
 class _Unsettled:
@@ -201,31 +205,31 @@ class _Unsettled:
         """All rows that wait."""
         return join_batches([batch for batch, _ in self._batches]) if self._batches else Batch.empty()
 
-    def settled(self, open_from: int | None) -> Iterator[Analysed]:
+    def settled(self, open_from: int | None, off_ns: float) -> Iterator[Analysed]:
         """Batches whose frames all come before the first one of which more may be said.
 
-        The newest stays: what stands at its end may hang on the row behind it.
+        The newest stays: what stands at its end may hang on the row behind it. `off_ns`: see `Batch`.
         """
         while len(self._batches) > 1 and (open_from is None or self._batches[0][1] <= open_from):
             batch, behind = self._batches.pop(0)
-            yield self._analysed(batch, behind, rows_of_findings(batch.rows, self._findings) >= 0)
+            yield self._analysed(batch, behind, rows_of_findings(batch.rows, self._findings) >= 0, off_ns)
 
-    def rest(self) -> Iterator[Analysed]:
+    def rest(self, off_ns: float) -> Iterator[Analysed]:
         """No more comes: everything, with what concerns the bus as a whole in the last one, which may hold no rows."""
         while len(self._batches) > 1:
-            yield from self.settled(None)
+            yield from self.settled(None, off_ns)
         every = np.ones(len(self._findings), np.bool_)
         if self._batches:
             batch, behind = self._batches.pop()
-            yield self._analysed(batch, behind, every)
+            yield self._analysed(batch, behind, every, off_ns)
         elif len(self._findings):
-            yield self._analysed(Batch.empty(), 0, every)
+            yield self._analysed(Batch.empty(), 0, every, off_ns)
 
-    def _analysed(self, batch: Batch, behind: int, mine: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> Analysed:
+    def _analysed(self, batch: Batch, behind: int, mine: NDArray[np.bool_], off_ns: float) -> Analysed:
         findings, self._findings = self._findings[mine], self._findings[~mine]
         begun = int(np.searchsorted(self._transactions.request, behind))
         transactions, self._transactions = self._transactions[:begun], self._transactions[begun:]
-        return Analysed(batch.said(findings), transactions, findings)
+        return Analysed(replace(batch, findings=findings, off_ns=off_ns), transactions, findings)
 
 
 def analyse(capture: Capture, options: Options = Options()) -> Iterator[Analysed]:  # noqa: B008 - frozen

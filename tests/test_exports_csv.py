@@ -65,6 +65,8 @@ def due(batch: Batch, zero: int) -> list[dict[str, str]]:
             "hex": frame.adu.data.hex(" ").upper(), "summary": safe(frame.summary()),
             "findings": "; ".join(f"{finding.code}: {finding.text}" for finding in frame.findings),
         }  # fmt: skip
+        low, high = frame.response_time_bounds_ns or (None, None)
+        cells |= {"response_time_low_ns": low, "response_time_high_ns": high}
         found.append({key: "" if value is None else str(value) for key, value in cells.items()})
     return found
 

@@ -80,7 +80,8 @@ def test_a_response_time_is_told_as_far_as_the_clock_carries_it(off_ns, took):
     sent = [Chunk(1_000_000_000, _EXCHANGE[0]), Chunk(1_021_500_000 + len(_EXCHANGE[1]) * CHAR_NS, _EXCHANGE[1])]
     analyzer.feed(Block.from_chunks(sent))
     analyzer.close()
-    step = SessionStep(0, replace(analyzer.latest, off_ns=off_ns))
+    latest = analyzer.latest
+    step = SessionStep(0, replace(latest, batch=replace(latest.batch, off_ns=off_ns)))
     _, answer = (TextLines(colour=False, width=None).of(shown) for shown in Recent().feed(step))
     assert answer.rstrip().endswith(f"   {took}" if took else " 258")
 

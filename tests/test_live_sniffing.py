@@ -45,6 +45,11 @@ def frames(out):
     ]
 
 
+def untimed(frame):
+    """What is said of a frame but for its response time, of which a live line knows less than its record does."""
+    return {key: value for key, value in frame.items() if not key.startswith("response_time")}
+
+
 def stalled(asked, answer):
     """An echo so late, on a machine so busy, that nobody could tell it from the client asking again."""
     return asked["hex"] == answer["hex"] and answer["t_start_ns"] - asked["t_end_ns"] > 25_000_000
@@ -94,7 +99,7 @@ def test_all_that_real_stacks_say_is_sniffed_paired_and_recorded(tmp_path):
             continue
         assert (asked["direction"], answer["direction"]) == ("request", "response"), number
         assert answer["request_start"] == asked["start"]
-    assert frames(exported(tmp_path / "bus.mcap")) == found
+    assert list(map(untimed, frames(exported(tmp_path / "bus.mcap")))) == list(map(untimed, found))
     assert [note.kind for note in read(tmp_path / "bus.mcap")] == ["opened", "settled"]
 
 

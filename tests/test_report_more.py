@@ -22,7 +22,7 @@ from analyzer.reports import summarize, text
 from analyzer.reports.against import differences
 from analyzer.reports.model import Report
 from analyzer.simulation.field.cases.registry import field_cases
-from analyzer.tables.transactions import bounds_of, delay_bounds
+from analyzer.tables.schema import bounds_of, delay_bounds
 from captures.chunks import Capture, Chunk
 from captures.line import LineSettings
 

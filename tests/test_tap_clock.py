@@ -16,11 +16,11 @@ from buses import adu
 from running import ran
 
 from analyzer.core import analyse
-from analyzer.diagnosis.tap_clock import UNKNOWN, TapClock
+from analyzer.deframing.tap_clock import UNKNOWN, TapClock
 from analyzer.tables.schema import Rows
 from captures.chunks import Capture, Chunk
 from captures.line import LineSettings
-from dissectors.crc import crc_bytes
+from dissectors.crc import crc_bytes, lrc
 
 _LINE = LineSettings(baud=19200)
 _MS = 1_000_000
@@ -121,3 +121,27 @@ def test_frames_that_share_a_millisecond_tell_no_response_times(
     ]
     path.write_text("\n".join(lines), encoding="utf-8")
     assert "response  unknown: this tap's times cannot tell them" in ran(capsys, "report", path).out
+
+
+@pytest.mark.parametrize(("late_ms", "exact"), [(0.0, True), (2.4, False)])
+def test_ascii_frames_tell_what_a_tap_is_worth(late_ms: float, exact: bool) -> None:
+    """Their senders may pause within a frame, so silences say nothing, but bytes cannot come before their time."""
+    bodies = (bytes.fromhex(body) for body in ("1103006B0003", "110306AE4156524340"))
+    ask, answer = (b":%s\r\n" % (body + bytes([lrc(body)])).hex().upper().encode() for body in bodies)
+    each = 11 / 19200 * 1000 * _MS
+    chunks, now = [], 0.0
+    for number in range(80):
+        for adu, pause in ((ask, 47 * _MS), (answer, 31 * _MS)):
+            now += pause + len(adu) * each
+            if exact:
+                chunks.append(Chunk(int(now), adu))
+            else:  # the first bytes are late now and then
+                early = now - 5 * each
+                chunks += [Chunk(int(early + number % 4 * late_ms / 3 * _MS), adu[:-5]), Chunk(int(now), adu[-5:])]
+    capture = Capture.of(_LINE, sorted(chunks, key=lambda chunk: chunk.t_ns))
+    answers = [frame for part in analyse(capture) for frame in part.batch.frames() if frame.request_start is not None]
+    assert len(answers) == 80 and all(frame.protocol == "ascii" for frame in answers)
+    for frame in answers:
+        low, high = frame.response_time_bounds_ns or (0, 0)
+        assert low <= 31 * _MS + each and high >= 31 * _MS - each
+        assert (frame.response_time_ns is not None) == exact

@@ -16,7 +16,7 @@ from dissectors.declaration import USER_DEFINED
 from dissectors.foreign import NAMES, UNCHECKED
 from dissectors.lengths import Role, rule
 
-from ..diagnosis.tap_clock import UNKNOWN, TimeTrust, silences
+from ..deframing.tap_clock import UNKNOWN, TimeTrust, silences
 from ..tables.transactions import ECHOED
 from .asciireading import is_in_ascii
 from .bits import surplus_bits

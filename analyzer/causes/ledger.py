@@ -17,8 +17,8 @@ from captures.line import LineSettings
 from dissectors.foreign import NAMES
 
 from ..deframing.directions import either_way
+from ..deframing.tap_clock import TapClock
 from ..diagnosis.damage.flow_control import IS_FLOW
-from ..diagnosis.tap_clock import TapClock
 from ..options import Options
 from ..tables.batch import Batch
 from ..tables.schema import NO_GAP, Kind, Protocol

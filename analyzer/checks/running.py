@@ -32,7 +32,7 @@ def run(
     FilterError where a filter counts in characters and the line's speed is not known.
     """
     measures = [check.start() for check in checks]
-    summary = Summary.of(capture.line)
+    summary = Summary(capture.line.character_ns)
     wanted = any(getattr(measure, "needs_causes", False) for measure in measures)
     ledger = Ledger(capture.line, options) if wanted else None
     origin_ns: int | None = None

@@ -27,6 +27,7 @@ from .engine import Engine
 from .foreign import ForeignTalk
 from .pairing import EnvelopedPairer
 from .segments import StreamSegments, UnorderedRows
+from .tap_clock import TapClock
 from .wireorder import Across, ClockSkew, WireOrder
 
 _UNKNOWN_CHARACTER_NS: Final = 1e6  # 10 bits at 9600 bit/s, about: only the scale of the silence classes hangs on it
@@ -67,6 +68,8 @@ class PortsDeframer:
         self._engines: dict[int, PortEngine] = {}
         self._foreign = ForeignTalk()
         self._pairer = EnvelopedPairer()
+        self._clock = TapClock(line)
+        self._off_ns = 0.0
         self._frames = 0
         self._order = WireOrder(line)
         self._now: int | None = None
@@ -133,7 +136,10 @@ class PortsDeframer:
         if not self._timed:  # a source without a clock: better no times than made-up ones
             rows.t_start_ns[:] = rows.t_end_ns[:] = 0
             rows.response_ns[:] = -1
-        return Batch(rows, loose.data, earlier, loose.why if self._options.explain else None)
+        if len(rows):
+            self._clock.feed(rows)
+            self._off_ns = self._clock.off_ns
+        return Batch(rows, loose.data, earlier, loose.why if self._options.explain else None, off_ns=self._off_ns)
 
     def _ask_all(self, loose: UnorderedRows) -> None:
         """A frame to unit 0 that reads as a request is one: nobody may answer a broadcast, and clients repeat them."""

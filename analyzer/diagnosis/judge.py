@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from captures.line import LineSettings
 
+from ..deframing.tap_clock import TapClock
 from ..options import Options
 from ..outages import Deaf, excused, with_unheard
 from ..tables.batch import Batch, join_batches
@@ -25,7 +26,6 @@ from ..tables.findings import NOTHING, Findings, fresh_looks
 from ..tables.schema import Kind, Rows
 from ..tables.transactions import TransactionRows, Transactions
 from .damage.triage import Triage
-from .tap_clock import UNKNOWN, TapClock
 from .view import DiagnosisStep, LookBack
 
 
@@ -47,12 +47,6 @@ class Diagnosis:
         """Index of the first frame of which more may be said by what comes; None if there is none."""
         bounds = [look.open_from for look in self._looks if hasattr(look, "open_from")]
         return min((bound for bound in bounds if bound is not None), default=None)
-
-    @property
-    def off_ns(self) -> float:
-        """By how much response times may be wrong, as far as is known: 0 before the first verdict on the clock."""
-        off = self._clock.off_ns if self._clock.known else 0.0
-        return UNKNOWN if off is None else off
 
     def feed(self, batch: Batch, transactions: TransactionRows) -> Findings:
         """What this batch, and the transactions that it settles, bring to light."""
@@ -130,11 +124,6 @@ class Judge:
         """
         bounds = (self._transactions.open_from, self._diagnosis.open_from)
         return min((bound for bound in bounds if bound is not None), default=None)
-
-    @property
-    def off_ns(self) -> float:
-        """By how much response times may be wrong, as far as is known: 0 before anything is."""
-        return self._diagnosis.off_ns
 
     @property
     def waits(self) -> bool:

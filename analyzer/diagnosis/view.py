@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from captures.line import LineSettings
 
 from ..deframing.rules import big_endian_at as number_at
+from ..deframing.tap_clock import TapClock
 from ..options import Options
 from ..tables.batch import Batch
 from ..tables.columns import Pdus
@@ -21,7 +22,6 @@ from ..tables.frame import adu_of
 from ..tables.schema import Kind, Protocol, Row, Rows
 from ..tables.transactions import TransactionRows
 from .damage import DividedFrame
-from .tap_clock import TapClock
 
 _SPARE: Final = 2  # bytes behind a PDU, where RTU has its check value
 _NOISE, _REQUEST, _RESPONSE = int(Kind.NOISE), int(Kind.REQUEST), int(Kind.RESPONSE)

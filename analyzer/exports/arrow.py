@@ -60,7 +60,9 @@ SCHEMA: Final = pa.schema(
         ("exception", pa.uint8()),
         ("crc_ok", pa.bool_()),
         ("request_start", pa.int64()),
-        ("response_time_ns", pa.int64()),
+        ("response_time_ns", pa.int64()),  # where the tap's clock carries it; else it lies between the next two
+        ("response_time_low_ns", pa.int64()),
+        ("response_time_high_ns", pa.int64()),
         ("confidence", pa.float32()),
         ("bytes", pa.binary()),
         ("area", _dictionary()),  # 0x, 1x, 3x or 4x
@@ -91,7 +93,7 @@ def record_batch(batch: Batch, *, noise: bool = False, explain: bool = False) ->
     """A batch as an Arrow RecordBatch, without `noise` of its frames alone."""
     rows = batch.rows
     frames = rows.kind != Kind.NOISE
-    columns = _positions(rows, frames) | _envelope(rows, frames) | _contents(decode(batch))
+    columns = _positions(rows, frames) | _envelope(rows, frames) | _response_times(batch) | _contents(decode(batch))
     columns["bytes"] = _frame_bytes(batch)
     columns["findings"] = _finding_codes(batch)
     if explain:
@@ -131,8 +133,16 @@ def _envelope(rows: Rows, frames: NDArray[np.bool_]) -> dict[str, Any]:
         "exception": _array(rows.exception, rows.exception == 0),
         "crc_ok": _array(rows.check, noise | (rows.protocol == Protocol.TCP)),
         "request_start": _array(rows.request_start, rows.request_start < 0),
-        "response_time_ns": _array(rows.response_ns, (rows.request_start < 0) | (rows.response_ns < 0)),
         "confidence": _array(rows.confidence, noise),
+    }
+
+
+def _response_times(batch: Batch) -> dict[str, Any]:
+    exact, low, high = batch.response_times
+    return {
+        "response_time_ns": _array(exact, exact < 0),
+        "response_time_low_ns": _array(low, low < 0),
+        "response_time_high_ns": _array(high, high < 0),
     }
 
 

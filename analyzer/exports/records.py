@@ -27,7 +27,7 @@ from ..extras import needs
 from ..registers.mapped import MappedColumn, mapped_columns
 from ..tables.columns import AreaCode, decode
 from ..tables.findings import described
-from ..tables.transactions import Status, delay_bounds
+from ..tables.transactions import Status
 from ..tables.values import confirmed_values
 from .sink import ExportError, ExportOptions, OutputStream
 from .targets.csv import safe
@@ -64,7 +64,7 @@ def _optional(values: NDArray[Any], absent: NDArray[np.bool_]) -> list[Any]:
 def _transactions(analysed: Analysed) -> Columns:
     rows = analysed.transactions
     answered = rows.response >= 0
-    exact, low, high = delay_bounds(np.where(answered, rows.response_ns, -1), analysed.off_ns)
+    exact, low, high = rows.response_times(analysed.off_ns)
     return {
         "request": rows.request.tolist(),
         "request_start": rows.start.tolist(),

@@ -17,7 +17,6 @@ from captures.line import LineSettings
 
 from ..tables.batch import Batch
 from ..tables.findings import NOTHING
-from ..tables.schema import Rows
 from ..tables.transactions import Status, TransactionRows
 
 # The columns that `Table.column` is asked for: those of `Rows` by their names and types, and what became of requests.
@@ -135,11 +134,11 @@ class BatchTable:
             return self.whole
         rows = self.whole.rows[first:last].copy()
         if not len(rows):
-            return Batch(Rows.zeros(0), self.whole.data[:0])
+            return Batch.empty()
         low, high = int(rows.at.min()), int((rows.at + rows.length).max())
         earlier = requests_of(self.whole, np.arange(first, last))
         rows.at[:] -= low
-        return Batch(rows, self.whole.data[low:high], earlier)
+        return Batch(rows, self.whole.data[low:high], earlier, off_ns=self.whole.off_ns)
 
     def octets(self, first: int, last: int) -> RowOctets | None:  # noqa: ARG002 - all are there already
         """See `Table`."""
@@ -169,4 +168,4 @@ def narrowed(batch: Batch, passed: NDArray[np.bool_]) -> Batch:
     if findings is not None and len(findings):
         findings = findings[(findings.start < 0) | np.append(passed, False)[batch.finding_rows]]
     evidence = None if batch.evidence is None else batch.evidence[chosen]
-    return Batch(batch.rows[chosen], batch.data, requests_of(batch, chosen), evidence, findings)
+    return Batch(batch.rows[chosen], batch.data, requests_of(batch, chosen), evidence, findings, batch.off_ns)

@@ -19,7 +19,7 @@ from dissectors.values import harmless
 
 from ..registers.revising import Revision
 from ..tables.findings import Finding
-from ..tables.frame import Frame
+from ..tables.frame import Frame, response_time_json
 from ..tables.schema import Kind
 from .lines import FrameCache, confirmed_readings
 from .recent import ShownRow
@@ -57,8 +57,8 @@ class InfluxLines:
         tags: dict[str, object] = {"unit": frame.unit, "function": frame.function, "exception": frame.exception}
         tags["port"] = frame.row.port
         fields = {"length": f"{frame.row.length}i", "crc_ok": str(bool(frame.row.check)).lower()}
-        if frame.response_time_ns is not None:
-            fields["response_time_ns"] = f"{frame.response_time_ns}i"
+        times = response_time_json(*bounds) if (bounds := frame.response_time_bounds_ns) is not None else {}
+        fields |= {name: f"{time}i" for name, time in times.items() if time is not None}
         lines = [_line(f"modbus_{frame.direction}", tags, fields, frame.t_end_ns)]
         for name, area, field in self._values.of(frame):
             tags = {"unit": frame.unit, "area": area, "name": name, "port": frame.row.port}

@@ -21,8 +21,7 @@ from ..paste.meaning import mapped_readings
 from ..tables.batch import Batch
 from ..tables.findings import Finding, Severity
 from ..tables.frame import Frame, adu_of
-from ..tables.schema import Kind, Row
-from ..tables.transactions import bounds_of
+from ..tables.schema import Kind, Row, bounds_of
 from ..terminal_text import TerminalText, painted, terminal_text
 from ..words import between
 from .recent import ShownRow
@@ -95,7 +94,7 @@ class TextLines:
         words = self._summaries.of_row(row, shown.captured, shown.request_bytes, shown.frame)
         if shown.late:
             return self._cut(f"{clock_time(row.t_end_ns)}   #{row.index}: {words}", "2")
-        return self._frame(row, words, shown.off_ns)
+        return self._frame(row, words, shown.batch.off_ns)
 
     def bus(self, finding: Finding) -> TerminalText:
         """A finding about the bus as a whole."""

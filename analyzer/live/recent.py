@@ -31,7 +31,6 @@ class ShownRow(NamedTuple):
     request_bytes: bytes | None  # of the request that it answers
     findings: tuple[Finding, ...]
     late: bool
-    off_ns: float  # by how much response times may be wrong, as far as is known by now
 
     def frame(self) -> Frame:
         """A view of it, if it is a frame."""
@@ -52,7 +51,7 @@ class Recent:
         if len(step.findings) > (0 if own is None else len(own)):
             yield from self._late(step)
         silent = own is None or not len(own)
-        octets, off_ns = batch.data.tobytes(), step.analysed.off_ns
+        octets = batch.data.tobytes()
         asked = dict(batch.earlier)  # bytes of frames by their index: each may be a request that one behind it answers
         for row, values in enumerate(batch.rows):
             captured = octets[values.at : values.at + values.length]
@@ -60,7 +59,7 @@ class Recent:
             if values.index >= 0:
                 asked[values.index] = captured
             said = () if silent else batch.findings_of(row)
-            yield ShownRow(batch, row, values, captured, request, said, late=False, off_ns=off_ns)
+            yield ShownRow(batch, row, values, captured, request, said, late=False)
         if len(batch):
             self._batches.append(batch)
             self._rows += len(batch)
@@ -85,7 +84,7 @@ class Recent:
             values = batch.rows.row(row)
             request = batch.request_of(row, values.request) if values.request >= 0 else None
             said = (describe(one, 0),)
-            yield ShownRow(batch.said(one), row, values, batch.bytes_of(row), request, said, True, step.analysed.off_ns)
+            yield ShownRow(batch.said(one), row, values, batch.bytes_of(row), request, said, True)
 
 
 def of_the_bus(step: SessionStep) -> list[Finding]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from math import inf
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -23,8 +24,8 @@ from ..outages import Deaf
 from ..reports.summary import Summary, with_cards, with_story
 from ..tables.batch import Batch
 from ..tables.frame import Frame
-from ..tables.schema import NO_GAP, Kind, Row, Rows
-from ..tables.transactions import NEVER, OF_ANSWER, Status, TransactionRows, bounds_of
+from ..tables.schema import NO_GAP, Kind, Row, Rows, bounds_of
+from ..tables.transactions import NEVER, OF_ANSWER, Status, TransactionRows
 from .activity import Activity, Bins, UnitActivity
 from .polls import PollIndex
 from .registers import RegisterLog
@@ -73,7 +74,7 @@ class Bus:
         self.whole = False  # nothing more comes
         self.t_first = self.t_last = 0
         self.off_ns: int | None = None  # by how much response times may be wrong, as `reports.model.Times` has it
-        self._summary = Summary.of(line)
+        self._summary = Summary(line.character_ns)
         self.options = Options()
         self.bits: RowBits | None = None  # where the capture has edges
         self._ledger = Ledger(line)
@@ -133,14 +134,13 @@ class Bus:
             if self._ledger.line != self.line:  # a tap found it out: what was counted before was of another one
                 self._ledger = Ledger(self.line, self.options)
             self._ledger.feed(batch, analysed.transactions)
-            self.off_ns = self._summary.newest_off_ns
+            self.off_ns = self._summary.off_ns
         self._count = self.table.count
 
     def close(self) -> None:
         """Nothing more comes."""
         try:
             with self._lock:
-                self.off_ns = self._summary.known_off_ns()
                 self._ledger.close()
         finally:
             self.whole = True
@@ -214,6 +214,7 @@ class Bus:
             self.captured(row),
             None if request < 0 else self.captured(request),
             findings=self.findings(row),
+            off_ns=self._off_ns,
         )
 
     def findings(self, row: int) -> tuple[Finding, ...]:
@@ -228,6 +229,10 @@ class Bus:
         """Silence before a row; None before the first one and where the tap cannot tell."""
         gap = self.table.value("gap_before_ns", row)
         return gap if self.timed and row > 0 and gap > NO_GAP else None
+
+    @property
+    def _off_ns(self) -> float:
+        return inf if self.off_ns is None else self.off_ns
 
     def response(self, row: int) -> tuple[int, int] | None:
         """Between what the time (ns) lies that an answer took, twice the same where it is measured; None: unknown."""
@@ -268,7 +273,7 @@ class Bus:
         away = asked[(asked < rows[0]) | (asked > rows[-1])] if all_between else asked[~np.isin(asked, rows)]
         earlier = {self.table.value("frame", row): self.captured(row) for row in np.unique(away).tolist()}
         data = self.store.get(int(at[0]), int(at[-1]) + int(out.length[-1]) - int(at[0]))
-        return Batch(out, data, earlier), requests
+        return Batch(out, data, earlier, off_ns=self._off_ns), requests
 
     def transactions(self, requests: NDArray[np.int64]) -> TransactionRows:
         """What became of the requests among these rows, as the pipeline gives it; open ones are left out."""
@@ -314,9 +319,6 @@ class Bus:
         """A summary of this bus, or of some of its rows, as a page."""
         from captures.chunks import Capture
 
-        if summary is not self._summary:  # rows of this table do not tell what the tap's times are worth
-            with self._lock:
-                summary.off_ns = self._summary.known_off_ns()
         capture = getattr(source, "capture", None) or Capture.of(source.line, (), timed=source.timed)
         report = summary.report(capture, source=source.name, partial=partial)
         return report if rates is None else replace(report, rates=rates.rows())

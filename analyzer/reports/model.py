@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from ..tables.transactions import bounds_of
+from ..tables.schema import bounds_of
 from ..words import between
 
 if TYPE_CHECKING:

@@ -17,7 +17,6 @@ from dissectors.foreign import NAMES
 from dissectors.functions import exception_name, function_name
 
 from ..core import observed
-from ..diagnosis.tap_clock import TapClock
 from ..options import Options
 from ..outages import deaf_times, notes_of
 from ..tables.bins import Histogram
@@ -30,7 +29,6 @@ from .troubles import Troubles
 
 if TYPE_CHECKING:
     from captures import Capture
-    from captures.line import LineSettings
 
     from ..causes.ledger import Ledger
     from ..core import Analysed
@@ -56,10 +54,8 @@ BY_STATUS: Final = {
 class Summary:
     """Facts of a bus, growing as batches are fed."""
 
-    def __init__(self, char_ns: float | None = None, line: LineSettings | None = None) -> None:
-        """`char_ns`: time of one character on the line, for the load; `line`: to know what times are worth."""
-        self._clock = None if line is None else TapClock(line)
-        self._hears = True  # the clock learns from what is counted
+    def __init__(self, char_ns: float | None = None) -> None:
+        """`char_ns`: time of one character on the line, for the load."""
         self._char_ns = char_ns
         self._troubles = Troubles()
         self._counts = {name: np.zeros((256, 256), np.int64) for name in _COUNTERS}  # by unit and function
@@ -75,12 +71,7 @@ class Summary:
         self._first: int | None = None
         self._last: int | None = None
         self._busy = _Busiest()
-        self.off_ns: int | None = 0  # `Times.off_ns`
-
-    @classmethod
-    def of(cls, line: LineSettings) -> Summary:
-        """An empty one, for a line of these settings."""
-        return cls(line.character_ns, line)
+        self.off_ns: int | None = 0  # `Times.off_ns`, as far as is known by now
 
     @property
     def frames(self) -> int:
@@ -90,35 +81,11 @@ class Summary:
     def bytes(self) -> int:
         return self._bytes
 
-    def known_off_ns(self) -> int | None:
-        """By how much response times may be wrong, as far as is known by now: see `Times.off_ns`."""
-        if self._clock is None:
-            return self.off_ns
-        self._clock.close()
-        return None if self._clock.off_ns is None else round(self._clock.off_ns)
-
-    @property
-    def newest_off_ns(self) -> int | None:
-        """The same while frames still come; None before there are enough of them."""
-        known = self._clock is not None and self._clock.known
-        return None if self._clock is None or not known or self._clock.off_ns is None else round(self._clock.off_ns)
-
-    def hear(self, stream: Iterator[Analysed]) -> Iterator[Analysed]:
-        """The same, while the clock learns from all of it rather than from what is counted."""
-        self._hears = False
-        for analysed in stream:
-            self._learn(analysed.batch.rows)
-            yield analysed
-
-    def _learn(self, rows: Rows) -> None:
-        if self._clock is not None:
-            self._clock.feed(rows)
-
     def feed(self, analysed: Analysed, earlier: Rows | None = None) -> None:
         """Count a batch in, with what was said of it. `earlier`: rows before it that its findings speak of as well."""
-        if self._hears:
-            self._learn(analysed.batch.rows)
         rows = analysed.batch.rows
+        if len(rows) or len(analysed.transactions):
+            self.off_ns = round(analysed.off_ns) if np.isfinite(analysed.off_ns) else None
         self._skew = analysed.skew or self._skew
         self._settle(analysed.transactions)
         subjects = rows if earlier is None else Rows.joined((earlier, rows))
@@ -146,7 +113,6 @@ class Summary:
     def report(self, capture: Capture, *, source: str = "", partial: bool = False) -> Report:
         """What it comes to."""
         notes = notes_of(capture)
-        self.off_ns = self.known_off_ns()
         return Report(
             source=source,
             format=capture.format,
@@ -289,13 +255,13 @@ def summarize(
     from ..core import analyse
 
     line = capture.line
-    summary = Summary.of(line)
+    summary = Summary(line.character_ns)
     ledger = Ledger(line, options) if filter is None else None  # a part of a bus tells no story
     stream = analyse(observed(capture, stop=stop), options)
     if filter is not None:
         from ..filters.evaluation import filtered
 
-        stream = filtered(summary.hear(stream), filter, line)
+        stream = filtered(stream, filter, line)
     notes, marks = Notes.of_capture(capture.path), list[BookmarkRow]()
     spans = capture.spans
     rates = RateTable({} if spans is None else spans.bauds)

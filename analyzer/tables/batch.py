@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from .findings import Finding, Findings, describe
 from .frame import Frame
-from .schema import BoundaryEvidence, Kind, Row, Rows
+from .schema import BoundaryEvidence, DelayBounds, Kind, Row, Rows, delay_bounds
 
 _NEAR = 16  # rows back: where nearly all requests stand
 
@@ -58,7 +58,8 @@ class Batch:
     """Rows in wire order, with their bytes.
 
     `earlier` holds the bytes of those requests (by index) that rows here answer and that lie in a batch before.
-    `findings` are what a diagnosis said of these rows; None where there was none.
+    `findings` are what a diagnosis said of these rows; None where there was none. `off_ns`: by how much response times
+    may be wrong, as far as is known by now; 0 where they are measured, infinite where this tap cannot tell them.
     """
 
     rows: Rows
@@ -66,6 +67,7 @@ class Batch:
     earlier: Mapping[int, bytes] = field(default_factory=dict)
     evidence: BoundaryEvidence | None = None
     findings: Findings | None = None
+    off_ns: float = 0.0
 
     @classmethod
     def empty(cls) -> Batch:
@@ -77,7 +79,7 @@ class Batch:
 
     def said(self, findings: Findings) -> Batch:
         """The same rows, with what was said of them."""
-        return Batch(self.rows, self.data, self.earlier, self.evidence, findings)
+        return Batch(self.rows, self.data, self.earlier, self.evidence, findings, self.off_ns)
 
     def bytes_of(self, row: int) -> bytes:
         """The captured bytes of one row."""
@@ -99,13 +101,18 @@ class Batch:
         request = self.request_of(row, values.request) if values.request >= 0 else None
         evidence = None if self.evidence is None else self.evidence[row : row + 1]
         ready = None if told is None else partial(told, self, row)
-        return Frame(values, captured, request, evidence, self.findings_of(row), ready)
+        return Frame(values, captured, request, evidence, self.findings_of(row), ready, self.off_ns)
 
     def findings_of(self, row: int) -> tuple[Finding, ...]:
         """What the diagnosis said of one row, frame or noise."""
         if self.findings is None or not len(self.findings):
             return ()
         return tuple(describe(self.findings, number) for number in self._findings_by_row.get(row, ()))
+
+    @cached_property
+    def response_times(self) -> DelayBounds:
+        """How long each answer took, as far as the tap's clock carries it."""
+        return delay_bounds(np.where(self.rows.request_start >= 0, self.rows.response_ns, -1), self.off_ns)
 
     @cached_property
     def finding_rows(self) -> NDArray[np.int64]:
@@ -144,4 +151,4 @@ def join_batches(batches: Sequence[Batch]) -> Batch:
     sizes = np.cumsum([0, *(len(batch.data) for batch in batches)])
     rows.at[:] += np.repeat(sizes[:-1], [len(batch) for batch in batches])
     earlier = {index: adu for batch in batches for index, adu in batch.earlier.items()}
-    return Batch(rows, np.concatenate([batch.data for batch in batches]), earlier)
+    return Batch(rows, np.concatenate([batch.data for batch in batches]), earlier, off_ns=batches[-1].off_ns)

@@ -14,7 +14,7 @@ from dissectors.length_rules import Role
 
 from ..html_text import html_page, html_table
 from .findings import Finding
-from .schema import BoundaryEvidence, Kind, Protocol, Row
+from .schema import BoundaryEvidence, Kind, Protocol, Row, bounds_of
 
 _REQUEST, _RTU, _TCP = int(Kind.REQUEST), int(Protocol.RTU), int(Protocol.TCP)  # asked of each frame: enums are slow
 
@@ -30,6 +30,7 @@ class Frame:
     findings: tuple[Finding, ...] = ()
     told: Callable[[], dict[str, Any] | None] | None = field(default=None, compare=False)
     """`to_json` where somebody makes that of many frames at once; None from it: it is not ready."""
+    off_ns: float = 0.0  # by how much a response time may be wrong, as `Batch` has it
 
     @property
     def index(self) -> int:
@@ -96,8 +97,15 @@ class Frame:
 
     @property
     def response_time_ns(self) -> int | None:
+        """End of its request to its start, where the tap's clock carries it; else see `response_time_bounds_ns`."""
+        bounds = self.response_time_bounds_ns
+        return bounds[0] if bounds is not None and bounds[0] == bounds[1] else None
+
+    @property
+    def response_time_bounds_ns(self) -> tuple[int, int] | None:
+        """Between what that lies, twice the same where it is exact; None where there is none or nobody can tell."""
         time = self.row.response_ns
-        return None if time < 0 else time
+        return None if time < 0 else bounds_of(time, self.off_ns)
 
     @property
     def confidence(self) -> float:
@@ -154,9 +162,11 @@ class Frame:
             "exception": self.exception,
             "crc_ok": self.crc_ok,
             "request_start": self.request_start,
-            "response_time_ns": self.response_time_ns,
-            "hex": self.adu.data.hex(),
+            "response_time_ns": None,
         }
+        if (bounds := self.response_time_bounds_ns) is not None:
+            line |= response_time_json(*bounds)
+        line["hex"] = self.adu.data.hex()
         if fields:
             line["fields"] = [item.to_json() for item in self.fields()]
         line["confidence"] = round(self.confidence, 6)
@@ -164,6 +174,13 @@ class Frame:
         if self.port:
             line["port"] = self.port
         return line
+
+
+def response_time_json(low_ns: int, high_ns: int) -> dict[str, int | None]:
+    """What a line of JSON says of a response time between these, both the same where it is exact."""
+    if low_ns == high_ns:
+        return {"response_time_ns": low_ns}
+    return {"response_time_ns": None, "response_time_low_ns": low_ns, "response_time_high_ns": high_ns}
 
 
 def adu_of(captured: bytes, protocol: int) -> Adu:

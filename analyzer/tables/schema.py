@@ -1,4 +1,4 @@
-"""The columns of rows: what a row of the bus is, and nothing of how it came to be.
+"""The columns of rows: what a row of the bus is, and nothing of how it came to be; and what its times are worth.
 
 Rows of all batches tile each port's byte stream: every byte once, in order.
 """
@@ -8,6 +8,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Final, NamedTuple
+
+import numpy as np
 
 from .columnar import Bools, Columns, Float32s, Int32s, Int64s, UInt8s, UInt16s
 
@@ -120,3 +123,33 @@ class BoundaryEvidence(Columns):
     rival_start: Int64s  # what would stand here instead: -1 and 0 for noise
     rival_length: Int64s
     rival_kind: UInt8s
+
+
+EXACT: Final = 0.05  # of a time: what may be wrong by no more is not worth an interval
+
+
+class DelayBounds(NamedTuple):
+    """Columns of ns, -1 for none: what is exact, and between what each lies (twice the same where it is exact)."""
+
+    exact: Int64s
+    low: Int64s
+    high: Int64s
+
+
+def bounds_of(delay: int, off_ns: float | None) -> tuple[int, int] | None:
+    """Between what a time (ns) lies that may be wrong by so much; None where that is not known (None or infinite)."""
+    if off_ns is None or not np.isfinite(off_ns):
+        return None
+    return (delay, delay) if off_ns <= EXACT * delay else (max(round(delay - off_ns), 0), round(delay + off_ns))
+
+
+def delay_bounds(delays: Int64s, off_ns: float) -> DelayBounds:
+    """The same of a column of times (ns, -1 for none)."""
+    none = np.full(len(delays), -1, np.int64)
+    if not np.isfinite(off_ns):
+        return DelayBounds(none, none, none)
+    measured = (delays >= 0) & (off_ns <= EXACT * delays)
+    present = delays >= 0
+    low = np.where(present, np.where(measured, delays, np.maximum(delays - round(off_ns), 0)), -1)
+    high = np.where(present, np.where(measured, delays, delays + round(off_ns)), -1)
+    return DelayBounds(np.where(low == high, low, -1), low, high)

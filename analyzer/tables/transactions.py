@@ -8,14 +8,14 @@ hangs on the rows alone: so batches do not matter.
 A serial answer carries no address. Where several requests of one shape are open and as many answers follow, a server
 answers in the order in which it was asked, which shows only when the second answer has come: `_put_in_order`.
 
-Response times are told as far as a tap's clock carries them: exact, an interval, or unknown (`DelayBounds`).
+Response times are told as far as a tap's clock carries them: exact, an interval, or unknown (`schema.DelayBounds`).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,7 @@ from dissectors.limits import RequestedByteCount
 from .batch import Batch
 from .columnar import Bools, Columns, Int64s, UInt8s
 from .frame import adu_of
-from .schema import Kind, Protocol, Rows
+from .schema import DelayBounds, Kind, Protocol, Rows, delay_bounds
 
 ECHOED: Final = np.isin(np.arange(256), (5, 6, 22))  # functions whose answer is their request once more
 LATE_WAITS: Final = 3  # so many of the master's waits after a request, beyond which an answer is not late but another's
@@ -81,6 +81,10 @@ class TransactionRows(Columns):
     port: UInt8s
     response_port: UInt8s  # of the answer: another where each direction has its own
     protocol: UInt8s  # Protocol
+
+    def response_times(self, off_ns: float) -> DelayBounds:
+        """How long each answer took, as far as a clock carries it by which times may be wrong by so much."""
+        return delay_bounds(np.where(self.response >= 0, self.response_ns, -1), off_ns)
 
 
 OF_ANSWER: Final = {  # column of a transaction: that of its answer
@@ -344,33 +348,3 @@ def _begin(opened: TransactionRows, rows: Rows, requests: NDArray[np.intp]) -> N
     opened.response_ns[:] = -1
     to_all = (opened.unit == 0) & (opened.protocol != Protocol.TCP)  # unit 0 of a TCP server is itself
     opened.status[:] = np.where(to_all, np.uint8(Status.BROADCAST), np.uint8(Status.UNANSWERED))
-
-
-EXACT: Final = 0.05  # of a time: what may be wrong by no more is not worth an interval
-
-
-class DelayBounds(NamedTuple):
-    """Columns of ns, -1 for none: what is exact, and between what each lies (twice the same where it is exact)."""
-
-    exact: NDArray[np.int64]
-    low: NDArray[np.int64]
-    high: NDArray[np.int64]
-
-
-def bounds_of(delay: int, off_ns: float | None) -> tuple[int, int] | None:
-    """Between what a time (ns) lies that may be wrong by so much; None where that is not known (None or infinite)."""
-    if off_ns is None or not np.isfinite(off_ns):
-        return None
-    return (delay, delay) if off_ns <= EXACT * delay else (max(round(delay - off_ns), 0), round(delay + off_ns))
-
-
-def delay_bounds(delays: NDArray[np.int64], off_ns: float) -> DelayBounds:
-    """The same of a column of times (ns, -1 for none)."""
-    none = np.full(len(delays), -1, np.int64)
-    if not np.isfinite(off_ns):
-        return DelayBounds(none, none, none)
-    measured = (delays >= 0) & (off_ns <= EXACT * delays)
-    present = delays >= 0
-    low = np.where(present, np.where(measured, delays, np.maximum(delays - round(off_ns), 0)), -1)
-    high = np.where(present, np.where(measured, delays, delays + round(off_ns)), -1)
-    return DelayBounds(np.where(measured, delays, -1), low, high)

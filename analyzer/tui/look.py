@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 from dissectors.fields import Field
 from dissectors.values import harmless, readings
 
-from ..diagnosis.tap_clock import silences
+from ..deframing.tap_clock import silences
 from ..languages import counted, field_name, tr, wording
 from ..model.polls import changed
 from ..paste.model import PastedFrame, PastedNoise

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from math import inf
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, BinaryIO, Final, NamedTuple, cast
@@ -78,7 +77,6 @@ def write(
 
     capture = Capture.of(source.line, (), timed=source.timed)
     sink = target(name).open_sink(stream, capture, ExportOptions(noise=True))
-    off_ns = inf if bus.off_ns is None else bus.off_ns
     first = 0
     while first < len(rows) and not stop():
         last = int(np.searchsorted(rows, (rows[first] // PIECE + 1) * PIECE))
@@ -86,7 +84,7 @@ def write(
         batch = bus.batch(part)
         sink.rows(batch, 0, len(batch))
         findings = NOTHING if batch.findings is None else batch.findings
-        sink.batch(Analysed(batch, bus.transactions(_requests(bus, part, rows)), findings, off_ns=off_ns))
+        sink.batch(Analysed(batch, bus.transactions(_requests(bus, part, rows)), findings))
         first += len(part)
     sink.close()
     return first

@@ -11,7 +11,7 @@ from textual.containers import Vertical
 from textual.strip import Strip
 
 from ..languages import tr
-from ..tables.transactions import bounds_of
+from ..tables.schema import bounds_of
 from ..words import compact, percent, short_bound
 from .filterbar import FilterBar
 from .lines import Lines

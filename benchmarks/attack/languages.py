@@ -100,7 +100,7 @@ def _checked() -> tuple[CheckedBatch, Report]:
     capture = captures.open(path("troubled.jsonl"))
     analysed = next(iter(analyse(capture)))
     table = BatchTable(analysed.batch, capture.line, transactions=analysed.transactions)
-    summary = Summary.of(capture.line)
+    summary = Summary(capture.line.character_ns)
     summary.feed(analysed)
     checked = CheckedBatch(analysed.batch, analysed.transactions, analysed.findings, table)
     return checked, summary.report(capture)

@@ -5,6 +5,7 @@ What construct builds from the declarations; and a vendor's declarations.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -217,7 +218,10 @@ def batches(draw: st.DrawFn, code: int) -> Batch:
         response, right = mangled(unit + (pdu or built(code, RESPONSE, draw(SMALL[code, RESPONSE]))), data)
         rows.append(_row(draw, len(rows), octets, response, Kind.RESPONSE, right, asked))
         octets += response
-    return Batch(Rows.joined(rows), np.frombuffer(octets, np.uint8), earlier)
+    return Batch(Rows.joined(rows), np.frombuffer(octets, np.uint8), earlier, off_ns=draw(_OFF_NS))
+
+
+_OFF_NS = st.sampled_from((0.0, 2e3, math.inf))  # by how much response times may be wrong
 
 
 def _row(draw: st.DrawFn, index: int, before: bytes, adu: bytes, kind: Kind, right: bool, asked: int) -> Rows:
@@ -226,7 +230,7 @@ def _row(draw: st.DrawFn, index: int, before: bytes, adu: bytes, kind: Kind, rig
     row.index[:], row.start[:], row.length[:], row.at[:] = index, draw(BIG), len(adu), len(before)
     row.t_start_ns[:], row.t_end_ns[:], row.request[:] = draw(BIG), draw(BIG), asked
     row.request_start[:], row.response_ns[:] = (
-        (draw(BIG), draw(st.sampled_from([-1, 0, 5_000]))) if asked >= 0 else (-1, -1)
+        (draw(BIG), draw(st.sampled_from([-1, 0, 5_000, 500_000]))) if asked >= 0 else (-1, -1)
     )
     row.confidence[:], row.kind[:], row.unit[:], row.function[:] = (
         draw(st.floats(0, 1, width=32)),

@@ -44,7 +44,7 @@ class RowFacts(NamedTuple):
     unit: int | None
     function: int | None
     request_start: int | None
-    response_time_ns: int | None
+    response_time_ns: tuple[int, int] | None  # between what it lies, twice the same where it is exact
     findings: tuple[str, ...]  # codes, sorted
 
 
@@ -68,7 +68,7 @@ def _of_frame(frame: Frame, noise: bool, findings: Iterable[Finding]) -> RowFact
         None if noise else frame.unit,
         None if noise else frame.function,
         None if noise else frame.request_start,
-        None if noise else frame.response_time_ns,
+        None if noise else frame.response_time_bounds_ns,
         tuple(sorted(finding.code for finding in findings)),
     )
 
@@ -92,7 +92,7 @@ def _of_json(line: Mapping[str, Any]) -> RowFacts:
         line.get("unit"),
         line.get("function"),
         line.get("request_start"),
-        line.get("response_time_ns"),
+        _bounds(line),
         tuple(sorted(finding["code"] for finding in line["findings"])),
     )
 
@@ -111,7 +111,7 @@ def csv_table(capture: Capture, folder: Path) -> Facts:
             number.get("unit"),
             number.get("function"),
             number.get("request_start"),
-            number.get("response_time_ns"),
+            _bounds(number),
             tuple(sorted(codes)),
         )
     return facts
@@ -144,15 +144,19 @@ def _of_table(table: Any) -> Facts:
             row["unit"],
             row["function"],
             row["request_start"],
-            _nanoseconds(row["response_time_ns"]),
+            _bounds(row),
             tuple(sorted(row["findings"])),
         )
         for row in rows
     }
 
 
-def _nanoseconds(value: Any) -> int | None:
-    return None if value is None else int(value)
+def _bounds(row: Mapping[str, Any]) -> tuple[int, int] | None:
+    exact, low, high = (row.get(f"response_time_{name}ns") for name in ("", "low_", "high_"))
+    if exact is not None:
+        assert low in (None, exact) and high in (None, exact)
+        return int(exact), int(exact)
+    return None if low is None or high is None else (int(low), int(high))
 
 
 def mcap_findings(capture: Capture, folder: Path) -> tuple[Counter[str], int]:
@@ -232,7 +236,10 @@ def stream_values(batches: Iterable[Batch]) -> dict[tuple[int, int, int], tuple[
 
 
 def replayed(capture: Capture, speed: float | None) -> tuple[Facts, Counter[str]]:
-    """A session over a replay: rows with the findings that came with them or later, and those about the bus."""
+    """A session over a replay: rows with the findings that came with them or later, and those about the bus.
+
+    What times are worth shows little by little: see `without_times`.
+    """
     facts: Facts = {}
     late: list[tuple[int, int, str]] = []
     bus: Counter[str] = Counter()
@@ -258,6 +265,11 @@ def fed_by_bytes(capture: Capture) -> Facts:
     deframer = Deframer(capture.line)
     batches = [deframer.feed(chunk) for chunk in capture.chunks()]
     return of_batches([*batches, deframer.close()])
+
+
+def without_times(facts: Facts) -> Facts:
+    """The same rows, nothing said of response times."""
+    return {key: row._replace(response_time_ns=None) for key, row in facts.items()}
 
 
 def without_findings(facts: Facts) -> Facts:

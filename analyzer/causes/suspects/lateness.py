@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from ...diagnosis.tap_clock import UNKNOWN
+from ...deframing.tap_clock import UNKNOWN
 from ...tables.findings import Severity
 from ..askedagain import asked_again_behind, asked_again_into, waits_longer
 from ..bits import likelihood_bits, strays, surplus_bits

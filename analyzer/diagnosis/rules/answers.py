@@ -14,13 +14,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from ...deframing.tap_clock import FIRST, UNKNOWN
 from ...tables.findings import Findings, Rule, looks_for
 from ...tables.schema import Protocol
 from ...tables.transactions import NEVER, Status, TransactionRows
 from .. import neighbours
 from ..damage.triage import HASTE_NS
 from ..neighbours import TransactionColumns
-from ..tap_clock import FIRST, UNKNOWN
 from ..view import DiagnosisStep, where
 from .outcomes import ECHO, LATE, NO_RESPONSE, RETRY, said
 from .strangers import BROADCAST_ANSWERED, DUPLICATE, MISMATCH

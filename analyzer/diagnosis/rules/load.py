@@ -20,11 +20,11 @@ from dissectors.lengths import RULES, layout, relations, rule
 from dissectors.limits import Bound, RequestedByteCount
 from dissectors.registry import revision
 
+from ...deframing.tap_clock import UNKNOWN
 from ...languages import phrase
 from ...tables.bins import ColumnQueue, Histogram, Spread
 from ...tables.findings import About, Findings, Rule, Severity, looks_for
 from ...tables.schema import Kind, Protocol
-from ..tap_clock import UNKNOWN
 from ..view import DiagnosisStep, where
 
 _ANSWERS: Final = 10  # of a unit, from which its times are compared

@@ -1,4 +1,4 @@
-"""Silences against the specification's, as far as this tap's clock can carry it (`analyzer.diagnosis.tap_clock`).
+"""Silences against the specification's, as far as this tap's clock can carry it (`analyzer.deframing.tap_clock`).
 
 [2] 2.5.1.1: at least 3.5 characters of silence between frames, at most 1.5 inside one; [2] 2.4.1: a pause after a
 broadcast, 100 ms at least by custom. What the clock cannot show is said once, and no more.
@@ -12,10 +12,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from ...deframing.tap_clock import UNKNOWN, silences
 from ...languages import phrase
 from ...tables.findings import About, Findings, Rule, Severity, looks_for
 from ...tables.schema import NO_GAP, Kind, Protocol, Rows
-from ..tap_clock import UNKNOWN, silences
 from ..view import DiagnosisStep, where
 
 _TIMER_NS: Final = 10e6  # a tap this far off, or more, accuses nobody

@@ -21,7 +21,7 @@ from dissectors.length_rules import Role
 
 from ...tables.batch import Batch
 from ...tables.columns import Pdus
-from ...tables.frame import Frame, adu_of
+from ...tables.frame import Frame, adu_of, response_time_json
 from ...tables.schema import Direction, Kind, Protocol, Row, Rows
 from .blocks import fields
 from .forms import BatchBytes, Forms, Group, kept
@@ -29,6 +29,7 @@ from .sheet import Cursor, Ints, Sheet, Store, encoded, parted
 
 HEAD: Final = 15  # pieces before the fields
 TAIL: Final = 2  # pieces behind them
+_HEX: Final = b',"hex":"'
 _NO_CHECK: Final = 2  # in a key: beside 0 and 1, whether the check value is right
 
 
@@ -36,6 +37,7 @@ class Envelope:
     """The pieces of envelopes."""
 
     def __init__(self, store: Store, explain: bool) -> None:
+        self._store = store
         self._explain = explain
         self._length = store.table(lambda length: b',"length":%d,"t_start_ns":' % length)
         self._unit = store.table(self._units)
@@ -59,15 +61,24 @@ class Envelope:
         check[protocol == Protocol.TCP] = _NO_CHECK
         cursor.put(self._function.take(function << 10 | exception << 2 | check))
         cursor.put_known(rows.request_start, b"null")
-        cursor.put(b',"response_time_ns":')
-        cursor.put_known(np.where(rows.request_start >= 0, rows.response_ns, -1), b"null")
-        cursor.put(b',"hex":"')
+        self._put_response_times(source.pdus.batch, row_numbers, cursor)
         plain = protocol != Protocol.ASCII
         texts = np.empty(len(rows), np.int64)
         texts[plain] = source.hex(rows.at[plain], rows.length[plain], cursor.sheet)
         captured = ((source.pdus.batch.bytes_of(int(row)), Protocol.ASCII) for row in row_numbers[~plain])
         texts[~plain] = cursor.sheet.texts([adu_of(*each).data.hex().encode() for each in captured])
         cursor.put(texts)
+
+    def _put_response_times(self, batch: Batch, row_numbers: Ints, cursor: Cursor) -> None:
+        exact, low, high = (column[row_numbers] for column in batch.response_times)
+        cursor.put(b',"response_time_ns":')
+        cursor.put_known(exact, b"null")
+        behind = np.full(len(exact), self._store.fixed(_HEX), np.int64)
+        bounded = np.flatnonzero((exact < 0) & (low >= 0))
+        if len(bounded):
+            bounds = zip(low[bounded].tolist(), high[bounded].tolist(), strict=True)
+            behind[bounded] = cursor.sheet.texts([_bounded(*each) for each in bounds])
+        cursor.put(behind)
 
     def put_tail(self, rows: Rows, row_numbers: Ints, batch: Batch, cursor: Cursor) -> None:
         """`TAIL` pieces of each row: the line's end is the last of them."""
@@ -117,6 +128,12 @@ def _frame(**columns: Any) -> Frame:
 
 def _json(frame: Frame) -> bytes:
     return orjson.dumps(frame.to_json(fields=False))
+
+
+def _bounded(low_ns: int, high_ns: int) -> bytes:
+    """From behind a response time that is not exact on."""
+    line = orjson.dumps(response_time_json(low_ns, high_ns))
+    return line[line.index(b",") : -1] + _HEX
 
 
 def _end(line: dict[str, Any]) -> bytes:

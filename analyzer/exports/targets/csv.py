@@ -52,7 +52,7 @@ COLUMNS: Final = (
     "exception",
     "crc_ok",
     "request_start",
-    "response_time_ns",
+    "response_time_ns",  # where the tap's clock carries it; else see the last two columns
     "confidence",
     "hex",
     "summary",
@@ -61,6 +61,8 @@ COLUMNS: Final = (
     "address",  # zero-based; of a response, what it answers
     "quantity",
     "values",  # registers or bits, separated by spaces
+    "response_time_low_ns",  # between what it lies, both the same where it is exact
+    "response_time_high_ns",
 )
 EXPLAINED: Final = (
     "bits_length",
@@ -74,7 +76,7 @@ EXPLAINED: Final = (
 )
 _HEAD: Final = 5 + 9  # pieces before the summary, times left out
 _TIMES: Final = 7  # theirs
-_TAIL: Final = 5  # pieces behind the summary, values left out
+_TAIL: Final = 5 + 4  # pieces behind the summary, values left out
 _TAIL_TIMED: Final = _TAIL + 3
 _NO_CHECK: Final = 2  # in a key: beside 0 and 1, whether the check value is right
 _EXACT: Final = 1 << 53  # nanoseconds that a float still counts
@@ -169,7 +171,7 @@ class _CsvTable:
         cursor.put(b",")
         cursor.put_known(rows.request_start, b"")
         cursor.put(b",")
-        cursor.put_known(np.where(rows.request_start >= 0, rows.response_ns, -1), b"")
+        cursor.put_known(source.pdus.batch.response_times.exact[row_numbers], b"")
         cursor.put(self._confidence.take(rows.confidence.view(np.uint32).astype(np.int64)))
         plain = protocol != Protocol.ASCII
         texts = np.empty(len(rows), np.int64)
@@ -208,6 +210,9 @@ class _CsvTable:
         cursor.put(b",")
         numbers = self._value.take(contents.values)
         cursor.spread(contents.counts, np.where(counted_on(contents.counts) > 0, numbers, without(numbers, 1)))
+        for column in (batch.response_times.low, batch.response_times.high):
+            cursor.put(b",")
+            cursor.put_known(column[row_numbers], b"")
         if self._options.explain:
             cursor.put_texts([_explained(batch.frame(row)) + b"\n" for row in row_numbers.tolist()])
         else:

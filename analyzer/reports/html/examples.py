@@ -19,7 +19,6 @@ from ...tables.batch import Batch, rows_of_findings
 from ...tables.findings import Finding, Findings, describe
 from ...tables.frame import Frame, adu_of
 from ...tables.schema import Kind, Protocol
-from ...tables.transactions import bounds_of
 from ...words import between
 from .charts import TroubleBins
 
@@ -146,9 +145,8 @@ class ExampleView:
     strips: tuple[Strip, ...]
 
 
-def example_view(example: FindingExample, origin_ns: int | None, off_ns: float | None) -> ExampleView:
-    """Lay an example out; `origin_ns` is the time that counts as 0, None where the capture has no times; `off_ns`: by
-    how much response times may be wrong."""
+def example_view(example: FindingExample, origin_ns: int | None) -> ExampleView:
+    """Lay an example out; `origin_ns` is the time that counts as 0, None where the capture has no times."""
     finding, frame = example.finding, example.frame
     if frame is None:
         octets = tuple(Octet(f"{byte:02X}", True) for byte in example.noise)
@@ -160,19 +158,18 @@ def example_view(example: FindingExample, origin_ns: int | None, off_ns: float |
         request = adu_of(frame.request_bytes, frame.row.protocol)
         fields = annotate(request, Role.REQUEST, wording=wording())
         strips.append(Strip(page_words("the request before it"), "", _cells(fields, request.data, range(0))))
-    strips.append(_strip(frame, finding, origin_ns, off_ns))
+    strips.append(_strip(frame, finding, origin_ns))
     return ExampleView(finding.text, tuple(strips))
 
 
-def _strip(frame: Frame, finding: Finding, origin_ns: int | None, off_ns: float | None) -> Strip:
+def _strip(frame: Frame, finding: Finding, origin_ns: int | None) -> Strip:
     marks = _meant(frame, finding)
     parts = [
         page_words("frame {index:,}", index=frame.index),
         page_words(frame.direction),
         *_location(frame.start, frame.port, frame.t_start_ns, origin_ns),
     ]
-    bounds = None if frame.response_time_ns is None else bounds_of(frame.response_time_ns, off_ns)
-    if bounds is not None:
+    if (bounds := frame.response_time_bounds_ns) is not None:
         parts.append(page_words("{time} after its request", time=between(*bounds)))
     return Strip(" · ".join(parts), frame.summary(wording()), _cells(frame.fields(wording()), frame.adu.data, marks))
 

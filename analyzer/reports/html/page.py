@@ -56,7 +56,7 @@ def page(report: Report, sights: Sights) -> str:
             (
                 row,
                 findings.cost(row),
-                [example_view(example, origin, report.times.off_ns) for example in sights.examples.of(row.code)],
+                [example_view(example, origin) for example in sights.examples.of(row.code)],
             )
             for row in worst[:_CARDS]
         ],

@@ -32,7 +32,7 @@ from ....tables.columns import Decoded, decode
 from ....tables.findings import Findings, Severity, evidence, rules
 from ....tables.frame import adu_of
 from ....tables.schema import BoundaryEvidence, Kind, Protocol, Rows
-from ....tables.transactions import TransactionRows, delay_bounds
+from ....tables.transactions import TransactionRows
 from ....usernotes import Notes, marked_rows
 from ....version import __version__
 from ...sink import ExportOptions, OutputStream
@@ -58,6 +58,7 @@ def frame_messages(
 ) -> Iterator[Packed]:
     """All frames of a batch; `findings` is how many there are on each row, None for none on any."""
     frames = np.flatnonzero(batch.rows.kind != Kind.NOISE)
+    exact, low, high = batch.response_times
     for first in range(0, len(frames), AT_ONCE):
         which = frames[first : first + AT_ONCE]
         gapless = int(which[-1]) - int(which[0]) == len(which) - 1  # no noise between: no need to pick
@@ -69,7 +70,9 @@ def frame_messages(
             "address": decoded.address[pick],
             "quantity": decoded.quantity[pick],
             "request_start": rows.request_start,
-            "response_time_ns": rows.response_ns,
+            "response_time_ns": exact[pick],
+            "response_time_low_ns": np.where(exact[pick] < 0, low[pick], -1),
+            "response_time_high_ns": np.where(exact[pick] < 0, high[pick], -1),
         }
         evidence = None if batch.evidence is None else batch.evidence[pick]
         yield _packed(columns, evidence, rows.t_end_ns, _bytes(batch, which, rows), message, channel)
@@ -142,7 +145,7 @@ def _packed_transactions(
     for name in ("request", "unit", "function", "status", *flags):
         heads[name] = settled.column(name)
     message.put(heads, "response", settled.response, present=settled.response >= 0)
-    exact, low, high = delay_bounds(np.where(settled.response >= 0, settled.response_ns, -1), off_ns)
+    exact, low, high = settled.response_times(off_ns)
     message.put(heads, "response_time_ms", exact / 1e6, present=exact >= 0)
     message.put(heads, "response_time_low_ms", low / 1e6, present=low >= 0)
     message.put(heads, "response_time_high_ms", high / 1e6, present=low >= 0)

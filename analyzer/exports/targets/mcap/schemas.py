@@ -50,6 +50,8 @@ def frame(*, explain: bool = False) -> Message:
             MessageField("response_time_ns", Type.FIXED64, optional=True),
             MessageField("port", Type.FIXED32),
             MessageField("findings", Type.FIXED32),
+            MessageField("response_time_low_ns", Type.FIXED64, optional=True),  # where the tap's clock bounds it only
+            MessageField("response_time_high_ns", Type.FIXED64, optional=True),
             *(evidence if explain else ()),
             MessageField("data", Type.BYTES),
         ),

@@ -17,6 +17,7 @@ first frames themselves and so is known only when they have passed.
 from __future__ import annotations
 
 from bisect import bisect_right
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -27,7 +28,7 @@ from captures.line import LineSettings
 
 from ..options import Options
 from ..tables.bins import ColumnQueue, Spread
-from ..tables.schema import NO_GAP, Kind, Rows
+from ..tables.schema import NO_GAP, Kind, Protocol, Rows
 
 FIRST: Final = 32  # frames of the first verdict
 _EVERY: Final = 1024
@@ -43,6 +44,7 @@ _FAST_BAUD: Final = 19200  # [2] 2.5.1.1: above it, both times are fixed
 _T15_FIXED_NS, _T35_FIXED_NS = 750_000, 1_750_000
 _STEPS_NS: Final = tuple(10**power for power in range(9, 3, -1))  # to which logs write their times; each holds the next
 _FINE_STEP_NS: Final = 10**6  # in which no two frames end
+_PLAIN_STEP_NS: Final = 10**8  # a few frames tell; finer ones may be round by chance, or packets' by a timer
 _IN_STEP: Final = 0.9  # of the frames
 UNKNOWN: Final = float("inf")
 
@@ -81,10 +83,9 @@ class TapClock:
         self._character_ns = line.nominal_character_ns or UNKNOWN
         self._frames = 0
         self._next = FIRST
-        self._reads = self._octets = self._shared = self._together = self._counted = self._timed = self._sound = 0.0
-        self._in_step = np.zeros(len(_STEPS_NS))  # frames whose last byte's time is written to such a step
-        self._late = Spread()  # frames by their least silence, if negative
-        self._astray = Spread()  # frames of several reads by their silence that is farthest from none
+        self._timed = 0.0  # frames
+        self._in_step = np.zeros(len(_STEPS_NS))  # of these, those whose last byte's time is written to such a step
+        self._heard = {protocol: _HeardFrames() for protocol in Protocol}
         self._waiting = ColumnQueue()  # frames since the newest checkpoint
         self._since: list[int] = []  # from which frame on each verdict holds
         self._verdicts: list[TimeTrust] = []
@@ -131,11 +132,18 @@ class TapClock:
         return self._best
 
     @property
-    def off_ns(self) -> float | None:
-        """By how much a response time may be wrong, as measured; 0 where nothing speaks against it, None if unknown."""
+    def off_ns(self) -> float:
+        """By how much a response time may be wrong, as measured; 0 where nothing speaks against it, UNKNOWN if it is.
+
+        Before the first verdict, by what has passed so far.
+        """
+        if not self.known and len(self._waiting):
+            early = deepcopy(self)
+            early.close()
+            return early.off_ns
         verdict = self.newest()
         if verdict.wait_ns == UNKNOWN:
-            return None
+            return UNKNOWN if self.known else 0.0
         return verdict.step_ns if not verdict.fine and verdict.wait_ns == _USUAL_NS else verdict.wait_ns
 
     @property
@@ -153,15 +161,88 @@ class TapClock:
         self._best = max(self._best, self._verdicts[-1], key=lambda verdict: (verdict.fine, -verdict.wait_ns))
         if len(self._verdicts) > _MOST_VERDICTS:
             del self._since[0], self._verdicts[0]
-        if self._counted > _MEMORY:
-            for name in ("_reads", "_octets", "_shared", "_together", "_counted", "_timed", "_sound", "_in_step"):
-                setattr(self, name, getattr(self, name) / 2)
-            self._late.fade()
-            self._astray.fade()
+        if self._timed > _MEMORY:
+            self._timed /= 2
+            self._in_step /= 2
+            for heard in self._heard.values():
+                heard.fade()
 
-    def _learn(
+    def _learn(self, protocol: NDArray[Any], ends: NDArray[Any], *columns: NDArray[Any]) -> None:
+        self._timed += len(ends)
+        in_step = ends
+        for which in range(len(_STEPS_NS) - 1, -1, -1):  # what is in step with one is with all that are finer
+            in_step = in_step[in_step % _STEPS_NS[which] == 0]
+            if not len(in_step):
+                break
+            self._in_step[which] += len(in_step)
+        if not protocol.any():
+            self._heard[Protocol.RTU].add(ends, *columns)
+            return
+        for each, heard in self._heard.items():
+            if len(own := np.flatnonzero(protocol == each)):
+                heard.add(ends[own], *(column[own] for column in columns))
+
+    def _now(self) -> TimeTrust:
+        rtu, ascii_mode, _ = self._heard.values()
+        finest = 0 if self._timed >= FIRST and (rtu.octets or ascii_mode.octets) else _PLAIN_STEP_NS
+        enough = _IN_STEP * self._timed
+        steps = zip(_STEPS_NS, self._in_step.tolist(), strict=True)
+        step = next((step for step, count in steps if step >= finest and count >= enough), 0)
+        if rtu.octets:
+            trust = self._by_silences(rtu, rtu.shared + (rtu.together if step <= _FINE_STEP_NS else 0))
+        elif ascii_mode.octets:
+            trust = self._by_lateness(ascii_mode)
+        else:  # packets, which have times of their own
+            trust = TimeTrust(False, UNKNOWN, _USUAL_NS if self._timed else UNKNOWN)
+        return replace(trust, step_ns=step, wait_ns=max(trust.wait_ns, step)) if step else trust
+
+    def _by_silences(self, heard: _HeardFrames, shared: float) -> TimeTrust:
+        each = heard.octets / max(heard.reads, 1.0)
+        jitter = heard.late.quantile(_QUANTILE)
+        fine = self._speed_declared and heard.reads >= _BYTE_BY_BYTE * heard.octets and jitter is not None
+        if fine and jitter is not None:
+            return TimeTrust(True, jitter, jitter, each)
+        astray = heard.astray.quantile(_QUANTILE) if self._speed_declared else None
+        if astray is not None and self._strays_tell(heard, astray, each):
+            return TimeTrust(False, UNKNOWN, astray * _MARGIN, each)
+        return TimeTrust(False, UNKNOWN, _USUAL_NS if heard.alone(shared) else UNKNOWN, each)
+
+    def _by_lateness(self, heard: _HeardFrames) -> TimeTrust:
+        """Of ASCII mode, whose senders may pause within a frame: only silences that cannot be are the tap's."""
+        each = heard.octets / max(heard.reads, 1.0)
+        late = heard.late.quantile(_QUANTILE) if self._speed_declared else None
+        if late:
+            return TimeTrust(False, UNKNOWN, max(late * _MARGIN, each * self._character_ns), each)
+        return TimeTrust(False, UNKNOWN, _USUAL_NS if heard.alone(heard.shared) else UNKNOWN, each)
+
+    def _strays_tell(self, heard: _HeardFrames, astray: float, each: float) -> bool:
+        """Whether frames that stray tell how late reads may be: many do, or enough, and by as much as a usual read must
+        be late for the first of the bytes that it brings."""
+        many, weight = _OFTEN * heard.sound, heard.astray.weight
+        return weight >= many or (weight >= _ENOUGH and astray >= each * self._character_ns)
+
+
+class _HeardFrames:
+    """What the reads tell of frames of one protocol, old ones fading."""
+
+    def __init__(self) -> None:
+        self.reads = self.octets = self.shared = self.together = self.counted = self.sound = 0.0
+        self.late = Spread()  # frames by their least silence, if negative
+        self.astray = Spread()  # frames of several reads by their silence that is farthest from none
+
+    def fade(self) -> None:
+        """Half of it is forgotten."""
+        for name in ("reads", "octets", "shared", "together", "counted", "sound"):
+            setattr(self, name, getattr(self, name) / 2)
+        self.late.fade()
+        self.astray.fade()
+
+    def alone(self, shared: float) -> bool:
+        """Whether each frame came in a read of its own."""
+        return shared <= 1 + 0.01 * self.counted
+
+    def add(
         self,
-        protocol: NDArray[Any],
         ends: NDArray[Any],
         reads: NDArray[Any],
         length: NDArray[Any],
@@ -170,62 +251,22 @@ class TapClock:
         least: NDArray[Any],
         check: NDArray[Any],
     ) -> None:
-        self._timed += len(ends)
-        in_step = ends
-        for which in range(len(_STEPS_NS) - 1, -1, -1):  # what is in step with one is with all that are finer
-            in_step = in_step[in_step % _STEPS_NS[which] == 0]
-            if not len(in_step):
-                break
-            self._in_step[which] += len(in_step)
-        if protocol.any():  # ASCII mode has other silences, Modbus TCP none
-            plain = protocol == 0
-            ends, reads, length, before, most, least, check = (
-                each[plain] for each in (ends, reads, length, before, most, least, check)
-            )
-            if not len(reads):
-                return
-        self._counted += len(reads)
-        self._sound += float(np.count_nonzero(check))
-        self._reads += float(reads.sum())
-        self._octets += float(length.sum())
+        """Frames in their order: columns of `Rows`."""
+        self.counted += len(reads)
+        self.sound += float(np.count_nonzero(check))
+        self.reads += float(reads.sum())
+        self.octets += float(length.sum())
         shared = before == NO_GAP
-        self._shared += float(np.count_nonzero(shared))
-        self._together += float(np.count_nonzero(ends[1:] == ends[:-1]))
+        self.shared += float(np.count_nonzero(shared))
+        self.together += float(np.count_nonzero(ends[1:] == ends[:-1]))
         early = np.maximum(-before, 0)
         early[shared] = 0
         several = least != NO_GAP
         if several.any():
             least, first = least[several], early[several]
-            self._late.add(np.maximum(-least, first))
+            self.late.add(np.maximum(-least, first))
             astray = np.maximum(np.maximum(np.abs(most[several]), np.abs(least)), first)
-            self._astray.add(astray[check[several]])  # a damaged frame may hold a silence of the line's own
+            self.astray.add(astray[check[several]])  # a damaged frame may hold a silence of the line's own
             early = early[~several]
         if early.any():
-            self._astray.add(early)
-
-    def _now(self) -> TimeTrust:
-        step = next(
-            (step for step, count in zip(_STEPS_NS, self._in_step, strict=True) if count >= _IN_STEP * self._timed), 0
-        )
-        trust = self._by_silences(self._shared + (self._together if step <= _FINE_STEP_NS else 0))
-        return replace(trust, step_ns=step, wait_ns=max(trust.wait_ns, step)) if step else trust
-
-    def _by_silences(self, shared: float) -> TimeTrust:
-        if not self._octets:
-            return TimeTrust()
-        each = self._octets / max(self._reads, 1.0)
-        jitter = self._late.quantile(_QUANTILE)
-        fine = self._speed_declared and self._reads >= _BYTE_BY_BYTE * self._octets and jitter is not None
-        if fine and jitter is not None:
-            return TimeTrust(True, jitter, jitter, each)
-        astray = self._astray.quantile(_QUANTILE) if self._speed_declared else None
-        if astray is not None and self._strays_tell(astray, each):
-            return TimeTrust(False, UNKNOWN, astray * _MARGIN, each)
-        alone = shared <= 1 + 0.01 * self._counted  # each frame came in a read of its own
-        return TimeTrust(False, UNKNOWN, _USUAL_NS if alone else UNKNOWN, each)
-
-    def _strays_tell(self, astray: float, each: float) -> bool:
-        """Whether frames that stray tell how late reads may be: many do, or enough, and by as much as a usual read must
-        be late for the first of the bytes that it brings."""
-        many, weight = _OFTEN * self._sound, self._astray.weight
-        return weight >= many or (weight >= _ENOUGH and astray >= each * self._character_ns)
+            self.astray.add(early)
