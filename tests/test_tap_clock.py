@@ -131,13 +131,13 @@ def test_ascii_frames_tell_what_a_tap_is_worth(late_ms: float, exact: bool) -> N
     each = 11 / 19200 * 1000 * _MS
     chunks, now = [], 0.0
     for number in range(80):
-        for adu, pause in ((ask, 47 * _MS), (answer, 31 * _MS)):
-            now += pause + len(adu) * each
+        for sent, pause in ((ask, 47 * _MS), (answer, 31 * _MS)):
+            now += pause + len(sent) * each
             if exact:
-                chunks.append(Chunk(int(now), adu))
+                chunks.append(Chunk(int(now), sent))
             else:  # the first bytes are late now and then
                 early = now - 5 * each
-                chunks += [Chunk(int(early + number % 4 * late_ms / 3 * _MS), adu[:-5]), Chunk(int(now), adu[-5:])]
+                chunks += [Chunk(int(early + number % 4 * late_ms / 3 * _MS), sent[:-5]), Chunk(int(now), sent[-5:])]
     capture = Capture.of(_LINE, sorted(chunks, key=lambda chunk: chunk.t_ns))
     answers = [frame for part in analyse(capture) for frame in part.batch.frames() if frame.request_start is not None]
     assert len(answers) == 80 and all(frame.protocol == "ascii" for frame in answers)
