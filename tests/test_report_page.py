@@ -81,7 +81,13 @@ def test_the_page_fits_80_columns_whatever_the_numbers():
 def test_what_the_tap_cannot_tell_is_said_and_not_shown_as_zero():
     page = text(replace(REPORT, times=Times(), load=Load()))
     assert "this tap's times cannot tell them" in page
-    assert "load      unknown: it needs the baud and a span" in page
+    nothing = replace(REPORT, load=Load())
+    for report, needed in (
+        (nothing, "frames over a span of time"),
+        (replace(nothing, baud=None), "the line's speed (--baud)"),
+        (replace(nothing, char_bits=None), "the length of a character (--parity, --stop)"),
+    ):
+        assert f"load      unknown: it needs {needed}" in text(report)
     untimed = text(replace(REPORT, timed=False, times=Times(), load=Load(), t_start_ns=None, t_end_ns=None))
     assert untimed.count("no times in this capture") == 3
 

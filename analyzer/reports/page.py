@@ -118,6 +118,17 @@ def unknown(why: str) -> str:
     return page_words("unknown: {why}", why=page_words(why))
 
 
+def unknown_load(report: Report) -> str:
+    """Why nobody can tell the load."""
+    if not report.timed:
+        return unknown("no times in this capture")
+    if report.baud is None:
+        return unknown("it needs the line's speed (--baud)")
+    if report.char_bits is None:
+        return unknown("it needs the length of a character (--parity, --stop)")
+    return unknown("it needs frames over a span of time")
+
+
 def _recording(report: Report) -> Iterator[tuple[str, str]]:
     """When the recorder heard nothing, and when its clock was set."""
     events = [(time.from_ns, unheard(time)) for time in report.deaf]
@@ -195,7 +206,7 @@ def _transactions(counts: Counts) -> Iterator[tuple[str, str]]:
 
 def _load(report: Report) -> str:
     if report.load.mean is None:
-        return unknown("no times in this capture" if not report.timed else "it needs the baud and a span")
+        return unknown_load(report)
     words = page_words("{share:.1%} of the line's capacity", share=report.load.mean)
     if report.load.busiest_second is not None:
         words += page_words(", {share:.1%} in the busiest second", share=report.load.busiest_second)

@@ -13,7 +13,7 @@ from captures.line import LineSettings
 
 from ...languages import counted, page_words
 from ...reports import Report
-from ...reports.page import unknown
+from ...reports.page import unknown_load
 from ...tables.schema import Kind
 from .. import CheckError
 from ..model import Breaches, CheckedBatch, RuleResult, Start, comma_separated, form
@@ -41,7 +41,7 @@ def load(line: LineSettings, compared: Token, number: Token) -> Start:  # noqa: 
     def verdict(report: Report) -> RuleResult:
         mean = report.load.mean
         if mean is None:
-            return RuleResult(False, unknown("it needs the baud and a span"))
+            return RuleResult(False, unknown_load(report))
         return RuleResult(bool(COMPARE[compared](mean, bound)), f"{mean:.1%}")
 
     return lambda: _Summed(verdict)
