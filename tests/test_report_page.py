@@ -88,6 +88,9 @@ def test_what_the_tap_cannot_tell_is_said_and_not_shown_as_zero():
         (replace(nothing, char_bits=None), "the length of a character (--parity, --stop)"),
     ):
         assert f"load      unknown: it needs {needed}" in text(report)
+    network = text(replace(nothing, baud=None, tcp_frames=REPORT.frames))
+    assert "load      unknown: packets of a network" in network and "speed is not known" not in network
+    assert "the line's speed is not known" in " ".join(text(replace(REPORT, baud=None)).split())
     untimed = text(replace(REPORT, timed=False, times=Times(), load=Load(), t_start_ns=None, t_end_ns=None))
     assert untimed.count("no times in this capture") == 3
 

@@ -287,6 +287,7 @@ class Report:
     units: tuple[UnitRow, ...]
     functions: tuple[FunctionRow, ...]
     exceptions: tuple[ExceptionRow, ...]
+    tcp_frames: int = 0  # of `frames`, those of Modbus TCP, on no line of ours
     foreign: Mapping[str, int] = field(default_factory=dict)  # bytes of other protocols on the pair, by name
     clock_skew_ns: tuple[int, int] | None = None  # bounds: how far the answers' tap is ahead of the requests'
     rates: tuple[RateRow, ...] = ()  # of senders, where edges were captured

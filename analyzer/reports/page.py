@@ -122,6 +122,8 @@ def unknown_load(report: Report) -> str:
     """Why nobody can tell the load."""
     if not report.timed:
         return unknown("no times in this capture")
+    if report.tcp_frames == report.frames > 0:
+        return unknown("packets of a network are no load of a line")
     if report.baud is None:
         return unknown("it needs the line's speed (--baud)")
     if report.char_bits is None:
@@ -221,4 +223,6 @@ def _response(report: Report) -> str:
     answers = report.transactions.answers
     if times.count < answers:
         words += page_words(" ({some:,} of {all:,} measured)", some=times.count, all=answers)
+    if report.baud is None and report.tcp_frames < report.frames:  # and so not how long an answer's bytes take
+        words += page_words(", to the ends of answers: the line's speed is not known")
     return words

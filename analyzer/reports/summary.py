@@ -20,7 +20,7 @@ from ..core import observed
 from ..options import Options
 from ..outages import deaf_times, notes_of
 from ..tables.bins import Histogram
-from ..tables.schema import Kind, Rows
+from ..tables.schema import Kind, Protocol, Rows
 from ..tables.transactions import Status, TransactionRows
 from ..usernotes import Notes, marked_rows
 from .model import BookmarkRow, Counts, ExceptionRow, FunctionRow, Load, Report, Times, UnitRow
@@ -63,7 +63,7 @@ class Summary:
         self._by_unit: dict[int, Histogram] = {}
         self._by_function: dict[int, Histogram] = {}
         self._all = Histogram()
-        self._bytes = self._frames = self._requests = self._damaged = self._doubtful = 0
+        self._bytes = self._frames = self._requests = self._damaged = self._doubtful = self._tcp = 0
         self._noise_bytes = self._noise_stretches = 0
         self._foreign = np.zeros(len(NAMES), np.int64)  # bytes of other protocols, by number
         self._skew: ClockSkew | None = None
@@ -104,6 +104,7 @@ class Summary:
         self._requests += int((frames.kind == Kind.REQUEST).sum())
         self._damaged += int((~frames.check).sum())
         self._doubtful += int((frames.confidence < _DOUBTFUL).sum())
+        self._tcp += int((frames.protocol == Protocol.TCP).sum())
         self._count_exceptions(frames)
         start, end = int(rows.t_start_ns.min()), int(rows.t_end_ns.max())
         self._first = start if self._first is None else min(start, self._first)
@@ -135,6 +136,7 @@ class Summary:
             foreign={name: int(size) for name, size in zip(NAMES, self._foreign, strict=True) if name and size},
             clock_skew_ns=self._skew,
             doubtful_frames=self._doubtful,
+            tcp_frames=self._tcp,
             transactions=self._counted(lambda table: table.sum()),
             times=self._timed(self._all),
             load=self._load() if capture.timed else Load(),
