@@ -192,6 +192,9 @@ def test_the_mouse_chooses_rows_bytes_and_views(capture: Path) -> None:
         await sitting.pilot.click("#tabs", offset=(44, 0))
         await sitting.settle()
         assert sitting.screen.view != "frames"
+        await sitting.press("3")
+        await sitting.pilot.click("#findings", offset=(12, 4), times=2)
+        await sitting.until(lambda: sitting.screen.view == "frames")
 
     using(opened(capture), work)
 
