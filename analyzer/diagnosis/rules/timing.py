@@ -89,6 +89,11 @@ TURNAROUND: Final = Rule(
 def _blind(numbers: Mapping[str, float]) -> str:
     if "off_by_ms" not in numbers:
         return phrase("this capture's times cannot show silences and response times")
+    if not numbers["off_by_ms"]:
+        return phrase(
+            "a read brings a whole frame, {bytes_a_read:.2g} bytes at once: silences of t1.5 and t3.5 cannot be judged",
+            numbers,
+        )
     return phrase(
         "times are off by up to {off_by_ms:ms}, {bytes_a_read:.2g} bytes come in a read: silences of t1.5 and t3.5 "
         "cannot be judged",
@@ -136,7 +141,7 @@ class Timing:
 
     def __call__(self, view: DiagnosisStep) -> Iterator[Findings]:
         rows, suspects = view.rows, _suspects(view)
-        self._frames += int(np.count_nonzero(view.rows.protocol[view.frames] != Protocol.TCP))
+        self._frames += int(np.count_nonzero(view.rows.protocol[view.frames] == Protocol.RTU))
         if len(suspects):
             before = rows[np.maximum(suspects - 1, 0)]
             if suspects[0] == 0:
@@ -150,8 +155,8 @@ class Timing:
         yield from self._judge(view)
         verdict = view.clock.newest()
         if self._frames and not verdict.fine:
-            measured = view.timed and verdict.wait_ns < UNKNOWN
-            yield BLIND.of_bus(view.now, verdict.wait_ns / 1e6 if measured else np.nan, verdict.bytes_a_read)
+            known = view.timed and view.clock.off_ns < UNKNOWN
+            yield BLIND.of_bus(view.now, view.clock.off_ns / 1e6 if known else np.nan, verdict.bytes_a_read)
 
     def _judge(self, view: DiagnosisStep) -> Iterator[Findings]:
         waiting, self._waiting = self._waiting, []
