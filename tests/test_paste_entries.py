@@ -1,6 +1,7 @@
 """Pastes as people post them: logs that say things twice, that lost their line breaks, that show echoes and noise."""
 
 import json
+from datetime import UTC
 from pathlib import Path
 
 import pytest
@@ -210,6 +211,20 @@ def test_seconds_with_as_many_decimals_as_a_program_has_are_times(tmp_path: Path
     assert main(["export", str(log), "--format", "jsonl", "-o", str(out)]) == 0
     starts = [json.loads(line)["t_start_ns"] for line in out.open(encoding="utf-8")]
     assert starts[1] - starts[0] == 100_000_000
+
+
+@pytest.mark.parametrize("digits", [0, 1, 3])
+def test_a_paste_tells_times_as_a_capture_of_it_does(digits: int, tmp_path: Path) -> None:
+    log, out = tmp_path / "log.txt", tmp_path / "out.jsonl"
+    moments = ("12:00:00.118", "12:00:00.163", "12:00:01.119", "12:00:01.171")
+    pairs = zip(moments, (ASK, REPLY) * 2, strict=True)
+    log.write_text("".join(f"{at[: 9 + digits].rstrip('.')} {hexed(data)}\n" for at, data in pairs), encoding="utf-8")
+    assert main(["export", str(log), "--format", "jsonl", "-o", str(out), "--tz", "UTC"]) == 0
+    names = ("t_start_ns", "t_end_ns", "request_start", "response_time_ns")
+    lines = [[line[name] for name in names] for line in map(json.loads, out.open(encoding="utf-8"))]
+    frames = read(log.read_text(encoding="utf-8"), zone=UTC).frames()
+    assert [[frame.to_json(number)[name] for name in names] for number, frame in enumerate(frames)] == lines
+    assert [line[3] for line in lines] == [None, 45_000_000, None, 52_000_000] if digits == 3 else [None] * 4
 
 
 def test_a_line_of_pymodbus_that_is_wrapped_within_bytes_loses_none() -> None:

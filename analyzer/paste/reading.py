@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 _ROLES: Final = {"auto": BOTH, "request": (Role.REQUEST,), "response": (Role.RESPONSE,)}
 LONGEST: Final = 1 << 20  # bytes
 _PAIR: Final = 2  # hex digits of a byte
+_COARSE_NS: Final = 10**8
 _LENGTH_END: Final = 6  # bytes of an MBAP header, up to its length
 _MOST_TCP: Final = 254  # what the length in an MBAP header can be
 _CRC: Final = 2  # bytes
@@ -61,15 +62,28 @@ def read(
 
 
 def _with_times(pieces: Sequence[Piece], parts: Sequence[PastePart]) -> tuple[Piece, ...]:
-    """The pieces; a frame with which a line of the text begins has that line's time."""
-    starts = accumulate((len(part.data) for part in parts), initial=0)
+    """The pieces; a frame that begins with a line of the text has that line's time, and that of the line it ends in.
+
+    An answer's time is that between the two lines, as for a capture of unknown speed. Times that are written to a tenth
+    of a second or less fine tell none.
+    """
+    starts = list(accumulate((len(part.data) for part in parts), initial=0))
     times = dict(zip(starts, (part.t_ns for part in parts), strict=False))
-    return tuple(
-        replace(piece, t_start_ns=times.get(piece.start))
-        if isinstance(piece, PastedFrame) and piece.t_start_ns is None
-        else piece
-        for piece in pieces
-    )
+    coarse = all(part.t_ns is None or part.t_ns % _COARSE_NS == 0 for part in parts)
+    ends: dict[int, int] = {}  # of frames, by their starts
+    timed: list[Piece] = []
+    for piece in pieces:
+        start_ns = times.get(piece.start)
+        if isinstance(piece, PastedFrame) and piece.t_start_ns is None and start_ns is not None:
+            end_ns = parts[bisect_right(starts, piece.start + piece.length - 1) - 1].t_ns
+            if end_ns is not None:
+                ends[piece.start] = end_ns
+            asked_ns = None if coarse or piece.request_start is None else ends.get(piece.request_start)
+            took_ns = None if asked_ns is None or asked_ns > start_ns else start_ns - asked_ns
+            timed.append(replace(piece, t_start_ns=start_ns, t_end_ns=end_ns, response_time_ns=took_ns))
+        else:
+            timed.append(piece)
+    return tuple(timed)
 
 
 def _parts(text: str, zone: tzinfo | None) -> tuple[list[PastePart], tuple[Unread, ...]]:
