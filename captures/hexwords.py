@@ -42,19 +42,6 @@ class TextBytes:
     unread: tuple[UnreadLine, ...]
 
 
-def read_line(text: str) -> Words | None:
-    """The bytes of one line, the longest run where there are several; None where it holds none.
-
-    Raises HexError for digits that are meant as bytes but do not come in pairs.
-    """
-    words = _read(text, no_judge, None).words
-    if not words:
-        if (half := halves(text)) is not None:
-            raise HexError(half)
-        return None
-    return max(words, key=lambda one: len(one.data))
-
-
 def read_text(text: str, judge: ByteJudge = no_judge) -> list[Words]:
     """All bytes of a text, in order. Raises HexError where there are none: see `read_paste`."""
     return list(read_paste(text, judge).words)

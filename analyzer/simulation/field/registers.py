@@ -8,7 +8,6 @@ from collections.abc import Callable, Sequence
 from random import Random
 
 Word = Callable[[float], int]  # the value at a time (ns)
-_FLOAT_PAIRS = (0x42C8, 0x4348, 0x4120, 0xC1A0)
 
 
 def constant(value: int) -> Word:
