@@ -17,7 +17,7 @@ from random import Random
 from register_series import MadeDevice, layouts, made_device
 
 from analyzer.registers.inference import infer
-from analyzer.registers.values import RegisterValue
+from analyzer.registers.roles import RegisterValue
 from dissectors.maps import RegisterMap
 from dissectors.maps.model import MapArea, MappedValue
 

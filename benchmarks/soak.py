@@ -16,8 +16,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from analyzer.live.lines import TextLines
-from analyzer.live.recent import Recent
+from analyzer.live.lines import Recent, TextLines
 from analyzer.live.session import Session
 from analyzer.live.status import LineStatus
 from captures.chunks import Block, Chunk

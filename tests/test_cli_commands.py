@@ -15,8 +15,7 @@ import yaml
 from running import ROOT, START, environment, ran, refused, spawned
 
 from analyzer.cli.app import Parser
-from analyzer.cli.commands import COMMANDS, add_arguments, load
-from analyzer.cli.exits import FAILURES, meanings
+from analyzer.cli.commands import COMMANDS, FAILURES, add_arguments, load, meanings
 from analyzer.cli.manpage import man_page
 from analyzer.cli.terminal import shell_word
 from analyzer.version import __version__

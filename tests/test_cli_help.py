@@ -14,8 +14,7 @@ from running import ran, refused
 
 import analyzer
 from analyzer.cli.app import command_line
-from analyzer.cli.commands import COMMANDS
-from analyzer.cli.exits import meanings
+from analyzer.cli.commands import COMMANDS, meanings
 from analyzer.languages import catalogue, retold, telling, use
 from analyzer.reference.causes import markdown
 from captures.formats import foreign_formats, formats

@@ -21,7 +21,7 @@ from running import ran, spawned
 import analyzer
 import captures
 from analyzer.exports import ExportOptions, export
-from analyzer.exports.targets.mcap import values
+from analyzer.exports.targets.mcap import schemas
 from analyzer.exports.targets.mcap.schemas import function_names
 from captures import Capture, samples
 from dissectors import Function
@@ -193,7 +193,7 @@ def test_values_of_a_request_in_the_batch_before(tmp_path, monkeypatch):
 
 
 def test_too_many_addresses_are_left_out_and_told(tmp_path, monkeypatch):
-    monkeypatch.setattr(values, "MAX_FIELDS", 3)
+    monkeypatch.setattr(schemas, "MAX_FIELDS", 3)
     pieces = [piece for n in range(5) for piece in (adu(f"11060{n}000007"), adu(f"11060{n}000007"))]
     out = tmp_path / "many.mcap"
     export(Capture.of(LINE, spaced(pieces)), out)

@@ -17,8 +17,7 @@ from analyzer.core import Analyzer, analyse
 from analyzer.deframing.decisions import Decider
 from analyzer.deframing.stream import RtuDeframer
 from analyzer.languages import telling
-from analyzer.live.lines import TextLines
-from analyzer.live.recent import Recent
+from analyzer.live.lines import Recent, TextLines
 from analyzer.live.session import SessionStep
 from analyzer.live.status import LineStatus
 from analyzer.options import Options

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from serial import rfc2217
 
-from analyzer.cli.exits import UsageError
+from analyzer.cli.commands import UsageError
 from analyzer.live.tapsource import TapSource
 from captures.chunks import Block
 from captures.live.gateway import PortServerTap, TelnetReceiver

@@ -18,7 +18,7 @@ from running import START, environment, ran, refused
 import captures
 from analyzer.core import Analyzer
 from analyzer.live.conditions import TriggerWindow
-from analyzer.live.recent import Recent
+from analyzer.live.lines import Recent
 from analyzer.live.replaying import Replay
 from analyzer.live.session import SessionStep
 from captures import samples

@@ -9,7 +9,7 @@ import pytest
 from buses import adu
 from running import ran, refused
 
-from analyzer.cli.exits import NO_FRAME
+from analyzer.cli.commands import NO_FRAME
 from analyzer.simulation import Scenario, write
 from dissectors.maps import map_text, read_map, shipped_map
 from dissectors.maps.model import RegisterMap

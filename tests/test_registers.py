@@ -21,7 +21,7 @@ from analyzer.registers.like import matches_of_series, matches_of_value
 from analyzer.registers.panel import read_panel
 from analyzer.registers.readings import RegisterReadings
 from analyzer.registers.recognition import UnitTexts, recognised
-from analyzer.registers.values import RegisterValue
+from analyzer.registers.roles import RegisterValue
 from analyzer.simulation import Scenario, simulate, write
 from analyzer.simulation.conversation import adu
 from dissectors.maps import RegisterMap, shipped_map

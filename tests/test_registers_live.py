@@ -14,7 +14,7 @@ from analyzer.core import Analyzer
 from analyzer.model.registers import AREA_WORDS
 from analyzer.registers.inference import infer
 from analyzer.registers.readings import RegisterReadings, is_due
-from analyzer.registers.revising import RevisedRegisters, Revision
+from analyzer.registers.watch import RevisedRegisters, Revision
 from analyzer.simulation import Scenario, write
 from analyzer.usernotes import Notes
 

@@ -20,7 +20,7 @@ from analyzer.registers.hypotheses import HYPOTHESES
 from analyzer.registers.inference import infer
 from analyzer.registers.looks import change_lengths, evenness, is_epoch, sign_classes
 from analyzer.registers.readings import RegisterReadings
-from analyzer.registers.values import RegisterValue
+from analyzer.registers.roles import RegisterValue
 
 POLLS = 60
 RNG = np.random.default_rng(3)

@@ -17,12 +17,12 @@ from analyzer.languages import tr
 from analyzer.model.search import GotoError, span
 from analyzer.model.spoken import spoken
 from analyzer.tui.app import Rtuscope
-from analyzer.tui.bottomlines import KeyLine
+from analyzer.tui.bars import KeyLine
+from analyzer.tui.desk import Preferences
 from analyzer.tui.filterbar import FilterBar
 from analyzer.tui.findings import FindingList
 from analyzer.tui.keys import BINDINGS, Help
 from analyzer.tui.openfiles import NextFile
-from analyzer.tui.preferences import Preferences
 from captures.recording.notes import MARK, Note
 
 

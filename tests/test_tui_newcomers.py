@@ -24,9 +24,9 @@ from analyzer.model.selection import compiled
 from analyzer.model.source import CaptureSource
 from analyzer.model.spoken import spoken
 from analyzer.simulation import Scenario, simulate
-from analyzer.tui.causeitems import of_cause, whose
 from analyzer.tui.filterbar import FilterBar
 from analyzer.tui.home import HomeList
+from analyzer.tui.items import of_cause, whose
 from analyzer.tui.keys import key_name
 from analyzer.tui.picking import _no_file
 from analyzer.tui.plot import Series, told_apart

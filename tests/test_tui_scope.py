@@ -15,11 +15,11 @@ from analyzer.model.scope import Scope, ScopedFigures
 from analyzer.model.selection import Unfolded, compiled
 from analyzer.model.source import CaptureSource
 from analyzer.tables.schema import Kind
+from analyzer.tui.desk import KeptFilter, Preferences
 from analyzer.tui.filterbar import FilterBar
 from analyzer.tui.findings import FindingList
 from analyzer.tui.home import HomeList
 from analyzer.tui.plot import Plot
-from analyzer.tui.preferences import KeptFilter, Preferences
 from analyzer.tui.registerlist import RegisterList
 from analyzer.tui.timeline import Timeline
 from analyzer.tui.unitlist import History, UnitList

@@ -1,7 +1,7 @@
 """Assertions on a capture, for test benches and CI: `run(capture, [compile_check("no crc errors")])`.
 
-A rule is a line of a small language: `model` holds the collection of what can be said, `rules` says it, a family a
-file; `parsing` reads a line, `running` goes over a capture once for all rules. `docs/check.md` is made from the forms.
+A rule is a line of a small language: `model` holds the collection of what can be said and goes over a capture once for
+all rules, `rules` says it, a family a file; `parsing` reads a line. `docs/check.md` is made from the forms.
 """
 
 from __future__ import annotations
@@ -12,9 +12,8 @@ from ..filters import FilterError
 from ..lazy import lazily
 
 if TYPE_CHECKING:
-    from .model import Breach, Check, Outcome, Results
+    from .model import Breach, Check, Outcome, Results, run
     from .parsing import compile_check, load_rules
-    from .running import run
 
 __all__ = ["Breach", "Check", "CheckError", "Outcome", "Results", "compile_check", "load_rules", "run"]
 
@@ -25,7 +24,7 @@ _HOMES = {
     "Results": "model",
     "compile_check": "parsing",
     "load_rules": "parsing",
-    "run": "running",
+    "run": "model",
 }
 
 

@@ -19,8 +19,7 @@ from ..meant import did_you_mean, meant
 from ..settingfiles import found_files
 from ..terminal_text import gated_streams
 from ..version import __version__
-from .commands import COMMANDS, Command, add_arguments, add_language
-from .exits import DONE, INTERRUPTED, UNUSABLE, UsageError, meanings
+from .commands import COMMANDS, DONE, INTERRUPTED, UNUSABLE, Command, UsageError, add_arguments, add_language, meanings
 from .terminal import shell_word, tell
 
 _PLACEHOLDER: Final = re.compile("[A-Z][A-Z_]+")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from dissectors.values import harmless
 
-from .exits import DONE, UsageError
+from .commands import DONE, UsageError
 from .inputs import seconds
 from .terminal import add_overwrite_argument, put_data, put_json, to_be_overwritten
 

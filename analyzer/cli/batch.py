@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from ..languages import counted, tr
 from ..words import data_size
-from .exits import DONE, FAILED, INTERRUPTED, UsageError
+from .commands import DONE, FAILED, INTERRUPTED, UsageError
 from .inputs import add_functions_argument, add_limit_arguments, add_reading_arguments, chosen_limits, load_functions
 from .terminal import Progress, endable, interruptible, places, say_in_place, tell
 

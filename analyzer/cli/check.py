@@ -10,7 +10,7 @@ from dissectors.values import harmless
 
 from ..languages import page_words
 from ..terminal_text import painted, terminal_text
-from .exits import DONE, FAILED, INTERRUPTED, NO_FRAME, UsageError
+from .commands import DONE, FAILED, INTERRUPTED, NO_FRAME, UsageError
 from .inputs import (
     add_capture_arguments,
     add_limit_arguments,

@@ -12,7 +12,7 @@ from typing import Any, Final
 from ..meant import did_you_mean
 from ..settingfiles import user_file
 from ..settings import SETTINGS, TABLES, Setting, Settings, SetValue, read_settings
-from .exits import DONE, UsageError
+from .commands import DONE, UsageError
 from .terminal import put_json
 
 EXAMPLE = """\

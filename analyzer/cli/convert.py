@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 from dissectors.values import harmless
 
 from ..meant import did_you_mean
-from .exits import DONE, INTERRUPTED, NO_FRAME, UsageError
+from .commands import DONE, INTERRUPTED, NO_FRAME, UsageError
 from .inputs import (
     CAPTURE_HELP,
     add_functions_argument,

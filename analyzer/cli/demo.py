@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from .exits import DONE
+from .commands import DONE
 from .report import exit_status, show
 from .terminal import full_screen
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from .exits import DONE, FAILED, INTERRUPTED, NO_FRAME, UsageError
+from .commands import DONE, FAILED, INTERRUPTED, NO_FRAME, UsageError
 from .inputs import (
     add_capture_arguments,
     add_check_argument,

@@ -20,7 +20,7 @@ from captures.line import POLARITIES
 
 from ..meant import did_you_mean
 from ..words import UNITS_NS, is_clock, moment_of
-from .exits import UsageError
+from .commands import UsageError
 from .terminal import tell
 
 if TYPE_CHECKING:

@@ -6,8 +6,7 @@ import argparse
 from collections.abc import Iterator
 
 from .app import command_line
-from .commands import COMMANDS, load
-from .exits import MEANINGS
+from .commands import COMMANDS, MEANINGS, load
 
 _FILES = (
     ("~/.config/rtuscope/config.toml", "your settings; `rtuscope config path` prints where they are elsewhere"),

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 from ..extras import needs
 from ..words import plural
-from .exits import DONE, FAILED, INTERRUPTED, NO_FRAME, UsageError
-from .gathering import RegisterTraffic, gathered
+from .commands import DONE, FAILED, INTERRUPTED, NO_FRAME, UsageError
 from .inputs import (
     add_functions_argument,
     add_limit_arguments,
@@ -20,6 +19,7 @@ from .inputs import (
     open_capture,
     unit_number,
 )
+from .registers import RegisterTraffic, gathered
 from .terminal import add_overwrite_argument, put_data, tell, to_be_overwritten
 
 if TYPE_CHECKING:

@@ -27,7 +27,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from ..extras import needs
-from .exits import DONE, UsageError
+from .commands import DONE, UsageError
 from .inputs import (
     CAPTURE_HELP,
     add_functions_argument,

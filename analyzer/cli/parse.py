@@ -7,7 +7,7 @@ import os
 import sys
 from typing import TYPE_CHECKING
 
-from .exits import DONE, FAILED, NO_FRAME, UsageError
+from .commands import DONE, FAILED, NO_FRAME, UsageError
 from .inputs import (
     add_check_argument,
     add_functions_argument,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from dissectors.values import harmless
 
-from .exits import DONE
+from .commands import DONE
 from .terminal import put_json
 
 if TYPE_CHECKING:

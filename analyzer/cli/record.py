@@ -7,7 +7,7 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from .exits import DONE, FAILED
+from .commands import DONE, FAILED
 from .inputs import add_functions_argument, add_limit_arguments, add_map_argument, load_functions, seconds
 from .taps import (
     Teller,

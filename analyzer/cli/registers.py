@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from .exits import DONE, FAILED, INTERRUPTED, NO_FRAME, UsageError
-from .gathering import gathered
+from .commands import DONE, FAILED, INTERRUPTED, NO_FRAME, UsageError
 from .inputs import (
     add_capture_arguments,
     add_limit_arguments,
@@ -17,18 +17,20 @@ from .inputs import (
     chosen_limits,
     load_functions,
     open_capture,
+    tell_damage,
     unit_number,
 )
-from .terminal import tell
+from .terminal import Progress, interruptible, tell
 
 if TYPE_CHECKING:
     from captures import Capture
 
     from ..options import Options
     from ..registers.like import Match
-    from ..registers.recognition import Recognised
-    from ..registers.values import RegisterValue
-    from .gathering import RegisterTraffic
+    from ..registers.readings import RegisterReadings
+    from ..registers.recognition import Recognised, UnitTexts
+    from ..registers.roles import RegisterValue
+
 
 EXAMPLE = """\
 rtuscope simulate meter.jsonl --map eastron-sdm630@1
@@ -64,9 +66,9 @@ def run(arguments: argparse.Namespace) -> int:
     capture = open_capture(arguments)
     if arguments.like is not None:
         return find_like(arguments, capture, limits)
-    from analyzer.registers.drafting import with_own_words
-    from analyzer.registers.inference import infer
-    from analyzer.registers.recognition import recognised
+    from ..registers.drafting import with_own_words
+    from ..registers.inference import infer
+    from ..registers.recognition import recognised
 
     traffic = gathered(capture, arguments.capture, limits)
     readings, units = traffic.readings, traffic.units
@@ -100,8 +102,8 @@ def _own_words(capture: str) -> dict[tuple[int, str, int], str]:
     """What the user said of registers in the interface, kept beside the capture."""
     from pathlib import Path
 
-    from analyzer.model.registers import own_words
-    from analyzer.usernotes import Notes, NotesError
+    from ..model.registers import own_words
+    from ..usernotes import Notes, NotesError
 
     try:
         return own_words(Notes.beside(None if capture == "-" else Path(capture)).types)
@@ -187,9 +189,9 @@ _LONGEST: Final = 16 << 20  # bytes of a table
 
 def find_like(arguments: argparse.Namespace, capture: Capture, limits: Options) -> int:
     """Print the registers that showed it, best first."""
-    from analyzer.registers.inference import infer
-    from analyzer.registers.like import matches_of_series, matches_of_value
-    from analyzer.registers.panel import PanelError, read_panel
+    from ..registers.inference import infer
+    from ..registers.like import matches_of_series, matches_of_value
+    from ..registers.panel import PanelError, read_panel
 
     wanted = str(arguments.like)
     table = None
@@ -235,8 +237,8 @@ def _table_text(name: str) -> str:
 
 
 def _matches_text(matches: list[Match], wanted: str) -> str:
-    from analyzer.registers.panel import HALF_HOUR_S
-    from analyzer.words import duration
+    from ..registers.panel import HALF_HOUR_S
+    from ..words import duration
 
     if not matches:
         return f"no register showed {wanted}\n"
@@ -258,3 +260,44 @@ def _matches_text(matches: list[Match], wanted: str) -> str:
     if len(matches) > _SHOWN:
         lines.append(f"and {len(matches) - _SHOWN} more (--json lists them)")
     return "\n".join(lines) + "\n"
+
+
+@dataclass(frozen=True, slots=True)
+class RegisterTraffic:
+    """What the registers of a capture were, and what its units say of themselves."""
+
+    readings: RegisterReadings
+    texts: UnitTexts
+    stopped: bool
+    """By Ctrl-C: it is what was read until then, which was said."""
+
+    @property
+    def units(self) -> list[int]:
+        """Those whose answers carry values, in order."""
+        return sorted({block.unit for block in self.readings})
+
+
+def gathered(
+    capture: Capture, name: str, limits: Options, *, command: str = "registers", most: int | None = None
+) -> RegisterTraffic:
+    """Read a capture through; `most`: readings of a block that are kept, where it is not the usual number."""
+    from ..core import deframe
+    from ..registers.readings import RegisterReadings
+    from ..registers.recognition import UnitTexts
+
+    readings = RegisterReadings() if most is None else RegisterReadings(most)
+    texts, progress = UnitTexts(), Progress(f"{command} {name}")
+    with interruptible() as stop:
+        octets = 0
+        for batch in deframe(capture, limits):
+            readings.feed(batch)
+            texts.feed(batch)
+            octets += len(batch.data)
+            progress(readings.frames, octets)
+            if stop():
+                break
+    progress.clear()
+    tell_damage(name, capture)
+    if stop():
+        tell("stopped by Ctrl-C; what was read until then was used")
+    return RegisterTraffic(readings, texts, stop())

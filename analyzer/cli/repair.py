@@ -7,7 +7,7 @@ from pathlib import Path
 
 from dissectors.values import harmless
 
-from .exits import DONE, NO_FRAME
+from .commands import DONE, NO_FRAME
 from .terminal import add_overwrite_argument, captured_words, tell, to_be_overwritten
 
 EXAMPLE = """\

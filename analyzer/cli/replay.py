@@ -7,7 +7,7 @@ from argparse import ArgumentTypeError
 from typing import TYPE_CHECKING
 
 from ..languages import tr
-from .exits import DONE, NO_FRAME, UsageError
+from .commands import DONE, NO_FRAME, UsageError
 from .inputs import add_capture_arguments, add_limit_arguments, chosen_limits, load_functions, open_capture, tell_damage
 from .terminal import keys, tell
 from .watching import Watch, add_outlet_arguments, add_view_arguments, ended_by_signals, outlets_of

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from ..languages import counted
-from .exits import DONE, FAILED, INTERRUPTED, NO_FRAME, UsageError
+from .commands import DONE, FAILED, INTERRUPTED, NO_FRAME, UsageError
 from .inputs import (
     add_capture_arguments,
     add_check_argument,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from .exits import DONE, UsageError
+from .commands import DONE, UsageError
 from .terminal import add_overwrite_argument, to_be_overwritten
 
 EXAMPLE = """\

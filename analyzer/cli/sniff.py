@@ -7,7 +7,7 @@ import os
 import sys
 from typing import TYPE_CHECKING, BinaryIO, Final
 
-from .exits import FAILED, INTERRUPTED, UsageError
+from .commands import FAILED, INTERRUPTED, UsageError
 from .inputs import add_functions_argument, add_limit_arguments, chosen_limits, load_functions
 from .taps import (
     Teller,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Final
 
-from .exits import DONE, UsageError
+from .commands import DONE, UsageError
 from .inputs import add_functions_argument, add_limit_arguments, load_functions, seconds, size_in_bytes
 from .taps import Teller, add_tap_arguments, add_token_argument, tap_of, token_of
 from .watching import address, ended_by_signals, shown_host

@@ -23,7 +23,7 @@ from dissectors.values import harmless
 
 from ..terminal_text import ERASE_LINE, terminal_text
 from ..version import __version__
-from .exits import UsageError
+from .commands import UsageError
 from .inputs import seconds, size_in_bytes, time_or_size
 from .terminal import add_overwrite_argument, places, to_be_overwritten
 

@@ -25,7 +25,7 @@ from dissectors.values import harmless
 
 from ..languages import counted, tr
 from ..terminal_text import ERASE_LINE, TerminalText, painted, terminal_text, trusted
-from .exits import UsageError
+from .commands import UsageError
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -9,7 +9,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from .batch import add_fleet_arguments, batch_options, chosen_runner, outdated, shown_progress, tell_result
-from .exits import DONE, FAILED, INTERRUPTED
+from .commands import DONE, FAILED, INTERRUPTED
 from .inputs import seconds
 from .terminal import Stop, endable, interruptible, tell
 

@@ -17,7 +17,7 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any, BinaryIO, Final, Protocol
 
 from ..terminal_text import terminal_text
-from .exits import DONE, NO_FRAME
+from .commands import DONE, NO_FRAME
 from .inputs import add_map_argument, chosen_charts, seconds
 from .terminal import coloured, hung_up, places, put, put_bytes, put_data, say_in_place, tell, told_to_end
 
@@ -28,10 +28,10 @@ if TYPE_CHECKING:
 
     from ..causes.story import CauseRevision
     from ..live.conditions import Condition
+    from ..live.lines import ShownRow
     from ..live.outlets import Outlet
-    from ..live.recent import ShownRow
     from ..live.session import Session, SessionStep
-    from ..registers.revising import RevisedRegisters, Revision
+    from ..registers.watch import RevisedRegisters, Revision
     from ..tables.findings import Finding
 
 _PERIOD_S: Final = 0.25
@@ -103,7 +103,7 @@ class Watch:
         in place of standard output (Wireshark's pipe, which calls all that is told beside it an error)."""
         from ..causes.story import RunningStory
         from ..live.conditions import TriggerWindow
-        from ..live.recent import Recent
+        from ..live.lines import Recent
         from ..live.status import LineStatus
 
         self._arguments, self._session, self._extra, self._fire = arguments, session, extra, fire
@@ -112,7 +112,7 @@ class Watch:
         self._out = out
         self._registers: RevisedRegisters | None = None
         if arguments.infer:
-            from ..registers.revising import RevisedRegisters
+            from ..registers.watch import RevisedRegisters
 
             self._registers = RevisedRegisters(charts)
         self.status = LineStatus(session.line)
@@ -130,8 +130,8 @@ class Watch:
 
     def run(self) -> int:
         """Show the session to its end; the exit status."""
-        from ..live.packets import LivePackets
-        from ..live.recent import of_the_bus
+        from ..live.lines import of_the_bus
+        from ..live.streams import LivePackets
 
         if isinstance(self._lines, LivePackets):
             self._write([self._lines.begin()])
@@ -238,11 +238,11 @@ def _view(arguments: argparse.Namespace, session: Session, charts: UnitMaps) -> 
 
             return LiveJsonLines(noise=arguments.noise, charts=charts)
         case "influx":
-            from ..live.influx import InfluxLines
+            from ..live.streams import InfluxLines
 
             return InfluxLines(charts=charts)
         case "pcapng":
-            from ..live.packets import LivePackets
+            from ..live.streams import LivePackets
 
             return LivePackets(session, noise=arguments.noise)
     from ..live.lines import TextLines

@@ -25,7 +25,7 @@ from captures.network.packets import UPPER_PDU
 from ..version import __version__
 from . import sniff
 from .app import Parser
-from .exits import DONE, UsageError
+from .commands import DONE, UsageError
 
 _ANY: Final = "rtuscope"
 _OF_PORT: Final = "rtuscope:"  # before the port

@@ -24,7 +24,7 @@ from dissectors.maps import RegisterMap
 from dissectors.maps.model import read_mapped
 
 from ..extras import needs
-from ..registers.mapped import MappedColumn, mapped_columns
+from ..registers.readings import MappedColumn, mapped_columns
 from ..tables.columns import AreaCode, decode
 from ..tables.findings import described
 from ..tables.transactions import Status

@@ -17,7 +17,7 @@ from dissectors.maps.files import UnitMaps
 from dissectors.maps.model import MappedValue, factor_between
 
 from ..languages import tr
-from ..registers.mapped import MappedColumn, mapped_columns
+from ..registers.readings import MappedColumn, mapped_columns
 from . import FilterError, meant
 from .fields import Cost, FilterField, by_name
 from .kinds import EQUAL, ORDER, Item, Literal, Suggestion, plain_number, spelled, typed_name

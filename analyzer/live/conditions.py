@@ -19,7 +19,7 @@ from dissectors.maps.files import UnitMaps
 
 from ..filters import compile_filter
 from ..filters.table import BatchTable
-from .recent import ShownRow
+from .lines import ShownRow
 from .session import RecordingSink, SessionStep
 
 

@@ -1,12 +1,18 @@
-"""A frame in one line, for people and for programs."""
+"""A frame in one line, for people and for programs; and the newest rows, kept for what is said of them later.
+
+A finding may come frames after the row that it speaks of (no answer came, an answer came too late). So the last batches
+are kept, and a row is looked up when more is said of it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
 from datetime import datetime
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Final, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Final, Generic, NamedTuple, TypeVar
 
+import numpy as np
 import orjson
 
 from dissectors.annotation import annotate
@@ -18,16 +24,90 @@ from ..causes.story import CauseRevision
 from ..exports.encoding import noise_json
 from ..languages import counted, tr, wording
 from ..paste.meaning import mapped_readings
-from ..tables.batch import Batch
-from ..tables.findings import Finding, Severity
+from ..tables.batch import Batch, rows_of_findings
+from ..tables.findings import Finding, Severity, describe, described
 from ..tables.frame import Frame, adu_of
 from ..tables.schema import Kind, Row, bounds_of
 from ..terminal_text import TerminalText, painted, terminal_text
 from ..words import between
-from .recent import ShownRow
+from .session import SessionStep
 
 if TYPE_CHECKING:
-    from ..registers.revising import Revision
+    from ..registers.watch import Revision
+
+_ROWS: Final = 512  # kept at least
+
+
+class ShownRow(NamedTuple):
+    """A row to be shown, with what is to be said of it now; `late` where the row itself came before."""
+
+    batch: Batch
+    row: int
+    values: Row  # of that row
+    captured: bytes
+    request_bytes: bytes | None  # of the request that it answers
+    findings: tuple[Finding, ...]
+    late: bool
+
+    def frame(self) -> Frame:
+        """A view of it, if it is a frame."""
+        return self.batch.view(self.row, self.values)
+
+
+class Recent:
+    """Follows the steps of a session."""
+
+    def __init__(self) -> None:
+        self._batches: deque[Batch] = deque()
+        self._rows = 0
+
+    def feed(self, step: SessionStep) -> Iterator[ShownRow]:
+        """What is to be said after this step: of earlier rows first, then the new rows."""
+        batch = step.batch
+        own = batch.findings  # None where the step brought no row: all that it says is of earlier ones
+        if len(step.findings) > (0 if own is None else len(own)):
+            yield from self._late(step)
+        silent = own is None or not len(own)
+        octets = batch.data.tobytes()
+        asked = dict(batch.earlier)  # bytes of frames by their index: each may be a request that one behind it answers
+        for row, values in enumerate(batch.rows):
+            captured = octets[values.at : values.at + values.length]
+            request = asked.get(values.request)
+            if values.index >= 0:
+                asked[values.index] = captured
+            said = () if silent else batch.findings_of(row)
+            yield ShownRow(batch, row, values, captured, request, said, late=False)
+        if len(batch):
+            self._batches.append(batch)
+            self._rows += len(batch)
+            while self._rows - len(self._batches[0]) >= _ROWS:
+                self._rows -= len(self._batches.popleft())
+
+    def _late(self, step: SessionStep) -> Iterator[ShownRow]:
+        """Rows of earlier batches of which something is said now."""
+        late = np.flatnonzero((rows_of_findings(step.batch.rows, step.findings) < 0) & (step.findings.start >= 0))
+        stands: dict[int, tuple[Batch, int]] = {}
+        for batch in reversed(self._batches):  # nearly all of them stand in the newest ones
+            rows = rows_of_findings(batch.rows, step.findings[late])
+            stands.update(
+                (number, (batch, row)) for number, row in zip(late.tolist(), rows.tolist(), strict=True) if row >= 0
+            )
+            late = late[rows < 0]
+            if not len(late):
+                break
+        for number in sorted(stands):
+            batch, row = stands[number]
+            one = step.findings[number : number + 1]
+            values = batch.rows.row(row)
+            request = batch.request_of(row, values.request) if values.request >= 0 else None
+            said = (describe(one, 0),)
+            yield ShownRow(batch.said(one), row, values, batch.bytes_of(row), request, said, True)
+
+
+def of_the_bus(step: SessionStep) -> list[Finding]:
+    """Findings about the bus as a whole."""
+    return list(described(step.findings[step.findings.start < 0])) if len(step.findings) else []
+
 
 _SENSIBLE_NS: Final = 1_000_000_000 * 86_400 * 365  # times before 1971 count from a beginning of their own
 _CACHED: Final = 4096  # frames whose words are kept: polls repeat

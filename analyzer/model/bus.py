@@ -35,8 +35,8 @@ from .table import PIECE, BusRows, RowState, RowTable
 
 if TYPE_CHECKING:
     from ..causes.model import Cause
+    from ..reports.breakdown import RateTable
     from ..reports.model import Report
-    from ..reports.rates import RateTable
     from ..tables.findings import Finding
 
 _COPIED = ("start", "length", "t_start_ns", "t_end_ns", "response_ns", "confidence", "kind", "unit", "function",

@@ -29,7 +29,7 @@ from .table import PIECE
 if TYPE_CHECKING:
     from dissectors.maps.model import RegisterMap
 
-    from ..registers.values import RegisterValue
+    from ..registers.roles import RegisterValue
     from .bus import Bus
 
 _PAGE: Final = 256

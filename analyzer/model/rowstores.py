@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..causes.links import cause_of
-from ..reports.rates import RateTable, bit_times
+from ..reports.breakdown import RateTable, bit_times
 from ..tables.findings import Finding, Findings, Severity, codes, describe, rules
 from ..tables.schema import Kind
 from .table import NO_EVIDENCE, RowTable

@@ -24,7 +24,7 @@ from dissectors.values import Order
 from .hypotheses import numbers
 from .looks import is_absent
 from .readings import BlockReadings
-from .values import RegisterValue
+from .roles import RegisterValue
 
 KINDS: Final = (
     "device", "region", "edges", "cuts", "strays", "unlisted", "types", "values", "contradictions",

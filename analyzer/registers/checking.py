@@ -23,8 +23,7 @@ from .hypotheses import numbers, patterns
 from .inference import hypothesis_number, infer
 from .looks import float_classes, is_absent
 from .readings import BlockReadings, RegisterReadings, Words
-from .roles import is_signed
-from .values import RegisterValue
+from .roles import RegisterValue, is_signed
 
 _SURE: Final = 0.985  # confidence of another reading that contradicts a map, of several values
 _LIKELY: Final = 0.7  # of one value, which is then asked for again in the light of all other rows of the map

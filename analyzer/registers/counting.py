@@ -14,6 +14,7 @@ from .company import (
     AROUND,
     FOURS,
     KIN,
+    PAIR_CODES,
     RHYTHMS,
     ROWS,
     around,
@@ -46,7 +47,6 @@ from .looks import (
     word_classes,
 )
 from .readings import Words
-from .sisters import PAIR_CODES
 
 Step = TypeVar("Step", np.int64, np.float64)
 Codes = Mapping[str, Ints]

@@ -13,7 +13,7 @@ from typing import Final
 from dissectors.maps.cells import CellError, cells_of, signature_text, value_of
 from dissectors.maps.model import MappedValue, RegisterMap
 
-from .values import RegisterValue
+from .roles import RegisterValue
 
 _SKIPPED = ("other",)
 _SURENESS = "confidence"  # a column that only inferred maps have

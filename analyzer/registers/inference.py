@@ -24,16 +24,14 @@ from dissectors.maps.model import MappedValue, RegisterMap
 from dissectors.values import Order
 
 from . import roles
-from .byteorder import exclude, swapped_floats
+from .company import asked_alike
 from .drafting import SAID
 from .evidence import Weights, shipped_weights
 from .hypotheses import HYPOTHESES, numbers, patterns
+from .outsiders import bit_values, exclude, swapped_floats, text_value, texts_in
 from .readings import BlockReadings, RegisterReadings, Words
-from .roles import SeriesKey, reasons, with_relations
+from .roles import Number, OtherReading, RegisterValue, SeriesKey, reasons, with_relations
 from .runs import Cut, Run, cut_of, run_posteriors, runs_of
-from .sisters import asked_alike
-from .texts import bit_values, text_value, texts_in
-from .values import Number, OtherReading, RegisterValue
 
 _CLOCK_S: Final = 5.0  # seconds, before a clock is told
 _PAIRS: Final = [n for n, hypothesis in enumerate(HYPOTHESES) if hypothesis.family == "i32"]

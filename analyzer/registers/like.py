@@ -20,7 +20,7 @@ from captures.ragged import Ints
 from .hypotheses import HYPOTHESES, numbers
 from .panel import Floats, PanelError, PanelTable, best_place, clock_difference
 from .readings import BlockReadings, RegisterReadings
-from .values import RegisterValue
+from .roles import RegisterValue
 
 _SCALES: Final = (1.0, 0.1, 0.01, 0.001, 10.0, 100.0, 0.0001, 1000.0)
 _LIKELY: Final = (1.0, 0.9, 0.8, 0.6, 0.4, 0.3, 0.3, 0.3)  # how usual each scale is

@@ -1,26 +1,31 @@
-"""What the registers of a bus were, in bounded memory: the readings of each polled block as one table.
+"""What the registers of a bus were: the readings of each polled block as one table, in bounded memory; and by maps.
 
 A block is what one request asks for (unit, area, address, quantity), or writes. Its readings are rows, its registers
 columns. Of a block of which there were few readings all rows stay; of one of many the first stay, and rows evenly
 apart over the whole time. Which stay depends on their number alone, so that a capture and the live bus, whatever the
 sizes of their batches, end with the same tables. Counts, extremes and the newest words are exact.
+
+By a map, a batch's answers are columns of the values that each holds whole, in their units of measure: one pass a map
+row over all the answers that hold it; nothing is an object a value.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from captures.ragged import Ints
-from dissectors.maps.model import MapArea
+from dissectors.maps.model import MapArea, MappedValue, RegisterMap
+from dissectors.values import Order
 
 from ..tables.batch import Batch
-from ..tables.columns import AreaCode, decode
-from ..tables.values import confirmed_values
+from ..tables.columns import AreaCode, Decoded, decode
+from ..tables.values import ConfirmedValues, confirmed_values
+from .hypotheses import numbers, patterns
 
 Words = NDArray[np.uint16]
 _FIRST: Final = 64  # readings of a block that stay, from its beginning
@@ -35,6 +40,13 @@ AREA_OF_CODE: Final[dict[int, MapArea]] = {
 _PAIR_FORMS: Final = (("u32", np.uint32), ("s32", np.int32), ("f32", np.float32))
 _WRITES: Final = (5, 6, 15, 16, 22)  # functions whose answers confirm what a master wrote
 _COUNT_BITS, _ADDRESS_BITS, _UNIT_BITS, _AREA_BITS = 16, 16, 8, 3
+_FRAMES_AT_FIRST: Final = 48  # frames before anything is told
+_FRAMES_MORE: Final = 1.5
+
+
+def is_due(asked_at: int, frames: int) -> bool:
+    """Whether there is so much more than when types were asked for; both in frames."""
+    return frames >= max(_FRAMES_AT_FIRST, int(asked_at * _FRAMES_MORE) + 1)
 
 
 @dataclass(slots=True, eq=False)
@@ -107,8 +119,8 @@ class BlockReadings:
             first, second = rows[:, :-1].astype(np.uint32), rows[:, 1:].astype(np.uint32)
             for order, pair in (("ABCD", first << 16 | second), ("CDAB", second << 16 | first)):
                 views |= {f"{kind} {order}": pair.view(form) for kind, form in _PAIR_FORMS}
-        for name, numbers in views.items():
-            low, high = np.fmin.reduce(numbers), np.fmax.reduce(numbers)
+        for name, view in views.items():
+            low, high = np.fmin.reduce(view), np.fmax.reduce(view)
             if name in self.extremes:
                 low, high = np.fmin(self.extremes[name][0], low), np.fmax(self.extremes[name][1], high)
             self.extremes[name] = low, high
@@ -196,10 +208,86 @@ def _block(key: int, most: int) -> BlockReadings:
     return BlockReadings(unit, area, address, quantity, written, most)
 
 
-_FRAMES_AT_FIRST: Final = 48  # frames before anything is told
-_FRAMES_MORE: Final = 1.5
+@dataclass(frozen=True, slots=True, eq=False)
+class MappedColumn:
+    """The readings of one mapped value in a batch: the rows of its answers, its registers (n, length), its numbers in
+    the unit of measure (NaN for a text, and where its scale register was not read with it)."""
+
+    unit: int
+    row: MappedValue
+    answers: Ints
+    words: NDArray[np.uint16]
+    values: NDArray[np.float64]
 
 
-def is_due(asked_at: int, frames: int) -> bool:
-    """Whether there is so much more than when types were asked for; both in frames."""
-    return frames >= max(_FRAMES_AT_FIRST, int(asked_at * _FRAMES_MORE) + 1)
+def mapped_columns(
+    batch: Batch,
+    decoded: Decoded,
+    charts: Mapping[int, RegisterMap],
+    wanted: Callable[[MappedValue], bool] = lambda _: True,
+) -> Iterator[MappedColumn]:
+    """Every mapped value that the answers of a batch hold, or those that are `wanted`, by unit and block."""
+    confirmed = confirmed_values(batch, decoded)
+    units = batch.rows.unit[confirmed.rows].astype(np.int64)
+    keys = (units << _AREA_BITS | confirmed.area) << _ADDRESS_BITS | confirmed.address
+    keys = keys << _COUNT_BITS | confirmed.counts
+    order = np.argsort(keys, kind="stable")
+    cuts = np.flatnonzero(np.diff(keys[order], prepend=-1))
+    for part in np.split(order, cuts[1:]):
+        if len(part) and (chart := charts.get(int(units[part[0]]))) is not None:
+            yield from _columns_of_block(confirmed, part, int(units[part[0]]), chart, wanted)
+
+
+def _columns_of_block(
+    confirmed: ConfirmedValues, part: Ints, unit: int, chart: RegisterMap, wanted: Callable[[MappedValue], bool]
+) -> Iterator[MappedColumn]:
+    area = AREA_OF_CODE[AreaCode(int(confirmed.area[part[0]]))]
+    address, count = int(confirmed.address[part[0]]), int(confirmed.counts[part[0]])
+    rows = [row for row in chart.within(area, address, count) if wanted(row)]
+    if not rows:
+        return
+    table = confirmed.values[confirmed.begins[part][:, None] + np.arange(count)]
+    for row in rows:
+        words = table[:, row.address - address : row.end - address]
+        power: NDArray[np.uint16] | None = None
+        if row.scale_address is not None and address <= row.scale_address < address + count:
+            power = table[:, row.scale_address - address]
+        yield MappedColumn(unit, row, confirmed.rows[part], words, mapped_numbers(row, words, power))
+
+
+def mapped_numbers(
+    row: MappedValue, words: NDArray[np.uint16], power: NDArray[np.uint16] | None = None
+) -> NDArray[np.float64]:
+    """The numbers that registers (n, length) hold by a map; NaN where there is none."""
+    nothing: NDArray[np.float64] = np.full(len(words), np.nan)
+    if row.type == "text" or (row.scale_address is not None and power is None):
+        return nothing
+    if row.length not in (1, 2, 4):
+        return nothing
+    order = cast(Order, row.order)
+    if row.type.startswith("bcd"):
+        digits = patterns(words, order)[:, None] >> np.arange(0, 16 * row.length, 4, dtype=np.uint64) & np.uint64(15)
+        tens = np.array([10**digit for digit in range(4 * row.length)], np.float64)
+        values = np.where((digits > 9).any(axis=1), np.nan, digits @ tens)
+    else:
+        values = numbers(words, order, is_float=row.is_float, signed=row.is_signed)
+    with np.errstate(all="ignore"):
+        scaled: NDArray[np.float64] = values * row.scale + row.offset
+        if power is not None:
+            exponent = power.view(np.int16).astype(np.float64)
+            scaled = np.where(np.abs(exponent) <= 10, values * row.scale * 10.0**exponent + row.offset, np.nan)
+    return scaled
+
+
+def limits_broken(column: MappedColumn) -> NDArray[np.bool_]:
+    """Which readings lie outside the limits of their map, by more than their last digit."""
+    row = column.row
+    edge = max(abs(row.minimum or 0), abs(row.maximum or 0), 1e-6)
+    slack = 1e-6 * edge if row.is_float else abs(row.scale) * 0.51
+    broken = np.zeros(len(column.values), np.bool_)
+    with np.errstate(invalid="ignore"):
+        if row.minimum is not None:
+            broken |= column.values < row.minimum - slack
+        if row.maximum is not None:
+            broken |= column.values > row.maximum + slack
+    return broken

@@ -27,7 +27,7 @@ from ..tables.batch import Batch
 from ..tables.schema import Kind
 from .chartfit import KINDS, chart_fit
 from .readings import BlockReadings, RegisterReadings
-from .values import RegisterValue
+from .roles import RegisterValue
 
 _MARK: Final = (0x5375, 0x6E53)  # SunS
 _BASES: Final = (40000, 50000, 0)

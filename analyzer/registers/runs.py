@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from captures.ragged import Ints
 from dissectors.maps.model import MapArea
 
+from .company import Mask, pair_codes, pooled, sister_runs
 from .counting import NONE, Codes
 from .evidence import (
     DEVICE_ORDERS,
@@ -37,7 +38,6 @@ from .evidence import (
 )
 from .hypotheses import HYPOTHESES, IMPOSSIBLE, WORDS, best_cut, chain_sums, moved_registers
 from .readings import BlockReadings, Words
-from .sisters import Mask, pair_codes, pooled, sister_runs
 
 Floats = NDArray[np.float64]
 _TOGETHER: Final = 0.5  # what counts of a device's values for its word order: pairs in a row say one thing, not many

@@ -23,8 +23,8 @@ from ..tables.bins import Histogram
 from ..tables.schema import Kind, Protocol, Rows
 from ..tables.transactions import Status, TransactionRows
 from ..usernotes import Notes, marked_rows
+from .breakdown import RateTable, bit_times
 from .model import BookmarkRow, Counts, ExceptionRow, FunctionRow, Load, Report, Times, UnitRow
-from .rates import RateTable, bit_times
 from .troubles import Troubles
 
 if TYPE_CHECKING:

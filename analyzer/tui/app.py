@@ -19,12 +19,11 @@ from ..languages import error_words, tr
 from ..model.bus import Bus
 from ..usernotes import Notes, NotesError
 from .burst import KeyQueue
-from .desk import ViewState
-from .keptfilters import rules_of
+from .desk import Preferences, ViewState
+from .filterbar import rules_of
 from .keys import key_name
 from .openfiles import NextFile
 from .paint import DARK, DARK_16, HARMLESS, LIGHT, LIGHT_16, Colourless
-from .preferences import Preferences
 from .screen import BusScreen
 from .views import VIEWS
 from .wire import ThinWire

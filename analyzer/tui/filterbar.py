@@ -1,9 +1,12 @@
-"""The display filter: one line with completion, checked while it is typed."""
+"""The display filter: one line with completion, checked while it is typed; and the filters that the user keeps.
+
+Those are used by name, lit in the lists by colour, a row each in the timeline.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import ClassVar
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, ClassVar
 
 from rich.cells import cell_len
 from rich.text import Text
@@ -19,10 +22,17 @@ from dissectors.maps.model import RegisterMap
 from ..filters import Completion, FilterError, check, complete
 from ..languages import tr
 from ..model.selection import compiled
+from ..settings import COLOURS
+from .desk import KeptFilter, Preferences
 from .lines import Lines
 from .messages import FilterChanged, FilterLeft, LineEntered
 from .paint import StyledText, fitted
-from .preferences import Preferences
+from .prompts import Ask, Choose
+
+if TYPE_CHECKING:
+    from ..model.selection import Test
+    from .desk import ViewState
+    from .screen import BusScreen
 
 _UNITS = 256
 _MOST = 8  # completions in sight
@@ -244,3 +254,83 @@ def _begun(typed: str, word: str) -> str:
         if word[:size].casefold() == typed[-size:].casefold():
             return typed[-size:]
     return ""
+
+
+_SHOWN = 9  # of the user's own, and of the settings files' as many
+_KEYS = "123456789abcefghij"
+
+
+class KeptFilters:
+    """The main screen's kept filters."""
+
+    def __init__(self, screen: BusScreen) -> None:
+        self._screen = screen
+
+    async def choose(self) -> None:
+        """Use one, keep the one in use, drop one."""
+        screen = self._screen
+        wishes, ask = screen.desk.wishes, screen.app.push_screen_wait
+        bar = screen.query_one(FilterBar)
+        own = wishes.filters[:_SHOWN]
+        shown = [*own, *wishes.presets][: 2 * _SHOWN]
+        choices = [(_KEYS[i], _entry_words(entry)) for i, entry in enumerate(shown)]
+        choices += [("k", tr("keep the filter in use: {filter}", filter=bar.text))] if bar.text else []
+        choices += [("d", tr("drop one"))] if own else []
+        if not choices:
+            screen.tell(tr("no filter is kept yet: use one, then S keeps it"))
+            return
+        which = await ask(Choose(tr("Kept filters"), choices))
+        if which is None:
+            return
+        if which < len(shown):
+            bar.use(shown[which].text)
+        elif choices[which][0] == "k":
+            await self._keep(bar.text)
+        else:
+            gone = await ask(Choose(tr("Drop"), choices[: len(own)]))
+            if gone is not None:
+                wishes.drop(own[gone].name)
+        self._again()
+
+    async def _keep(self, text: str) -> None:
+        hint = tr("a name; a colour behind it lights its rows: {colours}", colours=", ".join(COLOURS))
+        answer = await self._screen.app.push_screen_wait(Ask(tr("Keep as"), hint, wrong=_no_name))
+        if answer is None:
+            return
+        name, _, colour = answer.strip().rpartition(" ")
+        if colour not in COLOURS or not name:
+            name, colour = answer.strip(), ""
+        self._screen.desk.wishes.keep(KeptFilter(name, text, colour))
+
+    def _again(self) -> None:
+        """Colours are others now."""
+        self._screen.desk.rules = list(rules_of(self._screen.desk))
+        self._screen.repaint_lists()
+        self._screen.refresh_view()
+
+
+def rules_of(desk: ViewState) -> Iterator[tuple[Test, str]]:
+    """Kept filters with a colour and the settings' rules, as tests with the kind (`paint.INKS`) of their rows."""
+    for entry in (*desk.wishes.filters, *desk.wishes.presets):
+        if entry.colour:
+            try:
+                yield compiled(entry.text, desk.source.line).test, f"tint-{entry.colour}"
+            except FilterError:
+                continue  # kept for captures with a map, or by another version
+
+
+def kept_tests(desk: ViewState) -> Iterator[tuple[str, Test]]:
+    """All of them, by name."""
+    for entry in desk.wishes.filters:
+        try:
+            yield entry.name, compiled(entry.text, desk.source.line).test
+        except FilterError:
+            continue
+
+
+def _entry_words(entry: KeptFilter) -> str:
+    return f"{entry.name}: {entry.text}" + (f" ({entry.colour})" if entry.colour not in ("", entry.name) else "")
+
+
+def _no_name(text: str) -> str:
+    return "" if text.strip() else tr("a name is needed")

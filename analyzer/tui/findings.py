@@ -14,9 +14,8 @@ from ..languages import counted, grouped, tr
 from ..model.rowstores import by_cause
 from ..model.selection import Selection
 from ..tables.findings import Severity
-from .causeitems import of_cause
 from .frames import LETTER, SEVERITY
-from .items import NOTHING
+from .items import NOTHING, of_cause
 from .lines import Lines
 from .look import at_finding, finding_name
 from .paint import StyledText, fitted

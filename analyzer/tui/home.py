@@ -13,9 +13,8 @@ from textual.binding import Binding, BindingType
 
 from ..languages import counted, grouped, page_words, tr
 from ..words import compact, duration, percent, short, short_bound
-from .causeitems import of_cause, whose
 from .filterbar import FilterBar
-from .items import FrameDetail, Item
+from .items import FrameDetail, Item, of_cause, whose
 from .lines import Lines
 from .paint import StyledText, fitted
 from .plot import sparkline

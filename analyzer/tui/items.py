@@ -1,4 +1,4 @@
-"""What is looked at below the views: a tree of items over some bytes."""
+"""What is looked at below the views: a tree of items over some bytes; of a cause, all that is said of it."""
 
 from __future__ import annotations
 
@@ -7,10 +7,13 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
 
-from ..languages import counted, tr
+from ..languages import counted, grouped, tr
+from ..words import duration
 
 if TYPE_CHECKING:
     from dissectors.fields import Field
+
+    from ..causes.model import Cause
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,3 +86,35 @@ def chosen(detail: FrameDetail, path: Sequence[str]) -> Item | None:
             return None
         items = match.children
     return match
+
+
+def of_cause(cause: Cause) -> FrameDetail:
+    """The cause as something to look at."""
+    return FrameDetail(tr("cause: {name}", name=cause.cause), b"", _cause_items(cause))
+
+
+def whose(cause: Cause) -> str:
+    """Whose fault it is, in words."""
+    if cause.blame == "unit" and cause.units:
+        units = ", ".join(str(unit) for unit in cause.units[:3]) + (" …" if len(cause.units) > 3 else "")
+        return tr("unit {unit}", unit=units)
+    whom = {"master": "the client", "line": "the line", "tap": "the tap", "nobody": "nobody"}
+    return tr(whom.get(cause.blame, cause.blame))
+
+
+def _cause_items(cause: Cause) -> tuple[Item, ...]:
+    fault = f"{whose(cause)}, {tr('{share:.0%} sure', share=cause.confidence)}"
+    if cause.runner_up:
+        fault += tr("; else {name}", name=cause.runner_up)
+    lost = "" if not cause.lost_answers else counted(cause.lost_answers, "answer", "answers")
+    if cause.lost_ms:
+        lost += f"{', ' if lost else ''}{duration(round(cause.lost_ms * 1e6))}"
+    again = "" if cause.period_s is None else tr("every {time}", time=duration(round(cause.period_s * 1e9)))
+    facts = (
+        ("what", cause.text), ("fault", fault), ("seen", cause.share), ("again", again), ("lost", lost),
+        ("to be sure", cause.deciding_test), ("do", cause.remedy),
+        ("frames", ", ".join(grouped(index) for index in cause.frames) + tr("   Enter goes there") if cause.frames
+         else ""),
+    )  # fmt: skip
+    kinds = {"what": "strong", "do": "good"}
+    return tuple(Item(name, text, kind=kinds.get(name, ""), label=f"{tr(name):<11}") for name, text in facts if text)

@@ -1,9 +1,9 @@
 """The main screen: views of the bus on top, the frame under the cursor below, and what ties them together.
 
 What happens here is only who is told what. The views are records (`views`): the screen makes their widgets, and asks
-the record what a line that is chosen or opened means. Jumping about is in `jumps`, notes in `bookmarks`, rows that are
-copied or exported in `picking`, what narrows the rows in `narrowing`, what has the keys and the room in `panes`, work
-in threads in `jobs`; each is a member that is handed the screen.
+the record what a line that is chosen or opened means. Jumping about is in `jumps`, the file and notes on it in
+`openfiles`, rows that are copied or exported in `picking`, what narrows the rows in `narrowing`, what has the keys and
+the room in `bars`, work in threads in `jobs`; each is a member that is handed the screen.
 """
 
 from __future__ import annotations
@@ -19,15 +19,13 @@ from textual.widgets import ContentSwitcher
 from dissectors.values import harmless
 
 from ..languages import counted, tr
-from .bookmarks import Bookmarks
-from .bottomlines import KeyLine, StatusLine, fitting
+from .bars import KeyLine, Panes, StatusLine, Tabs, fitting
 from .burst import ASKING
 from .details import DetailPane
-from .filterbar import FilterBar
+from .filterbar import FilterBar, KeptFilters
 from .frames import FrameList, ShownColumns
 from .jobs import Jobs
 from .jumps import Jumps
-from .keptfilters import KeptFilters
 from .keys import BINDINGS
 from .lines import Lines
 from .look import at_row
@@ -42,8 +40,7 @@ from .messages import (
     ViewWanted,
 )
 from .narrowing import Doors, Narrowing
-from .openfiles import NextFile, OpenFiles
-from .panes import Panes, Tabs
+from .openfiles import Bookmarks, NextFile, OpenFiles
 from .picking import PickedRows
 from .prompts import Choose
 from .transactions import TransactionList

@@ -17,7 +17,7 @@ from ..languages import counted, tr
 from ..model.activity import Band, bands, time_marks
 from ..model.rowstores import rows_of_causes
 from ..words import is_clock, percent, short
-from .keptfilters import kept_tests
+from .filterbar import kept_tests
 from .messages import RowWanted, SpanChosen, SpanSeen
 from .paint import Painted, StyledText, fitted
 from .plot import EIGHTHS

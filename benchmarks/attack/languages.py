@@ -148,8 +148,8 @@ def _rules_file(data: bytes, _: Random) -> None:
 def _settings(data: bytes, chance: Random) -> None:
     """A settings file as the user's or a project's, and as the defaults of a command."""
     from analyzer import settings
+    from analyzer.cli.commands import UsageError
     from analyzer.cli.config import settled
-    from analyzer.cli.exits import UsageError
 
     path = folder() / chance.choice(("rtuscope.toml", "config.toml"))
     path.write_bytes(data)
@@ -192,7 +192,7 @@ def _parser(name: str) -> argparse.ArgumentParser:
 
 
 def _preferences(data: bytes, _: Random) -> None:
-    from analyzer.tui.preferences import Preferences
+    from analyzer.tui.desk import Preferences
 
     path = folder() / "interface.json"
     path.write_bytes(data)
@@ -247,7 +247,7 @@ def _given(data: bytes, chance: Random) -> None:
     """A value as it is given to a flag of a command or typed into a prompt."""
     from datetime import UTC, timedelta, timezone
 
-    from analyzer.cli.exits import UsageError
+    from analyzer.cli.commands import UsageError
     from analyzer.cli.inputs import moment, time_span
     from analyzer.model import search
 

@@ -21,7 +21,7 @@ from captures.errors import CaptureError, os_reason
 from captures.files import replacing
 
 from ...languages import counted, page_words
-from ...reports.html.pageparts import about, page_environment
+from ...reports.html.page import about, page_environment
 from .. import FleetError
 from ..lake import Lake
 from .sites import CURVE, CauseSpell, SiteHealth, calendar_ends, level_words, sites_of, spelled

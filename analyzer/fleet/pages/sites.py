@@ -11,7 +11,7 @@ from ...causes.model import Cause
 from ...causes.telling import CauseWords, told_again
 from ...languages import counted, in_use, page_words
 from ...languages import retold as in_language
-from ...reports.html.pageparts import OutcomeBar, OutcomePart
+from ...reports.html.page import OutcomeBar, OutcomePart
 from ...reports.page import file_name
 from ...words import DAY_NS, between, duration, is_clock, moment
 from ..datasets import day_name

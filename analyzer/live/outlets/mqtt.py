@@ -29,7 +29,7 @@ import numpy as np
 from captures.errors import os_reason
 from dissectors.maps.model import MappedValue, RegisterMap
 
-from ...exports.targets.mcap.values import topic_name
+from ...exports.targets.mcap.schemas import topic_name
 from ...extras import needs
 from ...tables.findings import described
 from ...tables.schema import Kind

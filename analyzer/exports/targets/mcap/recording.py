@@ -37,8 +37,7 @@ from ....usernotes import Notes, marked_rows
 from ....version import __version__
 from ...sink import ExportOptions, OutputStream
 from . import schemas
-from .schemas import LEVELS
-from .values import MappedTopics, UnitAreas
+from .schemas import LEVELS, MappedTopics, UnitAreas
 
 if TYPE_CHECKING:
     from captures import Block, Capture

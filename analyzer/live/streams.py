@@ -1,11 +1,14 @@
-"""Rows in InfluxDB's line protocol, for telegraf (`execd`) and for whatever else reads it.
+"""Rows as a stream that another program reads: InfluxDB's line protocol, and packets for Wireshark.
+
+The protocol is for telegraf (`execd`) and whatever else reads it:
 
     modbus_request,unit=17,function=3 length=8i,crc_ok=true 1763800000000000000
     modbus_response,unit=17,function=3 length=11i,crc_ok=true,response_time_ns=868000i 1763800000000868000
     modbus_value,unit=17,area=holding,name=Active\\ power value=12.5 1763800000000868000
     modbus_finding,code=no-response,severity=warning,unit=17 text="..." 1763800001000000000
 
-Times are ns on the capture's clock: a frame's is that of its last stop bit. What is not known has no field.
+Times are ns on the capture's clock: a frame's is that of its last stop bit. What is not known has no field. Packets are
+those of a pcapng file that goes on, at the end of a pipe.
 """
 
 from __future__ import annotations
@@ -13,16 +16,20 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 from dissectors.maps.model import MappedReading, RegisterMap
 from dissectors.values import harmless
 
-from ..registers.revising import Revision
+from ..exports.targets.pcapng import PacketStream, finding_comment
+from ..registers.watch import Revision
 from ..tables.findings import Finding
 from ..tables.frame import Frame, response_time_json
 from ..tables.schema import Kind
-from .lines import FrameCache, confirmed_readings
-from .recent import ShownRow
+from .lines import FrameCache, ShownRow, clock_time, confirmed_readings
+
+if TYPE_CHECKING:
+    from .session import Session
 
 
 class InfluxLines:
@@ -95,3 +102,41 @@ def _tag(text: str) -> str:
 def _string_value(text: str) -> str:
     escaped = " ".join(harmless(text).split()).replace("\\", "\\\\").replace('"', '\\"')
     return f'"{escaped}"'
+
+
+class LivePackets:
+    """A packet a row; what is said later of a frame is an empty packet whose comments tell of which one."""
+
+    def __init__(self, session: Session, *, noise: bool = False) -> None:
+        self._session, self._noise = session, noise
+        self._stream = PacketStream()
+        self._now = 0  # ns, of what was written so far
+
+    def begin(self) -> bytes:
+        """What stands before all packets."""
+        return self._stream.begin()
+
+    def of(self, shown: ShownRow) -> bytes:
+        """The packet of a row, or what is said of it later."""
+        row = shown.values
+        line = self._session.line
+        self._now = max(self._now, row.t_end_ns)
+        if row.kind == Kind.NOISE and not self._noise:
+            if not shown.findings:
+                return b""
+        elif not shown.late:
+            return self._stream.row(shown.batch, shown.row, line)
+        where = f"(unit {row.unit}, {clock_time(row.t_end_ns)})" if row.kind else "(bytes in no frame)"
+        texts = [f"{finding_comment(finding)} {where}" for finding in shown.findings]
+        return self._stream.remark(self._now, row.port, line, texts)
+
+    def use(self, _charts: Mapping[int, RegisterMap]) -> None:
+        """Packets are bytes: maps change nothing."""
+
+    def register(self, _revision: Revision) -> bytes:
+        """Nothing: what a register means is no packet."""
+        return b""
+
+    def bus(self, finding: Finding) -> bytes:
+        """A finding about the bus as a whole."""
+        return self._stream.remark(self._now, finding.port, self._session.line, [finding_comment(finding)])
