@@ -22,7 +22,7 @@ bus = script("bus")
 def test_the_quick_comparison_says_what_it_measured_and_what_is_absent(tmp_path):
     figures = tmp_path / "figures.json"
     command = [sys.executable, ROOT / "benchmarks" / "compare.py", "--quick", "--frames", "400", "--json", figures]
-    done = subprocess.run(command, capture_output=True, text=True, env=environment(PATH=str(tmp_path)), timeout=120)
+    done = subprocess.run(command, capture_output=True, text=True, env=environment(PATH=str(tmp_path)), timeout=200)
     assert done.returncode == 0, done.stderr
     said = json.loads(figures.read_text())
     assert {"tshark": "tshark is not installed", "sigrok": "sigrok-cli is not installed"}.items() <= said[

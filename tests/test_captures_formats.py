@@ -26,6 +26,7 @@ LOSSLESS = ["serial-chunks", "mcap"]
 SUFFIXES = sorted({suffix for found in formats().values() for suffix in found.suffixes} | {"", ".xyz"})
 settings.register_profile("files", deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 FILES = settings(settings.get_profile("files"), max_examples=60)
+FUZZ = settings(FILES, max_examples=30)  # of each suffix and format
 
 texts = st.text(max_size=12)
 lines = st.builds(
@@ -159,7 +160,7 @@ def mangled(draw: st.DrawFn) -> bytes:
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
-@FILES
+@FUZZ
 @given(content=st.binary(max_size=300) | mangled())
 def test_any_bytes_under_any_suffix(tmp_path: Path, suffix: str, content: bytes) -> None:
     path = tmp_path / f"any{suffix}"
@@ -168,7 +169,7 @@ def test_any_bytes_under_any_suffix(tmp_path: Path, suffix: str, content: bytes)
 
 
 @pytest.mark.parametrize("format", sorted(formats()))
-@FILES
+@FUZZ
 @given(content=st.binary(max_size=300) | mangled())
 def test_any_bytes_as_any_format(tmp_path: Path, format: str, content: bytes) -> None:
     path = tmp_path / "any"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from pdus import CASES, REQUEST, RESPONSE, Values, built, registers_read, words
 
@@ -22,6 +22,7 @@ def test_every_function_has_a_case_here() -> None:
 
 @pytest.mark.parametrize(("code", "role"), CASES, ids=lambda v: f"{v:02X}" if type(v) is int else v.name)
 def test_what_is_built_is_measured_and_in_order(code: int, role: Role) -> None:
+    @settings(max_examples=40)  # of each function and role
     @given(CASES[code, role], st.binary(max_size=6))
     def check(values: Values, after: bytes) -> None:
         pdu = built(code, role, values)
@@ -43,6 +44,7 @@ def test_what_is_built_is_measured_and_in_order(code: int, role: Role) -> None:
 
 @pytest.mark.parametrize(("code", "role"), CASES, ids=lambda v: f"{v:02X}" if type(v) is int else v.name)
 def test_a_frame_cut_anywhere_says_so(code: int, role: Role) -> None:
+    @settings(max_examples=40)  # of each function and role
     @given(CASES[code, role], st.data())
     def check(values: Values, data: st.DataObject) -> None:
         pdu = built(code, role, values)
