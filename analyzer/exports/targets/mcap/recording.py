@@ -48,8 +48,8 @@ if TYPE_CHECKING:
 _RENAMED: Final = {"direction": "kind", "crc_ok": "check"}
 _PLAIN: Final = ("index", "start", "length", "t_start_ns", "direction", "unit", "function", "crc_ok", "confidence")
 _RARE: Final = ("protocol", "exception", "port")  # left out where they are 0 on all rows
-_RESPONSE_TIMES: Final = ("response_time_ns", "response_time_low_ns", "response_time_high_ns")
-_OPTIONAL: Final = ("address", "quantity", "request_start", *_RESPONSE_TIMES)  # absent where they are below 0
+_BOUNDS: Final = ("response_time_low_ns", "response_time_high_ns")  # left out where no row has them
+_OPTIONAL: Final = ("address", "quantity", "request_start", "response_time_ns", *_BOUNDS)  # absent where below 0
 
 _Columns = dict[str, NDArray[Any]]
 
@@ -83,11 +83,14 @@ def _packed(
     columns: _Columns, evidence: BoundaryEvidence | None, times: Ints, tails: Tails, message: Message, channel: int
 ) -> Packed:
     without = {name for name in (*_RARE, "findings") if not columns[name].any()}
+    without |= {name for name in _BOUNDS if (columns[name] < 0).all()}
     heads = packing.heads(message.layout(HEAD, without), len(times))
     for name in (*_PLAIN, *_RARE, "findings"):
         if name not in without and name != "exception":
             heads[name] = columns[name]
     for name in _OPTIONAL:
+        if name in without:
+            continue
         message.put(heads, name, columns[name], present=columns[name] >= 0)
     if "exception" not in without:
         message.put(heads, "exception", columns["exception"], present=columns["exception"] > 0)
