@@ -10,12 +10,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from buses import CHAR_NS, LINE, Found, adu, collect, deframed, streams, transactions
+from buses import CHAR_NS, LINE, Found, adu, collect, deframed, rtu_deframer, streams, transactions
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from analyzer.deframing.protocols import Deframer
-from analyzer.deframing.stream import RtuDeframer
 from analyzer.options import Options
 from captures.chunks import Block, Chunk, Mark
 from captures.limits import TIME_LIMIT
@@ -169,7 +168,7 @@ def test_how_reads_are_split_does_not_matter_where_times_are_the_same(chunks: li
 @settings(max_examples=50)
 @given(any_stream)
 def test_a_clock_that_ticks_in_the_pauses_changes_nothing(chunks: list[Chunk]) -> None:
-    deframer = RtuDeframer(LINE)
+    deframer = rtu_deframer(LINE)
     batches = []
     for chunk, after in zip(chunks, [*chunks[1:], None], strict=False):
         batches.append(deframer.feed(chunk))
@@ -183,7 +182,7 @@ def test_a_clock_that_ticks_in_the_pauses_changes_nothing(chunks: list[Chunk]) -
 @settings(max_examples=50)
 @given(any_stream, st.data())
 def test_bytes_given_with_the_silence_behind_them_change_nothing(chunks: list[Chunk], data: st.DataObject) -> None:
-    deframer = RtuDeframer(LINE)
+    deframer = rtu_deframer(LINE)
     batches, held = [], []
     for chunk, after in zip(chunks, [*chunks[1:], None], strict=False):
         held.append(chunk)
@@ -233,7 +232,7 @@ def test_two_ports_give_the_same_however_they_are_read(
     assert_same(once, deframed(chunks, line))
     octets = [replace(chunk, data=chunk.data[i : i + 1]) for chunk in chunks for i in range(len(chunk.data))]
     assert_same(once, deframed(octets, line))
-    deframer, batches = RtuDeframer(line), []
+    deframer, batches = rtu_deframer(line), []
     for i, chunk in enumerate(chunks):
         batches.append(deframer.feed(chunk))
         free = min((later.t_ns - len(later.data) * CHAR_NS for later in chunks[i + 1 :]), default=0) - chunk.t_ns
@@ -247,8 +246,8 @@ def test_two_ports_give_the_same_however_they_are_read(
 @given(any_stream, st.data())
 def test_what_was_given_is_not_revised_by_what_comes_later(chunks: list[Chunk], data: st.DataObject) -> None:
     cut = data.draw(st.integers(0, len(chunks)))
-    deframer = RtuDeframer(LINE)
-    early = collect([RtuDeframer(LINE).close(), *(deframer.feed(c) for c in chunks[:cut])]).rows
+    deframer = rtu_deframer(LINE)
+    early = collect([rtu_deframer(LINE).close(), *(deframer.feed(c) for c in chunks[:cut])]).rows
     whole = deframed(chunks).rows[: len(early)]
     for name in _SAME:
         assert (early.column(name) == whole.column(name)).all()
@@ -272,7 +271,7 @@ ADVERSARIAL = {
 def test_memory_is_bounded_whatever_the_bytes(name: str, timed: bool) -> None:
     pattern = ADVERSARIAL[name]
     piece = (pattern * (4096 // len(pattern) + 1))[:4096]
-    deframer = RtuDeframer(LINE)
+    deframer = rtu_deframer(LINE)
     tracemalloc.start()
     try:
         peaks = []

@@ -6,11 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from buses import LINE, streams
+from buses import LINE, rtu_deframer, streams
 from hypothesis import example, given, settings
 
 from analyzer.core import Analysed, analyse
-from analyzer.deframing.stream import RtuDeframer
 from analyzer.diagnosis.judge import Diagnosis
 from analyzer.simulation import Scenario, simulate
 from analyzer.tables.findings import About, Findings, codes, described, rules
@@ -22,7 +21,7 @@ from captures.line import LineSettings
 
 def streamed(feeds: Sequence[Chunk | Block], line: LineSettings = LINE) -> Findings:
     """The findings of the live form: fed as the bytes come, nothing held back."""
-    deframer, transactions, diagnosis = RtuDeframer(line), Transactions(), Diagnosis(line)
+    deframer, transactions, diagnosis = rtu_deframer(line), Transactions(), Diagnosis(line)
     found = [Findings.zeros(0)]
     for batch in [*(deframer.feed(feed) for feed in feeds), deframer.close()]:
         found.append(diagnosis.feed(batch, transactions.feed(batch)))
@@ -114,7 +113,7 @@ def test_state_does_not_grow() -> None:
     import pickle
 
     made = simulate(Scenario("brutal", "precise", transactions=1000, seed=1))
-    deframer, transactions, diagnosis = RtuDeframer(made.line), Transactions(), Diagnosis(made.line)
+    deframer, transactions, diagnosis = rtu_deframer(made.line), Transactions(), Diagnosis(made.line)
     sizes = []
     for i in range(0, len(made.chunks), 1000):
         batch = deframer.feed(Block.from_chunks(made.chunks[i : i + 1000]))

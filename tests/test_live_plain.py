@@ -9,13 +9,12 @@ from itertools import pairwise
 from typing import Any
 
 import pytest
-from buses import CHAR_NS, LINE, adu
+from buses import CHAR_NS, LINE, adu, rtu_deframer
 from packets import read_answer, read_request
 
 from analyzer.cli.sniff import _recorded
 from analyzer.core import Analyzer, analyse
 from analyzer.deframing.decisions import Decider
-from analyzer.deframing.stream import RtuDeframer
 from analyzer.languages import telling
 from analyzer.live.lines import Recent, TextLines
 from analyzer.live.session import SessionStep
@@ -53,7 +52,7 @@ def test_frames_before_the_first_read_of_the_next_one_need_no_lattice(monkeypatc
         return decide(self, *given, **named)
 
     monkeypatch.setattr(Decider, "decide", looked)
-    deframer, shown = RtuDeframer(LINE), 0
+    deframer, shown = rtu_deframer(LINE), 0
     parts = _reads(60)
     for i, (part, following) in enumerate(pairwise(parts)):
         if i == 30:  # silences have earned trust by then

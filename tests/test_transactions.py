@@ -7,11 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from buses import LINE, adu, spaced, streams
+from buses import LINE, adu, rtu_deframer, spaced, streams
 from hypothesis import given
 
 from analyzer.deframing.protocols import Deframer
-from analyzer.deframing.stream import RtuDeframer
 from analyzer.tables.batch import Batch, join_batches
 from analyzer.tables.transactions import Status, TransactionRows, Transactions
 from captures.chunks import Block, Chunk
@@ -21,7 +20,7 @@ READ, ANSWER = adu("110300000002"), adu("110304000a0014")
 
 
 def transactions(feeds: Sequence[Chunk | Block]) -> TransactionRows:
-    deframer, found = RtuDeframer(LINE), Transactions()
+    deframer, found = rtu_deframer(LINE), Transactions()
     batches = [*(deframer.feed(feed) for feed in feeds), deframer.close()]
     return TransactionRows.joined([*(found.feed(b) for b in batches), found.close()])
 
@@ -107,7 +106,7 @@ def test_what_comes_beyond_the_horizon_is_not_told_in_any_batch(strays: int) -> 
 
 
 def assert_same_row_by_row(chunks: list[Chunk]) -> None:
-    deframer = RtuDeframer(LINE)
+    deframer = rtu_deframer(LINE)
     batches = [deframer.feed(Block.from_chunks(chunks)) if chunks else Batch.empty(), deframer.close()]
     batch = join_batches(batches)
     whole, single = Transactions(), Transactions()

@@ -23,7 +23,6 @@ from ..tables.schema import Kind
 from ..tables.schema import Protocol as Envelope
 from .buffer import CharacterTime
 from .directions import port_role
-from .engine import Engine
 from .foreign import ForeignTalk
 from .pairing import EnvelopedPairer
 from .segments import StreamSegments, UnorderedRows
@@ -152,10 +151,3 @@ class PortsDeframer:
             reads = pdu_length(loose.data[at + 1 : at + length - 2].tobytes(), Role.REQUEST) == length - 3
             if reads and port_role(self._line, int(rows.port[row])) is not Role.RESPONSE:
                 rows.kind[row] = Kind.REQUEST
-
-
-class RtuDeframer(PortsDeframer):
-    """The same where all ports are known to speak RTU."""
-
-    def __init__(self, line: LineSettings, options: Options = Options()) -> None:  # noqa: B008 - frozen
-        super().__init__(line, options, lambda port: Engine(character_time(line), options, port_role(line, port)))

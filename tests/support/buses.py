@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 
 import captures
 from analyzer.core import Analysed, analyse
-from analyzer.deframing.stream import RtuDeframer
+from analyzer.deframing.protocols import Deframer
 from analyzer.filters import BatchTable
 from analyzer.options import Options
 from analyzer.simulation import TAPS
@@ -78,9 +78,14 @@ def collect(batches: Sequence[Batch]) -> Found:
     return Found(Rows.joined([b.rows for b in batches]), b"".join(b.data.tobytes() for b in batches))
 
 
+def rtu_deframer(line: LineSettings, options: Options = Options()) -> Deframer:  # noqa: B008 - frozen
+    """One of a line that is known to speak RTU."""
+    return Deframer(line, replace(options, protocol="rtu"))
+
+
 def deframed(feeds: Sequence[Chunk | Block], line: LineSettings = LINE, options: Options | None = None) -> Found:
     """What the deframer finds when it is fed these, one after the other."""
-    deframer = RtuDeframer(line, options or Options())
+    deframer = rtu_deframer(line, options or Options())
     return collect([*(deframer.feed(feed) for feed in feeds), deframer.close()])
 
 
