@@ -21,8 +21,6 @@ from analyzer.registers.roles import RegisterValue
 from dissectors.maps import RegisterMap
 from dissectors.maps.model import MapArea, MappedValue
 
-RELATIONS = ("the sum of", "goes as")
-
 
 def right_values(values: list[RegisterValue], rows: list[tuple[MapArea, MappedValue]]) -> list[bool]:
     """Of each row whether it was read right: registers, integer or float, word order."""
@@ -75,7 +73,7 @@ def main(arguments: list[str]) -> int:
             for value in alone:
                 row = truth.get((value.area, value.address))
                 if value.changes and value.kind in ("int", "float"):
-                    related = "related" if any(words in value.why for words in RELATIONS) else "unrelated"
+                    related = "related" if value.related else "unrelated"
                     counts[related] += 1
                     counts[f"{related} right"] += row is not None and _same(value, row)
     print(f"{counts['rest']} values beside a map that has {options.share:.0%}: right {_share(counts, 'alone', 'rest')}"

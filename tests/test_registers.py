@@ -418,7 +418,9 @@ def test_powers_and_sums_are_said() -> None:
     volts, amperes = walk(1, 230, 0.6), np.abs(walk(2, 12, 0.8))
     phases = [walk(n, 900, 25) for n in range(3, 6)]
     columns = [words_of(x, ">f4") for x in (volts, amperes, volts * amperes * 0.9, *phases, sum(phases))]
-    why = {v.address: v.why for v in infer(readings_of(*columns))}
+    values = infer(readings_of(*columns))
+    why = {v.address: v.why for v in values}
     assert "goes as r100 x r102" in why[104]
     assert "the sum of r106, r108, r110" in why[112]
+    assert {v.address: v.related for v in values if v.related} == {104: (100, 102), 112: (106, 108, 110)}
     assert "sum" not in why[100] and "goes as" not in why[102]

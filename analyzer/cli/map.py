@@ -7,7 +7,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from ..extras import needs
-from ..words import plural
+from ..languages import column_name, counted, register_words
 from .commands import DONE, FAILED, INTERRUPTED, NO_FRAME, UsageError
 from .inputs import (
     add_functions_argument,
@@ -100,8 +100,13 @@ def _list(arguments: argparse.Namespace) -> int:
         return DONE
     width = max(len(name) for name, _ in charts)
     for name, chart in charts:
-        print(f"{name.ljust(width)}  {chart.called}, {len(chart.rows)} values")
+        print(f"{name.ljust(width)}  {chart.called}, {_values(chart)}")
     return DONE
+
+
+def _values(chart: RegisterMap) -> str:
+    """How many a map has."""
+    return counted(len(chart.rows), "value", "values")
 
 
 def _show(arguments: argparse.Namespace) -> int:
@@ -123,19 +128,19 @@ def _show(arguments: argparse.Namespace) -> int:
 
 
 def _table(chart: RegisterMap) -> str:
+    from analyzer.registers.telling import place_words
     from dissectors.maps.table import header_of
     from dissectors.values import harmless
 
-    lines = [f"{key}: {value}" for key, value in header_of(chart).items() if key != "address_base"]
+    lines = [f"{column_name(key)}: {value}" for key, value in header_of(chart).items() if key != "address_base"]
     rows = []
     for row in chart.rows:
-        last = f"-{row.end - 1}" if row.length > 1 else ""
         order = f" {row.order}" if row.length > 1 and row.type != "text" else ""
         scale = f"x{row.scale:g}" if row.scale != 1 else ""
         states = ", ".join(f"{state} {name}" for state, name in row.values.items())
         rows.append(
             (
-                f"{row.area} {row.address}{last}",
+                place_words(row.area, row.address, row.length),
                 f"{row.type}{order}",
                 row.name,
                 f"{scale} {row.unit}".strip(),
@@ -156,12 +161,14 @@ def _limits(row: MappedValue) -> str:
     if row.values or (row.minimum is None and row.maximum is None):
         return ""
     if row.minimum is None or row.maximum is None:
-        return f"from {row.minimum:g}" if row.maximum is None else f"to {row.maximum:g}"
-    return f"{row.minimum:g} to {row.maximum:g}"
+        words, limit = ("to {limit:g}", row.maximum) if row.minimum is None else ("from {limit:g}", row.minimum)
+        return register_words(words, limit=limit)
+    return register_words("{low:g} to {high:g}", low=row.minimum, high=row.maximum)
 
 
 def _check(arguments: argparse.Namespace) -> int:
     from analyzer.registers.checking import check_map, overlaps
+    from analyzer.registers.telling import unit_place
     from dissectors.maps import map_for_unit
     from dissectors.values import harmless
 
@@ -171,10 +178,11 @@ def _check(arguments: argparse.Namespace) -> int:
         if arguments.json:
             tell(f"overlap: {line}")
         else:
-            print(harmless(f"overlap: {line}"))
+            print(harmless(register_words("overlap: {words}", words=line)))
     if arguments.capture is None:
         if not arguments.json:
-            print(harmless(f"{chart.device or arguments.map}: {len(chart.rows)} values, readable"))
+            words = "{name}: {values}, readable"
+            print(harmless(register_words(words, name=chart.device or arguments.map, values=_values(chart))))
         return DONE
     traffic = _traffic(arguments)
     if not traffic.units:
@@ -189,11 +197,12 @@ def _check(arguments: argparse.Namespace) -> int:
             print(json.dumps(remark.to_json(), ensure_ascii=False))
     else:
         for remark in remarks:
-            last = f"-{remark.address + remark.words - 1}" if remark.words > 1 else ""
-            name = f" {remark.name}" if remark.name else ""
-            where = f"unit {remark.unit} {remark.area} {remark.address}{last}{name}"
-            print(harmless(f"{remark.kind}: {where}: {remark.text}"))
-        print(f"{plural(wrong, 'contradiction', 'contradictions')} in unit {', '.join(map(str, charts))}")
+            place = unit_place(remark.unit, remark.area, remark.address, remark.words)
+            where = f"{place} {remark.name}" if remark.name else place
+            print(harmless(f"{register_words(remark.kind)}: {where}: {remark.text}"))
+        contradictions = counted(wrong, "contradiction", "contradictions")
+        words = "{contradictions} in unit {unit}"
+        print(register_words(words, contradictions=contradictions, unit=", ".join(map(str, charts))))
     if traffic.stopped:
         return INTERRUPTED
     return FAILED if wrong else DONE
@@ -212,7 +221,7 @@ def _traffic(arguments: argparse.Namespace) -> RegisterTraffic:
 
 def _chart_of(chart: RegisterMap, unit: int | None, traffic: RegisterTraffic) -> dict[int, RegisterMap]:
     """The unit that the map is of: the one that was named, the only one, or the one that fits it best."""
-    from analyzer.registers.recognition import chart_bits
+    from analyzer.registers.recognition import chart_evidence
 
     units = traffic.units
     if unit is not None:
@@ -224,11 +233,11 @@ def _chart_of(chart: RegisterMap, unit: int | None, traffic: RegisterTraffic) ->
     if len(units) == 1:
         return {units[0]: chart}
     scores = {
-        number: chart_bits(
+        number: chart_evidence(
             chart,
             [block for block in traffic.readings if block.unit == number],
             {which: text for (owner, which), text in traffic.texts.texts.items() if owner == number},
-        )[0]
+        ).bits
         for number in units
     }
     best = max(scores, key=lambda number: scores[number])
@@ -282,8 +291,8 @@ def _infer(arguments: argparse.Namespace) -> int:
     from analyzer.registers.drafting import drafted_map
     from analyzer.registers.inference import infer
 
-    source = None if arguments.capture == "-" else Path(arguments.capture)
-    to_be_overwritten(arguments.output, overwrite=arguments.overwrite, source=source)
+    file = None if arguments.capture == "-" else Path(arguments.capture)
+    to_be_overwritten(arguments.output, overwrite=arguments.overwrite, source=file)
     _check_suffix(arguments.output)
     traffic = _traffic(arguments)
     units = traffic.units
@@ -296,7 +305,8 @@ def _infer(arguments: argparse.Namespace) -> int:
     if unit not in units:
         raise UsageError(f"no answer of unit {unit} carries a value: units with values: {', '.join(map(str, units))}")
     values = infer(traffic.readings, units=[unit])
-    chart = drafted_map(values, f"unit {unit}", f"inferred from {Path(arguments.capture).name}")
+    source = register_words("inferred from {file}", file=Path(arguments.capture).name)
+    chart = drafted_map(values, register_words("unit {unit}", unit=unit), source)
     if not chart.rows:
         tell(f"{arguments.capture}: no register of unit {unit} says anything")
         return NO_FRAME
@@ -310,7 +320,7 @@ def _diff(arguments: argparse.Namespace) -> int:
     from dissectors.values import harmless
 
     lines = list(map_differences(read_map(arguments.map), read_map(arguments.other)))
-    for line in lines or ["no differences"]:
+    for line in lines or [register_words("no differences")]:
         print(harmless(line))
     return DONE
 
@@ -331,4 +341,4 @@ def _write(chart: RegisterMap, path: str) -> None:
     with output(path) as file:
         file.write(map_text(chart, path).encode())
     if path != "-":
-        print(harmless(f"{path}: {len(chart.rows)} values"))
+        print(harmless(f"{path}: {_values(chart)}"))

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from ..languages import counted, register_words
 from .commands import DONE, FAILED, INTERRUPTED, NO_FRAME, UsageError
 from .inputs import (
     add_capture_arguments,
@@ -39,7 +40,7 @@ rtuscope registers meter.jsonl --json
 rtuscope registers meter.jsonl --map eastron-sdm630@1
 rtuscope registers meter.jsonl --like 0.9"""
 _WIDEST: Final = 40  # signs of a text in the table; --json has it whole
-_WORDS: Final = ("unit", "register", "type", "order", "role", "min", "max", "last", "sure", "why")
+HEADINGS: Final = ("unit", "register", "type", "order", "role", "min", "max", "last", "sure", "why")
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -136,14 +137,17 @@ def _table(values: list[RegisterValue], *, everything: bool) -> str:
     from dissectors.values import harmless
 
     shown = [value for value in values if everything or value.changes or value.name or value.kind == "text"]
-    rows = [_WORDS, *(_table_row(value) for value in shown)] if shown else []
-    widths = [max((len(row[column]) for row in rows), default=0) for column in range(len(_WORDS) - 1)]
+    rows = [tuple(map(register_words, HEADINGS)), *(_table_row(value) for value in shown)] if shown else []
+    widths = [max((len(row[column]) for row in rows), default=0) for column in range(len(HEADINGS) - 1)]
     lines = []
     for row in rows:
         cells = [cell.ljust(width) for cell, width in zip(row, widths, strict=False)]
         lines.append(harmless("  ".join([*cells, row[-1]]).rstrip()))
     if len(shown) < len(values):
-        lines.append(f"{len(values) - len(shown)} registers never moved (--all lists them)")
+        still = len(values) - len(shown)
+        registers = counted(still, "register", "registers")
+        words = "{registers} never moved (--all lists {still:|it|them})"
+        lines.append(register_words(words, registers=registers, still=still))
     return "".join(f"{line}\n" for line in lines)
 
 
@@ -152,23 +156,25 @@ def _devices(devices: list[Recognised], *, used: bool) -> str:
     lines = []
     for one in devices:
         names = f"--map {one.name}@{one.unit}" if one.name else "--recognise"
-        hint = "its map is used" if used else f"{names} names its values"
-        lines.append(f"unit {one.unit} looks like {one.chart.called} ({one.confidence:.0%}, {one.why}): {hint}")
+        words = "unit {unit} looks like {device} ({sure:.0%}, {why})"
+        looks = register_words(words, unit=one.unit, device=one.chart.called, sure=one.confidence, why=one.why)
+        hint = register_words("its map is used") if used else register_words("{names} names its values", names=names)
+        lines.append(f"{looks}: {hint}")
     return "".join(f"{line}\n" for line in lines)
 
 
 def _table_row(value: RegisterValue) -> tuple[str, ...]:
-    last = value.address + value.words - 1
-    where = f"{value.area} {value.address}" + (f"-{last}" if value.words > 1 else "")
+    from ..registers.telling import place_cell
+
     kind = value.type if value.changes or value.name else value.kind
     why = f"{value.name}: {value.why}" if value.name else value.why
     scale = f" x{value.scale:g}" if value.scale not in (None, 1) else ""
     return (
         str(value.unit),
-        where,
-        kind,
+        place_cell(value.area, value.address, value.words),
+        register_words(kind),
         value.order or "",
-        value.role or "",
+        register_words(value.role or ""),
         _value_cell(value.minimum),
         _value_cell(value.maximum),
         _value_cell(value.last) + scale + (f" {value.unit_of_measure}" if value.unit_of_measure else ""),
@@ -238,27 +244,33 @@ def _table_text(name: str) -> str:
 
 def _matches_text(matches: list[Match], wanted: str) -> str:
     from ..registers.panel import HALF_HOUR_S
+    from ..registers.telling import unit_place
     from ..words import duration
 
     if not matches:
-        return f"no register showed {wanted}\n"
+        return f"{register_words('no register showed {wanted}', wanted=wanted)}\n"
     lines = []
     ahead = matches[0].clock_s
     if ahead is not None:
-        how = "ahead of" if ahead > 0 else "behind"
-        zone = " (a time zone, or summer time)" if ahead % HALF_HOUR_S == 0 else ""
-        lines.append(
-            f"the clocks differ by {duration(round(abs(ahead) * 1e9))}: the table's is {how} the capture's{zone}"
+        words = (
+            "the clocks differ by {time}: the table's is ahead of the capture's"
+            if ahead > 0
+            else "the clocks differ by {time}: the table's is behind the capture's"
         )
+        zone = f" {register_words('(a time zone, or summer time)')}" if ahead % HALF_HOUR_S == 0 else ""
+        lines.append(f"{register_words(words, time=duration(round(abs(ahead) * 1e9)))}{zone}")
     for match in matches[:_SHOWN]:
-        where = f"unit {match.unit} {match.area} {match.address}"
+        where = unit_place(match.unit, match.area, match.address)
         order = f" {match.order}" if match.order else ""
         scale = f" x{match.scale:g}" if match.scale != 1 else ""
         offset = f" {match.offset:+g}" if match.offset else ""
         lag = f", {match.lag_s:+.1f} s" if match.lag_s is not None else ""
-        lines.append(f"{where}: {match.type}{order}{scale}{offset} showed {match.value:g}{lag} ({match.score:.2f})")
+        words = "{where}: {reading} showed {value:g}{lag} ({score:.2f})"
+        reading = f"{match.type}{order}{scale}{offset}"
+        lines.append(register_words(words, where=where, reading=reading, value=match.value, lag=lag, score=match.score))
     if len(matches) > _SHOWN:
-        lines.append(f"and {len(matches) - _SHOWN} more (--json lists them)")
+        words = "and {count} more (--json lists {count:|it|them})"
+        lines.append(register_words(words, count=len(matches) - _SHOWN))
     return "\n".join(lines) + "\n"
 
 

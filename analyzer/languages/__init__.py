@@ -3,8 +3,9 @@
 A catalogue is the TOML files of this package that begin with the language's name: `page` (words of the report, by
 their English), `fragments` (words that are filled into others), `causes` (by id: text, share, test, remedy),
 `findings` (pieces of what findings say, by their English), `frames` (templates of what a frame and its fields say),
-`fields` (names of fields), `errors` (templates of one-line errors), `interface` (words of the interface) and `counted`
-(nouns behind a number, by their English singular, in all their forms). What a catalogue lacks is told in English.
+`fields` (names of fields), `errors` (templates of one-line errors), `interface` (words of the interface), `registers`
+(what registers mean, and their maps), `columns` (of maps) and `counted` (nouns behind a number, by their English
+singular, in all their forms). What a catalogue lacks is told in English.
 
 Templates of sentences have nouns that agree with what stands beside them, and clauses that are left out if they say
 nothing:
@@ -152,6 +153,12 @@ def tr(english: str, /, **numbers: object) -> str:
     return _worded("interface", english, numbers)
 
 
+def register_words(english: str, /, **numbers: object) -> str:
+    """What is said of registers and their maps, in the language in use; a template's nouns agree with its numbers."""
+    words: str = catalogue(_language.get()).get("registers", {}).get(english, english)
+    return fill(words, _numerals(numbers)) if numbers else words
+
+
 def _worded(table: str, english: str, numbers: Mapping[str, object]) -> str:
     words: str = catalogue(_language.get()).get(table, {}).get(english, english)
     return words.format_map(_numerals(numbers)) if numbers else words
@@ -190,6 +197,11 @@ def wording() -> Wording:
 def field_name(name: str) -> str:
     """A field's name for people; JSON and filters have it as it is."""
     return str(catalogue(_language.get()).get("fields", {}).get(name, name))
+
+
+def column_name(name: str) -> str:
+    """A map's column, or a key of its header, for people; its file has it as it is."""
+    return str(catalogue(_language.get()).get("columns", {}).get(name, name))
 
 
 def cause_words(cause: str, part: str, english: str) -> str:

@@ -24,6 +24,7 @@ from ..causes.story import CauseRevision
 from ..exports.encoding import noise_json
 from ..languages import counted, tr, wording
 from ..paste.meaning import mapped_readings
+from ..registers.telling import told_name
 from ..tables.batch import Batch, rows_of_findings
 from ..tables.findings import Finding, Severity, describe, described
 from ..tables.frame import Frame, adu_of
@@ -297,7 +298,7 @@ def _named(frame: Frame, charts: Mapping[int, RegisterMap]) -> str:
     readings = frame_readings(frame, charts)
     if not readings:
         return frame.summary(wording())
-    names = ", ".join(f"{reading.row.name} {reading.text}" for reading in readings)
+    names = ", ".join(f"{told_name(reading.row.name)} {reading.text}" for reading in readings)
     return f"{frame.summary(wording()).partition(': ')[0]}: {names}"
 
 

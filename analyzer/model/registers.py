@@ -257,7 +257,6 @@ class Meaning:
     measure: str = ""
     scale: float = 1.0
     offset: float = 0.0
-    why: str = ""
 
     @property
     def type(self) -> str:
@@ -355,6 +354,5 @@ def _meanings(values: Iterable[RegisterValue]) -> Iterable[tuple[Spot, Meaning]]
                 value.name or "",
                 value.unit_of_measure or "",
                 value.scale if value.scale is not None else 1.0,
-                why=f"{value.confidence:.0%} sure: {value.why}",
             ),
         )

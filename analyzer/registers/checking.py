@@ -19,11 +19,13 @@ import numpy as np
 from dissectors.maps.model import MappedValue, RegisterMap
 from dissectors.values import Order
 
-from .hypotheses import numbers, patterns
+from ..languages import register_words
+from .hypotheses import Floats, numbers, patterns
 from .inference import hypothesis_number, infer
 from .looks import float_classes, is_absent
 from .readings import BlockReadings, RegisterReadings, Words
 from .roles import RegisterValue, is_signed
+from .telling import place_words
 
 _SURE: Final = 0.985  # confidence of another reading that contradicts a map, of several values
 _LIKELY: Final = 0.7  # of one value, which is then asked for again in the light of all other rows of the map
@@ -34,10 +36,14 @@ _STEPS: Final = 4  # different readings, before their steps are judged
 _ENOUGH: Final = 8  # changes, before a type is judged
 
 
+KINDS: Final = ("contradiction", "partial", "unmapped", "unpolled")
+"""Of remarks; the worst first."""
+
+
 @dataclass(frozen=True, slots=True)
 class MapRemark:
     """Something about a map and a capture. `kind`: contradiction, partial (asked for in part), unmapped (asked for, not
-    in the map) or unpolled."""
+    in the map) or unpolled; `text` says it in the language in use."""
 
     kind: str
     unit: int
@@ -57,9 +63,10 @@ def overlaps(chart: RegisterMap) -> list[str]:
     rows = sorted((row for row in chart.rows), key=lambda row: (row.area, row.address, row.length))
     for low, after in pairwise(rows):
         if low.area == after.area and after.address < low.end and (low.address, low.end) != (after.address, after.end):
-            lines.append(
-                f"{low.area} {after.address}: {after.name!r} lies within {low.name!r} ({low.address} to {low.end - 1})"
-            )
+            place = place_words(low.area, after.address)
+            words = "{place}: {inner!r} lies within {outer!r} ({first} to {last})"
+            within = {"inner": after.name, "outer": low.name, "first": low.address, "last": low.end - 1}
+            lines.append(register_words(words, place=place, **within))
     return lines
 
 
@@ -75,8 +82,7 @@ def check_map(readings: RegisterReadings, charts: Mapping[int, RegisterMap]) -> 
         remarks += _wrong_types(readings, unit, chart, blocks)
         remarks += _cuts(unit, chart, blocks)
         remarks += _coverage(unit, chart, blocks)
-    order = ("contradiction", "partial", "unmapped", "unpolled")
-    return sorted(remarks, key=lambda remark: (order.index(remark.kind), remark.unit, remark.area, remark.address))
+    return sorted(remarks, key=lambda remark: (KINDS.index(remark.kind), remark.unit, remark.area, remark.address))
 
 
 def _contradictions(unit: int, row: MappedValue, blocks: Sequence[BlockReadings]) -> Iterator[MapRemark]:
@@ -107,42 +113,55 @@ def _wrong(row: MappedValue, mine: Words) -> Iterator[str]:
         octets = mine[-1].byteswap().tobytes().rstrip(b"\0 \xff")
         strange = sum(byte < 0x20 for byte in octets)
         if len(octets) > 3 and strange > len(octets) / 3:
-            yield f"a text, but it holds {' '.join(f'{word:04X}' for word in mine[-1][:4])}"
+            yield register_words("a text, but it holds {held}", held=" ".join(f"{word:04X}" for word in mine[-1][:4]))
         return
     if row.type == "enum":
         if row.values:
             states = {int(state) for state in np.unique(patterns(mine, order))}
             if strange_states := sorted(states - set(row.values))[:4]:
-                yield f"states without a name: {', '.join(map(str, strange_states))}"
+                yield register_words("states without a name: {states}", states=tuple(strange_states))
         return
     if row.type.startswith("bcd"):
         shifts = np.arange(0, 16 * row.length, 4, dtype=np.uint64)
         digits = patterns(mine, order)[:, None] >> shifts & np.uint64(15)
         if (digits > 9).any():
-            yield "BCD, but not all digits are decimal"
+            yield register_words("BCD, but not all digits are decimal")
         return
-    yield from _out_of_range(row, mine)
+    values = _scaled(row, mine)
+    if row.is_float and not np.isfinite(values).all() and not np.isnan(values).all():
+        yield register_words("a float that is infinite or not a number, now and then")
+    yield from _beyond_limits(row, values)
     yield from _wrong_sign(row, mine)
     yield from _absurd(row, mine)
 
 
-def _out_of_range(row: MappedValue, mine: np.ndarray[Any, Any]) -> Iterator[str]:
-    values = numbers(mine, row.order, is_float=row.is_float, signed=row.is_signed)  # type: ignore[arg-type]
+def _is_number(row: MappedValue, mine: Words) -> bool:
+    """Whether readings are a number that has limits."""
+    named = row.area in ("coil", "discrete") or row.type in ("text", "enum") or row.type.startswith("bcd")
+    return not named and not is_absent(mine)
+
+
+def _scaled(row: MappedValue, mine: Words) -> Floats:
+    """Readings in the map's unit of measure."""
+    values = numbers(mine, cast(Order, row.order), is_float=row.is_float, signed=row.is_signed)
     with np.errstate(all="ignore"):
-        values = values * row.scale + row.offset
-    if row.is_float and not np.isfinite(values).all():
-        if not np.isnan(values).all():
-            yield "a float that is infinite or not a number, now and then"
-        values = values[np.isfinite(values)]
+        return values * row.scale + row.offset
+
+
+def _beyond_limits(row: MappedValue, values: Floats) -> Iterator[str]:
+    """What is said of numbers that lie out of the limits of the map."""
+    values = values[np.isfinite(values)] if row.is_float else values
     if not len(values) or row.scale_address is not None:
         return
     slack = (
         abs(row.scale) * 0.51 if not row.is_float else 1e-6 * max(abs(row.minimum or 0), abs(row.maximum or 0), 1e-6)
     )
     if row.minimum is not None and values.min() < row.minimum - slack:
-        yield f"{values.min():g} {row.unit}".rstrip() + f" is below its least value {row.minimum:g}"
+        seen = f"{values.min():g} {row.unit}".rstrip()
+        yield register_words("{seen} is below its least value {limit:g}", seen=seen, limit=row.minimum)
     if row.maximum is not None and values.max() > row.maximum + slack:
-        yield f"{values.max():g} {row.unit}".rstrip() + f" is over its greatest value {row.maximum:g}"
+        seen = f"{values.max():g} {row.unit}".rstrip()
+        yield register_words("{seen} is over its greatest value {limit:g}", seen=seen, limit=row.maximum)
 
 
 def _wrong_sign(row: MappedValue, mine: np.ndarray[Any, Any]) -> Iterator[str]:
@@ -155,12 +174,13 @@ def _wrong_sign(row: MappedValue, mine: np.ndarray[Any, Any]) -> Iterator[str]:
         return
     if not row.is_signed and is_signed(series, row.length) and not _is_mark(series, over, top):
         below, above = int(series[over].max()) - 2 * int(top), int(series[~over].min())
-        yield f"unsigned, but it passes below zero ({below} and {above} were read)"
+        words = "unsigned, but it passes below zero ({below} and {above} were read)"
+        yield register_words(words, below=below, above=above)
     if row.is_signed:
         near = np.abs(np.diff(series.astype(np.float64)))
         passes = (over[1:] != over[:-1]) & (near < float(top) / 4)
         if passes.any() and not is_signed(series, row.length):
-            yield f"signed, but it passes {int(top)} as if it were not"
+            yield register_words("signed, but it passes {top} as if it were not", top=int(top))
 
 
 def _is_mark(series: np.ndarray[Any, Any], over: np.ndarray[Any, Any], top: np.uint64) -> bool:
@@ -179,11 +199,13 @@ def _absurd(row: MappedValue, mine: Words) -> Iterator[str]:
         values = np.abs(numbers(mine, order, is_float=True))
         absurd = np.isfinite(values) & (values != 0) & ((values < 1e-15) | (values > 1e20))
         if absurd.mean() > 0.2:
-            yield f"a float {row.order}, but it would be {values[absurd][0]:.3g}"
+            words = "a float {order}, but it would be {value:.3g}"
+            yield register_words(words, order=row.order, value=values[absurd][0])
     elif row.length > 1:
         low = patterns(mine, order) & np.uint64(0xFFFF)
         if len(np.unique(patterns(mine, order))) >= _STEPS and (low == low[0]).all():
-            yield f"{row.type} {row.order}, but it would move in steps of 65536 alone"
+            words = "{mapped}, but it would move in steps of 65536 alone"
+            yield register_words(words, mapped=f"{row.type} {row.order}")
 
 
 def _wrong_types(
@@ -218,7 +240,8 @@ def _wrong_types(
             rival = confirmed
         mapped = f"{row.type} {row.order}" if row.length > 1 else row.type
         read = f"{rival.type} {rival.order}" if rival.order else rival.type
-        text = f"{mapped}, but the readings are those of a {read} at {rival.address} ({rival.confidence:.1%})"
+        words = "{mapped}, but the readings are those of a {read} at {at} ({sure:.1%})"
+        text = register_words(words, mapped=mapped, read=read, at=rival.address, sure=rival.confidence)
         yield MapRemark("contradiction", unit, row.area, row.address, row.length, row.name, text)
 
 
@@ -277,8 +300,8 @@ def _cuts(unit: int, chart: RegisterMap, blocks: Sequence[BlockReadings]) -> Ite
         ]
         if touching and not any(b.address <= row.address and row.end <= b.address + b.quantity for b in touching):
             b = touching[0]
-            requested = f"{b.address} to {b.address + b.quantity - 1}"
-            text = f"takes {row.length} registers, but it is asked for in part only ({requested})"
+            words = "takes {length} registers, but it is asked for in part only ({first} to {last})"
+            text = register_words(words, length=row.length, first=b.address, last=b.address + b.quantity - 1)
             yield MapRemark("partial", unit, row.area, row.address, row.length, row.name, text)
 
 
@@ -288,11 +311,11 @@ def _coverage(unit: int, chart: RegisterMap, blocks: Sequence[BlockReadings]) ->
     used = {(b.area, b.address + at) for b in blocks for at in np.flatnonzero(b.greatest).tolist()}
     for area, first, last in _stretches(polled - mapped):
         always = not any((area, address) in used for address in range(first, last + 1))
-        text = f"asked for, but not in the map{': always 0' if always else ''}"
-        yield MapRemark("unmapped", unit, area, first, last - first + 1, "", text)
+        words = "asked for, but not in the map: always 0" if always else "asked for, but not in the map"
+        yield MapRemark("unmapped", unit, area, first, last - first + 1, "", register_words(words))
     for row in chart.rows:
         if not any((row.area, address) in polled for address in range(row.address, row.end)):
-            text = "in the map, but never asked for"
+            text = register_words("in the map, but never asked for")
             yield MapRemark("unpolled", unit, row.area, row.address, row.length, row.name, text)
 
 
@@ -321,7 +344,10 @@ class LimitBreach:
 def limit_breaches(readings: RegisterReadings, charts: Mapping[int, RegisterMap]) -> list[LimitBreach]:
     """The values that their maps do not allow, by unit and address."""
     return [
-        LimitBreach(remark.unit, f"{remark.name}: {remark.text}")
-        for remark in sorted(check_map(readings, charts), key=lambda one: (one.unit, one.area, one.address))
-        if remark.kind == "contradiction" and ("least value" in remark.text or "greatest value" in remark.text)
+        LimitBreach(unit, f"{row.name}: {text}")
+        for unit, chart in sorted(charts.items())
+        if (blocks := [block for block in readings if block.unit == unit])
+        for row in sorted(chart.rows, key=lambda row: (row.area, row.address))
+        if (mine := _readings_of(row, blocks)) is not None and _is_number(row, mine)
+        for text in _beyond_limits(row, _scaled(row, mine))
     ]

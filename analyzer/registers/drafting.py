@@ -13,7 +13,9 @@ from typing import Final
 from dissectors.maps.cells import CellError, cells_of, signature_text, value_of
 from dissectors.maps.model import MappedValue, RegisterMap
 
+from ..languages import column_name
 from .roles import RegisterValue
+from .telling import made_up_name, place_words
 
 _SKIPPED = ("other",)
 _SURENESS = "confidence"  # a column that only inferred maps have
@@ -29,11 +31,10 @@ def drafted_map(values: Sequence[RegisterValue], device: str, source: str) -> Re
 
 def _drafted_row(value: RegisterValue) -> MappedValue:
     kind = value.type if value.kind != "constant" else f"u{16 * value.words}"
-    letter = "b" if value.area in ("coil", "discrete") else "r"
     return MappedValue(
         area=value.area,
         address=value.address,
-        name=value.name or f"{value.role or value.kind} {letter}{value.address}",
+        name=value.name or made_up_name(value.role or value.kind, value.area, value.address),
         type=kind,
         order=value.order or "ABCD",
         length=value.words,
@@ -51,11 +52,11 @@ def map_differences(one: RegisterMap, other: RegisterMap) -> Iterator[str]:
     for field in fields(RegisterMap):
         if field.name not in ("rows", *_SKIPPED) and getattr(one, field.name) != getattr(other, field.name):
             was, now = (_header_text(chart, field.name) for chart in (one, other))
-            yield f"{field.name}: {was!r} -> {now!r}"
+            yield f"{column_name(field.name)}: {was!r} -> {now!r}"
     left, right = _by_place(one), _by_place(other)
     for key in sorted({*left, *right}):
         before, after = left.get(key), right.get(key)
-        where = f"{key[0]} {key[1]}"
+        where = place_words(key[0], key[1])
         if after is None and before is not None:
             yield f"- {where} {before.name} ({before.type})"
         elif before is None and after is not None:
@@ -74,7 +75,7 @@ def _changes(before: MappedValue, after: MappedValue) -> Iterator[str]:
     for name in dict.fromkeys([*old, *new]):
         was, now = old.get(name, ""), new.get(name, "")
         if was != now and name not in skipped:
-            yield f"{name} {was!r} -> {now!r}"
+            yield f"{column_name(name)} {was!r} -> {now!r}"
 
 
 def _header_text(chart: RegisterMap, name: str) -> str:

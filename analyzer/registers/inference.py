@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from dissectors.maps.model import MappedValue, RegisterMap
 from dissectors.values import Order
 
+from ..languages import register_words
 from . import roles
 from .company import asked_alike
 from .drafting import SAID
@@ -242,10 +243,12 @@ def _value(run: Run, cut: Cut, row: MappedValue | None, order: str | None, siste
     written = any(b.written and b.address <= run.address + cut.at < b.address + b.quantity for b in run.blocks)
     role = roles.role_of(kind, floats[:beginning], moved=moved, written=written or (row is not None and row.writable))
     low, high = _extremes(block, columns, hypothesis.is_float, device_order, signed, floats)
-    shared = f"{order} is the order of the other values" if order and hypothesis.order == order else None
+    shared = None
+    if order and hypothesis.order == order:
+        shared = register_words("{order} is the order of the other values", order=order)
     confidence = cut.confidence
     if row is not None:
-        confidence, why = 1.0, "as you said" if SAID in row.other else "as the map has it"
+        confidence, why = 1.0, register_words("as you said" if SAID in row.other else "as the map has it")
     elif moved:
         why = reasons(cut, [mine[0].tolist(), mine[-1].tolist()], shared=shared, sisters=sisters)
     else:
@@ -355,12 +358,13 @@ def _odds(confidence: float, rival: float) -> float:
 
 
 def _constant_words(run: Run, cut: Cut, word: int) -> str:
-    text = f"has been {word} ({word:04X}) all the time"
+    text = register_words("has been {word} ({word:04X}) all the time", word=word)
     if cut.second and cut.second[1]:
         at, number, _ = cut.second
         hypothesis = HYPOTHESES[number]
         block, columns = run.source_of(at, hypothesis.words, number)
         value = _last(block.last[columns], hypothesis.order or "ABCD", is_float=hypothesis.is_float, signed=False)
         if hypothesis.is_float and isinstance(value, float) and value and 1e-6 < abs(value) < 1e9:
-            text += f"; with its neighbour a float {hypothesis.order} of {value:g}, perhaps"
+            words = "with its neighbour a float {order} of {value:g}, perhaps"
+            text += f"; {register_words(words, order=hypothesis.order, value=value)}"
     return text

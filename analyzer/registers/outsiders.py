@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from dissectors.maps.model import MappedValue, RegisterMap
 
+from ..languages import register_words
 from .hypotheses import HYPOTHESES
 from .readings import BlockReadings, Words
 from .roles import RegisterValue
@@ -84,7 +85,7 @@ def text_value(run: Run, begin: int, end: int, row: MappedValue | None) -> Regis
         role=None,
         confidence=1.0 if row is not None else 0.9,
         bits=3.0,
-        why="as the map has it" if row is not None else "printable characters that never moved",
+        why=register_words("as the map has it" if row is not None else "printable characters that never moved"),
         readings=block.count,
         changes=0,
         minimum=None,
@@ -119,7 +120,7 @@ def bit_values(blocks: list[BlockReadings], chart: RegisterMap | None) -> Iterat
             role="setpoint" if (area, address) in written else "status" if moved else None,
             confidence=1.0,
             bits=10.0,
-            why="a bit by its function code",
+            why=register_words("a bit by its function code"),
             readings=block.count,
             changes=int(block.changes[column]),
             minimum=int(block.least[column]),
@@ -148,8 +149,9 @@ def swapped_floats(
     registers = [block for block in blocks if block.area in ("input", "holding") and block.quantity > 1]
     if sum(map(_candidates, registers)) < max(_LEAST, _MORE * plain):
         return []
+    swapped = register_words("the bytes of its words are swapped")
     floats = [
-        replace(value, order=_ORDERS[value.order or "ABCD"], why=f"{value.why}; the bytes of its words are swapped")
+        replace(value, order=_ORDERS[value.order or "ABCD"], why=f"{value.why}; {swapped}")
         for value in inferred([_swapped(block) for block in registers])
         if value.kind == "float" and value.words == 2 and value.changes and value.confidence >= _LIKELY
     ]

@@ -23,11 +23,13 @@ import numpy as np
 from dissectors.maps import RegisterMap, shipped_map, shipped_names
 from dissectors.maps.model import MappedValue
 
+from ..languages import register_words
 from ..tables.batch import Batch
 from ..tables.schema import Kind
 from .chartfit import KINDS, chart_fit
 from .readings import BlockReadings, RegisterReadings
 from .roles import RegisterValue
+from .telling import place_words
 
 _MARK: Final = (0x5375, 0x6E53)  # SunS
 _BASES: Final = (40000, 50000, 0)
@@ -79,7 +81,8 @@ def sunspec_map(chain: list[ChainModel]) -> RegisterMap | None:
         return None
     numbers = ", ".join(str(model.number) for model in chain)
     source = "SunSpec Alliance information models (Apache-2.0), put where the device has them"
-    return RegisterMap(f"SunSpec device (models {numbers})", tuple(rows), vendor="SunSpec", source=source)
+    device = register_words("SunSpec device (models {numbers})", numbers=numbers)
+    return RegisterMap(device, tuple(rows), vendor="SunSpec", source=source)
 
 
 def at_home(chain: list[ChainModel]) -> bool:
@@ -175,38 +178,52 @@ def recognised(
         answers = {which: text for (number, which), text in texts.texts.items() if number == unit}
         chain = sunspec_chain(mine)
         if chain and not at_home(chain) and (placed := sunspec_map(chain)) is not None:
-            where = ", ".join(f"model {model.number} at {model.address}" for model in chain)
-            likeliest.append(Recognised(unit, "", placed, _CHAIN, f"SunS at holding {chain[0].address - 2}: {where}"))
+            models = "model {number} at {at}"
+            where = ", ".join(register_words(models, number=model.number, at=model.address) for model in chain)
+            begin = register_words("SunS at {place}", place=place_words("holding", chain[0].address - 2))
+            likeliest.append(Recognised(unit, "", placed, _CHAIN, f"{begin}: {where}"))
             continue
         inferred = [value for value in values if value.unit == unit]
-        scores = {name: chart_bits(chart, mine, answers, inferred) for name, chart in charts.items()}
-        best = max(scores, key=lambda name: scores[name][0])
-        bits = np.array([0.0, *(score for score, _ in scores.values())])
+        scores = {name: chart_evidence(chart, mine, answers, inferred) for name, chart in charts.items()}
+        best = max(scores, key=lambda name: scores[name].bits)
+        bits = np.array([0.0, *(score.bits for score in scores.values())])
         share = 2.0 ** np.minimum(bits - bits.max(), 0)
-        confidence = float(2.0 ** (scores[best][0] - bits.max()) / share.sum())
-        if not any(word in scores[best][1] for word in ("calls itself", " holds ")):
+        confidence = float(2.0 ** (scores[best].bits - bits.max()) / share.sum())
+        if not scores[best].is_told:
             confidence = min(confidence, _UNSAID)  # a sister that no map is of may look the same
         if confidence >= _LEAST:
-            likeliest.append(Recognised(unit, best, charts[best], round(confidence, 3), scores[best][1]))
+            likeliest.append(Recognised(unit, best, charts[best], round(confidence, 3), scores[best].why))
     return likeliest
 
 
-def chart_bits(
+@dataclass(frozen=True, slots=True)
+class ChartEvidence:
+    """What speaks for a map over none: in bits, and in words (the main reasons). `is_told`: whether the device itself
+    says what it is, by its name or by the constants that it holds."""
+
+    bits: float
+    why: str
+    is_told: bool
+
+
+def chart_evidence(
     chart: RegisterMap,
     blocks: Sequence[BlockReadings],
     said: Mapping[str, bytes],
     values: Sequence[RegisterValue] = (),
-) -> tuple[float, str]:
-    """Evidence for a map over none, and its main reasons."""
+) -> ChartEvidence:
+    """Evidence for a map over none; `values` are what was inferred without it."""
     reasons: list[str] = []
+    told = False
     fit = chart_fit(chart, blocks, values)
     bits = float(fit.bits @ [_WEIGHTS[kind] for kind in KINDS]) / math.log(2)
     for which, wanted in (("server_id", chart.match.server_id), ("identification", chart.match.identification)):
         for text in wanted:
             if text.encode() in said.get(which, b""):
                 bits += _TEXT_BITS
-                reasons.append(f"it calls itself {text!r}")
-        if wanted and which in said and not reasons:
+                told = True
+                reasons.append(register_words("it calls itself {text!r}", text=text))
+        if wanted and which in said and not told:
             bits -= _TEXT_BITS
     for area, address, words in chart.match.registers:
         block = next(
@@ -225,11 +242,15 @@ def chart_bits(
                 _WORD_BITS * (1 + len(words)) if same else -2.0 * alone
             )  # some answer so only when asked for it alone
             if same:
-                reasons.append(f"{area} {address} holds {' '.join(f'{word:04X}' for word in words)}")
+                told = True
+                held = " ".join(f"{word:04X}" for word in words)
+                reasons.append(register_words("{place} holds {held}", place=place_words(area, address), held=held))
     for area, address, quantity in chart.match.polls:
         if any((b.area, b.address, b.quantity) == (area, address, quantity) for b in blocks):
             bits += _POLL_BITS
-            reasons.append(f"it is asked for {area} {address} to {address + quantity - 1}")
+            asked = {"place": place_words(area, address), "last": address + quantity - 1}
+            reasons.append(register_words("it is asked for {place} to {last}", **asked))
     if fit.good:
-        reasons.append(f"{fit.good} values are as they should be")
-    return bits, "; ".join(reasons)
+        fitting = "{good:value|values} {good:|is as it|are as they} should be"
+        reasons.append(register_words(fitting, good=fit.good))
+    return ChartEvidence(bits, "; ".join(reasons), told)

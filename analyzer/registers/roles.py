@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 
 from dissectors.maps.model import MapArea, json_number
 
+from ..languages import register_words
 from .hypotheses import HYPOTHESES
 from .runs import Cut
+from .telling import type_words
 
 Number = int | float | str | None
 
@@ -43,7 +45,8 @@ class RegisterValue:
 
     `kind` is int, float, bits, enum, text, time, bcd, constant or unknown; `order` None of one register; `confidence`
     from 0 to 1; `bits` the log2 odds over `runner_up`; `minimum`, `maximum` and `last` are numbers as the registers
-    hold them, or a text. `name`, `scale` and `unit_of_measure` come from a map.
+    hold them, or a text. `name`, `scale` and `unit_of_measure` come from a map. `related` are the addresses of those
+    whose sum or product it is; `why` says which of the two.
     """
 
     unit: int
@@ -66,6 +69,7 @@ class RegisterValue:
     name: str | None = None
     scale: float | None = None
     unit_of_measure: str | None = None
+    related: tuple[int, ...] = ()
 
     @property
     def type(self) -> str:
@@ -211,7 +215,7 @@ def with_relations(
         key = value.key
         if key in series and value.kind in ("int", "float"):
             blocks.setdefault(series[key][0], []).append(value)
-    texts: dict[SeriesKey, str] = {}
+    relations: dict[SeriesKey, _Relation] = {}
     for members in blocks.values():
         members = members[:_MOST_VALUES]
         table = np.stack([series[v.key][1] for v in members], axis=1)
@@ -219,18 +223,27 @@ def with_relations(
         members, table = [members[at] for at in sane.tolist()], table[:, sane]
         if len(table) >= _LEAST_READINGS and len(members) > 2:
             related = {**_products(table, members), **_sums(table, members)}
-            for at, text in related.items():
-                texts[members[at].unit, members[at].area, members[at].address] = text
+            relations.update((members[at].key, relation) for at, relation in related.items())
     found = []
     for value in values:
-        words = texts.get(value.key)
-        found.append(replace(value, why=f"{value.why}; {words}") if words else value)
+        relation = relations.get(value.key)
+        if relation is not None:
+            value = replace(value, why=f"{value.why}; {relation.words}", related=relation.addresses)
+        found.append(value)
     return found
 
 
-def _sums(table: Floats, members: Sequence[RegisterValue]) -> dict[int, str]:
+@dataclass(frozen=True, slots=True)
+class _Relation:
+    """Of which other values (by address) a value is the sum or the product, and that in words."""
+
+    addresses: tuple[int, ...]
+    words: str
+
+
+def _sums(table: Floats, members: Sequence[RegisterValue]) -> dict[int, _Relation]:
     """Values that are the sum of neighbours of one type, but for a power of ten."""
-    sums: dict[int, str] = {}
+    sums: dict[int, _Relation] = {}
     variance = table.var(axis=0)
     moving = variance > 0
     for terms in _TERMS:
@@ -246,11 +259,13 @@ def _sums(table: Floats, members: Sequence[RegisterValue]) -> dict[int, str]:
             left = ((table - total[:, None] * power) ** 2).mean(axis=0) / np.where(moving, variance, 1.0)
             left[parts] = 1.0
             for at in np.flatnonzero(moving & (left < _LEFT)).tolist():
-                sums[at] = f"the sum of {', '.join(f'r{members[n].address}' for n in parts)}"
+                addresses = tuple(members[n].address for n in parts)
+                words = register_words("the sum of {parts}", parts=", ".join(map(_named, addresses)))
+                sums[at] = _Relation(addresses, words)
     return sums
 
 
-def _products(table: Floats, members: Sequence[RegisterValue]) -> dict[int, str]:
+def _products(table: Floats, members: Sequence[RegisterValue]) -> dict[int, _Relation]:
     """Values that go as the product of a steadier one and a livelier one."""
     size = np.abs(table)
     mean, spread = size.mean(axis=0), size.std(axis=0)
@@ -259,7 +274,7 @@ def _products(table: Floats, members: Sequence[RegisterValue]) -> dict[int, str]
     lively = np.flatnonzero(moving & (spread > 0.01 * mean)).tolist()
     normal = (size - mean) / np.where(moving, spread, 1.0)
     together = normal.T @ normal / len(table)
-    products: dict[int, str] = {}
+    products: dict[int, _Relation] = {}
     for at in lively:
         for current in lively:
             if current == at or together[at, current] < _TOGETHER:
@@ -269,8 +284,14 @@ def _products(table: Floats, members: Sequence[RegisterValue]) -> dict[int, str]
                 if volts not in (at, current):
                     left = _left_of_ratio(size[:, at], size[:, current] * size[:, volts])
                     if left < _PRODUCT_LEFT and left < _BETTER * alone:
-                        products[at] = f"goes as r{members[volts].address} x r{members[current].address}"
+                        addresses = members[volts].address, members[current].address
+                        words = register_words("goes as {product}", product=" x ".join(map(_named, addresses)))
+                        products[at] = _Relation(addresses, words)
     return products
+
+
+def _named(address: int) -> str:
+    return f"r{address}"
 
 
 def _left_of_ratio(target: Floats, driver: Floats) -> float:
@@ -283,14 +304,6 @@ _SHOWN = 0.6  # below this confidence two readings are shown
 _NAMED = 4  # units
 
 
-def type_words(number: int) -> str:
-    """A hypothesis in words."""
-    hypothesis = HYPOTHESES[number]
-    return f"{16 * hypothesis.words}-bit{' float' if hypothesis.is_float else ''}" + (
-        f" {hypothesis.order}" if hypothesis.order else ""
-    )
-
-
 def reasons(cut: Cut, words: list[list[int]], *, shared: str | None, sisters: Sequence[int] = ()) -> str:
     """One line about a value that moved; `words` are the first and the last reading of its registers, `sisters` the
     units that speak for it too."""
@@ -300,26 +313,30 @@ def reasons(cut: Cut, words: list[list[int]], *, shared: str | None, sisters: Se
     if hypothesis.words > 1:
         quiet = [offset for offset in range(hypothesis.words) if not cut.run.moved[cut.at + offset]]
         if quiet:
-            names = ", ".join(f"r{cut.run.address + cut.at + offset}" for offset in quiet)
-            lines.append(f"{names} has been {'/'.join(f'{first[offset]:04X}' for offset in quiet)} all the time")
+            names = ", ".join(_named(cut.run.address + cut.at + offset) for offset in quiet)
+            held = "/".join(f"{first[offset]:04X}" for offset in quiet)
+            lines.append(register_words("{names} has been {held} all the time", names=names, held=held))
         elif hypothesis.is_float:
-            lines.append("the registers move as one float")
+            lines.append(register_words("the registers move as one float"))
         else:
-            lines.append("the low word runs through, the high word carries")
+            lines.append(register_words("the low word runs through, the high word carries"))
         if shared:
             lines.append(shared)
     elif first != last or cut.moved:
-        lines.append("moves by itself")
+        lines.append(register_words("moves by itself"))
     if sisters:
-        lines.append(f"weighed together with {_units(sisters)}, asked the same and answering alike")
+        lines.append(_weighed_with(sisters))
     if cut.second and cut.confidence < _SHOWN:
         at, number, share = cut.second
-        rival = f"{type_words(number)} at {cut.run.address + at} ({share:.0%})"
-        lines.append(f"{type_words(cut.number)} ({cut.confidence:.0%}) or {rival}")
+        two = {"one": type_words(cut.number), "other": type_words(number), "at": cut.run.address + at}
+        either = "{one} ({sure:.0%}) or {other} at {at} ({share:.0%})"
+        lines.append(register_words(either, **two, sure=cut.confidence, share=share))
     return "; ".join(lines)
 
 
-def _units(units: Sequence[int]) -> str:
+def _weighed_with(units: Sequence[int]) -> str:
     if len(units) > _NAMED:
-        return f"{len(units)} other units"
-    return f"unit {units[0]}" if len(units) == 1 else f"units {', '.join(map(str, units))}"
+        words = "weighed together with {count} other units, asked the same and answering alike"
+        return register_words(words, count=len(units))
+    words = "weighed together with {units:unit|units}, asked the same and answering alike"
+    return register_words(words, units=tuple(units))

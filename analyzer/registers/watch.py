@@ -24,6 +24,7 @@ import numpy as np
 from dissectors.maps.files import UnitMaps
 from dissectors.maps.model import MappedValue, RegisterMap, read_mapped
 
+from ..languages import register_words
 from ..tables.batch import Batch
 from ..tables.columns import decode
 from .checking import LimitBreach, limit_breaches
@@ -31,6 +32,7 @@ from .drafting import Place, drafted_map, with_own_words
 from .inference import infer
 from .readings import MappedColumn, RegisterReadings, is_due, limits_broken, mapped_columns
 from .roles import RegisterValue
+from .telling import unit_place
 
 _SURE: Final = 0.95
 _LIVE_LEAST: Final = 12  # readings of a value, before its type is told while the bus goes on
@@ -185,9 +187,13 @@ class Revision:
     @property
     def text(self) -> str:
         """`unit 1 input 100-101 is f32 ABCD, was u32 ABCD (98%: ...)`."""
-        was = f", was {typed(self.before)}" if self.before is not None else ""
-        role = f", {self.value.role}" if self.value.role else ""
-        return f"{placed(self.value)} is {typed(self.value)}{role}{was} ({self.value.confidence:.0%}: {self.value.why})"
+        value = self.value
+        return register_words(
+            "{place} is {type}[, {role}][, was {before}] ({sure:.0%}: {why})",
+            place=unit_place(value.unit, value.area, value.address, value.words), type=typed(value),
+            role=register_words(value.role) if value.role else "", sure=value.confidence, why=value.why,
+            before=typed(self.before) if self.before is not None else "",
+        )  # fmt: skip
 
     def to_json(self) -> dict[str, Any]:
         """A line of kind `register` that holds the value as `rtuscope registers --json` writes it."""
@@ -239,12 +245,6 @@ class RevisedRegisters:
 def typed(value: RegisterValue) -> str:
     """`f32 CDAB`."""
     return f"{value.type} {value.order}" if value.order else value.type
-
-
-def placed(value: RegisterValue) -> str:
-    """`unit 1 input 100-101`."""
-    last = f"-{value.address + value.words - 1}" if value.words > 1 else ""
-    return f"unit {value.unit} {value.area} {value.address}{last}"
 
 
 def _is_sure(value: RegisterValue) -> bool:
