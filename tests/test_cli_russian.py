@@ -23,7 +23,7 @@ from captures.live.tap import high_line_words, refusal
 
 _PACKAGES = (analyzer, captures, dissectors)
 _RAISED = re.compile(
-    "(Usage|Capture|Port|PortGone|TapSetup|Map|Export|Fleet|Notes|Paste|Panel|Settings|ValueForm|ArgumentType)Error$"
+    "(Cell|Usage|Capture|Port|PortGone|TapSetup|Map|Export|Fleet|Notes|Paste|Panel|Settings|ValueForm|ArgumentType)Error$"
 )
 _INSIDE = ("fleet", "reference")  # a batch's own business, read by who runs it
 
@@ -58,7 +58,7 @@ def _said() -> Iterator[str]:
                 name = str(getattr(node.func, "id", None) or getattr(node.func, "attr", ""))
                 if name == "tell" and "cli" not in path.parts:
                     continue
-                if (name == "tell" or _RAISED.search(name)) and node.args:
+                if (name in ("tell", "note") or _RAISED.search(name)) and node.args:
                     yield _template(node.args[-1 if "ArgumentType" not in name else 0])
 
 
