@@ -9,6 +9,7 @@ from dissectors.maps import RegisterMap
 from dissectors.maps.model import MappedReading, readings_by_map
 
 from ..languages import tr
+from ..registers.telling import place_words
 
 _AREAS: Final = {
     1: "coil", 5: "coil", 15: "coil", 2: "discrete", 3: "holding", 6: "holding", 16: "holding", 22: "holding",
@@ -63,7 +64,6 @@ def meaning_text(lines: Iterable[Mapping[str, Any]], chart_of: Mapping[int, Regi
             else:
                 parts.append(tr("by the map, unit {unit} at byte {start}:", unit=unit, start=start))
             for reading in readings:
-                last = f"-{reading.row.end - 1}" if reading.row.length > 1 else ""
-                place = f"{reading.row.area} {reading.row.address}{last}"
+                place = place_words(reading.row.area, reading.row.address, reading.row.length)
                 parts.append(f"  {reading.row.name:<{width}}  {reading.text}  ({place})")
     return "".join(f"{part}\n" for part in parts)

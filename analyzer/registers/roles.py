@@ -20,7 +20,6 @@ from dissectors.maps.model import MapArea, json_number
 from ..languages import register_words
 from .hypotheses import HYPOTHESES
 from .runs import Cut
-from .telling import type_words
 
 Number = int | float | str | None
 
@@ -302,6 +301,13 @@ def _left_of_ratio(target: Floats, driver: Floats) -> float:
 
 _SHOWN = 0.6  # below this confidence two readings are shown
 _NAMED = 4  # units
+
+
+def type_words(number: int) -> str:
+    """A hypothesis in words: `32-bit float ABCD`."""
+    hypothesis = HYPOTHESES[number]
+    words = register_words("{width}-bit float" if hypothesis.is_float else "{width}-bit", width=16 * hypothesis.words)
+    return f"{words} {hypothesis.order}" if hypothesis.order else words
 
 
 def reasons(cut: Cut, words: list[list[int]], *, shared: str | None, sisters: Sequence[int] = ()) -> str:

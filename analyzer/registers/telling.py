@@ -1,4 +1,4 @@
-"""How places, types and made-up names of values are told to people, in the language in use.
+"""How places and made-up names of values are told to people, in the language in use.
 
 Maps, JSON and filters have areas, types and names as they are: only what a person reads is told here.
 """
@@ -9,7 +9,6 @@ import re
 from typing import Final
 
 from ..languages import register_words
-from .hypotheses import HYPOTHESES
 
 ROLES: Final = ("measurement", "counter", "setpoint", "status")
 STILL: Final = ("constant", "unknown")  # kinds of what never moved
@@ -38,13 +37,6 @@ def place_words(area: str, address: int, words: int = 1) -> str:
 def unit_place(unit: int, area: str, address: int, words: int = 1) -> str:
     """`unit 1 input 100-101`."""
     return register_words("unit {unit} {place}", unit=unit, place=place_words(area, address, words))
-
-
-def type_words(number: int) -> str:
-    """A hypothesis in words: `32-bit float ABCD`."""
-    hypothesis = HYPOTHESES[number]
-    words = register_words("{width}-bit float" if hypothesis.is_float else "{width}-bit", width=16 * hypothesis.words)
-    return f"{words} {hypothesis.order}" if hypothesis.order else words
 
 
 def made_up_name(value: str, area: str, address: int) -> str:

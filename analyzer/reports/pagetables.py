@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 from dissectors.values import harmless
 
 from ..languages import grouped, page_words
+from ..registers.telling import place_cell
 from ..words import between, compact, duration, is_clock, time_of_day
 from .findings import and_more
 from .model import BookmarkRow, Counts, HourRow, PollRow, Report, Times, UnitCard, UnitChange, UnitRow
@@ -266,7 +267,7 @@ def value_lines(values: Sequence[WatchedValue]) -> Iterator[str]:
 
 def label(value: WatchedValue) -> str:
     """The name by a map; else where it stands, and as what it is read."""
-    return value.name or f"{value.area} {value.address} {value.type}"
+    return value.name or f"{place_cell(value.area, value.address)} {value.type}"
 
 
 def short_number(number: float | None) -> str:

@@ -18,6 +18,7 @@ from dissectors.values import harmless
 
 from ...causes.model import Cause
 from ...languages import counted, grouped, in_use, page_words, tr
+from ...registers.telling import place_cell
 from ...version import __version__
 from ...words import duration, is_clock, moment
 from .. import findings, pagetables
@@ -132,6 +133,7 @@ def page(report: Report, sights: Sights) -> str:
     environment.filters.update(duration=lambda ns: "?" if ns is None else duration(ns), seconds=findings.seconds)
     environment.filters["short"] = pagetables.short_number
     environment.filters["poll"] = pagetables.poll_words
+    environment.filters["place"] = lambda value: place_cell(value.area, value.address)
     environment.globals["bytes"] = lambda count: counted(count, "byte", "bytes")
     char_ns = LineSettings(baud=report.baud, char_bits=report.char_bits).character_ns
     worst = [row for row in report.findings if row.severity != "note"]
