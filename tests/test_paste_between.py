@@ -33,6 +33,13 @@ BETWEEN = [
     "Прибор ТРМ210, адрес 16, скорость 9600, 8N1, регистр 0x0102 (258)",
     "Тел. +7 (495) 123-45-67",
     "values: 00FA 0064",
+    "no response",
+    "ответ не получен",
+    "Функции 01 02 03 04 05 06 0F 10 поддерживаются",
+    "https://example.com/d/11-03-00-10",
+    "Be Ad",
+    "Posted by user42 on 25.11.2026 at 10:15",
+    "Сергей, 10:15 PM",
 ]
 
 
@@ -44,6 +51,27 @@ def test_what_stands_between_is_no_byte(writing: str, between: str) -> None:
         ASKS,
         ANSWERS,
     ]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "registers 40001-40010 timeout",
+        "ИНН 7701234567",
+        "Цена 12 500 руб, срок 2-3 дня",
+        "modpoll -m rtu -a 11 -r 17 -c 2 -b 9600 -p none",
+        "DC 24 V, AC 230 V",
+        "FC 302",
+        "speeds 1200 2400 4800 9600 19200",
+        "MAC: 00:1A:2B:3C:4D:5E",
+        "git commit 1a2b3c4d5e6f",
+        "WriteFile ( 0x1a4, 8 ) = TRUE",
+        "main.rs:42:5 panicked",
+        "Offset  0  1  2  3  4  5  6  7   8  9  A  B  C  D  E  F",
+    ],
+)
+def test_of_words_and_numbers_beside_frames_nothing_is_said(words: str) -> None:
+    assert [one.why for one in read(WRITINGS[0].format(words)).unread if not one.empty] == []
 
 
 @pytest.mark.parametrize(

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from paste_chats import CHATS
 from paste_forums import FORUMS
 from paste_issues import ISSUES
 from paste_posts import POSTS
@@ -21,7 +23,7 @@ from analyzer.paste import judge, read
 from captures import CaptureError
 from captures.errors import HexError
 
-ALL = {**STYLES, **SHAPES, **FORUMS, **POSTS, **TOOLS, **DECODERS, **ISSUES, **WRITINGS}
+ALL = {**STYLES, **SHAPES, **FORUMS, **POSTS, **TOOLS, **DECODERS, **ISSUES, **WRITINGS, **CHATS}
 TIMED = [
     *("JSON with epoch", "InfluxDB", "count before", "wrapped at 40", "Docklight", "pymodbus 3"),
     *("ticks in brackets", "sigrok packets", "Moxa traffic", "pyserial spy", "BLE log"),
@@ -41,6 +43,14 @@ TIMED = [
         "milliseconds before a mark",
         "milliseconds in a column",
         "milliseconds before a name",
+        "to whom",
+        "buffers in a trace",
+        "clock hard before bytes",
+        "ticks before a port",
+        "ticks before a task",
+        "packets and their dumps",
+        "bus log with a hash",
+        "process monitor",
         "Modbus Slave with times",
     ),
 ]
@@ -98,6 +108,26 @@ def test_other_lines_between_change_little() -> None:
         if frames_read(mixed) != [(message.role, message.data.hex()) for message in log]:
             wrong.append(name)
     assert 30 * len(wrong) <= len(ALL), wrong
+
+
+MARGINS: dict[str, Callable[[str], str]] = {
+    "code": lambda text: f"[code]{text}[/code]",
+    "breaks": lambda text: text if "<" in text else text.replace("\n", "<br>\n"),
+    "question": lambda text: f"It does not answer. Unit 1, 9600 8N1, register 40001.\n\n{text}\n\nAny idea? 73 de Bob",
+    "blanks": lambda text: text.replace(" ", "\u00a0").replace("\n", "\u200b\r\n"),
+    "answered": lambda text: "\n".join(["> Hello, see below", *(f"> {line}" for line in text.split("\n"))]),
+}
+
+
+@pytest.mark.parametrize("margin", MARGINS)
+def test_what_people_put_around_a_log_changes_nothing(margin: str) -> None:
+    names = [*ALL][[*MARGINS].index(margin) :: 5]
+    wrong = []
+    for name in names:
+        log, text, _ = made(name, ALL[name], 0)
+        if frames_read(MARGINS[margin](text)) != [(message.role, message.data.hex()) for message in log]:
+            wrong.append(name)
+    assert 30 * len(wrong) <= len(names), wrong
 
 
 @pytest.mark.parametrize("name", TIMED)

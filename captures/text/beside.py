@@ -13,6 +13,7 @@ from .judging import ByteJudge
 from .loglines import LogLine
 
 _NUMBER: Final = re.compile(r"\s*(\d{1,6})(?=[\s:.)|])")
+_LIKE_A_BYTE: Final = re.compile(r"\s*0\d\s")
 _COUNTING: Final = 2  # lines
 _WORD_BEHIND: Final = re.compile(r"\s*[^\W\d]")
 _LEAST_ROWS: Final = 4  # of one byte each that can be a frame
@@ -39,6 +40,8 @@ def _leave_out(counting: Sequence[LogLine]) -> None:
     runs = [line.runs[0] for line in counting if line.runs and not line.clean[: line.runs[0].start].strip()]
     pairs = [run for run in runs if run.shape == "pairs" and len(run.data) > 1]
     if len(counting) < _COUNTING or {run.checked[0].start for run in pairs if run.checked} != {1}:
+        return
+    if any(_LIKE_A_BYTE.match(line.clean) and not line.runs[0].checked for line in counting if line.runs):
         return
     starts = {id(line.runs[0]): line for line in counting if line.runs}
     for run in pairs:

@@ -58,7 +58,7 @@ class TextLine(NamedTuple):
 
 
 H: Final = "[0-9A-Fa-f]"
-EDGE: Final = r"(?<![0-9A-Za-z_.])"
+EDGE: Final = r"(?<![0-9A-Za-z_.\u00c0-\u052f])"  # `Узел17`; scripts of the East put no blanks
 END: Final = r"(?![0-9A-Za-z_])"
 _DIGIT: Final = re.compile(
     r"\d|[\"'][A-Za-z0-9+/]{8}|(?<![A-Za-z])[A-Fa-f]{2}(?![A-Za-z])|\\|><|\^[@-_]|[A-Za-z+/]{6}=|"

@@ -159,7 +159,9 @@ def runs_in(line: TextLine, judge: ByteJudge, experience: Experience) -> list[By
         if run.level or run.checked:
             behind = run.end
         row = run.offset is not None or (i + 1 < len(runs) and len(run.data) > _LEAST and run.shape in ROWS)
-        if row and (run.offset is not None or shows(run.data, line.text[run.end :].strip(_AROUND))):
+        shown = (row or run.cut) and shows(run.data, line.text[run.end :].strip(_AROUND))
+        run.cut = run.cut and not shown  # dots in place of characters
+        if row and (run.offset is not None or shown):
             return runs[: i + 1]  # what stands behind are the same bytes as characters
     return runs
 

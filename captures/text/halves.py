@@ -13,9 +13,16 @@ _HALVED: Final = (
         re.compile(r'"Buffer"\s*,\s*"data"\s*:\s*\[[\d,\s]*?\b(\d{4,}|2(?:5[6-9]|[6-9]\d)|[3-9]\d\d)\b'),
         "{} is not a byte, in the Buffer at column {}",
     ),
-    (re.compile(rf"(?:^|[\s,;:])0[xX]((?:{H}{{2}})+{H})\b"), "an odd number of hex digits in 0x{} at column {}"),
-    (re.compile(rf"\b{H}{{2}}[ \t,:-]{{1,2}}({H}|{H}{{3}})(?![0-9A-Za-z_.])"), _ODD),
-    (re.compile(rf"(?:^|[\s,;:])(?=[a-fA-F]*\d)({H}{{5,}})\s*$"), _ODD),
+    (re.compile(rf"(?:^|[\s,;:])0[xX]((?:{H}{{2}}){{2,}}{H})\b"), "an odd number of hex digits in 0x{} at column {}"),
+    # not `main.rs:42:5`, `12 500 rub`
+    (re.compile(rf"(?<!\w:)(?:\b{H}{{2}}[ \t,:-]{{1,2}}){{2,}}({H}|{H}{{3}})(?![0-9A-Za-z_.])"), _ODD),
+    (re.compile(rf"^\s*(?!fc|FC){H}{{2}}[ \t,:-]{{1,2}}({H}|{H}{{3}})\s*(?:$|(?:{H}{{1,2}}\s+){{2}})"), _ODD),
+    (
+        re.compile(rf"\b0[xX]{H}{{1,2}}[\s,;:]{{1,2}}0[xX]({H}{{3}})\b"),
+        "an odd number of hex digits in 0x{} at column {}",
+    ),
+    (re.compile(rf"(?:^|[\s,;:])(?=[a-fA-F]?\d)(?=\d*[a-fA-F])({H}{{5,}})\s*$"), _ODD),
+    (re.compile(r"^\s*(\d{5,})\s*$"), _ODD),
     (re.compile(r"(\\x)(?![0-9A-Fa-f]{2}|\{)"), "{} without two hex digits at column {}"),
 )
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import Final
 
 from .candidates import CHECK_NAME, EDGE, END, LEFT_OUT, LONG, H, HexWindow, TextLine, Writing
@@ -28,7 +29,8 @@ _SIGNED: Final = re.compile(
     rf"{EDGE}{H}{{2}}(?P<gap>[ \t]{{0,2}}[^\w\s][^\w\n]{{0,5}}|_){H}{{2}}(?:(?P=gap){H}{{2}})*{_GLUED}"
 )
 _WORDS: Final = re.compile(
-    rf"(?<![0-9A-Za-z_.#@])(?:{H}{{2}}){{2,}}(?:(?P<gap>[ \t]{{1,2}})(?:{H}{{2}})+(?:(?P=gap)(?:{H}{{2}})+)*)?{_GLUED}"
+    rf"(?:(?<![0-9A-Za-z_.#@])|(?<=[A-Za-z]#))"  # `TX#1103006B`
+    rf"(?:{H}{{2}}){{2,}}(?:(?P<gap>[ \t]{{1,2}})(?:{H}{{2}})+(?:(?P=gap)(?:{H}{{2}})+)*)?{_GLUED}"
 )
 _BETWEEN: Final = r"(?:[\s,;|'\"\\]{0,4}|[-:/.]|\][ \t]?\[|>[ \t]?<|\}[ \t]?\{|\)[ \t]?\()"  # of signed bytes
 _UP_TO_SIGN: Final = rf"{H}+?(?=(?P=sign)|(?!{H}))"  # the next byte's, which may begin with a digit
@@ -48,6 +50,7 @@ _SOME: Final = 3  # bytes: fewer say nothing
 _STAMPED: Final = 8  # characters: no time before bytes is shorter
 _TWO_PAIRS: Final = 4  # characters
 _WORDY: Final = 4  # pairs that name a function code: `unit 01 fc 03`
+_NO_FUNCTION: Final = 0x20  # more than the code of any public one
 _MAC_LENGTH: Final = 6
 _BYTEA: Final = 8  # digits behind one `\\x`, as databases write bytes
 _OFFSET_DIGITS: Final = range(4, 17)
@@ -113,14 +116,24 @@ def _level_of_pairs(line: TextLine, start: int, end: int, tokens: list[str]) -> 
     alone = line.alone(start, end)
     odd = any(token[0] == "0" or not token.isdigit() for token in tokens)
     if all(token.isalpha() for token in tokens):
-        return Writing.LIKELY if alone or len(tokens) >= _SOME else Writing.NUMBER
+        word = any(token.istitle() for token in tokens)  # `Be Ad`
+        return Writing.LIKELY if (alone or len(tokens) >= _SOME) and not word else Writing.NUMBER
     if len(tokens) == 1:
         return Writing.LIKELY if alone and (odd or start == line.begin) else Writing.NUMBER
     if len(tokens) < _SOME:
         return Writing.LIKELY if alone else Writing.NUMBER
-    if is_ruler(tokens) or (len(tokens) <= _WORDY and "fc" in map(str.lower, tokens[:2])):
+    wordy = start not in line.first
+    if is_ruler(tokens) or (wordy and _is_list(tokens)):
         return Writing.NUMBER
     return Writing.BYTES if odd else Writing.LIKELY
+
+
+def _is_list(tokens: list[str]) -> bool:
+    """Whether these are functions by their names or their numbers: `unit 01 fc 03`, `functions 01 02 03 05 0F 10`."""
+    if len(tokens) <= _WORDY:
+        return "fc" in map(str.lower, tokens[:2])
+    numbers = [int(token, 16) for token in tokens]
+    return numbers[-1] < _NO_FUNCTION and all(one < after for one, after in pairwise(numbers))
 
 
 def _signed(line: TextLine) -> Iterator[HexWindow]:
@@ -133,6 +146,10 @@ def _signed(line: TextLine) -> Iterator[HexWindow]:
             continue
         at = end if end - match.start() > _TWO_PAIRS + len(gap) else end - 2  # `[11]: 05-10-00`: a count before them
         tokens = match[0].split(gap)
+        if text[end : end + 1].isalpha() and tokens[-1].isalpha():  # `11, Data`
+            tokens, end = tokens[:-1], end - 2 - len(gap)
+            if len(tokens) < _PAIR_OF_PAIRS:
+                continue
         goes_on = text.startswith(gap, end) and text[end + len(gap) : end + len(gap) + 1].isalnum()
         level = _level_of_signed(tokens, gap.strip())
         if goes_on:

@@ -46,6 +46,7 @@ _QUOTE: Final = re.compile(r"^\s*>(?:\s*>)*\s(?=\s*\S)")
 _JPNEVULATOR: Final = re.compile(r"^\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{6}: (?P<label>\S.*?)\s*$")
 _SOCAT_BYTES: Final = re.compile(r"^ ((?:[0-9a-f]{2} ){0,15}[0-9a-f]{2})(?:  .*)?$")
 _OCTET: Final = re.compile(r"(?<![0-9A-Za-z])[0-9A-Fa-f]{2}[hH](?![0-9A-Za-z])")
+_SENTENCE_ENDS: Final = re.compile(r"[^\W\d]{3}[.!?…]\s+[^\W\d_]+[,\s]")
 _LABELLED: Final = 56  # characters of a heading that name it
 _REMEMBERED: Final = 2048  # lines
 _FULL_ROW: Final = 8  # bytes of a row after which a read may go on in the next
@@ -187,6 +188,8 @@ class LineReader:
                 self._heading = heading
             return line
         mark = MARK_WORDS.get((groups.get("mark") or "").lower(), shape.mark)
+        if shape.mark and (above := self._heading) is not None and above.joins and not above.rows:
+            mark = above.mark or mark  # `Rx` in the line above says more than a layout
         stamp = stamps.find(_short_fraction(groups.get("time") or ""), self.zone)[0]
         t_ns, fine = self._time(stamp), stamp is not None and stamp.fine
         if groups.get("sample") and self.sample_rate:
@@ -260,7 +263,7 @@ class LineReader:
         if not in_dump and not any(run.level or run.checked for run in line.runs):
             self._as_heading(line, rest, line_marks)
             self._times = time_column(text) or self._times
-        if is_ruler(rest.strip(" |\t").split()):
+        if is_ruler(rest.strip(" |\t").split()) or _are_rulers(line):
             line.quiet = True
         if not line.runs:
             line.quiet = line.quiet or _COMMENT.match(text) is not None
@@ -297,7 +300,9 @@ class LineReader:
     def _as_heading(self, line: LogLine, rest: str, line_marks: list[LineMark]) -> None:
         """A line of words: what it says of rows below."""
         bare = bool(line_marks) and not _WORD.search(rest[line_marks[-1].end :])
-        said = [one.mark for one in line_marks if bare or not one.arrow]  # an arrow between words is none
+        said = [  # an arrow between words is none, nor a word of a sentence that has ended
+            one.mark for one in line_marks if bare or not (one.arrow or _SENTENCE_ENDS.search(rest, one.end))
+        ]
         mark = said[-1] if said else NONE
         above, t_ns, fine = self._heading, line.t_ns, line.fine
         if t_ns is None and above is not None and not above.rows:
@@ -369,6 +374,11 @@ class LineReader:
             self._days += 1
         self._newest = t_ns
         return t_ns + self._days * stamps.DAY_NS
+
+
+def _are_rulers(line: LogLine) -> bool:
+    """Whether all that could be bytes are the numbers above columns: `Offset  0  1  2 …`."""
+    return bool(line.runs) and all(is_ruler(line.clean[run.start : run.end].split()) for run in line.runs)
 
 
 def _why_none(text: str, rest: str) -> str:

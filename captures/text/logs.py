@@ -22,7 +22,9 @@ from .halves import halves
 from .judging import ByteJudge, lenient, no_judge
 from .loglines import LineReader, LogLine
 from .payloads import payload_of
+from .places import is_named_otherwise
 from .plain import is_of_mail, quoted
+from .quotes import unquoted
 from .repeats import with_repeats
 from .settling import only_bytes, settle
 from .wrapping import entries_in, mended, unfolded, unwrapped
@@ -36,8 +38,10 @@ _STANDARDS: Final = ((Writing.BYTES, False), (Writing.LIKELY, False), (Writing.B
 _PLAIN_PAIRS: Final = ("pairs", "pairs-", "pairs:", "pairs,")
 _STRETCH: Final = 512  # lines that are settled together
 _MOST: Final = 1 << 18  # characters of a line that is searched at once
+_CRC: Final = 2  # bytes
 _ENTRIES: Final = (120, 3)  # characters, and entries, of a line that may be several
 _ADDRESS: Final = re.compile(r"\d{1,3}(?:\.\d{1,3}){3}")  # of a network
+_NUMBERS: Final = re.compile(r"(?:0|[1-9]\d*)(?:[ \t,;/:-]+(?:0|[1-9]\d*))*")  # as people write them
 _PORTION: Final = re.compile(rf"[^\n]{{1,{_MOST}}}(?=[\s,;\\]|$)|[^\n]{{1,{_MOST}}}")
 
 
@@ -127,7 +131,7 @@ class LogReader:
                 read = again
             else:
                 self._experience, self._lines = strict
-        return [content for line in read for content in _contents(line)]
+        return [content for line in read for content in _contents(line, self._experience)]
 
     def _is_any_right(self, lines: Sequence[LogLine]) -> bool:
         """Whether a check value of these lines is right, in a run of its own or with others."""
@@ -183,7 +187,7 @@ class LogReader:
 
     def _whole(self, lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
         return with_repeats(
-            _parted(whole_entries(mended(unwrapped(unfolded(lines) if self._experience.mail else lines))))
+            _parted(whole_entries(mended(unwrapped(unquoted(unfolded(lines) if self._experience.mail else lines)))))
         )
 
     def _line_reader(self) -> LineReader:
@@ -196,7 +200,7 @@ class LogReader:
         lines, self._waiting = self._waiting[:count], self._waiting[count:]
         settle(lines, self._settler(), self._experience)
         for line in lines:
-            yield from _contents(line)
+            yield from _contents(line, self._experience)
 
 
 def read_lines(
@@ -246,7 +250,7 @@ def _safe_cut(lines: Sequence[LogLine]) -> int:
     )
 
 
-def _contents(line: LogLine) -> Iterator[Piece | UnreadLine]:
+def _contents(line: LogLine, experience: Experience) -> Iterator[Piece | UnreadLine]:
     chosen = [run for run in line.runs if run.taken]
     text = line.text if len(line.text) <= 200 else line.text[:197] + "..."
     for i, run in enumerate(chosen):
@@ -266,11 +270,12 @@ def _contents(line: LogLine) -> Iterator[Piece | UnreadLine]:
     if any(run.halved and not run.checked for run in chosen):
         yield UnreadLine(line.number, text, halves(line.clean) or "half a byte")
     elif line.problem is None:
-        left = [quoted(line.clean[run.start : run.end]) for run in line.runs if _is_left(run)] if chosen else []
+        beside = [run for run in line.runs if _is_left(run) and not _is_check_value(run, chosen)] if chosen else []
+        left = [quoted(line.clean[run.start : run.end]) for run in beside]
         if left:
             yield UnreadLine(line.number, text, f"{', '.join(left)} beside the bytes may be bytes, too")
     if not chosen and line.problem is None and line.runs and not line.quiet:
-        yield UnreadLine(line.number, text, *_why(line))
+        yield UnreadLine(line.number, text, *_why(line, experience))
 
 
 def _is_left(run: ByteRun) -> bool:
@@ -280,7 +285,13 @@ def _is_left(run: ByteRun) -> bool:
     return run.level > Writing.NUMBER or (run.shape in _PLAIN_PAIRS and len(run.data) > 1)
 
 
-def _why(line: LogLine) -> tuple[str, bool]:
+def _is_check_value(run: ByteRun, chosen: Sequence[ByteRun]) -> bool:
+    """Whether it is the check value of a frame in its line, said once more."""
+    ways = (run.data, run.data[::-1])
+    return len(run.data) == _CRC and any(one.checked and one.data[-_CRC:] in ways for one in chosen)
+
+
+def _why(line: LogLine, experience: Experience) -> tuple[str, bool]:
     """Why nothing of a line was read, and whether it does not look like bytes at all."""
     reason = next((run.why for run in line.runs if run.why), None)
     if reason is not None:
@@ -289,7 +300,9 @@ def _why(line: LogLine) -> tuple[str, bool]:
         return half, False
     run = max(line.runs, key=lambda run: (run.level, len(run.data)))
     shown = line.clean[run.start : run.end]
-    if run.level is Writing.NUMBER and (len(run.data) < 3 or run.shape == "base64" or _ADDRESS.fullmatch(shown)):
+    few = len(run.data) < 3 or (_NUMBERS.fullmatch(shown) and (len(run.data) == 3 or experience.shapes))
+    other = run.shape == "base64" or _ADDRESS.fullmatch(shown) or is_named_otherwise(line.clean[: run.start])
+    if run.level is Writing.NUMBER and (few or other):
         return f"no bytes found in {quoted(line.text)}", True
     return f"{quoted(shown)} may be anything: no check value says that these are bytes", False
 

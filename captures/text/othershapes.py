@@ -62,6 +62,7 @@ _NAMED: Final = re.compile(rf"(?<!\S)\S{{0,300}}?<(?:{'|'.join(_CONTROLS)})>.*<(
 _CARET: Final = re.compile(r"(M-)?(?:\^([@-_?])|([ -~]))")
 _CARETS: Final = re.compile(r"(?:(?<![^\s:>'\"=\]])[!-~]{0,8})?\^[@-_?][ -~]*")
 _WITH_CHARACTERS: Final = re.compile(rf"(?<!\w)(?:{H}{{2}} ?\[.\][ ,]{{0,3}}){{4,}}")
+_CHARACTER_EACH: Final = re.compile(rf"{EDGE}(?:{H}{{2}}[ -~] ){{3,}}{H}{{2}}[ -~](?!\S)")
 _IN_BRACKETS: Final = re.compile(rf"\((?:(?:0[xX]|&[hH]|\$)({H}{{1,2}})|(\d{{1,3}}))\)")
 _PLAIN_WORD: Final = re.compile(r"[A-Za-z]?(?:[a-z]*|[A-Z]*)|[a-z/]+")
 _ASCII_BEHIND_WORD: Final = re.compile(rf"(?<=[A-Za-z]{{2}}):(?:{H}{{2}}){{3,300}}{END}")  # `Tx:0103…`
@@ -85,6 +86,7 @@ def other_candidates(line: TextLine) -> Iterator[HexWindow]:
     for match in _ASCII_BEHIND_WORD.finditer(text):
         yield HexWindow(f"{match[0]}\r\n".encode(), *match.span(), "ascii", Writing.NUMBER, ascii=True)
     yield from _decimals(text)
+    yield from _with_characters(text)
     if max(text.count("("), text.count("[")) >= _LEAST_BYTES:
         yield from _in_brackets(text)
     yield from _mistyped(text)
@@ -203,6 +205,14 @@ def _carets(text: str) -> Iterator[HexWindow]:
         yield HexWindow(data, *match.span(), "^A", Writing.NUMBER)
         if text[match.start() - 1 : match.start()] == " ":
             yield HexWindow(b" " + data, match.start() - 1, match.end(), "^A", Writing.NUMBER)
+
+
+def _with_characters(text: str) -> Iterator[HexWindow]:
+    """`01. 03. 6Bk 00.`: behind each byte the character that it is, or what stands for one."""
+    for match in _CHARACTER_EACH.finditer(text):
+        pairs = [(int(match[0][at : at + 2], 16), match[0][at + 2]) for at in range(0, len(match[0]), 4)]
+        if all(sign == (chr(byte) if 0x20 <= byte < 0x7F else ".") for byte, sign in pairs):
+            yield HexWindow(bytes(byte for byte, _ in pairs), *match.span(), "pair and character", Writing.BYTES)
 
 
 def _in_brackets(text: str) -> Iterator[HexWindow]:

@@ -14,6 +14,7 @@ _OFFSET: Final = re.compile(
 _ELLIPSIS: Final = re.compile(r"[ ,]?,? ?(?:\.\.\.(?![\w.])|…)")
 _HALF_AFTER: Final = re.compile(rf"[ \t]{{1,4}}({H}|{H}{{3}})(?=[ \t]*$|[ \t]+{H}{{2}}(?:\s|$))")
 _HALF_BEFORE: Final = re.compile(rf"(?:^|[ \t])({H})[ \t]{{1,4}}$")
+_URL: Final = re.compile(r"://[^\s?=]*$")  # up to what it asks
 _NAMES: Final = re.compile(r"[a-z][a-z0-9/]*")
 _OTHER_THINGS: Final = frozenset(
     [
@@ -68,14 +69,14 @@ def in_its_place(found: HexWindow, line: TextLine) -> HexWindow:
                 found.level if number else max(found.level, Writing.BYTES if len(found.data) > 2 else Writing.LIKELY)
             )
             return found._replace(offset=offset[2], level=level, lead=begin)
-    if found.level and not found.ascii and _is_named_otherwise(before):
+    if found.level and not found.ascii and is_named_otherwise(before):
         return found._replace(level=Writing.NUMBER, lead=found.start)
     return found._replace(lead=found.start)
 
 
-def _is_named_otherwise(before: str) -> bool:
+def is_named_otherwise(before: str) -> bool:
     """Whether the words before some digits say that they are an address, a name or the like, and no bytes."""
-    if before.endswith(("@", "::")):
+    if before.endswith(("@", "::")) or _URL.search(before):
         return True
     words = _NAMES.findall(before.lower())[-2:]
     return (

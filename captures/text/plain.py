@@ -32,6 +32,13 @@ _PLAIN: Final = str.maketrans(
 )
 _CELL: Final = re.compile(r"(?:</?(?:td|th|tr|li|p|br|div|dd|dt)\b[^<>]*>\s*)+", re.IGNORECASE)
 _TAG: Final = re.compile(r"</?(?:code|span|pre|b|i|em|strong|font|a|tt|ul|ol|table|tbody)\b[^<>]*>", re.IGNORECASE)
+_LAST_CELLS: Final = re.compile(r"(?:</?(?:li|p|br|div|dd|dt)\b[^<>]*>\s*)+$", re.IGNORECASE)
+_MARKUP: Final = re.compile(  # of forums, of trackers
+    r"\[/?(?:code|quote|spoiler|pre|color|size|font|table|tr|list|url|indent|center|tt|icode|php|syntax|highlight|noparse"
+    r"|offtop|cut)(?:(?:=| \w+=)[^\[\]\n]*)?\]|\{(?:code|noformat|quote|color|panel)(?:[:=][^{}\n]*)?\}",
+    re.IGNORECASE,
+)
+_BOLD: Final = re.compile(r"\[([biu])\]([^\[\]]*)\[/\1\]", re.IGNORECASE)
 _OCTET: Final = re.compile(r"<[0-9A-Fa-f]{2}>")
 _ENTITY: Final = re.compile(r"&(?:nbsp|lt|gt|quot|amp|#\d+|rarr|larr);")
 _EMPHASIS: Final = re.compile(
@@ -59,6 +66,9 @@ _HEX_SIGN: Final = re.compile(  # typed with a letter O, a multiplication sign, 
 )
 _REPEATED: Final = re.compile(r"(?<!\w)(0x[0-9A-Fa-f]{1,2}|\d{1,3}) <repeats (\d{1,3}) times>")  # as gdb shows arrays
 _LOST_BREAK: Final = re.compile(r"(?<![0-9A-Za-z])([0-9A-Fa-f]{2})(?=(?:[TR]x|[TR]X|tx|rx) ?[:>])")  # `0BRx: 01 03`
+_MIDDLE: Final = re.compile(  # of a dump's row: `00000000: 01 03 04 00 00 00 00 00 - 00 00`
+    r"^(\s*(?:0[xX])?[0-9A-Fa-f]{4,8}\s?[:|]?\s+(?:[0-9A-Fa-f]{2} ){7}[0-9A-Fa-f]{2}) [-|:] (?=[0-9A-Fa-f]{2}\s)"
+)
 _CAST: Final = re.compile(r"\(\s*(?:unsigned |signed )?(?:byte|sbyte|char|u?int8(?:_t)?|u8|BYTE)\s*\)\s*")
 
 
@@ -70,7 +80,9 @@ def plain(line: str) -> str:
     if not text.isascii() or "\x00" in text:
         text = _OTHER_DIGIT.sub(lambda match: str(int(match[0])), text.translate(_PLAIN))
     if "<" in text and ">" in text and len(_OCTET.findall(text)) < _SOME:  # <DD> is a tag as well
-        text = _TAG.sub("", _CELL.sub(" | ", text))
+        text = _TAG.sub("", _CELL.sub(" | ", _LAST_CELLS.sub("", text)))
+    if ("[" in text or "{" in text) and ("]" in text or "}" in text):
+        text = _BOLD.sub(r"\2", _MARKUP.sub("", text))
     if "&" in text and ";" in text and _ENTITY.search(text):
         text = html.unescape(text).replace("\u00a0", " ")
     if _HEX_SIGN.search(text):
@@ -90,6 +102,8 @@ def plain(line: str) -> str:
         text = _ESCAPED_BLANKS.sub("  ", text)
     if is_of_mail(text):
         text = _PRINTABLE.sub(lambda match: chr(int(match[0][1:], 16)), text)
+    if _MIDDLE.match(text):
+        text = _MIDDLE.sub(r"\1   ", text)
     if "%20" in text:
         text = _URL_BLANK.sub("   ", text)
     if "u8" in text or "yte" in text:

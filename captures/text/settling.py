@@ -37,6 +37,7 @@ _NEAR: Final = 5  # lines between a count and the bytes that it counts
 _SHORT: Final = 3  # bytes: no more where text stands behind them
 _HEADED: Final = 6  # bytes for which the header of a frame speaks
 _CRC: Final = 2  # bytes
+_WITH_SIGNS: Final = ("pairs:", "pairs/", "pairs.")
 _MAC: Final = 6  # bytes
 _CALLED_CRC: Final = re.compile(rf"^\W*{CHECK_NAME}\W*$", re.IGNORECASE)
 
@@ -90,7 +91,10 @@ def _speaks_for_itself(run: ByteRun, line: LogLine, experience: Experience) -> b
     if not experience.trust(run.label, run.shape, direct=run.direct and not numbers):
         return False
     if not run.label:
-        return run.offset is not None or _is_all(run, line) or (_begins(line, run) and _closes(line, run))
+        word = line.clean[run.start : run.end].istitle() and not any(map(str.isdigit, line.clean))  # `Be Ad`
+        return (
+            run.offset is not None or (_is_all(run, line) and not word) or (_begins(line, run) and _closes(line, run))
+        )
     return len(run.data) > _SHORT or _ends(line, run)
 
 
@@ -144,9 +148,10 @@ def _beside(lines: Sequence[LogLine]) -> None:
         for one, neighbour in pairwise(near):
             if len(one.runs) == len(neighbour.runs) == 1 and one.runs[0].taken and not neighbour.runs[0].taken:
                 run = neighbour.runs[0]
+                other = run.shape in _WITH_SIGNS and run.shape != one.runs[0].shape  # `10:15`, `11/25`
                 if (
                     run.level is Writing.LIKELY
-                    and not run.halved
+                    and not (run.halved or other)
                     and _is_all(run, neighbour)
                     and _is_all(one.runs[0], one)
                 ):
@@ -211,6 +216,8 @@ def _reread(block: list[tuple[LogLine, ByteRun]], judge: ByteJudge, experience: 
                 continue
             at = 0
             for (line, run), reading in zip(block, readings, strict=True):
+                if at >= checked[-1].end and not _ends(line, run):
+                    break  # words behind the array that begin with a number
                 run.take(reading[shape])
                 run.taken = True
                 line.continues = line.continues or any(span.start < at < span.end for span in checked)
@@ -295,6 +302,8 @@ def _as_long_as_they_say(lines: Sequence[LogLine], judge: ByteJudge, experience:
         for run in line.runs:
             if run.taken or run.why or run.halved or line.quiet or len(run.data) < _HEADED:
                 continue
+            if run.level is Writing.NUMBER and run.shape == "pairs":
+                continue  # a list of numbers
             readings: tuple[ByteRun | HexWindow, ...] = (run, *run.others)
             for reading in readings:
                 if reading.shape in experience.shapes and _all_of(reading.data, judge(reading.data, damaged=True)):

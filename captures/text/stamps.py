@@ -35,7 +35,7 @@ _CLOCK = re.compile(
     r"(?:[.:](?P<fz>\d{3}[,.]\d{3})(?!\d)|\.(?P<f>\d{1,9})|,(?P<fc>\d{3}(?:\d{3}){0,2})(?!\d)|:(?P<fm>\d{3})(?!\d)|"
     r"\ (?P<fs>\d{3})(?=\ ?(?:ms|мс)\b)|\ \((?P<fp>\d{3})\))?"
     r"(?:\ ?(?P<half>[AaPp])\.?[Mm]\.?)?(?:\ ?(?P<zone>Z\b|[+-]\d\d:?\d\d|UTC\b|GMT\b))?"
-    r"(?:(?=[i-wyz][a-z]{2}|[tr]x(?![0-9a-z]))|(?![0-9a-z_]|:[0-9a-f]{1,2}(?!\w)|\.\d))"
+    r"(?:(?=[i-wyz][a-z]{2}|[tr]x(?![0-9a-z]))|(?![0-9a-z_]|\.\d)(?(f)|(?!:[0-9a-f]{1,2}(?!\w))))"
     r"(?:\ (?P<y7>20\d\d)(?=[\]) ]))?",
     re.IGNORECASE,
 )
@@ -45,6 +45,12 @@ _BARE_DATE = re.compile(
     r"(?<![\w.:-])\d\d?-(?:jan|feb|mar|apr|may|jun|jul|aug|sep|oct|nov|dec)-\d{2,4}\b",
     re.IGNORECASE,
 )
+_MINUTE: Final = re.compile(  # of chats and mails: too coarse for a time, but no bytes
+    rf"(?<![\w.:-])(?:{_DATE}(?:, | at | в | - | )(?:at |в )?(?P<h>\d{{1,2}}):(?P<mi>\d\d)(?: ?[AaPp]\.?[Mm]\b\.?)?|\d{{1,2}}:\d\d ?[AaPp]\.?[Mm]\b|(?<=\bat )\d{{1,2}}:\d\d)(?![\w:]|[.,]\d)"
+    r"|^\s*\[\d\d:\d\d\](?=\s*[^\W\d_])",
+    re.IGNORECASE,
+)
+_LIKELY_MINUTE: Final = re.compile(r"\d:\d\d(?![\d:])")
 _LIKELY_CLOCK = re.compile(r"\d:\d\d:\d\d")
 _LIKELY_DATE = re.compile(r"\d[-/.](?:\d\d|[A-Za-z])")
 _LONG: Final = 4096  # characters: in a longer line times are looked for
@@ -81,7 +87,7 @@ _TICKS = re.compile(  # milliseconds since a microcontroller began, or a program
     r"^\s*(?:(\d{1,10}) \[[\w .#:-]{1,60}\] (?:TRACE|DEBUG|INFO|WARN|ERROR)\b|\[[A-Z]\] ?(\d+)\||[EWIDV] \((\d+)\)(?= )|\[ *(\d+)\](?:\[[EWIDV]\]| \[(?:INFO|DEBUG|WARN|ERR|ERROR|TRACE|VERB) *\]))"
 )
 _COUNTER = re.compile(  # `1023: TX 01 03`
-    r"^\s*(?:\[?(\d{1,10})\]?:|\[ *(\d{1,10})\]|\((\d{1,10})\)|(?<= {2})(\d{1,10})(?= )) ?(?=\W{0,2}(?:\w{0,8}_)?(?:[TR]x|req|resp?|sen[dt]|recv|read|wr|write|in|out)\b|[-=]?[-=<>][->=]|[→←])|^\s*\[ *(\d{1,10})\] (?=\w{1,12}(?:Send|Receive|Write|Read)\b)|^\s*(\d{4,10})(?: ?[|;,\t]| (?=\S)) ?(?=\W{0,2}(?:[TR]x\b|[-=]?[-=<>][->=]|[→←]))",
+    r"^\s*(?:\[?(\d{1,10})\]?:|\[ *(\d{1,10})\]|\((\d{1,10})\)|(?<= {2})(\d{1,10})(?= )) ?(?=\W{0,2}(?:\w{0,8}_)?(?:[TR]x|req|resp?|sen[dt]|recv|read|wr|write|in|out)\b|[-=]?[-=<>][->=]|[→←])|^\s*\[ *(\d{1,10})\] (?=\w{1,12}(?:Send|Receive|Write|Read)\b)|^\s*(?:\[(\d{4,10})\]|(\d{4,10}) ?:) (?=(?:[\w.-]{1,16}:? ){1,3}(?:[TR]x|sen[dt]|recv|reply)\b)|^\s*(\d{4,10})(?: ?[|;,\t]| (?=\S)) ?(?=\W{0,2}(?:[TR]x\b|[-=]?[-=<>][->=]|[→←]))",
     re.I,
 )
 _LAST = re.compile(r"[\w\"')\]}][ \t](1[2-9]\d{8})(\d{3}|\d{9})\s*$")  # as InfluxDB's lines end
@@ -171,6 +177,8 @@ def find(text: str, zone: tzinfo | None = UTC) -> tuple[Stamp | None, str]:
     if stamp is None and timed and (match := _DAYS.search(text)) is not None:
         stamp = _of_parts(match)
         text = _blanked(text, match)
+    if ":" in text and _LIKELY_MINUTE.search(text):
+        text = _MINUTE.sub(lambda match: " " * len(match[0]), text)
     if _LIKELY_DATE.search(text):
         for match in _BARE_DATE.finditer(text):
             text = _blanked(text, match)

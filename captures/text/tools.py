@@ -41,6 +41,10 @@ _SIGNED: Final = {  # too common as words: marks only with a sign behind
     "out": TX, "master": TX, "client": TX, "write": TX, "мастер": TX, "ведущий": TX,
     "in": RX, "slave": RX, "server": RX, "read": RX, "слейв": RX, "ведомый": RX,
 }  # fmt: skip
+_SPEAKERS: Final = {  # marks only before an arrow
+    "master": TX, "client": TX, "host": TX, "мастер": TX, "ведущий": TX,
+    "slave": RX, "server": RX, "device": RX, "слейв": RX, "ведомый": RX, "прибор": RX, "устройство": RX,
+}  # fmt: skip
 _EAST: Final = (  # parts of words in scripts that put no spaces between them; the last one in a word counts
     *(
         (word, TX)
@@ -92,17 +96,27 @@ _ARROW_OF: Final = {">": TX, "→": TX, "⇒": TX, "▶": TX, "<": RX, "←": RX
 _CANDIDATE: Final = re.compile(
     r"(?<![^\W_])(?P<word>[^\W\d_]{1,16})(?![^\W\d_])"
     r"(?P<sign>\s*[:\]>|)](?!\s*(?:0x)?\d+\s*(?:[,;)\]/]|$))|\s+\d+\s*(?:$|[Bb]ytes?\b)|"
-    r"(?=\s+(?:[0-9A-F]{2} ){2}[0-9A-F]{2}|\s+<Buffer |\s+to\s))?|"
+    r"(?=\s+(?:(?:[0-9A-F]{2} ){2}[0-9A-F]{2}|(?:(?:0[xX]|16#|\$)[0-9A-Fa-f]{1,2}[ ,]{1,2}){3}|<Buffer |to\s)))?|"
     r"(?P<arrow>-{1,3}>|=+>|>{2,3}|<-{1,3}|<=+|<{2,3}|[→⇒▶←⇐◀]|^\s*(?:>\s+)?[<>](?=\s))"  # a quoted line's own
 )
 _NAMES: Final = re.compile(  # `Master -> Slave`: who says it to whom
     r"(?<![^\W_])(?P<one>[^\W\d_]{2,16})\s?(?P<way>-{1,2}>|=>|→|<-{1,2}|<=|←)\s?"
     r"(?P<other>(?![0-9A-Fa-f]{2}(?!\w))[^\W\d_]{2,16})(?![^\W_])"
 )
+_SPEAKS: Final = re.compile(  # `Device --> 01 03`, `Slave <- 01 03`: whose bytes, or to whom
+    r"(?<![^\W_])(?P<who>[^\W\d_]{4,16})\s?(?P<way>-{1,3}>|=+>|→|<-{1,3}|<=+|←)(?=\s{0,4}[\[(<'\"]?(?:0x)?[0-9A-Fa-f]{2})"
+)
+_CARRIER: Final = "(?:buf(?:fer)?|data|msg|message|frame|packet|bytes|telegram|pdu|adu)"
+_CARRIED: Final = re.compile(rf"(?P<way>[a-z]{{2,8}}?){_CARRIER}|{_CARRIER}(?P<done>[a-z]{{2,8}})")  # `SendBuffer`
+_NEGATED: Final = re.compile(
+    r"(?:\b(?:no|not|never|without)|n['’]t|(?<!\w)(?:не|нет|без)) (?:\w{1,10} )?$|[无無未没]$", re.IGNORECASE
+)
+_NEGATED_WITHIN: Final = 24  # characters
+_CODE: Final = 3  # characters of `TX`, `RXD`, before which `No` is a column's name
 _PROMPT: Final = re.compile(r"^>>> ?(?=[A-Za-z_][\w.]*(?:\(| ?=|$))")  # of Python: no arrow
 _NAMED: Final = re.compile("地址|编号|号|名称|数量|个数|番号|アドレス|주소|번호")  # a station's, and no message
-_LETTERS: Final = re.compile(r"[tr]x(?=buf|data|msg|frame|packet)|[^\W\d_]+")
-_ASCII_WORD: Final = re.compile(r"[a-z]+")
+_LETTERS: Final = re.compile(rf"[a-z]{{2,8}}?(?={_CARRIER}(?![^\W\d_]))|[^\W\d_]+")
+_ASCII_WORD: Final = re.compile(rf"[a-z]{{2,8}}?(?={_CARRIER}(?![a-z]))|{_CARRIER}|[a-z]+")
 _ARROW: Final = re.compile(r"->|=>|>>|<-|<=|<<|^\s*[<>]\s")
 _OTHER: Final = {NONE: NONE, TX: RX, RX: TX}
 _MARKING: Final = frozenset((*_MARK_OF, *_SIGNED))
@@ -129,10 +143,13 @@ def marks(text: str) -> list[LineMark]:
         sender, addressee = names["one"], names["other"]
         if names["way"][0] in "<←":
             sender, addressee = addressee, sender
-        kind = _of_word(sender, signed=True) or _OTHER[_of_word(addressee, signed=True)]
+        kind = _of_speaker(sender) or _OTHER[_of_speaker(addressee)]
         if kind:
             line_marks.append(LineMark(*names.span(), kind))
         begin = names.end()
+    elif (speaks := _SPEAKS.search(text, begin)) is not None and (kind := _SPEAKERS.get(speaks["who"].lower(), NONE)):
+        line_marks.append(LineMark(*speaks.span(), _OTHER[kind] if speaks["way"][0] in "<←" else kind))
+        begin = speaks.end()
     for match in _CANDIDATE.finditer(text, begin):
         word = match["word"]
         if word is None:
@@ -141,6 +158,8 @@ def marks(text: str) -> list[LineMark]:
             line_marks.append(LineMark(match.start(), match.end(), kind, arrow=True))
         elif kind := _of_word(word, signed=match["sign"] is not None or _is_method(text, *match.span("word"))):
             end = match.end("word")
+            if len(word) > _CODE and _NEGATED.search(text[max(match.start() - _NEGATED_WITHIN, 0) : match.start()]):
+                continue  # `no response`, behind which the next request may stand
             plain = word.lower() not in _SIGNED
             line_marks.append(LineMark(match.start(), end + text.startswith(":", end), kind, plain=plain))
     return line_marks
@@ -154,13 +173,21 @@ def _is_method(text: str, start: int, end: int) -> bool:
 def _of_word(word: str, *, signed: bool) -> int:
     plain = word.lower()
     kind = _MARK_OF.get(plain, NONE) or (_SIGNED.get(plain, NONE) if signed else NONE)
-    if kind or word.isascii():
+    if word.isascii():
+        if not kind and (carried := _CARRIED.fullmatch(plain)) is not None:
+            return _of_word(carried["way"] or carried["done"], signed=signed)
+        return kind
+    if kind:
         return kind
     last, kind = -1, NONE
     for part, mark in _EAST:
         if (at := word.rfind(part)) > last and _NAMED.match(word, at + len(part)) is None:
             last, kind = at, mark
     return kind
+
+
+def _of_speaker(word: str) -> int:
+    return _of_word(word, signed=True) or _SPEAKERS.get(word.lower(), NONE)
 
 
 def is_mark(word: str) -> bool:
