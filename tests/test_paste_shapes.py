@@ -51,6 +51,7 @@ TIMED = [
         "packets and their dumps",
         "bus log with a hash",
         "process monitor",
+        "frames of a scope",
         "Modbus Slave with times",
     ),
 ]

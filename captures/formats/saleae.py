@@ -44,6 +44,8 @@ _NAMES: Final = {
 _MISSING: Final = ("", "false", "no", "0", "null", "none")
 _ANOTHER: Final = re.compile(r"_ns\b|channel \d+", re.I)  # in the first line of other tables
 _HEX: Final = re.compile(r"0x([0-9A-Fa-f]{1,8})\b")
+_SEVERAL: Final = re.compile(r"\s*(?:0[xX])?[0-9A-Fa-f]{2}(?:[ :-]?[0-9A-Fa-f]{2}){2,}\s*")  # bytes
+_LOOK: Final = 8  # lines
 _BINARY: Final = re.compile(r"0b([01 ]{1,40})")
 _ESCAPES: Final = {
     "\\0": 0, "\\a": 7, "\\b": 8, "\\t": 9, "\\n": 10, "\\v": 11, "\\f": 12, "\\r": 13, "\\\\": 92, "comma": 44,
@@ -186,7 +188,18 @@ def _is_character(text: str) -> bool:
 
 
 def _sniff(head: bytes) -> float:
-    return 0.95 if _header(head) is not None else 0.0
+    header = _header(head)
+    if header is None:
+        return 0.0
+    columns, delimiter = header
+    for line in head.split(b"\n")[1:_LOOK]:  # of another tool, a frame a row
+        try:
+            cells = _values(_split_row(line, delimiter), columns)["data"]
+        except ValueError:
+            continue
+        if any(map(_SEVERAL.fullmatch, cells)):
+            return 0.0
+    return 0.95
 
 
 def _read(

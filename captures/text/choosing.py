@@ -161,7 +161,9 @@ def runs_in(line: TextLine, judge: ByteJudge, experience: Experience) -> list[By
         row = run.offset is not None or (i + 1 < len(runs) and len(run.data) > _LEAST and run.shape in ROWS)
         shown = (row or run.cut) and shows(run.data, line.text[run.end :].strip(_AROUND))
         run.cut = run.cut and not shown  # dots in place of characters
-        if row and (run.offset is not None or shown):
+        if row and not (shown or run.checked) and any(len(other.data) > len(run.data) for other in runs[i + 1 :]):
+            run.offset = None  # `298365 17 [Task] TX 01 03 …`: no characters of a byte stand behind
+        elif row and (run.offset is not None or shown):
             return runs[: i + 1]  # what stands behind are the same bytes as characters
     return runs
 

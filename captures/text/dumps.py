@@ -49,8 +49,10 @@ class Dump:
         return cells is not None and self.row is not None and od_bytes(cells["row"]) == self.row.data
 
     def _is_next(self, digits: str, length: int) -> bool:
-        """Whether these digits are where the dump goes on: in hex, or in octal as od writes it."""
+        """Whether these digits are where the dump goes on: in hex, or in octal or decimal as od writes it."""
         if not _DIGITS.fullmatch(digits):
             return False
-        octal = set(digits) <= set("01234567") and not self.first
-        return int(digits, 16) == self.first + length or (octal and int(digits, 8) == length)
+        bases = [16]
+        if digits.isdigit() and not self.first:
+            bases += [10, 8] if set(digits) <= set("01234567") else [10]
+        return any(int(digits, base) == (self.first if base == 16 else 0) + length for base in bases)

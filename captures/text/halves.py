@@ -16,7 +16,7 @@ _HALVED: Final = (
     (re.compile(rf"(?:^|[\s,;:])0[xX]((?:{H}{{2}}){{2,}}{H})\b"), "an odd number of hex digits in 0x{} at column {}"),
     # not `main.rs:42:5`, `12 500 rub`
     (re.compile(rf"(?<!\w:)(?:\b{H}{{2}}[ \t,:-]{{1,2}}){{2,}}({H}|{H}{{3}})(?![0-9A-Za-z_.])"), _ODD),
-    (re.compile(rf"^\s*(?!fc|FC){H}{{2}}[ \t,:-]{{1,2}}({H}|{H}{{3}})\s*(?:$|(?:{H}{{1,2}}\s+){{2}})"), _ODD),
+    (re.compile(rf"^\s*(?!fc|FC){H}{{2}}[ \t,:-]{{1,2}}({H}|{H}{{3}})(?:\s*$|(?:\s+{H}{{1,2}}){{2}})"), _ODD),
     (
         re.compile(rf"\b0[xX]{H}{{1,2}}[\s,;:]{{1,2}}0[xX]({H}{{3}})\b"),
         "an odd number of hex digits in 0x{} at column {}",
@@ -25,10 +25,13 @@ _HALVED: Final = (
     (re.compile(r"^\s*(\d{5,})\s*$"), _ODD),
     (re.compile(r"(\\x)(?![0-9A-Fa-f]{2}|\{)"), "{} without two hex digits at column {}"),
 )
+_NAMES: Final = re.compile(r"\b([a-fA-F])0[ ,;\t]+\1?1[ ,;\t]+\1?2\b")  # of columns: `b0,b1,b2,…,b10`
 
 
 def halves(text: str) -> str | None:
     """What is wrong with digits of this text that are meant as bytes and do not come in pairs; None for others."""
+    if _NAMES.search(text):
+        return None
     for pattern, words in _HALVED:
         if (match := pattern.search(text)) is not None and not (words is _ODD and len(match[1]) % 2 == 0):
             return words.format(shortened(match[1]), match.start(1) + 1)

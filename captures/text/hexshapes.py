@@ -44,6 +44,12 @@ _BITS: Final = re.compile(r"0[bB][01]{8}$")
 _ASCII_APART: Final = re.compile(rf"(?:^|[:>|=])[ \t]*(?P<frame>:(?:[ \t]?{H}{{2}}){{3,300}}){END}")
 _BEFORE_CHECK: Final = re.compile(rf"{CHECK_NAME}\W*$", re.IGNORECASE)
 _ROW_OF_WORDS: Final = re.compile(rf"{H}{{7,8}} +{H}{{4}}\s*$")
+_OF_OD: Final = (
+    (re.compile(r"[0-7]{7}\s+(?P<words>[0-7]{6}(?: +[0-7]{6}){0,15})\s*$"), 8),
+    (re.compile(r"[0-9a-f]{7}\s+(?P<words>\d{5}(?: +\d{5}){0,15})\s*$"), 10),
+    (re.compile(r"[0-7]{7} {2,}(?P<words>\d{1,5}(?: +\d{1,5}){7})\s*$"), 10),
+)
+_WORD_MOST: Final = 0xFFFF
 _COMMON_SIGNS: Final = ("%", "$", "x", "X", "h", "H")
 _GAP: Final = re.compile(r"[ \t]+")
 _SOME: Final = 3  # bytes: fewer say nothing
@@ -70,6 +76,8 @@ def hex_candidates(line: TextLine) -> Iterator[HexWindow]:
         yield from _suffixed(text)
     if ":" in text:
         yield from _ascii_frames(text)
+    if text[:1] == "0":
+        yield from _numbers(text)
 
 
 _SIGNS: Final = frozenset("xX$#&%'\"")
@@ -212,6 +220,16 @@ def _level_of_words(line: TextLine, start: int, end: int, tokens: list[str]) -> 
     if size >= _WORD_LENGTH:
         return Writing.BYTES if size > _WORD_LENGTH or alone or digits[0] == "0" or len(tokens) > 1 else Writing.LIKELY
     return Writing.LIKELY if bare or (alone and len(tokens) > 1) else Writing.NUMBER
+
+
+def _numbers(text: str) -> Iterator[HexWindow]:
+    """`0000000 000401 000000`, `0000000   00257   00000`: 16-bit words as `od` and `hexdump -d` write them."""
+    for pattern, base in _OF_OD:
+        if (match := pattern.match(text)) is not None:
+            words = [int(word, base) for word in match["words"].split()]
+            if max(words) <= _WORD_MOST:
+                data = b"".join(word.to_bytes(2, "little") for word in words)
+                yield HexWindow(data, *match.span("words"), "swapped words, octal or decimal", Writing.LIKELY)
 
 
 def _loose_words(line: TextLine) -> Iterator[HexWindow]:

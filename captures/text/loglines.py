@@ -34,6 +34,7 @@ from .tools import MARK_WORDS, NONE, SHAPES, LineMark, LineRole, Shape, marks
 _LEAST_SHAPED: Final = 4  # characters of a line in a tool's own layout
 _COMMENT: Final = re.compile(r"^\s*(?:#|//|;|--|/?\*)")
 _WORD: Final = re.compile(r"\w")
+_WORDS: Final = re.compile(r"\w+")
 _SAYS_MORE: Final = re.compile(r"[^\W\d_]|[/<>←→]")
 _LETTER: Final = re.compile(r"[^\W\d_]")
 _BARE_HEX: Final = re.compile(r"[0-9A-Fa-f\s]+")
@@ -41,10 +42,9 @@ _BARE_LEAST: Final = 4096  # characters of a line that is worth a look whether i
 _ANNOUNCED: Final = re.compile(
     r"(?:\b(\d{1,5}) ?bytes?\b|/(\d{1,5}):?$|\b(?:write|read|length|len|size)[ =:]+(\d{1,5})$)", re.I
 )
-_OD_WORDS: Final = re.compile(r"^[0-7]{7}(?: +[0-7]{6})+\s*$")
 _QUOTE: Final = re.compile(r"^\s*>(?:\s*>)*\s(?=\s*\S)")
 _JPNEVULATOR: Final = re.compile(r"^\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{6}: (?P<label>\S.*?)\s*$")
-_SOCAT_BYTES: Final = re.compile(r"^ ((?:[0-9a-f]{2} ){0,15}[0-9a-f]{2})(?:  .*)?$")
+_SOCAT_BYTES: Final = re.compile(r"^ ((?:[0-9a-f]{2} ){0,8191}[0-9a-f]{2})(?:  .*)?$")
 _OCTET: Final = re.compile(r"(?<![0-9A-Za-z])[0-9A-Fa-f]{2}[hH](?![0-9A-Za-z])")
 _SENTENCE_ENDS: Final = re.compile(r"[^\W\d]{3}[.!?…]\s+[^\W\d_]+[,\s]")
 _LABELLED: Final = 56  # characters of a heading that name it
@@ -378,12 +378,10 @@ class LineReader:
 
 def _are_rulers(line: LogLine) -> bool:
     """Whether all that could be bytes are the numbers above columns: `Offset  0  1  2 …`."""
-    return bool(line.runs) and all(is_ruler(line.clean[run.start : run.end].split()) for run in line.runs)
+    return bool(line.runs) and all(is_ruler(_WORDS.findall(line.clean[run.start : run.end])) for run in line.runs)
 
 
 def _why_none(text: str, rest: str) -> str:
-    if _OD_WORDS.match(rest):
-        return "16-bit words as od writes them, not bytes: use od -An -v -tx1, hexdump -C or xxd"
     return halves(rest) or f"no bytes found in {quoted(text)}"
 
 

@@ -274,6 +274,10 @@ def _decimals(text: str) -> Iterator[HexWindow]:
                 node = _NODE_JSON.search(text, max(match.start() - 40, 0), match.start())
                 padded = _PADDED.fullmatch(text, match.start(), end) and "0" in text[match.start() : end : len("000][")]
                 level = Writing.BYTES if node or padded else Writing.NUMBER
+                if values[0] == len(values) - 1:  # so many bytes
+                    second = text.index(str(values[1]), match.start() + len(str(values[0])))
+                    behind = bytes(value & 0xFF for value in values[1:])
+                    yield HexWindow(behind, second, end, "decimal", level)
                 yield HexWindow(bytes(value & 0xFF for value in values), match.start(), end, "decimal", level)
 
 

@@ -6,7 +6,15 @@ import re
 from collections.abc import Sequence
 from typing import Final
 
-ROWS: Final = ("pairs", "words", "swapped words", "binary", "decimal", "od -c")  # shapes of the rows of dumps
+ROWS: Final = (
+    "pairs",
+    "words",
+    "swapped words",
+    "swapped words, octal or decimal",
+    "binary",
+    "decimal",
+    "od -c",
+)  # shapes of the rows of dumps
 _ROW: Final = 8  # bytes, after which dumps leave a gap
 _PAIR: Final = re.compile(r"[0-9A-Fa-f]{1,2}")
 _RULER: Final = 6  # numbers, each one more than that before it

@@ -20,17 +20,20 @@ NONE, TX, RX = 0, 1, 2
 _WORDS: Final = {
     TX: "tx txd snd xmit send sends sending sent transmit transmitted transmitting request requests requested "
     "requesting req query outgoing wrote written writing "
-    "запрос отправка отправлено отправлен отправил отправляю отправляем послал "
-    "посылаю передал передаю шлю шлёт шлет "
+    "запрос отправка отправлено отправлен отправил отправляю отправляем отправляет послал посылаем посылает "
+    "посылаю передал передаю передаём передаем передаёт передает шлю шлёт шлет спрашиваю спрашивает "
     "передача передано посылка послано запит надіслано "
+    "schicke schickt envoie invia wysyła envia "
     "gesendet senden sende gesendete anfrage abfrage envoi envoyé envoyée envoyer requête demande émission émis trame "
     "enviado enviada envío enviando enviar solicitud petición consulta envio requisição pedido pergunta solicitação "
     "inviato inviata invio inviati richiesta wysłano wysłane wysyłam zapytanie żądanie nadano "
     "gönderilen gönderildi gönder istek sorgu odesláno dotaz verzonden verzoek skickat",
     RX: "rx rxd recv rcv rcvd receive receives receiving received response resp responds responded responding "
-    "reply replies replied replying answer answers answered answering incoming "
+    "reply replies replied replying answer answers answered answering incoming got returns returned "
     "ответ приём прием принят принято принял принимаю получено получен получил получаю получили приходит пришло "
+    "отвечает ответил ответила ответило присылает прислал возвращает вернул вернула отдаёт отдает "
     "відповідь отримано "
+    "bekomme erhalte erhalten antwortet répond recibo responde ricevo risponde odpowiada "
     "empfangen empfang empfangene antwort reçu reçue réception recevoir réponse "
     "recibido recibida recibiendo recepción respuesta recebido recebida recepção resposta "
     "ricevuto ricevuta ricezione risposta odebrano otrzymano odbiór odpowiedź "
@@ -276,6 +279,14 @@ SHAPES = (
         ),
     ),
     Shape("pymodbus", LineRole.NOTHING, re.compile(r"^\d{4}-\d\d-\d\d \d\d:\d\d:\d\d[,.]\d{3} [A-Z]+ +\w+:\d+ ")),
+    Shape(
+        "Saleae Logic 2, as characters",
+        LineRole.STRING,
+        re.compile(
+            r'^"[^"]*","data",(?P<time>\d+\.\d+),[^,"]*,"(?P<hex>[^"\\]|\\x[0-9A-Fa-f]{2}|\\[0abtnvfr\\])"(?:,|\s*$)'
+        ),
+    ),
+    Shape("PowerShell", LineRole.NOTHING, re.compile(r"^\s+(?:Label: .* <[0-9A-F]{8}>|Path: .*)\s*$")),
     Shape("libmodbus", LineRole.BYTES, re.compile(r"^(?P<hex>(?:\[[0-9A-F]{2}\])+)\s*$"), TX),
     Shape("libmodbus", LineRole.BYTES, re.compile(r"^(?P<hex>(?:<[0-9A-F]{2}>)+)\s*$"), RX),
     Shape(

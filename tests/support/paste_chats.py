@@ -54,6 +54,31 @@ def _parted_dump(m: Message) -> str:
     return dump(m.data, row)
 
 
+def _words(m: Message, form: str) -> str:
+    """16-bit words of this machine's order, in another base; the last one filled up, the length below."""
+    data = m.data + bytes(len(m.data) % 2)
+    return (
+        dump(
+            data,
+            lambda at, row: f"{at:07o}" + "".join(form.format(row[i] | row[i + 1] << 8) for i in range(0, len(row), 2)),
+        )
+        + f"\n{len(m.data):07o}"
+    )
+
+
+def _as_character(byte: int) -> str:
+    return chr(byte) if 0x20 < byte < 0x7F and byte not in (0x22, 0x5C) else f"\\x{byte:02X}"
+
+
+def _logic(log: Sequence[Message], rng: random.Random) -> str:
+    rows = [
+        f'"Async Serial","data",{(m.ms + i) / 1000:.9f},0.00086,"{_as_character(b)}",'
+        for m in log
+        for i, b in enumerate(m.data)
+    ]
+    return "\n".join(["name,type,start_time,duration,data,error", *rows])
+
+
 def _packets(m: Message) -> str:
     one, other = word(m, "1", "2"), word(m, "2", "1")
     head = f"{m.ms % 99:5d} {m.ms / 1000:.6f} 10.0.0.{one} → 10.0.0.{other} TCP {54 + len(m.data)} 4001 → 502 [PSH, ACK] Len={len(m.data)}"
@@ -124,5 +149,19 @@ CHATS: Final[dict[str, Style]] = {
     "FHEM": lines_of(lambda m: f"2026.11.25 {m.clock} 5: SDM: {word(m, 'SendQueue sends', 'ParseFrames got')}: {m.data.hex()} id 1, fc 3"),
     "Beckhoff": lines_of(lambda m: f"25/11/2026 {m.clock.replace('.', ' ')} ms | 'PlcTask' (350): {word(m, 'TX', 'RX')} {spaced(m.data)}"),
     "OpenModScan": lines_of(lambda m: f"{word(m, '[Tx] ← ', '[Rx] → ')}{m.clock} {spaced(m.data)}"),
+    "od -An": lines_of(lambda m: _words(m, " {:06o}")),
+    "hexdump -d": lines_of(lambda m: _words(m, "   {:05d}")),
+    "od -A d": lines_of(lambda m: dump(m.data, lambda at, row: f"{at:07d} {row.hex(' ')}") + f"\n{len(m.data):07d}"),
+    "socat in one line": lines_of(lambda m: f"{word(m, '>', '<')} 2026/11/25 {m.clock}123  length={len(m.data)} from=0 to={len(m.data) - 1}\n {m.data.hex(' ')}"),
+    "PowerShell 7": lambda log, rng: "\n".join("   Label: Byte[] (System.Byte[]) <12A34B56>\n\n          Offset Bytes                                           Ascii\n                 00 01 02 03 04 05 06 07 08 09 0A 0B 0C 0D 0E 0F\n          ------ ----------------------------------------------- -----\n" + dump(m.data, lambda at, row: f"{at:016X} {row.hex(' ').upper():<48}{shown(row)}") + "\n" for m in log),
+    "cells behind their count": lines_of(lambda m: f"{m.clock},{word(m, 'TX', 'RX')},{len(m.data)}," + ",".join(map(str, m.data))),
+    "columns by their names": lambda log, rng: "time,dir," + ",".join(f"b{i}" for i in range(12)) + "\n" + "\n".join(f"{m.clock},{word(m, 'TX', 'RX')},{m.data.hex(',').upper()}" for m in log),
+    "Logic 2 as characters": _logic,
+    "frames of a scope": lambda log, rng: "Frame,Start,Source,Data\n" + "\n".join(f"{i},{m.ms / 1000:.6f} s,{word(m, 'Tx', 'Rx')},{m.data.hex().upper()}" for i, m in enumerate(log, 1)),
+    "sentence in Russian": _pairs("На запрос {asks} прибор отвечает {answers}, таймаут 500 мс."),
+    "sentence in English": _pairs("When I send {asks} I get {answers} back."),
+    "sentence in German": _pairs("Ich schicke {asks}, das Gerät antwortet {answers}."),
+    "web server's clock": lines_of(lambda m: f"[25/Nov/2026:{m.clock[:8]} +0300] {word(m, 'TX', 'RX')} {spaced(m.data)}"),
+    "ticks and a task's number": lines_of(lambda m: f"{m.ms} 17 [MBTask] {word(m, 'TX', 'RX')} {spaced(m.data)}"),
     "sscom": lines_of(lambda m: f"[{m.clock}]{word(m, 'OUT→◇', 'IN←◆')}{spaced(m.data)} "),
 }  # fmt: skip
