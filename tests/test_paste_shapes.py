@@ -131,6 +131,23 @@ def test_what_people_put_around_a_log_changes_nothing(margin: str) -> None:
     assert 30 * len(wrong) <= len(names), wrong
 
 
+def test_what_two_tools_show_stands_in_one_paste() -> None:
+    rng, wrong = random.Random("mixed"), []
+    names = [name for name in ALL if not name.startswith("manual")]
+    pairs = [
+        ("DSView", "JSON lines"),
+        ("numpy rows", "Zephyr"),
+        *zip(rng.sample(names, 60), rng.sample(names, 60), strict=True),
+    ]
+    for one, other in pairs:
+        log, text, _ = made(one, ALL[one], 0)
+        more, below, _ = made(other, ALL[other], 0)
+        wanted = [(message.role, message.data.hex()) for message in [*log, *more]]
+        if frames_read(f"{text}\n\nAnd this is what the other tool shows:\n{below}") != wanted:
+            wrong.append((one, other))
+    assert 30 * len(wrong) <= len(pairs), wrong
+
+
 @pytest.mark.parametrize("name", TIMED)
 def test_times_of_a_log_are_used(name: str, tmp_path: Path) -> None:
     log, text, _ = made(name, ALL[name], 3)

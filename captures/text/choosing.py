@@ -21,6 +21,7 @@ MOST_JUDGED: Final = 4096  # bytes of one run that a judge is shown
 _LEAST: Final = 4  # bytes that can hold a check value
 _HEADED: Final = 6  # bytes for which the header of a frame speaks
 _PAIR_AND_BLANKS: Final = (3, 4)  # characters
+_PAIR_OF_HEX: Final = re.compile(r"(?<!\d)0\d(?!\d)")  # `00`, `03`: numbers are not written so
 _ENOUGH: Final = 0.5  # of a number's bytes that a check value must cover
 _AROUND: Final = " \t|<>"  # signs around the characters of a row
 _MARKED: Final = "\0marked"  # in place of the label, for all runs behind direction marks
@@ -184,7 +185,8 @@ def _ranked(candidate: HexWindow, line: TextLine, judge: ByteJudge, experience: 
     checked = checked_in(candidate, judge) if judged else ()
     covered = sum(span.end - span.start for span in checked)
     trusted = announced = 0
-    if experience.right:
+    shown = line.text[candidate.start : candidate.end]
+    if experience.right and not (candidate.shape == "decimal" and _PAIR_OF_HEX.search(shown)):
         direct = candidate.start in line.first and candidate.start > line.begin
         trusted = experience.trust(label_of(line, candidate.start), candidate.shape, direct=direct)
         if not checked and size >= _HEADED and candidate.shape in experience.shapes:

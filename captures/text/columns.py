@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Collection, Sequence
 from itertools import accumulate, groupby, pairwise, takewhile
 from typing import Final
@@ -36,9 +37,12 @@ _PATIENCE: Final = 3000  # rows of numbers without a frame, after which none is 
 def settle_columns(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -> None:
     """Frames written a byte or a field a line, or field by field in one line, found by their check values."""
     _leave_out_numbers(lines)
+    words = Counter(skeleton_of(line) for line in lines if _is_timed_word(line))
     group: list[LogLine] = []
     for line in [*lines, None]:
         if line is not None and ((line.clean.strip() == "" and not line.runs) or _is_ruler(line)):
+            continue
+        if line is not None and _is_timed_word(line) and words[skeleton_of(line)] >= LEAST_COLUMN:
             continue
         if line is not None and not line.is_known and not is_right(line) and holds_numbers(line):
             named = not holds_bytes(line) or _LETTERS.search(line.clean) is not None
@@ -50,6 +54,11 @@ def settle_columns(lines: Sequence[LogLine], judge: ByteJudge, experience: Exper
         if group:
             _column_of(group, judge, experience)
         group = []
+
+
+def _is_timed_word(line: LogLine) -> bool:
+    """`0,12.40,Start bit`: of a row for each event of a byte, one that does not show it."""
+    return line.t_ns is not None and not line.runs and not holds_numbers(line)
 
 
 def _leave_out_numbers(lines: Sequence[LogLine]) -> None:

@@ -88,7 +88,8 @@ def settle_copies(lines: Sequence[LogLine], experience: Experience) -> None:
         turned, others = False, 0  # the other side spoke in between; whole frames that stand there
         for earlier in reversed(recent):
             apart = int(earlier.checked and earlier.last is not entry.first)
-            if not _one_report(earlier, entry) or (others >= _BETWEEN and entry.first.t_ns is None):
+            untimed = None in (earlier.last.t_ns, entry.first.t_ns)
+            if not _one_report(earlier, entry) or (others >= _BETWEEN and untimed):
                 turned = turned or 0 != earlier.mark != entry.mark != 0
                 others += apart
                 continue

@@ -305,7 +305,9 @@ class LineReader:
         ]
         mark = said[-1] if said else NONE
         above, t_ns, fine = self._heading, line.t_ns, line.fine
-        if t_ns is None and above is not None and not above.rows:
+        if self._times is not None and self._times.find(line.text) is not None:
+            t_ns = None  # a table's row is not of what stands below the table
+        elif t_ns is None and above is not None and not above.rows:
             t_ns, fine = above.t_ns, above.fine
         port = ""
         if (match := _JPNEVULATOR.match(line.text)) is not None:
@@ -378,7 +380,9 @@ class LineReader:
 
 def _are_rulers(line: LogLine) -> bool:
     """Whether all that could be bytes are the numbers above columns: `Offset  0  1  2 …`."""
-    return bool(line.runs) and all(is_ruler(_WORDS.findall(line.clean[run.start : run.end])) for run in line.runs)
+    if not line.runs or any(run.checked for run in line.runs):
+        return False
+    return all(is_ruler(_WORDS.findall(line.clean[run.start : run.end])) for run in line.runs)
 
 
 def _why_none(text: str, rest: str) -> str:

@@ -81,8 +81,10 @@ def plain(line: str) -> str:
         text = _OTHER_DIGIT.sub(lambda match: str(int(match[0])), text.translate(_PLAIN))
     if "<" in text and ">" in text and len(_OCTET.findall(text)) < _SOME:  # <DD> is a tag as well
         text = _TAG.sub("", _CELL.sub(" | ", _LAST_CELLS.sub("", text)))
-    if ("[" in text or "{" in text) and ("]" in text or "}" in text):
-        text = _BOLD.sub(r"\2", _MARKUP.sub("", text))
+    if "[" in text or "{" in text:
+        text = _MARKUP.sub("", text)
+        if "[/" in text:
+            text = _BOLD.sub(r"\2", text)
     if "&" in text and ";" in text and _ENTITY.search(text):
         text = html.unescape(text).replace("\u00a0", " ")
     if _HEX_SIGN.search(text):
@@ -102,7 +104,7 @@ def plain(line: str) -> str:
         text = _ESCAPED_BLANKS.sub("  ", text)
     if is_of_mail(text):
         text = _PRINTABLE.sub(lambda match: chr(int(match[0][1:], 16)), text)
-    if _MIDDLE.match(text):
+    if text.lstrip()[:1] == "0":
         text = _MIDDLE.sub(r"\1   ", text)
     if "%20" in text:
         text = _URL_BLANK.sub("   ", text)

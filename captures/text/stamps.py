@@ -177,7 +177,7 @@ def find(text: str, zone: tzinfo | None = UTC) -> tuple[Stamp | None, str]:
     if stamp is None and timed and (match := _DAYS.search(text)) is not None:
         stamp = _of_parts(match)
         text = _blanked(text, match)
-    if ":" in text and _LIKELY_MINUTE.search(text):
+    if stamp is None and ":" in text and _LIKELY_MINUTE.search(text):
         text = _MINUTE.sub(lambda match: " " * len(match[0]), text)
     if _LIKELY_DATE.search(text):
         for match in _BARE_DATE.finditer(text):
