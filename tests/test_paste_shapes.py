@@ -137,7 +137,7 @@ def test_what_two_tools_show_stands_in_one_paste() -> None:
     pairs = [
         ("DSView", "JSON lines"),
         ("numpy rows", "Zephyr"),
-        *zip(rng.sample(names, 60), rng.sample(names, 60), strict=True),
+        *zip(rng.sample(names, 20), rng.sample(names, 20), strict=True),
     ]
     for one, other in pairs:
         log, text, _ = made(one, ALL[one], 0)
