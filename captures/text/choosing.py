@@ -188,12 +188,19 @@ def _ranked(candidate: HexWindow, line: TextLine, judge: ByteJudge, experience: 
     shown = line.text[candidate.start : candidate.end]
     if experience.right and not (candidate.shape == "decimal" and _PAIR_OF_HEX.search(shown)):
         direct = candidate.start in line.first and candidate.start > line.begin
-        trusted = experience.trust(label_of(line, candidate.start), candidate.shape, direct=direct)
+        if size > 1 or not _is_listed(line, candidate):
+            trusted = experience.trust(label_of(line, candidate.start), candidate.shape, direct=direct)
         if not checked and size >= _HEADED and candidate.shape in experience.shapes:
             announced = int(bool(judge(candidate.data[:MOST_JUDGED], damaged=True)))
     length = candidate.end - candidate.start
     rank = (covered, covered - size if covered else 0, announced, trusted, candidate.level, length)
     return _Ranked(rank, candidate, checked, covered == size > 0)
+
+
+def _is_listed(line: TextLine, candidate: HexWindow) -> bool:
+    """Whether it is one of several between commas."""
+    before, behind = line.before(candidate.start).rstrip(), line.text[candidate.end : candidate.end + _LABEL].lstrip()
+    return before.endswith(",") and behind.startswith(",")
 
 
 def _is_word(candidate: HexWindow, line: TextLine) -> bool:

@@ -42,6 +42,9 @@ _SUFFIXED: Final = re.compile(rf"{EDGE}(?:0(?=[A-Fa-f]))?{H}{{2}}[hH](?:[\s,;-]+
 _ASCII: Final = re.compile(rf"(?<![0-9A-Za-z_])(?::(?:{H}{{2}}){{3,300}})+{END}")
 _BITS: Final = re.compile(r"0[bB][01]{8}$")
 _ASCII_APART: Final = re.compile(rf"(?:^|[:>|=])[ \t]*(?P<frame>:(?:[ \t]?{H}{{2}}){{3,300}}){END}")
+_SPELLED: Final = re.compile(  # `: 0 1 0 3`, `':' '0' '1'`
+    rf"(?P<quote>['\"]?):(?P=quote)(?:[ \t,]{{1,3}}(?P=quote){H}(?P=quote)){{8,512}}(?![\w'\"])"
+)
 _BEFORE_CHECK: Final = re.compile(rf"{CHECK_NAME}\W*$", re.IGNORECASE)
 _ROW_OF_WORDS: Final = re.compile(rf"{H}{{7,8}} +{H}{{4}}\s*$")
 _OF_OD: Final = (
@@ -288,6 +291,9 @@ def _ascii_frames(text: str) -> Iterator[HexWindow]:
             start, end = end, end + 1 + len(frame)
             level = Writing.NUMBER if _BITS.match(frame) else Writing.BYTES
             yield HexWindow(f":{frame}\r\n".encode(), start, end, "ascii", level, ascii=True)
+    for match in _SPELLED.finditer(text):
+        frame = ":" + "".join(re.findall(H, match[0]))
+        yield HexWindow(f"{frame}\r\n".encode(), *match.span(), "ascii spelled", Writing.NUMBER, ascii=True)
     for match in _ASCII_APART.finditer(text):
         frame = "".join(match["frame"].split())
         if len(frame) < len(match["frame"]):  # its LRC must be right, and no bit of it may be an RTU frame

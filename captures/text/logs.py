@@ -27,6 +27,7 @@ from .plain import is_of_mail, quoted
 from .quotes import unquoted
 from .repeats import with_repeats
 from .settling import only_bytes, settle
+from .spelled import whole_words
 from .wrapping import entries_in, mended, unfolded, unwrapped
 
 LOOKED_FOR: Final = "such as 11 03 00 6B or :1103006B…"  # behind "no hex bytes"
@@ -186,9 +187,8 @@ class LogReader:
         yield from self._settled(len(self._waiting))
 
     def _whole(self, lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
-        return with_repeats(
-            _parted(whole_entries(mended(unwrapped(unquoted(unfolded(lines) if self._experience.mail else lines)))))
-        )
+        bare = unquoted(unfolded(lines) if self._experience.mail else lines)
+        return with_repeats(_parted(whole_entries(mended(unwrapped(whole_words(bare))))))
 
     def _line_reader(self) -> LineReader:
         return LineReader(self._settler(), self._zone, self._sample_rate, self._experience)
