@@ -11,7 +11,8 @@ from ...tables.findings import Severity
 from ..asciireading import is_in_ascii
 from ..bits import likelihood_bits, surplus_bits
 from ..calledback import CalledBack, broadcasts_answered, called_back
-from ..evidence import HEALTHY, Evidence, kind_bits, kind_of, overlaid, share_of
+from ..costs import cost, cost_of, together, twice
+from ..evidence import HEALTHY, Evidence
 from ..exchanges import Ending
 from ..hits import (
     answers_too_many,
@@ -25,6 +26,7 @@ from ..hits import (
     spells_of_hits,
     timed_by_the_master,
 )
+from ..kinds import kind_bits, kind_of, overlaid, share_of
 from ..registry import Suspicion, Symptom, suspect
 from ..signatures import Behind, Signature
 from ..unitledger import UnitLedger
@@ -123,13 +125,13 @@ def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
     )  # one of them comes later, or goes; of what is not seen two polls go on as they do
     if sure:  # no single master cuts short what it asked, whatever disturbs the line
         bits += _CUT_SHORT_BITS * sum(early.values())
-    costs = [evidence.cost(unit, Ending.SILENT, Ending.GARBAGE) for unit in units]
-    known = [ms for _, ms in costs if ms is not None]
     kinds = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.LATENESS, Symptom.SILENCE, Symptom.DOUBLES, Symptom.MARKS)
+    explains = frozenset((kind, unit.unit) for unit in evidence.units for kind in kinds)
+    lost = twice(evidence, cost_of(evidence, explains))  # what meets costs each of them a request
     yield Suspicion(
         (),
         bits,
-        frozenset((kind, unit.unit) for unit in evidence.units for kind in kinds),
+        explains,
         {
             "crossed": round(hasty + late + requests),
             "damaged": damaged,
@@ -137,8 +139,8 @@ def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
             "exchanges": evidence.ledger.exchanges,
             "units_hit": len(hit),
         },
-        lost_answers=sum(lost for lost, _ in costs),
-        lost_ms=round(sum(known), 3) if known else None,
+        lost_answers=lost.answers,
+        lost_ms=lost.ms,
         frames=tuple(index for unit in hit for index in unit.examples.get(Ending.GARBAGE, []))[:6],
     )
 
@@ -245,8 +247,7 @@ def broadcast_storm(evidence: Evidence) -> Iterator[Suspicion]:
     if pause is None or pause > max(_STORM_NS, _STORM_PAUSES * (evidence.t35_ns or 0.0)):
         return
     silent = frozenset((Symptom.SILENCE, unit.unit) for unit in evidence.units)
-    costs = [evidence.cost(unit, Ending.SILENT) for unit in evidence.units]
-    known = [ms for _, ms in costs if ms is not None]
+    lost = together(cost(evidence, unit, Ending.SILENT) for unit in evidence.units)
     yield Suspicion(
         (),
         surplus_bits(ledger.broadcasts, ledger.exchanges, 0.3)
@@ -257,8 +258,8 @@ def broadcast_storm(evidence: Evidence) -> Iterator[Suspicion]:
             "requests": ledger.exchanges,
             "pause": pause / 1e6,
         },
-        lost_answers=sum(lost for lost, _ in costs),
-        lost_ms=round(sum(known), 3) if known else None,
+        lost_answers=lost.answers,
+        lost_ms=lost.ms,
     )
 
 
