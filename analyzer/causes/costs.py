@@ -33,9 +33,9 @@ class LostAnswers(NamedTuple):
 
 def cost(evidence: Evidence, unit: UnitLedger, *outcomes: Ending) -> LostAnswers:
     """The requests to a unit that ended so."""
-    lost = sum(
-        evidence.damaged(unit) if each is Ending.GARBAGE and evidence.ordered else unit.count(each) for each in outcomes
-    )
+    silent = evidence.surely_silent(unit) if Ending.SILENT in outcomes else 0
+    damaged = evidence.damaged(unit) if evidence.ordered else unit.count(Ending.GARBAGE)
+    lost = silent + (damaged if Ending.GARBAGE in outcomes else 0)
     if not evidence.ledger.timed:
         return LostAnswers(lost)
     most = _longest_wait(evidence, unit)

@@ -118,12 +118,12 @@ class Evidence:
         return unit.count(Ending.SILENT) - max(doubtful, self.echoed_again(unit))
 
     def _echoes_itself(self, unit: UnitLedger) -> bool:
-        return unit.echoes_itself and self.verdict.wait_ns < AT_ONCE_NS and not self._in_pairs(unit)
+        return unit.echoes_itself and self.verdict.wait_ns < AT_ONCE_NS
 
     def echoed_again(self, unit: UnitLedger) -> int:
         """What reads like requests without an answer that come again far sooner than the master gives up: answers more
         than one, each of which reads like the request."""
-        if not self.ordered:
+        if not self.ordered or self._in_pairs(unit):
             return 0
         if self._echoes_itself(unit):
             return len(unit.echo_waits)
@@ -349,10 +349,7 @@ class Evidence:
     def timeout_ns(self) -> float | None:
         """What the master waits for an answer, to its next request: the densest of the waits that ended in silence, and
         no less than it does wait for answers."""
-        told = [
-            u.plain_waits if u.echoes_itself and self.verdict.wait_ns < AT_ONCE_NS else u.waits
-            for u in self.ledger.units.values()
-        ]
+        told = [u.plain_waits if self._echoes_itself(u) else u.waits for u in self.ledger.units.values()]
         waits = [each.numbers for each in told if len(each)]
         numbers = np.concatenate(waits) if waits else np.zeros(0)
         if np.count_nonzero(numbers > 0) < _WAITS or not self.ledger.timed:

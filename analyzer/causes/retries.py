@@ -15,7 +15,8 @@ from ..tables.schema import Kind
 from ..tables.transactions import ECHOED
 from .exchanges import RowColumns
 
-_LEAST: Final = 4  # bytes of a damaged answer: fewer may be noise
+_LEAST: Final = 4  # bytes of a damaged answer: fewer may be noise,
+_LEAST_ALIKE: Final = 2  # but not twice the same
 _NOISE, _REQUEST, _RESPONSE = int(Kind.NOISE), int(Kind.REQUEST), int(Kind.RESPONSE)
 
 
@@ -34,9 +35,9 @@ def as_asked_again(table: RowColumns) -> RowColumns:
         if before < 0 or rows.kind[before] != _REQUEST or table.bytes_of(before) != data:
             continue
         answered = behind == i + 1 < len(rows) and table.bytes_of(behind) == data
-        if _bytes_between(rows.length, before, i) < _LEAST or (
-            not answered and _bytes_between(rows.length, i, behind) < _LEAST
-        ):
+        one, two = _between(table, before, i), _between(table, i, behind)
+        alike = len(one) >= _LEAST_ALIKE and one == two
+        if not alike and (len(one) < _LEAST or (not answered and len(two) < _LEAST)):
             continue
         rows.kind[i], rows.request[i], rows.response_ns[i] = _REQUEST, -1, -1
         if answered:
@@ -53,5 +54,6 @@ def _next_good(good: NDArray[np.bool_], i: int, step: int) -> int:
     return i
 
 
-def _bytes_between(lengths: NDArray[np.int64], first: int, last: int) -> int:
-    return int(lengths[first + 1 : last].sum())
+def _between(table: RowColumns, first: int, last: int) -> bytes:
+    """What stands between two rows; of much no more than the beginning."""
+    return b"".join(table.bytes_of(row) for row in range(first + 1, min(last, first + 1 + _LEAST)))

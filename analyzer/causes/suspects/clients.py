@@ -11,7 +11,7 @@ from ...tables.findings import Severity
 from ..asciireading import is_in_ascii
 from ..bits import likelihood_bits, surplus_bits
 from ..calledback import CalledBack, broadcasts_answered, called_back
-from ..costs import cost, cost_of, together, twice
+from ..costs import LostAnswers, cost, cost_of, together, twice
 from ..evidence import HEALTHY, Evidence
 from ..exchanges import Ending
 from ..hits import (
@@ -27,7 +27,7 @@ from ..hits import (
     timed_by_the_master,
 )
 from ..kinds import kind_bits, kind_of, overlaid, share_of
-from ..registry import Suspicion, Symptom, suspect
+from ..registry import Explained, Suspicion, Symptom, suspect
 from ..signatures import Behind, Signature
 from ..unitledger import UnitLedger
 
@@ -127,7 +127,7 @@ def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
         bits += _CUT_SHORT_BITS * sum(early.values())
     kinds = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.LATENESS, Symptom.SILENCE, Symptom.DOUBLES, Symptom.MARKS)
     explains = frozenset((kind, unit.unit) for unit in evidence.units for kind in kinds)
-    lost = twice(evidence, cost_of(evidence, explains))  # what meets costs each of them a request
+    lost = _lost_to_each_other(evidence, explains)
     yield Suspicion(
         (),
         bits,
@@ -143,6 +143,16 @@ def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
         lost_ms=lost.ms,
         frames=tuple(index for unit in hit for index in unit.examples.get(Ending.GARBAGE, []))[:6],
     )
+
+
+def _lost_to_each_other(evidence: Evidence, explains: Explained) -> LostAnswers:
+    """What meets costs each of two masters a request; what one of them sends while the other waits only makes that one's
+    answer late."""
+    silences = frozenset(each for each in explains if each[0] is Symptom.SILENCE)
+    met, silent = twice(evidence, cost_of(evidence, explains - silences)), cost_of(evidence, silences)
+    lost = max(silent.answers - sum(unit.late for unit in evidence.units), 0)
+    ms = 0.0 if not lost else None if silent.ms is None else silent.ms * lost / silent.answers
+    return together((met, LostAnswers(lost, ms)))
 
 
 def _is_one_late(evidence: Evidence) -> bool:
