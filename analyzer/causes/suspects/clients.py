@@ -317,6 +317,8 @@ def converter_gaps(evidence: Evidence) -> Iterator[Suspicion]:
         return
     holes = np.concatenate([unit.holes.numbers[unit.holes.numbers > least] for _, unit in behind])
     places = sum((unit.hole_places for _, unit in behind), start=type(behind[0][1].hole_places)())
+    if not verdict.fine and not others and not _piece(places):
+        return  # in answers of all, at no place in particular: the tap holds them back
     yield Suspicion(
         tuple(unit.unit for _, unit in behind),
         sum(surplus_bits(share * len(unit.holes), len(unit.holes), 0.02) for share, unit in behind),
