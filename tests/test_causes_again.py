@@ -251,13 +251,40 @@ def test_a_value_that_changes_about_when_the_line_is_hit_once_is_no_drive_s() ->
         ("timeout-too-short", 8100, "ftdi16", [10]),  # answers that only now and then meet the repeated request
         ("ascii-driver-enabled-late", 8100, "precise", [1]),  # every line in ASCII ends as its request does
         ("emi-drive", 8103, "precise", []),  # what strays comes at its times, wherever the master rests then
+        ("timeout-too-short", 70002, "precise", [3]),  # answers that begin when the master gives up are no one else's
+        ("written-dead-unit", 4, "precise", [2]),  # all that seems to answer is the request, asked again by its timer
+        (
+            "written-driver-enabled-late",
+            2,
+            "precise",
+            [38],
+        ),  # damaged answers, and repetitions that read like good ones
+        ("written-unit-line-settings", 2, "gateway", [27]),
+        ("mixed-driver-released-early", 3, "precise", [32]),  # of answers whose length no request tells
     ],
 )
 def test_cases_in_which_another_cause_was_named_once(case: str, seed: int, tap: str, units: list[int]) -> None:
     made = field_cases()[case].capture(tap, seed)
     parts = analyse(Capture.of(made.line, made.chunks))
     found = causes_of(ledger_of(((part.batch, part.transactions) for part in parts), made.line))
-    assert [(cause.cause, sorted(cause.units)) for cause in found] == [(case.removeprefix("ascii-"), units)]
+    name = case.removeprefix("ascii-").removeprefix("written-").removeprefix("mixed-")
+    assert [(cause.cause, sorted(cause.units)) for cause in found] == [(name, units)]
+
+
+@pytest.mark.parametrize("case", ["driver-held", "two-masters"])
+def test_a_request_that_came_through_damaged_is_lost_as_well(case: str) -> None:
+    made = field_cases()[case].capture("precise", 98001)
+    parts = analyse(Capture.of(made.line, made.chunks))
+    found = causes_of(ledger_of(((part.batch, part.transactions) for part in parts), made.line))
+    assert found[0].lost_answers == pytest.approx(len(made.lost()), rel=0.1)
+
+
+def test_a_gateway_tells_no_time_that_was_lost() -> None:
+    """Of requests that it hands over at once nobody knows what was between them."""
+    made = field_cases()["mixed-dead-unit"].capture("gateway", 1)
+    parts = analyse(Capture.of(made.line, made.chunks))
+    found = causes_of(ledger_of(((part.batch, part.transactions) for part in parts), made.line))
+    assert (found[0].cause, found[0].lost_ms) == ("dead-unit", None)
 
 
 @pytest.mark.parametrize("seed", [8100, 8101])

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from math import log2
 from typing import Final
 
 import numpy as np
@@ -29,14 +27,12 @@ from .registry import Explained, Symptom
 from .signatures import AnswerDamage, Behind, Signature, held_ns, signature
 from .thinned import densest
 from .timegrid import Spells
-from .unitledger import UnitLedger
+from .unitledger import AT_ONCE_NS, UnitLedger
 
 HEALTHY: Final = 0.004  # damaged exchanges of a line on which nothing is wrong
 _WAITS: Final = 3  # that tell a timeout, or how long a tap holds bytes back
 _MOST_HELD: Final = 0.9
-_SHORT_CUT: Final = 4  # bytes
-_LONG: Final = 6
-_RARE: Final = 0.01
+LONG: Final = 6
 _AT_ONCE_CHARS: Final = 1.5
 _GLITCHES: Final = frozenset(0xFF << low & 0xFF for low in range(9))  # a line that is low once, from the start bit on
 _LOW: Final = 0x00  # all the way: the one of those that is often sent as well
@@ -47,6 +43,8 @@ _TIMER: Final = 0.015  # of a time, by which a timer's strays,
 _COARSEST: Final = 0.2  # or what shows it
 _OFTEN: Final = 0.2
 _HALF: Final = 0.5
+_AS_LATE: Final = 0.95
+_UNPAIRED: Final = 0.25  # of the times that a poll comes
 _MOSTLY: Final = 0.6
 _SOON_CHARS: Final = 2.5  # nobody answers sooner
 _STRAYED: Final = 2  # bytes
@@ -55,23 +53,6 @@ _FOREIGN: Final = 0.02  # of all bytes
 _FOREIGN_FRAMES: Final = 3
 _FOREIGN_SURE: Final = 10  # rows marked so
 _BY_CHANCE: Final = 0.01  # of all bytes
-
-# How damage spreads over kinds where it strikes anywhere, by chance.
-_ANYWHERE: Final[Mapping[str, float]] = {
-    "head": 0.09, "ahead": 0.03, "tail": 0.03, "cut-short": 0.05, "cut": 0.08, "bits": 0.24, "bits-tail": 0.03, "middle": 0.2,
-    "long": 0.06, "convention": 0.002, "count": 0.005, "crossed": 0.03, "other": 0.02, "whole": 0.13, "none": 0.003,
-}  # fmt: skip
-
-
-def kind_of(reading: Signature) -> str:
-    """The kind of damage, places at the end told apart."""
-    if reading.damage is AnswerDamage.CUT:
-        return "cut-short" if reading.bytes <= _SHORT_CUT else "cut"
-    if reading.damage is AnswerDamage.HEAD and reading.length > reading.due:
-        return "ahead"  # something else stands before it
-    if reading.damage is AnswerDamage.BITS and reading.at >= reading.due - 1:
-        return "bits-tail"
-    return str(reading.damage.value)
 
 
 @dataclass(frozen=True)
@@ -123,16 +104,67 @@ class Evidence:
 
     def silent(self, unit: UnitLedger) -> int:
         """Requests without an answer that nothing explains; of two clocks only those of a unit that is never heard."""
-        if not self.ordered and unit.answered + unit.strays + unit.late + unit.doubles + unit.unfit:
+        if not self.ordered and unit.answered + unit.loose:
             return 0
-        return unit.count(Ending.SILENT) if self.is_open(Symptom.SILENCE, unit.unit) else 0
+        return self.surely_silent(unit) if self.is_open(Symptom.SILENCE, unit.unit) else 0
+
+    def known(self, unit: UnitLedger) -> int:
+        """Requests to a unit of which it is known whether they were answered."""
+        return unit.asked - unit.count(Ending.SILENT) + self.surely_silent(unit)
+
+    def surely_silent(self, unit: UnitLedger) -> int:
+        """Requests without an answer, those apart that may have had one which reads like the next request."""
+        doubtful = sum(poll.count(Ending.SILENT) for poll in self._in_pairs(unit))
+        return unit.count(Ending.SILENT) - max(doubtful, self.echoed_again(unit))
+
+    def _echoes_itself(self, unit: UnitLedger) -> bool:
+        return unit.echoes_itself and self.verdict.wait_ns < AT_ONCE_NS
+
+    def echoed_again(self, unit: UnitLedger) -> int:
+        """What reads like requests without an answer that come again far sooner than the master gives up: answers more
+        than one, each of which reads like the request."""
+        if not self.ordered or self._in_pairs(unit):
+            return 0
+        if self._echoes_itself(unit):
+            return len(unit.echo_waits)
+        waits, timeout = unit.echo_waits.numbers, self.timeout_ns
+        if not len(waits) or timeout is None or not self._tells_haste:
+            return 0
+        return round(len(unit.echo_waits) * float((waits < _HALF * timeout).mean()))
+
+    def _in_pairs(self, unit: UnitLedger) -> list[Poll]:
+        """Polls that come twice each time, sooner than any master gives up or by a clock that does not tell, and whose
+        answer is the request once more: the second is the answer, or nobody knows."""
+        if not unit.repeats or (self._tells_haste and not unit.echoes_itself):
+            return []
+        echoing = [poll for poll in self.polls_of(unit.unit) if ECHOED[poll.function]]
+        return [
+            poll
+            for poll in echoing
+            if abs(poll.asked + poll.count(Ending.OK) - 2 * (groups := poll.asked - poll.repeats)) <= _UNPAIRED * groups
+        ]
+
+    @cached_property
+    def _tells_haste(self) -> bool:
+        """Whether the clock tells what comes at once from what comes when the master has given up."""
+        timeout = self.timeout_ns
+        return self.verdict.fine or (timeout is not None and self.verdict.wait_ns < _HALF * timeout)
 
     def silences(self, unit: UnitLedger) -> Spells:
         """When a unit was silent. Where the clock does not tell how soon an answer came, one that is its request once more
         may be that request, asked again: it ends no silence of a unit that answers otherwise."""
-        timeout, echoes = self.timeout_ns, unit.echoes
-        told = self.verdict.fine or (timeout is not None and self.verdict.wait_ns < _HALF * timeout)
-        return unit.silences if told or unit.answered < 2 * echoes else unit.silences_but_echoes
+        if self._in_pairs(unit):
+            return unit.silences_of_others
+        if self._tells_haste:
+            repeats = unit.answered > unit.echoes and self._answers_as_late_as_repeats(unit)
+        else:
+            repeats = unit.answered >= 2 * unit.echoes
+        return unit.silences_but_echoes if repeats else unit.silences
+
+    def _answers_as_late_as_repeats(self, unit: UnitLedger) -> bool:
+        """Whether some answers of a unit that read like their requests come when the master repeats what it asked."""
+        timeout = self.timeout_ns
+        return timeout is not None and bool((unit.echo_delays.numbers > _AS_LATE * timeout).any())
 
     def unanswered(self, unit: UnitLedger) -> int:
         """Requests without a byte, but for those whose answer is the request once more: two answers to one of them read
@@ -207,7 +239,7 @@ class Evidence:
         at_once = [each for each in readings if each.behind in _STRAY and 0 <= each.rested <= most]
         asked = max(map(len, self.ledger.polls.requests), default=0) + _STRAYED
         longer = sum(len(each.heard) > asked for each in at_once) >= _OFTEN * len(at_once)
-        longest = MAX_ADU if longer or off <= self.ledger.char_ns else _LONG  # or it may be a request
+        longest = MAX_ADU if longer or off <= self.ledger.char_ns else LONG  # or it may be a request
         found = [e.heard for e in at_once if len(e.heard) < longest and not _is_of_line(e.heard)]
         if len(set(found)) < max(_TAILS, _HALF * len(found), _HALF * len(readings)):
             return 0.0
@@ -220,7 +252,7 @@ class Evidence:
     def requests_behind(self, unit: UnitLedger) -> float:
         """About how many good answers have a damaged request behind them, known again or as long as one."""
         readings = self.followed(unit) if self.ordered else []
-        found = [r for r in readings if r.behind is Behind.REQUEST or (r.behind is Behind.NOISE and r.most >= _LONG)]
+        found = [r for r in readings if r.behind is Behind.REQUEST or (r.behind is Behind.NOISE and r.most >= LONG)]
         return unit.followed.offered * len(found) / len(readings) if readings else 0.0
 
     def _read(self, sample: object) -> Signature:
@@ -252,8 +284,10 @@ class Evidence:
         return found
 
     def elsewhere(self, unit: UnitLedger) -> float:
-        """The rate at which the answers of other units are damaged; of nobody's doing at the least."""
+        """The rate at which the answers of other units are damaged, those apart that have a fault of their own by it; of
+        nobody's doing at the least."""
         others = [other for other in self.units if other.unit != unit.unit]
+        others = [other for other in others if self.damaged(other) <= _HALF * other.asked] or others
         hits, trials = sum(map(self.damaged, others)), sum(other.asked for other in others)
         return max(HEALTHY, (hits + 0.5) / (trials + 0.5 / HEALTHY))
 
@@ -315,7 +349,8 @@ class Evidence:
     def timeout_ns(self) -> float | None:
         """What the master waits for an answer, to its next request: the densest of the waits that ended in silence, and
         no less than it does wait for answers."""
-        waits = [unit.waits.numbers for unit in self.ledger.units.values() if len(unit.waits)]
+        told = [u.plain_waits if self._echoes_itself(u) else u.waits for u in self.ledger.units.values()]
+        waits = [each.numbers for each in told if len(each)]
         numbers = np.concatenate(waits) if waits else np.zeros(0)
         if np.count_nonzero(numbers > 0) < _WAITS or not self.ledger.timed:
             return None
@@ -324,43 +359,15 @@ class Evidence:
         if np.count_nonzero(np.abs(numbers - usual) < reach) >= max(_TIMED, _MOSTLY * len(numbers)):
             return usual  # a timer's: what comes later than it is no answer that anybody waits for
         patient = numbers[numbers > self.patience_ns]
-        return densest(patient if np.count_nonzero(patient > 0) >= _WAITS else numbers)
+        if np.count_nonzero(patient > 0) >= _WAITS:
+            return densest(patient)
+        found = densest(numbers)
+        return found if found >= _HALF * self.patience_ns else None  # or it would hardly ever get an answer
 
     @cached_property
     def patience_ns(self) -> float:
         """What the master is seen to wait for answers that come; 0 where nobody knows."""
         return max((unit.delays.quantile(0.9) or 0.0 for unit in self.units), default=0.0)
-
-    def cost(self, unit: UnitLedger, *outcomes: Ending) -> tuple[int, float | None]:
-        """Answers lost by these outcomes, and the time (ms) that the master waited for them; None where nobody knows."""
-        lost = unit.count(*outcomes)
-        if not self.ledger.timed:
-            return lost, None
-        most = 1.3 * self.timeout_ns if self.timeout_ns else UNKNOWN
-        waited, known = 0.0, False
-        for outcome, waits in ((Ending.SILENT, unit.waits), (Ending.GARBAGE, unit.garbage_waits)):
-            if outcome in outcomes and len(waits):
-                waited += float(np.clip(waits.numbers, 0, most).mean()) * len(waits)
-                known = True
-        return lost, round(min(waited, self.ledger.span_ns) / 1e6, 3) if known else None
-
-
-def kind_bits(readings: list[Signature], expected: Mapping[str, float]) -> float:
-    """How much likelier these kinds of damage are as expected than where damage strikes anywhere."""
-    return sum(log2(expected.get(kind_of(each), _RARE) / _ANYWHERE[kind_of(each)]) for each in readings)
-
-
-def overlaid(readings: Sequence[Signature]) -> int:
-    """How many are so much longer or shorter than what was due that something else was sent into them: what disturbs a
-    line from outside makes a byte or two more or less."""
-    return sum(
-        each.due > 0 and each.length >= _SHORT_CUT and abs(each.length - each.due) > _STRAYED for each in readings
-    )
-
-
-def share_of(readings: list[Signature], *kinds: str) -> float:
-    """The share of readings of these kinds; 0 without any."""
-    return sum(kind_of(each) in kinds for each in readings) / len(readings) if readings else 0.0
 
 
 def _is_of_line(heard: bytes) -> bool:

@@ -255,16 +255,17 @@ def answers_too_many(evidence: Evidence, unit: UnitLedger) -> int:
     0 where it is so of others too, whose requests the tap does not hear."""
     if not evidence.ordered or not evidence.is_open(Symptom.DOUBLES, unit.unit):
         return 0
-    found = _surplus(unit)
+    found = _surplus(evidence, unit)
     if found < max(_MANY, _SOME * unit.asked):
         return 0
     others = [other for other in evidence.units if other is not unit]
-    most = max((_surplus(other) / other.asked for other in others if other.asked), default=0.0)
+    most = max((_surplus(evidence, other) / other.asked for other in others if other.asked), default=0.0)
     return found if found >= _FAR_MORE * most * unit.asked else 0
 
 
-def _surplus(unit: UnitLedger) -> int:
-    return max(unit.answered + unit.late + unit.strays + unit.doubles - unit.asked, 0)
+def _surplus(evidence: Evidence, unit: UnitLedger) -> int:
+    again = evidence.echoed_again(unit)
+    return max(unit.answered + unit.loose - unit.unfit - unit.asked + 2 * again, 0)
 
 
 def timed_by_the_master(evidence: Evidence, unit: UnitLedger) -> list[Signature]:
@@ -322,7 +323,7 @@ def spared_bits(evidence: Evidence, unit: UnitLedger) -> float:
     the same in all right answers to a request; 0 or less."""
     readings = [reading for reading in evidence.readings(unit) if reading.due > _HEADER]
     spared = [reading for reading in readings if reading.heard.startswith(known_header(reading.request)[:_HEADER])]
-    if not spared or len(spared) < _NEARLY_ALL * len(readings):
+    if not spared or len(spared) < _NEARLY_ALL * len(readings) or not evidence.damaged(unit):
         return 0.0
     survive = log1p(-min(evidence.damaged(unit) / unit.asked, _MOST_HIT))
     bits = 0.0

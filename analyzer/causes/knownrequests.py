@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import Final
 
 from dissectors.crc import crc16
+from dissectors.lengths import Role, pdu_length
 
-from .samples import READ_REQUEST
+from .samples import AROUND
 
 _HEAD: Final = 3  # bytes
 ENDING: Final = 3  # bytes by which a damaged request is known again
@@ -41,8 +42,15 @@ class KnownRequests:
 
     def asks_and_gets(self, data: bytes) -> bool:
         """Whether these bytes are one of them and its answer, both whole: what a tap held up and handed over in pieces."""
-        request, answer = data[:READ_REQUEST], data[READ_REQUEST:]
-        return data[:_HEAD] in self.heads and crc16(request) == 0 and crc16(answer) == 0 and answer[:2] == data[:2]
+        length = pdu_length(data[1:], Role.REQUEST) or 0
+        request, answer = data[: length + AROUND], data[length + AROUND :]
+        return (
+            data[:_HEAD] in self.heads
+            and length > 0
+            and crc16(request) == 0
+            and crc16(answer) == 0
+            and answer[:2] == data[:2]
+        )
 
     def are_in(self, data: bytes, but: bytes = b"") -> bool:
         """Whether one of them ends within these bytes or at their end; `but`: one that may."""

@@ -26,6 +26,7 @@ from ..tables.transactions import ECHOED, NEVER, Status, TransactionRows
 from .crowdedtimes import CrowdedTimes
 from .exchanges import ANSWERED, Ending, ExchangeBuilder, Exchanges, RowColumns, Stretch, Unowned
 from .polls import PollTable
+from .retries import as_asked_again
 from .samples import READ_REQUEST, asked_in_pieces, sampled
 from .states import StateTable
 from .successors import SuccessorTable
@@ -50,6 +51,7 @@ _REGISTERS: Final = np.isin(np.arange(256), (3, 4))
 _AROUND: Final = 5  # and so many bytes besides
 _HOLE: Final = 1.5  # characters
 _ECHOES: Final = 5
+_OF_ALL: Final = 0.48
 _ECHO_NS: Final = 40e6
 _NEARLY_ALL: Final = 0.8
 _NOISE, _REQUEST, _RESPONSE = int(Kind.NOISE), int(Kind.REQUEST), int(Kind.RESPONSE)
@@ -80,6 +82,7 @@ class Ledger:
         self.functions, self.function_bytes = (np.zeros(256, np.int64) for _ in range(2))  # of right frames
         self.broadcasts = 0
         self.broadcast_runs = 0  # broadcasts right behind another
+        self.broadcasts_again = 0  # and the same once more
         self.broadcasts_answered = 0
         self.called_examples: list[int] = []
         self.repeat_waits = Thinned()  # ns, from a request without an answer to the same one again
@@ -107,7 +110,7 @@ class Ledger:
             batch = replace(batch, rows=batch.rows[~networked])
         if not len(batch):
             return
-        table = RowColumns.of(batch)
+        table = as_asked_again(RowColumns.of(batch))
         unheard = transactions.request[transactions.status == Status.UNHEARD].tolist()
         self._count_rows(table)
         for part in self._builder.feed(table, unheard):
@@ -262,6 +265,7 @@ class Ledger:
             return
         self.broadcasts += int(np.count_nonzero(to_all))
         self.broadcast_runs += int(np.count_nonzero(to_all[1:] & to_all[:-1]))
+        self.broadcasts_again += int(np.count_nonzero(to_all & exchanges.repeats))
         called = to_all & exchanges.called
         self.broadcasts_answered += int(np.count_nonzero(called))
         self.called_examples += exchanges.request[called][: _EXAMPLES - len(self.called_examples)].tolist()
@@ -301,6 +305,8 @@ class Ledger:
         """Whether an adapter shows what it sends: nearly every request that is answered came twice, at once."""
         if self.repeats_answered < _ECHOES or self.repeats_answered < _NEARLY_ALL * self.answered:
             return False
+        if self.broadcasts >= _ECHOES and self.broadcasts_again < _OF_ALL * self.broadcasts:
+            return False  # an adapter shows those as well
         wait = self.repeat_waits.quantile(0.25)
         off = self.clock.newest().wait_ns if wait is not None and wait > _ECHO_NS else 0.0
         return wait is None or wait <= _ECHO_NS + (off if np.isfinite(off) else 0.0)
@@ -319,6 +325,9 @@ class Ledger:
                     continue
                 if not ANSWERED[rows.function[row]] or _is_asked_in_pieces(part, i, row):
                     continue
+                if ECHOED[rows.function[row]] and not rows.exception[row]:
+                    waited = self.timed and own < 0
+                    self.unit(number).add_echo(int(rows.t_start_ns[row] - exchanges.t_asked[i]) if waited else -1)
                 if to_all and rows.request[row] < 0 and rows.function[row] == exchanges.function[i]:
                     self.unit(number).called += 1
                 elif 0 <= own < row and number == exchanges.unit[i]:

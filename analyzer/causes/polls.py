@@ -158,8 +158,8 @@ class PollTable:
         self._last[slot[ends]] = times[ends]
 
     def _learn(self, stretch: Stretch, exchanges: Exchanges, slot: NDArray[np.int64]) -> None:
-        """The newest good answer of each poll whose answer holds more than its request does."""
-        good = ((exchanges.outcome == _OK) & _HOLDS[exchanges.function]).nonzero()[0]
+        """The newest good answer of each poll whose answer holds more than its request tells."""
+        good = ((exchanges.outcome == _OK) & (_HOLDS[exchanges.function] | (exchanges.due == 0))).nonzero()[0]
         newest = np.full(len(self._outcomes), -1)
         newest[slot[good]] = good  # the last one stays
         for i in newest[newest >= 0].tolist():

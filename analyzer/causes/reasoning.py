@@ -49,12 +49,12 @@ def _explained(evidence: Evidence) -> Iterator[Cause]:
         best = found[0]
         least = max(least, min(_LEFT_OVER * best.suspicion.bits, _LEFT_OVER_MOST))
         rivals = [each for each in found[1:] if each.suspicion.explains & best.suspicion.explains]
-        yield _cause(best, rivals[0] if rivals else None, timed=evidence.ledger.timed)
+        yield _cause(best, rivals[0] if rivals else None, evidence.ledger)
         evidence = evidence.without(best.suspicion.explains)
 
 
-def _cause(best: Weighed, rival: Weighed | None, *, timed: bool) -> Cause:
-    suspect, found = best.suspect, best.suspicion
+def _cause(best: Weighed, rival: Weighed | None, ledger: Ledger) -> Cause:
+    suspect, found, timed = best.suspect, best.suspicion, ledger.timed
     margin = found.bits - (max(rival.suspicion.bits, THRESHOLD / 2) if rival else THRESHOLD / 2)
     confidence = min(_SURE, 1 - 1 / (2 + margin / _DOUBT))
     words = words_of(suspect, found.numbers)
@@ -73,7 +73,7 @@ def _cause(best: Weighed, rival: Weighed | None, *, timed: bool) -> Cause:
         deciding_test=words.deciding_test,
         remedy=words.remedy,
         lost_answers=found.lost_answers,
-        lost_ms=found.lost_ms if timed else None,
+        lost_ms=min(found.lost_ms, ledger.span_ns / 1e6) if timed and found.lost_ms is not None else None,
         frames=found.frames,
         bits=round(found.bits, 1),
         explains=found.explains,

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from dissectors.adu import EXCEPTION
 from dissectors.crc import crc16
+from dissectors.lengths import Role, pdu_length
 
 from ..tables.schema import Kind
+from .asciireading import is_in_ascii
 from .exchanges import Ending, Stretch
 
 _MOST: Final = 96  # of a unit
 _PIECES: Final = 12  # of a sample
 _BYTES: Final = 600
+AROUND: Final = 3  # bytes around a PDU
 READ_REQUEST: Final = 8  # bytes of a request to read, or to write one value: the shortest
 
 
@@ -91,6 +95,18 @@ def asked_in_pieces(between: bytes, answer: bytes) -> bool:
     return False
 
 
+def _told_length(request: bytes, usual: bytes | None, pieces: Sequence[SampleRow]) -> int:
+    """The bytes of an answer whose length its request does not tell: those of a good one before, or by its own first
+    bytes; 0 where nobody knows."""
+    if is_in_ascii(request):
+        return 0
+    if usual is not None:
+        return len(usual)
+    data = b"".join(piece.data for piece in pieces)
+    length = pdu_length(data[1:], Role.RESPONSE) if data[:2] == request[:2] else None
+    return length + AROUND if length is not None and length > 0 else 0
+
+
 def sampled(stretch: Stretch, i: int, usual: bytes | None) -> Sample:
     """The sample of one exchange of a stretch."""
     exchanges, table = stretch.exchanges, stretch.table
@@ -113,13 +129,14 @@ def sampled(stretch: Stretch, i: int, usual: bytes | None) -> Sample:
                 data,
             )
         )
+    request = table.bytes_of(int(exchanges.row[i]))
     return Sample(
         int(exchanges.unit[i]),
         int(exchanges.function[i]),
-        table.bytes_of(int(exchanges.row[i])),
+        request,
         int(exchanges.poll[i]),
         Ending(int(exchanges.outcome[i])),
-        int(exchanges.due[i]),
+        int(exchanges.due[i]) or _told_length(request, usual, pieces),
         int(exchanges.request[i]),
         int(exchanges.t_asked[i]),
         int(exchanges.t_next[i]),

@@ -27,6 +27,7 @@ from .samples import Sample, SampleRow, asked_in_pieces
 
 _HEAD_MOST: Final = 12  # bytes that may be put right
 _LEAST: Final = 4
+_LOST: Final = 2  # bytes of a head
 _HEAD: Final = 3  # bytes: of an answer the third is its byte count
 _COUNTED: Final = 3  # bytes of an answer's header that has a byte count
 _TAIL_BITS: Final = 2  # bits of a byte that must have come before its driver let go
@@ -68,7 +69,7 @@ class Signature:
 
     `bytes` how many are damaged or lost, `length` how many came (of a good answer: behind it), `at` the first damaged byte (-1 unknown), `flips` the
     bits of it that are wrong (0 the earliest), `t_ns` when, `marks` bytes that the UART marked, `detail` a name, `heard` its
-    bytes (of a good answer: those of no right frame behind it).
+    bytes (of a good answer: those of no right frame behind it, or else before it).
     """
 
     damage: AnswerDamage
@@ -103,7 +104,7 @@ def signature(sample: Sample, char_ns: float, requests: KnownRequests, *, off_ns
             kind = Behind.NOISE
         others = [piece for i, piece in enumerate(sample.pieces) if i > before and not piece.answers]
         length = sum(len(piece.data) for piece in others)
-        strange = b"".join(piece.data for piece in sample.pieces[before + 1 :] if not piece.check)
+        strange = b"".join(piece.data for piece in sample.pieces[before + 1 :] if not piece.check) or ahead
         rested = max(t - sample.pieces[before].t_end, 0) if t >= 0 and sample.pieces else -1
         return Signature(AnswerDamage.NONE, kind, length=length, marks=marks, t_behind=t, detail=detail, due=sample.due, rested=rested,
                          heard=strange, request=sample.request, most=_most(others, _APART_CHARS * char_ns + off_ns))  # fmt: skip
@@ -203,6 +204,9 @@ def _read(sample: Sample, data: bytes, burst: list[SampleRow], requests: KnownRe
     refused = bytes((sample.unit, sample.function | EXCEPTION))
     if crc16(data) == 0 and len(data) == EXCEPTION_ADU and data.startswith(refused):
         return _SignatureSums(AnswerDamage.NONE)
+    if due < _LEAST and len(header) >= _LEAST:  # of no known length: by its check value, if only its head is wrong
+        may = (_of_length(sample, data, len(data) + lost, header) for lost in range(_LOST + 1))
+        return next((each for each in may if each is not None), _SignatureSums(AnswerDamage.WHOLE, len(data), 0))
     if due < _LEAST or len(header) < 2:
         return _SignatureSums(AnswerDamage.WHOLE, len(data), 0)
     echo = b""  # the answer is the request once more

@@ -16,6 +16,8 @@ from .thinned import Thinned
 from .timegrid import Spells
 
 _EXAMPLES: Final = 3
+_SEVERAL: Final = 5
+AT_ONCE_NS: Final = 40e6
 _OK, _EXCEPTION, _SILENT, _GARBAGE, _UNHEARD = (
     int(each) for each in (Ending.OK, Ending.EXCEPTION, Ending.SILENT, Ending.GARBAGE, Ending.UNHEARD)
 )
@@ -45,7 +47,11 @@ class UnitLedger:
         self.pauses = Thinned()  # ns, from its good answers to the next request
         self.turns = Thinned()  # ns, from a request that is well answered to the next one
         self.echoes = 0  # answers that are their request once more
+        self.echo_strays = 0  # right answers of it to nothing, or late, that could be requests as well
         self.echo_delays = Thinned()
+        self.echo_waits = (
+            Thinned()
+        )  # ns, from a request without an answer to the same once more, where that may answer it
         self.called = 0  # broadcasts that it answered, by its own address
         self.behind = 0  # good answers with something behind them before the next request
         self.first_answer: int | None = None
@@ -54,13 +60,16 @@ class UnitLedger:
         self.last = 0
         self.delays = Thinned()  # ns
         self.waits = Thinned()  # ns, of requests that stayed without an answer, to the next request
+        self.plain_waits = Thinned()  # and of those that cannot have been answered by the next one
         self.quiet_waits = Thinned()  # and of those behind which nothing at all came
         self.garbage_waits = Thinned()
+        self.garbage_again = Thinned()  # and of those whose request the master repeats next
         self.gaps = Thinned()  # ns, silence between a request and its answer by the reads
         self.holes = Thinned()  # ns, the longest silence inside an answer
         self.hole_places: Counter[int] = Counter()
         self.silences = Spells()
         self.silences_but_echoes = Spells()  # as if there were no answers that are their request once more
+        self.silences_of_others = Spells()  # of requests whose answer reads otherwise than they
         self.refusals = Spells()
         self.busy = 0
         self.samples = Samples()  # without a good answer
@@ -76,6 +85,18 @@ class UnitLedger:
     def asked(self) -> int:
         """Requests to it of which something is known."""
         return self.count(Ending.OK, Ending.EXCEPTION, Ending.SILENT, Ending.GARBAGE)
+
+    @property
+    def echoes_itself(self) -> bool:
+        """Whether what reads like requests that come again comes sooner than any master gives up: two devices of one
+        address each take the other's answer for a request, where it reads like one."""
+        waits = self.echo_waits
+        return len(waits) >= _SEVERAL and waits.total < AT_ONCE_NS * len(waits)
+
+    @property
+    def loose(self) -> int:
+        """Right answers of it that are not those to the request before them."""
+        return self.strays + self.unfit + self.late + self.doubles
 
     @property
     def answered(self) -> int:
@@ -110,9 +131,11 @@ class UnitLedger:
             heard = outcome != _UNHEARD  # an answer that nobody could hear ends no silence
             _count_silences(self.silences, mine, times, heard)
             _count_silences(self.silences_but_echoes, mine, times, heard & ~_are_echoes(mine))
+            _count_silences(self.silences_of_others, mine, times, heard & ~ECHOED[mine.function])
         elif every:
             self.silences.pass_over(int(times[-1]))
             self.silences_but_echoes.pass_over(int(times[-1]))
+            self.silences_of_others.pass_over(int(times[-1]))
         if counts[_EXCEPTION] or self.refusals.is_open:
             busy = BUSY[mine.exception]
             self.busy += int(np.count_nonzero(busy))
@@ -124,7 +147,19 @@ class UnitLedger:
             self.waits.add(waits[silent])
             echo = mine.next_echoed | (ECHOED[mine.function] & mine.repeats)  # one of the two may be an answer, late
             self.quiet_waits.add(waits[silent & (mine.late == 0) & (mine.strays == 0) & ~echo])
-            self.garbage_waits.add(waits[known & (outcome == _GARBAGE)])
+            again = silent & ECHOED[mine.function] & mine.next_same
+            self.echo_waits.add(waits[again])
+            self.plain_waits.add(waits[silent & ~again])
+            garbage = known & (outcome == _GARBAGE)
+            self.garbage_waits.add(waits[garbage])
+            self.garbage_again.add(waits[garbage & mine.next_same])
+
+    def add_echo(self, delay_ns: int) -> None:
+        """Count an answer that is not the one to the request before it, and reads like a request; `delay_ns`: behind one
+        that stayed without an answer, else -1."""
+        self.echo_strays += 1
+        if delay_ns >= 0:
+            self.echo_delays.add(np.array((delay_ns,)))
 
     def _add_answers(self, good: Exchanges, times: NDArray[np.int64], *, timed: bool, hole_ns: float) -> None:
         delays, noise, strays = good.delay, good.noise, good.strays

@@ -10,6 +10,7 @@ import numpy as np
 from ...tables.findings import Severity
 from ...tables.transactions import NEVER
 from ..bits import surplus_bits
+from ..costs import cost_of_requests, together
 from ..evidence import HEALTHY, Evidence
 from ..grouping import alone_or_together
 from ..ledger import STRAY
@@ -24,6 +25,7 @@ _RARELY: Final = 0.05
 _TWICE: Final = 0.02  # of its answers
 _NEARLY: Final = 0.95
 _OWN_BITS: Final = 6.0
+_SURE_BITS: Final = 40.0
 _DUE: Final = 1.5  # times the usual pause,
 _REQUEST_CHARS: Final = 8
 _FAR: Final = 4.0  # times it
@@ -72,6 +74,7 @@ def _held(evidence: Evidence, units: list[UnitLedger], totals: Mapping[int, floa
     if bits < _OWN_BITS:
         return None  # requests behind all units' answers are damaged alike
     units = sorted(units, key=lambda unit: -totals[unit.unit] / max(unit.answered, 1))
+    lost = together(cost_of_requests(evidence, unit) for unit in units)
     samples = [sample for unit in units for sample in unit.followed.kept]
     times = sorted(sample.t_asked for sample in samples)
     return Suspicion(
@@ -87,7 +90,8 @@ def _held(evidence: Evidence, units: list[UnitLedger], totals: Mapping[int, floa
         },
         since=times[0],
         until=times[-1],
-        lost_answers=round(requests),
+        lost_answers=lost.answers,
+        lost_ms=lost.ms,
         frames=tuple(sample.index for sample in samples[:3]),
     )
 
@@ -136,16 +140,19 @@ def null_suffix(evidence: Evidence) -> Iterator[Suspicion]:
     found = [u for u in evidence.units if totals[u.unit] >= _LEAST and totals[u.unit] >= _MOSTLY * u.answered]
     if not found:  # noise on the idle line comes behind all, and is not always a zero
         every = [u for u in evidence.units if u.behind]
-        found = [u for u in every if len(every) == 1 and totals[u.unit] >= max(_OFTEN * u.answered, _NEARLY * u.behind)]
+        found = [u for u in every if len(every) == 1 and totals[u.unit] >= max(_LEAST, _NEARLY * u.behind)]
     if not found:
         return
     found.sort(key=lambda unit: -totals[unit.unit] / unit.answered)
     first, others = found[0], [unit for unit in evidence.units if unit not in found]
     others_zeros, others_answered = sum(totals[o.unit] for o in others), sum(o.answered for o in others)
     background = max(HEALTHY, (others_zeros + 0.5) / (others_answered + 50))
+    bits = sum(surplus_bits(totals[unit.unit], unit.answered, background) for unit in found)
+    if totals[first.unit] < _OFTEN * first.answered and bits < _SURE_BITS:
+        return
     yield Suspicion(
         tuple(unit.unit for unit in found),
-        sum(surplus_bits(totals[unit.unit], unit.answered, background) for unit in found),
+        bits,
         frozenset((Symptom.BEHIND, unit.unit) for unit in found),
         {
             "units": tuple(unit.unit for unit in found),

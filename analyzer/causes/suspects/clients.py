@@ -11,7 +11,8 @@ from ...tables.findings import Severity
 from ..asciireading import is_in_ascii
 from ..bits import likelihood_bits, surplus_bits
 from ..calledback import CalledBack, broadcasts_answered, called_back
-from ..evidence import HEALTHY, Evidence, kind_bits, kind_of, overlaid, share_of
+from ..costs import LostAnswers, cost, cost_of, together, twice
+from ..evidence import HEALTHY, Evidence
 from ..exchanges import Ending
 from ..hits import (
     answers_too_many,
@@ -25,7 +26,8 @@ from ..hits import (
     spells_of_hits,
     timed_by_the_master,
 )
-from ..registry import Suspicion, Symptom, suspect
+from ..kinds import kind_bits, kind_of, overlaid, share_of
+from ..registry import Explained, Suspicion, Symptom, suspect
 from ..signatures import Behind, Signature
 from ..unitledger import UnitLedger
 
@@ -123,13 +125,13 @@ def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
     )  # one of them comes later, or goes; of what is not seen two polls go on as they do
     if sure:  # no single master cuts short what it asked, whatever disturbs the line
         bits += _CUT_SHORT_BITS * sum(early.values())
-    costs = [evidence.cost(unit, Ending.SILENT, Ending.GARBAGE) for unit in units]
-    known = [ms for _, ms in costs if ms is not None]
     kinds = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.LATENESS, Symptom.SILENCE, Symptom.DOUBLES, Symptom.MARKS)
+    explains = frozenset((kind, unit.unit) for unit in evidence.units for kind in kinds)
+    lost = _lost_to_each_other(evidence, explains)
     yield Suspicion(
         (),
         bits,
-        frozenset((kind, unit.unit) for unit in evidence.units for kind in kinds),
+        explains,
         {
             "crossed": round(hasty + late + requests),
             "damaged": damaged,
@@ -137,10 +139,20 @@ def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
             "exchanges": evidence.ledger.exchanges,
             "units_hit": len(hit),
         },
-        lost_answers=sum(lost for lost, _ in costs),
-        lost_ms=round(sum(known), 3) if known else None,
+        lost_answers=lost.answers,
+        lost_ms=lost.ms,
         frames=tuple(index for unit in hit for index in unit.examples.get(Ending.GARBAGE, []))[:6],
     )
+
+
+def _lost_to_each_other(evidence: Evidence, explains: Explained) -> LostAnswers:
+    """What meets costs each of two masters a request; what one of them sends while the other waits only makes that one's
+    answer late."""
+    silences = frozenset(each for each in explains if each[0] is Symptom.SILENCE)
+    met, silent = twice(evidence, cost_of(evidence, explains - silences)), cost_of(evidence, silences)
+    lost = max(silent.answers - sum(unit.late for unit in evidence.units), 0)
+    ms = 0.0 if not lost else None if silent.ms is None else silent.ms * lost / silent.answers
+    return together((met, LostAnswers(lost, ms)))
 
 
 def _is_one_late(evidence: Evidence) -> bool:
@@ -245,8 +257,7 @@ def broadcast_storm(evidence: Evidence) -> Iterator[Suspicion]:
     if pause is None or pause > max(_STORM_NS, _STORM_PAUSES * (evidence.t35_ns or 0.0)):
         return
     silent = frozenset((Symptom.SILENCE, unit.unit) for unit in evidence.units)
-    costs = [evidence.cost(unit, Ending.SILENT) for unit in evidence.units]
-    known = [ms for _, ms in costs if ms is not None]
+    lost = together(cost(evidence, unit, Ending.SILENT) for unit in evidence.units)
     yield Suspicion(
         (),
         surplus_bits(ledger.broadcasts, ledger.exchanges, 0.3)
@@ -257,8 +268,8 @@ def broadcast_storm(evidence: Evidence) -> Iterator[Suspicion]:
             "requests": ledger.exchanges,
             "pause": pause / 1e6,
         },
-        lost_answers=sum(lost for lost, _ in costs),
-        lost_ms=round(sum(known), 3) if known else None,
+        lost_answers=lost.answers,
+        lost_ms=lost.ms,
     )
 
 
@@ -306,6 +317,8 @@ def converter_gaps(evidence: Evidence) -> Iterator[Suspicion]:
         return
     holes = np.concatenate([unit.holes.numbers[unit.holes.numbers > least] for _, unit in behind])
     places = sum((unit.hole_places for _, unit in behind), start=type(behind[0][1].hole_places)())
+    if not verdict.fine and not others and not _piece(places):
+        return  # in answers of all, at no place in particular: the tap holds them back
     yield Suspicion(
         tuple(unit.unit for _, unit in behind),
         sum(surplus_bits(share * len(unit.holes), len(unit.holes), 0.02) for share, unit in behind),

@@ -9,8 +9,9 @@ import numpy as np
 
 from ...tables.findings import Severity
 from ..bits import likelihood_bits, phase_bits, surplus_bits
+from ..costs import cost_behind_damage, cost_of, together
 from ..crowdedtimes import CrowdedTimes
-from ..evidence import HEALTHY, Evidence, kind_bits, overlaid, share_of
+from ..evidence import HEALTHY, Evidence
 from ..exchanges import Ending
 from ..hits import (
     ALIKE,
@@ -26,6 +27,7 @@ from ..hits import (
     spares_units,
     spells_of_hits,
 )
+from ..kinds import kind_bits, overlaid, share_of
 from ..registry import Explained, Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage
 
@@ -108,16 +110,17 @@ def _anywhere(evidence: Evidence, *, sparse: bool = False, by_time: float = 0.0)
 
 
 def _suspicion(evidence: Evidence, hits: Hits, bits: float, more: Mapping[str, Any], **times: Any) -> Suspicion:
-    costs = [evidence.cost(unit, Ending.GARBAGE) for unit in evidence.units]
-    known = [ms for _, ms in costs if ms is not None]
+    lost = together(
+        (cost_of(evidence, _all_explained(evidence)), *(cost_behind_damage(evidence, unit) for unit in evidence.units))
+    )
     frames = tuple(i for unit in evidence.units for i in unit.examples.get(Ending.GARBAGE, []))[:6]
     return Suspicion(
         (),
         bits,
         _all_explained(evidence),
         {**hits.numbers, **more},
-        lost_answers=sum(lost for lost, _ in costs),
-        lost_ms=round(sum(known), 3) if known else None,
+        lost_answers=lost.answers,
+        lost_ms=lost.ms,
         frames=frames,
         **{**span_of_hits(evidence), **times},
     )
@@ -133,7 +136,8 @@ _SHARE: Final = "{hits} hits in {exchanges} exchanges: {damaged:answer|answers}[
     text="Something disturbs the line, whoever sends: {damaged:answer|answers}[ and about {requests:request|requests}] of "
     "{exchanges} exchanges are damaged, at no place and no time in particular",
     share=_SHARE,
-    deciding_test="Halve the baud rate: if the share of damaged frames falls, spikes are the cause and not the wiring",
+    deciding_test="Connect the client and a unit or two by a short cable of their own: if the damage goes, it comes from the "
+    "bus cable and what is near it",
     remedy="Check shield (earthed at one end), common wire, loose terminals, and cables that run beside power cables",
 )
 def interference(evidence: Evidence) -> Iterator[Suspicion]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from bisect import insort
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from math import log2
 from typing import Final
 
 import numpy as np
@@ -14,10 +15,13 @@ from ...deframing.tap_clock import UNKNOWN
 from ...tables.findings import Severity
 from ..askedagain import asked_again_behind, asked_again_into, waits_longer
 from ..bits import likelihood_bits, strays, surplus_bits
-from ..evidence import HEALTHY, Evidence, kind_bits, kind_of
+from ..costs import cost_of
+from ..evidence import HEALTHY, Evidence
 from ..exchanges import Ending
 from ..grouping import alone_or_together
 from ..hits import cut_short, given_up_by_timer, interrupted, timed_by_the_master
+from ..kinds import kind_bits, kind_of
+from ..onlyrepeats import only_repeats
 from ..registry import Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage, Signature
 from ..stale import shifted, untimely
@@ -35,7 +39,8 @@ _SILENT: Final = 0.02
 _SILENT_FOR_LATE: Final = 3
 _OTHERS: Final = 2
 _STEADY: Final = 0.3
-_LATER: Final = 1.2  # than the longest delay of all that are well
+_LATER: Final = 1.2  # times what is usual
+_USUAL: Final = (0.5, 0.75, 0.9, 1.0)  # of good answers: some late ones the master may still have taken
 _HEAD_CHARS: Final = 3  # that a driver may lose
 _OVERDUE: Final = 0.8  # of the timeout
 _FAR_SLOWER: Final = 3.0
@@ -111,7 +116,7 @@ def _weighed(evidence: Evidence, unit: UnitLedger, late: Mapping[int, int]) -> _
 
 def _lives(evidence: Evidence, unit: UnitLedger) -> bool:
     """Whether anything was ever heard of a unit: one that is dead is late with nothing, whatever else is hit."""
-    heard = unit.answered + unit.late + unit.strays + unit.doubles + unit.unfit + evidence.begun[unit.unit]
+    heard = (unit.answered + unit.loose) * (not only_repeats(evidence, unit)) + evidence.begun[unit.unit]
     return bool(heard or asked_again_into(evidence, unit))
 
 
@@ -121,7 +126,6 @@ def _suspicion(
     units = [each.unit for each in group]
     others = [other for other in evidence.units if other not in units]
     background = max(_BACKGROUND, (rest + 0.5) / (sum(other.asked for other in others) + 100))
-    costs = [evidence.cost(unit, Ending.SILENT, Ending.GARBAGE) for unit in units]
     bits, slow, explains = 0.0, 0.0, set[tuple[Symptom, int | None]]()
     for each in group:
         unit = each.unit
@@ -129,7 +133,7 @@ def _suspicion(
         silent = min(evidence.silent(unit), _SILENT_FOR_LATE * each.late)
         bits += surplus_bits(silent, unit.asked, _SILENT) / 2
         bits += max(kind_bits(evidence.readings(unit), _KINDS), 0.0)
-        bits += _TIMED_BITS * len(timed_by_the_master(evidence, unit))
+        bits += _TIMED_BITS * len(timed_by_the_master(evidence, unit)) + _beyond(evidence, unit)[1]
         explains |= {(kind, unit.unit) for kind in (*_RUN_INTO, Symptom.LATENESS, Symptom.DOUBLES, Symptom.VALUES)}
         slow = max(slow, unit.delays.quantile(0.9) or 0.0)
     explains |= {(kind, other.unit) for other in others for kind in _RUN_INTO}
@@ -137,7 +141,7 @@ def _suspicion(
     for other in others:  # a master that takes what runs into an answer for it goes on before that comes
         if late[other.unit] <= sum(hit[other.unit, unit.unit] for unit in units):
             explains.add((Symptom.LATENESS, other.unit))
-    known = [lost_ms for _, lost_ms in costs if lost_ms is not None]
+    lost = cost_of(evidence, frozenset(explains))
     timeout = evidence.timeout_ns
     told = timeout is not None and slow > max(evidence.verdict.wait_ns, 0.5 * timeout)
     return Suspicion(
@@ -154,8 +158,9 @@ def _suspicion(
         },
         since=min(unit.first for unit in units),
         until=max(unit.last for unit in units),
-        lost_answers=sum(lost for lost, _ in costs) + sum(_redundant(evidence, unit).count for unit in units),
-        lost_ms=round(sum(known), 3) if known else None,
+        lost_answers=lost.answers
+        + sum(max(_redundant(evidence, u).count, _met_on_the_way(evidence, u)) for u in units),
+        lost_ms=lost.ms,
         frames=tuple(i for unit in units for i in unit.examples.get(Ending.SILENT, []))[:6],
     )
 
@@ -192,7 +197,7 @@ def _late(evidence: Evidence, unit: UnitLedger) -> int:
         found += unit.doubles
     readings = evidence.readings(unit)
     slow = _redundant(evidence, unit)
-    bound = min(slow.bound_ns, _overdue_ns(evidence, unit), _beyond_ns(evidence, unit))
+    bound = min(slow.bound_ns, _overdue_ns(evidence, unit), _beyond(evidence, unit)[0])
     hurried, char_ns = _hurried(evidence, unit), evidence.ledger.char_ns
     by_timer = timed_by_the_master(evidence, unit)
     late = [
@@ -259,17 +264,34 @@ def _overdue_ns(evidence: Evidence, unit: UnitLedger) -> float:
     return max(_OVERDUE * timeout, _FAR_SLOWER * (usual or 0.0))
 
 
-def _beyond_ns(evidence: Evidence, unit: UnitLedger) -> float:
-    """The delay from which on garbage comes later than any good answer of a unit, where most of its garbage does: its
-    answer was not waited for, and met what was asked next. What else damages an answer does not delay it."""
+def _beyond(evidence: Evidence, unit: UnitLedger) -> tuple[float, float]:
+    """The delay (ns) from which on garbage comes later than good answers of a unit hardly ever do, where most of its
+    garbage does, and how much likelier that is (bits): its answer was not waited for, and met what was asked next. What
+    else damages an answer does not delay it."""
     good, readings = unit.delays.numbers, [each for each in evidence.readings(unit) if each.delay >= 0]
-    if len(good) < 3 * _LEAST or not readings:
-        return UNKNOWN
-    bound = _LATER * float(good.max()) + evidence.verdict.wait_ns + _HEAD_CHARS * evidence.ledger.char_ns
-    beyond = sum(each.delay >= bound for each in readings)
-    if beyond < _MOSTLY * len(readings) or surplus_bits(beyond, len(readings), 1 / len(good)) < _SURE_BITS:
-        return UNKNOWN
-    return bound
+    if len(good) < 3 * _LEAST or not readings or evidence.echoed_again(unit):
+        return UNKNOWN, 0.0
+    off = evidence.verdict.wait_ns + _HEAD_CHARS * evidence.ledger.char_ns
+    best = UNKNOWN, 0.0
+    for usual in np.quantile(good, _USUAL).tolist():
+        bound = _LATER * usual + off
+        beyond, by_chance = sum(each.delay >= bound for each in readings), np.mean(good >= bound - off) + 1 / len(good)
+        bits = surplus_bits(beyond, len(readings), float(by_chance)) - log2(len(_USUAL))
+        if beyond >= _MOSTLY * len(readings) and bits >= max(_SURE_BITS, best[1]):
+            best = bound, bits
+    return best
+
+
+def _met_on_the_way(evidence: Evidence, unit: UnitLedger) -> int:
+    """Requests that are lost besides those whose answers are damaged, where these come when the master has given up: what
+    it sent into them, and good answers that came as late and met nothing."""
+    bound, bits = _beyond(evidence, unit)
+    if not bits:
+        return 0
+    readings = evidence.readings(unit)
+    late = sum(each.delay >= bound for each in readings) / len(readings)
+    good = float((unit.delays.numbers >= bound).mean())
+    return round(unit.count(Ending.GARBAGE) * late + len(unit.delays) * good)
 
 
 @dataclass(frozen=True, slots=True)

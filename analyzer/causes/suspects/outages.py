@@ -9,13 +9,15 @@ from typing import Final
 import numpy as np
 
 from ...tables.findings import Severity
+from ..costs import LostAnswers, cost, together
 from ..evidence import Evidence
 from ..exchanges import Ending
 from ..ledger import ASKED, BAD
+from ..onlyrepeats import only_repeats
 from ..outages import Outage, outages_of
 from ..registry import Suspicion, Symptom, suspect
 from ..spells import mean_period_s
-from .silence import is_spell, only_repeats, silence_bits
+from .silence import is_spell, silence_bits
 
 _TOGETHER_BITS: Final = 2.0  # two faults at once are unlikely by themselves, and the more so at one time
 _OUTAGE_BITS: Final = 16.0  # that its place in the time costs
@@ -49,7 +51,7 @@ def silent_together(evidence: Evidence) -> list[list[Outage]]:
     spells = {
         unit.unit: evidence.silences(unit).all
         for unit in evidence.units
-        if unit.answered and evidence.silent(unit) and not only_repeats(unit)
+        if unit.answered and evidence.silent(unit) and not only_repeats(evidence, unit)
     }
     span = ledger.span_ns if ledger.timed else ledger.bytes
     groups = outages_of(spells, span, lambda spell: is_spell(evidence, spell))
@@ -67,8 +69,7 @@ def _together(evidence: Evidence, group: Sequence[Outage]) -> Iterator[Suspicion
         return
     rest = [unit for unit in evidence.units if unit not in mine]
     silent, asked = sum(inside[unit.unit] for unit in mine), sum(unit.asked for unit in mine)
-    costs = [(inside[unit.unit], *evidence.cost(unit, Ending.SILENT)) for unit in mine]
-    known = [ms * part / lost for part, lost, ms in costs if ms is not None]
+    lost = together(_inside(cost(evidence, unit, Ending.SILENT), inside[unit.unit]) for unit in mine)
     begins = [outage.begin for outage in group]
     few = [unit for unit in rest if unit.answered and evidence.silent(unit) < _FEW * len(group)]
     yield Suspicion(
@@ -93,10 +94,15 @@ def _together(evidence: Evidence, group: Sequence[Outage]) -> Iterator[Suspicion
         since=begins[0],
         until=max(outage.end for outage in group),
         period_s=mean_period_s(begins),
-        lost_answers=silent,
-        lost_ms=round(sum(known), 3) if known else None,
+        lost_answers=lost.answers,
+        lost_ms=lost.ms,
         frames=tuple(index for unit in mine for index in unit.examples.get(Ending.SILENT, []))[:6],
     )
+
+
+def _inside(whole: LostAnswers, count: int) -> LostAnswers:
+    """The part of a unit's cost that so many of its silent requests have."""
+    return LostAnswers(count, None if whole.ms is None else whole.ms * count / whole.answers)
 
 
 def _how_long(group: Sequence[Outage]) -> str:

@@ -139,7 +139,7 @@ _TEST: Final = "Read the registers of unit {unit} one by one around {areas}: it 
     "off-by-one",
     Severity.WARNING,
     blame="master",
-    text="The client's list is off by one for unit {unit}: {areas}[ and {more} more] is refused (exception {codes}, {refused} of {asked}), "
+    text="The client's list is off by one for unit {unit}: requests for {areas}[ and {more} more] are refused (exception {codes}, {refused} of {asked}), "
     "while all but one register of it reads well",
     share="{refused} of {asked} such requests to unit {unit}",
     deciding_test=_TEST,
@@ -176,7 +176,7 @@ def missing_registers(evidence: Evidence) -> Iterator[Suspicion]:
     Severity.WARNING,
     blame="master",
     text="The client writes registers of unit {unit} that it may only read: {areas}[ and {more} more], refused "
-    "{refused} of {asked} times (exception {codes}), though read well",
+    "{refused} of {asked} times (exception {codes}), though they read well",
     share="{refused} of {asked} such requests to unit {unit}",
     deciding_test="Write one of these registers of unit {unit} by hand, with the value that it has",
     remedy="Take the writes off the list, or unlock the device for writing (a parameter, a switch, remote mode)",

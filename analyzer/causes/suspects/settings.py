@@ -9,11 +9,15 @@ from math import log2
 from statistics import median
 from typing import Any, Final
 
+import numpy as np
+
 from ...tables.findings import Severity
 from ..askedagain import waits_longer
 from ..bits import surplus_bits
-from ..evidence import HEALTHY, Evidence, kind_bits, share_of
+from ..evidence import HEALTHY, Evidence
 from ..exchanges import Ending
+from ..kinds import kind_bits, share_of
+from ..ledger import ASKED, BAD
 from ..misreading import CharacterFormat, drifts, formats_of, misread, other_formats, samples, whole_by_another_clock
 from ..polls import Poll
 from ..registry import Suspicion, Symptom, suspect
@@ -24,7 +28,7 @@ from .senders import beginnings, damage_suspicion
 
 _LEAST: Final = 3
 _BYTE: Final = 8.0
-_MOST_BYTES: Final = 3  # that count for a sample
+_MOST_BYTES: Final = 6  # that count for a sample: an answer that echoes is known as far
 _NOT_AS_SENT: Final = log2(0.04)  # bits: settings garble the same bytes in the same way nearly always
 _SAME, _OTHER = log2(0.96 / 0.5), log2(0.04 / 0.5)  # bits: garbage that is like that of the same poll before, or not
 _EXPECTED: Final = {"whole": 0.83, "middle": 0.06, "cut": 0.03, "long": 0.03, "head": 0.02}
@@ -72,8 +76,10 @@ def unit_line_settings(evidence: Evidence) -> Iterator[Suspicion]:
             if clock[0] > bits:
                 bits, drift = clock
                 words, kinds = _A_CLOCK, max(kinds, kind_bits(readings, _DRIFTED))
-            if not bits and _begin_right(readings) >= _MOSTLY:
-                bits -= _BEGINS_RIGHT  # what garbles an answer garbles its first byte as well, but for few settings
+            if not bits:
+                bits -= _good_between(evidence, unit)  # nobody changes settings to and fro
+                if _begin_right(readings) >= _MOSTLY:
+                    bits -= _BEGINS_RIGHT  # what garbles an answer garbles its first byte as well, but for few settings
             bits += evidence.surplus(unit) + kinds + _steadiness(evidence, unit)
             if bits > 0:
                 yield damage_suspicion(evidence, unit, bits, {"settings": words, "drift": drift, "how": _GARBAGE})
@@ -114,6 +120,14 @@ def _by_clock(evidence: Evidence, readings: Sequence[Signature]) -> tuple[float,
 def _begin_right(readings: Sequence[Signature]) -> float:
     """The share of damaged answers whose first byte is as it must be."""
     return sum(each.heard[:1] == known_header(each.request)[:1] for each in readings) / len(readings)
+
+
+def _good_between(evidence: Evidence, unit: UnitLedger) -> int:
+    """Good answers of a unit between its damaged ones, as far as parts of the time tell."""
+    grid = evidence.ledger.grid
+    asked, bad = grid.counts((ASKED, unit.unit)), grid.counts((BAD, unit.unit))
+    hit = np.flatnonzero(bad)
+    return int((asked - bad)[hit[0] + 1 : hit[-1]].sum()) if len(hit) else 0
 
 
 def _seven_bits(readings: Sequence[Signature]) -> float:

@@ -10,8 +10,10 @@ from typing import Final
 from ...tables.findings import Severity
 from ...tables.transactions import ECHOED
 from ..bits import clustering_bits, regularity_bits, surplus_bits
+from ..costs import LostAnswers, cost, together
 from ..evidence import Evidence
 from ..exchanges import Ending
+from ..onlyrepeats import in_vain, only_repeats
 from ..registry import Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage
 from ..spells import mean_period_s
@@ -31,8 +33,6 @@ _TO_THE_END: Final = 8
 _END_SHARE: Final = 0.1  # of the capture
 _LONG_SPELL: Final = 12  # requests,
 _VISITS_IN_VAIN: Final = 4  # or so many times that the master came back to it: what is lost once is not asked for anew
-_AS_LATE: Final = 0.95
-_SILENT_FOR_ECHO: Final = 5
 _ALL: Final = 0.5
 _NO_ANSWER_BEHIND: Final = 11  # the exception by which a gateway says that its target failed to respond
 _NEARLY_ALL: Final = 0.95
@@ -49,14 +49,30 @@ def _never(evidence: Evidence) -> list[UnitLedger]:
     found = [
         unit
         for unit in evidence.units
-        if evidence.silent(unit) >= _LEAST_OF_SEVERAL
+        if _surely_in_vain(evidence, unit) >= _LEAST_OF_SEVERAL
         and unit.unit not in scanned
-        and (not unit.answered or only_repeats(unit))
-        and not unit.strays
-        and not unit.late
+        and (not unit.answered + unit.strays + unit.late or only_repeats(evidence, unit))
         and _answering(evidence, unit) <= max(_STRAYS, evidence.elsewhere(unit)) * unit.asked
     ]
-    return found if len(found) > 1 else [unit for unit in found if evidence.silent(unit) >= _LEAST]
+    return found if len(found) > 1 else [unit for unit in found if _surely_in_vain(evidence, unit) >= _LEAST]
+
+
+def _surely_in_vain(evidence: Evidence, unit: UnitLedger) -> int:
+    """Requests to a unit that stayed without an answer for sure."""
+    silent = evidence.silent(unit)
+    is_open = evidence.is_open(Symptom.SILENCE, unit.unit)
+    return in_vain(evidence, unit)[0] if is_open and silent == unit.count(Ending.SILENT) else silent
+
+
+def _cost(evidence: Evidence, unit: UnitLedger) -> LostAnswers:
+    """The same, and the time that the master waited."""
+    silent, ms = in_vain(evidence, unit)[0], cost(evidence, unit, Ending.SILENT).ms
+    if not unit.answered:
+        return LostAnswers(silent, ms)
+    waited = unit.echo_delays.total + unit.pauses.total
+    if not waited or evidence.verdict.wait_ns * unit.answered > waited:
+        return LostAnswers(silent)
+    return LostAnswers(silent, round((ms or 0.0) + waited / 1e6, 3))
 
 
 def _answering(evidence: Evidence, unit: UnitLedger) -> float:
@@ -90,23 +106,11 @@ def _scanned(evidence: Evidence) -> frozenset[int]:
     return frozenset(numbers) if in_order else frozenset()
 
 
-def only_repeats(unit: UnitLedger) -> bool:
-    """Whether what reads like its answers is the master's own requests once more: echoes, and as late as its repeats."""
-    if unit.answered != unit.echoes:
-        return False
-    delay, wait = unit.echo_delays.quantile(0.1), unit.waits.quantile(0.1)
-    mostly = unit.count(Ending.SILENT) >= _SILENT_FOR_ECHO * unit.answered
-    if delay is None or wait is None:
-        return mostly
-    latest, longest = unit.echo_delays.quantile(0.9) or delay, unit.waits.quantile(0.9) or wait
-    return delay > _AS_LATE * wait and (mostly or latest * _AS_LATE < longest)
-
-
 def _died(evidence: Evidence, unit: UnitLedger) -> int | None:
     """Since when a unit that did answer has been silent to the end."""
     spells = evidence.silences(unit)
     spell = spells.lasting
-    if spell is None or not unit.answered or not evidence.silent(unit) or only_repeats(unit):
+    if spell is None or not unit.answered or not evidence.silent(unit) or only_repeats(evidence, unit):
         return None
     before = max((each.count for each in spells.all if each is not spell), default=0)
     span = evidence.ledger.grid.width_ns * 256 if not evidence.ledger.timed else evidence.ledger.span_ns
@@ -133,8 +137,8 @@ def silence_bits(silent: int, asked: int) -> float:
     text="Unit {unit} {answers}: {silent} of {asked} requests to it {how}[, while {others_answered} of "
     "{others_asked} to other units were answered]",
     share="{silent} of {asked} requests to unit {unit}[, {others_silent} of {others_asked} to others]",
-    deciding_test="Poll unit {unit} alone, with a client put in the place of the bus: if it stays silent, it is the unit "
-    "or its address; if it answers, its drop or its place on the bus",
+    deciding_test="Connect a client straight to unit {unit}, without the bus, and poll it: if it stays silent, it is the "
+    "unit, its address or its settings; if it answers, its drop or the wiring there",
     remedy="Check the unit's power, its address, and whether A and B are swapped at it; take it off the poll list if it is "
     "not there",
 )
@@ -163,9 +167,9 @@ def _excused(evidence: Evidence, unit: UnitLedger) -> Iterator[Suspicion]:
         "asked": unit.asked,
         "answers": "never answers",
         "how": "got exception 0B, by which a gateway says that its target is silent",
-        "others_asked": sum(other.asked for other in others),
+        "others_asked": sum(map(evidence.known, others)),
         "others_answered": sum(other.answered for other in others),
-        "others_silent": sum(other.count(Ending.SILENT) for other in others),
+        "others_silent": sum(map(evidence.surely_silent, others)),
     }
     yield Suspicion(
         (unit.unit,),
@@ -181,12 +185,12 @@ def _excused(evidence: Evidence, unit: UnitLedger) -> Iterator[Suspicion]:
 
 def _silence(evidence: Evidence, unit: UnitLedger, since: int | None) -> Suspicion:
     others = [other for other in evidence.units if other.unit != unit.unit]
-    silent = evidence.silent(unit)
+    silent, asked = in_vain(evidence, unit)
     lasting = evidence.silences(unit).lasting
-    bits = silence_bits(silent, unit.asked)
+    bits = silence_bits(silent, asked)
     if since is not None and lasting is not None:
         silent, bits = lasting.count, silence_bits(lasting.count, lasting.count)
-    lost, lost_ms = evidence.cost(unit, Ending.SILENT)
+    lost = _cost(evidence, unit) if since is None else cost(evidence, unit, Ending.SILENT)
     kinds = (
         (Symptom.SILENCE, Symptom.DAMAGE) if since is None else (Symptom.SILENCE,)
     )  # what never speaks damages nothing
@@ -197,17 +201,17 @@ def _silence(evidence: Evidence, unit: UnitLedger, since: int | None) -> Suspici
         {
             "unit": unit.unit,
             "silent": silent,
-            "asked": silent if since is not None else unit.asked,
+            "asked": silent if since is not None else asked,
             "answers": "never answers" if since is None else "answers no more",
             "how": "stayed without a byte",
-            "others_asked": sum(other.asked for other in others),
+            "others_asked": sum(map(evidence.known, others)),
             "others_answered": sum(other.answered for other in others),
-            "others_silent": sum(other.count(Ending.SILENT) for other in others),
+            "others_silent": sum(map(evidence.surely_silent, others)),
         },
         since=unit.first if since is None else since,
         until=unit.last,
-        lost_answers=lost,
-        lost_ms=lost_ms,
+        lost_answers=lost.answers,
+        lost_ms=lost.ms,
         frames=tuple(unit.examples.get(Ending.SILENT, [])),
     )
 
@@ -223,30 +227,30 @@ def _silence(evidence: Evidence, unit: UnitLedger, since: int | None) -> Suspici
 )
 def absent_units(evidence: Evidence) -> Iterator[Suspicion]:
     """Several units, and some that do answer."""
-    never = sorted(_never(evidence), key=lambda unit: -evidence.silent(unit))
+    never = sorted(_never(evidence), key=lambda unit: -in_vain(evidence, unit)[0])
     if len(never) < 2:
         return
     others = [unit for unit in evidence.units if unit not in never]
     weight = 1.0 if others else _ALL  # where nobody answers at all, the fault is hardly theirs
-    costs = [evidence.cost(unit, Ending.SILENT) for unit in never]
-    known = [ms for _, ms in costs if ms is not None]
+    counts = [in_vain(evidence, unit) for unit in never]
+    lost = together(_cost(evidence, unit) for unit in never)
     yield Suspicion(
         tuple(unit.unit for unit in never),
-        weight * sum(silence_bits(evidence.silent(unit), unit.asked) for unit in never),
+        weight * sum(silence_bits(*each) for each in counts),
         frozenset((Symptom.SILENCE, unit.unit) for unit in never),
         {
             "count": len(never),
             "polled": len(evidence.units),
             "list": tuple(unit.unit for unit in never),
-            "silent": sum(evidence.silent(unit) for unit in never),
-            "asked": sum(unit.asked for unit in never),
-            "others_silent": sum(unit.count(Ending.SILENT) for unit in others),
-            "others_asked": sum(unit.asked for unit in others),
+            "silent": sum(silent for silent, _ in counts),
+            "asked": sum(asked for _, asked in counts),
+            "others_silent": sum(map(evidence.surely_silent, others)),
+            "others_asked": sum(map(evidence.known, others)),
         },
         since=min(unit.first for unit in never),
         until=max(unit.last for unit in never),
-        lost_answers=sum(lost for lost, _ in costs),
-        lost_ms=round(sum(known), 3) if known else None,
+        lost_answers=lost.answers,
+        lost_ms=lost.ms,
         frames=tuple(index for unit in never for index in unit.examples.get(Ending.SILENT, []))[:8],
     )
 
@@ -268,16 +272,16 @@ def retry_policy(evidence: Evidence) -> Iterator[Suspicion]:
     for unit in never if len(never) == 1 else ():
         tries = _tries(unit)
         if tries >= _MANY_TRIES:
-            lost, lost_ms = evidence.cost(unit, Ending.SILENT)
+            silent, asked = in_vain(evidence, unit)
             yield Suspicion(
                 (unit.unit,),
-                silence_bits(evidence.silent(unit), unit.asked) + tries,
+                silence_bits(silent, asked) + tries,
                 frozenset({(Symptom.SILENCE, unit.unit)}),
-                {"unit": unit.unit, "silent": evidence.silent(unit), "asked": unit.asked, "tries": tries},
+                {"unit": unit.unit, "silent": silent, "asked": asked, "tries": tries},
                 since=unit.first,
                 until=unit.last,
-                lost_answers=lost,
-                lost_ms=lost_ms,
+                lost_answers=silent,
+                lost_ms=_cost(evidence, unit).ms,
                 frames=tuple(unit.examples.get(Ending.SILENT, [])),
             )
 
@@ -297,7 +301,7 @@ def unit_restarts(evidence: Evidence) -> Iterator[Suspicion]:
     for unit in evidence.units:
         silent, spells = evidence.silent(unit), _spells(evidence, unit)
         inside = sum(each.count for each in spells)
-        if _are_second_answers(evidence, unit):
+        if _are_second_answers(evidence, unit) or only_repeats(evidence, unit):
             continue
         once = len(spells) == 1 and spells[0].count >= _TO_THE_END and spells[0].before is not None
         if (len(spells) < 2 and not once) or not unit.answered or inside < 0.6 * silent or inside < 2 * _SPELL:
@@ -305,7 +309,7 @@ def unit_restarts(evidence: Evidence) -> Iterator[Suspicion]:
         silences = evidence.silences(unit)
         runs = len(silences.all) + silences.single + silences.more
         begins = [each.begin for each in spells]
-        lost, lost_ms = evidence.cost(unit, Ending.SILENT)
+        lost = cost(evidence, unit, Ending.SILENT)
         timed = evidence.ledger.timed
         yield Suspicion(
             (unit.unit,),
@@ -323,8 +327,8 @@ def unit_restarts(evidence: Evidence) -> Iterator[Suspicion]:
             since=begins[0],
             until=spells[-1].end,
             period_s=None if once else mean_period_s(begins),
-            lost_answers=lost,
-            lost_ms=lost_ms,
+            lost_answers=lost.answers,
+            lost_ms=lost.ms,
             frames=tuple(unit.examples.get(Ending.SILENT, [])),
         )
 
@@ -334,6 +338,8 @@ def _are_second_answers(evidence: Evidence, unit: UnitLedger) -> bool:
     to one the second reads like a request that stayed without."""
     polls = [poll for poll in evidence.polls_of(unit.unit) if not ECHOED[poll.function]]
     asked, silent = sum(poll.asked for poll in polls), unit.count(Ending.SILENT)
+    if evidence.echoed_again(unit) > (1 - _HARDLY) * silent:
+        return True
     return bool(asked) and evidence.unanswered(unit) < _HARDLY * silent * asked / unit.asked
 
 

@@ -8,9 +8,11 @@ from typing import Final
 
 from ...tables.findings import Severity
 from ..bits import likelihood_bits, surplus_bits
-from ..evidence import HEALTHY, Evidence, kind_bits, kind_of, share_of
+from ..costs import cost, together
+from ..evidence import HEALTHY, Evidence
 from ..exchanges import Ending
-from ..hits import ALIKE, WELL, Hits, apart_bits, is_behind_few, span_of_hits, spared_bits, spares_units
+from ..hits import ALIKE, WELL, Hits, apart_bits, is_behind_few, span_of_hits, spared_bits, spares_units, spells_of_hits
+from ..kinds import kind_bits, kind_of, share_of
 from ..registry import Suspicion, Symptom, suspect
 from ..unitledger import UnitLedger
 
@@ -26,6 +28,8 @@ _BENT: Final = {"bits": 0.52, "head": 0.17, "bits-tail": 0.04, "middle": 0.1, "w
 _MUCH_BENT: Final = {"bits": 0.2, "head": 0.1, "bits-tail": 0.03, "middle": 0.35, "whole": 0.3, "tail": 0.01}
 _SINGLE: Final = 0.3
 _MOST_BENT: Final = 0.45
+_SPARED_BITS: Final = 10.0  # by which frames are hit less than what strikes all would
+_COMES_AND_GOES: Final = 10.0  # bits against it: a line that floats does so for good
 _UNIT_BITS: Final = 6.0  # each unit more that is said to be far
 
 
@@ -37,8 +41,8 @@ _UNIT_BITS: Final = 6.0  # each unit more that is said to be far
     "{well} of {exchanges:exchange|exchanges} {well:|shows|show} no damage",
     share="{idle} stretches in {exchanges} exchanges[, {damaged:damaged answer|damaged answers}]",
     deciding_test="Measure A against B on the idle line: under 200 mV it floats",
-    remedy="Fit bias resistors (pull-up on B, pull-down on A, 390 to 650 ohm) at one place of the bus, or switch the "
-    "client's on",
+    remedy="Fit bias resistors (pull-up on B, pull-down on A as the Modbus specification names them, 450 to 650 ohm) at one "
+    "place of the bus, or switch the client's on; many makers print A and B the other way round",
 )
 def bias(evidence: Evidence) -> Iterator[Suspicion]:
     """Noise between frames, and frames that are well."""
@@ -52,6 +56,10 @@ def bias(evidence: Evidence) -> Iterator[Suspicion]:
     bits += likelihood_bits(frames, idle + frames, WELL) - likelihood_bits(frames, idle + frames, 0.5)
     inside = sum(_inside(evidence, unit) for unit in evidence.units)
     bits -= surplus_bits(inside, hits.exchanges, HEALTHY)  # a driven line does not float
+    as_exposed = likelihood_bits(frames, idle + frames, max(evidence.load or 0.0, WELL))
+    spells = spells_of_hits(evidence)[0]
+    if spells and as_exposed < likelihood_bits(frames, idle + frames, WELL) - _SPARED_BITS:
+        bits += spells - _COMES_AND_GOES  # somebody takes the resistors off, or puts them on
     if is_behind_few(evidence):
         bits = bits / 4 - apart_bits(evidence)  # a line that floats does so behind everybody
     explains = frozenset((Symptom.BEHIND, unit.unit) for unit in evidence.units) | {(Symptom.FRAMING, None)}
@@ -111,8 +119,7 @@ def termination(evidence: Evidence) -> Iterator[Suspicion]:
         ) < _LEAST:
             continue
         if best is None or bits > best.bits:
-            costs = [evidence.cost(unit, Ending.GARBAGE) for unit in far]
-            known = [ms for _, ms in costs if ms is not None]
+            lost = together(cost(evidence, unit, Ending.GARBAGE) for unit in far)
             best = Suspicion(
                 tuple(unit.unit for unit in far),
                 bits,
@@ -125,8 +132,8 @@ def termination(evidence: Evidence) -> Iterator[Suspicion]:
                     "others_answers": trials,
                     "early": ", in the first bits behind an edge" if early > 8 else "",
                 },
-                lost_answers=sum(lost for lost, _ in costs),
-                lost_ms=round(sum(known), 3) if known else None,
+                lost_answers=lost.answers,
+                lost_ms=lost.ms,
                 frames=tuple(i for unit in far for i in unit.examples.get(Ending.GARBAGE, []))[:6],
                 **span_of_hits(evidence),
             )
@@ -151,7 +158,7 @@ def bad_drop(evidence: Evidence) -> Iterator[Suspicion]:
         bits += spared_bits(evidence, unit)
         if bits > 0 and evidence.damaged(unit) >= _LEAST:
             others = [other for other in evidence.units if other.unit != unit.unit]
-            lost, lost_ms = evidence.cost(unit, Ending.GARBAGE)
+            lost = cost(evidence, unit, Ending.GARBAGE)
             yield Suspicion(
                 (unit.unit,),
                 bits,
@@ -163,8 +170,8 @@ def bad_drop(evidence: Evidence) -> Iterator[Suspicion]:
                     "others_damaged": sum(map(evidence.damaged, others)),
                     "others_answers": sum(other.asked for other in others),
                 },
-                lost_answers=lost,
-                lost_ms=lost_ms,
+                lost_answers=lost.answers,
+                lost_ms=lost.ms,
                 frames=tuple(unit.examples.get(Ending.GARBAGE, [])),
                 **span_of_hits(evidence),
             )

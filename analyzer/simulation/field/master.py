@@ -198,4 +198,10 @@ def fits(request: bytes, answer: bytes) -> bool:
             return answer[2] == (quantity + 7) // 8 == len(answer) - 5
         case 5 | 6 | 15 | 16:
             return answer[2:6] == request[2:6]
+        case 22:
+            return answer == request
+        case 23:
+            return answer[2] == 2 * quantity == len(answer) - 5
+        case 43:
+            return answer[2:4] == request[2:4]
     return True

@@ -22,6 +22,8 @@ MS = 1e6
 _READS = (1, 2, 3, 4)
 _MOST_BITS, _MOST_WORDS = 2000, 125  # of one read
 _AGAIN_NS = 300 * MS
+_COUNTED_AT = {15: 6, 16: 6, 23: 10}  # where requests of these functions have their byte count
+_IDENTITY = (b"Example", b"FU-2", b"V1.3")  # vendor, product, revision
 Tamper = Callable[[bytes, bytes, float], bytes | None]  # request PDU, answer PDU, time: what is answered instead
 Shape = Callable[[Burst, Random], None]
 
@@ -149,13 +151,29 @@ class FieldUnit:
             address, quantity = struct.unpack(">HH", pdu[1:5])
             self.holdings.write(address, struct.unpack(f">{quantity}H", pdu[6 : 6 + 2 * quantity]))
             return pdu[:5]
+        if function == 22:
+            address, keep, give = struct.unpack(">HHH", pdu[1:7])
+            self.holdings.write(address, [self.holdings.read(address, 1, t)[0] & keep | give & ~keep])
+            return pdu
+        if function == 23:
+            read_at, read, address, written = struct.unpack(">HHHH", pdu[1:9])
+            if not 0 < read <= _MOST_WORDS or len(pdu) != 10 + 2 * written:
+                return bytes((function | 0x80, 3))
+            self.holdings.write(address, struct.unpack(f">{written}H", pdu[10 : 10 + 2 * written]))
+            return struct.pack(f">BB{read}H", 23, 2 * read, *self.holdings.read(read_at, read, t))
+        if function == 43:
+            objects = b"".join(bytes((i, len(each))) + each for i, each in enumerate(_IDENTITY))
+            return pdu[:3] + b"\x01\0\0" + bytes((len(_IDENTITY),)) + objects
         return bytes((function | 0x80, 1))
 
 
 def _request_length(frame: bytes) -> int:
     if frame[1] <= 6:
         return 8
-    return 9 + frame[6] if frame[1] in (15, 16) and len(frame) > 8 else 0 if frame[1] in (15, 16) else len(frame)
+    counted = _COUNTED_AT.get(frame[1])
+    if counted is None:
+        return len(frame)
+    return counted + 3 + frame[counted] if len(frame) > counted + 2 else 0
 
 
 def burst_of(sender: object, uart: LineUart, data: bytes, t: float, gap_ns: float = 0.0) -> Burst:

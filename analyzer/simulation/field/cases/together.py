@@ -95,7 +95,8 @@ def healthy_scan(random: Random, tap: str) -> Site:
     if random.random() < 0.4:
         bench.master.polls = []  # a tool for it, not a client that polls
     begin, apart = _within(bench, 0.0, 0.4), random.choice((0.0, 0.0, 1.0, 3.0)) * SECOND
-    bench.master.manners.timeout_ms = min(bench.master.manners.timeout_ms, 250.0)
+    least = max(250.0, 2 * longest_answer_ms(bench.uart))  # or it gives up while answers are on their way
+    bench.master.manners.timeout_ms = min(bench.master.manners.timeout_ms, least)
     first, last = 1, random.choice((31, 63, 247))
     pdu = read_pdu(random.choice((3, 3, 4)), random.choice((0, 1, 100)), 1)
     for k, number in enumerate(range(first, last + 1)):

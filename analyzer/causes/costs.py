@@ -1,0 +1,136 @@
+"""What causes cost: answers that the master did not get, and the time for which it waited for them in vain."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from ..deframing.tap_clock import UNKNOWN
+from ..tables.transactions import NEVER
+from .evidence import LONG, Evidence
+from .exchanges import Ending
+from .registry import Explained, Symptom
+from .samples import READ_REQUEST, Sample
+from .signatures import Behind, Signature
+from .unitledger import UnitLedger
+
+_PATIENT: Final = 1.3  # times a timeout
+_SEVERAL: Final = 5
+_TOLD: Final = 0.5  # of a timeout, by which times may be wrong
+_DUE: Final = 1.5  # times the usual pause: when the next request is due,
+_FAR: Final = 4.0  # times it: later than the master ever sends one
+_STRAYS: Final = 0.15  # of a timeout, by which a timer and a pause behind it may differ
+
+
+class LostAnswers(NamedTuple):
+    """Lost answers, and the time (ms); None where nobody knows."""
+
+    answers: int = 0
+    ms: float | None = None
+
+
+def cost(evidence: Evidence, unit: UnitLedger, *outcomes: Ending) -> LostAnswers:
+    """The requests to a unit that ended so."""
+    silent = evidence.surely_silent(unit) if Ending.SILENT in outcomes else 0
+    damaged = evidence.damaged(unit) if evidence.ordered else unit.count(Ending.GARBAGE)
+    lost = silent + (damaged if Ending.GARBAGE in outcomes else 0)
+    if not evidence.ledger.timed:
+        return LostAnswers(lost)
+    most = _longest_wait(evidence, unit)
+    waited, known = 0.0, 0
+    for outcome, waits in ((Ending.SILENT, unit.waits), (Ending.GARBAGE, unit.garbage_waits)):
+        if outcome in outcomes and len(waits):
+            waited += float(np.clip(waits.numbers, 0, most).mean()) * len(waits)
+            known += len(waits)
+    if not known or waited < evidence.verdict.wait_ns * known:
+        return LostAnswers(lost)  # of requests that a tap passes on at once nobody knows what was between them
+    return LostAnswers(lost, round(min(waited, evidence.ledger.span_ns) / 1e6, 3))
+
+
+def _longest_wait(evidence: Evidence, unit: UnitLedger) -> float:
+    """What the master waits at the most (ns): what follows later, a rest behind a round of its polls, is none of it."""
+    if evidence.timeout_ns is not None:
+        return _PATIENT * evidence.timeout_ns
+    again = unit.garbage_again.quantile(0.9) if len(unit.garbage_again) >= _SEVERAL else None
+    return _PATIENT * again if again else UNKNOWN
+
+
+def cost_of_requests(evidence: Evidence, unit: UnitLedger) -> LostAnswers:
+    """About how many requests behind good answers of a unit came through so damaged that nobody answered them."""
+    pairs = list(zip(unit.followed.kept, evidence.followed(unit), strict=False)) if evidence.ordered else []
+    found = [(sample, each) for sample, each in pairs if _is_lost_request(evidence, sample, each)]
+    if not found:
+        return LostAnswers(0, 0.0)
+    lost = round(unit.followed.offered * len(found) / len(pairs))
+    waits = [_waited(evidence, *each) for each in found if each[0].t_next != NEVER]
+    most = _longest_wait(evidence, unit)
+    mean = float(np.clip(waits, 0, most).mean()) if waits else 0.0
+    if not evidence.ledger.timed or not mean > evidence.verdict.wait_ns:
+        return LostAnswers(lost)
+    return LostAnswers(lost, round(min(lost * mean, evidence.ledger.span_ns) / 1e6, 3))
+
+
+def _is_lost_request(evidence: Evidence, sample: Sample, reading: Signature) -> bool:
+    """Whether what stands behind a good answer is, or was, a request: it is known again, as long as one, or the master
+    waits behind it until it gives up."""
+    if reading.behind is Behind.REQUEST or (reading.behind is Behind.NOISE and reading.most >= LONG):
+        return True
+    if reading.behind is Behind.NOTHING or reading.t_behind < 0:
+        return False
+    timeout, off, waited = evidence.timeout_ns, evidence.verdict.wait_ns, _waited(evidence, sample, reading)
+    if timeout is not None:
+        return off <= _TOLD * timeout and abs(waited - timeout) < _STRAYS * timeout + off
+    usual = evidence.ledger.pauses.quantile(0.5)
+    if usual is None or sample.t_next == NEVER:
+        return False
+    due = _DUE * usual + READ_REQUEST * evidence.ledger.char_ns + off
+    return 0 <= reading.rested <= due and waited > _FAR * (usual + off)
+
+
+def _waited(evidence: Evidence, sample: Sample, reading: Signature) -> float:
+    """From the end of what stands behind a good answer to the next request (ns)."""
+    return sample.t_next - reading.t_behind - len(reading.heard) * evidence.ledger.char_ns
+
+
+def cost_behind_damage(evidence: Evidence, unit: UnitLedger) -> LostAnswers:
+    """About how many requests behind damaged answers of a unit, asked again at that, came through damaged as well."""
+    readings = evidence.readings(unit)
+    found = sum(each.behind in (Behind.REQUEST, Behind.NOISE) for each in readings)
+    if not found:
+        return LostAnswers(0, 0.0)
+    whole = cost(evidence, unit, Ending.GARBAGE)
+    lost = round(whole.answers * found / len(readings))
+    return LostAnswers(lost, None if whole.ms is None else 0.0)  # its time is that until the next request
+
+
+_ENDINGS: Final = {Symptom.DAMAGE: Ending.GARBAGE, Symptom.SILENCE: Ending.SILENT}
+
+
+def cost_of(evidence: Evidence, explains: Explained) -> LostAnswers:
+    """All that follows from what a cause explains and nothing has explained yet; a unit of which nothing is ever heard
+    has a cause of its own."""
+    found = []
+    for unit in evidence.units if evidence.ordered else ():
+        mine = {kind for kind, number in explains if number == unit.unit and evidence.is_open(kind, number)}
+        heard = unit.answered or unit.count(Ending.GARBAGE)
+        found.append(cost(evidence, unit, *(_ENDINGS[kind] for kind in mine & _ENDINGS.keys() if heard)))
+        if Symptom.BEHIND in mine:
+            found.append(cost_of_requests(evidence, unit))
+    return together(found)
+
+
+def twice(evidence: Evidence, once: LostAnswers) -> LostAnswers:
+    """The same of two masters, each of which waits in its own time."""
+    ms = None if once.ms is None else min(2 * once.ms, evidence.ledger.span_ns / 1e6)
+    return LostAnswers(min(2 * once.answers, evidence.ledger.requests), ms)
+
+
+def together(costs: Iterable[LostAnswers]) -> LostAnswers:
+    """Their sum; the time of none is known where that of one is not."""
+    costs = [each for each in costs if each.answers]
+    known = [each.ms for each in costs if each.ms is not None]
+    return LostAnswers(
+        sum(each.answers for each in costs), round(sum(known), 3) if costs and len(known) == len(costs) else None
+    )
