@@ -44,7 +44,9 @@ _NAMES: Final = {
 _MISSING: Final = ("", "false", "no", "0", "null", "none")
 _ANOTHER: Final = re.compile(r"_ns\b|channel \d+", re.I)  # in the first line of other tables
 _HEX: Final = re.compile(r"0x([0-9A-Fa-f]{1,8})\b")
-_SEVERAL: Final = re.compile(r"\s*(?!0b|0x[0-9A-Fa-f]{1,8}\s*$)(?:0[xX])?[0-9A-Fa-f]{2}(?:[ :-]?[0-9A-Fa-f]{2}){2,}\s*")  # bytes
+_SEVERAL: Final = re.compile(  # bytes, not one word of some bits
+    r"\s*(?!0b|0x[0-9A-Fa-f]{1,8}\s*$)(?:0[xX])?[0-9A-Fa-f]{2}(?:[ :-]?[0-9A-Fa-f]{2}){2,}\s*"
+)
 _LOOK: Final = 8  # lines
 _BINARY: Final = re.compile(r"0b([01 ]{1,40})")
 _ESCAPES: Final = {
