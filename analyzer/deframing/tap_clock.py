@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from captures.line import LineSettings
 
 from ..options import Options
-from ..tables.bins import ColumnQueue, Spread
+from ..tables.bins import Spread
 from ..tables.schema import NO_GAP, Kind, Protocol, Rows
 
 FIRST: Final = 32  # frames of the first verdict
@@ -86,41 +86,38 @@ class TapClock:
         self._timed = 0.0  # frames
         self._in_step = np.zeros(len(_STEPS_NS))  # of these, those whose last byte's time is written to such a step
         self._heard = {protocol: _HeardFrames() for protocol in Protocol}
-        self._waiting = ColumnQueue()  # frames since the newest checkpoint
+        self._waiting: list[Rows] = []  # and the columns of rows before these: frames since the newest checkpoint
+        self._rest = _columns_of(Rows.zeros(0))
+        self._count = 0  # of all of these
         self._since: list[int] = []  # from which frame on each verdict holds
         self._verdicts: list[TimeTrust] = []
         self._best = TimeTrust()
 
     def feed(self, rows: Rows) -> None:
         """Learn from the frames among rows, in their order."""
-        frames = rows.kind != Kind.NOISE
-        if not frames.all():
-            rows = rows[frames]
-        self._waiting.add(
-            rows.protocol,
-            rows.t_end_ns,
-            rows.reads,
-            rows.length,
-            rows.gap_before_ns,
-            rows.gap_most_ns,
-            rows.gap_least_ns,
-            rows.check,
-        )
-        if self._frames + len(self._waiting) < self._next:
+        self._waiting.append(rows)  # looked at where a checkpoint is passed: on a live line they are few
+        self._count += int(np.count_nonzero(rows.kind))  # all but NOISE
+        if self._frames + self._count < self._next:
             return
-        columns, low = self._waiting.take(), 0
+        columns, low = self._taken(), 0
         while (high := low + self._next - self._frames) <= len(columns[0]):
             self._learn(*(column[low:high] for column in columns))
             self._frames, low = self._next, high
             self._conclude()
             self._next += self._next if self._next < _EVERY else _EVERY
-        self._waiting.add(*(column[low:].copy() for column in columns))
+        self._rest = tuple(column[low:].copy() for column in columns)
+        self._count = len(self._rest[0])
+
+    def _taken(self) -> tuple[NDArray[Any], ...]:
+        parts = [self._rest, *map(_columns_of, self._waiting)]
+        self._waiting, self._rest, self._count = [], _columns_of(Rows.zeros(0)), 0
+        return tuple(np.concatenate(column) for column in zip(*parts, strict=True))
 
     def close(self) -> None:
         """No more frames come: the first verdict is made of those there were."""
         if not self._verdicts:
-            if len(self._waiting):
-                self._learn(*self._waiting.take())
+            if self._count:
+                self._learn(*self._taken())
             self._conclude()
 
     def verdict(self, index: int) -> TimeTrust:
@@ -137,7 +134,7 @@ class TapClock:
 
         Before the first verdict, by what has passed so far.
         """
-        if not self.known and len(self._waiting):
+        if not self.known and self._count:
             early = deepcopy(self)
             early.close()
             return early.off_ns
@@ -220,6 +217,14 @@ class TapClock:
         be late for the first of the bytes that it brings."""
         many, weight = _OFTEN * heard.sound, heard.astray.weight
         return weight >= many or (weight >= _ENOUGH and astray >= each * self._character_ns)
+
+
+def _columns_of(rows: Rows) -> tuple[NDArray[Any], ...]:
+    """Of the frames among rows, what a clock learns from."""
+    frames = rows.kind != Kind.NOISE
+    rows = rows if frames.all() else rows[frames]
+    before, most, least = rows.gap_before_ns, rows.gap_most_ns, rows.gap_least_ns
+    return rows.protocol, rows.t_end_ns, rows.reads, rows.length, before, most, least, rows.check
 
 
 class _HeardFrames:
