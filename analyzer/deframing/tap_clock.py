@@ -188,7 +188,8 @@ class TapClock:
         if rtu.octets:
             trust = self._by_silences(rtu, rtu.shared + (rtu.together if step <= _FINE_STEP_NS else 0))
         elif ascii_mode.octets:
-            trust = self._by_lateness(ascii_mode)
+            whole = ascii_mode.reads < _BYTE_BY_BYTE * ascii_mode.octets  # several bytes a read
+            trust = self._by_silences(ascii_mode, ascii_mode.shared) if whole else self._by_lateness(ascii_mode)
         else:  # packets, which have times of their own
             trust = TimeTrust(False, UNKNOWN, _USUAL_NS if self._timed else UNKNOWN)
         return replace(trust, step_ns=step, wait_ns=max(trust.wait_ns, step)) if step else trust
@@ -205,11 +206,11 @@ class TapClock:
         return TimeTrust(False, UNKNOWN, _USUAL_NS if heard.alone(shared) else UNKNOWN, each)
 
     def _by_lateness(self, heard: _HeardFrames) -> TimeTrust:
-        """Of ASCII mode, whose senders may pause within a frame: only silences that cannot be are the tap's."""
+        """Of ASCII mode byte by byte, whose senders may pause within a frame: only what comes too soon is the tap's."""
         each = heard.octets / max(heard.reads, 1.0)
         late = heard.late.quantile(_QUANTILE) if self._speed_declared else None
         if late:
-            return TimeTrust(False, UNKNOWN, max(late * _MARGIN, each * self._character_ns), each)
+            return TimeTrust(False, UNKNOWN, late * _MARGIN, each)
         return TimeTrust(False, UNKNOWN, _USUAL_NS if heard.alone(heard.shared) else UNKNOWN, each)
 
     def _strays_tell(self, heard: _HeardFrames, astray: float, each: float) -> bool:
