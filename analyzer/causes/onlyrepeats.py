@@ -16,6 +16,7 @@ _AS_LATE: Final = 0.95
 _SILENT_FOR_ECHO: Final = 5
 _NEARLY_ALL_SILENT: Final = 0.8  # the rest is what a tap hands over in pieces
 _TIMER: Final = 0.2  # of a time, by which a timer and the pause behind it stray
+_ONE_TIMER: Final = 0.02  # and one and the same timer
 _FAR_LONGER: Final = 4.0
 
 
@@ -44,11 +45,13 @@ def _waits_behind_as_before(evidence: Evidence, unit: UnitLedger) -> bool:
     those of others far shorter: it had no answer."""
     delay, pause = unit.echo_delays.quantile(0.5), unit.pauses.quantile(0.5)
     others = [other.pauses.quantile(0.5) for other in evidence.units if other is not unit and other.answered]
-    usual = max((each for each in others if each is not None), default=None)
-    if delay is None or pause is None or usual is None or evidence.verdict.wait_ns > _TIMER * delay:
+    known = sorted(each for each in others if each is not None)
+    if delay is None or pause is None or not known or evidence.verdict.wait_ns > _TIMER * delay:
         return False
-    by_timer = strays(unit.echo_delays.numbers) < _TIMER * delay and abs(pause - delay) < _TIMER * delay
-    return by_timer and delay > _FAR_LONGER * usual
+    by_timer = max(strays(unit.echo_delays.numbers), abs(pause - delay))
+    if delay > _FAR_LONGER * known[-1]:
+        return by_timer < _TIMER * delay
+    return delay > _FAR_LONGER * known[len(known) // 2] and by_timer < _ONE_TIMER * delay  # behind one the master rests
 
 
 def in_vain(evidence: Evidence, unit: UnitLedger) -> tuple[int, int]:
