@@ -143,8 +143,8 @@ class Analyzer:
     def close(self) -> list[Analysed]:
         """No more comes: the rest, and what concerns the bus as a whole."""
         settled = self._advance(self._deframer.close())
-        transactions, findings = self._judge.close()
         batch = self._latest.batch
+        transactions, findings = self._judge.close()
         transactions, findings = self._origin.transactions(transactions), self._origin.findings(findings)
         self._latest = Analysed(
             batch,

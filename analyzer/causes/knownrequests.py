@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from dissectors.adu import OVERHEAD
 from dissectors.crc import crc16
 from dissectors.lengths import Role, pdu_length
-
-from .samples import AROUND
 
 _HEAD: Final = 3  # bytes
 ENDING: Final = 3  # bytes by which a damaged request is known again
@@ -43,7 +42,7 @@ class KnownRequests:
     def asks_and_gets(self, data: bytes) -> bool:
         """Whether these bytes are one of them and its answer, both whole: what a tap held up and handed over in pieces."""
         length = pdu_length(data[1:], Role.REQUEST) or 0
-        request, answer = data[: length + AROUND], data[length + AROUND :]
+        request, answer = data[: length + OVERHEAD], data[length + OVERHEAD :]
         return (
             data[:_HEAD] in self.heads
             and length > 0

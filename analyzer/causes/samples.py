@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
-from dissectors.adu import EXCEPTION
+from dissectors.adu import EXCEPTION, OVERHEAD
 from dissectors.crc import crc16
 from dissectors.lengths import Role, pdu_length
 
@@ -17,7 +17,6 @@ from .exchanges import Ending, Stretch
 _MOST: Final = 96  # of a unit
 _PIECES: Final = 12  # of a sample
 _BYTES: Final = 600
-AROUND: Final = 3  # bytes around a PDU
 READ_REQUEST: Final = 8  # bytes of a request to read, or to write one value: the shortest
 
 
@@ -104,7 +103,7 @@ def _told_length(request: bytes, usual: bytes | None, pieces: Sequence[SampleRow
         return len(usual)
     data = b"".join(piece.data for piece in pieces)
     length = pdu_length(data[1:], Role.RESPONSE) if data[:2] == request[:2] else None
-    return length + AROUND if length is not None and length > 0 else 0
+    return length + OVERHEAD if length is not None and length > 0 else 0
 
 
 def sampled(stretch: Stretch, i: int, usual: bytes | None) -> Sample:

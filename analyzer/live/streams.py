@@ -64,7 +64,7 @@ class InfluxLines:
         tags: dict[str, object] = {"unit": frame.unit, "function": frame.function, "exception": frame.exception}
         tags["port"] = frame.row.port
         fields = {"length": f"{frame.row.length}i", "crc_ok": str(bool(frame.row.check)).lower()}
-        times = response_time_json(*bounds) if (bounds := frame.response_time_bounds_ns) is not None else {}
+        times = response_time_json(frame.response_time_bounds_ns)
         fields |= {name: f"{time}i" for name, time in times.items() if time is not None}
         lines = [_line(f"modbus_{frame.direction}", tags, fields, frame.t_end_ns)]
         for name, area, field in self._values.of(frame):

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 _ROLES: Final = {"auto": BOTH, "request": (Role.REQUEST,), "response": (Role.RESPONSE,)}
 LONGEST: Final = 1 << 20  # bytes
 _PAIR: Final = 2  # hex digits of a byte
-_COARSE_NS: Final = 10**8
+_COARSE_NS: Final = 10**8  # as of captures (`deframing.tap_clock`), which is more than a paste loads
 _LENGTH_END: Final = 6  # bytes of an MBAP header, up to its length
 _MOST_TCP: Final = 254  # what the length in an MBAP header can be
 _CRC: Final = 2  # bytes

@@ -162,11 +162,9 @@ class Frame:
             "exception": self.exception,
             "crc_ok": self.crc_ok,
             "request_start": self.request_start,
-            "response_time_ns": None,
+            **response_time_json(self.response_time_bounds_ns),
+            "hex": self.adu.data.hex(),
         }
-        if (bounds := self.response_time_bounds_ns) is not None:
-            line |= response_time_json(*bounds)
-        line["hex"] = self.adu.data.hex()
         if fields:
             line["fields"] = [item.to_json() for item in self.fields()]
         line["confidence"] = round(self.confidence, 6)
@@ -176,11 +174,14 @@ class Frame:
         return line
 
 
-def response_time_json(low_ns: int, high_ns: int) -> dict[str, int | None]:
+def response_time_json(bounds_ns: tuple[int, int] | None) -> dict[str, int | None]:
     """What a line of JSON says of a response time between these, both the same where it is exact."""
-    if low_ns == high_ns:
-        return {"response_time_ns": low_ns}
-    return {"response_time_ns": None, "response_time_low_ns": low_ns, "response_time_high_ns": high_ns}
+    if bounds_ns is None:
+        return {"response_time_ns": None}
+    low, high = bounds_ns
+    if low == high:
+        return {"response_time_ns": low}
+    return {"response_time_ns": None, "response_time_low_ns": low, "response_time_high_ns": high}
 
 
 def adu_of(captured: bytes, protocol: int) -> Adu:

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from dissectors.adu import OVERHEAD
 from dissectors.crc import crc_ok
 from dissectors.lengths import Role, pdu_length
 
@@ -50,7 +51,6 @@ _PATIENCE_NS: Final = 75e6  # nobody gives up sooner, on a whole bus
 _FEW: Final = 8  # waits of a poll that tell their mean and its error
 _ERRORS: Final = 6.0  # times the error of a mean
 _SLOPE_ERRORS: Final = 4.0  # times its own, for a slope that is about a character a byte besides
-_ADU: Final = 3  # bytes around a PDU
 
 
 def _everything(evidence: Evidence) -> Explained:
@@ -245,10 +245,10 @@ def _hidden(evidence: Evidence, port: int, role: Role) -> int:
 def _frames_in(data: bytes, role: Role) -> int:
     """How many frames of a role stand one behind the other from the first one on."""
     count, at = 0, 0
-    while at + _ADU < len(data):
+    while at + OVERHEAD < len(data):
         length = pdu_length(data[at + 1 :], role)
-        if length is not None and length > 0 and crc_ok(data[at : at + length + _ADU]):
-            count, at = count + 1, at + length + _ADU
+        if length is not None and length > 0 and crc_ok(data[at : at + length + OVERHEAD]):
+            count, at = count + 1, at + length + OVERHEAD
         else:
             at += 1
     return count

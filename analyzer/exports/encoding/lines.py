@@ -77,7 +77,7 @@ class Envelope:
         bounded = np.flatnonzero((exact < 0) & (low >= 0))
         if len(bounded):
             bounds = zip(low[bounded].tolist(), high[bounded].tolist(), strict=True)
-            behind[bounded] = cursor.sheet.texts([_bounded(*each) for each in bounds])
+            behind[bounded] = cursor.sheet.texts([_bounded(each) for each in bounds])
         cursor.put(behind)
 
     def put_tail(self, rows: Rows, row_numbers: Ints, batch: Batch, cursor: Cursor) -> None:
@@ -130,9 +130,9 @@ def _json(frame: Frame) -> bytes:
     return orjson.dumps(frame.to_json(fields=False))
 
 
-def _bounded(low_ns: int, high_ns: int) -> bytes:
+def _bounded(bounds_ns: tuple[int, int]) -> bytes:
     """From behind a response time that is not exact on."""
-    line = orjson.dumps(response_time_json(low_ns, high_ns))
+    line = orjson.dumps(response_time_json(bounds_ns))
     return line[line.index(b",") : -1] + _HEX
 
 

@@ -60,6 +60,7 @@ def frame_messages(
     """All frames of a batch; `findings` is how many there are on each row, None for none on any."""
     frames = np.flatnonzero(batch.rows.kind != Kind.NOISE)
     exact, low, high = batch.response_times
+    low, high = (np.where(exact < 0, each, -1) for each in (low, high))
     for first in range(0, len(frames), AT_ONCE):
         which = frames[first : first + AT_ONCE]
         gapless = int(which[-1]) - int(which[0]) == len(which) - 1  # no noise between: no need to pick
@@ -72,8 +73,8 @@ def frame_messages(
             "quantity": decoded.quantity[pick],
             "request_start": rows.request_start,
             "response_time_ns": exact[pick],
-            "response_time_low_ns": np.where(exact[pick] < 0, low[pick], -1),
-            "response_time_high_ns": np.where(exact[pick] < 0, high[pick], -1),
+            "response_time_low_ns": low[pick],
+            "response_time_high_ns": high[pick],
         }
         evidence = None if batch.evidence is None else batch.evidence[pick]
         yield _packed(columns, evidence, rows.t_end_ns, _bytes(batch, which, rows), message, channel)
@@ -89,9 +90,8 @@ def _packed(
         if name not in without and name != "exception":
             heads[name] = columns[name]
     for name in _OPTIONAL:
-        if name in without:
-            continue
-        message.put(heads, name, columns[name], present=columns[name] >= 0)
+        if name not in without:
+            message.put(heads, name, columns[name], present=columns[name] >= 0)
     if "exception" not in without:
         message.put(heads, "exception", columns["exception"], present=columns["exception"] > 0)
     if evidence is not None:
