@@ -26,9 +26,8 @@ if TYPE_CHECKING:
     from .diagnosis.judge import Diagnosis
     from .fleet.lake import lake
     from .options import Options
-    from .tables.batch import Batch
+    from .tables.batch import Batch, Frame
     from .tables.findings import Finding, Severity
-    from .tables.frame import Frame
     from .tables.transactions import Transactions
 
 _HOMES = {
@@ -38,7 +37,7 @@ _HOMES = {
     "Deframer": "deframing.protocols",
     "Diagnosis": "diagnosis.judge",
     "Finding": "tables.findings",
-    "Frame": "tables.frame",
+    "Frame": "tables.batch",
     "Options": "options",
     "Severity": "tables.findings",
     "Transactions": "tables.transactions",

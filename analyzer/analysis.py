@@ -15,16 +15,15 @@ from .core import Analysed, analyse, deframe
 from .extras import needs
 from .html_text import ShownList, Stream, html_page, html_table
 from .options import Options
-from .tables.batch import Batch
+from .tables.batch import Batch, Frame
 from .tables.findings import Finding, described
-from .tables.frame import Frame
 from .tables.schema import Rows
 from .tables.transactions import TransactionRows, Transactions
 
 if TYPE_CHECKING:
     from dissectors.maps.files import UnitMaps
 
-    from .causes.model import Cause
+    from .causes.registry import Cause
     from .exports.running import Exported
     from .filters import Filter
     from .plots import Plots

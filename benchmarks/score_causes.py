@@ -19,8 +19,8 @@ from dataclasses import dataclass, field
 from statistics import median
 
 from analyzer.causes.ledger import ledger_of
-from analyzer.causes.model import Cause
 from analyzer.causes.reasoning import causes_of
+from analyzer.causes.registry import Cause
 from analyzer.core import analyse
 from analyzer.simulation.field.bench import Expected, FieldCapture
 from analyzer.simulation.field.cases.registry import ANY_TAP, FieldCase, field_cases

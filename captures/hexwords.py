@@ -10,7 +10,7 @@ from datetime import tzinfo
 from typing import Final
 
 from .errors import HexError
-from .text.halves import halves
+from .text.candidates import halves
 from .text.judging import ByteJudge, no_judge
 from .text.logs import LOOKED_FOR, Piece, UnreadLine, joined, read_lines
 

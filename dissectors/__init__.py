@@ -21,12 +21,24 @@ if TYPE_CHECKING:
     from .annotation import Context, annotate, summary
     from .blocks import Bits, Items, Octets, Record, Registers, Rest, Text
     from .crc import crc16, crc_bytes, crc_ok, lrc
-    from .declaration import DeclarationError, Function
+    from .declaration import (
+        Address,
+        ByteCount,
+        Code,
+        DeclarationError,
+        Flags,
+        Function,
+        Mask,
+        Number,
+        Output,
+        Quantity,
+        Register,
+        State,
+    )
     from .envelopes import Adu, ascii_adu, ascii_frames, rtu, tcp, tcp_frames
     from .fields import Field
     from .length_rules import Role
     from .lengths import pdu_length, plausibility, relations, rule
-    from .parts import Address, ByteCount, Code, Flags, Mask, Number, Output, Quantity, Register, State
     from .registry import function_name, load_entry_points, load_file, register
     from .values import floating, harmless, integer, logical, physical, readings, signed
 
@@ -86,11 +98,23 @@ _HOME: Final = {
     "annotation": ("Context", "annotate", "summary"),
     "blocks": ("Bits", "Items", "Octets", "Record", "Registers", "Rest", "Text"),
     "crc": ("crc16", "crc_bytes", "crc_ok", "lrc"),
-    "declaration": ("DeclarationError", "Function"),
+    "declaration": (
+        "DeclarationError",
+        "Function",
+        "Address",
+        "ByteCount",
+        "Code",
+        "Flags",
+        "Mask",
+        "Number",
+        "Output",
+        "Quantity",
+        "Register",
+        "State",
+    ),
     "envelopes": ("Adu", "ascii_adu", "ascii_frames", "rtu", "tcp", "tcp_frames"),
     "fields": ("Field",),
     "lengths": ("Role", "pdu_length", "plausibility", "relations", "rule"),
-    "parts": ("Address", "ByteCount", "Code", "Flags", "Mask", "Number", "Output", "Quantity", "Register", "State"),
     "registry": ("function_name", "load_entry_points", "load_file", "register"),
     "values": ("floating", "harmless", "integer", "logical", "physical", "readings", "signed"),
 }

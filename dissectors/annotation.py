@@ -10,15 +10,15 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
-from .adu import BROADCAST, CRC_SIZE, EXCEPTION, LAST_UNIT
 from .blocks import opaque
+from .declaration import AnyConstruct, Short
 from .envelopes import MBAP, Adu
 from .fields import ENGLISH, Field, FieldTracer, Wording, filled
 from .functions.exceptions import RESPONSE as EXCEPTION_RESPONSE
 from .functions.exceptions import exception_name
 from .length_rules import Role
 from .lengths import layout
-from .parts import AnyConstruct, Short
+from .limits import BROADCAST, CRC_SIZE, EXCEPTION, LAST_UNIT
 from .registry import function as declared
 from .registry import function_class, function_code, function_name
 from .tracing import record

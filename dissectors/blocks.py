@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import construct
 
+from .declaration import AnyConstruct, Part, Short, register_text
 from .fields import ENGLISH, Field, FieldTracer, Value, Wording
-from .parts import AnyConstruct, Part, Short, register_text
 from .values import Area, device_text, is_text, logical
 
 if TYPE_CHECKING:

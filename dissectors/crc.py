@@ -18,7 +18,7 @@ from functools import cache, lru_cache
 from itertools import groupby
 from typing import Final, Literal
 
-from .adu import MIN_ADU
+from .limits import MIN_ADU
 
 
 def _entry(byte: int) -> int:

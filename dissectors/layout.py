@@ -15,13 +15,12 @@ from typing import Final
 import construct
 
 from .blocks import Bits, Counted, Registers
-from .declaration import Function
+from .declaration import Address, AnyConstruct, Function, Number, Output, Quantity, Register, dependencies
 from .fields import Field, FieldTracer
 from .functions.exceptions import RESPONSE as EXCEPTION_RESPONSE
 from .length_rules import DeclarationShape, Role, rebuilt, shape
 from .lengths import layout
 from .limits import Count
-from .parts import Address, AnyConstruct, Number, Output, Quantity, Register, dependencies
 from .registry import functions, revision
 from .tracing import echoed
 from .values import Area

@@ -18,11 +18,9 @@ from typing import Any, Final
 
 import construct
 
-from .adu import MAX_PDU
 from .blocks import Counted, Items, Rest
-from .declaration import Function
-from .limits import Bound, Check, Choice, Count, Echo, Multiple, RequestedByteCount, Sized, taken
-from .parts import AnyConstruct, AnySubconstruct, ByteCount, Number
+from .declaration import AnyConstruct, AnySubconstruct, ByteCount, Function, Number
+from .limits import MAX_PDU, Bound, Check, Choice, Count, Echo, Multiple, RequestedByteCount, Sized, taken
 
 _GREEDY: Final = (construct.GreedyRange, type(construct.GreedyBytes))
 # What these read passes through another coding: they are leaves, for places inside them mean nothing outside.

@@ -1,17 +1,21 @@
-"""How long a PDU is and what holds for it, from its first bytes: rules as plain data, compiled from the declarations.
+"""How long a PDU is and what holds for it, from its first bytes; and whether a response answers a request.
 
 Nothing is stated here: `dissectors.length_rules` makes a `LengthRule` of each declaration, and this file looks them up
 by (function, role). Offsets are in the PDU: 0 is the function code. An exception is a response with 80 in its function.
+
+A serial answer carries no address: all that ties it to its request is unit, function, the byte count that the quantity
+asked for, and whatever the function echoes. Pairs are given here as unit and PDU; what follows (a CRC) does no harm.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
-from .adu import EXCEPTION
 from .length_rules import DeclarationShape, LengthRule, Role, broken_value, compiled, relations_of, shape
-from .limits import Bound, Choice, Count, Echo, Multiple, RequestedByteCount, Sized
+from .limits import EXCEPTION, Bound, Choice, Count, Echo, Multiple, RequestedByteCount, Sized, taken
 from .registry import functions, revision
 
 __all__ = [
@@ -164,3 +168,54 @@ def plausibility(pdu: bytes, role: Role) -> list[str]:
             offset = check.count_offset if isinstance(check, Sized) else check.offset
             broken.append(f"{names.get(offset, f'byte {offset}')}: {words}")
     return broken
+
+
+@dataclass(frozen=True, slots=True)
+class Expectation:
+    """What the answer to one request must look like."""
+
+    unit: int
+    function: int
+    marks: tuple[tuple[int, bytes], ...]  # (offset, the unit's being 0, and the bytes that must stand there)
+
+    def fits(self, response: bytes) -> bool:
+        """Whether a response (the whole one, or its beginning) answers the request; an exception always may."""
+        if len(response) < 2 or response[0] != self.unit:
+            return False
+        if response[1] == self.function | EXCEPTION:
+            return True
+        if response[1] != self.function:
+            return False
+        for at, mark in self.marks:  # noqa: SIM110 - the lattice asks this for every path
+            if response[at : at + len(mark)] != mark:
+                return False
+        return True
+
+    @property
+    def header(self) -> bytes:
+        """The first bytes that such an answer (no exception) must have."""
+        head = bytes((self.unit, self.function))
+        for at, mark in self.marks:
+            if at != len(head):
+                break
+            head += mark
+        return head
+
+
+def expectation(request: bytes) -> Expectation:
+    """The expectation that a request raises."""
+    return _expectation(request, revision())
+
+
+@lru_cache(maxsize=4096)
+def _expectation(request: bytes, _revision: int) -> Expectation:
+    marks = []
+    for relation in relations(request[1]):
+        if isinstance(relation, RequestedByteCount):
+            at = relation.quantity_offset + 1
+            count = taken(int.from_bytes(request[at : at + 2], "big"), relation.bits) & 0xFF
+            marks.append((relation.count_offset + 1, bytes([count])))
+        else:
+            at = relation.request_offset + 1
+            marks.append((relation.response_offset + 1, request[at : at + relation.width]))
+    return Expectation(request[0], request[1], tuple(sorted(marks)))

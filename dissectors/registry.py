@@ -15,8 +15,8 @@ from importlib import import_module
 from types import MappingProxyType
 from typing import Final
 
-from .adu import EXCEPTION
 from .declaration import DeclarationError, Function, class_of
+from .limits import EXCEPTION
 
 ENTRY_POINTS: Final = "rtuscope.functions"
 

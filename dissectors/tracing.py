@@ -16,9 +16,9 @@ from typing import Any, Final
 import construct
 
 from .blocks import Variant, opaque
+from .declaration import AnyConstruct, AnySubconstruct, Number, Part, Short
 from .fields import Field, FieldTracer, Value, Wording, filled
 from .length_rules import rebuilt
-from .parts import AnyConstruct, AnySubconstruct, Number, Part, Short
 from .values import harmless
 
 _TRIALS: Final = (construct.GreedyRange, construct.Select, construct.Peek)

@@ -16,8 +16,7 @@ from hypothesis import strategies as st
 from mcap.reader import NonSeekingReader, make_reader
 from mcap.writer import CompressionType, Writer
 
-from captures.formats.mcap import packing
-from captures.formats.mcap.packing import HEAD, PackedPart, Tails, packed
+from captures.formats.mcap import records
 from captures.formats.mcap.protobuf import (
     PLAIN,
     Message,
@@ -28,6 +27,7 @@ from captures.formats.mcap.protobuf import (
     plain_items,
     plain_schema,
 )
+from captures.formats.mcap.records import HEAD, PackedPart, Tails, packed
 from captures.formats.mcap.writer import ArrayWriter
 from captures.ragged import copy_pieces, copy_spilling
 
@@ -46,13 +46,13 @@ octets = st.binary(min_size=2, max_size=40).map(lambda data: data.replace(b"\0",
 ones = st.lists(st.builds(One, st.integers(1, 4), st.integers(-5, 2**62), octets), max_size=60)
 
 
-def records_of(messages: list[One], split: int) -> packing.Packed:
+def records_of(messages: list[One], split: int) -> records.Packed:
     """The messages by arrays: their first bytes as heads of one width or two, the rest as tails."""
     widths = np.array([1 + (i % 2 if split else 0) for i in range(len(messages))])
     parts = []
     for width in (1, 2):
         which = np.flatnonzero(widths == width)
-        heads = packing.heads(np.zeros(1, [("record", HEAD), ("first", f"S{width}")]), len(which))
+        heads = records.heads(np.zeros(1, [("record", HEAD), ("first", f"S{width}")]), len(which))
         heads["first"] = [messages[i].data[:width] for i in which]
         parts.append(PackedPart(which, heads))
     rests = [message.data[width:] for message, width in zip(messages, widths.tolist(), strict=True)]

@@ -8,9 +8,9 @@ from random import Random
 import pytest
 
 from analyzer.causes.ledger import ledger_of
-from analyzer.causes.misreading import CharacterFormat, misread
-from analyzer.causes.model import Cause
+from analyzer.causes.rawbytes import CharacterFormat, misread
 from analyzer.causes.reasoning import causes_of
+from analyzer.causes.registry import Cause
 from analyzer.core import analyse
 from captures.chunks import Capture, Chunk
 from captures.line import LineSettings

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from bursts import causes, named
 
-from analyzer.causes.asciireading import is_in_ascii
 from analyzer.causes.exchanges import Ending
-from analyzer.causes.knownrequests import KnownRequests
-from analyzer.causes.samples import Sample, SampleRow
+from analyzer.causes.rawbytes import KnownRequests, is_in_ascii
 from analyzer.causes.signatures import AnswerDamage, known_header, signature
+from analyzer.causes.unitledger import Sample, SampleRow
 from analyzer.tables.schema import Kind
 from dissectors.crc import crc_bytes, lrc
 

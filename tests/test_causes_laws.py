@@ -9,8 +9,8 @@ from buses import SHARED, shared
 
 import captures
 from analyzer.causes.ledger import ledger_of
-from analyzer.causes.model import Cause
 from analyzer.causes.reasoning import causes_of
+from analyzer.causes.registry import Cause
 from analyzer.core import Analyzer, analyse
 from analyzer.simulation.field.bench import FieldCapture
 from analyzer.simulation.field.cases.registry import field_cases

@@ -6,8 +6,8 @@ import pytest
 
 from analyzer.causes.bits import regularity_bits
 from analyzer.causes.ledger import ledger_of
-from analyzer.causes.model import Cause
 from analyzer.causes.reasoning import causes_of
+from analyzer.causes.registry import Cause
 from analyzer.core import analyse
 from analyzer.simulation.field.cases.registry import field_cases
 from captures.chunks import Capture

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from analyzer.causes import bits
 from analyzer.causes.bits import phase_bits
-from analyzer.causes.crowdedtimes import CrowdedTimes
+from analyzer.causes.flatmemory import CrowdedTimes
 
 WEEK = 7 * 86400.0
 MAINS = ((49.85, 50.15), (99.7, 100.3), (59.82, 60.18), (119.64, 120.36))

@@ -8,8 +8,8 @@ from random import Random
 import pytest
 
 from analyzer.causes.ledger import ledger_of
-from analyzer.causes.model import Cause
 from analyzer.causes.reasoning import causes_of
+from analyzer.causes.registry import Cause
 from analyzer.core import analyse
 from analyzer.simulation.field.bench import SECOND, Expected, FieldCapture, read_pdu, site
 from analyzer.simulation.field.cases.registry import field_cases

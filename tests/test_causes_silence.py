@@ -8,11 +8,11 @@ from random import Random
 import pytest
 from bursts import Sent, answer_of, causes, named, read_of
 
+from analyzer.causes.flatmemory import Spell
 from analyzer.causes.ledger import ledger_of
-from analyzer.causes.model import Cause
-from analyzer.causes.outages import outages_of
 from analyzer.causes.reasoning import causes_of
-from analyzer.causes.timegrid import Spell
+from analyzer.causes.registry import Cause
+from analyzer.causes.suspects.outages import outages_of
 from analyzer.core import analyse
 from analyzer.simulation.field.bench import SECOND, Bench, Expected, FieldCapture, read_pdu, site
 from analyzer.simulation.field.cases.registry import field_cases

@@ -6,8 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analyzer.deframing.crc_windows import PERIOD, crc_windows
-from analyzer.deframing.rules import lengths_fit
+from analyzer.deframing.rules import PERIOD, crc_windows, lengths_fit
 from dissectors.crc import crc16, crc_bytes
 from dissectors.length_rules import Role
 from dissectors.lengths import RULES, sound_roles

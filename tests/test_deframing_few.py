@@ -15,10 +15,10 @@ from scripts import package
 from analyzer.deframing import buffer, candidates, forced, foreign, pairing
 from analyzer.deframing.candidates import search_candidates
 from analyzer.deframing.conversation import response_fits, responses_fit
-from analyzer.deframing.crc_windows import crc_windows
 from analyzer.deframing.engine import Engine
 from analyzer.deframing.forced import forced_runs
 from analyzer.deframing.protocols import Deframer
+from analyzer.deframing.rules import crc_windows
 from analyzer.diagnosis import judge
 from analyzer.diagnosis.judge import Judge
 from analyzer.options import Options

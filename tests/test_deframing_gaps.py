@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from analyzer.deframing.conversation import Conversation, FrameRun, OpenRequest, conversation_after
 from analyzer.deframing.gaps import _EDGES, classes_of
-from dissectors.answers import expectation
 from dissectors.length_rules import Role
+from dissectors.lengths import expectation
 
 NS = st.integers(-(1 << 62), 1 << 62) | st.integers(-(10**6), 10**10)
 

@@ -18,8 +18,8 @@ from analyzer.core import analyse, deframe
 from analyzer.deframing.mbap import mbap_after
 from analyzer.deframing.protocols import Deframer
 from analyzer.options import Options
+from analyzer.tables.batch import Frame
 from analyzer.tables.findings import described
-from analyzer.tables.frame import Frame
 from captures.chunks import Capture, Chunk
 from captures.line import LineSettings
 from dissectors.crc import crc_bytes, lrc

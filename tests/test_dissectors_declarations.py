@@ -14,14 +14,13 @@ from hypothesis import strategies as st
 from dissectors.annotation import annotate, summary
 from dissectors.blocks import Items, Record, Registers, Rest, Text
 from dissectors.crc import crc_bytes
-from dissectors.declaration import DeclarationError, Function
+from dissectors.declaration import ByteCount, DeclarationError, Function, Number, Quantity
 from dissectors.envelopes import Adu, rtu
 from dissectors.fields import Field
 from dissectors.functions import function_class, function_name, load_entry_points, load_file, register, revision
 from dissectors.length_rules import Role
 from dissectors.lengths import pdu_length, rule
 from dissectors.limits import Count
-from dissectors.parts import ByteCount, Number, Quantity
 
 REQUEST, RESPONSE = Role.REQUEST, Role.RESPONSE
 CODE = 0x65

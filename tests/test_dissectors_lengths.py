@@ -8,11 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dissectors.adu import MAX_PDU
 from dissectors.functions import functions
 from dissectors.length_rules import Role
 from dissectors.lengths import RULES, pdu_length, plausibility, relations, rule
-from dissectors.limits import Bound, Choice, Count, Echo, RequestedByteCount, Sized
+from dissectors.limits import MAX_PDU, Bound, Choice, Count, Echo, RequestedByteCount, Sized
 
 REQUEST, RESPONSE = Role.REQUEST, Role.RESPONSE
 

@@ -27,8 +27,7 @@ from analyzer.exports.encoding.sheet import Sheet, Store, decimals, inside, insi
 from analyzer.exports.targets.csv import _seconds
 from analyzer.options import Options
 from analyzer.simulation import Scenario, write
-from analyzer.tables.batch import Batch
-from analyzer.tables.frame import Frame
+from analyzer.tables.batch import Batch, Frame
 from analyzer.tables.schema import Kind, Rows
 from captures.chunks import Capture, Chunk
 from captures.line import LineSettings

@@ -20,8 +20,7 @@ from analyzer.filters.fields import FIELDS
 from analyzer.filters.table import OUTCOMES, PLAIN
 from analyzer.options import Options
 from analyzer.reference.filters import markdown
-from analyzer.tables.batch import Batch
-from analyzer.tables.frame import Frame
+from analyzer.tables.batch import Batch, Frame
 from analyzer.tables.schema import Kind
 from captures import samples
 from captures.chunks import Capture

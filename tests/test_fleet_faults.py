@@ -28,10 +28,9 @@ from analyzer.cli.batch import chosen_runner
 from analyzer.cli.terminal import endable
 from analyzer.fleet import FleetError
 from analyzer.fleet.lake import Lake
-from analyzer.fleet.manifest import FOLDER, Manifest, writing
 from analyzer.fleet.questions import Asked, ready
 from analyzer.fleet.runners import ProcessPool, in_this_process
-from analyzer.fleet.stores import store
+from analyzer.fleet.stores import FOLDER, Manifest, store, writing
 from analyzer.fleet.tasks import BatchOptions
 
 

@@ -13,8 +13,7 @@ import pytest
 
 import captures
 from analyzer import languages
-from analyzer.causes.registry import suspects
-from analyzer.causes.telling import numbers_kept, told_again
+from analyzer.causes.registry import numbers_kept, suspects, told_again
 from analyzer.cli import main
 
 pytest.importorskip("duckdb", reason="a lake is asked by DuckDB")
@@ -22,9 +21,9 @@ pytest.importorskip("fsspec", reason="a lake needs fsspec for object stores")
 
 from lakes import BEGIN_NS, DAY_NS, batch, bus, write_fleet
 
-from analyzer.fleet import FleetError
+from analyzer.fleet import FleetError, questions
 from analyzer.fleet.lake import Lake
-from analyzer.fleet.pages import files, site_folder, sums, write_pages
+from analyzer.fleet.pages import files, site_folder, write_pages
 from analyzer.fleet.pages.files import page_names
 from analyzer.fleet.pages.sites import sites_of
 
@@ -164,7 +163,7 @@ def test_figures_are_those_of_the_lake(lake, pages):
 def test_days_without_a_capture_stand_as_gaps(lake):
     days, sites = sites_of(lake, page_names(lake.sites))
     assert days[0] == 0  # what has no clock
-    assert days[1:] == list(range(days[1], days[-1] + 1)) and 40 < len(days) <= sums.DAYS + 1
+    assert days[1:] == list(range(days[1], days[-1] + 1)) and 40 < len(days) <= questions.DAYS + 1
     late = next(site for site in sites if site.name == "Насосная")
     assert [cell.level for cell in late.strip.cells[:30]] == ["none"] * 30
     assert late.strip.cells[-1].level != "none" and not late.behind
@@ -361,8 +360,8 @@ def test_what_no_fleet_can_be_told_by_is_refused(lake, words, tmp_path, capsys, 
 
 def test_a_site_of_many_units_and_captures_says_what_it_leaves_out(lake, tmp_path, monkeypatch):
     for name, least in (("_UNITS", 2), ("_LATEST", 1), ("_HARMED", 1), ("_SITE_CAUSES", 1)):
-        text = getattr(sums, name)
-        monkeypatch.setattr(sums, name, re.sub(r"<= \d+", f"<= {least}", text))
+        text = getattr(questions, name)
+        monkeypatch.setattr(questions, name, re.sub(r"<= \d+", f"<= {least}", text))
     _, sites = written(lake, tmp_path / "fleet.html")
     assert re.search(r"and \d+ units that answered better", Page(sites["site1"]).text)
     assert "and 2 older ones" in Page(sites["site1"]).text

@@ -24,9 +24,8 @@ from analyzer.cli.watch import _there
 from analyzer.extras import needs
 from analyzer.fleet import FleetError, LakeWriteError, datasets, tasks
 from analyzer.fleet.lake import Lake
-from analyzer.fleet.manifest import Manifest
 from analyzer.fleet.sources import found, lines_of
-from analyzer.fleet.stores import store
+from analyzer.fleet.stores import Manifest, store
 from analyzer.languages import retold, telling
 
 posix = pytest.mark.skipif(os.name != "posix", reason="links, pipes and names of any bytes are POSIX's")

@@ -16,7 +16,7 @@ from analyzer.core import analyse
 from analyzer.deframing.protocols import Deframer
 from analyzer.reports import summarize
 from analyzer.reports.page import text
-from analyzer.simulation.field.cases.strangers import KINDS
+from analyzer.simulation.field.cases.disturbances import KINDS
 from analyzer.tables.findings import described
 from captures.chunks import Capture, Chunk
 from captures.line import LineSettings

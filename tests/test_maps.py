@@ -15,8 +15,7 @@ from scripts import package
 from dissectors.maps import MapError, RegisterMap, map_for_unit, map_text, read_map, shipped_map, shipped_names
 from dissectors.maps.importers import FORMATS, import_maps
 from dissectors.maps.model import DeviceSignature, MappedValue
-from dissectors.maps.table import read_table, write_table
-from dissectors.maps.yamlform import json_schema, read_yaml, write_yaml
+from dissectors.maps.table import json_schema, read_table, read_yaml, write_table, write_yaml
 from dissectors.values import FORMULA_STARTS, ORDERS, ordered, registers_of
 
 FILES = package("attack.mapfiles")

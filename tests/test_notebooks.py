@@ -15,7 +15,7 @@ from buses import adu
 
 import analyzer
 from analyzer.analysis import Analysis
-from analyzer.causes.model import Cause
+from analyzer.causes.registry import Cause
 from analyzer.exports.sink import ExportError
 from analyzer.html_text import html_table, html_text
 from analyzer.tables.findings import Finding, Severity

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 import captures
 from analyzer import languages
+from analyzer.causes.reasoning import RunningStory
 from analyzer.causes.registry import suspects
-from analyzer.causes.story import RunningStory
 from analyzer.cli import main
 from analyzer.core import Analyzer
 from analyzer.reports import summarize, text

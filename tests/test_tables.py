@@ -12,9 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from analyzer.tables.bins import Histogram
-from analyzer.tables.columnar import Bools, Columns, Float64s, Int64s
 from analyzer.tables.findings import Findings
-from analyzer.tables.schema import BoundaryEvidence, Rows
+from analyzer.tables.schema import Bools, BoundaryEvidence, Columns, Float64s, Int64s, Rows
 from analyzer.tables.transactions import TransactionRows
 
 

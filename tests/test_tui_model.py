@@ -25,7 +25,7 @@ from mcap_protobuf.decoder import DecoderFactory
 import analyzer
 import captures
 from analyzer import words
-from analyzer.causes.links import SYMPTOM_OF
+from analyzer.causes.registry import SYMPTOM_OF
 from analyzer.core import Analysed
 from analyzer.exports import export
 from analyzer.model import search
@@ -38,9 +38,8 @@ from analyzer.model.selection import Everything, Selection, frames_only, in_span
 from analyzer.model.source import CaptureSource
 from analyzer.model.table import PIECE, AlikeNumbers, BusRows, NarrowNumbers, RowTable, ShortTimes
 from analyzer.simulation import Scenario, simulate
-from analyzer.tables.batch import Batch
+from analyzer.tables.batch import Batch, Frame
 from analyzer.tables.findings import Severity, codes
-from analyzer.tables.frame import Frame
 from analyzer.tables.schema import NO_GAP, Kind
 from analyzer.tui.picking import save
 from analyzer.usernotes import Notes, NotesError

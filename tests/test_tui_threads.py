@@ -18,7 +18,7 @@ from seats import Seat, opened, sample_in, using
 
 import captures
 from analyzer.causes.ledger import Ledger
-from analyzer.causes.model import Cause
+from analyzer.causes.registry import Cause
 from analyzer.core import Analysed
 from analyzer.model.activity import Activity
 from analyzer.model.bus import Bus

@@ -1,20 +1,22 @@
-"""What causes cost: answers that the master did not get, and the time for which it waited for them in vain."""
+"""What damage is called, and what a cause costs: answers that the master did not get, and the time that it waited in vain."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
+from math import log2
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from ..deframing.tap_clock import UNKNOWN
 from ..tables.transactions import NEVER
+from .bits import strays, surplus_bits
 from .evidence import LONG, Evidence
 from .exchanges import Ending
+from .hits import given_up_by_timer
 from .registry import Explained, Symptom
-from .samples import READ_REQUEST, Sample
-from .signatures import Behind, Signature
-from .unitledger import UnitLedger
+from .signatures import AnswerDamage, Behind, Signature
+from .unitledger import READ_REQUEST, Sample, UnitLedger
 
 _PATIENT: Final = 1.3  # times a timeout
 _SEVERAL: Final = 5
@@ -134,3 +136,88 @@ def together(costs: Iterable[LostAnswers]) -> LostAnswers:
     return LostAnswers(
         sum(each.answers for each in costs), round(sum(known), 3) if costs and len(known) == len(costs) else None
     )
+
+
+_RARE: Final = 0.01
+_SHORT_CUT: Final = 4  # bytes
+_STRAYED: Final = 2  # bytes
+
+# How damage spreads over kinds where it strikes anywhere, by chance.
+_ANYWHERE: Final[Mapping[str, float]] = {
+    "head": 0.09, "ahead": 0.03, "tail": 0.03, "cut-short": 0.05, "cut": 0.08, "bits": 0.24, "bits-tail": 0.03, "middle": 0.2,
+    "long": 0.06, "convention": 0.002, "count": 0.005, "crossed": 0.03, "other": 0.02, "whole": 0.13, "none": 0.003,
+}  # fmt: skip
+
+
+def kind_of(reading: Signature) -> str:
+    """The kind of damage, places at the end told apart."""
+    if reading.damage is AnswerDamage.CUT:
+        return "cut-short" if reading.bytes <= _SHORT_CUT else "cut"
+    if reading.damage is AnswerDamage.HEAD and reading.length > reading.due:
+        return "ahead"  # something else stands before it
+    if reading.damage is AnswerDamage.BITS and reading.at >= reading.due - 1:
+        return "bits-tail"
+    return str(reading.damage.value)
+
+
+def kind_bits(readings: list[Signature], expected: Mapping[str, float]) -> float:
+    """How much likelier these kinds of damage are as expected than where damage strikes anywhere."""
+    return sum(log2(expected.get(kind_of(each), _RARE) / _ANYWHERE[kind_of(each)]) for each in readings)
+
+
+def overlaid(readings: Sequence[Signature]) -> int:
+    """How many are so much longer or shorter than what was due that something else was sent into them: what disturbs a
+    line from outside makes a byte or two more or less."""
+    return sum(
+        each.due > 0 and each.length >= _SHORT_CUT and abs(each.length - each.due) > _STRAYED for each in readings
+    )
+
+
+def share_of(readings: list[Signature], *kinds: str) -> float:
+    """The share of readings of these kinds; 0 without any."""
+    return sum(kind_of(each) in kinds for each in readings) / len(readings) if readings else 0.0
+
+
+_LEAST: Final = 3
+_SURE_BITS: Final = 16.0
+_SHIFTED: Final = 4.0
+_STEADIEST: Final = 0.01  # of a delay: so much any device's strays
+_SOONER: Final = 0.85
+_MOSTLY: Final = 0.6
+_LONGEST: Final = 0.97  # of delays: some may be late ones, for which there was time
+
+
+def shifted(evidence: Evidence, unit: UnitLedger) -> tuple[float, int]:
+    """How much likelier the answers behind a silent exchange are to the request before each (bits), and how many: from
+    that one on they take always the same time, from their own request on they do not."""
+    successors = evidence.ledger.successors
+    if unit.unit not in successors.delays or not evidence.is_open(Symptom.LATENESS, unit.unit):
+        return 0.0, 0
+    own, lagged = successors.delays[unit.unit].numbers, successors.lagged[unit.unit].numbers
+    known = max(evidence.verdict.wait_ns, _STEADIEST * float(np.median(lagged)))
+    if len(own) < 2 * _LEAST or not np.isfinite(known):
+        return 0.0, 0
+    mine, from_before = (strays(each) + known for each in (own, lagged))
+    bits = len(own) * float(np.log2(mine / from_before))
+    sure = bits >= _SURE_BITS and mine > _SHIFTED * from_before
+    return (bits, len(successors.delays[unit.unit])) if sure else (0.0, 0)
+
+
+def untimely(evidence: Evidence, unit: UnitLedger) -> tuple[float, int]:
+    """How much likelier good answers behind a silent exchange of the same unit are to the request before (bits), and how
+    many: they come sooner than the unit ever answers else, or most of them sooner or later, and the master gave up by its
+    timer."""
+    successors = evidence.ledger.successors
+    if unit.unit not in successors.delays or not evidence.is_open(Symptom.LATENESS, unit.unit):
+        return 0.0, 0
+    own, usual = successors.delays[unit.unit].numbers, successors.usual[unit.unit].numbers
+    if len(usual) < 3 * _LEAST or not given_up_by_timer(evidence, unit):
+        return 0.0, 0
+    off = evidence.verdict.wait_ns
+    sooner = own < _SOONER * float(usual.min()) - off
+    odd = sooner | (own > float(np.quantile(usual, _LONGEST)) / _SOONER + off)
+    found = [(sooner, 1 / len(usual))]
+    if np.count_nonzero(odd) >= _MOSTLY * len(own):
+        found.append((odd, 1 / len(usual) + 1 - _LONGEST))
+    bits, mine = max((surplus_bits(int(which.sum()), len(own), chance), int(which.sum())) for which, chance in found)
+    return (bits, round(len(successors.delays[unit.unit]) * mine / len(own))) if bits >= _SURE_BITS else (0.0, 0)

@@ -3,31 +3,29 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
 
-from dissectors.adu import EXCEPTION, MAX_ADU
 from dissectors.declaration import USER_DEFINED
 from dissectors.foreign import NAMES, UNCHECKED
 from dissectors.lengths import Role, rule
+from dissectors.limits import EXCEPTION, MAX_ADU
 
 from ..deframing.tap_clock import UNKNOWN, TimeTrust, silences
 from ..tables.transactions import ECHOED
-from .asciireading import is_in_ascii
 from .bits import surplus_bits
 from .exchanges import Ending
-from .foreign import PROTOCOLS, rtu_frames
-from .knownrequests import KnownRequests
+from .flatmemory import Spells, densest
 from .ledger import Ledger
 from .polls import Poll
+from .rawbytes import KnownRequests, is_in_ascii
 from .registry import Explained, Symptom
 from .signatures import AnswerDamage, Behind, Signature, held_ns, signature
-from .thinned import densest
-from .timegrid import Spells
-from .unitledger import AT_ONCE_NS, UnitLedger
+from .unitledger import AT_ONCE_NS, PROTOCOLS, UnitLedger, rtu_frames
 
 HEALTHY: Final = 0.004  # damaged exchanges of a line on which nothing is wrong
 _WAITS: Final = 3  # that tell a timeout, or how long a tap holds bytes back
@@ -256,7 +254,7 @@ class Evidence:
         return unit.followed.offered * len(found) / len(readings) if readings else 0.0
 
     def _read(self, sample: object) -> Signature:
-        from .samples import Sample
+        from .unitledger import Sample
 
         assert isinstance(sample, Sample)
         off = self.verdict.wait_ns if self.ledger.timed else UNKNOWN
@@ -374,3 +372,13 @@ def _is_of_line(heard: bytes) -> bool:
     """Whether these bytes are what a line makes that nobody drives: all are low once, or half of them, zeros not counted."""
     once = sum(byte in _GLITCHES for byte in heard)
     return once == len(heard) or 2 * (once - heard.count(_LOW)) >= len(heard)
+
+
+T = TypeVar("T")
+
+
+def alone_or_together(every: Sequence[T], sharing: Sequence[T]) -> list[list[T]]:
+    """The groups to weigh: those that share it as one, if they are several, and each of the others by itself."""
+    together = list(sharing) if len(sharing) > 1 else []
+    alone = [[each] for each in every if each not in together]
+    return [*alone, together] if together else alone

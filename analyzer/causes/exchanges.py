@@ -21,10 +21,8 @@ from dissectors.lengths import Role, relations, rule
 from dissectors.limits import RequestedByteCount, taken
 from dissectors.registry import revision
 
-from ..tables.batch import Batch
-from ..tables.columnar import Bools, Columns, Int16s, Int32s, Int64s, UInt8s
-from ..tables.frame import adu_of
-from ..tables.schema import NO_GAP, Kind, Rows
+from ..tables.batch import Batch, adu_of
+from ..tables.schema import NO_GAP, Bools, Columns, Int16s, Int32s, Int64s, Kind, Rows, UInt8s
 from ..tables.transactions import ECHOED, NEVER
 
 _WINDOW_ROWS: Final = 512  # behind a request: what follows after that many rows is nobody's

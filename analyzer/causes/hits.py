@@ -9,13 +9,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from .askedagain import asked_again_into
-from .bits import likelihood_bits, strays, surplus_bits
+from .bits import likelihood_bits, spells_of, strays, surplus_bits
 from .evidence import Evidence
 from .exchanges import Ending
 from .registry import Symptom
+from .repeats import asked_again_into
 from .signatures import AnswerDamage, Behind, Signature, known_header
-from .spells import spells_of
 from .unitledger import UnitLedger
 
 WELL: Final = 0.03  # of stray bytes that hit frames all the same, on a line that floats when nobody drives it

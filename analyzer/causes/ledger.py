@@ -23,17 +23,11 @@ from ..options import Options
 from ..tables.batch import Batch
 from ..tables.schema import NO_GAP, Kind, Protocol
 from ..tables.transactions import ECHOED, NEVER, Status, TransactionRows
-from .crowdedtimes import CrowdedTimes
 from .exchanges import ANSWERED, Ending, ExchangeBuilder, Exchanges, RowColumns, Stretch, Unowned
-from .polls import PollTable
-from .retries import as_asked_again
-from .samples import READ_REQUEST, asked_in_pieces, sampled
-from .states import StateTable
-from .successors import SuccessorTable
-from .thinned import Thinned
-from .timegrid import TimeGrid
-from .unitledger import UnitLedger
-from .valuetable import ValueTable
+from .flatmemory import CrowdedTimes, Thinned, TimeGrid
+from .polls import PollTable, SuccessorTable, as_asked_again
+from .registerstates import StateTable, ValueTable
+from .unitledger import READ_REQUEST, UnitLedger, asked_in_pieces, sampled
 
 if TYPE_CHECKING:
     from ..registers.checking import LimitBreach

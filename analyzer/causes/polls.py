@@ -1,17 +1,26 @@
-"""What the master asks for, poll by poll: how often, with which success, and what a good answer looks like."""
+"""What the master asks for, poll by poll: how often, with which success, again, and what comes behind each.
+
+A client that gets an answer damaged repeats its request, and where the answer is the request once more, that repetition
+is just what the answer should have been. It is told by what stands around it: a damaged answer before it, and another
+one, or a good one, behind.
+
+A request is asked again when the client has given up; what comes then may be the answer to the first try, and the one
+to the second hits whatever is asked next. So all that is asked of a unit in a row hangs from the first silent one on.
+"""
 
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..tables.transactions import NEVER
-from .exchanges import Ending, Exchanges, Stretch
-from .thinned import Thinned
+from ..tables.schema import Kind
+from ..tables.transactions import ECHOED, NEVER
+from .exchanges import Ending, Exchanges, RowColumns, Stretch
+from .flatmemory import Thinned
 
 _POLLS: Final = 4096
 _SEVERAL: Final = 3  # times
@@ -200,3 +209,154 @@ class PollTable:
                 )
             )
         return sorted(made, key=lambda poll: (poll.unit, poll.function, poll.address, poll.quantity))
+
+
+_LEAST: Final = 4  # bytes of a damaged answer: fewer may be noise,
+_LEAST_ALIKE: Final = 2  # but not twice the same
+_NOISE, _REQUEST, _RESPONSE = int(Kind.NOISE), int(Kind.REQUEST), int(Kind.RESPONSE)
+
+
+def as_asked_again(table: RowColumns) -> RowColumns:
+    """The same rows, with repetitions that were taken for answers as the requests that they are."""
+    rows = table.rows
+    good = rows.check & (rows.kind != _NOISE)
+    may = good & (rows.kind == _RESPONSE) & ECHOED[rows.function] & (rows.exception == 0)
+    may &= ~np.concatenate(([True], good[:-1]))
+    if not may.any():
+        return table
+    rows = rows.copy()
+    for i in may.nonzero()[0].tolist():
+        before, behind = _next_good(good, i, -1), _next_good(good, i, 1)
+        data = table.bytes_of(i)
+        if before < 0 or rows.kind[before] != _REQUEST or table.bytes_of(before) != data:
+            continue
+        answered = behind == i + 1 < len(rows) and table.bytes_of(behind) == data
+        one, two = _between(table, before, i), _between(table, i, behind)
+        alike = len(one) >= _LEAST_ALIKE and one == two
+        if not alike and (len(one) < _LEAST or (not answered and len(two) < _LEAST)):
+            continue
+        rows.kind[i], rows.request[i], rows.response_ns[i] = _REQUEST, -1, -1
+        if answered:
+            rows.kind[behind], rows.request[behind] = _RESPONSE, rows.index[i]
+            rows.response_ns[behind] = max(rows.t_start_ns[behind] - rows.t_end_ns[i], 0)
+    return RowColumns(rows, table.data)
+
+
+def _next_good(good: NDArray[np.bool_], i: int, step: int) -> int:
+    """The next row to that side that is a right frame, or the end."""
+    i += step
+    while 0 <= i < len(good) and not good[i]:
+        i += step
+    return i
+
+
+def _between(table: RowColumns, first: int, last: int) -> bytes:
+    """What stands between two rows; of much no more than the beginning."""
+    return b"".join(table.bytes_of(row) for row in range(first + 1, min(last, first + 1 + _LEAST)))
+
+
+_UNITS = 256
+
+
+@dataclass(slots=True)
+class SuccessorTable:
+    """Counts by (unit, unit of a hanging exchange before it); 0 where what is before got its answers in time."""
+
+    asked: Counter[tuple[int, int]] = field(default_factory=Counter)
+    hit: Counter[tuple[int, int]] = field(default_factory=Counter)
+    met: Counter[tuple[int, int]] = field(default_factory=Counter)  # of those that were hit: (unit, unit right before)
+    followed: Counter[tuple[int, int]] = field(default_factory=Counter)  # of all: (unit, unit right before)
+    near: Counter[tuple[int, int]] = field(default_factory=Counter)  # of all: (unit, one among it and the two before)
+    near_hit: Counter[tuple[int, int]] = field(default_factory=Counter)  # of those that were hit
+    delays: dict[int, Thinned] = field(default_factory=lambda: defaultdict(Thinned))  # ns, behind a hanging exchange
+    lagged: dict[int, Thinned] = field(
+        default_factory=lambda: defaultdict(Thinned)
+    )  # the same, from the request before
+    usual: dict[int, Thinned] = field(default_factory=lambda: defaultdict(Thinned))  # ns, behind no hanging exchange
+    _newest: int = 0
+    _last: tuple[int, int] = (0, 0)  # the newest behind
+    _asked: int = 0
+    _unsure: bool = False
+    _owing: tuple[int, int] = (0, 0)  # the unit of the newest silent request, and until when its answer may come
+
+    def add(
+        self,
+        units: NDArray[np.uint8],
+        silent: NDArray[np.bool_],
+        unsure: NDArray[np.bool_],
+        odd: NDArray[np.bool_],
+        asked: NDArray[np.int64],
+        delays: NDArray[np.int64],
+        waits: NDArray[np.int64],
+    ) -> None:
+        """The next exchanges: `silent` those without an answer, `unsure` those that may have had one, `odd` those that were
+        hit; `asked` when (ns), `delays` until answers came, -1 for none or where nobody knows, `waits` until the next
+        request."""
+        seen, another = np.cumsum(silent), np.diff(units, prepend=units[:1]) != 0
+        begins = np.maximum.accumulate(np.where(another, np.arange(len(units)), 0))  # of what is asked of one in a row
+        hangs = seen > np.where(begins, seen[begins - 1], 0)
+        if units[0] == self._newest:
+            hangs[begins == 0] = True
+        before = np.empty(len(units), np.int64)
+        before[0], before[1:] = self._newest, np.where(hangs, units, 0)[:-1]
+        lags = delays + asked - np.concatenate(([self._asked], asked[:-1]))
+        self._newest, self._asked = int(units[-1]) if hangs[-1] else 0, int(asked[-1])
+        late = (before == units) & (before > 0) & (delays >= 0)
+        for unit in np.unique(units[late]).tolist():
+            mine = late & (units == unit)
+            self.delays[unit].add(delays[mine])
+            self.lagged[unit].add(lags[mine])
+        settled = (before == 0) & (delays >= 0) & ~np.concatenate(([self._unsure], unsure[:-1]))
+        self._unsure = bool(unsure[-1])
+        for unit in self.delays:
+            self.usual[unit].add(delays[settled & (units == unit)])
+        before = np.where(before == 0, self._owed(units, silent, asked, waits), before)
+        pairs = units * np.int64(_UNITS) + before
+        both = np.concatenate((self._last, units))
+        right, beyond, here = both[1:-1], both[:-2], units * np.int64(_UNITS)
+        self._last = int(both[-2]), int(both[-1])
+        others, third = right != units, (beyond != units) & (beyond != right)
+        near = [(here + units, odd), ((here + right)[others], odd[others]), ((here + beyond)[third], odd[third])]
+        tables = [(self.asked, pairs), (self.hit, pairs[odd]), (self.followed, here + right),
+                  (self.met, (here + right)[odd])]  # fmt: skip
+        tables += [(self.near, which) for which, _ in near] + [(self.near_hit, which[hit]) for which, hit in near]
+        for counts, which in tables:
+            for pair, count in zip(*(each.tolist() for each in np.unique(which, return_counts=True)), strict=True):
+                counts[divmod(pair, _UNITS)] += count
+
+    def _owed(
+        self,
+        units: NDArray[np.uint8],
+        silent: NDArray[np.bool_],
+        asked: NDArray[np.int64],
+        waits: NDArray[np.int64],
+    ) -> NDArray[np.int64]:
+        """The unit whose answer to the newest silent request may still come, by each exchange's end: within as long again
+        as was waited for it; 0 for none."""
+        newest = np.maximum.accumulate(np.where(silent, np.arange(1, len(units) + 1), 0))
+        newest = np.concatenate(([0], newest[:-1]))
+        owing = np.concatenate(([self._owing[0]], units))[newest]
+        until = np.concatenate(([self._owing[1]], asked + 2 * waits))[newest]
+        if silent.any():
+            last = len(units) - 1 - int(np.argmax(silent[::-1]))
+            self._owing = int(units[last]), int(asked[last] + 2 * waits[last])
+        return np.where(asked < until, owing, 0).astype(np.int64)
+
+    def behind(self, before: int) -> list[int]:
+        """The units that were asked right behind a hanging exchange of one, itself included."""
+        return sorted(unit for unit, other in self.asked if other == before)
+
+    def rates(self, unit: int, before: int) -> tuple[int, int, int, int]:
+        """Hits and exchanges of a unit right behind a hanging one of that one, and else."""
+        hit = sum(count for (mine, _), count in self.hit.items() if mine == unit)
+        asked = sum(count for (mine, _), count in self.asked.items() if mine == unit)
+        then, then_of = self.hit[unit, before], self.asked[unit, before]
+        return then, then_of, hit - then, asked - then_of
+
+    def met_of(self, unit: int) -> int:
+        """Exchanges of a unit that were hit."""
+        return sum(count for (mine, _), count in self.met.items() if mine == unit)
+
+    def followed_of(self, unit: int) -> int:
+        """Exchanges of a unit."""
+        return sum(count for (mine, _), count in self.followed.items() if mine == unit)

@@ -1,21 +1,30 @@
-"""From a ledger to causes: the suspect that saves most bits is taken, what it explains is struck, and so on."""
+"""From a ledger to causes: the suspect that saves most bits is taken, what it explains is struck, and so on.
+
+While evidence grows they are looked at again each time there is a fair part more of it, and only changes are told.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final, Literal
 
+import numpy as np
+
+from captures.line import LineSettings
+
+from ..options import Options
+from ..tables.batch import Batch, join_batches
+from ..tables.transactions import TransactionRows
 from .evidence import Evidence
+from .exchanges import asking
 from .ledger import Ledger
-from .model import Cause
-from .registry import Suspect, Suspicion, suspects
-from .telling import words_of
+from .registry import Cause, Suspect, Suspicion, suspects, words_of
 
 THRESHOLD: Final = 24.0  # bits under which nothing is said
 _LEFT_OVER: Final = 0.06  # of what is explained: so much may be left because no explanation is perfect,
 _LEFT_OVER_MOST: Final = 100.0  # and a cause of its own weighs more
-_MOST: Final = 8
+_CAUSES_MOST: Final = 8
 _SURE: Final = 0.99
 _DOUBT: Final = 12.0  # bits of margin that make a confidence of two thirds
 
@@ -42,7 +51,7 @@ def causes_of(ledger: Ledger) -> list[Cause]:
 
 def _explained(evidence: Evidence) -> Iterator[Cause]:
     least = THRESHOLD
-    for _ in range(_MOST):
+    for _ in range(_CAUSES_MOST):
         found = weigh(evidence)
         if not found or found[0].suspicion.bits < least:
             return
@@ -79,3 +88,106 @@ def _cause(best: Weighed, rival: Weighed | None, ledger: Ledger) -> Cause:
         explains=found.explains,
         numbers=found.numbers,
     )
+
+
+_FIRST: Final = 40  # exchanges before anything is said
+_GROWTH: Final = 1.3  # of what was looked at last
+_LOOK_EVERY: Final = 5000  # exchanges from one look to the next
+_SURER: Final = 0.1  # of confidence, that is worth telling
+_GATHERED: Final = 4096  # rows that wait at most: what a ledger costs goes by the call more than by the row
+
+State = Literal["new", "revised", "withdrawn"]
+
+
+@dataclass(frozen=True, slots=True)
+class CauseRevision:
+    """What became of one cause: `revision` counts the looks that changed anything, from 1; `exchanges` is what it rests
+    on."""
+
+    revision: int
+    state: State
+    exchanges: int
+    cause: Cause
+
+    def to_json(self) -> dict[str, Any]:
+        """As a line of `sniff --json`."""
+        return {
+            "kind": "cause",
+            "revision": self.revision,
+            "state": self.state,
+            "exchanges": self.exchanges,
+            **self.cause.to_json(),
+        }
+
+
+class RunningStory:
+    """Rows as they come in; revisions of causes out. `causes` are those of the newest look."""
+
+    def __init__(self, line: LineSettings, options: Options = Options()) -> None:  # noqa: B008 - frozen
+        self._options = options
+        self._begin(line)
+        self.revision = 0
+        self.causes: list[Cause] = []
+
+    def _begin(self, line: LineSettings) -> None:
+        self._ledger, self._next = Ledger(line, self._options), _FIRST
+        self._batches: list[Batch] = []  # not in the ledger yet
+        self._transactions: list[TransactionRows] = []
+        self._rows = 0  # of those batches
+        self._counted = self._requests = 0  # batches whose right requests are counted, and these
+
+    def feed(self, batch: Batch, transactions: TransactionRows, line: LineSettings) -> list[CauseRevision]:
+        """The next rows, of a line of these settings; where those are others than before, all begins anew."""
+        if line != self._ledger.line:
+            self._begin(line)
+        if len(batch) or len(transactions):
+            self._batches.append(batch)
+            self._transactions.append(transactions)
+            self._rows += len(batch)
+        if self._rows < _GATHERED and not self._may_look():
+            return []
+        self._enter()
+        if self._ledger.exchanges < self._next:
+            return []
+        self._next = self._ledger.exchanges + min(int((_GROWTH - 1) * self._ledger.exchanges), _LOOK_EVERY)
+        return self._look()
+
+    def _may_look(self) -> bool:
+        """Whether what waits may be enough for a look: an exchange begins with a request."""
+        least = self._next - self._ledger.exchanges
+        if self._rows < least:  # nor are there so many requests among them
+            return False
+        uncounted, self._counted = self._batches[self._counted :], len(self._batches)
+        self._requests += sum(int(np.count_nonzero(asking(batch.rows))) for batch in uncounted)
+        return self._requests >= least
+
+    def close(self) -> list[CauseRevision]:
+        """No more comes."""
+        self._enter()
+        self._ledger.close()
+        return self._look()
+
+    def _enter(self) -> None:
+        """What waits, into the ledger."""
+        if self._batches:
+            self._ledger.feed(join_batches(self._batches), TransactionRows.joined(self._transactions))
+            self._batches, self._transactions = [], []
+            self._rows = self._counted = self._requests = 0
+
+    def _look(self) -> list[CauseRevision]:
+        old = {_key(cause): cause for cause in self.causes}
+        self.causes = causes_of(self._ledger)
+        new = {_key(cause): cause for cause in self.causes}
+        changed: list[tuple[State, Cause]] = [("withdrawn", old[key]) for key in old if key not in new]
+        for key, cause in new.items():
+            before = old.get(key)
+            if before is None:
+                changed.append(("new", cause))
+            elif abs(cause.confidence - before.confidence) >= _SURER or cause.units != before.units:
+                changed.append(("revised", cause))
+        self.revision += bool(changed)
+        return [CauseRevision(self.revision, state, self._ledger.exchanges, cause) for state, cause in changed]
+
+
+def _key(cause: Cause) -> tuple[str, tuple[int, ...]]:
+    return cause.cause, cause.units[:1]

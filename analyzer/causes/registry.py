@@ -1,4 +1,4 @@
-"""The one collection of suspects: each is declared once, by the words for people and the judge of its evidence.
+"""Causes and their suspects: each is declared once, by the words for people and the judge of its evidence.
 
     @suspect(
         "dead-unit", Severity.ERROR, blame="unit",
@@ -10,17 +10,21 @@
 
 A module of `analyzer.causes.suspects` holds declarations; nothing lists the modules. A judge looks at all the evidence
 that no other cause has explained yet and gives a `Suspicion` for each way in which its cause may be so, with its weight
-in bits. Words are templates over the numbers of a suspicion, by name, so that a catalogue can translate them.
+in bits. Words are templates over the numbers of a suspicion, by name, so that a catalogue can translate them; filled,
+they are a `Cause`. What a finding's code is a symptom of ties findings to the cause that explains them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from enum import Enum
 from functools import cache
 from typing import TYPE_CHECKING, Any, Final, Literal
 
+from ..html_text import html_page, html_table
+from ..languages import sentence
 from ..registry import Registry
 from ..tables.findings import Severity
 
@@ -111,3 +115,131 @@ def suspect(
 def suspects() -> tuple[Suspect, ...]:
     """All suspects, in the order of their causes."""
     return tuple(_SUSPECTS.by_name().values())
+
+
+@dataclass(frozen=True, slots=True)
+class Cause:
+    """One cause that explains many findings.
+
+    `units` the most concerned first; `blame`: unit, master, line or tap; `share` says of how many; `since_ns` and
+    `until_ns` None without times, `period_s` None where it does not recur; `confidence` 0 to 1; `runner_up` the id of
+    the next best explanation, or None; `lost_answers` and `lost_ms` None where nobody knows; `frames`: indices of a
+    few requests or frames that show it; `bits`: how much likelier the capture is with it than without; `explains`:
+    codes of findings with the unit each stands on (None: the bus), which follow from it.
+    """
+
+    cause: str
+    severity: str
+    units: tuple[int, ...]
+    blame: str
+    text: str
+    share: str
+    since_ns: int | None
+    until_ns: int | None
+    period_s: float | None
+    confidence: float
+    runner_up: str | None
+    deciding_test: str
+    remedy: str
+    lost_answers: int | None
+    lost_ms: float | None
+    frames: tuple[int, ...]
+    bits: float
+    explains: frozenset[tuple[Symptom, int | None]] = frozenset()  # which findings point here
+    numbers: Mapping[str, Any] = field(default_factory=dict, compare=False)  # that its words are filled with
+
+    def _repr_html_(self) -> str:
+        """For notebooks."""
+        lines = [
+            ("share", self.share),
+            ("likely", f"{self.confidence:.0%}" + (f", else {self.runner_up}" if self.runner_up else "")),
+            ("lost answers", self.lost_answers),
+            ("to be sure", self.deciding_test),
+            ("remedy", self.remedy),
+            ("frames", ", ".join(map(str, self.frames))),
+        ]
+        told = [line for line in lines if line[1] not in (None, "")]
+        return html_page(f"{self.severity}: {self.cause}: {self.text}", html_table((), told))
+
+    def to_json(self) -> dict[str, Any]:
+        """As plain values."""
+        plain = {**asdict(self), "units": list(self.units), "frames": list(self.frames)}
+        del plain["explains"], plain["numbers"]
+        return plain
+
+
+@dataclass(frozen=True, slots=True)
+class CauseWords:
+    """The four things that people are told of a cause."""
+
+    text: str
+    share: str
+    deciding_test: str
+    remedy: str
+
+
+def words_of(suspect: Suspect, numbers: Mapping[str, Any]) -> CauseWords:
+    """What a suspect says with these numbers."""
+
+    def said(part: str, english: str) -> str:
+        return sentence(suspect.cause, part, english, numbers)
+
+    return CauseWords(
+        said("text", suspect.text),
+        said("share", suspect.share),
+        said("test", suspect.deciding_test),
+        said("remedy", suspect.remedy),
+    )
+
+
+def numbers_kept(numbers: Mapping[str, Any]) -> str:
+    """The numbers of a cause as JSON, by which `told_again` tells it again."""
+    return json.dumps(dict(numbers), ensure_ascii=False, default=_plain)
+
+
+def _plain(number: Any) -> Any:
+    """A scalar of numpy's as Python's."""
+    return number.item() if hasattr(number, "item") else str(number)
+
+
+def _as_found(number: Any) -> Any:
+    """A list is a tuple in what was found."""
+    return tuple(number) if isinstance(number, list) else number
+
+
+def told_again(cause: str, numbers: str | None) -> CauseWords | None:
+    """A cause that was kept, in the language in use now; None where this version knows no such cause, or it had other
+    numbers then."""
+    known = next((each for each in suspects() if each.cause == cause), None)
+    if known is None or numbers is None:
+        return None
+    try:
+        return words_of(known, {name: _as_found(number) for name, number in json.loads(numbers).items()})
+    except (ValueError, LookupError, TypeError, AttributeError):
+        return None
+
+
+SYMPTOMS: Final[Mapping[Symptom, tuple[str, ...]]] = {
+    Symptom.SILENCE: ("no-response", "retry"),
+    Symptom.DAMAGE: (
+        "bit-flip", "byte-extra", "byte-missing", "byte-count-mismatch", "bytes-repeated", "collision", "crc-error",
+        "crc-variant", "flow-control-loss", "frame-too-long", "lrc-error", "response-mismatch", "truncated",
+    ),
+    Symptom.LATENESS: ("late-response", "slow-device", "unexpected-response"),
+    Symptom.DOUBLES: ("duplicate-response", "broadcast-answered"),
+    Symptom.MARKS: ("parity-error",),
+    Symptom.REFUSAL: ("exception",),
+    Symptom.TIMING: ("gap-in-frame", "gap-too-short", "turnaround-short"),
+    Symptom.REQUESTS: ("broadcast-read", "bus-saturated", "echo", "poll-waste"),
+    Symptom.FRAMING: ("noise", "other-protocol"),
+}  # fmt: skip
+SYMPTOM_OF: Final = {code: symptom for symptom, codes in SYMPTOMS.items() for code in codes}
+
+
+def cause_of(code: str, unit: int | None, causes: Sequence[Cause]) -> int | None:
+    """The number of the cause that explains findings of a code about a unit (None: no unit); None where none does."""
+    symptom = SYMPTOM_OF.get(code)
+    if symptom is None:
+        return None
+    whom = {(symptom, unit), (symptom, None)}
+    return next((i for i, cause in enumerate(causes) if whom & cause.explains), None)

@@ -15,15 +15,14 @@ from functools import lru_cache
 from itertools import pairwise
 from typing import Final
 
-from dissectors.adu import EXCEPTION, EXCEPTION_ADU
-from dissectors.answers import expectation
 from dissectors.crc import byte_between, crc16, crc_bytes, flipped_bit, matching, needed, registers
+from dissectors.lengths import expectation
+from dissectors.limits import EXCEPTION, EXCEPTION_ADU
 
 from ..tables.schema import Kind
-from .asciireading import COLON, ascii_due, is_in_ascii, read_ascii
 from .exchanges import Ending
-from .knownrequests import KnownRequests
-from .samples import Sample, SampleRow, asked_in_pieces
+from .rawbytes import COLON, KnownRequests, ascii_due, is_in_ascii, read_ascii
+from .unitledger import Sample, SampleRow, asked_in_pieces
 
 _HEAD_MOST: Final = 12  # bytes that may be put right
 _LEAST: Final = 4

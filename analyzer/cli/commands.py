@@ -1,4 +1,4 @@
-"""The commands that there are, as a table, and how each ends.
+"""The commands that there are, as a table, how each ends, and where the pages of their documentation are.
 
 A new one is a line here and a module of its name beside this file, which holds EXAMPLE (lines that work when copied),
 `configure(parser)` and `run(arguments) -> status`. `meanings` says what each exit status tells of one command,
@@ -8,6 +8,7 @@ A new one is a line here and a module of its name beside this file, which holds 
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import Final, Protocol, cast
 
 COMMANDS: Final[dict[str, str]] = {
@@ -120,3 +121,13 @@ def meanings(command: str) -> tuple[tuple[int, str], ...]:
 
 class UsageError(Exception):
     """Arguments that cannot be used; the message says which and what to do."""
+
+
+_INSTALLED: Final = Path(__file__).parents[1] / "pages"
+_CLONE: Final = Path(__file__).parents[2] / "docs"  # of a clone
+
+
+def pages() -> dict[str, Path]:
+    """The pages, by name."""
+    folder = _INSTALLED if _INSTALLED.is_dir() else _CLONE
+    return {page.stem: page for page in folder.glob("*.md") if page.stem != "index"}  # the site's own

@@ -93,7 +93,7 @@ def _maps(prefix: str) -> Iterable[str]:
 
 
 def _pages(_: str) -> Iterable[str]:
-    from .pages import pages
+    from .commands import pages
 
     return pages()
 

@@ -8,8 +8,7 @@ from typing import Final
 
 from ..meant import did_you_mean
 from .app import main
-from .commands import COMMANDS, DONE, UsageError
-from .pages import pages
+from .commands import COMMANDS, DONE, UsageError, pages
 
 EXAMPLE = """\
 rtuscope help

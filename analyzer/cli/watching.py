@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from dissectors.maps.files import UnitMaps
     from dissectors.maps.model import RegisterMap
 
-    from ..causes.story import CauseRevision
+    from ..causes.reasoning import CauseRevision
     from ..live.conditions import Condition
     from ..live.lines import ShownRow
     from ..live.outlets import Outlet
@@ -101,7 +101,7 @@ class Watch:
     ) -> None:
         """`extra`: more words for the status line; `fire` is told the time of each trigger; `out` takes what is shown
         in place of standard output (Wireshark's pipe, which calls all that is told beside it an error)."""
-        from ..causes.story import RunningStory
+        from ..causes.reasoning import RunningStory
         from ..live.conditions import TriggerWindow
         from ..live.lines import Recent
         from ..live.status import LineStatus

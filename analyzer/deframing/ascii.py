@@ -11,12 +11,11 @@ from typing import Final
 
 import numpy as np
 
-from dissectors.adu import EXCEPTION, MAX_PDU
-from dissectors.answers import Expectation, expectation
 from dissectors.crc import registers
 from dissectors.envelopes import Adu, ascii_frames
 from dissectors.length_rules import Role
-from dissectors.lengths import pdu_length
+from dissectors.lengths import Expectation, expectation, pdu_length
+from dissectors.limits import EXCEPTION, MAX_PDU
 
 from ..options import Options
 from ..tables.schema import Protocol

@@ -21,17 +21,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from dissectors.adu import EXCEPTION, MAX_ADU, MIN_ADU, OVERHEAD
-from dissectors.answers import expectation
 from dissectors.length_rules import Role
-from dissectors.lengths import miscounted_role, rule
-from dissectors.limits import Sized, taken
+from dissectors.lengths import expectation, miscounted_role, rule
+from dissectors.limits import EXCEPTION, MAX_ADU, MIN_ADU, OVERHEAD, Sized, taken
 
 from .candidates import CRC_BITS, GLITCHES, KNOWN_BITS, predicted_length
-from .conversation import OpenRequest
-from .crc_windows import CrcWindows
+from .conversation import Candidate, OpenRequest, holds_a_frame
 from .lattice import GLITCH_RUN
-from .paths import Candidate, holds_a_frame
+from .rules import CrcWindows
 from .unpredicted import PossibleEdges
 
 _LONGEST: Final = MAX_ADU + 64  # what a firmware makes of a byte count, or of a buffer

@@ -15,11 +15,20 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dissectors.adu import MAX_ADU, MIN_ADU, OVERHEAD
 from dissectors.length_rules import Role, broken_value
+from dissectors.limits import MAX_ADU, MIN_ADU, OVERHEAD
 
-from .crc_windows import CrcWindows
-from .rules import Bytes, CountedLengths, Index, LengthTables, Mask, WalkedLengths, big_endian_at, length_tables
+from .rules import (
+    Bytes,
+    CountedLengths,
+    CrcWindows,
+    Index,
+    LengthTables,
+    Mask,
+    WalkedLengths,
+    big_endian_at,
+    length_tables,
+)
 
 CRC_BITS: Final = 16.0
 KNOWN_BITS: Final = 3.0  # one of the 20-odd functions in use, of 256

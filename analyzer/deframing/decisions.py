@@ -19,20 +19,19 @@ from typing import Final
 
 import numpy as np
 
-from dissectors.adu import MAX_ADU
 from dissectors.length_rules import Role
+from dissectors.limits import MAX_ADU
 
 from ..options import Options
 from .broken import broken_windows, damaged_answers, damaged_requests, silent_windows
 from .buffer import ByteBuffer
 from .certainty import UNDECIDED, Decision, evidence_of_steps, margins
-from .conversation import Conversation
-from .crc_windows import possible_starts
+from .conversation import SURE, Conversation, PathStep, by_end
 from .forced import ForcedRuns, SearchedBytes
 from .gaps import AGAINST, MAY_PART, GapStatistics, SpeakerTurn, classes_of, next_checkpoint, silence_positions
 from .lattice import LEAD, Lattice
 from .looks import CUT, GAP, IDLE, NEVER, DecisionPoint, LaidPaths, OpenLook, answer_may_come, frame_may_come
-from .paths import SURE, PathStep, by_end
+from .rules import possible_starts
 from .segments import NOISE, DecidedSegments
 from .unpredicted import possible_edges, unknown_windows
 

@@ -13,21 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from captures.chunks import Block
-from dissectors.adu import MAX_ADU, MIN_ADU
 from dissectors.length_rules import Role
+from dissectors.limits import MAX_ADU, MIN_ADU
 
 from ..options import Options
 from .buffer import ByteBuffer, CharacterTime
 from .candidates import CRC_BITS, Candidates, more_candidates, search_candidates
+from .certainty import Lessons
 from .conversation import REACH, ConversationTracker, FrameRun
-from .crc_windows import CrcWindows, crc_windows
 from .decisions import WINDOWS, Decider
 from .forced import ANSWERS, ASKS, ForcedRuns, SearchedBytes, forced_runs
 from .gaps import SILENT, GapStatistics, classes_of, next_checkpoint
-from .lessons import Lessons
 from .looks import STAGES
 from .reach import RunContext, plain_evidence, run_reach
-from .rules import Bytes, Index, Mask
+from .rules import Bytes, CrcWindows, Index, Mask, crc_windows
 from .segments import NOISE, DecidedSegments, StreamSegments, evidence_rows, join_segments
 
 _SLICE: Final = 1 << 20  # bytes searched at once

@@ -15,14 +15,12 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dissectors.adu import MAX_ADU
+from dissectors.limits import MAX_ADU
 
 from .candidates import Candidates
-from .conversation import OPEN, REACH, response_fits, responses_fit
-from .crc_windows import CrcWindows
+from .conversation import OPEN, REACH, Candidate, response_fits, responses_fit
 from .gaps import SpeakerTurn
-from .paths import Candidate
-from .rules import Bytes, Index, Mask
+from .rules import Bytes, CrcWindows, Index, Mask
 
 _BACK: Final = 2 * OPEN  # frames that it may not answer either: an answer among them would keep others open
 _NEVER: Final = -(1 << 62)

@@ -10,10 +10,10 @@ from typing import Final
 
 import numpy as np
 
-from dissectors.adu import EXCEPTION
 from dissectors.foreign import NAMES, MeterTalk, foreign_bytes
 from dissectors.length_rules import Role
 from dissectors.lengths import rule
+from dissectors.limits import EXCEPTION
 from dissectors.registry import function_class
 
 from ..tables.schema import Kind, Protocol, Rows

@@ -22,13 +22,23 @@ from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import accumulate
 
-from dissectors.adu import EXCEPTION
 from dissectors.length_rules import Role
+from dissectors.limits import EXCEPTION
 
 from .candidates import CRC_BITS, GLITCHES
-from .conversation import Conversation, OpenRequest
+from .conversation import (
+    Candidate,
+    Conversation,
+    Losers,
+    OpenRequest,
+    PathStep,
+    Survivor,
+    by_end,
+    candidate_end,
+    path_score,
+    pruned,
+)
 from .gaps import GapStatistics, SpeakerTurn
-from .paths import Candidate, Losers, PathStep, Survivor, by_end, candidate_end, path_score, pruned
 from .rules import length_tables
 
 NOISE_BYTE = 77 / 64

@@ -14,14 +14,13 @@ from dataclasses import dataclass, field
 from itertools import zip_longest
 from typing import Final
 
-from dissectors.adu import MAX_ADU
 from dissectors.length_rules import Role
 from dissectors.lengths import plausibility
+from dissectors.limits import MAX_ADU
 
 from .candidates import CRC_BITS, KNOWN_BITS, predicted_length
-from .conversation import Conversation
+from .conversation import Candidate, Conversation, PathStep
 from .lattice import EMBEDDED, FITS, NOISE_BYTE, Lattice
-from .paths import Candidate, PathStep
 from .rules import length_tables
 from .unpredicted import next_byte
 

@@ -13,12 +13,11 @@ from typing import Final
 
 import numpy as np
 
-from dissectors.adu import EXCEPTION, MAX_ADU, OVERHEAD
-from dissectors.answers import Expectation, expectation
 from dissectors.crc import crc_ok
 from dissectors.envelopes import MBAP
 from dissectors.length_rules import Role
-from dissectors.lengths import pdu_length, sound_roles
+from dissectors.lengths import Expectation, expectation, pdu_length, sound_roles
+from dissectors.limits import EXCEPTION, MAX_ADU, OVERHEAD
 
 from ..options import Options
 from ..tables.schema import Protocol

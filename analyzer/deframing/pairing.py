@@ -15,10 +15,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dissectors.answers import Expectation, expectation
 from dissectors.envelopes import MBAP
+from dissectors.lengths import Expectation, expectation
 
-from ..tables.frame import adu_of
+from ..tables.batch import adu_of
 from ..tables.schema import Kind, Protocol, Row, Rows
 from ..tables.transactions import LATE_NS, LATE_WAITS, LONGEST_NS
 from .buffer import Times

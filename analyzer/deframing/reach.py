@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from dissectors.adu import EXCEPTION
+from dissectors.limits import EXCEPTION
 
 from .candidates import CRC_BITS
 from .conversation import REACH, Conversation, ConversationTracker, responses_fit

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from captures.ragged import copy_pieces, sums
 
-from ..tables.columnar import Float32s, UInt8s
-from ..tables.schema import BoundaryEvidence, Kind, Protocol, Rows
+from ..tables.schema import BoundaryEvidence, Float32s, Kind, Protocol, Rows, UInt8s
 from .buffer import SegmentReads, Times
 from .rules import Bytes, Index
 

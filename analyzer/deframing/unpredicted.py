@@ -15,16 +15,16 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dissectors.adu import EXCEPTION, MAX_ADU, MIN_ADU
 from dissectors.declaration import USER_DEFINED
 from dissectors.length_rules import Role
 from dissectors.lengths import rule
+from dissectors.limits import EXCEPTION, MAX_ADU, MIN_ADU
 
 from .candidates import GLITCHES, ZERO_BITS
-from .crc_windows import CrcWindows
+from .conversation import Candidate
 from .gaps import MAY_PART, GapStatistics, silence_positions
 from .lattice import GLITCH_RUN
-from .paths import Candidate
+from .rules import CrcWindows
 
 
 class PossibleEdges(NamedTuple):

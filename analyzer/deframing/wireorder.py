@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from captures.line import LineSettings
-from dissectors.answers import Expectation, expectation
+from dissectors.lengths import Expectation, expectation
 
-from ..tables.frame import adu_of
+from ..tables.batch import adu_of
 from ..tables.schema import NO_GAP, Kind, Protocol, Row
 from .directions import certain_frames, either_way, said_directions, settled_directions
 from .segments import UnorderedRows

@@ -16,9 +16,8 @@ from captures.line import LineSettings
 from ..deframing.rules import big_endian_at as number_at
 from ..deframing.tap_clock import TapClock
 from ..options import Options
-from ..tables.batch import Batch
+from ..tables.batch import Batch, adu_of
 from ..tables.columns import Pdus
-from ..tables.frame import adu_of
 from ..tables.schema import Kind, Protocol, Row, Rows
 from ..tables.transactions import TransactionRows
 from .damage import DividedFrame

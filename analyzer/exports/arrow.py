@@ -18,10 +18,9 @@ from dissectors.functions import function_name
 from dissectors.values import AREAS
 
 from ..extras import needs
-from ..tables.batch import Batch
+from ..tables.batch import Batch, adu_of
 from ..tables.columns import Decoded, decode
 from ..tables.findings import codes
-from ..tables.frame import adu_of
 from ..tables.schema import Direction, Kind, Protocol, Rows
 
 try:

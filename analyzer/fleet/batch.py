@@ -12,11 +12,10 @@ from typing import Any, Final
 from ..version import __version__
 from . import FleetError, LakeWriteError
 from .datasets import DATASETS, touched
-from .manifest import LakeLine, Manifest, writing
 from .packs import LakePacking, pack
 from .runners import Runner
 from .sources import LineFiles, SourceFile, readable
-from .stores import LakeStore
+from .stores import LakeLine, LakeStore, Manifest, writing
 from .tasks import BatchOptions, KeptRows, LineTask
 
 _FOLDERS: Final = (*DATASETS, "state", "scratch")

@@ -28,7 +28,7 @@ from captures.time_order import CLOCK_STEP_NS, TimeOrder
 
 from ..causes.ledger import Ledger
 from ..causes.reasoning import causes_of
-from ..causes.telling import numbers_kept
+from ..causes.registry import numbers_kept
 from ..core import Analysed, Analyzer, EvenBlocks
 from ..exports.arrow import record_batch
 from ..exports.records import TABLES, record_arrow, record_schema

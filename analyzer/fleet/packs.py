@@ -29,8 +29,7 @@ except ImportError as error:
 
 from ..exports.targets.parquet import frames_writer
 from .datasets import DATASETS, GROUP, pack_schema
-from .manifest import Manifest, PackMember
-from .stores import LakeStore, fetched
+from .stores import LakeStore, Manifest, PackMember, fetched
 
 FULL: Final = 1 << 20  # rows of a pack: what memory holds and sorts at once
 SMALL: Final = FULL // 2  # files of fewer rows are packed

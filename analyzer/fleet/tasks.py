@@ -23,9 +23,8 @@ from ..version import RULES, __version__
 from . import FleetError, LakeWriteError
 from .datasets import CAPTURES, DATASETS, LakeFiles
 from .linestate import ChunkDigest, LineState, NotGrownError, behind, resumed
-from .manifest import PackMember
 from .sources import SourceFile, as_it_is, readable
-from .stores import LakeStore, fetched, store
+from .stores import LakeStore, PackMember, fetched, store
 
 _PIECE: Final = 1 << 20
 _SOURCES: Final = "captures"  # the table with a row a source

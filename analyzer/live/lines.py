@@ -20,14 +20,13 @@ from dissectors.length_rules import Role
 from dissectors.maps.model import MappedReading, RegisterMap
 from dissectors.values import harmless
 
-from ..causes.story import CauseRevision
+from ..causes.reasoning import CauseRevision
 from ..exports.encoding import noise_json
 from ..languages import counted, tr, wording
 from ..paste.meaning import mapped_readings
 from ..registers.telling import told_name
-from ..tables.batch import Batch, rows_of_findings
+from ..tables.batch import Batch, Frame, adu_of, rows_of_findings
 from ..tables.findings import Finding, Severity, describe, described
-from ..tables.frame import Frame, adu_of
 from ..tables.schema import Kind, Row, bounds_of
 from ..terminal_text import TerminalText, painted, terminal_text
 from ..words import between

@@ -23,8 +23,8 @@ from dissectors.values import harmless
 
 from ..exports.targets.pcapng import PacketStream, finding_comment
 from ..registers.watch import Revision
+from ..tables.batch import Frame, response_time_json
 from ..tables.findings import Finding
-from ..tables.frame import Frame, response_time_json
 from ..tables.schema import Kind
 from .lines import FrameCache, ShownRow, clock_time, confirmed_readings
 

@@ -22,8 +22,7 @@ from ..core import Analysed
 from ..options import Options
 from ..outages import Deaf
 from ..reports.summary import Summary, with_cards, with_story
-from ..tables.batch import Batch
-from ..tables.frame import Frame
+from ..tables.batch import Batch, Frame
 from ..tables.schema import NO_GAP, Kind, Row, Rows, bounds_of
 from ..tables.transactions import NEVER, OF_ANSWER, Status, TransactionRows
 from .activity import Activity, Bins, UnitActivity
@@ -34,7 +33,7 @@ from .source import CaptureSource, ViewSource
 from .table import PIECE, BusRows, RowState, RowTable
 
 if TYPE_CHECKING:
-    from ..causes.model import Cause
+    from ..causes.registry import Cause
     from ..reports.breakdown import RateTable
     from ..reports.model import Report
     from ..tables.findings import Finding

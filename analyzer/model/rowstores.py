@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..causes.links import cause_of
+from ..causes.registry import cause_of
 from ..reports.breakdown import RateTable, bit_times
 from ..tables.findings import Finding, Findings, Severity, codes, describe, rules
 from ..tables.schema import Kind
@@ -24,7 +24,7 @@ from .table import NO_EVIDENCE, RowTable
 if TYPE_CHECKING:
     from captures.edges.source import BitSpans
 
-    from ..causes.model import Cause
+    from ..causes.registry import Cause
     from ..tables.batch import Batch
     from ..tables.schema import Rows
     from .bus import Bus

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from captures.line import LineSettings
-from dissectors.adu import CRC_SIZE
+from dissectors.limits import CRC_SIZE
 from dissectors.maps.files import UnitMaps
 
 from ..filters import RowOctets, compile_filter

@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..tables.batch import BytePlaces, rows_of_bytes
-from ..tables.columnar import Bools, Columns, Float32s, Int16s, Int32s, Int64s, UInt8s, UInt16s, UInt32s
-from ..tables.schema import NO_GAP
+from ..tables.schema import NO_GAP, Bools, Columns, Float32s, Int16s, Int32s, Int64s, UInt8s, UInt16s, UInt32s
 
 _LONGEST: Final = np.iinfo(np.int32).max
 _UNKNOWN: Final = np.iinfo(np.int32).min  # stands for NO_GAP

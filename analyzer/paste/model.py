@@ -6,12 +6,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from dissectors.adu import EXCEPTION
 from dissectors.annotation import Context, annotate, summary
 from dissectors.envelopes import Adu
 from dissectors.fields import ENGLISH, Field, Wording
 from dissectors.functions import function_name
 from dissectors.length_rules import Role
+from dissectors.limits import EXCEPTION
 
 if TYPE_CHECKING:
     from ..tables.findings import Finding

@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from ..causes.bits import spells_of
 from ..causes.evidence import Evidence
 from ..causes.exchanges import Ending
 from ..causes.ledger import ASKED, BAD, DELAY, Ledger
 from ..causes.signatures import AnswerDamage, Signature
-from ..causes.spells import spells_of
 from ..causes.unitledger import UnitLedger
 from ..languages import grouped, page_words
 from ..tables.findings import Severity, described

@@ -6,8 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Final
 
-from ..causes.links import cause_of
-from ..causes.model import Cause
+from ..causes.registry import Cause, cause_of
 from ..languages import counted, grouped, page_words
 from ..words import is_clock, time_of_day
 from .model import FindingGroup, FindingRow

@@ -15,7 +15,7 @@ from ..words import between
 if TYPE_CHECKING:
     from captures.recording.notes import Note
 
-    from ..causes.model import Cause
+    from ..causes.registry import Cause
     from ..outages import Deaf
     from ..registers.watch import WatchedValue
     from .against import Difference

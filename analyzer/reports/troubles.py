@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from ..causes.thinned import Thinned, densest
+from ..causes.flatmemory import Thinned, densest
 from ..tables.findings import Findings, Rule, describe, rules, titled
 from ..tables.schema import Rows
 from ..tables.transactions import NEVER, Status, TransactionRows

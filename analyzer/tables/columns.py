@@ -21,13 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from captures.ragged import copy_pieces
-from dissectors.adu import EXCEPTION
 from dissectors.envelopes import MBAP
 from dissectors.layout import Contents, NumberRef, ValueRun, contents, values_listed
 from dissectors.length_rules import Role
+from dissectors.limits import EXCEPTION
 
-from .batch import Batch
-from .frame import adu_of
+from .batch import Batch, adu_of
 from .schema import Kind, Protocol
 
 _Ints = NDArray[np.int64]

@@ -21,7 +21,7 @@ import numpy as np
 from ..html_text import html_page, html_table
 from ..languages import phrase
 from ..registry import Registry
-from .columnar import Columns, Float64s, Int16s, Int64s, UInt8s
+from .schema import Columns, Float64s, Int16s, Int64s, UInt8s
 
 if TYPE_CHECKING:
     from ..diagnosis.view import DiagnosisStep

@@ -1,18 +1,170 @@
-"""The columns of rows: what a row of the bus is, and nothing of how it came to be; and what its times are worth.
+"""Tables of typed columns, and those of rows: what a row of the bus is, and what its times are worth.
+
+A column is one array, its values side by side. A table is a frozen dataclass that names its columns with their types,
+once:
+
+    @dataclass(frozen=True, slots=True, eq=False, repr=False)
+    class Marks(Columns):
+        start: Int64s  # offset of its first byte in its port's stream
+        unit: UInt8s
+
+Which arrays a table has is settled; what stands in them may be written (`marks.unit[:] = 7`).
 
 Rows of all batches tile each port's byte stream: every byte once, in order.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections import namedtuple
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
 from enum import IntEnum
-from typing import Final, NamedTuple
+from operator import attrgetter
+from typing import Annotated, Any, ClassVar, Final, NamedTuple, Self, TypeAlias, get_args, get_origin, get_type_hints
 
 import numpy as np
+from numpy.typing import NDArray
 
-from .columnar import Bools, Columns, Float32s, Int32s, Int64s, UInt8s, UInt16s
+Int64s: TypeAlias = NDArray[np.int64]
+Int32s: TypeAlias = NDArray[np.int32]
+Int16s: TypeAlias = NDArray[np.int16]
+UInt32s: TypeAlias = NDArray[np.uint32]
+UInt16s: TypeAlias = NDArray[np.uint16]
+UInt8s: TypeAlias = NDArray[np.uint8]
+Float64s: TypeAlias = NDArray[np.float64]
+Float32s: TypeAlias = NDArray[np.float32]
+Bools: TypeAlias = NDArray[np.bool_]
+Which: TypeAlias = slice | NDArray[np.integer[Any]] | NDArray[np.bool_]  # rows: a stretch, numbers, or a mask
+
+_SHOWN: Final = 20  # rows in a notebook
+_BLOCK: Final = 1 << 12  # rows made at once where one iterates
+
+
+class Columns:
+    """A table. `Annotated[Float64s, 8]` is a column of eight figures a row."""
+
+    __slots__ = ()
+    _first: ClassVar[Any]  # gives the first column of a table
+    _every: ClassVar[Any]  # and all of them
+
+    def __init_subclass__(cls) -> None:
+        names = tuple(cls.__annotations__)
+        cls._first = attrgetter(names[0])
+        cls._every = attrgetter(*names)
+
+    @classmethod
+    def dtypes(cls) -> dict[str, np.dtype[Any]]:
+        """The type of each column by its name, in order."""
+        return _dtypes(cls)
+
+    @classmethod
+    def zeros(cls, size: int) -> Self:
+        """So many rows of nothing; of no rows, always the same table."""
+        if size:
+            return cls(*[np.zeros(size, dtype) for dtype in _dtypes(cls).values()])
+        none = _NONE.get(cls)
+        if none is None:
+            none = _NONE[cls] = cls(*[np.zeros(0, dtype) for dtype in _dtypes(cls).values()])
+        return none
+
+    @classmethod
+    def joined(cls, parts: Sequence[Self]) -> Self:
+        """Tables end to end. Of a single part, or of one that alone has rows, the arrays are that part's own."""
+        filled = [part for part in parts if len(part)]
+        if len(filled) < 2:
+            return filled[0] if filled else cls.zeros(0)
+        return cls(*[np.concatenate(columns) for columns in zip(*(part.columns() for part in filled), strict=True)])
+
+    def columns(self) -> tuple[NDArray[Any], ...]:
+        """The arrays, in the order of their names."""
+        arrays: tuple[NDArray[Any], ...] = self._every(self)
+        return arrays
+
+    def column(self, name: str) -> NDArray[Any]:
+        """A column by its name, for what takes names: filters, exports."""
+        found: NDArray[Any] = getattr(self, name)
+        return found
+
+    def __len__(self) -> int:
+        return len(self._first(self))
+
+    def __getitem__(self, which: Which) -> Self:
+        """Some rows: views of a stretch, copies of rows by number or mask."""
+        if isinstance(which, slice):
+            return type(self)(*[column[which] for column in self.columns()])
+        if not isinstance(which, np.ndarray):
+            raise TypeError("rows are taken by a slice or an array; one row is `values(number)`, `for` gives all")
+        if which.dtype == np.bool_:
+            which = which.nonzero()[0]
+        return type(self)(*[column.take(which, 0) for column in self.columns()])
+
+    def __iter__(self) -> Iterator[Any]:
+        """Row by row, as named tuples of Python's own values: for what looks at a few."""
+        table = type(self)
+        if table not in _ROW_TYPES:
+            _ROW_TYPES[table] = namedtuple(table.__name__, _dtypes(table))
+        row_of = _ROW_TYPES[table]
+        for at in range(0, len(self), _BLOCK):
+            for row in self[at : at + _BLOCK].tolist():
+                yield row_of(*row)
+
+    def copy(self) -> Self:
+        """The same rows in arrays of their own."""
+        return type(self)(*[column.copy() for column in self.columns()])
+
+    def put(self, which: Which, rows: Columns) -> None:
+        """Write whole rows."""
+        for column, values in zip(self.columns(), rows.columns(), strict=True):
+            column[which] = values
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {len(self):,} rows of {', '.join(self.dtypes())}>"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the first rows."""
+        from ..html_text import html_table
+
+        more = f"<p>the first {_SHOWN} of {len(self):,}</p>" if len(self) > _SHOWN else ""
+        return html_table(tuple(self.dtypes()), self[:_SHOWN].tolist()) + more
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the arrays."""
+        return sum(column.nbytes for column in self.columns())
+
+    def values(self, row: int) -> list[Any]:
+        """One row as Python's own values, in the order of the columns."""
+        return [column.item(row) if column.ndim == 1 else column[row].tolist() for column in self.columns()]
+
+    def tolist(self) -> list[tuple[Any, ...]]:
+        """All rows so."""
+        return list(zip(*[column.tolist() for column in self.columns()], strict=True))
+
+
+_TYPES: dict[type[Any], dict[str, np.dtype[Any]]] = {}
+_NONE: dict[type[Any], Any] = {}  # of each, the table without rows
+_ROW_TYPES: dict[type[Any], Any] = {}
+
+
+def _dtypes(table: type[Any]) -> dict[str, np.dtype[Any]]:
+    known = _TYPES.get(table)
+    if known is None:
+        hints = get_type_hints(table, include_extras=True)
+        known = _TYPES[table] = {field.name: _dtype(hints[field.name]) for field in fields(table)}
+    return known
+
+
+def _dtype(hint: Any) -> np.dtype[Any]:
+    """The dtype of an annotation `NDArray[T]` or `Annotated[NDArray[T], n]`.
+
+    To numpy before 2.5 the first is `ndarray[shape, dtype[T]]`, to later ones an alias whose one argument is T.
+    """
+    if get_origin(hint) is Annotated:
+        array, width = get_args(hint)
+        return np.dtype((_dtype(array), (width,)))
+    last = get_args(hint)[-1]
+    dtype: np.dtype[Any] = np.dtype(get_args(last)[0] if get_origin(last) is np.dtype else last)
+    return dtype
 
 
 class Kind(IntEnum):

@@ -20,14 +20,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from dissectors.answers import expectation
-from dissectors.lengths import relations
+from dissectors.lengths import expectation, relations
 from dissectors.limits import RequestedByteCount
 
-from .batch import Batch
-from .columnar import Bools, Columns, Int64s, UInt8s
-from .frame import adu_of
-from .schema import DelayBounds, Kind, Protocol, Rows, delay_bounds
+from .batch import Batch, adu_of
+from .schema import Bools, Columns, DelayBounds, Int64s, Kind, Protocol, Rows, UInt8s, delay_bounds
 
 ECHOED: Final = np.isin(np.arange(256), (5, 6, 22))  # functions whose answer is their request once more
 LATE_WAITS: Final = 3  # so many of the master's waits after a request, beyond which an answer is not late but another's

@@ -18,7 +18,6 @@ from textual.screen import Screen
 from ..languages import error_words, tr
 from ..model.bus import Bus
 from ..usernotes import Notes, NotesError
-from .burst import KeyQueue
 from .desk import Preferences, ViewState
 from .filterbar import rules_of
 from .keys import key_name
@@ -26,7 +25,7 @@ from .openfiles import NextFile
 from .paint import DARK, DARK_16, HARMLESS, LIGHT, LIGHT_16, Colourless
 from .screen import BusScreen
 from .views import VIEWS
-from .wire import ThinWire
+from .wire import KeyQueue, ThinWire
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

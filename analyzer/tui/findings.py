@@ -24,7 +24,7 @@ from .view import View
 if TYPE_CHECKING:
     from textual.widget import Widget
 
-    from ..causes.model import Cause
+    from ..causes.registry import Cause
     from ..tables.findings import Finding
     from .desk import ViewState
     from .screen import BusScreen

@@ -23,7 +23,7 @@ from .view import DoorCell, View
 if TYPE_CHECKING:
     from textual.widget import Widget
 
-    from ..causes.model import Cause
+    from ..causes.registry import Cause
     from ..reports.model import Counts, FindingRow, Report, Times, UnitRow
     from .desk import ViewState
     from .screen import BusScreen

@@ -13,7 +13,7 @@ from ..words import duration
 if TYPE_CHECKING:
     from dissectors.fields import Field
 
-    from ..causes.model import Cause
+    from ..causes.registry import Cause
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Final
 from ..languages import tr
 from ..model import search
 from ..words import is_clock, zone_name
-from .burst import FINDING
 from .frames import FrameList
 from .jobs import Stop
 from .prompts import Ask
+from .wire import FINDING
 
 if TYPE_CHECKING:
     from .screen import BusScreen

@@ -25,8 +25,8 @@ from .items import NOTHING, FrameDetail, Item, UnopenedItems, chosen
 if TYPE_CHECKING:
     from ..model.bus import Bus
     from ..model.rowstores import RowEvidence
+    from ..tables.batch import Frame
     from ..tables.findings import Finding
-    from ..tables.frame import Frame
     from .desk import ViewState
 
 _RULER: Final = 14  # columns

@@ -17,12 +17,12 @@ from ..languages import counted, error_words, tr
 from ..model.registers import AREA_WORDS, CHOICES, PLAIN, Meaning, RegisterSeries, chosen, meanings_of
 from ..registers.readings import is_due
 from ..words import duration, short
-from .burst import ASKING
 from .lines import Lines
 from .paint import StyledText, fitted
 from .plot import Plot, Series, trend
 from .prompts import Ask
 from .view import JUMPS, DoorCell, View, register_text
+from .wire import ASKING
 
 if TYPE_CHECKING:
     from textual.widget import Widget

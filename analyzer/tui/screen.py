@@ -20,7 +20,6 @@ from dissectors.values import harmless
 
 from ..languages import counted, tr
 from .bars import KeyLine, Panes, StatusLine, Tabs, fitting
-from .burst import ASKING
 from .details import DetailPane
 from .filterbar import FilterBar, KeptFilters
 from .frames import FrameList, ShownColumns
@@ -46,6 +45,7 @@ from .prompts import Choose
 from .transactions import TransactionList
 from .view import LISTS, View
 from .views import BY_NAME, VIEWS
+from .wire import ASKING
 
 if TYPE_CHECKING:
     from .desk import ViewState

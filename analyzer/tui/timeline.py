@@ -24,7 +24,7 @@ from .plot import EIGHTHS
 from .view import JUMPS, View
 
 if TYPE_CHECKING:
-    from ..causes.model import Cause
+    from ..causes.registry import Cause
     from ..model.activity import Bins
     from .desk import ViewState
     from .screen import BusScreen

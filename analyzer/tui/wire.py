@@ -1,4 +1,9 @@
-"""A thin wire: of a picture only the cells that changed are sent, and of their looks only what differs.
+"""What goes between the interface and its terminal: keys in, in their order; out, only the cells that changed.
+
+Textual hands a key to the widget in focus and takes the next at once. Typed fast, or sent by a script, a key then
+finds the cursor, the view or the question of some keys ago. Here a key waits for the one before it: for the widget
+that got it, for whoever is told by it, for a question that it brings up to have the keys, and for a list to show other
+rows. With Cyrillic on, a letter key gives the letter that stands on it; it means the same key.
 
 Textual draws whole lines of widgets again, each piece with all of its colours. Here a shadow of the terminal knows what
 stands in every cell; an update becomes the shortest way from there. On a slow line (SSH over a modem, a console server
@@ -7,20 +12,128 @@ at 115200 baud) an arrow key costs some hundred bytes so.
 
 from __future__ import annotations
 
+import asyncio
 import time
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Awaitable, Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from functools import lru_cache
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from rich.cells import cell_len, get_character_cell_size
 from textual._compositor import ChopsUpdate, CompositorUpdate, LayoutUpdate
+from textual.events import Key
+from textual.keys import _character_to_key
+from textual.screen import ModalScreen
+from textual.widgets import Input, TextArea
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.segment import Segment
     from rich.style import Style
+    from textual.app import App
+    from textual.dom import DOMNode
     from textual.geometry import Size
+
+_LATIN: Final = "qwertyuiop[]asdfghjkl;'zxcvbnm,./`"
+_CYRILLIC: Final = "йцукенгшщзхъфывапролджэячсмитьбю.ё"
+_UPPER: Final = 'QWERTYUIOP{}ASDFGHJKL:"ZXCVBNM<>?~'
+TWINS: Final = {
+    **{own: latin for own, latin in zip(_CYRILLIC, _LATIN, strict=True) if own != "."},
+    **{own.upper(): latin for own, latin in zip(_CYRILLIC, _UPPER, strict=True) if own != "."},
+}
+
+
+def latin(event: Key) -> Key:
+    """The key as the Latin layout has it; itself where it is no Cyrillic letter."""
+    twin = TWINS.get(event.character or "")
+    return event if twin is None else Key(twin if twin.isalpha() else _character_to_key(twin), twin)
+
+
+ASKING: Final = "ask"  # group of the workers that put questions
+FINDING: Final = "find"  # and of those that look for the next hit
+_LONGEST_S: Final = 0.5  # nothing holds keys back for longer
+
+
+class KeyQueue:
+    """The keys that wait for their turn."""
+
+    def __init__(self, app: App[Any], dispatch: Callable[[Key], Awaitable[None]]) -> None:
+        self._app, self._dispatch = app, dispatch
+        self._waiting: deque[Key] = deque()
+        self._task: asyncio.Task[None] | None = None
+        self.taken = 0  # keys so far
+
+    @property
+    def busy(self) -> bool:
+        """Whether a key has not had its effect yet."""
+        return self._task is not None
+
+    @property
+    def waiting(self) -> int:
+        """Keys that were typed ahead."""
+        return len(self._waiting)
+
+    async def take(self, event: Key) -> None:
+        """A key was pressed: it is handed on at once where none is before it."""
+        self.taken += 1
+        if self._task is not None:
+            self._waiting.append(event)
+            return
+        target = self._app.focused or self._app.screen
+        await self._dispatch(self._meant(event))
+        self._task = asyncio.create_task(self._go_on(target))
+
+    def _meant(self, event: Key) -> Key:
+        """Letters are letters where text is typed, else keys, whatever the layout."""
+        return event if isinstance(self._app.focused, Input | TextArea) else latin(event)
+
+    async def _go_on(self, target: DOMNode) -> None:
+        """Wait for the key that `target` was handed, then hand on those that came meanwhile."""
+        try:
+            while True:
+                await handled(self._app, target)
+                if not self._waiting:
+                    return
+                target = self._app.focused or self._app.screen
+                await self._dispatch(self._meant(self._waiting.popleft()))
+        finally:
+            self._task = None
+
+
+async def handled(app: App[Any], target: DOMNode) -> None:
+    """Return once a key that `target` was handed has had its effect."""
+    with suppress(TimeoutError):
+        async with asyncio.timeout(_LONGEST_S):
+            await _notified(target)  # it, and whatever has a binding for the key
+            await _notified(app.focused or app.screen)  # who was told of what that did
+            await _question_settled(app)
+
+
+async def _notified(target: DOMNode) -> None:
+    """The widget, then each of those around it: what one posts to the next is in the queue before this."""
+    for node in target.ancestors_with_self:
+        handled = asyncio.Event()
+        if node.is_running and node.call_later(handled.set):
+            await handled.wait()
+
+
+async def _question_settled(app: App[Any]) -> None:
+    """A question that is on its way is there and has the keys; one that was answered is done with."""
+    until = time.monotonic() + _LONGEST_S
+    while time.monotonic() < until and _coming(app):
+        await asyncio.sleep(0.001)
+
+
+def _coming(app: App[Any]) -> bool:
+    top = app.screen
+    if isinstance(top, ModalScreen):
+        return not top.is_running or (top.focused is None and top.AUTO_FOCUS != "")
+    jobs = getattr(top, "jobs", None)
+    if jobs is not None and jobs.unsettled:
+        return True
+    return any(worker.group in (ASKING, FINDING) and not worker.is_finished for worker in app.workers)
+
 
 Stretch = tuple[int, int, "Iterable[Segment]"]  # line, column, what stands there
 

@@ -1,4 +1,4 @@
-"""What a run of bytes in a line may be, and the line in which it is looked for.
+"""What a run of bytes in a line may be, and what stands around its digits: rows of dumps, offsets, names, half bytes.
 
 How much a writing speaks for itself is its `Writing`: signs of its own (`0x11`, `[11][03]`) or many pairs of digits are
 what a person takes for bytes; a number, a word or an address is bytes only where a check value says so.
@@ -7,7 +7,7 @@ what a person takes for bytes; a number, a word or an address is bytes only wher
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from enum import IntEnum
 from typing import Final, NamedTuple
 
@@ -109,3 +109,184 @@ def holds_several(text: str) -> bool:
         or _BIG.search(text) is not None
         or MISTYPED.search(text) is not None
     )
+
+
+ROWS: Final = (
+    "pairs",
+    "words",
+    "swapped words",
+    "swapped words, octal or decimal",
+    "binary",
+    "decimal",
+    "od -c",
+)  # shapes of the rows of dumps
+_ROW: Final = 8  # bytes, after which dumps leave a gap
+_PAIR: Final = re.compile(r"[0-9A-Fa-f]{1,2}")
+_RULER: Final = 6  # numbers, each one more than that before it
+DIGITS_ABOVE: Final = ("0123456789ABCDEF", "0123456789")  # columns of characters in a dump
+
+
+def is_ruler(tokens: Sequence[str]) -> bool:
+    """Whether these are the numbers that dumps and tables write above their columns."""
+    if len(tokens) < _RULER or not all(_PAIR.fullmatch(token) for token in tokens):
+        return False
+    for base in (16, 10) if all(token.isdigit() for token in tokens) else (16,):
+        first = int(tokens[0], base)
+        if [int(token, base) for token in tokens] == [*range(first, first + len(tokens))]:
+            return True
+    return False
+
+
+def before_characters(text: str, start: int, end: int) -> int:
+    """Where the bytes of a viewer's row end, whose characters follow after a gap and may look like bytes, too."""
+    for gap in re.finditer(r"[ \t]{2,}", text[start:end]):
+        if shows(bytes.fromhex(text[start : start + gap.start()]), text[start + gap.end() :]):
+            return start + gap.start()
+    return end
+
+
+def shows(data: bytes, text: str) -> bool:
+    """Whether a text is these bytes as characters, with dots or the like for those that have none."""
+    text = text.strip("\r\n|<> \t") if len(text.rstrip()) > len(data) else text.rstrip("\r\n")
+    if len(text) == len(data) + 1 and len(data) > _ROW and text[_ROW] == " ":
+        text = text[:_ROW] + text[_ROW + 1 :]
+    text = text.ljust(len(data))
+    if len(text) != len(data):
+        return False
+    for byte, char in zip(data, text, strict=True):
+        if char != chr(byte) and (char != "." if 0x20 < byte < 0x7F else char.isascii() and char.isalnum()):
+            return False
+    return True
+
+
+def swapped(data: bytes) -> bytes:
+    """16-bit words with their bytes the other way round."""
+    out = bytearray(data)
+    out[::2], out[1::2] = data[1::2], data[::2]
+    return bytes(out)
+
+
+_OFFSET: Final = re.compile(
+    rf"(?:^|[^\w.:-])(?P<all>(?:0[xX])?({H}{{4,8}}|{H}{{3}}(?=:)))[hH]?[ \t]*(?:[:|]|-(?=[ \t]))?[ \t]*$"
+)
+_ELLIPSIS: Final = re.compile(r"[ ,]?,? ?(?:\.\.\.(?![\w.])|…)")
+_HALF_AFTER: Final = re.compile(rf"[ \t]{{1,4}}({H}|{H}{{3}})(?=[ \t]*$|[ \t]+{H}{{2}}(?:\s|$))")
+_HALF_BEFORE: Final = re.compile(rf"(?:^|[ \t])({H})[ \t]{{1,4}}$")
+_URL: Final = re.compile(r"://[^\s?=]*$")  # up to what it asks
+_NAMES: Final = re.compile(r"[a-z][a-z0-9/]*")
+_OTHER_THINGS: Final = frozenset(
+    [
+        "mac",
+        "bssid",
+        "uuid",
+        "guid",
+        "sha",
+        "sha1",
+        "sha256",
+        "md5",
+        "hash",
+        "commit",
+        "rev",
+        "revision",
+        "version",
+        "serial",
+        "s/n",
+        "sn",
+        "key",
+        "token",
+        "chip",
+        "eui",
+        "ip",
+        "ptr",
+        "pointer",
+        "date",
+        "time",
+        "id",
+        "chipid",
+        "oid",
+        "imei",
+        "iccid",
+    ]
+)
+_OF_THINGS: Final = frozenset(["address", "addr", "number", "id", "no", "nr"])
+_OFFSET_ENDS: Final = frozenset("0123456789abcdefABCDEFhH")
+_ELLIPSIS_STARTS: Final = frozenset(" ,.…")
+_NUMBER: Final = 2  # bytes that may be one number
+_FEW: Final = 17  # characters: six bytes
+
+
+def in_its_place(found: HexWindow, line: TextLine) -> HexWindow:
+    """A candidate with what stands before it taken into account."""
+    before = line.before(found.start)
+    bare = before.rstrip(" \t:|-")
+    if found.shape in ROWS and bare[-1:] in _OFFSET_ENDS and (offset := _OFFSET.search(before)) is not None:
+        begin = found.start - len(before) + offset.start("all")
+        if begin in line.first:
+            number = len(found.data) <= _NUMBER and line.text[found.start : found.end].isdigit()  # `40003: 1000`
+            level = (
+                found.level if number else max(found.level, Writing.BYTES if len(found.data) > 2 else Writing.LIKELY)
+            )
+            return found._replace(offset=offset[2], level=level, lead=begin)
+    if found.level and not found.ascii and is_named_otherwise(before):
+        return found._replace(level=Writing.NUMBER, lead=found.start)
+    return found._replace(lead=found.start)
+
+
+def is_named_otherwise(before: str) -> bool:
+    """Whether the words before some digits say that they are an address, a name or the like, and no bytes."""
+    if before.endswith(("@", "::")) or _URL.search(before):
+        return True
+    words = _NAMES.findall(before.lower())[-2:]
+    return (
+        bool(words)
+        and len(before) - before.lower().rfind(words[-1]) - len(words[-1]) < 4
+        and (words[-1] in _OTHER_THINGS or (words[-1] in _OF_THINGS and words[0] in _OTHER_THINGS))
+    )
+
+
+def is_cut(line: TextLine, end: int) -> bool:
+    """Whether the text says, at the end of some bytes, that there are more."""
+    return line.text[end : end + 1] in _ELLIPSIS_STARTS and _ELLIPSIS.match(line.text, end) is not None
+
+
+def is_halved(line: TextLine, start: int, end: int) -> bool:
+    """Whether half a byte stands beside these bytes."""
+    if _HALF_AFTER.match(line.text, end):
+        return True
+    return end - start < _FEW and _HALF_BEFORE.search(line.before(start)) is not None
+
+
+_ODD: Final = "an odd number of hex digits in {!r} at column {}: write each byte with two digits"
+_HALVED: Final = (
+    (
+        re.compile(r'"Buffer"\s*,\s*"data"\s*:\s*\[[\d,\s]*?\b(\d{4,}|2(?:5[6-9]|[6-9]\d)|[3-9]\d\d)\b'),
+        "{} is not a byte, in the Buffer at column {}",
+    ),
+    (re.compile(rf"(?:^|[\s,;:])0[xX]((?:{H}{{2}}){{2,}}{H})\b"), "an odd number of hex digits in 0x{} at column {}"),
+    # not `main.rs:42:5`, `12 500 rub`
+    (re.compile(rf"(?<!\w:)(?:\b{H}{{2}}[ \t,:-]{{1,2}}){{2,}}({H}|{H}{{3}})(?![0-9A-Za-z_.])"), _ODD),
+    (re.compile(rf"^\s*(?!fc|FC){H}{{2}}[ \t,:-]{{1,2}}({H}|{H}{{3}})(?:\s*$|(?:\s+{H}{{1,2}}){{2}})"), _ODD),
+    (
+        re.compile(rf"\b0[xX]{H}{{1,2}}[\s,;:]{{1,2}}0[xX]({H}{{3}})\b"),
+        "an odd number of hex digits in 0x{} at column {}",
+    ),
+    (re.compile(rf"(?:^|[\s,;:])(?=[a-fA-F]?\d)(?=\d*[a-fA-F])({H}{{5,}})\s*$"), _ODD),
+    (re.compile(r"^\s*(\d{5,})\s*$"), _ODD),
+    (re.compile(r"(\\x)(?![0-9A-Fa-f]{2}|\{)"), "{} without two hex digits at column {}"),
+)
+_COLUMN_NAMES: Final = re.compile(r"\b([a-fA-F])0[ ,;\t]+\1?1[ ,;\t]+\1?2\b")  # of columns: `b0,b1,b2,…,b10`
+
+
+def halves(text: str) -> str | None:
+    """What is wrong with digits of this text that are meant as bytes and do not come in pairs; None for others."""
+    if _COLUMN_NAMES.search(text):
+        return None
+    for pattern, words in _HALVED:
+        if (match := pattern.search(text)) is not None and not (words is _ODD and len(match[1]) % 2 == 0):
+            return words.format(shortened(match[1]), match.start(1) + 1)
+    return None
+
+
+def shortened(word: str) -> str:
+    """A word as a message quotes it."""
+    return word if len(word) <= 24 else word[:21] + "..."

@@ -1,4 +1,7 @@
-"""Which runs of characters in a line are bytes: the check values say, then the writing, then a person's sense."""
+"""Which runs of characters in a line are bytes: the check values say, then the writing, then a person's sense.
+
+Here too: whose a direction mark of the line is, and whether the offset before a dump's row goes on with those before.
+"""
 
 from __future__ import annotations
 
@@ -9,13 +12,22 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Final, NamedTuple
 
-from .candidates import HexWindow, TextLine, Writing, holds_digits, holds_several
+from .candidates import (
+    ROWS,
+    HexWindow,
+    TextLine,
+    Writing,
+    holds_digits,
+    holds_several,
+    in_its_place,
+    is_cut,
+    is_halved,
+    shows,
+)
 from .hexshapes import hex_candidates
 from .judging import ByteJudge, Checked
-from .othershapes import LOOK_ALIKES, other_candidates
-from .places import in_its_place, is_cut, is_halved
-from .rows import ROWS, shows
-from .tools import either_way
+from .othershapes import LOOK_ALIKES, OD_BELOW, od_bytes, other_candidates
+from .tools import NONE, RX, TX, LineMark, either_way
 
 MOST_JUDGED: Final = 4096  # bytes of one run that a judge is shown
 _LEAST: Final = 4  # bytes that can hold a check value
@@ -243,3 +255,83 @@ def label_in(before: str) -> str:
     words = either_way(_NUMBERS.sub("", before.lower()))
     words = _BLANKS.sub(lambda match: "" if match[1] else " ", words).strip()[-_LABEL:]
     return words if any(char.isalpha() for char in words) else ""
+
+
+_WORD: Final = re.compile(r"\w")
+_OF_BRACKETS: Final = {"[": TX, "<": RX}  # as libmodbus and ModScan write them
+
+
+def with_marks(text: str, runs: Sequence[ByteRun], line_marks: Sequence[LineMark]) -> None:
+    """Each run with the mark before it; of one run alone, the one behind it where there is none before.
+
+    An arrow says nothing behind a plain word, nor behind the first run: there it points from one frame to the next.
+    """
+    if not line_marks and len(runs) > 1:
+        brackets = [text[run.start - 1 : run.start] for run in runs]
+        if {"[", "<"} <= {*brackets}:  # `[01][03]…<01><03>…`
+            for run, bracket in zip(runs, brackets, strict=True):
+                run.mark = _OF_BRACKETS.get(bracket, NONE)
+    ahead, newest = 0, None
+    for run in runs:
+        for mark in line_marks[ahead:]:
+            if mark.end > run.start:
+                break
+            ahead += 1
+            if not (mark.arrow and ((newest is not None and newest.plain) or runs[0].end <= mark.start)):
+                newest = mark
+        if newest is not None:
+            run.mark, run.arrow = newest.mark, newest.arrow
+            run.direct = not _WORD.search(text, newest.end, run.start)
+    if len(runs) == 1 and not runs[0].mark:
+        behind = [mark for mark in line_marks if mark.start >= runs[0].end and not mark.arrow]
+        if len(behind) == 1:
+            runs[0].mark = behind[0].mark
+
+
+_DIGITS: Final = re.compile(r"[0-9A-Fa-f]{3,8}")
+
+
+@dataclass(slots=True)
+class Dump:
+    """The rows of a dump so far; none where `row` is None."""
+
+    row: ByteRun | None = None  # the newest
+    length: int = 0  # bytes
+    first: int = 0  # offset of the first row
+    t_ns: int | None = None
+
+    def goes_on(self, row: ByteRun, t_ns: int | None) -> bool:
+        """Take a row of a line with this time; whether it goes on with the dump of the lines before."""
+        if row.offset is None:
+            self.row = None
+            return False
+        goes_on = self.row is not None and self.t_ns == t_ns and self._is_next(row.offset, self.length)
+        if not goes_on:
+            self.length, self.first, self.t_ns = 0, int(row.offset, 16), t_ns
+        self.length += len(row.data)
+        self.row = row
+        return goes_on
+
+    def ends_with(self, rest: str) -> bool:
+        """Whether a line without its time is the length, with which od and hexdump end."""
+        digits = rest.strip().rstrip(":")
+        if self.row is None:
+            return False
+        if "words" in self.row.shape and self._is_next(digits, self.length - 1):
+            self.row.padded = True
+            return True
+        return self._is_next(digits, self.length)
+
+    def shows(self, rest: str) -> bool:
+        """Whether a line without an offset is the newest row as characters, as `od -t x1c` writes it below."""
+        cells = OD_BELOW.match(rest) if self.row is not None else None
+        return cells is not None and self.row is not None and od_bytes(cells["row"]) == self.row.data
+
+    def _is_next(self, digits: str, length: int) -> bool:
+        """Whether these digits are where the dump goes on: in hex, or in octal or decimal as od writes it."""
+        if not _DIGITS.fullmatch(digits):
+            return False
+        bases = [16]
+        if digits.isdigit() and not self.first:
+            bases += [10, 8] if set(digits) <= set("01234567") else [10]
+        return any(int(digits, base) == (self.first if base == 16 else 0) + length for base in bases)

@@ -1,9 +1,26 @@
-"""What a line of words says of the rows of bytes below it."""
+"""What lines say of other lines: words of the rows below them, a column's name of its times, the order of times.
+
+    NO.,TIME,DATA,ERR        0,-20.000ms,0xF7,
+    No.  Time  Port  Data    1  12.345  1  01 03 00 6B
+    Дата;Время [мс];Данные   46346.42744213;12,5;01
+
+The unit of a column stands in the cell, else in the name; a number with a fraction and no unit is in seconds. A date
+that is a number counts days as spreadsheets do.
+
+Fractions of seconds without their leading zeros, `12:00:01.5` five milliseconds after `12:00:01`: loggers that print
+seconds and milliseconds as two numbers write so. Read as decimals they run back within a second, read as counts they
+never do. Steps, `[+0.031]`: as times since some start they would run back. Numbers before a mark, `1023: TX 01 03`:
+milliseconds where they rise, and not from line to line by one.
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import re
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Final, NamedTuple
 
+from .stamps import SECOND_NS, TITLE_UNIT_NS, Stamp
 from .tools import NONE, LineMark
 
 
@@ -41,3 +58,166 @@ def marks_of_cells(text: str, line_marks: list[LineMark]) -> tuple[str, tuple[in
     for mark in line_marks:
         cells[text.count(parted, 0, mark.start)].add(mark.mark)
     return parted, tuple(cell.pop() if len(cell) == 1 else NONE for cell in cells)
+
+
+_PARTED: Final = ("\t", ";", ",", "|")
+_APART: Final = re.compile(r"\s{2,}")
+_NAME: Final = re.compile(
+    r"^(?:(?:start|begin|rel\w*|abs\w*|packet)[ _-]?)?"
+    r"(?:time ?stamp|start|begin|time|zeit(?:stempel)?|время|temps|tiempo|tempo|czas|时间|時間)"
+    r"(?:[ _,]*[\[(]?\s*(?P<unit>sec(?:onds)?|с|сек|мс|мкс|ms|us|µs|μs|ns|s)[\])]?)?$",
+    re.IGNORECASE,
+)
+_UNIT_NAME: Final = re.compile(  # of a table's first column: `ms`, `t`, `elapsed [s]`
+    r"^(?:t|elapsed|uptime|millis|micros)?"
+    r"(?:[ _,]*[\[(]?\s*(?P<unit>sec(?:onds)?|с|сек|мс|мкс|ms|us|µs|μs|ns|s)[\])]?)?$",
+    re.IGNORECASE,
+)
+_NO_NAMES: Final = ("", "s", "с")
+_UNITS: Final = {"millis": 10**6, "micros": 10**3}
+_DATE: Final = re.compile(r"^(?:date|datum|дата|date[ /_]?time|datetime|дата[ /,]?время)$", re.IGNORECASE)
+_CELL: Final = re.compile(
+    r"^[\"']?\s*(?P<sign>[-+−])?(?P<whole>\d{1,18})(?:[.,](?P<fraction>\d{1,18}))?(?:[eE](?P<power>[-+]?\d{1,2}))?"
+    r"\s*(?P<unit>ms|us|µs|μs|ns|s|мс|мкс|с)?\s*[\"']?$"
+)
+_DAY_NS: Final = 86_400 * 10**9
+_EPOCH: Final = 25_569  # 1970 in the days of spreadsheets
+_DAYS: Final = range(20_000, 80_000)  # 1954 to 2119
+_LEAST: Final = 2  # columns of a table
+_CELLS_MOST: Final = 64
+_LONGEST: Final = 1024  # characters of a row
+
+
+@dataclass(frozen=True, slots=True)
+class TimeColumn:
+    """Which of a table's columns is the time: `unit` in ns by its name (None: not named), `days` since 1900."""
+
+    parted: str  # by this sign; by two blanks where empty
+    number: int
+    columns: int
+    unit: int | None
+    days: bool
+
+    def find(self, text: str) -> tuple[Stamp, str] | None:
+        """The time of a row, and the row with the cells up to it blanked by as many spaces; None of other lines."""
+        cells = _cells(text, self.parted)
+        if not self.number < len(cells) <= self.columns + 1:
+            return None
+        start, end = cells[self.number]
+        t_ns = self._time(text[start:end])
+        if t_ns is None:
+            return None
+        begin = cells[0][0] if all(text[a:b].strip(" \"'").isdigit() for a, b in cells[: self.number]) else start
+        return Stamp(t_ns, of_day=False), text[:begin] + " " * (end - begin) + text[end:]
+
+    def _time(self, cell: str) -> int | None:
+        match = _CELL.match(cell)
+        if match is None:
+            return None
+        whole, fraction = int(match["whole"]), match["fraction"] or ""
+        unit = TITLE_UNIT_NS[match["unit"]] if match["unit"] else self.unit
+        if self.days and not match["unit"]:
+            if whole not in _DAYS or not fraction:
+                return None
+            whole, unit = whole - _EPOCH, _DAY_NS
+        if unit is None:
+            if not fraction and not match["power"]:
+                return None  # of what unit, nobody says
+            unit = 10**9
+        scaled = int(f"{whole}{fraction}") * unit
+        power = int(match["power"] or 0) - len(fraction)
+        t_ns = scaled * int(10**power) if power >= 0 else scaled // int(10**-power)
+        return -t_ns if match["sign"] in ("-", "−") else t_ns
+
+
+def time_column(text: str) -> TimeColumn | None:
+    """The column that a line names as the time, where it is the first line of a table."""
+    if len(text) > _LONGEST or not any(char.isalpha() for char in text):
+        return None
+    for parted in (*_PARTED, ""):
+        cells = _cells(text, parted)
+        if not _LEAST <= len(cells) <= _CELLS_MOST:
+            continue
+        names = [text[start:end].strip(" \"'\ufeff") for start, end in cells]
+        for number, name in enumerate(names):
+            if _DATE.match(name) is not None:
+                return TimeColumn(parted, number, len(cells), None, days=True)
+            match = _NAME.match(name) or (None if number or name in _NO_NAMES else _UNIT_NAME.match(name))
+            if match is not None:
+                unit = _UNITS.get(name.lower()) or TITLE_UNIT_NS.get((match["unit"] or "").lower())
+                return TimeColumn(parted, number, len(cells), unit, days=False)
+    return None
+
+
+def _cells(text: str, parted: str) -> list[tuple[int, int]]:
+    """Where the cells of a row begin and end."""
+    if parted and parted not in text:
+        return []
+    cells, at = [], len(text) - len(text.lstrip()) if not parted else 0
+    if parted:
+        for cell in text.split(parted):
+            cells.append((at, at + len(cell)))
+            at += len(cell) + 1
+        return cells
+    for gap in _APART.finditer(text, at):
+        cells.append((at, gap.start()))
+        at = gap.end()
+    return [*cells, (at, len(text))] if at < len(text) else cells
+
+
+_TIMES_MOST: Final = 4096  # times that are looked at
+_LINES_NS: Final = 2_000_000  # of numbers of lines, or of two together, read as milliseconds
+_WIDTHS: Final = (3, 6, 9)  # digits of milliseconds, microseconds, nanoseconds
+
+
+@dataclass(slots=True)
+class Fractions:
+    """The times of a text's beginning, as far as their fractions tell how they were written."""
+
+    _stamps: list[Stamp] = field(default_factory=list)
+    _signed: list[int] = field(default_factory=list)
+    _counters: list[int] = field(default_factory=list)
+
+    def note(self, stamp: Stamp) -> None:
+        """One more time."""
+        if stamp.places and len(self._stamps) < _TIMES_MOST:
+            self._stamps.append(stamp)
+        for times, wanted in ((self._signed, stamp.signed), (self._counters, stamp.counter)):
+            if wanted and len(times) < _TIMES_MOST:
+                times.append(stamp.t_ns)
+
+    @property
+    def steps(self) -> bool:
+        """Whether times with a plus are steps from the one above."""
+        return any(later < earlier for earlier, later in pairwise(self._signed))
+
+    @property
+    def counters(self) -> bool:
+        """Whether numbers before a mark are milliseconds."""
+        steps = [later - earlier for earlier, later in pairwise(self._counters)]
+        return bool(steps) and min(steps) >= 0 and sorted(steps)[len(steps) // 2] > _LINES_NS
+
+    @property
+    def width(self) -> int:
+        """How many digits the fractions stand for, where leading zeros are missing; 0 where nothing says so."""
+        places = {stamp.places for stamp in self._stamps}
+        if len(places) < 2 or max(places) > _WIDTHS[-1]:
+            return 0
+        width = next(width for width in _WIDTHS if width >= max(places))
+        if not _runs_back([stamp.t_ns for stamp in self._stamps]):
+            return 0
+        return 0 if _runs_back([counted(stamp, width) for stamp in self._stamps]) else width
+
+
+def counted(stamp: Stamp, width: int) -> int:
+    """The time of a stamp, in ns, whose fraction counts units of 10^-width seconds."""
+    if not 0 < stamp.places <= width:
+        return stamp.t_ns
+    seconds, fraction = divmod(stamp.t_ns, SECOND_NS)
+    count = fraction * int(10**stamp.places) // SECOND_NS
+    return seconds * SECOND_NS + count * int(10 ** (9 - width))
+
+
+def _runs_back(times: list[int]) -> bool:
+    """Whether a time is before the one above it, by less than a second."""
+    return any(0 < earlier - later < SECOND_NS for earlier, later in pairwise(times))

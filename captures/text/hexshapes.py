@@ -13,8 +13,21 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import Final
 
-from .candidates import CHECK_NAME, EDGE, END, LEFT_OUT, LONG, H, HexWindow, TextLine, Writing
-from .rows import DIGITS_ABOVE, before_characters, is_ruler, swapped
+from .candidates import (
+    CHECK_NAME,
+    DIGITS_ABOVE,
+    EDGE,
+    END,
+    LEFT_OUT,
+    LONG,
+    H,
+    HexWindow,
+    TextLine,
+    Writing,
+    before_characters,
+    is_ruler,
+    swapped,
+)
 
 _GLUED: Final = (
     rf"(?:{END}|(?=[A-Za-z]{{0,31}}[g-zG-Z])(?=[A-Za-z]{{2}})|(?=\d{{4}}-\d\d-\d\d))"  # to a word, to a date

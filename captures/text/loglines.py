@@ -17,18 +17,12 @@ from typing import Final
 
 from captures.text import stamps
 
-from .candidates import Writing, line_of
-from .choosing import ByteRun, Experience, label_in, runs_in
-from .dumps import Dump
-from .fractions import Fractions, counted
-from .halves import halves
-from .headings import Heading, marks_of_cells
+from .candidates import Writing, halves, is_ruler, line_of
+from .choosing import ByteRun, Dump, Experience, label_in, runs_in, with_marks
+from .headings import Fractions, Heading, TimeColumn, counted, marks_of_cells, time_column
 from .judging import ByteJudge, no_judge
-from .marking import with_marks
 from .othershapes import unescape
 from .plain import plain, quoted
-from .rows import is_ruler
-from .timecolumns import TimeColumn, time_column
 from .tools import MARK_WORDS, NONE, SHAPES, LineMark, LineRole, Shape, marks
 
 _LEAST_SHAPED: Final = 4  # characters of a line in a tool's own layout

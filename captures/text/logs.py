@@ -15,20 +15,13 @@ from datetime import tzinfo
 from itertools import islice
 from typing import Final
 
-from .candidates import Writing
+from .candidates import Writing, halves, is_named_otherwise
 from .choosing import MOST_JUDGED, ByteRun, Experience
-from .entries import entries_of, whole_entries
-from .halves import halves
+from .entries import entries_of, payload_of, whole_entries, whole_words, with_repeats
 from .judging import ByteJudge, lenient, no_judge
 from .loglines import LineReader, LogLine
-from .payloads import payload_of
-from .places import is_named_otherwise
-from .plain import is_of_mail, quoted
-from .quotes import unquoted
-from .repeats import with_repeats
+from .plain import entries_in, is_of_mail, mended, quoted, unfolded, unquoted, unwrapped
 from .settling import only_bytes, settle
-from .spelled import whole_words
-from .wrapping import entries_in, mended, unfolded, unwrapped
 
 LOOKED_FOR: Final = "such as 11 03 00 6B or :1103006B…"  # behind "no hex bytes"
 _LEARNT_LINES: Final = 800  # of a text's beginning,

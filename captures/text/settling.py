@@ -12,21 +12,19 @@ from collections.abc import Sequence
 from itertools import pairwise, product
 from typing import Final
 
-from .beside import (
+from .candidates import CHECK_NAME, HexWindow, Writing, is_ruler, shows
+from .choosing import MOST_JUDGED, ByteRun, Experience
+from .columns import COLUMN_SHAPE, MOST_ROWS, settle_columns, settle_unchecked
+from .copies import (
     leave_out_counts,
     leave_out_line_numbers,
     settle_behind_cuts,
+    settle_copies,
     settle_narrow_dumps,
     settle_single_bytes,
 )
-from .candidates import CHECK_NAME, HexWindow, Writing
-from .choosing import MOST_JUDGED, ByteRun, Experience
-from .columns import COLUMN_SHAPE, MOST_ROWS, settle_columns
-from .copies import settle_copies
 from .judging import ByteJudge, Checked, unturned
 from .loglines import LogLine
-from .rows import is_ruler, shows
-from .unchecked import settle_unchecked
 
 _TAIL: Final = 260  # bytes without a right check value that a later run may complete
 _TAIL_RUNS: Final = 4

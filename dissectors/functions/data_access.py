@@ -7,8 +7,7 @@ from typing import Final
 from construct import Struct
 
 from ..blocks import Bits, Registers
-from ..declaration import Function
-from ..parts import Address, ByteCount, Mask, Output, Quantity, Register
+from ..declaration import Address, ByteCount, Function, Mask, Output, Quantity, Register
 from ..values import Area
 
 _MOST_REGISTERS_READ: Final = 125

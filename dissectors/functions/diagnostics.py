@@ -8,10 +8,9 @@ from typing import Final
 from construct import Struct, Switch, this
 
 from ..blocks import Record, Rest, Split
-from ..declaration import Function
+from ..declaration import AnyConstruct, ByteCount, Code, Flags, Function, Mask, Number, State
 from ..fields import ENGLISH, Value, Wording
 from ..limits import Choice
-from ..parts import AnyConstruct, ByteCount, Code, Flags, Mask, Number, State
 
 _ZERO: Final = Number(2, Choice(0, 2, (0,)))
 _QUERY: Final = Rest(usual=2)

@@ -6,7 +6,7 @@ from typing import Final
 
 from construct import Struct
 
-from ..parts import Code
+from ..declaration import Code
 
 # code: (name, meaning)
 EXCEPTIONS: Final[dict[int, tuple[str, str]]] = {

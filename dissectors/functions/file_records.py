@@ -7,9 +7,8 @@ from typing import Final
 from construct import Struct
 
 from ..blocks import Items, Record, Registers
-from ..declaration import Function
+from ..declaration import ByteCount, Code, Function, Number
 from ..limits import Bound
-from ..parts import ByteCount, Code, Number
 
 _REFERENCE: Final = {6: "extended memory file"}
 _LAST_RECORD: Final = 9999

@@ -8,9 +8,8 @@ from typing import Final
 from construct import Struct, this
 
 from ..blocks import Items, Record, Rest, Split, Text, Variant
-from ..declaration import Function
+from ..declaration import ByteCount, Code, Function, Number, State
 from ..fields import Value
-from ..parts import ByteCount, Code, Number, State
 from ..values import device_text, is_text
 
 CANOPEN: Final = 0x0D

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from analyzer.causes.ledger import Ledger, ledger_of
-from analyzer.causes.model import Cause
 from analyzer.causes.reasoning import causes_of
+from analyzer.causes.registry import Cause
 from analyzer.core import analyse
 from captures.chunks import Capture, Chunk
 from captures.line import LineSettings

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from analyzer.tables.frame import Frame
+from analyzer.tables.batch import Frame
 from dissectors.annotation import annotate
 from dissectors.fields import Field
 from dissectors.functions import function

@@ -245,7 +245,7 @@ def _row(draw: st.DrawFn, index: int, before: bytes, adu: bytes, kind: Kind, rig
 VENDOR = """
 from construct import Array, Float32b, GreedyBytes, Int8ub, Int16ub, Padding, Prefixed, Struct, this
 from dissectors import Address, Bits, ByteCount, Function, Mask, Number, Quantity, Registers, Role, Text
-from dissectors.parts import Number as Plain
+from dissectors.declaration import Number as Plain
 
 class Signed(Plain):
     def text(self, value):

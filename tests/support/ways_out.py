@@ -27,10 +27,9 @@ from analyzer.model.scope import Scope, ScopedFigures
 from analyzer.model.selection import compiled
 from analyzer.model.source import CaptureSource
 from analyzer.reports.model import Report
-from analyzer.tables.batch import Batch
+from analyzer.tables.batch import Batch, Frame
 from analyzer.tables.columns import decode
 from analyzer.tables.findings import Finding, described
-from analyzer.tables.frame import Frame
 from analyzer.tables.schema import Kind
 from analyzer.tables.values import confirmed_values
 from captures.chunks import Capture

@@ -8,10 +8,8 @@ from typing import Final
 import numpy as np
 
 from ...tables.findings import Severity
-from ..asciireading import is_in_ascii
 from ..bits import likelihood_bits, surplus_bits
-from ..calledback import CalledBack, broadcasts_answered, called_back
-from ..costs import LostAnswers, cost, cost_of, together, twice
+from ..costs import LostAnswers, cost, cost_of, kind_bits, kind_of, overlaid, share_of, together, twice
 from ..evidence import HEALTHY, Evidence
 from ..exchanges import Ending
 from ..hits import (
@@ -26,8 +24,9 @@ from ..hits import (
     spells_of_hits,
     timed_by_the_master,
 )
-from ..kinds import kind_bits, kind_of, overlaid, share_of
+from ..rawbytes import is_in_ascii
 from ..registry import Explained, Suspicion, Symptom, suspect
+from ..repeats import CalledBack, broadcasts_answered, called_back
 from ..signatures import Behind, Signature
 from ..unitledger import UnitLedger
 

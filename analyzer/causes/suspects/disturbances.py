@@ -9,10 +9,10 @@ import numpy as np
 
 from ...tables.findings import Severity
 from ..bits import likelihood_bits, phase_bits, surplus_bits
-from ..costs import cost_behind_damage, cost_of, together
-from ..crowdedtimes import CrowdedTimes
+from ..costs import cost_behind_damage, cost_of, kind_bits, overlaid, share_of, together
 from ..evidence import HEALTHY, Evidence
 from ..exchanges import Ending
+from ..flatmemory import CrowdedTimes
 from ..hits import (
     ALIKE,
     WELL,
@@ -27,7 +27,6 @@ from ..hits import (
     spares_units,
     spells_of_hits,
 )
-from ..kinds import kind_bits, overlaid, share_of
 from ..registry import Explained, Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage
 

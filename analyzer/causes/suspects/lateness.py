@@ -13,18 +13,14 @@ from numpy.typing import NDArray
 
 from ...deframing.tap_clock import UNKNOWN
 from ...tables.findings import Severity
-from ..askedagain import asked_again_behind, asked_again_into, waits_longer
 from ..bits import likelihood_bits, strays, surplus_bits
-from ..costs import cost_of
-from ..evidence import HEALTHY, Evidence
+from ..costs import cost_of, kind_bits, kind_of, shifted, untimely
+from ..evidence import HEALTHY, Evidence, alone_or_together
 from ..exchanges import Ending
-from ..grouping import alone_or_together
 from ..hits import cut_short, given_up_by_timer, interrupted, timed_by_the_master
-from ..kinds import kind_bits, kind_of
-from ..onlyrepeats import only_repeats
 from ..registry import Suspicion, Symptom, suspect
+from ..repeats import asked_again_behind, asked_again_into, only_repeats, waits_longer
 from ..signatures import AnswerDamage, Signature
-from ..stale import shifted, untimely
 from ..unitledger import UnitLedger
 
 _LEAST: Final = 3

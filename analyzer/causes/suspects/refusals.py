@@ -6,12 +6,11 @@ from collections.abc import Iterator
 from typing import Final
 
 from ...tables.findings import Severity
-from ..bits import clustering_bits, surplus_bits
+from ..bits import clustering_bits, mean_period_s, surplus_bits
 from ..evidence import Evidence
 from ..exchanges import Ending
 from ..polls import Poll
 from ..registry import Suspicion, Symptom, suspect
-from ..spells import mean_period_s
 
 _LEAST: Final = 3
 _BUSY_LEAST: Final = 5

@@ -12,18 +12,17 @@ from typing import Any, Final
 import numpy as np
 
 from ...tables.findings import Severity
-from ..askedagain import waits_longer
 from ..bits import surplus_bits
+from ..costs import kind_bits, share_of
 from ..evidence import HEALTHY, Evidence
 from ..exchanges import Ending
-from ..kinds import kind_bits, share_of
 from ..ledger import ASKED, BAD
-from ..misreading import CharacterFormat, drifts, formats_of, misread, other_formats, samples, whole_by_another_clock
 from ..polls import Poll
+from ..rawbytes import CharacterFormat, drifts, formats_of, misread, other_formats, samples, whole_by_another_clock
 from ..registry import Suspicion, Symptom, suspect
-from ..samples import READ_REQUEST
+from ..repeats import waits_longer
 from ..signatures import Signature, known_header
-from ..unitledger import UnitLedger
+from ..unitledger import READ_REQUEST, UnitLedger
 from .senders import beginnings, damage_suspicion
 
 _LEAST: Final = 3

@@ -9,15 +9,14 @@ from typing import Final
 
 from ...tables.findings import Severity
 from ...tables.transactions import ECHOED
-from ..bits import clustering_bits, regularity_bits, surplus_bits
+from ..bits import clustering_bits, mean_period_s, regularity_bits, surplus_bits
 from ..costs import LostAnswers, cost, together
 from ..evidence import Evidence
 from ..exchanges import Ending
-from ..onlyrepeats import in_vain, only_repeats
+from ..flatmemory import Spell
 from ..registry import Suspicion, Symptom, suspect
+from ..repeats import in_vain, only_repeats
 from ..signatures import AnswerDamage
-from ..spells import mean_period_s
-from ..timegrid import Spell
 from ..unitledger import UnitLedger
 
 _LEAST: Final = 5  # requests without an answer

@@ -9,18 +9,18 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from dissectors.adu import OVERHEAD
 from dissectors.crc import crc_ok
 from dissectors.lengths import Role, pdu_length
+from dissectors.limits import OVERHEAD
 
 from ...deframing.directions import port_role
 from ...tables.findings import Severity
 from ..bits import surplus_bits
 from ..evidence import HEALTHY, Evidence
 from ..exchanges import Ending
+from ..flatmemory import Spell
 from ..polls import Poll
 from ..registry import Explained, Suspicion, Symptom, suspect
-from ..timegrid import Spell
 from ..unitledger import UnitLedger
 from .outages import silent_together
 

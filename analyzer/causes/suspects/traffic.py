@@ -1,17 +1,27 @@
-"""Traffic that is right though it looks odd: long transfers, other protocols."""
+"""Traffic that looks odd: long transfers, other protocols, frames too soon after each other, a tap that eats 11 and 13."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Final
+
+import numpy as np
 
 from dissectors.declaration import USER_DEFINED
 from dissectors.foreign import TALKERS
 from dissectors.functions import function
+from dissectors.length_rules import Role
 
+from ...diagnosis.damage.case import DamagedFrame
+from ...diagnosis.damage.causes import autopsy
+from ...diagnosis.damage.flow_control import divided
 from ...tables.findings import Severity
+from ..bits import surplus_bits
 from ..evidence import Evidence
+from ..exchanges import Ending
 from ..registry import Suspicion, Symptom, suspect
+from ..signatures import Signature
 
 _FRAMES: Final = 20
 _FRAMES_MOVED: Final = 8  # right by their check values, of a function that its user has defined
@@ -79,3 +89,133 @@ def other_protocol(evidence: Evidence) -> Iterator[Suspicion]:
         numbers = {"protocol": name, "frames": frames, "foreign": ledger.noise_bytes, "bytes": ledger.bytes}
         bits = _BITS * frames * max(1.0, ledger.noise_bytes / max(looked_at, 1))
         yield Suspicion((), bits, frozenset(explains), numbers, ledger.begin, ledger.end)
+
+
+_GAPS_LEAST: Final = 5
+_TOO_SOON: Final = 0.9  # of t3.5
+_HASTY_MOSTLY: Final = 0.5
+_STRAYS: Final = 0.3  # of t3.5, at the most
+
+
+def _told_t35(evidence: Evidence) -> float | None:
+    """The line's t3.5 (ns); None where the clock cannot tell less from as much."""
+    due, verdict = evidence.t35_ns, evidence.verdict
+    carried = due is not None and verdict.fine and verdict.jitter_ns <= _STRAYS * due
+    return due if carried and len(evidence.ledger.ports) <= 1 else None
+
+
+@suspect(
+    "master-too-fast",
+    Severity.WARNING,
+    blame="master",
+    text="The client sends its next request {gap:.3g} characters after an answer (median), where 3.5 are due: {short} of "
+    "{requests} requests",
+    share="{short} of {requests} requests",
+    deciding_test="Let the client pause for 5 ms before each request, and watch the units that lost requests",
+    remedy="Set the client's inter-frame delay to 3.5 characters ({due:ms}) at the least",
+)
+def master_too_fast(evidence: Evidence) -> Iterator[Suspicion]:
+    """Less than t3.5 before requests, where the clock carries it."""
+    gaps, due = evidence.ledger.request_gaps, _told_t35(evidence)
+    if due is None:
+        return
+    share = 1 - gaps.above(_TOO_SOON * due - evidence.verdict.jitter_ns)
+    median = gaps.quantile(0.5)
+    if len(gaps) < 20 or share < _HASTY_MOSTLY or median is None:
+        return
+    yield Suspicion(
+        (),
+        surplus_bits(share * len(gaps), len(gaps), 0.05),
+        frozenset({(Symptom.TIMING, None)}),
+        {
+            "gap": median / evidence.ledger.char_ns,
+            "short": round(share * len(gaps)),
+            "requests": len(gaps),
+            "due": due / 1e6,
+        },
+    )
+
+
+@suspect(
+    "unit-too-fast",
+    Severity.WARNING,
+    blame="unit",
+    text="Answers of {units:unit|units} come {gap:.3g} characters after the request (median), where 3.5 are due: {short} "
+    "of {answers}",
+    share="{short} of {answers} answers of {units:unit|units}",
+    deciding_test="Look whether the client, or units that listen, lose frames right behind requests to {units:unit|units}",
+    remedy="Set the unit's response delay to 3.5 characters ({due:ms}) at the least",
+)
+def unit_too_fast(evidence: Evidence) -> Iterator[Suspicion]:
+    """Less than t3.5 before the answers of some units."""
+    due = _told_t35(evidence)
+    if due is None:
+        return
+    found = []
+    for unit in evidence.units:
+        share = 1 - unit.gaps.above(_TOO_SOON * due - evidence.verdict.jitter_ns) if len(unit.gaps) else 0.0
+        if len(unit.gaps) >= _GAPS_LEAST and share >= _HASTY_MOSTLY and evidence.is_open(Symptom.TIMING, unit.unit):
+            found.append((surplus_bits(share * len(unit.gaps), len(unit.gaps), 0.05), unit, share))
+    if not found:
+        return
+    found.sort(key=lambda one: -one[0])
+    yield Suspicion(
+        tuple(unit.unit for _, unit, _ in found),
+        sum(bits for bits, _, _ in found),
+        frozenset((Symptom.TIMING, unit.unit) for _, unit, _ in found),
+        {
+            "units": tuple(unit.unit for _, unit, _ in found),
+            "gap": float(np.median(np.concatenate([unit.gaps.numbers for _, unit, _ in found])))
+            / evidence.ledger.char_ns,
+            "short": round(sum(share * len(unit.gaps) for _, unit, share in found)),
+            "answers": sum(len(unit.gaps) for _, unit, _ in found),
+            "due": due / 1e6,
+        },
+    )
+
+
+_BYTES_LEAST: Final = 400  # none of which is 11 or 13: one in 170 should be
+_ROBBED_LEAST: Final = 3  # answers that are whole with those put back
+_ROBBED_MOSTLY: Final = 0.6
+_LEFT: Final = 10.0  # bits: what damage as such makes right by one or two bytes of these two values
+_ROBBED: Final = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.DOUBLES, Symptom.LATENESS, Symptom.SILENCE, Symptom.MARKS)
+
+
+@suspect(
+    "tap-flow-control",
+    Severity.ERROR,
+    blame="tap",
+    text="The tap's port eats every byte 11 and 13 (hex), XON and XOFF of software flow control: none of {bytes:,} bytes is "
+    "one, and {robbed} of {damaged} damaged answers are whole with them put back; the bus itself may be well",
+    share="{robbed} of {damaged} damaged answers",
+    deciding_test="Switch software flow control off on the port that listens (`stty -F PORT -ixon -ixoff`) and listen again",
+    remedy="Switch XON/XOFF off: on the port, in the program that records and in the converter",
+)
+def tap_flow_control(evidence: Evidence) -> Iterator[Suspicion]:
+    """No 11 and no 13 in all that was heard, and damaged answers that only lack those."""
+    ledger = evidence.ledger
+    if ledger.flow_bytes or ledger.bytes < _BYTES_LEAST:
+        return
+    robbed = damaged = 0.0
+    solved = 0
+    explains: set[tuple[Symptom, int | None]] = {(Symptom.FRAMING, None), (Symptom.REQUESTS, None)}
+    units = frozenset(unit.unit for unit in evidence.units)
+    for unit in evidence.units:
+        explains |= {(kind, unit.unit) for kind in _ROBBED}
+        readings = evidence.readings(unit)
+        if readings:
+            whole = sum(_is_robbed(reading, units, ledger.bytes) for reading in readings)
+            solved += whole
+            damaged += unit.count(Ending.GARBAGE)
+            robbed += unit.count(Ending.GARBAGE) * whole / len(readings)
+    if solved < _ROBBED_LEAST or robbed < _ROBBED_MOSTLY * damaged:
+        return
+    numbers = {"bytes": ledger.bytes, "robbed": round(robbed), "damaged": round(damaged)}
+    yield Suspicion((), _LEFT * robbed, frozenset(explains), numbers, ledger.begin, ledger.end)
+
+
+def _is_robbed(reading: Signature, units: frozenset[int], flow_free: int) -> bool:
+    """Whether an answer lacks bytes 11 and 13, and nothing else; alone, or before frames of units 17 and 19, which say no
+    number then."""
+    case = DamagedFrame(reading.heard, Role.RESPONSE, reading.request or None, units=units, flow_free=flow_free)
+    return autopsy(case).code == "flow-control-loss" or bool(divided(replace(case, role=None)))

@@ -9,11 +9,10 @@ from typing import Final
 
 from ...tables.findings import Severity
 from ..bits import surplus_bits
-from ..costs import cost_of
+from ..costs import cost_of, kind_bits
 from ..evidence import HEALTHY, Evidence
 from ..exchanges import Ending
 from ..hits import answers_too_many
-from ..kinds import kind_bits
 from ..registry import Suspicion, Symptom, suspect
 from ..signatures import Behind, Signature, known_header
 from ..unitledger import UnitLedger

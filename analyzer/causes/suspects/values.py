@@ -1,4 +1,4 @@
-"""Values that cannot be, by their own past and by sister units: those that are asked for the same registers."""
+"""Values that cannot be: by their own past, by sister units that are asked for the same registers, by their register map."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from ...tables.findings import Severity
 from ..evidence import Evidence
+from ..registerstates import PollValues
 from ..registry import Suspicion, Symptom, suspect
-from ..valuetable import PollValues
 
 _READS: Final = 24  # kept ones, under which nothing is said
 _MOVES: Final = 0.3  # of its reads a value that moves is another one
@@ -302,3 +302,30 @@ def _order(poll: PollValues, column: int) -> int | None:
     order = int(changes[0] > changes[1])  # the low word moves more
     right, wrong = (_spread(_float(words, swapped=bool(each))) for each in (order, 1 - order))
     return order if right < _OCTAVES and wrong > max(_STEADIER * right, _LEAST_SPREAD) else None
+
+
+_OUTSIDE_BITS = 30.0  # for the first value, and one for each other
+
+
+@suspect(
+    "values-out-of-limits",
+    Severity.WARNING,
+    blame="unit",
+    text="Unit {unit}: {said}; values out of their map's limits: {values}",
+    share="{values:value|values}",
+    deciding_test="Compare the value with the device's display: it tells a wrong map from a wrong measurement",
+    remedy="Check scale, type and limits of the map, then the sensor or the wiring behind unit {unit}",
+)
+def out_of_limits(evidence: Evidence) -> Iterator[Suspicion]:
+    """Numbers that the register map of the unit does not allow."""
+    breaches = evidence.ledger.breaches
+    for unit in dict.fromkeys(breach.unit for breach in breaches):
+        if not evidence.is_open(Symptom.VALUES, unit):
+            continue
+        texts = [breach.text for breach in breaches if breach.unit == unit]
+        yield Suspicion(
+            (unit,),
+            _OUTSIDE_BITS + len(texts) - 1,
+            frozenset({(Symptom.VALUES, unit)}),
+            {"unit": unit, "said": texts[0], "values": len(texts)},
+        )

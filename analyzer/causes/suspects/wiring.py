@@ -8,11 +8,10 @@ from typing import Final
 
 from ...tables.findings import Severity
 from ..bits import likelihood_bits, surplus_bits
-from ..costs import cost, together
+from ..costs import cost, kind_bits, kind_of, share_of, together
 from ..evidence import HEALTHY, Evidence
 from ..exchanges import Ending
 from ..hits import ALIKE, WELL, Hits, apart_bits, is_behind_few, span_of_hits, spared_bits, spares_units, spells_of_hits
-from ..kinds import kind_bits, kind_of, share_of
 from ..registry import Suspicion, Symptom, suspect
 from ..unitledger import UnitLedger
 

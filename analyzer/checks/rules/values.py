@@ -16,10 +16,10 @@ from lark import Token
 from numpy.typing import NDArray
 
 from captures.line import LineSettings
+from dissectors.declaration import Mask
 from dissectors.functions import function
 from dissectors.layout import contents
 from dissectors.length_rules import Role, shape
-from dissectors.parts import Mask
 from dissectors.values import Area, ValueFormError, physical
 
 from ...languages import counted, page_words

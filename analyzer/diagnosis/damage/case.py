@@ -15,14 +15,12 @@ from functools import cached_property, lru_cache
 from math import inf, log2
 from typing import Final, NamedTuple
 
-from dissectors.adu import EXCEPTION, LAST_UNIT, MAX_PDU, MIN_ADU, OVERHEAD
-from dissectors.answers import Expectation, expectation
 from dissectors.crc import crc_bytes, needed, registers
 from dissectors.declaration import USER_DEFINED
 from dissectors.functions.exceptions import EXCEPTIONS
 from dissectors.length_rules import Role
-from dissectors.lengths import pdu_length, plausibility, rule
-from dissectors.limits import Bound, Choice, Multiple, Sized
+from dissectors.lengths import Expectation, expectation, pdu_length, plausibility, rule
+from dissectors.limits import EXCEPTION, LAST_UNIT, MAX_PDU, MIN_ADU, OVERHEAD, Bound, Choice, Multiple, Sized
 from dissectors.registry import revision
 
 

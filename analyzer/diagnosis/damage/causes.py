@@ -14,9 +14,9 @@ from dataclasses import replace
 from math import inf, log2
 from typing import Final, NamedTuple
 
-from dissectors.adu import EXCEPTION, EXCEPTION_ADU, MAX_ADU
 from dissectors.crc import VARIANTS, byte_between, crc_bytes, flipped_bit, matching
 from dissectors.length_rules import Role
+from dissectors.limits import EXCEPTION, EXCEPTION_ADU, MAX_ADU
 
 from .case import (
     BYTE,

@@ -14,10 +14,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from dissectors.adu import MAX_ADU, MIN_ADU, OVERHEAD
 from dissectors.crc import byte_between, stepped
 from dissectors.length_rules import Role
 from dissectors.lengths import pdu_length
+from dissectors.limits import MAX_ADU, MIN_ADU, OVERHEAD
 
 from .case import BYTE, FRAME, ByteRepair, DamagedFrame, Explanation, likelihood, predicted_length
 

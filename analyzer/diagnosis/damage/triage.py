@@ -12,9 +12,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from dissectors.adu import OVERHEAD
 from dissectors.length_rules import Role
 from dissectors.lengths import pdu_length, rule
+from dissectors.limits import OVERHEAD
 from dissectors.registry import revision
 
 from ...tables.batch import Batch

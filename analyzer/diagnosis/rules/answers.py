@@ -1,29 +1,124 @@
 """Requests without an answer, repeated ones, answers that come too late: what became of each request.
 
-Rests on the transactions, in the order of their requests. Two things only look like silence and are told apart by
-their haste: a frame that the tap shows twice, and a write whose echo differs, which reads like another request. No
-master repeats itself or goes on so soon.
+Rests on the transactions, in the order of their requests, each beside its neighbours. What only looks like silence or a
+repeat is told by its haste and shape: a frame that the tap shows twice, and a write whose echo differs, which reads
+like another request. No master repeats itself or goes on so soon.
 """
 
 from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Iterator, Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from dissectors.lengths import relations
+from dissectors.limits import Echo
 
 from ...deframing.tap_clock import FIRST, UNKNOWN
 from ...tables.findings import Findings, Rule, looks_for
 from ...tables.schema import Protocol
 from ...tables.transactions import NEVER, Status, TransactionRows
-from .. import neighbours
 from ..damage.triage import HASTE_NS
-from ..neighbours import TransactionColumns
 from ..view import DiagnosisStep, where
-from .outcomes import ECHO, LATE, NO_RESPONSE, RETRY, said
-from .strangers import BROADCAST_ANSWERED, DUPLICATE, MISMATCH
+from .outcomes import BROADCAST_ANSWERED, DUPLICATE, ECHO, LATE, MISMATCH, NO_RESPONSE, RETRY, said
+
+_ECHO_NS: Final = 5_000_000
+_DEVICE_NS: Final = 1_000_000  # no device answers sooner
+
+
+class TransactionColumns(NamedTuple):
+    """A row of `TransactionRows`, and how many came before it."""
+
+    request: int
+    response: int
+    start: int
+    length: int
+    response_start: int
+    response_length: int
+    t_start_ns: int
+    t_request_ns: int
+    t_response_ns: int
+    response_ns: int
+    t_next_ns: int
+    garbage: int
+    unit: int
+    function: int
+    exception: int
+    status: int
+    retry: bool
+    again: bool
+    late: bool
+    mistaken: bool
+    port: int
+    response_port: int
+    protocol: int
+    number: int
+
+    @property
+    def shape(self) -> tuple[int, int, int, int]:
+        return self.unit, self.function, self.length, self.port
+
+
+def at_once(view: DiagnosisStep, before: TransactionColumns, this: TransactionColumns) -> bool:
+    """Whether a request came right behind the one before, as an echo does."""
+    return this.t_start_ns - before.t_request_ns < _ECHO_NS + view.clock.verdict(this.request).wait_ns
+
+
+def by_tap(view: DiagnosisStep, index: int, after_ns: int) -> bool:
+    """Whether a frame came again sooner than any device sends it, on a clock that shows so much."""
+    return view.clock.verdict(index).fine and after_ns < _DEVICE_NS
+
+
+def shown_twice(before: TransactionColumns | None, this: TransactionColumns) -> bool:
+    """Whether this is a write's true echo, on a bus where the tap's copy of the write was taken for it."""
+    same = before is not None and before.shape == this.shape and before.response == this.request - 1
+    return same and echoes(this.function)
+
+
+def asks_again(before: TransactionColumns, this: TransactionColumns) -> bool:
+    """Whether these are two frames in a row, of one shape."""
+    return this.request == before.request + 1 and this.shape == before.shape
+
+
+def is_hasty(before: TransactionColumns | None, this: TransactionColumns, *, quick: bool) -> bool:
+    """Whether a request of the same shape came right behind an unanswered one, sooner than a master gives up."""
+    if before is None or not quick or before.status != _UNANSWERED or not asks_again(before, this):
+        return False
+    return this.t_start_ns - before.t_request_ns < HASTE_NS
+
+
+def echoed(
+    earlier: TransactionColumns | None,
+    before: TransactionColumns,
+    this: TransactionColumns,
+    behind: TransactionColumns | None,
+) -> bool:
+    """Whether a broadcast that comes twice came the second time from a device: at once, and neither before nor behind.
+
+    Clients repeat broadcasts, though after a pause, and those that make none send more than two.
+    """
+    if not (asks_again(before, this) and this.t_start_ns - before.t_request_ns < HASTE_NS):
+        return False
+    if before.again and earlier is not None and before.t_start_ns - earlier.t_request_ns < HASTE_NS:
+        return False
+    return behind is None or not (behind.again and behind.t_start_ns - this.t_request_ns < HASTE_NS)
+
+
+def answers_broadcast(before: TransactionColumns | None, this: TransactionColumns, *, quick: bool) -> bool:
+    """Whether this is the answer of a device to the broadcast before, which reads like a request to that device."""
+    if before is None or not quick or before.unit or before.shape[1:] != this.shape[1:]:
+        return False
+    soon = this.t_start_ns - before.t_request_ns < HASTE_NS
+    return soon and this.request == before.request + 1 and echoes(this.function)
+
+
+def echoes(function: int) -> bool:
+    """Whether a right answer of a function is its request once more."""
+    return any(isinstance(relation, Echo) for relation in relations(function))
+
 
 _STRAY: Final = 4  # bytes that may have been an answer
 _SURE_ECHOES: Final = 3
@@ -143,31 +238,29 @@ class Outcomes:
         this, before = transactions[i], transactions[i - 1] if i else None
         if this.protocol == Protocol.TCP:  # no echoes, no broadcasts
             return NO_RESPONSE if this.status == _UNANSWERED and this.t_next_ns != NEVER else None
-        hasty = neighbours.hasty(before, this, quick=quick)
+        hasty = is_hasty(before, this, quick=quick)
         if this.again and before is not None:
             behind = transactions[i + 1] if i + 1 < len(transactions) else None
             earlier = transactions[i - 2] if i > 1 else None
             if this.unit == 0:
-                return BROADCAST_ANSWERED if quick and neighbours.echoed(earlier, before, this, behind) else None
+                return BROADCAST_ANSWERED if quick and echoed(earlier, before, this, behind) else None
             if this.status != _UNANSWERED:
                 self._rewritten.add(this.unit)
             elif self._second_echo(view, before, this, behind):
                 soon = this.t_start_ns - before.t_response_ns < HASTE_NS if quick else this.unit not in self._rewritten
                 return DUPLICATE if soon else self._silence(view, transactions, i, quick=quick)
         if this.retry and before is not None:
-            again = neighbours.again(before, this)
-            if (hasty and neighbours.at_once(view, before, this)) or (
-                again and not quick and self._echoing(this.number)
-            ):
-                twice = neighbours.echoes(this.function) and this.status == _ANSWERED and not self._echoing(this.number)
-                twice = twice and not neighbours.by_tap(view, this.request, this.t_start_ns - before.t_request_ns)
+            again = asks_again(before, this)
+            if (hasty and at_once(view, before, this)) or (again and not quick and self._echoing(this.number)):
+                twice = echoes(this.function) and this.status == _ANSWERED and not self._echoing(this.number)
+                twice = twice and not by_tap(view, this.request, this.t_start_ns - before.t_request_ns)
                 return DUPLICATE if twice else ECHO  # thrice the same at once: a write and two echoes of it
         if this.status != _UNANSWERED:
             return None
-        if neighbours.answers_broadcast(before, this, quick=quick):
+        if answers_broadcast(before, this, quick=quick):
             return BROADCAST_ANSWERED
         differs = hasty if quick else self._differs(before, this)
-        if differs and not this.retry and neighbours.echoes(this.function):
+        if differs and not this.retry and echoes(this.function):
             return MISMATCH
         return self._silence(view, transactions, i, quick=quick)
 
@@ -181,9 +274,9 @@ class Outcomes:
         """Whether what reads like a write that nobody answers may be a second echo of the write before."""
         if this.request != before.response + 1 or self._echoing(this.number):
             return False
-        if behind is not None and behind.retry and neighbours.at_once(view, this, behind):
+        if behind is not None and behind.retry and at_once(view, this, behind):
             return False  # a request, which the tap shows twice
-        return not neighbours.by_tap(view, before.request, before.t_response_ns - before.t_request_ns)
+        return not by_tap(view, before.request, before.t_response_ns - before.t_request_ns)
 
     def _silence(
         self, view: DiagnosisStep, transactions: Sequence[TransactionColumns], i: int, *, quick: bool
@@ -203,20 +296,20 @@ class Outcomes:
         """Whether something else explains that this request has no answer."""
         if this.t_next_ns == NEVER or this.garbage >= _STRAY or this.request in view.explained:
             return True
-        if behind is not None and neighbours.hasty(this, behind, quick=quick):
+        if behind is not None and is_hasty(this, behind, quick=quick):
             if behind.retry:
-                return neighbours.at_once(view, this, behind)  # this one, shown again
-            return behind.status == _UNANSWERED and neighbours.echoes(behind.function)
+                return at_once(view, this, behind)  # this one, shown again
+            return behind.status == _UNANSWERED and echoes(behind.function)
         echoing = self._echoing(this.number)
-        if behind is not None and echoing and behind.retry and neighbours.again(this, behind):
+        if behind is not None and echoing and behind.retry and asks_again(this, behind):
             return True
         if behind is not None and not quick and self._differs(this, behind):
-            return neighbours.echoes(this.function)
-        return echoing and neighbours.shown_twice(before, this)
+            return echoes(this.function)
+        return echoing and shown_twice(before, this)
 
     def _differs(self, before: TransactionColumns | None, this: TransactionColumns) -> bool:
         """Whether two unlike requests of one shape in a row, none answered, went to a unit that answers otherwise."""
-        if before is None or not neighbours.again(before, this) or this.retry:
+        if before is None or not asks_again(before, this) or this.retry:
             return False
         if self._answering.get(this.unit, self._requests) >= max(this.number, self._first_ones):
             return False

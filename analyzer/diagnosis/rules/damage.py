@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from dissectors.crc import VARIANTS, crc16
 
 from ...languages import counted, phrase
+from ...tables.batch import adu_of
 from ...tables.findings import About, Findings, Rule, Severity, looks_for
-from ...tables.frame import adu_of
 from ...tables.schema import Kind, Protocol, Row, Rows
 from ..damage import DividedFrame, Explanation
 from ..damage.triage import VAGUE

@@ -22,7 +22,7 @@ import numpy as np
 from dissectors.foreign import NAMES
 
 from ...deframing.candidates import search_candidates
-from ...deframing.crc_windows import crc_windows
+from ...deframing.rules import crc_windows
 from ...languages import counted, phrase
 from ...tables.findings import About, Findings, Rule, Severity, looks_for
 from ...tables.schema import NO_GAP, Kind, Protocol, Rows

@@ -1,18 +1,204 @@
-"""What is said of requests by what became of them: the rules' words, and the columns that each speaks of."""
+"""What is said of requests by what became of them, and of answers that answer nothing: second, wrong, unasked ones."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Final
+from collections.abc import Iterator, Mapping
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dissectors.lengths import expectation, relations
+from dissectors.limits import RequestedByteCount
+from dissectors.registry import function_class
+
 from ...languages import phrase
-from ...tables.findings import About, Findings, Rule, Severity
-from ...tables.schema import Protocol
+from ...tables.batch import adu_of
+from ...tables.findings import About, Findings, Rule, Severity, looks_for
+from ...tables.schema import Kind, Protocol
 from ...tables.transactions import NEVER, Status, TransactionRows
-from .strangers import DUPLICATE
+from ..view import DiagnosisStep, EarlierRow
+
+_GLITCHES: Final = frozenset((0x00, 0xFE, 0xFF))
+_FUNCTION: Final = 0x7F
+
+UNEXPECTED: Final = Rule(
+    "unexpected-response",
+    Severity.WARNING,
+    About.FRAME,
+    when="an answer has no request",
+    clause="[2] 2.4.1",
+    numbers=("unit", "function"),
+    text="unit {unit:.0f} answers, and nobody asked it",
+    cause="a second client whose requests the tap does not see, or a device that sends on its own",
+    remedy="tap the line where both directions pass; look for a second client",
+)
+DUPLICATE: Final = Rule(
+    "duplicate-response",
+    Severity.ERROR,
+    About.FRAME,
+    when="one request is answered twice",
+    clause="[2] 2.2",
+    numbers=("unit", "after_ms"),
+    text="a second answer of unit {unit:.0f} to the same request",
+    cause="two devices share an address",
+    remedy="give each device an address of its own: disconnect one and see whether the unit still answers",
+)
+MISMATCH: Final = Rule(
+    "response-mismatch",
+    Severity.ERROR,
+    About.FRAME,
+    when="an answer disagrees with its request: byte count, address, quantity or echo",
+    clause="[1] 6",
+    numbers=("unit", "function"),
+    loses=True,
+    text="the answer of unit {unit:.0f} does not fit its request: byte count or quantity differ, or the echo does",
+    cause="an answer to an earlier request, or a device that answers what it was not asked",
+    remedy="compare with the request before; read fewer registers, and update the device's firmware",
+)
+BROADCAST_ANSWERED: Final = Rule(
+    "broadcast-answered",
+    Severity.ERROR,
+    About.FRAME,
+    when="a unit answers a request to unit 0",
+    clause="[2] 2.1",
+    numbers=("unit", "function"),
+    text="unit {unit:.0f} answers a broadcast",
+    cause="a device takes 0 for its own address, or ignores that broadcasts are not answered; several would collide",
+    remedy="give the device an address from 1 to 247; do not send to unit 0",
+)
+BROADCAST_READ: Final = Rule(
+    "broadcast-read",
+    Severity.WARNING,
+    About.FRAME,
+    when="a read is sent to unit 0, which nobody may answer",
+    clause="[2] 2.1",
+    numbers=("function",),
+    text="a read is sent to unit 0, which nobody may answer",
+    cause="the unit's address is not set in the client, or it searches for a device",
+    remedy="set the unit's address in the client",
+)
+
+
+@looks_for(BROADCAST_READ)
+def broadcast_reads(view: DiagnosisStep) -> Iterator[Findings]:
+    """Requests to unit 0 of functions that read."""
+    rows = view.rows
+    sent = view.right(view.to_all)
+    sent = sent[rows.kind[sent] == Kind.REQUEST]
+    reads = sent[[_reads(function) for function in rows.function[sent].tolist()]]
+    if len(reads):
+        yield BROADCAST_READ.on(rows[reads], rows.function[reads])
+
+
+def _reads(function: int) -> bool:
+    declared = relations(function)
+    return function_class(function) == "public" and (
+        not declared or any(isinstance(r, RequestedByteCount) for r in declared)
+    )
+
+
+class _Before(NamedTuple):
+    """The newest request before a row, the answer that it got, and whether nothing damaged stands between."""
+
+    request: EarlierRow | None = None
+    answered: EarlierRow | None = None
+    clean: bool = True
+
+
+@looks_for(UNEXPECTED, DUPLICATE, MISMATCH, BROADCAST_ANSWERED)
+class Strangers:
+    """Answers with a right check value that belong to no request."""
+
+    def __init__(self) -> None:
+        self._requested = False  # a request has been seen: before it, answers belong to what was before the capture
+        self._newest: tuple[int, _Before] | None = None  # the last row that was asked about, and what stood before it
+        self._asking: set[int] = set()  # ports on which requests over Modbus TCP were seen
+
+    def __call__(self, view: DiagnosisStep) -> Iterator[Findings]:
+        rows, asks = view.rows, view.requests
+        answers = view.right(view.to_all)
+        answers = answers[rows.kind[answers] == Kind.RESPONSE]
+        if len(answers):
+            yield BROADCAST_ANSWERED.on(rows[answers], 0, rows.function[answers])
+        networked = view.rows.protocol == Protocol.TCP
+        for number in view.strays.tolist():
+            if networked[number]:
+                yield from self._judge_tcp(view, number)
+            elif rows.unit[number] and (self._requested or (len(asks) and number > asks[0])):
+                yield from self._judge(view, number)
+        self._requested = self._requested or len(asks) > 0
+        self._asking.update(np.unique(view.rows.port[asks[networked[asks]]]).tolist())
+
+    def _judge_tcp(self, view: DiagnosisStep, number: int) -> Iterator[Findings]:
+        """A response over Modbus TCP whose transaction is not open, or asked for something else."""
+        answer = EarlierRow.of(view.batch, number)
+        stray, row = view.rows[number : number + 1], answer.row
+        transaction = answer.captured[:2]
+        for before in view.trail.back(view.batch, number):
+            if (before.row.port, before.row.protocol) != (row.port, Protocol.TCP) or not before.is_frame:
+                continue
+            if before.captured[:2] != transaction:
+                continue
+            if before.row.kind == Kind.REQUEST:
+                yield MISMATCH.on(stray, row.unit, row.function)
+            else:
+                waited = (row.t_start_ns - before.row.t_end_ns) / 1e6
+                yield DUPLICATE.on(stray, row.unit, waited if view.timed else np.nan)
+            return
+        asks = view.requests
+        if row.port in self._asking or (view.rows.port[asks[asks < number]] == row.port).any():
+            yield UNEXPECTED.on(stray, row.unit, row.function)
+
+    def _judge(self, view: DiagnosisStep, number: int) -> Iterator[Findings]:
+        answer = EarlierRow.of(view.batch, number)
+        request, answered, clean = self._request_before(view, number)
+        stray = view.rows[number : number + 1]
+        unit, function = answer.row.unit, answer.row.function
+        if request is None or not clean:
+            if clean:
+                yield UNEXPECTED.on(stray, unit, function)
+        elif request.row.unit == 0 and request.row.function == function:
+            yield BROADCAST_ANSWERED.on(stray, unit, function)
+        elif request.row.unit != unit or (answered is not None and not _fits(request, answer)):
+            yield UNEXPECTED.on(stray, unit, function)
+        elif answered is not None:
+            waited = (answer.row.t_start_ns - answered.row.t_end_ns) / 1e6
+            yield DUPLICATE.on(stray, unit, waited if view.timed else np.nan)
+        elif _fits(request, answer):
+            yield UNEXPECTED.on(stray, unit, function)
+        else:
+            yield MISMATCH.on(stray, unit, function)
+
+    def _request_before(self, view: DiagnosisStep, number: int) -> _Before:
+        """What stands before a row; where many strays follow each other none looks further back than to the last."""
+        before = self._search_back(view, number)
+        self._newest = int(view.rows.index[number]), before
+        return before
+
+    def _search_back(self, view: DiagnosisStep, number: int) -> _Before:
+        newest, before_newest = self._newest or (-1, _Before())
+        answered = None
+        for before in view.trail.back(view.batch, number):
+            if not before.is_frame:
+                if not _GLITCHES.issuperset(before.captured):
+                    return _Before(clean=False)
+            elif before.row.kind == Kind.REQUEST:
+                return _Before(before, answered) if before.row.check else _Before(clean=False)
+            elif not before.row.check:
+                return _Before(clean=False)  # it may have held more than one answer
+            elif before.row.request >= 0 and answered is None:
+                answered = before
+            if before.is_frame and before.row.index == newest:
+                return before_newest._replace(answered=answered or before_newest.answered)
+        return _Before()
+
+
+def _fits(request: EarlierRow, answer: EarlierRow) -> bool:
+    return expectation(adu_of(request.captured, request.row.protocol).data).fits(
+        adu_of(answer.captured, answer.row.protocol).data
+    )
+
 
 _ANSWERED, _UNANSWERED, _DAMAGED = int(Status.ANSWERED), int(Status.UNANSWERED), int(Status.DAMAGED)
 

@@ -15,11 +15,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from dissectors.adu import EXCEPTION
 from dissectors.blocks import Bits
 from dissectors.functions import function
 from dissectors.layout import CountedBlock, FieldRef, Slots, exception_slots, slots
 from dissectors.length_rules import Role
+from dissectors.limits import EXCEPTION
 
 from ...tables.batch import Batch
 from ...tables.columns import Pdus

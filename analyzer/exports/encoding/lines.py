@@ -19,9 +19,8 @@ from dissectors.envelopes import Adu, rtu
 from dissectors.fields import Field
 from dissectors.length_rules import Role
 
-from ...tables.batch import Batch
+from ...tables.batch import Batch, Frame, adu_of, response_time_json
 from ...tables.columns import Pdus
-from ...tables.frame import Frame, adu_of, response_time_json
 from ...tables.schema import Direction, Kind, Protocol, Row, Rows
 from .blocks import fields
 from .forms import BatchBytes, Forms, Group, kept

@@ -11,13 +11,13 @@ from string import Formatter
 
 import numpy as np
 
-from dissectors.adu import EXCEPTION
 from dissectors.annotation import summary
 from dissectors.envelopes import rtu
 from dissectors.fields import filled
 from dissectors.functions import function
 from dissectors.layout import CountedBlock, Slot, Slots
 from dissectors.length_rules import Role
+from dissectors.limits import EXCEPTION
 
 from .blocks import BitText, RegisterText, block_text, numbers, taken_apart
 from .forms import BatchBytes, FormPart, FormRows

@@ -17,9 +17,8 @@ import numpy as np
 from dissectors.functions import function_name
 from dissectors.values import FORMULA_STARTS
 
-from ...tables.batch import Batch
+from ...tables.batch import Batch, Frame
 from ...tables.columns import Decoded, Pdus, decode
-from ...tables.frame import Frame
 from ...tables.schema import Direction, Kind, Protocol, Rows
 from ...words import is_clock
 from ..encoding import explain_json

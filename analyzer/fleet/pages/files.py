@@ -24,8 +24,8 @@ from ...languages import counted, page_words
 from ...reports.html.page import about, page_environment
 from .. import FleetError
 from ..lake import Lake
+from ..questions import NO_CLOCK
 from .sites import CURVE, CauseSpell, SiteHealth, calendar_ends, level_words, sites_of, spelled
-from .sums import NO_CLOCK
 
 _FRESH: Final = 12  # new causes told on the page of the fleet
 

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Final
 
-from ...causes.model import Cause
-from ...causes.telling import CauseWords, told_again
+from ...causes.registry import Cause, CauseWords, told_again
 from ...languages import counted, in_use, page_words
 from ...languages import retold as in_language
 from ...reports.html.page import OutcomeBar, OutcomePart
@@ -16,7 +15,7 @@ from ...reports.page import file_name
 from ...words import DAY_NS, between, duration, is_clock, moment
 from ..datasets import day_name
 from ..lake import Lake
-from .sums import NO_CLOCK, FleetSums, LakeRow
+from ..questions import NO_CLOCK, FleetSums, LakeRow
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ import logging
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Final
 
-from captures.formats.mcap.packing import HEAD, Packed
+from captures.formats.mcap.records import HEAD, Packed
 from dissectors.maps.model import RegisterMap
 
 from ...exports.targets.mcap.recording import Topics

@@ -15,9 +15,8 @@ from dissectors.fields import Field
 from dissectors.length_rules import Role
 
 from ...languages import field_name, page_words, wording
-from ...tables.batch import Batch, rows_of_findings
+from ...tables.batch import Batch, Frame, adu_of, rows_of_findings
 from ...tables.findings import Finding, Findings, describe
-from ...tables.frame import Frame, adu_of
 from ...tables.schema import Kind, Protocol
 from ...words import between
 from .charts import TroubleBins

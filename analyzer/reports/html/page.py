@@ -16,7 +16,7 @@ from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from captures.line import LineSettings
 from dissectors.values import harmless
 
-from ...causes.model import Cause
+from ...causes.registry import Cause
 from ...languages import counted, grouped, in_use, page_words, tr
 from ...registers.telling import place_cell
 from ...version import __version__

@@ -17,12 +17,9 @@ from typing import Any
 import captures
 
 from ..taps import TAPS, with_errors
-from .envelopes import ASCII
 from .master import FieldMaster, FieldPoll, FieldRequest, Manners
-from .schedule import Schedule
-from .uart import LineUart, ReceivedOctet
-from .units import MS, FieldUnit
-from .wire import FieldWire, Pulse, TapEnd
+from .units import ASCII, MS, FieldUnit
+from .wire import FieldWire, LineUart, Pulse, ReceivedOctet, Schedule, TapEnd
 
 SECOND = 1e9
 _BAUDS = (1200, 2400, 4800, 9600, 9600, 9600, 19200, 19200, 38400, 57600, 115200)

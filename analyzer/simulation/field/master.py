@@ -10,10 +10,8 @@ from typing import Literal
 from dissectors.crc import crc_ok
 
 from ..conversation import adu
-from .envelopes import RTU, WireEnvelope
-from .uart import LineUart, ReceivedOctet
-from .units import Shape, burst_of
-from .wire import FieldWire
+from .units import RTU, Shape, WireEnvelope, burst_of
+from .wire import FieldWire, LineUart, ReceivedOctet
 
 MS = 1e6
 _BAD_NS = 6 * MS  # of silence behind bytes that make no answer, for a client that does not wait for its timeout

@@ -18,8 +18,8 @@ Settings of the line are in a metadata record named `rtuscope`, written before a
 has them, and again in the channel's metadata. Other channels in the file are no concern of this reader.
 
 `channel` is these messages and their channel beside whatever else a file holds, `reading` the way back, `scanning` the
-records of a file that may be damaged, `records` how records are laid out, `writer` a file by arrays, `packing` its
-chunks, `protobuf` messages of a constant layout. They are loaded when they are used.
+records of a file that may be damaged, `records` how records are laid out and packed, `writer` a file by arrays,
+`protobuf` messages of a constant layout. They are loaded when they are used.
 """
 
 from __future__ import annotations

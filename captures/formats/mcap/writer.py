@@ -1,6 +1,6 @@
 """An MCAP file written forwards: like the library's `Writer`, which takes message after message, but by arrays too.
 
-Records are the library's, but for chunk bodies and the indexes of their messages, which `packing` makes, and for those
+Records are the library's, but for chunk bodies and the indexes of their messages, which `records` packs, and for those
 of which there may be thousands: schemas, channels, chunk indexes. A schema or channel goes into the first chunk that
 needs it. Every chunk is complete in itself and has its CRC, so has the summary;
 the data section has none of its own, as with the library, since every byte of it would be summed twice.
@@ -34,8 +34,7 @@ from mcap.records import (
 from numpy.typing import NDArray
 
 from ...ragged import Ints
-from .packing import HEAD, Packed, index_records
-from .records import MAGIC, MESSAGE, RECORD
+from .records import HEAD, MAGIC, MESSAGE, RECORD, Packed, index_records
 
 CHUNK_SIZE: Final = 1 << 20  # bytes of a chunk before compression, about
 SINGLES_SIZE: Final = 1 << 13  # of one of single messages, the raw chunks above all: damage costs a chunk

@@ -14,23 +14,21 @@ import numpy as np
 import orjson
 from numpy.typing import NDArray
 
-from captures.formats.mcap import packing
+from captures.formats.mcap import records
 from captures.formats.mcap.channel import LOG_NAME, ChunkChannel, log_message, log_schema
-from captures.formats.mcap.packing import AT_ONCE, HEAD, Packed, PackedPart, Tails
 from captures.formats.mcap.protobuf import ENCODING, Message, packed_length
-from captures.formats.mcap.records import METADATA
+from captures.formats.mcap.records import AT_ONCE, HEAD, METADATA, Packed, PackedPart, Tails
 from captures.formats.mcap.writer import ArrayWriter, TopicWriter
 from captures.ragged import Ints
 from captures.recording.notes import NoteChannel
 
 from ....causes.ledger import Ledger
-from ....causes.model import Cause
 from ....causes.reasoning import causes_of
+from ....causes.registry import Cause
 from ....outages import notes_of
-from ....tables.batch import Batch, rows_of_findings
+from ....tables.batch import Batch, adu_of, rows_of_findings
 from ....tables.columns import Decoded, decode
 from ....tables.findings import Findings, Severity, evidence, rules
-from ....tables.frame import adu_of
 from ....tables.schema import BoundaryEvidence, Kind, Protocol, Rows
 from ....tables.transactions import TransactionRows
 from ....usernotes import Notes, marked_rows
@@ -85,7 +83,7 @@ def _packed(
 ) -> Packed:
     without = {name for name in (*_RARE, "findings") if not columns[name].any()}
     without |= {name for name in _BOUNDS if (columns[name] < 0).all()}
-    heads = packing.heads(message.layout(HEAD, without), len(times))
+    heads = records.heads(message.layout(HEAD, without), len(times))
     for name in (*_PLAIN, *_RARE, "findings"):
         if name not in without and name != "exception":
             heads[name] = columns[name]
@@ -97,18 +95,18 @@ def _packed(
     if evidence is not None:
         _explain(heads, message, evidence)
     heads["data"] = packed_length(tails.sizes)
-    return packing.packed(channel, times, [PackedPart(None, heads)], tails)
+    return records.packed(channel, times, [PackedPart(None, heads)], tails)
 
 
 def noise_messages(batch: Batch, channel: int) -> Packed:
     """All noise of a batch."""
     rows = batch.rows[batch.rows.kind == Kind.NOISE]
-    heads = packing.heads(schemas.NOISE.layout(HEAD), len(rows))
+    heads = records.heads(schemas.NOISE.layout(HEAD), len(rows))
     for name in ("start", "length", "t_start_ns", "port"):
         heads[name] = rows.column(_RENAMED.get(name, name))
     tails = Tails(batch.data, rows.at, rows.length)
     heads["data"] = packed_length(tails.sizes)
-    return packing.packed(channel, rows.t_end_ns, [PackedPart(None, heads)], tails)
+    return records.packed(channel, rows.t_end_ns, [PackedPart(None, heads)], tails)
 
 
 def _explain(heads: NDArray[np.void], message: Message, evidence: BoundaryEvidence) -> None:
@@ -145,7 +143,7 @@ def _packed_transactions(
     settled: TransactionRows, off_ns: float, times: Ints, message: Message, channel: int
 ) -> Packed:
     flags = [name for name in ("retry", "late") if settled.column(name).any()]
-    heads = packing.heads(message.layout(HEAD, {"retry", "late"} - {*flags}), len(settled))
+    heads = records.heads(message.layout(HEAD, {"retry", "late"} - {*flags}), len(settled))
     for name in ("request", "unit", "function", "status", *flags):
         heads[name] = settled.column(name)
     message.put(heads, "response", settled.response, present=settled.response >= 0)
@@ -153,7 +151,7 @@ def _packed_transactions(
     message.put(heads, "response_time_ms", exact / 1e6, present=exact >= 0)
     message.put(heads, "response_time_low_ms", low / 1e6, present=low >= 0)
     message.put(heads, "response_time_high_ms", high / 1e6, present=low >= 0)
-    return packing.packed(channel, times, [PackedPart(None, heads)])
+    return records.packed(channel, times, [PackedPart(None, heads)])
 
 
 MAX_OF_A_KIND: Final = 20_000  # further ones are counted on their frames, not told
@@ -181,8 +179,8 @@ class Log:
         texts = _texts(findings[order], times[order].tolist())
         sizes = np.array([len(text) for text in texts], np.int64)
         tails = Tails(np.frombuffer(b"".join(texts), np.uint8), np.cumsum(sizes) - sizes, sizes)
-        heads = packing.heads(np.zeros(1, [("record", HEAD)]), len(texts))
-        return packing.packed(self._channel, times[order], [PackedPart(None, heads)], tails)
+        heads = records.heads(np.zeros(1, [("record", HEAD)]), len(texts))
+        return records.packed(self._channel, times[order], [PackedPart(None, heads)], tails)
 
     def _room(self, findings: Findings) -> Ints:
         """Which of these are told."""

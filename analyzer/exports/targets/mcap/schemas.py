@@ -24,9 +24,9 @@ from typing import Final
 
 import numpy as np
 
-from captures.formats.mcap import packing
-from captures.formats.mcap.packing import HEAD, Packed, PackedPart, Tails
+from captures.formats.mcap import records
 from captures.formats.mcap.protobuf import ENCODING, Message, MessageField, Type, plain_items, plain_schema
+from captures.formats.mcap.records import HEAD, Packed, PackedPart, Tails
 from captures.formats.mcap.writer import TopicWriter
 from captures.ragged import Bytes, Ints, sums
 from dissectors.functions import functions
@@ -191,9 +191,9 @@ class UnitAreas:
             self.left_out += int(np.count_nonzero(~fits))
             numbers = numbers[fits[owner]]
             confirmed, channels = confirmed.taken(fits), channels[fits]
-        heads = packing.heads(np.zeros(1, [("record", HEAD)]), len(channels))
+        heads = records.heads(np.zeros(1, [("record", HEAD)]), len(channels))
         times = batch.rows.t_end_ns[confirmed.rows]
-        return packing.packed(channels, times, [PackedPart(None, heads)], _fields(confirmed, numbers))
+        return records.packed(channels, times, [PackedPart(None, heads)], _fields(confirmed, numbers))
 
     def _topic(self, key: int, addresses: Ints) -> _UnitArea:
         """The topic of a unit and area, with fields for these addresses."""
@@ -254,9 +254,9 @@ class MappedTopics:
                 values.append(column.values[readable])
         if not channels:
             return None
-        heads = packing.heads(self._message.layout(HEAD), sum(map(len, values)))
+        heads = records.heads(self._message.layout(HEAD), sum(map(len, values)))
         heads["value"] = np.concatenate(values)
-        return packing.packed(np.concatenate(channels), np.concatenate(times), [PackedPart(None, heads)])
+        return records.packed(np.concatenate(channels), np.concatenate(times), [PackedPart(None, heads)])
 
     def _channel(self, unit: int, row: MappedValue) -> int:
         key = (unit, row.area, row.address, row.name)

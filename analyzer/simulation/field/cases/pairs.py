@@ -8,9 +8,8 @@ from ..bench import SECOND, Bench, Expected, read_pdu, site
 from ..master import FieldMaster, FieldPoll
 from ..units import FieldUnit
 from ..wire import Burst, Pulse
-from .drivers import duplicated
+from .drivers import another_format, duplicated, echo_of_client
 from .registry import LOCAL, Site, field_case
-from .settings import another_format, echo_of_client
 
 
 def _two(random: Random, tap: str) -> tuple[Bench, FieldUnit, FieldUnit]:

@@ -1,13 +1,14 @@
-"""Units that do not answer, or not in time."""
+"""Units that do not answer, or not in time: alone, or together with their segment; and what only looks like it."""
 
 from __future__ import annotations
 
 from random import Random
 
-from ..bench import Expected, longest_answer_ms, read_pdu, site
+from ..bench import SECOND, Bench, Expected, longest_answer_ms, read_pdu, site
 from ..master import FieldPoll
-from ..units import MS
-from .registry import ANY_TAP, LOCAL, Site, field_case
+from ..units import MS, FieldUnit
+from ..wire import Burst, TapEnd
+from .registry import ANY_TAP, BYTES, LOCAL, Site, field_case
 
 
 @field_case("dead-unit")
@@ -120,3 +121,114 @@ def timeout_too_short_shifted(random: Random, tap: str) -> Site:
         )
     unit.delay = lambda _pdu, _t: late * MS * random.uniform(0.99, 1.01)
     return bench, Expected("timeout-too-short", (unit.unit,))
+
+
+_NEVER_AGAIN = 1e18  # ns
+
+
+def _part(bench: Bench, least_left: int) -> list[int]:
+    """Two units or more, at least so many others spared."""
+    return bench.random.sample(sorted(bench.units), bench.random.randint(2, len(bench.units) - least_left))
+
+
+def _often(bench: Bench, silence_ns: float) -> None:
+    """Ask often enough for a silence of this length to show."""
+    manners, units = bench.master.manners, len(bench.units)
+    for poll in bench.master.polls:
+        poll.period_ns = 0
+    manners.cycle_ms = min(manners.cycle_ms, silence_ns / 8 / MS)
+    least = 2 * max(unit.delay_ms for unit in bench.units.values()) + longest_answer_ms(bench.uart)
+    manners.timeout_ms = max(min(manners.timeout_ms, silence_ns / 8 / units / MS), least)
+    manners.retries = min(manners.retries, 1)
+
+
+def _within(bench: Bench, low: float, high: float) -> float:
+    return bench.begin_ns + bench.random.uniform(low, high) * (bench.duration_ns - bench.begin_ns)
+
+
+@field_case("all-silent-segment")
+def all_silent_segment(random: Random, tap: str) -> Site:
+    """A part of the bus is cut off in the middle of a capture."""
+    bench = site(random, tap, units=(4, 10), seconds=(60, 400))
+    lost, begin = _part(bench, 1), _within(bench, 0.2, 0.7)
+    _often(bench, bench.duration_ns - begin)
+    for number in lost:
+        bench.units[number].silent = lambda t: t >= begin
+    return bench, Expected("all-silent", tuple(lost))
+
+
+@field_case("all-silent-trunk")
+def all_silent_trunk(random: Random, tap: str) -> Site:
+    """The trunk breaks behind the client, or its converter fails: nobody answers any more."""
+    bench = site(random, tap, units=(2, 10), seconds=(60, 400))
+    begin = _within(bench, 0.2, 0.7)
+    _often(bench, bench.duration_ns - begin)
+    for unit in bench.units.values():
+        unit.silent = lambda t: t >= begin
+    return bench, Expected("all-silent", tuple(bench.units))
+
+
+@field_case("all-silent-power")
+def all_silent_power(random: Random, tap: str) -> Site:
+    """The units of a cabinet lose their power for a while, once or a few times, and start each in its own time."""
+    bench = site(random, tap, units=(4, 10), seconds=(120, 600))
+    lost = _part(bench, random.choice((0, 1, 1, 2)))
+    times = random.choice((1, 1, 2, 3, 5))
+    period = (bench.duration_ns - bench.begin_ns) / times
+    off = random.uniform(0.1, 0.3) * period
+    _often(bench, off)
+    spells = [bench.begin_ns + (k + random.uniform(0.2, 0.5)) * period for k in range(times)]
+    for number in lost:
+        starts = random.uniform(0.0, 0.15) * off
+        bench.units[number].silent = lambda t, starts=starts: any(  # type: ignore[misc]
+            begin <= t < begin + off + starts for begin in spells
+        )
+    return bench, Expected("all-silent", tuple(lost))
+
+
+@field_case("healthy-paused-master")
+def healthy_paused_master(random: Random, tap: str) -> Site:
+    """The client stops to poll for a while, as when somebody loads its program, and goes on."""
+    bench = site(random, tap, seconds=(60, 300))
+    times, usual = random.choice((1, 1, 2, 3)), bench.master.manners.pause_ms
+    begins = [_within(bench, k / times, (k + 0.6) / times) for k in range(times)]
+    stops = [(begin, begin + random.uniform(3, 60) * SECOND) for begin in begins]
+
+    def pause(t: float) -> float:
+        return next(((end - t) / MS for begin, end in stops if begin <= t < end), usual(t))
+
+    bench.master.manners.pause_ms = pause
+    return bench, Expected(None)
+
+
+@field_case("healthy-scan")
+def healthy_scan(random: Random, tap: str) -> Site:
+    """Somebody looks once for what answers at which address: in one go, or between the polls."""
+    bench = site(random, tap, units=(2, 8), seconds=(60, 300))
+    if random.random() < 0.4:
+        bench.master.polls = []  # a tool for it, not a client that polls
+    begin, apart = _within(bench, 0.0, 0.4), random.choice((0.0, 0.0, 1.0, 3.0)) * SECOND
+    least = max(250.0, 2 * longest_answer_ms(bench.uart))  # or it gives up while answers are on their way
+    bench.master.manners.timeout_ms = min(bench.master.manners.timeout_ms, least)
+    first, last = 1, random.choice((31, 63, 247))
+    pdu = read_pdu(random.choice((3, 3, 4)), random.choice((0, 1, 100)), 1)
+    for k, number in enumerate(range(first, last + 1)):
+        bench.master.polls.append(FieldPoll(number, pdu, _NEVER_AGAIN, begin + k * max(apart, 1)))
+    return bench, Expected(None)
+
+
+@field_case("tap-loses-answers", BYTES)
+def tap_loses_answers(random: Random, tap: str) -> Site:
+    """Of two taps, a direction each, the one for the answers falls off: the client goes on as it did."""
+    bench = site(random, tap, units=(2, 9), seconds=(40, 300))
+    begin = _within(bench, 0.2, 0.7)
+
+    def answers(burst: Burst) -> bool:
+        return isinstance(burst.sender, FieldUnit) and burst.on < begin
+
+    bench.wire.taps = [
+        TapEnd(bench.uart, lambda burst: not isinstance(burst.sender, FieldUnit)),
+        TapEnd(bench.uart, answers),
+    ]
+    bench.header["notes"] = {"directions": "request,response"}
+    return bench, Expected("tap-one-direction")

@@ -1,19 +1,152 @@
-"""What a receiver makes of bytes that were sent by other settings than its own.
+"""What the bytes of one answer can be: a known request, an answer in Modbus ASCII, bytes sent by other settings.
 
-Such garbage is no chance: the same bytes give the same garbage. As the first bytes of an answer are known from its
-request, settings of a sender can be tried until they give the bytes that were heard.
+In ASCII the same knowledge as in RTU has other clothes: a colon, two digits a byte, an LRC, CR and LF. What is known of
+an answer from its request is known digit by digit; the LRC tells whether the rest is whole when the first digits are
+put right.
+
+What a receiver makes of bytes that were sent by other settings is no chance: the same bytes give the same garbage. As
+the first bytes of an answer are known from its request, settings of a sender can be tried until they give the bytes
+that were heard.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from math import log2
 from typing import Final
 
 from captures.line import LineSettings
-from dissectors.crc import crc16
+from dissectors.crc import crc16, lrc
+from dissectors.lengths import Role, pdu_length
+from dissectors.limits import OVERHEAD
+
+_HEAD: Final = 3  # bytes
+ENDING: Final = 3  # bytes by which a damaged request is known again
+_INSIDE: Final = 4  # and within other bytes
+_MOST_REQUESTS: Final = 256
+
+
+@dataclass(frozen=True, slots=True)
+class KnownRequests:
+    """Requests of a bus, by their last bytes and their first ones."""
+
+    endings: frozenset[bytes] = frozenset()
+    heads: frozenset[bytes] = frozenset()
+    within: tuple[bytes, ...] = ()
+
+    @classmethod
+    def of(cls, requests: Sequence[bytes]) -> KnownRequests:
+        """A request of each poll."""
+        endings = frozenset(request[-ENDING:] for request in requests)
+        heads = frozenset(request[:_HEAD] for request in requests)
+        return cls(endings, heads, tuple({request[-_INSIDE:] for request in requests[:_MOST_REQUESTS]}))
+
+    def end(self, data: bytes) -> bool:
+        """Whether these bytes end like one of them."""
+        return data[-ENDING:] in self.endings
+
+    def begin(self, data: bytes, unit: int) -> bool:
+        """Whether these bytes begin like one of them to another unit than this one."""
+        return data[:_HEAD] in self.heads and data[0] != unit
+
+    def asks_and_gets(self, data: bytes) -> bool:
+        """Whether these bytes are one of them and its answer, both whole: what a tap held up and handed over in pieces."""
+        length = pdu_length(data[1:], Role.REQUEST) or 0
+        request, answer = data[: length + OVERHEAD], data[length + OVERHEAD :]
+        return (
+            data[:_HEAD] in self.heads
+            and length > 0
+            and crc16(request) == 0
+            and crc16(answer) == 0
+            and answer[:2] == data[:2]
+        )
+
+    def are_in(self, data: bytes, but: bytes = b"") -> bool:
+        """Whether one of them ends within these bytes or at their end; `but`: one that may."""
+        own = but[-ENDING:]
+        return (self.end(data) and data[-ENDING:] != own) or any(
+            ending in data for ending in self.within if ending != but[-_INSIDE:]
+        )
+
+
+COLON: Final = b":"
+_END: Final = b"\r\n"
+_WRITTEN: Final = re.compile(rb":[0-9A-Fa-f]+\r?\n?")
+_HEAD_MOST: Final = 12  # characters that may be put right
+_LRC_DIGITS: Final = 2
+
+
+def is_in_ascii(request: bytes) -> bool:
+    """Whether a request is in ASCII mode: a colon alone is unit 58 in RTU."""
+    return _WRITTEN.fullmatch(bytes(byte & 0x7F for byte in request)) is not None
+
+
+def ascii_due(due: int) -> int:
+    """Characters of an answer whose RTU ADU has so many bytes."""
+    return 2 * due + 1 if due else 0
+
+
+def read_ascii(data: bytes, due: int, header: bytes) -> tuple[str, int, int]:
+    """Kind of damage (a value of `Damage`), how many characters, and the first of them (-1 unknown).
+
+    `due` characters were to come, which begin with the digits of `header`.
+    """
+    known = COLON + header.hex().upper().encode()
+    if not header or due < len(known):
+        return "whole", len(data), 0
+    if _right(data):
+        return ("none" if data.startswith(known) and len(data) == due else "other"), 0, 0
+    for lost in range(1, min(len(known), _HEAD_MOST, due - 5) + 1):
+        if len(data) >= due - lost and _right(known[:lost] + data[len(data) - due + lost :]):
+            return "head", lost, 0
+    begins = data.startswith(known) if len(data) >= len(known) else known.startswith(data)
+    if begins and (ending := _cut_tail(data, due)) is not None:
+        return "tail", ending, due - ending
+    if COLON in data[1:]:
+        return "crossed", 1, 0
+    if begins and len(data) < due:
+        return "cut", due - len(data), len(data)
+    if begins and len(data) > due:
+        return "long", len(data) - due, due
+    if len(data) == due and data[:1] == COLON and data.endswith(_END):
+        wrong = next((i for i, (one, two) in enumerate(zip(known, data, strict=False)) if one != two), len(known))
+        return "middle", 1, wrong
+    if not begins and data.endswith(_END) and len(data) > due // 2:
+        return "head", max(due - len(data), 1), 0
+    return "middle" if begins else "whole", len(data), 0
+
+
+def _right(data: bytes) -> bool:
+    """Whether this is a whole frame."""
+    if data[:1] != COLON or not data.endswith(_END):
+        return False
+    octets = _octets(data[1 : -len(_END)])
+    return octets is not None and len(octets) > 2 and lrc(octets[:-1]) == octets[-1]
+
+
+def _octets(digits: bytes) -> bytes | None:
+    try:
+        return bytes.fromhex(digits.decode("ascii"))
+    except ValueError:
+        return None
+
+
+def _cut_tail(data: bytes, due: int) -> int | None:
+    """How many of the last characters (LRC, CR, LF) are lost or wrong, where all before them is right."""
+    body = data[1 : due - _LRC_DIGITS - len(_END)]
+    octets = _octets(body)
+    if octets is None or len(data) < due - _LRC_DIGITS - len(_END):
+        return None
+    end = f"{lrc(octets):02X}".encode() + _END
+    rest = data[1 + len(body) :]
+    same = next(
+        (i for i, (one, two) in enumerate(zip(end, rest, strict=False)) if one != two), min(len(end), len(rest))
+    )
+    return len(end) - same if same else None
+
 
 _BAUDS: Final = (1200, 2400, 4800, 9600, 14400, 19200, 28800, 38400, 57600, 115200, 230400)
 _FARTHEST: Final = 16.0  # times faster or slower

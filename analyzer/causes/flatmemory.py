@@ -1,15 +1,76 @@
-"""When things happened, in flat memory: counts by equal parts of the time, and spells of one kind of outcome."""
+"""Streams of any length in flat memory: numbers thinned evenly, counts by parts of the time, crowded stretches of times."""
 
 from __future__ import annotations
 
 from collections.abc import Hashable
 from dataclasses import dataclass
-from typing import Final
+from heapq import heappop, heappush
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..tables.bins import TimeBins
+
+_THINNED_MOST: Final = 512
+_MODE: Final = 0.12  # width of the densest numbers, of themselves
+
+
+class Thinned:
+    """Every so many-eth number of those added."""
+
+    __slots__ = ("_numbers", "_ordered", "_stride", "count", "total")
+
+    def __init__(self) -> None:
+        self._numbers: NDArray[np.float64] = np.zeros(0)
+        self._ordered: NDArray[np.float64] | None = None  # once somebody asks for a quantile
+        self._stride = 1
+        self.count = 0
+        self.total = 0.0
+
+    def __len__(self) -> int:
+        return self.count
+
+    def add(self, numbers: NDArray[Any]) -> None:
+        """More of the stream."""
+        self._ordered = None
+        first = -self.count % self._stride
+        self.count += len(numbers)
+        self.total += float(numbers.sum())
+        self._numbers = np.concatenate((self._numbers, numbers[first :: self._stride]))
+        while len(self._numbers) > _THINNED_MOST:
+            self._numbers = self._numbers[::2]
+            self._stride *= 2
+
+    @property
+    def numbers(self) -> NDArray[np.float64]:
+        """Those remembered, in their order."""
+        return self._numbers
+
+    def quantile(self, share: float) -> float | None:
+        """A quantile of those remembered; None without any."""
+        if not len(self._numbers):
+            return None
+        if self._ordered is None:
+            self._ordered = np.sort(self._numbers)
+        low, part = divmod(share * (len(self._ordered) - 1), 1)  # as `np.quantile` does, whose checks take far longer
+        first = float(self._ordered[int(low)])
+        return first + part * (float(self._ordered[int(low) + 1]) - first) if part else first
+
+    def above(self, bound: float) -> float:
+        """The share of numbers over a bound; 0 without any."""
+        return float((self._numbers > bound).mean()) if len(self._numbers) else 0.0
+
+
+def densest(numbers: NDArray[np.float64]) -> float:
+    """The median of those positive numbers that lie closest together, a window of an eighth wide; 0 for none."""
+    ordered = np.sort(numbers[numbers > 0])
+    if not len(ordered):
+        return 0.0
+    ends = np.searchsorted(ordered, ordered * (1 + _MODE), side="right")
+    begin = int(np.argmax(ends - np.arange(len(ordered))))
+    return float(np.median(ordered[begin : int(ends[begin])]))
+
 
 _PARTS: Final = 256
 _FIRST_NS: Final = 100_000_000
@@ -133,3 +194,49 @@ class Spells:
     def lasting(self) -> Spell | None:
         """The one that goes on, if it is sure."""
         return self._open if self._open is not None and self._open.is_sure else None
+
+
+_STRETCH_NS: Final = 128_000_000_000
+_TIMES_MOST: Final = 1024
+_MOST_OF_ONE: Final = 256
+
+
+class CrowdedTimes:
+    """Some of the times added (ns), about in order."""
+
+    __slots__ = ("_begin", "_kept", "_left", "_open", "_place")
+
+    def __init__(self) -> None:
+        self._begin: int | None = None
+        self._place = 0  # of the stretch that is open
+        self._open: NDArray[np.int64] = np.zeros(0, np.int64)
+        self._kept: list[tuple[int, int, NDArray[np.int64]]] = []  # a heap: how many, minus the place, which
+        self._left = _TIMES_MOST
+
+    def add(self, times: NDArray[Any]) -> None:
+        """More of the stream, in whatever portions."""
+        if not len(times):
+            return
+        times = times.astype(np.int64)
+        if self._begin is None:
+            self._begin = int(times[0])
+        places = np.maximum.accumulate(np.maximum((times - self._begin) // _STRETCH_NS, self._place))
+        edges = np.flatnonzero(np.diff(places)) + 1
+        for part, place in zip(np.split(times, edges), places[np.append(0, edges)].tolist(), strict=True):
+            if place > self._place:
+                self._close(place)
+            self._open = np.concatenate((self._open, part[: _MOST_OF_ONE - len(self._open)]))
+
+    def _close(self, place: int) -> None:
+        if len(self._open):
+            heappush(self._kept, (len(self._open), -self._place, self._open))
+            self._left -= len(self._open)
+        while self._left < 0:
+            self._left += heappop(self._kept)[0]
+        self._place, self._open = place, np.zeros(0, np.int64)
+
+    @property
+    def numbers(self) -> NDArray[np.float64]:
+        """Those remembered, in their order."""
+        stretches = sorted(self._kept, key=lambda one: -one[1])
+        return np.concatenate([*(times for _, _, times in stretches), self._open]).astype(np.float64)

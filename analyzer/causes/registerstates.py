@@ -1,8 +1,11 @@
-"""Whether damage goes with a value on the bus: of each register and coil that has two states, hits in either state.
+"""What registers held, read by read, and whether damage goes with a state of one.
 
 Between two reads of a value that are alike the value is taken to have stood still; what was hit meanwhile is counted
 for its state. A register that takes more than two values has two states all the same: 0, and anything else, as a speed
 has; further states of a measured value mean nothing here.
+
+Of each poll of words the values of some reads are kept, evenly over the capture, in flat memory: enough to see counters
+that jump, values that stand still, other orders of words.
 """
 
 from __future__ import annotations
@@ -221,3 +224,64 @@ def answered_values(stretch: Stretch, places: NDArray[np.intp]) -> NDArray[np.in
         return np.unpackbits(octets, axis=1, bitorder="little")[:, :_COLUMNS].astype(np.int64)
     words = octets[:, : count // 2 * 2].astype(np.int64)
     return words[:, ::2] << 8 | words[:, 1::2]
+
+
+_FUNCTIONS: Final = (3, 4)
+_TABLE_POLLS: Final = 128
+_READS: Final = 256  # of a poll that are kept at most
+_TABLE_COLUMNS: Final = 64
+
+
+@dataclass(slots=True)
+class PollValues:
+    """The words of one poll: `times` (n) on the ledger's axis, `words` (n, registers), `every` how many reads apart."""
+
+    unit: int
+    function: int
+    address: int
+    times: NDArray[np.int64]
+    words: NDArray[np.uint16]
+    every: int = 1
+    reads: int = 0
+
+
+class ValueTable:
+    """Feeds on stretches."""
+
+    def __init__(self) -> None:
+        self.polls: dict[int, PollValues] = {}
+
+    def add(self, stretch: Stretch, times: NDArray[np.int64]) -> None:
+        """The next exchanges, with their times on the ledger's axis."""
+        exchanges = stretch.exchanges
+        good = (exchanges.outcome == Ending.OK) & np.isin(exchanges.function, _FUNCTIONS)
+        places = good.nonzero()[0]
+        numbers = exchanges.poll[places]
+        order = np.argsort(numbers, kind="stable")
+        ordered, places = numbers[order], places[order]
+        begins = np.flatnonzero(np.diff(ordered, prepend=-1))
+        bounds = zip(ordered[begins].tolist(), begins.tolist(), [*begins[1:].tolist(), len(places)], strict=True)
+        for number, begin, end in bounds if len(places) else ():
+            if number in self.polls or len(self.polls) < _TABLE_POLLS:
+                self._take(stretch, number, places[begin:end], times)
+
+    def _take(self, stretch: Stretch, number: int, mine: NDArray[np.intp], times: NDArray[np.int64]) -> None:
+        known = self.polls.get(number)
+        if known is None:
+            none = np.zeros((0, 0), np.uint16)
+            unit, function, address = number >> 40 & 0xFF, number >> 32 & 0xFF, number >> 16 & 0xFFFF
+            known = self.polls[number] = PollValues(unit, function, address, np.zeros(0, np.int64), none)
+        first = -known.reads % known.every
+        known.reads += len(mine)
+        chosen = mine[first :: known.every]
+        if not len(chosen):
+            return
+        words = answered_values(stretch, chosen)[:, :_TABLE_COLUMNS].astype(np.uint16)
+        if not len(known.times):
+            known.words = words[:0]
+        if words.shape[1] != known.words.shape[1]:
+            return
+        known.words = np.concatenate((known.words, words))
+        known.times = np.concatenate((known.times, times[chosen]))
+        while len(known.times) > _READS:
+            known.words, known.times, known.every = known.words[::2], known.times[::2], known.every * 2

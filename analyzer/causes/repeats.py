@@ -1,0 +1,205 @@
+"""Masters that do not wait: their next request runs into an answer, meets one to a broadcast, or reads like one."""
+
+from __future__ import annotations
+
+from collections.abc import Set
+from dataclasses import dataclass
+from statistics import median_low
+from typing import Final
+
+import numpy as np
+
+from ..tables.transactions import ECHOED
+from .bits import strays, surplus_bits
+from .evidence import HEALTHY, Evidence
+from .exchanges import Ending
+from .rawbytes import ENDING, is_in_ascii
+from .registry import Symptom
+from .signatures import Behind, Signature
+from .unitledger import UnitLedger
+
+_HEADER: Final = 3  # of an answer
+_LEAST: Final = 3
+_STRAYS_CHARS: Final = 2.0  # a master's timer
+_REQUEST_CHARS: Final = 8
+_LONGER: Final = 1.5
+_TOLD: Final = 0.5  # of a time: by so much it may be wrong and tell something
+_SELDOM: Final = 0.5  # of the good answers
+
+
+def asked_again_into(evidence: Evidence, unit: UnitLedger) -> list[Signature]:
+    """Damaged answers of a unit that go on when its request comes once more: it ends some of them, always as long behind
+    the first one. No other master asks for the same at just that time."""
+    char_ns, off = evidence.ledger.char_ns, evidence.verdict.wait_ns
+    readings = [each for each in evidence.readings(unit) if each.delay >= 0 and not _ends_alike(each)]
+    again: list[float] = []
+    for each in readings:
+        at = each.heard.rfind(each.request[-ENDING:])
+        if at > _HEADER and not each.heard.startswith(each.request[:_HEADER]):
+            again.append(each.delay + (at + ENDING - len(each.request)) * char_ns)
+    if len(again) < _LEAST or strays(again) > off + _STRAYS_CHARS * char_ns:
+        return []
+    begun = float(np.median(again))
+    if off > _TOLD * begun:
+        return []  # what a tap holds back and hands over at once comes always as long behind, too
+    reach = off + _STRAYS_CHARS * char_ns
+    return [each for each in readings if each.delay - reach < begun < each.delay + each.length * char_ns + reach]
+
+
+def asked_again_behind(evidence: Evidence, unit: UnitLedger) -> int:
+    """About how many good answers have their own request right behind them once more, damaged, though what is well
+    answered is seldom asked again: known again in some, and in others by the time."""
+    if not evidence.is_open(Symptom.BEHIND, unit.unit) or len(unit.redundant) > _SELDOM * len(unit.delays):
+        return 0
+    readings = evidence.followed(unit)
+    begun = [
+        (each.t_behind - sample.t_asked, each.heard.endswith(each.request[-ENDING:]))
+        for sample, each in zip(unit.followed.kept, readings, strict=True)
+        if each.behind in (Behind.REQUEST, Behind.NOISE) and not _ends_alike(each)
+    ]
+    known = [t for t, is_known in begun if is_known]
+    if len(known) < _LEAST:
+        return 0
+    reach = evidence.verdict.wait_ns + _REQUEST_CHARS * evidence.ledger.char_ns
+    again = sum(abs(t - float(np.median(known))) <= reach for t, _ in begun)
+    return round(unit.followed.offered * again / len(readings))
+
+
+def waits_longer(evidence: Evidence, unit: UnitLedger, times: float = _LONGER) -> bool:
+    """Whether the master waits longer behind a unit's answers, before it repeats what it asked, than nearly ever behind
+    others': it had not given up when they came. The last unit of a round, behind which it rests, tells nothing."""
+    found = [other.pauses.quantile(0.9) for other in evidence.units if other is not unit]
+    usual, waited = [pause for pause in found if pause is not None], unit.redundant_pauses.quantile(0.1)
+    if not usual or waited is None:
+        return False
+    return waited > times * max(median_low(usual), evidence.ledger.char_ns)
+
+
+def _ends_alike(reading: Signature) -> bool:
+    """Whether its answer ends as the request does: an echo, and every line in ASCII."""
+    return len(reading.request) == reading.due or is_in_ascii(reading.request)
+
+
+_OFTEN: Final = 0.3  # of the broadcasts
+_FEW: Final = 3
+_HITS_LEAST: Final = 5  # exchanges that are hit
+_CONTRAST: Final = 8  # exchanges of a unit behind something else
+_ELSEWHERE: Final = 0.1  # of its hits
+_HALF: Final = 0.5
+_BITS: Final = 10.0
+_SURE_BITS: Final = 30.0
+_TO_ALL: Final = 0
+
+
+@dataclass(frozen=True, slots=True)
+class CalledBack:
+    """How many exchanges right behind broadcasts were hit, of how many, by how much that is likelier as their doing
+    (bits), and the units that are hit behind broadcasts, or behind each other, and next to never else."""
+
+    met: int = 0
+    met_of: int = 0
+    bits: float = 0.0
+    units: frozenset[int] = frozenset()
+
+
+def called_back(evidence: Evidence) -> CalledBack:
+    """Of the exchanges that nothing explains yet; nothing where it may be chance."""
+    if not evidence.ledger.broadcasts or not evidence.ordered:
+        return CalledBack()
+    successors = evidence.ledger.successors
+    direct = {unit.unit: _bits(evidence, unit.unit, {_TO_ALL}) for unit in evidence.units}
+    hit = {unit for unit, bits in direct.items() if bits > _BITS}
+    met = sum(successors.met[unit, _TO_ALL] for unit in hit)
+    weight = sum(direct[unit] for unit in hit)
+    if met < _HITS_LEAST or weight < _SURE_BITS:
+        return CalledBack()
+    met_of = sum(successors.followed[unit, _TO_ALL] for unit in hit)
+    more = hit
+    while more:
+        more = {unit for unit in direct.keys() - hit if _behind(evidence, unit, hit | {_TO_ALL})}
+        hit = hit | more
+    return CalledBack(met, met_of, weight, frozenset(hit))
+
+
+def broadcasts_answered(evidence: Evidence) -> bool:
+    """Whether many broadcasts are, for what answers them runs into requests as a second master's would."""
+    ledger = evidence.ledger
+    often = ledger.broadcasts_answered >= _FEW and ledger.broadcasts_answered > _OFTEN * ledger.broadcasts
+    return often or called_back(evidence).met > _OFTEN * ledger.broadcasts
+
+
+def _behind(evidence: Evidence, unit: int, hit: Set[int]) -> bool:
+    """Whether a unit is hit behind these and not else; one that always comes behind them no oftener than it may be."""
+    successors = evidence.ledger.successors
+    met = sum(successors.met[unit, each] for each in hit)
+    followed = sum(successors.followed[unit, each] for each in hit)
+    if successors.followed_of(unit) - followed >= _CONTRAST or not evidence.is_open(Symptom.DAMAGE, unit):
+        return _bits(evidence, unit, hit) > _BITS
+    return 0 < met <= min(evidence.ledger.broadcasts, _HALF * followed)
+
+
+def _bits(evidence: Evidence, unit: int, behind: Set[int]) -> float:
+    """How much likelier it is that a unit is hit right behind these than wherever it is asked; 0 where it is else."""
+    successors = evidence.ledger.successors
+    if not evidence.is_open(Symptom.DAMAGE, unit):
+        return 0.0
+    met = sum(successors.met[unit, each] for each in behind)
+    followed = sum(successors.followed[unit, each] for each in behind)
+    hit, asked = successors.met_of(unit) - met, successors.followed_of(unit) - followed
+    if asked < _CONTRAST or hit > _ELSEWHERE * met:
+        return 0.0
+    return surplus_bits(met, followed, max(HEALTHY, (hit + 0.5) / (asked + 50)))
+
+
+_REQUESTS_LEAST: Final = 5  # requests
+_HARDLY: Final = 0.1  # of what seems to be answered
+_AS_LATE: Final = 0.95
+_SILENT_FOR_ECHO: Final = 5
+_NEARLY_ALL_SILENT: Final = 0.8  # the rest is what a tap hands over in pieces
+_TIMER: Final = 0.2  # of a time, by which a timer and the pause behind it stray
+_ONE_TIMER: Final = 0.02  # and one and the same timer
+_FAR_LONGER: Final = 4.0
+
+
+def only_repeats(evidence: Evidence, unit: UnitLedger) -> bool:
+    """Whether what reads like its answers is the master's own requests once more: echoes, and as late as its repeats."""
+    if unit.answered != unit.echoes or unit.loose != unit.echo_strays:
+        return False
+    if unit.count(Ending.SILENT) < _HARDLY * unit.answered:
+        return _waits_behind_as_before(evidence, unit)
+    delay, wait = unit.echo_delays.quantile(0.1), unit.waits.quantile(0.1)
+    told = [
+        poll for poll in evidence.polls_of(unit.unit) if not ECHOED[poll.function]
+    ]  # no request reads like an answer
+    silent, asked = sum(poll.count(Ending.SILENT) for poll in told), sum(poll.asked for poll in told)
+    mostly = silent >= max(_REQUESTS_LEAST, _NEARLY_ALL_SILENT * asked) and not any(
+        poll.count(Ending.OK) for poll in told
+    )
+    mostly = mostly or unit.count(Ending.SILENT) >= _SILENT_FOR_ECHO * (unit.answered + unit.loose)
+    off = evidence.verdict.wait_ns
+    if delay is None or wait is None or off > wait:
+        return mostly
+    latest, longest = unit.echo_delays.quantile(0.9) or delay, unit.waits.quantile(0.9) or wait
+    return delay + off > _AS_LATE * wait and (mostly or latest * _AS_LATE < longest)
+
+
+def _waits_behind_as_before(evidence: Evidence, unit: UnitLedger) -> bool:
+    """Whether the master waits behind what reads like a unit's answers as long as before them, by its timer, and behind
+    those of others far shorter: it had no answer."""
+    delay, pause = unit.echo_delays.quantile(0.5), unit.pauses.quantile(0.5)
+    others = [other.pauses.quantile(0.5) for other in evidence.units if other is not unit and other.answered]
+    known = sorted(each for each in others if each is not None)
+    if delay is None or pause is None or not known or evidence.verdict.wait_ns > _TIMER * delay:
+        return False
+    by_timer = max(strays(unit.echo_delays.numbers), abs(pause - delay))
+    if delay > _FAR_LONGER * known[-1]:
+        return by_timer < _TIMER * delay
+    return delay > _FAR_LONGER * known[len(known) // 2] and by_timer < _ONE_TIMER * delay  # behind one the master rests
+
+
+def in_vain(evidence: Evidence, unit: UnitLedger) -> tuple[int, int]:
+    """Requests to a unit that stayed without an answer, of how many: those among them that read like its answers."""
+    if not only_repeats(evidence, unit):
+        return evidence.silent(unit), unit.asked
+    taken = unit.answered + unit.loose  # for answers, the first of a pair each time
+    return unit.count(Ending.SILENT) + unit.answered + taken, unit.asked + taken
