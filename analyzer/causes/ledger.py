@@ -25,7 +25,7 @@ from ..tables.schema import NO_GAP, Kind, Protocol
 from ..tables.transactions import ECHOED, NEVER, Status, TransactionRows
 from .exchanges import ANSWERED, Ending, ExchangeBuilder, Exchanges, RowColumns, Stretch, Unowned
 from .flatmemory import CrowdedTimes, Thinned, TimeGrid
-from .polls import PollTable, SuccessorTable, as_asked_again
+from .polls import PollTable, SuccessorTable
 from .registerstates import StateTable, ValueTable
 from .unitledger import READ_REQUEST, UnitLedger, asked_in_pieces, sampled
 
@@ -104,7 +104,7 @@ class Ledger:
             batch = replace(batch, rows=batch.rows[~networked])
         if not len(batch):
             return
-        table = as_asked_again(RowColumns.of(batch))
+        table = RowColumns.of(batch)
         unheard = transactions.request[transactions.status == Status.UNHEARD].tolist()
         self._count_rows(table)
         for part in self._builder.feed(table, unheard):

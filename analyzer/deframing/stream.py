@@ -28,6 +28,7 @@ from .pairing import EnvelopedPairer
 from .segments import StreamSegments, UnorderedRows
 from .tap_clock import TapClock
 from .wireorder import Across, ClockSkew, WireOrder
+from .writes import WriteDirections
 
 _UNKNOWN_CHARACTER_NS: Final = 1e6  # 10 bits at 9600 bit/s, about: only the scale of the silence classes hangs on it
 
@@ -71,6 +72,7 @@ class PortsDeframer:
         self._off_ns = 0.0
         self._frames = 0
         self._order = WireOrder(line)
+        self._writes = WriteDirections()
         self._now: int | None = None
         self._timed = True
 
@@ -121,7 +123,13 @@ class PortsDeframer:
             taken += [UnorderedRows.of(port, segments) for segments in engine.take()]
             if (undecided := engine.undecided_ns) is not None:
                 bounds.append(undecided)
-        return self._batch(*self._order.take(taken, None if last else min(bounds, default=None)))
+        until = None if last else min(bounds, default=None)
+        loose, across = self._order.take(taken, until)
+        if len(self._engines) == 1:
+            loose = self._writes.settle(loose, until, timed=self._timed)
+        elif len((held := self._writes.release()).rows):
+            loose, across = UnorderedRows.joined([held, loose]), across and across.behind(len(held.rows))
+        return self._batch(loose, across)
 
     def _batch(self, loose: UnorderedRows, across: Across | None) -> Batch:
         rows = loose.rows

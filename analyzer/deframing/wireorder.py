@@ -57,6 +57,10 @@ class Across(NamedTuple):
         """The same of some rows."""
         return Across(self.answers[which], self.requests, self.unsure_ns[which])
 
+    def behind(self, count: int) -> Across:
+        """The same behind so many rows of a time when there was one port."""
+        return Across(np.pad(self.answers, (count, 0)), self.requests, np.pad(self.unsure_ns, (count, 0)))
+
 
 class _NewestRequest(NamedTuple):
     """A right request as it was decided, and when the read that brought its first byte returned."""
