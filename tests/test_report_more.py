@@ -196,3 +196,12 @@ def test_a_transaction_s_time_is_an_interval_where_the_tap_is_coarse(tmp_path: P
     bounded = [row for row in times if row["response_time_low_ns"] and not row["response_time_ns"]]
     assert bounded
     assert all(int(row["response_time_low_ns"]) < int(row["response_time_high_ns"]) for row in bounded)
+
+
+def test_parts_of_the_time_without_a_request_do_not_part_an_outage() -> None:
+    made = field_cases()["single-dead-unit"].capture("precise", 3)
+    (card,) = summarize(Capture.of(made.line, made.chunks)).cards
+    (change,) = card.changes
+    assert (
+        change.text == f"{card.silent} of {card.silent} requests without a good answer, 0 of {card.answered} otherwise"
+    )

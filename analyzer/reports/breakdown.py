@@ -90,8 +90,9 @@ def _changes(ledger: Ledger, unit: UnitLedger) -> list[UnitChange]:
     if bits >= _SURE_BITS:
         rest = ~inside
         usual = page_words(", {bad} of {all} otherwise", bad=int(bad[rest].sum()), all=int(requests[rest].sum()))
-        edges = np.flatnonzero(np.diff(np.concatenate(([0], inside.astype(np.int8), [0]))))
-        for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        asked = np.flatnonzero(requests)  # a part of the time without requests ends nothing
+        edges = np.flatnonzero(np.diff(np.concatenate(([0], inside[asked].astype(np.int8), [0]))))
+        for begin, end in zip(asked[edges[::2]].tolist(), (asked[edges[1::2] - 1] + 1).tolist(), strict=True):
             words = "{bad} of {all} requests without a good answer"
             hits = page_words(words, bad=int(bad[begin:end].sum()), all=int(requests[begin:end].sum()))
             until = min(grid.begin_ns + end * grid.width_ns, ledger.end)
