@@ -41,20 +41,51 @@ FORMS = [
     "> {epoch:.6f} {data}",
     "('{way}', {epoch!r}, '{data}')",
     "datetime.datetime(2026, 11, 21, 10, {minutes}, {second}, {ms}000) {way} {data}",
+    "{way} t={elapsed:.3f}s {data}",
+    "{way} {data}  elapsed={ticks}ms",
+    "T+{elapsed:.3f} {way} {data}",
+    "{points} {way} {data}",
+    "{hundreds:.2f} {way} {data}",
+    "{way} @ {epoch_ms}: {data}",
+    "{way};{epoch_ms};{data}",
+    "{ticks} мс: {way} {data}",
+    "{ticks}.250 ms: {way} {data}",
+    "#{ticks:08d} {way} {data}",
+    "{ticks}> {way} {data}",
+    "{whole}-{ms:03d} {way} {data}",
+    "20261121{packed} {way} {data}",
+    "{hour} ч {minute:02d} мин {second:02d},{ms:03d} с: {way} {data}",
+    "{hour}时{minute:02d}分{second:02d}秒{ms:03d}毫秒 {east} {data}",
+    "21 ноября 2026 г., {clock} {way} {data}",
+    "21. November 2026 um {clock} {way} {data}",
+    "{number};{elapsed:.6f};{data}",
+    "{days:.10f};{way};{data}",
 ]
 TABLES = [
     ("ms,dir,data", "{ticks},{way},{data}"),
     ("t,dir,data", "{elapsed:.3f},{way},{data}"),
     ("elapsed [s];dir;data", "{elapsed:.3f};{way};{data}"),
+    ("Дата и время;Напр.;Данные", "{days:.10f};{way};{data}"),
+    ("Time;Dir;Data", "{day:.10f};{way};{data}"),
 ]
 
 
 def written(form: str, message: Message) -> str:
     minutes, seconds = divmod(message.ms / 1000, 60)
+    day = (36_000_000 + message.ms) / 86_400_000
     return form.format(
         clock=message.clock,
         whole=message.clock[:8],
         dashes=message.clock.replace(":", "-"),
+        points=message.clock.replace(":", "."),
+        packed=message.clock.replace(":", "").replace(".", ""),
+        hour=message.clock[:2],
+        minute=int(minutes) % 60,
+        number=message.ms % 90,
+        days=46_347 + day,
+        day=day,
+        hundreds=message.ms / 100,
+        epoch_ms=1_795_255_200_000 + message.ms,
         dots=message.clock.replace(".", ",").replace(":", "."),
         plain=message.clock.replace(":", ""),
         ms=message.ms % 1000,
@@ -78,7 +109,22 @@ def test_times_are_those_of_the_lines(tmp_path: Path, head: str, form: str) -> N
     chunks = list(captures.open(path, judge=judge).chunks())
     assert [chunk.data for chunk in chunks] == [message.data for message in log]
     steps = [later.t_ns - earlier.t_ns for earlier, later in pairwise(chunks)]
-    assert steps == pytest.approx([10**6 * (later.ms - earlier.ms) for earlier, later in pairwise(log)], abs=1000)
+    unit = 10**7 if "{hundreds" in form else 10**6
+    near = 100_000 if "{day" in form else 1000
+    assert steps == pytest.approx([unit * (later.ms - earlier.ms) for earlier, later in pairwise(log)], abs=near)
+
+
+@pytest.mark.parametrize(
+    "line", ["{way} {data} time={took}ms", "10.20.30.{took} {way} {data}", "{took}.5 {way} {data}"]
+)
+def test_numbers_that_do_not_rise_are_no_times(tmp_path: Path, line: str) -> None:
+    rows = [
+        line.format(way=word(m, "TX", "RX"), data=spaced(m.data), took=100 + 7 * (i * i % 5))
+        for i, m in enumerate(messages(random.Random(1), 4))
+    ]
+    path = tmp_path / "log.txt"
+    path.write_text("\n".join(rows), encoding="utf-8")
+    assert not captures.open(path, judge=judge).timed
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..text.stamps import TITLE_UNIT_NS
+from ..text.counts import TITLE_UNIT_NS
 
 Times = NDArray[np.int64]
 

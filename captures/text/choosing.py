@@ -108,7 +108,9 @@ class Experience:
     mail: bool = False  # it is as mails are sent: `=3D`, and `=` where a line goes on
     fraction: int = 0  # digits that fractions of seconds stand for, where leading zeros are missing
     steps: bool = False  # times with a plus are steps from the one above
-    counters: bool = False  # numbers before a mark are milliseconds
+    counters: bool = False  # numbers before a mark, and the like, are times: in milliseconds, where
+    guessed: bool = False  # nothing says their unit
+    days: bool = False  # times without a unit are days
     threshold: Writing = Writing.BYTES
     meanings: bool = False  # a byte a line beside what it means is bytes: there is nothing else
     decimals: bool = False  # lists of decimal numbers are bytes: there is nothing else

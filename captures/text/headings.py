@@ -10,7 +10,8 @@ that is a number counts days as spreadsheets do.
 Fractions of seconds without their leading zeros, `12:00:01.5` five milliseconds after `12:00:01`: loggers that print
 seconds and milliseconds as two numbers write so. Read as decimals they run back within a second, read as counts they
 never do. Steps, `[+0.031]`: as times since some start they would run back. Numbers before a mark, `1023: TX 01 03`:
-milliseconds where they rise, and not from line to line by one.
+milliseconds where they rise, and not from line to line by one. Days, `46351.423611842`, as spreadsheets count them from
+1900 on, or from midnight: as seconds they would follow one another sooner than a line's bytes do.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Final, NamedTuple
 
-from .stamps import SECOND_NS, TITLE_UNIT_NS, Stamp
+from .counts import SECOND_NS, TITLE_UNIT_NS, Stamp
+from .stamps import DAY_NS
 from .tools import NONE, LineMark
 
 
@@ -75,14 +77,16 @@ _UNIT_NAME: Final = re.compile(  # of a table's first column: `ms`, `t`, `elapse
 )
 _NO_NAMES: Final = ("", "s", "с")
 _UNITS: Final = {"millis": 10**6, "micros": 10**3}
-_DATE: Final = re.compile(r"^(?:date|datum|дата|date[ /_]?time|datetime|дата[ /,]?время)$", re.IGNORECASE)
+_DATE: Final = re.compile(r"^(?:date|datum|дата|date[ /_]?time|datetime|дата[ /,]?(?:и )?время)$", re.IGNORECASE)
 _CELL: Final = re.compile(
     r"^[\"']?\s*(?P<sign>[-+−])?(?P<whole>\d{1,18})(?:[.,](?P<fraction>\d{1,18}))?(?:[eE](?P<power>[-+]?\d{1,2}))?"
     r"\s*(?P<unit>ms|us|µs|μs|ns|s|мс|мкс|с)?\s*[\"']?$"
 )
-_DAY_NS: Final = 86_400 * 10**9
-_EPOCH: Final = 25_569  # 1970 in the days of spreadsheets
-_DAYS: Final = range(20_000, 80_000)  # 1954 to 2119
+_DATA: Final = re.compile(
+    r"dat[aei]|daten|datos|byte|octet|hex|value|wert|valeur|данны|байт|знач|数据|數據|(?<!\w)[tr]x", re.IGNORECASE
+)
+_DAYS: Final = range(20_000, 80_000)  # of spreadsheets: 1954 to 2119
+_1970: Final = 25_569  # in them
 _LEAST: Final = 2  # columns of a table
 _CELLS_MOST: Final = 64
 _LONGEST: Final = 1024  # characters of a row
@@ -90,13 +94,17 @@ _LONGEST: Final = 1024  # characters of a row
 
 @dataclass(frozen=True, slots=True)
 class TimeColumn:
-    """Which of a table's columns is the time: `unit` in ns by its name (None: not named), `days` since 1900."""
+    """Which of a table's columns is the time: `unit` in ns by its name (None: not named), `days` since 1900.
+
+    `numbered`: no column before it is named as bytes are.
+    """
 
     parted: str  # by this sign; by two blanks where empty
     number: int
     columns: int
     unit: int | None
     days: bool
+    numbered: bool
 
     def find(self, text: str) -> tuple[Stamp, str] | None:
         """The time of a row, and the row with the cells up to it blanked by as many spaces; None of other lines."""
@@ -104,22 +112,20 @@ class TimeColumn:
         if not self.number < len(cells) <= self.columns + 1:
             return None
         start, end = cells[self.number]
-        t_ns = self._time(text[start:end])
-        if t_ns is None:
+        cell = _CELL.match(text[start:end])
+        t_ns = None if cell is None else self._time(cell)
+        if cell is None or t_ns is None:
             return None
-        begin = cells[0][0] if all(text[a:b].strip(" \"'").isdigit() for a, b in cells[: self.number]) else start
-        return Stamp(t_ns, of_day=False), text[:begin] + " " * (end - begin) + text[end:]
+        numbers = self.numbered and all(text[a:b].strip(" \"'").isdigit() for a, b in cells[: self.number])
+        begin = cells[0][0] if numbers else start
+        unnamed = self.unit is None and not (self.days or cell["unit"])
+        return Stamp(t_ns, of_day=False, unnamed=unnamed), text[:begin] + " " * (end - begin) + text[end:]
 
-    def _time(self, cell: str) -> int | None:
-        match = _CELL.match(cell)
-        if match is None:
-            return None
+    def _time(self, match: re.Match[str]) -> int | None:
         whole, fraction = int(match["whole"]), match["fraction"] or ""
         unit = TITLE_UNIT_NS[match["unit"]] if match["unit"] else self.unit
         if self.days and not match["unit"]:
-            if whole not in _DAYS or not fraction:
-                return None
-            whole, unit = whole - _EPOCH, _DAY_NS
+            return of_days(int(f"{whole}{fraction:0<9.9}")) if whole in _DAYS and fraction else None
         if unit is None:
             if not fraction and not match["power"]:
                 return None  # of what unit, nobody says
@@ -140,12 +146,13 @@ def time_column(text: str) -> TimeColumn | None:
             continue
         names = [text[start:end].strip(" \"'\ufeff") for start, end in cells]
         for number, name in enumerate(names):
+            numbered = not any(map(_DATA.search, names[:number]))
             if _DATE.match(name) is not None:
-                return TimeColumn(parted, number, len(cells), None, days=True)
+                return TimeColumn(parted, number, len(cells), None, days=True, numbered=numbered)
             match = _NAME.match(name) or (None if number or name in _NO_NAMES else _UNIT_NAME.match(name))
             if match is not None:
                 unit = _UNITS.get(name.lower()) or TITLE_UNIT_NS.get((match["unit"] or "").lower())
-                return TimeColumn(parted, number, len(cells), unit, days=False)
+                return TimeColumn(parted, number, len(cells), unit, days=False, numbered=numbered)
     return None
 
 
@@ -167,6 +174,9 @@ def _cells(text: str, parted: str) -> list[tuple[int, int]]:
 
 _TIMES_MOST: Final = 4096  # times that are looked at
 _LINES_NS: Final = 2_000_000  # of numbers of lines, or of two together, read as milliseconds
+_FEWEST_STEPS: Final = 3  # that tell days from seconds
+_SOONEST_NS: Final = 80_000  # of rows in seconds: a byte at 115200 bit/s takes longer
+_SOONEST_BARE_NS: Final = 1_000  # where nothing else says that they are days
 _WIDTHS: Final = (3, 6, 9)  # digits of milliseconds, microseconds, nanoseconds
 
 
@@ -177,12 +187,19 @@ class Fractions:
     _stamps: list[Stamp] = field(default_factory=list)
     _signed: list[int] = field(default_factory=list)
     _counters: list[int] = field(default_factory=list)
+    _unnamed: list[int] = field(default_factory=list)
+    guessed: bool = False  # of a number before a mark nothing says the unit
 
     def note(self, stamp: Stamp) -> None:
         """One more time."""
         if stamp.places and len(self._stamps) < _TIMES_MOST:
             self._stamps.append(stamp)
-        for times, wanted in ((self._signed, stamp.signed), (self._counters, stamp.counter)):
+        self.guessed = self.guessed or (stamp.counter and stamp.unnamed)
+        for times, wanted in (
+            (self._signed, stamp.signed),
+            (self._counters, stamp.counter),
+            (self._unnamed, stamp.unnamed and not stamp.counter),
+        ):
             if wanted and len(times) < _TIMES_MOST:
                 times.append(stamp.t_ns)
 
@@ -198,6 +215,16 @@ class Fractions:
         return bool(steps) and min(steps) >= 0 and sorted(steps)[len(steps) // 2] > _LINES_NS
 
     @property
+    def days(self) -> bool:
+        """Whether seconds are days."""
+        steps = sorted(later - earlier for earlier, later in pairwise(self._unnamed) if later != earlier)
+        if len(steps) < _FEWEST_STEPS or steps[0] < 0:
+            return False
+        if all(t_ns // SECOND_NS in _DAYS for t_ns in self._unnamed):
+            return steps[len(steps) // 2] < _SOONEST_NS
+        return steps[len(steps) // 2] < _SOONEST_BARE_NS and self._unnamed[-1] < SECOND_NS
+
+    @property
     def width(self) -> int:
         """How many digits the fractions stand for, where leading zeros are missing; 0 where nothing says so."""
         places = {stamp.places for stamp in self._stamps}
@@ -207,6 +234,12 @@ class Fractions:
         if not _runs_back([stamp.t_ns for stamp in self._stamps]):
             return 0
         return 0 if _runs_back([counted(stamp, width) for stamp in self._stamps]) else width
+
+
+def of_days(t_ns: int) -> int:
+    """The time that so many days are, written as seconds in ns: since 1970, or of a day."""
+    days = t_ns - _1970 * SECOND_NS if t_ns // SECOND_NS in _DAYS else t_ns
+    return days * (DAY_NS // SECOND_NS)
 
 
 def counted(stamp: Stamp, width: int) -> int:

@@ -19,7 +19,8 @@ from captures.text import stamps
 
 from .candidates import Writing, halves, is_ruler, line_of
 from .choosing import ByteRun, Dump, Experience, label_in, runs_in, with_marks
-from .headings import Fractions, Heading, TimeColumn, counted, marks_of_cells, time_column
+from .counts import Stamp
+from .headings import Fractions, Heading, TimeColumn, counted, marks_of_cells, of_days, time_column
 from .judging import ByteJudge, no_judge
 from .othershapes import unescape
 from .plain import plain, quoted
@@ -265,7 +266,7 @@ class LineReader:
             return line
         return self._placed(line, stamp, line_marks[0].mark if line_marks else NONE)
 
-    def _stamp(self, text: str) -> tuple[stamps.Stamp | None, str]:
+    def _stamp(self, text: str) -> tuple[Stamp | None, str]:
         """The time of a line, and the line without any."""
         in_column = self._times.find(text) if self._times is not None else None
         if in_column is None:
@@ -314,7 +315,7 @@ class LineReader:
         self._heading = Heading(mark, t_ns, fine, label, port, left, bare, columns=columns, parted=parted, cells=cells)
         line.quiet = bare and line.t_ns is not None and _OCTET.search(rest) is None
 
-    def _placed(self, line: LogLine, stamp: stamps.Stamp | None, mark: int) -> LogLine:
+    def _placed(self, line: LogLine, stamp: Stamp | None, mark: int) -> LogLine:
         """A line with bytes below its heading, and in its dump."""
         first = next((run for run in line.runs if run.level or run.checked), line.runs[0])
         goes_on = self._dump.goes_on(first, line.t_ns)
@@ -355,12 +356,14 @@ class LineReader:
             line.t_ns, line.fine = heading.t_ns, heading.fine
         return line
 
-    def _time(self, stamp: stamps.Stamp | None) -> int | None:
+    def _time(self, stamp: Stamp | None) -> int | None:
         """Nanoseconds that go on past midnight."""
         if stamp is None:
             return None
         self.fractions.note(stamp)
         t_ns = counted(stamp, self.experience.fraction)
+        if stamp.unnamed and self.experience.days:
+            t_ns = of_days(t_ns)
         if stamp.signed and self.experience.steps:
             self._elapsed_ns += t_ns
             return self._elapsed_ns

@@ -20,7 +20,7 @@ from .choosing import MOST_JUDGED, ByteRun, Experience
 from .entries import entries_of, payload_of, whole_entries, whole_words, with_repeats
 from .judging import ByteJudge, lenient, no_judge
 from .loglines import LineReader, LogLine
-from .plain import entries_in, is_of_mail, mended, quoted, unfolded, unquoted, unwrapped
+from .plain import entries_in, is_of_mail, mended, quoted, turns_in, unfolded, unquoted, unwrapped
 from .settling import only_bytes, settle
 
 LOOKED_FOR: Final = "such as 11 03 00 6B or :1103006B…"  # behind "no hex bytes"
@@ -106,7 +106,9 @@ class LogReader:
             yield f"fractions of seconds are read as {unit} without leading zeros: as decimals they would run back"
         if experience.steps:
             yield "times with a plus are read as steps from the one above: as times they would run back"
-        if experience.counters:
+        if experience.days:
+            yield "times are read as days, as spreadsheets count them: as seconds they would be too close together"
+        if experience.counters and experience.guessed:
             yield "numbers before the marks of lines are read as milliseconds"
 
     @property
@@ -142,8 +144,9 @@ class LogReader:
         experience.mail = any(is_of_mail(line) for line in beginning)
         read = self._parts(reader, beginning)
         met = reader.fractions
-        experience.fraction, experience.steps, experience.counters = met.width, met.steps, met.counters
-        if met.width or met.steps or met.counters:
+        experience.fraction, experience.steps, experience.days = met.width, met.steps, met.days
+        experience.counters, experience.guessed = met.counters, met.guessed
+        if met.width or met.steps or met.days or met.counters:
             reader = self._line_reader()
             read = self._parts(reader, beginning)
         for run in (run for line in read for run in line.runs):
@@ -210,7 +213,8 @@ def _parted(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
     for number, line in ((number, entry) for number, whole in lines for entry in entries_of(whole)):
         several = _ENTRIES[0] < len(line) <= _MOST and len(entries := list(entries_in(line))) >= _ENTRIES[1]
         for entry in entries if several else (line,):
-            yield number, entry
+            for turn in turns_in(entry) if len(entry) <= _MOST else (entry,):
+                yield number, turn
 
 
 def _beginning(lines: Iterable[str]) -> Iterator[str]:

@@ -69,6 +69,9 @@ _HEX_SIGN: Final = re.compile(  # typed with a letter O, a multiplication sign, 
 )
 _REPEATED: Final = re.compile(r"(?<!\w)(0x[0-9A-Fa-f]{1,2}|\d{1,3}) <repeats (\d{1,3}) times>")  # as gdb shows arrays
 _LOST_BREAK: Final = re.compile(r"(?<![0-9A-Za-z])([0-9A-Fa-f]{2})(?=(?:[TR]x|[TR]X|tx|rx) ?[:>])")  # `0BRx: 01 03`
+_SHOWN_BESIDE: Final = re.compile(
+    r"(?<=\d) '(?:\\(?:[0-7]{1,3}|x[0-9a-f]{2}|.)|[^\\])'(?=\s*(?:[,}<]|$))"
+)  # as gdb prints chars
 _MIDDLE: Final = re.compile(  # of a dump's row: `00000000: 01 03 04 00 00 00 00 00 - 00 00`
     r"^(\s*(?:0[xX])?[0-9A-Fa-f]{4,8}\s?[:|]?\s+(?:[0-9A-Fa-f]{2} ){7}[0-9A-Fa-f]{2}) [-|:] (?=[0-9A-Fa-f]{2}\s)"
 )
@@ -92,6 +95,8 @@ def plain(line: str) -> str:
         text = html.unescape(text).replace("\u00a0", " ")
     if _HEX_SIGN.search(text):
         text = _HEX_SIGN.sub(lambda match: f"0x{match[1].translate(LOOK_ALIKE)}", text)
+    if " '" in text and _SHOWN_BESIDE.search(text):
+        text = _SHOWN_BESIDE.sub("", text)
     if " <repeats " in text:
         text = _REPEATED.sub(lambda match: ", ".join([match[1]] * int(match[2])), text)
     if _LOST_BREAK.search(text):
@@ -175,6 +180,12 @@ ENTRY: Final = re.compile(  # how one begins
     r"\[\d\d:\d\d:\d\d(?:\.\d+)?\]\[[A-Z]{1,2}\]\[|(?<!\S)\[[A-Z]\] ?\d+\| |"
     r"(?<![\w:.-])20\d\d-\d\d-\d\d[ T]\d\d:\d\d:\d\d[.,]\d{3} [A-Z(]|>>>>> (?=send: |recv: |extra: )"
 )
+_TURN: Final = re.compile(  # how one begins that has its time, wherever it stands
+    r"(?:[\[(]|(?<![\w:./-]))(?:(?:\d{4}[-/.]\d\d[-/.]\d\d|\d\d[-/.]\d\d[-/.]\d{4})[ T]{1,2})?"
+    r"\d\d:\d\d:\d\d[.,]\d{3}(?!\d*:)"
+)
+_TURN_BYTES: Final = re.compile(rf"(?:(?<!\w)(?:0[xX])?{H}{{2}}(?!\w)[ ,:.-]{{0,2}}){{4}}|(?<!\w){H}{{8,}}(?!\w)")
+_SIGNS_OF_CLOCKS: Final = 4  # in a line that has two
 _WINDOW: Final = 38  # columns that a window has at least
 _PAIRS_WIDE: Final = 14  # characters of a few pairs
 _BROKEN: Final = re.compile(rf"(?: {H}{{2}}){{4}} {H}$")
@@ -241,6 +252,15 @@ def entries_in(line: str) -> Iterator[str]:
     heads = [head.start() for head in ENTRY.finditer(line)]
     for start, end in pairwise((0, *heads[heads[:1] == [0] :], len(line))):
         yield line[start:end]
+
+
+def turns_in(line: str) -> list[str]:
+    """The parts of a line in which several have spoken: a time and bytes behind it in each."""
+    if line.count(":") < _SIGNS_OF_CLOCKS:
+        return [line]
+    heads = [head.start() for head in _TURN.finditer(line)]
+    parts = [line[start:end] for start, end in pairwise((0, *heads[1:], len(line)))]
+    return parts if len(parts) > 1 and all(map(_TURN_BYTES.search, parts)) else [line]
 
 
 def unfolded(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:

@@ -8,41 +8,49 @@ fraction, and its parts are in range. A date without a zone is local time of the
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta, timezone, tzinfo
 from functools import lru_cache
 from typing import Final
 
 from ..limits import TIME_LIMIT
+from .counts import LEAD, Stamp, blanked, count_anywhere, count_at_begin, count_with_days, fraction
 
 DAY_NS = 86_400_000_000_000
-SECOND_NS: Final = 1_000_000_000
 _MINUTE_NS: Final = 60_000_000_000
 
-_MONTHS: Final = ["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"]
-_NAME = r"(?:jan|feb|mar|apr|may|jun|jul|aug|sep|oct|nov|dec)[a-z]{0,6}\.?"
+_MONTHS: Final = {  # by the first three letters of their names in English, German and Russian
+    name: number
+    for names in (
+        "jan feb mar apr may jun jul aug sep oct nov dec",
+        "jan feb mär apr mai jun jul aug sep okt nov dez",
+        "янв фев мар апр мая июн июл авг сен окт ноя дек",
+    )
+    for number, name in enumerate(names.split(), 1)
+}
+_NAME = rf"(?:{'|'.join(_MONTHS)})[^\W\d_]{{0,6}}\.?"
 _DATE = (
     r"(?:(?P<y>\d{4})[-/.](?P<mo>\d{1,2})[-/.](?P<d>\d{1,2})|"
     r"(?P<d2>\d{1,2})(?P<sign>[-./])(?P<mo2>\d{1,2})(?P=sign)(?P<y2>\d{4}|\d\d)|"
-    rf"(?P<d3>\d{{1,2}})[ /-](?P<mo3>{_NAME})[ /-](?P<y3>\d{{4}})|"
+    rf"(?P<d3>\d{{1,2}})\.?[ /-](?P<mo3>{_NAME})[ /-](?P<y3>\d{{4}})(?: г\.)?|"
     rf"(?P<mo4>{_NAME}) {{1,2}}(?P<d4>\d{{1,2}}),? (?:(?P<y4>\d{{4}}),?(?= ))?|"
     r"(?P<y5>20\d\d)(?P<mo5>[01]\d)(?P<d5>[0-3]\d)|"
     r"[01]?\d[-/][0-3]?\d)"
 )
 _CLOCK = re.compile(
-    rf"(?<![0-9A-Za-z_.])(?<!\d:)(?<!\b[0-9a-f]:)(?<!\b[0-9a-f][0-9a-f]:)(?:{_DATE}(?:,? ?T?| |_|-|,|:){{0,1}} ?(?<=[T _,:-])|(?P<y6>\d{{4}})年(?P<mo6>\d{{1,2}})月(?P<d6>\d{{1,2}})日 ?)?"
+    rf"(?<![0-9A-Za-z_.])(?<!\d:)(?<!\b[0-9a-f]:)(?<!\b[0-9a-f][0-9a-f]:)(?:{_DATE}(?:,? ?T?| |_|-|,|:|,? (?:at|um|в)){{0,1}} ?(?<=[T _,:-])|(?P<y6>\d{{4}})年(?P<mo6>\d{{1,2}})月(?P<d6>\d{{1,2}})日 ?)?"
     r"(?P<h>\d{1,2}):(?P<mi>\d\d):(?P<s>\d\d)"
     r"(?:[.:](?P<fz>\d{3}[,.]\d{3})(?!\d)|\.(?P<f>\d{1,9})|,(?P<fc>\d{3}(?:\d{3}){0,2})(?!\d)|:(?P<fm>\d{3})(?!\d)|"
-    r"\ (?P<fs>\d{3})(?=\ ?(?:ms|мс)\b)|\ \((?P<fp>\d{3})\))?"
+    r"\ (?P<fs>\d{3})(?=\ ?(?:ms|мс)\b)|\ \((?P<fp>\d{3})\)|[-/'](?P<fd>\d{3})(?=[\s\]),;:|]|$))?"
     r"(?:\ ?(?P<half>[AaPp])\.?[Mm]\.?)?(?:\ ?(?P<zone>Z\b|[+-]\d\d:?\d\d|UTC\b|GMT\b))?"
     r"(?:(?=[i-wyz][a-z]{2}|[tr]x(?![0-9a-z]))|(?![0-9a-z_]|\.\d)(?(f)|(?!:[0-9a-f]{1,2}(?!\w))))"
     r"(?:\ (?P<y7>20\d\d)(?=[\]) ]))?",
     re.IGNORECASE,
 )
-_FRACTIONS: Final = ("fz", "f", "fc", "fm", "fs", "fp")
+_FRACTIONS: Final = ("fz", "f", "fc", "fm", "fs", "fp", "fd")
 _BARE_DATE = re.compile(
     r"(?<![\w.:-])(?:\d{4}[-/]\d\d[-/]\d\d|\d\d[./]\d\d[./]\d{4}|\d{4}\.\d\d\.\d\d)(?![\w:]|[-/.]\w)|"
-    r"(?<![\w.:-])\d\d?-(?:jan|feb|mar|apr|may|jun|jul|aug|sep|oct|nov|dec)-\d{2,4}\b",
+    rf"(?<![\w.:-])\d\d?-{_NAME}-\d{{2,4}}\b",
     re.IGNORECASE,
 )
 _MINUTE: Final = re.compile(  # of chats and mails: too coarse for a time, but no bytes
@@ -58,73 +66,21 @@ _HEAD: Final = 256  # in the first of them alone
 _DATE_LENGTH: Final = 40  # characters that a date and a zone take at most
 _CLOCK_TAIL: Final = 20  # that a fraction, am or pm and a zone take
 _DIGIT = re.compile(r"\d")
-_LEAD = r"^[\s\[(|\"']*"
-_TITLE: Final = re.compile(
-    _LEAD + r"(?:- )?(?:t|ts|time|elapsed|uptime)[ =:]{1,3}(?=\d+(?:[.,]\d+)?(?:ms|us|µs|μs|ns|s)?[\s\]):,;|])", re.I
-)
-_SECONDS = re.compile(_LEAD + r"\+?(\d{1,10})\.(\d{3,18})(?: ?s)?(?=[\s\]):,;>|\"']|-\D|$)")
-_COMMA_SECONDS = re.compile(_LEAD + r"(\d{1,10}),(\d{1,9})(?: ?s)?(?=[;\t])")  # of a table in a comma's country
-_NUMBERED_SECONDS = re.compile(r"^\s*\d{1,9}[ \t]+(\d{1,10})\.(\d{6}|\d{9})(?=[ \t])")  # Wireshark's list of packets
-_BRACKETED: Final = re.compile(r"^[\w./: -]{1,40}?[:\s]\[\s*(\d{1,7})\.(\d{6})\](?=\s)")  # of a kernel, behind a name
-_MINUTES = re.compile(_LEAD + r"(\d{1,3}):([0-5]\d)\.(\d{1,6})(?=[\s\]):,;>|\"'])")  # since some start
-_EPOCH = re.compile(_LEAD + r"(1[2-9]\d{11}(?:\d{3}){0,2})(?=[\])]|[\s,:;]+(?![0-9A-Fa-f]{6})\S)")
-_EPOCH_SECONDS = re.compile(_LEAD + r"(1[2-9]\d{8})(?=[\])]|[\s,:;]+(?![0-9A-Fa-f]{6})\S)")
-_UNIT = re.compile(rf"{_LEAD}\+?(?:[\w-]+\]\s*)?(\d+)(?:\.(\d{{1,9}}))? ?(ms|us|µs|μs|ns|s)(?=[\s\]):,;>|]|$)")
-_NUMBERED_UNIT = re.compile(r"^\s*\d{1,9}\s*[|,;\t]\s*(-?)(\d{1,18})(?:\.(\d{1,9}))? ?(ms|us|µs|μs|ns|s)(?=[\s,;|])")
 # `10-01-48.958`, `10.01.48,958`, `2026-11-21_10-01-48`, `20261121T100148`, behind a process `2311:20261121:100148.958`
 _ODD_CLOCK: Final = re.compile(
     r"^[\s\[(|\"']*(?:(?:\d{1,7}:(?=20\d{6}:))?(?P<date>20\d\d-\d\d-\d\d|20\d\d[01]\d[0-3]\d)[ T_:-](?P<h>\d\d)(?P<sign>[-.]?)(?P<mi>\d\d)(?P=sign)"
-    r"(?P<s>\d\d)(?:[.,](?P<f>\d{1,9}))?|(?P<hh>\d\d)(?:(?P<dash>-)|(?P<dot>\.))(?P<mm>\d\d)(?(dash)-|\.)(?P<ss>\d\d)"
+    r"(?P<s>\d\d)(?:[.,](?P<f>\d{1,9}))?Z?|(?P<hh>\d\d)(?:(?P<dash>-)|(?P<dot>\.))(?P<mm>\d\d)(?(dash)-|\.)(?P<ss>\d\d)"
     r"(?(dash)[.,]|,)(?P<ff>\d{3}|\d{6}))(?![\w.])"
 )
-_PARTS: Final = re.compile(  # `0d 0h 12m 3.456s`
-    _LEAD + r"(?:(\d{1,5})d ?)?(?:(\d{1,5})h ?)?(\d{1,5})m ?(\d{1,5})(?:\.(\d{1,9}))?s(?=[\s\]):,;>|]|$)"
-)
-_DAYS: Final = re.compile(r"(?<![\w:.])(\d{1,3}):([0-2]\d):([0-5]\d):([0-5]\d)\.(\d{1,6})(?![\w.])")  # since some start
 _CALLED: Final = re.compile(r"\bdatetime(?:\.datetime)?\((\d{4}(?:, ?\d{1,6}){4,6})\)")  # as Python shows one
-_ANYWHERE: Final = re.compile(r"(?<![\w.])(1[2-9]\d{8})\.(\d{1,9})(?![\w.])")
-_TICKS = re.compile(  # milliseconds since a microcontroller began, or a program, as their logs write them
-    r"^\s*(?:(\d{1,10}) \[[\w .#:-]{1,60}\] (?:TRACE|DEBUG|INFO|WARN|ERROR)\b|\[[A-Z]\] ?(\d+)\||[EWIDV] \((\d+)\)(?= )|\[ *(\d+)\](?:\[[EWIDV]\]| \[(?:INFO|DEBUG|WARN|ERR|ERROR|TRACE|VERB) *\]))"
+_PACKED: Final = re.compile(  # `20261121100148958`: no even number of digits, as bytes in hex have
+    LEAD + r"(20\d\d)([01]\d)([0-3]\d)([0-2]\d)([0-5]\d)([0-5]\d)[.,]?(\d{3})(?![\w.])"
 )
-_COUNTER = re.compile(  # `1023: TX 01 03`
-    r"^\s*(?:\[?(\d{1,10})\]?:|\[ *(\d{1,10})\]|\((\d{1,10})\)|(?<= {2})(\d{1,10})(?= )) ?(?=\W{0,2}(?:\w{0,8}_)?(?:[TR]x|req|resp?|sen[dt]|recv|read|wr|write|in|out)\b|[-=]?[-=<>][->=]|[→←])|^\s*\[ *(\d{1,10})\] (?=\w{1,12}(?:Send|Receive|Write|Read)\b)|^\s*(?:\[(\d{4,10})\]|(\d{4,10}) ?:) (?=(?:[\w.-]{1,16}:? ){1,3}(?:[TR]x|sen[dt]|recv|reply)\b)|^\s*(\d{4,10})(?: ?[|;,\t]| (?=\S)) ?(?=\W{0,2}(?:[TR]x\b|[-=]?[-=<>][->=]|[→←]))",
-    re.I,
+_SPELLED: Final = re.compile(  # `10时01分48秒958毫秒`, `10 ч 01 мин 48 с`, `10h01m48s`
+    r"(?<![\w.])(\d{1,2}) ?(?:时|時|ч|h|Uhr) ?(\d\d) ?(?:分|мин|м|min|m) ?(\d\d)(?:[.,](\d{1,6}))? ?(?:秒|сек|с|sec|s)"
+    r"(?:(\d{3})(?:毫秒|ms)?)?(?![0-9A-Za-z])"
 )
-_LAST = re.compile(r"[\w\"')\]}][ \t](1[2-9]\d{8})(\d{3}|\d{9})\s*$")  # as InfluxDB's lines end
-_KEYED = re.compile(  # epochs in JSON, YAML and logfmt
-    r"(?:[\"'](?:ts|t|time|at|date|when|t_?ms|[\w.]*(?:time_?stamp|epoch))[\"'] ?: ?(?:\[\s*)?|(?<![\w.])(?:ts|time_?stamp)(?:=|: ))"
-    r"[\"']?(1[2-9]\d{8})(?:\.(\d{1,9})|(\d{3}|\d{6}|\d{9})(?!\d))?",
-    re.IGNORECASE,
-)
-_KEYED_COUNT: Final = re.compile(  # `"time_ms": 1012`, `"t": 1.012`
-    r"[\"'](?:ts|t|time|time_?stamp|elapsed|uptime)(?:[ _]?\(?(ms|us|µs|ns|s|sec)\)?[\"'] ?: ?[\"']?(\d{1,18})(?:\.(\d{1,9}))?"
-    r"|[\"'] ?: ?[\"']?(?:(\d{1,9})\.(\d{1,9})|0(?![\d.:])))",
-    re.IGNORECASE,
-)
-UNIT_NS: Final = {"s": 10**9, "ms": 10**6, "us": 10**3, "µs": 10**3, "μs": 10**3, "ns": 1}
-TITLE_UNIT_NS: Final = {  # as titles of columns write them
-    **UNIT_NS, "sec": 10**9, "second": 10**9, "seconds": 10**9, "с": 10**9, "сек": 10**9,
-    "milliseconds": 10**6, "мс": 10**6, "microseconds": 10**3, "мкс": 10**3, "nanoseconds": 1, "нс": 1,
-}  # fmt: skip
 _EPOCH_DAY: Final = datetime(1970, 1, 1, tzinfo=UTC)
-
-
-@dataclass(frozen=True, slots=True)
-class Stamp:
-    """A time in ns: of the day if `of_day`, else since 1970 (UTC) or since some start.
-
-    `zoned` is whether the text itself named a zone; `fine` whether it goes beyond whole seconds. `places` are the
-    digits behind a point, where it has one. `signed` is one with a plus: since some start, or since the time above.
-    `counter` is a number that may count milliseconds, or lines.
-    """
-
-    t_ns: int
-    of_day: bool
-    zoned: bool = True
-    fine: bool = True
-    places: int = 0
-    signed: bool = False
-    counter: bool = False
 
 
 def find(text: str, zone: tzinfo | None = UTC) -> tuple[Stamp | None, str]:
@@ -137,31 +93,14 @@ def find(text: str, zone: tzinfo | None = UTC) -> tuple[Stamp | None, str]:
         return stamp, head + text[_HEAD:]
     if _DIGIT.search(text) is None:
         return None, text
-    stamp = None
-    if (match := _TITLE.match(text)) is not None:
-        text = _blanked(text, match)
-    for pattern, value in _COUNTS:
-        if match := pattern.match(text):
-            stamp = value(match)
-            stamp = replace(stamp, signed=True) if "+" in match[0] else stamp
-            text = _blanked(text, match)
-            break
-    if stamp is None and (":" in text or "=" in text) and (match := _KEYED.search(text)) is not None:
-        stamp = _of_seconds_and_more(match[1], match[2] or match[3])
-        text = _blanked(text, match)
-    elif stamp is None and (match := _KEYED_COUNT.search(text)) is not None:
-        stamp = _of_keyed_count(match)
-        text = _blanked(text, match)
-    if stamp is None and (match := _LAST.search(text)) is not None:
-        stamp = _of_seconds_and_more(match[1], match[2])
-        text = text[: match.start(1)].ljust(len(text))
+    stamp, text = count_at_begin(text)
     likely = _LIKELY_CLOCK.search(text)
     for sign, found, written in _CLOCKS if stamp is None and likely is None else ():
         match = found(text) if sign in text else None
         clock = None if match is None else _of_clock_written(written(match), zone)
         if match is not None and clock is not None:
             stamp = clock
-            text = _blanked(text, match)
+            text = blanked(text, match)
     timed = likely is not None
     while likely is not None:
         end = likely.end()
@@ -171,23 +110,18 @@ def find(text: str, zone: tzinfo | None = UTC) -> tuple[Stamp | None, str]:
                 break  # another, which is looked at whole below
             end = max(end, match.end())
             if (clock := _of_clock(match, zone)) is not None:
-                stamp = clock if stamp is None else _finer(stamp, clock)
-                text = _blanked(text, match)
+                stamp = clock if stamp is None or stamp.counter else _finer(stamp, clock)
+                text = blanked(text, match)
         likely = _LIKELY_CLOCK.search(text, end)
-    if stamp is None and timed and (match := _DAYS.search(text)) is not None:
-        stamp = _of_parts(match)
-        text = _blanked(text, match)
+    if stamp is None and timed:
+        stamp, text = count_with_days(text)
     if stamp is None and ":" in text and _LIKELY_MINUTE.search(text):
         text = _MINUTE.sub(lambda match: " " * len(match[0]), text)
     if _LIKELY_DATE.search(text):
         for match in _BARE_DATE.finditer(text):
-            text = _blanked(text, match)
-    if stamp is None and (match := _BRACKETED.match(text)) is not None:
-        stamp = _of_seconds(match)
-        text = _blanked(text, match, 1)
-    if stamp is None and "." in text and (match := _ANYWHERE.search(text)) is not None:
-        stamp = _of_seconds_and_more(match[1], match[2])
-        text = _blanked(text, match)
+            text = blanked(text, match)
+    if stamp is None:
+        stamp, text = count_anywhere(text)
     if stamp is not None and abs(stamp.t_ns) >= TIME_LIMIT:
         stamp = None
     return stamp, text
@@ -201,79 +135,6 @@ def _finer(stamp: Stamp, clock: Stamp) -> Stamp:
     return replace(stamp, t_ns=stamp.t_ns + fraction, fine=True)
 
 
-def _blanked(text: str, match: re.Match[str], group: int = 0) -> str:
-    return text[: match.start(group)] + " " * (match.end() - match.start(group)) + text[match.end() :]
-
-
-def _fraction(digits: str | None, unit_ns: int = 10**9) -> int:
-    if not digits:
-        return 0
-    return int(int(digits) * unit_ns // 10 ** len(digits))
-
-
-def _of_seconds(match: re.Match[str]) -> Stamp:
-    return Stamp(int(match[1]) * 10**9 + _fraction(match[2]), of_day=False, places=len(match[2]))
-
-
-def _of_minutes(match: re.Match[str]) -> Stamp:
-    return Stamp((int(match[1]) * 60 + int(match[2])) * 10**9 + _fraction(match[3]), of_day=False)
-
-
-def _of_epoch(match: re.Match[str]) -> Stamp:
-    return Stamp(int(int(match[1]) * 10 ** (19 - len(match[1]))), of_day=False, fine=len(match[1]) > len("1700000000"))
-
-
-def _of_seconds_and_more(seconds: str, fraction: str | None) -> Stamp:
-    return Stamp(int(seconds) * 10**9 + _fraction(fraction), of_day=False, fine=fraction is not None)
-
-
-def _of_keyed_count(match: re.Match[str]) -> Stamp:
-    if match[1] is None:
-        return Stamp(int(match[4] or 0) * 10**9 + _fraction(match[5]), of_day=False)
-    unit = TITLE_UNIT_NS[match[1].lower()]
-    return Stamp(int(match[2]) * unit + _fraction(match[3], unit), of_day=False)
-
-
-def _of_unit(match: re.Match[str]) -> Stamp:
-    unit = UNIT_NS[match[3]]
-    return Stamp(int(match[1][:19]) * unit + _fraction(match[2], unit), of_day=False)
-
-
-def _of_numbered_unit(match: re.Match[str]) -> Stamp:
-    unit = UNIT_NS[match[4]]
-    t_ns = int(match[2]) * unit + _fraction(match[3], unit)
-    return Stamp(-t_ns if match[1] else t_ns, of_day=False)
-
-
-def _of_ticks(match: re.Match[str]) -> Stamp:
-    return Stamp(int(next(filter(None, match.groups()))[:19]) * 10**6, of_day=False)
-
-
-def _of_counter(match: re.Match[str]) -> Stamp:
-    return Stamp(int(next(filter(None, match.groups()))) * 10**6, of_day=False, counter=True)
-
-
-def _of_parts(match: re.Match[str]) -> Stamp:
-    days, hours, minutes, seconds = (int(part or 0) for part in match.groups()[:4])
-    whole = ((days * 24 + hours) * 60 + minutes) * 60 + seconds
-    return Stamp(whole * 10**9 + _fraction(match[5]), of_day=False)
-
-
-_COUNTS: Final = (
-    (_SECONDS, _of_seconds),
-    (_COMMA_SECONDS, _of_seconds),
-    (_NUMBERED_SECONDS, _of_seconds),
-    (_MINUTES, _of_minutes),
-    (_PARTS, _of_parts),
-    (_EPOCH, _of_epoch),
-    (_EPOCH_SECONDS, _of_epoch),
-    (_UNIT, _of_unit),
-    (_NUMBERED_UNIT, _of_numbered_unit),
-    (_TICKS, _of_ticks),
-    (_COUNTER, _of_counter),
-)
-
-
 def _of_clock(match: re.Match[str], zone: tzinfo | None) -> Stamp | None:
     hour, minute, second = int(match["h"]), int(match["mi"]), int(match["s"])
     if hour > 23 or minute > 59 or second > 60:
@@ -281,18 +142,18 @@ def _of_clock(match: re.Match[str], zone: tzinfo | None) -> Stamp | None:
     half = match["half"]
     if half:
         hour = hour % 12 + (12 if half in "Pp" else 0)
-    fraction = next((match[name] for name in _FRACTIONS if match[name]), "").replace(",", "").replace(".", "")
-    t_ns = (hour * 3600 + minute * 60 + second) * 10**9 + _fraction(fraction)
+    digits = next((match[name] for name in _FRACTIONS if match[name]), "").replace(",", "").replace(".", "")
+    t_ns = (hour * 3600 + minute * 60 + second) * 10**9 + fraction(digits)
     date = _date(match, american=bool(half))
     if date is None:
-        return Stamp(t_ns, of_day=True, fine=bool(fraction), places=len(match["f"] or ""))
+        return Stamp(t_ns, of_day=True, fine=bool(digits), places=len(match["f"] or ""))
     try:
         seconds = _midnight(*date, match["zone"], zone, hour)
     except (ValueError, OverflowError):
         return None
     t_ns += seconds * 10**9
     zoned = bool(match["zone"])
-    return Stamp(t_ns, of_day=False, zoned=zoned, fine=bool(fraction), places=len(match["f"] or ""))
+    return Stamp(t_ns, of_day=False, zoned=zoned, fine=bool(digits), places=len(match["f"] or ""))
 
 
 def _of_clock_written(text: str, zone: tzinfo | None) -> Stamp | None:
@@ -315,7 +176,21 @@ def _of_call(match: re.Match[str]) -> str:
     return f"{year}-{month:02}-{day:02} {hour}:{minute:02}:{second:02}.{fraction:06}"
 
 
-_CLOCKS: Final = (("", _ODD_CLOCK.match, _with_colons), ("datetime(", _CALLED.search, _of_call))
+def _of_packed(match: re.Match[str]) -> str:
+    return "{}-{}-{} {}:{}:{}.{}".format(*match.groups())
+
+
+def _of_spelled(match: re.Match[str]) -> str:
+    hour, minute, second, fraction, milliseconds = match.groups()
+    return f"{hour}:{minute}:{second}.{fraction or milliseconds or 0}"
+
+
+_CLOCKS: Final = (
+    ("", _ODD_CLOCK.match, _with_colons),
+    ("", _PACKED.match, _of_packed),
+    ("", _SPELLED.search, _of_spelled),
+    ("datetime(", _CALLED.search, _of_call),
+)
 
 
 def _date(match: re.Match[str], *, american: bool) -> tuple[int, int, int] | None:
@@ -326,7 +201,7 @@ def _date(match: re.Match[str], *, american: bool) -> tuple[int, int, int] | Non
         year, day = match[f"y{i}"] or match["y7"], int(match[f"d{i}"])
         if year is None:
             return None
-        number = _MONTHS.index(month[:3].lower()) + 1 if month[:1].isalpha() else int(month)
+        number = _MONTHS[month[:3].lower()] if month[:1].isalpha() else int(month)
         if i == "2" and (number > 12 >= day or (american and match["sign"] == "/" and day <= 12)):
             number, day = day, number  # month first
         if len(year) == 2:
