@@ -4,7 +4,8 @@
     Time [s],Value,Parity Error,Framing Error         0.000602500000000,0xC8,,
 
 The columns are found by their names in the first line. Values may be hexadecimal, binary, decimal or characters, as the
-table's radix was set: characters where any of the first rows is one. Times are seconds or ISO 8601. Analyzers (the
+table's radix was set: characters where any of the first rows is one. Other tools write hexadecimal and binary without
+`0x` and `0b`, which the first rows together tell. Times are seconds or ISO 8601. Analyzers (the
 channels of a data table) become ports in the order of their first byte.
 
 A byte's time is its start plus one character: by the settings given, else by the durations (which the analyzer counts
@@ -16,7 +17,7 @@ from __future__ import annotations
 import csv
 import re
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -45,10 +46,13 @@ _MISSING: Final = ("", "false", "no", "0", "null", "none")
 _ANOTHER: Final = re.compile(r"_ns\b|channel \d+", re.I)  # in the first line of other tables
 _HEX: Final = re.compile(r"0x([0-9A-Fa-f]{1,8})\b")
 _SEVERAL: Final = re.compile(  # bytes, not one word of some bits
-    r"\s*(?!0b|0x[0-9A-Fa-f]{1,8}\s*$)(?:0[xX])?[0-9A-Fa-f]{2}(?:[ :-]?[0-9A-Fa-f]{2}){2,}\s*"
+    r"\s*(?!0b|[01]{8}\s*$|0x[0-9A-Fa-f]{1,8}\s*$)(?:0[xX])?[0-9A-Fa-f]{2}(?:[ :-]?[0-9A-Fa-f]{2}){2,}\s*"
 )
 _LOOK: Final = 8  # lines
 _BINARY: Final = re.compile(r"0b([01 ]{1,40})")
+_OCTET: Final = re.compile(r"[0-9A-F]{1,2}")
+_PLAINLY_HEX: Final = re.compile(r"0[0-9A-F]|[1-9][A-F]|[A-F][0-9A-F]")  # neither a number nor one character
+_BITS: Final = re.compile(r"[01]{8}")
 _ESCAPES: Final = {
     "\\0": 0, "\\a": 7, "\\b": 8, "\\t": 9, "\\n": 10, "\\v": 11, "\\f": 12, "\\r": 13, "\\\\": 92, "comma": 44,
     "space": 32, "tab": 9, "cr": 13, "lf": 10, "\\'": 39, '\\"': 34,
@@ -63,7 +67,7 @@ class _SaleaeReader:
     path: Path
     line: LineSettings
     columns: Mapping[str, tuple[int, ...]]
-    characters: bool  # values are characters, not numbers
+    read_value: Callable[[str], int]
     delimiter: str
     timed: bool = True
 
@@ -86,7 +90,7 @@ class _SaleaeReader:
     def _chunk(self, cells: Sequence[str], ports: dict[str, int]) -> Chunk | None:
         """The byte of a row; None for a row of another type; ValueError for one that can't be read."""
         values = _values(cells, self.columns)
-        if values["type"] and values["type"][0] not in ("data", "address"):
+        if not _holds_byte(values):
             return None
         if not values["time"] or not values["data"]:
             raise ValueError("columns are missing")
@@ -96,7 +100,9 @@ class _SaleaeReader:
         if not -TIME_LIMIT < t_ns < TIME_LIMIT:
             raise ValueError("its time is out of range")
         name = values["name"][0] if values["name"] else ""
-        octet = _byte(values["data"][0], characters=self.characters)
+        octet = self.read_value(values["data"][0])
+        if not 0 <= octet <= 255:
+            raise ValueError(f"{values['data'][0][:40]!r} is more than a byte")
         port = ports.setdefault(name, min(len(ports), 255))
         wrong = any(cell.strip().lower() not in _MISSING for cell in values["error"])
         return Chunk(t_ns, bytes((octet,)), port, errors=(0,) if wrong else ())
@@ -150,24 +156,53 @@ def _duration(cells: Sequence[str]) -> int:
         return 0
 
 
-def _byte(text: str, *, characters: bool) -> int:
+def _holds_byte(values: Mapping[str, Sequence[str]]) -> bool:
+    """Whether a row has a byte: none is one of another type, none the titles once more."""
+    titles = [cell.strip().lower() in names for key, names in _NAMES.items() for cell in values[key]]
+    return values["type"][:1] in ([], ["data"], ["Data"], ["address"]) and not all(titles)
+
+
+def _bare(text: str) -> str:
+    """A value without its quotes."""
     bare = text.strip()
-    if len(bare) > 2 and bare[0] == bare[-1] == "'":
-        bare = bare[1:-1]
+    return bare[1:-1] if len(bare) > 2 and bare[0] == bare[-1] == "'" else bare
+
+
+def _number(text: str) -> int:
+    bare = _bare(text)
     if match := _HEX.search(bare):
-        value = int(match[1], 16)
-    elif match := _BINARY.fullmatch(bare):
-        value = int(match[1].replace(" ", "") or "0", 2)
-    elif characters:
-        value = _character(bare if bare else " ")
-    else:
+        return int(match[1], 16)
+    if match := _BINARY.fullmatch(bare):
+        return int(match[1].replace(" ", "") or "0", 2)
+    try:
+        return int(bare)
+    except ValueError:
+        raise ValueError(f"{text[:40]!r} is not a byte: export the table with hexadecimal values") from None
+
+
+def _number_or_character(text: str) -> int:
+    bare = _bare(text)
+    return _character(bare if bare else " ") if _is_character(text) or bare.isdecimal() else _number(text)
+
+
+def _digits(base: int) -> Callable[[str], int]:
+    def value(text: str) -> int:
         try:
-            value = int(bare)
+            return int(_bare(text), base)
         except ValueError:
-            raise ValueError(f"{text[:40]!r} is not a byte: export the table with hexadecimal values") from None
-    if not 0 <= value <= 255:
-        raise ValueError(f"{text[:40]!r} is more than a byte")
+            raise ValueError(f"{text[:40]!r} is not a byte as those above") from None
+
     return value
+
+
+def _reader_of(values: Sequence[str]) -> Callable[[str], int]:
+    """How values like these are read."""
+    bare = [_bare(value).upper() for value in values if value.strip()]
+    if bare and all(map(_OCTET.fullmatch, bare)) and any(map(_PLAINLY_HEX.fullmatch, bare)):
+        return _digits(16)
+    if bare and all(map(_BITS.fullmatch, bare)):
+        return _digits(2)
+    return _number_or_character if any(map(_is_character, filter(None, values))) else _number
 
 
 def _character(text: str) -> int:
@@ -184,8 +219,7 @@ def _character(text: str) -> int:
 
 def _is_character(text: str) -> bool:
     """Whether a value can only be a character."""
-    bare = text.strip()
-    bare = bare[1:-1] if len(bare) > 2 and bare[0] == bare[-1] == "'" else bare
+    bare = _bare(text)
     return not bare.isdecimal() and not _HEX.search(bare) and not _BINARY.fullmatch(bare)
 
 
@@ -223,12 +257,12 @@ def _read(
             rows.append(_values(_split_row(line, delimiter), columns))
         except ValueError:
             continue
-    rows = [row for row in rows if row["time"] and row["data"] and row["type"][:1] in ([], ["data"], ["address"])]
-    characters = any(_is_character(row["data"][0]) for row in rows[:1000] if row["data"][0])
+    rows = [row for row in rows if row["time"] and row["data"] and _holds_byte(row)]
+    read_value = _reader_of([row["data"][0] for row in rows[:1000]])
     line_settings = LineSettings().with_settings(baud, parity, bits, stop)
     if baud is None:
         line_settings = _inferred(line_settings, rows)
-    return _SaleaeReader(path, line_settings, columns, characters, delimiter)
+    return _SaleaeReader(path, line_settings, columns, read_value, delimiter)
 
 
 def _inferred(line: LineSettings, rows: Sequence[Mapping[str, Sequence[str]]]) -> LineSettings:

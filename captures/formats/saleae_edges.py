@@ -44,7 +44,7 @@ _COUNTED: Final = (10**9, 10**6, 10**3, 1)  # ns: the units in which sigrok coun
 _COMMENTS: Final = 32  # lines before the names
 _COMBINED: Final = re.compile(rb"(?<=,)0x([0-9A-Fa-f]{1,16})(?=\n|$)")  # the levels of all channels
 _ROWS: Final = 16  # by which these are told from bytes, at the least
-_SINGLE: Final = 0.8  # of the rows, in which one channel changes
+_SINGLE: Final = 0.8  # of the rows, in which one channel changes, or that are levels at all
 _NIBBLE: Final = 15  # no line's bytes are all so small
 _BATCH: Final = 1 << 20
 _CHANNELS: Final = 64
@@ -208,12 +208,14 @@ def _head(head: bytes) -> _TableHead | None:
                 layout = _TableHead(names[1:], number, size, sign, unit or 10**9)
                 if sign == b"," and len(names) == 2 and (channels := _combined(head[size:])):
                     layout = replace(layout, names=channels, combined=True)
-                row = layout.plain(head[size:].partition(b"\n")[0])
+                rows = [layout.plain(row) for row in head[size:].split(b"\n", _ROWS)[:-1] if row.strip()]
+                row = rows[0] if rows else layout.plain(head[size:])
                 if sampled:
                     layout = replace(layout, unit_ns=10**9 / rate if rate else 0)
                 elif unit is None and rate and row.partition(b",")[0].isdigit():
                     layout = replace(layout, unit_ns=next(one for one in _COUNTED if rate * one <= 10**9 or one == 1))
-                return layout if not row.strip() or _STATES.fullmatch(row) else None
+                states = sum(_STATES.fullmatch(row) is not None for row in rows or [row] if row.strip())
+                return layout if states >= _SINGLE * len(rows) and (states or not row.strip()) else None
         return None
     return None
 

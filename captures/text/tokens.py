@@ -18,12 +18,15 @@ _LONGEST_ROW: Final = 2048  # characters
 _REMEMBERED: Final = 512  # lines, as logs repeat themselves
 _TOKEN: Final = re.compile(
     r"b(?P<quote>['\"])(?P<char>\\x[0-9a-f]{2}|\\?[^\\])(?P=quote)|"
-    rf"(?<![\w.^])(?<!\(M-)(?!(?<=\s\().\))(?:(?P<sign>0[xX]|(?:[A-Z]+#)?16#|\$)(?P<signed>{H}{{1,2}}(?!{H})|(?:{H}{{2}}){{2,256}})|(?P<plain>-?\d{{1,3}}|(?![A-F][a-f]\b){H}{{1,2}}|(?:{H}{{2}}){{2,256}})[hH]?)"
+    rf"(?<![\w.^])(?<!\(M-)(?!(?<=\s\().\))(?:(?P<sign>0[xX]|(?:[A-Z]+#)?16#|\$)(?P<signed>{H}{{1,2}}(?!{H})|(?:{H}{{2}}){{2,256}})|(?P<plain>-?\d{{1,3}}|(?![A-F][a-f]\b|[A-Fa-f]+\[){H}{{1,2}}|(?:{H}{{2}}){{2,256}})[hH]?)"
     r"(?!\w|\.\d|=\s*\w)"
 )
-_NUMBER: Final = re.compile(  # with the character that it is: 'k', (k), (^A), (M-1)
-    rf"0[xX]{H}+|(?<![^\W_])(?:{H}{{1,4}}|(?=[A-Fa-f]*\d){H}+)[hH]?(?![^\W_])|\d+|'(?:\\x{H}{{2}}|\\?[^'])'|(?<=\s)\((?:M-\d{{0,3}})?\^?\S?\)"
+_NUMBER: Final = re.compile(  # with the character that it is: 'k', (k), (^A), (M-1), in a cell of its own
+    rf"0[xX]{H}+|\d+\.\d+|(?<![^\W_])(?:{H}{{1,4}}|(?=[A-Fa-f]*\d){H}+)[hH]?(?![^\W_])|\d+|'(?:\\x{H}{{2}}|\\?[^'])'|(?<=\s)\((?:M-\d{{0,3}})?\^?\S?\)|(?<=[,;\t|]).(?=[,;\t|])"
 )
+
+
+_BITS: Final = re.compile(r"[01]{8}")
 
 
 class NumberToken(NamedTuple):
@@ -55,6 +58,8 @@ class NumberToken(NamedTuple):
 
     def value(self, reading: str) -> bytes | None:
         """The bytes that it is."""
+        if reading == "binary":
+            return bytes((int(self.digits, 2),)) if _BITS.fullmatch(self.digits) else None
         return self.decimal if reading == "decimal" else self.hexadecimal
 
     @property
