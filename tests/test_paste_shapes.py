@@ -53,6 +53,8 @@ TIMED = [
         "process monitor",
         "frames of a scope",
         "Modbus Slave with times",
+        "turns without line breaks",
+        "two turns a line",
     ),
 ]
 

@@ -241,6 +241,7 @@ def _begins(earlier: _Entry, entry: _Entry) -> bool:
 
 
 _NUMBER: Final = re.compile(r"\s*(\d{1,6})(?=[\s:.)|])")
+_SHORT_OFFSET: Final = re.compile(r"\W*(?:0[xX])?([0-9A-Fa-f]{2})[hH]?[ \t]?[:\])|]")
 _LIKE_A_BYTE: Final = re.compile(r"\s*0\d\s")
 _COUNTING: Final = 2  # lines
 _WORD_BEHIND: Final = re.compile(r"\s*[^\W\d]")
@@ -277,6 +278,34 @@ def _leave_out(counting: Sequence[LogLine]) -> None:
         run.start += 2 + len(text) - len(text.lstrip())
         run.data = run.data[1:]
         run.checked = [span._replace(start=span.start - 1, end=span.end - 1) for span in run.checked]
+
+
+def leave_out_short_offsets(lines: Sequence[LogLine]) -> None:
+    """`00: 01 03 … 08: 76 87`: two digits that count the bytes of the rows above are none of them.
+
+    They are offsets of all rows that begin at 00, if one goes on at the next.
+    """
+    dumps: list[list[tuple[LogLine, ByteRun, int]]] = []
+    at = 0  # bytes of the newest; 0 behind other lines
+    for line in lines:
+        match = _SHORT_OFFSET.match(line.clean)
+        run = None if match is None else next((run for run in line.runs if run.end > match.end()), None)
+        if match is None or run is None or run.offset is not None:
+            at = at if line.quiet else 0
+            continue
+        inside = int(run.start < match.end())  # `08: 60` as one run
+        here = {int(match[1], base) for base in (10, 16) if base == 16 or match[1].isdigit()}
+        if at in here:
+            dumps = [*dumps, []] if not at else dumps
+            dumps[-1].append((line, run, inside))
+            at += len(run.data) - inside
+        else:
+            at = 0
+    for rows in dumps if any(len(rows) > 1 for rows in dumps) else ():
+        for i, (line, run, inside) in enumerate(rows):
+            run.data, run.offset = run.data[inside:], f"{i:04x}"
+            line.runs = line.runs[line.runs.index(run) :]
+            line.continues = i > 0
 
 
 def leave_out_counts(lines: Sequence[LogLine]) -> None:

@@ -18,6 +18,7 @@ from .columns import COLUMN_SHAPE, MOST_ROWS, settle_columns, settle_unchecked
 from .copies import (
     leave_out_counts,
     leave_out_line_numbers,
+    leave_out_short_offsets,
     settle_behind_cuts,
     settle_copies,
     settle_narrow_dumps,
@@ -42,6 +43,7 @@ _CALLED_CRC: Final = re.compile(rf"^\W*{CHECK_NAME}\W*$", re.IGNORECASE)
 
 def settle(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -> None:
     """Decide for every run of these lines whether it is taken; the others say why not."""
+    leave_out_short_offsets(lines)
     for line in lines:
         for run in line.runs:
             run.taken = _speaks_for_itself(run, line, experience)

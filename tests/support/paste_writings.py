@@ -61,6 +61,11 @@ def _octal(m: Message) -> str:
     return "".join(f"\\{b:03o}" for b in m.data)
 
 
+def _char(byte: int) -> str:
+    """A byte as gdb shows a char."""
+    return chr(byte) if 0x20 <= byte < 0x7F and byte not in (0x27, 0x5C) else f"\\{byte:03o}"
+
+
 WRITINGS: Final[dict[str, Style]] = {
     "h before": lines_of(lambda m: f"{word(m, 'SND', 'Reply')}: " + " ".join(f"h{b:02X}" for b in m.data)),
     "H before": lines_of(lambda m: f"{word(m, 'Query', 'Reply')}: " + ", ".join(f"H{b:02X}" for b in m.data)),
@@ -91,5 +96,10 @@ WRITINGS: Final[dict[str, Style]] = {
     "Modbus Slave with times": lambda log, rng: "\n".join(f"{word(m, 'Tx', 'Rx')}:{i:06d}-{m.clock}-{spaced(m.data)}" for i, m in enumerate(log)),
     "milliseconds before a name": lines_of(lambda m: f"[{m.ms:>8}] {word(m, 'MB_TX', 'MB_RX')}({len(m.data)}): {m.data.hex(' ')}"),
     "Cyrillic digits between dashes": lines_of(lambda m: f"{word(m, 'отправил', 'принял')} " + spaced(m.data).replace(" ", "-").translate(_HAND_TYPED)),
+    "gdb's chars": lines_of(lambda m: f"{word(m, 'tx', 'rx')} = {{" + ", ".join(f"{b} '{_char(b)}'" for b in m.data) + "}"),
+    "elements by index": lines_of(lambda m: f"{word(m, 'tx', 'rx')} " + " ".join(f"b[{i}]=0x{b:02x}" for i, b in enumerate(m.data))),
+    "offsets of two digits": lines_of(lambda m: f"{word(m, 'Tx', 'Rx')}\n" + "\n".join(f"[{i:02X}] {spaced(m.data[i : i + 8])}" for i in range(0, len(m.data), 8))),
+    "turns without line breaks": lambda log, rng: " ".join(f"{m.clock} {word(m, 'TX', 'RX')}: {spaced(m.data)}" for m in log),
+    "two turns a line": lambda log, rng: "\n".join(f"{a.clock} > {spaced(a.data)} | {b.clock} < {spaced(b.data)}" for a, b in zip(log[::2], log[1::2], strict=True)),
     "strace with dumps": lines_of(lambda m: f'{word(m, "write", "read")}(3, "{_octal(m)}", {len(m.data)}) = {len(m.data)}\n' + dump(m.data, lambda at, row: f" | {at:05x}  {row[:8].hex(' '):<23}  {row[8:].hex(' '):<23}  {shown(row):<16} |")),
 }  # fmt: skip
