@@ -80,6 +80,8 @@ def test_of_words_and_numbers_beside_frames_nothing_is_said(words: str) -> None:
         "40001: 250\n40002: 300\n40003: 1000\n40004: 1234",
         "2026-11-21 10:15:03 ERROR modbus timeout, slave 5, retry 3",
         "Помогите, не работает обмен с частотником, адрес 1, скорость 9600. Ошибка 0x0B постоянно.",
+        "Клеммы 11, 12, 13, 14. Функции: 01, 02, 03, 04, 05, 06, 0F, 10",
+        "10:15",
         "inst = minimalmodbus.Instrument('/dev/ttyUSB0', 1)\nprint(inst.read_register(0x10, 1))",
     ],
 )

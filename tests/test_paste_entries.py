@@ -227,6 +227,16 @@ def test_a_paste_tells_times_as_a_capture_of_it_does(digits: int, tmp_path: Path
     assert [line[3] for line in lines] == [None, 45_000_000, None, 52_000_000] if digits == 3 else [None] * 4
 
 
+def test_lines_of_a_screen_that_is_copied_twice_count_once() -> None:
+    moments = ("12:00:00.118", "12:00:00.163", "12:00:01.119", "12:00:01.171")
+    lines = [f"{at} {hexed(data)}" for at, data in zip(moments, (ASK, REPLY) * 2, strict=True)]
+    twice = read("\n".join([*lines[:3], *lines[1:]]), zone=UTC)
+    assert [frame.adu.data for frame in twice.frames()] == [ASK, REPLY] * 2
+    assert [one.why for one in twice.unread] == ["the same bytes as in line 2", "the same bytes as in line 3"]
+    at_once = [f"{moments[0]} RX {octet:02X}" for octet in REPLY]  # a read a byte, several in a millisecond
+    assert b"".join(frame.adu.data for frame in read("\n".join(at_once), zone=UTC).frames()) == REPLY
+
+
 def test_a_line_of_pymodbus_that_is_wrapped_within_bytes_loses_none() -> None:
     text = (
         "ERROR: request ask for id=1 but got id=127, Skipping. >>>>> send: 0x1 0x3 0x0 \n"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 from buses import adu
+from paste_readings import bytes_read
 
 from analyzer.paste import PastedFrame, read
 
@@ -78,6 +79,11 @@ def test_a_mark_hard_behind_a_byte_begins_a_line(marks: tuple[str, str]) -> None
 def test_what_stands_in_place_of_0x_is_it(sign: str) -> None:
     sent, received = (" ".join(f"{sign}{octet:02X}" for octet in data) for data in (REQUEST, ANSWER))
     assert pieces(f"шлю {sent}\nпришло {received}") == BOTH
+
+
+def test_blanks_within_bytes_are_none() -> None:
+    for data in (REQUEST, ANSWER):
+        assert bytes_read(f"Tx: {data[:2].hex(' ')} {' '.join(data[2:-1].hex())} {data[-1:].hex()}") == data
 
 
 def test_letters_in_place_of_all_digits_are_digits() -> None:

@@ -30,6 +30,8 @@ def test_a_value_at_a_lines_end_is_no_escape_of_a_mail() -> None:
     frame = bytes.fromhex("01 10 00 10 00 03 06 00 9A 00 00 00 00 BF 09")
     assert bytes_read("TX: 01 10 00 10 00 03 06 00 9A 00 00 00 00 CRCL=BF CRCH=09") == frame
     assert bytes_read(f"Sent =3D {ASKS}=20") == hexed(ASKS)
+    valued = bytes.fromhex("01 04 00 E5 00 01 20 3D")
+    assert bytes_read("; ".join(f"b{i}={octet:02X}h" for i, octet in enumerate(valued))) == valued
 
 
 def test_numbers_of_lines_need_neighbours_that_count_on() -> None:

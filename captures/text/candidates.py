@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from enum import IntEnum
+from itertools import pairwise
 from typing import Final, NamedTuple
 
 
@@ -79,6 +80,7 @@ _WRAPPING: Final = " \t\r\n,;:|=>[](){}\"'-._*◇◆□■#/$`"
 _SOLID: Final = re.compile(f"[^{re.escape(_WRAPPING)}]")
 _NEAR: Final = 40  # characters
 _SOME: Final = 3  # bytes: fewer say nothing
+_SMALL: Final = 0x20  # more than the code of any public function
 LONG: Final = 4096  # characters: no line of words
 
 
@@ -124,6 +126,11 @@ _ROW: Final = 8  # bytes, after which dumps leave a gap
 _PAIR: Final = re.compile(r"[0-9A-Fa-f]{1,2}")
 _RULER: Final = 6  # numbers, each one more than that before it
 DIGITS_ABOVE: Final = ("0123456789ABCDEF", "0123456789")  # columns of characters in a dump
+
+
+def counts_up(data: bytes) -> bool:
+    """Whether these are small numbers, each more than that before it: functions, terminals, and no frame."""
+    return len(data) > _SOME and data[-1] < _SMALL and all(one < after for one, after in pairwise(data))
 
 
 def is_ruler(tokens: Sequence[str]) -> bool:

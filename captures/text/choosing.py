@@ -17,6 +17,7 @@ from .candidates import (
     HexWindow,
     TextLine,
     Writing,
+    counts_up,
     holds_digits,
     holds_several,
     in_its_place,
@@ -195,7 +196,7 @@ class _Ranked(NamedTuple):
 def _ranked(candidate: HexWindow, line: TextLine, judge: ByteJudge, experience: Experience) -> _Ranked:
     candidate = in_its_place(candidate, line)
     size = len(candidate.data)
-    judged = size >= _LEAST and not (experience.damaged and _is_word(candidate, line))
+    judged = size >= _LEAST and not (experience.damaged and _is_no_frame(candidate, line))
     checked = checked_in(candidate, judge) if judged else ()
     covered = sum(span.end - span.start for span in checked)
     trusted = announced = 0
@@ -217,8 +218,10 @@ def _is_listed(line: TextLine, candidate: HexWindow) -> bool:
     return before.endswith(",") and behind.startswith(",")
 
 
-def _is_word(candidate: HexWindow, line: TextLine) -> bool:
-    """Whether it is bytes in letters alone."""
+def _is_no_frame(candidate: HexWindow, line: TextLine) -> bool:
+    """Whether it is bytes in letters alone, or numbers that count up."""
+    if candidate.level is Writing.NUMBER and counts_up(candidate.data):
+        return True
     return candidate.shape == "base64" and line.text[candidate.start : candidate.end].isalpha()
 
 

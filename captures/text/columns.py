@@ -8,7 +8,7 @@ from collections.abc import Collection, Sequence
 from itertools import accumulate, groupby, pairwise, takewhile
 from typing import Final
 
-from .candidates import H, Writing, is_ruler
+from .candidates import H, Writing, counts_up, is_ruler
 from .choosing import ByteRun, Experience, label_in
 from .judging import ByteJudge, Checked, lenient
 from .loglines import LogLine
@@ -114,7 +114,7 @@ def _fields_of(
     skeleton = _COUNTED if counted is not None else _OCTETS if octets == len(tokens) else skeleton_of(line)
     for i, (some, data) in enumerate(zip(ways, readings, strict=False)):
         least = _LEAST_DAMAGED if experience.damaged else _LEAST
-        if least < len(data) <= _FRAME and _exactly(data, judge):
+        if least < len(data) <= _FRAME and not counts_up(data) and _exactly(data, judge):
             take_tokens(line, some, data)
             experience.fields.setdefault(skeleton, i)
             return

@@ -10,7 +10,6 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterator
-from itertools import pairwise
 from typing import Final
 
 from .candidates import (
@@ -25,6 +24,7 @@ from .candidates import (
     TextLine,
     Writing,
     before_characters,
+    counts_up,
     is_ruler,
     swapped,
 )
@@ -72,7 +72,7 @@ _SOME: Final = 3  # bytes: fewer say nothing
 _STAMPED: Final = 8  # characters: no time before bytes is shorter
 _TWO_PAIRS: Final = 4  # characters
 _WORDY: Final = 4  # pairs that name a function code: `unit 01 fc 03`
-_NO_FUNCTION: Final = 0x20  # more than the code of any public one
+_MINUTE: Final = re.compile(r"(?:[01]\d|2[0-3]):[0-5]\d")
 _MAC_LENGTH: Final = 6
 _BYTEA: Final = 8  # digits behind one `\\x`, as databases write bytes
 _OFFSET_DIGITS: Final = range(4, 17)
@@ -156,8 +156,7 @@ def _is_list(tokens: list[str]) -> bool:
     """Whether these are functions by their names or their numbers: `unit 01 fc 03`, `functions 01 02 03 05 0F 10`."""
     if len(tokens) <= _WORDY:
         return "fc" in map(str.lower, tokens[:2])
-    numbers = [int(token, 16) for token in tokens]
-    return numbers[-1] < _NO_FUNCTION and all(one < after for one, after in pairwise(numbers))
+    return counts_up(bytes.fromhex("".join(tokens)))
 
 
 def _signed(line: TextLine) -> Iterator[HexWindow]:
@@ -176,8 +175,12 @@ def _signed(line: TextLine) -> Iterator[HexWindow]:
                 continue
         goes_on = text.startswith(gap, end) and text[end + len(gap) : end + len(gap) + 1].isalnum()
         level = _level_of_signed(tokens, gap.strip())
-        if goes_on:
-            level = Writing.NUMBER  # a list of other numbers
+        if (
+            goes_on
+            or _MINUTE.fullmatch(match[0])
+            or (match.start() not in line.first and counts_up(bytes.fromhex("".join(tokens))))
+        ):
+            level = Writing.NUMBER  # a list of other numbers, `10:15`
         elif line.alone(match.start(), end):
             level = max(level, Writing.LIKELY)
         yield HexWindow(bytes.fromhex("".join(tokens)), match.start(), end, f"pairs{gap.strip()}", level)

@@ -44,6 +44,8 @@ _OCTET: Final = re.compile(r"(?<![0-9A-Za-z])[0-9A-Fa-f]{2}[hH](?![0-9A-Za-z])")
 _SENTENCE_ENDS: Final = re.compile(r"[^\W\d]{3}[.!?…]\s+[^\W\d_]+[,\s]")
 _LABELLED: Final = 56  # characters of a heading that name it
 _REMEMBERED: Final = 2048  # lines
+_SCREEN: Final = 512  # lines that a person copies twice
+_DATED_NS: Final = 10**18  # no time since some start
 _FULL_ROW: Final = 8  # bytes of a row after which a read may go on in the next
 
 
@@ -98,6 +100,8 @@ class LineReader:
     _empty: dict[str, tuple[int, str, str, str | None]] = field(default_factory=dict)  # lines that hold nothing
     _shapeless: set[str] = field(default_factory=set)  # lines that are in no tool's layout
     _tools: list[Shape] = field(default_factory=lambda: list(SHAPES))
+    _clock: int | None = None  # the newest time to the millisecond that no other line can have again
+    _screen: dict[str, tuple[int, int]] = field(default_factory=dict)  # the last lines with bytes and such a time
 
     def read(self, line: str, number: int) -> LogLine:
         """What a line holds. Never raises."""
@@ -106,9 +110,13 @@ class LineReader:
         if (empty := self._empty.get(line)) is not None and self._says_nothing(empty[0]):
             self._bare_heading()
             return LogLine(number, empty[1], empty[2], problem=empty[3])
+        if (above := self._screen.get(line)) is not None and above[1] != self._clock:  # who copies a screen twice
+            self._clock = above[1]
+            return LogLine(number, line, problem=f"the same bytes as in line {above[0]}")
         text = plain(line)
         if not text.strip(" \t`~"):
             return LogLine(number, line, quiet=True)
+        clock, self._clock = self._clock, None
         parsed = self._below_header(text, number) or self._tool_line(text, number)
         if parsed is None and (sign := _QUOTE.match(text)) is not None:
             parsed = self._tool_line(text[sign.end() :], number)
@@ -119,6 +127,12 @@ class LineReader:
                     self._empty.clear()
                 learnt = len(self.experience.right)
                 self._empty[line] = learnt, parsed.text, parsed.clean, parsed.problem
+        if self._clock is None:
+            self._clock = clock
+        elif parsed.runs:
+            self._screen[line] = number, self._clock
+            if len(self._screen) > _SCREEN:
+                del self._screen[next(iter(self._screen))]
         return parsed
 
     def _says_nothing(self, learnt: int) -> bool:
@@ -362,6 +376,8 @@ class LineReader:
             return None
         self.fractions.note(stamp)
         t_ns = counted(stamp, self.experience.fraction)
+        if stamp.fine and (stamp.of_day or t_ns > _DATED_NS) and not (stamp.signed or stamp.counter):
+            self._clock = t_ns
         if stamp.unnamed and self.experience.days:
             t_ns = of_days(t_ns)
         if stamp.signed and self.experience.steps:

@@ -308,13 +308,15 @@ def _list_end(text: str, start: int, end: int) -> int:
 
 
 def _digits(text: str) -> Iterator[HexWindow]:
-    """`11 3 0 6B`, as `Serial.print(byte, HEX)` writes them."""
+    """`11 3 0 6B`, as `Serial.print(byte, HEX)` writes them; `1 1 03 0 0 6B`, as a picture is read."""
     for pattern in _DIGITS:
         for match in pattern.finditer(text):
             tokens = re.findall(rf"{H}+", match[0])
             if min(map(len, tokens)) == 1:
                 data = bytes(int(token, 16) for token in tokens)
                 yield HexWindow(data, *match.span(), "digits", Writing.NUMBER)
+                if not match.groupdict() and len(digits := "".join(tokens)) % 2 == 0:
+                    yield HexWindow(bytes.fromhex(digits), *match.span(), "digits apart", Writing.NUMBER)
 
 
 def _binary(text: str) -> Iterator[HexWindow]:

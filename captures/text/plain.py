@@ -61,7 +61,7 @@ _ESCAPE: Final = re.compile(r"\\(.)")
 _ESCAPED_BLANKS: Final = re.compile(r"\\[nrt]")
 _URL_BLANK: Final = re.compile(r"(?<!%[0-9A-Fa-f]{2})%20(?=[0-9A-Za-z])")
 _PRINTABLE: Final = re.compile(  # of a mail: the sign itself, and blanks at an end; behind a name it is a value
-    r"=3D|(?<![G-Zg-z_][A-Za-z])(?<![G-Zg-z_][A-Za-z]{2})(?<![G-Zg-z_])=(?:20|09)(?=\s*$)"
+    r"(?<!\w)=3D|=3D(?![\s;,)\]]|h\b|$)|(?<![G-Zg-z_][A-Za-z])(?<![G-Zg-z_][A-Za-z]{2})(?<![G-Zg-z_])=(?:20|09)(?=\s*$)"
 )
 _OF_WORDS: Final = frozenset("nrt\"'/")  # escapes in a string of words: no byte is written so
 _HEX_SIGN: Final = re.compile(  # typed with a letter O, a multiplication sign, a Cyrillic letter
