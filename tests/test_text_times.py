@@ -65,6 +65,10 @@ TABLES = [
     ("ms,dir,data", "{ticks},{way},{data}"),
     ("t,dir,data", "{elapsed:.3f},{way},{data}"),
     ("elapsed [s];dir;data", "{elapsed:.3f};{way};{data}"),
+    ("Time/ms;Dir;Data", "{ticks}.250;{way};{data}"),
+    ("Метка времени, мс;Напр.;Данные", "{thousands},250;{way};{data}"),
+    ("No,Time since start [usec],Dir,Data", "{number},{ticks}000,{way},{data}"),
+    ("Zeit in ms;Richtung;Daten", "{ticks},5;{way};{data}"),
     ("Дата и время;Напр.;Данные", "{days:.10f};{way};{data}"),
     ("Time;Dir;Data", "{day:.10f};{way};{data}"),
 ]
@@ -81,6 +85,7 @@ def written(form: str, message: Message) -> str:
         packed=message.clock.replace(":", "").replace(".", ""),
         hour=message.clock[:2],
         minute=int(minutes) % 60,
+        thousands=f"{message.ms:,}".replace(",", "\u00a0"),
         number=message.ms % 90,
         days=46_347 + day,
         day=day,

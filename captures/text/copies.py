@@ -303,7 +303,8 @@ def leave_out_short_offsets(lines: Sequence[LogLine]) -> None:
             at = 0
     for rows in dumps if any(len(rows) > 1 for rows in dumps) else ():
         for i, (line, run, inside) in enumerate(rows):
-            run.data, run.offset = run.data[inside:], f"{i:04x}"
+            run.data, run.offset, run.shape = run.data[inside:], f"{i:04x}", rows[0][1].shape
+            run.sure = run.sure or len(rows) > 1
             line.runs = line.runs[line.runs.index(run) :]
             line.continues = i > 0
 

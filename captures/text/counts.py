@@ -72,7 +72,8 @@ _KEYED_COUNT: Final = re.compile(  # `"time_ms": 1012`, `"t": 1.012`
 UNIT_NS: Final = {"s": 10**9, "ms": 10**6, "us": 10**3, "µs": 10**3, "μs": 10**3, "ns": 1}
 TITLE_UNIT_NS: Final = {  # as titles of columns write them
     **UNIT_NS, "sec": 10**9, "second": 10**9, "seconds": 10**9, "с": 10**9, "сек": 10**9,
-    "milliseconds": 10**6, "мс": 10**6, "microseconds": 10**3, "мкс": 10**3, "nanoseconds": 1, "нс": 1,
+    "milliseconds": 10**6, "msec": 10**6, "мс": 10**6, "мсек": 10**6,
+    "microseconds": 10**3, "usec": 10**3, "мкс": 10**3, "nanoseconds": 1, "nsec": 1, "нс": 1,
 }  # fmt: skip
 
 

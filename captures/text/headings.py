@@ -64,22 +64,24 @@ def marks_of_cells(text: str, line_marks: list[LineMark]) -> tuple[str, tuple[in
 
 _PARTED: Final = ("\t", ";", ",", "|")
 _APART: Final = re.compile(r"\s{2,}")
+_IN_UNIT: Final = (  # `[ms]`, `, мс`, `/us`, ` in seconds`
+    rf"(?:[ _,/]*(?:in |в )?[\[(]?\s*(?P<unit>{'|'.join(sorted(TITLE_UNIT_NS, key=len, reverse=True))})[\])]?)?$"
+)
 _NAME: Final = re.compile(
-    r"^(?:(?:start|begin|rel\w*|abs\w*|packet)[ _-]?)?"
-    r"(?:time ?stamp|start|begin|time|zeit(?:stempel)?|время|temps|tiempo|tempo|czas|时间|時間)"
-    r"(?:[ _,]*[\[(]?\s*(?P<unit>sec(?:onds)?|с|сек|мс|мкс|ms|us|µs|μs|ns|s)[\])]?)?$",
+    r"^(?:(?:start|begin|rel\w*|abs\w*|packet|о?т?метка|t)[ _-]?)?"
+    r"(?:time ?stamp|start|begin|time|(?:start|uhr)?zeit(?:stempel)?|врем(?:я|ени)|начало|temps|tiempo|tempo|czas|čas|"
+    rf"час|时间|時間)(?: (?:since|from|от|с|seit) \w+)?{_IN_UNIT}",
     re.IGNORECASE,
 )
 _UNIT_NAME: Final = re.compile(  # of a table's first column: `ms`, `t`, `elapsed [s]`
-    r"^(?:t|elapsed|uptime|millis|micros)?"
-    r"(?:[ _,]*[\[(]?\s*(?P<unit>sec(?:onds)?|с|сек|мс|мкс|ms|us|µs|μs|ns|s)[\])]?)?$",
-    re.IGNORECASE,
+    rf"^(?:t|elapsed|uptime|millis|micros)?{_IN_UNIT}", re.IGNORECASE
 )
 _NO_NAMES: Final = ("", "s", "с")
 _UNITS: Final = {"millis": 10**6, "micros": 10**3}
 _DATE: Final = re.compile(r"^(?:date|datum|дата|date[ /_]?time|datetime|дата[ /,]?(?:и )?время)$", re.IGNORECASE)
 _CELL: Final = re.compile(
-    r"^[\"']?\s*(?P<sign>[-+−])?(?P<whole>\d{1,18})(?:[.,](?P<fraction>\d{1,18}))?(?:[eE](?P<power>[-+]?\d{1,2}))?"
+    r"^[\"']?\s*(?P<sign>[-+−])?(?P<whole>\d{1,3}(?: \d{3})+|\d{1,18})(?:[.,](?P<fraction>\d{1,18}))?"
+    r"(?:[eE](?P<power>[-+]?\d{1,2}))?"
     r"\s*(?P<unit>ms|us|µs|μs|ns|s|мс|мкс|с)?\s*[\"']?$"
 )
 _DATA: Final = re.compile(
@@ -122,7 +124,7 @@ class TimeColumn:
         return Stamp(t_ns, of_day=False, unnamed=unnamed), text[:begin] + " " * (end - begin) + text[end:]
 
     def _time(self, match: re.Match[str]) -> int | None:
-        whole, fraction = int(match["whole"]), match["fraction"] or ""
+        whole, fraction = int(match["whole"].replace(" ", "")), match["fraction"] or ""
         unit = TITLE_UNIT_NS[match["unit"]] if match["unit"] else self.unit
         if self.days and not match["unit"]:
             return of_days(int(f"{whole}{fraction:0<9.9}")) if whole in _DAYS and fraction else None

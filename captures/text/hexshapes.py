@@ -174,6 +174,8 @@ def _signed(line: TextLine) -> Iterator[HexWindow]:
             if len(tokens) < _PAIR_OF_PAIRS:
                 continue
         goes_on = text.startswith(gap, end) and text[end + len(gap) : end + len(gap) + 1].isalnum()
+        before = match.start() - len(gap)
+        goes_on = goes_on or (before > 0 and text.startswith(gap, before) and text[before - 1].isdigit())
         level = _level_of_signed(tokens, gap.strip())
         if (
             goes_on

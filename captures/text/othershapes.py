@@ -64,6 +64,7 @@ _CARETS: Final = re.compile(r"(?:(?<![^\s:>'\"=\]])[!-~]{0,8})?\^[@-_?][ -~]*")
 _WITH_CHARACTERS: Final = re.compile(rf"(?<!\w)(?:{H}{{2}} ?\[.\][ ,]{{0,3}}){{4,}}")
 _CHARACTER_EACH: Final = re.compile(rf"{EDGE}(?:{H}{{2}}[ -~] ){{3,}}{H}{{2}}[ -~](?!\S)")
 _IN_BRACKETS: Final = re.compile(rf"\((?:(?:0[xX]|&[hH]|\$)({H}{{1,2}})|(\d{{1,3}}))\)")
+_PAIR_IN_BRACKETS: Final = re.compile(rf"(?<=\d)\(({H}{{2}})\)")  # behind the decimal
 _PLAIN_WORD: Final = re.compile(r"[A-Za-z]?(?:[a-z]*|[A-Z]*)|[a-z/]+")
 _ASCII_BEHIND_WORD: Final = re.compile(rf"(?<=[A-Za-z]{{2}}):(?:{H}{{2}}){{3,300}}{END}")  # `Tx:0103…`
 _LEAST_BASE64: Final = 8  # characters
@@ -220,6 +221,9 @@ def _in_brackets(text: str) -> Iterator[HexWindow]:
     for match in _WITH_CHARACTERS.finditer(text):
         digits = re.findall(rf"({H}{{2}}) ?\[.\]", match[0])
         yield HexWindow(bytes.fromhex("".join(digits)), *match.span(), "pair [.]", Writing.NUMBER)
+    if len(pairs := list(_PAIR_IN_BRACKETS.finditer(text))) >= _LEAST_BYTES:
+        data = bytes.fromhex("".join(pair[1] for pair in pairs))
+        yield HexWindow(data, pairs[0].start() + 1, pairs[-1].end() - 1, "(pair)", Writing.NUMBER)
     found = list(_IN_BRACKETS.finditer(text))
     values = [int(match[1], 16) if match[1] else int(match[2]) for match in found]
     if len(values) >= _LEAST_BYTES and max(values) < 256:

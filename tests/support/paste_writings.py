@@ -97,6 +97,7 @@ WRITINGS: Final[dict[str, Style]] = {
     "milliseconds before a name": lines_of(lambda m: f"[{m.ms:>8}] {word(m, 'MB_TX', 'MB_RX')}({len(m.data)}): {m.data.hex(' ')}"),
     "Cyrillic digits between dashes": lines_of(lambda m: f"{word(m, 'отправил', 'принял')} " + spaced(m.data).replace(" ", "-").translate(_HAND_TYPED)),
     "gdb's chars": lines_of(lambda m: f"{word(m, 'tx', 'rx')} = {{" + ", ".join(f"{b} '{_char(b)}'" for b in m.data) + "}"),
+    "decimals and hex in brackets": lines_of(lambda m: f"{word(m, 'Tx', 'Rx')} " + " ".join(f"{b}({b:02X})" for b in m.data)),
     "elements by index": lines_of(lambda m: f"{word(m, 'tx', 'rx')} " + " ".join(f"b[{i}]=0x{b:02x}" for i, b in enumerate(m.data))),
     "offsets of two digits": lines_of(lambda m: f"{word(m, 'Tx', 'Rx')}\n" + "\n".join(f"[{i:02X}] {spaced(m.data[i : i + 8])}" for i in range(0, len(m.data), 8))),
     "turns without line breaks": lambda log, rng: " ".join(f"{m.clock} {word(m, 'TX', 'RX')}: {spaced(m.data)}" for m in log),
