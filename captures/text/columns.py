@@ -220,7 +220,8 @@ def _one_column(
         return None
     tried: list[list[bytes | None]] = []  # of lines with as many numbers each, every column comes twice
     best: tuple[int, int, str, list[int]] | None = None  # that of the most lines
-    for reading in ("hexadecimal", "decimal", "binary", JOINED):
+    bits = any(token.is_bits for token in tokens_of(lines[0]))
+    for reading in ("hexadecimal", "decimal", *(("binary",) if bits else ()), JOINED):
         table = [() if reading != JOINED and holds_bytes(line) else tokens_of(line, reading) for line in lines]
         fewest = min(max(map(len, table)), _MOST_COLUMNS)
         for i in (*range(-1, -1 - fewest, -1), *range(fewest)):

@@ -10,9 +10,12 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 SECOND_NS: Final = 1_000_000_000
-LEAD: Final = r"^[\s\[(|\"']*"  # what may stand before the time that a line begins with
+LEAD: Final = r"^[\s\[(|\"']*+"  # what may stand before the time that a line begins with
 _TITLE: Final = re.compile(
     LEAD + r"(?:- )?(?:t|ts|time|elapsed|uptime)[ =:+]{1,3}(?=\d+(?:[.,]\d+)?(?:ms|us|µs|μs|ns|s)?[\s\]):,;|])", re.I
+)
+_FIRST: Final = re.compile(  # what a line begins with: no clock, as most logs have it
+    LEAD + r"(?!(?:\d{4}-\d\d-\d\d[ T])?\d\d:\d\d:\d)(?:(?P<number>[-+#]?\d)|[^\W\d_])"
 )
 _SECONDS = re.compile(LEAD + r"([-+]?)(\d{1,10})\.(\d{3,18})(?=[\s\]):,;>|\"']|-\D|$)")
 _COMMA_SECONDS = re.compile(LEAD + r"(-?)(\d{1,10}),(\d{1,9})(?: ?s)?(?=[;\t])")  # of a table in a comma's country
@@ -180,13 +183,15 @@ _COUNTS: Final = (
     (_FEW_PLACES, _of_few_places),
     (_DOTTED, _of_dotted),
 )
+_WORDED: Final = ((_UNIT, _of_unit), (_TICKS, _of_ticks))  # behind a word
 
 
 def count_at_begin(text: str) -> tuple[Stamp | None, str]:
     """The count that a line begins with, or that has a key of its own, and the line with blanks in its place."""
     if (match := _TITLE.match(text)) is not None:
         text = blanked(text, match)
-    for pattern, value in _COUNTS:
+    first = _FIRST.match(text)
+    for pattern, value in () if first is None else _COUNTS if first["number"] else _WORDED:
         if match := pattern.match(text):
             stamp = value(match)
             return replace(stamp, signed=True) if "+" in match[0] else stamp, blanked(text, match)

@@ -47,6 +47,11 @@ class NumberToken(NamedTuple):
         return self.digits.upper() == "FC" and not self.signed
 
     @property
+    def is_bits(self) -> bool:
+        """`00010001`: a byte in binary."""
+        return _BITS.fullmatch(self.digits) is not None
+
+    @property
     def hexadecimal(self) -> bytes | None:
         """The bytes that it is in hex."""
         digits = self.digits
@@ -59,7 +64,7 @@ class NumberToken(NamedTuple):
     def value(self, reading: str) -> bytes | None:
         """The bytes that it is."""
         if reading == "binary":
-            return bytes((int(self.digits, 2),)) if _BITS.fullmatch(self.digits) else None
+            return bytes((int(self.digits, 2),)) if self.is_bits else None
         return self.decimal if reading == "decimal" else self.hexadecimal
 
     @property
