@@ -227,6 +227,24 @@ def test_a_paste_tells_times_as_a_capture_of_it_does(digits: int, tmp_path: Path
     assert [line[3] for line in lines] == [None, 45_000_000, None, 52_000_000] if digits == 3 else [None] * 4
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "M->S: {one}\nS->M: {one}\nM->S: {other}\nS->M: {other}",
+        "-> {one} <- {one} -> {other} <- {other}",
+        "№\tЗапрос\tОтвет\tРегистр\n1\t{one}\t{one}\t40002\n2\t{other}\t{other}\t40003",
+        "Вот что шлю и что приходит:\n\n{one}\n{one}\n{other}\n{other}",
+        "Request time;Request;Response time;Response\n10:00:00.118;{one};10:00:00.163;{one}\n"
+        "10:00:01.118;{other};10:00:01.163;{other}",
+    ],
+)
+def test_writes_and_their_echoes_go_as_the_text_says(text: str, tmp_path: Path) -> None:
+    one, other = (with_crc(bytes.fromhex(body)) for body in ("010600010017", "010600020019"))
+    text = text.format(one=hexed(one), other=hexed(other))
+    both = of(("request", one), ("response", one), ("request", other), ("response", other))
+    assert pieces(read(text)) == captured(text, tmp_path) == both
+
+
 def test_lines_of_a_screen_that_is_copied_twice_count_once() -> None:
     moments = ("12:00:00.118", "12:00:00.163", "12:00:01.119", "12:00:01.171")
     lines = [f"{at} {hexed(data)}" for at, data in zip(moments, (ASK, REPLY) * 2, strict=True)]

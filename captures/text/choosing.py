@@ -8,8 +8,9 @@ from __future__ import annotations
 import re
 from bisect import bisect_left
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from itertools import accumulate
 from typing import Final, NamedTuple
 
 from .candidates import (
@@ -167,7 +168,7 @@ def runs_in(line: TextLine, judge: ByteJudge, experience: Experience) -> list[By
             clash.others = (*clash.others, candidate)
             if whole and clash.checked:
                 clash.rivals = (*clash.rivals, candidate.shape)
-    runs = [run for _, _, run in occupied]
+    runs = [part for _, _, run in occupied for part in _cells_of(run, line.text)]
     behind = 0  # the newest run that may be bytes
     for i, run in enumerate(runs):
         if behind:
@@ -182,6 +183,23 @@ def runs_in(line: TextLine, judge: ByteJudge, experience: Experience) -> list[By
         elif row and (run.offset is not None or shown):
             return runs[: i + 1]  # what stands behind are the same bytes as characters
     return runs
+
+
+def _cells_of(run: ByteRun, text: str) -> list[ByteRun]:
+    """A run as it is; one by one the frames of one that fill the cells of a table, between tabs."""
+    cells = text[run.start : run.end].split("\t") if len(run.checked) > 1 and run.shape == "pairs" else [""]
+    if len(cells) == 1:
+        return [run]
+    ends = [*accumulate(len(bytes.fromhex(cell)) for cell in cells)]
+    if len(cells) != len(run.checked) or ends != [span.end for span in run.checked] or run.checked[0].start:
+        return [run]
+    parts, start = [], run.start
+    for cell, span in zip(cells, run.checked, strict=True):
+        whole = span._replace(start=0, end=span.end - span.start)
+        data = run.data[span.start : span.end]
+        parts.append(replace(run, data=data, start=start, end=start + len(cell), checked=(whole,), others=()))
+        start += len(cell) + 1
+    return parts
 
 
 class _Ranked(NamedTuple):
@@ -277,12 +295,14 @@ def with_marks(text: str, runs: Sequence[ByteRun], line_marks: Sequence[LineMark
             for run, bracket in zip(runs, brackets, strict=True):
                 run.mark = _OF_BRACKETS.get(bracket, NONE)
     ahead, newest = 0, None
+    pointed = any(mark.arrow and mark.end <= runs[0].start for mark in line_marks[:1]) if runs else False
     for run in runs:
         for mark in line_marks[ahead:]:
             if mark.end > run.start:
                 break
             ahead += 1
-            if not (mark.arrow and ((newest is not None and newest.plain) or runs[0].end <= mark.start)):
+            joins = runs[0].end <= mark.start and not pointed
+            if not (mark.arrow and (joins or (newest is not None and newest.plain))):
                 newest = mark
         if newest is not None:
             run.mark, run.arrow = newest.mark, newest.arrow

@@ -312,7 +312,7 @@ class LineReader:
         said = [  # an arrow between words is none, nor a word of a sentence that has ended
             one.mark for one in line_marks if bare or not (one.arrow or _SENTENCE_ENDS.search(rest, one.end))
         ]
-        mark = said[-1] if said else NONE
+        mark = said[-1] if len({*said}) == 1 else NONE  # `what I send and what comes`
         above, t_ns, fine = self._heading, line.t_ns, line.fine
         if self._times is not None and self._times.find(line.text) is not None:
             t_ns = None  # a table's row is not of what stands below the table

@@ -185,6 +185,7 @@ _TURN: Final = re.compile(  # how one begins that has its time, wherever it stan
     r"\d\d:\d\d:\d\d[.,]\d{3}(?!\d*:)"
 )
 _TURN_BYTES: Final = re.compile(rf"(?:(?<!\w)(?:0[xX])?{H}{{2}}(?!\w)[ ,:.-]{{0,2}}){{4}}|(?<!\w){H}{{8,}}(?!\w)")
+_NO_SIGN_OF_CELLS: Final = re.compile(r"[^;\t|]")
 _SIGNS_OF_CLOCKS: Final = 4  # in a line that has two
 _WINDOW: Final = 38  # columns that a window has at least
 _PAIRS_WIDE: Final = 14  # characters of a few pairs
@@ -255,11 +256,12 @@ def entries_in(line: str) -> Iterator[str]:
 
 
 def turns_in(line: str) -> list[str]:
-    """The parts of a line in which several have spoken: a time and bytes behind it in each."""
+    """The parts of a line in which several have spoken: a time and bytes behind it in each, in its cell of a table."""
     if line.count(":") < _SIGNS_OF_CLOCKS:
         return [line]
     heads = [head.start() for head in _TURN.finditer(line)]
-    parts = [line[start:end] for start, end in pairwise((0, *heads[1:], len(line)))]
+    ends = pairwise((0, *heads[1:], len(line)))
+    parts = [_NO_SIGN_OF_CELLS.sub(" ", line[:start]) + line[start:end] for start, end in ends]
     return parts if len(parts) > 1 and all(map(_TURN_BYTES.search, parts)) else [line]
 
 

@@ -45,8 +45,8 @@ _SIGNED: Final = {  # too common as words: marks only with a sign behind
     "in": RX, "slave": RX, "server": RX, "read": RX, "слейв": RX, "ведомый": RX,
 }  # fmt: skip
 _SPEAKERS: Final = {  # marks only before an arrow
-    "master": TX, "client": TX, "host": TX, "мастер": TX, "ведущий": TX,
-    "slave": RX, "server": RX, "device": RX, "слейв": RX, "ведомый": RX, "прибор": RX, "устройство": RX,
+    "master": TX, "client": TX, "host": TX, "m": TX, "мастер": TX, "ведущий": TX,
+    "slave": RX, "server": RX, "device": RX, "s": RX, "слейв": RX, "ведомый": RX, "прибор": RX, "устройство": RX,
 }  # fmt: skip
 _EAST: Final = (  # parts of words in scripts that put no spaces between them; the last one in a word counts
     *(
@@ -103,8 +103,8 @@ _CANDIDATE: Final = re.compile(
     r"(?P<arrow>-{1,3}>|=+>|>{2,3}|<-{1,3}|<=+|<{2,3}|[→⇒▶←⇐◀]|^\s*(?:>\s+)?[<>](?=\s))"  # a quoted line's own
 )
 _NAMES: Final = re.compile(  # `Master -> Slave`: who says it to whom
-    r"(?<![^\W_])(?P<one>[^\W\d_]{2,16})\s?(?P<way>-{1,2}>|=>|→|<-{1,2}|<=|←)\s?"
-    r"(?P<other>(?![0-9A-Fa-f]{2}(?!\w))[^\W\d_]{2,16})(?![^\W_])"
+    r"(?<![^\W_])(?P<one>[^\W\d_]{1,16})\s?(?P<way>-{1,2}>|=>|→|<-{1,2}|<=|←)\s?"
+    r"(?P<other>(?![0-9A-Fa-f]{2}(?!\w))[^\W\d_]{1,16})(?![^\W_])"
 )
 _SPEAKS: Final = re.compile(  # `Device --> 01 03`, `Slave <- 01 03`: whose bytes, or to whom
     r"(?<![^\W_])(?P<who>[^\W\d_]{4,16})\s?(?P<way>-{1,3}>|=+>|→|<-{1,3}|<=+|←)(?=\s{0,4}[\[(<'\"]?(?:0x)?[0-9A-Fa-f]{2})"
