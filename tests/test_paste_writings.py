@@ -34,6 +34,16 @@ def test_a_value_at_a_lines_end_is_no_escape_of_a_mail() -> None:
     assert bytes_read("; ".join(f"b{i}={octet:02X}h" for i, octet in enumerate(valued))) == valued
 
 
+def test_a_dumps_pairs_that_could_be_decimals_are_hex() -> None:
+    rows = [
+        "12 01 00 00 00 09 02 01 06 04 4C 00 00 00 00 C7",
+        "00 C6 00 C7 12 03 00 00 00 06 02 06 01 00 00 00",
+        "12 03 00 00 00 06 02 06 01 00 00 00",
+    ]
+    text = "\n".join(f"{16 * i:08x}  {row}" for i, row in enumerate(rows))
+    assert bytes_read(f"{text}\n0000002c") == hexed(" ".join(rows))
+
+
 def test_numbers_of_lines_need_neighbours_that_count_on() -> None:
     both = [("request", hexed(ASKS).hex()), ("response", hexed(ANSWERS).hex())]
     assert frames_read(f"  41 {ASKS}\n  42 {ANSWERS}") == both

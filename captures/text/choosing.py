@@ -216,10 +216,13 @@ def _ranked(candidate: HexWindow, line: TextLine, judge: ByteJudge, experience: 
     size = len(candidate.data)
     judged = size >= _LEAST and not (experience.damaged and _is_no_frame(candidate, line))
     checked = checked_in(candidate, judge) if judged else ()
+    shown = line.text[candidate.start : candidate.end]
+    padded = candidate.shape == "decimal" and _PAIR_OF_HEX.search(shown) is not None
+    if padded:  # no header says more than that numbers are not written so
+        checked = [span for span in checked if span.envelope != "tcp"]
     covered = sum(span.end - span.start for span in checked)
     trusted = announced = 0
-    shown = line.text[candidate.start : candidate.end]
-    if experience.right and not (candidate.shape == "decimal" and _PAIR_OF_HEX.search(shown)):
+    if experience.right and not padded:
         direct = candidate.start in line.first and candidate.start > line.begin
         if size > 1 or not _is_listed(line, candidate):
             trusted = experience.trust(label_of(line, candidate.start), candidate.shape, direct=direct)

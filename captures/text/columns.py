@@ -220,7 +220,7 @@ def _one_column(
         return None
     tried: list[list[bytes | None]] = []  # of lines with as many numbers each, every column comes twice
     best: tuple[int, int, str, list[int]] | None = None  # that of the most lines
-    bits = any(token.is_bits for token in tokens_of(lines[0]))
+    bits = any(token.is_bits for line in lines[:LEAST_COLUMN] for token in tokens_of(line))
     for reading in ("hexadecimal", "decimal", *(("binary",) if bits else ()), JOINED):
         table = [() if reading != JOINED and holds_bytes(line) else tokens_of(line, reading) for line in lines]
         fewest = min(max(map(len, table)), _MOST_COLUMNS)
