@@ -168,7 +168,9 @@ def runs_in(line: TextLine, judge: ByteJudge, experience: Experience) -> list[By
             clash.others = (*clash.others, candidate)
             if whole and clash.checked:
                 clash.rivals = (*clash.rivals, candidate.shape)
-    runs = [part for _, _, run in occupied for part in _cells_of(run, line.text)]
+    runs = [run for _, _, run in occupied]
+    if "\t" in line.text:
+        runs = [part for run in runs for part in _cells_of(run, line.text)]
     behind = 0  # the newest run that may be bytes
     for i, run in enumerate(runs):
         if behind:

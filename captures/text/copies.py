@@ -241,7 +241,7 @@ def _begins(earlier: _Entry, entry: _Entry) -> bool:
 
 
 _NUMBER: Final = re.compile(r"\s*(\d{1,6})(?=[\s:.)|])")
-_SHORT_OFFSET: Final = re.compile(r"\W*(?:0[xX])?([0-9A-Fa-f]{2})[hH]?[ \t]?[:\])|]")
+_SHORT_OFFSET: Final = re.compile(r"\W*+(?:0[xX])?([0-9A-Fa-f]{2})[hH]?[ \t]?[:\])|]")
 _LIKE_A_BYTE: Final = re.compile(r"\s*0\d\s")
 _COUNTING: Final = 2  # lines
 _WORD_BEHIND: Final = re.compile(r"\s*[^\W\d]")
