@@ -11,15 +11,16 @@ import numpy as np
 from ..deframing.tap_clock import UNKNOWN
 from ..tables.transactions import NEVER
 from .bits import strays, surplus_bits
-from .evidence import LONG, Evidence
+from .evidence import Evidence
 from .exchanges import Ending
 from .hits import given_up_by_timer
 from .registry import Explained, Symptom
-from .signatures import AnswerDamage, Behind, Signature
+from .signatures import AnswerDamage, Behind, Signature, is_like_request
 from .unitledger import READ_REQUEST, Sample, UnitLedger
 
 _PATIENT: Final = 1.3  # times a timeout
 _SEVERAL: Final = 5
+_BESIDE: Final = 0.25  # of the damaged answers
 _TOLD: Final = 0.5  # of a timeout, by which times may be wrong
 _DUE: Final = 1.5  # times the usual pause: when the next request is due,
 _FAR: Final = 4.0  # times it: later than the master ever sends one
@@ -35,20 +36,29 @@ class LostAnswers(NamedTuple):
 
 def cost(evidence: Evidence, unit: UnitLedger, *outcomes: Ending) -> LostAnswers:
     """The requests to a unit that ended so."""
-    silent = evidence.surely_silent(unit) if Ending.SILENT in outcomes else 0
+    silent = evidence.surely_silent(unit)
     damaged = evidence.damaged(unit) if evidence.ordered else unit.count(Ending.GARBAGE)
-    lost = silent + (damaged if Ending.GARBAGE in outcomes else 0)
+    if Ending.GARBAGE in outcomes and silent <= _BESIDE * damaged:
+        outcomes = (*outcomes, Ending.SILENT)  # an answer of which nothing is left, or left where it is not looked for
+    lost = damaged if Ending.GARBAGE in outcomes else 0
+    if Ending.SILENT in outcomes:
+        lost += silent + 2 * evidence.in_pieces(unit)  # the one in pieces as well
     if not evidence.ledger.timed:
         return LostAnswers(lost)
     most = _longest_wait(evidence, unit)
     waited, known = 0.0, 0
     for outcome, waits in ((Ending.SILENT, unit.waits), (Ending.GARBAGE, unit.garbage_waits)):
         if outcome in outcomes and len(waits):
-            waited += float(np.clip(waits.numbers, 0, most).mean()) * len(waits)
+            waited += max(float(np.clip(waits.numbers, 0, most).mean()) - _rest_ns(evidence), 0.0) * len(waits)
             known += len(waits)
     if not known or waited < evidence.verdict.wait_ns * known:
         return LostAnswers(lost)  # of requests that a tap passes on at once nobody knows what was between them
     return LostAnswers(lost, round(min(waited, evidence.ledger.span_ns) / 1e6, 3))
+
+
+def _rest_ns(evidence: Evidence) -> float:
+    """How long the master rests before a request (ns), and would where nothing is wrong: that is no waiting."""
+    return evidence.ledger.pauses.quantile(0.5) or 0.0
 
 
 def _longest_wait(evidence: Evidence, unit: UnitLedger) -> float:
@@ -68,7 +78,7 @@ def cost_of_requests(evidence: Evidence, unit: UnitLedger) -> LostAnswers:
     lost = round(unit.followed.offered * len(found) / len(pairs))
     waits = [_waited(evidence, *each) for each in found if each[0].t_next != NEVER]
     most = _longest_wait(evidence, unit)
-    mean = float(np.clip(waits, 0, most).mean()) if waits else 0.0
+    mean = float(np.clip(waits, 0, most).mean()) - _rest_ns(evidence) if waits else 0.0
     if not evidence.ledger.timed or not mean > evidence.verdict.wait_ns:
         return LostAnswers(lost)
     return LostAnswers(lost, round(min(lost * mean, evidence.ledger.span_ns) / 1e6, 3))
@@ -77,7 +87,7 @@ def cost_of_requests(evidence: Evidence, unit: UnitLedger) -> LostAnswers:
 def _is_lost_request(evidence: Evidence, sample: Sample, reading: Signature) -> bool:
     """Whether what stands behind a good answer is, or was, a request: it is known again, as long as one, or the master
     waits behind it until it gives up."""
-    if reading.behind is Behind.REQUEST or (reading.behind is Behind.NOISE and reading.most >= LONG):
+    if is_like_request(reading):
         return True
     if reading.behind is Behind.NOTHING or reading.t_behind < 0:
         return False
@@ -99,7 +109,7 @@ def _waited(evidence: Evidence, sample: Sample, reading: Signature) -> float:
 def cost_behind_damage(evidence: Evidence, unit: UnitLedger) -> LostAnswers:
     """About how many requests behind damaged answers of a unit, asked again at that, came through damaged as well."""
     readings = evidence.readings(unit)
-    found = sum(each.behind in (Behind.REQUEST, Behind.NOISE) for each in readings)
+    found = sum(map(is_like_request, readings))
     if not found:
         return LostAnswers(0, 0.0)
     whole = cost(evidence, unit, Ending.GARBAGE)
@@ -116,7 +126,7 @@ def cost_of(evidence: Evidence, explains: Explained) -> LostAnswers:
     found = []
     for unit in evidence.units if evidence.ordered else ():
         mine = {kind for kind, number in explains if number == unit.unit and evidence.is_open(kind, number)}
-        heard = unit.answered or unit.count(Ending.GARBAGE)
+        heard = unit.answered or unit.loose or unit.count(Ending.GARBAGE)
         found.append(cost(evidence, unit, *(_ENDINGS[kind] for kind in mine & _ENDINGS.keys() if heard)))
         if Symptom.BEHIND in mine:
             found.append(cost_of_requests(evidence, unit))

@@ -24,13 +24,12 @@ from .ledger import Ledger
 from .polls import Poll
 from .rawbytes import KnownRequests, is_in_ascii
 from .registry import Explained, Symptom
-from .signatures import AnswerDamage, Behind, Signature, held_ns, signature
+from .signatures import LONG, AnswerDamage, Behind, Signature, comes_in_pieces, held_ns, is_like_request, signature
 from .unitledger import AT_ONCE_NS, PROTOCOLS, UnitLedger, rtu_frames
 
 HEALTHY: Final = 0.004  # damaged exchanges of a line on which nothing is wrong
 _WAITS: Final = 3  # that tell a timeout, or how long a tap holds bytes back
 _MOST_HELD: Final = 0.9
-LONG: Final = 6
 _AT_ONCE_CHARS: Final = 1.5
 _GLITCHES: Final = frozenset(0xFF << low & 0xFF for low in range(9))  # a line that is low once, from the start bit on
 _LOW: Final = 0x00  # all the way: the one of those that is often sent as well
@@ -176,6 +175,12 @@ class Evidence:
         count, samples = unit.count(Ending.GARBAGE), self._samples(unit)
         return round(count * len(self.readings(unit)) / samples) if samples else count
 
+    def in_pieces(self, unit: UnitLedger) -> int:
+        """About how many requests to a unit stayed silent, with another one behind them that a tap handed over in pieces."""
+        samples = [sample for sample in unit.samples.kept if sample.outcome == Ending.GARBAGE]
+        found = sum(comes_in_pieces(sample, self.requests) for sample in samples)
+        return round(unit.count(Ending.GARBAGE) * found / max(len(samples), 1)) if self.ordered else 0
+
     @staticmethod
     def _samples(unit: UnitLedger) -> int:
         return sum(sample.outcome == Ending.GARBAGE for sample in unit.samples.kept)
@@ -250,8 +255,14 @@ class Evidence:
     def requests_behind(self, unit: UnitLedger) -> float:
         """About how many good answers have a damaged request behind them, known again or as long as one."""
         readings = self.followed(unit) if self.ordered else []
-        found = [r for r in readings if r.behind is Behind.REQUEST or (r.behind is Behind.NOISE and r.most >= LONG)]
-        return unit.followed.offered * len(found) / len(readings) if readings else 0.0
+        return unit.followed.offered * sum(map(is_like_request, readings)) / len(readings) if readings else 0.0
+
+    @cached_property
+    def requests_overlaid(self) -> int:
+        """How many of what stands behind good answers is longer without a silence than any request: two that were sent at
+        once."""
+        longest = max(map(len, self.ledger.polls.requests), default=0) + _STRAYED
+        return sum(is_like_request(each) and each.most > longest for unit in self.units for each in self.followed(unit))
 
     def _read(self, sample: object) -> Signature:
         from .unitledger import Sample

@@ -26,6 +26,7 @@ from .unitledger import Sample, SampleRow, asked_in_pieces
 
 _HEAD_MOST: Final = 12  # bytes that may be put right
 _LEAST: Final = 4
+LONG: Final = 6  # bytes: noise of so many may have been a request
 _LOST: Final = 2  # bytes of a head
 _HEAD: Final = 3  # bytes: of an answer the third is its byte count
 _COUNTED: Final = 3  # bytes of an answer's header that has a byte count
@@ -87,7 +88,12 @@ class Signature:
     heard: builtins.bytes = b""
     request: builtins.bytes = b""
     rested: int = -1  # ns from the end of a good answer to what came behind it
-    most: int = 0  # of what came behind a good answer: as many without a silence between them
+    most: int = 0  # of what came behind an answer: as many without a silence between them
+
+
+def is_like_request(reading: Signature) -> bool:
+    """Whether what stands behind an answer is a request, damaged: known again, or as long as one."""
+    return reading.behind is Behind.REQUEST or (reading.behind is Behind.NOISE and reading.most >= LONG)
 
 
 def signature(sample: Sample, char_ns: float, requests: KnownRequests, *, off_ns: float) -> Signature:
@@ -109,7 +115,7 @@ def signature(sample: Sample, char_ns: float, requests: KnownRequests, *, off_ns
                          heard=strange, request=sample.request, most=_most(others, _APART_CHARS * char_ns + off_ns))  # fmt: skip
     burst, rest = _first_burst(sample.pieces, _APART_CHARS * char_ns + 5e6 + _SURELY * off_ns)
     every = b"".join(piece.data for piece in sample.pieces)
-    if not burst or _is_whole_in_pieces(sample, every) or _asks_in_pieces(sample, every, requests):
+    if not burst or _is_whole_in_pieces(sample, every) or comes_in_pieces(sample, requests):
         return Signature(AnswerDamage.NONE, due=sample.due)
     data = b"".join(piece.data for piece in burst)
     echoed = data.startswith(sample.request) and len(data) > len(sample.request)
@@ -140,6 +146,7 @@ def signature(sample: Sample, char_ns: float, requests: KnownRequests, *, off_ns
         delay=burst[0].t_start - sample.t_asked,
         heard=data,
         request=sample.request,
+        most=_most(rest, _APART_CHARS * char_ns + off_ns),
     )
 
 
@@ -153,13 +160,15 @@ def _is_whole_in_pieces(sample: Sample, data: bytes) -> bool:
 def held_ns(sample: Sample, requests: KnownRequests) -> int:
     """The longest silence between pieces that make a whole frame: so long a tap held some of it back; 0 for none."""
     data = b"".join(piece.data for piece in sample.pieces)
-    if len(sample.pieces) < 2 or not (_is_whole_in_pieces(sample, data) or _asks_in_pieces(sample, data, requests)):
+    if len(sample.pieces) < 2 or not (_is_whole_in_pieces(sample, data) or comes_in_pieces(sample, requests)):
         return 0
     return max(two.t_start - one.t_end for one, two in pairwise(sample.pieces))
 
 
-def _asks_in_pieces(sample: Sample, data: bytes, requests: KnownRequests) -> bool:
-    """Whether these bytes are a request and no answer at all, the same again or another, which a tap handed over in pieces."""
+def comes_in_pieces(sample: Sample, requests: KnownRequests) -> bool:
+    """Whether what follows a request is a request and no answer at all, the same again or another, which a tap handed over
+    in pieces."""
+    data = b"".join(piece.data for piece in sample.pieces)
     return len(sample.pieces) > 1 and crc16(data) == 0 and (data == sample.request or requests.begin(data, sample.unit))
 
 

@@ -20,6 +20,7 @@ from ..flatmemory import Spell
 from ..ledger import ASKED, BAD
 from ..registry import Suspicion, Symptom, suspect
 from ..repeats import only_repeats
+from ..unitledger import UnitLedger
 from .silence import is_spell, silence_bits
 
 _SLACK: Final = 0.05  # of its length: so much later another unit may fall silent, by what its supply holds
@@ -165,7 +166,7 @@ def _together(evidence: Evidence, group: Sequence[Outage]) -> Iterator[Suspicion
         return
     rest = [unit for unit in evidence.units if unit not in mine]
     silent, asked = sum(inside[unit.unit] for unit in mine), sum(unit.asked for unit in mine)
-    lost = together(_inside(cost(evidence, unit, Ending.SILENT), inside[unit.unit]) for unit in mine)
+    lost = together(_inside(evidence, unit, inside[unit.unit]) for unit in mine)
     begins = [outage.begin for outage in group]
     few = [unit for unit in rest if unit.answered and evidence.silent(unit) < _FEW * len(group)]
     yield Suspicion(
@@ -196,9 +197,10 @@ def _together(evidence: Evidence, group: Sequence[Outage]) -> Iterator[Suspicion
     )
 
 
-def _inside(whole: LostAnswers, count: int) -> LostAnswers:
+def _inside(evidence: Evidence, unit: UnitLedger, count: int) -> LostAnswers:
     """The part of a unit's cost that so many of its silent requests have."""
-    return LostAnswers(count, None if whole.ms is None else whole.ms * count / whole.answers)
+    whole, part = cost(evidence, unit, Ending.SILENT), count / max(evidence.surely_silent(unit), count)
+    return LostAnswers(round(part * whole.answers), None if whole.ms is None else part * whole.ms)
 
 
 def _how_long(group: Sequence[Outage]) -> str:

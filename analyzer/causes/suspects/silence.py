@@ -65,13 +65,13 @@ def _surely_in_vain(evidence: Evidence, unit: UnitLedger) -> int:
 
 def _cost(evidence: Evidence, unit: UnitLedger) -> LostAnswers:
     """The same, and the time that the master waited."""
-    silent, ms = in_vain(evidence, unit)[0], cost(evidence, unit, Ending.SILENT).ms
+    silent, whole = in_vain(evidence, unit)[0], cost(evidence, unit, Ending.SILENT)
     if not unit.answered:
-        return LostAnswers(silent, ms)
+        return LostAnswers(max(silent, whole.answers), whole.ms)
     waited = unit.echo_delays.total + unit.pauses.total
     if not waited or evidence.verdict.wait_ns * unit.answered > waited:
         return LostAnswers(silent)
-    return LostAnswers(silent, round((ms or 0.0) + waited / 1e6, 3))
+    return LostAnswers(silent, round((whole.ms or 0.0) + waited / 1e6, 3))
 
 
 def _answering(evidence: Evidence, unit: UnitLedger) -> float:
@@ -272,6 +272,7 @@ def retry_policy(evidence: Evidence) -> Iterator[Suspicion]:
         tries = _tries(unit)
         if tries >= _MANY_TRIES:
             silent, asked = in_vain(evidence, unit)
+            lost = _cost(evidence, unit)
             yield Suspicion(
                 (unit.unit,),
                 silence_bits(silent, asked) + tries,
@@ -279,8 +280,8 @@ def retry_policy(evidence: Evidence) -> Iterator[Suspicion]:
                 {"unit": unit.unit, "silent": silent, "asked": asked, "tries": tries},
                 since=unit.first,
                 until=unit.last,
-                lost_answers=silent,
-                lost_ms=_cost(evidence, unit).ms,
+                lost_answers=lost.answers,
+                lost_ms=lost.ms,
                 frames=tuple(unit.examples.get(Ending.SILENT, [])),
             )
 
