@@ -24,6 +24,7 @@ _ABOUT_ONE: Final = 0.95
 _SPARED: Final = 2  # units
 _MOST_LATE: Final = 0.85  # what one late answer meets may make another late
 _ONE_LATE_BITS: Final = 12.0
+_OFTEN_LATE: Final = 0.15  # of what a unit is asked
 _MOST_HIT: Final = 0.98
 _ABOUT: Final = 20.0  # bytes
 _AT_ONCE: Final = 0.05  # of a timeout
@@ -32,6 +33,7 @@ _STEADIER: Final = 0.5
 _RUN_INTO: Final = (AnswerDamage.CROSSED, AnswerDamage.LONG)
 _TOLD: Final = 5  # waits or delays, by which a clock's errors even out
 _SOONEST: Final = 0.05  # of delays
+_HELD_NS: Final = 1e9  # a tap that holds bytes back for longer shows no waits at all
 _WAITED: Final = 0.9  # of delays: so long its master waits for a unit that answers
 _SOONER: Final = 0.8  # of them: no timer strays so far
 _BY_TIMER: Final = 0.85  # of waits
@@ -106,6 +108,13 @@ def requests_evenness_bits(evidence: Evidence) -> float:
     return _shared_bits(hits, of, [sum(hits) / sum(of)] * len(of))
 
 
+def requests_part(evidence: Evidence) -> float:
+    """The part of the bytes of exchanges that are requests, about."""
+    asked = sum(unit.asked for unit in evidence.units)
+    every = sum(unit.asked * _mean_due(evidence, unit.unit) for unit in evidence.units)
+    return _REQUEST * asked / every if every else 1.0
+
+
 def stray_behind(evidence: Evidence) -> list[float]:
     """About how many good answers of each unit have stray bytes behind them."""
     return [evidence.stray(unit) for unit in evidence.units]
@@ -147,8 +156,8 @@ def spares_units(evidence: Evidence) -> bool:
 
 
 def _idle(evidence: Evidence) -> list[float]:
-    """How long the line is idle behind each unit's answers (ns, about), until something strays there if it does; behind
-    each answer as long where the clock shows no pauses at all, and nowhere shorter than the clock can tell."""
+    """How long the line is idle before and behind each unit's answers (ns, about), until something strays there if it does;
+    for each answer as long where the clock shows no pauses at all, and nowhere shorter than the clock can tell."""
     char_ns, shown = evidence.ledger.char_ns, evidence.ledger.pauses
     if shown.total <= char_ns * len(shown):
         return [max(unit.answered, 1) * char_ns for unit in evidence.units]
@@ -158,7 +167,9 @@ def _idle(evidence: Evidence) -> list[float]:
         rested = [each.rested for each in evidence.followed(unit) if each.rested >= 0]
         until = sum(rested) / max(len(rested), 1)
         pause = unit.pauses.total / max(len(unit.pauses), 1)
-        found.append(max(stray * until + (unit.answered - stray) * pause, unit.answered * least, char_ns))
+        delay = unit.delays.total / max(len(unit.delays), 1)
+        idle = stray * until + (unit.answered - stray) * pause + unit.answered * delay
+        found.append(max(idle, unit.answered * least, char_ns))
     return found
 
 
@@ -232,7 +243,7 @@ def interrupted(evidence: Evidence, unit: UnitLedger) -> int:
 def cut_short(evidence: Evidence, unit: UnitLedger) -> int:
     """Those of them that stayed without a byte. Of a coarse clock all or none, by the mean of the waits."""
     waits, delays, off = unit.quiet_waits.numbers, unit.delays.numbers, evidence.verdict.wait_ns
-    if len(delays) < _TOLD or len(waits) < 1 or not evidence.is_open(Symptom.SILENCE, unit.unit):
+    if len(delays) < _TOLD or len(waits) < 1 or not evidence.is_open(Symptom.SILENCE, unit.unit) or off > _HELD_NS:
         return 0
     early = float((waits < _SOONER * (float(np.quantile(delays, _SOONEST)) - off)).mean())
     if len(waits) >= _TOLD:
@@ -306,15 +317,27 @@ def given_up_by_timer(evidence: Evidence, unit: UnitLedger) -> bool:
 
 def late_of_any(evidence: Evidence) -> int:
     """Answers that came behind another request, whoever sent them, but for those that the master's own timer explains;
-    0 where it is one unit that is late, for a second master's requests meet the answers of all."""
+    0 where it is some units that are late, for a second master's requests meet the answers of all."""
+    return 0 if late_units(evidence) else sum(unit.late for unit in _untimed(evidence))
+
+
+def late_units(evidence: Evidence) -> list[UnitLedger]:
+    """Units that are late nearly whenever one is, though others are asked as well; none where the master's timer tells."""
+    units = sorted(_untimed(evidence), key=lambda unit: -unit.late / max(unit.asked, 1))
+    late, asked = sum(unit.late for unit in units), sum(unit.asked for unit in units)
+    mine = of = 0
+    for count, unit in enumerate(units, 1):
+        if count > 1 and unit.late < _OFTEN_LATE * unit.asked:
+            break  # so seldom another master meets those that it meets
+        mine, of = mine + unit.late, of + unit.asked
+        if late and mine >= _MOST_LATE * late and mine * log2(mine * asked / (late * of)) >= _ONE_LATE_BITS * count:
+            return units[:count]
+    return []
+
+
+def _untimed(evidence: Evidence) -> list[UnitLedger]:
     units = [unit for unit in evidence.units if evidence.is_open(Symptom.LATENESS, unit.unit)]
-    units = [unit for unit in units if not given_up_by_timer(evidence, unit)]
-    late = sum(unit.late for unit in units)
-    if not late:
-        return 0
-    latest = max(units, key=lambda unit: unit.late)
-    own = latest.late * log2(latest.late * sum(unit.asked for unit in units) / (late * latest.asked))
-    return 0 if latest.late >= _MOST_LATE * late and own >= _ONE_LATE_BITS else late
+    return [unit for unit in units if not given_up_by_timer(evidence, unit)]
 
 
 def spared_bits(evidence: Evidence, unit: UnitLedger) -> float:

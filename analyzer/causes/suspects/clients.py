@@ -66,6 +66,8 @@ _STORM: Final = 30  # broadcasts
 _STORM_NS: Final = 60e6
 _STORM_PAUSES: Final = 2.5  # times t3.5, on slow lines
 _HOLE_CHARS: Final = 1.5
+_DISORDER: Final = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.LATENESS, Symptom.SILENCE, Symptom.DOUBLES, Symptom.MARKS,
+                    Symptom.VALUES)  # fmt: skip
 
 
 @suspect(
@@ -100,8 +102,11 @@ def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
     own = {unit.unit: timed_by_the_master(evidence, unit) for unit in units}  # what its own requests ran into
     damaged = sum(round(evidence.damaged(unit) * (1 - _part(evidence, unit, own[unit.unit]))) for unit in units)
     readings = [each for unit in units for each in evidence.readings(unit) if each not in own[unit.unit]]
-    hit = [unit for unit in units if evidence.damaged(unit) or unit.late or _hasty(evidence, unit)]
-    requests = sum(map(evidence.requests_behind, units))
+    behind_of = {unit.unit: evidence.requests_behind(unit) for unit in units}
+    hit = [
+        unit for unit in units if evidence.damaged(unit) or unit.late or _hasty(evidence, unit) or behind_of[unit.unit]
+    ]
+    requests = sum(behind_of.values())
     sent_into = max(
         share_of(readings, "crossed", "cut", "cut-short", "long"), overlaid(readings) / max(len(readings), 1)
     )
@@ -112,6 +117,7 @@ def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
     if few or crossed < _LEAST or crossed < 0.4 * hits or not hasty + late + requests:
         return
     met = min(overlaid(readings), sum(kind_of(each) in _RUN_INTO for each in readings))
+    met += evidence.requests_overlaid
     if hasty + late < _MET and met < max(_MET, _SENT_INTO * len(readings)):
         return  # damage alone: one transmitter and a bad line do as well
     bits = surplus_bits(hits, evidence.ledger.exchanges, HEALTHY) + kind_bits(readings, _COLLIDED)
@@ -124,8 +130,7 @@ def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
     )  # one of them comes later, or goes; of what is not seen two polls go on as they do
     if sure:  # no single master cuts short what it asked, whatever disturbs the line
         bits += _CUT_SHORT_BITS * sum(early.values())
-    kinds = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.LATENESS, Symptom.SILENCE, Symptom.DOUBLES, Symptom.MARKS)
-    explains = frozenset((kind, unit.unit) for unit in evidence.units for kind in kinds)
+    explains = frozenset((kind, unit.unit) for unit in evidence.units for kind in _DISORDER)
     lost = _lost_to_each_other(evidence, explains)
     yield Suspicion(
         (),

@@ -22,6 +22,7 @@ from ..hits import (
     evenness_bits,
     is_one_units,
     requests_evenness_bits,
+    requests_part,
     span_of_hits,
     spares_requests,
     spares_units,
@@ -102,6 +103,7 @@ def _anywhere(evidence: Evidence, *, sparse: bool = False, by_time: float = 0.0)
     ):  # what hardly meets a frame would be on the idle line alone
         bits -= _IDLE_BITS
     bits += _OVERLAID * (_SOME_OVERLAID * len(readings) - overlaid(readings))
+    bits -= surplus_bits(hits.requests, hits.frames, requests_part(evidence))  # nor does it look for who sends
     unlike = apart_bits(evidence) - evenness_bits(evidence) - requests_evenness_bits(evidence)
     if unlike > max(_UNLIKE_BITS, _UNLIKE * bits, _BY_TIME * by_time):
         return hits, 0.0  # it spares some units: it is not everybody's

@@ -17,7 +17,7 @@ from ..bits import likelihood_bits, strays, surplus_bits
 from ..costs import cost_of, kind_bits, kind_of, shifted, untimely
 from ..evidence import HEALTHY, Evidence, alone_or_together
 from ..exchanges import Ending
-from ..hits import cut_short, given_up_by_timer, interrupted, timed_by_the_master
+from ..hits import cut_short, given_up_by_timer, interrupted, late_units, timed_by_the_master
 from ..registry import Suspicion, Symptom, suspect
 from ..repeats import asked_again_behind, asked_again_into, only_repeats, waits_longer
 from ..signatures import AnswerDamage, Signature
@@ -72,10 +72,13 @@ def timeout_too_short(evidence: Evidence) -> Iterator[Suspicion]:
     late = {unit.unit: _late(evidence, unit) for unit in evidence.units}
     for unit in evidence.units:  # what stands where another's was due, if it did not come before
         if evidence.is_open(Symptom.LATENESS, unit.unit):
-            late[unit.unit] += min(evidence.begun[unit.unit], unit.count(Ending.SILENT, Ending.GARBAGE))
+            without = unit.count(Ending.SILENT, Ending.GARBAGE) - late[unit.unit]
+            late[unit.unit] += max(min(evidence.begun[unit.unit], without), 0)
     found = [each for unit in evidence.units if (each := _weighed(evidence, unit, late)) is not None]
-    by_timer = [each for each in found if _is_timed(evidence, each.unit)]
-    for group in alone_or_together(found, by_timer):
+    together = [each for each in found if _is_timed(evidence, each.unit)] or [
+        each for each in found if each.unit in late_units(evidence)
+    ]
+    for group in alone_or_together(found, together):
         group.sort(key=lambda each: -each.late / max(each.unit.asked, 1))
         mine = sum(each.late for each in group)
         rest = sum(late.values()) - sum(late[each.unit.unit] for each in group)
