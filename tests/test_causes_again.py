@@ -261,13 +261,16 @@ def test_a_value_that_changes_about_when_the_line_is_hit_once_is_no_drive_s() ->
         ),  # damaged answers, and repetitions that read like good ones
         ("written-unit-line-settings", 2, "gateway", [27]),
         ("mixed-driver-released-early", 3, "precise", [32]),  # of answers whose length no request tells
+        ("two-masters-alike", 120001, "gateway", []),  # in step: their requests meet, and no answer does
+        ("timeout-too-short", 130004, "precise", [30]),  # each late answer is counted once, though others begin by it
+        ("tap-flow-control", 130003, "precise", []),  # requests lack bytes as well
     ],
 )
 def test_cases_in_which_another_cause_was_named_once(case: str, seed: int, tap: str, units: list[int]) -> None:
     made = field_cases()[case].capture(tap, seed)
     parts = analyse(Capture.of(made.line, made.chunks))
     found = causes_of(ledger_of(((part.batch, part.transactions) for part in parts), made.line))
-    name = case.removeprefix("ascii-").removeprefix("written-").removeprefix("mixed-")
+    name = case.removeprefix("ascii-").removeprefix("written-").removeprefix("mixed-").removesuffix("-alike")
     assert [(cause.cause, sorted(cause.units)) for cause in found] == [(name, units)]
 
 
@@ -277,6 +280,20 @@ def test_a_request_that_came_through_damaged_is_lost_as_well(case: str) -> None:
     parts = analyse(Capture.of(made.line, made.chunks))
     found = causes_of(ledger_of(((part.batch, part.transactions) for part in parts), made.line))
     assert found[0].lost_answers == pytest.approx(len(made.lost()), rel=0.1)
+
+
+def test_requests_that_a_gateway_hands_over_in_pieces_are_lost_as_well() -> None:
+    made = field_cases()["all-silent-trunk"].capture("gateway", 120002)
+    parts = analyse(Capture.of(made.line, made.chunks))
+    found = causes_of(ledger_of(((part.batch, part.transactions) for part in parts), made.line))
+    assert found[0].lost_answers == pytest.approx(len(made.lost()), rel=0.1)
+
+
+def test_the_time_lost_is_what_the_client_waits_in_vain_not_its_rest() -> None:
+    made = field_cases()["dead-unit"].capture("precise", 120001)
+    parts = analyse(Capture.of(made.line, made.chunks))
+    found = causes_of(ledger_of(((part.batch, part.transactions) for part in parts), made.line))
+    assert found[0].lost_ms == pytest.approx(200 * len(made.lost()), rel=0.05)  # ms, its timeout
 
 
 def test_a_gateway_tells_no_time_that_was_lost() -> None:

@@ -179,8 +179,15 @@ def only_repeats(evidence: Evidence, unit: UnitLedger) -> bool:
     off = evidence.verdict.wait_ns
     if delay is None or wait is None or off > wait:
         return mostly
+    if delay + off < _TOLD * _known_patience(evidence):
+        return False
     latest, longest = unit.echo_delays.quantile(0.9) or delay, unit.waits.quantile(0.9) or wait
     return delay + off > _AS_LATE * wait and (mostly or latest * _AS_LATE < longest)
+
+
+def _known_patience(evidence: Evidence) -> float:
+    """How long the master waits, as seen, before it asks again for what came damaged (ns); 0 where nobody knows."""
+    return max((unit.garbage_again.quantile(0.5) or 0.0 for unit in evidence.units), default=0.0)
 
 
 def _waits_behind_as_before(evidence: Evidence, unit: UnitLedger) -> bool:

@@ -33,7 +33,8 @@ _SAME, _OTHER = log2(0.96 / 0.5), log2(0.04 / 0.5)  # bits: garbage that is like
 _EXPECTED: Final = {"whole": 0.83, "middle": 0.06, "cut": 0.03, "long": 0.03, "head": 0.02}
 _DRIFTED: Final = {"whole": 0.25, "middle": 0.55, "bits": 0.1, "cut": 0.03, "long": 0.03, "head": 0.04}
 _MOSTLY: Final = 0.6
-_BEGINS_RIGHT: Final = 6.0  # bits
+_HEADER: Final = 3  # bytes: unit, function, byte count
+_BEGINS_RIGHT: Final = 2.0  # bits, each
 _SHORT: Final = 32  # bytes of which each may have been two
 _TRIED: Final = 12
 _A_CLOCK: Final = "a clock that is off"
@@ -77,8 +78,7 @@ def unit_line_settings(evidence: Evidence) -> Iterator[Suspicion]:
                 words, kinds = _A_CLOCK, max(kinds, kind_bits(readings, _DRIFTED))
             if not bits:
                 bits -= _good_between(evidence, unit)  # nobody changes settings to and fro
-                if _begin_right(readings) >= _MOSTLY:
-                    bits -= _BEGINS_RIGHT  # what garbles an answer garbles its first byte as well, but for few settings
+                bits -= _BEGINS_RIGHT * _beginning_right(readings)
             bits += evidence.surplus(unit) + kinds + _steadiness(evidence, unit)
             if bits > 0:
                 yield damage_suspicion(evidence, unit, bits, {"settings": words, "drift": drift, "how": _GARBAGE})
@@ -116,9 +116,9 @@ def _by_clock(evidence: Evidence, readings: Sequence[Signature]) -> tuple[float,
     return best
 
 
-def _begin_right(readings: Sequence[Signature]) -> float:
-    """The share of damaged answers whose first byte is as it must be."""
-    return sum(each.heard[:1] == known_header(each.request)[:1] for each in readings) / len(readings)
+def _beginning_right(readings: Sequence[Signature]) -> int:
+    """How many damaged answers begin as they must by some bytes: settings that garble the rest leave few so."""
+    return sum(each.heard.startswith(known_header(each.request)[:_HEADER]) for each in readings)
 
 
 def _good_between(evidence: Evidence, unit: UnitLedger) -> int:

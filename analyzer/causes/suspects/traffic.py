@@ -21,7 +21,7 @@ from ..bits import surplus_bits
 from ..evidence import Evidence
 from ..exchanges import Ending
 from ..registry import Suspicion, Symptom, suspect
-from ..signatures import Signature
+from ..signatures import Signature, is_like_request
 
 _FRAMES: Final = 20
 _FRAMES_MOVED: Final = 8  # right by their check values, of a function that its user has defined
@@ -186,8 +186,8 @@ _ROBBED: Final = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.DOUBLES, Symptom.LATEN
     Severity.ERROR,
     blame="tap",
     text="The tap's port eats every byte 11 and 13 (hex), XON and XOFF of software flow control: none of {bytes:,} bytes is "
-    "one, and {robbed} of {damaged} damaged answers are whole with them put back; the bus itself may be well",
-    share="{robbed} of {damaged} damaged answers",
+    "one, and {robbed} of {damaged} damaged frames are whole with them put back; the bus itself may be well",
+    share="{robbed} of {damaged} damaged frames",
     deciding_test="Switch software flow control off on the port that listens (`stty -F PORT -ixon -ixoff`) and listen again",
     remedy="Switch XON/XOFF off: on the port, in the program that records and in the converter",
 )
@@ -202,12 +202,15 @@ def tap_flow_control(evidence: Evidence) -> Iterator[Suspicion]:
     units = frozenset(unit.unit for unit in evidence.units)
     for unit in evidence.units:
         explains |= {(kind, unit.unit) for kind in _ROBBED}
-        readings = evidence.readings(unit)
-        if readings:
+        behind = [each for each in evidence.followed(unit) if is_like_request(each)]  # with no answer known as such
+        for readings, count in (
+            (evidence.readings(unit), unit.count(Ending.GARBAGE)),
+            ([replace(each, request=b"") for each in behind], evidence.requests_behind(unit)),
+        ):
             whole = sum(_is_robbed(reading, units, ledger.bytes) for reading in readings)
             solved += whole
-            damaged += unit.count(Ending.GARBAGE)
-            robbed += unit.count(Ending.GARBAGE) * whole / len(readings)
+            damaged += count if readings else 0
+            robbed += count * whole / max(len(readings), 1)
     if solved < _ROBBED_LEAST or robbed < _ROBBED_MOSTLY * damaged:
         return
     numbers = {"bytes": ledger.bytes, "robbed": round(robbed), "damaged": round(damaged)}
@@ -215,7 +218,8 @@ def tap_flow_control(evidence: Evidence) -> Iterator[Suspicion]:
 
 
 def _is_robbed(reading: Signature, units: frozenset[int], flow_free: int) -> bool:
-    """Whether an answer lacks bytes 11 and 13, and nothing else; alone, or before frames of units 17 and 19, which say no
-    number then."""
-    case = DamagedFrame(reading.heard, Role.RESPONSE, reading.request or None, units=units, flow_free=flow_free)
+    """Whether an answer or a request lacks bytes 11 and 13, and nothing else; alone, or before frames of units 17 and 19,
+    which say no number then."""
+    role = Role.RESPONSE if reading.request else Role.REQUEST
+    case = DamagedFrame(reading.heard, role, reading.request or None, units=units, flow_free=flow_free)
     return autopsy(case).code == "flow-control-loss" or bool(divided(replace(case, role=None)))

@@ -20,7 +20,9 @@ _SOONEST: Final = 0.05  # of answers
 _HALF_CHAR: Final = 0.5
 _LOST: Final = 2  # bytes
 _MOST: Final = 0.6
-_FEW: Final = 0.15  # frames hit for a stretch on the idle line
+_FEW: Final = 0.15  # frames hit for a stretch on the idle line,
+_LESS: Final = 0.5  # or so many of those that would be if it were all the same whether somebody sends
+_FULL: Final = 0.95
 _EARLY: Final = (0.3, 0.22, 0.16, 0.12, 0.08, 0.05, 0.04, 0.03)  # bits of a byte that ringing behind its start reaches
 # AnswerDamage by reflections, one bit a frame, or several.
 _BENT: Final = {"bits": 0.52, "head": 0.17, "bits-tail": 0.04, "middle": 0.1, "whole": 0.12, "tail": 0.02}
@@ -49,6 +51,7 @@ def bias(evidence: Evidence) -> Iterator[Suspicion]:
     if hits.idle < _LEAST or spares_units(evidence):
         return
     touched = sum(evidence.damaged(unit) * _run_into(evidence, unit) for unit in evidence.units)
+    touched = min(touched, hits.idle)  # the moments before an answer are less than all the idle time
     idle, frames = hits.idle + touched, hits.frames - touched
     hit = idle + frames if hits.damaged < _FEW * idle else idle
     bits = surplus_bits(hit, max(hits.exchanges, hit), HEALTHY)
@@ -62,7 +65,8 @@ def bias(evidence: Evidence) -> Iterator[Suspicion]:
     if is_behind_few(evidence):
         bits = bits / 4 - apart_bits(evidence)  # a line that floats does so behind everybody
     explains = frozenset((Symptom.BEHIND, unit.unit) for unit in evidence.units) | {(Symptom.FRAMING, None)}
-    if touched > _MOST * hits.damaged or hits.damaged < _FEW * idle:
+    load = min(evidence.load or 0.0, _FULL)
+    if touched > _MOST * hits.damaged or hits.damaged < max(_FEW, _LESS * load / (1 - load)) * idle:
         explains |= frozenset((Symptom.DAMAGE, unit.unit) for unit in evidence.units)
     yield Suspicion((), bits, explains, hits.numbers, **span_of_hits(evidence))
 
