@@ -20,9 +20,11 @@ from .unitledger import READ_REQUEST, Sample, UnitLedger
 
 _PATIENT: Final = 1.3  # times a timeout
 _SEVERAL: Final = 5
-_BESIDE: Final = 0.25  # of the damaged answers
+_BESIDE: Final = 0.5  # of the damaged answers
 _TOLD: Final = 0.5  # of a timeout, by which times may be wrong
 _DUE: Final = 1.5  # times the usual pause: when the next request is due,
+_RESTS: Final = 0.25  # of the pauses, the shorter ones: behind a round of its polls it rests longer
+_MOST_REST: Final = 0.6
 _FAR: Final = 4.0  # times it: later than the master ever sends one
 _STRAYS: Final = 0.15  # of a timeout, by which a timer and a pause behind it may differ
 
@@ -35,30 +37,38 @@ class LostAnswers(NamedTuple):
 
 
 def cost(evidence: Evidence, unit: UnitLedger, *outcomes: Ending) -> LostAnswers:
-    """The requests to a unit that ended so."""
-    silent = evidence.surely_silent(unit)
-    damaged = evidence.damaged(unit) if evidence.ordered else unit.count(Ending.GARBAGE)
-    if Ending.GARBAGE in outcomes and silent <= _BESIDE * damaged:
-        outcomes = (*outcomes, Ending.SILENT)  # an answer of which nothing is left, or left where it is not looked for
-    lost = damaged if Ending.GARBAGE in outcomes else 0
+    """The requests to a unit that ended so; of damaged answers, silence that is less as well: nothing is left of some, or it
+    is left where nobody looks for it."""
+    silent, damaged = evidence.surely_silent(unit), evidence.damaged(unit)
+    beside = outcomes == (Ending.GARBAGE,) and silent <= _BESIDE * damaged
+    return _ended(evidence, unit, *outcomes, *([Ending.SILENT] if beside else []))
+
+
+def _ended(evidence: Evidence, unit: UnitLedger, *outcomes: Ending) -> LostAnswers:
+    lost = 0
+    if Ending.GARBAGE in outcomes:
+        lost = evidence.damaged(unit) if evidence.ordered else unit.count(Ending.GARBAGE)
     if Ending.SILENT in outcomes:
-        lost += silent + 2 * evidence.in_pieces(unit)  # the one in pieces as well
+        lost += evidence.surely_silent(unit)
+        lost += 2 * evidence.silent_but_for(unit, Behind.REQUEST)  # the one in pieces as well
     if not evidence.ledger.timed:
         return LostAnswers(lost)
     most = _longest_wait(evidence, unit)
     waited, known = 0.0, 0
     for outcome, waits in ((Ending.SILENT, unit.waits), (Ending.GARBAGE, unit.garbage_waits)):
         if outcome in outcomes and len(waits):
-            waited += max(float(np.clip(waits.numbers, 0, most).mean()) - _rest_ns(evidence), 0.0) * len(waits)
+            waited += _in_vain(evidence, float(np.clip(waits.numbers, 0, most).mean())) * len(waits)
             known += len(waits)
     if not known or waited < evidence.verdict.wait_ns * known:
         return LostAnswers(lost)  # of requests that a tap passes on at once nobody knows what was between them
     return LostAnswers(lost, round(min(waited, evidence.ledger.span_ns) / 1e6, 3))
 
 
-def _rest_ns(evidence: Evidence) -> float:
-    """How long the master rests before a request (ns), and would where nothing is wrong: that is no waiting."""
-    return evidence.ledger.pauses.quantile(0.5) or 0.0
+def _in_vain(evidence: Evidence, wait_ns: float) -> float:
+    """A wait until the next request, less the rest that the master takes before each; where the rest would be most of it,
+    nobody knows."""
+    rest = evidence.ledger.pauses.quantile(_RESTS) or 0.0
+    return wait_ns - rest if rest < _MOST_REST * wait_ns else wait_ns
 
 
 def _longest_wait(evidence: Evidence, unit: UnitLedger) -> float:
@@ -78,7 +88,7 @@ def cost_of_requests(evidence: Evidence, unit: UnitLedger) -> LostAnswers:
     lost = round(unit.followed.offered * len(found) / len(pairs))
     waits = [_waited(evidence, *each) for each in found if each[0].t_next != NEVER]
     most = _longest_wait(evidence, unit)
-    mean = float(np.clip(waits, 0, most).mean()) - _rest_ns(evidence) if waits else 0.0
+    mean = _in_vain(evidence, float(np.clip(waits, 0, most).mean())) if waits else 0.0
     if not evidence.ledger.timed or not mean > evidence.verdict.wait_ns:
         return LostAnswers(lost)
     return LostAnswers(lost, round(min(lost * mean, evidence.ledger.span_ns) / 1e6, 3))
@@ -127,7 +137,7 @@ def cost_of(evidence: Evidence, explains: Explained) -> LostAnswers:
     for unit in evidence.units if evidence.ordered else ():
         mine = {kind for kind, number in explains if number == unit.unit and evidence.is_open(kind, number)}
         heard = unit.answered or unit.loose or unit.count(Ending.GARBAGE)
-        found.append(cost(evidence, unit, *(_ENDINGS[kind] for kind in mine & _ENDINGS.keys() if heard)))
+        found.append(_ended(evidence, unit, *(_ENDINGS[kind] for kind in mine & _ENDINGS.keys() if heard)))
         if Symptom.BEHIND in mine:
             found.append(cost_of_requests(evidence, unit))
     return together(found)

@@ -24,7 +24,7 @@ from .ledger import Ledger
 from .polls import Poll
 from .rawbytes import KnownRequests, is_in_ascii
 from .registry import Explained, Symptom
-from .signatures import LONG, AnswerDamage, Behind, Signature, comes_in_pieces, held_ns, is_like_request, signature
+from .signatures import LONG, AnswerDamage, Behind, Signature, held_ns, is_like_request, signature
 from .unitledger import AT_ONCE_NS, PROTOCOLS, UnitLedger, rtu_frames
 
 HEALTHY: Final = 0.004  # damaged exchanges of a line on which nothing is wrong
@@ -112,7 +112,8 @@ class Evidence:
     def surely_silent(self, unit: UnitLedger) -> int:
         """Requests without an answer, those apart that may have had one which reads like the next request."""
         doubtful = sum(poll.count(Ending.SILENT) for poll in self._in_pairs(unit))
-        return unit.count(Ending.SILENT) - max(doubtful, self.echoed_again(unit))
+        silent = unit.count(Ending.SILENT) - max(doubtful, self.echoed_again(unit))
+        return silent + self.silent_but_for(unit, Behind.NOISE)
 
     def _echoes_itself(self, unit: UnitLedger) -> bool:
         return unit.echoes_itself and self.verdict.wait_ns < AT_ONCE_NS
@@ -172,28 +173,28 @@ class Evidence:
         """Answers that are none and that nothing explains; of those looked at, the share that is damaged indeed."""
         if not self.is_open(Symptom.DAMAGE, unit.unit) or not self.ordered:
             return 0
-        count, samples = unit.count(Ending.GARBAGE), self._samples(unit)
+        count, samples = unit.count(Ending.GARBAGE), len(self._garbage(unit))
         return round(count * len(self.readings(unit)) / samples) if samples else count
 
-    def in_pieces(self, unit: UnitLedger) -> int:
-        """About how many requests to a unit stayed silent, with another one behind them that a tap handed over in pieces."""
-        samples = [sample for sample in unit.samples.kept if sample.outcome == Ending.GARBAGE]
-        found = sum(comes_in_pieces(sample, self.requests) for sample in samples)
-        return round(unit.count(Ending.GARBAGE) * found / max(len(samples), 1)) if self.ordered else 0
+    def _garbage(self, unit: UnitLedger) -> list[Signature]:
+        """Samples of requests behind which bytes came and no answer, read."""
+        if unit.unit not in self._readings:
+            samples = [sample for sample in unit.samples.kept if sample.outcome == Ending.GARBAGE]
+            self._readings[unit.unit] = [self._read(sample) for sample in samples]
+        return self._readings[unit.unit]
 
-    @staticmethod
-    def _samples(unit: UnitLedger) -> int:
-        return sum(sample.outcome == Ending.GARBAGE for sample in unit.samples.kept)
+    def silent_but_for(self, unit: UnitLedger, kind: Behind) -> int:
+        """About how many requests to a unit were not answered, though something came: another request, which a tap handed
+        over in pieces, or noise, what a line makes that nobody drives."""
+        garbage = self._garbage(unit)
+        found = sum(each.damage is AnswerDamage.NONE and each.behind is kind for each in garbage)
+        return round(unit.count(Ending.GARBAGE) * found / max(len(garbage), 1)) if self.ordered else 0
 
     def readings(self, unit: UnitLedger) -> list[Signature]:
         """Samples of damaged answers, read; those that are whole after all, though in pieces, are left out."""
         if not self.is_open(Symptom.DAMAGE, unit.unit):
             return []
-        if unit.unit not in self._readings:
-            samples = [sample for sample in unit.samples.kept if sample.outcome == Ending.GARBAGE]
-            read = [self._read(sample) for sample in samples]
-            self._readings[unit.unit] = [reading for reading in read if reading.damage is not AnswerDamage.NONE]
-        return self._readings[unit.unit]
+        return [reading for reading in self._garbage(unit) if reading.damage is not AnswerDamage.NONE]
 
     def begun_by(self, reading: Signature) -> int | None:
         """Another unit that is polled, and by whose number and function a damaged answer begins, or what stands behind a
@@ -269,7 +270,11 @@ class Evidence:
 
         assert isinstance(sample, Sample)
         off = self.verdict.wait_ns if self.ledger.timed else UNKNOWN
-        return signature(sample, self.ledger.char_ns, self.requests, off_ns=off)
+        found = signature(sample, self.ledger.char_ns, self.requests, off_ns=off)
+        strays = found.damage is AnswerDamage.WHOLE and found.length <= _MOSTLY * found.due
+        if strays and _GLITCHES.issuperset(found.heard):
+            return replace(found, damage=AnswerDamage.NONE, behind=Behind.NOISE)
+        return found
 
     @cached_property
     def requests(self) -> KnownRequests:

@@ -168,6 +168,8 @@ def only_repeats(evidence: Evidence, unit: UnitLedger) -> bool:
     if unit.count(Ending.SILENT) < _HARDLY * unit.answered:
         return _waits_behind_as_before(evidence, unit)
     delay, wait = unit.echo_delays.quantile(0.1), unit.waits.quantile(0.1)
+    if wait is not None and evidence.timeout_ns is not None:
+        wait = max(wait, evidence.timeout_ns)  # of what only seems to be silent the wait may be a pause
     told = [
         poll for poll in evidence.polls_of(unit.unit) if not ECHOED[poll.function]
     ]  # no request reads like an answer

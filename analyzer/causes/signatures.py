@@ -115,8 +115,10 @@ def signature(sample: Sample, char_ns: float, requests: KnownRequests, *, off_ns
                          heard=strange, request=sample.request, most=_most(others, _APART_CHARS * char_ns + off_ns))  # fmt: skip
     burst, rest = _first_burst(sample.pieces, _APART_CHARS * char_ns + 5e6 + _SURELY * off_ns)
     every = b"".join(piece.data for piece in sample.pieces)
-    if not burst or _is_whole_in_pieces(sample, every) or comes_in_pieces(sample, requests):
+    if not burst or _is_whole_in_pieces(sample, every):
         return Signature(AnswerDamage.NONE, due=sample.due)
+    if _asks_in_pieces(sample, every, requests):
+        return Signature(AnswerDamage.NONE, Behind.REQUEST, due=sample.due)
     data = b"".join(piece.data for piece in burst)
     echoed = data.startswith(sample.request) and len(data) > len(sample.request)
     data = data[len(sample.request) :] if echoed else data
@@ -160,15 +162,13 @@ def _is_whole_in_pieces(sample: Sample, data: bytes) -> bool:
 def held_ns(sample: Sample, requests: KnownRequests) -> int:
     """The longest silence between pieces that make a whole frame: so long a tap held some of it back; 0 for none."""
     data = b"".join(piece.data for piece in sample.pieces)
-    if len(sample.pieces) < 2 or not (_is_whole_in_pieces(sample, data) or comes_in_pieces(sample, requests)):
+    if len(sample.pieces) < 2 or not (_is_whole_in_pieces(sample, data) or _asks_in_pieces(sample, data, requests)):
         return 0
     return max(two.t_start - one.t_end for one, two in pairwise(sample.pieces))
 
 
-def comes_in_pieces(sample: Sample, requests: KnownRequests) -> bool:
-    """Whether what follows a request is a request and no answer at all, the same again or another, which a tap handed over
-    in pieces."""
-    data = b"".join(piece.data for piece in sample.pieces)
+def _asks_in_pieces(sample: Sample, data: bytes, requests: KnownRequests) -> bool:
+    """Whether these bytes are a request and no answer at all, the same again or another, which a tap handed over in pieces."""
     return len(sample.pieces) > 1 and crc16(data) == 0 and (data == sample.request or requests.begin(data, sample.unit))
 
 

@@ -33,6 +33,7 @@ _END_SHARE: Final = 0.1  # of the capture
 _LONG_SPELL: Final = 12  # requests,
 _VISITS_IN_VAIN: Final = 4  # or so many times that the master came back to it: what is lost once is not asked for anew
 _ALL: Final = 0.5
+_SPEAKS_NOT: Final = (Symptom.SILENCE, Symptom.DAMAGE, Symptom.MARKS)  # nor is what seems to be its answer damaged
 _NO_ANSWER_BEHIND: Final = 11  # the exception by which a gateway says that its target failed to respond
 _NEARLY_ALL: Final = 0.95
 _HARDLY: Final = 0.25  # of what would be so by chance
@@ -60,7 +61,7 @@ def _surely_in_vain(evidence: Evidence, unit: UnitLedger) -> int:
     """Requests to a unit that stayed without an answer for sure."""
     silent = evidence.silent(unit)
     is_open = evidence.is_open(Symptom.SILENCE, unit.unit)
-    return in_vain(evidence, unit)[0] if is_open and silent == unit.count(Ending.SILENT) else silent
+    return in_vain(evidence, unit)[0] if is_open and silent >= unit.count(Ending.SILENT) else silent
 
 
 def _cost(evidence: Evidence, unit: UnitLedger) -> LostAnswers:
@@ -190,9 +191,7 @@ def _silence(evidence: Evidence, unit: UnitLedger, since: int | None) -> Suspici
     if since is not None and lasting is not None:
         silent, bits = lasting.count, silence_bits(lasting.count, lasting.count)
     lost = _cost(evidence, unit) if since is None else cost(evidence, unit, Ending.SILENT)
-    kinds = (
-        (Symptom.SILENCE, Symptom.DAMAGE) if since is None else (Symptom.SILENCE,)
-    )  # what never speaks damages nothing
+    kinds = _SPEAKS_NOT if since is None else (Symptom.SILENCE,)
     return Suspicion(
         (unit.unit,),
         bits,
@@ -236,7 +235,7 @@ def absent_units(evidence: Evidence) -> Iterator[Suspicion]:
     yield Suspicion(
         tuple(unit.unit for unit in never),
         weight * sum(silence_bits(*each) for each in counts),
-        frozenset((Symptom.SILENCE, unit.unit) for unit in never),
+        frozenset((kind, unit.unit) for unit in never for kind in _SPEAKS_NOT),
         {
             "count": len(never),
             "polled": len(evidence.units),
@@ -276,7 +275,7 @@ def retry_policy(evidence: Evidence) -> Iterator[Suspicion]:
             yield Suspicion(
                 (unit.unit,),
                 silence_bits(silent, asked) + tries,
-                frozenset({(Symptom.SILENCE, unit.unit)}),
+                frozenset((kind, unit.unit) for kind in _SPEAKS_NOT),
                 {"unit": unit.unit, "silent": silent, "asked": asked, "tries": tries},
                 since=unit.first,
                 until=unit.last,
