@@ -28,6 +28,7 @@ from ..unitledger import UnitLedger
 
 _LEAST: Final = 3
 _MOSTLY: Final = 0.5
+_OF_DAMAGE: Final = (Symptom.DAMAGE, Symptom.MARKS, Symptom.BEHIND, Symptom.LATENESS)  # what is asked again seems late
 
 Numbers = Callable[[Evidence, UnitLedger, list[Signature]], Mapping[str, Any]]
 
@@ -56,7 +57,7 @@ def damage_suspicion(evidence: Evidence, unit: UnitLedger, bits: float, more: Ma
     return Suspicion(
         (unit.unit,),
         bits,
-        frozenset((kind, unit.unit) for kind in (Symptom.DAMAGE, Symptom.MARKS, Symptom.BEHIND)),
+        frozenset((kind, unit.unit) for kind in _OF_DAMAGE),
         {
             "unit": unit.unit,
             "damaged": unit.count(Ending.GARBAGE),
@@ -236,9 +237,7 @@ def crc_convention(evidence: Evidence) -> Iterator[Suspicion]:
 )
 def byte_count(evidence: Evidence) -> Iterator[Suspicion]:
     """All frames of one unit with a wrong count."""
-    for found in damage_suspicions(evidence, {"count": 0.95}, ("count", "other")):
-        unread = {(Symptom.LATENESS, found.units[0])}  # right frames of its that answer nothing
-        yield replace(found, explains=found.explains | unread)
+    yield from damage_suspicions(evidence, {"count": 0.95}, ("count", "other"))
 
 
 _OFTEN: Final = 0.2

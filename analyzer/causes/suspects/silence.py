@@ -120,9 +120,9 @@ def _died(evidence: Evidence, unit: UnitLedger) -> int | None:
     return spell.begin if long and spell.count >= max(_TO_THE_END, 3 * before) else None
 
 
-def _tries(unit: UnitLedger) -> float:
-    """Requests a poll."""
-    return unit.asked / max(unit.asked - unit.repeats, 1)
+def _tries(evidence: Evidence, unit: UnitLedger) -> float:
+    """Requests a poll; one of a list that holds nothing else, which comes again and again by itself."""
+    return unit.asked / max(unit.asked - unit.repeats, 1) if len(evidence.polls) > 1 else 1.0
 
 
 def silence_bits(silent: int, asked: int) -> float:
@@ -145,7 +145,7 @@ def silence_bits(silent: int, asked: int) -> float:
 def dead_unit(evidence: Evidence) -> Iterator[Suspicion]:
     """One unit of several."""
     never = _never(evidence)
-    if len(never) == 1 and _tries(never[0]) < _MANY_TRIES:
+    if len(never) == 1 and _tries(evidence, never[0]) < _MANY_TRIES:
         yield _silence(evidence, never[0], None)
     for unit in evidence.units:
         since = _died(evidence, unit)
@@ -268,7 +268,7 @@ def retry_policy(evidence: Evidence) -> Iterator[Suspicion]:
     """A silent unit that is asked again and again."""
     never = _never(evidence)
     for unit in never if len(never) == 1 else ():
-        tries = _tries(unit)
+        tries = _tries(evidence, unit)
         if tries >= _MANY_TRIES:
             silent, asked = in_vain(evidence, unit)
             lost = _cost(evidence, unit)

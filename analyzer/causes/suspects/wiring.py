@@ -159,6 +159,7 @@ def bad_drop(evidence: Evidence) -> Iterator[Suspicion]:
     for unit in evidence.units if len(evidence.units) > 1 else ():
         bits = evidence.surplus(unit) + min(kind_bits(evidence.readings(unit), ALIKE), 0.0) - _UNIT_BITS
         bits += spared_bits(evidence, unit)
+        bits -= surplus_bits(evidence.requests_behind(unit), max(unit.answered, 1), HEALTHY)  # no drop harms requests
         if bits > 0 and evidence.damaged(unit) >= _LEAST:
             others = [other for other in evidence.units if other.unit != unit.unit]
             lost = cost(evidence, unit, Ending.GARBAGE)
