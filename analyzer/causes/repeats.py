@@ -179,8 +179,8 @@ def only_repeats(evidence: Evidence, unit: UnitLedger) -> bool:
     )
     mostly = mostly or unit.count(Ending.SILENT) >= _SILENT_FOR_ECHO * (unit.answered + unit.loose)
     off = evidence.verdict.wait_ns
-    if delay is None or wait is None or off > wait:
-        return mostly
+    if delay is None or wait is None or off > wait or evidence.ledger.echoing:
+        return mostly  # what an adapter shows of a request comes at once, as an answer does
     if delay + off < _TOLD * _known_patience(evidence):
         return False
     latest, longest = unit.echo_delays.quantile(0.9) or delay, unit.waits.quantile(0.9) or wait

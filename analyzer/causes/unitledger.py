@@ -29,8 +29,8 @@ from .rawbytes import is_in_ascii
 _EXAMPLES: Final = 3
 _SEVERAL: Final = 5
 AT_ONCE_NS: Final = 40e6
-_OK, _EXCEPTION, _SILENT, _GARBAGE, _UNHEARD = (
-    int(each) for each in (Ending.OK, Ending.EXCEPTION, Ending.SILENT, Ending.GARBAGE, Ending.UNHEARD)
+_OK, _EXCEPTION, _SILENT, _GARBAGE, _UNHEARD, _ECHO = (
+    int(each) for each in (Ending.OK, Ending.EXCEPTION, Ending.SILENT, Ending.GARBAGE, Ending.UNHEARD, Ending.ECHO)
 )
 BUSY: Final = np.isin(np.arange(256), (5, 6))  # acknowledge, server device busy
 
@@ -139,7 +139,9 @@ class UnitLedger:
                 mine if whole else mine[good], times if whole else times[good], timed=timed, hole_ns=hole_ns
             )
         if counts[_SILENT] or counts[_GARBAGE] or self.silences_but_echoes.is_open:
-            heard = outcome != _UNHEARD  # an answer that nobody could hear ends no silence
+            heard = (outcome != _UNHEARD) & (
+                outcome != _ECHO
+            )  # what nobody could hear ends no silence, nor what a tap shows
             _count_silences(self.silences, mine, times, heard)
             _count_silences(self.silences_but_echoes, mine, times, heard & ~_are_echoes(mine))
             _count_silences(self.silences_of_others, mine, times, heard & ~ECHOED[mine.function])

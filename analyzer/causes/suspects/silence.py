@@ -76,9 +76,11 @@ def _cost(evidence: Evidence, unit: UnitLedger) -> LostAnswers:
 
 
 def _answering(evidence: Evidence, unit: UnitLedger) -> float:
-    """About how many damaged answers of a unit may be its: not those of a byte or two, nor the master's next request."""
+    """About how many damaged answers of a unit may be its: not those of a byte or two, nor the master's next request, nor
+    what begins as the frames of another."""
     readings = evidence.readings(unit)
     own = [each for each in readings if each.damage is not AnswerDamage.CROSSED and each.length > _STRAY_BYTES]
+    own = [each for each in own if evidence.begun_by(each) is None]
     told = evidence.ordered and evidence.is_open(Symptom.DAMAGE, unit.unit)
     count = evidence.damaged(unit) if told else unit.count(Ending.GARBAGE)
     return count * (len(own) / len(readings) if readings else 1)

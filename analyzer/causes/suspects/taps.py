@@ -266,7 +266,8 @@ def _frames_in(data: bytes, role: Role) -> int:
 def local_echo(evidence: Evidence) -> Iterator[Suspicion]:
     """Each request twice, at once."""
     ledger = evidence.ledger
-    echoed = ledger.repeats_answered if ledger.echoing else 0
+    shown = sum(unit.count(Ending.ECHO) for unit in evidence.units)  # of units that do not answer, too
+    echoed = max(ledger.repeats_answered, shown) if ledger.echoing else 0
     explains: set[tuple[Symptom, int | None]] = {(Symptom.FRAMING, None), (Symptom.TIMING, None)}
     for unit in evidence.units:
         explains.add((Symptom.TIMING, unit.unit))  # its answers are timed from the echo on
