@@ -21,6 +21,7 @@ from ..hits import (
     is_one_units,
     late_of_any,
     requests_evenness_bits,
+    requests_part,
     spells_of_hits,
     timed_by_the_master,
 )
@@ -117,7 +118,8 @@ def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
     if few or crossed < _LEAST or crossed < 0.4 * hits or not hasty + late + requests:
         return
     met = min(overlaid(readings), sum(kind_of(each) in _RUN_INTO for each in readings))
-    met += evidence.requests_overlaid
+    if surplus_bits(requests, damaged + requests, requests_part(evidence)) > _UNLIKE_BITS:
+        met += evidence.requests_overlaid  # what disturbs a line meets answers as well
     if hasty + late < _MET and met < max(_MET, _SENT_INTO * len(readings)):
         return  # damage alone: one transmitter and a bad line do as well
     bits = surplus_bits(hits, evidence.ledger.exchanges, HEALTHY) + kind_bits(readings, _COLLIDED)
