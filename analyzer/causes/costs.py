@@ -23,8 +23,6 @@ _SEVERAL: Final = 5
 _BESIDE: Final = 0.5  # of the damaged answers
 _TOLD: Final = 0.5  # of a timeout, by which times may be wrong
 _DUE: Final = 1.5  # times the usual pause: when the next request is due,
-_RESTS: Final = 0.25  # of the pauses, the shorter ones: behind a round of its polls it rests longer
-_MOST_REST: Final = 0.6
 _FAR: Final = 4.0  # times it: later than the master ever sends one
 _STRAYS: Final = 0.15  # of a timeout, by which a timer and a pause behind it may differ
 
@@ -57,18 +55,11 @@ def _ended(evidence: Evidence, unit: UnitLedger, *outcomes: Ending) -> LostAnswe
     waited, known = 0.0, 0
     for outcome, waits in ((Ending.SILENT, unit.waits), (Ending.GARBAGE, unit.garbage_waits)):
         if outcome in outcomes and len(waits):
-            waited += _in_vain(evidence, float(np.clip(waits.numbers, 0, most).mean())) * len(waits)
+            waited += float(np.clip(waits.numbers, 0, most).mean()) * len(waits)
             known += len(waits)
     if not known or waited < evidence.verdict.wait_ns * known:
         return LostAnswers(lost)  # of requests that a tap passes on at once nobody knows what was between them
     return LostAnswers(lost, round(min(waited, evidence.ledger.span_ns) / 1e6, 3))
-
-
-def _in_vain(evidence: Evidence, wait_ns: float) -> float:
-    """A wait until the next request, less the rest that the master takes before each; where the rest would be most of it,
-    nobody knows."""
-    rest = evidence.ledger.pauses.quantile(_RESTS) or 0.0
-    return wait_ns - rest if rest < _MOST_REST * wait_ns else wait_ns
 
 
 def _longest_wait(evidence: Evidence, unit: UnitLedger) -> float:
@@ -88,7 +79,7 @@ def cost_of_requests(evidence: Evidence, unit: UnitLedger) -> LostAnswers:
     lost = round(unit.followed.offered * len(found) / len(pairs))
     waits = [_waited(evidence, *each) for each in found if each[0].t_next != NEVER]
     most = _longest_wait(evidence, unit)
-    mean = _in_vain(evidence, float(np.clip(waits, 0, most).mean())) if waits else 0.0
+    mean = float(np.clip(waits, 0, most).mean()) if waits else 0.0
     if not evidence.ledger.timed or not mean > evidence.verdict.wait_ns:
         return LostAnswers(lost)
     return LostAnswers(lost, round(min(lost * mean, evidence.ledger.span_ns) / 1e6, 3))
