@@ -7,6 +7,7 @@ from buses import adu
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+import analyzer
 from analyzer.paste import PastedFrame, PastedNoise, PasteError, read, tree
 from captures.errors import HexError
 from dissectors.length_rules import Role
@@ -324,6 +325,21 @@ def test_times_of_a_log_are_kept():
     assert request.t_end_ns is not None and answer.t_end_ns is not None
     assert answer.t_end_ns - request.t_end_ns == 20_000_000
     assert next(read(REQUEST).to_json())["t_end_ns"] is None
+
+
+def test_a_write_asked_again_is_a_request_as_it_is_in_a_capture(tmp_path):
+    poll, word = "01 03 00 10 00 01 85 CF", "01 03 02 00 07 F9 86"
+    write = "05 06 00 20 00 01 48 44"
+    lines, now = [], 0.0
+    for pause, frame in ([(12, poll), (15, word)] * 3 + [(12, write), (500, write), (488, poll), (15, word)]) * 3:
+        now += pause / 1000
+        lines.append(f"10:00:{now:06.3f}  {frame}")
+    text = "\n".join(lines)
+    (tmp_path / "bus.log").write_text(text + "\n", encoding="utf-8")
+    frames = list(read(text).frames())
+    captured = analyzer.open(tmp_path / "bus.log").frames()
+    assert [frame.role.name.lower() for frame in frames] == [str(frame.direction) for frame in captured]
+    assert [frame.role.name for frame in frames if frame.function == 6] == ["REQUEST"] * 6
 
 
 def test_the_json_keys_are_those_of_export():

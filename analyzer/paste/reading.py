@@ -36,6 +36,7 @@ _ROLES: Final = {"auto": BOTH, "request": (Role.REQUEST,), "response": (Role.RES
 LONGEST: Final = 1 << 20  # bytes
 _PAIR: Final = 2  # hex digits of a byte
 _COARSE_NS: Final = 10**8  # as of captures (`deframing.tap_clock`), which is more than a paste loads
+_LATE_NS: Final = 10**8  # sooner no client asks again
 _LENGTH_END: Final = 6  # bytes of an MBAP header, up to its length
 _MOST_TCP: Final = 254  # what the length in an MBAP header can be
 _CRC: Final = 2  # bytes
@@ -60,7 +61,37 @@ def read(
     if size > LONGEST:
         raise PasteError(f"{size:,} bytes are too many to annotate; save them to a file and use rtuscope export")
     paste = read_parts(parts, envelope, _ROLES[role])
-    return with_findings(replace(paste, pieces=_with_times(paste.pieces, parts), unread=unread))
+    pieces = _with_times(paste.pieces, parts)
+    if role == "auto" and _has_late_echo(pieces) and not any(part.mark for part in parts):
+        pieces = _with_times(_by_silence(paste.pieces, parts), parts)
+    return with_findings(replace(paste, pieces=pieces, unread=unread))
+
+
+def _has_late_echo(pieces: Sequence[Piece]) -> bool:
+    """Whether a frame of RTU is the one before it once more, so late that it may be no answer."""
+    return any(
+        isinstance(first, PastedFrame)
+        and isinstance(again, PastedFrame)
+        and again.adu.data == first.adu.data
+        and again.adu.protocol == "rtu"
+        and again.t_start_ns is not None
+        and again.t_start_ns - (first.t_end_ns or again.t_start_ns) >= _LATE_NS
+        for first, again in pairwise(pieces)
+    )
+
+
+def _by_silence(pieces: Sequence[Piece], parts: Sequence[PastePart]) -> tuple[Piece, ...]:
+    """The same frames, each in the direction that it has in a capture with these times."""
+    from .deframed import weighed
+
+    frames = [piece for piece in weighed(parts) if isinstance(piece, PastedFrame)]
+    said = {(frame.start, frame.length): frame for frame in frames}
+    return tuple(
+        replace(piece, role=found.role, request=found.request, request_start=found.request_start, also=None)
+        if isinstance(piece, PastedFrame) and (found := said.get((piece.start, piece.length))) is not None
+        else piece
+        for piece in pieces
+    )
 
 
 def _with_times(pieces: Sequence[Piece], parts: Sequence[PastePart]) -> tuple[Piece, ...]:
