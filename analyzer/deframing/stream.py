@@ -125,10 +125,17 @@ class PortsDeframer:
                 bounds.append(undecided)
         until = None if last else min(bounds, default=None)
         loose, across = self._order.take(taken, until)
-        if len(self._engines) == 1:
+        since = self._order.since_ns
+        held = self._writes.held
+        count = len(loose.rows) if since is None else int(np.count_nonzero(loose.heard < since))
+        if count == len(loose.rows) and since is None:
             loose = self._writes.settle(loose, until, timed=self._timed)
-        elif len((held := self._writes.release()).rows):
-            loose, across = UnorderedRows.joined([held, loose]), across and across.behind(len(held.rows))
+        elif held or count:  # what was heard of one port alone; then writes go the way of their ports
+            rest = loose.picked(np.arange(count, len(loose.rows)))
+            until = since if until is None else min(until, since or until)
+            alone = self._writes.settle(loose.picked(np.arange(count)), until, timed=self._timed)
+            loose = UnorderedRows.joined([alone, self._writes.release(), rest])
+            across = across and across.behind(held)
         return self._batch(loose, across)
 
     def _batch(self, loose: UnorderedRows, across: Across | None) -> Batch:

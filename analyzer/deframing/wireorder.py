@@ -91,6 +91,11 @@ class WireOrder:
         """What is known of two taps' clocks; None where there are no two, or nothing is known."""
         return self._merge.clocks.skew if self._directions is not None else None
 
+    @property
+    def since_ns(self) -> int | None:
+        """Since when there are two ports; None while there is one."""
+        return self._since
+
     def joins(self, port: int, first_ns: int) -> None:
         """A port is heard for the first time."""
         self._ports.append(port)

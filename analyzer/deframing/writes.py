@@ -116,6 +116,11 @@ class WriteDirections:
         self._settled: deque[_Settled] = deque()
         self._rows = 0  # in these
 
+    @property
+    def held(self) -> int:
+        """How many rows are held back."""
+        return len(self._held.rows)
+
     def release(self) -> UnorderedRows:
         """What is held back, as it is."""
         held, self._held = self._held, UnorderedRows.nothing()
