@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +17,8 @@ from scripts import package
 from dissectors.maps import MapError, RegisterMap, map_for_unit, map_text, read_map, shipped_map, shipped_names
 from dissectors.maps.importers import FORMATS, import_maps
 from dissectors.maps.model import DeviceSignature, MappedValue
-from dissectors.maps.table import json_schema, read_table, read_yaml, write_table, write_yaml
+from dissectors.maps.table import read_table, write_table
+from dissectors.maps.yamlform import json_schema, read_yaml, write_yaml
 from dissectors.values import FORMULA_STARTS, ORDERS, ordered, registers_of
 
 FILES = package("attack.mapfiles")
@@ -297,3 +300,8 @@ def test_unknown_files_say_which_formats_there_are() -> None:
     with pytest.raises(MapError, match="no known form"):
         import_maps("x.bin", b"\0\1\2")
     assert replace(shipped_map("xy-md02"), device="x").device == "x"
+
+
+def test_a_table_loads_no_yaml() -> None:
+    code = "import sys; from dissectors.maps import shipped_map; shipped_map('%s'); sys.exit('yaml' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code % shipped_names()[0]], check=False).returncode == 0

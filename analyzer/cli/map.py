@@ -115,7 +115,7 @@ def _show(arguments: argparse.Namespace) -> int:
     if arguments.format == "schema":
         import json
 
-        from dissectors.maps.table import json_schema
+        from dissectors.maps.yamlform import json_schema
 
         put_data(f"{json.dumps(json_schema(), indent=2, ensure_ascii=False)}\n")
         return DONE

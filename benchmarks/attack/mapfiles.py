@@ -190,7 +190,8 @@ def _take_workbook(data: bytes, chance: Random) -> None:
 
 def _survives(chart: object, chance: Random) -> None:
     from dissectors.maps.model import RegisterMap, read_mapped
-    from dissectors.maps.table import read_table, read_yaml, write_table, write_yaml
+    from dissectors.maps.table import read_table, write_table
+    from dissectors.maps.yamlform import read_yaml, write_yaml
 
     assert isinstance(chart, RegisterMap)
     said = [chart.device, chart.vendor, *chart.other, *chart.other.values()]

@@ -3,7 +3,7 @@
     chart = read_map("meter.csv")           # or the name of a map that comes with this package
     chart.at("input", 0)                    # MappedValue(name="Voltage L1", type="f32", ...)
 
-`model` is what a map is, `cells` what stands in a column, `table` the two forms of a file, `files` finds
+`model` is what a map is, `cells` what stands in a column, `table` and `yamlform` the two forms of a file, `files` finds
 them, `importers` reads what other programs and spreadsheets have. Nothing here knows of captures or time.
 """
 

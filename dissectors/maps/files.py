@@ -68,7 +68,7 @@ def read_map(name: str | os.PathLike[str]) -> RegisterMap:
     if text is None:
         raise MapError(f"{path}: bytes, not text: a map is a table in CSV or YAML")
     if path.suffix.lower() in _YAML:
-        from .table import read_yaml
+        from .yamlform import read_yaml
 
         return read_yaml(text, str(name))
     return read_table(text, str(name))
@@ -89,7 +89,7 @@ def map_bytes(path: str | os.PathLike[str]) -> bytes:
 def map_text(chart: RegisterMap, name: str | os.PathLike[str]) -> str:
     """A map as the text of a file of this name."""
     if Path(name).suffix.lower() in _YAML:
-        from .table import write_yaml
+        from .yamlform import write_yaml
 
         return write_yaml(chart)
     return write_table(chart)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ..table import read_table, read_yaml
+from ..table import read_table
+from ..yamlform import read_yaml
 from .source import ImportedMap, MapSource
 
 NAME = "a map of our own form"

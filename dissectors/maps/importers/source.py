@@ -96,7 +96,7 @@ class MapSource:
         """The YAML content; tags that a program defines for itself stand for their plain values."""
         if not self.is_text or ":" not in self.text:
             return None
-        from ..table import load_yaml
+        from ..yamlform import load_yaml
 
         try:
             return load_yaml(self.text, lenient=True)
