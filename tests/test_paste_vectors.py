@@ -9,7 +9,7 @@ import pytest
 from buses import shared
 
 from analyzer.paste import read
-from analyzer.paste.reading import Envelope
+from analyzer.paste.mixing import Envelope
 
 DISAGREED = {
     "pymodbus-tcp-badlen-exception": "MBAP says 2 bytes, 3 follow: the length ends the frame",

@@ -1,22 +1,20 @@
 """Which envelope a paste is in: RTU, ASCII or MBAP. Each is tried; the one whose check explains the bytes is taken.
 
 Runs of bytes whose own check values say different envelopes (a gateway's log has RTU and TCP lines) are read each in
-its own: a request may stand in one line, its answer behind lines of another envelope, but a frame never does, so the
-stretches between other envelopes are read each alone. Else, in order: frames of ASCII mode, which show themselves; RTU
-frames whose right CRCs tile all of it; MBAP headers whose lengths do; RTU frames among other bytes; and where no check
-value is right at all, what reads like a frame that was damaged or cut, in the envelope for which more speaks. The
-choice is always told, with its reason. Frames that are all as they should be need no diagnosis, and start faster
-without.
+its own. Else, in order: frames of ASCII mode, which show themselves; RTU frames whose right CRCs tile all of it; MBAP
+headers whose lengths do; RTU frames among other bytes; and where no check value is right at all, what reads like a
+frame that was damaged or cut, in the envelope for which more speaks. The choice is always told, with its reason.
+Frames that are all as they should be need no diagnosis, and start faster without.
 """
 
 from __future__ import annotations
 
-from bisect import bisect_left, bisect_right
-from collections.abc import Callable, Iterator, Sequence
+from bisect import bisect_right
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
-from itertools import accumulate, groupby, pairwise
-from typing import TYPE_CHECKING, Final, Literal, NamedTuple
+from itertools import accumulate, pairwise
+from typing import TYPE_CHECKING, Final, Literal
 
 from dissectors.envelopes import MBAP, Adu, ascii_frames, tcp
 from dissectors.functions import function_class
@@ -26,6 +24,7 @@ from dissectors.limits import LAST_UNIT, MAX_ADU
 
 from ..languages import counted, tr
 from . import rtu
+from .mixing import Envelope, kinds_of, mixed
 from .model import Paste, PastedFrame, PastedNoise, PastePart, Piece, Unread
 from .rtu import BOTH, Turn, possible, turns
 
@@ -36,7 +35,7 @@ _ROLES: Final = {"auto": BOTH, "request": (Role.REQUEST,), "response": (Role.RES
 LONGEST: Final = 1 << 20  # bytes
 _PAIR: Final = 2  # hex digits of a byte
 _COARSE_NS: Final = 10**8  # as of captures (`deframing.tap_clock`), which is more than a paste loads
-_LATE_NS: Final = 10**8  # sooner no client asks again
+_LATE_NS: Final = 10**8  # as of captures (`deframing.writes`)
 _LENGTH_END: Final = 6  # bytes of an MBAP header, up to its length
 _MOST_TCP: Final = 254  # what the length in an MBAP header can be
 _CRC: Final = 2  # bytes
@@ -75,7 +74,8 @@ def _has_late_echo(pieces: Sequence[Piece]) -> bool:
         and again.adu.data == first.adu.data
         and again.adu.protocol == "rtu"
         and again.t_start_ns is not None
-        and again.t_start_ns - (first.t_end_ns or again.t_start_ns) >= _LATE_NS
+        and first.t_end_ns is not None
+        and again.t_start_ns - first.t_end_ns >= _LATE_NS
         for first, again in pairwise(pieces)
     )
 
@@ -311,92 +311,6 @@ def _cover(frames: Sequence[Piece], data: bytes) -> str:
 
 def _octets(data: bytes) -> str:
     return counted(len(data), "byte", "bytes")
-
-
-Envelope = Literal["auto", "rtu", "ascii", "tcp"]
-Reading = Callable[[Sequence[PastePart], Envelope], Paste]
-_REASONS: Final = 3  # of the readings of stretches that are told
-
-
-class _EnvelopeStretch(NamedTuple):
-    """Parts of one envelope that follow one another: where they begin in their envelope's stream, and in the paste."""
-
-    parts: Sequence[PastePart]
-    begin: int
-    start: int
-
-
-def kinds_of(parts: Sequence[PastePart]) -> list[Envelope]:
-    """The envelope of each part by its own check values; a part that has none is of that before it, or behind."""
-    from .evidence import envelope_of
-
-    own = [envelope_of(part.data) for part in parts]
-    latest: Envelope = next((kind for kind in own if kind is not None), "auto")
-    kinds: list[Envelope] = []
-    for kind in own:
-        latest = kind or latest
-        kinds.append(latest)
-    return kinds
-
-
-def mixed(parts: Sequence[PastePart], kinds: Sequence[Envelope], read: Reading) -> Paste:
-    """Parts of several envelopes, those of each read by `read`."""
-    pieces: list[Piece] = []
-    why = []
-    for kind in dict.fromkeys(kinds):
-        stretches = list(_stretches(parts, kinds, kind))
-        paste = read([part for stretch in stretches for part in stretch.parts], kind)
-        if _undivided(paste.pieces, stretches):
-            why.append(paste.why)
-            pieces += _placed(paste.pieces, stretches)
-            continue
-        alone = [read(stretch.parts, kind) for stretch in stretches]
-        why += list(dict.fromkeys(paste.why for paste in alone))[:_REASONS]
-        for stretch, paste in zip(stretches, alone, strict=True):
-            pieces += _placed(paste.pieces, [stretch._replace(begin=0)])
-    first = max(dict.fromkeys(kinds), key=kinds.count)
-    protocol: Literal["rtu", "ascii", "tcp"] = "rtu" if first == "auto" else first
-    return Paste(protocol, "; ".join(why), tuple(sorted(pieces, key=lambda piece: piece.start)))
-
-
-def _stretches(parts: Sequence[PastePart], kinds: Sequence[Envelope], kind: Envelope) -> Iterator[_EnvelopeStretch]:
-    starts = [0, *accumulate(len(part.data) for part in parts)]
-    begin = 0
-    for own, group in groupby(range(len(parts)), lambda i: kinds[i] == kind):
-        if own:
-            mine = list(group)
-            yield _EnvelopeStretch([parts[i] for i in mine], begin, starts[mine[0]])
-            begin += starts[mine[-1] + 1] - starts[mine[0]]
-
-
-def _undivided(pieces: Sequence[Piece], stretches: Sequence[_EnvelopeStretch]) -> bool:
-    """Whether each frame lies in one stretch."""
-    begins = [stretch.begin for stretch in stretches]
-    return all(
-        bisect_right(begins, piece.start) == bisect_right(begins, piece.start + piece.length - 1)
-        for piece in pieces
-        if isinstance(piece, PastedFrame)
-    )
-
-
-def _placed(pieces: Sequence[Piece], stretches: Sequence[_EnvelopeStretch]) -> Iterator[Piece]:
-    """Pieces of an envelope's stream in the bytes of all; noise is divided where bytes of others lie between."""
-    begins = [stretch.begin for stretch in stretches]
-
-    def moved(at: int) -> int:
-        stretch = stretches[bisect_right(begins, at) - 1]
-        return stretch.start + at - stretch.begin
-
-    for piece in pieces:
-        start = moved(piece.start)
-        if isinstance(piece, PastedFrame):
-            request_at = None if piece.request_start is None else moved(piece.request_start)
-            yield replace(piece, start=start, adu=replace(piece.adu, start=start), request_start=request_at)
-            continue
-        end = piece.start + piece.length
-        inner = begins[bisect_right(begins, piece.start) : bisect_left(begins, end)]
-        for first, last in pairwise([piece.start, *inner, end]):
-            yield PastedNoise(moved(first), piece.data[first - piece.start : last - piece.start])
 
 
 _CONVERSATION = 2  # frames, beyond which somebody may have gone unanswered

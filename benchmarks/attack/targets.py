@@ -80,7 +80,7 @@ TEXTS: Final = (
 
 def _parse(data: bytes, chance: Random) -> None:
     from analyzer.paste import read, tree
-    from analyzer.paste.reading import Envelope
+    from analyzer.paste.mixing import Envelope
     from captures.text import encodings
 
     if encodings.is_binary(data):
