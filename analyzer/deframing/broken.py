@@ -25,7 +25,8 @@ from dissectors.length_rules import Role
 from dissectors.lengths import expectation, miscounted_role, rule
 from dissectors.limits import EXCEPTION, MAX_ADU, MIN_ADU, OVERHEAD, Sized, taken
 
-from .candidates import CRC_BITS, GLITCHES, KNOWN_BITS, predicted_length
+from ..tables.schema import GLITCHES
+from .candidates import CRC_BITS, KNOWN_BITS, predicted_length
 from .conversation import Candidate, OpenRequest, holds_a_frame
 from .lattice import GLITCH_RUN
 from .rules import CrcWindows

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from dissectors.length_rules import Role, broken_value
 from dissectors.limits import MAX_ADU, MIN_ADU, OVERHEAD
 
+from ..tables.schema import GLITCHES
 from .rules import (
     Bytes,
     CountedLengths,
@@ -37,7 +38,6 @@ _NONE: Final = np.empty(0, np.intp)
 _LITTLE: Final = 1024  # bytes in which at most
 _FEW: Final = 32  # places where a window with a right CRC begins are looked at one by one
 _NEVER: Final = 1 << 62  # further than any byte
-GLITCHES: Final = frozenset((0x00, 0xFE, 0xFF))  # what RS-485 drivers leave on the line when they switch
 ZERO_BITS: Final = -8.0  # 1 in 256 check values ends in 00
 _BITS_OF_FUNCTION: Final = np.array([STRANGE_BITS, KNOWN_BITS], np.float32)  # by whether it is declared
 UNLIKELY_ROLE: Final = -4.0  # bits: the role in which these bytes break a limit, where they break none in the other

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from dissectors.length_rules import Role
 
-from ..tables.schema import BoundaryEvidence, Kind
-from .candidates import CRC_BITS, GLITCHES
+from ..tables.schema import GLITCHES, BoundaryEvidence, Kind
+from .candidates import CRC_BITS
 from .conversation import Losers, PathStep
 from .gaps import GapStatistics, LearntFrames, SpeakerTurn
 from .lattice import GLITCH_RUN, LOST

@@ -25,7 +25,8 @@ from itertools import accumulate
 from dissectors.length_rules import Role
 from dissectors.limits import EXCEPTION
 
-from .candidates import CRC_BITS, GLITCHES
+from ..tables.schema import GLITCHES
+from .candidates import CRC_BITS
 from .conversation import (
     Candidate,
     Conversation,

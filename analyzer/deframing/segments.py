@@ -191,6 +191,11 @@ class UnorderedRows:
             BoundaryEvidence.joined([p.why for p in parts]),
         )
 
+    def bytes_of(self, i: int) -> bytes:
+        """The captured bytes of a row."""
+        at = self.rows.at.item(i)
+        return self.data[at : at + self.rows.length.item(i)].tobytes()
+
     def picked(self, which: NDArray[np.intp]) -> UnorderedRows:
         """Those at these places, in this order."""
         rows = self.rows[which]

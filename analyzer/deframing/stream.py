@@ -126,15 +126,13 @@ class PortsDeframer:
         until = None if last else min(bounds, default=None)
         loose, across = self._order.take(taken, until)
         since = self._order.since_ns
-        held = self._writes.held
-        count = len(loose.rows) if since is None else int(np.count_nonzero(loose.heard < since))
-        if count == len(loose.rows) and since is None:
-            loose = self._writes.settle(loose, until, timed=self._timed)
-        elif held or count:  # what was heard of one port alone; then writes go the way of their ports
-            rest = loose.picked(np.arange(count, len(loose.rows)))
-            until = since if until is None else min(until, since or until)
-            alone = self._writes.settle(loose.picked(np.arange(count)), until, timed=self._timed)
-            loose = UnorderedRows.joined([alone, self._writes.release(), rest])
+        if since is None:
+            return self._batch(self._writes.settle(loose, until, timed=self._timed), across)
+        held, alone = self._writes.held, int(np.count_nonzero(loose.heard < since))
+        if held or alone:  # the last of what was heard of one port; then nothing but their ports tells writes apart
+            first, rest = loose.picked(np.arange(alone)), loose.picked(np.arange(alone, len(loose.rows)))
+            settled = self._writes.settle(first, since if until is None else min(until, since), timed=self._timed)
+            loose = UnorderedRows.joined([settled, self._writes.release(), rest])
             across = across and across.behind(held)
         return self._batch(loose, across)
 

@@ -20,7 +20,8 @@ from dissectors.length_rules import Role
 from dissectors.lengths import rule
 from dissectors.limits import EXCEPTION, MAX_ADU, MIN_ADU
 
-from .candidates import GLITCHES, ZERO_BITS
+from ..tables.schema import GLITCHES
+from .candidates import ZERO_BITS
 from .conversation import Candidate
 from .gaps import MAY_PART, GapStatistics, silence_positions
 from .lattice import GLITCH_RUN

@@ -172,11 +172,10 @@ class WireOrder:
             return
         rows, self._newest = loose.rows, None
         if rows.kind.item(newest) == _REQUEST and rows.unit.item(newest) and rows.check.item(newest):
-            at = rows.at.item(newest)
             self._newest = _NewestRequest(
                 rows.port.item(newest),
                 rows.protocol.item(newest),
-                loose.data[at : at + rows.length.item(newest)].tobytes(),
+                loose.bytes_of(newest),
                 loose.heard.item(newest),
                 rows.t_end_ns.item(newest),
             )

@@ -22,9 +22,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..tables.schema import Bools, Int64s, Kind, Protocol, UInt8s
+from ..tables.schema import GLITCHES, Bools, Int64s, Kind, Protocol, UInt8s
 from ..tables.transactions import ECHOED
-from .candidates import GLITCHES
 from .segments import UnorderedRows
 
 _LATE_NS: Final = 100_000_000  # sooner no client gives up whose timeout a tap's clock can tell from a slow answer
@@ -41,7 +40,6 @@ _LEAST: Final = 3  # timeouts
 _DAMAGED: Final = 4  # bytes of a damaged answer: fewer may be noise,
 _ALIKE: Final = 2  # but not twice the same
 _SHOWN: Final = 8  # bytes that are looked at
-_GLITCHES: Final = bytes(GLITCHES)
 _NOISE, _REQUEST, _RESPONSE = int(Kind.NOISE), int(Kind.REQUEST), int(Kind.RESPONSE)
 
 
@@ -199,7 +197,7 @@ class _Turning:
         """The right frame before a row, if it is not far."""
         since: list[bytes] = []
         for each, at in islice(self._backwards(i), _ROWS):
-            rows, captured = each.loose.rows, _captured(each.loose, at)
+            rows, captured = each.loose.rows, each.loose.bytes_of(at)
             if each.kind[at] != _NOISE and rows.check[at]:
                 between = b"".join(since[: -_SHOWN - 1 : -1])[:_SHOWN]
                 return _FrameBefore(
@@ -222,7 +220,7 @@ class _Turning:
         if before is None:
             return said
         silence = int(rows.t_start_ns[i]) - before.t_end_ns
-        if before.kind == _REQUEST and before.captured == self._captured(i):
+        if before.kind == _REQUEST and before.captured == self._loose.bytes_of(i):
             if before.since:
                 return self._kind_behind_damage(i, silence, before.since) if said == _RESPONSE else said
             said = _RESPONSE if before.turned else said
@@ -289,20 +287,12 @@ class _Turning:
 
     def _between(self, first: int, last: int) -> bytes:
         """What stands in these rows: of much the beginning."""
-        return b"".join(map(self._captured, range(first, min(last, first + _SHOWN))))[:_SHOWN]
+        return b"".join(map(self._loose.bytes_of, range(first, min(last, first + _SHOWN))))[:_SHOWN]
 
     def _is_again(self, i: int) -> bool:
         """Whether the frame behind a row has the bytes that it has."""
         following = self._next(i)
-        return following is not None and self._captured(following) == self._captured(i)
-
-    def _captured(self, i: int) -> bytes:
-        return _captured(self._loose, i)
-
-
-def _captured(loose: UnorderedRows, i: int) -> bytes:
-    at = loose.rows.at.item(i)
-    return loose.data[at : at + loose.rows.length.item(i)].tobytes()
+        return following is not None and self._loose.bytes_of(following) == self._loose.bytes_of(i)
 
 
 def _was_answer(data: bytes) -> bool:
@@ -311,7 +301,7 @@ def _was_answer(data: bytes) -> bool:
 
 
 def _is_no_glitch(data: bytes, least: int) -> bool:
-    return len(data.translate(None, _GLITCHES)) >= least
+    return sum(octet not in GLITCHES for octet in data) >= least
 
 
 def _middle(numbers: Int64s) -> int:

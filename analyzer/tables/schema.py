@@ -36,6 +36,7 @@ Float32s: TypeAlias = NDArray[np.float32]
 Bools: TypeAlias = NDArray[np.bool_]
 Which: TypeAlias = slice | NDArray[np.integer[Any]] | NDArray[np.bool_]  # rows: a stretch, numbers, or a mask
 
+GLITCHES: Final = frozenset((0x00, 0xFE, 0xFF))  # what RS-485 drivers leave on the line when they switch
 _SHOWN: Final = 20  # rows in a notebook
 _BLOCK: Final = 1 << 12  # rows made at once where one iterates
 

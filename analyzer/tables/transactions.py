@@ -24,7 +24,7 @@ from dissectors.lengths import expectation, relations
 from dissectors.limits import RequestedByteCount
 
 from .batch import Batch, adu_of
-from .schema import Bools, Columns, DelayBounds, Int64s, Kind, Protocol, Rows, UInt8s, delay_bounds
+from .schema import GLITCHES, Bools, Columns, DelayBounds, Int64s, Kind, Protocol, Rows, UInt8s, delay_bounds
 
 ECHOED: Final = np.isin(np.arange(256), (5, 6, 22))  # functions whose answer is their request once more
 LATE_WAITS: Final = 3  # so many of the master's waits after a request, beyond which an answer is not late but another's
@@ -34,7 +34,7 @@ NEVER: Final = -(1 << 62)  # a time that is none
 _PATIENCE: Final = 16  # frames after a request, beyond which no answer is waited for
 _PIPELINED: Final = 1024  # the same over Modbus TCP, where many connections and transactions are open at once
 _REACH: Final = 1 << 16  # and bytes, noise included
-_GLITCHES: Final = bytes((0x00, 0xFE, 0xFF))  # noise bytes that say nothing
+_GLITCHES: Final = bytes(GLITCHES)  # noise bytes that say nothing
 _MIN_ADU: Final = 4
 _TRANSACTION_ID: Final = 2  # bytes, anew in each request over Modbus TCP
 _ALIKE: Final = 2  # bytes in which a damaged request may differ from its repetition

@@ -18,6 +18,7 @@ from dissectors.crc import VARIANTS, byte_between, crc_bytes, flipped_bit, match
 from dissectors.length_rules import Role
 from dissectors.limits import EXCEPTION, EXCEPTION_ADU, MAX_ADU
 
+from ...tables.schema import GLITCHES
 from .case import (
     BYTE,
     LENGTH_TOLD,
@@ -222,7 +223,6 @@ def _beginnings(case: DamagedFrame) -> Iterator[tuple[float, Length]]:
 _PRIOR_COLLISION = -2.0
 _LONGER = -2.0  # the answer's own start survived
 _SHORTER = -6.0  # two that overlap don't shorten each other
-_GLITCHES = frozenset((0x00, 0xFE, 0xFF))  # what drivers leave on the line when they switch
 _SHORTEST_GARBAGE = 3  # bytes: less is a glitch
 
 
@@ -233,7 +233,7 @@ def collided(case: DamagedFrame) -> Iterator[Explanation]:
         return
     bits = 0.0
     pairs = list(zip(header, data, strict=False))
-    lacking = all(got & ~due == 0 for due, got in pairs) and not _GLITCHES.issuperset(data[: len(header)])
+    lacking = all(got & ~due == 0 for due, got in pairs) and not GLITCHES.issuperset(data[: len(header)])
     if lacking and data[: len(header)] != header[: len(data)]:
         bits = BYTE * len(pairs) - sum(due.bit_count() for due, _ in pairs)
         bits += _SHORTER if case.due is not None and len(data) < case.due else 0.0

@@ -18,7 +18,7 @@ from dissectors.limits import OVERHEAD
 from dissectors.registry import revision
 
 from ...tables.batch import Batch
-from ...tables.schema import NO_GAP, Kind, Protocol, Row
+from ...tables.schema import GLITCHES, NO_GAP, Kind, Protocol, Row
 from ..view import DiagnosisStep, EarlierRow, LookBack, where
 from . import FRAME, DamagedFrame, DividedFrame, Explanation, asked_by, autopsy, divided, joined
 from .flow_control import IS_FLOW
@@ -33,7 +33,6 @@ _MOST_EXPLAINED: Final = 4096  # requests
 _NEAR: Final = 2.0  # bits by which an explanation may lose to "nothing explains it"
 _CUT_NEAR: Final = 6.0  # the same for that the frame is cut short: its length alone says so
 _SURE: Final = 0.5  # certainty from which noise is explained
-_GLITCHES: Final = frozenset((0x00, 0xFE, 0xFF))
 _NOISE, _REQUEST = int(Kind.NOISE), int(Kind.REQUEST)  # asked of many rows: enums are slow
 
 
@@ -132,7 +131,7 @@ class Triage:
         best = joined(case, after=row.captured)
         verdict = _nearest(best.verdict)
         more = len(row.captured) >= _LEAST or before.code == "collision"  # a byte or two alone show no second sender
-        collided = verdict.code == "collision" and more and not _GLITCHES.issuperset(row.captured)
+        collided = verdict.code == "collision" and more and not GLITCHES.issuperset(row.captured)
         if best.after and (verdict.repaired is not None or collided):
             return [DividedFrame(-size, len(both), verdict)]
         return []
@@ -185,7 +184,7 @@ class Triage:
             return None  # rather its echo, which lost its first byte
         if size > len(before.captured) or not before.captured.endswith(row.captured):
             return None
-        if _GLITCHES.issuperset(row.captured):
+        if GLITCHES.issuperset(row.captured):
             return None
         at = len(before.captured) - size
         return Explanation("bytes-repeated", 0.0, 1.0, repaired=before.captured, byte=at, length=size)
@@ -260,7 +259,7 @@ def _soon(row: EarlierRow, pending: EarlierRow) -> bool:
 
 def _beginning(data: bytes, request: bytes | None, requests: Collection[bytes]) -> Explanation | None:
     """That a few bytes are the beginning of the answer that is due, or of a request of late."""
-    if len(data) >= _LEAST or _GLITCHES.issuperset(data):
+    if len(data) >= _LEAST or GLITCHES.issuperset(data):
         return None
     if request is not None:
         case = DamagedFrame(data, request=request)
@@ -277,7 +276,7 @@ def _request_like(data: bytes, requests: Collection[bytes]) -> bool:
 
 def _begins(data: bytes, request: bytes | None, units: frozenset[int]) -> bool:
     """Whether noise may be a damaged frame: it begins like one, or stands where an answer was due."""
-    if _GLITCHES.issuperset(data):
+    if GLITCHES.issuperset(data):
         return False
     if not units:
         return False  # no frame so far: this may be no Modbus at all

@@ -123,7 +123,7 @@ def echoes(function: int) -> bool:
 _STRAY: Final = 4  # bytes that may have been an answer
 _SURE_ECHOES: Final = 3
 _ECHOING: Final = 0.3  # of all requests
-_ANSWERED, _UNANSWERED, _DAMAGED = int(Status.ANSWERED), int(Status.UNANSWERED), int(Status.DAMAGED)
+_ANSWERED, _UNANSWERED = int(Status.ANSWERED), int(Status.UNANSWERED)
 
 _RULES: Final = (NO_RESPONSE, RETRY, LATE, ECHO, MISMATCH, BROADCAST_ANSWERED, DUPLICATE)
 

@@ -25,7 +25,7 @@ from ...deframing.candidates import search_candidates
 from ...deframing.rules import crc_windows
 from ...languages import counted, phrase
 from ...tables.findings import About, Findings, Rule, Severity, looks_for
-from ...tables.schema import NO_GAP, Kind, Protocol, Rows
+from ...tables.schema import GLITCHES, NO_GAP, Kind, Protocol, Rows
 from ..view import DiagnosisStep, where
 
 OTHER: Final = Rule(
@@ -53,7 +53,6 @@ def other_protocols(view: DiagnosisStep) -> Iterator[Findings]:
         yield OTHER.on(noise, noise.foreign, noise.length)
 
 
-_GLITCHES: Final = frozenset((0x00, 0xFE, 0xFF))
 _GLITCH_RUN: Final = 6  # bytes
 _HARD: Final = 2.5  # characters: what stands closer belongs together
 _USUAL_CHARACTER_NS: Final = 11e9 / 9600  # where nobody said how fast the line is
@@ -153,7 +152,7 @@ class NoiseStretches:
             )
             if explained_before and _hard(rows.gap_before_ns[number], view):
                 continue
-            glitch = _GLITCHES.issuperset(view.bytes_of(number))
+            glitch = GLITCHES.issuperset(view.bytes_of(number))
             stretch = _OpenStretch(rows[number : number + 1], before, glitch, self._frames > 0 or number > first)
             if number + 1 < len(rows):
                 yield from self._judge(

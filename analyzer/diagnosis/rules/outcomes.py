@@ -15,12 +15,9 @@ from dissectors.registry import function_class
 from ...languages import phrase
 from ...tables.batch import adu_of
 from ...tables.findings import About, Findings, Rule, Severity, looks_for
-from ...tables.schema import Kind, Protocol
+from ...tables.schema import GLITCHES, Kind, Protocol
 from ...tables.transactions import NEVER, Status, TransactionRows
 from ..view import DiagnosisStep, EarlierRow
-
-_GLITCHES: Final = frozenset((0x00, 0xFE, 0xFF))
-_FUNCTION: Final = 0x7F
 
 UNEXPECTED: Final = Rule(
     "unexpected-response",
@@ -181,7 +178,7 @@ class Strangers:
         answered = None
         for before in view.trail.back(view.batch, number):
             if not before.is_frame:
-                if not _GLITCHES.issuperset(before.captured):
+                if not GLITCHES.issuperset(before.captured):
                     return _Before(clean=False)
             elif before.row.kind == Kind.REQUEST:
                 return _Before(before, answered) if before.row.check else _Before(clean=False)
