@@ -25,7 +25,7 @@ from .polls import Poll
 from .rawbytes import KnownRequests, is_in_ascii
 from .registry import Explained, Symptom
 from .signatures import LONG, AnswerDamage, Behind, Signature, held_ns, is_like_request, signature
-from .unitledger import AT_ONCE_NS, PROTOCOLS, UnitLedger, rtu_frames
+from .unitledger import AT_ONCE_NS, PROTOCOLS, Sample, UnitLedger, rtu_frames
 
 HEALTHY: Final = 0.004  # damaged exchanges of a line on which nothing is wrong
 _WAITS: Final = 3  # that tell a timeout, or how long a tap holds bytes back
@@ -265,10 +265,7 @@ class Evidence:
         longest = max(map(len, self.ledger.polls.requests), default=0) + _STRAYED
         return sum(is_like_request(each) and each.most > longest for unit in self.units for each in self.followed(unit))
 
-    def _read(self, sample: object) -> Signature:
-        from .unitledger import Sample
-
-        assert isinstance(sample, Sample)
+    def _read(self, sample: Sample) -> Signature:
         off = self.verdict.wait_ns if self.ledger.timed else UNKNOWN
         found = signature(sample, self.ledger.char_ns, self.requests, off_ns=off)
         strays = found.damage is AnswerDamage.WHOLE and found.length <= _MOSTLY * found.due

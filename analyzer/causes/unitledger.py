@@ -139,9 +139,7 @@ class UnitLedger:
                 mine if whole else mine[good], times if whole else times[good], timed=timed, hole_ns=hole_ns
             )
         if counts[_SILENT] or counts[_GARBAGE] or self.silences_but_echoes.is_open:
-            heard = (outcome != _UNHEARD) & (
-                outcome != _ECHO
-            )  # what nobody could hear ends no silence, nor what a tap shows
+            heard = (outcome != _UNHEARD) & (outcome != _ECHO)  # nor does what a tap shows of its own end a silence
             _count_silences(self.silences, mine, times, heard)
             _count_silences(self.silences_but_echoes, mine, times, heard & ~_are_echoes(mine))
             _count_silences(self.silences_of_others, mine, times, heard & ~ECHOED[mine.function])

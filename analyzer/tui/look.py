@@ -128,7 +128,6 @@ def _next(bus: Bus, row: int) -> int | None:
 
 _PAIR: Final = 2
 _DIFFERENT: Final = 64  # differences listed
-_KINDS: Final = ("u", "s", "f")
 
 
 def at_row(desk: ViewState, row: int) -> FrameDetail:
