@@ -52,7 +52,7 @@ def latin(event: Key) -> Key:
 
 ASKING: Final = "ask"  # group of the workers that put questions
 FINDING: Final = "find"  # and of those that look for the next hit
-_LONGEST_S: Final = 0.5  # nothing holds keys back for longer
+_LONGEST_S: Final = 2.0  # nothing holds keys back for longer; a laptop that is busy with something else needs one
 
 
 class KeyQueue:
