@@ -6,13 +6,16 @@ For the diagnosis frames are rows of a bus, each in its envelope, without times 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
 
 from captures import Capture, Chunk, Mark
 from captures.line import LineSettings
+from dissectors.crc import crc_bytes
 from dissectors.length_rules import Role
+from dissectors.limits import CRC_SIZE
 
 from ..core import deframe
 from ..diagnosis.judge import Diagnosis
@@ -64,10 +67,13 @@ def _pieces(batch: Batch, pdus: dict[int, bytes], timed: bool) -> list[Piece]:
 
 _MOST_FINDINGS: Final = 10_000  # findings: a paste is read by people
 _OF_AN_ANSWER: Final = ("no-response", "retry")  # a list of requests, without times, says nothing of answers
+_OF_TIMES: Final = ("collision",)  # two at once: nobody knows of bytes without times
+_OF_WHOLE_FRAMES: Final = ("collision", "crc-error")
 
 
-def findings(frames: Sequence[PastedFrame]) -> list[tuple[Finding, ...]]:
-    """What is wrong with each of these frames; of one cut before its function code there is nothing to say."""
+def findings(pieces: Sequence[Piece]) -> list[tuple[Finding, ...]]:
+    """What is wrong with each frame of a paste; of one cut before its function code there is nothing to say."""
+    frames = [piece for piece in pieces if isinstance(piece, PastedFrame)]
     examined = [i for i, frame in enumerate(frames) if frame.adu.pdu or frame.adu.protocol == "rtu"]
     chosen = [frames[i] for i in examined]
     sent = [_as_captured(frame) for frame in chosen]
@@ -77,15 +83,49 @@ def findings(frames: Sequence[PastedFrame]) -> list[tuple[Finding, ...]]:
     reported = Findings.joined((reported, diagnosis.close(transactions.close())))
     by_frame: list[list[Finding]] = [[] for _ in frames]
     one_sided = all(frame.role is Role.REQUEST and frame.t_start_ns is None for frame in frames)
+    unclear = _unclear(pieces)
+    first = {frame.adu.data: frame.start for frame in reversed(frames)}
     for finding in described(reported[:_MOST_FINDINGS]):
-        if finding.index is not None and not (one_sided and finding.code in _OF_AN_ANSWER):
+        if finding.index is None or (one_sided and finding.code in _OF_AN_ANSWER):
+            continue
+        frame = frames[examined[finding.index]]
+        again = first[frame.adu.data] < frame.start
+        if _carried(finding.code, frame, again=again, answered=frame.start not in unclear):
             by_frame[examined[finding.index]].append(finding)
     return [tuple(each) for each in by_frame]
 
 
+def _unclear(pieces: Sequence[Piece]) -> set[int]:
+    """Where requests begin that may well have got an answer: what is behind them is no whole frame."""
+    return {
+        request.start
+        for request, behind in pairwise(pieces)
+        if isinstance(request, PastedFrame)
+        and (request.also is not None or isinstance(behind, PastedNoise) or behind.check_ok is False)
+    }
+
+
+def _carried(code: str, frame: PastedFrame, *, again: bool, answered: bool) -> bool:
+    """Whether a text can tell this of a frame: it may leave bytes out, and say again what it said above."""
+    if frame.missing and code in _OF_WHOLE_FRAMES:
+        return False
+    if code == "no-response":
+        return answered
+    if frame.t_start_ns is not None:
+        return True
+    return not (again and code == "duplicate-response") and code not in _OF_TIMES
+
+
 def _as_captured(frame: PastedFrame) -> bytes:
+    """The bytes of a frame on its line; with the CRC that a text leaves out."""
     adu = frame.adu
-    return b":" + adu.data.hex().upper().encode() + b"\r\n" if adu.protocol == "ascii" else adu.data
+    if adu.protocol == "ascii":
+        return b":" + adu.data.hex().upper().encode() + b"\r\n"
+    return adu.data + crc_bytes(adu.data) if _shows_no_crc(frame) else adu.data
+
+
+def _shows_no_crc(frame: PastedFrame) -> bool:
+    return frame.adu.protocol == "rtu" and frame.missing == CRC_SIZE and frame.length_known
 
 
 def _rows(frames: Sequence[PastedFrame], sent: Sequence[bytes]) -> Rows:
@@ -105,6 +145,7 @@ def _rows(frames: Sequence[PastedFrame], sent: Sequence[bytes]) -> Rows:
         rows.function[row] = frame.function or 0
         rows.exception[row] = frame.exception or 0
         rows.check[row] = frame.check_ok is not False or frame.adu.protocol == "tcp"  # which has none to be wrong
+        rows.check[row] |= _shows_no_crc(frame)
         if frame.request_start in at:
             rows.request[row] = at[frame.request_start]
     return rows

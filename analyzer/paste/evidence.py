@@ -82,8 +82,10 @@ def _right(data: bytes) -> list[Checked]:
     if len(data) < MIN_ADU:
         return []
     if data[:1] in (b":", b">"):
-        right = (adu for adu in ascii_frames(data) if adu.check_ok and sound_roles(adu.pdu))
-        return [Checked(adu.start, adu.start + adu.length, _answers_itself(adu.data[:-1]), "ascii") for adu in right]
+        right = [adu for adu in ascii_frames(data) if adu.check_ok and sound_roles(adu.pdu)]
+        if right:
+            ends = ((adu.start, adu.start + adu.length, _answers_itself(adu.data[:-1])) for adu in right)
+            return [Checked(*end, "ascii") for end in ends]
     return list(_rtu(data)) or list(_tcp(data))
 
 

@@ -26,6 +26,7 @@ from ..languages import counted, tr
 from . import rtu
 from .mixing import Envelope, kinds_of, mixed
 from .model import Paste, PastedFrame, PastedNoise, PastePart, Piece, Unread
+from .remnants import completed
 from .rtu import BOTH, Turn, possible, turns
 
 if TYPE_CHECKING:
@@ -179,7 +180,7 @@ def _inexact(data: bytes, parts: Sequence[PastePart], envelope: Envelope, roles:
     if alone is None:
         from .deframed import weighed
 
-        pieces = rtu.mended(weighed(parts), parts, roles)
+        pieces = completed(rtu.mended(weighed(parts), parts), parts, roles)
         right = sum(1 for piece in pieces if isinstance(piece, PastedFrame) and piece.check_ok)
         if right:
             rest = sum(piece.length for piece in pieces if not isinstance(piece, PastedFrame) or not piece.check_ok)
@@ -195,6 +196,11 @@ def _inexact(data: bytes, parts: Sequence[PastePart], envelope: Envelope, roles:
         return Paste("rtu", tr("RTU: a right CRC, though not at the length that its function predicts"), tuple(alone))
     if envelope == "auto" and len(data) >= _LENGTH_END:
         mbap = _tcp(data, parts, roles)
+        whole = [piece for piece in mbap if isinstance(piece, PastedFrame) and not piece.missing and _sound(piece)]
+        if whole and 2 * sum(frame.length for frame in whole) > len(data):
+            frames = counted(len(whole), "frame", "frames")
+            why = tr("TCP: MBAP headers (protocol 0, right length) in {frames}; no CRC is right", frames=frames)
+            return Paste("tcp", why, mbap)
         first, rival = mbap[0], rtu.lone(parts[0].data, parts[:1], roles) or alone
         if isinstance(first, PastedFrame) and _speaks_for_tcp(first) > max(map(_speaks_for_rtu, rival)):
             return Paste("tcp", tr("TCP: begins with an MBAP header (protocol 0, a length); no CRC is right"), mbap)
@@ -323,7 +329,7 @@ def with_findings(paste: Paste) -> Paste:
         return paste
     from .deframed import findings
 
-    diagnosed = iter(findings(frames))
+    diagnosed = iter(findings(paste.pieces))
     pieces = tuple(
         replace(piece, findings=next(diagnosed)) if isinstance(piece, PastedFrame) else piece for piece in paste.pieces
     )

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from itertools import accumulate, pairwise
 from typing import Final, NamedTuple
 
-from dissectors.crc import crc_bytes, crc_ends, crc_ok
+from dissectors.crc import crc_ends, crc_ok
 from dissectors.envelopes import Adu, rtu
 from dissectors.functions import function
 from dissectors.length_rules import Role
@@ -238,14 +238,11 @@ def _answers(request: Adu, response: Adu) -> bool:
     return expectation(bytes([request.unit]) + request.pdu).fits(bytes([response.unit]) + response.pdu)
 
 
-_BEGINNING: Final = 3  # bytes, from which on a rest is a beginning rather than a glitch
-
-
 def exact(data: bytes, parts: Sequence[PastePart], roles: Sequence[Role]) -> list[PastedFrame] | None:
     """The frames of a paste that whole frames tile in one way; None for any other."""
     if not MIN_ADU <= len(data) <= LIMIT:
         return None
-    cuts = _edges(parts)
+    cuts = edges_of(parts)
     tiles = tiling(windows(data, cuts, roles), len(data))
     if tiles is None:
         return None
@@ -262,7 +259,7 @@ def lone(data: bytes, parts: Sequence[PastePart], roles: Sequence[Role]) -> list
     """
     if len(parts) > 1 or not 0 < len(data) <= LIMIT or windows(data, [0], roles):
         return None
-    edged = _mended(PastedNoise(0, data), _edges(parts))
+    edged = _mended(PastedNoise(0, data), edges_of(parts))
     if any(isinstance(piece, PastedFrame) for piece in edged):
         return edged
     readings = []
@@ -281,45 +278,23 @@ def lone(data: bytes, parts: Sequence[PastePart], roles: Sequence[Role]) -> list
     readings.sort()
     _, role, missing, spare = readings[0]
     also = other(role) if len(readings) > 1 and readings[1][2:] == (missing, spare) else None
-    frame = _frame(data[: len(data) - spare], 0, role, missing)
+    frame = unchecked(data[: len(data) - spare], 0, role, missing)
     pieces: list[Piece] = [replace(frame, also=also)]
     return pieces if not spare else [*pieces, PastedNoise(frame.length, data[frame.length :])]
 
 
-def mended(pieces: Sequence[Piece], parts: Sequence[PastePart], roles: Sequence[Role]) -> list[Piece]:
+def mended(pieces: Sequence[Piece], parts: Sequence[PastePart]) -> list[Piece]:
     """The deframer's pieces, with frames in their noise that only a paste's own edges show.
 
     A right CRC from one edge to the next is a frame of whatever length: where the noise begins or ends, or a line does.
-    A rest that begins like a frame is one that was cut.
     """
-    edges = _edges(parts)
+    edges = edges_of(parts)
     repaired: list[Piece] = []
     for piece in pieces:
         repaired.extend(_mended(piece, edges) if isinstance(piece, PastedNoise) else [piece])
     marks = dict(zip(edges, (part.mark for part in parts), strict=False))
     frames = iter(by_marks([piece for piece in repaired if isinstance(piece, PastedFrame)], marks))
-    repaired = _answering([next(frames) if isinstance(piece, PastedFrame) else piece for piece in repaired])
-    return [*repaired[:-1], _cut(repaired[-1], roles)] if repaired else repaired
-
-
-def _cut(last: Piece, roles: Sequence[Role]) -> Piece:
-    """The end of a paste as a frame that was cut, where it begins like one and is no whole one."""
-    if isinstance(last, PastedFrame):
-        length = predicted(last.adu.data, last.role)
-        missing = 1 if length is None else length - last.length
-        begun = (
-            length is None or missing > 1 or (missing == 1 and crc_bytes(last.adu.data[:-1])[:1] == last.adu.data[-1:])
-        )
-        if last.check_ok is not False or last.missing or not begun:
-            return last
-        cut = _frame(last.adu.data, last.start, last.role, missing)
-        return replace(last, adu=cut.adu, missing=missing, length_known=cut.length_known, confidence=cut.confidence)
-    if last.length >= _BEGINNING:
-        for role in roles:
-            missing = (predicted(last.data, role) or 0) - last.length
-            if missing > 0 and not plausibility(last.data[1:], role) and function(last.data[1]) is not None:
-                return _frame(last.data, last.start, role, missing)
-    return last
+    return _answering([next(frames) if isinstance(piece, PastedFrame) else piece for piece in repaired])
 
 
 def _answering(pieces: Sequence[Piece]) -> list[Piece]:
@@ -361,12 +336,15 @@ def _mended(noise: PastedNoise, edges: Sequence[int]) -> list[Piece]:
             continue
         adu = data[at:end]
         role = Role.RESPONSE if adu[1] & EXCEPTION else miscounted_role(adu[1])
-        split.append(replace(_frame(adu, noise.start + at, role, 0), also=None if adu[1] & EXCEPTION else other(role)))
+        split.append(
+            replace(unchecked(adu, noise.start + at, role, 0), also=None if adu[1] & EXCEPTION else other(role))
+        )
         at = end
     return [*split, PastedNoise(noise.start + at, data[at:])] if at < len(data) else split
 
 
-def _frame(data: bytes, start: int, role: Role, missing: int) -> PastedFrame:
+def unchecked(data: bytes, start: int, role: Role, missing: int) -> PastedFrame:
+    """A frame at an offset of the paste, of which so many bytes are missing; 0: its CRC may be right or wrong."""
     adu = _placed(data, start)
     predictable = predicted(data, role) is not None
     if missing:  # its last two bytes are no check value yet
@@ -375,7 +353,7 @@ def _frame(data: bytes, start: int, role: Role, missing: int) -> PastedFrame:
     return PastedFrame(adu, role, start, len(data), missing=missing, length_known=predictable, confidence=0.5)
 
 
-def _edges(parts: Sequence[PastePart]) -> list[int]:
+def edges_of(parts: Sequence[PastePart]) -> list[int]:
     """Where parts begin, and the end of the last."""
     return [0, *accumulate(len(part.data) for part in parts)]
 

@@ -100,7 +100,7 @@ _SIGNS: Final = frozenset("xX$#&%'\"")
 _LETTER_H: Final = re.compile(rf"(?<![0-9A-Za-z_.])(?:h{H}{{2}}[ ,;]+){{2}}", re.IGNORECASE)
 
 
-_BEFORE_BYTES: Final = tuple(":=[({")
+_BEFORE_BYTES: Final = tuple(":=[({])}><")
 
 
 def _pairs(line: TextLine) -> Iterator[HexWindow]:
@@ -124,7 +124,8 @@ def _pairs(line: TextLine) -> Iterator[HexWindow]:
                 start < _STAMPED and line.alone(start, end)
             )  # which nothing but bytes cannot say
             behind_sign = line.before(start).rstrip()[-1:] in _BEFORE_BYTES
-            word = tokens[0].isalpha() and not (behind_sign or line.alone(start, end))
+            lettered = tokens[0].isalpha() and tokens[0][0] != tokens[0][1]  # FF and AA are no words
+            word = lettered and not (behind_sign or line.alone(start, end))
             if apart or counted or word:
                 yield HexWindow(data[1:], second, end, "pairs", level)
                 level = Writing.LIKELY if apart else level

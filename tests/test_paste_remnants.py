@@ -1,0 +1,107 @@
+"""What a paste shows of frames that are not whole: read by what was asked, and nothing said that it cannot carry."""
+
+from __future__ import annotations
+
+import pytest
+from buses import adu
+from hypothesis import given
+from hypothesis import strategies as st
+
+from analyzer.paste import Paste, PastedFrame, read
+
+ASKED, ANSWER = adu("07040120 0002"), adu("07040400e1 01c8")
+REFUSED = adu("078402")
+
+
+def conversation(received: bytes, more: str = "") -> Paste:
+    return read(f"TX: {ASKED.hex(' ')}\nRX: {received.hex(' ')}\n{more}")
+
+
+def said(paste: Paste) -> list[tuple[str, str, int]]:
+    return [
+        (piece.role.name.lower(), piece.adu.data.hex(), piece.missing)
+        if isinstance(piece, PastedFrame)
+        else ("noise", piece.data.hex(), 0)
+        for piece in paste.pieces
+    ]
+
+
+@pytest.mark.parametrize("before", ["", "00", "2a0000", "1d"])
+@pytest.mark.parametrize("length", [5, 7, 8])
+def test_an_answer_that_came_shifted_and_cut_is_the_answer(before: str, length: int) -> None:
+    """As a receiver gives it that had bytes left over, and stops at the number that it expects."""
+    *noise, answer = said(conversation(bytes.fromhex(before) + ANSWER[:length]))[1:]
+    assert noise == ([("noise", before, 0)] if before else [])
+    assert answer == ("response", ANSWER[:length].hex(), len(ANSWER) - length)
+
+
+@pytest.mark.parametrize("length", [3, 6, 7])
+def test_a_request_that_comes_back_cut_is_its_echo(length: int) -> None:
+    assert said(conversation(ASKED[:length]))[1] == ("request", ASKED[:length].hex(), len(ASKED) - length)
+
+
+@pytest.mark.parametrize("refused", [REFUSED[:3], REFUSED[:4]])
+def test_a_refusal_without_its_crc_is_one(refused: bytes) -> None:
+    frame = conversation(refused).pieces[1]
+    assert isinstance(frame, PastedFrame) and frame.exception == 2 and frame.missing == 5 - len(refused)
+
+
+def test_frames_whose_crcs_are_not_shown_are_frames_of_which_nothing_is_wrong() -> None:
+    paste = read("\n".join(frame[:-2].hex(" ") for frame in (ASKED, ANSWER, ASKED, REFUSED)))
+    assert [(role, missing) for role, _, missing in said(paste)] == [("request", 2), ("response", 2)] * 2
+    assert [[finding.code for finding in frame.findings] for frame in paste.frames()] == [[], [], [], ["exception"]]
+
+
+def test_no_frame_runs_on_from_one_line_into_the_next() -> None:
+    assert said(conversation(ANSWER[:7], "the value: 7F FF FF FF"))[1:] == [
+        ("response", ANSWER[:7].hex(), 2),
+        ("noise", "7fffffff", 0),
+    ]
+
+
+@pytest.mark.parametrize("stray", ["fe064180020202020702c2", "7f7effffeb7519", "5aa50506"])
+def test_bytes_that_answer_nothing_are_none(stray: str) -> None:
+    assert said(conversation(bytes.fromhex(stray)))[1:] == [("noise", stray, 0)]
+
+
+def test_lines_of_another_protocol_are_no_cut_frame() -> None:
+    paste = read("12: Sent=FE0221000103\n13: Received=FE036100000102FF\n14: Sent=FE0145C0088C\n")
+    assert not list(paste.frames())
+
+
+@pytest.mark.parametrize("form", ["RX: {}", "[RX] {} (all of it)", "recv {}", "{}"])
+@pytest.mark.parametrize("stray", [b":", b">", b"\xff", b"\xab", b"\x02"])
+def test_a_byte_before_a_frame_is_not_lost(form: str, stray: bytes) -> None:
+    assert said(read(form.format((stray + ANSWER).hex(" "))))[0] == ("noise", stray.hex(), 0)
+
+
+@given(st.binary(min_size=1, max_size=12), st.integers(0, 9))
+def test_every_byte_of_a_received_line_is_in_one_piece(stray: bytes, length: int) -> None:
+    paste = read(f"TX: {ASKED.hex(' ')} \nRX: {(stray + ANSWER[:length]).hex(' ')} \n")
+    pieces = [piece.adu.data if isinstance(piece, PastedFrame) else piece.data for piece in paste.pieces]
+    assert b"".join(pieces) == b"".join([ASKED, stray, ANSWER[:length]])
+
+
+def test_a_text_without_times_tells_of_no_two_senders() -> None:
+    wrong = adu("07040121 0003")[:-1] + b"\0"
+    paste = conversation(wrong, f"TX: {ASKED.hex(' ')}\nRX: {ANSWER.hex(' ')}\n")
+    assert "collision" not in {finding.code for frame in paste.frames() for finding in frame.findings}
+
+
+def test_a_request_behind_which_other_bytes_came_is_not_said_to_have_got_none() -> None:
+    answered = conversation(b"\x07\0\0\0\0", f"TX: {ASKED.hex(' ')}\nRX: {ANSWER.hex(' ')}\n")
+    silent = read(f"TX: {ASKED.hex(' ')}\n" * 2 + f"RX: {ANSWER.hex(' ')}\n")
+    codes = [[finding.code for finding in frame.findings] for frame in answered.frames()]
+    assert "no-response" not in codes[0] and "no-response" in [f.code for f in next(silent.frames()).findings]
+
+
+def test_an_answer_that_is_shown_again_accuses_no_second_device() -> None:
+    lines = f"TX: {ASKED.hex(' ')}\nRX: {ANSWER.hex(' ')}\n"
+    again = read(lines + "\n" * 20 + f"as the monitor has it:\nresponse: {ANSWER.hex(' ')}\n")
+    assert not any(finding.code == "duplicate-response" for frame in again.frames() for finding in frame.findings)
+
+
+def test_one_header_of_another_protocol_leaves_the_rest_modbus_tcp() -> None:
+    lines = ["0020 0001 0006 010300000001", "0021 0000 0006 010300000001", "0021 0000 0005 0103023039"]
+    paste = read("\n".join(bytes.fromhex(line).hex(" ") for line in lines))
+    assert paste.protocol == "tcp" and [kind for kind, *_ in said(paste)] == ["noise", "request", "response"]
