@@ -262,3 +262,26 @@ def test_a_line_of_pymodbus_that_is_wrapped_within_bytes_loses_none() -> None:
     )
     frames = [frame.adu.data.hex() for frame in read(text).frames() if frame.check_ok]
     assert frames == ["010300000001840a", "01030200fa3807"]
+
+
+def test_pymodbus_says_of_a_short_frame_what_it_received() -> None:
+    head, rest = "0x7 0x4 0x1", " ".join(f"0x{byte:x}" for byte in adu("07040120 0002")[3:])
+    text = (
+        f"2026-03-05 09:15:26,303 DEBUG transport:322 recv: {head} old_data:  addr=None\n"
+        f"2026-03-05 09:15:26,303 DEBUG rtu:105 Short frame: {head} wait for more data\n"
+        f"2026-03-05 09:15:26,319 DEBUG transport:322 recv: {rest} old_data:  addr=None\n"
+    )
+    assert [frame.adu.data for frame in read(text).frames()] == [adu("07040120 0002")]
+
+
+def test_a_string_that_stands_twice_in_a_line_is_one() -> None:
+    shown = "".join(f"\\x{byte:02x}" for byte in adu("07040120 0002")[:-1])
+    paste = read(f"The response is: '{shown}' (plain response: '{shown}')")
+    assert [piece.length for piece in paste.pieces] == [7]
+
+
+def test_a_summary_some_lines_below_repeats_the_answer() -> None:
+    answer = adu("07040400e1 01c8").hex(" ")
+    summary = "".join(f"[STEP] field {name}\n" for name in "abcdefghij")
+    text = f"[STEP] TX (8 bytes): {adu('07040120 0002').hex(' ')}\n[STEP] RX (9 bytes): {answer}\n{summary}"
+    assert len(list(read(f"{text}[STEP] Response Hex  : {answer}\n").frames())) == 2

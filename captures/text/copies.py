@@ -22,7 +22,7 @@ _FIELD: Final = 2  # bytes
 _CRC: Final = 2  # bytes
 _MBAP: Final = 7  # bytes before a PDU
 _NAMED_ALIKE: Final = 8  # characters
-_ENTRY_LINES: Final = 8  # between two reports of the same bytes
+_ENTRY_LINES: Final = 16  # between two reports of the same bytes
 _BETWEEN: Final = 2  # other whole frames, after which, in a text without times, a frame is there again
 _ENTRY_FINE_NS: Final = 60_000_000
 _ENTRY_COARSE_NS: Final = 1_000_000_000
@@ -167,7 +167,7 @@ def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience, *, turn
             return entry
         elsewise = earlier.runs[0].shape != entry.runs[0].shape  # the same bytes, written in another way
         if same_line:
-            return entry if elsewise else None
+            return entry if elsewise or entry.template[1] == "\\x" else None  # one string, said twice
         if _is_named_alike(earlier, entry):
             return entry
         buffered = elsewise and timed and not earlier.checked  # what was read, and the buffer that holds it

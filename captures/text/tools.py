@@ -272,9 +272,10 @@ SHAPES = (
         LineRole.BYTES,
         re.compile(
             r"^(?P<time>\d{4}-\d\d-\d\d \d\d:\d\d:\d\d[,.]\d{3})?(?:(?!(?:send|recv): 0x| 0x[0-9a-f]{1,2} 0x).)*\b"
-            r"(?P<mark>send|recv|processing|handling data|unexpected data|getting frame|current frame in buffer)"
-            r"(?:: | - )"
-            r"(?P<hex>(?:0x[0-9a-f]{1,2}(?: |$))*)\s*(?:(?:extra data|unexpected data|old_data):.*)?$",
+            r"(?P<mark>send|recv|processing|handling data|unexpected data|getting frame|short frame|"
+            r"current frame in buffer)(?:: | - )"
+            r"(?P<hex>(?:0x[0-9a-f]{1,2}(?: |$))*)\s*"
+            r"(?:(?:extra data|unexpected data|old_data):.*|wait for more data)?$",
             re.IGNORECASE,
         ),
     ),
