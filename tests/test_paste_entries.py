@@ -5,6 +5,7 @@ from datetime import UTC
 from pathlib import Path
 
 import pytest
+from buses import adu
 
 from analyzer.cli import main
 from analyzer.paste import Paste, PastedFrame, PastedNoise, read
