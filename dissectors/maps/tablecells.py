@@ -48,7 +48,7 @@ def address_form(heading: str, cells: Sequence[str]) -> AddressForm:
     cells = [cell for cell in map(together, cells) if cell]
     word = heading.lower()
     declared = re.search(r"hex|шестн|16-?ричн", word) is not None and not re.search(r"dec|дес", word)
-    parts = [part for cell in cells for part in re.split(r"\s*(?:-|–|—|…|\.{2,3}|to)\s*", cell)]
+    parts = [part for cell in cells for part in re.split(r"\s*(?:-|–|—|…|\.{2,3}|to|[,;/&])\s*", cell)]
     bare = [part for part in parts if _BARE_HEX.fullmatch(part)]
     letters = any(re.search("[A-Fa-f]", part.rstrip("hH")) and re.search(r"\d", part) for part in bare)
     letters = letters and len(bare) > 0.8 * len(parts)
@@ -107,7 +107,7 @@ _UNSIGNED: Final = re.compile(
 _SIGNED: Final = re.compile(
     r"(?<!un)signed|со знаком|(?<!без)знаков|complement|(?<![a-z])[si][ _-]?\d|int|short|long|целое|ganzzahl"
 )
-_CLEARLY_SIGNED: Final = re.compile(r"(?<!un)signed|со знаком|(?<!без)знаков")
+_CLEARLY_SIGNED: Final = re.compile(r"(?<!un)signed|со знаком|(?<!без)знаков|\bs ?[dq]?word")
 _WORDS_OF: Final = (
     (4, r"[qlуч]word|long long|u?lint\b|quad"),
     (2, r"dword|double word|u?dint\b|long|двойн"),

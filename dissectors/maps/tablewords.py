@@ -28,7 +28,7 @@ _HEADINGS: Final[Mapping[str, str]] = {
     "divisor": r"divisor|divider|делитель|teiler",
     "offset": r"offset|смещение|сдвиг",
     "unit": r"units?|uom|eng\.? ?units?|measure|ед\.?( ?изм\.?)?|единиц\w*|размерность|einheit",
-    "values": r"values|enum|states|options|значени\w*|состояни\w*|werte|zustände",
+    "values": r"values|enum|states|options|mapping|значени\w*|состояни\w*|werte|zustände",
     "access": r"access|r/w|rw|read|mode|permission|attribute|доступ|чтение|режим|zugriff|lesen",
     "range": r"(value |data |setting )?range|limits|диапазон|пределы|wertebereich|messbereich|grenzen",
     "min": r"min(imum)?|lower|мин\w*|untergrenze",
@@ -191,7 +191,7 @@ def access_of(text: str) -> str | None:
 
 def is_powers(cells: Sequence[str]) -> bool:
     """Whether a column of factors has powers of ten, as SunSpec: small whole numbers, some below 0."""
-    given = [cell.strip().replace("\u2212", "-") for cell in cells if cell.strip()]
+    given = [cell.strip().replace("\u2212", "-") for cell in cells if cell.strip() not in ("", *_NO_UNIT)]
     return all(re.fullmatch(r"-?\d", cell) for cell in given) and any(re.fullmatch("-[1-9]", cell) for cell in given)
 
 

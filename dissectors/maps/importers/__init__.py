@@ -25,6 +25,7 @@ FORMATS: Final = (
     "modpoll",
     "iobroker",
     "own",
+    "records",
     "spreadsheet",
 )
 

@@ -16,7 +16,9 @@ def recognises(source: MapSource) -> bool:
     if not source.is_text:
         return False
     if isinstance(source.yaml, Mapping):
-        return isinstance(source.yaml.get("registers"), list)
+        rows = source.yaml.get("registers")
+        keys = {key for row in rows if isinstance(row, Mapping) for key in row} if isinstance(rows, list) else set()
+        return isinstance(rows, list) and (not keys or bool({"area", "type"} & keys))
     lines = [line.lower() for line in source.text.splitlines() if line.strip() and not line.lstrip('"').startswith("#")]
     names = (
         {name.strip().strip('"') for name in lines[0].replace(";", ",").replace("\t", ",").split(",")}

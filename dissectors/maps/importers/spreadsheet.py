@@ -147,8 +147,10 @@ def _shown_text(cell: object) -> str:
 
 
 NAME = "a table"
+_LINK: Final = re.compile(r"!?\[([^\[\]]*)\]\([^()\s]*\)")
 _ZIP: Final = b"PK\x03\x04"
 _LOOK: Final = 60  # rows in which a heading is sought
+_UNIT_WORDS: Final = 3  # at most
 _FIRST_WORD: Final = {"CDAB": "least significant", None: "most significant"}
 MOST_ROWS, MOST_COLUMNS = 70_000, 100  # of a sheet
 
@@ -170,7 +172,7 @@ def read(source: MapSource) -> list[ImportedMap]:
     else:
         sheets = [WorkbookSheet("", _rows_of_text(source.text, source.name, MOST_ROWS))]
     several = len(sheets) > 1
-    charts = [(area_words(sheet.name), _sheet(source, sheet, several=several)) for sheet in sheets]
+    charts = [(area_words(sheet.name), map_of_sheet(source, sheet, several=several)) for sheet in sheets]
     complete = [(area, one) for area, one in charts if one is not None]
     if not complete:
         raise refused(source, "a table of registers", "a row of headings such as address, name, type, unit")
@@ -188,7 +190,7 @@ def _of_one_device(source: MapSource, parts: Sequence[ImportedMap]) -> ImportedM
     return ImportedMap(replace(parts[0].chart, device=source.stem, rows=rows), (told, *notes))
 
 
-def _sheet(source: MapSource, sheet: WorkbookSheet, *, several: bool) -> ImportedMap | None:
+def map_of_sheet(source: MapSource, sheet: WorkbookSheet, *, several: bool = False) -> ImportedMap | None:
     """The map of one sheet; a later row of headings begins the next table of it."""
     builder = MapBuilder(source.name, device=f"{source.stem} {sheet.name if several else ''}".strip())
     rows, hidden = _visible(sheet)
@@ -202,7 +204,7 @@ def _sheet(source: MapSource, sheet: WorkbookSheet, *, several: bool) -> Importe
         cells = [cell for cell in row if cell]
         if number == second:  # of a heading of two rows
             continue
-        if all(re.fullmatch("[-=:. ]+", cell) for cell in cells):  # a rule between rows
+        if _is_rule(cells):
             continue
         joint = merged_headings(row, rows[number]) if number < len(rows) else None
         if joint or headings(row):
@@ -227,9 +229,10 @@ def _sheet(source: MapSource, sheet: WorkbookSheet, *, several: bool) -> Importe
             continue
         if not columns or not cells:
             area = area_words(" ".join(cells)) or area
+            group = _title(cells[0]) if len(cells) == 1 and cells[0].startswith("#") else group
             continue
         if len(cells) == 1:
-            group, area = cells[0], area_words(cells[0]) or area
+            group, area = _title(cells[0]) or group, area_words(cells[0]) or area
             continue
         named = {key: row[at].strip() for key, at in columns.items() if at < len(row)}
         above = named.get("area") or above  # one cell for several rows holds its text once
@@ -263,7 +266,19 @@ def _until_heading(rows: Sequence[Sequence[str]]) -> Iterator[Sequence[str]]:
     for row in rows:
         if headings(row):
             return
-        yield row
+        if not _is_rule(list(filter(None, row))):
+            yield row
+
+
+def _is_rule(cells: Sequence[str]) -> bool:
+    """Whether a row is a line between rows, or nothing."""
+    return all(re.fullmatch("[-=:. ]+", cell) for cell in cells)
+
+
+def _title(text: str) -> str:
+    """The title above rows, as a group; a sentence is none."""
+    title = text.strip("#*: ")
+    return "" if title.endswith(".") and " " in title else title
 
 
 def _row(
@@ -298,6 +313,9 @@ def _row(
             f"row {number}: order {said[:30]!r} was taken for {order or 'ABCD'}, {_FIRST_WORD[order]} word first"
         )
     scale, measure = unit_of(cells)
+    if len((measure or "").split()) > _UNIT_WORDS:  # of a column for units and remarks
+        cells = {"description": measure or "", **cells}
+        measure = ""
     if "unit" not in cells:
         name, measure = measure_in(" ".join(name.split()))
     low, high = limits_of(cells)
@@ -328,7 +346,9 @@ def _row(
 
 def _states(cells: dict[str, str], kind: str) -> str | None:
     """Names of states or bits out of their column, else out of the remarks."""
-    states = values_of(cells.get("values", "")) if kind in ("enum", "bits", "u16") else None
+    states = values_of(cells.get("values", "")) if kind in ("enum", "bits", "u16", "s16") else None
+    if not states and has_only_states(cells.get("range", "")):
+        states = values_of(cells["range"])
     remark = cells.get("description", "")
     return states or (values_of(remark) if kind in ("enum", "bits") or has_only_states(remark) else None)
 
@@ -352,4 +372,10 @@ def _rows_of_text(text: str, file: str, most: int) -> list[list[str]]:
 
 def _cut(lines: Sequence[str], delimiter: str, file: str) -> list[list[str]]:
     rows = csv_rows(lines, delimiter, file)
-    return [[cell.strip()[:CELL] for cell in row[:MOST_COLUMNS]] for _, row in rows]
+    shown = _unmarked if delimiter == "|" else str.strip
+    return [[shown(cell)[:CELL] for cell in row[:MOST_COLUMNS]] for _, row in rows]
+
+
+def _unmarked(cell: str) -> str:
+    """A cell of a Markdown table without its marks: code, bold, links."""
+    return _LINK.sub(r"\1", cell).replace("**", "").replace("`", "").strip()
