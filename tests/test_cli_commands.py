@@ -83,7 +83,9 @@ def test_the_example_of_the_first_help_works(capsys):
     [
         (["frobnicate"], "no command 'frobnicate'"),
         (["--frobnicate"], "unrecognized arguments"),
+        (["--baud", "9600", "export", "x"], "--baud stands behind the command: rtuscope export --baud ..."),
         (["export"], "required: CAPTURE"),
+        (["report", "a.jsonl", "b.json"], "unrecognized arguments: b.json (see"),
         (["parse", "--as", "canbus", "11"], "invalid choice: 'canbus'"),
         (["report", "no-such-file.jsonl"], "no-such-file.jsonl: no such file"),
         (["export", "."], "is a directory"),

@@ -261,7 +261,9 @@ def refusal(url: str, error: Exception) -> str:
         return f"{url}: in use by another program: {_IN_USE}"
     if code == errno.EACCES:
         return f"{url}: no permission: {access_advice(url)}"
-    if code == errno.ENOTTY or "Inappropriate ioctl" in text or Path(url).is_file():  # Windows fails as it is set up
+    if Path(url).is_file():
+        return f"{url}: a file, not a serial port: `rtuscope open` looks into a capture, `rtuscope replay` plays it"
+    if code == errno.ENOTTY or "Inappropriate ioctl" in text:
         return f"{url}: not a serial port"
     return f"{url}: cannot be opened: {_cause_of_error(error)}"
 
