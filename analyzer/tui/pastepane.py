@@ -36,7 +36,7 @@ class PasteText(TextArea):
         Binding("ctrl+up", "older(1)", "Older", tooltip="What was pasted before"),
         Binding("ctrl+down", "older(-1)", "Newer", show=False),
         Binding("ctrl+l", "clear", "Clear"),
-        Binding("escape", "app.focus_next", "Leave", show=False),
+        Binding("escape", "app.focus_next", "Leave", tooltip="Back to the keys of the views"),
         Binding("f1", "screen.help", "Help"),
     ]
 
