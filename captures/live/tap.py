@@ -91,6 +91,7 @@ READ_BYTES: Final = 4096
 WAIT_S: Final = 0.2  # of a blocking read, after which it looks whether it should end
 _POSIX: Final = os.name == "posix"
 _IN_USE: Final = "end that first, or listen through a tap of its own"
+GONE: Final = "closed at its other end, or unplugged"
 _TIMED_OUT: Final = re.compile(r"\b1460\b")  # ERROR_TIMEOUT of Windows in pyserial's words: some drivers, and Wine
 
 
@@ -196,7 +197,7 @@ class DeviceTap(Tap):
         except OSError as error:
             raise PortGoneError(os_reason(error)) from error
         if not data:
-            raise PortGoneError("closed at its other end, or unplugged")
+            raise PortGoneError(GONE)
         return data
 
     def _burst(self) -> bytes:
