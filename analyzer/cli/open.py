@@ -41,7 +41,7 @@ from .inputs import (
     load_functions,
     open_capture,
 )
-from .terminal import full_screen, tell
+from .terminal import full_screen, take_keys, tell
 
 if TYPE_CHECKING:
     from aiohttp import web
@@ -258,6 +258,8 @@ def run(arguments: argparse.Namespace) -> int:
         return DONE
     if arguments.plain:
         return read_out(arguments, capture, limits)
+    if arguments.capture == "-":
+        take_keys()
     needs_a_terminal("open")
     from captures.io import time_zone
 
