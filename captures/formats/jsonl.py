@@ -145,9 +145,7 @@ class _JsonlReader:
 def _read(path: Path) -> _JsonlReader:
     head = read_head(path)
     if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        raise CaptureError(
-            f"{path}: UTF-16, as > of PowerShell writes: save it as UTF-8, or give the writer -o FILE"
-        )
+        raise CaptureError(f"{path}: UTF-16, as > of PowerShell writes: save it as UTF-8, or give the writer -o FILE")
     first = first_line(path, head)
     try:
         header = orjson.loads(_without_bom(first))
