@@ -194,7 +194,7 @@ _COMMANDS = (
     "repord x", "foo", "help filtres", "report {0}/none --tz nowhere", "export {0}/none --filter unt==3",
     "export {0}/empty.bin", "report {0}/hex.txt", "convert {0}/a.jsonl", "sniff nowhere --baud x", "check {0}/none",
     "export --t15-ms nine {0}/none", "--baud 9600 report x", "report {0}/a.jsonl b.json", "config shw",
-    "sniff {0}/a.jsonl",
+    "sniff {0}/a.jsonl", "sniff x --keep 7d",
 )  # fmt: skip
 _NAMES = re.compile(
     r"'[^']*'|\([\w, -]*\)|есть [\w, -]+|/\S*|--?[a-z][\w-]*|\brtuscope (?:--help|[a-z]+(?: [A-Z]+)?)|\b[A-Z]{2,}\b"

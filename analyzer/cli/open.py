@@ -301,12 +301,10 @@ def read_out(arguments: argparse.Namespace, capture: Capture | None, limits: Opt
     return DONE
 
 
-def needs_a_terminal(command: str) -> None:
+def needs_a_terminal(command: str, instead: str = "use rtuscope report, export or parse") -> None:
     """UsageError where there is none; a browser will do."""
     if "TEXTUAL_DRIVER" not in os.environ and not full_screen():
-        raise UsageError(
-            f"{command} needs a terminal; on a pipe or with TERM=dumb use rtuscope report, export or parse"
-        )
+        raise UsageError(f"{command} needs a terminal; on a pipe or with TERM=dumb {instead}")
 
 
 def in_a_browser(arguments: argparse.Namespace) -> list[str]:
