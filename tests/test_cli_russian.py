@@ -17,8 +17,10 @@ import captures
 import dissectors
 from analyzer import languages
 from analyzer.cli import main
+from analyzer.cli.ports import port_lines
 from analyzer.cli.taps import Teller
 from analyzer.languages import retold
+from captures.live.ports import PortInfo
 from captures.live.tap import high_line_words, refusal
 
 _PACKAGES = (analyzer, captures, dissectors)
@@ -65,6 +67,9 @@ def _said() -> Iterator[str]:
 _FLAGS = re.compile(r"--?[a-z][\w-]*|⟨⟩|\b(?:line|row|unit|function|recording|metrics|foxglove|standard output)\b")
 
 
+_PORT = PortInfo("/dev/ttyUSB0", link="/dev/serial/by-id/x", latency_ms=16, used_by=["a (1)"], advice="`b`")
+
+
 @pytest.mark.parametrize(
     "line",
     [
@@ -77,6 +82,7 @@ _FLAGS = re.compile(r"--?[a-z][\w-]*|⟨⟩|\b(?:line|row|unit|function|recordin
         "/dev/ttyUSB0: the adapter holds bytes back for 16 ms, so that silences cannot be told: `echo 1`",
         "/dev/ttyUSB0: parity and framing errors cannot be seen here (x)",
         "listening: no rate to set",
+        *map(str.strip, port_lines(_PORT)[1:]),
         "listening: 19200 8E1, as the port server is set",
         "the computer's clock was set, or it slept: now +3600.000 s against the recorded times",
     ],
