@@ -7,6 +7,7 @@ Run it after a change that is meant to read the samples differently, and read th
 
 from __future__ import annotations
 
+import argparse
 import json
 import sys
 from pathlib import Path
@@ -31,6 +32,7 @@ def beside(path: Path) -> Path:
 
 
 def main() -> int:
+    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     for name in samples.names():
         path = samples.path(name)
         beside(path).write_text("\n".join(expected(path)) + "\n")

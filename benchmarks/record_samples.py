@@ -12,6 +12,7 @@ Needs pymodbus and pyserial (`pip install rtuscope[test]`). Each run makes other
 
 from __future__ import annotations
 
+import argparse
 import asyncio
 import logging
 import os
@@ -247,7 +248,9 @@ def record(path: Path, source: str, talking: Callable[[str], None], faults: rand
 
 def main() -> None:
     logging.getLogger("pymodbus").setLevel(logging.CRITICAL)
-    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(captures.__file__).parent / "samples"
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", nargs="?", type=Path, default=Path(captures.__file__).parent / "samples")
+    folder = parser.parse_args().folder
     stacks = f"pymodbus {pymodbus.__version__}"
     how = "over ptys, bytes passed on at 19200 bit/s 8N1, read through an 8-byte FIFO (benchmarks/record_samples.py)"
     record(folder / "healthy.jsonl", f"{stacks} client and server {how}", lambda port: talk(port, 9, trouble=False))

@@ -9,6 +9,7 @@ frames, missed, false, F1, direction, pairing; then the worst of all.
 
 from __future__ import annotations
 
+import argparse
 import json
 import sys
 import tempfile
@@ -78,11 +79,16 @@ def load(path: Path) -> list[dict[str, object]]:
     return [line for line in lines if "finding" not in line]
 
 
-def captures_to_score(arguments: list[str]) -> Iterator[Path]:
-    if arguments:
-        yield from map(Path, arguments)
+def truth_beside(path: Path) -> Path:
+    """The truth of a capture."""
+    return path.with_suffix(".truth.jsonl")
+
+
+def captures_to_score(given: list[Path]) -> Iterator[Path]:
+    if given:
+        yield from given
     elif SHARED.is_dir():
-        yield from (p for p in sorted(SHARED.glob("*/*.jsonl")) if p.with_suffix(".truth.jsonl").is_file())
+        yield from (p for p in sorted(SHARED.glob("*/*.jsonl")) if truth_beside(p).is_file())
     else:
         from analyzer.simulation import TAPS, WIRES, Scenario, write
 
@@ -96,14 +102,21 @@ def captures_to_score(arguments: list[str]) -> Iterator[Path]:
 
 
 def main(arguments: list[str]) -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("captures", nargs="*", type=Path, metavar="CAPTURE.jsonl")
+    given = parser.parse_args(arguments).captures
+    for path in given:
+        for needed in (path, truth_beside(path)):
+            if not needed.is_file():
+                parser.error(f"{needed}: no such file")
     scores = []
     titles = f"{'frames':>6} {'missed':>6} {'false':>6} {'F1':>8} {'direction':>9} {'pairing':>9} {'s':>6}"
     print(f"{'capture':<44} {titles}")
-    for path in captures_to_score(arguments):
+    for path in captures_to_score(given):
         begin = time.perf_counter()
         found = predictions(path)
         seconds = time.perf_counter() - begin
-        result = score(load(path.with_suffix(".truth.jsonl")), found)
+        result = score(load(truth_beside(path)), found)
         scores.append(result)
         rates = " ".join(f"{'-' if v is None else format(v, '.4f'):>9}" for v in (result.direction, result.pairing))
         counts = f"{result.frames:6} {result.missed:6} {result.false:6}"

@@ -8,9 +8,9 @@ recorder, the lines and the status, as `rtuscope sniff -o` does. Prints resident
 
 from __future__ import annotations
 
+import argparse
 import random
 import resource
-import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -83,7 +83,9 @@ def _resident_mb() -> float:
 
 
 def main() -> None:
-    hours = float(sys.argv[1]) if len(sys.argv) > 1 else 1.0
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("hours", nargs="?", type=float, default=1.0)
+    hours = parser.parse_args().hours
     length = int(hours * 3600e9)
     with tempfile.TemporaryDirectory() as folder:
         recorder = Recorder(Path(folder) / "bus.mcap", _LINE, limits=RingLimits(size=1 << 20, keep_bytes=8 << 20))

@@ -71,6 +71,13 @@ def test_the_interface_s_benchmark_tells_its_arguments():
     assert done.returncode == 0 and "[FRAMES] [CAPTURE]" in done.stdout, done.stderr
 
 
+def test_every_script_tells_its_arguments():
+    scripts = {path.name: path.read_text() for path in (ROOT / "benchmarks").glob("*.py")}
+    runs = {name for name, text in scripts.items() if '__name__ == "__main__"' in text}
+    assert "score_corpus.py" in runs
+    assert [name for name in sorted(runs) if "ArgumentParser(" not in scripts[name]] == []
+
+
 KINDS = list(package("feeding.streams").KINDS)
 
 

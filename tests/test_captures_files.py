@@ -108,6 +108,12 @@ def test_other_json_lines_are_told_apart(tmp_path: Path, content: str, said: str
     assert "line 1" in text
 
 
+def test_json_lines_in_utf_16_are_told_for_what_they_are(tmp_path: Path) -> None:
+    path = tmp_path / "file.jsonl"
+    path.write_text('{"format": "serial-chunks", "version": 1}\n', encoding="utf-16")
+    assert "UTF-16" in refused(path)
+
+
 def test_an_unknown_suffix_with_unknown_content_lists_the_formats(tmp_path: Path) -> None:
     path = tmp_path / "notes.xyz"
     path.write_text("nothing to see here\n" * 20)

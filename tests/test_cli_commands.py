@@ -83,7 +83,11 @@ def test_the_example_of_the_first_help_works(capsys):
     [
         (["frobnicate"], "no command 'frobnicate'"),
         (["--frobnicate"], "unrecognized arguments"),
+        (["--baud", "9600", "export", "x"], "--baud stands behind the command: rtuscope export --baud ..."),
+        (["sniff", "x", "--tui"], "--tui needs a terminal"),
+        (["sniff", "x", "--rotate-every", "1h"], "--rotate-every goes with -o FILE"),
         (["export"], "required: CAPTURE"),
+        (["report", "a.jsonl", "b.json"], "unrecognized arguments: b.json (see"),
         (["parse", "--as", "canbus", "11"], "invalid choice: 'canbus'"),
         (["report", "no-such-file.jsonl"], "no-such-file.jsonl: no such file"),
         (["export", "."], "is a directory"),

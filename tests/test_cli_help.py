@@ -13,10 +13,12 @@ import pytest
 from running import ran, refused
 
 import analyzer
+from analyzer.checks.model import forms
 from analyzer.cli.app import command_line
 from analyzer.cli.commands import COMMANDS, meanings
 from analyzer.languages import catalogue, retold, telling, use
 from analyzer.reference.causes import markdown
+from analyzer.settings import SETTINGS, TABLES
 from captures.formats import foreign_formats, formats
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
@@ -140,7 +142,9 @@ def all_help_words() -> list[str]:
     statuses = [words for name in COMMANDS for _, words in meanings(name)]
     around = ["usage: ", "exit status:", "example:", command_line(()).description or ""]
     around.append((command_line(()).epilog or "").splitlines()[-1])
-    return list(dict.fromkeys([*help_words(command_line(COMMANDS)), *statuses, *around]))
+    listed = [*(form.help for form in forms()), *(setting.words for setting in SETTINGS), *TABLES.values()]
+    listed += ["read x.toml", "no settings: neither x.toml nor rtuscope.toml here or above", "from x.toml:1"]
+    return list(dict.fromkeys([*help_words(command_line(COMMANDS)), *statuses, *around, *listed]))
 
 
 def test_help_is_told_in_russian_word_for_word() -> None:

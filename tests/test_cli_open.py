@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 import shutil
+import subprocess
 import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
-from running import ran, refused
+from running import environment, ran, refused
 from terminals import Terminal, posix
 
 from captures import samples
@@ -26,6 +27,20 @@ def test_a_capture_opens_on_a_terminal_and_q_leaves(tmp_path: Path) -> None:
     os.write(terminal.fd, b"q")
     assert terminal.status() == 0
     assert [file.name for file in tmp_path.iterdir()] == ["bus.jsonl"]
+
+
+@posix
+def test_keys_come_from_the_terminal_where_standard_input_gave_the_capture() -> None:
+    master, slave = os.openpty()
+    steps = (
+        "import fcntl, termios; fcntl.ioctl(1, termios.TIOCSCTTY, 0)",
+        "from analyzer.cli.terminal import full_screen, take_keys",
+        "before = full_screen(); take_keys(); print(before, full_screen())",
+    )
+    command = [sys.executable, "-c", "\n".join(steps)]
+    where = environment(TERM="xterm")
+    subprocess.run(command, stdin=subprocess.DEVNULL, stdout=slave, start_new_session=True, check=True, env=where)
+    assert os.read(master, 100).split() == [b"False", b"True"]
 
 
 @posix

@@ -17,8 +17,10 @@ import captures
 import dissectors
 from analyzer import languages
 from analyzer.cli import main
+from analyzer.cli.ports import port_lines
 from analyzer.cli.taps import Teller
 from analyzer.languages import retold
+from captures.live.ports import PortInfo
 from captures.live.tap import high_line_words, refusal
 
 _PACKAGES = (analyzer, captures, dissectors)
@@ -65,6 +67,9 @@ def _said() -> Iterator[str]:
 _FLAGS = re.compile(r"--?[a-z][\w-]*|⟨⟩|\b(?:line|row|unit|function|recording|metrics|foxglove|standard output)\b")
 
 
+_PORT = PortInfo("/dev/ttyUSB0", link="/dev/serial/by-id/x", latency_ms=16, used_by=["a (1)"], advice="`b`")
+
+
 @pytest.mark.parametrize(
     "line",
     [
@@ -77,6 +82,7 @@ _FLAGS = re.compile(r"--?[a-z][\w-]*|⟨⟩|\b(?:line|row|unit|function|recordin
         "/dev/ttyUSB0: the adapter holds bytes back for 16 ms, so that silences cannot be told: `echo 1`",
         "/dev/ttyUSB0: parity and framing errors cannot be seen here (x)",
         "listening: no rate to set",
+        *map(str.strip, port_lines(_PORT)[1:]),
         "listening: 19200 8E1, as the port server is set",
         "the computer's clock was set, or it slept: now +3600.000 s against the recorded times",
     ],
@@ -193,7 +199,8 @@ _COMMANDS = (
     "parse -f {0}/none", "parse 1 2 3 4 5", "parse {0}", "open {0}/none", "open {0}", "open --plain", "report",
     "repord x", "foo", "help filtres", "report {0}/none --tz nowhere", "export {0}/none --filter unt==3",
     "export {0}/empty.bin", "report {0}/hex.txt", "convert {0}/a.jsonl", "sniff nowhere --baud x", "check {0}/none",
-    "export --t15-ms nine {0}/none",
+    "export --t15-ms nine {0}/none", "--baud 9600 report x", "report {0}/a.jsonl b.json", "config shw",
+    "sniff {0}/a.jsonl", "sniff x --keep 7d",
 )  # fmt: skip
 _NAMES = re.compile(
     r"'[^']*'|\([\w, -]*\)|есть [\w, -]+|/\S*|--?[a-z][\w-]*|\brtuscope (?:--help|[a-z]+(?: [A-Z]+)?)|\b[A-Z]{2,}\b"
@@ -229,6 +236,10 @@ def test_the_environment_s_language_tells_errors_too(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("RTUSCOPE_LANG", "ru")
+    assert main(["report", "x", "--lang", "de"]) == 2
+    assert "такого значения нет: 'de'" in capsys.readouterr().err
+    assert main(["report"]) == 2
+    assert capsys.readouterr().err == "rtuscope: не хватает: ЗАПИСЬ (подробнее: rtuscope report --help)\n"
     assert main(["repord"]) == 2
     assert (
         capsys.readouterr().err == "rtuscope: нет команды 'repord': может быть, report? (подробнее: rtuscope --help)\n"
@@ -274,7 +285,7 @@ def test_lines_of_several_templates_are_told_by_the_one_that_says_all() -> None:
         ),
         (
             "no format 'foo'; formats are csv, jsonl (by suffix or --format)",
-            "нет формата 'foo'; форматы: csv, jsonl (по окончанию или --format)",
+            "нет формата 'foo'; форматы: csv, jsonl (по расширению или --format)",
         ),
         ("/dev/null: not a serial port", "/dev/null: не последовательный порт"),
         ("/tmp/a: 1,590 bytes sent", "/tmp/a: отправлено байтов: 1 590"),

@@ -252,7 +252,7 @@ def test_a_gateways_socket_is_a_tap():
     ("url", "words"),
     [
         ("/dev/no-such-port", "no such port"),
-        (__file__, "not a serial port"),
+        (__file__, "a file, not a serial port: `rtuscope open`"),
         ("nothing://here", "no way to listen by nothing://"),
         ("loop://", "no way to listen by loop://"),
         ("socket://127.0.0.1", "socket://HOST:PORT is wanted"),

@@ -160,6 +160,24 @@ def test_a_capture_is_played_onto_a_port_with_its_gaps(capsys, tmp_path):
     assert b"".join(data for _, data in heard) == frames[0] * 2
 
 
+@posix
+def test_a_port_that_goes_away_is_told_in_one_line(capsys, tmp_path):
+    master, name = pty()
+    path = tmp_path / "bus.jsonl"
+    captures.write(path, spaced([adu("1103006b0003")] * 4, gap_ns=100_000_000), line=LINE)
+
+    def listen():
+        os.read(master, 4096)
+        os.close(master)
+
+    listener = threading.Thread(target=listen)
+    listener.start()
+    done = ran(capsys, "replay", path, "--to", name)
+    listener.join()
+    assert done.status == 2
+    assert done.err.endswith("bytes: closed at its other end, or unplugged\n")
+
+
 def test_a_filter_shows_only_what_passes(capsys):
     lines = ran(capsys, "replay", TROUBLED, "--speed", "max", "--json", "--filter", "unit == 17").out.splitlines()
     frames = [json.loads(line) for line in lines]

@@ -95,6 +95,12 @@ def test_settings_are_sought_then_all_that_was_heard_with_them_is_given(scripted
     assert len(rows) >= 6 * 10
 
 
+def test_time_passes_on_a_silent_line_while_its_settings_are_sought(scripted):
+    ticks = [Tick(10**18 + n * 10**9) for n in range(3)]
+    scripted(lambda _: ticks)
+    assert [item for item in TapSource([PortSettings("tap")]).items() if isinstance(item, Tick)] == ticks
+
+
 def test_settings_that_make_no_sense_any_more_are_sought_anew(scripted):
     before, after = PortSettings("tap", 9600, "N"), PortSettings("tap", 38400, "E")
     scripted(bus(before, *[after] * 2, rounds=40))

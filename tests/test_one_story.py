@@ -139,6 +139,11 @@ def test_report_counts_the_same(capture: Capture) -> None:
     assert counted == dict(ways_out.codes_in(facts) + ways_out.of_bus(Analysis(capture)))
     kinds = Counter(row.kind for row in facts.values())
     assert (report.requests, report.responses) == (kinds["request"], kinds["response"])
+    units = {row.unit: row.counts for row in report.units_as_heard}
+    for card in report.cards:
+        counts = units[card.unit]
+        told = (card.answered, card.exceptions, card.silent, card.late)
+        assert told == (counts.answered, counts.exceptions, counts.unanswered, counts.late)
     page = text(report)
     for code in counted:
         assert re.search(rf"\b{code}\b", page)

@@ -73,6 +73,15 @@ def test_silence_and_garbage_are_two_things() -> None:
         assert card.answered + card.exceptions + card.silent + card.garbage == card.asked
 
 
+def test_a_late_answer_is_an_answer_on_the_card_too() -> None:
+    made = field_cases()["timeout-too-short"].capture("irq", 5)
+    report = summarize(Capture.of(made.line, made.chunks))
+    (late,) = (row for row in report.units_as_heard if row.counts.late)
+    (card,) = (card for card in report.cards if card.unit == late.unit)
+    assert card.late > 100
+    assert (card.answered, card.silent, card.late) == (late.counts.answered, late.counts.unanswered, late.counts.late)
+
+
 def test_a_unit_that_dies_has_a_change() -> None:
     made = field_cases()["end-dead-unit"].capture("precise", 1)
     report = summarize(Capture.of(made.line, made.chunks))

@@ -24,8 +24,17 @@ from .terminal import shell_word, tell
 
 _PLACEHOLDER: Final = re.compile("[A-Z][A-Z_]+")
 _NO_NUMBER: Final = re.compile("invalid (int|float) value: ('.*')")  # as argparse has it
+_ARGUMENTS: Final = re.compile(
+    "^argument [^:]+:|(?<=^the following arguments are required: ).+"
+)  # as argparse has them
 _OURS: Final = frozenset({"analyzer", "captures", "dissectors"})
+_OWN: Final = frozenset({"-h", "--help", "--version"})  # what is said without a command
 _NAMED: Final = 12  # values of an argument at most that an error lists
+
+
+def _placeholders(text: str) -> str:
+    """Words in capitals that stand for a value, in the language in use."""
+    return _PLACEHOLDER.sub(lambda word: _in_language(word[0]), text)
 
 
 class HelpText(argparse.RawDescriptionHelpFormatter):
@@ -41,9 +50,7 @@ class HelpText(argparse.RawDescriptionHelpFormatter):
         formatted = super()._metavar_formatter(action, default_metavar)  # type: ignore[arg-type]
         if default_metavar is None or (action.choices is not None and action.metavar is None):
             return formatted
-        return lambda count: tuple(
-            _PLACEHOLDER.sub(lambda word: _in_language(word[0]), name) for name in formatted(count)
-        )
+        return lambda count: tuple(map(_placeholders, formatted(count)))
 
 
 class Parser(argparse.ArgumentParser):
@@ -65,7 +72,8 @@ class Parser(argparse.ArgumentParser):
             words = [word for word in words if word != "-r"]  # as tshark names the file to read
         parsed, left = self.parse_known_args(words, namespace)
         if left:
-            near = did_you_mean(left[0].partition("=")[0], self._option_string_actions)
+            mistyped = left[0].startswith("-")  # another word is one too many
+            near = did_you_mean(left[0].partition("=")[0], self._option_string_actions) if mistyped else ""
             self.error(f"unrecognized arguments: {' '.join(left)}{near}")
         return parsed
 
@@ -84,6 +92,7 @@ class Parser(argparse.ArgumentParser):
         if message.endswith(" required: ACTION"):
             actions = (each for each in self._actions if isinstance(each, argparse._SubParsersAction))
             message = f"say what to do: {', '.join(each for found in actions for each in found.choices)}"
+        message = _ARGUMENTS.sub(lambda named: _placeholders(named[0]), message)
         raise UsageError(f"{retold(message)} {retold(f'(see {self.prog} --help)')}")
 
 
@@ -145,14 +154,21 @@ def _speak(arguments: list[str]) -> None:
     chosen = os.environ.get("RTUSCOPE_LANG") or _language_set()
     for word, following in zip(arguments, [*arguments[1:], ""], strict=False):
         if word == "--lang" or word.startswith("--lang="):
-            chosen = word.partition("=")[2] or following
-    if chosen:
-        from ..languages import LANGUAGES, LETTERS, use
+            chosen = _known_language(word.partition("=")[2] or following) or chosen
+    if chosen := _known_language(chosen):
+        from ..languages import LETTERS, use
 
-        if chosen in LANGUAGES:
-            use(chosen)
-            _carry(LETTERS[chosen], sys.stdout)
-            _carry(LETTERS[chosen], sys.stderr)
+        use(chosen)
+        _carry(LETTERS[chosen], sys.stdout)
+        _carry(LETTERS[chosen], sys.stderr)
+
+
+def _known_language(name: str | None) -> str | None:
+    if not name:
+        return None
+    from ..languages import LANGUAGES
+
+    return name if name in LANGUAGES else None
 
 
 def _language_set() -> str | None:
@@ -192,6 +208,9 @@ def _run(arguments: list[str]) -> int:
         return command.run(_with_settings(parser, arguments))
     if arguments and not arguments[0].startswith("-"):
         raise UsageError(_unknown(arguments[0]))
+    if arguments and arguments[0] not in _OWN and (behind := [word for word in arguments if word in COMMANDS]):
+        option = arguments[0].partition("=")[0]
+        raise UsageError(f"{option} stands behind the command: rtuscope {behind[0]} {option} ...")
     parser = command_line(())
     parser.parse_args(arguments)
     parser.print_help()

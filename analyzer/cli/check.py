@@ -63,11 +63,12 @@ class _List(argparse.Action):
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         from ..checks.model import forms
+        from ..languages import retold
 
         for form in forms():
             for example in form.examples:
                 print(example)
-            print(f"    {form.help}")
+            print(f"    {retold(form.help, 'help')}")
         parser.exit()
 
 

@@ -9,6 +9,7 @@ import argparse
 from collections.abc import Sequence
 from typing import Any, Final
 
+from ..languages import retold
 from ..meant import did_you_mean
 from ..settingfiles import user_file
 from ..settings import SETTINGS, TABLES, Setting, Settings, SetValue, read_settings
@@ -41,9 +42,9 @@ def run(arguments: argparse.Namespace) -> int:
         put_json({key: _object(value) for key, value in settings.values.items()}, indent=2)
         return DONE
     for file in settings.files:
-        print(f"read {file}")
+        print(retold(f"read {file}", "help"))
     if not settings.files:
-        print(f"no settings: neither {user_file()} nor rtuscope.toml here or above")
+        print(retold(f"no settings: neither {user_file()} nor rtuscope.toml here or above", "help"))
     lines = [(s.key, settings.values.get(s.key), s.words) for s in SETTINGS]
     for table, words in TABLES.items():
         entries = settings.table(table)
@@ -52,9 +53,9 @@ def run(arguments: argparse.Namespace) -> int:
     width = max(len(key) for key, *_ in lines)
     for key, value, words in lines:
         if value is None:
-            print(f"{key:<{width}}  {_UNSET}  ({words})")
+            print(f"{key:<{width}}  {_UNSET}  ({retold(words, 'help')})")
         else:
-            print(f"{key:<{width}}  {_setting_text(value.value)}  from {value.where}")
+            print(f"{key:<{width}}  {_setting_text(value.value)}  {retold(f'from {value.where}', 'help')}")
     return DONE
 
 

@@ -41,7 +41,7 @@ from .inputs import (
     load_functions,
     open_capture,
 )
-from .terminal import full_screen, tell
+from .terminal import full_screen, take_keys, tell
 
 if TYPE_CHECKING:
     from aiohttp import web
@@ -258,6 +258,8 @@ def run(arguments: argparse.Namespace) -> int:
         return DONE
     if arguments.plain:
         return read_out(arguments, capture, limits)
+    if arguments.capture == "-":
+        take_keys()
     needs_a_terminal("open")
     from captures.io import time_zone
 
@@ -299,12 +301,10 @@ def read_out(arguments: argparse.Namespace, capture: Capture | None, limits: Opt
     return DONE
 
 
-def needs_a_terminal(command: str) -> None:
+def needs_a_terminal(command: str, instead: str = "use rtuscope report, export or parse") -> None:
     """UsageError where there is none; a browser will do."""
     if "TEXTUAL_DRIVER" not in os.environ and not full_screen():
-        raise UsageError(
-            f"{command} needs a terminal; on a pipe or with TERM=dumb use rtuscope report, export or parse"
-        )
+        raise UsageError(f"{command} needs a terminal; on a pipe or with TERM=dumb {instead}")
 
 
 def in_a_browser(arguments: argparse.Namespace) -> list[str]:

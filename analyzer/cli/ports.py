@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from dissectors.values import harmless
 
+from ..languages import retold
 from .commands import DONE
 from .terminal import put_json
 
@@ -30,24 +31,24 @@ def run(arguments: argparse.Namespace) -> int:
         put_json([port.to_json() for port in listed], indent=2)
         return DONE
     for port in listed:
-        for line in _lines(port):
+        for line in port_lines(port):
             print(harmless(line))
     if not listed:
-        print("no serial port here; others: socket://HOST:PORT of a gateway, rfc2217://HOST:PORT, tap://HOST")
+        print(retold("no serial port here; others: socket://HOST:PORT of a gateway, rfc2217://HOST:PORT, tap://HOST"))
     return DONE
 
 
-def _lines(port: PortInfo) -> list[str]:
+def port_lines(port: PortInfo) -> list[str]:
     """A port in words: its name and what it is, then what else is known."""
     details = [port.description, port.usb and f"USB {port.usb}", port.serial and f"serial {port.serial}", port.driver]
     words = "  ".join(text for text in details if text)
-    lines = [f"{port.device:<16}{words}".rstrip()]
+    beneath = []
     if port.link:
-        lines.append(f"{'':16}lasting name {port.link}")
+        beneath.append(f"lasting name {port.link}")
     if port.latency_ms is not None:
-        lines.append(f"{'':16}holds bytes back for up to {port.latency_ms} ms (1 is best)")
+        beneath.append(f"holds bytes back for up to {port.latency_ms} ms (1 is best)")
     if port.used_by:
-        lines.append(f"{'':16}in use by {', '.join(port.used_by)}")
+        beneath.append(f"in use by {', '.join(port.used_by)}")
     if port.advice:
-        lines.append(f"{'':16}you may not open it: {port.advice}")
-    return lines
+        beneath.append(f"you may not open it: {port.advice}")
+    return [f"{port.device:<16}{words}".rstrip(), *(f"{'':16}{retold(line)}" for line in beneath)]

@@ -51,6 +51,10 @@ def run(arguments: argparse.Namespace) -> int:
         return _onto_port(arguments, capture)
     if arguments.only is not None:
         raise UsageError("--only is for --to PORT; to show one direction: --filter request")
+    if arguments.tui:
+        from .open import needs_a_terminal
+
+        needs_a_terminal("--tui", "leave it out")
     from ..live.replaying import Replay
     from ..live.session import Session
 

@@ -51,6 +51,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Listen and show."""
+    if arguments.tui:
+        from .open import needs_a_terminal
+
+        needs_a_terminal("--tui", "leave it out")
     if arguments.output == "-":
         if arguments.view_format in (None, "text"):
             raise UsageError("-o - writes frames for another program: say how by --format pcapng, jsonl or influx")

@@ -170,6 +170,9 @@ def lost_words(octets: int) -> str:
 def recorder_of(arguments: argparse.Namespace, tell: Callable[[str], None]) -> Recorder | None:
     """The recorder that was asked for; None where nothing is recorded. `tell` must not wait for anybody."""
     if arguments.output is None:
+        for name in ("rotate_every", "rotate_size", "keep"):
+            if getattr(arguments, name):
+                raise UsageError(f"--{name.replace('_', '-')} goes with -o FILE")
         return None
     if arguments.output == "-":
         raise UsageError("a recording is a file; for another program: rtuscope sniff PORT -o - --format pcapng")

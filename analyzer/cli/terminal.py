@@ -194,6 +194,15 @@ def full_screen() -> bool:
     return sys.stdin.isatty() and places(sys.stdout)
 
 
+def take_keys() -> None:
+    """Keys come from the terminal, where a pipe on standard input has given what it had (POSIX)."""
+    if not sys.stdin.isatty() and places(sys.stdout):
+        with suppress(OSError):  # no terminal of its own: `full_screen` tells
+            descriptor = os.open("/dev/tty", os.O_RDWR)
+            os.dup2(descriptor, sys.stdin.fileno())
+            os.close(descriptor)
+
+
 def coloured(stream: IO[str]) -> bool:
     """Whether escape sequences are welcome there."""
     return not os.environ.get("NO_COLOR") and places(stream)

@@ -17,7 +17,7 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any, BinaryIO, Final, Protocol
 
 from ..terminal_text import terminal_text
-from .commands import DONE, NO_FRAME
+from .commands import DONE, NO_FRAME, UsageError
 from .inputs import add_map_argument, chosen_charts, seconds
 from .terminal import coloured, hung_up, places, put, put_bytes, put_data, say_in_place, tell, told_to_end
 
@@ -119,8 +119,8 @@ class Watch:
         self._recent = Recent()
         self._tell_cause: Callable[[CauseRevision], Any] | None = getattr(self._lines, "cause", None)
         self._story = RunningStory(session.line)
-        self._filter, self._until = _condition(arguments.filter, charts), _condition(arguments.until, charts)
-        self._trigger = _condition(arguments.trigger, charts)
+        self._filter, self._until = _condition(arguments, "filter", charts), _condition(arguments, "until", charts)
+        self._trigger = _condition(arguments, "trigger", charts)
         self._window: TriggerWindow[Any] = TriggerWindow(int(arguments.before * 1e9), int(arguments.after * 1e9))
         self._shown = 0
         self._over = False
@@ -251,12 +251,17 @@ def _view(arguments: argparse.Namespace, session: Session, charts: UnitMaps) -> 
     return TextLines(colour=coloured(sys.stdout), width=width, charts=charts)
 
 
-def _condition(text: str | None, charts: UnitMaps) -> Condition | None:
+def _condition(arguments: argparse.Namespace, name: str, charts: UnitMaps) -> Condition | None:
+    text: str | None = getattr(arguments, name)
     if text is None:
         return None
+    from ..filters import FilterError
     from ..live.conditions import Condition
 
-    return Condition(text, charts)
+    try:
+        return Condition(text, charts)
+    except FilterError as error:
+        raise UsageError(f"--{name}: {error}") from error
 
 
 @contextmanager

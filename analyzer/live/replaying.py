@@ -187,7 +187,7 @@ def play(
     """Play onto a port; how many bytes went out. CaptureError where it can't be used; else `opened` is called first."""
     import serial
 
-    from captures.live.tap import refusal
+    from captures.live.tap import GONE, refusal
 
     try:
         out = serial.serial_for_url(
@@ -208,9 +208,22 @@ def play(
                 out.write(read.data)
                 sent += len(read.data)
             out.flush()
-        except OSError as error:  # SerialException is one
-            raise CaptureError(f"{port.url}: after {sent:,} bytes: {error}") from error
+        except serial.SerialTimeoutException as error:
+            raise CaptureError(f"{port.url}: after {sent:,} bytes: nobody takes more of them") from error
+        except _losses() as error:
+            raise CaptureError(f"{port.url}: after {sent:,} bytes: {GONE}") from error
     return sent
+
+
+def _losses() -> tuple[type[Exception], ...]:
+    """What is raised by a port that is not there any more."""
+    import serial
+
+    try:
+        from termios import error
+    except ImportError:  # Windows
+        return (serial.SerialException,)
+    return serial.SerialException, error
 
 
 def _until(due: int, stop: Callable[[], bool]) -> None:

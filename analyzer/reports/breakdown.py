@@ -7,7 +7,7 @@ fast a clock is shows where edges were captured: its rate against that of the li
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final
@@ -26,7 +26,7 @@ from ..tables.findings import Severity, described
 from ..tables.schema import Kind, Rows
 from ..tables.transactions import Status
 from ..words import between, is_clock, moment
-from .model import Counts, HourRow, PollRow, RateRow, Times, UnitCard, UnitChange
+from .model import Counts, HourRow, PollRow, RateRow, Times, UnitCard, UnitChange, UnitRow
 
 if TYPE_CHECKING:
     from captures.edges.source import BitSpans
@@ -46,26 +46,33 @@ _REGIONS: Final = {
 }  # fmt: skip
 
 
-def unit_cards(ledger: Ledger, times: Mapping[int, Times]) -> tuple[UnitCard, ...]:
-    """The cards of all units that were asked for something. `times`: those of their answers, as tables have them."""
-    evidence = Evidence(ledger)
-    return tuple(_card(evidence, unit, times.get(unit.unit, Times())) for unit in evidence.units)
+def unit_cards(ledger: Ledger, rows: Iterable[UnitRow]) -> tuple[UnitCard, ...]:
+    """The cards of all units that were asked for something. `rows`: the same units as tables have them."""
+    evidence, by_unit = Evidence(ledger), {row.unit: row for row in rows}
+    return tuple(
+        _card(evidence, unit, by_unit.get(unit.unit) or UnitRow(unit.unit, Counts(), Times()))
+        for unit in evidence.units
+    )
 
 
-def _card(evidence: Evidence, unit: UnitLedger, times: Times) -> UnitCard:
-    garbage = unit.count(Ending.GARBAGE)
+def _card(evidence: Evidence, unit: UnitLedger, row: UnitRow) -> UnitCard:
+    """What was answered, and when, is as the table has it; what was heard of the rest is the ledger's."""
+    counts, times = row.counts, row.times
+    lost = counts.unanswered + counts.damaged  # an answer that came late is none of them
+    silent = min(unit.count(Ending.SILENT), lost)
+    garbage = min(unit.count(Ending.GARBAGE), lost - silent)
     regions = Counter(map(_region, evidence.readings(unit)))
     read = sum(regions.values())
     least, most = times.bounds("min"), times.bounds("p95")
     bounds = None if least is None or most is None or not evidence.ledger.timed else (least[0], most[1])
     return UnitCard(
         unit.unit,
-        unit.asked,
-        unit.count(Ending.OK),
-        unit.count(Ending.EXCEPTION),
-        unit.count(Ending.SILENT),
+        counts.answered + counts.exceptions + silent + garbage,
+        counts.answered,
+        counts.exceptions,
+        silent,
         garbage,
-        unit.late + unit.strays,
+        counts.late,
         unit.doubles,
         {region: round(garbage * count / read) for region, count in regions.most_common()},
         bounds,

@@ -298,7 +298,7 @@ def with_cards(report: Report, ledger: Ledger) -> Report:
     """The report with what was heard of each unit: silence and garbage are two things."""
     from .breakdown import unit_cards
 
-    return replace(report, cards=unit_cards(ledger, {row.unit: row.times for row in report.units}))
+    return replace(report, cards=unit_cards(ledger, report.units))
 
 
 def with_story(report: Report, ledger: Ledger) -> Report:

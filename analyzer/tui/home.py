@@ -176,8 +176,9 @@ class HomeList(Lines):
             answers = tr("answers {half}, 95% {most}", half=short_bound(half), most=short_bound(most))
         health = tr("slow" if slow else "sound") if _is_due(counts) else ""
         if bad or late:
-            share = f"{bad or late:.0%}" if (bad or late) >= 0.005 else "<1%"
-            health = tr("{share:>4} bad", share=share) if bad else tr("{share:>3} late", share=share)
+            worse = max(bad, late)
+            share = f"{worse:.0%}" if worse >= 0.005 else "<1%"
+            health = tr("{share:>4} bad", share=share) if bad >= late else tr("{share:>3} late", share=share)
         whom = [StyledText(tr("  unit {unit:>3} ", unit=unit.unit)), StyledText(f"{health:>8} ", kind)]
         if width < _NARROW:
             return [*whom, StyledText("" if most is None else f"  95% {short_bound(most)}")]

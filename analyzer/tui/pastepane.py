@@ -33,10 +33,10 @@ class PasteText(TextArea):
     """Where it is pasted; keys of the list below work from here too."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("escape", "app.focus_next", "Leave", tooltip="Back to the keys of the views"),
         Binding("ctrl+up", "older(1)", "Older", tooltip="What was pasted before"),
         Binding("ctrl+down", "older(-1)", "Newer", show=False),
         Binding("ctrl+l", "clear", "Clear"),
-        Binding("escape", "app.focus_next", "Leave", show=False),
         Binding("f1", "screen.help", "Help"),
     ]
 

@@ -17,6 +17,7 @@ nothing is given, and never anything that JSON would not say.
 
 from __future__ import annotations
 
+import codecs
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -143,6 +144,8 @@ class _JsonlReader:
 
 def _read(path: Path) -> _JsonlReader:
     head = read_head(path)
+    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        raise CaptureError(f"{path}: UTF-16, as > of PowerShell writes: save it as UTF-8, or give the writer -o FILE")
     first = first_line(path, head)
     try:
         header = orjson.loads(_without_bom(first))

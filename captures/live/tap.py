@@ -91,6 +91,7 @@ READ_BYTES: Final = 4096
 WAIT_S: Final = 0.2  # of a blocking read, after which it looks whether it should end
 _POSIX: Final = os.name == "posix"
 _IN_USE: Final = "end that first, or listen through a tap of its own"
+GONE: Final = "closed at its other end, or unplugged"
 _TIMED_OUT: Final = re.compile(r"\b1460\b")  # ERROR_TIMEOUT of Windows in pyserial's words: some drivers, and Wine
 
 
@@ -196,7 +197,7 @@ class DeviceTap(Tap):
         except OSError as error:
             raise PortGoneError(os_reason(error)) from error
         if not data:
-            raise PortGoneError("closed at its other end, or unplugged")
+            raise PortGoneError(GONE)
         return data
 
     def _burst(self) -> bytes:
@@ -261,7 +262,9 @@ def refusal(url: str, error: Exception) -> str:
         return f"{url}: in use by another program: {_IN_USE}"
     if code == errno.EACCES:
         return f"{url}: no permission: {access_advice(url)}"
-    if code == errno.ENOTTY or "Inappropriate ioctl" in text or Path(url).is_file():  # Windows fails as it is set up
+    if Path(url).is_file():
+        return f"{url}: a file, not a serial port: `rtuscope open` looks into a capture, `rtuscope replay` plays it"
+    if code == errno.ENOTTY or "Inappropriate ioctl" in text:
         return f"{url}: not a serial port"
     return f"{url}: cannot be opened: {_cause_of_error(error)}"
 
