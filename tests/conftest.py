@@ -19,6 +19,7 @@ os.environ["XDG_CONFIG_HOME"] = os.environ["APPDATA"] = tempfile.mkdtemp()  # no
 settings.register_profile("rtuscope", deadline=None)
 settings.load_profile("rtuscope")
 os.environ["RTUSCOPE_CONFIG"] = ""
+os.environ["LC_ALL"] = "C.UTF-8"  # nobody's own language
 
 # What a shell's `&` and `nohup` make a process ignore it would pass on to the commands that tests begin and end.
 for _name, _usual in (("SIGINT", signal.default_int_handler), ("SIGHUP", signal.SIG_DFL)):

@@ -291,3 +291,29 @@ def test_lines_of_several_templates_are_told_by_the_one_that_says_all() -> None:
         ("/tmp/a: 1,590 bytes sent", "/tmp/a: отправлено байтов: 1 590"),
     ):
         assert retold(english) == russian
+
+
+@pytest.mark.skipif(os.name != "posix", reason="the language of Windows is not the environment's")
+@pytest.mark.parametrize(
+    ("locale", "arguments", "word"),
+    [
+        ({"LANG": "ru_RU.UTF-8"}, [], "запрос"),
+        ({"LANG": "ru_RU.UTF-8", "LC_ALL": "C"}, [], "request"),
+        ({"LANG": "de_DE.UTF-8"}, [], "request"),
+        ({"LANG": "ru_RU.UTF-8"}, ["--lang", "en"], "request"),
+        ({"LANG": "ru_RU.UTF-8", "RTUSCOPE_LANG": "en"}, [], "request"),
+    ],
+)
+def test_the_system_says_the_language_where_nobody_else_does(
+    locale: dict[str, str],
+    arguments: list[str],
+    word: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    for name in ("LC_ALL", "LC_MESSAGES", "LANG", "RTUSCOPE_LANG"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in locale.items():
+        monkeypatch.setenv(name, value)
+    assert main(["parse", *arguments, "01 03 00 00 00 01 84 0A"]) == 0
+    assert word in capsys.readouterr().out

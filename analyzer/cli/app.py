@@ -29,6 +29,7 @@ _ARGUMENTS: Final = re.compile(
 )  # as argparse has them
 _OURS: Final = frozenset({"analyzer", "captures", "dissectors"})
 _OWN: Final = frozenset({"-h", "--help", "--version"})  # what is said without a command
+_RUSSIAN_OF_WINDOWS: Final = 0x19  # LANG_RUSSIAN of winnt.h
 _NAMED: Final = 12  # values of an argument at most that an error lists
 
 
@@ -151,7 +152,7 @@ def _with_settings(parser: argparse.ArgumentParser, arguments: list[str]) -> arg
 
 def _speak(arguments: list[str]) -> None:
     """The language that is asked for, in use before anything is said of the other arguments."""
-    chosen = os.environ.get("RTUSCOPE_LANG") or _language_set()
+    chosen = os.environ.get("RTUSCOPE_LANG") or _language_set() or _language_of_system()
     for word, following in zip(arguments, [*arguments[1:], ""], strict=False):
         if word == "--lang" or word.startswith("--lang="):
             chosen = _known_language(word.partition("=")[2] or following) or chosen
@@ -161,6 +162,18 @@ def _speak(arguments: list[str]) -> None:
         use(chosen)
         _carry(LETTERS[chosen], sys.stdout)
         _carry(LETTERS[chosen], sys.stderr)
+
+
+def _language_of_system() -> str | None:
+    """The language in which this user's system speaks, if it is not English."""
+    if sys.platform == "win32":
+        from ctypes import windll
+
+        primary = windll.kernel32.GetUserDefaultUILanguage() & 0x3FF
+        return "ru" if primary == _RUSSIAN_OF_WINDOWS else None
+    locale = next(filter(None, map(os.environ.get, ("LC_ALL", "LC_MESSAGES", "LANG"))), "")
+    name = locale.partition("_")[0].lower()
+    return None if name in ("", "c", "c.utf-8", "en", "posix") else name
 
 
 def _known_language(name: str | None) -> str | None:
