@@ -49,7 +49,7 @@ def test_the_same_as_json(capsys, bus):
     )
     assert report["transactions"] == {
         "requests": 9, "answered": 7, "exceptions": 1, "unanswered": 1,
-        "broadcasts": 0, "damaged": 0, "retries": 1, "late": 0, "unheard": 0,
+        "broadcasts": 0, "damaged": 0, "retries": 1, "late": 0, "unheard": 0, "echoes": 0,
     }  # fmt: skip
     assert [(row["unit"], row["counts"]["requests"]) for row in report["units"]] == [(17, 9)]
     assert [(row["function"], row["times"]["count"]) for row in report["functions"]] == [(3, 8)]

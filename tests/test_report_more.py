@@ -90,6 +90,17 @@ def test_a_unit_that_dies_has_a_change() -> None:
     assert card.changes[0].t_ns == pytest.approx(made.begin_ns + 0.9 * (made.end_ns - made.begin_ns), rel=0.05)
 
 
+@pytest.mark.parametrize("tap", ["precise", "ftdi16"])
+def test_requests_that_an_adapter_shows_twice_are_counted_once(tap: str) -> None:
+    made = field_cases()["echo-dead-unit"].capture(tap, 2)
+    report = summarize(Capture.of(made.line, made.chunks))
+    asked = {row.unit: row.counts.requests for row in report.units}
+    assert report.transactions.echoes == report.transactions.requests == sum(asked.values()) > 100
+    assert all(0 <= asked[card.unit] - card.asked <= 1 for card in report.cards)  # the last one may be cut
+    assert all(row.counts.unanswered in (0, row.counts.requests) for row in report.units)
+    assert "echoes of the adapter" in text(report)
+
+
 def test_one_report_against_itself_says_nothing() -> None:
     report = report_of("troubled")
     assert differences(report, report) == ()

@@ -27,6 +27,7 @@ from ..tables.schema import Kind, Rows
 from ..tables.transactions import Status
 from ..words import between, is_clock, moment
 from .model import Counts, HourRow, PollRow, RateRow, Times, UnitCard, UnitChange, UnitRow
+from .troubles import asked_once, is_habit, of_echoes
 
 if TYPE_CHECKING:
     from captures.edges.source import BitSpans
@@ -242,12 +243,18 @@ class HourTable:
             counts["late"] += int(mine.late.sum())
             for status, name in _BY_STATUS.items():
                 counts[name] += int(np.count_nonzero(mine.status == status))
+        shown_twice = analysed.findings.t_ns[of_echoes(analysed.findings)] // _HOUR_NS
+        for hour in shown_twice.tolist():
+            if hour in self._counts:
+                self._counts[hour]["echoes"] += 1
         for finding in described(analysed.findings):
             if finding.severity is not Severity.NOTE and finding.start >= 0:
                 self._findings[finding.t_ns // _HOUR_NS][finding.code] += 1
 
     def rows(self) -> tuple[HourRow, ...]:
         """The hours, in order."""
+        echoes, requests = (sum(counts[name] for counts in self._counts.values()) for name in ("echoes", "requests"))
+        shown_twice = is_habit(echoes, requests)
         hours = []
         for hour in sorted(set(self._bytes) | set(self._counts)):
             begin = max(hour * _HOUR_NS, self._begin or 0)
@@ -255,7 +262,7 @@ class HourTable:
             load = self._bytes[hour] * self._character_ns / span if self._character_ns and span > 0 else None
             commonest = self._findings[hour].most_common(1)
             finding = f"{commonest[0][0]} x {grouped(commonest[0][1])}" if commonest else ""
-            counts = Counts(**dict(self._counts[hour]))
+            counts = asked_once(Counts(**dict(self._counts[hour])), shown_twice=shown_twice)
             hours.append(HourRow(self._name(hour), begin, counts, None if load is None else min(load, 1.0), finding))
         return tuple(hours)
 

@@ -72,6 +72,7 @@ class Counts:
     retries: int = 0  # requests that repeat one without a good answer
     late: int = 0  # answers after the client had moved on
     unheard: int = 0  # may have been answered while the recorder heard nothing
+    echoes: int = 0  # requests shown once more by the tap, which are none of the above
 
     @property
     def answers(self) -> int:

@@ -202,6 +202,7 @@ def _transactions(counts: Counts) -> Iterator[tuple[str, str]]:
     yield "requests", f"{grouped(counts.requests)}: {', '.join(parts)}"
     again = [counted(counts.retries, "retry", "retries")] if counts.retries else []
     again += [counted(counts.late, "late answer", "late answers")] if counts.late else []
+    again += [counted(counts.echoes, "echo of the adapter", "echoes of the adapter")] if counts.echoes else []
     if again:
         yield "", ", ".join(again)
 

@@ -20,12 +20,13 @@ from ..core import observed
 from ..options import Options
 from ..outages import deaf_times, notes_of
 from ..tables.bins import Histogram
+from ..tables.findings import Findings
 from ..tables.schema import Kind, Protocol, Rows
 from ..tables.transactions import Status, TransactionRows
 from ..usernotes import Notes, marked_rows
 from .breakdown import RateTable, bit_times
 from .model import BookmarkRow, Counts, ExceptionRow, FunctionRow, Load, Report, Times, UnitRow
-from .troubles import Troubles
+from .troubles import Troubles, asked_once, is_habit, of_echoes
 
 if TYPE_CHECKING:
     from captures import Capture
@@ -40,7 +41,7 @@ _SECOND: Final = 1_000_000_000
 _DOUBTFUL: Final = 0.5
 # Counters a transaction adds to, in the order of `Counts`.
 _COUNTERS: Final = ("requests", "answered", "exceptions", "unanswered", "broadcasts", "damaged", "retries", "late",
-             "unheard")  # fmt: skip
+             "unheard", "echoes")  # fmt: skip
 BY_STATUS: Final = {
     Status.ANSWERED: "answered",
     Status.EXCEPTION: "exceptions",
@@ -90,6 +91,7 @@ class Summary:
         self._settle(analysed.transactions)
         subjects = rows if earlier is None else Rows.joined((earlier, rows))
         self._troubles.add(analysed.findings, subjects, analysed.transactions)
+        self._count_echoes(analysed.findings, subjects)
         if not len(rows):
             return
         noise = rows.kind == Kind.NOISE
@@ -187,6 +189,11 @@ class Summary:
                     times = measured.response_ns[column == value]
                     histograms.setdefault(value, Histogram()).add(times)
 
+    def _count_echoes(self, findings: Findings, rows: Rows) -> None:
+        repeated = findings.index[of_echoes(findings)]
+        at = np.flatnonzero(np.isin(rows.index, repeated) & (rows.kind == Kind.REQUEST))
+        np.add.at(self._counts["echoes"], (rows.unit[at], rows.function[at]), 1)
+
     def _unit(self, unit: int) -> UnitRow:
         return UnitRow(unit, self._counted(lambda table: table[unit].sum()), self._timed(self._by_unit.get(unit)))
 
@@ -201,7 +208,8 @@ class Summary:
         return Times(len(histogram), histogram.least, p50, p95, p99, histogram.most, histogram.mean, off_ns=self.off_ns)
 
     def _counted(self, pick: Callable[[NDArray[np.int64]], np.int64]) -> Counts:
-        return Counts(*(int(pick(self._counts[name])) for name in _COUNTERS))
+        counts = Counts(*(int(pick(self._counts[name])) for name in _COUNTERS))
+        return asked_once(counts, shown_twice=is_habit(self._counts["echoes"].sum(), self._counts["requests"].sum()))
 
     def _load(self) -> Load:
         if not self._char_ns or self._first is None or self._last is None or self._last <= self._first:

@@ -6,23 +6,45 @@ where nothing was measured no time is said. One counter a rule, its variant and 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..causes.flatmemory import Thinned, densest
-from ..tables.findings import Findings, Rule, describe, rules, titled
+from ..tables.findings import Findings, Rule, codes, describe, rules, titled
 from ..tables.schema import Rows
 from ..tables.transactions import NEVER, Status, TransactionRows
-from .model import FindingGroup, FindingRow
+from .model import Counts, FindingGroup, FindingRow
 
 _NOBODY: Final = 256  # instead of a unit: noise, requests to nobody in particular, the bus as a whole
 _UNITS: Final = 8  # named in a row
 _GROUPS: Final = 64  # kept of a rule
 _PENDING: Final = 4096  # damaged answers whose transaction is not settled
+_FEW: Final = 5  # requests that stand there twice
+_OFTEN: Final = 0.4  # of all, the echoes counted: half of them are some
 _SLACK: Final = 1.3  # of the timeout: what a wait is at most
+
+
+def of_echoes(findings: Findings) -> NDArray[np.bool_]:
+    """Which findings speak of a request that stands there twice, one right behind the other."""
+    which: NDArray[np.bool_] = findings.rule == codes().index("echo")
+    return which
+
+
+def is_habit(echoes: int, requests: int) -> bool:
+    """Whether an adapter shows what is sent through it: so many of the requests stand there twice. A client that asks
+    again at once now and then does not make that many."""
+    return echoes >= _FEW and echoes > _OFTEN * requests
+
+
+def asked_once(counts: Counts, *, shown_twice: bool) -> Counts:
+    """Counts in which what an adapter shows twice is one request; the first, which nobody answers, is none."""
+    if not shown_twice:
+        return replace(counts, echoes=0)
+    fewer = {name: getattr(counts, name) - counts.echoes for name in ("requests", "unanswered", "retries")}
+    return replace(counts, **{name: max(0, number) for name, number in fewer.items()})
 
 
 @dataclass(slots=True)
@@ -54,6 +76,7 @@ class Troubles:
         self._waited: dict[int, float] = {}  # damaged answers, by index: ns that the client waited
         self._damaged: dict[int, int] = {}  # the same answers: which rule speaks of them
         self._requests = np.zeros(_NOBODY + 1, np.int64)  # requests, by unit
+        self._echoes = np.zeros(_NOBODY + 1, np.int64)  # and those that stand there twice
 
     def add(self, findings: Findings, rows: Rows, settled: TransactionRows) -> None:
         """Count findings on these rows, in the order of their frames, and take in transactions."""
@@ -62,6 +85,7 @@ class Troubles:
         if not len(findings):
             return
         units = _units(findings, rows)
+        self._echoes += np.bincount(units[of_echoes(findings)], minlength=_NOBODY + 1)
         for number in np.flatnonzero(np.bincount(findings.rule)).tolist():
             own = findings.rule == number
             self._count(number, findings[own], units[own])
@@ -143,13 +167,18 @@ class Troubles:
             groups=tuple(self._group(rule, unit, group) for (unit, _), group in groups),
         )
 
+    def _asked(self, unit: int) -> int:
+        """How many requests went to a unit."""
+        echoes = self._echoes if is_habit(self._echoes.sum(), self._requests.sum()) else np.zeros_like(self._echoes)
+        return int(self._requests[unit] - echoes[unit])
+
     def _group(self, rule: Rule, unit: int, group: _GroupTally) -> FindingGroup:
         finding = describe(group.first, 0)
         has_unit = unit < _NOBODY
         return FindingGroup(
             unit=unit if has_unit else None,
             count=group.count,
-            of=max(int(self._requests[unit]), group.count) if has_unit and rule.about is not rule.about.BUS else None,
+            of=max(self._asked(unit), group.count) if has_unit and rule.about is not rule.about.BUS else None,
             text=finding.text,
             cause=finding.cause,
             remedy=finding.remedy,
