@@ -9,7 +9,7 @@ breaks the rules of its function, stands back behind such a reading.
 
 from __future__ import annotations
 
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import groupby, pairwise
@@ -31,63 +31,85 @@ _LAST_CODE: Final = 0x0B  # of exceptions
 
 def completed(pieces: Sequence[Piece], parts: Sequence[PastePart], roles: Sequence[Role]) -> list[Piece]:
     """The pieces, those that are no right frame as what they are left of, where that can be told."""
-    edges = edges_of(parts)
-    right = [piece for piece in pieces if isinstance(piece, PastedFrame) and piece.check_ok]
-    ends = set(edges)
-    divided = bool(right) and all({frame.start, frame.start + frame.length} <= ends for frame in right)
-    if len(parts) > 1 and not right:
-        divided = all(len(part.data) >= _LEAST for part in parts)
+    edges = edges_of(parts) if _are_divided(pieces, parts) else []
     done: list[Piece] = []
-    groups = [
-        (raw, list(group)) for raw, group in groupby(pieces, lambda piece: _is_raw(piece, ends if divided else set()))
-    ]
+    last: PastedFrame | None = None
+    groups = [(raw, list(group)) for raw, group in groupby(pieces, lambda piece: _is_raw(piece, edges))]
     for number, (raw, group) in enumerate(groups):
-        if not raw:
-            done.extend(group)
-            continue
         following = groups[number + 1][1][0] if number + 1 < len(groups) else None
-        read: list[Piece] = []
-        told = False
-        for stretch, whole in _stretches(group, edges if divided else ()):
-            behind = following if stretch.start + stretch.length == group[-1].start + group[-1].length else None
-            answer = _reading(stretch, _open_request([*done, *read]), behind, roles, whole)
-            told = told or bool(answer)
-            read.extend(answer or _as_they_were(group, stretch))
-        done.extend(read if told or any(isinstance(piece, PastedFrame) for piece in group) else group)
+        read = _reread(group, edges, last, following, roles) if raw else group
+        done.extend(read)
+        last = _last_frame(read, last)
     return _tied([*done[:-1], _cut(done[-1], roles)]) if done else done
 
 
-def _is_raw(piece: Piece, edges: set[int]) -> bool:
+def _are_divided(pieces: Sequence[Piece], parts: Sequence[PastePart]) -> bool:
+    """Whether frames of a paste end where its parts do."""
+    right = [piece for piece in pieces if isinstance(piece, PastedFrame) and piece.check_ok]
+    if not right:
+        return len(parts) > 1 and all(len(part.data) >= _LEAST for part in parts)
+    ends = set(edges_of(parts))
+    return all({frame.start, frame.start + frame.length} <= ends for frame in right)
+
+
+def _is_raw(piece: Piece, edges: Sequence[int]) -> bool:
     """Whether a piece is no frame, or one with a wrong CRC that another reading may beat."""
     if isinstance(piece, PastedNoise):
         return True
     if piece.check_ok is not False or piece.missing or not piece.adu.pdu:
         return False
-    crosses = any(piece.start < edge < piece.start + piece.length for edge in edges)
+    crosses = bool(edges) and edges[bisect_right(edges, piece.start)] < piece.start + piece.length
     length = predicted(piece.adu.data, piece.role)
     return crosses or length not in (piece.length, -1) or bool(plausibility(piece.adu.pdu, piece.role))
 
 
-def _stretches(group: Sequence[Piece], edges: Sequence[int]) -> Iterator[tuple[PastedNoise, bool]]:
-    """The bytes of neighbouring pieces by the parts that they stand in, and whether they are all of such a part."""
+def _reread(
+    group: Sequence[Piece],
+    edges: Sequence[int],
+    last: PastedFrame | None,
+    following: Piece | None,
+    roles: Sequence[Role],
+) -> Sequence[Piece]:
+    """Neighbouring pieces that are no right frames, as what they are left of; `last`: the frame before them."""
+    read: list[Piece] = []
+    told = any(isinstance(piece, PastedFrame) for piece in group)
+    end = group[-1].start + group[-1].length
+    for stretch, own, whole in _stretches(group, edges):
+        behind = following if stretch.start + stretch.length == end else None
+        answer = _reading(stretch, _open_request(last), behind, roles, whole)
+        told = told or bool(answer)
+        read.extend(answer or own)
+        last = _last_frame(answer or own, last)
+    return read if told else group
+
+
+def _stretches(group: Sequence[Piece], edges: Sequence[int]) -> Iterator[tuple[PastedNoise, Sequence[Piece], bool]]:
+    """The bytes of neighbouring pieces by the parts that they stand in: as bytes, as the pieces that they were (one
+    that goes on in the next part falls apart), and whether they are all of a part."""
     start = group[0].start
     data = b"".join(piece.data if isinstance(piece, PastedNoise) else piece.adu.data for piece in group)
     end = start + len(data)
     inner = edges[bisect_right(edges, start) : bisect_right(edges, end - 1)]
+    begins = bool(edges) and edges[bisect_right(edges, start) - 1] == start
+    ends = bool(edges) and edges[bisect_left(edges, end)] == end
+    at = 0
     for low, high in pairwise([start, *inner, end]):
-        yield PastedNoise(low, data[low - start : high - start]), low in edges and high in edges
+        stretch = PastedNoise(low, data[low - start : high - start])
+        own: list[Piece] = []
+        while at < len(group) and group[at].start < high:
+            own.append(group[at])
+            at += 1
+        if not own or own[0].start < low or own[-1].start + own[-1].length > high:
+            own = [stretch]
+        yield stretch, own, (low > start or begins) and (high < end or ends)
 
 
-def _as_they_were(group: Sequence[Piece], stretch: PastedNoise) -> list[Piece]:
-    """The pieces that make up a stretch; its bytes where one of them reaches beyond."""
-    end = stretch.start + stretch.length
-    inside = [piece for piece in group if stretch.start <= piece.start and piece.start + piece.length <= end]
-    return inside if sum(piece.length for piece in inside) == stretch.length else [stretch]
+def _last_frame(pieces: Sequence[Piece], before: PastedFrame | None) -> PastedFrame | None:
+    return next((piece for piece in reversed(pieces) if isinstance(piece, PastedFrame)), before)
 
 
-def _open_request(pieces: Sequence[Piece]) -> PastedFrame | None:
-    """The request that is not answered yet, if its unit and function are known."""
-    last = next((piece for piece in reversed(pieces) if isinstance(piece, PastedFrame)), None)
+def _open_request(last: PastedFrame | None) -> PastedFrame | None:
+    """The last frame, if it is a request whose unit and function are known."""
     if last is None or last.role is not Role.REQUEST or len(last.adu.pdu) < _LEAST or not last.adu.unit:
         return None
     return last

@@ -167,7 +167,8 @@ def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience, *, turn
             return entry
         elsewise = earlier.runs[0].shape != entry.runs[0].shape  # the same bytes, written in another way
         if same_line:
-            return entry if elsewise or entry.template[1] == "\\x" else None  # one string, said twice
+            twice = entry.template[1] == "\\x" and not earlier.checked  # one string, said twice
+            return entry if elsewise or twice else None
         if _is_named_alike(earlier, entry):
             return entry
         buffered = elsewise and timed and not earlier.checked  # what was read, and the buffer that holds it
