@@ -64,6 +64,18 @@ def test_objects_by_their_addresses() -> None:
     ]
 
 
+def test_objects_a_line_each_and_registers_by_their_numbers() -> None:
+    lines = "\n".join(
+        json.dumps({"Number": number, "Name": name, "DataType": kind, "swapType": order, "wordLen": 2})
+        for number, name, kind, order in ((42033, "Hours", "UINT32", "CDAB"), (42035, "Level", "FLOAT32", "ABCD_BE"))
+    )
+    rows = chart_of(lines, "drier.jsonl").rows
+    assert [(row.area, row.address, row.name, row.type, row.order) for row in rows] == [
+        ("holding", 2032, "Hours", "u32", "CDAB"),
+        ("holding", 2034, "Level", "f32", "ABCD"),
+    ]
+
+
 @pytest.mark.parametrize("text", ['{"services": {"web": {"ports": [80]}}}', "[1, 2, 3]", '[{"address": "Main St 1"}]'])
 def test_json_of_other_things_is_no_map(text: str) -> None:
     with pytest.raises(MapError):

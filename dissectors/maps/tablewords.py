@@ -21,7 +21,8 @@ _HEADINGS: Final[Mapping[str, str]] = {
     "name": r"name|parameter|signal|variable|tag|quantity|measurement|object|description|наименование|название|"
     r"параметр|имя|величина|описание|bezeichnung|messgr\w*|größe|beschreibung",
     "type": r"(data ?)?type|format|datatype|data format|тип( данных)?|формат|datentyp|typ",
-    "length": r"length|len|size|words|count|quantity of reg|registers|number of registers|nr\.? of reg|длина|размер|"
+    "length": r"length|len|size|words|word (len\w*|count)|count|quantity of reg|registers|number of registers|"
+    r"nr\.? of reg|длина|размер|"
     r"количество|кол-во|кол\.|länge|anzahl",
     "scale": r"scal(e|ing)|factor|multiplier|resolution|coefficient|gain|множитель|коэфф\w*|масштаб|цена|дискрет|"
     r"skalierung|faktor|auflösung|multiplikator",
@@ -33,7 +34,7 @@ _HEADINGS: Final[Mapping[str, str]] = {
     "range": r"(value |data |setting )?range|limits|диапазон|пределы|wertebereich|messbereich|grenzen",
     "min": r"min(imum)?|lower|мин\w*|untergrenze",
     "max": r"max(imum)?|upper|макс\w*|obergrenze",
-    "order": r"(byte|word) ?order|endian\w*|порядок|byte-?reihenfolge",
+    "order": r"(byte|word) ?order|endian\w*|(byte |word )?swap( type| mode)?|порядок|byte-?reihenfolge",
     "description": r"description|comment|remark|note|remarks|notes|описание|примечани\w*|комментари\w*|"
     r"beschreibung|bemerkung|kommentar",
     "group": r"group|section|category|группа|раздел|gruppe",
@@ -57,7 +58,7 @@ _MEASURE: Final = (
 _NAMED_MEASURE: Final = re.compile(
     rf"(?P<name>.*\S)\s*(?:,\s*(?P<plain>{_MEASURE})|[(\[]\s*(?P<held>{_MEASURE})\s*[)\]])"
 )
-_NO_UNIT: Final = ("-", "--", "–", "—", "/", "n/a", "N/A")
+_NO_UNIT: Final = ("-", "--", "–", "—", "/", "n/a", "N/A", "None")
 _NUMERALS: Final = r"^(?:dec\w*|hex\w*|modbus|дес\w*|шестн\w*)$"
 """Headings that say how the numbers below one are written."""
 _FUNCTIONS: Final[Mapping[int, MapArea]] = {1: "coil", 5: "coil", 15: "coil", 2: "discrete", 3: "holding", 6: "holding",

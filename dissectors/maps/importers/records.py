@@ -6,6 +6,7 @@ is named by where it stands, and grouped by what it stands in.
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
@@ -15,6 +16,7 @@ from .spreadsheet import WorkbookSheet, map_of_sheet
 
 NAME = "records of registers"
 _ADDRESS: Final = ("address", "addr", "register", "reg", "register address", "start address", "offset", "адрес")
+_NUMBER: Final = ("number", "register number", "no", "nr")  # beside a type
 _NAMES: Final = ("name", "parameter", "signal", "title", "label", "description", "наименование", "имя")
 _FEW: Final = 2
 _MOST: Final = 20_000
@@ -42,7 +44,18 @@ def _records(source: MapSource) -> list[dict[str, str]]:
     tree = source.json
     if tree is None and source.suffix in (".yaml", ".yml"):
         tree = source.yaml
+    elif tree is None and source.is_text and source.text.startswith("{"):
+        tree = list(_of_lines(source.text))
     return [record for record, _ in zip(_found(tree, ()), range(_MOST), strict=False)]
+
+
+def _of_lines(text: str) -> Iterator[Any]:
+    """The objects of a file with one a line; nothing behind a line that is none."""
+    for line in filter(str.strip, text.splitlines()):
+        try:
+            yield json.loads(line)
+        except (ValueError, RecursionError):
+            return
 
 
 def _found(node: Any, path: tuple[str, ...]) -> Iterator[dict[str, str]]:
@@ -65,6 +78,8 @@ def _record(node: Mapping[str, Any], path: tuple[str, ...]) -> dict[str, str] | 
     own = {_word(key) for key, value in node.items() if not isinstance(value, Mapping)}
     named = bool(set(_NAMES) & own)
     record = dict(_cells(node))
+    if named and {"type", "data type", "format"} & own and not set(_ADDRESS) & set(record):
+        record = {"address" if key in _NUMBER else key: value for key, value in record.items()}
     place = next((key for key in _ADDRESS if key in own or (named and key in record)), None)
     if place is None and named and path and whole_in(path[-1]) is not None:
         record, place, path = {"address": path[-1], **record}, "address", path[:-1]
