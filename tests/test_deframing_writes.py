@@ -51,7 +51,22 @@ def test_a_write_that_nobody_answers_is_asked_again() -> None:
 
 
 @pytest.mark.parametrize(
-    ("delay", "behind"), [(40, 8), (400, 8), (400, 60), (150, 900), (2000, 9), (300, 5000)], ids=str
+    ("once", "read"),
+    [
+        ([(1000, WRITE), (260, WRITE), (283, READ), (5, WORD), (30, READ), (5, WORD), (1000, READ), (5, WORD)], "qq"),
+        ([(100, READ), (5, WORD), (100, WRITE), (265, WRITE), (365, READ), (5, WORD), (100, READ), (5, WORD)], "qq"),
+        ([(200, READ), (5, WORD), (200, WRITE), (300, WRITE), (301, WRITE), (500, READ), (5, WORD)], "qqq"),
+    ],
+    ids=["behind a short round", "a pause of its own", "twice as long as a pause"],
+)
+def test_a_client_that_gave_up_goes_on_behind_its_pause_however_long_it_rests(
+    once: list[tuple[int, bytes]], read: str
+) -> None:
+    assert directions(bus(*polls(2, 30), *once * 12), WRITE)[-4 * len(read) :] == read * 4
+
+
+@pytest.mark.parametrize(
+    ("delay", "behind"), [(40, 8), (400, 8), (400, 60), (150, 900), (2000, 9), (300, 5000), (160, 128)], ids=str
 )
 def test_a_slow_answer_stays_one(delay: int, behind: int) -> None:
     slow = [*polls(4), (8, WRITE), (delay, WRITE), (behind, READ), (5, WORD)]

@@ -1,9 +1,10 @@
 """Which way a write and its echo go, where only time tells: they read alike.
 
 The answer to a write (05, 06, 22) says nothing that its request does not. A server sends it soon, and then the client
-goes on as it always does. A client that got none waits for its timeout, asks again, and waits for as long once more. So
-what comes late, and is followed by a silence as long as the one before it while answers on this bus are followed by a
-far shorter one, is the client's: nobody answered. Where a client's timeout is known, what comes after just that is too.
+goes on as it always does. A client that got none waits for its timeout, asks again, and waits for as long once more,
+or for as long and its usual pause. So what comes late, and is followed by such a silence while answers on this bus are
+followed by far shorter ones, or by none like it where it comes yet again, is the client's: nobody answered. Where a
+client's timeout is known, what comes after just that is too.
 And a write that stands where the client goes on is no late answer to an older one, if it is answered, or waited for.
 A client whose answer came damaged asks again, too: what stands around that is a damaged answer before it, and another
 one, or a good one, behind.
@@ -27,8 +28,9 @@ from ..tables.transactions import ECHOED
 from .segments import UnorderedRows
 
 _LATE_NS: Final = 100_000_000  # sooner no client gives up whose timeout a tap's clock can tell from a slow answer
-_LONGER: Final = 4  # times what usually follows an answer
+_LONGER: Final = 2  # times what usually follows an answer
 _SHORT: Final = 2
+_SELDOM: Final = 0.1  # of the answers
 _STRAYS: Final = 0.05  # of a timeout, from one to the next,
 _STRAYS_NS: Final = 10_000_000  # at least,
 _STRAYS_PAUSE: Final = 0.25  # and so much of the pause, which may stand behind it
@@ -74,9 +76,10 @@ class _FrameBefore(NamedTuple):
 
 
 class _ClientHabits(NamedTuple):
-    """What a client usually does, in ns: how long it rests behind an answer, and waits for one that does not come."""
+    """What a client usually does, in ns: how long it rests behind answers (in order), and waits for one that does not
+    come."""
 
-    pause: int
+    pauses: Int64s
     timeout: int | None
 
     @classmethod
@@ -93,17 +96,31 @@ class _ClientHabits(NamedTuple):
         timeouts = silence[goes_on & (kind[:-1] == _REQUEST)]
         if not len(pauses):
             return None
-        return cls(_middle(pauses), _middle(timeouts) if len(timeouts) >= _LEAST else None)
+        return cls(np.sort(pauses), _middle(timeouts) if len(timeouts) >= _LEAST else None)
+
+    @property
+    def pause(self) -> int:
+        """How long it rests from one poll to the next: behind some it rests longer, until a round begins anew."""
+        return int(self.pauses[(len(self.pauses) - 1) // 4])
+
+    def rests(self, silence: int) -> bool:
+        """Whether it now and then rests so long behind an answer."""
+        low, high = np.searchsorted(self.pauses, (silence - _timer(silence), silence + _timer(silence)))
+        return bool(high - low > _SELDOM * len(self.pauses))
 
     def strays(self, delay: int) -> int:
         """By how much a timeout of this length may differ from the next one."""
-        return int(max(_STRAYS * delay, _STRAYS_NS) + _STRAYS_PAUSE * self.pause)
+        return int(_timer(delay) + _STRAYS_PAUSE * self.pause)
+
+    def gives_up(self, delay: int) -> bool:
+        """Whether a timeout is known, and this is it."""
+        return self.timeout is not None and abs(delay - self.timeout) <= self.strays(delay)
 
     def asks_again(self, delay: int, behind: int) -> bool:
         """Whether an echo that came `delay` after the request is the client's, which goes on so long `behind` it."""
-        strays = self.strays(delay)
-        gave_up = self.timeout is not None and abs(delay - self.timeout) <= strays
-        return abs(behind - delay) <= strays or (gave_up and behind >= delay - strays)
+        strays, longer = self.strays(delay), behind - delay
+        as_long = min(abs(longer), abs(longer - self.pause)) <= strays
+        return as_long or (self.gives_up(delay) and longer >= -strays)
 
 
 class WriteDirections:
@@ -243,12 +260,15 @@ class _Turning:
 
     def _kind_of_echo(self, i: int, said: int, delay: int, habits: _ClientHabits) -> int | None:
         """Of a write behind the same as a request."""
-        if delay <= _LONGER * habits.pause:
-            return said
-        behind = self._behind(i, delay + habits.strays(delay))
+        behind = self._behind(i, delay + habits.pause + habits.strays(delay))
         if behind is None:
             return None
+        soon = delay <= _LONGER * habits.pause
+        if soon and not (self._is_again(i) or habits.gives_up(delay)):
+            return said
         self._late[i] = True
+        if soon and habits.rests(behind):
+            return said
         if habits.asks_again(delay, behind):
             return _REQUEST
         return _RESPONSE if behind <= _SHORT * habits.pause and not self._is_again(i) else said
@@ -302,6 +322,11 @@ def _was_answer(data: bytes) -> bool:
 
 def _is_no_glitch(data: bytes, least: int) -> bool:
     return sum(octet not in GLITCHES for octet in data) >= least
+
+
+def _timer(time: int) -> int:
+    """By how much one time of a timer (ns) may differ from the next."""
+    return int(max(_STRAYS * time, _STRAYS_NS))
 
 
 def _middle(numbers: Int64s) -> int:
