@@ -22,7 +22,7 @@ from .exchanges import Ending
 from .flatmemory import Spells, densest
 from .ledger import Ledger
 from .polls import Poll
-from .rawbytes import KnownRequests, is_in_ascii
+from .rawbytes import LOW_ONCE, KnownRequests, is_in_ascii, is_of_line
 from .registry import Explained, Symptom
 from .signatures import LONG, AnswerDamage, Behind, Signature, held_ns, is_like_request, signature
 from .unitledger import AT_ONCE_NS, PROTOCOLS, Sample, UnitLedger, rtu_frames
@@ -30,9 +30,8 @@ from .unitledger import AT_ONCE_NS, PROTOCOLS, Sample, UnitLedger, rtu_frames
 HEALTHY: Final = 0.004  # damaged exchanges of a line on which nothing is wrong
 _WAITS: Final = 3  # that tell a timeout, or how long a tap holds bytes back
 _MOST_HELD: Final = 0.9
+_DELAYS: Final = 20
 _AT_ONCE_CHARS: Final = 1.5
-_GLITCHES: Final = frozenset(0xFF << low & 0xFF for low in range(9))  # a line that is low once, from the start bit on
-_LOW: Final = 0x00  # all the way: the one of those that is often sent as well
 _STRAY: Final = (Behind.NOISE, Behind.ZEROS)
 _TAILS: Final = 3
 _TIMED: Final = 6  # waits
@@ -115,6 +114,12 @@ class Evidence:
         silent = unit.count(Ending.SILENT) - max(doubtful, self.echoed_again(unit))
         return silent + self.silent_but_for(unit, Behind.NOISE)
 
+    def _comes_again_soon(self, unit: UnitLedger) -> bool:
+        """Whether what reads like requests of a unit that come again does so far sooner than the master gives up."""
+        waits, timeout = unit.echo_waits.quantile(0.9), self.timeout_ns
+        soon = self._tells_haste and waits is not None and timeout is not None and waits < _HALF * timeout
+        return soon or unit.echoes_itself
+
     def _echoes_itself(self, unit: UnitLedger) -> bool:
         return unit.echoes_itself and self.verdict.wait_ns < AT_ONCE_NS
 
@@ -133,31 +138,41 @@ class Evidence:
     def _in_pairs(self, unit: UnitLedger) -> list[Poll]:
         """Polls that come twice each time, sooner than any master gives up or by a clock that does not tell, and whose
         answer is the request once more: the second is the answer, or nobody knows."""
-        if not unit.repeats or (self._tells_haste and not unit.echoes_itself):
+        if not unit.repeats or not (self._comes_again_soon(unit) or not self._tells_haste):
             return []
         echoing = [poll for poll in self.polls_of(unit.unit) if ECHOED[poll.function]]
         return [
             poll
             for poll in echoing
-            if abs(poll.asked + poll.count(Ending.OK) - 2 * (groups := poll.asked - poll.repeats)) <= _UNPAIRED * groups
+            if poll.repeats
+            and abs(poll.asked + poll.count(Ending.OK) - 2 * (groups := poll.asked - poll.repeats))
+            <= _UNPAIRED * groups
         ]
 
     @cached_property
     def _tells_haste(self) -> bool:
-        """Whether the clock tells what comes at once from what comes when the master has given up."""
+        """Whether the clock tells what comes at once from what comes when the master has given up; what it may hold back
+        for nobody knows how long is not, where no answer takes nearly so long."""
         timeout = self.timeout_ns
-        return self.verdict.fine or (timeout is not None and self.verdict.wait_ns < _HALF * timeout)
+        if self.verdict.fine or timeout is None:
+            return self.verdict.fine
+        if self.verdict.wait_ns < UNKNOWN:
+            return self.verdict.wait_ns < _HALF * timeout
+        delays = np.concatenate([unit.delays.numbers for unit in self.units])
+        return len(delays) >= _DELAYS and float(np.quantile(delays, _MOST_HELD)) < _HALF * timeout
 
     def silences(self, unit: UnitLedger) -> Spells:
         """When a unit was silent. Where the clock does not tell how soon an answer came, one that is its request once more
-        may be that request, asked again: it ends no silence of a unit that answers otherwise."""
+        may be that request, asked again: it ends no silence of a unit that answers otherwise, nor among several tries."""
         if self._in_pairs(unit):
             return unit.silences_of_others
         if self._tells_haste:
             repeats = unit.answered > unit.echoes and self._answers_as_late_as_repeats(unit)
         else:
             repeats = unit.answered >= 2 * unit.echoes
-        return unit.silences_but_echoes if repeats else unit.silences
+        if repeats:
+            return unit.silences_but_echoes
+        return unit.silences if self.verdict.fine else unit.silences_but_tried
 
     def _answers_as_late_as_repeats(self, unit: UnitLedger) -> bool:
         """Whether some answers of a unit that read like their requests come when the master repeats what it asked."""
@@ -165,9 +180,10 @@ class Evidence:
         return timeout is not None and bool((unit.echo_delays.numbers > _AS_LATE * timeout).any())
 
     def unanswered(self, unit: UnitLedger) -> int:
-        """Requests without a byte, but for those whose answer is the request once more: two answers to one of them read
-        like a request that stayed without and another that did not."""
-        return sum(poll.count(Ending.SILENT) for poll in self.polls_of(unit.unit) if not ECHOED[poll.function])
+        """Requests without a byte of an answer, but for those whose answer is the request once more: two answers to one of
+        them read like a request that stayed without and another that did not."""
+        silent = sum(poll.count(Ending.SILENT) for poll in self.polls_of(unit.unit) if not ECHOED[poll.function])
+        return silent + self.silent_but_for(unit, Behind.NOISE)
 
     def damaged(self, unit: UnitLedger) -> int:
         """Answers that are none and that nothing explains; of those looked at, the share that is damaged indeed."""
@@ -244,7 +260,7 @@ class Evidence:
         asked = max(map(len, self.ledger.polls.requests), default=0) + _STRAYED
         longer = sum(len(each.heard) > asked for each in at_once) >= _OFTEN * len(at_once)
         longest = MAX_ADU if longer or off <= self.ledger.char_ns else LONG  # or it may be a request
-        found = [e.heard for e in at_once if len(e.heard) < longest and not _is_of_line(e.heard)]
+        found = [e.heard for e in at_once if len(e.heard) < longest and not is_of_line(e.heard)]
         if len(set(found)) < max(_TAILS, _HALF * len(found), _HALF * len(readings)):
             return 0.0
         return unit.followed.offered * len(at_once) / len(readings)
@@ -269,7 +285,7 @@ class Evidence:
         off = self.verdict.wait_ns if self.ledger.timed else UNKNOWN
         found = signature(sample, self.ledger.char_ns, self.requests, off_ns=off)
         strays = found.damage is AnswerDamage.WHOLE and found.length <= _MOSTLY * found.due
-        if strays and _GLITCHES.issuperset(found.heard):
+        if strays and LOW_ONCE.issuperset(found.heard):
             return replace(found, damage=AnswerDamage.NONE, behind=Behind.NOISE)
         return found
 
@@ -378,13 +394,8 @@ class Evidence:
     @cached_property
     def patience_ns(self) -> float:
         """What the master is seen to wait for answers that come; 0 where nobody knows."""
-        return max((unit.delays.quantile(0.9) or 0.0 for unit in self.units), default=0.0)
-
-
-def _is_of_line(heard: bytes) -> bool:
-    """Whether these bytes are what a line makes that nobody drives: all are low once, or half of them, zeros not counted."""
-    once = sum(byte in _GLITCHES for byte in heard)
-    return once == len(heard) or 2 * (once - heard.count(_LOW)) >= len(heard)
+        known = [unit for unit in self.units if unit.answered > unit.echoes or unit.count(Ending.SILENT) <= unit.echoes]
+        return max((unit.delays.quantile(0.9) or 0.0 for unit in known), default=0.0)
 
 
 T = TypeVar("T")

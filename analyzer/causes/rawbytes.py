@@ -27,6 +27,8 @@ _HEAD: Final = 3  # bytes
 ENDING: Final = 3  # bytes by which a damaged request is known again
 _INSIDE: Final = 4  # and within other bytes
 _MOST_REQUESTS: Final = 256
+LOW_ONCE: Final = frozenset(0xFF << low & 0xFF for low in range(9))  # a line that is low once, from the start bit on
+_LOW: Final = 0x00  # all the way: the one of those that is often sent as well
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +79,12 @@ _END: Final = b"\r\n"
 _WRITTEN: Final = re.compile(rb":[0-9A-Fa-f]+\r?\n?")
 _HEAD_MOST: Final = 12  # characters that may be put right
 _LRC_DIGITS: Final = 2
+
+
+def is_of_line(heard: bytes) -> bool:
+    """Whether these bytes are what a line makes that nobody drives: all are low once, or half of them, zeros not counted."""
+    once = sum(byte in LOW_ONCE for byte in heard)
+    return once == len(heard) or 2 * (once - heard.count(_LOW)) >= len(heard)
 
 
 def is_in_ascii(request: bytes) -> bool:

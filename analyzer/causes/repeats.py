@@ -156,9 +156,6 @@ _HARDLY: Final = 0.1  # of what seems to be answered
 _AS_LATE: Final = 0.95
 _SILENT_FOR_ECHO: Final = 5
 _NEARLY_ALL_SILENT: Final = 0.8  # the rest is what a tap hands over in pieces
-_TIMER: Final = 0.2  # of a time, by which a timer and the pause behind it stray
-_ONE_TIMER: Final = 0.02  # and one and the same timer
-_FAR_LONGER: Final = 4.0
 
 
 def only_repeats(evidence: Evidence, unit: UnitLedger) -> bool:
@@ -166,7 +163,7 @@ def only_repeats(evidence: Evidence, unit: UnitLedger) -> bool:
     if unit.answered != unit.echoes or unit.loose != unit.echo_strays:
         return False
     if unit.count(Ending.SILENT) < _HARDLY * unit.answered:
-        return _waits_behind_as_before(evidence, unit)
+        return False  # the deframer tells these, where anything does
     delay, wait = unit.echo_delays.quantile(0.1), unit.waits.quantile(0.1)
     if wait is not None and evidence.timeout_ns is not None:
         wait = max(wait, evidence.timeout_ns)  # of what only seems to be silent the wait may be a pause
@@ -190,20 +187,6 @@ def only_repeats(evidence: Evidence, unit: UnitLedger) -> bool:
 def _known_patience(evidence: Evidence) -> float:
     """How long the master waits, as seen, before it asks again for what came damaged (ns); 0 where nobody knows."""
     return max((unit.garbage_again.quantile(0.5) or 0.0 for unit in evidence.units), default=0.0)
-
-
-def _waits_behind_as_before(evidence: Evidence, unit: UnitLedger) -> bool:
-    """Whether the master waits behind what reads like a unit's answers as long as before them, by its timer, and behind
-    those of others far shorter: it had no answer."""
-    delay, pause = unit.echo_delays.quantile(0.5), unit.pauses.quantile(0.5)
-    others = [other.pauses.quantile(0.5) for other in evidence.units if other is not unit and other.answered]
-    known = sorted(each for each in others if each is not None)
-    if delay is None or pause is None or not known or evidence.verdict.wait_ns > _TIMER * delay:
-        return False
-    by_timer = max(strays(unit.echo_delays.numbers), abs(pause - delay))
-    if delay > _FAR_LONGER * known[-1]:
-        return by_timer < _TIMER * delay
-    return delay > _FAR_LONGER * known[len(known) // 2] and by_timer < _ONE_TIMER * delay  # behind one the master rests
 
 
 def in_vain(evidence: Evidence, unit: UnitLedger) -> tuple[int, int]:

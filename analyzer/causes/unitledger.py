@@ -63,6 +63,7 @@ class UnitLedger:
         self.echo_waits = (
             Thinned()
         )  # ns, from a request without an answer to the same once more, where that may answer it
+        self.strayed = 0  # requests without an answer behind which a byte strayed
         self.called = 0  # broadcasts that it answered, by its own address
         self.behind = 0  # good answers with something behind them before the next request
         self.first_answer: int | None = None
@@ -80,6 +81,7 @@ class UnitLedger:
         self.hole_places: Counter[int] = Counter()
         self.silences = Spells()
         self.silences_but_echoes = Spells()  # as if there were no answers that are their request once more
+        self.silences_but_tried = Spells()  # and no such answers to a request that comes several times
         self.silences_of_others = Spells()  # of requests whose answer reads otherwise than they
         self.refusals = Spells()
         self.busy = 0
@@ -138,14 +140,19 @@ class UnitLedger:
             self._add_answers(
                 mine if whole else mine[good], times if whole else times[good], timed=timed, hole_ns=hole_ns
             )
+        if counts[_SILENT]:
+            self.strayed += int(np.count_nonzero((outcome == _SILENT) & (mine.noise > 0)))
         if counts[_SILENT] or counts[_GARBAGE] or self.silences_but_echoes.is_open:
             heard = (outcome != _UNHEARD) & (outcome != _ECHO)  # nor does what a tap shows of its own end a silence
             _count_silences(self.silences, mine, times, heard)
-            _count_silences(self.silences_but_echoes, mine, times, heard & ~_are_echoes(mine))
+            echoes = _are_echoes(mine)
+            _count_silences(self.silences_but_echoes, mine, times, heard & ~echoes)
+            _count_silences(self.silences_but_tried, mine, times, heard & ~(echoes & (mine.repeats | mine.next_same)))
             _count_silences(self.silences_of_others, mine, times, heard & ~ECHOED[mine.function])
         elif every:
             self.silences.pass_over(int(times[-1]))
             self.silences_but_echoes.pass_over(int(times[-1]))
+            self.silences_but_tried.pass_over(int(times[-1]))
             self.silences_of_others.pass_over(int(times[-1]))
         if counts[_EXCEPTION] or self.refusals.is_open:
             busy = BUSY[mine.exception]
@@ -157,7 +164,7 @@ class UnitLedger:
             silent = known & (outcome == _SILENT)
             self.waits.add(waits[silent])
             echo = mine.next_echoed | (ECHOED[mine.function] & mine.repeats)  # one of the two may be an answer, late
-            self.quiet_waits.add(waits[silent & (mine.late == 0) & (mine.strays == 0) & ~echo])
+            self.quiet_waits.add(waits[silent & (mine.late + mine.strays + mine.noise == 0) & ~echo])
             again = silent & ECHOED[mine.function] & mine.next_same
             self.echo_waits.add(waits[again])
             self.plain_waits.add(waits[silent & ~again])

@@ -32,6 +32,7 @@ _TO_THE_END: Final = 8
 _END_SHARE: Final = 0.1  # of the capture
 _LONG_SPELL: Final = 12  # requests,
 _VISITS_IN_VAIN: Final = 4  # or so many times that the master came back to it: what is lost once is not asked for anew
+_VISITS_ONCE: Final = 3  # of a unit that answers before and behind
 _ALL: Final = 0.5
 _SPEAKS_NOT: Final = (Symptom.SILENCE, Symptom.DAMAGE, Symptom.MARKS)  # nor is what seems to be its answer damaged
 _NO_ANSWER_BEHIND: Final = 11  # the exception by which a gateway says that its target failed to respond
@@ -304,7 +305,8 @@ def unit_restarts(evidence: Evidence) -> Iterator[Suspicion]:
         inside = sum(each.count for each in spells)
         if _are_second_answers(evidence, unit) or only_repeats(evidence, unit):
             continue
-        once = len(spells) == 1 and spells[0].count >= _TO_THE_END and spells[0].before is not None
+        once = len(spells) == 1 and spells[0].before is not None
+        once = once and (spells[0].count >= _TO_THE_END or spells[0].visits >= _VISITS_ONCE)
         if (len(spells) < 2 and not once) or not unit.answered or inside < 0.6 * silent or inside < 2 * _SPELL:
             continue
         silences = evidence.silences(unit)
