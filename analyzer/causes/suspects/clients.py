@@ -25,7 +25,6 @@ from ..hits import (
     spells_of_hits,
     timed_by_the_master,
 )
-from ..rawbytes import is_in_ascii
 from ..registry import Explained, Suspicion, Symptom, suspect
 from ..repeats import CalledBack, broadcasts_answered, called_back
 from ..signatures import Behind, Signature
@@ -37,6 +36,7 @@ _MANY: Final = 10  # second answers of a unit,
 _SOME: Final = 0.05  # of its requests
 _UNLIKE_BITS: Final = 100.0  # by which the damage of some units is theirs: another master meets all alike
 _SENT_INTO: Final = 0.15  # of damaged answers
+_CROSSED: Final = 0.4  # of what is hit
 _HASTY: Final = 0.35  # of the timeout: nobody gives up so soon
 _CUT_SHORT_BITS: Final = 4.0
 _AT_ONCE: Final = 0.1  # the same, by which times may be wrong
@@ -44,25 +44,11 @@ _COLLIDED: Final = {"crossed": 0.27, "cut": 0.17, "cut-short": 0.15, "whole": 0.
                     "middle": 0.03, "tail": 0.02, "head": 0.02, "ahead": 0.06, "bits": 0.01}  # fmt: skip
 _RUN_INTO: Final = ("crossed", "cut", "cut-short")  # as a request that is sent into an answer leaves it
 _ON_FRAMES: Final = 0.93  # of what collides
-_TOO_SOON: Final = 0.9  # of t3.5
 _MOSTLY: Final = 0.5
 _NEARLY_ALL: Final = 0.8
 _ALONE_BITS: Final = 12.0
 _SEVERAL: Final = 4  # units: of fewer another master may well ask one alone
 _OFTEN: Final = 0.3
-_BUSY: Final = 0.75  # of the line's time
-_BUSY_SILENT: Final = 0.6  # where the silences that are due take the rest,
-_NO_MORE: Final = 0.97  # so much of it together
-_TWICE: Final = 1.95
-_HURRIED: Final = 1.1  # of t3.5: the mean pause of a master that never rests
-_HURRIED_NS: Final = 3e5
-_RESTED: Final = 0.02  # of the time, beyond t3.5: without these rests a round would be no shorter to speak of
-_CROWDED: Final = 0.87  # of the line's time: over it, short pauses are no rest
-_MANY_POLLS: Final = 8
-_LONG_ROUND_NS: Final = 0.9e9
-_FEW_POLLS: Final = 3
-_FULL: Final = 0.8  # of the line's time
-_SECONDS_NS: Final = 8e9
 _STORM: Final = 30  # broadcasts
 _STORM_NS: Final = 60e6
 _STORM_PAUSES: Final = 2.5  # times t3.5, on slow lines
@@ -85,18 +71,20 @@ def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
     """Requests while an answer is due, and what collides with them, for all units alike."""
     units = [unit for unit in evidence.units if evidence.is_open(Symptom.DAMAGE, unit.unit)]
     early = {unit.unit: interrupted(evidence, unit) for unit in units}
-    late = late_of_any(evidence)
+    misled = sum(unit.strayed + evidence.silent_but_for(unit, Behind.NOISE) for unit in units)
+    late = max(late_of_any(evidence) - misled, 0)  # a master that takes noise for an answer goes on before that comes
     by_timer = [unit for unit in units if unit.late and given_up_by_timer(evidence, unit)]
     others = [unit for unit in units if unit not in by_timer]  # what is late of these is not the timer's
-    spread = sum(early.values()) - max(early.values(), default=0) >= _MET or not is_one_units(evidence)
+    about_one = is_about_one(evidence)
+    spread = sum(early.values()) - max(early.values(), default=0) >= _MET or not (about_one or is_one_units(evidence))
     sure = sum(early.values()) >= _MET and spread  # two answers to one unit's requests drive a master on as well
     sure = sure or late - max((unit.late for unit in others), default=0) >= _LEAST
-    if not evidence.ordered or broadcasts_answered(evidence) or (is_about_one(evidence) and not sure):
+    if not evidence.ordered or broadcasts_answered(evidence) or (about_one and not sure):
         return
     if any(answers_too_many(evidence, unit) for unit in units):
         return  # where it is sure, it need not meet all alike: slow units are met most
     hasty = sum(max(_hasty(evidence, unit), early[unit.unit]) for unit in units)
-    late = sum(unit.late for unit in others) if sure else late
+    late = max(sum(unit.late for unit in others) - misled, 0) if sure else late
     if hasty + late < _MET and sum(unit.late for unit in by_timer) >= _MET:
         return  # a master that gives up too soon runs into answers all alone
     behind = sum(evidence.behind(unit, Behind.REQUEST, Behind.NOISE) for unit in units)
@@ -115,7 +103,7 @@ def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
     hits = min(hasty + late + behind + damaged, evidence.ledger.exchanges)
     unlike = min(evenness_bits(evidence), requests_evenness_bits(evidence)) < -_UNLIKE_BITS
     few = not sure and (len(hit) < min(2, len(units)) or unlike or _twice(evidence) or _is_one_late(evidence))
-    if few or crossed < _LEAST or crossed < 0.4 * hits or not hasty + late + requests:
+    if few or crossed < _LEAST or (not sure and crossed < _CROSSED * hits) or not hasty + late + requests:
         return
     met = min(overlaid(readings), sum(kind_of(each) in _RUN_INTO for each in readings))
     if surplus_bits(requests, damaged + requests, requests_part(evidence)) > _UNLIKE_BITS:
@@ -180,7 +168,8 @@ def _twice(evidence: Evidence) -> bool:
     """Whether some units often answer one request twice, and rightly, for which no second master is needed."""
     return any(
         evidence.is_open(Symptom.DOUBLES, unit.unit)
-        and max(unit.doubles, evidence.behind(unit, Behind.ANSWER)) >= max(_MANY, _SOME * unit.asked)
+        and max(unit.doubles, evidence.behind(unit, Behind.ANSWER), evidence.echoed_again(unit))
+        >= max(_MANY, _SOME * unit.asked)
         for unit in evidence.units
     )
 
@@ -348,58 +337,3 @@ def _piece(places: dict[int, int]) -> int:
         if total and sum(count for place, count in places.items() if place % size == 0) >= 0.7 * total:
             return size
     return 0
-
-
-@suspect(
-    "overload",
-    Severity.WARNING,
-    blame="master",
-    text="More is polled than the line can carry: bytes are on it {load:.0%} of the time and the client never rests; a round "
-    "of its {polls} polls takes {cycle:sec}",
-    share="{load:.0%} of the line's time",
-    deciding_test="Take half of the polls off the list: the others must then come twice as often",
-    remedy="Raise the baud rate, join polls of adjacent registers into one, poll slow values less often, or use two lines",
-)
-def overload(evidence: Evidence) -> Iterator[Suspicion]:
-    """A full line, and a master without a pause."""
-    ledger, load = evidence.ledger, evidence.load
-    if (
-        load is None
-        or len(ledger.ports) > 1
-        or ledger.span_ns < _SECONDS_NS
-        or not _BUSY_SILENT <= load <= 1.02
-        or ledger.exchanges < 30
-        or any(is_in_ascii(request) for request in ledger.polls.requests)  # no silence is due in ASCII
-    ):
-        return
-    due = evidence.t35_ns
-    if due is None or not len(ledger.pauses):
-        return
-    if load < _BUSY and (load + 2 * due * ledger.exchanges / ledger.span_ns < _NO_MORE or not evidence.verdict.fine):
-        return  # on slow lines with short answers the silences that are due take much of the time
-    if (1 - load) * ledger.span_ns < _TWICE * due * ledger.exchanges:
-        return  # one of the two silences of an exchange is not kept: a matter of haste, whatever the clock tells
-    mean = ledger.pauses.total / len(ledger.pauses)
-    rested = (mean - due) * ledger.exchanges / ledger.span_ns
-    if mean > _HURRIED * due + _HURRIED_NS and (load < _FULL or rested > max(_RESTED, load - _CROWDED)):
-        return  # it rests: the mean of the pauses is good on any clock that does not cut them off
-    long = ledger.pauses.quantile(0.97) if evidence.verdict.fine else None
-    if long is not None and long > 2 * _HURRIED * due + _HURRIED_NS:
-        return
-    intervals = sorted(
-        float(np.median(poll.intervals)) for poll in evidence.polls if poll.unit and len(poll.intervals) > 2
-    )
-    round_ns = intervals[len(intervals) // 2] if intervals else 0.0
-    long_list = len(intervals) >= _MANY_POLLS and round_ns >= _LONG_ROUND_NS
-    if load < _FULL and not (long_list and evidence.verdict.fine):
-        return  # a coarse clock does not tell whether a master keeps the pause that is due
-    if not long_list and (len(intervals) < _FEW_POLLS or round_ns < _LONG_ROUND_NS):
-        return  # a master that goes through a short list without a pause does what it is told
-    if evidence.verdict.fine and (ledger.request_gaps.quantile(0.5) or due) < _TOO_SOON * due:
-        return  # one that does not even keep the pause that is due would never rest, whatever its list
-    yield Suspicion(
-        (),
-        100 * max(load - _BUSY, 0.0) + 40,
-        frozenset({(Symptom.REQUESTS, None)}),
-        {"load": load, "polls": len(intervals), "cycle": intervals[-1] / 1e9},
-    )
