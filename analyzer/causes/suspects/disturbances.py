@@ -84,7 +84,7 @@ def _load(evidence: Evidence) -> float:
 
 def _anywhere(evidence: Evidence, *, sparse: bool = False, by_time: float = 0.0) -> tuple[Hits, float]:
     """Hits of all senders alike, and their weight; `sparse`: where frames are rare, so may those be that are hit;
-    `by_time`: bits by which it is told that they come and go."""
+    `by_time`: bits by which it is told that they come and go, which are part of it."""
     hits = Hits(evidence)
     if not any(unit.answered for unit in evidence.units):
         return hits, 0.0  # a line on which nothing is ever well is not disturbed
@@ -107,7 +107,7 @@ def _anywhere(evidence: Evidence, *, sparse: bool = False, by_time: float = 0.0)
     unlike = apart_bits(evidence) - evenness_bits(evidence) - requests_evenness_bits(evidence)
     if unlike > max(_UNLIKE_BITS, _UNLIKE * bits, _BY_TIME * by_time):
         return hits, 0.0  # it spares some units: it is not everybody's
-    return hits, bits + min(kind_bits(readings, ALIKE), 0.0) - unlike
+    return hits, bits + min(kind_bits(readings, ALIKE), 0.0) - unlike + by_time
 
 
 def _suspicion(evidence: Evidence, hits: Hits, bits: float, more: Mapping[str, Any], **times: Any) -> Suspicion:
@@ -217,7 +217,7 @@ def emi_drive(evidence: Evidence) -> Iterator[Suspicion]:
         "else_": state.other_hits,
         "else_of": state.other_trials,
     }
-    yield _suspicion(evidence, hits, bits + by_time, numbers)
+    yield _suspicion(evidence, hits, bits, numbers)
 
 
 def _is_told(evidence: Evidence) -> bool:
@@ -265,4 +265,4 @@ def hours(evidence: Evidence) -> Iterator[Suspicion]:
     }
     if len(begins) > 2:
         times["period_s"] = round(float(np.diff(begins).mean()) * grid.width_ns / 1e9, 1)
-    yield _suspicion(evidence, hits, bits + found, numbers, **times)
+    yield _suspicion(evidence, hits, bits, numbers, **times)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from statistics import median
 from typing import Final
 
 import numpy as np
@@ -86,10 +87,11 @@ def tap_one_direction(evidence: Evidence) -> Iterator[Suspicion]:
         ledger.broadcasts < 0.5 * ledger.exchanges
         and asked >= _LEAST
         and silent >= _NEARLY_ALL * asked
-        and not answered
-        and not ledger.responses
-    ):
-        seldom = min(unit.repeats / unit.asked for unit in evidence.units if unit.asked)  # a list may hold some twice
+        and ledger.responses == sum(unit.echoes + unit.echo_strays for unit in evidence.units)
+    ):  # what is asked twice in a row reads like an answer
+        seldom = median(
+            unit.repeats / unit.asked for unit in evidence.units if unit.asked
+        )  # a list may hold some twice
         if len(evidence.ledger.polls) > 1 and seldom <= _AGAIN and not _as_given_up(evidence):
             yield _one(evidence, "requests", ledger.requests, ledger.responses)
     elif _misses_answers(evidence):

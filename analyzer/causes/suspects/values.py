@@ -31,6 +31,7 @@ _COUNTS: Final = 0.9  # of the steps of a counter that do not go down
 _LEAP: Final = 60.0  # times its usual step, which no pause explains
 _BITS: Final = 30.0  # for each jump
 _MOST_BITS: Final = 240.0
+_TO_AND_FRO: Final = 2  # steps that one answer makes in the place of another
 _FLOATS: Final = (1e-3, 1e7)  # what measured values are
 _AS_LARGE: Final = 2.0  # times, up or down, that the same thing may differ from unit to unit
 _OCTAVES: Final = 3.0  # that a measured value moves in
@@ -189,15 +190,17 @@ def counter_jumps(evidence: Evidence) -> Iterator[Suspicion]:
     for group in _sisters(evidence):
         for column in range(group[0].words.shape[1] - 1):
             for swapped in (False, True):
-                yield from _of_counters(group, column, swapped=swapped)
+                yield from _of_counters(evidence, group, column, swapped=swapped)
 
 
-def _of_counters(group: list[PollValues], column: int, *, swapped: bool) -> Iterator[Suspicion]:
+def _of_counters(evidence: Evidence, group: list[PollValues], column: int, *, swapped: bool) -> Iterator[Suspicion]:
     found = [(poll, _jumps(_long(poll, column, swapped=swapped), poll.times)) for poll in group]
     clean = sum(jumps is not None and not len(jumps) for _, jumps in found)
     for poll, jumps in found:
         if jumps is None or not len(jumps) or (clean < 1 and not _odd(poll, jumps)):
             continue
+        if len(jumps) <= _TO_AND_FRO * evidence.ledger.units[poll.unit].loose:
+            continue  # answers came in the place of others: so may the one that is read here
         steps = np.diff(_long(poll, column, swapped=swapped))
         yield Suspicion(
             (poll.unit,),
