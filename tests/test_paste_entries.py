@@ -155,6 +155,19 @@ def test_a_buffer_shown_at_each_arrival_is_no_read_of_its_own() -> None:
     assert pieces(read("\n".join(said))) == of(("request", ASK), ("response", REPLY))
 
 
+def test_a_buffer_that_two_layers_show_at_each_arrival_is_one() -> None:
+    stamp = "[2026-03-01T10:00:00.{:03d}Z TRACE codec::rtu] {}::decode({!r})"
+    refusal = with_crc(bytes.fromhex("118302"))
+    shown = [stamp.format(i, who, refusal[:i]) for i in range(1, 6) for who in ("Codec", "Decoder")]
+    assert pieces(read("\n".join(shown))) == of(("response", refusal))
+
+
+def test_a_buffer_without_its_check_value_below_the_frame_is_no_frame() -> None:
+    write = with_crc(bytes.fromhex("11050001FF00"))
+    text = f"TX:{hexed(write)}\nRX:{hexed(write)}\nbuf <Buffer {hexed(write[:-2])}>"
+    assert pieces(read(text)) == of(("request", write), ("response", write))
+
+
 def test_two_handlers_with_clocks_of_their_own_log_one_event() -> None:
     said = []
     for second, word, data in ((1, "send", ASK), (2, "recv", REPLY), (3, "send", ASK), (4, "send", ASK)):

@@ -52,6 +52,13 @@ def test_rows_that_xxd_leaves_out_are_there() -> None:
     assert pieces(text) == [("request", REQUEST.hex()), ("response", LONG.hex())]
 
 
+@pytest.mark.parametrize("width", [39, 75])
+def test_digits_broken_within_a_byte_are_whole(width: int) -> None:
+    digits = LONG.hex()
+    text = "\n".join(digits[at : at + width] for at in range(0, len(digits), width))
+    assert pieces(f"{REQUEST.hex(' ')}\n\n{text}") == [("request", REQUEST.hex()), ("response", LONG.hex())]
+
+
 def test_a_star_elsewhere_leaves_nothing_out() -> None:
     text = f"{REQUEST.hex(' ')}\n*\n{ANSWER.hex(' ')}\n*\n00000400 and so on"
     assert pieces(text) == BOTH

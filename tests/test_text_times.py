@@ -60,6 +60,7 @@ FORMS = [
     "21. November 2026 um {clock} {way} {data}",
     "{number};{elapsed:.6f};{data}",
     "{days:.10f};{way};{data}",
+    '{{"ts":"2026-11-21T{clock}Z","dir":"{way}","data":"{data}"}}',
 ]
 TABLES = [
     ("ms,dir,data", "{ticks},{way},{data}"),

@@ -103,17 +103,24 @@ def settle_copies(lines: Sequence[LogLine], experience: Experience) -> None:
             if drop is None:
                 turned = turned or _speaks_between(earlier, entry)
                 others += apart
+            elif drop is entry:
+                _leave_out_copy(entry, earlier)
+                for one in [one for one in recent if _has_grown(one, entry, experience)]:
+                    _leave_out_copy(one, entry)
+                    recent.remove(one)
+                break
             else:
-                other = earlier if drop is entry else entry
-                for run in drop.runs:
-                    run.taken = False
-                    run.why = f"the same bytes as in line {other.first.number}"
-                if drop is entry:
-                    break
+                _leave_out_copy(earlier, entry)
                 recent.remove(earlier)
         else:
             recent.append(entry)
         del recent[:-4]
+
+
+def _leave_out_copy(drop: _Entry, other: _Entry) -> None:
+    for run in drop.runs:
+        run.taken = False
+        run.why = f"the same bytes as in line {other.first.number}"
 
 
 def _one_report(earlier: _Entry, entry: _Entry) -> bool:
@@ -142,7 +149,7 @@ def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience, *, turn
     `turned`: the other side spoke between them, which ends what comes in pieces.
     """
     same_line = earlier.last is entry.first
-    if earlier.template == entry.template and not turned and _has_grown(earlier, entry, experience):
+    if not turned and _has_grown(earlier, entry, experience):
         return earlier
     if _is_pdu_of(entry, earlier) or _explains(entry, earlier):
         return entry
@@ -164,6 +171,8 @@ def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience, *, turn
             return None  # only the words above them differ: somebody shows the same frame again
         if earlier.checked and not earlier.repeats:
             experience.reports.add(pair)
+            if earlier.template in experience.growing:
+                experience.growing.add(entry.template)
             return entry
         elsewise = earlier.runs[0].shape != entry.runs[0].shape  # the same bytes, written in another way
         if same_line:
@@ -190,9 +199,11 @@ def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience, *, turn
 
 
 def _is_pdu_of(entry: _Entry, earlier: _Entry) -> bool:
-    """Whether bytes are what a frame carries, without its unit and all that is around."""
+    """Whether bytes are what a frame carries, without its unit and all that is around, or a buffer without its CRC."""
     if entry.checked or not earlier.checked or entry.template == earlier.template:
         return False
+    if len(entry.data) >= _LEAST_COPY and entry.data == earlier.data[:-_CRC]:
+        return earlier.mark != 0 and not entry.mark and entry.first.number == earlier.last.number + 1
     return len(entry.data) > 1 and entry.data in (earlier.data[1:-_CRC], earlier.data[_MBAP:])
 
 
@@ -230,7 +241,9 @@ def _has_grown(earlier: _Entry, entry: _Entry, experience: Experience) -> bool:
 
     That a log does so is known where bytes without a right check value are the beginning of a frame behind them.
     """
-    if earlier.checked or not earlier.template[0] or not _begins(earlier, entry):
+    if earlier.template != entry.template or not earlier.template[0]:
+        return False
+    if earlier.checked or not _begins(earlier, entry):
         return False
     if entry.checked and len(earlier.data) >= _LEAST_COPY:
         experience.growing.add(entry.template)

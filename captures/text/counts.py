@@ -68,7 +68,8 @@ _KEYED = re.compile(  # epochs in JSON, YAML and logfmt
     re.IGNORECASE,
 )
 _KEYED_COUNT: Final = re.compile(  # `"time_ms": 1012`, `"t": 1.012`
-    rf"[\"']{_TIME}(?:[ _]?\(?(ms|us|µs|ns|s|sec)\)?[\"'] ?: ?[\"']?(\d{{1,18}})(?:\.(\d{{1,9}}))?"
+    rf"[\"']{_TIME}(?:[ _]?\(?(ms|us|µs|ns|s|sec)\)?[\"'] ?: ?[\"']?(\d{{1,18}}+)(?:\.(\d{{1,9}}+))?+"
+    r"(?=\s*(?:[\"',}\]]|$))"  # no date
     r"|[\"'] ?: ?[\"']?(?:(\d{1,9})\.(\d{1,9})|0(?![\d.:])))",
     re.IGNORECASE,
 )

@@ -51,7 +51,7 @@ _PREFIXED: Final = re.compile(
     rf"{EDGE}(?P<sign>{_SIGN})(?P<first>{_UP_TO_SIGN})[uU]?['\"]?"
     rf"(?:{_BETWEEN}(?P=sign){_UP_TO_SIGN}[uU]?['\"]?)*{_GLUED}"
 )
-_SUFFIXED: Final = re.compile(rf"{EDGE}(?:0(?=[A-Fa-f]))?{H}{{2}}[hH](?:[\s,;-]+(?:0(?=[A-Fa-f]))?{H}{{2}}[hH])+{END}")
+_SUFFIXED: Final = re.compile(rf"{EDGE}0?{H}{{2}}[hH](?:[\s,;-]+0?{H}{{2}}[hH])+{END}")
 _ASCII: Final = re.compile(rf"(?<![0-9A-Za-z_])(?::(?:{H}{{2}}){{3,300}})+{END}")
 _BITS: Final = re.compile(r"0[bB][01]{8}$")
 _ASCII_APART: Final = re.compile(rf"(?:^|[:>|=])[ \t]*(?P<frame>:(?:[ \t]?{H}{{2}}){{3,300}}){END}")

@@ -191,6 +191,8 @@ _WINDOW: Final = 38  # columns that a window has at least
 _PAIRS_WIDE: Final = 14  # characters of a few pairs
 _BROKEN: Final = re.compile(rf"(?: {H}{{2}}){{4}} {H}$")
 _BEGUN: Final = re.compile(rf"{H}(?:(?: {H}{{2}}){{2}}|(?: {H}{{2}})?\s*$)")
+_SOLID: Final = re.compile(rf"(?<!\w){H}{{38,}}$")  # digits without blanks, `_WINDOW` of them at least
+_GOES_ON: Final = re.compile(rf"{H}+\s*$")
 _FOLDED: Final = (60, 76)  # characters of a line that a mail folds
 _MOST_FOLDED: Final = 64  # lines into one
 _QUOTED: Final = re.compile(r"(?:>[ \t]?)+")
@@ -286,16 +288,20 @@ def unfolded(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
 def mended(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
     """Lines, with a byte that a terminal's edge broke in two whole at the end of the first."""
     held: tuple[int, str] | None = None
+    goes_on = _BEGUN
     for number, line in lines:
         text = line.rstrip("\r\n")
         if held is not None:
-            if _BEGUN.match(text):
+            if goes_on.match(text):
                 yield held[0], held[1] + text[0]
                 text = line = text[1:]
             else:
                 yield held
             held = None
-        if _BROKEN.search(text, max(len(text) - _PAIRS_WIDE, 0)) and len(text) >= _WINDOW:
+        solid = _SOLID.search(text) if len(text) >= _WINDOW and text[-_WINDOW:].isalnum() else None
+        goes_on = _GOES_ON if solid is not None and len(solid[0]) % 2 else _BEGUN
+        broken = goes_on is _GOES_ON or _BROKEN.search(text, max(len(text) - _PAIRS_WIDE, 0)) is not None
+        if broken and len(text) >= _WINDOW:
             held = number, text
         else:
             yield number, line
