@@ -59,6 +59,13 @@ def test_digits_broken_within_a_byte_are_whole(width: int) -> None:
     assert pieces(f"{REQUEST.hex(' ')}\n\n{text}") == [("request", REQUEST.hex()), ("response", LONG.hex())]
 
 
+def test_bytes_run_together_without_zeros_are_parted_as_their_check_value_says() -> None:
+    sent, received = ("".join(f"{octet:X}" for octet in data) for data in (REQUEST, ANSWER))
+    assert pieces(f"Sent: {sent}\nReceived: {received}") == BOTH
+    assert pieces(f"{sent}\n{received}") == BOTH
+    assert not list(read(f"Sent: {sent[:-1]}\nReceived: {received[1:]}").frames())
+
+
 def test_a_star_elsewhere_leaves_nothing_out() -> None:
     text = f"{REQUEST.hex(' ')}\n*\n{ANSWER.hex(' ')}\n*\n00000400 and so on"
     assert pieces(text) == BOTH

@@ -61,6 +61,8 @@ FORMS = [
     "{number};{elapsed:.6f};{data}",
     "{days:.10f};{way};{data}",
     '{{"ts":"2026-11-21T{clock}Z","dir":"{way}","data":"{data}"}}',
+    '{{"t":{ticks},"dir":"{way}","data":"{data}"}}',
+    "{ticks};{out};{data}",
 ]
 TABLES = [
     ("ms,dir,data", "{ticks},{way},{data}"),
@@ -102,6 +104,7 @@ def written(form: str, message: Message) -> str:
         seconds=seconds,
         second=int(seconds),
         way=word(message, "TX", "RX"),
+        out=word(message, "out", "in"),
         east=word(message, "发送", "接收"),
         data=spaced(message.data),
     )

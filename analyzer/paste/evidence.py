@@ -117,7 +117,7 @@ def _rtu(data: bytes) -> Iterator[Checked]:
         tried += 1
         at += length or 1
     if not right and len(data) <= MAX_ADU and crc_ok(data) and data[1] not in (0, EXCEPTION):
-        yield Checked(0, len(data), envelope="rtu")
+        yield Checked(0, len(data), envelope="rtu", odd=True)
 
 
 def _may_begin(data: bytes, at: int) -> bool:

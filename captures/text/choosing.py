@@ -28,7 +28,7 @@ from .candidates import (
 )
 from .hexshapes import hex_candidates
 from .judging import ByteJudge, Checked
-from .othershapes import LOOK_ALIKES, OD_BELOW, od_bytes, other_candidates
+from .othershapes import LOOK_ALIKES, OD_BELOW, od_bytes, other_candidates, run_together
 from .tools import NONE, RX, TX, LineMark, either_way
 
 MOST_JUDGED: Final = 4096  # bytes of one run that a judge is shown
@@ -38,6 +38,7 @@ _PAIR_AND_BLANKS: Final = (3, 4)  # characters
 _PAIR_OF_HEX: Final = re.compile(r"(?<!\d)0\d(?!\d)")  # `00`, `03`: numbers are not written so
 _ENOUGH: Final = 0.5  # of a number's bytes that a check value must cover
 _AROUND: Final = " \t|<>"  # signs around the characters of a row
+_PATIENCE: Final = 50  # lines of digits run together, none of which is right
 _MARKED: Final = "\0marked"  # in place of the label, for all runs behind direction marks
 _LABEL: Final = 28  # characters
 _NUMBERS: Final = re.compile(r"0[xX][0-9A-Fa-f]+|\b(?=[a-fA-F]*\d)[0-9A-Fa-f]+\b|\d+")
@@ -104,6 +105,7 @@ class Experience:
     fields: dict[str, int] = field(default_factory=dict)  # of lines of fields alike: which of them are bytes
     tails: set[tuple[str, str]] = field(default_factory=set)  # labels and shapes of check values behind their frames
     growing: set[tuple[str, str]] = field(default_factory=set)  # labels and shapes of buffers shown at each arrival
+    parted_in_vain: int = 0  # lines of digits run together
     in_vain: int = 0  # rows of numbers whose columns were searched without finding anything
     right: dict[tuple[str, str], int] = field(default_factory=dict)
     shapes: set[str] = field(default_factory=set)  # in which check values are right
@@ -148,6 +150,8 @@ def runs_in(line: TextLine, judge: ByteJudge, experience: Experience) -> list[By
     ranked = [_ranked(candidate, line, judge, experience) for candidate in hex_candidates(line)]
     if not any(entry.whole for entry in ranked) and holds_several(line.text):  # right in hex: no other reading needed
         ranked += [_ranked(candidate, line, judge, experience) for candidate in other_candidates(line)]
+        if not any(entry.whole for entry in ranked):
+            ranked += _parted(line, judge, experience)
     if not ranked:
         return []
     rows = {(entry.candidate.start, entry.candidate.shape) for entry in ranked if entry.candidate.offset is not None}
@@ -233,6 +237,17 @@ def _ranked(candidate: HexWindow, line: TextLine, judge: ByteJudge, experience: 
     length = candidate.end - candidate.start
     rank = (covered, covered - size if covered else 0, announced, trusted, candidate.level, length)
     return _Ranked(rank, candidate, checked, covered == size > 0)
+
+
+def _parted(line: TextLine, judge: ByteJudge, experience: Experience) -> list[_Ranked]:
+    """The only way to part digits that are run together of which all is right; looked for while some are found."""
+    if experience.damaged or experience.parted_in_vain >= _PATIENCE:
+        return []
+    ways = [_ranked(candidate, line, judge, experience) for candidate in run_together(line)]
+    right = [entry for entry in ways if entry.whole and not (entry.checked[0].turned or entry.checked[0].odd)]
+    if ways:
+        experience.parted_in_vain = 0 if right else experience.parted_in_vain + 1
+    return right if len(right) == 1 else []
 
 
 def _is_listed(line: TextLine, candidate: HexWindow) -> bool:

@@ -52,7 +52,7 @@ _COUNTER = re.compile(  # `1023: TX 01 03`
     rf"{_AHEAD}|"
     r"\[ *(\d{1,10})\] (?=\w{1,12}(?:Send|Receive|Write|Read)\b)|"
     r"(?:\[(\d{4,10})\]|(\d{4,10}) ?:) (?=(?:[\w.-]{1,16}:? ){1,3}(?:[TR]x|sen[dt]|recv|reply)\b)|"
-    rf"(\d{{4,10}})(?: ?[|;,\t]| (?=\S)) ?(?=\W{{0,2}}(?:[TR]x\b|{_ARROW})))",
+    rf"(\d{{4,10}})(?: ?[|;,\t] ?{_AHEAD}|(?: ?[|;,\t]| (?=\S)) ?(?=\W{{0,2}}(?:[TR]x\b|{_ARROW}))))",
     re.I,
 )
 _FEW_PLACES: Final = re.compile(rf"{LEAD}()(\d{{1,10}})\.(\d\d?)[\])]?[ \t:;|]+{_AHEAD}", re.I)
@@ -67,10 +67,10 @@ _KEYED = re.compile(  # epochs in JSON, YAML and logfmt
     r"(?<![\w.])(?:ts|time_?stamp)(?:=|: ))[\"']?(1[2-9]\d{8})(?:\.(\d{1,9})|(\d{3}|\d{6}|\d{9})(?!\d))?",
     re.IGNORECASE,
 )
-_KEYED_COUNT: Final = re.compile(  # `"time_ms": 1012`, `"t": 1.012`
+_KEYED_COUNT: Final = re.compile(  # `"time_ms": 1012`, `"t": 1.012`, `"t": 1012`
     rf"[\"']{_TIME}(?:[ _]?\(?(ms|us|µs|ns|s|sec)\)?[\"'] ?: ?[\"']?(\d{{1,18}}+)(?:\.(\d{{1,9}}+))?+"
     r"(?=\s*(?:[\"',}\]]|$))"  # no date
-    r"|[\"'] ?: ?[\"']?(?:(\d{1,9})\.(\d{1,9})|0(?![\d.:])))",
+    r"|[\"'] ?: ?[\"']?(?:(\d{1,9})\.(\d{1,9})|0(?![\d.:])|([1-9]\d{0,10})(?=[\"',}\]])))",
     re.IGNORECASE,
 )
 UNIT_NS: Final = {"s": 10**9, "ms": 10**6, "us": 10**3, "µs": 10**3, "μs": 10**3, "ns": 1}
@@ -127,6 +127,8 @@ def _of_seconds_and_more(seconds: str, part: str | None) -> Stamp:
 
 
 def _of_keyed_count(match: re.Match[str]) -> Stamp:
+    if match[6] is not None:
+        return Stamp(int(match[6]) * 10**6, of_day=False, counter=True, unnamed=True)
     if match[1] is None:
         return Stamp(int(match[4] or 0) * 10**9 + fraction(match[5]), of_day=False)
     unit = TITLE_UNIT_NS[match[1].lower()]

@@ -14,7 +14,7 @@ class Checked(NamedTuple):
     """A stretch of bytes whose check value, or whose header's length, is right.
 
     `repeats`: its answer may be the same bytes again. `envelope`: the protocol that it is a frame of, by its name.
-    `turned`: the bytes of the check value are the wrong way round.
+    `turned`: the bytes of the check value are the wrong way round. `odd`: the header says another length.
     """
 
     start: int
@@ -22,6 +22,7 @@ class Checked(NamedTuple):
     repeats: bool = False
     envelope: str = ""
     turned: bool = False
+    odd: bool = False
 
 
 class ByteJudge(Protocol):

@@ -68,6 +68,8 @@ _PAIR_IN_BRACKETS: Final = re.compile(rf"(?<=\d)\(({H}{{2}})\)")  # behind the d
 _PLAIN_WORD: Final = re.compile(r"[A-Za-z]?(?:[a-z]*|[A-Z]*)|[a-z/]+")
 _ASCII_BEHIND_WORD: Final = re.compile(rf"(?<=[A-Za-z]{{2}}):(?:{H}{{2}}){{3,300}}{END}")  # `Tx:0103…`
 _LEAST_BASE64: Final = 8  # characters
+_RUN_TOGETHER: Final = re.compile(rf"{EDGE}{H}{{8,24}}{END}")
+_MOST_WAYS: Final = 1000  # to part digits, over which a check value says too little
 
 
 def other_candidates(line: TextLine) -> Iterator[HexWindow]:
@@ -321,6 +323,26 @@ def _digits(text: str) -> Iterator[HexWindow]:
                 yield HexWindow(data, *match.span(), "digits", Writing.NUMBER)
                 if not match.groupdict() and len(digits := "".join(tokens)) % 2 == 0:
                     yield HexWindow(bytes.fromhex(digits), *match.span(), "digits apart", Writing.NUMBER)
+
+
+def run_together(line: TextLine) -> Iterator[HexWindow]:
+    """`11 3 0 6B 0 3 76 87` without the blanks, as `Serial.print(byte, HEX)` writes bytes: each way to part the digits.
+
+    Only behind a mark, or where nothing stands before them.
+    """
+    for match in _RUN_TOGETHER.finditer(line.text):
+        if match.start() not in line.first:
+            continue
+        digits = match[0]
+        ways: list[list[bytes]] = [[b""], *([] for _ in digits)]  # of the first so many digits
+        for at, digit in enumerate(digits):
+            if len(ways[at]) > _MOST_WAYS:
+                return
+            for end in range(at + 1, min(at + (2 if digit == "0" else 3), len(digits) + 1)):
+                octet = bytes((int(digits[at:end], 16),))
+                ways[end] += [way + octet for way in ways[at]]
+        for data in ways[-1] if len(ways[-1]) <= _MOST_WAYS else ():
+            yield HexWindow(data, *match.span(), "run together", Writing.NUMBER)
 
 
 def _binary(text: str) -> Iterator[HexWindow]:
