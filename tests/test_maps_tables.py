@@ -161,7 +161,7 @@ TABLES: dict[str, OddFile] = {
         "9;J;1E-2\n10;K;0.1 V\n11;L;-\n12;M;10⁻²\n13;N;-0,1\n".encode(),
         ["holding 0 u16 x0.1 A", "holding 1 u16 x0.1 B", "holding 2 u16 x0.1 C", "holding 3 u16 x0.01 D",
          "holding 4 u16 x0.01 E", "holding 5 u16 x0.1 F", "holding 6 u16 x0.001 G", "holding 7 u16 x0.5 H",
-         "holding 8 u16 x0.1 I", "holding 9 u16 x0.01 J", "holding 10 u16 x0.1 K", "holding 11 u16 L",
+         "holding 8 u16 x0.1 I", "holding 9 u16 x0.01 J", "holding 10 u16 x0.1 V K", "holding 11 u16 L",
          "holding 12 u16 x0.01 M", "holding 13 u16 x-0.1 N"],
         "",
     ),
@@ -224,6 +224,143 @@ TABLES: dict[str, OddFile] = {
         "Adresse;Bezeichnung;Datentyp;Länge;Größe\n10;Rücklauftemperatur;INT16;1;°C\n11;Störung Lüfter;UINT16;1;\n"
         .encode("cp1252"),
         ["holding 10 s16 Rücklauftemperatur", "holding 11 u16 Störung Lüfter"],
+        "",
+    ),
+    "Chinese": (
+        "list.csv",
+        "参数名称,地址（十六进制）,长度（字）,数据格式,说明,读写\n电压,0010H,1,无符号,单位0.1V,只读\n功率,0012H,2,有符号,单位W,只读\n"
+        "模式,0020H,1,无符号,0：停；1：启,读写\n".encode(),
+        ["holding 16 u16 x0.1 V r 电压", "holding 18 s32 W r 功率", "holding 32 u16 rw {0=停; 1=启} 模式"],
+        "",
+    ),
+    "Romance languages": (
+        "list.csv",
+        "Adresse;Désignation;Unité;Coefficient;Accès\n5;Tension;V;0,1;Lecture\n6;Consigne;°C;0,5;L/E\n".encode(),
+        ["holding 5 u16 x0.1 V r Tension", "holding 6 u16 x0.5 °C rw Consigne"],
+        "",
+    ),
+    "columns that blanks part": (
+        "manual.txt",
+        b"Address   Name               Type     Unit   Access\n7         Supply voltage     UINT16   V      R\n"
+        b"8         Operating hours    UINT32   h      R\n10        State              UINT16          R\n",
+        ["holding 7 u16 V r Supply voltage", "holding 8 u32 h r Operating hours", "holding 10 u16 r State"],
+        "",
+    ),
+    "bits in rows below their register": (
+        "list.csv",
+        b"Register,Bit,Name,Type\n7,,Status,UINT16\n,0,Ready,\n,3,Fault,\n8,,Alarms,UINT16\n,,Bit 1: hot,\n"
+        b",,Bit 2: cold,\n",
+        ["holding 7 bits {0=Ready; 3=Fault} Status", "holding 8 bits {1=hot; 2=cold} Alarms"],
+        "",
+    ),
+    "widths, signs and octets in columns": (
+        "list.csv",
+        b"Address,Name,Size,Signed,Mult.,Offset (bytes)\n0,A,16,yes,.1,0\n1,B,32,no,1,2\n",
+        ["holding 0 s16 x0.1 A", "holding 1 u32 B"],
+        "",
+    ),
+    "lengths in octets": (
+        "list.csv",
+        b"Start,End,Bytes,Name,Format\n0,1,4,Serial,UINT\n2,9,16,Model,ASCII\n",
+        ["holding 0 u32 Serial", "holding 2 text Model"],
+        "",
+    ),
+    "steps in every place": (
+        "list.csv",
+        "Addr;Var;Type;Remark\n0;A;U16 x0.01;\n1;B;U16;0,1 °C\n2;C (0.1 V);U16;\n3;D (A x 100);U16;\n"
+        "4;E, bar;U16/10;1 a day\n".encode(),
+        ["holding 0 u16 x0.01 A", "holding 1 u16 x0.1 °C B", "holding 2 u16 x0.1 V C", "holding 3 u16 x0.01 A D",
+         "holding 4 u16 x0.1 bar E"],
+        "",
+    ),
+    "numbers that are none of a logical table": (
+        "list.csv",
+        b"Address,Name\n30000,Model\n30070,Rated power\n40000,Clock\n",
+        ["holding 30000 u16 Model", "holding 30070 u16 Rated power", "holding 40000 u16 Clock"],
+        "",
+    ),
+    "coils among addresses with their area": (
+        "list.csv",
+        b"PLC address,Tag\n4x0001,A\n0x0005,B\n1x0002,C\n",
+        ["holding 0 u16 A", "coil 4 bool B", "discrete 1 bool C"],
+        "",
+    ),
+    "a Chinese sensor's sheet": (
+        "list.csv",
+        "寄存器地址,内容,操作,定义说明\n0001 H,湿度,只读,湿度实时值（扩大10倍）\n07D0 H,设备地址,读写,1~254\n".encode(),
+        ["holding 1 u16 x0.1 r 湿度", "holding 2000 u16 rw 设备地址"],
+        "",
+    ),
+    "access under `Type`, numbers of parameters": (
+        "list.csv",
+        b"Parameter No.,Modbus Address,Parameter Name,Units,Type\nP1-01,129,Top speed,Hz,R/W\nP1-02,130,Load,%,R\n",
+        ["holding 129 u16 Hz rw Top speed", "holding 130 u16 % r Load"],
+        "",
+    ),
+    "columns below a rule": (
+        "list.rst",
+        b"======= ========= ====\nAddress Name      Type\n======= ========= ====\n7       Supply V  u16\n"
+        b"8       Hours     u32\n======= ========= ====\n",
+        ["holding 7 u16 Supply V", "holding 8 u32 Hours"],
+        "",
+    ),
+    "objects of JSON": (
+        "list.json",
+        b'{"registers": [{"address": 7, "name": "U", "type": "int16", "scale": 0.1, "unit": "V"},'
+        b' {"address": 8, "name": "Mode", "values": {"0": "off", "1": "on"}}]}',
+        ["holding 7 s16 x0.1 V U", "holding 8 u16 {0=off; 1=on} Mode"],
+        "",
+    ),
+    "what a title says of all rows": (
+        "list.csv",
+        "Порядок слов: младшим вперёд; адреса в hex,\nАдрес,Параметр,Тип\n10,U,float\n1A,I,float (ABCD)\n".encode(),
+        ["holding 16 f32 CDAB U", "holding 26 f32 I"],
+        "",
+    ),
+    "places behind the point": (
+        "list.csv",
+        "Адрес;Имя;Знаков после запятой;Формат\n0;U;1;\n1;I;;XX.XX\n2;N;0;\n".encode(),
+        ["holding 0 u16 x0.1 U", "holding 1 u16 x0.01 I", "holding 2 u16 N"],
+        "",
+    ),
+    "areas under `Modbus type`, states in brackets and in a row": (
+        "list.csv",
+        b'Offset,Modbus type,Item,Options\n1,Input Register,Fan,"Off (0), Low (1)"\n2,Coil,Run,\n'
+        b"3,Holding Register,Mode,0-Off 1-Heat 2-Cool\n",
+        ["input 1 u16 {0=Off; 1=Low} Fan", "coil 2 bool Run", "holding 3 u16 {0=Off; 1=Heat; 2=Cool} Mode"],
+        "",
+    ),
+    "coils counted from 00001 below their title": (
+        "list.csv",
+        b"Coil status,\nAddress,Item\n00001,Enable\n00002,Reset\n",
+        ["coil 0 bool Enable", "coil 1 bool Reset"],
+        "",
+    ),
+    "whether one can write, names in the second column of them, states as JSON": (
+        "list.csv",
+        b"variable name,data type,register,documented name,writable,values\n"
+        b',uint16,7,Relay,yes,"{""0"":""Open"",""1"":""Closed""}"\n'
+        b',16BIT_FLAGS,8,Alarms,no,"{""b0"": ""hot"", ""b3"": ""cold, wet""}"\n,,9~10,Total,R,\n',
+        ["holding 7 u16 rw {0=Open; 1=Closed} Relay", "holding 8 bits r {0=hot; 3=cold, wet} Alarms",
+         "holding 9 u32 r Total"],
+        "",
+    ),
+    "an area as the heading of addresses": (
+        "list.csv",
+        b"Coil,Function\n7,Pump 1 on\n8,Pump 2 on\nInput register,Value,Size\n7,Level,s16\n8,Flow,u32\n",
+        ["coil 7 bool Pump 1 on", "coil 8 bool Pump 2 on", "input 7 s16 Level", "input 8 u32 Flow"],
+        "",
+    ),
+    "bits of a register that comes again": (
+        "list.csv",
+        b"Address,Bit,Description\n7,0,Ready\n7,1,Fault\n8,,Speed\n9,0,Alone\n",
+        ["holding 8 u16 Speed", "holding 9 u16 Alone", "holding 7 bits {0=Ready; 1=Fault} Bits of 7"],
+        "",
+    ),
+    "the first word in a column": (
+        "list.csv",
+        b"Address;Name;Type;Word order;Schreib-/Lesezugriff\n0;A;float;big;l\n2;B;float;little;l/s\n",
+        ["holding 0 f32 r A", "holding 2 f32 CDAB rw B"],
         "",
     ),
     "powers of ten as factors": (

@@ -22,7 +22,7 @@ from ..values import Order, floating, integer, ordered
 MapArea = Literal["coil", "discrete", "input", "holding"]
 AREA_WORDS: Final[Mapping[str, MapArea]] = MappingProxyType(
     {
-        **dict.fromkeys(("coil", "coils", "0x", "0", "do", "output", "outputs"), "coil"),
+        **dict.fromkeys(("coil", "coils", "0x", "0", "co", "do", "output", "outputs"), "coil"),
         **dict.fromkeys(("discrete", "discrete input", "discrete inputs", "contact", "1x", "1", "di"), "discrete"),
         **dict.fromkeys(("input", "input register", "input registers", "inputs", "3x", "3", "ir", "ai"), "input"),
         **dict.fromkeys(("holding", "holding register", "holding registers", "4x", "4", "hr", "ao"), "holding"),

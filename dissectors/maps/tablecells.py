@@ -18,18 +18,23 @@ _NUMBER: Final = re.compile(
 )
 _BIT: Final = re.compile(r"(?P<place>.*[0-9A-Fa-f][hH]?)\s*[.:]\s*(?:bit\s*)?(?P<bit>\d|0\d|1[0-5])", re.IGNORECASE)
 _AREA_APART: Final = re.compile(r"([0134]) (?=\d{4,5}(?!\d))")  # 4 0001
+_HEX_APART: Final = re.compile(r"(?<=\b[0-9A-Fa-f]{4}) (?=[hH]\b)")  # 07D0 H
 _THOUSANDS: Final = re.compile("(?<=\\d)[ \u00a0\u202f'](?=\\d{3}(?!\\d))")
 
 
 @dataclass(frozen=True, slots=True)
 class AddressForm:
     """How a column of addresses is written: hexadecimal without a mark, which its heading may say; with bits behind a
-    point; all as logical numbers (00001, 10001, 30001, 40001)."""
+    point; all as logical numbers (00001, 10001, 30001, 40001), or some as no logical number is (30000, 50001); some
+    with the digit of their area before an x (4x0001), so that 0x0005 is a coil; all of five digits, 0 or 1 first."""
 
     is_hex: bool = False
     is_said: bool = False
     has_bits: bool = False
     is_logical: bool = False
+    is_plain: bool = False
+    has_prefixes: bool = False
+    is_digital: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +52,9 @@ def address_form(heading: str, cells: Sequence[str]) -> AddressForm:
     """The form of a column: by its heading, and by what all of its cells are."""
     cells = [cell for cell in map(together, cells) if cell]
     word = heading.lower()
-    declared = re.search(r"hex|шестн|16-?ричн", word) is not None and not re.search(r"dec|дес", word)
+    declared = re.search(r"hex|шестн|16-?ричн|(?:十六|16)进制", word) is not None and not re.search(
+        r"dec|дес|(?<!六)十进制", word
+    )
     parts = [part for cell in cells for part in re.split(r"\s*(?:-|–|—|…|\.{2,3}|to|[,;/&])\s*", cell)]
     bare = [part for part in parts if _BARE_HEX.fullmatch(part)]
     letters = any(re.search("[A-Fa-f]", part.rstrip("hH")) and re.search(r"\d", part) for part in bare)
@@ -56,7 +63,11 @@ def address_form(heading: str, cells: Sequence[str]) -> AddressForm:
     numbers = [part for part in parts if part.isdecimal()]
     logical = all(re.fullmatch(r"[0134]\d{4,5}", part) for part in numbers) and any(p[0] in "34" for p in numbers)
     has_bits = any(int(match["bit"]) for match in bits)
-    return AddressForm(declared or letters, declared, has_bits, logical and not (declared or letters))
+    plain = any(re.fullmatch(r"[34]0{4}|[256789]\d{4}", part) for part in numbers)
+    prefixes = any(re.fullmatch(r"[134][xX]\d+", part) for part in parts)
+    is_hex = declared or letters
+    digital = bool(numbers) and all(re.fullmatch(r"[01](?!0000)\d{4}", part) for part in numbers) and not is_hex
+    return AddressForm(is_hex, declared, has_bits, logical and not (is_hex or plain), plain, prefixes, digital)
 
 
 def address_of(cell: str, form: AddressForm) -> TableAddress | None:
@@ -71,14 +82,14 @@ def address_of(cell: str, form: AddressForm) -> TableAddress | None:
     if not numbers:
         return None
     values = [_whole(number) for number in numbers[:2]]
-    prefixed = re.fullmatch(r"[134]x\d+", numbers[0], re.IGNORECASE) is not None
+    prefixed = re.fullmatch(rf"[{'0' * form.has_prefixes}134]x\d+", numbers[0], re.IGNORECASE) is not None
     last = values[1] if len(numbers) == 2 and values[1] >= values[0] else None
     return TableAddress(numbers[0].lower(), values[0], last, bit, prefixed)
 
 
 def together(cell: str) -> str:
     """A cell whose numbers have no gaps at their thousands."""
-    return _AREA_APART.sub(r"\1", _THOUSANDS.sub("", cell.strip()))
+    return _HEX_APART.sub("", _AREA_APART.sub(r"\1", _THOUSANDS.sub("", cell.strip())))
 
 
 def _whole(text: str) -> int:
@@ -92,25 +103,35 @@ def _whole(text: str) -> int:
 _WIDTH: Final = re.compile(r"(?<![\d.])(8|16|24|32|48|64)(?!\d)[ -]?(?:bits?\b|бит\w*)?")
 _PARTS: Final = re.compile(r"\b([24])\s*[x×*]\s*(?:u?int)?16(?!\d)|\b([1248])[ -]?(?:bytes?|octets?|байт\w*)\b")
 _HELD: Final = (
-    ("f64", r"double(?! word)|lreal"),
-    ("f32", r"float|(?<![a-z])real|single|ieee|(?<![a-z])fp?(?![a-z])|плав|вещ|gleitkomma"),
+    ("f64", r"double(?! word)|lreal|双精度"),
+    (
+        "f32",
+        r"float|(?<![a-z])real|single|ieee|(?<![a-z])fp?(?![a-z])|плав|вещ|gleitkomma|flottant|flotante|浮点|单精度",
+    ),
     ("bcd16", r"(?<!a)bcd"),
-    ("bits", r"bit ?(field|map|mask|string|s\b)|flags?\b|битов\w*|маска|\bbits\b"),
-    ("bool", r"bool|\bbit\b|\bcoil|\bбит\b|discrete"),
-    ("text", r"\bstr(ing)?\b|string|text|(?<!unsigned )(?<!signed )\bchar|ascii|utf-?8|строк|текст|zeichen"),
+    ("bits", r"bit ?(field|map|mask|string|s\b)|flags?\b|битов\w*|маска|\bbits\b|位图"),
+    ("bool", r"bool|\bbit\b|\bcoil|\bбит\b|discrete|布尔"),
+    (
+        "text",
+        r"\bstr(ing)?\b|string|text|(?<!unsigned )(?<!signed )\bchar|ascii|utf-?8|строк|текст|zeichen|"
+        r"chaîne|cadena|字符",
+    ),
     ("enum", r"enum|перечисл|\blist\b"),
 )
 _UNSIGNED: Final = re.compile(
-    r"unsigned|беззнак|без знака|ohne vorz|vorzeichenlos|(?<![a-z])u[ _-]?[sdl]?(int|short|long|\d)"
+    r"unsigned|无符号|non sign|sin signo|bez znaku|беззнак|без знака|ohne vorz|vorzeichenlos|"
+    r"(?<![a-z])u[ _-]?[sdl]?(int|short|long|\d)"
     r"|u?int[ _-]?\d+[ _-]?u\b|(?<![a-z])usign|(?<![a-z])(d|q|l)?word|слово"
 )
 _SIGNED: Final = re.compile(
     r"(?<!un)signed|со знаком|(?<!без)знаков|complement|(?<![a-z])[si][ _-]?\d|int|short|long|целое|ganzzahl"
 )
-_CLEARLY_SIGNED: Final = re.compile(r"(?<!un)signed|со знаком|(?<!без)знаков|\bs ?[dq]?word")
+_CLEARLY_SIGNED: Final = re.compile(
+    r"(?<!un)signed|[有带]符号|(?<!non )signé|con signo|ze znakiem|со знаком|(?<!без)знаков|\bs ?[dq]?word"
+)
 _WORDS_OF: Final = (
     (4, r"[qlуч]word|long long|u?lint\b|quad"),
-    (2, r"dword|double word|u?dint\b|long|двойн"),
+    (2, r"dword|double word|u?dint\b|long|двойн|长整"),
 )
 _ORDER_SAID: Final = re.compile(r"endian|\b[bl]e\b|swap|inver|revers|инверс|обратн|first|впер")
 

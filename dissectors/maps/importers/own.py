@@ -18,7 +18,8 @@ def recognises(source: MapSource) -> bool:
     if isinstance(source.yaml, Mapping):
         rows = source.yaml.get("registers")
         keys = {key for row in rows if isinstance(row, Mapping) for key in row} if isinstance(rows, list) else set()
-        return isinstance(rows, list) and (not keys or bool({"area", "type"} & keys))
+        own = {"area"} if source.json is not None else {"area", "type"}  # JSON is of other programs
+        return isinstance(rows, list) and (not keys or bool(own & keys))
     lines = [line.lower() for line in source.text.splitlines() if line.strip() and not line.lstrip('"').startswith("#")]
     names = (
         {name.strip().strip('"') for name in lines[0].replace(";", ",").replace("\t", ",").split(",")}

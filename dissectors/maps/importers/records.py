@@ -11,8 +11,9 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
+from ..sheets import MapSheet
 from .source import ImportedMap, MapSource, refused, whole_in
-from .spreadsheet import WorkbookSheet, map_of_sheet
+from .spreadsheet import map_of_sheet
 
 NAME = "records of registers"
 _ADDRESS: Final = ("address", "addr", "register", "reg", "register address", "start address", "offset", "адрес")
@@ -34,7 +35,7 @@ def read(source: MapSource) -> list[ImportedMap]:
     records = _records(source)
     keys = list(dict.fromkeys(key for record in records for key in record))
     rows = [keys, *([record.get(key, "") for key in keys] for record in records)]
-    imported = map_of_sheet(source, WorkbookSheet("", rows))
+    imported = map_of_sheet(source, MapSheet("", rows))
     if imported is None:
         raise refused(source, NAME, f"a key that names each record, beside {', '.join(keys[:5])}")
     return [imported]

@@ -151,9 +151,20 @@ class MapBuilder:
     def note(self, text: str) -> None:
         self.notes.append(one_line(text[:400])[:300])
 
+    def _is_of_bits(self, area: str, address: int, names: dict[int, str]) -> bool:
+        """Give the only row of a register the names of its bits; False where there is none, or another value."""
+        twins = self._at.get((area, address), {})
+        row = next(iter(twins.values()), None)
+        if len(twins) != 1 or row is None or row.type not in ("u16", "s16", "bits") or row.length != 1:
+            return False
+        self.rows[self.rows.index(row)] = replace(row, type="bits", values=dict(sorted(names.items())), scale=1.0)
+        return True
+
     def built(self) -> ImportedMap:
-        """The map; registers of which bits have names are one value each."""
+        """The map; registers of which bits have names are one value each, the one that has the register itself."""
         for (area, address), names in self.bits.items():
+            if self._is_of_bits(area, address, names):
+                continue
             cells = {"area": area, "address": address, "type": "bits", "values": dict(sorted(names.items()))}
             self.add({**cells, "name": f"Bits of {address}"}, f"register {address}")
         notes = self.notes[:_MOST_NOTES]

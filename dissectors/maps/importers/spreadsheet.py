@@ -7,170 +7,64 @@ on): which base a manual counts from is for the user to say (`address_base`).
 
 from __future__ import annotations
 
-import datetime
-import io
 import re
-import zipfile
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Final
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Final
 
-from ..cells import area_and_address, one_line
-from ..model import DIGIT_OF_AREA, VALUE_TYPES, MapArea, MapError, MissingLibraryError
-from ..table import csv_rows
+from ..cells import CellError, area_and_address
+from ..model import DIGIT_OF_AREA, VALUE_TYPES, MapArea, MapError
+from ..sheets import ZIP, MapSheet, column_name, rows_of_text, sheets_of
 from ..tablecells import AddressForm, address_form, address_of, is_inverse, order_of, says_order, type_of
+from ..tableheadings import headings, merged_headings
 from ..tablewords import (
     access_of,
     area_of_cell,
     area_words,
     has_only_states,
-    headings,
     is_function,
     is_powers,
     limits_of,
     measure_in,
-    merged_headings,
     plain_number,
+    scale_of,
+    step_in,
+    step_said,
     unit_of,
     values_of,
+    writable_of,
 )
 from .source import ImportedMap, MapBuilder, MapSource, refused, whole_in
 
-CELL: Final = 1000  # characters
-_UNPACKED: Final = 256 << 20  # bytes of a workbook
-_WHOLE: Final = 6 << 20  # bytes up to which it is read at once, with what merges and hides cells
-_MERGED: Final = 1 << 17  # cells that may be merged then
-_SPREAD: Final = 1 << 18  # cells of a sheet, empty ones counted
-_UNKNOWN: Final = re.compile(rb"</f>(?:<v\s*/>|<v></v>)?</c>")
-_MERGE: Final = re.compile(rb"<mergeCell [^>]*ref=.([A-Z]{1,3})([0-9]{1,7}):([A-Z]{1,3})([0-9]{1,7})")
-
-
-@dataclass(frozen=True, slots=True)
-class WorkbookSheet:
-    """A sheet's `rows`, the columns that it hides (from 0), and what is to be said of it."""
-
-    name: str
-    rows: list[list[str]]
-    hidden: frozenset[int] = frozenset()
-    notes: tuple[str, ...] = ()
-
-
-def sheets_of(data: bytes, name: str, most_rows: int, most_columns: int) -> list[WorkbookSheet]:
-    """The sheets that are shown, or all where none is; MapError names the file."""
-    try:
-        import openpyxl
-    except ImportError as error:
-        raise MissingLibraryError(f"{name}: a workbook (or save it as CSV)", "openpyxl", "xlsx") from error
-    try:
-        with zipfile.ZipFile(io.BytesIO(data)) as packed:
-            size = sum(part.file_size for part in packed.infolist())
-            if size > _UNPACKED:
-                raise MapError("too large once unpacked")
-            parts = [part for part in packed.namelist() if part.startswith("xl/worksheets/") and size <= _WHOLE]
-            texts = [packed.read(part) for part in parts]
-        whole = size <= _WHOLE and sum(map(_merged_cells, texts)) <= _MERGED
-        notes: tuple[str, ...] = ()
-        if unknown := sum(len(_UNKNOWN.findall(text)) for text in texts):
-            notes = (f"{unknown} formulas have no value yet: open and save the workbook where they are calculated",)
-        book = openpyxl.load_workbook(io.BytesIO(data), read_only=not whole, data_only=True)
-        if whole and any(sheet.max_row * sheet.max_column > _SPREAD for sheet in book.worksheets):
-            whole = False  # a cell far away: read at once, all the cells between would be made
-            book = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=True)
-        shown = [sheet for sheet in book.worksheets if sheet.sheet_state == "visible"] or book.worksheets
-        return [
-            WorkbookSheet(
-                sheet.title,
-                _rows_of(sheet, most_rows, most_columns, merged=whole),
-                _hidden(sheet) if whole else frozenset(),
-                notes,
-            )
-            for sheet in shown
-        ]
-    except Exception as error:  # a damaged workbook raises whatever its parts do
-        raise MapError(f"{name}: no readable workbook: {one_line(error)}") from error
-
-
-def _merged_cells(text: bytes) -> int:
-    """How many cells a sheet merges."""
-    return sum(
-        (_column(right) - _column(left) + 1) * (int(bottom) - int(top) + 1)
-        for left, top, right, bottom in _MERGE.findall(text)
-    )
-
-
-def _column(letters: bytes) -> int:
-    column = 0
-    for letter in letters:
-        column = 26 * column + letter - 64
-    return column
-
-
-def column_name(column: int) -> str:
-    """A, B ... Z, AA of a column from 0."""
-    name = ""
-    column += 1
-    while column:
-        column, letter = divmod(column - 1, 26)
-        name = chr(65 + letter) + name
-    return name
-
-
-def _rows_of(sheet: Any, most_rows: int, most_columns: int, *, merged: bool) -> list[list[str]]:
-    """The cells as texts; what is merged over columns holds its text in each of them, below its first row nothing."""
-    if merged:
-        most_rows, most_columns = min(most_rows, sheet.max_row), min(most_columns, sheet.max_column)
-    values: Iterable[Sequence[object]] = sheet.iter_rows(values_only=True, max_row=most_rows, max_col=most_columns)
-    rows = [[_shown_text(cell) for cell in row] for row in values]
-    if merged:
-        for area in sheet.merged_cells.ranges:
-            row, first = area.min_row - 1, area.min_col - 1
-            if row < len(rows) and area.min_col < area.max_col < len(rows[row]):  # not a title over the whole table
-                rows[row][first : area.max_col] = [rows[row][first]] * (min(area.max_col, len(rows[row])) - first)
-    return rows
-
-
-def _hidden(sheet: Any) -> frozenset[int]:
-    spans = (range(one.min - 1, one.max) for one in sheet.column_dimensions.values() if one.hidden and one.min)
-    return frozenset(column for span in spans for column in span if column < 1 << 14)
-
-
-def _shown_text(cell: object) -> str:
-    """What a cell shows. A day among registers was a range (10-11) that the spreadsheet took for one: none of its
-    numbers is an address."""
-    if cell is None:
-        return ""
-    if isinstance(cell, datetime.date | datetime.time):
-        return "(a date)" if isinstance(cell, datetime.date) else "(a time)"
-    if isinstance(cell, float):
-        return f"{cell:.15g}"
-    return str(cell).strip()[:CELL]
-
-
 NAME = "a table"
-_LINK: Final = re.compile(r"!?\[([^\[\]]*)\]\([^()\s]*\)")
-_ZIP: Final = b"PK\x03\x04"
+_LAST_BIT: Final = 15
+_FIRST_OF_WORDS: Final = {"big": "ABCD", "little": "CDAB"}
+_STEPS_OF_UNITS: Final = {1, 10, 100, 1000, 10_000}
+_HEX_TITLE: Final = re.compile(
+    r"(?:address|register|адрес|регистр|adress|地址)\w*[^,;]{0,24}(?:hex|шестн|十六进制)", re.IGNORECASE
+)
 _LOOK: Final = 60  # rows in which a heading is sought
 _UNIT_WORDS: Final = 3  # at most
 _FIRST_WORD: Final = {"CDAB": "least significant", None: "most significant"}
-MOST_ROWS, MOST_COLUMNS = 70_000, 100  # of a sheet
+_MOST_ROWS: Final = 70_000
 
 
 def recognises(source: MapSource) -> bool:
     """A workbook, or a table with a heading."""
-    if source.data.startswith(_ZIP):
+    if source.data.startswith(ZIP):
         return source.suffix in (".xlsx", ".xlsm", "")
     try:
-        return source.is_text and any(headings(row) for row in _rows_of_text(source.text, source.name, _LOOK))
+        return source.is_text and any(headings(row) for row in rows_of_text(source.text, source.name, _LOOK))
     except MapError:
         return False
 
 
 def read(source: MapSource) -> list[ImportedMap]:
     """The table, or each sheet that has one."""
-    if source.data.startswith(_ZIP):
-        sheets = sheets_of(source.data, source.name, MOST_ROWS, MOST_COLUMNS)
+    if source.data.startswith(ZIP):
+        sheets = sheets_of(source.data, source.name, _MOST_ROWS)
     else:
-        sheets = [WorkbookSheet("", _rows_of_text(source.text, source.name, MOST_ROWS))]
+        sheets = [MapSheet("", rows_of_text(source.text, source.name, _MOST_ROWS))]
     several = len(sheets) > 1
     charts = [(area_words(sheet.name), map_of_sheet(source, sheet, several=several)) for sheet in sheets]
     complete = [(area, one) for area, one in charts if one is not None]
@@ -190,7 +84,7 @@ def _of_one_device(source: MapSource, parts: Sequence[ImportedMap]) -> ImportedM
     return ImportedMap(replace(parts[0].chart, device=source.stem, rows=rows), (told, *notes))
 
 
-def map_of_sheet(source: MapSource, sheet: WorkbookSheet, *, several: bool = False) -> ImportedMap | None:
+def map_of_sheet(source: MapSource, sheet: MapSheet, *, several: bool = False) -> ImportedMap | None:
     """The map of one sheet; a later row of headings begins the next table of it."""
     builder = MapBuilder(source.name, device=f"{source.stem} {sheet.name if several else ''}".strip())
     rows, hidden = _visible(sheet)
@@ -200,6 +94,9 @@ def map_of_sheet(source: MapSource, sheet: WorkbookSheet, *, several: bool = Fal
     area = area_words(sheet.name)
     group = above = ""
     form, function, second = AddressForm(), False, 0
+    register: tuple[MapArea, int] | None = None  # the newest
+    order, in_hex, of_words = None, False, False  # as a title or a heading says
+    addresses: list[str] = []
     for number, row in enumerate(rows, 1):
         cells = [cell for cell in row if cell]
         if number == second:  # of a heading of two rows
@@ -211,8 +108,9 @@ def map_of_sheet(source: MapSource, sheet: WorkbookSheet, *, several: bool = Fal
             if joint:
                 row, second = joint, number + 1
             below = list(_until_heading(rows[second if joint else number :]))
-            heading = headings(row, below)
-            columns, above = heading, ""
+            heading = headings(row, below) or headings(row)
+            columns, above, register = heading, "", None
+            _of_widths(heading, below)
             addresses = [other[heading["address"]] for other in below if heading["address"] < len(other)]
             if _is_divisor(row, heading, below):
                 heading["divisor"] = heading.pop("scale")
@@ -222,27 +120,42 @@ def map_of_sheet(source: MapSource, sheet: WorkbookSheet, *, several: bool = Fal
             ):
                 heading["power"] = heading.pop("scale")
                 builder.note("whole factors, some below 0, were taken for powers of ten")
+            area = ("area" not in heading and area_words(row[heading["address"]])) or area
+            of_words = "order" in heading and "word" in row[heading["order"]].lower()
             function = "area" in heading and is_function(row[heading["area"]])
-            form = address_form(row[heading["address"]], addresses)
+            form = address_form(f"{row[heading['address']]} {'hex' if in_hex else ''}", addresses)
             if form.is_hex and not form.is_said:
                 builder.note("addresses were taken for hexadecimal, as some of them have letters")
             continue
+        if not columns or len(cells) < 2:
+            title = " ".join(cells)
+            order = (order_of(title) if says_order(title) else None) or order
+            in_hex = in_hex or _HEX_TITLE.search(title) is not None
         if not columns or not cells:
-            area = area_words(" ".join(cells)) or area
-            group = _title(cells[0]) if len(cells) == 1 and cells[0].startswith("#") else group
+            area = area_words(title) or area
+            group = _title(title) if len(cells) == 1 and title.startswith("#") else group
+            continue
+        named = {key: row[at].strip() for key, at in columns.items() if at < len(row)}
+        if _is_bit(builder, named, register):
             continue
         if len(cells) == 1:
             group, area = _title(cells[0]) or group, area_words(cells[0]) or area
             continue
-        named = {key: row[at].strip() for key, at in columns.items() if at < len(row)}
         above = named.get("area") or above  # one cell for several rows holds its text once
-        _row(builder, named, form, area_of_cell(above, function=function) or area, group, number)
+        if of_words:
+            named["order"] = _FIRST_OF_WORDS.get(named["order"].lower(), named["order"])
+        if named.get("address") and addresses.count(named["address"]) < 2:
+            named.pop("bit", None)  # several rows of one register are its bits
+        if order and "order" not in columns and not order_of(named.get("type", "")):
+            named["order"] = order
+        here = area_of_cell(above, function=function) or area
+        register = _row(builder, named, form, here, group, number) or register
     if builder.rows or builder.bits:
         builder.note("columns were told by their headings: look the map over, its address base above all")
     return builder.built() if columns else None
 
 
-def _visible(sheet: WorkbookSheet) -> tuple[list[list[str]], list[str]]:
+def _visible(sheet: MapSheet) -> tuple[list[list[str]], list[str]]:
     """The rows without the columns that the sheet hides, where what is left is a table, and what is said of it."""
     if not sheet.hidden:
         return sheet.rows, []
@@ -253,13 +166,41 @@ def _visible(sheet: WorkbookSheet) -> tuple[list[list[str]], list[str]]:
 
 
 def _is_divisor(row: Sequence[str], heading: dict[str, int], below: Sequence[Sequence[str]]) -> bool:
-    """Whether a column of gains says how many steps a unit has: none is below 1, as a factor would be."""
+    """Whether a column of gains, or scales, says how many steps a unit has: none is below 1, as a factor would be."""
     at = heading.get("scale")
-    if at is None or "divisor" in heading or not row[at].lower().startswith("gain"):
+    if at is None or "divisor" in heading or not row[at].lower().startswith(("gain", "scal", "factor", "faktor")):
         return False
     cells = [other[at].strip() for other in below if at < len(other)]
     numbers = [int(cell) if cell.isdecimal() else 0 for cell in cells if cell]
-    return bool(numbers) and min(numbers) >= 1 and max(numbers) > 1
+    return bool(numbers) and min(numbers) >= 1 and max(numbers) > 1 and {*numbers} <= _STEPS_OF_UNITS
+
+
+def _of_widths(heading: dict[str, int], below: Sequence[Sequence[str]]) -> None:
+    """Take a column of lengths for one of types (s16), or of bits where all are 8, 16, 32 or 64, if nothing else is."""
+    at = heading.get("length")
+    if at is None or "type" in heading or "width" in heading:
+        return
+    cells = {other[at] for other in below if at < len(other)} - {""}
+    if cells and all(re.fullmatch(r"[A-Za-z]{1,8}\d{1,2}", cell) for cell in cells):
+        heading["type"] = heading.pop("length")
+    if cells and cells <= {"8", "16", "32", "64"} and cells != {"8"}:
+        heading["width"] = heading.pop("length")
+
+
+_BIT_NAME: Final = re.compile(r"(?:bit|бит|位)[ .]?(\d|0\d|1[0-5])(?!\d)\s*[:=.)–-]?\s*(?P<name>\S.*)", re.IGNORECASE)
+
+
+def _is_bit(builder: MapBuilder, cells: dict[str, str], register: tuple[MapArea, int] | None) -> bool:
+    """Whether a row names a bit of the register above: it has no address of its own. The bit is added then."""
+    if register is None or cells.get("address"):
+        return False
+    name = cells.get("name") or cells.get("description") or ""
+    spoken = _BIT_NAME.fullmatch(name)
+    number = spoken[1] if spoken else re.sub(r"^\D{0,5}|\.0$", "", cells.get("bit", ""))
+    if not number.isdecimal() or int(number) > _LAST_BIT or not name:
+        return False
+    builder.add_bits(*register, int(number), 1, " ".join((spoken["name"] if spoken else name).split()))
+    return True
 
 
 def _until_heading(rows: Sequence[Sequence[str]]) -> Iterator[Sequence[str]]:
@@ -283,12 +224,16 @@ def _title(text: str) -> str:
 
 def _row(
     builder: MapBuilder, cells: dict[str, str], form: AddressForm, area: MapArea | None, group: str, number: int
-) -> None:
+) -> tuple[MapArea, int] | None:
+    """Add what a row says; the register that it is about, whose bits rows below may name."""
     position = address_of(cells.get("address", ""), form)
     if position is None:
         builder.note(f"row {number}: {cells.get('address', '')[:30]!r} is no address")
-        return
+        return None
     named = area
+    bit = position.bit
+    if bit is None and (cells.get("bit") or "-").isdecimal() and int(cells["bit"]) <= _LAST_BIT:
+        bit = int(cells["bit"])
     address: object = position.first
     if position.prefixed or _is_logical(position.text, named, form):
         address, named = position.text, None
@@ -297,27 +242,24 @@ def _row(
     end = address_of(cells.get("end", ""), form)
     last = end.first if end is not None and position.last is None else position.last
     span = last - position.first + 1 if last is not None and last >= position.first else None
-    kind, length = type_of(cells.get("type", ""), whole_in(cells.get("length")) or span)
+    kind, length = type_of(_type_said(cells), whole_in(cells.get("length")) or _words_of_octets(cells) or span)
     name = cells.get("name") or cells.get("description") or f"Register {cells.get('address', '')}"
     if not cells.get("name") and not cells.get("description"):
         builder.note(f"row {number}: no name")
-    if position.bit is not None:
+    if bit is not None:
         where, at = area_and_address(named, address)
-        builder.add_bits(where, at, position.bit, 1, " ".join(name.split()))
-        return
+        builder.add_bits(where, at, bit, 1, " ".join(name.split()))
+        return where, at
     wide = VALUE_TYPES.get(kind, 0) > 1
     said = f"{cells.get('order', '')} {cells.get('type', '')}".strip()
-    order = order_of(said) if wide else None
+    order = (order_of(said) or order_of(cells.get("description", ""))) if wide else None
     if wide and (cells.get("order") or says_order(said)) and (order is None or is_inverse(said)):
         builder.note(
             f"row {number}: order {said[:30]!r} was taken for {order or 'ABCD'}, {_FIRST_WORD[order]} word first"
         )
-    scale, measure = unit_of(cells)
-    if len((measure or "").split()) > _UNIT_WORDS:  # of a column for units and remarks
-        cells = {"description": measure or "", **cells}
-        measure = ""
-    if "unit" not in cells:
-        name, measure = measure_in(" ".join(name.split()))
+    if len(cells.get("unit", "").split()) > _UNIT_WORDS:  # of a column for units and remarks
+        cells = {"description": cells["unit"], **cells, "unit": ""}
+    name, scale, measure = _measured(cells, " ".join(name.split()))
     low, high = limits_of(cells)
     states = _states(cells, kind)
     if not states and (held := re.fullmatch(r"(.*\S)\s*[(\[](.*)[)\]]", name)) and has_only_states(held[2]):
@@ -334,7 +276,7 @@ def _row(
             "offset": plain_number(cells.get("offset", "")),
             "unit": measure,
             "values": states,
-            "access": access_of(cells.get("access", "")),
+            "access": access_of(cells.get("access", "")) or writable_of(cells.get("writable", "")),
             "min": low,
             "max": high,
             "description": cells.get("description") if cells.get("name") else None,
@@ -342,6 +284,52 @@ def _row(
         },
         f"row {number}: {name[:40]}",
     )
+    try:
+        return area_and_address(named, address)
+    except CellError:  # said by then
+        return None
+
+
+def _type_said(cells: dict[str, str]) -> str:
+    """What the columns of type, width and sign say together."""
+    width, sign = cells.get("width", ""), cells.get("signed", "").lower()
+    words = [cells.get("type", ""), f"{width} bit" if width.isdecimal() else width]
+    if re.match(r"y|s|да|со|ja|有|\+|±|1", sign):
+        words.append("signed")
+    elif sign:
+        words.append("unsigned")
+    return " ".join(filter(None, words))
+
+
+def _words_of_octets(cells: dict[str, str]) -> int | None:
+    octets = whole_in(cells.get("octets"))
+    return octets // 2 if octets and octets % 2 == 0 else None
+
+
+_STEP_BEHIND_TYPE: Final = re.compile(r"(?<=\w)\s*(?:[x×*]\s*(0[.,]\d{1,6})|([/÷]\s*10{1,5}))(?!\d)")
+
+
+_SHOWN: Final = re.compile(r"[Xx#0]{1,9}[.,]([Xx#0]{1,6})")  # digits of a display: `XXX.X`
+
+
+def _measured(cells: dict[str, str], name: str) -> tuple[str, str | None, str | None]:
+    """A row's name, scale and unit of measure, which stand in columns of their own, or behind other words."""
+    scale, measure = unit_of(cells)
+    if not measure and (behind := re.fullmatch(r"[\d.,]+\s*([^\d\s.,:/x×*^].*)", cells.get("scale", ""))):
+        measure = measure_in(f"_ [{behind[1]}]")[1]
+    if not measure:
+        name, measure = measure_in(name)
+    if scale is None and (behind := _STEP_BEHIND_TYPE.search(cells.get("type", ""))) is not None:
+        scale = scale_of({"scale": behind[1] or behind[2]})
+    if scale is None and (shown := _SHOWN.fullmatch(cells.get("type", ""))) is not None:
+        scale = f"1/{10 ** len(shown[1])}"
+    if scale is None:
+        name, scale, other = step_in(name)
+        measure = measure or other
+    if scale is None:
+        scale, other = step_said(cells.get("description", ""))
+        measure = measure or other
+    return name, scale, measure
 
 
 def _states(cells: dict[str, str], kind: str) -> str | None:
@@ -356,26 +344,7 @@ def _states(cells: dict[str, str], kind: str) -> str | None:
 def _is_logical(text: str, named: MapArea | None, form: AddressForm) -> bool:
     """Whether 40108 is a logical number: where the row says nothing else, or the same; 00001 and 10001 in a column that
     has nothing but such numbers."""
-    digits = "0134" if form.is_logical else "34"
-    if re.fullmatch(rf"[{digits}]\d{{4,5}}", text) is None or int(text) % 10 ** (len(text) - 1) == 0:
+    digits = "0134" if form.is_logical or (form.is_digital and named in ("coil", "discrete")) else "34"
+    if form.is_plain or re.fullmatch(rf"[{digits}]\d{{4,5}}", text) is None or int(text) % 10 ** (len(text) - 1) == 0:
         return False
     return named is None or text[0] == DIGIT_OF_AREA[named]
-
-
-def _rows_of_text(text: str, file: str, most: int) -> list[list[str]]:
-    lines = text.splitlines()[:most]
-    if lines and (named := re.fullmatch(r"\"?sep=(.)\"?", lines[0].strip(), re.IGNORECASE)):  # Excel's own line
-        return _cut(["", *lines[1:]], named[1], file)
-    head = "\n".join(lines[:_LOOK])
-    return _cut(lines, max("\t;,|", key=head.count), file)
-
-
-def _cut(lines: Sequence[str], delimiter: str, file: str) -> list[list[str]]:
-    rows = csv_rows(lines, delimiter, file)
-    shown = _unmarked if delimiter == "|" else str.strip
-    return [[shown(cell)[:CELL] for cell in row[:MOST_COLUMNS]] for _, row in rows]
-
-
-def _unmarked(cell: str) -> str:
-    """A cell of a Markdown table without its marks: code, bold, links."""
-    return _LINK.sub(r"\1", cell).replace("**", "").replace("`", "").strip()

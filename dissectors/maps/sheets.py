@@ -1,0 +1,179 @@
+"""The rows of tables: workbooks, CSV, columns that blanks part. What they mean is for others."""
+
+from __future__ import annotations
+
+import datetime
+import io
+import re
+import zipfile
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from .cells import one_line
+from .model import MapError, MissingLibraryError
+from .table import csv_rows
+
+ZIP: Final = b"PK\x03\x04"
+_CELL: Final = 1000  # characters
+_MOST_COLUMNS: Final = 100  # of a sheet
+_LOOK: Final = 60  # lines that tell how a text is cut
+_LEAST_CELLS: Final = 3  # that make a row of columns which blanks part
+_LINK: Final = re.compile(r"!?\[([^\[\]]*)\]\([^()\s]*\)")
+_RULE: Final = re.compile(r"[=-]{2,}(?: +[=-]{2,}){1,99}\s*")  # above or below headings
+_GAP: Final = re.compile(r"\t| {2,}")
+_UNPACKED: Final = 256 << 20  # bytes of a workbook
+_WHOLE: Final = 6 << 20  # bytes up to which it is read at once, with what merges and hides cells
+_MERGED: Final = 1 << 17  # cells that may be merged then
+_SPREAD: Final = 1 << 18  # cells of a sheet, empty ones counted
+_UNKNOWN: Final = re.compile(rb"</f>(?:<v\s*/>|<v></v>)?</c>")
+_MERGE: Final = re.compile(rb"<mergeCell [^>]*ref=.([A-Z]{1,3})([0-9]{1,7}):([A-Z]{1,3})([0-9]{1,7})")
+
+
+@dataclass(frozen=True, slots=True)
+class MapSheet:
+    """A sheet's `rows`, the columns that it hides (from 0), and what is to be said of it."""
+
+    name: str
+    rows: list[list[str]]
+    hidden: frozenset[int] = frozenset()
+    notes: tuple[str, ...] = ()
+
+
+def sheets_of(data: bytes, name: str, most_rows: int) -> list[MapSheet]:
+    """The sheets that are shown, or all where none is; MapError names the file."""
+    try:
+        import openpyxl
+    except ImportError as error:
+        raise MissingLibraryError(f"{name}: a workbook (or save it as CSV)", "openpyxl", "xlsx") from error
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as packed:
+            size = sum(part.file_size for part in packed.infolist())
+            if size > _UNPACKED:
+                raise MapError("too large once unpacked")
+            parts = [part for part in packed.namelist() if part.startswith("xl/worksheets/") and size <= _WHOLE]
+            texts = [packed.read(part) for part in parts]
+        whole = size <= _WHOLE and sum(map(_merged_cells, texts)) <= _MERGED
+        notes: tuple[str, ...] = ()
+        if unknown := sum(len(_UNKNOWN.findall(text)) for text in texts):
+            notes = (f"{unknown} formulas have no value yet: open and save the workbook where they are calculated",)
+        book = openpyxl.load_workbook(io.BytesIO(data), read_only=not whole, data_only=True)
+        if whole and any(sheet.max_row * sheet.max_column > _SPREAD for sheet in book.worksheets):
+            whole = False  # a cell far away: read at once, all the cells between would be made
+            book = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=True)
+        shown = [sheet for sheet in book.worksheets if sheet.sheet_state == "visible"] or book.worksheets
+        return [
+            MapSheet(
+                sheet.title,
+                _rows_of(sheet, most_rows, merged=whole),
+                _hidden(sheet) if whole else frozenset(),
+                notes,
+            )
+            for sheet in shown
+        ]
+    except Exception as error:  # a damaged workbook raises whatever its parts do
+        raise MapError(f"{name}: no readable workbook: {one_line(error)}") from error
+
+
+def _merged_cells(text: bytes) -> int:
+    """How many cells a sheet merges."""
+    return sum(
+        (_column(right) - _column(left) + 1) * (int(bottom) - int(top) + 1)
+        for left, top, right, bottom in _MERGE.findall(text)
+    )
+
+
+def _column(letters: bytes) -> int:
+    column = 0
+    for letter in letters:
+        column = 26 * column + letter - 64
+    return column
+
+
+def column_name(column: int) -> str:
+    """A, B ... Z, AA of a column from 0."""
+    name = ""
+    column += 1
+    while column:
+        column, letter = divmod(column - 1, 26)
+        name = chr(65 + letter) + name
+    return name
+
+
+def _rows_of(sheet: Any, most_rows: int, *, merged: bool) -> list[list[str]]:
+    """The cells as texts; what is merged over columns holds its text in each of them, below its first row nothing."""
+    most_columns = _MOST_COLUMNS
+    if merged:
+        most_rows, most_columns = min(most_rows, sheet.max_row), min(most_columns, sheet.max_column)
+    values: Iterable[Sequence[object]] = sheet.iter_rows(values_only=True, max_row=most_rows, max_col=most_columns)
+    rows = [[_shown_text(cell) for cell in row] for row in values]
+    if merged:
+        for area in sheet.merged_cells.ranges:
+            row, first = area.min_row - 1, area.min_col - 1
+            if row < len(rows) and area.min_col < area.max_col < len(rows[row]):  # not a title over the whole table
+                rows[row][first : area.max_col] = [rows[row][first]] * (min(area.max_col, len(rows[row])) - first)
+    return rows
+
+
+def _hidden(sheet: Any) -> frozenset[int]:
+    spans = (range(one.min - 1, one.max) for one in sheet.column_dimensions.values() if one.hidden and one.min)
+    return frozenset(column for span in spans for column in span if column < 1 << 14)
+
+
+def _shown_text(cell: object) -> str:
+    """What a cell shows. A day among registers was a range (10-11) that the spreadsheet took for one: none of its
+    numbers is an address."""
+    if cell is None:
+        return ""
+    if isinstance(cell, datetime.date | datetime.time):
+        return "(a date)" if isinstance(cell, datetime.date) else "(a time)"
+    if isinstance(cell, float):
+        return f"{cell:.15g}"
+    return str(cell).strip()[:_CELL]
+
+
+def rows_of_text(text: str, file: str, most: int) -> list[list[str]]:
+    """The rows of a text: of CSV with any sign between cells, or of columns that blanks part, as PDFs are copied."""
+    lines = text.splitlines()[:most]
+    if lines and (named := re.fullmatch(r"\"?sep=(.)\"?", lines[0].strip(), re.IGNORECASE)):  # Excel's own line
+        return _cut(["", *lines[1:]], named[1], file)
+    head = lines[:_LOOK]
+    sign = max("\t;,|", key="\n".join(head).count)
+    if (rule := next(filter(None, map(_RULE.fullmatch, head)), None)) is not None:
+        spans = [mark.span() for mark in re.finditer("[=-]+", rule[0])]
+        ends = [*(start for start, _ in spans[1:]), None]
+        return [[line[a:b].strip()[:_CELL] for (a, _), b in zip(spans, ends, strict=True)] for line in lines]
+    wide = sum(len(_GAP.split(line.strip())) >= _LEAST_CELLS for line in head)
+    if 2 * wide > len(list(filter(str.strip, head))) and 2 * sum(line.count(sign) > 1 for line in head) < wide:
+        return _cut_at_blanks(lines)
+    return _cut(lines, sign, file)
+
+
+def _cut(lines: Sequence[str], delimiter: str, file: str) -> list[list[str]]:
+    rows = csv_rows(lines, delimiter, file)
+    shown = _unmarked if delimiter == "|" else str.strip
+    return [[shown(cell)[:_CELL] for cell in row[:_MOST_COLUMNS]] for _, row in rows]
+
+
+def _unmarked(cell: str) -> str:
+    """A cell of a Markdown table without its marks: code, bold, links."""
+    return _LINK.sub(r"\1", cell).replace("**", "").replace("`", "").strip()
+
+
+def _cut_at_blanks(lines: Sequence[str]) -> list[list[str]]:
+    """Cells that two blanks or more part; those of a row that leaves some out stand below the nearest columns."""
+    rows: list[list[str]] = []
+    columns: list[int] = []  # where they begin
+    for line in lines:
+        starts = [0, *(gap.end() for gap in _GAP.finditer(line.rstrip()))]
+        ends = [*(gap.start() for gap in _GAP.finditer(line.rstrip())), len(line)]
+        found = [(at, line[at:end].strip()) for at, end in zip(starts, ends, strict=True) if line[at:end].strip()]
+        if len(found) >= max(len(columns), _LEAST_CELLS):
+            columns = [at for at, _ in found]
+        row = [""] * max(len(columns), 1)
+        for i, (at, cell) in enumerate(found):
+            whole = len(found) >= len(columns)
+            place = i if whole else min(range(len(columns)), key=lambda column: abs(columns[column] - at), default=0)
+            row[place] = f"{row[place]} {cell}".strip()
+        rows.append([cell[:_CELL] for cell in row[:_MOST_COLUMNS]])
+    return rows
