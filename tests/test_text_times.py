@@ -54,6 +54,8 @@ FORMS = [
     "{ticks}> {way} {data}",
     "{whole}-{ms:03d} {way} {data}",
     "20261121{packed} {way} {data}",
+    "Timestamp (ms) : {ticks}\nBytes : 8\n{way}: [{data}]\n",
+    "timestamp_ms: {ticks} {way} {data}",
     "{hour} ч {minute:02d} мин {second:02d},{ms:03d} с: {way} {data}",
     "{hour}时{minute:02d}分{second:02d}秒{ms:03d}毫秒 {east} {data}",
     "21 ноября 2026 г., {clock} {way} {data}",

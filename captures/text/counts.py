@@ -12,7 +12,14 @@ from typing import Final
 SECOND_NS: Final = 1_000_000_000
 LEAD: Final = r"^[\s\[(|\"']*+"  # what may stand before the time that a line begins with
 _TITLE: Final = re.compile(
-    LEAD + r"(?:- )?(?:t|ts|time|elapsed|uptime)[ =:+]{1,3}(?=\d+(?:[.,]\d+)?(?:ms|us|µs|μs|ns|s)?[\s\]):,;|])", re.I
+    LEAD
+    + r"(?:- )?(?:t|ts|time|time_?stamp|elapsed|uptime)[ =:+]{1,3}(?=\d+(?:[.,]\d+)?(?:ms|us|µs|μs|ns|s)?[\s\]):,;|])",
+    re.I,
+)
+_UNIT_FIRST: Final = re.compile(  # `Timestamp (us): 4701393`
+    LEAD
+    + r"(?:t|ts|time|time_?stamp)[ _]?\(?(ms|us|µs|μs|ns|s|sec)\)? {0,9}[:=] ?(\d{1,18})(?:\.(\d{1,9}))?(?![\w.:])",
+    re.I,
 )
 _FIRST: Final = re.compile(  # what a line begins with: no clock, as most logs have it
     LEAD + r"(?!(?:\d{4}-\d\d-\d\d[ T])?\d\d:\d\d:\d)(?:(?P<number>[-+#]?\d)|[^\W\d_])"
@@ -131,8 +138,7 @@ def _of_keyed_count(match: re.Match[str]) -> Stamp:
         return Stamp(int(match[6]) * 10**6, of_day=False, counter=True, unnamed=True)
     if match[1] is None:
         return Stamp(int(match[4] or 0) * 10**9 + fraction(match[5]), of_day=False)
-    unit = TITLE_UNIT_NS[match[1].lower()]
-    return Stamp(int(match[2]) * unit + fraction(match[3], unit), of_day=False)
+    return _of_unit_first(match)
 
 
 def _of_unit(match: re.Match[str]) -> Stamp:
@@ -140,6 +146,11 @@ def _of_unit(match: re.Match[str]) -> Stamp:
     unit = TITLE_UNIT_NS[name]
     t_ns = int(whole[:19]) * unit + fraction(part, unit)
     return Stamp(-t_ns if sign == "-" else t_ns, of_day=False)
+
+
+def _of_unit_first(match: re.Match[str]) -> Stamp:
+    unit = TITLE_UNIT_NS[match[1].lower()]
+    return Stamp(int(match[2]) * unit + fraction(match[3], unit), of_day=False)
 
 
 def _of_ticks(match: re.Match[str]) -> Stamp:
@@ -193,6 +204,8 @@ def count_at_begin(text: str) -> tuple[Stamp | None, str]:
     """The count that a line begins with, or that has a key of its own, and the line with blanks in its place."""
     if (match := _TITLE.match(text)) is not None:
         text = blanked(text, match)
+    if (match := _UNIT_FIRST.match(text)) is not None:
+        return _of_unit_first(match), blanked(text, match)
     first = _FIRST.match(text)
     for pattern, value in () if first is None else _COUNTS if first["number"] else _WORDED:
         if match := pattern.match(text):
