@@ -85,6 +85,8 @@ def test_the_example_of_the_first_help_works(capsys):
         (["--frobnicate"], "unrecognized arguments"),
         (["--baud", "9600", "export", "x"], "--baud stands behind the command: rtuscope export --baud ..."),
         (["sniff", "x", "--tui"], "--tui needs a terminal"),
+        (["sniff", "x", "--tui", "--trigger", "unit == 3"], "--trigger is for lines"),
+        (["sniff", "x", "--tui", "--json"], "--format is for lines"),
         (["sniff", "x", "--rotate-every", "1h"], "--rotate-every goes with -o FILE"),
         (["export"], "required: CAPTURE"),
         (["report", "a.jsonl", "b.json"], "unrecognized arguments: b.json (see"),

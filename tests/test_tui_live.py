@@ -140,6 +140,22 @@ def test_a_list_goes_on_following_after_a_look_at_other_views_and_says_so_at_80_
 
 
 @posix
+def test_a_live_line_is_read_by_a_map(tmp_path: Path) -> None:
+    from emulator import Watched
+    from livebus import pty
+
+    line, name = pty()
+    tmp_path.joinpath("map.csv").write_text("address,name,type\n40001,Flow setpoint,u16\n", "utf-8")
+    with Watched("sniff", name, "--baud", "19200", "--tui", "--map", "map.csv", cwd=tmp_path, columns=120) as terminal:
+        terminal.until("following")
+        for body in (bytes([7, 3, 0, 0, 0, 1]), bytes([7, 3, 2, 1, 44])):
+            os.write(line, body + crc_bytes(body))
+            time.sleep(0.05)
+        terminal.until("7   3 ")
+        terminal.press("5").until("Flow setpoint")
+
+
+@posix
 def test_marks_and_a_pause_typed_fast_on_a_live_line(tmp_path: Path) -> None:
     from emulator import Watched
     from livebus import pty

@@ -8,9 +8,24 @@ from typing import TYPE_CHECKING
 
 from ..languages import tr
 from .commands import DONE, NO_FRAME, UsageError
-from .inputs import add_capture_arguments, add_limit_arguments, chosen_limits, load_functions, open_capture, tell_damage
+from .inputs import (
+    add_capture_arguments,
+    add_limit_arguments,
+    chosen_charts,
+    chosen_limits,
+    load_functions,
+    open_capture,
+    tell_damage,
+)
 from .terminal import keys, tell
-from .watching import Watch, add_outlet_arguments, add_view_arguments, ended_by_signals, outlets_of
+from .watching import (
+    Watch,
+    add_outlet_arguments,
+    add_view_arguments,
+    check_interface,
+    ended_by_signals,
+    outlets_of,
+)
 
 if TYPE_CHECKING:
     from captures import Capture
@@ -51,10 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
         return _onto_port(arguments, capture)
     if arguments.only is not None:
         raise UsageError("--only is for --to PORT; to show one direction: --filter request")
-    if arguments.tui:
-        from .open import needs_a_terminal
-
-        needs_a_terminal("--tui", "leave it out")
+    check_interface(arguments)
     from ..live.replaying import Replay
     from ..live.session import Session
 
@@ -63,7 +75,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.tui:
         from ..tui.live import show
 
-        return show(session, arguments.capture)
+        return show(session, arguments.capture, charts=chosen_charts(arguments))
     watch = Watch(arguments, session, extra=lambda: _how(replay))
     with keys(lambda key: _press(replay, key)) as keyboard:
         if keyboard:

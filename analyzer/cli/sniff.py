@@ -8,7 +8,7 @@ import sys
 from typing import TYPE_CHECKING, BinaryIO, Final
 
 from .commands import FAILED, INTERRUPTED, UsageError
-from .inputs import add_functions_argument, add_limit_arguments, chosen_limits, load_functions
+from .inputs import add_functions_argument, add_limit_arguments, chosen_charts, chosen_limits, load_functions
 from .taps import (
     Teller,
     add_recording_arguments,
@@ -18,7 +18,14 @@ from .taps import (
     recorder_of,
     tap_of,
 )
-from .watching import Watch, add_outlet_arguments, add_view_arguments, ended_by_signals, outlets_of
+from .watching import (
+    Watch,
+    add_outlet_arguments,
+    add_view_arguments,
+    check_interface,
+    ended_by_signals,
+    outlets_of,
+)
 
 if TYPE_CHECKING:
     from captures.recording.recorder import Recorder
@@ -51,10 +58,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Listen and show."""
-    if arguments.tui:
-        from .open import needs_a_terminal
-
-        needs_a_terminal("--tui", "leave it out")
+    check_interface(arguments)
     if arguments.output == "-":
         if arguments.view_format in (None, "text"):
             raise UsageError("-o - writes frames for another program: say how by --format pcapng, jsonl or influx")
@@ -92,7 +96,7 @@ def listen(arguments: argparse.Namespace, out: BinaryIO | None = None) -> int:
         if arguments.tui:
             from ..tui.live import show
 
-            return show(session, arguments.port, recorder)
+            return show(session, arguments.port, recorder, chosen_charts(arguments))
         watch = Watch(arguments, session, extra=lambda: _recorded(recorder), fire=fire, out=out)
         with session, ended_by_signals(session.stop, abandon=lambda: _abandon(session, recorder, tell)):
             status = watch.run()

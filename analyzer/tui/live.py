@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Final, Protocol
+from typing import TYPE_CHECKING, Final, Protocol
 
 from captures.line import LineSettings
 from captures.recording.notes import Note
@@ -16,6 +16,9 @@ from ..live.status import LineStatus, recording_words
 from ..model.source import Grave
 from ..outages import Deaf, deaf_times
 from ..words import percent
+
+if TYPE_CHECKING:
+    from dissectors.maps.files import UnitMaps
 
 _NOTICES: Final = 5  # the newest
 _BAD: Final = frozenset({"lost", "failed", "gap"})  # events that mean a loss
@@ -119,9 +122,9 @@ class LiveSource:
         return words
 
 
-def show(session: Session, name: str, recording: RecordingState | None = None) -> int:
-    """Show a session until the user quits; the exit status."""
+def show(session: Session, name: str, recording: RecordingState | None = None, charts: UnitMaps | None = None) -> int:
+    """Show a session until the user quits; the exit status. `charts`: what registers are called."""
     from . import run
 
-    run(LiveSource(session, name, recording))
+    run(LiveSource(session, name, recording), charts=None if charts is None else charts.of)
     return 0
