@@ -17,6 +17,8 @@ from analyzer import core
 from analyzer.checks import CheckError, Outcome, compile_check, run
 from analyzer.checks.model import forms
 from analyzer.reference.checks import markdown
+from analyzer.reports import summarize
+from analyzer.simulation.field.cases.registry import field_cases
 from captures import Capture, Chunk, samples
 
 READ, ANSWER = adu("1103006b0003"), bytes.fromhex("110306ae415652434049ad")
@@ -110,6 +112,25 @@ def test_results_do_not_hang_on_how_a_capture_is_cut_into_batches(monkeypatch: p
     monkeypatch.setattr(core, "_BLOCK", 150)
     assert len(list(core.analyse(bus))) > 5
     assert run(bus, checks) == whole
+
+
+@pytest.mark.parametrize("tap", ["precise", "ftdi16"])
+@pytest.mark.parametrize("block", [60, 1 << 16])
+def test_what_an_adapter_shows_twice_is_one_poll(tap: str, block: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(core, "_BLOCK", block)
+    made = field_cases()["echo-dead-unit"].capture(tap, 2)
+    capture = Capture.of(made.line, made.chunks)
+    rows = {row.unit: row.counts for row in summarize(capture).units}
+    (dead,) = made.expected.units
+    checks = [compile_check(f"every poll of unit {unit} answered", capture.line) for unit in rows]
+    for counts, outcome in zip(rows.values(), run(capture, checks).outcomes, strict=True):
+        bad = counts.unanswered + counts.damaged
+        assert outcome.measured == f"{counts.requests - bad} of {counts.requests} polls answered"
+        assert outcome.passed == (not bad)
+        assert len(outcome.places) == min(bad, 5)
+    every = run(capture, [compile_check("every poll answered", capture.line)]).outcomes[0]
+    assert len(every.places) == 5
+    assert {place.text.split(",")[0] for place in every.places} == {f"unit {dead}"}
 
 
 def test_the_load() -> None:

@@ -9,14 +9,16 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 from lark import Token
+from numpy.typing import NDArray
 
 from captures.line import LineSettings
 
 from ...filters.kinds import Literal, duration
 from ...languages import counted, page_words
 from ...reports import Report
-from ...reports.model import Times
+from ...reports.model import Counts, Times
 from ...reports.page import unknown, unknown_load
+from ...reports.troubles import of_echoes
 from ...tables.schema import Kind
 from ...tables.transactions import Status, TransactionRows
 from ...words import duration as worded
@@ -30,34 +32,43 @@ COMPARE: Final[dict[str, Callable[[Any, Any], Any]]] = {"<": lt, "<=": le, ">": 
 
 @dataclass
 class _Answered:
-    """Counts polls and those that nobody answered; the capture's end may cut the last one off."""
+    """Where polls were that nobody answered; the report counts them. The capture's end may cut the last one off."""
 
     unit: int | None
 
     def __post_init__(self) -> None:
-        self._breaches = Breaches()
-        self._polls = self._unheard = 0
+        self._breaches, self._without_echoes = Breaches(), Breaches()
+        self._held = TransactionRows.zeros(0)  # the last one: the next may be the same once more
         self._silent: int | None = None  # the newest request without an answer
         self._last = -1
 
     def feed(self, checked: CheckedBatch) -> None:
-        polls = _of_unit(checked.transactions, self.unit)
-        polls = polls[polls.status != Status.BROADCAST]
-        unheard = polls.status == Status.UNHEARD
-        self._unheard += int(np.count_nonzero(unheard))
-        polls = polls[~unheard]
-        self._polls += len(polls)
         self._last = max(self._last, int(checked.batch.rows.index.max(initial=-1)))
-        bad = np.flatnonzero((polls.status == Status.UNANSWERED) | (polls.status == Status.DAMAGED))
-        if len(bad):
-            newest = bad[-1]
-            self._silent = int(polls.request[newest]) if polls.status[newest] == Status.UNANSWERED else None
-        self._breaches.add(
-            bad, lambda number: _breach(polls, number, page_words(_FATE[Status(int(polls.status[number]))]))
-        )
+        polls = TransactionRows.joined((self._held, checked.transactions))
+        echoes = np.isin(polls.request, checked.findings.index[of_echoes(checked.findings)])
+        self._held = polls[-1:]
+        self._take(polls[:-1], shown_again=echoes[1:])
 
-    def verdict(self, report: Report) -> RuleResult:  # noqa: ARG002
-        count, first, polls = self._breaches.count, self._breaches.first, self._polls
+    def _take(self, polls: TransactionRows, shown_again: NDArray[np.bool_]) -> None:
+        bad = (polls.status == Status.UNANSWERED) | (polls.status == Status.DAMAGED)
+        if self.unit is not None:
+            bad &= polls.unit == self.unit
+        for breaches, which in ((self._breaches, bad), (self._without_echoes, bad & ~shown_again)):
+            breaches.add(
+                np.flatnonzero(which),
+                lambda number: _breach(polls, number, page_words(_FATE[Status(int(polls.status[number]))])),
+            )
+        for newest in np.flatnonzero(bad)[-1:]:
+            self._silent = int(polls.request[newest]) if polls.status[newest] == Status.UNANSWERED else None
+
+    def verdict(self, report: Report) -> RuleResult:
+        self._take(self._held, np.zeros(len(self._held), np.bool_))
+        counts = report.transactions
+        if self.unit is not None:
+            counts = next((row.counts for row in report.units if row.unit == self.unit), Counts())
+        count = counts.unanswered + counts.damaged
+        first = (self._without_echoes if report.transactions.echoes else self._breaches).first
+        polls = counts.requests - counts.broadcasts - counts.unheard
         tail = ""
         if self._silent is not None and self._silent == self._last:
             count, polls, tail = (
@@ -66,8 +77,8 @@ class _Answered:
                 page_words("; the last one was still open when the capture ended"),
             )
             first = [breach for breach in first if breach.index != self._silent]
-        if self._unheard:
-            tail += page_words("; {count:,} more while nothing was heard", count=self._unheard)
+        if counts.unheard:
+            tail += page_words("; {count:,} more while nothing was heard", count=counts.unheard)
         words = page_words("no polls seen")
         if polls:
             words = page_words("{some:,} of {all:,} polls answered", some=polls - count, all=polls) + tail
