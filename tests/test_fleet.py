@@ -29,6 +29,8 @@ from analyzer.fleet.sources import found, lines_of
 from analyzer.fleet.stores import store
 from analyzer.fleet.tasks import BatchOptions
 from analyzer.options import Options
+from analyzer.reports import summarize
+from analyzer.simulation.field.cases.registry import field_cases
 
 LARGE = ("frames", "transactions", "values", "findings")
 
@@ -98,6 +100,22 @@ def test_hours_add_up_to_the_transactions(made):
         " FROM hours GROUP BY ALL ORDER BY ALL"
     ).fetchall()
     assert len(one) > 5 and one == two
+
+
+def test_what_an_adapter_shows_twice_is_one_request(tmp_path):
+    made = field_cases()["echo-dead-unit"].capture("precise", 2)
+    path = tmp_path / "site" / "bus.mcap"
+    path.parent.mkdir()
+    captures.write(path, captures.Capture.of(made.line, made.chunks))
+    batch(tmp_path / "lake", tmp_path / "site")
+    report = summarize(captures.open(path))
+    counted = Lake(str(tmp_path / "lake")).sql(
+        "SELECT unit, sum(requests)::BIGINT, sum(unanswered)::BIGINT, sum(retries)::BIGINT, sum(answered)::BIGINT"
+        " FROM hours GROUP BY unit ORDER BY unit"
+    )
+    told = [(row.unit, row.counts) for row in report.units]
+    assert report.transactions.echoes > 100
+    assert counted.fetchall() == [(u, c.requests, c.unanswered, c.retries, c.answered) for u, c in told]
 
 
 @settings(max_examples=6, deadline=None, suppress_health_check=list(HealthCheck))

@@ -43,7 +43,7 @@ def changed(monkeypatch, name):
     ("name", "tables", "packed"),
     [
         ("causes", {"causes"}, False),
-        ("findings", {"frames", "findings"}, True),
+        ("findings", {"frames", "findings", "hours"}, True),
         ("pairing", {"frames", "transactions", "findings", "hours", "causes"}, False),
         ("reading", set(DATASETS), True),
     ],

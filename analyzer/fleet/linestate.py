@@ -34,6 +34,7 @@ from ..exports.arrow import record_batch
 from ..exports.records import TABLES, record_arrow, record_schema
 from ..options import Options
 from ..outages import deaf_times
+from ..reports.troubles import COUNTED_TWICE, is_habit, of_echoes
 from ..tables.transactions import NEVER, Status
 from ..words import DAY_NS, HOUR_NS
 from . import FleetError
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
     from captures.recording.notes import Note
 
     from ..tables.batch import Batch
+    from ..tables.findings import Findings
     from ..tables.transactions import TransactionRows
 
 _STATUSES: Final = tuple(status.name.lower() for status in Status)
@@ -53,26 +55,45 @@ _COUNTS: Final = tuple(HOURS.names[2:])  # of them the last is a greatest, the o
 
 
 class UnitHours:
-    """Transactions in, in the order of their requests; hours that are over out."""
+    """Transactions in, in the order of their requests; hours that are over out. What an adapter shows twice is one
+    request, as in a report."""
 
     def __init__(self) -> None:
-        self._open: dict[int, NDArray[np.int64]] = {}  # by the hour since the epoch: a row a unit
+        self._open: dict[int, NDArray[np.int64]] = {}  # by the hour since the epoch: a row a unit, echoes last
+        self._requests = self._echoes = 0  # of the line so far
 
-    def feed(self, transactions: Any) -> Any:
-        """Take in a RecordBatch of the table `transactions`; the rows of hours that are over, as one of `HOURS`."""
+    def feed(self, transactions: Any, settled: TransactionRows, findings: Findings) -> Any:
+        """Take in a RecordBatch of the table `transactions`, which tells of these, and what was said of them; the rows
+        of hours that are over, as one of `HOURS`."""
         if not len(transactions):
             return _hours_table({})
-        hours = transactions.column("t_start_ns").view(pa.int64()).to_numpy() // HOUR_NS
+        hours = settled.t_start_ns // HOUR_NS
+        echoes = np.isin(settled.request, findings.index[of_echoes(findings)])
+        self._requests += len(settled)
+        self._echoes += int(np.count_nonzero(echoes))
         for hour in np.unique(hours).tolist():
-            table = self._open.setdefault(hour, np.zeros((_UNITS, len(_COUNTS)), np.int64))
-            _count(table, transactions.filter(pa.array(hours == hour)))
+            table = self._open.setdefault(hour, np.zeros((_UNITS, len(_COUNTS) + 1), np.int64))
+            these = hours == hour
+            _count(table, transactions.filter(pa.array(these)))
+            np.add.at(table[:, -1], settled.unit[these], echoes[these])
         newest = max(self._open)
-        return _hours_table({hour: self._open.pop(hour) for hour in sorted(self._open) if hour < newest - 1})
+        return self._told([hour for hour in sorted(self._open) if hour < newest - 1])
 
     def close(self) -> Any:
         """The rest."""
-        rest, self._open = self._open, {}
-        return _hours_table(dict(sorted(rest.items())))
+        return self._told(sorted(self._open))
+
+    def _told(self, hours: list[int]) -> Any:
+        twice = is_habit(self._echoes, self._requests)
+        return _hours_table({hour: _counted(self._open.pop(hour), shown_twice=twice) for hour in hours})
+
+
+def _counted(table: NDArray[np.int64], *, shown_twice: bool) -> NDArray[np.int64]:
+    counts, echoes = table[:, :-1], table[:, -1]
+    for name in COUNTED_TWICE if shown_twice else ():
+        column = counts[:, _COUNTS.index(name)]
+        np.maximum(column - echoes, 0, out=column)
+    return counts
 
 
 def _count(table: NDArray[np.int64], part: Any) -> None:
@@ -207,7 +228,7 @@ class LineState:
                 records = record_arrow(record_schema(table), table.columns(analysed))
                 files.add(name, records)
                 if name == "transactions":
-                    files.add("hours", self.hours.feed(records))
+                    files.add("hours", self.hours.feed(records, analysed.transactions, analysed.findings))
             for batch, transactions in _days(analysed):
                 self._explain(batch, transactions, files)
 

@@ -24,6 +24,7 @@ _GROUPS: Final = 64  # kept of a rule
 _PENDING: Final = 4096  # damaged answers whose transaction is not settled
 _FEW: Final = 5  # requests that stand there twice
 _OFTEN: Final = 0.4  # of all, the echoes counted: half of them are some
+COUNTED_TWICE: Final = "requests", "unanswered", "retries"  # of `Counts`, where an adapter shows what it sends
 _SLACK: Final = 1.3  # of the timeout: what a wait is at most
 
 
@@ -43,7 +44,7 @@ def asked_once(counts: Counts, *, shown_twice: bool) -> Counts:
     """Counts in which what an adapter shows twice is one request; the first, which nobody answers, is none."""
     if not shown_twice:
         return replace(counts, echoes=0)
-    fewer = {name: getattr(counts, name) - counts.echoes for name in ("requests", "unanswered", "retries")}
+    fewer = {name: getattr(counts, name) - counts.echoes for name in COUNTED_TWICE}
     return replace(counts, **{name: max(0, number) for name, number in fewer.items()})
 
 
