@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import pytest
 from buses import SHARED, shared
@@ -28,6 +29,12 @@ def capture_of(made: FieldCapture) -> Capture:
 def causes_in(capture: Capture) -> list[Cause]:
     """What an analysis names."""
     return causes_of(ledger_of(((part.batch, part.transactions) for part in analyse(capture)), capture.line))
+
+
+def assert_parts_are_parts(cause: Cause) -> None:
+    """No `209 of 208 requests`."""
+    for part, whole in re.findall(r"(\d+) of (\d+)\b", f"{cause.text} {cause.share}"):
+        assert int(part) <= int(whole), cause.text
 
 
 @pytest.mark.parametrize(
@@ -72,7 +79,15 @@ def test_what_is_said_can_be_so(name: str, tap: str) -> None:
         assert cause.lost_ms is None or 0 <= cause.lost_ms <= ledger.span_ns / 1e6
         if cause.since_ns is not None and cause.until_ns is not None:
             assert (ledger.begin or 0) <= cause.since_ns <= cause.until_ns <= ledger.end
+        assert_parts_are_parts(cause)
         json.dumps(cause.to_json())
+
+
+def test_an_adapter_shows_no_more_than_was_sent() -> None:
+    found = causes_in(capture_of(field_cases()["echo-dead-unit"].capture("ftdi16", 5)))
+    (echo,) = (cause for cause in found if cause.cause == "local-echo")
+    assert echo.share.endswith("requests")
+    assert_parts_are_parts(echo)
 
 
 @pytest.mark.parametrize("name", ["dead-unit", "counter-jumps"])

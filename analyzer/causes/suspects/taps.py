@@ -281,6 +281,7 @@ def local_echo(evidence: Evidence) -> Iterator[Suspicion]:
     firsts = max(sum(unit.asked for unit in evidence.units), 1)
     if echoed < _LEAST / 2 or echoed < 0.4 * firsts:
         return
+    echoed = min(echoed, firsts)  # what an echo and noise share may be counted as both
     numbers = {"echoes": echoed, "requests": firsts}
     yield Suspicion((), _COPY_BITS * echoed, frozenset(explains), numbers, ledger.begin, ledger.end)
 
