@@ -118,6 +118,11 @@ def headings(row: Sequence[str], below: Sequence[Sequence[str]] = ()) -> dict[st
     return columns if {"address", "name"} <= set(columns) and len(columns) >= 2 else {}
 
 
+def filled(rows: Sequence[Sequence[str]], at: int) -> list[str]:
+    """The cells of a column that hold something."""
+    return [cell for row in rows if at < len(row) and (cell := row[at].strip())]
+
+
 def _other_name(texts: Sequence[str], columns: Mapping[str, int], below: Sequence[Sequence[str]]) -> int | None:
     """The column that names values where none is headed so: `Value`, or `Function` above words that are no area's."""
     if re.match(r"coil|discrete", texts[columns["address"]]) and (at := columns.get("area")) is not None:
@@ -161,10 +166,11 @@ def merged_headings(row: Sequence[str], second: Sequence[str]) -> list[str] | No
 def _area_column(texts: Sequence[str], below: Sequence[Sequence[str]]) -> int | None:
     """The column headed `type`, of whatever, whose cells are areas (AI, DO, holding), if one is."""
     for at, text in enumerate(texts):
-        cells = [row[at].strip().lower() for row in below if at < len(row) and row[at].strip()]
-        named = not all(map(str.isdigit, cells)) and re.search(rf"(?:{_ENDINGS['type']})$", text)
-        typed = _means(text, "type", exact=False) or named
-        if typed and cells and all(cell in AREA_WORDS for cell in cells):
+        meant = _means(text, "type", exact=False)
+        if not meant and re.search(rf"(?:{_ENDINGS['type']})$", text) is None:
+            continue
+        cells = [cell.lower() for cell in filled(below, at)]
+        if cells and all(cell in AREA_WORDS for cell in cells) and (meant or not all(map(str.isdigit, cells))):
             return at
     return None
 
@@ -172,12 +178,8 @@ def _area_column(texts: Sequence[str], below: Sequence[Sequence[str]]) -> int | 
 def _access_column(texts: Sequence[str], below: Sequence[Sequence[str]]) -> int | None:
     """The column headed `type` whose cells are R, W, R/W, if one is."""
     for at, text in enumerate(texts):
-        cells = [row[at].strip().lower() for row in below if at < len(row) and row[at].strip()]
-        if (
-            _means(text, "type", exact=False)
-            and cells
-            and all(re.fullmatch("r/?[wo]?|wo?|w/r", cell) for cell in cells)
-        ):
+        cells = filled(below, at) if _means(text, "type", exact=False) else []
+        if cells and all(re.fullmatch("r/?[wo]?|wo?|w/r", cell.lower()) for cell in cells):
             return at
     return None
 
@@ -185,8 +187,8 @@ def _access_column(texts: Sequence[str], below: Sequence[Sequence[str]]) -> int 
 def _step_column(texts: Sequence[str], below: Sequence[Sequence[str]]) -> int | None:
     """The column headed `accuracy` whose cells are steps (0.1, 0.01, 1) and no shares of a reading, if one is."""
     for at, text in enumerate(texts):
-        cells = [row[at].strip() for row in below if at < len(row) and row[at].strip()]
-        if text in ("accuracy", "precision", "精度") and cells and all(re.fullmatch(STEP, cell) for cell in cells):
+        cells = filled(below, at) if text in ("accuracy", "precision", "精度") else []
+        if cells and all(re.fullmatch(STEP, cell) for cell in cells):
             return at if any(cell != "1" for cell in cells) else None
     return None
 

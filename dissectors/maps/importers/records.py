@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator, Mapping
+from itertools import islice
 from typing import Any, Final
 
 from ..sheets import MapSheet
@@ -27,12 +28,12 @@ _INSIDE: Final = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|_+|(?<=[a-z])-(?=[a-z])")
 
 def recognises(source: MapSource) -> bool:
     """JSON, or YAML by its name, with records."""
-    return len(_records(source)) >= _FEW
+    return len(list(islice(_records(source), _FEW))) == _FEW
 
 
 def read(source: MapSource) -> list[ImportedMap]:
     """One map of all records."""
-    records = _records(source)
+    records = list(islice(_records(source), _MOST))
     keys = list(dict.fromkeys(key for record in records for key in record))
     rows = [keys, *([record.get(key, "") for key in keys] for record in records)]
     imported = map_of_sheet(source, MapSheet("", rows))
@@ -41,13 +42,13 @@ def read(source: MapSource) -> list[ImportedMap]:
     return [imported]
 
 
-def _records(source: MapSource) -> list[dict[str, str]]:
+def _records(source: MapSource) -> Iterator[dict[str, str]]:
     tree = source.json
     if tree is None and source.suffix in (".yaml", ".yml"):
         tree = source.yaml
     elif tree is None and source.is_text and source.text.startswith("{"):
         tree = list(_of_lines(source.text))
-    return [record for record, _ in zip(_found(tree, ()), range(_MOST), strict=False)]
+    return _found(tree, ())
 
 
 def _of_lines(text: str) -> Iterator[Any]:
@@ -84,7 +85,7 @@ def _record(node: Mapping[str, Any], path: tuple[str, ...]) -> dict[str, str] | 
     place = next((key for key in _ADDRESS if key in own or (named and key in record)), None)
     if place is None and named and path and whole_in(path[-1]) is not None:
         record, place, path = {"address": path[-1], **record}, "address", path[:-1]
-    if place is None or whole_in(re.split("-", record[place])[0]) is None:
+    if place is None or whole_in(record[place].partition("-")[0]) is None:
         return None
     if not named:
         record["name"] = path[-1] if path else ""

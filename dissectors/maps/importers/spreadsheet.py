@@ -8,15 +8,16 @@ on): which base a manual counts from is for the user to say (`address_base`).
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 from ..cells import CellError, area_and_address
 from ..model import DIGIT_OF_AREA, VALUE_TYPES, MapArea, MapError
 from ..sheets import ZIP, MapSheet, column_name, rows_of_text, sheets_of
 from ..tablecells import AddressForm, address_form, address_of, is_inverse, order_of, says_order, type_of
-from ..tableheadings import headings, merged_headings
+from ..tableheadings import filled, headings, merged_headings
 from ..tablewords import (
     access_of,
     area_of_cell,
@@ -90,13 +91,12 @@ def map_of_sheet(source: MapSource, sheet: MapSheet, *, several: bool = False) -
     rows, hidden = _visible(sheet)
     for note in (*hidden, *sheet.notes):
         builder.note(note)
-    columns: dict[str, int] = {}
+    heading: _TableHeading | None = None
     area = area_words(sheet.name)
     group = above = ""
-    form, function, second = AddressForm(), False, 0
+    second = 0
     register: tuple[MapArea, int] | None = None  # the newest
-    order, in_hex, of_words = None, False, False  # as a title or a heading says
-    addresses: list[str] = []
+    order, in_hex = None, False  # as a title says
     for number, row in enumerate(rows, 1):
         cells = [cell for cell in row if cell]
         if number == second:  # of a heading of two rows
@@ -108,51 +108,72 @@ def map_of_sheet(source: MapSource, sheet: MapSheet, *, several: bool = False) -
             if joint:
                 row, second = joint, number + 1
             below = list(_until_heading(rows[second if joint else number :]))
-            heading = headings(row, below) or headings(row)
-            columns, above, register = heading, "", None
-            _of_widths(heading, below)
-            addresses = [other[heading["address"]] for other in below if heading["address"] < len(other)]
-            if _is_divisor(row, heading, below):
-                heading["divisor"] = heading.pop("scale")
-                builder.note("gains from 1 up were taken for what raw values are divided by")
-            elif "scale" in heading and is_powers(
-                [other[heading["scale"]] for other in below if heading["scale"] < len(other)]
-            ):
-                heading["power"] = heading.pop("scale")
-                builder.note("whole factors, some below 0, were taken for powers of ten")
-            area = ("area" not in heading and area_words(row[heading["address"]])) or area
-            of_words = "order" in heading and "word" in row[heading["order"]].lower()
-            function = "area" in heading and is_function(row[heading["area"]])
-            form = address_form(f"{row[heading['address']]} {'hex' if in_hex else ''}", addresses)
-            if form.is_hex and not form.is_said:
-                builder.note("addresses were taken for hexadecimal, as some of them have letters")
+            heading = _heading_of(builder, row, below, in_hex=in_hex)
+            above, register = "", None
+            area = ("area" not in heading.columns and area_words(row[heading.columns["address"]])) or area
             continue
-        if not columns or len(cells) < 2:
+        if heading is None or len(cells) < 2:
             title = " ".join(cells)
             order = (order_of(title) if says_order(title) else None) or order
             in_hex = in_hex or _HEX_TITLE.search(title) is not None
-        if not columns or not cells:
+        if heading is None or not cells:
             area = area_words(title) or area
             group = _title(title) if len(cells) == 1 and title.startswith("#") else group
             continue
-        named = {key: row[at].strip() for key, at in columns.items() if at < len(row)}
+        named = {key: row[at].strip() for key, at in heading.columns.items() if at < len(row)}
         if _is_bit(builder, named, register):
             continue
         if len(cells) == 1:
             group, area = _title(cells[0]) or group, area_words(cells[0]) or area
             continue
         above = named.get("area") or above  # one cell for several rows holds its text once
-        if of_words:
+        if heading.of_words:
             named["order"] = _FIRST_OF_WORDS.get(named["order"].lower(), named["order"])
-        if named.get("address") and addresses.count(named["address"]) < 2:
+        if named.get("address") and heading.addresses[named["address"]] < 2:
             named.pop("bit", None)  # several rows of one register are its bits
-        if order and "order" not in columns and not order_of(named.get("type", "")):
+        if order and "order" not in heading.columns and not order_of(named.get("type", "")):
             named["order"] = order
-        here = area_of_cell(above, function=function) or area
-        register = _row(builder, named, form, here, group, number) or register
+        here = area_of_cell(above, function=heading.of_functions) or area
+        register = _row(builder, named, heading.form, here, group, number) or register
     if builder.rows or builder.bits:
         builder.note("columns were told by their headings: look the map over, its address base above all")
-    return builder.built() if columns else None
+    return builder.built() if heading is not None else None
+
+
+@dataclass(frozen=True, slots=True)
+class _TableHeading:
+    """What the columns of a table hold, by a row of headings and the rows below it."""
+
+    columns: dict[str, int]
+    form: AddressForm
+    addresses: Counter[str]  # how many rows have each
+    of_functions: bool  # areas are the codes of functions
+    of_words: bool  # an order is one of words
+
+
+def _heading_of(
+    builder: MapBuilder, row: Sequence[str], below: Sequence[Sequence[str]], *, in_hex: bool
+) -> _TableHeading:
+    """The heading that a row is; `in_hex`: a title says so of the addresses."""
+    columns = headings(row, below) or headings(row)
+    _of_widths(columns, below)
+    if _is_divisor(row, columns, below):
+        columns["divisor"] = columns.pop("scale")
+        builder.note("gains from 1 up were taken for what raw values are divided by")
+    elif "scale" in columns and is_powers(filled(below, columns["scale"])):
+        columns["power"] = columns.pop("scale")
+        builder.note("whole factors, some below 0, were taken for powers of ten")
+    addresses = filled(below, columns["address"])
+    form = address_form(f"{row[columns['address']]} {'hex' if in_hex else ''}", addresses)
+    if form.is_hex and not form.is_said:
+        builder.note("addresses were taken for hexadecimal, as some of them have letters")
+    return _TableHeading(
+        columns,
+        form,
+        Counter(addresses),
+        of_functions="area" in columns and is_function(row[columns["area"]]),
+        of_words="order" in columns and "word" in row[columns["order"]].lower(),
+    )
 
 
 def _visible(sheet: MapSheet) -> tuple[list[list[str]], list[str]]:
@@ -170,8 +191,7 @@ def _is_divisor(row: Sequence[str], heading: dict[str, int], below: Sequence[Seq
     at = heading.get("scale")
     if at is None or "divisor" in heading or not row[at].lower().startswith(("gain", "scal", "factor", "faktor")):
         return False
-    cells = [other[at].strip() for other in below if at < len(other)]
-    numbers = [int(cell) if cell.isdecimal() else 0 for cell in cells if cell]
+    numbers = [int(cell) if cell.isdecimal() else 0 for cell in filled(below, at)]
     return bool(numbers) and min(numbers) >= 1 and max(numbers) > 1 and {*numbers} <= _STEPS_OF_UNITS
 
 
@@ -180,7 +200,7 @@ def _of_widths(heading: dict[str, int], below: Sequence[Sequence[str]]) -> None:
     at = heading.get("length")
     if at is None or "type" in heading or "width" in heading:
         return
-    cells = {other[at] for other in below if at < len(other)} - {""}
+    cells = set(filled(below, at))
     if cells and all(re.fullmatch(r"[A-Za-z]{1,8}\d{1,2}", cell) for cell in cells):
         heading["type"] = heading.pop("length")
     if cells and cells <= {"8", "16", "32", "64"} and cells != {"8"}:
