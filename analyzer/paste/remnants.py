@@ -18,7 +18,7 @@ from typing import Final
 from dissectors.crc import crc_bytes
 from dissectors.functions import function
 from dissectors.length_rules import Role
-from dissectors.lengths import expectation, pdu_length, plausibility, rule
+from dissectors.lengths import Expectation, expectation, pdu_length, plausibility, rule
 from dissectors.limits import CRC_SIZE, EXCEPTION, LAST_UNIT
 
 from .model import PastedFrame, PastedNoise, PastePart, Piece
@@ -115,6 +115,10 @@ def _open_request(last: PastedFrame | None) -> PastedFrame | None:
     return last
 
 
+def _due(request: PastedFrame) -> Expectation:
+    return expectation(bytes([request.adu.unit or 0]) + request.adu.pdu)
+
+
 def _reading(
     stretch: PastedNoise, request: PastedFrame | None, following: Piece | None, roles: Sequence[Role], whole: bool
 ) -> list[Piece]:
@@ -129,7 +133,7 @@ def _reading(
 
 def _answer(stretch: PastedNoise, request: PastedFrame) -> list[Piece]:
     """The answer that was due, if it begins in the stretch: cut, or with a wrong CRC; and what is around it."""
-    due = expectation(bytes([request.adu.unit or 0]) + request.adu.pdu)
+    due = _due(request)
     for at in range(min(stretch.length - _LEAST, _MOST_BEFORE) + 1):
         data = stretch.data[at:]
         refused = data[1] == due.function | EXCEPTION and 0 < data[2] <= _LAST_CODE
@@ -173,17 +177,15 @@ def _tied(pieces: Sequence[Piece]) -> list[Piece]:
     """The pieces, answers that nobody seemed to have asked for tied to the request right before them."""
     tied: list[Piece] = []
     for piece in pieces:
-        before = tied[-1] if tied else None
+        request = _open_request(_last_frame(tied[-1:], None))
         if (
             isinstance(piece, PastedFrame)
-            and isinstance(before, PastedFrame)
-            and piece.role is Role.RESPONSE is not before.role
+            and piece.role is Role.RESPONSE
             and piece.request is None
-            and before.adu.unit
-            and len(before.adu.pdu) >= _LEAST
-            and expectation(bytes([before.adu.unit]) + before.adu.pdu).fits(piece.adu.data)
+            and request is not None
+            and _due(request).fits(piece.adu.data)
         ):
-            piece = replace(piece, request=before.adu.pdu, request_start=before.start)
+            piece = replace(piece, request=request.adu.pdu, request_start=request.start)
         tied.append(piece)
     return tied
 
