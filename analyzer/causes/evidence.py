@@ -138,7 +138,7 @@ class Evidence:
     def _in_pairs(self, unit: UnitLedger) -> list[Poll]:
         """Polls that come twice each time, sooner than any master gives up or by a clock that does not tell, and whose
         answer is the request once more: the second is the answer, or nobody knows."""
-        if not unit.repeats or not (self._comes_again_soon(unit) or not self._tells_haste):
+        if not unit.repeats or (self._tells_haste and not self._comes_again_soon(unit)):
             return []
         echoing = [poll for poll in self.polls_of(unit.unit) if ECHOED[poll.function]]
         return [

@@ -124,8 +124,9 @@ class Cause:
     `units` the most concerned first; `blame`: unit, master, line or tap; `share` says of how many; `since_ns` and
     `until_ns` None without times, `period_s` None where it does not recur; `confidence` 0 to 1; `runner_up` the id of
     the next best explanation, or None; `lost_answers` and `lost_ms`, from each such request to the next one as findings
-    count it, are None where nobody knows; `frames`: indices of a few requests or frames that show it; `bits`: how much likelier the capture is with it than without; `explains`: codes of
-    findings with the unit each stands on (None: the bus), which follow from it.
+    count it, are None where nobody knows; `frames`: indices of a few requests or frames that show it; `bits`: how much
+    likelier the capture is with it than without; `explains`: codes of findings with the unit each stands on (None: the
+    bus), which follow from it.
     """
 
     cause: str

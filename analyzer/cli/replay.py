@@ -18,14 +18,7 @@ from .inputs import (
     tell_damage,
 )
 from .terminal import keys, tell
-from .watching import (
-    Watch,
-    add_outlet_arguments,
-    add_view_arguments,
-    check_interface,
-    ended_by_signals,
-    outlets_of,
-)
+from .watching import Watch, add_outlet_arguments, add_view_arguments, check_interface, ended_by_signals, outlets_of
 
 if TYPE_CHECKING:
     from captures import Capture

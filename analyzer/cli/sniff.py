@@ -18,14 +18,7 @@ from .taps import (
     recorder_of,
     tap_of,
 )
-from .watching import (
-    Watch,
-    add_outlet_arguments,
-    add_view_arguments,
-    check_interface,
-    ended_by_signals,
-    outlets_of,
-)
+from .watching import Watch, add_outlet_arguments, add_view_arguments, check_interface, ended_by_signals, outlets_of
 
 if TYPE_CHECKING:
     from captures.recording.recorder import Recorder
