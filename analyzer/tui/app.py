@@ -111,6 +111,8 @@ class Rtuscope(App[NextFile | None]):
         if self.is_web:
             self.desk.wishes.path = None
             self.desk.notes.path = None  # whoever has the page writes no file of this machine
+        elif self.desk.source.path is not None:
+            self.desk.wishes.opened(self.desk.source.path)
         self.set_keymap(self.desk.wishes.keys)
         if not self.is_headless and self.console.color_system in _FEW_COLOURS:
             self.use_16_colours()
