@@ -12,11 +12,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
+from .errors import RtuscopeError
 from .meant import did_you_mean
 from .settingfiles import PROJECT, found_files, user_file
 
 
-class SettingsError(Exception):
+class SettingsError(RtuscopeError):
     """A settings file that cannot be used: which, what line, what to do."""
 
 

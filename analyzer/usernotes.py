@@ -17,12 +17,14 @@ from numpy.typing import NDArray
 import captures
 from captures.files import opened
 
+from .errors import RtuscopeError
+
 _VERSION = 1
 _LONGEST = 64 << 20  # bytes
 Place = tuple[int, int]  # port, offset of the row's first byte
 
 
-class NotesError(Exception):
+class NotesError(RtuscopeError):
     """A file of notes that cannot be read; the message says which and why."""
 
 

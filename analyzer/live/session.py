@@ -21,6 +21,7 @@ from captures.live.wire import Item, PortEvent, Tick
 from captures.recording.notes import MARK, Note
 
 from ..core import Analysed, Analyzer
+from ..errors import stream_under_base
 from ..options import Options
 from ..tables.batch import Batch
 from ..tables.findings import Findings
@@ -165,7 +166,7 @@ class Session:
 
         Raises what the source or the recorder raised.
         """
-        for step in self._steps():
+        for step in stream_under_base(self._steps()):
             yield self._fed(step)
 
     def _fed(self, step: SessionStep) -> SessionStep:

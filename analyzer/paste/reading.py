@@ -22,6 +22,7 @@ from dissectors.length_rules import Role
 from dissectors.lengths import pdu_length, plausibility, rule
 from dissectors.limits import LAST_UNIT, MAX_ADU
 
+from ..errors import RtuscopeError
 from ..languages import counted, tr
 from . import rtu
 from .mixing import Envelope, kinds_of, mixed
@@ -42,7 +43,7 @@ _MOST_TCP: Final = 254  # what the length in an MBAP header can be
 _CRC: Final = 2  # bytes
 
 
-class PasteError(Exception):
+class PasteError(RtuscopeError):
     """A paste that cannot be read at all, in one line."""
 
 
