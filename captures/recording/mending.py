@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import errno
 from collections.abc import Callable
+from contextlib import suppress
 from itertools import chain, count
 from pathlib import Path
 from typing import Final
@@ -53,7 +54,8 @@ def _mend(ring: Ring, part: Path, tell: Callable[[str], None]) -> None:
         except OSError:
             remove_made(mending, ours)
             raise
-        ring.listed(finished)
+        with suppress(OSError):  # it stays in the list that memory holds, and is written with the next
+            ring.listed(finished)
         damaged = f", {repaired.damage_count - 1} damaged places noted" if repaired.damage_count > 1 else ""
         tell(f"recording: {finished} was cut and is whole again: {repaired.bytes:,} bytes of the line{damaged}")
     else:
