@@ -15,7 +15,6 @@ from livebus import pty
 from running import START, environment
 
 import captures
-from captures import disposal
 from captures.chunks import Block, Chunk
 from captures.errors import CaptureError
 from captures.line import LineSettings
@@ -205,7 +204,6 @@ class Hazards:
 
         monkeypatch.setattr(os, "write", limited)
         self.full = chance.random() < 0.3
-        self.recorder = None
         self.start()
 
     def start(self):
@@ -294,14 +292,14 @@ def test_a_full_disk_from_the_start_costs_the_oldest_file_and_is_waited_for(tmp_
 def test_a_rotation_that_fails_is_told_once_and_recording_goes_on(tmp_path, monkeypatch):
     said: list[str] = []
     recorder = Recorder(tmp_path / "bus.mcap", LINE, limits=RingLimits(size=1, keep_bytes=1), tell=said.append)
-    unlink = disposal.os.unlink
+    unlink = os.unlink
 
     def refuse(name, **more):
         if str(name).endswith(".mcap"):
             raise PermissionError(errno.EPERM, "operation not permitted")
         unlink(name, **more)
 
-    monkeypatch.setattr(disposal.os, "unlink", refuse)
+    monkeypatch.setattr(os, "unlink", refuse)
     for number in (1, 2, 3):
         recorder.write(block(number))
         recorder.tick()
