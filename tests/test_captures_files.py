@@ -23,7 +23,7 @@ import zstandard
 from running import ran
 
 import captures
-from captures import CaptureError, Chunk, LineSettings, files, samples
+from captures import CaptureError, Chunk, LineSettings, disposal, samples
 from captures.errors import os_reason
 
 READS = [Chunk(1000, b"\x11\x03"), Chunk(2000, b"\x00\x6b")]
@@ -262,7 +262,7 @@ def test_a_header_of_any_length(tmp_path: Path) -> None:
 
 
 def test_a_file_that_is_open_elsewhere_is_waited_for_and_named_as_such(monkeypatch):
-    monkeypatch.setattr(files, "_WAITS_S", (0, 0))
+    monkeypatch.setattr(disposal, "_WAITS_S", (0, 0))
 
     class HeldError(PermissionError):
         winerror = 32
@@ -275,15 +275,15 @@ def test_a_file_that_is_open_elsewhere_is_waited_for_and_named_as_such(monkeypat
         if answer:
             raise answer
 
-    files.patiently(rename)
+    disposal.patiently(rename)
     assert not answers
     answers += [held] * 3
     with pytest.raises(PermissionError) as refused:
-        files.patiently(rename)
+        disposal.patiently(rename)
     assert os_reason(refused.value) == "open in another program"
     answers += [PermissionError(13, "denied"), None]
     with pytest.raises(PermissionError):  # no matter of waiting
-        files.patiently(rename)
+        disposal.patiently(rename)
     assert answers == [None]
 
 

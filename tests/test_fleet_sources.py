@@ -24,8 +24,9 @@ from analyzer.cli.watch import _there
 from analyzer.extras import needs
 from analyzer.fleet import FleetError, LakeWriteError, datasets, tasks
 from analyzer.fleet.lake import Lake
+from analyzer.fleet.manifest import Manifest
 from analyzer.fleet.sources import found, lines_of
-from analyzer.fleet.stores import Manifest, store
+from analyzer.fleet.stores import store
 from analyzer.languages import retold, telling
 
 posix = pytest.mark.skipif(os.name != "posix", reason="links, pipes and names of any bytes are POSIX's")
@@ -337,6 +338,8 @@ def test_a_full_disk_ends_the_batch(whole, tmp_path, monkeypatch):
     def refuse(*_):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(Path, "write_bytes", refuse)
+    lake = store(str(tmp_path / "lake"))
+    lake.fresh("entered")
+    monkeypatch.setattr(os, "fsync", refuse)
     with pytest.raises(FleetError, match=r"00000001\.json: .*[Nn]o space left"):
-        store(str(tmp_path / "lake")).write("manifest/00000001.json", b"{}")
+        lake.write("manifest/00000001.json", b"{}")

@@ -41,12 +41,15 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Take them in until Ctrl-C."""
     from ..fleet import FleetError
+    from ..fleet.account import refuse_unless_lake
     from ..fleet.batch import run_batch
     from ..fleet.sources import lines_of, settled
-    from ..fleet.stores import store
+    from ..fleet.stores import is_remote, store
 
     lake, options, runner = store(arguments.lake), batch_options(arguments), chosen_runner(arguments)
     told: set[str] = set()
+    if not is_remote(lake.root):  # a store that does not answer now may later
+        refuse_unless_lake(lake)
 
     def tell_once(words: str) -> None:
         if words not in told:

@@ -11,14 +11,15 @@ from typing import Any, Final
 
 from ..version import __version__
 from . import FleetError, LakeWriteError
+from .account import refuse_sources_inside, refuse_unless_lake, remove_waste, writing
 from .datasets import DATASETS, touched
+from .manifest import LakeLine, Manifest
 from .packs import LakePacking, pack
 from .runners import Runner
 from .sources import LineFiles, SourceFile, readable
-from .stores import LakeLine, LakeStore, Manifest, writing
+from .stores import LakeStore
 from .tasks import BatchOptions, KeptRows, LineTask
 
-_FOLDERS: Final = (*DATASETS, "state", "scratch")
 _UNWRITTEN: Final = 5  # tasks one after the other that could not write: a full disk, and no fault of theirs
 _HAVE_ROWS: Final = ("whole", "damaged")  # states of captures
 
@@ -196,9 +197,11 @@ def run_batch(
     Raises FleetError where the lake cannot be written, at once or again and again.
     """
     begun, result = time.monotonic(), BatchResult()
+    refuse_unless_lake(store)
+    refuse_sources_inside(store, lines)
     with writing(store):
         manifest = Manifest(store)
-        remove_waste(manifest)
+        result.troubles += remove_waste(manifest)
         tasks = planned(manifest, lines, options, redo=redo, result=result)
         total, done, unwritten = sum(_size(task) for task in tasks), 0, 0
         entered = _Taken(manifest)
@@ -267,15 +270,3 @@ def compact_lake(store: LakeStore) -> LakePacking:
 
 def _size(task: LineTask) -> int:
     return sum(file.size for file in task.files) + 1
-
-
-def remove_waste(manifest: Manifest) -> None:
-    """Take away what killed or repeated tasks left, and what later entries took the place of.
-
-    At the beginning of a batch, so that who reads what the one before replaced has until then.
-    """
-    named = manifest.named()
-    for folder in _FOLDERS:
-        for name in manifest.store.names(folder):
-            if name not in named:
-                manifest.store.remove(name)

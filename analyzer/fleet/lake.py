@@ -14,7 +14,8 @@ from typing import Any, Final
 from ..extras import needs
 from . import FleetError
 from .datasets import DATASETS
-from .stores import FolderStore, Manifest, TableFiles, filesystem, store
+from .manifest import Manifest, TableFiles
+from .stores import FolderStore, filesystem, store
 
 MEMORY: Final = "1500MB"  # that DuckDB may take; beyond it works on the disk
 

@@ -173,7 +173,7 @@ class _TaskRun:
         if self.state is not None:
             settled = self.state.frames
             if task.sliced:
-                state = f"state/{line_key(task.site, task.line)}-{hashlib.sha256(repr(done).encode()).hexdigest()[:12]}"
+                state = self.store.fresh(f"state/{line_key(task.site, task.line)}")
                 self.store.write(state, self.state.kept())
             self.state.close(self.files)
         tail = self.files.close()

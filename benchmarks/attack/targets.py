@@ -146,6 +146,7 @@ def targets() -> dict[str, Target]:
     from analyzer.exports import ExportError
     from analyzer.filters import FilterError
     from analyzer.paste import PasteError
+    from attack.lakefiles import lake_targets
     from attack.languages import language_targets
     from attack.mapfiles import map_targets
 
@@ -160,4 +161,4 @@ def targets() -> dict[str, Target]:
         Target("exporters", cache(_bytes), _export, (ExportError,), share=1, seconds=10.0),
         Target("report", cache(_bytes), _report, (FilterError,), share=1, seconds=10.0),
     ]
-    return {target.name: target for target in (*readers, *others, *language_targets(), *map_targets())}
+    return {target.name: target for target in (*readers, *others, *language_targets(), *map_targets(), *lake_targets())}
