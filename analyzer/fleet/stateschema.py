@@ -174,6 +174,8 @@ class Schema:
         name = self.name_of(thing)
         if not isinstance(thing, type):
             self.named[name] = thing
+        elif thing is object or getattr(thing, "_is_protocol", False):
+            raise TypeError(f"{name} says nothing that could be checked")
         elif name not in self.classes:
             self.classes[name] = StateClass(name, thing)
         return name, ()
