@@ -76,6 +76,20 @@ class Analyzer:
     `settles`: False where `latest` alone is looked at; then these give nothing, and no row is kept for them.
     """
 
+    _options: Options
+    _settles: bool
+    _outages: list[Deaf]
+    _notes: list[Note]
+    _octets: dict[int, int]
+    _frames: int
+    _now: int
+    line: LineSettings
+    _origin: StreamOrigin
+    _deframer: Deframer
+    _judge: Judge
+    _unsettled: _Unsettled
+    _latest: Analysed
+
     def __init__(
         self,
         line: LineSettings,
@@ -87,8 +101,8 @@ class Analyzer:
         self._options = options
         self._settles = settles
         self._outages = list(outages)
-        self._notes: list[Note] = []
-        self._octets: dict[int, int] = {}  # bytes so far, by port
+        self._notes = []
+        self._octets = {}  # bytes so far, by port
         self._frames = 0
         self._now = 0
         self._begin(line, StreamOrigin())
@@ -184,11 +198,16 @@ class Analyzer:
 class _Unsettled:
     """Batches that wait until nothing more can be said of their rows, and what was said so far."""
 
+    _batches: list[tuple[Batch, int]]
+    _frames: int
+    _transactions: TransactionRows
+    _findings: Findings
+
     def __init__(self, frames: int) -> None:
-        self._batches: list[tuple[Batch, int]] = []  # and how many frames there were behind it
+        self._batches = []  # and how many frames there were behind it
         self._frames = frames
-        self._transactions: TransactionRows = TransactionRows.zeros(0)
-        self._findings: Findings = NOTHING
+        self._transactions = TransactionRows.zeros(0)
+        self._findings = NOTHING
 
     def add_rows(self, batch: Batch, frames: int) -> None:
         """Take in a batch; `frames` so far, those in it counted."""
@@ -324,9 +343,12 @@ class EvenBlocks:
     `room`: bytes of the first block.
     """
 
+    _room: int
+    _parts: list[Block]
+
     def __init__(self, room: int = _BLOCK) -> None:
         self._room = room
-        self._parts: list[Block] = []
+        self._parts = []
 
     def feed(self, block: Block) -> Iterator[Block]:
         """The blocks that these chunks complete."""

@@ -152,7 +152,7 @@ def _rename_without_overwriting(source: Path, target: Path) -> None:
     except (FileExistsError, FileNotFoundError):
         raise
     except OSError:  # no hard links on this file system: the name is taken by an empty file first
-        os.close(os.open(target, os.O_WRONLY | os.O_CREAT | os.O_EXCL))
+        os.close(os.open(target, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600))
         taken = made(target)
         try:
             source.replace(target)

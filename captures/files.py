@@ -21,6 +21,7 @@ from .errors import CaptureError, os_reason
 HEAD_BYTES = 1 << 16  # what formats are recognised by
 LINE_LIMIT = 64 << 20  # bytes: a longer line is no line of text
 _HEADER_LIMIT = 1 << 20
+PRIVATE: Final = 0o600  # the mode of new files whose content is their owner's alone: recordings, settings
 _DEVICES: Final = "\\\\.\\"  # how Windows' whole paths of devices begin
 _PIECE = 1 << 16
 _SOURCE = "open the capture that it was made from"
@@ -175,10 +176,11 @@ def text_batches(file: BinaryIO, note: Callable[[str, str], None], size: int) ->
 
 
 @contextmanager
-def replacing(path: Path | str) -> Iterator[BinaryIO]:
+def replacing(path: Path | str, *, private: bool = False) -> Iterator[BinaryIO]:
     """A file to write that takes its name only when the block ends well, replacing what had that name.
 
-    What is not a regular file (a pipe, /dev/null) is written directly. CaptureError says which file could not be
+    `private`: for its owner alone, where it is new; one that is there keeps its mode. What is not a regular file (a
+    pipe, /dev/null) is written directly. CaptureError says which file could not be
     written and why; whatever ends the block early, nothing is left under the name, nor beside it.
     """
     path = Path(path)
@@ -192,7 +194,7 @@ def replacing(path: Path | str) -> Iterator[BinaryIO]:
             with device_stream(target) as file:
                 yield file
             return
-        mode = stat.S_IMODE(target.stat().st_mode) if there else 0o666 & ~_umask()
+        mode = stat.S_IMODE(target.stat().st_mode) if there else (PRIVATE if private else 0o666) & ~_umask()
         handle, part = part_of(target)
         mine = made(part)
         try:

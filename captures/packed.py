@@ -26,8 +26,8 @@ STANDARD_INPUT: Final = "-"
 _PIECE: Final = 1 << 18
 _ZSTD_PIECE: Final = 1 << 10  # each of them may grow 32,000 times
 _ROOM: Final = 1 << 28  # bytes that are left free on the disk
-_SMALL: Final = 1 << 26  # bytes up to which a packed file may grow whatever its size
-_GROWTH: Final = 250  # times its size, beyond that
+_SMALL: Final = 1 << 22  # bytes up to which a packed file may grow whatever its size
+_GROWTH: Final = 50  # times its size, beyond that: captures shrink to a half as bytes, to a twentieth as text
 _DEPTH: Final = 3  # packed files in packed files
 _NO_CAPTURE: Final = ("__MACOSX/", ".DS_Store")
 
@@ -66,7 +66,7 @@ class LocalFile:
 def local_file(path: Path) -> LocalFile:
     """A file that is there as it stands; what a pipe or standard input (`-`) gives is put into a temporary one."""
     if str(path) == STANDARD_INPUT:
-        if sys.stdin is None or sys.stdin.isatty():
+        if sys.stdin is None or sys.stdin.isatty():  # None: outside of a command of ours
             raise CaptureError("standard input is a terminal: put a capture into it, as in: rtuscope report - < FILE")
         return _spooled(sys.stdin.buffer, "standard input", "stdin")
     try:

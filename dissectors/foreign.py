@@ -190,8 +190,11 @@ class MeterTalk:
     a meter's beyond doubt makes its address known; what else that address says is the meter's, too.
     """
 
+    _known: dict[bytes, str]
+    _before: bytes
+
     def __init__(self) -> None:
-        self._known: dict[bytes, str] = {}  # by address, of one byte or four
+        self._known = {}  # by address, of one byte or four
         self._before = b""
 
     def name(self, adu: bytes, *, undeclared: bool) -> str:

@@ -23,6 +23,7 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs POSIX")
         "preferences",
         "given",
         "notes",
+        "states",
         "analysis",
         "exporters",
         "report",

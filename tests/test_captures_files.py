@@ -212,11 +212,14 @@ def test_where_nothing_can_be_written_is_said(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="modes are POSIX")
-def test_a_new_file_has_the_usual_mode_and_a_replaced_one_keeps_its_own(tmp_path: Path) -> None:
-    path, plain = tmp_path / "out.jsonl", tmp_path / "plain"
+def test_a_new_capture_is_for_its_owner_alone_and_a_replaced_one_keeps_its_mode(tmp_path: Path) -> None:
+    path, plain, made = tmp_path / "out.jsonl", tmp_path / "plain", tmp_path / "made"
     plain.write_text("")
     captures.write(path, READS)
-    assert path.stat().st_mode == plain.stat().st_mode
+    assert path.stat().st_mode & 0o777 == 0o600
+    with captures.replacing(made):
+        pass
+    assert made.stat().st_mode == plain.stat().st_mode
     path.chmod(0o640)
     captures.write(path, READS)
     assert path.stat().st_mode & 0o777 == 0o640

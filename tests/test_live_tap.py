@@ -25,7 +25,7 @@ from captures.live import tapserver
 from captures.live.batching import HEAD, POSITION, READS, event_record, position_record, tick_record
 from captures.live.tap import PortError
 from captures.live.tapserver import KeptStream, TapServer
-from captures.live.tapstream import TapAddress, TapSetupError, hear, is_local, proof, say, serving_context
+from captures.live.tapstream import TapAddress, TapSetupError, hear, is_local, proof, read_token, say, serving_context
 from captures.live.tapviewer import TapViewer
 from captures.live.wire import PortEvent, Splitter, Tick, WireError, item_of, records_of
 from captures.recording.notes import read
@@ -501,12 +501,26 @@ def test_a_tap_that_others_reach_wants_a_token(capsys, tmp_path, monkeypatch):
     for host in ("0.0.0.0", "[::]", "192.0.2.1"):
         assert "open to other machines: give --token-file" in refused(capsys, "tap", "/dev/x", "--listen", f"{host}:0")
     short = tmp_path / "token"
+    short.touch(0o600)
     short.write_text("secret\n")
     assert "16 characters or more" in refused(capsys, "tap", "/dev/x", "--token-file", short)
     assert "cannot be read" in refused(capsys, "tap", "/dev/x", "--token-file", tmp_path / "none")
     assert "--tls-cert" in refused(capsys, "tap", "/dev/x", "--tls-key", short)
     assert "a tap of a tap" in refused(capsys, "tap", "tap://bus")
     assert "--port2" in refused(capsys, "sniff", "tap://bus", "--port2", "/dev/x")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="modes are POSIX")
+@pytest.mark.parametrize("mode", [0o644, 0o640, 0o604, 0o620, 0o666])
+def test_a_token_that_others_may_read_is_refused(capsys, tmp_path, mode):
+    token = tmp_path / "token"
+    token.write_text(TOKEN)
+    token.chmod(mode)
+    for command in (("tap", "/dev/x"), ("sniff", "tap://127.0.0.1:1")):
+        told = refused(capsys, *command, "--token-file", token)
+        assert f"others may read it (mode {mode:04o})" in told and f"chmod 600 {token}" in told
+    token.chmod(0o400)
+    assert read_token(str(token)) == TOKEN
     assert "no tap there: connection refused" in refused(capsys, "sniff", "tap://127.0.0.1:1")
 
 
@@ -522,6 +536,7 @@ def test_viewers_are_told_of_no_tap_whose_port_is_not_there():
 def test_recordings_made_at_the_tap_and_by_viewers_have_the_same_frames(tmp_path):
     master, name = pty()
     token = tmp_path / "token"
+    token.touch(0o600)
     token.write_text(TOKEN)
     tap = Running("tap", name, "--baud", "115200", "--listen", "0", "--token-file", token)
     said = b"".join(tap.said).decode()

@@ -113,7 +113,7 @@ def run(arguments: argparse.Namespace) -> int:
     if result.partial:
         tell("stopped by Ctrl-C; what was done is kept: --resume goes on")
         return INTERRUPTED
-    return FAILED if result.failed or result.damaged or refused else DONE
+    return FAILED if result.is_flawed or refused else DONE
 
 
 def outdated(result: BatchResult) -> str:

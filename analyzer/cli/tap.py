@@ -69,8 +69,8 @@ def _server(arguments: argparse.Namespace, tell: Teller) -> tuple[TapServer, str
     token = token_of(arguments)
     if token is None and not is_local(host):
         raise UsageError(
-            f"--listen {host} is open to other machines: give --token-file FILE (`openssl rand -hex 16 > FILE`), or "
-            "leave it at 127.0.0.1 and come by ssh -L"
+            f"--listen {host} is open to other machines: give --token-file FILE "
+            "(`(umask 77; openssl rand -hex 16 > FILE)`), or leave it at 127.0.0.1 and come by ssh -L"
         )
     if arguments.tls_key and not arguments.tls_cert:
         raise UsageError("--tls-key is the key of --tls-cert, which is not given")

@@ -74,7 +74,7 @@ def run(arguments: argparse.Namespace) -> int:
                     raise
                 tell_once(str(error))
             else:
-                failed = bool(result.failed or result.damaged or refused)
+                failed = bool(result.is_flawed or refused)
                 result.troubles = [each for each in (*refused, *result.troubles) if each not in told]
                 told.update(result.troubles)
                 if result.captures or result.troubles or arguments.once:

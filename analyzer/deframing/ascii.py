@@ -77,9 +77,13 @@ def _begins_rtu(data: bytes) -> bool:
 class AsciiEngine(SelfDelimitedEngine):
     """The same contract as `engine.Engine`, for a port that speaks ASCII mode."""
 
+    _asked: Expectation | None
+    _bare: bool
+    _open: bool
+
     def __init__(self, character: CharacterTime, options: Options = Options(), role: Role | None = None) -> None:  # noqa: B008
         super().__init__(character, options, role)
-        self._asked: Expectation | None = None
+        self._asked = None
         self._bare = False  # frames end with CR alone here
         self._open = False  # whether the last one does, what follows it tells
 

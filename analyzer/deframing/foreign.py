@@ -39,9 +39,12 @@ _NOISE: Final = int(Kind.NOISE)
 class ForeignTalk:
     """Marks such rows, batch after batch in wire order: `foreign` is set, and a frame becomes noise."""
 
+    _talks: dict[int, MeterTalk]
+    _shared: set[int]
+
     def __init__(self) -> None:
-        self._talks: dict[int, MeterTalk] = {}  # by port
-        self._shared: set[int] = set()  # ports on which another protocol was heard
+        self._talks = {}  # by port
+        self._shared = set()  # ports on which another protocol was heard
 
     def mark(self, rows: Rows, data: Bytes) -> None:
         """Mark them in place, before frames are numbered."""

@@ -69,10 +69,13 @@ def is_mbap(data: bytes) -> bool:
 class MbapEngine(SelfDelimitedEngine):
     """The same contract as `engine.Engine`, for a port that speaks Modbus TCP."""
 
+    _astray: bool
+    _open: dict[bytes, Expectation]
+
     def __init__(self, options: Options = Options(), role: Role | None = None) -> None:  # noqa: B008 - frozen
         super().__init__(_NO_WIRE, options, role)
         self._astray = False  # in noise: only what a function predicts is a frame
-        self._open: dict[bytes, Expectation] = {}  # by transaction
+        self._open = {}  # by transaction
 
     def _work(self, *, last: bool = False, silence_ns: int = 0) -> None:
         ready = self.buffer.ready

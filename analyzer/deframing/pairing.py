@@ -54,8 +54,11 @@ class _OpenRow:
 class Pairer:
     """Fills `request`, `request_start` and `response_ns` of rows, which are -1, in wire order, batch after batch."""
 
+    _open: list[_OpenRow]
+    _place: int
+
     def __init__(self) -> None:
-        self._open: list[_OpenRow] = []
+        self._open = []
         self._place = 0
 
     def pair(
@@ -220,6 +223,10 @@ _OPEN_TRANSACTIONS: Final = 4096  # transactions that may be open at once
 class EnvelopedPairer:
     """Fills `request`, `request_start` and `response_ns` of rows, which are -1, in wire order, batch after batch."""
 
+    _rtu: Pairer
+    _ascii: Pairer
+    _tcp: _TransactionPairer
+
     def __init__(self) -> None:
         self._rtu, self._ascii, self._tcp = Pairer(), Pairer(), _TransactionPairer()
 
@@ -289,9 +296,12 @@ class _OpenTransaction(NamedTuple):
 class _TransactionPairer:
     """Pairs Modbus TCP: most of it as arrays, neighbours of one transaction; the rest one by one."""
 
+    _open: dict[int, _OpenTransaction]
+    _asking: set[int]
+
     def __init__(self) -> None:
-        self._open: dict[int, _OpenTransaction] = {}  # by port and transaction, the oldest first
-        self._asking: set[int] = set()  # ports on which requests were seen
+        self._open = {}  # by port and transaction, the oldest first
+        self._asking = set()  # ports on which requests were seen
 
     def pair(
         self, rows: Rows, which: NDArray[np.intp], data: Bytes, head: NDArray[np.int64], tail: NDArray[np.int64]

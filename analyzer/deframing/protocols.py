@@ -96,11 +96,11 @@ class Deframer(PortsDeframer):
     """
 
     def __init__(self, line: LineSettings, options: Options = Options()) -> None:  # noqa: B008 - frozen
-        super().__init__(line, options, _EngineOfPort(line, options))
+        super().__init__(line, options, EngineOfPort(line, options))
 
 
 @dataclass(frozen=True, slots=True)
-class _EngineOfPort:
+class EngineOfPort:
     """Makes the engine of a port, of the protocol that the options or the line's notes name, if they do.
 
     No closure: a deframer is kept between the slices of a recording (`analyzer.fleet`).
@@ -114,23 +114,33 @@ class _EngineOfPort:
         noted = named[port].strip() if port < len(named) else ""
         known = _BY_NAME.get(self.options.protocol, _BY_NAME.get(noted))
         if known is None:
-            return _UndecidedPort(self.line, self.options, port)
+            return UndecidedPort(self.line, self.options, port)
         return known.engine(self.line, self.options, port)
 
 
-class _UndecidedPort:
+class UndecidedPort:
     """A port whose protocol its bytes have yet to show; then that protocol's engine.
 
     Few bytes behind which nothing came for seconds, and that show none, are given as RTU would have them; where RTU
     follows, it knows of these and of the silence.
     """
 
+    _line: LineSettings
+    _options: Options
+    _port: int
+    _engine: PortEngine | None
+    _waiting: list[Block]
+    _unknown: PortEngine | None
+    _out: list[StreamSegments]
+    _bytes: int
+    _reads: int
+
     def __init__(self, line: LineSettings, options: Options, port: int) -> None:
         self._line, self._options, self._port = line, options, port
-        self._engine: PortEngine | None = None
-        self._waiting: list[Block] = []
-        self._unknown: PortEngine | None = None  # of what showed no protocol: RTU's
-        self._out: list[StreamSegments] = []
+        self._engine = None
+        self._waiting = []
+        self._unknown = None  # of what showed no protocol: RTU's
+        self._out = []
         self._bytes = self._reads = 0  # given to that one
 
     @property

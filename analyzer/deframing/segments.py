@@ -122,6 +122,13 @@ class UnorderedRows:
     returned (ns), which never runs back on a port.
     """
 
+    rows: Rows
+    data: Bytes
+    head: Times
+    tail: Times
+    heard: Times
+    why: BoundaryEvidence
+
     def __init__(self, rows: Rows, data: Bytes, head: Times, tail: Times, heard: Times, why: BoundaryEvidence) -> None:
         self.rows, self.data, self.head, self.tail, self.heard, self.why = rows, data, head, tail, heard, why
 

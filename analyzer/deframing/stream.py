@@ -7,7 +7,7 @@ still open.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import Final, Protocol
 
 import numpy as np
@@ -54,6 +54,12 @@ class PortEngine(Protocol):
     def undecided_ns(self) -> int | None: ...
 
 
+class EngineMaker(Protocol):
+    """Makes the engine of a port. No closure: a deframer is kept between the slices of a recording."""
+
+    def __call__(self, port: int) -> PortEngine: ...
+
+
 class PortsDeframer:
     """Timestamped bytes in, frames and noise out, as soon as they are certain.
 
@@ -61,11 +67,25 @@ class PortsDeframer:
     that have become certain. What was given is never revised.
     """
 
-    def __init__(self, line: LineSettings, options: Options, engine: Callable[[int], PortEngine]) -> None:
+    _line: LineSettings
+    _options: Options
+    _make: EngineMaker
+    _engines: dict[int, PortEngine]
+    _foreign: ForeignTalk
+    _pairer: EnvelopedPairer
+    _clock: TapClock
+    _off_ns: float
+    _frames: int
+    _order: WireOrder
+    _writes: WriteDirections
+    _now: int | None
+    _timed: bool
+
+    def __init__(self, line: LineSettings, options: Options, engine: EngineMaker) -> None:
         """`engine` makes that of a port."""
         self._line, self._options = line, options
         self._make = engine
-        self._engines: dict[int, PortEngine] = {}
+        self._engines = {}
         self._foreign = ForeignTalk()
         self._pairer = EnvelopedPairer()
         self._clock = TapClock(line)
@@ -73,7 +93,7 @@ class PortsDeframer:
         self._frames = 0
         self._order = WireOrder(line)
         self._writes = WriteDirections()
-        self._now: int | None = None
+        self._now = None
         self._timed = True
 
     def feed(self, chunks: Chunk | Block | Iterable[Chunk], now_ns: int | None = None) -> Batch:

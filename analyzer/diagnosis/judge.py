@@ -22,7 +22,7 @@ from ..deframing.tap_clock import TapClock
 from ..options import Options
 from ..outages import Deaf, excused, with_unheard
 from ..tables.batch import Batch, join_batches
-from ..tables.findings import NOTHING, Findings, fresh_looks
+from ..tables.findings import NOTHING, Findings, Look, fresh_looks
 from ..tables.schema import Kind, Rows
 from ..tables.transactions import TransactionRows, Transactions
 from .damage.triage import Triage
@@ -31,6 +31,15 @@ from .view import DiagnosisStep, LookBack
 
 class Diagnosis:
     """Rows and settled transactions in, findings out."""
+
+    _line: LineSettings
+    _options: Options
+    _looks: list[Look]
+    _clock: TapClock
+    _trail: LookBack
+    _examiner: Triage
+    _timed: bool
+    _now: int
 
     def __init__(self, line: LineSettings, options: Options = Options()) -> None:  # noqa: B008 - frozen
         self._line = line
@@ -106,12 +115,20 @@ _REQUEST: Final = int(Kind.REQUEST)
 class Judge:
     """Batches in wire order in, settled transactions and findings out; both may speak of batches before."""
 
+    outages: Sequence[Deaf]
+    _transactions: Transactions
+    _diagnosis: Diagnosis
+    _waiting: list[Batch]
+    _rows: int
+    _since: int
+    _asking: bool
+
     def __init__(self, line: LineSettings, options: Options, outages: Sequence[Deaf] = ()) -> None:
         """`outages`: times in which nothing was heard; nobody is blamed for what is missing then."""
         self.outages = outages
         self._transactions = Transactions()
         self._diagnosis = Diagnosis(line, options)
-        self._waiting: list[Batch] = []
+        self._waiting = []
         self._rows = 0  # of those
         self._since = 0  # when the first of those came, ns
         self._asking = False  # the last frame was a request

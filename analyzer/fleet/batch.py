@@ -36,10 +36,16 @@ class BatchResult:
     outdated: int = 0  # lines that other rules or other options made, and that are left so
     failed: int = 0  # tasks
     damaged: int = 0  # captures
+    troubled: int = 0  # lines whose state, or newest slice, was not what the lake had known
     partial: bool = False
     packed: LakePacking = field(default_factory=LakePacking)
     seconds: float = 0.0
     troubles: list[str] = field(default_factory=list)
+
+    @property
+    def is_flawed(self) -> bool:
+        """Whether something could not be done as it should."""
+        return bool(self.failed or self.damaged or self.troubled)
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,7 +177,7 @@ def _continued(
         tail_frames=last.get("tail_frames", 0),
         after=before.numbers[-1],
         grown=grown,
-        anew=plain if grown is not None and every_one_there else None,
+        anew=plain if every_one_there else None,
     )
 
 
@@ -246,6 +252,7 @@ def _enter(manifest: Manifest, task: LineTask, outcome: dict[str, Any] | Excepti
         return
     manifest.add(outcome)
     if outcome["trouble"]:
+        result.troubled += 1
         result.troubles.append(f"site {task.site}, line {task.line}: {outcome['trouble']}")
     result.lines += 1
     result.captures += len(outcome["slices"])

@@ -98,11 +98,20 @@ OF_ANSWER: Final = {  # column of a transaction: that of its answer
 class Transactions:
     """Turns batches into transactions; holds only those that are open."""
 
+    _open: TransactionRows
+    _last_request: bytes | None
+    _failed: bool
+    _last_row: tuple[bool, bytes]
+    _frames: int
+    _octets: int
+    _places: NDArray[np.int64]
+    _repeats: NDArray[np.bool_]
+
     def __init__(self) -> None:
-        self._open: TransactionRows = TransactionRows.zeros(0)
-        self._last_request: bytes | None = None
+        self._open = TransactionRows.zeros(0)
+        self._last_request = None
         self._failed = False  # the newest that is settled got no good answer
-        self._last_row: tuple[bool, bytes] = (True, b"")  # of the last row: whether it was a whole frame, its bytes
+        self._last_row = (True, b"")  # of the last row: whether it was a whole frame, its bytes
         self._frames = 0
         self._octets = 0  # on the bus so far, all ports together
         self._places = np.zeros(0, np.int64)  # of the open requests: octets on the bus up to their ends

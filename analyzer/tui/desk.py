@@ -134,8 +134,8 @@ class Preferences:
             "recent": self.recent,
         }
         try:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            with captures.replacing(self.path) as out:
+            self.path.parent.mkdir(0o700, parents=True, exist_ok=True)
+            with captures.replacing(self.path, private=True) as out:
                 out.write((json.dumps(stored, indent=2, ensure_ascii=False) + "\n").encode(errors="backslashreplace"))
         except (OSError, captures.CaptureError) as error:
             self.path, self.trouble = None, tr("settings last until you quit: {error}", error=error_words(error))

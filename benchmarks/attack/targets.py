@@ -149,6 +149,7 @@ def targets() -> dict[str, Target]:
     from attack.lakefiles import lake_targets
     from attack.languages import language_targets
     from attack.mapfiles import map_targets
+    from attack.states import state_targets
 
     readers = [
         Target(f"reader {name}", cache(partial(_capture_seeds, name)), _read(name), (CaptureError,), TEXTS[:1])
@@ -161,4 +162,5 @@ def targets() -> dict[str, Target]:
         Target("exporters", cache(_bytes), _export, (ExportError,), share=1, seconds=10.0),
         Target("report", cache(_bytes), _report, (FilterError,), share=1, seconds=10.0),
     ]
-    return {target.name: target for target in (*readers, *others, *language_targets(), *map_targets(), *lake_targets())}
+    made = (*language_targets(), *map_targets(), *lake_targets(), *state_targets())
+    return {target.name: target for target in (*readers, *others, *made)}

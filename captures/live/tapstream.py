@@ -18,8 +18,10 @@ from __future__ import annotations
 import hmac
 import ipaddress
 import json
+import os
 import socket
 import ssl
+import stat
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -77,11 +79,23 @@ def is_tap_url(url: str) -> bool:
 def read_token(file: str) -> str:
     """The secret in a file, which both ends have; TapSetupError."""
     try:
-        token = Path(file).read_text(encoding="utf-8").strip()
+        with Path(file).open("rb") as stream:
+            refuse_public(file, os.fstat(stream.fileno()))
+            token = stream.read().decode("utf-8").strip()
     except (OSError, UnicodeError) as error:
         reason = os_reason(error) if isinstance(error, OSError) else "not UTF-8"
         raise TapSetupError(f"{file}: cannot be read: {reason}") from error
     return checked_token(token, file)
+
+
+def refuse_public(file: str, about: os.stat_result) -> None:
+    """TapSetupError for a secret that others on this machine may read; another owner's group may, as ssh has it."""
+    if os.name != "posix":
+        return
+    others = 0o077 if about.st_uid == os.getuid() else 0o007
+    if stat.S_ISREG(about.st_mode) and about.st_mode & others:
+        mode = stat.S_IMODE(about.st_mode)
+        raise TapSetupError(f"{file}: others may read it (mode {mode:04o}), so it is no secret: chmod 600 {file}")
 
 
 def checked_token(token: str, where: str) -> str:

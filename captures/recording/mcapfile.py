@@ -16,7 +16,7 @@ from typing import BinaryIO, Final
 
 from ..chunks import Block, Capture, Damage
 from ..disposal import cut_back, is_open_elsewhere, made, move_to_free_name, put_in_place, remove_made
-from ..files import replacing
+from ..files import PRIVATE, replacing
 from ..formats.mcap.channel import ChunkChannel
 from ..formats.mcap.reading import first_metadata
 from ..formats.mcap.writer import ArrayWriter
@@ -34,7 +34,7 @@ class CommittedFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0) | getattr(os, "O_CLOEXEC", 0)
-        self._descriptor = os.open(path, flags, 0o666)
+        self._descriptor = os.open(path, flags, PRIVATE)
         with suppress(ImportError, OSError):  # so that others see that it is in work
             import fcntl
 
@@ -224,7 +224,7 @@ class Repaired:
 def repair(source: Path, target: Path) -> Repaired:
     """Write all of `source` that can be read to `target`, whole. CaptureError where there is nothing to read."""
     capture = open(source)
-    with replacing(target) as file:
+    with replacing(target, private=True) as file:
         chunks, octets, notes = _copy(capture, source, file)
     return Repaired(chunks, octets, notes, capture.damage, capture.damage_count)
 

@@ -107,10 +107,14 @@ class _Before(NamedTuple):
 class Strangers:
     """Answers with a right check value that belong to no request."""
 
+    _requested: bool
+    _newest: tuple[int, _Before] | None
+    _asking: set[int]
+
     def __init__(self) -> None:
         self._requested = False  # a request has been seen: before it, answers belong to what was before the capture
-        self._newest: tuple[int, _Before] | None = None  # the last row that was asked about, and what stood before it
-        self._asking: set[int] = set()  # ports on which requests over Modbus TCP were seen
+        self._newest = None  # the last row that was asked about, and what stood before it
+        self._asking = set()  # ports on which requests over Modbus TCP were seen
 
     def __call__(self, view: DiagnosisStep) -> Iterator[Findings]:
         rows, asks = view.rows, view.requests
