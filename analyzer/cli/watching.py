@@ -63,7 +63,7 @@ def add_view_arguments(parser: argparse.ArgumentParser, *, format_flag: bool = F
     view.add_argument("--noise", action="store_true", help="with --json and pcapng: the bytes in no frame, too")
     view.add_argument("-Y", "--filter", metavar="FILTER", help="show only frames that pass, such as 'unit == 17'")
     view.add_argument("--count", type=int, metavar="N", help="stop after N frames shown")
-    view.add_argument("--duration", type=seconds, metavar="TIME", help="stop after this time: 90s, 15min, 12h")
+    add_duration_argument(view)
     view.add_argument("--until", metavar="FILTER", help="stop after a frame that passes: 'finding == \"no-response\"'")
     view.add_argument(
         "--trigger", metavar="FILTER", help="show (and record) only what is around frames that pass; see --before"
@@ -178,8 +178,6 @@ class Watch:
                 out += map(self._tell_cause, causes)
             out += self._revised(step)
             self._write(out)
-            if self._arguments.duration and self.status.elapsed_ns >= self._arguments.duration * 1e9:
-                self._end()
         if self._tell_cause is not None and not self._over:  # who ends it by a condition has what he waited for
             self._write([*map(self._tell_cause, self._story.close())])
         self._clear()
@@ -287,12 +285,20 @@ def _condition(arguments: argparse.Namespace, name: str, charts: UnitMaps) -> Co
         raise UsageError(f"--{name}: {error}") from error
 
 
-@contextmanager
-def ended_by_signals(stop: Callable[[], None], *, abandon: Callable[[], None] | None = None) -> Iterator[None]:
-    """SIGINT, SIGTERM and SIGHUP call `stop`; a second SIGINT ends at once.
+def add_duration_argument(parser: argparse._ActionsContainer) -> None:
+    """When to stop: what `ended_from_outside` takes."""
+    parser.add_argument("--duration", type=seconds, metavar="TIME", help="stop after this time: 90s, 15min, 12h")
 
-    Where the end has not come 1.2 s later, another thread calls `abandon`: output that nobody takes, or an analysis
-    that is far behind, must not keep a process that was told to end.
+
+@contextmanager
+def ended_from_outside(
+    stop: Callable[[], None], duration_s: float | None = None, *, abandon: Callable[[], None] | None = None
+) -> Iterator[None]:
+    """SIGINT, SIGTERM and SIGHUP call `stop`; a second SIGINT ends at once. So does the end of `duration_s`, by this
+    machine's steady clock, whether anything comes or not.
+
+    Where the end has not come 1.2 s after a signal, another thread calls `abandon`: output that nobody takes, or an
+    analysis that is far behind, must not keep a process that was told to end.
     """
     requested, ended = threading.Event(), threading.Event()
 
@@ -311,9 +317,14 @@ def ended_by_signals(stop: Callable[[], None], *, abandon: Callable[[], None] | 
     with suppress(ValueError):  # not the main thread: signals are another's business
         before = {number: signal.signal(number, handler) for number in (signal.SIGINT, *told_to_end())}
     threading.Thread(target=watch, daemon=True).start()
+    timer = threading.Timer(min(duration_s or 0.0, threading.TIMEOUT_MAX), stop)
+    timer.daemon = True
+    if duration_s is not None:
+        timer.start()
     try:
         yield
     finally:
+        timer.cancel()
         for number, old in before.items():
             signal.signal(number, old)
         ended.set()
