@@ -7,6 +7,7 @@ import shutil
 import socket
 import subprocess
 import time
+import urllib.error
 import urllib.request
 
 import pytest
@@ -86,6 +87,38 @@ def test_metrics_say_what_the_report_says(capsys):
     if (promtool := shutil.which("promtool")) is not None:
         done = subprocess.run([promtool, "check", "metrics"], input=plain, capture_output=True, text=True)
         assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.parametrize(
+    ("listening", "headers", "status"),
+    [
+        ("127.0.0.1", {"Host": "localhost:9617"}, 200),
+        ("127.0.0.1", {"Host": "evil.example"}, 403),
+        ("127.0.0.1", {"Host": "rtuscope:9617"}, 403),
+        ("127.0.0.1", {"Origin": "http://evil.example"}, 403),
+        ("127.0.0.1", {"Origin": "null"}, 403),
+        ("0.0.0.0", {"Host": "rtuscope:9617"}, 200),  # a service in a network of containers
+        ("0.0.0.0", {"Host": "192.0.2.7:9617"}, 200),
+        ("0.0.0.0", {"Host": "evil.example:9617"}, 403),
+        ("localhost", {"Host": "LOCALHOST"}, 200),
+    ],
+)
+def test_metrics_are_for_no_page_of_the_web(listening, headers, status):
+    """Nor under a name that a stranger makes point here."""
+    metrics = pytest.importorskip("analyzer.live.outlets.metrics")
+    pytest.importorskip("prometheus_client")
+    served = metrics.Metrics(listening, 0)
+    try:
+        request = urllib.request.Request(f"http://127.0.0.1:{served.port}/metrics", headers=headers)
+        try:
+            with urllib.request.urlopen(request, timeout=10) as answer:
+                assert answer.status == status
+                assert b"modbus_heard_bytes_total" in answer.read()
+        except urllib.error.HTTPError as error:
+            assert error.code == status
+            assert b"modbus_" not in error.read()
+    finally:
+        served.close()
 
 
 @needs_pty

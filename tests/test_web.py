@@ -27,7 +27,8 @@ from hypothesis import strategies as st
 from running import environment, refused
 from terminals import posix
 
-from analyzer.cli.open import refusal, shell_command
+from analyzer.cli.open import shell_command
+from analyzer.webguard import refusal
 from captures import samples
 
 pytest.importorskip("textual_serve")

@@ -351,6 +351,13 @@ def add_outlet_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--foxglove", metavar="[HOST:]PORT", type=address, help="the topics of an MCAP export, live at ws://HOST:PORT"
     )
+    group.add_argument(
+        "--foxglove-origin",
+        metavar="ORIGIN",
+        action="append",
+        default=[],
+        help="let in a page of your own, such as http://localhost:8080 (else app.foxglove.dev and desktop programs)",
+    )
 
 
 def outlets_of(
@@ -371,7 +378,7 @@ def outlets_of(
         from ..live.outlets.foxglove import Foxglove
 
         host, port = arguments.foxglove
-        foxglove = Foxglove(host, port, chosen_charts(arguments))
+        foxglove = Foxglove(host, port, chosen_charts(arguments), origins=arguments.foxglove_origin)
         begun.append(foxglove)
         tell(f"foxglove: ws://{shown_host(host)}:{foxglove.port}")
     if arguments.mqtt is not None:
