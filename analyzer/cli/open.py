@@ -34,6 +34,7 @@ from .inputs import (
     add_limit_arguments,
     add_map_argument,
     add_reading_arguments,
+    capture_as_asked,
     chosen_charts,
     chosen_limits,
     given_limits,
@@ -232,8 +233,7 @@ def run(arguments: argparse.Namespace) -> int:
         shown_in = UTC if arguments.tz is None else time_zone(arguments.tz)
 
         def again(path: Path) -> CaptureSource:
-            arguments.capture = str(path)
-            return CaptureSource(open_capture(arguments), path.name, limits)
+            return CaptureSource(capture_as_asked(str(path), arguments), path.name, limits)
 
         source = CaptureSource(capture, name, limits)
         show(source, light=arguments.light, zone=shown_in, charts=charts.of, reader=again)

@@ -15,7 +15,6 @@ import captures
 from analyzer.model.source import CaptureSource, ViewSource
 from analyzer.tui.app import Rtuscope
 from analyzer.tui.keys import Help
-from analyzer.tui.openfiles import NextFile
 from analyzer.tui.prompts import Ask, Choose
 from analyzer.tui.screen import BusScreen
 from captures import samples
@@ -24,7 +23,7 @@ from captures import samples
 class Seat:
     """A user at the interface."""
 
-    def __init__(self, app: Rtuscope, pilot: Pilot[NextFile | None], notices: Sequence[str] = ()) -> None:
+    def __init__(self, app: Rtuscope, pilot: Pilot[None], notices: Sequence[str] = ()) -> None:
         self.app, self.pilot = app, pilot
         self._notices = notices
 
