@@ -250,6 +250,30 @@ def test_an_export_is_a_download_and_nothing_is_written_here(address: str, folde
 
 
 @posix
+def test_a_file_that_goes_or_changes_does_not_end_the_page(tmp_path: Path) -> None:
+    bus = tmp_path / "bus.jsonl"
+    shutil.copy(samples.path("troubled.jsonl"), bus)
+
+    async def work(tab: Browser) -> None:
+        await tab.shows("165 frames")
+        whole = bus.read_text().splitlines(keepends=True)
+        bus.unlink()
+        await tab.type("\x12")  # Ctrl+R
+        await tab.shows("this stays as it was")
+        await tab.type("2")
+        await tab.shows("holding registers")
+        bus.write_text("".join(whole[: len(whole) // 2]))
+        await tab.type("\x12")
+        await tab.until(lambda: "165 frames" not in tab.picture.lines()[38] and "frames" in tab.picture.lines()[38])
+        bus.write_text("".join(whole))
+        await tab.type("\x12")
+        await tab.until(lambda: "165 frames" in tab.picture.lines()[38])
+
+    with served(tmp_path, "bus.jsonl") as address:
+        browse(address, work)
+
+
+@posix
 def test_functions_and_limits_go_along(tmp_path: Path) -> None:
     shutil.copy(samples.path("troubled.jsonl"), tmp_path / "-bus.jsonl")
     (tmp_path / "captures.py").write_text("raise SystemExit('a module of the folder was run')")
