@@ -251,14 +251,15 @@ def test_values_and_health_reach_a_broker_that_is_away_for_a_while(tmp_path):
         assert eventually(lambda: "106" in heard.of(power)), heard.messages
     finally:
         status, _, said = record.ended()
-        gone = eventually(lambda: heard.of("rtuscope/status")[-1:] == ["offline"])
+        gone = eventually(lambda: heard.of("rtuscope/status")[-1:] == ["offline"] and heard.of(power)[-1:] == [""])
         heard.close()
         broker.stop()
     assert status == 0, said
     assert gone
     assert "connection lost; states wait" in said, said
     assert "connected again" in said, said
-    live = heard.live(power)
+    *live, last = heard.live(power)
+    assert last == "", "nobody hears it any more: the broker keeps none"
     assert len(live) == len(set(live)), live  # nothing twice
     assert live[:3] == ["100", "101", "102"]
     assert live[-2:] == ["105", "106"]
@@ -266,13 +267,14 @@ def test_values_and_health_reach_a_broker_that_is_away_for_a_while(tmp_path):
     assert health["requests"] == 8
     assert health["answered"] == 8
     assert health["answers"] is True
-    (config,) = [
-        json.loads(text) for text in heard.live("homeassistant/sensor/rtuscope/unit_17_values_Active_power/config")
-    ]
+    told = heard.live("homeassistant/sensor/rtuscope/unit_17_values_Active_power/config")
+    assert len(told) <= 2, "at first, and once the period of its poll is known"
+    config = json.loads(told[-1])
     assert config["state_topic"] == power
     assert config["unit_of_measurement"] == "W"
     assert config["device_class"] == "power"
-    assert config["availability_topic"] == "rtuscope/status"
+    assert [each["topic"] for each in config["availability"]] == ["rtuscope/status", "rtuscope/unit/17/available"]
+    assert heard.of("rtuscope/unit/17/available")[-1] == "offline"
     assert len(list(analyzer.open(tmp_path / "bus.mcap").frames())) == 16  # the recording has all
 
 
