@@ -141,7 +141,7 @@ class Watch:
         self.status = LineStatus(session.line)
         self._recent = Recent()
         self._tell_cause: Callable[[CauseRevision], Any] | None = getattr(self._lines, "cause", None)
-        self._story = RunningStory(session.line)
+        self._story = RunningStory(session.line, aside=not session.waits)
         self._filter, self._until = _condition(arguments, "filter", charts), _condition(arguments, "until", charts)
         self._trigger = _condition(arguments, "trigger", charts)
         self._window: TriggerWindow[Any] = TriggerWindow(int(arguments.before * 1e9), int(arguments.after * 1e9))
