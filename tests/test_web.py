@@ -273,6 +273,48 @@ def test_a_file_that_goes_or_changes_does_not_end_the_page(tmp_path: Path) -> No
         browse(address, work)
 
 
+def descendants(pid: int) -> list[int]:
+    """Processes of a process, and theirs."""
+    own = [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+    return [*own, *(each for child in own for each in descendants(child))]
+
+
+def running(pid: int) -> bool:
+    try:
+        return "\nState:\tZ" not in Path(f"/proc/{pid}/status").read_text()
+    except OSError:
+        return False
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="asks /proc")
+@pytest.mark.parametrize("ended", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
+def test_a_viewer_ends_with_its_server(tmp_path: Path, ended: signal.Signals) -> None:
+    shutil.copy(samples.path("troubled.jsonl"), tmp_path / "bus.jsonl")
+    command = [sys.executable, "-P", "-m", "analyzer.cli", "open", "--web", "--port", "0", "bus.jsonl"]
+    server = subprocess.Popen(
+        command, env=environment(), cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+    )
+    viewers: list[int] = []
+
+    async def work(tab: Browser) -> None:
+        await tab.shows("165 frames")
+        viewers.extend(descendants(server.pid))
+        server.send_signal(ended)
+        for _ in range(600):
+            if not any(map(running, viewers)):
+                return
+            await asyncio.sleep(0.05)
+
+    try:
+        assert server.stdout is not None
+        browse(server.stdout.readline().strip(), work)
+        assert viewers
+        assert [pid for pid in viewers if running(pid)] == []
+    finally:
+        server.kill()
+        server.wait(20)
+
+
 @posix
 def test_functions_and_limits_go_along(tmp_path: Path) -> None:
     shutil.copy(samples.path("troubled.jsonl"), tmp_path / "-bus.jsonl")

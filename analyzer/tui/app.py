@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import gc
+import os
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
@@ -18,6 +19,7 @@ from textual.app import App, ScreenStackError, SystemCommand
 from textual.binding import Binding, BindingType
 from textual.color import Color
 from textual.command import CommandPalette
+from textual.driver import Driver
 from textual.filter import Monochrome
 from textual.screen import Screen
 from textual.worker import Worker
@@ -36,6 +38,7 @@ from .openfiles import NextFile
 from .paint import DARK, DARK_16, HARMLESS, LIGHT, LIGHT_16, Colourless
 from .prompts import Choose
 from .screen import BusScreen
+from .viewer import ending_with_its_server
 from .views import VIEWS
 from .wire import ASKING, KeyQueue, ThinWire
 
@@ -100,6 +103,10 @@ class Rtuscope(App[None]):
         self.keys = KeyQueue(self, super().on_event)
         self._cursor_was = self.cursor_position
         self.HORIZONTAL_BREAKPOINTS = [(0, "-slim"), (_NARROW, "-narrow"), (_BROAD, "-broad")]
+
+    def get_driver_class(self) -> type[Driver]:
+        driver = super().get_driver_class()
+        return ending_with_its_server(driver) if "TEXTUAL_DRIVER" in os.environ else driver
 
     def get_line_filters(self) -> Sequence[LineFilter]:
         theirs = super().get_line_filters()
