@@ -71,8 +71,9 @@ def _plain(arguments: argparse.Namespace, source: TapSource | TapViewer, recorde
 
     heard = 0
     try:
-        with ended_from_outside(source.close, arguments.duration):
+        with ended_from_outside(source.close, arguments.duration) as begun:
             for item in source.items():
+                begun()
                 if isinstance(item, Block):
                     recorder.write(item)
                     heard += len(item.data)
@@ -101,8 +102,9 @@ def _analysed(
 
     session = Session(source, recorder=recorder, outlets=outlets)
     heard = missed = 0
-    with session, ended_from_outside(session.stop, arguments.duration):
+    with session, ended_from_outside(session.stop, arguments.duration) as begun:
         for step in session.steps():
+            begun()
             heard += step.heard
             missed += step.missed
             for event in step.events:

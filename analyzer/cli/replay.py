@@ -73,8 +73,8 @@ def run(arguments: argparse.Namespace) -> int:
     with keys(lambda key: _press(replay, key)) as keyboard:
         if keyboard:
             tell(_KEYS)
-        with session, ended_from_outside(session.stop, arguments.duration):
-            status = watch.run()
+        with session, ended_from_outside(session.stop, arguments.duration) as begun:
+            status = watch.run(begun)
     tell_damage(arguments.capture, capture)
     return status
 

@@ -93,8 +93,8 @@ def listen(arguments: argparse.Namespace, out: BinaryIO | None = None) -> int:
             return show(session, arguments.port, recorder, chosen_charts(arguments))
         watch = Watch(arguments, session, extra=lambda: _recorded(recorder), fire=fire, out=out)
         abandon = partial(_abandon, session, recorder, tell)
-        with session, ended_from_outside(session.stop, arguments.duration, abandon=abandon):
-            status = watch.run()
+        with session, ended_from_outside(session.stop, arguments.duration, abandon=abandon) as begun:
+            status = watch.run(begun)
         if recorder is not None and recorder.lost:
             tell(recorder.result)
             return FAILED

@@ -91,8 +91,9 @@ def _serve(arguments: argparse.Namespace, server: TapServer, address: str, tell:
 
     heard = 0
     source = tap_of(arguments)
-    with ended_from_outside(source.close, arguments.duration):
+    with ended_from_outside(source.close, arguments.duration) as begun:
         for number, item in enumerate(source.items()):
+            begun()
             if not number:  # the port is there, or waited for: who comes will hear something
                 tell(f"viewers: rtuscope sniff {address}")
             server.feed(item, source.line)

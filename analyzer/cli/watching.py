@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from ..tables.findings import Finding
 
 _PERIOD_S: Final = 0.25
+_COUNTS: Final = 2  # of a duration: from the start, and from the first thing that came
 _GRACE_S: Final = 1.2  # from a signal to end to the end
 _SILENT: Final = frozenset({"settings"})  # events that are not told
 _GOES_WELL: Final = _SILENT | {"opened", "settled", "seeking", "trying"}  # not where each line is shown as an error
@@ -151,8 +152,8 @@ class Watch:
         self._next_status = 0.0
         self._words = ""  # of the status line
 
-    def run(self) -> int:
-        """Show the session to its end; the exit status."""
+    def run(self, begun: Callable[[], None]) -> int:
+        """Show the session to its end, `begun` with its first step; the exit status."""
         from ..live.lines import of_the_bus
         from ..live.streams import LivePackets
 
@@ -160,6 +161,7 @@ class Watch:
             self._write([self._lines.begin()])
         silent = _SILENT if self._out is None else _GOES_WELL
         for step in self._session.steps():
+            begun()
             if self._over:
                 continue  # what the session still gives while it ends
             self.status.line = self._session.line
@@ -293,9 +295,10 @@ def add_duration_argument(parser: argparse._ActionsContainer) -> None:
 @contextmanager
 def ended_from_outside(
     stop: Callable[[], None], duration_s: float | None = None, *, abandon: Callable[[], None] | None = None
-) -> Iterator[None]:
+) -> Iterator[Callable[[], None]]:
     """SIGINT, SIGTERM and SIGHUP call `stop`; a second SIGINT ends at once. So does the end of `duration_s`, by this
-    machine's steady clock, whether anything comes or not.
+    machine's steady clock, whether anything comes or not; what is given is called when the first thing has come, from
+    which on it counts.
 
     Where the end has not come 1.2 s after a signal, another thread calls `abandon`: output that nobody takes, or an
     analysis that is far behind, must not keep a process that was told to end.
@@ -317,14 +320,23 @@ def ended_from_outside(
     with suppress(ValueError):  # not the main thread: signals are another's business
         before = {number: signal.signal(number, handler) for number in (signal.SIGINT, *told_to_end())}
     threading.Thread(target=watch, daemon=True).start()
-    timer = threading.Timer(min(duration_s or 0.0, threading.TIMEOUT_MAX), stop)
-    timer.daemon = True
-    if duration_s is not None:
-        timer.start()
+    timers: list[threading.Timer] = []
+
+    def count() -> None:
+        if duration_s is None or len(timers) == _COUNTS:
+            return
+        for timer in timers:
+            timer.cancel()
+        timers.append(threading.Timer(min(duration_s, threading.TIMEOUT_MAX), stop))
+        timers[-1].daemon = True
+        timers[-1].start()
+
+    count()
     try:
-        yield
+        yield count
     finally:
-        timer.cancel()
+        for timer in timers:
+            timer.cancel()
         for number, old in before.items():
             signal.signal(number, old)
         ended.set()
