@@ -322,7 +322,7 @@ def test_a_tap_that_begins_anew_is_said_and_its_earlier_clock_does_not_turn_time
         server.close()
         with serving(port=port) as again:
             again.feed(block((time.time_ns(), ANSWER, 0, ())), LINE)
-            assert eventually(lambda: len(heard.chunks) == 2, 20)
+            assert eventually(lambda: len(heard.chunks) == 2)
         assert "began anew: what came meanwhile is not known" in heard.words()
         times = [chunk.t_ns for chunk in heard.chunks]
         assert times == sorted(times)
@@ -392,7 +392,7 @@ def test_a_fake_tap_in_the_place_of_one_that_went_is_told_and_never_recorded():
         assert eventually(lambda: len(heard.chunks) == 1)
         server.close()
         fake = HostileTap(BEGIN + b"".join(data for data, _ in records_of(reads(1, 1)[0])), port=server.port)
-        assert eventually(lambda: "it does not prove that it knows the token" in heard.words(), 20)
+        assert eventually(lambda: "it does not prove that it knows the token" in heard.words())
         assert fake.connections
         assert len(heard.chunks) == 1
         assert "opened" not in heard.kinds()[2:]

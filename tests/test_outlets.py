@@ -151,7 +151,7 @@ def test_prometheus_scrapes_a_recorder(tmp_path):
             os.write(master, adu(f"{ANSWER}{value:04x}"))
             time.sleep(0.02)
         os.write(master, ASKED)
-        assert eventually(lambda: counted() == [("17", "10")], 40), counted()
+        assert eventually(lambda: counted() == [("17", "10")]), counted()
     finally:
         scraper.kill()
         scraper.wait()
@@ -178,7 +178,7 @@ class Broker:
         self._process = subprocess.Popen(
             [program, "-c", self._settings], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
         )
-        assert eventually(self._answers, 20)
+        assert eventually(self._answers)
 
     def _answers(self):
         with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", self.port), 1):
@@ -246,7 +246,7 @@ def test_values_and_health_reach_a_broker_that_is_away_for_a_while(tmp_path):
             answered(master, value)
         time.sleep(1)
         broker.start()
-        assert eventually(lambda: "105" in heard.of(power), 30), heard.messages
+        assert eventually(lambda: "105" in heard.of(power)), heard.messages
         answered(master, 106)
         assert eventually(lambda: "106" in heard.of(power)), heard.messages
     finally:

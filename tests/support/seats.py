@@ -54,7 +54,7 @@ class Seat:
         """Workers are done and their messages handled."""
         await self.pilot.pause()
         await self.until(lambda: not self.app.keys.busy)
-        for _ in range(400):
+        for _ in range(4000):
             if all(worker.is_finished or (self.app.desk.source.live and worker.group in ("load", "select"))
                    for worker in self.app.workers):  # fmt: skip
                 break
@@ -64,7 +64,7 @@ class Seat:
         await self.pilot.pause()
 
     async def until(self, wanted: Callable[[], bool]) -> None:
-        for _ in range(3000):
+        for _ in range(60_000):
             if wanted():
                 return
             await asyncio.sleep(0.01)
