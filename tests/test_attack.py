@@ -29,7 +29,7 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs POSIX")
     ],
 )
 def test_no_input_of_the_fuzz_harms(only: str) -> None:
-    """Patient: how fast this machine is today is no matter of tests."""
+    """Inputs are counted and their CPU time is: how fast this machine is today is no matter of tests."""
     count = 8 if only in ("analysis", "exporters", "report") else 30 if only == "reader" else 100
     outcome = package("attack.fuzz").attack(1, count, only=only, patience=10)
     assert not outcome.failures, outcome.failures[0]
