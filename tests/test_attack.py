@@ -76,3 +76,8 @@ def test_damage_costs_what_it_hit() -> None:
 def test_a_recorder_weathers_storms() -> None:
     outcome = package("attack.storms").attack(1, 6)
     assert not outcome.failures, outcome.failures[0]
+
+
+def test_taps_and_viewers_hold_against_hostile_ones() -> None:
+    outcome = package("attack.taps").attack(1, 40)
+    assert not outcome.failures, outcome.failures[0]
