@@ -12,7 +12,7 @@ import sys
 from random import Random
 
 import pytest
-from running import ROOT, environment
+from running import PATIENCE_S, ROOT, environment
 from scripts import package, script
 
 bus = script("bus")
@@ -22,7 +22,9 @@ bus = script("bus")
 def test_the_quick_comparison_says_what_it_measured_and_what_is_absent(tmp_path):
     figures = tmp_path / "figures.json"
     command = [sys.executable, ROOT / "benchmarks" / "compare.py", "--quick", "--frames", "400", "--json", figures]
-    done = subprocess.run(command, capture_output=True, text=True, env=environment(PATH=str(tmp_path)), timeout=200)
+    done = subprocess.run(
+        command, capture_output=True, text=True, env=environment(PATH=str(tmp_path)), timeout=PATIENCE_S
+    )
     assert done.returncode == 0, done.stderr
     said = json.loads(figures.read_text())
     assert {"tshark": "tshark is not installed", "sigrok": "sigrok-cli is not installed"}.items() <= said[
@@ -67,7 +69,7 @@ def test_answers_fit_their_requests_and_values_change():
 @pytest.mark.skipif(os.name != "posix", reason="ptys are POSIX")
 def test_the_interface_s_benchmark_tells_its_arguments():
     command = [sys.executable, "-m", "benchmarks.interface", "--help"]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env=environment(), timeout=60)
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env=environment(), timeout=PATIENCE_S)
     assert done.returncode == 0 and "[FRAMES] [CAPTURE]" in done.stdout, done.stderr
 
 

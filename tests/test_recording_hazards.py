@@ -14,7 +14,7 @@ from types import SimpleNamespace
 
 import pytest
 from livebus import raw_pty
-from running import START, environment
+from running import PATIENCE_S, START, environment
 
 import captures
 from captures.chunks import Block, Chunk
@@ -354,7 +354,7 @@ def test_bytes_that_a_full_disk_cost_are_told_last_with_a_status(tmp_path):
     talker.join()
     time.sleep(1)
     process.send_signal(signal.SIGTERM)
-    _, err = process.communicate(timeout=20)
+    _, err = process.communicate(timeout=PATIENCE_S)
     os.close(master)
     os.close(slave)
     kept = held(tmp_path / "bus.mcap.part")

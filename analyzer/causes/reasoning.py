@@ -5,7 +5,10 @@ While evidence grows they are looked at again each time there is a fair part mor
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
+from concurrent.futures import Future
+from contextvars import copy_context
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
@@ -121,10 +124,20 @@ class CauseRevision:
 
 
 class RunningStory:
-    """Rows as they come in; revisions of causes out. `causes` are those of the newest look."""
+    """Rows as they come in; revisions of causes out. `causes` are those of the newest look.
 
-    def __init__(self, line: LineSettings, options: Options = Options()) -> None:  # noqa: B008 - frozen
-        self._options = options
+    `aside`: a look goes on in a thread of its own, which takes most of a second at first, and its outcome comes with
+    later rows: for who shows a live line. Otherwise what comes out hangs on the rows alone.
+    """
+
+    def __init__(
+        self,
+        line: LineSettings,
+        options: Options = Options(),  # noqa: B008 - frozen
+        *,
+        aside: bool = False,
+    ) -> None:
+        self._options, self._aside = options, aside
         self._begin(line)
         self.revision = 0
         self.causes: list[Cause] = []
@@ -135,6 +148,7 @@ class RunningStory:
         self._transactions: list[TransactionRows] = []
         self._rows = 0  # of those batches
         self._counted = self._requests = 0  # batches whose right requests are counted, and these
+        self._going: Future[list[Cause]] | None = None  # a look of the ledger, to which nothing is added meanwhile
 
     def feed(self, batch: Batch, transactions: TransactionRows, line: LineSettings) -> list[CauseRevision]:
         """The next rows, of a line of these settings; where those are others than before, all begins anew."""
@@ -144,13 +158,18 @@ class RunningStory:
             self._batches.append(batch)
             self._transactions.append(transactions)
             self._rows += len(batch)
+        if self._going is not None:
+            return self._told(self._going.result()) if self._going.done() else []
         if self._rows < _GATHERED and not self._may_look():
             return []
         self._enter()
         if self._ledger.exchanges < self._next:
             return []
         self._next = self._ledger.exchanges + min(int((_GROWTH - 1) * self._ledger.exchanges), _LOOK_EVERY)
-        return self._look()
+        if not self._aside:
+            return self._told(causes_of(self._ledger))
+        self._going = _look_aside(self._ledger)
+        return []
 
     def _may_look(self) -> bool:
         """Whether what waits may be enough for a look: an exchange begins with a request."""
@@ -163,9 +182,10 @@ class RunningStory:
 
     def close(self) -> list[CauseRevision]:
         """No more comes."""
+        before = [] if self._going is None else self._told(self._going.result())
         self._enter()
         self._ledger.close()
-        return self._look()
+        return [*before, *self._told(causes_of(self._ledger))]
 
     def _enter(self) -> None:
         """What waits, into the ledger."""
@@ -174,9 +194,11 @@ class RunningStory:
             self._batches, self._transactions = [], []
             self._rows = self._counted = self._requests = 0
 
-    def _look(self) -> list[CauseRevision]:
+    def _told(self, causes: list[Cause]) -> list[CauseRevision]:
+        """What a look shows that the one before did not."""
+        self._going = None
         old = {_key(cause): cause for cause in self.causes}
-        self.causes = causes_of(self._ledger)
+        self.causes = causes
         new = {_key(cause): cause for cause in self.causes}
         changed: list[tuple[State, Cause]] = [("withdrawn", old[key]) for key in old if key not in new]
         for key, cause in new.items():
@@ -187,6 +209,20 @@ class RunningStory:
                 changed.append(("revised", cause))
         self.revision += bool(changed)
         return [CauseRevision(self.revision, state, self._ledger.exchanges, cause) for state, cause in changed]
+
+
+def _look_aside(ledger: Ledger) -> Future[list[Cause]]:
+    """The causes of a ledger, in a thread; in the language in use."""
+    found: Future[list[Cause]] = Future()
+
+    def look() -> None:
+        try:
+            found.set_result(causes_of(ledger))
+        except BaseException as error:  # raised again where it is told
+            found.set_exception(error)
+
+    threading.Thread(target=copy_context().run, args=(look,), daemon=True).start()
+    return found
 
 
 def _key(cause: Cause) -> tuple[str, tuple[int, ...]]:

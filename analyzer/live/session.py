@@ -157,6 +157,11 @@ class Session:
         return self._recorder is not None
 
     @property
+    def waits(self) -> bool:
+        """Whether the source waits for an analysis that is behind: a replay does, a bus does not."""
+        return self._source.waits
+
+    @property
     def waiting(self) -> int:
         """Bytes that wait for the analysis."""
         return self._waiting

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from captures.line import LineSettings
 
-from ..causes.ledger import Ledger
+from ..causes.aside import SharedLedger
 from ..core import Analysed
 from ..options import Options
 from ..outages import Deaf
@@ -76,7 +76,7 @@ class Bus:
         self._summary = Summary(line.character_ns)
         self.options = Options()
         self.bits: RowBits | None = None  # where the capture has edges
-        self._ledger = Ledger(line)
+        self._ledger = SharedLedger(line)
         self._lock = threading.Lock()
         self._source: ViewSource | None = None
 
@@ -88,7 +88,7 @@ class Bus:
         if not isinstance(source, CaptureSource):
             return bus
         bus.options = source.options
-        bus._ledger = Ledger(source.line, source.options)
+        bus._ledger = SharedLedger(source.line, source.options)
         if source.capture.spans is not None:
             bus.bits = RowBits(source.capture.spans)
         return bus
@@ -130,17 +130,14 @@ class Bus:
             if self.bits is not None:
                 self.bits.feed(batch.rows)
             self._summary.feed(analysed, self.batch(earlier).rows if len(earlier) else None)
-            if self._ledger.line != self.line:  # a tap found it out: what was counted before was of another one
-                self._ledger = Ledger(self.line, self.options)
-            self._ledger.feed(batch, analysed.transactions)
             self.off_ns = self._summary.off_ns
+        self._ledger.feed(self.line, batch, analysed.transactions)
         self._count = self.table.count
 
     def close(self) -> None:
         """Nothing more comes."""
         try:
-            with self._lock:
-                self._ledger.close()
+            self._ledger.close()
         finally:
             self.whole = True
 
@@ -312,7 +309,8 @@ class Bus:
         with self._lock:
             rates = None if self.bits is None else self.bits.of_all
             page = self.page(self._summary, rates, source, partial=not self.whole)
-            return (with_story if story else with_cards)(page, self._ledger)
+        with self._ledger.looked_at() as ledger:
+            return (with_story if story else with_cards)(page, ledger)
 
     def page(self, summary: Summary, rates: RateTable | None, source: ViewSource, *, partial: bool) -> Report:
         """A summary of this bus, or of some of its rows, as a page."""
@@ -326,8 +324,8 @@ class Bus:
         """What explains the findings so far, best first; nothing on a healthy bus. Takes a moment."""
         from ..causes.reasoning import causes_of
 
-        with self._lock:
-            return causes_of(self._ledger)
+        with self._ledger.looked_at() as ledger:
+            return causes_of(ledger)
 
     @property
     def nbytes(self) -> tuple[int, int]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from os import PathLike
@@ -106,7 +106,8 @@ def write(scenario: Scenario, path: str | PathLike[str]) -> None:
     played = _played(scenario)
     captures.write(path, played.chunks, line=played.line)
     with captures.replacing(truth_path(path)) as file:
-        lines = (each.to_json() for each in chain(played.truth, played.findings))
+        told: Iterable[TruthFrame | TruthFinding] = chain(played.truth, played.findings)
+        lines = (each.to_json() for each in told)
         file.writelines(json.dumps(line).encode() + b"\n" for line in lines)
     if registers := played.registers():
         with captures.replacing(path.with_suffix(".registers.jsonl")) as file:

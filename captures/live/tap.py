@@ -359,7 +359,7 @@ def make_prompt(port: Any, device: str) -> list[str]:
     if path is None or (latency_ms(device) or 0) <= PROMPT_MS:
         return []
     try:
-        with device_stream(path) as setting:
+        with device_stream(path) as setting:  # for writing and no more than that: see `confinement`
             setting.write(b"%d\n" % PROMPT_MS)
     except OSError:
         return [
