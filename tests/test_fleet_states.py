@@ -7,6 +7,7 @@ import inspect
 import json
 import pickle
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -50,12 +51,14 @@ def test_nothing_in_the_product_reads_objects_that_bring_their_code():
 
 def assigned(cls):
     """The attributes that methods of a class give to `self`."""
-    tree = ast.parse(inspect.getsource(inspect.getmodule(cls)))
+    module = inspect.getmodule(cls)
+    assert module is not None
+    tree = ast.parse(inspect.getsource(module))
     (node,) = [each for each in ast.walk(tree) if isinstance(each, ast.ClassDef) and each.name == cls.__name__]
     for each in ast.walk(node):
-        stores = isinstance(each, ast.Attribute) and isinstance(each.ctx, ast.Store)
-        if stores and isinstance(each.value, ast.Name) and each.value.id == "self":
-            yield each.attr
+        match each:
+            case ast.Attribute(value=ast.Name(id="self"), attr=name, ctx=ast.Store()):
+                yield name
 
 
 def test_classes_whose_objects_are_kept_declare_all_that_they_have():
@@ -137,7 +140,7 @@ def test_rows_are_the_same_whether_or_not_the_state_was_kept_between_blocks(tmp_
     for keeps in (False, True):
         capture = BUSES[name]()
         files = files_in(tmp_path / str(keeps))
-        seen = []
+        seen: list[Any] = []
         monkeypatch.setattr(files, "add", lambda name, records, seen=seen: seen.append((name, plain(records))))
         state = LineState(capture.line, Options(), noise=True)
         state.even = EvenBlocks(300)

@@ -22,7 +22,7 @@ from ..deframing.tap_clock import TapClock
 from ..options import Options
 from ..outages import Deaf, excused, with_unheard
 from ..tables.batch import Batch, join_batches
-from ..tables.findings import NOTHING, Findings, Look, fresh_looks
+from ..tables.findings import NOTHING, FindingLook, Findings, fresh_looks
 from ..tables.schema import Kind, Rows
 from ..tables.transactions import TransactionRows, Transactions
 from .damage.triage import Triage
@@ -34,7 +34,7 @@ class Diagnosis:
 
     _line: LineSettings
     _options: Options
-    _looks: list[Look]
+    _looks: list[FindingLook]
     _clock: TapClock
     _trail: LookBack
     _examiner: Triage

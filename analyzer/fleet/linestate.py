@@ -42,7 +42,7 @@ from ..options import Options
 from ..outages import deaf_times
 from ..registers.checking import LimitBreach
 from ..reports.troubles import COUNTED_TWICE, is_habit, of_echoes
-from ..tables.findings import Look, all_looks
+from ..tables.findings import FindingLook, all_looks
 from ..tables.transactions import NEVER, Status
 from ..words import DAY_NS, HOUR_NS
 from . import FleetError
@@ -303,7 +303,7 @@ def _schema() -> Schema:
     engines = (Engine, AsciiEngine, MbapEngine, UndecidedPort)
     return Schema(
         LineState,
-        {Look: all_looks(), PortEngine: engines, EngineMaker: (EngineOfPort,)},
+        {FindingLook: all_looks(), PortEngine: engines, EngineMaker: (EngineOfPort,)},
         {"LimitBreach": LimitBreach, "Note": Note, "LineSettings": LineSettings},
     )
 

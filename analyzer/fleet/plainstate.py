@@ -29,7 +29,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from .stateschema import DTYPES, Kind, Schema
+from .stateschema import DTYPES, Schema, StateKind
 
 _FORM: Final = 1
 _TREE: Final = "tree"
@@ -180,7 +180,7 @@ class _Checked:
             raise _damaged("no objects")
         self.objects: list[Any] = objects
         self.factories: dict[int, Callable[[], Any]] = {}  # of defaultdicts, by their places
-        waiting: list[tuple[Any, Kind, str]] = [(self.root, schema.root, "the root")]
+        waiting: list[tuple[Any, StateKind, str]] = [(self.root, schema.root, "the root")]
         seen: set[tuple[int, int]] = set()
         while waiting:
             word, kind, where = waiting.pop()
@@ -209,19 +209,19 @@ class _Checked:
                 return word[0], entry[0], entry[1:]
         raise _damaged(f"{where} refers to nothing")
 
-    def _is_number(self, tag: str, kind: Kind) -> bool:
+    def _is_number(self, tag: str, kind: StateKind) -> bool:
         """Whether this is a member of an enumeration of integers, where any integer may stand."""
         return "int" in kind.inside and tag in self._classes and issubclass(self._classes[tag].cls, enum.IntEnum)
 
     @staticmethod
-    def _factory(kind: Kind, where: str) -> Callable[[], Any]:
+    def _factory(kind: StateKind, where: str) -> Callable[[], Any]:
         if kind.factory is None:
             raise _damaged(f"{where} has no default")
         return kind.factory
 
     def _inside(
         self, tag: str, held: list[Any], inside: tuple[Any, ...], where: str
-    ) -> Iterable[tuple[Any, Kind, str]]:
+    ) -> Iterable[tuple[Any, StateKind, str]]:
         """What stands in an object, each with its kind."""
         first = held[0]
         if tag in self._classes:
@@ -236,7 +236,7 @@ class _Checked:
             raise _damaged(f"{where} is no {tag}")
         return ()
 
-    def _fields(self, tag: str, held: Any, where: str) -> Iterable[tuple[Any, Kind, str]]:
+    def _fields(self, tag: str, held: Any, where: str) -> Iterable[tuple[Any, StateKind, str]]:
         entry = self._classes[tag]
         if entry.is_enum:
             if type(held) not in _PLAIN or held not in [member.value for member in entry.members]:
@@ -254,7 +254,7 @@ class _Checked:
             raise _damaged(f"{where} is no such array")
 
     @staticmethod
-    def _kinds_of(tag: str, items: list[Any], inside: tuple[Any, ...], where: str) -> Iterable[Kind]:
+    def _kinds_of(tag: str, items: list[Any], inside: tuple[Any, ...], where: str) -> Iterable[StateKind]:
         if tag in _KEYED and len(items) % 2 == 0:
             return cycle(inside)
         if tag in _ITEMED and (tag != "tuple" or inside[-1:] == (...,)):

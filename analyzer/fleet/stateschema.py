@@ -30,7 +30,7 @@ _MAPPINGS: Final = (dict, Mapping, OrderedDict)
 
 
 @dataclass(eq=False, slots=True)
-class Kind:
+class StateKind:
     """What a value may be: by the tag that it is written with, the kinds inside it.
 
     Of a list or set that of its items, of a dict those of keys and values, of a tuple one an item (`...` behind the
@@ -48,7 +48,7 @@ class StateClass:
 
     name: str
     cls: type
-    fields: dict[str, Kind] = field(default_factory=dict)
+    fields: dict[str, StateKind] = field(default_factory=dict)
 
     @property
     def is_tuple(self) -> bool:
@@ -83,7 +83,7 @@ class Schema:
         self.named: dict[str, Any] = {}  # functions
         self._open = {protocol: tuple(members) for protocol, members in open_kinds.items()}
         self._elsewhere = dict(elsewhere or {})
-        self._kinds: dict[Any, Kind] = {}
+        self._kinds: dict[Any, StateKind] = {}
         self.root = self.kind(root)
         for entry in _as_they_come(self.classes):  # more are found on the way
             if not entry.is_enum:
@@ -98,9 +98,9 @@ class Schema:
         """What tells this schema from others."""
         numbers = {id(kind): number for number, kind in enumerate(self._kinds.values())}
 
-        def told(kind: Kind) -> str:
+        def told(kind: StateKind) -> str:
             inside = {
-                tag: [numbers.get(id(each), 0) if isinstance(each, Kind) else str(each) for each in parts]
+                tag: [numbers.get(id(each), 0) if isinstance(each, StateKind) else str(each) for each in parts]
                 for tag, parts in kind.inside.items()
             }
             return repr(sorted(inside.items()))
@@ -110,17 +110,17 @@ class Schema:
             lines.append(f"{name}: " + ", ".join(f"{of} {told(kind)}" for of, kind in entry.fields.items()))
         return hashlib.sha256("\n".join(lines).encode()).hexdigest()[:16]
 
-    def kind(self, hint: Any) -> Kind:
+    def kind(self, hint: Any) -> StateKind:
         """The kind of a hint; TypeError where it says nothing that could be checked."""
         if hint in self._kinds:
             return self._kinds[hint]
-        kind = self._kinds[hint] = Kind()
+        kind = self._kinds[hint] = StateKind()
         for tag, inside in self._tags(hint, kind):
             if kind.inside.setdefault(tag, inside) != inside:
                 raise TypeError(f"{hint}: what is written as {tag} may be either of two things")
         return kind
 
-    def _tags(self, hint: Any, kind: Kind) -> Iterable[tuple[str, tuple[Any, ...]]]:
+    def _tags(self, hint: Any, kind: StateKind) -> Iterable[tuple[str, tuple[Any, ...]]]:
         hint = type(None) if hint is None else hint
         origin, arguments = typing.get_origin(hint), typing.get_args(hint)
         if hint in _SCALARS or hint in _OCTETS:
@@ -139,13 +139,13 @@ class Schema:
             return [self._member(each) for each in self._open.get(hint, (hint,))]
         raise TypeError(f"{hint} says nothing that could be checked")
 
-    def _union(self, hints: Iterable[Any], kind: Kind) -> Iterable[tuple[str, tuple[Any, ...]]]:
+    def _union(self, hints: Iterable[Any], kind: StateKind) -> Iterable[tuple[str, tuple[Any, ...]]]:
         for each in map(self.kind, hints):
             kind.factory = kind.factory or each.factory
             yield from each.inside.items()
 
     def _container(
-        self, hint: Any, origin: Any, arguments: tuple[Any, ...], kind: Kind
+        self, hint: Any, origin: Any, arguments: tuple[Any, ...], kind: StateKind
     ) -> Iterable[tuple[str, tuple[Any, ...]]]:
         if origin in _SETS:
             return [(_SETS[origin], (self.kind(arguments[0]),))]

@@ -143,7 +143,7 @@ def describe(findings: Findings, row: int) -> Finding:
 Words = str | Callable[[Mapping[str, float]], str]  # a template over the evidence, or a function of it
 
 
-class Look(Protocol):
+class FindingLook(Protocol):
     """Finds what its rules declare: a function, or an instance of a class that remembers."""
 
     def __call__(self, view: DiagnosisStep, /) -> Iterable[Findings]: ...
@@ -248,7 +248,7 @@ def all_looks() -> tuple[Callable[..., Any], ...]:
     return tuple(_looks)
 
 
-def fresh_looks() -> list[Look]:
+def fresh_looks() -> list[FindingLook]:
     """All looks, those that remember with nothing to remember yet."""
     return [look() if isinstance(look, type) else look for look in all_looks()]
 
