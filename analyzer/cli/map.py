@@ -145,7 +145,7 @@ def _table(chart: RegisterMap) -> str:
                 row.name,
                 f"{scale} {row.unit}".strip(),
                 row.access,
-                "; ".join(part for part in (_limits(row), states, row.description) if part),
+                "; ".join(part for part in (_limits(row), states, _writers(row), row.description) if part),
             )
         )
     widths = [max(len(row[column]) for row in rows) for column in range(5)]
@@ -164,6 +164,12 @@ def _limits(row: MappedValue) -> str:
         words, limit = ("to {limit:g}", row.maximum) if row.minimum is None else ("from {limit:g}", row.minimum)
         return register_words(words, limit=limit)
     return register_words("{low:g} to {high:g}", low=row.minimum, high=row.maximum)
+
+
+def _writers(row: MappedValue) -> str:
+    """The functions that write a value, where not all do."""
+    codes = ", ".join(f"{code:02d}" for code in row.written_by)
+    return register_words("written by {functions}", functions=codes) if codes else ""
 
 
 def _check(arguments: argparse.Namespace) -> int:

@@ -25,6 +25,7 @@ from .model import (
 
 _LAST_ADDRESS: Final = 0xFFFF
 _LONGEST: Final = 125  # registers: no answer carries more ([1] 6.3)
+_LAST_FUNCTION: Final = 127  # ([1] 4.1)
 _NAME_LENGTH: Final = 200
 _TEXT_LENGTH: Final = 1000
 _LONGEST_NUMBER: Final = 40  # digits
@@ -68,6 +69,7 @@ COLUMNS: Final[tuple[Column, ...]] = (
     Column("unit", {"type": "string"}, "unit of measure"),
     Column("values", {"type": ["object", "string"]}, "names of states or bits: 0=off; 1=on"),
     Column("access", {"enum": ["r", "w", "rw"]}, "read, write or both"),
+    Column("written_by", {"type": ["integer", "string"]}, "functions that write it, where not all do: 16"),
     Column("min", _NUMBER, "least plausible value, in the unit"),
     Column("max", _NUMBER, "greatest plausible value, in the unit"),
     Column("description", {"type": "string"}, "more words"),
@@ -105,6 +107,7 @@ def value_of(cells: Mapping[str, object], *, base: int = 0, order: str = "ABCD")
         unit=_text_cell(cells, "unit"),
         values=names_of(cells.get("values")),
         access=_access(cells.get("access")),
+        written_by=_writers(cells.get("written_by")),
         minimum=low,
         maximum=high,
         description=_text_cell(cells, "description"),
@@ -129,6 +132,7 @@ def cells_of(value: MappedValue, order: str = "ABCD") -> dict[str, str]:
         "unit": value.unit,
         "values": "; ".join(f"{state}={_escaped(name)}" for state, name in value.values.items()),
         "access": value.access,
+        "written_by": " ".join(map(str, value.written_by)),
         "min": "" if value.minimum is None else number_text(value.minimum),
         "max": "" if value.maximum is None else number_text(value.maximum),
         "description": value.description,
@@ -304,6 +308,13 @@ def _access(cell: object) -> str:
     if word not in ("", "r", "w", "rw"):
         raise CellError("access", cell, "r, w or rw")
     return word
+
+
+def _writers(cell: object) -> tuple[int, ...]:
+    codes = [whole_number("written_by", part) for part in re.split(r"[\s,;]+", _cell(cell)) if part]
+    if wrong := [code for code in codes if not 1 <= code <= _LAST_FUNCTION]:
+        raise CellError("written_by", wrong[0], f"function codes, 1 to {_LAST_FUNCTION}")
+    return tuple(codes)
 
 
 def _fraction(cells: Mapping[str, object], column: str) -> float | None:

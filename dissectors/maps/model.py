@@ -63,7 +63,8 @@ class MappedValue:
 
     `address` is zero-based, `length` counts registers (coils and inputs: 1). The number is raw * `scale` + `offset`,
     times ten to the power that register `scale_address` of the same area holds. `values` names the states of an enum
-    or the bits of a register, `minimum` and `maximum` bound the number, `other` keeps columns that nobody declared.
+    or the bits of a register, `written_by` the functions that write it where not all do, `minimum` and `maximum` bound
+    the number, `other` keeps columns that nobody declared.
     """
 
     area: MapArea
@@ -78,6 +79,7 @@ class MappedValue:
     unit: str = ""
     values: Mapping[int, str] = field(default_factory=dict)
     access: str = ""
+    written_by: tuple[int, ...] = ()
     minimum: float | None = None
     maximum: float | None = None
     description: str = ""
