@@ -78,7 +78,9 @@ def device_limits(chart: RegisterMap) -> DeviceLimits:
     """What the header of a map says that its device takes."""
     said = chart.other
     return DeviceLimits(
-        *(_whole(said.get(key, "")) for key in ("longest_frame", "longest_read", "longest_write")),
+        longest_frame=_whole(said.get("longest_frame", "")),
+        longest_read=_whole(said.get("longest_read", "")),
+        longest_write=_whole(said.get("longest_write", "")),
         functions=frozenset(codes_in(said.get("functions", ""))),
         exceptions=dict(_exceptions(said.get("exceptions", ""))),
     )
