@@ -72,7 +72,8 @@ def made_files(devices: int = 3) -> Iterator[MadeFile]:
 
 def _shown_values(chart: RegisterMap) -> list[MappedValue]:
     """The numbers of a device that a file shows: the first of the area that has most, by address."""
-    area = max(("input", "holding"), key=[row.area for row in chart.rows].count)
+    areas = [row.area for row in chart.rows]
+    area = "input" if areas.count("input") > areas.count("holding") else "holding"
     numbers = {row.address: row for row in chart.rows if row.area == area and row.type in _KINDS}
     return [numbers[address] for address in sorted(numbers) if address < _LAST][:_ROWS]
 
@@ -82,7 +83,8 @@ def _made(style: dict[str, Any], chart: RegisterMap, chance: Random, number: int
     area = values[0].area
     has_area = any(role in ("area", "function") for _, role in style["columns"])
     types = chance.choice(_TYPES)
-    shown, expected = [], []
+    shown: list[tuple[str, dict[str, str]]] = []
+    expected: list[tuple[Any, ...]] = []
     for row in values:
         name = f"{style['names'][len(shown) % len(style['names'])]} {len(shown) // len(style['names']) + 1}"
         if style["layout"] in ("cstruct", "ini", "yamlnamed"):
@@ -134,7 +136,7 @@ class _Cells:
         }
         steps = round(1 / self.scale)
         words = self.style.get("access", {})
-        return {
+        cells: dict[str, str] = {
             "address": forms.get(self.style.get("address", ""), str(at)),
             "hex": f"0x{at:04X}",
             "no": str(self.number + 1),
@@ -155,7 +157,8 @@ class _Cells:
             "remark": _NOTES[self.number % len(_NOTES)],
             "area": self.area,
             "function": "04" if self.area == "input" else "03",
-        }[role]
+        }
+        return cells[role]
 
 
 Shown = Sequence[tuple[str, dict[str, str]]]
@@ -175,7 +178,7 @@ def _plain(line: dict[str, str], headings: Sequence[str]) -> dict[str, Any]:
     return {key: numbers.get(key, line[key]) for key in headings}
 
 
-def _markdown(headings: list[str], shown: Shown, title: str) -> tuple[str, bytes]:
+def _markdown(headings: list[str], shown: Shown, _: str) -> tuple[str, bytes]:
     rows = [headings, ["---"] * len(headings), *(list(line.values()) for _, line in shown)]
     return ".md", "\n".join(["# Device", "", *(f"| {' | '.join(row)} |" for row in rows)]).encode()
 
@@ -184,14 +187,14 @@ def _widths(headings: list[str], shown: Shown) -> list[int]:
     return [max(len(heading), *(len(line[heading]) for _, line in shown)) for heading in headings]
 
 
-def _blanks(headings: list[str], shown: Shown, title: str) -> tuple[str, bytes]:
+def _blanks(headings: list[str], shown: Shown, _: str) -> tuple[str, bytes]:
     rows = [headings, *(list(line.values()) for _, line in shown)]
     widths = _widths(headings, shown)
     lines = ["   ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
     return ".txt", "\n".join(lines).encode()
 
 
-def _rst(headings: list[str], shown: Shown, title: str) -> tuple[str, bytes]:
+def _rst(headings: list[str], shown: Shown, _: str) -> tuple[str, bytes]:
     widths = _widths(headings, shown)
     rule = " ".join("=" * width for width in widths)
     rows = [headings, *(list(line.values()) for _, line in shown)]
@@ -199,17 +202,17 @@ def _rst(headings: list[str], shown: Shown, title: str) -> tuple[str, bytes]:
     return ".rst", "\n".join([rule, lines[0], rule, *lines[1:], rule]).encode()
 
 
-def _json(headings: list[str], shown: Shown, title: str) -> tuple[str, bytes]:
+def _json(headings: list[str], shown: Shown, _: str) -> tuple[str, bytes]:
     records = [_plain(line, headings) for _, line in shown]
     return ".json", json.dumps({"device": "made", "registers": records}, ensure_ascii=False).encode()
 
 
-def _json_arrays(headings: list[str], shown: Shown, title: str) -> tuple[str, bytes]:
+def _json_arrays(headings: list[str], shown: Shown, _: str) -> tuple[str, bytes]:
     rows = [headings, *(list(_plain(line, headings).values()) for _, line in shown)]
     return ".json", json.dumps({"table": rows}, ensure_ascii=False).encode()
 
 
-def _yaml(headings: list[str], shown: Shown, title: str) -> tuple[str, bytes]:
+def _yaml(headings: list[str], shown: Shown, _: str) -> tuple[str, bytes]:
     lines = ["points:"]
     for _, line in shown:
         lines += [f"  {'-' if not at else ' '} {key}: {json.dumps(value, ensure_ascii=False)}"
@@ -217,7 +220,7 @@ def _yaml(headings: list[str], shown: Shown, title: str) -> tuple[str, bytes]:
     return ".yaml", "\n".join(lines).encode()
 
 
-def _yaml_named(headings: list[str], shown: Shown, title: str) -> tuple[str, bytes]:
+def _yaml_named(headings: list[str], shown: Shown, _: str) -> tuple[str, bytes]:
     lines = ["battery:"]
     for name, line in shown:
         lines.append(f"  {name}:")
@@ -225,36 +228,36 @@ def _yaml_named(headings: list[str], shown: Shown, title: str) -> tuple[str, byt
     return ".yaml", "\n".join(lines).encode()
 
 
-def _toml(headings: list[str], shown: Shown, title: str) -> tuple[str, bytes]:
+def _toml(headings: list[str], shown: Shown, _: str) -> tuple[str, bytes]:
     lines = []
     for _, line in shown:
         lines += ["[[point]]", *(f"{key} = {json.dumps(value)}" for key, value in _plain(line, headings).items()), ""]
     return ".toml", "\n".join(lines).encode()
 
 
-def _ini(headings: list[str], shown: Shown, title: str) -> tuple[str, bytes]:
+def _ini(_: list[str], shown: Shown, __: str) -> tuple[str, bytes]:
     lines = []
     for name, line in shown:
         lines += [f"[{name}]", *(f"{key} = {value}" for key, value in line.items()), ""]
     return ".ini", "\n".join(lines).encode()
 
 
-def _html(headings: list[str], shown: Shown, title: str) -> tuple[str, bytes]:
+def _html(headings: list[str], shown: Shown, _: str) -> tuple[str, bytes]:
     head = "".join(f"<th>{heading}</th>" for heading in headings)
     rows = ["<tr>" + "".join(f"<td>{cell}</td>" for cell in line.values()) + "</tr>" for _, line in shown]
     return ".html", f"<html><body><table>\n<tr>{head}</tr>\n{chr(10).join(rows)}\n</table></body></html>".encode()
 
 
-def _latex(headings: list[str], shown: Shown, title: str) -> tuple[str, bytes]:
+def _latex(headings: list[str], shown: Shown, _: str) -> tuple[str, bytes]:
     rows = [headings, *(list(line.values()) for _, line in shown)]
     cells = [" & ".join(cell.replace("%", r"\%") for cell in row) + r" \\" for row in rows]
     body = "\n".join([cells[0], r"\hline", *cells[1:]])
     return ".tex", f"\\begin{{tabular}}{{lllll}}\n{body}\n\\end{{tabular}}\n".encode()
 
 
-def _c_struct(headings: list[str], shown: Shown, title: str) -> tuple[str, bytes]:
+def _c_struct(_: list[str], shown: Shown, __: str) -> tuple[str, bytes]:
     lines = ["#include <stdint.h>", "static const struct reg registers[] = {"]
-    for _, line in shown:
+    for _name, line in shown:
         fields = ", ".join(
             f".{key} = {value if key in ('address', 'scale') else json.dumps(value, ensure_ascii=False)}"
             for key, value in line.items()
@@ -263,7 +266,7 @@ def _c_struct(headings: list[str], shown: Shown, title: str) -> tuple[str, bytes
     return ".c", "\n".join([*lines, "};", ""]).encode()
 
 
-def _c_table(headings: list[str], shown: Shown, title: str) -> tuple[str, bytes]:
+def _c_table(headings: list[str], shown: Shown, _: str) -> tuple[str, bytes]:
     lines = ["/* registers of the fan */", "typedef struct { " + " ".join(
         f"{'uint16_t' if key == 'addr' else 'float' if key == 'k' else 'const char *'} {key};" for key in headings
     ) + " } point_t;", "", "point_t points[] = {"]  # fmt: skip

@@ -63,7 +63,7 @@ class MapRequest:
 
 
 @dataclass(frozen=True, slots=True)
-class Breach:
+class MapBreach:
     """What is beyond the map. `asked` stands against `limit`: function codes (`function`, `writer`: any of `limit`),
     bytes (`frame`), registers (`quantity`; `part`: of the value's own number), or the value in its unit of measure
     (`low`, `high`, `state`); `row` is the value that it is about, None where it is the whole request."""
@@ -107,46 +107,46 @@ def _exceptions(text: str) -> Iterator[tuple[int, str]]:
             yield int(code), words.strip()
 
 
-def breaches(chart: RegisterMap, request: MapRequest) -> Iterator[Breach]:
+def breaches(chart: RegisterMap, request: MapRequest) -> Iterator[MapBreach]:
     """What of a request its device does not take by its map, the request as a whole first."""
     limits = device_limits(chart)
     if limits.functions and request.function not in limits.functions:
-        yield Breach("function", request.function, tuple(sorted(limits.functions)))
+        yield MapBreach("function", request.function, tuple(sorted(limits.functions)))
     if limits.longest_frame is not None and request.longer_frame > limits.longest_frame:
-        yield Breach("frame", request.longer_frame, (limits.longest_frame,))
+        yield MapBreach("frame", request.longer_frame, (limits.longest_frame,))
     most = limits.longest_write if request.function in WRITERS else limits.longest_read
     if most is not None and request.quantity > most:
-        yield Breach("quantity", request.quantity, (most,))
+        yield MapBreach("quantity", request.quantity, (most,))
     if request.function in WRITERS:
         yield from _of_values(chart, request)
 
 
-def _of_values(chart: RegisterMap, request: MapRequest) -> Iterator[Breach]:
+def _of_values(chart: RegisterMap, request: MapRequest) -> Iterator[MapBreach]:
     end = request.address + request.quantity
     for row in chart.rows:
         if row.area != request.area or row.end <= request.address or end <= row.address:
             continue
         if row.access == "r":
-            yield Breach("read-only", request.function, (), row)
+            yield MapBreach("read-only", request.function, (), row)
         if row.written_by and request.function not in row.written_by:
-            yield Breach("writer", request.function, row.written_by, row)
+            yield MapBreach("writer", request.function, row.written_by, row)
         covered = min(end, row.end) - max(request.address, row.address)
         if covered < row.length:
-            yield Breach("part", covered, (row.length,), row)
+            yield MapBreach("part", covered, (row.length,), row)
         elif len(request.words) == request.quantity:
             at = row.address - request.address
             yield from value_breaches(row, request.words[at : at + row.length])
 
 
-def value_breaches(row: MappedValue, words: Sequence[int]) -> Iterator[Breach]:
+def value_breaches(row: MappedValue, words: Sequence[int]) -> Iterator[MapBreach]:
     """How a value, by its registers, is beyond what its map allows."""
     value = read_mapped(row, words, None).value
     if not isinstance(value, int | float):
         return
     slack = 1e-6 * abs(value) if row.is_float else 0.51 * abs(row.scale)  # a limit may be rounded to a step
     if row.minimum is not None and value < row.minimum - slack:
-        yield Breach("low", value, (row.minimum,), row)
+        yield MapBreach("low", value, (row.minimum,), row)
     if row.maximum is not None and value > row.maximum + slack:
-        yield Breach("high", value, (row.maximum,), row)
+        yield MapBreach("high", value, (row.maximum,), row)
     if row.type == "enum" and row.values and value not in row.values:
-        yield Breach("state", value, tuple(row.values), row)
+        yield MapBreach("state", value, tuple(row.values), row)

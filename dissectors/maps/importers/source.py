@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import configparser
 import json
 import re
 import tomllib
@@ -14,6 +15,8 @@ from typing import Any, Final
 from ..cells import CellError, one_line, value_of
 from ..files import decoded
 from ..model import MapError, MappedValue, RegisterMap
+from ..records import json_lines
+from ..sheets import ZIP
 
 _MOST_NOTES: Final = 20
 _MOST_ROWS: Final = 20_000
@@ -58,6 +61,31 @@ class MapSource:
     def included(self) -> list[str]:
         """The files that a YAML text takes in, as it names them."""
         return list(dict.fromkeys(_INCLUDED.findall(self.text)))[:_MOST_INCLUDED] if self.is_text else []
+
+    @property
+    def is_workbook(self) -> bool:
+        return self.data.startswith(ZIP)
+
+    @cached_property
+    def tree(self) -> Any:
+        """The content of JSON (also an object a line), and of YAML, TOML or INI by the file's name; None of another."""
+        if self.json is not None or not self.is_text:
+            return self.json
+        if self.suffix in (".yaml", ".yml"):
+            return self.yaml
+        if self.suffix in (".toml", ".conf", ".ini", ".cfg"):
+            return self.toml or self.ini
+        return json_lines(self.text) if self.text.startswith("{") else None
+
+    @cached_property
+    def ini(self) -> Any:
+        """The sections of an INI file, by their names."""
+        parser = configparser.ConfigParser(interpolation=None, strict=False)
+        try:
+            parser.read_string(self.text)
+        except configparser.Error:
+            return None
+        return {name: dict(parser[name]) for name in parser.sections()}
 
     @cached_property
     def text(self) -> str:
