@@ -6,7 +6,8 @@ import configparser
 import json
 import re
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import PurePath
@@ -17,9 +18,11 @@ from ..files import decoded
 from ..model import MapError, MappedValue, RegisterMap
 from ..records import json_lines
 from ..sheets import ZIP
+from ..table import csv_rows
 
 _MOST_NOTES: Final = 20
 _MOST_ROWS: Final = 20_000
+_LOOK: Final = 60  # lines that tell how a text is cut
 _MOST_TWINS: Final = 64
 _COMMENT: Final = re.compile(r'("(?:\\.|[^"\\])*(?:"|\\?\Z))|//[^\n]*|/\*.*?(?:\*/|\Z)', re.DOTALL)
 _LAST_COMMA: Final = re.compile(r'("(?:\\.|[^"\\])*(?:"|\\?\Z))|,(?=\s*[}\]])')
@@ -76,6 +79,22 @@ class MapSource:
         if self.suffix in (".toml", ".conf", ".ini", ".cfg"):
             return self.toml or self.ini
         return json_lines(self.text) if self.text.startswith("{") else None
+
+    @property
+    def rows(self) -> Iterator[dict[str, str]]:
+        """The rows of CSV by the numbers of their cells, their own under `row`; nothing behind one that is none."""
+        lines = self.text.splitlines() if self.is_text else []
+        delimiter = max("\t;,", key="\n".join(lines[:_LOOK]).count)
+        with suppress(MapError):
+            for number, cells in csv_rows(lines, delimiter, self.name):
+                yield {**{str(at): cell.strip() for at, cell in enumerate(cells)}, "row": str(number)}
+
+    @property
+    def table(self) -> Iterator[dict[str, str]]:
+        """The rows of CSV by the headings of the first, those without a cell left out."""
+        rows = self.rows
+        head = {at: name.lower() for at, name in next(rows, {"row": ""}).items()} | {"row": "row"}
+        return ({head.get(at, at): cell for at, cell in row.items()} for row in rows if any([*row.values()][:-1]))
 
     @cached_property
     def ini(self) -> Any:
