@@ -145,7 +145,17 @@ def _table(chart: RegisterMap) -> str:
                 row.name,
                 f"{scale} {row.unit}".strip(),
                 row.access,
-                "; ".join(part for part in (_limits(row), states, _writers(row), row.description) if part),
+                "; ".join(
+                    part
+                    for part in (
+                        _limits(row),
+                        states,
+                        _writers(row),
+                        f"= {row.formula}" * bool(row.formula),
+                        row.description,
+                    )
+                    if part
+                ),
             )
         )
     widths = [max(len(row[column]) for row in rows) for column in range(5)]

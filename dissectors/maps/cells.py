@@ -70,6 +70,7 @@ COLUMNS: Final[tuple[Column, ...]] = (
     Column("values", {"type": ["object", "string"]}, "names of states or bits: 0=off; 1=on"),
     Column("access", {"enum": ["r", "w", "rw"]}, "read, write or both"),
     Column("written_by", {"type": ["integer", "string"]}, "functions that write it, where not all do: 16"),
+    Column("formula", {"type": "string"}, "how it follows from others: [Offset] + raw / 65535 * [Gain]"),
     Column("min", _NUMBER, "least plausible value, in the unit"),
     Column("max", _NUMBER, "greatest plausible value, in the unit"),
     Column("description", {"type": "string"}, "more words"),
@@ -108,6 +109,7 @@ def value_of(cells: Mapping[str, object], *, base: int = 0, order: str = "ABCD")
         values=names_of(cells.get("values")),
         access=_access(cells.get("access")),
         written_by=_writers(cells.get("written_by")),
+        formula=_formula(cells),
         minimum=low,
         maximum=high,
         description=_text_cell(cells, "description"),
@@ -133,6 +135,7 @@ def cells_of(value: MappedValue, order: str = "ABCD") -> dict[str, str]:
         "values": "; ".join(f"{state}={_escaped(name)}" for state, name in value.values.items()),
         "access": value.access,
         "written_by": " ".join(map(str, value.written_by)),
+        "formula": value.formula,
         "min": "" if value.minimum is None else number_text(value.minimum),
         "max": "" if value.maximum is None else number_text(value.maximum),
         "description": value.description,
@@ -308,6 +311,15 @@ def _access(cell: object) -> str:
     if word not in ("", "r", "w", "rw"):
         raise CellError("access", cell, "r, w or rw")
     return word
+
+
+def _formula(cells: Mapping[str, object]) -> str:
+    text = _text_cell(cells, "formula")
+    if text:
+        from .formulas import formula_of
+
+        formula_of(text)
+    return text
 
 
 def _writers(cell: object) -> tuple[int, ...]:
