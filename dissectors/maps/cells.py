@@ -316,9 +316,12 @@ def _access(cell: object) -> str:
 def _formula(cells: Mapping[str, object]) -> str:
     text = _text_cell(cells, "formula")
     if text:
-        from .formulas import formula_of
+        from .formulas import FORMULA_EXPECTED, FormulaError, formula_of
 
-        formula_of(text)
+        try:
+            formula_of(text)
+        except FormulaError:
+            raise CellError("formula", text, FORMULA_EXPECTED) from None
     return text
 
 

@@ -18,8 +18,6 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import lru_cache
 from typing import Final
 
-from .cells import CellError
-
 _LONGEST: Final = 300  # characters
 _NAME: Final = re.compile(r"(\}\s*)?\[([^\[\]]+)\]")
 _OPERATORS: Final[Mapping[type, Callable[[float, float], float]]] = {
@@ -28,8 +26,12 @@ _OPERATORS: Final[Mapping[type, Callable[[float, float], float]]] = {
     ast.Mult: operator.mul,
     ast.Div: operator.truediv,
 }
-_EXPECTED: Final = "numbers, raw, [names of values] and + - * /, or {states: numbers}[name]"
+FORMULA_EXPECTED: Final = "numbers, raw, [names of values] and + - * /, or {states: numbers}[name]"
 Values = Callable[[str], float | None]
+
+
+class FormulaError(ValueError):
+    """A text that is no formula."""
 
 
 class Formula:
@@ -47,10 +49,10 @@ class Formula:
             source = _NAME.sub(variable, computed[:_LONGEST])
             self._tree = ast.parse(source.strip(), mode="eval").body
         except (SyntaxError, ValueError, RecursionError, MemoryError):
-            raise CellError("formula", text, _EXPECTED) from None
+            raise FormulaError(text) from None
         self.names, self.unit = tuple(names), unit.strip()
         if len(text) > _LONGEST or not all(map(_is_possible, ast.walk(self._tree))):
-            raise CellError("formula", text, _EXPECTED)
+            raise FormulaError(text)
 
     def value(self, raw: float, values: Values) -> float | None:
         """The value of a raw number; None where one that it follows from is not known, or nothing follows."""
@@ -112,5 +114,5 @@ def _is_possible(node: ast.AST) -> bool:
 
 @lru_cache(maxsize=256)
 def formula_of(text: str) -> Formula:
-    """The formula of a cell; CellError where it is none."""
+    """The formula of a cell; FormulaError where it is none."""
     return Formula(text)
