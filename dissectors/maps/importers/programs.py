@@ -21,10 +21,8 @@ from .source import ImportedMap, MapBuilder, MapSource, mappings, number_in, sca
 
 Record = dict[str, Any]
 Adapter = Callable[[MapSource, Iterator[Record]], Iterator[Record]]
-_PLAIN: Final = ("text", "bits", "enum", "bool")  # types without a factor
 _TABLES: Final = {"area": "areas", "type": "types", "order": "orders", "access": "rights"}  # of words
 _BITS: Final = ("coil", "discrete")
-_WITH_LENGTH: Final = ("text", "bits", "enum")
 
 
 class Program:
@@ -90,20 +88,39 @@ def _walked(node: Any, steps: Sequence[str], above: Mapping[str, Any]) -> Iterat
     """The mappings that steps lead to, each with what it stands in."""
     if not steps:
         yield {**above, **node}
-    elif steps[0] == "**":
-        yield from _walked(node, steps[1:], above)
-        inner = node.values() if isinstance(node, Mapping) else node if isinstance(node, list) else ()
-        for below in inner:
-            yield from _walked(below, steps, {**above, **_plain_values(node)})
-    elif isinstance(node, Mapping):
-        around = {**above, **_plain_values(node)}
-        wanted = steps[0].strip("{}").split(",")
-        for key in (key for key in node if steps[0] == "*" or key in wanted):
-            for below in mappings(node[key]):
-                yield from _walked(below, steps[1:], {**around, "^@": key})
-    elif steps[0] == "-":
-        for below in node or ():
-            yield from _walked(below, steps[1:], above)
+        return
+    for below, around, rest in _STEPS.get(steps[0], _by_keys)(node, steps):
+        yield from _walked(below, rest, {**above, **around})
+
+
+Stepped = Iterator[tuple[Any, Record, Sequence[str]]]
+
+
+def _by_keys(node: Any, steps: Sequence[str]) -> Stepped:
+    """What the keys of a step lead to: `a`, `{a,b}` or `*`."""
+    inner = node if isinstance(node, Mapping) else {}
+    wanted = inner if steps[0] == "*" else steps[0].strip("{}").split(",")
+    for key, value in inner.items():
+        for below in mappings(value) if key in wanted else ():
+            yield below, {**_plain_values(node), "^@": key}, steps[1:]
+
+
+def _anywhere(node: Any, steps: Sequence[str]) -> Stepped:
+    """The node itself for the steps behind `**`, and all that it holds for these."""
+    yield node, {}, steps[1:]
+    for below in node.values() if isinstance(node, Mapping) else node if isinstance(node, list) else ():
+        yield below, _plain_values(node), steps
+
+
+def _by_rows(node: Any, steps: Sequence[str]) -> Stepped:
+    for below in node or ():
+        yield below, {}, steps[1:]
+
+
+_STEPS: Final[Mapping[str, Callable[[Any, Sequence[str]], Stepped]]] = {
+    "**": _anywhere,
+    "-": _by_rows,
+}
 
 
 def _plain_values(node: Any) -> Record:
@@ -172,8 +189,8 @@ class _ProgramRow:
             "name": self.name,
             "type": kind,
             "order": own_order or (self.meant("order")[0] if is_wide and kind != "bool" else None),
-            "length": length if kind in _WITH_LENGTH else None,
-            **({} if kind in _PLAIN else self._factor()),
+            "length": length,
+            **self._factor(),
             "scale_register": self.said("scale_register"),
             "unit": self.said("unit"),
             "values": states,

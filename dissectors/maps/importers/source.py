@@ -13,7 +13,7 @@ from functools import cached_property
 from pathlib import PurePath
 from typing import Any, Final
 
-from ..cells import CellError, one_line, value_of
+from ..cells import CellError, area_and_address, one_line, value_of
 from ..files import decoded
 from ..model import MapError, MappedValue, RegisterMap
 from ..records import json_lines
@@ -28,6 +28,7 @@ _COMMENT: Final = re.compile(r'("(?:\\.|[^"\\])*(?:"|\\?\Z))|//[^\n]*|/\*.*?(?:\
 _LAST_COMMA: Final = re.compile(r'("(?:\\.|[^"\\])*(?:"|\\?\Z))|,(?=\s*[}\]])')
 _INCLUDED: Final = re.compile(r"^[^#\n]*!include\w*\s+(?:\{?\s*file:\s*)?([^\s,}#]{1,100})", re.MULTILINE)
 _MOST_INCLUDED: Final = 5
+_KINDS: Final = {".yaml": "YAML", ".yml": "YAML", ".toml": "TOML", ".conf": "TOML", ".json": "JSON", ".jinja": "JSON"}
 _TOO_DEEP: Final = "nested too deeply"
 
 
@@ -52,12 +53,7 @@ class MapSource:
     @property
     def problem(self) -> str:
         """Why the file is not of the kind that its name promises, with the line; empty if it is."""
-        if self.suffix in (".yaml", ".yml"):
-            kind = "YAML"
-        elif self.suffix in (".toml", ".conf"):
-            kind = "TOML"
-        else:
-            kind = "JSON" if self.suffix in (".json", ".jinja") else ""
+        kind = _KINDS.get(self.suffix, "")
         return f"no {kind}: {self._problems[kind]}" if kind in self._problems else ""
 
     @cached_property
@@ -172,7 +168,7 @@ class MapBuilder:
             self.note(f"{what}: over {_MOST_ROWS:,} values are no map of a device")
             return
         try:
-            row = value_of({key: cell for key, cell in cells.items() if cell is not None}, order=self.order)
+            row = value_of(_fitting(cells), order=self.order)
         except CellError as error:
             self.note(f"{what}: {error}")
             return
@@ -225,6 +221,20 @@ class MapBuilder:
             source=self.source or f"imported from {PurePath(self.file).name}",
         )
         return ImportedMap(chart, tuple(notes))
+
+
+_FACTOR: Final = ("scale", "offset")
+_UNFIT: Final = {"bool": ("length", *_FACTOR), "text": _FACTOR, "bits": _FACTOR, "enum": _FACTOR}
+"""What a type cannot have; others have the length that they have."""
+
+
+def _fitting(cells: Mapping[str, object]) -> dict[str, object]:
+    """The cells that a value of its area and type can have: a coil is a bool, a text has no factor."""
+    area, _ = area_and_address(cells.get("area"), cells.get("address"))
+    kind = "bool" if area in ("coil", "discrete") else str(cells["type"])
+    unfit = _UNFIT.get(kind, ("length",))
+    given = {key: cell for key, cell in cells.items() if cell is not None and key not in unfit}
+    return {**given, "type": kind}
 
 
 def _json_error(error: ValueError) -> str:

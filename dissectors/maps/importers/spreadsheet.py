@@ -48,7 +48,6 @@ _LAST_BIT: Final = 15
 _LOOK: Final = 60  # rows in which a heading is sought
 _UNIT_WORDS: Final = 3  # at most
 _FIRST_WORD: Final = {"CDAB": "least significant", "DCBA": "least significant"}
-_PLAIN: Final = ("text", "bits", "enum", "bool")  # types without a factor
 _MOST_ROWS: Final = 70_000
 
 
@@ -253,9 +252,9 @@ class _TableRows:
         how = self.heading.form if self.heading else AddressForm()
         named, address = _area_and_address(position, area, how)
         kind, length = type_of(_type_said(cells), whole_in(cells.get("length")) or _words(cells, position, how))
-        name = cells.get("name") or cells.get("description") or f"Register {cells.get('address', '')}"
-        if not (cells.get("name") or cells.get("description")):
-            self.builder.note(f"{what}: no name")
+        own_name = cells.get("name") or cells.get("description", "")
+        name = own_name or f"Register {cells.get('address', '')}"
+        self.builder.notes += [f"{what}: no name"] * (not own_name)
         try:
             register = area_and_address(named, address)
         except CellError:
@@ -270,16 +269,15 @@ class _TableRows:
         name, scale, unit = measured(cells, " ".join(name.split()))
         name, states = states_in(cells, kind, name)
         low, high = limits_of(cells)
-        is_bool = register is not None and register[0] in ("coil", "discrete")
         self.builder.add(
             {
                 "area": named,
                 "address": address,
                 "name": name,
-                "type": "bool" if is_bool else kind,
+                "type": kind,
                 "order": order,
-                "length": length if kind in ("text", "bits", "enum") and not is_bool else None,
-                "scale": scale if kind not in _PLAIN and not is_bool else None,
+                "length": length,
+                "scale": scale,
                 "offset": plain_number(cells.get("offset", "")),
                 "unit": unit,
                 "values": states,
