@@ -183,7 +183,8 @@ def _writers(row: MappedValue) -> str:
 
 
 def _check(arguments: argparse.Namespace) -> int:
-    from analyzer.registers.checking import check_map, overlaps
+    from analyzer.registers.checking import KINDS, check_map, overlaps
+    from analyzer.registers.requests import request_remarks
     from analyzer.registers.telling import unit_place
     from dissectors.maps import map_for_unit
     from dissectors.values import harmless
@@ -204,7 +205,8 @@ def _check(arguments: argparse.Namespace) -> int:
     if not traffic.units:
         return NO_FRAME
     charts = _chart_of(chart, unit, traffic)
-    remarks = check_map(traffic.readings, charts)
+    remarks = [*check_map(traffic.readings, charts), *request_remarks(traffic.asked, charts)]
+    remarks.sort(key=lambda remark: KINDS.index(remark.kind))
     wrong = sum(remark.kind == "contradiction" for remark in remarks)
     if arguments.json:
         import json

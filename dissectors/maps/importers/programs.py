@@ -134,8 +134,10 @@ class _ProgramRow:
 
     def __init__(self, program: Program, builder: MapBuilder, record: Record) -> None:
         self.data, self.builder, self.record = program.data, builder, record
-        self.name = str(self.said("name") or "") or f"Register {self.said('address')}"
+        own_name = str(self.said("name") or "")
+        self.name = own_name or f"Register {self.said('address')}"
         self.what = record.get("what") or self.name  # in notes
+        builder.notes += [f"{self.what}: no name"] * (not own_name)
 
     def said(self, what: str) -> Any:
         """What a column is out of the record."""
