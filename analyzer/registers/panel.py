@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from dissectors.maps import MapError
 from dissectors.maps.table import csv_rows
-from dissectors.maps.tablecells import together
+from dissectors.maps.written import together
 
 from ..errors import RtuscopeError
 
