@@ -21,7 +21,7 @@ from captures.line import PROTOCOLS_NOTE, LineSettings
 
 from ..options import Options
 from .ascii import STRAY, AsciiEngine, ascii_after, begins_ascii, is_ascii
-from .directions import port_role
+from .directions import port_role, told_by_marks
 from .engine import Engine
 from .mbap import MbapEngine, is_mbap, mbap_after
 from .segments import StreamSegments
@@ -76,7 +76,7 @@ PROTOCOLS: Final = (
         "tcp",
         lambda head: mbap_after(head)[0],
         is_mbap,
-        lambda line, options, port: MbapEngine(options, port_role(line, port)),
+        lambda line, options, port: MbapEngine(options, port_role(line, port), marked=told_by_marks(line, port)),
     ),
     LineProtocol(
         "rtu",
