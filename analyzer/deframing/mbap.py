@@ -15,11 +15,10 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from captures.chunks import Mark
-from dissectors.crc import crc_ok
 from dissectors.envelopes import MBAP
 from dissectors.length_rules import Role
-from dissectors.lengths import Expectation, expectation, pdu_length, sound_roles
-from dissectors.limits import EXCEPTION, MAX_ADU, OVERHEAD
+from dissectors.lengths import Expectation, expectation, sound_roles
+from dissectors.limits import EXCEPTION
 
 from ..options import Options
 from ..tables.schema import Protocol
@@ -34,41 +33,6 @@ _OPEN: Final = 64  # transactions of a port that may be open at once
 _PIPELINED: Final = 8  # requests of one transaction number that may be
 
 
-def mbap_after(head: bytes) -> tuple[int | None, int | None]:
-    """After how many of the first bytes of a stream it is sure that they are Modbus TCP, and after how many that not.
-
-    They are where the first header's length is that which its function predicts, and no RTU frame with a right CRC, be
-    it longer, begins there.
-    """
-    for at in range(2, min(len(head), 5)):
-        if head[at]:
-            return None, at + 1
-    if len(head) < _BEFORE:
-        return None, None
-    if head[5] not in _LENGTHS:
-        return None, _BEFORE
-    end = _BEFORE + head[5]
-    predicted = [length + OVERHEAD for role in Role if (length := pdu_length(head[1:MAX_ADU], role) or 0) > 0]
-    for length in sorted(predicted):
-        if length <= len(head) and crc_ok(head[:length]):
-            return None, length
-    if len(head) < end:
-        return None, None
-    if not sound_roles(head[MBAP:end]):
-        return None, end
-    sure = max(end, *predicted) if predicted else end
-    return (sure, None) if len(head) >= sure else (None, None)
-
-
-def is_mbap(data: bytes) -> bool:
-    """Whether bytes that are all there is begin with a frame of Modbus TCP."""
-    sure, _ = mbap_after(data)
-    if sure is not None:
-        return True
-    end = _BEFORE + data[5] if len(data) > MBAP else len(data) + 1
-    return end <= len(data) and mbap_after(data[:end] + bytes(MAX_ADU))[0] is not None
-
-
 class MbapEngine(SelfDelimitedEngine):
     """The same contract as `engine.Engine`, for a port that speaks Modbus TCP.
 
@@ -81,7 +45,9 @@ class MbapEngine(SelfDelimitedEngine):
         self._astray = False  # in noise: only what a function predicts is a frame
         self._open: dict[bytes, list[Expectation]] = {}  # by transaction, the oldest first
         self._marked = marked
-        self._sides = 0  # frames that are as long as a request is alone, of who is marked as the one who asks; less others
+        self._sides = (
+            0  # frames that are as long as a request is alone, of who is marked as the one who asks; less others
+        )
 
     def _work(self, *, last: bool = False, silence_ns: int = 0) -> None:
         buffer = self.buffer
@@ -112,7 +78,9 @@ class MbapEngine(SelfDelimitedEngine):
         port, else the request that is open."""
         transaction, body = adu[:2], adu[MBAP - 1 :]
         asked = self._open.get(transaction, [])
-        found = next((one for one in reversed(asked) if one.fits(body) or (not roles and one.function == body[1])), None)
+        found = next(
+            (one for one in reversed(asked) if one.fits(body) or (not roles and one.function == body[1])), None
+        )
         if mark and self._role is None:
             role = self._role_by_mark(roles, mark, body)
         elif len(roles) == 1:
@@ -132,7 +100,7 @@ class MbapEngine(SelfDelimitedEngine):
         return role
 
     def _role_by_mark(self, roles: Sequence[Role], mark: int, body: bytes) -> Role:
-        """Who is marked asks or answers: who opened the connection asks, but where frames show that a guess was wrong."""
+        """Who asks, by the marks: who opened the connection asks, unless frames show that this was guessed wrong."""
         if len(roles) == 1 and not body[1] & EXCEPTION:
             self._sides += 1 if (roles[0] is Role.REQUEST) == (mark == Mark.TX) else -1
         asks = Mark.TX if self._sides >= 0 else Mark.RX
