@@ -6,7 +6,7 @@ in it, or it is long or a silence of seconds parts it. Where the next engine is 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -52,11 +52,16 @@ class Fit:
         self._blocks.append((self._heard, block))
         self._heard += len(block.data)
 
-    def judged(self, parts: Sequence[StreamSegments]) -> tuple[list[StreamSegments], OtherProtocol | None]:
-        """What may be given away of what the engine decided, up to where another protocol begins, if one does."""
+    def judged(
+        self, parts: Sequence[StreamSegments], tried: Collection[str] = ()
+    ) -> tuple[list[StreamSegments], OtherProtocol | None]:
+        """What may be given away of what the engine decided, up to where another protocol begins, if one does.
+
+        `tried`: those that did not fit from the engine's first byte on.
+        """
         given: list[StreamSegments] = []
         for part in parts:
-            if (other := self._other_in(part)) is not None:
+            if (other := self._other_in(part, tried)) is not None:
                 self._held.append(part)
                 given += _divided(self._held, other.at)[0]
                 return given, other
@@ -79,7 +84,7 @@ class Fit:
             if begin + len(block.data) > at:
                 yield block if begin >= at else _from(block, at - begin)
 
-    def _other_in(self, part: StreamSegments) -> OtherProtocol | None:
+    def _other_in(self, part: StreamSegments, tried: Collection[str]) -> OtherProtocol | None:
         """Look at each stretch without a frame that is long enough, in order; remember where the last frame ends."""
         start, end, role, check, *_ = part.decided
         right = ((role != NOISE) & check).nonzero()[0]
@@ -95,7 +100,7 @@ class Fit:
                 found = self._looked_at(*window)
                 held = young and not self._since and not self._parted(*window)
                 self._looked, self._since = self._looked + 1, self._since + 1
-                if found:
+                if found and not (held and found in tried and window[0] == 0):
                     return OtherProtocol(window[0] if held else _segment_end(part, window[1]), found)
         if len(right):
             self._frames, self._framed, self._since = self._frames + len(right), int(ends[-1]), 0

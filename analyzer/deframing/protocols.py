@@ -85,6 +85,7 @@ class WeighedPort:
         self._given = (0, 0)  # and in all
         self._fed = 0  # bytes that an engine was given before any was chosen
         self._now_ns = _LONG_AGO
+        self._tried: set[str] = set()  # protocols that did not fit from where the engine began
         self._fit = Fit("", self._fresh, options.cut_ns)
 
     def _fresh(self) -> PortWeights:
@@ -143,13 +144,15 @@ class WeighedPort:
         if not self._protocol:
             self._put(parts)
             return False
-        given, other = self._fit.judged(parts)
+        given, other = self._fit.judged(parts, self._tried)
         self._put(given)
         if other is None:
             self._put(self._fit.quiet(self._now_ns))
             return False
         blocks = list(self._fit.blocks_from(other.at))
+        tried = {*self._tried, self._protocol} if not other.at else set()
         self._replace(other.protocol)
+        self._tried = tried
         for block in blocks:
             self.feed(block)
         return True

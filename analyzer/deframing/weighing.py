@@ -36,8 +36,9 @@ _UNDECLARED: Final = -4.0
 _FREE: Final = -2.0  # undeclared, but free for users
 _UNSOUND: Final = -8.0  # another length than its function predicts
 _ILLEGAL: Final = -4.0  # for each limit that it breaks
-_LEGAL_UNIT: Final = 2.0
+_LEGAL_UNIT: Final = 3.0
 _NO_UNIT: Final = -6.0  # 248 and over, or a broadcast that nobody can answer
+_CUT: Final = -2.0  # what is not all there
 _BARE: Final = -2.0  # without a check value
 _EXACTLY_TURNED: Final = 10.0
 _LAST_EXCEPTION: Final = 0x0B
@@ -88,11 +89,26 @@ def tcp_bits(data: bytes) -> float:
         if not _header_at(data, at):
             return bits + _JUNK
         end = at + _BEFORE + data[at + 5]
-        if end > len(data):
-            return bits + 1.0  # cut: next to nothing
-        bits += (_CHAINED if at else _HEADER) + pdu_bits(data[at + MBAP : end])
+        bits += (_CHAINED if at else _HEADER) + _announced_bits(data[at + MBAP : end], end - at - MBAP)
         at = end
     return bits
+
+
+def tcp_head_bits(data: bytes) -> float:
+    """What speaks for these bytes beginning with a frame of Modbus TCP, whole or cut."""
+    return tcp_bits(data[: _BEFORE + data[5]]) if _header_at(data, 0) else _JUNK
+
+
+def _announced_bits(pdu: bytes, size: int) -> float:
+    """The same of a PDU whose header says how long it is, of which perhaps not all is there."""
+    if len(pdu) == size:
+        return pdu_bits(pdu)
+    if not pdu:
+        return _CUT
+    lengths = {pdu_length(pdu, role) for role in Role if rule(pdu[0], role) is not None}
+    if size in lengths:
+        return _CUT + _FIXED
+    return _CUT if None in lengths else _CUT + _UNSOUND
 
 
 def rtu_bits(data: bytes) -> float:
@@ -121,6 +137,19 @@ def rtu_bits(data: bytes) -> float:
             elif right == data[: -CRC_SIZE - 1 : -1]:
                 bits += _EXACTLY_TURNED
             best = max(best, bits)
+    return best
+
+
+def rtu_head_bits(data: bytes) -> float:
+    """What speaks for these bytes beginning with an RTU frame, cut, or with more behind it."""
+    best = rtu_bits(data)
+    for role in Role if len(data) > 1 else ():
+        if rule(data[1], role) is None or (length := pdu_length(data[1:], role)) == -1:
+            continue
+        known = data[1 : 1 + length] if length is not None else data[1:]
+        bits = _CUT + _ILLEGAL * len(plausibility(known, role))
+        bits += _LEGAL_UNIT if 0 < data[0] <= LAST_UNIT else _NO_UNIT
+        best = max(best, bits)
     return best
 
 

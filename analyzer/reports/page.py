@@ -64,6 +64,8 @@ def facts(report: Report) -> Iterator[tuple[str, str]]:
     if report.partial:
         yield "partial", page_words("ended before the capture did; what follows covers the part read")
     yield "bytes", _bytes(report)
+    if report.not_modbus:
+        yield "", page_words("not Modbus, but {name}", name=page_words(report.not_modbus))
     if not report.frames:
         return
     frames = f"{grouped(report.frames)}: {counted(report.requests, 'request', 'requests')}, "

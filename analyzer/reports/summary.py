@@ -23,6 +23,7 @@ from ..tables.bins import Histogram
 from ..tables.findings import Findings
 from ..tables.schema import Kind, Protocol, Rows
 from ..tables.transactions import Status, TransactionRows
+from ..tables.verdict import ModbusVerdict
 from ..usernotes import Notes, marked_rows
 from .breakdown import RateTable, bit_times
 from .model import BookmarkRow, Counts, ExceptionRow, FunctionRow, Load, Report, Times, UnitRow
@@ -67,6 +68,7 @@ class Summary:
         self._bytes = self._frames = self._requests = self._damaged = self._doubtful = self._tcp = 0
         self._noise_bytes = self._noise_stretches = 0
         self._foreign = np.zeros(len(NAMES), np.int64)  # bytes of other protocols, by number
+        self._verdict = ModbusVerdict()
         self._skew: ClockSkew | None = None
         self._noise_end = (0, -1)  # port and end of the noise that the last row was, -1 if it was none
         self._first: int | None = None
@@ -94,6 +96,7 @@ class Summary:
         self._count_echoes(analysed.findings, subjects)
         if not len(rows):
             return
+        self._verdict.feed(rows)
         noise = rows.kind == Kind.NOISE
         lengths = rows.length
         self._bytes += int(lengths.sum())
@@ -136,6 +139,7 @@ class Summary:
             noise_bytes=self._noise_bytes,
             noise_stretches=self._noise_stretches,
             foreign={name: int(size) for name, size in zip(NAMES, self._foreign, strict=True) if name and size},
+            not_modbus=self._verdict.foreign,
             clock_skew_ns=self._skew,
             doubtful_frames=self._doubtful,
             tcp_frames=self._tcp,
