@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from dissectors.foreign import checked_frames, foreign_bytes, session_of
 
-from ..languages import counted, tr
+from ..languages import counted, phrase, tr
 from .model import Paste, PastedFrame, PastedNoise, PastePart, Piece
 
 _PART = 2  # one byte in so many must be of a frame of it
@@ -20,10 +20,7 @@ def as_foreign(paste: Paste, parts: Sequence[PastePart]) -> Paste:
     frames = [frame for part in parts for frame in checked_frames(part.data)] or checked_frames(data)
     name = session_of(frames)
     if name and _PART * sum(map(len, frames)) >= len(data):
-        what = counted(len(frames), "frame", "frames")
-        return Paste(
-            "rtu", tr("not Modbus, but {name}: {frames}", name=tr(name), frames=what), _cut(frames, data, parts)
-        )
+        return Paste("rtu", _words(name, len(frames)), _cut(frames, data, parts))
     if any(isinstance(piece, PastedFrame) and piece.check_ok for piece in paste.pieces):
         return paste
     name, count, covered = foreign_bytes(data)
@@ -33,7 +30,8 @@ def as_foreign(paste: Paste, parts: Sequence[PastePart]) -> Paste:
 
 
 def _words(name: str, count: int) -> str:
-    return tr("not Modbus, but {name}: {frames}", name=tr(name), frames=counted(count, "frame", "frames"))
+    known = {"name": phrase("{name}", name=name), "frames": counted(count, "frame", "frames")}
+    return tr("not Modbus, but {name}: {frames}", **known)
 
 
 def _cut(frames: Sequence[bytes], data: bytes, parts: Sequence[PastePart]) -> tuple[Piece, ...]:

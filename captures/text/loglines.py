@@ -47,6 +47,9 @@ _REMEMBERED: Final = 2048  # lines
 _SCREEN: Final = 512  # lines that a person copies twice
 _DATED_NS: Final = 10**18  # no time since some start
 _FULL_ROW: Final = 8  # bytes of a row after which a read may go on in the next
+_CODE_SPAN: Final = re.compile(  # Markdown's marks about a part of a frame, as of its check value
+    r"(?<=[0-9A-Fa-f\]>)}])( ?)` ?(?=[\[<({]?[0-9A-Fa-f]{2})"
+)
 
 
 @dataclass(slots=True)
@@ -255,6 +258,7 @@ class LineReader:
 
     def _any_line(self, text: str, number: int) -> LogLine:
         stamp, rest = self._stamp(text)
+        rest = _CODE_SPAN.sub(r"\1", rest)
         t_ns = self._time(stamp)
         line = LogLine(number, text, rest, t_ns=t_ns, fine=stamp is not None and stamp.fine)
         if stamp is not None:

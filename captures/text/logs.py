@@ -305,7 +305,8 @@ def _why(line: LogLine, experience: Experience) -> tuple[str, bool]:
 
 
 def joined(reads: Iterable[Piece | UnreadLine], limit: int | None = None) -> Iterator[Piece | UnreadLine]:
-    """The same with pieces that continue one put together, up to about `limit` bytes each.
+    """The same with pieces that continue one put together, up to about `limit` bytes each; one with a time of its own
+    continues none.
 
     Of a packet with its headers, what it carries.
     """
@@ -316,7 +317,7 @@ def joined(reads: Iterable[Piece | UnreadLine], limit: int | None = None) -> Ite
         if isinstance(read, UnreadLine):
             yield read
             continue
-        if first is not None and read.continues and (limit is None or size < limit):
+        if first is not None and read.continues and read.t_ns is None and (limit is None or size < limit):
             parts.append(read.data)
             size += len(read.data)
             continue
