@@ -219,7 +219,7 @@ _PULSAR_LEAST: Final = 10
 _PULSAR: Final = (0, 1, 3, 4, 5, 6, 7, 8, 10, 11)  # its functions
 _SHORTEST: Final = 3  # a byte less than a frame has
 _LONGEST: Final = 260
-_ANY_LENGTH: Final = 8  # a function whose length tells nothing
+_DIAGNOSTICS, _DIAGNOSTICS_ADU, _LAST_DIAGNOSTIC = 8, 8, 0x14  # a function, bytes, a subfunction
 _FEW, _SEVERAL = 2, 3  # frames that tell a session
 _CHANNEL: Final = 11  # bytes that open a session, of a Mercury 230 and of a Milur
 
@@ -286,7 +286,12 @@ def checked_frames(data: bytes) -> list[bytes]:
 
 
 def is_legal(adu: bytes) -> bool:
-    """Whether a frame with a right CRC may be one of Modbus: a declared function of a right length, or a free one."""
+    """Whether a frame with a right CRC may be one of Modbus: a declared function of a right length, or a free one.
+
+    Function 8 is of any length by its declaration; but for loop-backs it has one, and few subfunctions ([1] 6.8).
+    """
+    if adu[1] == _DIAGNOSTICS and any(adu[2:4]):
+        return len(adu) == _DIAGNOSTICS_ADU and adu[2] == 0 and adu[3] <= _LAST_DIAGNOSTIC
     return adu[1] & ~EXCEPTION in USER_DEFINED or bool(sound_roles(adu[1:-CRC_SIZE]))
 
 
@@ -295,7 +300,7 @@ def session_of(frames: Sequence[bytes]) -> str:
     of Modbus, or too few of anything."""
     talk, names = MeterTalk(), Counter[str]()
     for adu in frames:
-        if adu[1] == _ANY_LENGTH or not is_legal(adu):
+        if not is_legal(adu):
             names[talk.name(adu, undeclared=is_undeclared(adu[1])) or SAME_CRC] += 1
     known = names.total() - names[SAME_CRC]
     legal = len(frames) - names.total()

@@ -65,8 +65,11 @@ def facts(report: Report) -> Iterator[tuple[str, str]]:
         yield "partial", page_words("ended before the capture did; what follows covers the part read")
     yield "bytes", _bytes(report)
     if report.tcp_frames and report.baud is not None:
-        yield "", page_words(
-            "Modbus TCP on a serial line: its gateway passes bytes on as they are, where it should turn them into RTU"
+        yield (
+            "",
+            page_words(
+                "Modbus TCP on a serial line: its gateway passes on bytes as they are, and should turn them into RTU"
+            ),
         )
     if report.not_modbus:
         yield "", page_words("not Modbus, but {name}", name=phrase("{name}", name=report.not_modbus))

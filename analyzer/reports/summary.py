@@ -26,7 +26,7 @@ from ..tables.transactions import Status, TransactionRows
 from ..tables.verdict import ModbusVerdict
 from ..usernotes import Notes, marked_rows
 from .breakdown import RateTable, bit_times
-from .model import BookmarkRow, Counts, ExceptionRow, FunctionRow, Load, Report, Times, UnitRow
+from .model import BookmarkRow, Counts, ExceptionRow, FindingRow, FunctionRow, Load, Report, Times, UnitRow
 from .troubles import Troubles, asked_once, is_habit, of_echoes
 
 if TYPE_CHECKING:
@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 
 _SECOND: Final = 1_000_000_000
 _DOUBTFUL: Final = 0.5
+_OTHER: Final = "other-protocol"
 # Counters a transaction adds to, in the order of `Counts`.
 _COUNTERS: Final = ("requests", "answered", "exceptions", "unanswered", "broadcasts", "damaged", "retries", "late",
              "unheard", "echoes")  # fmt: skip
@@ -154,7 +155,7 @@ class Summary:
                 ExceptionRow(unit, function, code, exception_name(code), count)
                 for (unit, function, code), count in sorted(self._exceptions.items(), key=lambda item: -item[1])
             ),
-            findings=self._troubles.rows(),
+            findings=self._told(),
             notes=tuple(notes),
             deaf=tuple(deaf_times(notes)),
         )
@@ -192,6 +193,11 @@ class Summary:
                 for value in np.unique(column).tolist():
                     times = measured.response_ns[column == value]
                     histograms.setdefault(value, Histogram()).add(times)
+
+    def _told(self) -> tuple[FindingRow, ...]:
+        """What is wrong; of what is no Modbus nothing but that."""
+        rows = self._troubles.rows()
+        return tuple(row for row in rows if row.code == _OTHER) if self._verdict.foreign else rows
 
     def _count_echoes(self, findings: Findings, rows: Rows) -> None:
         repeated = findings.index[of_echoes(findings)]
