@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from dissectors.declaration import USER_DEFINED
 from dissectors.foreign import MERCURY_200, NAMES, SAME_CRC
 from dissectors.length_rules import Role
-from dissectors.lengths import rule
+from dissectors.lengths import revision, rule
 
 from .schema import Kind, Protocol, Rows
 
