@@ -186,6 +186,7 @@ IN_ANY_BYTES: Final[dict[str, Callable[[bytes], Iterator[ForeignFrame]]]] = {
 }
 TALKERS: Final = frozenset({_NMEA})  # one sends, unasked, to whoever listens
 UNCHECKED: Final = frozenset({"OWEN", "DCON", "MIDI"})  # known by the characters of their lines alone
+LOOSE: Final = frozenset({"LIN", "MIDI"})  # so short that a few are chance: only what they are most of tells
 MERCURY_200: Final = "Mercury 200 (a meter's own, with the CRC of Modbus)"
 MERCURY_230: Final = "Mercury 230 (a meter's own, with the CRC of Modbus)"
 MILUR: Final = "Milur (a meter's own, with the CRC of Modbus)"
@@ -221,6 +222,11 @@ _SHORTEST: Final = 3  # a byte less than a frame has
 _LONGEST: Final = 260
 _DIAGNOSTICS, _DIAGNOSTICS_ADU, _LAST_DIAGNOSTIC = 8, 8, 0x14  # a function, bytes, a subfunction
 _FEW, _SEVERAL = 2, 3  # frames that tell a session
+_PIECES: Final = 8  # of a line that tell a protocol of its own,
+_LENGTHS: Final = 3  # and different lengths among them
+_PLACES, _MORE = range(7), range(-1, 13)  # where a frame says its length, and what that leaves out
+_DMX_BAUD: Final = 250_000  # bit/s (ANSI E1.11)
+_NEARLY_ALL: Final = 0.9
 _CHANNEL: Final = 11  # bytes that open a session, of a Mercury 230 and of a Milur
 
 
@@ -317,6 +323,31 @@ def is_undeclared(function: int) -> bool:
     """Whether nobody has declared a function byte, which is not free for users either."""
     code = function & ~EXCEPTION
     return code not in USER_DEFINED and (function > EXCEPTION or rule(function, Role.REQUEST) is None)
+
+
+def is_of_its_own(pieces: Sequence[bytes], baud: int | None) -> bool:
+    """Whether pieces of a line are whole frames of some protocol that nobody knows: each says how long it is, in one
+    place, and is so long; or the line is as fast as DMX512 alone is, and begins as its packets do.
+
+    What a UART makes that is set wrongly does neither.
+    """
+    if baud == _DMX_BAUD and pieces and pieces[0][:1] == b"\0":
+        return True
+    return any(_says_lengths(pieces, place, more) for place in _PLACES for more in _MORE)
+
+
+def _says_lengths(pieces: Sequence[bytes], place: int, more: int) -> bool:
+    """Whether the byte at a place of each frame is its length, less so many bytes, frames end to end in a piece."""
+    lengths: list[int] = []
+    covered = 0
+    for piece in pieces:
+        at = 0
+        while at + place < len(piece) and place < (size := piece[at + place] + more) <= len(piece) - at:
+            lengths.append(size)
+            at += size
+        covered += at
+    several = len(lengths) >= _PIECES and len(set(lengths)) >= _LENGTHS
+    return several and covered >= _NEARLY_ALL * sum(map(len, pieces))
 
 
 def _checked(data: bytes, at: int) -> int:

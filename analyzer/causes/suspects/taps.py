@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dissectors.crc import crc_ok
+from dissectors.foreign import is_of_its_own
 from dissectors.lengths import Role, pdu_length
 from dissectors.limits import OVERHEAD
 
@@ -347,6 +348,7 @@ def tap_line_settings(evidence: Evidence) -> Iterator[Suspicion]:
         or (evidence.declared_bytes > _NOTHING * ledger.bytes and not _has_seven_bits(data))
         or ledger.right_bytes > _HALF * ledger.bytes
         or len(data) < _BYTES / 2
+        or is_of_its_own([octets for _, _, octets in ledger.noise], ledger.line.baud)
         or sum(_hidden(evidence, port, role) for port in ledger.ports for role in Role) >= _FRAMES
     ):
         return
