@@ -306,8 +306,10 @@ def session_of(frames: Sequence[bytes]) -> str:
     of Modbus, or too few of anything."""
     talk, names = MeterTalk(), Counter[str]()
     for adu in frames:
-        if not is_legal(adu):
-            names[talk.name(adu, undeclared=is_undeclared(adu[1])) or SAME_CRC] += 1
+        free = adu[1] & ~EXCEPTION in USER_DEFINED
+        name = "" if is_legal(adu) and not free else talk.name(adu, undeclared=is_undeclared(adu[1]))
+        if name or not is_legal(adu):
+            names[name or SAME_CRC] += 1
     known = names.total() - names[SAME_CRC]
     legal = len(frames) - names.total()
     if names.total() < (_FEW if known else _SEVERAL) or names.total() <= 2 * legal:
@@ -326,10 +328,10 @@ def is_undeclared(function: int) -> bool:
 
 
 def is_of_its_own(pieces: Sequence[bytes], baud: int | None) -> bool:
-    """Whether pieces of a line are whole frames of some protocol that nobody knows: each says how long it is, in one
-    place, and is so long; or the line is as fast as DMX512 alone is, and begins as its packets do.
+    """Whether pieces of a line are whole frames of some protocol that nobody knows.
 
-    What a UART makes that is set wrongly does neither.
+    Each begins with the same byte, says how long it is, in one place, and is so long; or the line, at `baud` bit/s, is
+    as fast as DMX512 alone is, and begins as its packets do. What a UART makes that is set wrongly does neither.
     """
     if baud == _DMX_BAUD and pieces and pieces[0][:1] == b"\0":
         return True
@@ -339,15 +341,18 @@ def is_of_its_own(pieces: Sequence[bytes], baud: int | None) -> bool:
 def _says_lengths(pieces: Sequence[bytes], place: int, more: int) -> bool:
     """Whether the byte at a place of each frame is its length, less so many bytes, frames end to end in a piece."""
     lengths: list[int] = []
+    marks = Counter[int]()
     covered = 0
     for piece in pieces:
         at = 0
         while at + place < len(piece) and place < (size := piece[at + place] + more) <= len(piece) - at:
             lengths.append(size)
+            marks[piece[at]] += 1
             at += size
         covered += at
     several = len(lengths) >= _PIECES and len(set(lengths)) >= _LENGTHS
-    return several and covered >= _NEARLY_ALL * sum(map(len, pieces))
+    marked = bool(marks) and max(marks.values()) >= _NEARLY_ALL * len(lengths)
+    return several and marked and covered >= _NEARLY_ALL * sum(map(len, pieces))
 
 
 def _checked(data: bytes, at: int) -> int:

@@ -30,6 +30,7 @@ _LEAST: Final = 4  # bytes of noise that may be a frame of something
 _PART: Final = 0.5  # of a row's bytes that must be
 _SPANNING: Final = 24  # bytes of a frame that may hold several of another protocol
 _SEVERAL: Final = 2
+_NEARLY_ALL: Final = 0.9  # of a frame: one run of messages, as MIDI's
 _MANY: Final = 4  # frames with the CRC of Modbus that are none,
 _TIMES: Final = 2  # and so many times as many as those that are
 _NUMBER: Final = {name: number for number, name in enumerate(NAMES)}
@@ -92,7 +93,8 @@ class ForeignTalk:
             if row > since.get(int(rows.port[row]), len(rows)):
                 adu = _bytes(rows, data, row)
                 name, frames, covered = foreign_bytes(adu)
-                if frames >= _SEVERAL and covered >= _PART * len(adu):
+                several = frames >= _SEVERAL or covered >= _NEARLY_ALL * len(adu)
+                if several and covered >= _PART * len(adu):
                     _make_foreign(rows, row, name)
 
     def _of_noise(self, octets: bytes, port: int) -> int:

@@ -284,7 +284,9 @@ def _sound(frame: PastedFrame) -> bool:
 
 def _is_plain(frame: PastedFrame) -> bool:
     """Whether nothing of a frame speaks for its being no Modbus."""
-    return frame.check_ok is not False and not frame.missing and bool(sound_roles(frame.adu.pdu))
+    if frame.check_ok is False or frame.missing or not frame.adu.pdu:
+        return False
+    return function_class(frame.adu.pdu[0]) != "user-defined" and bool(sound_roles(frame.adu.pdu))
 
 
 def _cut(adu: Adu) -> int:
