@@ -56,7 +56,7 @@ _LONGEST_COLON: Final = 2 * 260 + 2
 _OPEN: Final = 16  # requests that an answer may be to
 
 
-class Weighed(NamedTuple):
+class SpokenBits(NamedTuple):
     """After so many bytes it is known that they weigh so much more for a protocol."""
 
     after: int
@@ -185,7 +185,7 @@ class PortWeights:
         self._data += octets[: _HEAD - before]
         data = bytes(self._data)
         found = [*self._ascii.found(data), *self._tcp.found(data), *self._rtu.found(data)]
-        found += [Weighed(limit, "", 0.0) for limit in (_BINARY, _HEAD) if before < limit <= len(data)]
+        found += [SpokenBits(limit, "", 0.0) for limit in (_BINARY, _HEAD) if before < limit <= len(data)]
         for after, protocol, bits in sorted(found):
             if protocol:
                 self.bits[protocol] += bits
@@ -231,7 +231,7 @@ class _RtuFrames:
         self._windows: list[tuple[int, int]] = []  # ends and starts, in order
         self._end = 0  # of the last right frame
 
-    def found(self, data: bytes) -> Iterator[Weighed]:
+    def found(self, data: bytes) -> Iterator[SpokenBits]:
         for start in range(self._next, max(len(data) - 1, self._next)):
             self._open += [(start, role) for role in Role if rule(data[start + 1], role) is not None]
         self._next = max(len(data) - 1, self._next)
@@ -252,7 +252,7 @@ class _RtuFrames:
             if start >= self._end and (right or crc16(adu[:-CRC_SIZE]).to_bytes(2, "big") == adu[-CRC_SIZE:]):
                 bits = _CRC_BITS - log2(2 * (start - self._end) + 1) - (0 if right else _TURNED)
                 self._end = end
-                yield Weighed(end, "rtu", bits)
+                yield SpokenBits(end, "rtu", bits)
 
 
 class _TcpChain:
@@ -265,7 +265,7 @@ class _TcpChain:
         self._known = 0  # bytes by which all that was said is known
         self._asked: dict[bytes, Expectation] = {}  # by transaction
 
-    def found(self, data: bytes) -> Iterator[Weighed]:
+    def found(self, data: bytes) -> Iterator[SpokenBits]:
         while self._at < len(data):
             follows = self._at == self._framed
             head = data[self._at : self._at + _BEFORE]
@@ -288,9 +288,9 @@ class _TcpChain:
             self._at, self._framed, self._begun = end, end, True
             yield self._said(end, bits)
 
-    def _said(self, after: int, bits: float) -> Weighed:
+    def _said(self, after: int, bits: float) -> SpokenBits:
         self._known = max(self._known, after)
-        return Weighed(self._known, "tcp", bits)
+        return SpokenBits(self._known, "tcp", bits)
 
     def _matched(self, transaction: bytes, body: bytes) -> float:
         """What an answer to a request that was seen is worth, over its being as long as it says."""
@@ -309,9 +309,9 @@ class _ColonFrames:
     def __init__(self) -> None:
         self._at = 0
 
-    def found(self, data: bytes) -> Iterator[Weighed]:
+    def found(self, data: bytes) -> Iterator[SpokenBits]:
         for match in _COLON_FRAME.finditer(data, self._at):
             self._at = match.end()
             if any(adu.check_ok for adu in ascii_frames(match[0])[:1]):
-                yield Weighed(match.end(), "ascii", _LRC_BITS)
+                yield SpokenBits(match.end(), "ascii", _LRC_BITS)
         self._at = max(self._at, len(data) - _LONGEST_COLON)
