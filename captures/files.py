@@ -38,6 +38,9 @@ _OTHER_KINDS = (
     (b"%PDF-", "a PDF document"),
     (b"SQLite format 3\x00", "an SQLite database"),
     (b"PAR1", f"a Parquet table: {_SOURCE}"),
+    (b"snoop\0\0\0", "a file of snoop: convert it, as with `tshark -r FILE -w FILE.pcapng`"),
+    (b"GMBU", "a file of Network Monitor: convert it, as with `tshark -r FILE -w FILE.pcapng`"),
+    (b"RTSS", "a file of Network Monitor 1: convert it, as with `tshark -r FILE -w FILE.pcapng`"),
     (b"<!DOCTYPE html", f"an HTML page: {_SOURCE}"),
 )
 EXPORTED: Final = f"a table that this tool exported: {_SOURCE}"

@@ -23,6 +23,7 @@ from ..options import Options
 from ..tables.batch import Batch
 from ..tables.schema import NO_GAP, Kind, Protocol
 from ..tables.transactions import ECHOED, NEVER, Status, TransactionRows
+from ..tables.verdict import ModbusVerdict
 from .exchanges import ANSWERED, Ending, ExchangeBuilder, Exchanges, RowColumns, Stretch, Unowned
 from .flatmemory import CrowdedTimes, Thinned, TimeGrid
 from .polls import PollTable, SuccessorTable
@@ -88,6 +89,7 @@ class Ledger:
     repeat_waits: Thinned
     repeats_answered: int
     foreign: NDArray[np.int64]
+    verdict: ModbusVerdict
     noise: list[tuple[int, int, _Octets]]
     stray_times: CrowdedTimes
     marked_bytes: int
@@ -129,6 +131,7 @@ class Ledger:
         self.repeat_waits = Thinned()  # ns, from a request without an answer to the same one again
         self.repeats_answered = 0  # requests that came twice and were answered then
         self.foreign = np.zeros(len(NAMES), np.int64)  # stretches that are another protocol's, by its number
+        self.verdict = ModbusVerdict()
         self.noise = []  # a few stretches in no frame: time, port, bytes
         self.stray_times = CrowdedTimes()  # ns, of short stretches in no frame
         self.marked_bytes = 0  # by the UART
@@ -186,6 +189,7 @@ class Ledger:
     def _count_rows(self, table: RowColumns) -> None:
         rows = table.rows
         kind, check, length = rows.kind, rows.check, rows.length
+        self.verdict.feed(rows)
         self.timed = self.timed or bool(rows.t_end_ns.any())
         framed, asks = kind != _NOISE, kind == _REQUEST
         right = framed & check

@@ -18,6 +18,7 @@ from captures.line import LineSettings
 
 from ..options import Options
 from ..tables.batch import Batch, join_batches
+from ..tables.taps import may_speak_of
 from ..tables.transactions import TransactionRows
 from .evidence import Evidence
 from .exchanges import asking
@@ -42,13 +43,17 @@ class Weighed:
 
 def weigh(evidence: Evidence) -> list[Weighed]:
     """All suspicions that explain something new, the heaviest first."""
-    found = [Weighed(each, suspicion) for each in suspects() for suspicion in each.judge(evidence)]
+    line = evidence.ledger.line
+    speaking = [each for each in suspects() if may_speak_of(each.cause, line)]
+    found = [Weighed(each, suspicion) for each in speaking for suspicion in each.judge(evidence)]
     fresh = [weighed for weighed in found if not weighed.suspicion.explains <= evidence.explained]
     return sorted(fresh, key=lambda weighed: -weighed.suspicion.bits)
 
 
 def causes_of(ledger: Ledger) -> list[Cause]:
-    """The causes that a ledger shows, best first."""
+    """The causes that a ledger shows, best first; none where this is no Modbus, of which reports say what it is."""
+    if ledger.verdict.foreign:
+        return []
     return sorted(_explained(Evidence(ledger)), key=lambda cause: -cause.bits)
 
 

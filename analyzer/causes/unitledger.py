@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dissectors.crc import crc16, crc_ok
-from dissectors.foreign import IN_ANY_BYTES
+from dissectors.foreign import IN_ANY_BYTES, LOOSE
 from dissectors.lengths import Role, pdu_length
 from dissectors.limits import EXCEPTION, OVERHEAD
 
@@ -445,6 +445,6 @@ def _counted(name: str) -> Callable[[bytes], int]:
 
 
 PROTOCOLS: Final[Mapping[str, Callable[[bytes], int]]] = {
-    **{name: _counted(name) for name in IN_ANY_BYTES},
+    **{name: _counted(name) for name in IN_ANY_BYTES if name not in LOOSE},
     "a meter's own protocol with the CRC of Modbus": _serial_number,
 }

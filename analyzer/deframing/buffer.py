@@ -184,6 +184,14 @@ class ByteBuffer:
         """Whether so long passed from the byte before the first one here to the last: else no silence is so long."""
         return len(self.time) > 0 and int(self.time.max()) - min(int(self.time.min()), self._before[0]) >= least_ns
 
+    def begins(self, stop: int) -> Index:
+        """Byte indices before `stop` at which groups begin."""
+        return self.group[: int(self.group.searchsorted(stop))]
+
+    def marks(self, places: Index) -> NDArray[np.uint8]:
+        """The marks of the bytes at these indices."""
+        return self._marks[self.group.searchsorted(places, side="right") - 1]
+
     def quiet(self, low: int, high: int, least_ns: int) -> Index:
         """Byte indices in (low, high) before which the times step by `least_ns` or more; `high` excluded."""
         first, last = self.group.searchsorted((low + 1, high)).tolist()

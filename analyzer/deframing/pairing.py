@@ -218,6 +218,7 @@ _PAIRED: Final = ("request", "request_start", "response_ns")
 _UNIT: Final = MBAP - 1  # offset in a frame of Modbus TCP
 _PADDING: Final = 1 << 8  # bytes
 _OPEN_TRANSACTIONS: Final = 4096  # transactions that may be open at once
+_PIPELINED: Final = 8  # requests of one transaction number that may be open
 
 
 class EnvelopedPairer:
@@ -296,7 +297,7 @@ class _OpenTransaction(NamedTuple):
 class _TransactionPairer:
     """Pairs Modbus TCP: most of it as arrays, neighbours of one transaction; the rest one by one."""
 
-    _open: dict[int, _OpenTransaction]
+    _open: dict[int, list[_OpenTransaction]]
     _asking: set[int]
 
     def __init__(self) -> None:
@@ -334,7 +335,6 @@ class _TransactionPairer:
             row, key, begin = int(which[i]), int(keys[i]), int(at[i])
             adu = data[begin : begin + int(rows.length[row])].tobytes()
             if kind[i] == _REQUEST:
-                self._open.pop(key, None)  # the transaction is used anew
                 if loose[i]:
                     self._ask(rows.row(row), key, adu, int(tail[row]))
             elif (found := self._found(key, adu, asks=asks_from.get(key >> 16, i) < i)) is not None:
@@ -348,15 +348,21 @@ class _TransactionPairer:
 
     def _ask(self, asked: Row, key: int, adu: bytes, read: int) -> None:
         expects = expectation(adu[_UNIT:])
-        self._open[key] = _OpenTransaction(asked.index, asked.start, asked.t_end_ns, read, adu, expects)
+        before = self._open.pop(key, [])  # so that the oldest go first
+        self._open[key] = [
+            *before,
+            _OpenTransaction(asked.index, asked.start, asked.t_end_ns, read, adu, expects),
+        ][-_PIPELINED:]
         if len(self._open) > _OPEN_TRANSACTIONS:
             del self._open[next(iter(self._open))]
 
     def _found(self, key: int, adu: bytes, *, asks: bool) -> _OpenTransaction | None:
-        """The request of a response, taken from those that are open; `asks`: there were requests on its port before."""
+        """The request of a response, taken from those that are open, the newest first: a client may send several under
+        one number, or use a number anew; `asks`: there were requests on its port before."""
         if not asks:  # a direction of its own
             key = next((each for each in reversed(self._open) if each & 0xFFFF == key & 0xFFFF), key)
-        found = self._open.get(key)
-        if found is None or not found.expects.fits(adu[_UNIT:]):
-            return None
-        return self._open.pop(key)
+        asked = self._open.get(key, [])
+        found = next((one for one in reversed(asked) if one.expects.fits(adu[_UNIT:])), None)
+        if found is not None:
+            asked.remove(found)
+        return found

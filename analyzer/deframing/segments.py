@@ -53,6 +53,43 @@ def join_segments(parts: Sequence[DecidedSegments]) -> DecidedSegments:
     return DecidedSegments(start, end, role, check, margin, contested, BoundaryEvidence.joined(whys) if whys else None)
 
 
+def cut_segments(part: StreamSegments, count: int) -> tuple[StreamSegments, StreamSegments]:
+    """The first `count` segments and the others; neither of them none."""
+    at = int(part.decided.start[count])
+    start, end, role, check, margin, contested, why = part.decided
+    heads = part.heads
+    first = part._replace(
+        data=part.data[:at],
+        decided=DecidedSegments(
+            start[:count],
+            end[:count],
+            role[:count],
+            check[:count],
+            margin[:count],
+            contested[:count],
+            None if why is None else why[:count],
+        ),
+        reads=SegmentReads._make(column[:count] for column in part.reads),
+        heads=None if heads is None else heads[:count],
+    )
+    rest = part._replace(
+        offset=part.offset + at,
+        data=part.data[at:],
+        decided=DecidedSegments(
+            start[count:] - at,
+            end[count:] - at,
+            role[count:],
+            check[count:],
+            margin[count:],
+            contested[count:],
+            None if why is None else why[count:],
+        ),
+        reads=SegmentReads._make(column[count:] for column in part.reads),
+        heads=None if heads is None else heads[count:],
+    )
+    return first, rest
+
+
 def whole_segments(
     start: Index, end: Index, role: NDArray[np.uint8], check: NDArray[np.bool_], *, explain: bool
 ) -> DecidedSegments:

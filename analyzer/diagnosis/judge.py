@@ -22,8 +22,9 @@ from ..deframing.tap_clock import TapClock
 from ..options import Options
 from ..outages import Deaf, excused, with_unheard
 from ..tables.batch import Batch, join_batches
-from ..tables.findings import NOTHING, FindingLook, Findings, fresh_looks
+from ..tables.findings import NOTHING, FindingLook, Findings, codes, fresh_looks
 from ..tables.schema import Kind, Rows
+from ..tables.taps import may_speak_of
 from ..tables.transactions import TransactionRows, Transactions
 from .damage.triage import Triage
 from .view import DiagnosisStep, LookBack
@@ -45,6 +46,7 @@ class Diagnosis:
         self._line = line
         self._options = options
         self._looks = fresh_looks()
+        self._mute = [number for number, code in enumerate(codes()) if not may_speak_of(code, line)]
         self._clock = TapClock(line)
         self._trail = LookBack()
         self._examiner = Triage(self._trail)
@@ -62,7 +64,7 @@ class Diagnosis:
         self._timed = self._timed or bool(batch.rows.t_end_ns.any())
         view = self._view(batch, transactions)
         self._clock.feed(view.rows)
-        findings = _ordered(part for look in self._looks for part in look(view))
+        findings = self._spoken(part for look in self._looks for part in look(view))
         self._trail.go_on(batch)
         return findings
 
@@ -73,7 +75,14 @@ class Diagnosis:
         view = self._view(Batch.empty(), settled)
         last = [part for look in self._looks for part in look(view)]
         last += [part for look in self._looks if hasattr(look, "close") for part in look.close(view)]
-        return _ordered(last)
+        return self._spoken(last)
+
+    def _spoken(self, parts: Iterable[Findings]) -> Findings:
+        """Those that may be told of such a tap, in order."""
+        findings = _ordered(parts)
+        if not self._mute or not len(findings):
+            return findings
+        return findings[~np.isin(findings.rule, self._mute)]
 
     def _view(self, batch: Batch, transactions: TransactionRows) -> DiagnosisStep:
         if len(batch):

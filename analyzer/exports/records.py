@@ -30,7 +30,7 @@ from ..tables.findings import described
 from ..tables.transactions import Status
 from ..tables.values import confirmed_values
 from .sink import ExportError, ExportOptions, OutputStream
-from .targets.csv import safe
+from .targets.csv import clock_text, safe
 
 if TYPE_CHECKING:
     from captures import Block, Capture
@@ -268,18 +268,20 @@ class RecordSink:
 
 
 class CsvRecords(RecordSink):
-    """A line a record; text that a spreadsheet would run is made harmless."""
+    """A line a record, with its time for people at its end; text that a spreadsheet would run is made harmless."""
 
     def __init__(self, out: OutputStream, table: RecordTable, options: ExportOptions) -> None:
         super().__init__(out, table, options)
         self.out.write(b"\xef\xbb\xbf" if options.bom else b"")
-        self._line([list(table.kinds)])
+        self._time = next(name for name, kind in table.kinds.items() if kind == "time")
+        self._line([[*table.kinds, "time"]])
 
     def write(self, columns: Columns) -> None:
         cells = [
             list(map(_cell, column)) if kind in ("text", "flag") else column
             for column, kind in zip(columns.values(), self.table.kinds.values(), strict=True)
         ]
+        cells.append(list(map(clock_text, columns[self._time])))
         self._line([list(row) for row in zip(*cells, strict=True)])
 
     def _line(self, rows: list[list[Any]]) -> None:

@@ -34,7 +34,7 @@ from ..core import Analysed, Analyzer, EvenBlocks
 from ..deframing.ascii import AsciiEngine
 from ..deframing.engine import Engine
 from ..deframing.mbap import MbapEngine
-from ..deframing.protocols import EngineOfPort, UndecidedPort
+from ..deframing.protocols import EngineOfPort, WeighedPort
 from ..deframing.stream import EngineMaker, PortEngine
 from ..exports.arrow import record_batch
 from ..exports.records import TABLES, record_arrow, record_schema
@@ -300,7 +300,7 @@ def _asked_before(batch: Batch, first: int, last: int, index: int) -> Iterator[t
 @cache
 def _schema() -> Schema:
     """Of all that a line's state holds."""
-    engines = (Engine, AsciiEngine, MbapEngine, UndecidedPort)
+    engines = (Engine, AsciiEngine, MbapEngine, WeighedPort)
     return Schema(
         LineState,
         {FindingLook: all_looks(), PortEngine: engines, EngineMaker: (EngineOfPort,)},

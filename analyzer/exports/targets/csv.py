@@ -82,6 +82,11 @@ _EXACT: Final = 1 << 53  # nanoseconds that a float still counts
 _SPECIAL: Final = frozenset(',"\r\n')
 
 
+def clock_text(t_ns: int) -> str:
+    """ISO 8601 in UTC to the microsecond; nothing for a time that no clock of ours gave."""
+    return f"{np.datetime64(t_ns // 1000, 'us')}Z" if is_clock(t_ns) else ""
+
+
 class _SpokenWords(NamedTuple):
     """What frames speak of: -1 for none; how many values each has, and the values of all, end to end."""
 
