@@ -41,6 +41,7 @@ class Diagnosis:
     _examiner: Triage
     _timed: bool
     _now: int
+    _mute: list[int]
 
     def __init__(self, line: LineSettings, options: Options = Options()) -> None:  # noqa: B008 - frozen
         self._line = line

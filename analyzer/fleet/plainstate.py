@@ -63,9 +63,9 @@ def _damaged(detail: str) -> StateError:
 
 def encoded(root: Any, schema: Schema) -> bytes:
     """An object of the schema's root and all that hangs on it. StateError where a part has no place in the schema."""
-    writer = _Writer(schema)
+    writer = _StateWriter(schema)
     tree = {"form": _FORM, "schema": schema.digest, "root": writer.node(root), "objects": writer.objects}
-    _Checked(schema, tree)
+    _CheckedTree(schema, tree)
     text = json.dumps(tree, separators=(",", ":")).encode()
     columns = {name: np.concatenate(parts) for name, parts in writer.columns.items()}
     out = io.BytesIO()
@@ -78,14 +78,14 @@ def decoded(data: bytes, schema: Schema) -> Any:
     tree, columns = _unpacked(data)
     if tree.get("form") != _FORM or tree.get("schema") != schema.digest:
         raise StateError("another version of rtuscope made it")
-    checked = _Checked(schema, tree)
+    checked = _CheckedTree(schema, tree)
     try:
         return _Maker(schema, checked, columns).made()
     except (TypeError, ValueError, OverflowError, MemoryError) as error:  # as of what cannot be a key
         raise _damaged(f"{error}") from error
 
 
-class _Writer:
+class _StateWriter:
     """Gives each object its place in a tree; what an object needs to be made stands before it."""
 
     def __init__(self, schema: Schema) -> None:
@@ -168,7 +168,7 @@ class _Writer:
         return name, list(array.shape)
 
 
-class _Checked:
+class _CheckedTree:
     """A tree that fits its schema: objects with known tags, each field and item of a kind that may stand there."""
 
     def __init__(self, schema: Schema, tree: Tree) -> None:
@@ -267,7 +267,7 @@ class _Checked:
 class _Maker:
     """Makes the objects of a tree that was checked."""
 
-    def __init__(self, schema: Schema, checked: _Checked, columns: ArrayColumns) -> None:
+    def __init__(self, schema: Schema, checked: _CheckedTree, columns: ArrayColumns) -> None:
         self._classes, self._named = schema.classes, schema.named
         self._checked = checked
         self._columns = columns
