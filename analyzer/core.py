@@ -21,14 +21,14 @@ from .deframing.protocols import Deframer
 from .deframing.wireorder import ClockSkew
 from .diagnosis.judge import Judge
 from .options import Options
-from .outages import Deaf, deaf_times, notes_of
+from .outages import Deaf, Deafness, deaf_times, notes_of
 from .tables.batch import Batch, join_batches, rows_of_findings
 from .tables.findings import NOTHING, Findings
 from .tables.origin import StreamOrigin
 from .tables.transactions import TransactionRows
 
 _BLOCK = 1 << 19  # bytes read at once: more costs memory and is no faster
-_NOTES = 64  # remembered of a port, the newest
+_OUTAGES = 256  # over, that are remembered, the newest
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +87,7 @@ class Analyzer:
         self._options = options
         self._settles = settles
         self._outages = list(outages)
-        self._notes: list[Note] = []
+        self._deafness = Deafness()
         self._octets: dict[int, int] = {}  # bytes so far, by port
         self._frames = 0
         self._now = 0
@@ -120,8 +120,9 @@ class Analyzer:
 
     def note(self, note: Note) -> None:
         """Something happened to a port: lost, opened, bytes missing. No answer is missed that came meanwhile."""
-        self._notes = [*self._notes[1 - _NOTES :], note]
-        self._outages[:] = deaf_times(self._notes)
+        self._deafness.feed(note)
+        del self._deafness.over[:-_OUTAGES]
+        self._outages[:] = self._deafness.times
 
     def deafen(self, outages: Sequence[Deaf]) -> None:
         """Times in which nothing was heard, all of them, where more have become known."""

@@ -21,6 +21,7 @@ from ..options import Options
 from ..tables.batch import Batch
 from ..tables.schema import Kind
 from ..tables.schema import Protocol as Envelope
+from .arrival import ArrivalClock
 from .buffer import CharacterTime
 from .directions import port_role
 from .foreign import ForeignTalk
@@ -73,7 +74,8 @@ class PortsDeframer:
         self._frames = 0
         self._order = WireOrder(line)
         self._writes = WriteDirections()
-        self._now: int | None = None
+        self._arrival = ArrivalClock()
+        self._given: dict[int, int] = {}  # bytes of each port in rows so far
         self._timed = True
 
     def feed(self, chunks: Chunk | Block | Iterable[Chunk], now_ns: int | None = None) -> Batch:
@@ -83,7 +85,7 @@ class PortsDeframer:
         block = chunks if isinstance(chunks, Block) else Block.from_chunks(chunks)
         self._timed = self._timed and block.timed
         if len(block):
-            self._now = int(block.t_ns[-1])
+            self._arrival.feed(block)
             ports = np.bincount(block.port).nonzero()[0].tolist() if np.count_nonzero(block.port) else [0]
             if len(ports) > 1:
                 ports.sort(key=lambda port: int(np.argmax(block.port == port)))  # as they came
@@ -94,7 +96,7 @@ class PortsDeframer:
 
     def tick(self, now_ns: int) -> Batch:
         """The line has been silent until `now_ns` (same clock as the chunks); give what that makes certain."""
-        self._now = now_ns
+        self._arrival.passed(now_ns)
         for engine in self._engines.values():
             engine.tick(now_ns)
         return self._give(last=False)
@@ -112,17 +114,24 @@ class PortsDeframer:
 
     def _engine(self, port: int, first_ns: int) -> PortEngine:
         if port not in self._engines:
-            self._order.joins(port, first_ns)
+            self._order.joins(port, self._arrival.came(port, 0, first_ns))
             self._engines[port] = self._make(port)
         return self._engines[port]
 
     def _give(self, *, last: bool) -> Batch:
         taken: list[UnorderedRows] = []
-        bounds = [] if self._now is None else [self._now]
+        arrival = self._arrival
+        bounds = [] if arrival.now_ns is None else [arrival.now_ns]
         for port, engine in sorted(self._engines.items()):
-            taken += [UnorderedRows.of(port, segments) for segments in engine.take()]
+            for segments in engine.take():
+                rows = UnorderedRows.of(port, segments)
+                rows.heard = arrival.come(port, rows.rows.start, rows.heard)
+                self._given[port] = segments.offset + len(segments.data)
+                taken.append(rows)
             if (undecided := engine.undecided_ns) is not None:
-                bounds.append(undecided)
+                given = self._given.get(port, 0)
+                bounds.append(arrival.came(port, given, undecided))
+                arrival.decided(port, given)
         until = None if last else min(bounds, default=None)
         loose, across = self._order.take(taken, until)
         since = self._order.since_ns
