@@ -29,6 +29,7 @@ from .pairing import EnvelopedPairer
 from .segments import StreamSegments, UnorderedRows
 from .tap_clock import TapClock
 from .wireorder import Across, ClockSkew, WireOrder
+from .witness import AnswerWitness
 from .writes import WriteDirections
 
 _UNKNOWN_CHARACTER_NS: Final = 1e6  # 10 bits at 9600 bit/s, about: only the scale of the silence classes hangs on it
@@ -69,6 +70,7 @@ class PortsDeframer:
         self._engines: dict[int, PortEngine] = {}
         self._foreign = ForeignTalk()
         self._pairer = EnvelopedPairer()
+        self._witness = AnswerWitness()
         self._clock = TapClock(line)
         self._off_ns = 0.0
         self._frames = 0
@@ -136,16 +138,16 @@ class PortsDeframer:
         loose, across = self._order.take(taken, until)
         since = self._order.since_ns
         if since is None:
-            return self._batch(self._writes.settle(loose, until, timed=self._timed), across)
+            return self._batch(self._writes.settle(loose, until, timed=self._timed), across, until)
         held, alone = self._writes.held, int(np.count_nonzero(loose.heard < since))
         if held or alone:  # the last of what was heard of one port; then nothing but their ports tells writes apart
             first, rest = loose.picked(np.arange(alone)), loose.picked(np.arange(alone, len(loose.rows)))
             settled = self._writes.settle(first, since if until is None else min(until, since), timed=self._timed)
             loose = UnorderedRows.joined([settled, self._writes.release(), rest])
             across = across and across.behind(held)
-        return self._batch(loose, across)
+        return self._batch(loose, across, until)
 
-    def _batch(self, loose: UnorderedRows, across: Across | None) -> Batch:
+    def _batch(self, loose: UnorderedRows, across: Across | None, until: int | None) -> Batch:
         rows = loose.rows
         self._foreign.mark(rows, loose.data)
         frames = rows.kind.nonzero()[0]  # all but NOISE
@@ -154,6 +156,8 @@ class PortsDeframer:
         self._frames += count
         self._ask_all(loose)
         earlier = self._pairer.pair(rows, loose.data, loose.head, loose.tail, across)
+        loose, earlier = self._witness.settle(loose, across, earlier, until, timed=self._timed)
+        rows = loose.rows
         if not self._timed:  # a source without a clock: better no times than made-up ones
             rows.t_start_ns[:] = rows.t_end_ns[:] = 0
             rows.response_ns[:] = -1
