@@ -148,8 +148,8 @@ def _polls(random: Random, moving: str, *, equal: bool, units: Sequence[int], co
 MOVING: Final = ("moving", "moving", "constant", "sisters", "alike")
 
 
-def drawn(seed: int) -> DrawnRound:
-    """The bus of this seed."""
+def drawn(seed: int, most: int | None = None) -> DrawnRound:
+    """The bus of this seed; at most about so many answers."""
     random = Random(f"who answers whom {seed}")
     habit, moving = random.choice(HABITS), random.choice(MOVING)
     tap = random.choice(sorted(TAPS))
@@ -168,7 +168,10 @@ def drawn(seed: int) -> DrawnRound:
     }
     pause = timeout * random.choice((0.005, 0.02, 0.1) if slowly else (0.01, 0.05, 0.3))
     rest = timeout * random.choice((0, 0, 0, 5) if slowly else (0, 0, 5))
-    pairs = _talk(random, _Wire(char_ns), polls, servers, (timeout, pause, rest), retries=random.choice((0, 0, 1, 2)))
+    most = most or random.choice((150, 400, 800))
+    polls = polls[: max(3, most // 6)]
+    retries = random.choice((0, 0, 1, 2))
+    pairs = _talk(random, _Wire(char_ns), polls, servers, (timeout, pause, rest), retries=retries, most=most)
     return _made(random, pairs, (habit, moving, tap), baud)
 
 
@@ -184,11 +187,11 @@ def _talk(
     servers: dict[int, _Unit],
     waits: tuple[float, float, float],
     retries: int,
+    most: int,
 ) -> _Talk:
     timeout, pause, rest = waits
     pairs: list[TruePair] = []
     answers = 0
-    most = random.choice((150, 400, 800))
     while answers < most:
         for number, poll in enumerate(polls):
             for _ in range(1 + retries):

@@ -3,7 +3,7 @@
 Words are judged one by one against those that stood in their place: how often they came again, and how far they moved
 where they did not. What counts is how much stranger an answer is than this poll's own answers are, so that a poll of
 lively words and one of constants stand on one footing. Words of one answer move together: the difference is halved,
-and one answer says no more than `MOST_BITS`.
+many words say no more than some, and one answer no more than `MOST_BITS`.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ _FEW: Final = 4  # steps: of fewer a longer one is no surprise
 _WIDER: Final = 3.0
 _FARTHEST: Final = 18.0  # bits of a word: as strange as it gets
 _USUAL: Final = 0.5  # bits that a word may be stranger than usual
+_WORDS: Final = 8  # that speak for themselves: more of them say no more
 _POLLS: Final = 512  # known at once
 _NOTHING: Final = np.zeros(0, np.int32)
 Words = NDArray[np.int32]
@@ -84,7 +85,8 @@ class PollContents:
     @staticmethod
     def _told(stranger: NDArray[np.float64]) -> float:
         """What words say together that are so much stranger than usual."""
-        return min(float(np.maximum(stranger - _USUAL, 0.0).sum()) / 2, MOST_BITS)
+        few = min(1.0, _WORDS / len(stranger))
+        return min(float(np.maximum(stranger - _USUAL, 0.0).sum()) * few / 2, MOST_BITS)
 
 
 def _bits(steps: NDArray[np.float64], stays: NDArray[np.float64], reach: NDArray[np.float64]) -> NDArray[np.float64]:

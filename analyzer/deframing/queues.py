@@ -18,7 +18,7 @@ from dissectors.lengths import Expectation
 
 from ..tables.transactions import LATE_NS, LATE_WAITS, LONGEST_NS
 
-LEAD_BITS: Final = 8.0
+LEAD_BITS: Final = 6.0
 _HOPELESS_BITS: Final = 24.0
 _TWICE_BITS: Final = 10.0  # an answer to a request that was answered
 _ALIEN_BITS: Final = 20.0  # one to none that is known

@@ -15,6 +15,7 @@ from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dissectors.lengths import expectation
 
@@ -39,6 +40,21 @@ Lane = int  # a unit behind a port: port * 256 + unit
 _NO_LANE: Final = -1
 _FEW: Final = 48  # rows
 _TCP: Final = int(Protocol.TCP)
+
+
+class _LaneEnd(NamedTuple):
+    """How a lane ends: requests since its last answer (-1: it has not begun), index and mark of the newest of these;
+    what the last answer was to, and its mark.
+    """
+
+    open: int
+    newest: int
+    asked: int
+    poll: int
+    answer: int
+
+
+_NOTHING: Final = _LaneEnd(-1, -1, -1, -1, -1)
 
 
 class PairedRows(NamedTuple):
@@ -94,7 +110,7 @@ class AnswerWitness:
         self._held = PairedRows.of(UnorderedRows.nothing(), None)
         self._seen = 0  # of these, how many were gone through
         self._doubts: dict[Lane, _Doubt] = {}
-        self._asked: dict[Lane, tuple[int, int]] = {}  # requests since the last answer of each, and the newest's index
+        self._asked: dict[Lane, _LaneEnd] = {}  # how each lane ends
         self._earlier: dict[int, bytes] = {}
         self._latest_ns = -(1 << 62)
 
@@ -157,33 +173,58 @@ class AnswerWitness:
         """Rows with answers that do not simply follow the only request of their unit that is open."""
         if not len(new.asker):
             return np.zeros(0, np.intp)
-        return self._odd_of_few(new) if len(new.asker) <= _FEW else self._odd_of_many(new)
+        odd, same = self._odd_of_few(new) if len(new.asker) <= _FEW else self._odd_of_many(new)
+        return np.union1d(odd, self._moved(new, same)) if len(same) else odd
 
-    def _odd_of_few(self, new: PairedRows) -> Index:
-        """The same row by row: arrays of so few take longer."""
-        rows, odd, asked = new.loose.rows, [], self._asked
+    def _moved(self, new: PairedRows, same: Index) -> Index:
+        """Of answers that are the one before once more, to another request: those whose polls held something else."""
+        past = [*self._past(), self._held]
+        before = sum(len(part.asker) for part in past)
+        every = PairedRows.joined([*past, new])
+        rows = every.loose.rows
+        lane, marks = _lanes(every), _marks(every)
+        order = np.argsort(lane, kind="stable")
+        paired = (lane[order][1:] == lane[order][:-1]) & (rows.kind[order][:-1] == _REQUEST)
+        paired &= (rows.kind[order][1:] == _RESPONSE) & (lane[order][1:] != _NO_LANE)
+        answers, asked = order[1:][paired], order[:-1][paired]
+        polls = lane[answers] << 32 | marks[asked]
+        place = np.lexsort((answers, polls))
+        answers, polls = answers[place], polls[place]
+        moved = (polls[1:] == polls[:-1]) & (marks[answers[1:]] != marks[answers[:-1]])
+        moved &= answers[1:] - answers[:-1] < _HISTORY
+        found: Index = np.intersect1d(answers[1:][moved] - before, same)
+        return found
+
+    def _odd_of_few(self, new: PairedRows) -> tuple[Index, Index]:
+        """The same row by row, for arrays of so few take longer; and answers that are the one before once more."""
+        rows, odd, same, ends = new.loose.rows, [], [], self._asked
         columns = (rows.kind, rows.unit, rows.check, rows.protocol, rows.index, rows.request)
         values = zip(new.asker.tolist(), *(column.tolist() for column in columns), strict=True)
+        marks = _marks(new).tolist()
         for row, (port, kind, unit, whole, protocol, index, request) in enumerate(values):
             if kind == _NOISE or not whole or not unit or protocol == _TCP:
                 continue
             lane = port << 8 | unit
-            count, newest = asked.get(lane, (-1, -1))
+            end = ends.get(lane, _NOTHING)
             if kind == _REQUEST:
-                asked[lane] = min(max(count, 0) + 1, 2), index
-            else:
-                if count >= 0 and (count != 1 or request != newest):
-                    odd.append(row)
-                asked[lane] = 0, -1
-        return np.array(odd, np.intp)
+                ends[lane] = end._replace(open=min(max(end.open, 0) + 1, 2), newest=index, asked=marks[row])
+                continue
+            if end.open >= 0 and (end.open != 1 or request != end.newest):
+                odd.append(row)
+            poll = end.asked if end.open > 0 else -1
+            if marks[row] == end.answer and poll != end.poll:
+                same.append(row)
+            ends[lane] = _LaneEnd(0, -1, -1, poll, marks[row])
+        return np.array(odd, np.intp), np.array(same, np.intp)
 
-    def _odd_of_many(self, new: PairedRows) -> Index:
+    def _odd_of_many(self, new: PairedRows) -> tuple[Index, Index]:
         rows = new.loose.rows
         lane = _lanes(new)
         whole = (lane != _NO_LANE).nonzero()[0]
         order = whole[np.argsort(lane[whole], kind="stable")]
         if not len(order):
-            return order
+            return order, order
+        marks = _marks(new)[order]
         mine, asks, index = lane[order], rows.kind[order] == _REQUEST, rows.index[order]
         begins = np.append(True, mine[1:] != mine[:-1])
         open_before = np.zeros(len(order), np.int64)  # requests before each since its lane's last answer, up to 2
@@ -193,16 +234,41 @@ class AnswerWitness:
         newest[1:] = np.where(asks[:-1], index[:-1], -1)
         unknown = np.zeros(len(order), np.bool_)
         for at in begins.nonzero()[0].tolist():
-            count, asked = self._asked.get(int(mine[at]), (-1, -1))
+            count, asked, *_ = self._asked.get(int(mine[at]), _NOTHING)
             open_before[at], newest[at], unknown[at] = max(count, 0), asked, count < 0
             if at + 1 < len(order) and not begins[at + 1]:
                 open_before[at + 1] = (1 + min(max(count, 0), 1)) if asks[at] else 0
+        same = self._same(mine, asks, begins, marks)
         ends = np.append(begins[1:], True).nonzero()[0]
         for at in ends.tolist():
             count = int(min(open_before[at] + 1, 2)) if asks[at] else 0
-            self._asked[int(mine[at])] = (count, int(index[at]) if asks[at] else -1)
+            newest_of = (count, int(index[at]), int(marks[at])) if asks[at] else (0, -1, -1)
+            end = self._asked.get(int(mine[at]), _NOTHING)
+            self._asked[int(mine[at])] = _LaneEnd(*newest_of, end.poll, end.answer)
         odd = ~asks & ((open_before != 1) | (rows.request[order] != newest)) & ~unknown
-        found: Index = np.sort(order[odd])
+        return np.sort(order[odd]), np.sort(order[same])
+
+    def _same(self, lane: Int64s, asks: NDArray[np.bool_], begins: NDArray[np.bool_], marks: Int64s) -> Index:
+        """Places, in order of lanes, of answers that are the lane's answer before once more, to another request."""
+        answers = (~asks).nonzero()[0]
+        if not len(answers):
+            return answers
+        polls = np.where(asks[answers - 1] & ~begins[answers], marks[answers - 1], -1)
+        for k in begins[answers].nonzero()[0].tolist():
+            end = self._asked.get(int(lane[answers[k]]), _NOTHING)
+            polls[k] = end.asked if end.open > 0 else -1
+        first = np.append(True, lane[answers[1:]] != lane[answers[:-1]])
+        before = np.append(-1, marks[answers[:-1]])
+        poll_before = np.append(-1, polls[:-1])
+        last = np.append(first[1:], True)
+        for k in first.nonzero()[0].tolist():
+            end = self._asked.get(int(lane[answers[k]]), _NOTHING)
+            before[k], poll_before[k] = end.answer, end.poll
+        for k in last.nonzero()[0].tolist():
+            mine = int(lane[answers[k]])
+            end = self._asked.get(mine, _NOTHING)
+            self._asked[mine] = end._replace(poll=int(polls[k]), answer=int(marks[answers[k]]))
+        found: Index = answers[(marks[answers] == before) & (polls != poll_before)]
         return found
 
     def _requests_before(self, given: UnorderedRows, work: PairedRows) -> dict[int, bytes]:
@@ -223,6 +289,15 @@ class AnswerWitness:
             elif number in self._earlier:
                 found[number] = self._earlier[number]
         return found
+
+
+def _marks(paired: PairedRows) -> Int64s:
+    """By what frames in RTU mode are compared: length and CRC; those of other rows are all different."""
+    rows, data = paired.loose.rows, paired.loose.data
+    ends = rows.at + rows.length
+    marks = rows.length << 16 | data.take(ends - 2, mode="clip").astype(np.int64) << 8 | data.take(ends - 1)
+    plain: Int64s = np.where(rows.protocol == Protocol.RTU, marks, -2 - rows.index)
+    return plain
 
 
 def _lanes(paired: PairedRows) -> Int64s:
@@ -330,11 +405,16 @@ class _Walk:
             return None
         queue.paths = [queue.paths[0]._replace(newest=newest)]
         last = queue.asks[-1]
-        simple = not last.taken and int(self._rows.request[row]) == last.number
+        simple = not last.taken and int(self._rows.request[row]) == last.number and not self._repeats(row, own)
         if simple and all(ask.taken or ask.damaged or ask.number <= newest for ask in queue.asks[:-1]):
             return None
         doubt.queue = queue
         return doubt
+
+    def _repeats(self, row: int, own: Index) -> bool:
+        """Whether an answer is the one before once more."""
+        answers = own[self._rows.kind[own] == _RESPONSE]
+        return len(answers) > 0 and self._adu(int(answers[-1])) == self._adu(row)
 
     def _came_damaged(self, request: int, behind: int) -> bool:
         """Whether what stands behind a request may be its answer, damaged."""

@@ -10,6 +10,7 @@ from typing import Final
 
 from edges.frames import answer, request, some, vendor
 from edges.registry import Bus
+from pairing_rounds import drawn
 
 from analyzer.simulation import TAPS
 from captures import Chunk, LineSettings
@@ -261,6 +262,12 @@ def _tcp_both(random: Random) -> FedStream:
     return _read(bus, random, random.choice(("irq", "gateway", "precise")))
 
 
+def _displaced(random: Random) -> FedStream:
+    """Units that queue, answer late or twice: whose an answer is shows what it holds."""
+    made = drawn(random.randrange(1 << 30), most=60)
+    return FedStream(made.capture.line, list(made.capture.chunks()), made.capture.timed)
+
+
 def _long_repeats(random: Random) -> FedStream:
     """The same few frames for long: runs that are taken as arrays, and their edges."""
     bus = _line(random)
@@ -296,6 +303,7 @@ KINDS: Final[dict[str, tuple[Kind, int]]] = {  # name: how it is made, its part 
     "tcp-both": (_tcp_both, 4),
     "clocks-apart": (_clocks_apart, 5),
     "outages": (_outages, 4),
+    "displaced": (_displaced, 3),
     "repeats": (_long_repeats, 1),
 }
 
