@@ -86,6 +86,8 @@ class Pairer:
             begin = int(rows.at[row])
             adu = data[begin : begin + int(rows.length[row])].tobytes()
             if rows.kind[row] == _REQUEST:
+                if not rows.check[row]:
+                    continue  # a damaged one is answered by nobody
                 self._ask(rows, row, adu, int(tail[row]), int(place[row]))
             else:
                 self._went_on(asking, int(rows.index[row]))
@@ -156,7 +158,7 @@ class _RequestTimes:
 def _pair_neighbours(rows: Rows, data: Bytes, frames: Index, head: Times, tail: Times, across: Across | None) -> Index:
     """Pair each request with the frame behind it, if that answers it; the frames (numbers in `frames`) left over."""
     kind, at, port = rows.kind.take(frames), rows.at.take(frames), rows.port.take(frames)
-    follows = (kind[1:] == _RESPONSE) & (kind[:-1] == _REQUEST)
+    follows = (kind[1:] == _RESPONSE) & (kind[:-1] == _REQUEST) & rows.check.take(frames[:-1])
     if across is not None:
         asker = np.where(across.answers[frames], across.requests, port)
         follows &= asker[1:] == port[:-1]
@@ -186,11 +188,13 @@ def _pair_few(
 ) -> Index:
     """The same of a few frames of lines that each carry both directions: one by one."""
     octets, kind, at, port = data.tobytes(), rows.kind.tolist(), rows.at.tolist(), rows.port.tolist()
+    whole = rows.check.tolist()
     numbers = frames.tolist()
     loose = dict.fromkeys(range(len(numbers)))
     for i, (asked, answer) in enumerate(pairwise(numbers)):
         if (
             kind[asked] == _REQUEST
+            and whole[asked]
             and kind[answer] == _RESPONSE
             and port[asked] == port[answer]
             and response_fits(octets, at[asked], at[answer])
