@@ -141,7 +141,7 @@ def test_a_damaged_request_is_answered_by_nothing() -> None:
     assert answers(told(talk.chunks))[start][0] == -1
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(
     st.lists(st.sampled_from(("well", "lost", "late", "twice", "shift", "gap")), min_size=1, max_size=12),
     st.booleans(),

@@ -17,22 +17,24 @@ from typing import Final, NamedTuple
 from dissectors.lengths import Expectation
 
 from ..tables.transactions import LATE_NS, LATE_WAITS, LONGEST_NS
+from .contents import MOST_BITS
 
 LEAD_BITS: Final = 6.0
 _HOPELESS_BITS: Final = 24.0
 _TWICE_BITS: Final = 10.0  # an answer to a request that was answered
 _ALIEN_BITS: Final = 20.0  # one to none that is known
+_FORGOTTEN_BITS: Final = 3.0  # one to a request that is too long ago, where such may be open
 _LOST_BITS: Final = 8.0  # requests lost that the client took for answered, some in a row
 _OVERDUE_BITS: Final = 4.0  # an answer that took much longer than any on its path
 _OVERDUE: Final = 3  # times as long,
 _SLACK_NS: Final = 100_000_000  # and so much longer
 _PATHS: Final = 16
-ASKS: Final = 12  # requests back that an answer may be of
+ASKS: Final = 24  # requests back that an answer may be of
 _NONE: Final = -1
 
 
 @dataclass(slots=True)
-class Ask:
+class AskedRequest:
     """A whole request to a unit."""
 
     number: int  # its frame's index
@@ -70,27 +72,28 @@ class SettledAnswer(NamedTuple):
     """Whose an answer is: `request` is -1 where it is of none, or nobody can tell (`unsure`)."""
 
     answer: PendingAnswer
-    request: Ask | None
+    request: AskedRequest | None
     unsure: bool
 
 
-Strangeness = Callable[[Ask, bytes], float]
+Strangeness = Callable[[AskedRequest, bytes], float]
 
 
 @dataclass(slots=True)
 class UnitQueue:
     """The requests to one unit of late, and the paths of its answers."""
 
-    asks: list[Ask] = field(default_factory=list)
+    asks: list[AskedRequest] = field(default_factory=list)
     paths: list[AnswerPath] = field(default_factory=lambda: [AnswerPath(_NONE, 0.0, 0, ())])
     pending: list[PendingAnswer] = field(default_factory=list)
+    forgotten: int = _NONE  # number of the newest request that is too long ago to be looked at
 
-    def ask(self, ask: Ask) -> None:
+    def ask(self, ask: AskedRequest) -> None:
         """Another request."""
         self.asks.append(ask)
         chosen = {number for path in self.paths for number in path.chosen}
         while len(self.asks) > ASKS and self.asks[0].number not in chosen:
-            del self.asks[0]
+            self.forgotten = self.asks.pop(0).number
 
     def answer(self, answer: PendingAnswer, strangeness: Strangeness, *, timed: bool) -> None:
         """An answer: every path goes on to each request that it may be of."""
@@ -103,6 +106,10 @@ class UnitQueue:
         ]
         alike = len({ask.adu for _, ask in fitting}) < 2
         bits = {place: 0.0 if alike else strangeness(ask, answer.adu) for place, ask in fitting}
+        least = min(bits.values(), default=0.0)
+        stranger = (
+            least if least >= MOST_BITS else _ALIEN_BITS
+        )  # what is strange for all may be of one that is not here
         paths: dict[tuple[int, tuple[int, ...]], AnswerPath] = {}
         for path in self.paths:
             for place, ask in fitting:
@@ -113,7 +120,8 @@ class UnitQueue:
                         cost += _OVERDUE_BITS * (path.slowest_ns > 0)
                     slowest = max(path.slowest_ns, waited)
                     _put(paths, AnswerPath(ask.number, cost, slowest, (*path.chosen, ask.number)))
-            _put(paths, path._replace(cost=path.cost + _ALIEN_BITS, chosen=(*path.chosen, _NONE)))
+            unknown = _FORGOTTEN_BITS if path.newest < self.forgotten else stranger
+            _put(paths, path._replace(cost=path.cost + unknown, chosen=(*path.chosen, _NONE)))
         self.pending.append(answer)
         self._keep(paths)
 
@@ -150,7 +158,7 @@ class UnitQueue:
                     other = self._known(path.chosen[0])
                     if mine is None or other is None or mine.adu != other.adu:
                         return found
-            found.append(self._settle(mine, unsure=False))
+            found.append(self._settle(mine, unsure=mine is None and self.pending[0].taken_for >= 0))
         return found
 
     def give_up(self) -> SettledAnswer:
@@ -163,10 +171,10 @@ class UnitQueue:
         known = [ask.number for ask in self.asks if ask.taken]
         return not self.pending and len(self.paths) == 1 and (not known or self.paths[0].newest >= known[-1])
 
-    def _known(self, number: int) -> Ask | None:
+    def _known(self, number: int) -> AskedRequest | None:
         return next((ask for ask in self.asks if ask.number == number), None)
 
-    def _settle(self, ask: Ask | None, *, unsure: bool) -> SettledAnswer:
+    def _settle(self, ask: AskedRequest | None, *, unsure: bool) -> SettledAnswer:
         answer = self.pending.pop(0)
         paths: dict[tuple[int, tuple[int, ...]], AnswerPath] = {}
         for path in self.paths:

@@ -22,7 +22,7 @@ from dissectors.lengths import expectation
 from ..tables.batch import adu_of
 from ..tables.schema import GLITCHES, Int64s, Kind, Protocol
 from .contents import KnownPolls, words_of
-from .queues import Ask, PendingAnswer, SettledAnswer, UnitQueue
+from .queues import AskedRequest, PendingAnswer, SettledAnswer, UnitQueue
 from .rules import Index
 from .segments import UnorderedRows
 from .wireorder import Across
@@ -135,7 +135,7 @@ class AnswerWitness:
         past = self._past()
         work = PairedRows.joined([*past, self._held, new])
         before = sum(len(part.asker) for part in past)
-        walk = _Walk(work, self._doubts, timed=timed, latest_ns=self._latest_ns)
+        walk = _DoubtWalk(work, self._doubts, timed=timed, latest_ns=self._latest_ns)
         begin = before + len(self._held.asker)
         walk.go(odd + begin, begin)
         self._latest_ns = walk.latest_ns
@@ -308,7 +308,7 @@ def _lanes(paired: PairedRows) -> Int64s:
     return lanes
 
 
-class _Walk:
+class _DoubtWalk:
     """One pass over rows: frames of units in doubt, one by one, and those that begin a doubt."""
 
     def __init__(self, work: PairedRows, doubts: dict[Lane, _Doubt], *, timed: bool, latest_ns: int) -> None:
@@ -439,7 +439,7 @@ class _Walk:
         )
         doubt.queue.answer(answer, partial(self._strangeness, doubt, row, lane), timed=self._timed)
 
-    def _went_on(self, asks: list[Ask], row: int, lane: Lane) -> None:
+    def _went_on(self, asks: list[AskedRequest], row: int, lane: Lane) -> None:
         """When the client went on to its next request, whichever unit that was to."""
         rows = self._rows
         for ask in asks:
@@ -458,7 +458,7 @@ class _Walk:
                 return int(rows.index[at])
         return -1
 
-    def _strangeness(self, doubt: _Doubt, row: int, lane: Lane, ask: Ask, adu: bytes) -> float:
+    def _strangeness(self, doubt: _Doubt, row: int, lane: Lane, ask: AskedRequest, adu: bytes) -> float:
         """How strange an answer is for a poll, by what that held before; an exception is never."""
         if adu[1] & 0x80:
             return 0.0
@@ -515,9 +515,9 @@ class _Walk:
             for settled in doubt.queue.settled():
                 self._write(doubt, settled)
 
-    def _ask(self, row: int) -> Ask:
+    def _ask(self, row: int) -> AskedRequest:
         rows, adu = self._rows, self._adu(row)
-        return Ask(
+        return AskedRequest(
             int(rows.index[row]), int(rows.start[row]), int(rows.t_end_ns[row]),
             int(self._work.loose.tail[row]), adu, expectation(adu),
         )  # fmt: skip
