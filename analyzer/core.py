@@ -21,14 +21,14 @@ from .deframing.protocols import Deframer
 from .deframing.wireorder import ClockSkew
 from .diagnosis.judge import Judge
 from .options import Options
-from .outages import Deaf, deaf_times, notes_of
+from .outages import Deaf, Deafness, deaf_times, notes_of
 from .tables.batch import Batch, join_batches, rows_of_findings
 from .tables.findings import NOTHING, Findings
 from .tables.origin import StreamOrigin
 from .tables.transactions import TransactionRows
 
 _BLOCK = 1 << 19  # bytes read at once: more costs memory and is no faster
-_NOTES = 64  # remembered of a port, the newest
+_OUTAGES = 256  # over, that are remembered, the newest
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +79,7 @@ class Analyzer:
     _options: Options
     _settles: bool
     _outages: list[Deaf]
-    _notes: list[Note]
+    _deafness: Deafness
     _octets: dict[int, int]
     _frames: int
     _now: int
@@ -101,7 +101,7 @@ class Analyzer:
         self._options = options
         self._settles = settles
         self._outages = list(outages)
-        self._notes = []
+        self._deafness = Deafness()
         self._octets = {}  # bytes so far, by port
         self._frames = 0
         self._now = 0
@@ -134,8 +134,9 @@ class Analyzer:
 
     def note(self, note: Note) -> None:
         """Something happened to a port: lost, opened, bytes missing. No answer is missed that came meanwhile."""
-        self._notes = [*self._notes[1 - _NOTES :], note]
-        self._outages[:] = deaf_times(self._notes)
+        self._deafness.feed(note)
+        del self._deafness.over[:-_OUTAGES]
+        self._outages[:] = self._deafness.times
 
     def deafen(self, outages: Sequence[Deaf]) -> None:
         """Times in which nothing was heard, all of them, where more have become known."""

@@ -135,3 +135,10 @@ def test_transactions_over_tcp_pair_by_what_stands_before_them_and_in_them(seed:
     """A connection asks from its first request on; a frame too short to say what it asks is answered by nothing."""
     stream = package("feeding.streams").stream("tcp", seed)
     assert list(package("feeding.ways").breaches(stream, Random(seed))) == []
+
+
+@pytest.mark.parametrize(("kind", "seed"), [("outages", seed) for seed in (88, 99, 122, 132)])
+def test_an_outage_told_when_it_comes_says_what_one_known_before_says(kind: str, seed: int) -> None:
+    """Many notes, and a loss that is noted when the frame that it cut was judged."""
+    stream = package("feeding.streams").stream(kind, seed)
+    assert list(package("feeding.ways").breaches(stream, Random(seed))) == []

@@ -28,6 +28,7 @@ from .exchanges import ANSWERED, Ending, ExchangeBuilder, Exchanges, RowColumns,
 from .flatmemory import CrowdedTimes, Thinned, TimeGrid
 from .polls import PollTable, SuccessorTable
 from .registerstates import StateTable, ValueTable
+from .shifts import ShiftLedger
 from .unitledger import READ_REQUEST, UnitLedger, asked_in_pieces, sampled
 
 if TYPE_CHECKING:
@@ -90,6 +91,7 @@ class Ledger:
     repeats_answered: int
     foreign: NDArray[np.int64]
     verdict: ModbusVerdict
+    shifts: ShiftLedger
     noise: list[tuple[int, int, _Octets]]
     stray_times: CrowdedTimes
     marked_bytes: int
@@ -116,6 +118,7 @@ class Ledger:
         self.polls = PollTable()
         self.states = StateTable()
         self.values = ValueTable()
+        self.shifts = ShiftLedger()
         self.grid = TimeGrid()
         self.pauses = Thinned()  # ns, end of a good answer to the next request
         self.request_gaps = Thinned()  # ns, silence before requests that follow a good answer, by the reads
@@ -157,6 +160,7 @@ class Ledger:
         table = RowColumns.of(batch)
         unheard = transactions.request[transactions.status == Status.UNHEARD].tolist()
         self._count_rows(table)
+        self.shifts.feed(batch)
         for part in self._builder.feed(table, unheard):
             self._take(part)
 

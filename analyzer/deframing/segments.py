@@ -5,6 +5,7 @@ Such rows are not numbered yet, nor in one order with those of other ports."""
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from typing import Final, NamedTuple
 
@@ -183,7 +184,7 @@ class UnorderedRows:
         at, length = decided.start, decided.end - decided.start
         few = segments.heads is None and len(at) <= _FEW
         kind, unit, function, exception = (_heads_of_few if few else _heads)(segments)
-        unknown, octets = np.empty((4, len(at)), np.int64), np.zeros((3, len(at)), np.uint8)
+        unknown, octets = np.empty((5, len(at)), np.int64), np.zeros((3, len(at)), np.uint8)
         unknown.fill(-1)
         octets[0], octets[1] = port, segments.protocol
         rows = Rows(
@@ -212,6 +213,8 @@ class UnorderedRows:
             reads=reads.reads.astype(np.int32),
             errors=reads.errors,
             foreign=octets[2],
+            taken_for_start=unknown[4],
+            unsure=np.zeros(len(at), np.bool_),
         )
         why = evidence_rows(0) if decided.why is None else decided.why
         return cls(rows, data, reads.head, reads.tail, reads.heard, why)
@@ -234,6 +237,11 @@ class UnorderedRows:
             np.concatenate([p.heard for p in parts]),
             BoundaryEvidence.joined([p.why for p in parts]),
         )
+
+    def placed_anew(self) -> UnorderedRows:
+        """The same rows, of which `at` may be moved without moving these."""
+        rows = replace(self.rows, at=self.rows.at.copy())
+        return UnorderedRows(rows, self.data, self.head, self.tail, self.heard, self.why)
 
     def bytes_of(self, i: int) -> bytes:
         """The captured bytes of a row."""

@@ -122,8 +122,8 @@ class DiagnosisStep:
 
     @cached_property
     def strays(self) -> NDArray[np.intp]:
-        """Of those the ones that answer no request."""
-        return self.responses[self.rows.request[self.responses] < 0]
+        """Of those the ones that answer no request; of some nobody can tell, and nothing is said of them."""
+        return self.responses[(self.rows.request[self.responses] < 0) & ~self.rows.unsure[self.responses]]
 
     @cached_property
     def to_all(self) -> NDArray[np.intp]:

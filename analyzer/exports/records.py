@@ -77,6 +77,8 @@ def _transactions(analysed: Analysed) -> Columns:
         "exception": _optional(rows.exception, rows.exception == 0),
         "retry": rows.retry.tolist(),
         "late": rows.late.tolist(),
+        "mistaken": rows.mistaken.tolist(),
+        "unsure": rows.unsure.tolist(),
         "response": _optional(rows.response, ~answered),
         "response_start": _optional(rows.response_start, ~answered),
         "response_time_ns": _optional(exact, exact < 0),
@@ -134,6 +136,8 @@ TABLES: Final[Mapping[str, RecordTable]] = {
             "exception": "integer",
             "retry": "flag",
             "late": "flag",
+            "mistaken": "flag",  # the client took the answer for that to another request
+            "unsure": "flag",  # nobody can tell whether this is its answer
             "response": "integer",  # index of the answer's frame
             "response_start": "integer",
             "response_time_ns": "integer",  # where the tap's clock carries it; else it lies between the next two

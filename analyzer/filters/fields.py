@@ -236,6 +236,14 @@ FIELDS: Final = (
         _flag(lambda section: section.column("late")), settled=True,
     ),
     FilterField(
+        "displaced", Flag(), "an answer that the client takes for that to another request", "displaced and unit == 9",
+        _flag(lambda section: section.column("taken_for_start") >= 0),
+    ),
+    FilterField(
+        "unsure", Flag(), "an answer of which nobody can tell whose it is", "not unsure",
+        _flag(lambda section: section.column("unsure")),
+    ),
+    FilterField(
         "unanswered", Flag(), "a request that nobody answered", "unanswered and unit == 9",
         _flag(lambda section: section.column("unanswered")), settled=True,
     ),

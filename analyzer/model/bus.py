@@ -39,7 +39,8 @@ if TYPE_CHECKING:
     from ..tables.findings import Finding
 
 _COPIED = ("start", "length", "t_start_ns", "t_end_ns", "response_ns", "confidence", "kind", "unit", "function",
-           "exception", "check", "port", "protocol", "gap_before_ns", "gap_most_ns", "errors")  # fmt: skip
+           "exception", "check", "port", "protocol", "gap_before_ns", "gap_most_ns", "errors", "taken_for_start",
+           "unsure")  # fmt: skip
 _READ_BY = ("length", "kind", "unit", "function", "exception", "check", "protocol")
 
 # What the other columns of `Rows` are given as, for want of being kept.
@@ -47,10 +48,12 @@ _LEFT_OUT: Final[dict[str, Any]] = {
     **dict(zip(Rows.dtypes(), Rows.zeros(1).values(0), strict=True)),
     "request": -1,
     "request_start": -1,
+    "taken_for_start": -1,
     "gap_least_ns": NO_GAP,
 }
 
 
+_TAKEN_ROWS: Final = 64  # back to the request that an answer is taken for
 _STORED_AS: Final = {"index": "frame"}  # the columns of `Rows` that have another name here
 
 
@@ -195,6 +198,14 @@ class Bus:
         joined = self.table.value("partner", row)
         return None if joined < 0 else joined
 
+    def taken_for(self, row: int) -> int | None:
+        """The row of the request that the client takes an answer for, where it is of another."""
+        start, unit = self.table.value("taken_for_start", row), self.table.value("unit", row)
+        for before in range(row - 1, max(row - _TAKEN_ROWS, -1), -1):
+            if start >= 0 and self.table.value("start", before) == start and self.table.value("unit", before) == unit:
+                return before
+        return None
+
     def frame(self, row: int) -> Frame:
         """A view of a row that is a frame."""
         values = self.table.row(row)
@@ -256,6 +267,7 @@ class Bus:
         slots = slice(first, first + len(rows)) if all_between else rows - number * PIECE
         column = self.table.stretch
         out = Rows.zeros(len(rows))
+        out.taken_for_start[:] = -1
         for name in names:
             out.column(name)[:] = column(number, name, slots)
         at, frame, partner = (column(number, name, slots).astype(np.int64) for name in ("at", "frame", "partner"))
@@ -287,6 +299,7 @@ class Bus:
             NEVER,
         )
         has_answer = np.isin(out.status, (Status.ANSWERED, Status.EXCEPTION, Status.DAMAGED))
+        has_answer &= read("partner", requests) >= 0  # else nobody can tell whose the answer is
         answers = read("partner", requests[has_answer])
         for name, column in OF_ANSWER.items():
             out.column(name)[:] = -1 if TransactionRows.dtypes()[name].kind == "i" else 0

@@ -55,6 +55,7 @@ class TransactionColumns(NamedTuple):
     port: int
     response_port: int
     protocol: int
+    unsure: bool
     number: int
 
     @property
