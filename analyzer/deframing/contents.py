@@ -8,7 +8,6 @@ many words say no more than some, and one answer no more than `MOST_BITS`.
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -49,13 +48,13 @@ def words_of(adu: bytes) -> Words:
 class PollContents:
     """The last answers of one poll, the newest last."""
 
-    answers: deque[Words] = field(default_factory=lambda: deque(maxlen=_KEPT))
+    answers: list[Words] = field(default_factory=list)
 
     def add(self, words: Words) -> None:
         """One more answer that is certainly of this poll."""
         if self.answers and len(self.answers[-1]) != len(words):
             self.answers.clear()
-        self.answers.append(words)
+        self.answers = [*self.answers[1 - _KEPT :], words]
 
     def strangeness(self, words: Words) -> float:
         """How much stranger an answer of these words would be than this poll's own, in bits: 0 to `MOST_BITS`."""

@@ -21,6 +21,7 @@ from dissectors.lengths import expectation
 
 from ..tables.batch import adu_of
 from ..tables.schema import GLITCHES, Int64s, Kind, Protocol
+from ..tables.transactions import LONGEST_NS
 from .contents import KnownPolls, words_of
 from .queues import AskedRequest, PendingAnswer, SettledAnswer, UnitQueue
 from .rules import Index
@@ -440,6 +441,8 @@ class _DoubtWalk:
         newest = asks[-1]
         self._went_on(asks, row, lane)
         waits = self._newest_request(row, lane) == newest.number
+        began = int(self._rows.t_start_ns[row])
+        waits &= not self._timed or began - newest.t_end_ns <= LONGEST_NS  # no client waits for so long
         taken = waits and not newest.taken and newest.expects.fits(adu)
         newest.taken |= taken
         answer = PendingAnswer(
