@@ -20,6 +20,7 @@ from ..deframing.directions import either_way
 from ..deframing.tap_clock import TapClock
 from ..diagnosis.damage.flow_control import IS_FLOW
 from ..options import Options
+from ..requests.history import RequestHistory
 from ..tables.batch import Batch
 from ..tables.schema import NO_GAP, Kind, Protocol
 from ..tables.transactions import ECHOED, NEVER, Status, TransactionRows
@@ -28,6 +29,7 @@ from .exchanges import ANSWERED, Ending, ExchangeBuilder, Exchanges, RowColumns,
 from .flatmemory import CrowdedTimes, Thinned, TimeGrid
 from .polls import PollTable, SuccessorTable
 from .registerstates import StateTable, ValueTable
+from .requestledger import enter_requests
 from .shifts import ShiftLedger
 from .unitledger import READ_REQUEST, UnitLedger, asked_in_pieces, sampled
 
@@ -116,6 +118,7 @@ class Ledger:
         self.clock = TapClock(line)
         self.units = {}
         self.polls = PollTable()
+        self.requests_of = RequestHistory()
         self.states = StateTable()
         self.values = ValueTable()
         self.shifts = ShiftLedger()
@@ -258,6 +261,7 @@ class Ledger:
         times = self.axis(exchanges)
         self._sample(part, odd)
         self.polls.add(part)
+        enter_requests(self.requests_of, part)
         self.states.add(part)
         self.values.add(part, times)
         self._count_bus(exchanges, odd, times)
