@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from random import Random
 
@@ -12,7 +13,9 @@ from hypothesis import strategies as st
 
 from analyzer.causes.ledger import ledger_of
 from analyzer.causes.reasoning import causes_of
+from analyzer.causes.registry import Cause, numbers_kept, told_again
 from analyzer.core import analyse
+from analyzer.languages import telling
 from analyzer.paste import read, tree
 from analyzer.requests.advice import advice
 from analyzer.requests.asked import Request, request_of
@@ -197,26 +200,32 @@ def test_parse_says_it_in_one_line() -> None:
     assert list(paste.to_json())[1]["ask_instead"] == [_rtu("110300000002").replace(" ", "")]
 
 
-def _told(drawn: Drawn, random: Random) -> list[dict[str, object]]:
+def _causes(drawn: Drawn, random: Random) -> list[Cause]:
     capture = Capture.of(drawn.header, chunks_of(drawn, "precise", random))
     ledger = ledger_of(((part.batch, part.transactions) for part in analyse(capture)), capture.line)
-    return [cause.to_json() for cause in causes_of(ledger)]
+    return causes_of(ledger)
 
 
 @pytest.mark.parametrize("kind", FLAWS)
 def test_drawn_devices_have_the_reason_first(kind: str) -> None:
     random = Random(f"{kind} 5")
     drawn = flawed(kind, random)
-    first = _told(drawn, random)[0]
+    cause = _causes(drawn, random)[0]
+    first = cause.to_json()
     assert first["reason"] in drawn.reasons
     assert first["units"] == [drawn.unit]
-    asks = [bytes.fromhex(ask) for ask in first["ask_instead"]]  # type: ignore[attr-defined]
+    asks = [bytes.fromhex(ask) for ask in first["ask_instead"]]
     answers = [drawn.devices[ask[0]].answer(ask[1:-2]) for ask in asks]
     assert answers
     assert all(answer is not None and answer[0] < 0x80 for answer in answers)
+    with telling("ru"):
+        words = told_again(cause.cause, numbers_kept(cause.numbers))
+    assert words is not None
+    assert asks[0].hex(" ").upper() in words.remedy
+    assert not re.search(r"[A-Za-z]{4,}|None|[][{}|]", f"{words.text} {words.share} {words.remedy}")
 
 
 @pytest.mark.parametrize("kind", ODD)
 def test_odd_buses_have_no_reason(kind: str) -> None:
     random = Random(f"{kind} 5")
-    assert not [cause for cause in _told(odd(kind, random), random) if "reason" in cause]
+    assert not [cause for cause in _causes(odd(kind, random), random) if "reason" in cause.to_json()]

@@ -21,6 +21,7 @@ from ..deframing.tap_clock import TapClock
 from ..diagnosis.damage.flow_control import IS_FLOW
 from ..options import Options
 from ..requests.history import RequestHistory
+from ..requests.reasons import Unserved
 from ..tables.batch import Batch
 from ..tables.schema import NO_GAP, Kind, Protocol
 from ..tables.transactions import ECHOED, NEVER, Status, TransactionRows
@@ -119,6 +120,7 @@ class Ledger:
         self.units = {}
         self.polls = PollTable()
         self.requests_of = RequestHistory()
+        self.reasons: dict[int, list[Unserved]] = {}  # of units, as somebody asked since the newest exchange
         self.states = StateTable()
         self.values = ValueTable()
         self.shifts = ShiftLedger()
@@ -262,6 +264,7 @@ class Ledger:
         self._sample(part, odd)
         self.polls.add(part)
         enter_requests(self.requests_of, part)
+        self.reasons.clear()
         self.states.add(part)
         self.values.add(part, times)
         self._count_bus(exchanges, odd, times)

@@ -31,8 +31,10 @@ def unserved_of(evidence: Evidence, unit: UnitLedger, *, silent: bool) -> Unserv
             return request_of(unit.unit, bytes.fromhex(raw[3:-4].decode("ascii")))
         return request_of(unit.unit, raw[1:-2])
 
-    found = unserved(unit.unit, evidence.ledger.requests_of.visits(unit.unit), read)
-    return next((each for each in found if each.is_silent == silent), None)
+    known = evidence.ledger.reasons
+    if unit.unit not in known:
+        known[unit.unit] = unserved(unit.unit, evidence.ledger.requests_of.visits(unit.unit), read)
+    return next((each for each in known[unit.unit] if each.is_silent == silent), None)
 
 
 def _least_silent(unit: UnitLedger) -> float:

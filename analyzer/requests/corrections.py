@@ -12,7 +12,7 @@ from typing import Final
 from .asked import ADDRESSED, ADDRESSES, SWAPPED, Request
 
 Reason = str
-_PARTS: Final = 16  # requests that one is split into, at most
+_PARTS: Final = 40  # requests that one is split into, at most
 
 
 def corrected(reason: Reason, asked: Request, well: Sequence[Request]) -> list[Request]:

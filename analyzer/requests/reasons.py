@@ -23,8 +23,10 @@ from .corrections import Reason, areas, corrected, in_bytes
 from .history import Got
 
 LEAST: Final = 3  # failures of a request, each between successes
+_CODES: Final = 1 << 10  # more than there are of `Got`
 _BITS: Final = 12.0  # that they must be worth against spells
 _ALWAYS: Final = 0.95
+_MOSTLY: Final = 0.7  # of the visits of one that fails: noise may damage silence as well
 _WELL: Final = 0.5  # of the visits of a request that succeeds
 _BACKGROUND: Final = 0.004
 _MAY_BE_EMPTY: Final = 8.0  # bits against a reason for one request that is refused by 04: a log without an entry is so
@@ -99,10 +101,11 @@ def unserved(
 def _polls(visits: Sequence[NDArray[np.int64]], request_of: Callable[[int], Request | None]) -> list[_Told]:
     if not visits:
         return []
-    pairs, counts = np.unique(np.concatenate(visits), axis=0, return_counts=True)
+    every = np.concatenate(visits)
+    pairs, counts = np.unique(every[:, 0] * _CODES + every[:, 1], return_counts=True)
     got: dict[int, Counter[int]] = {}
-    for (number, code), count in zip(pairs.tolist(), counts.tolist(), strict=True):
-        got.setdefault(number, Counter())[code] = count
+    for pair, count in zip(pairs.tolist(), counts.tolist(), strict=True):
+        got.setdefault(pair // _CODES, Counter())[pair % _CODES] = count
     read = ((number, request_of(number), codes) for number, codes in got.items())
     return [_Told(number, request, codes) for number, request, codes in read if request is not None]
 
@@ -110,7 +113,7 @@ def _polls(visits: Sequence[NDArray[np.int64]], request_of: Callable[[int], Requ
 def _always_fails(poll: _Told) -> bool:
     """Whether a request always fails in ways that may tell of it."""
     told, every = sum(poll.told.values()), sum(poll.got.values())
-    return told >= LEAST and told >= _ALWAYS * every and poll.got[Got.ANSWER] <= (1 - _ALWAYS) * every
+    return told >= LEAST and told >= _MOSTLY * every and poll.got[Got.ANSWER] <= (1 - _ALWAYS) * every
 
 
 def _tells_alone(poll: _Told) -> bool:
@@ -211,6 +214,8 @@ def _by_function(failing: list[_Told], well: list[Request]) -> Iterator[_SharedT
         told = _unlikely(len(mine), len(well))
         if function in READS or function not in SWAPPED or (others and other not in served):
             yield _SharedTrait("function", mine, 2.0 - told, _FOREIGN)
+            if function in READS and other in served:
+                yield _SharedTrait("read-function", mine, 2.0 - told, {_UNKNOWN: -4.0, _ADDRESS: 2.0})
         elif other in served or all(poll.code in (_UNKNOWN, Got.SILENCE) for poll in mine):
             sure = {} if other in served else _FOREIGN
             yield _SharedTrait("write-function", mine, 1.0 - told, sure)
@@ -285,9 +290,15 @@ def _by_place(failing: list[_Told], well: list[Request]) -> Iterator[_SharedTrai
 
 def _by_number(failing: list[_Told], well: list[Request]) -> Iterator[_SharedTrait]:
     """Register numbers used as addresses, where nothing that is served has an address like one."""
-    if not any(request.numbered for request in well):
-        mine = [poll for poll in failing if poll.request.numbered]
+    real = {_block(request) for request in well if request.numbered}
+    mine = [poll for poll in failing if poll.request.numbered and _block(poll.request) not in real]
+    if mine:
         yield _SharedTrait("register-number", mine, -1.0 - _unlikely(len(mine), len(well)), {_UNKNOWN: -4.0})
+
+
+def _block(request: Request) -> int:
+    """The first digit of a register number."""
+    return (request.address or 0) // 10_000
 
 
 def _by_count(failing: list[_Told], well: list[Request]) -> Iterator[_SharedTrait]:

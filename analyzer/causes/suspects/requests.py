@@ -27,11 +27,11 @@ _FAILED: Final = (Ending.SILENT, Ending.EXCEPTION, Ending.GARBAGE)
     Severity.ERROR,
     blame="master",
     text="Unit {unit} cannot serve some of the client's requests[: it does not have function {lacks}][: it does not answer "
-    "function {other_for} there, ask by function {by}][: it gives up to {most} at once, and the client asks for "
-    "{quantities}][: it handles frames of up to {longest} bytes, and these need up to {needed}][: the client sends register "
-    "numbers {numbers} as addresses][: the quantities {counted} are counts of bytes][: it does not have {places}][: its "
-    "registers end inside {ranges}][; of {asked} such requests {silent} stayed without a byte][; of {asked} such requests "
-    "{refused} were refused (exception {codes})][; of {asked} answers {halved} had half the bytes]",
+    "function {other_for} there, ask by function {by}][: it answers for up to {most} at once, and the client asks for "
+    "{quantities}][: it answers in frames of up to {longest} bytes, and these need up to {needed}][: the client sends "
+    "register numbers {numbers} as addresses][: the quantities {counted} are counts of bytes][: it does not have {places}]"
+    "[: its registers end inside {ranges}][; of {asked} such requests {silent} stayed without a byte][; of {asked} such "
+    "requests {refused} were refused (exception {codes})][; of {asked} answers {halved} had half the bytes]",
     share="{failed} of {asked} such requests to unit {unit}[, {others_failed} of {others} others]",
     deciding_test="[Ask unit {unit} once by hand, this only reads: {reads}][Compare with the manual of unit {unit} first, "
     "this writes: {writes}]",
