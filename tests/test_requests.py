@@ -229,3 +229,20 @@ def test_drawn_devices_have_the_reason_first(kind: str) -> None:
 def test_odd_buses_have_no_reason(kind: str) -> None:
     random = Random(f"{kind} 5")
     assert not [cause for cause in _causes(odd(kind, random), random) if "reason" in cause.to_json()]
+
+
+def test_a_write_whose_retry_reads_like_its_answer_fails_all_the_same() -> None:
+    random = Random("write-function ftdi16 1002")
+    drawn = flawed("write-function", random)
+    capture = Capture.of(drawn.header, chunks_of(drawn, "ftdi16", random))
+    ledger = ledger_of(((part.batch, part.transactions) for part in analyse(capture)), capture.line)
+    assert causes_of(ledger)[0].to_json()["reason"] == "write-function"
+
+
+def test_requests_of_one_check_value_are_no_retries() -> None:
+    """04 of 6 registers from 18 and of 10 from 450 have the same CRC at unit 24."""
+    random = Random("read-function irq 1001")
+    drawn = flawed("read-function", random)
+    capture = Capture.of(drawn.header, chunks_of(drawn, "irq", random))
+    ledger = ledger_of(((part.batch, part.transactions) for part in analyse(capture)), capture.line)
+    assert causes_of(ledger)[0].to_json()["reason"] == "read-function"

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from ..requests.asked import Request, request_of
-from ..requests.reasons import Unserved, unserved
+from ..requests.reasons import ECHOED, Unserved, unserved
 from .evidence import Evidence
 from .exchanges import Ending
 from .rawbytes import is_in_ascii
@@ -19,8 +19,6 @@ SHOWN: Final = 3  # requests that a sentence writes out
 
 def unserved_of(evidence: Evidence, unit: UnitLedger, *, silent: bool) -> Unserved | None:
     """Why requests to a unit fail, those that stay silent or those that are refused; None where nothing tells."""
-    if silent and (unit.late > _LATE * unit.count(Ending.SILENT) or evidence.silent(unit) < _least_silent(unit)):
-        return None
     polls = evidence.ledger.polls
 
     def read(number: int) -> Request | None:
@@ -34,11 +32,16 @@ def unserved_of(evidence: Evidence, unit: UnitLedger, *, silent: bool) -> Unserv
     known = evidence.ledger.reasons
     if unit.unit not in known:
         known[unit.unit] = unserved(unit.unit, evidence.ledger.requests_of.visits(unit.unit), read)
-    return next((each for each in known[unit.unit] if each.is_silent == silent), None)
+    found = next((each for each in known[unit.unit] if each.is_silent == silent), None)
+    return None if found is not None and silent and _comes_late(evidence, unit, found) else found
 
 
-def _least_silent(unit: UnitLedger) -> float:
-    return _SURE * unit.count(Ending.SILENT)
+def _comes_late(evidence: Evidence, unit: UnitLedger, found: Unserved) -> bool:
+    """Whether answers do come, late or where they are doubtful; a retry that reads like the answer tells nothing."""
+    if all(request.function in ECHOED for request in found.requests):
+        return False
+    silent = unit.count(Ending.SILENT)
+    return unit.late > _LATE * silent or evidence.silent(unit) < _SURE * silent
 
 
 def spaced(request: Request) -> str:

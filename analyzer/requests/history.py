@@ -68,7 +68,8 @@ class RequestHistory:
         rows = np.concatenate((self._waiting, np.stack((unit.astype(np.int64), poll, got), axis=1)))
         again = np.concatenate((np.zeros(len(self._waiting), np.bool_), again))
         lost = (rows[:-1, 2] == Got.SILENCE) | (rows[:-1, 2] == Got.DAMAGE)
-        settled = rows[:-1][~(again[1:] & lost)]
+        same = (rows[1:, :2] == rows[:-1, :2]).all(axis=1)  # of bytes with one check value as well
+        settled = rows[:-1][~(again[1:] & same & lost)]
         self._waiting = rows[-1:].copy()
         self._enter(settled)
 

@@ -26,12 +26,15 @@ LEAST: Final = 3  # failures of a request, each between successes
 _CODES: Final = 1 << 10  # more than there are of `Got`
 _BITS: Final = 12.0  # that they must be worth against spells
 _ALWAYS: Final = 0.95
+ECHOED: Final = (5, 6, 22)  # functions whose answer is the request once more:
+_RETRIES: Final = 0.3  # so many retries of one that fails may read as its answer
 _MOSTLY: Final = 0.7  # of the visits of one that fails: noise may damage silence as well
 _WELL: Final = 0.5  # of the visits of a request that succeeds
 _BACKGROUND: Final = 0.004
 _MAY_BE_EMPTY: Final = 8.0  # bits against a reason for one request that is refused by 04: a log without an entry is so
 _IMPOSSIBLE: Final = 3.0  # bits for a request that no device may serve by the specification
 _SAME_BYTE: Final = 5.0  # bits for a byte count that is the quantity, rather than any other wrong one
+_LEAST_BUFFER: Final = 24  # bytes: no device holds less
 _COVERED_BITS: Final = 6.0  # that a request which fails is worth to the property that foretells it
 _UNKNOWN, _ADDRESS, _VALUE, _FAILED = 1, 2, 3, 4  # exception codes that may tell of the request ([1] 7)
 _TELLS: Final = (_UNKNOWN, _ADDRESS, _VALUE, _FAILED, int(Got.SILENCE))  # 05, 06, 08, 0A and 0B tell of a state
@@ -113,7 +116,8 @@ def _polls(visits: Sequence[NDArray[np.int64]], request_of: Callable[[int], Requ
 def _always_fails(poll: _Told) -> bool:
     """Whether a request always fails in ways that may tell of it."""
     told, every = sum(poll.told.values()), sum(poll.got.values())
-    return told >= LEAST and told >= _MOSTLY * every and poll.got[Got.ANSWER] <= (1 - _ALWAYS) * every
+    answers = _RETRIES if poll.request.function in ECHOED else 1 - _ALWAYS
+    return told >= LEAST and told >= (1 - answers) * _MOSTLY * every and poll.got[Got.ANSWER] <= answers * every
 
 
 def _tells_alone(poll: _Told) -> bool:
@@ -243,7 +247,7 @@ def _by_size(failing: list[_Told], well: list[Request]) -> Iterator[_SharedTrait
             yield _SharedTrait("quantity", over, 3.0 - _unlikely(len(over), len(good)), _SIZED)
     lengths = [r.longest_frame for r in well if r.address is not None]
     if lengths:
-        longest = max(lengths)
+        longest = max(*lengths, _LEAST_BUFFER)
         long = [p for p in failing if p.request.address is not None and p.request.longest_frame > longest]
         yield _SharedTrait(
             "answer-too-long",
@@ -324,7 +328,7 @@ def _by_count(failing: list[_Told], well: list[Request]) -> Iterator[_SharedTrai
 def _in_bytes(unit: int, polls: list[_Told]) -> Unserved | None:
     """A unit that answers as many bytes as registers were asked for, each time."""
     words = [poll for poll in polls if poll.request.function in (3, 4)]
-    halved = [poll for poll in words if poll.got[Got.HALF] > _ALWAYS * sum(poll.got.values())]
+    halved = [poll for poll in words if poll.got[Got.HALF] > _MOSTLY * sum(poll.got.values())]
     count = sum(poll.got[Got.HALF] for poll in halved)
     if count < LEAST or any(poll.got[Got.ANSWER] for poll in words):
         return None
