@@ -114,6 +114,20 @@ def test_a_probe_of_a_unit_asleep_is_no_reason() -> None:
     assert not unserved(7, history.visits(7), lambda number: polls[number])
 
 
+@pytest.mark.parametrize("code", [2, 3, 4])
+def test_a_unit_in_local_mode_refuses_writes_for_no_reason_of_theirs(code: int) -> None:
+    assert not _reasons([_read(0, 8), _write(3)], lambda _, poll: code if poll.function == 6 else _OK)
+
+
+def test_a_refusal_alone_tells_of_a_function_and_of_what_cannot_be() -> None:
+    """Of a unit that is asked for nothing else."""
+    (found,) = _reasons([_write(9)], lambda *_: 1)
+    assert found.reason == "write-function"
+    (found,) = _reasons([_read(40001, 2)], lambda *_: 2)
+    assert (found.reason, found.ask_instead) == ("register-number", (_read(0, 2),))
+    assert not _reasons([_read(0, 2)], lambda *_: 2)
+
+
 def test_an_empty_log_is_no_reason() -> None:
     assert not _reasons([_read(0, 8), _read(9, 20)], lambda _, poll: 4 if poll.quantity > 8 else _OK)
 
