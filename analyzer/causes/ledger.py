@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -70,6 +71,7 @@ class Ledger:
     clock: TapClock
     units: dict[int, UnitLedger]
     polls: PollTable
+    requests_of: RequestHistory
     states: StateTable
     values: ValueTable
     grid: TimeGrid
@@ -120,7 +122,6 @@ class Ledger:
         self.units = {}
         self.polls = PollTable()
         self.requests_of = RequestHistory()
-        self.reasons: dict[int, list[Unserved]] = {}  # of units, as somebody asked since the newest exchange
         self.states = StateTable()
         self.values = ValueTable()
         self.shifts = ShiftLedger()
@@ -180,6 +181,11 @@ class Ledger:
         if number not in self.units:
             self.units[number] = UnitLedger(number)
         return self.units[number]
+
+    @cached_property
+    def reasons(self) -> dict[int, list[Unserved]]:
+        """Why units do not serve some requests, of those that somebody asked for since the newest exchange."""
+        return {}
 
     @property
     def span_ns(self) -> int:
@@ -264,7 +270,7 @@ class Ledger:
         self._sample(part, odd)
         self.polls.add(part)
         enter_requests(self.requests_of, part)
-        self.reasons.clear()
+        self.__dict__.pop("reasons", None)
         self.states.add(part)
         self.values.add(part, times)
         self._count_bus(exchanges, odd, times)

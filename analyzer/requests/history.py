@@ -54,8 +54,11 @@ class _UnitVisits:
 class RequestHistory:
     """Requests in the order of the bus; visits by unit."""
 
+    _records: dict[int, _UnitVisits]
+    _waiting: NDArray[np.int64]
+
     def __init__(self) -> None:
-        self._records: dict[int, _UnitVisits] = {}
+        self._records = {}
         self._waiting = np.zeros((0, 3), np.int64)  # the newest request, which a retry may follow: unit, poll, got
 
     def feed(
