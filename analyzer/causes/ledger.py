@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -20,6 +21,8 @@ from ..deframing.directions import either_way
 from ..deframing.tap_clock import TapClock
 from ..diagnosis.damage.flow_control import IS_FLOW
 from ..options import Options
+from ..requests.history import RequestHistory
+from ..requests.reasons import Unserved
 from ..tables.batch import Batch
 from ..tables.schema import NO_GAP, Kind, Protocol
 from ..tables.transactions import ECHOED, NEVER, Status, TransactionRows
@@ -28,6 +31,7 @@ from .exchanges import ANSWERED, Ending, ExchangeBuilder, Exchanges, RowColumns,
 from .flatmemory import CrowdedTimes, Thinned, TimeGrid
 from .polls import PollTable, SuccessorTable
 from .registerstates import StateTable, ValueTable
+from .requestledger import enter_requests
 from .shifts import ShiftLedger
 from .unitledger import READ_REQUEST, UnitLedger, asked_in_pieces, sampled
 
@@ -67,6 +71,7 @@ class Ledger:
     clock: TapClock
     units: dict[int, UnitLedger]
     polls: PollTable
+    requests_of: RequestHistory
     states: StateTable
     values: ValueTable
     grid: TimeGrid
@@ -116,6 +121,7 @@ class Ledger:
         self.clock = TapClock(line)
         self.units = {}
         self.polls = PollTable()
+        self.requests_of = RequestHistory()
         self.states = StateTable()
         self.values = ValueTable()
         self.shifts = ShiftLedger()
@@ -175,6 +181,11 @@ class Ledger:
         if number not in self.units:
             self.units[number] = UnitLedger(number)
         return self.units[number]
+
+    @cached_property
+    def reasons(self) -> dict[int, list[Unserved]]:
+        """Why units do not serve some requests, of those that somebody asked for since the newest exchange."""
+        return {}
 
     @property
     def span_ns(self) -> int:
@@ -258,6 +269,8 @@ class Ledger:
         times = self.axis(exchanges)
         self._sample(part, odd)
         self.polls.add(part)
+        enter_requests(self.requests_of, part)
+        self.__dict__.pop("reasons", None)
         self.states.add(part)
         self.values.add(part, times)
         self._count_bus(exchanges, odd, times)

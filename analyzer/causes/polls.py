@@ -47,6 +47,11 @@ class Poll:
     asked: int
 
     @property
+    def number(self) -> int:
+        """What it asks for in one number, as in `Exchanges.poll`."""
+        return self.unit << 40 | self.function << 32 | self.address << 16 | self.quantity
+
+    @property
     def end(self) -> int:
         """The address behind the last that it asks for."""
         return self.address + self.quantity
@@ -59,9 +64,9 @@ class Poll:
         )
         return 13 + min(held, 250)
 
-    def count(self, outcome: Ending) -> int:
+    def count(self, *outcomes: Ending) -> int:
         """How many of its requests ended so."""
-        return int(self.outcomes[outcome])
+        return sum(int(self.outcomes[outcome]) for outcome in outcomes)
 
 
 class PollTable:
@@ -186,6 +191,11 @@ class PollTable:
     def requests(self) -> list[bytes]:
         """A request of each poll."""
         return self._requests
+
+    def request_of(self, number: int) -> bytes | None:
+        """A request of the poll of a number; None for one beyond those that are kept."""
+        slot = self._slots.get(number)
+        return None if slot is None else self._requests[slot]
 
     @property
     def sure_requests(self) -> list[bytes]:

@@ -167,6 +167,7 @@ class Cause:
         """As plain values."""
         plain = {**asdict(self), "units": list(self.units), "frames": list(self.frames)}
         del plain["explains"], plain["numbers"]
+        plain |= {name: _listed(self.numbers[name]) for name in _OF_REQUESTS if name in self.numbers}
         return plain
 
 
@@ -178,6 +179,14 @@ class CauseWords:
     share: str
     deciding_test: str
     remedy: str
+
+
+_OF_REQUESTS: Final = ("reason", "ask_instead")  # numbers that a program may want of causes of requests
+
+
+def _listed(number: Any) -> Any:
+    """A tuple as a list."""
+    return list(number) if isinstance(number, tuple) else number
 
 
 def words_of(suspect: Suspect, numbers: Mapping[str, Any]) -> CauseWords:

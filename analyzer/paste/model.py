@@ -13,6 +13,8 @@ from dissectors.functions import function_name
 from dissectors.length_rules import Role
 from dissectors.limits import EXCEPTION
 
+from ..requests.advice import Advice, advice
+
 if TYPE_CHECKING:
     from ..tables.findings import Finding
 
@@ -78,8 +80,17 @@ class PastedFrame:
     def _context(self, role: Role) -> Context:
         return Context(request=self.request) if role is Role.RESPONSE and self.request is not None else Context()
 
+    @property
+    def advice(self) -> Advice | None:
+        """Why a unit refuses the request that this answers, or no unit can serve this request; None for neither."""
+        if self.missing or self.check_ok is False or self.adu.unit is None or not self.adu.pdu:
+            return None
+        if self.role is Role.REQUEST:
+            return advice(self.adu.unit, self.adu.pdu)
+        return advice(self.adu.unit, self.request, self.exception) if self.request and self.exception else None
+
     def to_json(self, index: int) -> dict[str, Any]:
-        """The keys of a frame's JSON line; `also` and `missing` only where there is something to say."""
+        """The keys of a frame's JSON line; `also`, `missing`, `reason`, `ask_instead` only where there is anything."""
         function = self.function
         line: dict[str, Any] = {
             "index": index,
@@ -103,6 +114,8 @@ class PastedFrame:
             "confidence": round(self.confidence, 6),
             "findings": [finding.to_json() for finding in self.findings],
         }
+        if (found := self.advice) is not None:
+            line |= {"reason": found.reason, "ask_instead": [each.adu.hex() for each in found.ask_instead]}
         if self.missing:
             line["missing"] = self.missing
         if self.also is not None:

@@ -17,11 +17,13 @@ from dissectors.length_rules import Role
 from dissectors.values import Order, floating, harmless, readings
 
 from ..languages import counted, field_name, retold, tr, wording
+from ..requests.advice import enveloped
 from ..terminal_text import TerminalText, painted, terminal_text
 from .model import Paste, PastedFrame, PastedNoise
 
 _HEX_BYTES: Final = 8  # of a field that are shown; --json has all
 _NOISE_BYTES: Final = 16
+_ASKS: Final = 3  # requests that are shown
 _LEFT_OUT: Final = 12  # lines that were not read, told one by one
 _NAME: Final = 24  # columns
 _CHECKS: Final = ("crc", "lrc")  # their trouble is told once, above the fields
@@ -50,6 +52,7 @@ def tree(paste: Paste, *, colour: bool = False, values: bool = False) -> Termina
     """The paste as lines, newline at the end; `values` adds registers as 32- and 64-bit numbers in every order."""
     style = COLOURED if colour else Style()
     lines: list[str] = [painted(harmless(paste.why), style.dim)]
+    refused = {frame.request_start for frame in paste.frames() if frame.exception is not None}
     for piece in paste.pieces:
         lines.append("")
         if isinstance(piece, PastedNoise):
@@ -58,7 +61,7 @@ def tree(paste: Paste, *, colour: bool = False, values: bool = False) -> Termina
             where = tr("{bytes} at {start}: {octets}", bytes=length, start=piece.start, octets=octets)
             lines.append(terminal_text(painted(tr("in no frame"), style.bold), f"  {where}"))
         else:
-            lines.extend(_frame(piece, style, values))
+            lines.extend(_frame(piece, style, values, advised=piece.start not in refused))
     if left := left_out(paste):
         lines += ["", *(terminal_text(painted(tr("not read"), style.bold), f"    {line}") for line in left)]
     return terminal_text(*(terminal_text(line, "\n") for line in lines))
@@ -80,7 +83,7 @@ def left_out(paste: Paste) -> list[str]:
     return lines
 
 
-def _frame(frame: PastedFrame, style: Style, values: bool) -> Iterator[str]:
+def _frame(frame: PastedFrame, style: Style, values: bool, *, advised: bool) -> Iterator[str]:
     yield painted(heading(frame), style.bold)
     problem = trouble(frame)
     if problem:
@@ -90,6 +93,8 @@ def _frame(frame: PastedFrame, style: Style, values: bool) -> Iterator[str]:
         for head, words in ((tr("likely"), finding.cause), (tr("do"), finding.remedy)):
             if words:
                 yield painted(f"  {head}: {words}", style.dim)
+    if advised and (told := advice_words(frame)) is not None:
+        yield painted(f"  {told}", style.bold)
     fields = frame.fields(wording=wording())
     yield from _table(fields, style)
     if values:
@@ -112,6 +117,26 @@ def heading(frame: PastedFrame, role: Role | None = None) -> str:
     direction = tr((frame.role if role is None else role).name.lower())
     unit = tr("unit {unit}", unit="?" if frame.adu.unit is None else frame.adu.unit)
     return f"{direction:<8}  {unit}: {frame.summary(role, wording())}"
+
+
+def advice_words(frame: PastedFrame) -> str | None:
+    """Why the request fails and what to ask instead, on one line; None where nothing tells."""
+    found = frame.advice
+    if found is None:
+        return None
+    why = {
+        "range-end": tr("address + quantity runs past 65535"),
+        "quantity": tr("the quantity is more than one request may have"),
+        "register-number": tr("a register number was sent as the address"),
+        "read-function": tr("the unit does not have this function, try the other one that reads"),
+        "write-function": tr("the unit does not have this function, try the other one that writes"),
+        "function": tr("the unit does not have this function"),
+    }[found.reason]
+    if not found.ask_instead:
+        return why
+    shown = [enveloped(request, frame.adu.protocol) for request in found.ask_instead[:_ASKS]]
+    head = tr("ask instead") if found.ask_instead[0].is_read else tr("write instead, after a check with the plant")
+    return f"{why}; {head}: {', '.join(shown)}{' …' if len(found.ask_instead) > _ASKS else ''}"
 
 
 def trouble(frame: PastedFrame) -> str | None:

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
+from ...requests.reasons import Unserved
 from ...tables.findings import Severity
 from ..bits import clustering_bits, mean_period_s, surplus_bits
 from ..evidence import Evidence
 from ..exchanges import Ending
 from ..polls import Poll
 from ..registry import Suspicion, Symptom, suspect
+from ..unserved import asks, unserved_of
 
 _LEAST: Final = 3
 _BUSY_LEAST: Final = 5
@@ -119,12 +121,18 @@ def _suspicion(evidence: Evidence, unit: int, polls: list[Poll], weight: float) 
             "areas": areas,
             "more": len(polls) - len(areas),
             "codes": ", ".join(f"{code:02d}" for code in sorted({code for poll in polls for code in poll.exceptions})),
+            **asks(_reason(evidence, unit)),
         },
         since=min(poll.first for poll in polls),
         until=max(poll.last for poll in polls),
         lost_answers=hits,
         frames=tuple(evidence.ledger.units[unit].examples.get(Ending.EXCEPTION, [])),
     )
+
+
+def _reason(evidence: Evidence, unit: int) -> Unserved | None:
+    found = unserved_of(evidence, evidence.ledger.units[unit], silent=False)
+    return found if found is not None and found.reason in ("address", "range-end") else None
 
 
 def _area(poll: Poll) -> str:
@@ -142,7 +150,8 @@ _TEST: Final = "Read the registers of unit {unit} one by one around {areas}: it 
     "while all but one register of it reads well",
     share="{refused} of {asked} such requests to unit {unit}",
     deciding_test=_TEST,
-    remedy="Compare the list with the device's manual: does it count registers from 1 (40001) and the wire from 0?",
+    remedy="Compare the list with the device's manual: does it count registers from 1 (40001) and the wire from 0?[ "
+    "Ask instead: {asks}]",
 )
 def off_by_one(evidence: Evidence) -> Iterator[Suspicion]:
     """Reads that reach one register too far."""
@@ -160,7 +169,8 @@ def off_by_one(evidence: Evidence) -> Iterator[Suspicion]:
     "{refused} of {asked} times (exception {codes})",
     share="{refused} of {asked} such requests to unit {unit}",
     deciding_test=_TEST,
-    remedy="Take these registers off the list, or correct their addresses or function by the device's manual",
+    remedy="Take these registers off the list, or correct their addresses or function by the device's manual[; ask "
+    "instead: {asks}]",
 )
 def missing_registers(evidence: Evidence) -> Iterator[Suspicion]:
     """Reads that are always refused."""

@@ -1,0 +1,60 @@
+"""Why a unit does not serve some requests (`analyzer.requests`), as causes say it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from ..requests.asked import Request, request_of
+from ..requests.reasons import ECHOED, Unserved, unserved
+from .evidence import Evidence
+from .exchanges import Ending
+from .rawbytes import is_in_ascii
+from .unitledger import UnitLedger
+
+_LATE: Final = 0.1  # of the silent requests: then answers do come
+_SURE: Final = 0.9
+SHOWN: Final = 3  # requests that a sentence writes out
+
+
+def unserved_of(evidence: Evidence, unit: UnitLedger, *, silent: bool) -> Unserved | None:
+    """Why requests to a unit fail, those that stay silent or those that are refused; None where nothing tells."""
+    polls = evidence.ledger.polls
+
+    def read(number: int) -> Request | None:
+        raw = polls.request_of(number)
+        if raw is None:
+            return None
+        if is_in_ascii(raw):
+            return request_of(unit.unit, bytes.fromhex(raw[3:-4].decode("ascii")))
+        return request_of(unit.unit, raw[1:-2])
+
+    known = evidence.ledger.reasons
+    if unit.unit not in known:
+        known[unit.unit] = unserved(unit.unit, evidence.ledger.requests_of.visits(unit.unit), read)
+    found = next((each for each in known[unit.unit] if each.is_silent == silent), None)
+    return None if found is not None and silent and _comes_late(evidence, unit, found) else found
+
+
+def _comes_late(evidence: Evidence, unit: UnitLedger, found: Unserved) -> bool:
+    """Whether answers do come, late or where they are doubtful; a retry that reads like the answer tells nothing."""
+    if all(request.function in ECHOED for request in found.requests):
+        return False
+    silent = unit.count(Ending.SILENT)
+    return unit.late > _LATE * silent or evidence.silent(unit) < _SURE * silent
+
+
+def spaced(request: Request) -> str:
+    """Its bytes for people."""
+    return request.adu.hex(" ").upper()
+
+
+def asks(found: Unserved | None) -> Mapping[str, Any]:
+    """The numbers by which a cause names the reason, and what to ask instead."""
+    if found is None:
+        return {"asks": ()}
+    return {
+        "reason": found.reason,
+        "ask_instead": tuple(request.adu.hex() for request in found.ask_instead),
+        "asks": tuple(spaced(request) for request in found.ask_instead[:SHOWN]),
+    }
