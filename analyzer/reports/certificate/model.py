@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
@@ -13,6 +12,7 @@ from ...outages import unheard
 from ...version import RULES, __version__
 from ...words import duration
 from .. import summarize
+from ..hashes import capture_sha256
 from ..model import Report
 from .claims import UNKNOWN, Claim, claims_of, worst
 from .limits import AcceptanceLimits
@@ -21,7 +21,6 @@ from .tally import AcceptanceTally
 if TYPE_CHECKING:
     from captures import Capture
 
-_AT_ONCE: Final = 1 << 20  # bytes
 _BURST: Final = 4  # requests on end that were lost, from which on losses are no independent ones
 _DEAF: Final = 4
 
@@ -99,17 +98,7 @@ def certify(
     """Read a capture through, and hold what it says against limits."""
     tally = AcceptanceTally(capture.line.character_ns)
     report = summarize(capture, source=source, options=options, progress=progress, stop=stop, watch=tally.feed)
-    return Certificate(report, limits, claims_of(report, tally, limits), dict(tally.runs), _sha256(capture))
-
-
-def _sha256(capture: Capture) -> str | None:
-    if capture.path is None or not capture.path.is_file():
-        return None
-    digest = hashlib.sha256()
-    with capture.path.open("rb") as file:
-        while part := file.read(_AT_ONCE):
-            digest.update(part)
-    return digest.hexdigest()
+    return Certificate(report, limits, claims_of(report, tally, limits), dict(tally.runs), capture_sha256(capture))
 
 
 def not_shown(certificate: Certificate) -> Iterator[str]:

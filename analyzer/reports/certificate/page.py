@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator
 from typing import Final
 
 from dissectors.values import harmless
@@ -10,6 +10,7 @@ from dissectors.values import harmless
 from ...languages import grouped, page_words
 from ...version import RULES, __version__
 from ...words import between, duration
+from ..markdown import markdown_table, markdown_text
 from ..model import Report
 from ..page import facts, file_name
 from .claims import FAIL, MARGINAL, PASS, UNKNOWN, Claim
@@ -120,27 +121,15 @@ def _lines(certificate: Certificate) -> Iterator[str]:
     yield f"**{page_words(VERDICT_WORDS[verdict]).upper()}.** {page_words(SENTENCES[verdict])}"
     yield ""
     for label, words in certificate_facts(certificate):
-        yield f"- {label}: {_cell(words)}"
+        yield f"- {label}: {markdown_text(words)}"
     for unit in (None, *certificate.units):
         yield from ("", f"## {unit_title(unit)}", "")
-        yield from _table(HEADS, (claim_cells(certificate, claim) for claim in certificate.of(unit)))
+        yield from markdown_table(HEADS, (claim_cells(certificate, claim) for claim in certificate.of(unit)))
     yield from ("", f"## {page_words('What this capture cannot show')}", "")
     for sentence in not_shown(certificate):
-        yield f"- {_cell(sentence)}"
+        yield f"- {markdown_text(sentence)}"
     yield from ("", f"## {page_words('Signatures')}", "")
-    yield from _table(SIGNED, [[" "] * len(SIGNED)] * 2)
-
-
-def _table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[str]:
-    yield f"| {' | '.join(page_words(head) for head in heads)} |"
-    yield f"|{' --- |' * len(heads)}"
-    for row in rows:
-        yield f"| {' | '.join(map(_cell, row))} |"
-
-
-def _cell(words: str) -> str:
-    """Text that Markdown leaves as it is."""
-    return "".join(f"\\{each}" if each in "\\|`*_<>[]#" else each for each in words)
+    yield from markdown_table(SIGNED, [[" "] * len(SIGNED)] * 2)
 
 
 def html(certificate: Certificate) -> str:
