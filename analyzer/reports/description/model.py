@@ -30,19 +30,22 @@ if TYPE_CHECKING:
     from ...core import Analysed
 
 _SURE: Final = 0.9  # confidence below which a type is not known
+_LIKELY: Final = 0.6  # and below which it is not even called likely
 _NAMED: Final = 0.95  # confidence of a recognised device whose map may name registers
 _READINGS: Final = 12  # of a register, before its type is told
 
 
 @dataclass(frozen=True, slots=True)
 class DescribedRegister:
-    """A value of a unit. `is_known`: its type, order and role are; else its registers were only seen.
+    """A value of a unit. `is_known`: its type, order and role are; else its registers were only seen, and `is_likely`
+    says whether a type is likelier than not by much.
 
     `written_by`: functions by which the client writes it, so many times, first in frame `written_in`.
     """
 
     value: RegisterValue
     is_known: bool
+    is_likely: bool
     written_by: tuple[int, ...]
     writes: int
     written_in: int | None
@@ -58,7 +61,8 @@ class DescribedRegister:
         for name in ("bits", "runner_up", "why"):
             del line[name]
         type_name = self.value.type if self.is_known else None
-        return {**line, "type": type_name, "written_by": list(self.written_by), "writes": self.writes,
+        likely = {"type": self.value.type, "order": self.value.order} if self.is_likely else None
+        return {**line, "type": type_name, "likely": likely, "written_by": list(self.written_by), "writes": self.writes,
                 "written_in": self.written_in}  # fmt: skip
 
 
@@ -238,7 +242,8 @@ def _register(value: RegisterValue, sequence: PollSequence) -> DescribedRegister
     functions, count, first = sequence.writes_of(value.unit, value.area, value.address, value.words)
     moved = value.changes > 0 and value.readings >= _READINGS and value.kind not in ("constant", "unknown")
     known = value.name is not None or value.area in ("coil", "discrete") or moved or value.kind == "text"
-    return DescribedRegister(value, known and value.confidence >= _SURE, tuple(functions), count, first)
+    sure, likely = known and value.confidence >= _SURE, known and _LIKELY <= value.confidence < _SURE
+    return DescribedRegister(value, sure, likely, tuple(functions), count, first)
 
 
 def _others(sequence: PollSequence, turn: BusRound | None) -> tuple[RoundSlot, ...]:

@@ -118,7 +118,9 @@ def _sentences(unit: DescribedUnit) -> Iterator[str]:
 
 def _register_row(register: DescribedRegister) -> tuple[str, ...]:
     value, known = register.value, register.is_known
-    kind = f"{register_words(value.type)} {value.order or ''}".strip() if known else page_words("not known")
+    kind = f"{register_words(value.type)} {value.order or ''}".strip()
+    if not known:
+        kind = page_words("not known; likely {type}", type=kind) if register.is_likely else page_words("not known")
     numbers = (value.minimum, value.maximum, value.last) if known or value.words == 1 else (None, None, None)
     scale = "" if value.scale in (None, 1) else f"x{value.scale:g}"
     scale = f"{scale} {value.unit_of_measure or ''}".strip()
@@ -127,7 +129,7 @@ def _register_row(register: DescribedRegister) -> tuple[str, ...]:
         functions = ", ".join(f"{function:02d}" for function in register.written_by)
         words = "by the client, {functions}, {count:,} times, frame {frame}"
         written = page_words(words, functions=functions, count=register.writes, frame=register.written_in)
-    sure = f"{value.confidence:.0%}" if known else ""
+    sure = f"{value.confidence:.0%}" if known or register.is_likely else ""
     place = place_cell(value.area, value.address, value.words)
     return place, value.name or "", kind, *map(_number, numbers), scale, sure, written
 
