@@ -180,6 +180,16 @@ def test_a_short_capture_says_that_it_cannot_say(tmp_path: Path, capsys: pytest.
     assert "**НЕ УСТАНОВЛЕНО.**" in page and "подпись" in page
 
 
+def test_losses_in_bursts_are_said_to_be_no_independent_ones(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    apart = bus(tmp_path / "apart.jsonl", 60, silent=frozenset(range(0, 60, 10)))
+    burst = bus(tmp_path / "burst.jsonl", 60, silent=frozenset(range(20, 26)))
+    dead = bus(tmp_path / "dead.jsonl", 60, silent=frozenset(range(60)))
+    for path, said in ((apart, False), (burst, True), (dead, False)):
+        assert ("lost in bursts, 6 on end at unit 2" in ran(capsys, "certify", str(path)).out) == said
+
+
 def test_the_page_is_whole_and_a_hostile_name_is_text(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = bus(tmp_path / "a|<b>x.jsonl", 20)
     out = tmp_path / "page.html"

@@ -135,7 +135,8 @@ def not_shown(certificate: Certificate) -> Iterator[str]:
 
 
 def _bursts(certificate: Certificate) -> Iterator[str]:
-    bursts = {unit: run for unit, run in certificate.runs.items() if run >= _BURST}
+    answered = {row.unit for row in certificate.report.units if row.counts.answered or row.counts.exceptions}
+    bursts = {unit: run for unit, run in certificate.runs.items() if run >= _BURST and unit in answered}
     if bursts:
         unit = max(bursts, key=lambda each: bursts[each])
         yield page_words(
