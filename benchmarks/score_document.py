@@ -28,7 +28,7 @@ from analyzer.simulation.mapped.device import MappedDevice
 from dissectors.crc import crc_bytes
 from dissectors.maps import RegisterMap
 from dissectors.maps.files import UnitMaps
-from dissectors.maps.model import MappedValue
+from dissectors.maps.model import MapArea, MappedValue
 
 _READ = {"holding": 3, "input": 4}
 _CHARACTER_NS = 286_458  # 38400 bit/s, 11 bits
@@ -79,8 +79,8 @@ class WrittenBus:
             self._round(random)
 
     def _round(self, random: Random) -> None:
-        for device in self.devices:
-            device.step()
+        for each in self.devices:
+            each.step()
         for device, unit, function, address, quantity in self.polls:
             self._put(bytes((unit, function)) + address.to_bytes(2) + quantity.to_bytes(2), random.randrange(5, 8))
             if unit == _DEAD:
@@ -88,7 +88,7 @@ class WrittenBus:
             elif device is None:
                 self._put(bytes((unit, function | 0x80, 2)), 4)
             else:
-                area = "holding" if function == 3 else "input"
+                area: MapArea = "holding" if function == 3 else "input"
                 words = device.read(area, address, quantity)
                 for at, word in enumerate(words):
                     self.seen.setdefault((unit, area, address + at), []).append(word)
@@ -115,7 +115,7 @@ class WrittenBus:
 def scored(bus: WrittenBus, told: BusDescription, score: Score) -> None:
     """Enter one bus."""
     slots = [] if told.round is None else [slot.poll for slot in told.round.slots]
-    due = [poll[1:] for poll in bus.polls]
+    due: list[tuple[int | None, ...]] = [poll[1:] for poll in bus.polls]
     first = due.index(tuple(slots[0])) if slots and tuple(slots[0]) in due else 0
     turned = due[first:] + due[:first]
     score.slots += len(due)
