@@ -50,7 +50,7 @@ class BusRound:
 
 
 @dataclass(frozen=True, slots=True)
-class _Fit:
+class _RoundCut:
     """One way to cut; `at` are the cycles that follow it: numbers into `starts`."""
 
     base: tuple[int, ...]
@@ -76,7 +76,7 @@ def bus_round(sequence: PollSequence, *, timed: bool) -> BusRound | None:
     return _as_round(best, ids, times if timed else None, polls, sequence)
 
 
-def _fits(ids: Sequence[int], anchor: int) -> Iterator[_Fit]:
+def _fits(ids: Sequence[int], anchor: int) -> Iterator[_RoundCut]:
     starts = [at for at, number in enumerate(ids) if number == anchor]
     cycles = [tuple(ids[first:last]) for first, last in pairwise(starts)]
     if len(cycles) < _ROUNDS:
@@ -86,7 +86,7 @@ def _fits(ids: Sequence[int], anchor: int) -> Iterator[_Fit]:
             yield _fit(base, cycles, starts, len(ids))
 
 
-def _fit(base: tuple[int, ...], cycles: Sequence[tuple[int, ...]], starts: Sequence[int], total: int) -> _Fit:
+def _fit(base: tuple[int, ...], cycles: Sequence[tuple[int, ...]], starts: Sequence[int], total: int) -> _RoundCut:
     members = set(base)
     at = [number for number, cycle in enumerate(cycles) if _follows(cycle, base, members)]
     seen: dict[int, list[tuple[int, int]]] = {}  # slower poll: (round, slot of the base that it comes behind)
@@ -99,7 +99,7 @@ def _fit(base: tuple[int, ...], cycles: Sequence[tuple[int, ...]], starts: Seque
                 seen.setdefault(poll, []).append((number, slot))
     slower = [(poll, *steady) for poll, places in seen.items() if (steady := _steady(places)) is not None]
     explained = len(at) * len(base) + sum(len(seen[poll]) for poll, *_ in slower)
-    return _Fit(base, tuple(slower), tuple(starts), tuple(at), explained / total)
+    return _RoundCut(base, tuple(slower), tuple(starts), tuple(at), explained / total)
 
 
 def _follows(cycle: tuple[int, ...], base: tuple[int, ...], members: set[int]) -> bool:
@@ -125,7 +125,7 @@ def _commonest(values: Iterable[int]) -> tuple[int, int]:
 
 
 def _as_round(
-    fit: _Fit, ids: Sequence[int], times: Sequence[int] | None, polls: Sequence[AskedPoll], sequence: PollSequence
+    fit: _RoundCut, ids: Sequence[int], times: Sequence[int] | None, polls: Sequence[AskedPoll], sequence: PollSequence
 ) -> BusRound:
     offsets = _offsets(fit, ids, times)
     period = jitter = None
@@ -155,7 +155,7 @@ def _slot(poll: AskedPoll, every: int, offset_ns: int | None, sequence: PollSequ
     return RoundSlot(poll, every, offset_ns, held.count, held.request)
 
 
-def _offsets(fit: _Fit, ids: Sequence[int], times: Sequence[int] | None) -> list[int | None]:
+def _offsets(fit: _RoundCut, ids: Sequence[int], times: Sequence[int] | None) -> list[int | None]:
     """The median time of each slot of the base since its round began."""
     if times is None:
         return [None] * len(fit.base)
