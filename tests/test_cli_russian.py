@@ -25,7 +25,7 @@ from captures.live.tap import high_line_words, refusal
 
 _PACKAGES = (analyzer, captures, dissectors)
 _RAISED = re.compile(
-    "(Cell|Usage|Capture|Port|PortGone|TapSetup|Map|Export|Fleet|Notes|Paste|Panel|Settings|ValueForm|ArgumentType)Error$"
+    "(Cell|Usage|Capture|Port|PortGone|TapSetup|Map|Export|Fleet|Notes|Limits|Paste|Panel|Settings|ValueForm|ArgumentType)Error$"
 )
 _INSIDE = ("fleet", "reference")  # a batch's own business, read by who runs it
 

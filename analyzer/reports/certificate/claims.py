@@ -1,0 +1,173 @@
+"""Claims about a line and its units, each with its bounds and what they carry.
+
+`pass`: the upper bound is not above what passes. `fail`: the lower bound is above what fails. Between these a claim is
+`marginal`, or `unknown` where even faultless exchanges, as many as were seen, could not have passed it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+from ...tables.bins import Histogram
+from ...tables.schema import bounds_of
+from ..model import Counts, Report, UnitCard
+from .bounds import quantile_ranks, share_bounds, trials_for_quantile, trials_for_share
+from .limits import AcceptanceLimits, ClaimLimit
+from .tally import AcceptanceTally
+
+PASS: Final = "pass"
+MARGINAL: Final = "marginal"
+FAIL: Final = "fail"
+UNKNOWN: Final = "unknown"
+WORST_FIRST: Final = (FAIL, MARGINAL, UNKNOWN, PASS)
+_BIN: Final = 0.005  # by which a time that is read from a histogram may be wrong
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """What is claimed of a unit (None: of the line): a share from 0 to 1, or ns.
+
+    `value` lies between `low` and `high`; None where it is not known, or by the tap's clock known between these alone.
+    `seen`: exchanges, frames or seconds that it rests on; `needed`: the fewest that can pass it; `hits`: those of a
+    share that were counted.
+    """
+
+    claim: str
+    unit: int | None
+    limit: ClaimLimit
+    value: float | None
+    low: float | None
+    high: float | None
+    needed: int
+    seen: int
+    hits: int | None = None
+
+    @property
+    def verdict(self) -> str:
+        """One of `WORST_FIRST`."""
+        if self.low is not None and self.low > self.limit.fails:
+            return FAIL
+        if self.high is not None and self.high <= self.limit.passes:
+            return PASS
+        exceeded = self.low is not None and self.low > self.limit.passes
+        return MARGINAL if exceeded or self.seen >= self.needed else UNKNOWN
+
+    def to_json(self) -> dict[str, Any]:
+        """As plain values; `pass` and `fail` are its limits."""
+        return {
+            "claim": self.claim,
+            "unit": self.unit,
+            "measure": "ns" if self.limit.timed else "share",
+            "quantile": self.limit.quantile,
+            "value": self.value,
+            "low": self.low,
+            "high": self.high,
+            "pass": self.limit.passes,
+            "fail": self.limit.fails,
+            "needed": self.needed,
+            "seen": self.seen,
+            "hits": self.hits,
+            "verdict": self.verdict,
+        }
+
+
+def worst(verdicts: Iterable[str]) -> str:
+    """The verdict of all together; unknown where there are none."""
+    among = set(verdicts)
+    return next((verdict for verdict in WORST_FIRST if verdict in among), UNKNOWN)
+
+
+def claims_of(report: Report, tally: AcceptanceTally, limits: AcceptanceLimits) -> tuple[Claim, ...]:
+    """All claims: those about the line first, then unit by unit."""
+    cards = {card.unit: card for card in report.cards}
+    units = [
+        (row.unit, _heard(row.counts, tally.open_unit == row.unit), cards.get(row.unit))
+        for row in report.units
+        if row.counts.requests > row.counts.broadcasts
+    ]
+    garbage = sum(card.garbage for _, _, card in units if card is not None)
+    total = _sum(counts for _, counts, _ in units)
+    sent = total.requests + tally.damaged_requests
+    damaged = garbage + tally.damaged_requests
+    made = [
+        *_shares(None, total, limits),
+        _share("damaged", None, damaged, sent + total.answered + total.exceptions + garbage, limits),
+        _response(None, tally.all_times, report, limits),
+        _load(report, tally, limits),
+    ]
+    for unit, counts, card in units:
+        made += _shares(unit, counts, limits)
+        made.append(_damaged(unit, counts, card, limits))
+        made.append(_response(unit, tally.times.get(unit), report, limits))
+    return tuple(made)
+
+
+def _heard(counts: Counts, last_open: bool) -> Counts:
+    """Those of which something can be said: a request that the capture ends behind is not among them."""
+    open_ones = int(last_open and counts.unanswered > 0)
+    unanswered = counts.unanswered - open_ones
+    asked = counts.answered + counts.exceptions + unanswered + counts.damaged
+    return replace(counts, requests=asked, unanswered=unanswered)
+
+
+def _sum(each: Iterable[Counts]) -> Counts:
+    rows = list(each)
+    names = ("requests", "answered", "exceptions", "unanswered", "damaged", "retries", "late")
+    return Counts(**{name: sum(getattr(row, name) for row in rows) for name in names})
+
+
+def _shares(unit: int | None, counts: Counts, limits: AcceptanceLimits) -> Iterator[Claim]:
+    lost = counts.unanswered + counts.damaged + counts.late
+    yield _share("lost", unit, lost, counts.requests, limits)
+    yield _share("exceptions", unit, counts.exceptions, counts.answered + counts.exceptions, limits)
+    yield _share("retries", unit, counts.retries, counts.requests, limits)
+
+
+def _damaged(unit: int, counts: Counts, card: UnitCard | None, limits: AcceptanceLimits) -> Claim:
+    garbage = 0 if card is None else card.garbage
+    return _share("damaged", unit, garbage, counts.answered + counts.exceptions + garbage, limits)
+
+
+def _share(claim: str, unit: int | None, hits: int, of: int, limits: AcceptanceLimits) -> Claim:
+    limit, hits = limits.of(claim, unit), min(hits, of)
+    needed = trials_for_share(limit.passes, limits.confidence)
+    if not of:
+        return Claim(claim, unit, limit, None, None, None, needed, 0, 0)
+    low, high = share_bounds(hits, of, limits.confidence)
+    return Claim(claim, unit, limit, hits / of, low, high, needed, of, hits)
+
+
+def _response(unit: int | None, times: Histogram | None, report: Report, limits: AcceptanceLimits) -> Claim:
+    limit, off_ns = limits.of("response", unit), report.times.off_ns
+    assert limit.quantile is not None
+    needed = trials_for_quantile(limit.quantile, limits.confidence)
+    if not times or not report.timed or off_ns is None:
+        return Claim("response", unit, limit, None, None, None, needed, 0)
+    count = len(times)
+    ranks = quantile_ranks(count, limit.quantile, limits.confidence)
+    low, high = (None if rank is None else times.quantiles((rank - 0.5) / count)[0] for rank in ranks)
+    value = times.quantiles(limit.quantile)[0]
+    exact = bounds_of(value, off_ns) == (value, value)
+    low = None if low is None else _bounded(round(low * (1 - _BIN)), off_ns)[0]
+    high = None if high is None else _bounded(round(high * (1 + _BIN)), off_ns)[1]
+    return Claim("response", unit, limit, value if exact else None, low, high, needed, count)
+
+
+def _bounded(ns: int, off_ns: int) -> tuple[int, int]:
+    return bounds_of(ns, off_ns) or (ns, ns)
+
+
+def _load(report: Report, tally: AcceptanceTally, limits: AcceptanceLimits) -> Claim:
+    limit = limits.of("load", None)
+    assert limit.quantile is not None
+    needed = trials_for_quantile(limit.quantile, limits.confidence)
+    loads = sorted(tally.loads()) if report.timed else []
+    if not loads:
+        return Claim("load", None, limit, None, None, None, needed, 0)
+    ranks = quantile_ranks(len(loads), limit.quantile, limits.confidence)
+    low, high = (None if rank is None else loads[rank - 1] for rank in ranks)
+    value = loads[math.ceil(limit.quantile * len(loads)) - 1]
+    return Claim("load", None, limit, value, low, high, needed, len(loads))

@@ -1,0 +1,160 @@
+"""`rtuscope document`: what rows carry is described, in the client's order, and nothing else."""
+
+from __future__ import annotations
+
+import json
+import struct
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from running import ran
+
+import captures
+from analyzer.reports.description import describe
+from analyzer.reports.description.rounds import bus_round
+from analyzer.reports.description.sequence import AskedPoll, PollFrames, PollSequence
+from dissectors.crc import crc_bytes
+
+_CHARACTER_NS = 572_917  # 19200 8E1
+_IDENTITY = (b"ACME", b"PM-7", b"v1.2")
+
+
+def _frame(*body: int) -> bytes:
+    return bytes(body) + crc_bytes(bytes(body))
+
+
+class Line:
+    """A capture that is being written, exchange by exchange."""
+
+    def __init__(self) -> None:
+        self.t_ns = 1_700_000_000_000_000_000
+        self.lines = [json.dumps({"format": "serial-chunks", "version": 1, "baud": 19200, "char_bits": 11})]
+
+    def exchange(self, request: bytes, answer: bytes) -> None:
+        for data, pause_ns in ((request, 8_000_000), (answer, 5_000_000)):
+            if data:
+                self.t_ns += pause_ns + len(data) * _CHARACTER_NS
+                self.lines.append(json.dumps({"t_ns": self.t_ns, "hex": data.hex()}))
+        self.t_ns += 0 if answer else 300_000_000
+
+    def write(self, path: Path) -> Path:
+        path.write_text("\n".join(self.lines) + "\n")
+        return path
+
+
+def bus(path: Path) -> Path:
+    """Unit 5: a float and a temperature; unit 9: a setpoint that is written, a constant, a refusal; unit 30: silent."""
+    line, random, energy, temperature, setpoint = Line(), Random(4), 1000.0, 200, 100
+    for number in range(120):
+        energy, temperature = energy + 3 * random.random(), temperature + random.randint(-2, 2)
+        if number == 0:
+            objects = b"".join(bytes((n, len(text))) + text for n, text in enumerate(_IDENTITY))
+            line.exchange(_frame(5, 43, 14, 1, 0), _frame(5, 43, 14, 1, 1, 0, 0, 3, *objects))
+        line.exchange(_frame(5, 3, 0, 100, 0, 2), _frame(5, 3, 4, *struct.pack(">f", energy)))
+        line.exchange(_frame(5, 4, 0, 10, 0, 1), _frame(5, 4, 2, *temperature.to_bytes(2)))
+        line.exchange(_frame(9, 3, 1, 0, 0, 2), _frame(9, 3, 4, *setpoint.to_bytes(2), 0, 7))
+        if number % 4 == 2:
+            line.exchange(_frame(9, 3, 2, 0, 0, 1), _frame(9, 0x83, 2))
+        if number in (7, 50, 111):
+            setpoint += 10
+            line.exchange(_frame(9, 6, 1, 0, *setpoint.to_bytes(2)), _frame(9, 6, 1, 0, *setpoint.to_bytes(2)))
+        if number % 10 == 5:
+            line.exchange(_frame(30, 3, 0, 0, 0, 1), b"")
+        line.t_ns += 400_000_000
+    return line.write(path)
+
+
+@pytest.fixture(scope="module")
+def described(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    path = bus(tmp_path_factory.mktemp("bus") / "bus.jsonl")
+    return describe(captures.open(str(path)), source=str(path)).to_json()
+
+
+def test_the_round_is_in_its_order_with_period_and_slots(described: dict[str, Any]) -> None:
+    turn = described["round"]
+    slots = [(s["unit"], s["function"], s["address"], s["quantity"], s["every"]) for s in turn["slots"]]
+    assert slots == [(5, 3, 100, 2, 1), (5, 4, 10, 1, 1), (9, 3, 256, 2, 1), (9, 3, 512, 1, 4), (30, 3, 0, 1, 10)]
+    assert turn["slots"][0]["offset_ns"] == 0 and 450_000_000 < turn["period_ns"] < 480_000_000
+    assert 20_000_000 < turn["slots"][1]["offset_ns"] < 30_000_000
+    besides = {(s["unit"], s["function"]) for s in described["others"]}
+    assert besides == {(5, 43), (9, 6)}
+
+
+def test_units_say_what_they_are_and_in_which_frame(described: dict[str, Any]) -> None:
+    units = {unit["unit"]: unit for unit in described["units"]}
+    assert [said["text"].split(": ")[1] for said in units[5]["says"]] == ["ACME", "PM-7", "v1.2"]
+    assert {said["frame"] for said in units[5]["says"]} == {1}
+    assert not units[30]["answered"] and units[30]["registers"] == [] and units[30]["recognised"] is None
+    (refusal,) = units[9]["exceptions"]
+    assert (refusal["function"], refusal["exception"], refusal["count"]) == (3, 2, 30)
+
+
+def test_registers_have_what_their_values_carry_and_no_more(described: dict[str, Any]) -> None:
+    registers = {
+        (unit["unit"], each["area"], each["address"]): each for unit in described["units"] for each in unit["registers"]
+    }
+    energy, still = registers[5, "holding", 100], registers[9, "holding", 257]
+    assert (energy["type"], energy["order"], energy["words"]) == ("f32", "ABCD", 2)
+    assert 1000 < energy["min"] < energy["max"] < 1400 and energy["name"] is None
+    assert still["type"] is None and still["role"] is None and still["last"] == 7
+    written = registers[9, "holding", 256]
+    assert (written["written_by"], written["writes"]) == ([6], 3) and written["written_in"] is not None
+    assert energy["writes"] == 0 and energy["written_in"] is None
+    assert any("30" in sentence for sentence in described["not_known"])
+
+
+def test_a_manual_that_is_wrong_is_contradicted_with_frames(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = bus(tmp_path / "bus.jsonl")
+    manual = tmp_path / "manual.csv"
+    manual.write_text(
+        "area,address,name,type,order,min,max\nholding,100,Energy,f32,ABCD,0,50\ninput,10,Temperature,u16,,0,400\n"
+    )
+    told = json.loads(ran(capsys, "document", str(path), "--map", f"{manual}@5", "--json").out)
+    assert [(each["address"], each["name"]) for each in told["contradictions"]] == [(100, "Energy")]
+    frames = told["contradictions"][0]["frames"]
+    exported = ran(capsys, "export", str(path), "--format", "jsonl", "-o", "-").out.splitlines()
+    hexes = {line["index"]: line["hex"] for line in map(json.loads, exported)}
+    assert frames and all(hexes[frame].startswith("050304") for frame in frames)
+    names = {each["address"]: each["name"] for unit in told["units"] for each in unit["registers"]}
+    assert names[10] == "Temperature" and names[100] is None  # a name that the bus contradicts is nobody's
+
+
+def test_the_pages_are_made_in_both_languages(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = bus(tmp_path / "a|b.jsonl")
+    page, out = ran(capsys, "document", str(path)).out, tmp_path / "bus.html"
+    assert "## the poll round" in page and "f32 ABCD" in page and r"a\|b.jsonl" in page
+    assert ran(capsys, "document", str(path), "--lang", "ru", "--html", str(out)).status == 0
+    text = out.read_text(encoding="utf-8")
+    assert "круг опроса" in text and "ACME" in text and "<script" not in text
+
+
+def _sequence(polls: list[int]) -> PollSequence:
+    made = PollSequence()
+    for at, number in enumerate(polls):
+        poll = AskedPoll(number, 3, 0, 1)
+        made.polls.setdefault(poll, PollFrames(at)).count += 1
+        made.order.append(poll)
+        made.times.append(at * 1_000_000)
+    return made
+
+
+@given(st.lists(st.integers(1, 9), min_size=1, max_size=12, unique=True), st.integers(0, 11))
+@settings(max_examples=60, deadline=None)
+def test_any_round_is_found_wherever_the_capture_begins(turn: list[int], begin: int) -> None:
+    polls = (turn * 8)[begin % len(turn) :]
+    found = bus_round(_sequence(polls), timed=True)
+    assert found is not None and found.period_ns == len(turn) * 1_000_000
+    units = [slot.poll.unit for slot in found.slots]
+    first = turn.index(units[0])
+    assert units == turn[first:] + turn[:first]
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_client_without_an_order_is_given_none(seed: int) -> None:
+    random = Random(seed)
+    assert bus_round(_sequence([random.randint(1, 6) for _ in range(400)]), timed=True) is None
+    assert bus_round(_sequence([]), timed=True) is None
