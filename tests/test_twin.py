@@ -157,6 +157,8 @@ def test_a_broadcast_is_done_and_not_answered():
 class EchoingLine:
     """A line whose adapter hears what it sends; a client's requests come one after the other."""
 
+    may_echo = True
+
     def __init__(self, *requests: bytes, echoes: bool) -> None:
         self.waiting, self.echoes = list(requests), echoes
         self.sent: list[bytes] = []
@@ -178,6 +180,14 @@ def test_its_own_echo_is_no_request(echoes):
     line = EchoingLine(asked, wrote, wrote, asked, echoes=echoes)
     serve_line(TwinsOnALine({9: twin}), line, lambda: not line.waiting)
     assert line.sent == [rtu(words(1)), wrote, wrote, rtu(words(5))]
+
+
+def test_the_echo_of_a_write_ends():
+    twin = TwinUnit(9)
+    twin.learn(write(0, 5), RecordedAnswer(write(0, 5), 0, 0))
+    line = EchoingLine(rtu(write(0, 5)), echoes=True)
+    serve_line(TwinsOnALine({9: twin}), line, lambda: not line.waiting)
+    assert line.sent == [rtu(write(0, 5))]
 
 
 def rtu(pdu: bytes) -> bytes:

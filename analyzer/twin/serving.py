@@ -22,13 +22,16 @@ from .memory import TwinAnswer, TwinUnit
 
 _WAIT_S: Final = 0.1  # after which it looks whether it should end
 _QUIET_NS: Final = 50_000_000  # what is no frame by then is none
+_ECHO_NS: Final = 20_000_000  # after an answer went out
 _PIECE: Final = 4096
 _HEADER: Final = 6  # bytes of an MBAP header before the unit ([3] 3.1.3)
 _MOST_BODY: Final = 254  # unit and PDU
 
 
 class TwinLine(Protocol):
-    """A serial line."""
+    """A serial line. `may_echo`: what is sent may be heard again."""
+
+    may_echo: bool
 
     def read(self, wait_s: float) -> bytes: ...
 
@@ -60,14 +63,32 @@ class TwinsOnALine:
             return answer
 
 
-def serve_line(twins: TwinsOnALine, line: TwinLine, stop: Callable[[], bool]) -> None:
-    """Answer RTU requests until `stop`. CaptureError where the line is gone.
+class _OwnEcho:
+    """An adapter may hear what it sends: that is no request. Whether it does shows by the first answer to a read; the
+    echo of a write is its request once more, which a client hardly sends within 20 ms of its answer."""
 
-    An adapter may hear what it sends: that is no request. The echo of a write is its request once more, so it is left
-    out only where an adapter is known to do so.
-    """
-    held, last = b"", 0
-    sent, repeats, echoes = b"", False, False
+    def __init__(self, may_echo: bool) -> None:
+        self._echoes: bool | None = None if may_echo else False
+        self._sent, self._repeats, self._at_ns = b"", False, 0
+
+    def sent(self, frame: bytes, request: bytes) -> None:
+        """An answer went out."""
+        self._sent, self._repeats, self._at_ns = frame, frame == request, time.monotonic_ns()
+
+    def heard(self, frame: bytes, now: int) -> bool:
+        """Whether a frame is an echo."""
+        sent, self._sent = self._sent, b""
+        if not sent or self._echoes is False:
+            return False
+        same = frame == sent
+        if not self._repeats:
+            self._echoes = same
+        return same and (self._echoes is True or now - self._at_ns < _ECHO_NS)
+
+
+def serve_line(twins: TwinsOnALine, line: TwinLine, stop: Callable[[], bool]) -> None:
+    """Answer RTU requests until `stop`. CaptureError where the line is gone."""
+    held, last, echo = b"", 0, _OwnEcho(line.may_echo)
     while not stop():
         data = line.read(_WAIT_S)
         now = time.monotonic_ns()
@@ -78,21 +99,19 @@ def serve_line(twins: TwinsOnALine, line: TwinLine, stop: Callable[[], bool]) ->
         held, last = held + data, now
         while ends := crc_ends(held, 0, MAX_ADU):
             frame, held = held[: ends[0]], held[ends[0] :]
-            if frame == sent and (echoes or not repeats):
-                sent, echoes = b"", True
-                continue
-            answer = twins.answer(frame[0], frame[1:-2])
+            answer = None if echo.heard(frame, now) else twins.answer(frame[0], frame[1:-2])
             if answer is not None:
                 body = frame[:1] + answer.pdu
-                sent = body + crc_bytes(body)
-                repeats = sent == frame
                 sleep_until(now + answer.delay_ns, stop)
-                line.write(sent)
+                line.write(body + crc_bytes(body))
+                echo.sent(body + crc_bytes(body), frame)
         held = held[-MAX_ADU:]
 
 
 class SerialLine:
     """A serial port of this machine, or a socket:// or rfc2217:// one: what pyserial opens."""
+
+    may_echo = True
 
     def __init__(self, settings: PortSettings) -> None:
         """CaptureError says in one line why it can't be opened."""
@@ -137,6 +156,8 @@ class SerialLine:
 
 class TerminalLine:
     """A pseudo-terminal, whose `name` is the port for a client's program. Needs POSIX."""
+
+    may_echo = False
 
     def __init__(self) -> None:
         import tty
