@@ -5,6 +5,6 @@ but `relay`, which passes on what others sent.
 what it says as blocks of chunks, `batching` and `wire` are what the two speak. `tap` opens one port, `readonly` does so
 on POSIX, `gateway` one behind a network, `ports` lists what is there, `baud` finds a line's settings by listening.
 `child` is what such a process is to the one that starts it. `relay` passes bytes on between a client and its line, by
-`relayends`, in a process that outlives whoever listens; `relaying` starts it. `tapserver` lets others have what a tap
-hears, `tapviewer` listens to one elsewhere, `tapstream` is what both say before.
+`relaylinks` and `relayends`, in a process that outlives whoever listens; `relaying` starts it. `tapserver` lets
+others have what a tap hears, `tapviewer` listens to one elsewhere, `tapstream` is what both say before.
 """
