@@ -70,9 +70,12 @@ class Parser(argparse.ArgumentParser):
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
         """argparse's, but an option that is not known is told with the one that was meant."""
         words = list(sys.argv[1:] if args is None else args)
-        if any(action.dest in ("capture", "captures") for action in self._get_positional_actions()):
+        places = self._get_positional_actions()
+        if any(action.dest in ("capture", "captures") for action in places):
             words = [word for word in words if word != "-r"]  # as tshark names the file to read
-        parsed, left = self.parse_known_args(words, namespace)
+        scattered = len(places) > 1 and places[-1].nargs == argparse.OPTIONAL  # it may stand behind options
+        parse = self.parse_known_intermixed_args if scattered else self.parse_known_args
+        parsed, left = parse(words, namespace)
         if left:
             mistyped = left[0].startswith("-")  # another word is one too many
             near = _near_option(left[0].partition("=")[0], self._option_string_actions) if mistyped else ""

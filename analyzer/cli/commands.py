@@ -30,8 +30,10 @@ COMMANDS: Final[dict[str, str]] = {
     "map": "register maps: list, show, check, import, infer, diff",
     "sniff": "listen to a tap and show frames as they come; record them with -o",
     "record": "only record a tap, unattended, for days",
+    "between": "listen between your own program and its port or gateway; direction is known for certain",
     "tap": "let others listen to a port over the network, with the times of its bytes",
     "replay": "play a capture in its own time into the view of sniff, or onto a port",
+    "twin": "answer as a recorded unit did: its answers, its delays, its registers",
     "ports": "list the serial ports that are there, with what is known of them",
     "wireshark": "have Wireshark list this machine's taps among its interfaces",
     "config": "settings that stay: show them, and where each is from",
@@ -102,7 +104,9 @@ FAILURES: Final = {  # what status 1 tells, by command; the others do not end wi
     "map": "traffic contradicts the map, or the capture holds no frame, or no register to make a map of",
     "sniff": "no frame came, or bytes were lost by the tap or by the recording",
     "record": "bytes of the line were lost",
+    "between": "no frame came, or bytes were lost by the recording",
     "replay": "nothing was played: no frame, or with --to no byte",
+    "twin": "with --client: an answer was not as recorded, or did not come",
     "repair": "no byte of the line is left in it",
 }
 MEANINGS: Final = (

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, BinaryIO, Final
 
@@ -22,9 +23,14 @@ from .taps import (
 from .watching import Watch, add_outlet_arguments, add_view_arguments, check_interface, ended_from_outside, outlets_of
 
 if TYPE_CHECKING:
+    from captures.live.tapviewer import TapViewer
     from captures.recording.recorder import Recorder
 
+    from ..live.betweensource import BetweenSource
     from ..live.session import Session
+    from ..live.tapsource import TapSource
+
+    LiveSource = TapSource | TapViewer | BetweenSource
 
 _GRACE_S: Final = 0.2
 _DISK_S: Final = 30.0  # for a recording to be closed
@@ -62,8 +68,13 @@ def run(arguments: argparse.Namespace) -> int:
     return listen(arguments)
 
 
-def listen(arguments: argparse.Namespace, out: BinaryIO | None = None) -> int:
-    """Listen, and show it on standard output, or write it to `out`."""
+def listen(
+    arguments: argparse.Namespace,
+    out: BinaryIO | None = None,
+    source_of: Callable[[argparse.Namespace], LiveSource] = tap_of,
+) -> int:
+    """Listen, and show it on standard output, or write it to `out`. `source_of` makes what is listened to."""
+    from contextlib import closing
     from dataclasses import replace
 
     from ..live.conditions import TriggeredSink
@@ -80,21 +91,21 @@ def listen(arguments: argparse.Namespace, out: BinaryIO | None = None) -> int:
         if recorder is not None and arguments.trigger is not None:
             sink = triggered = TriggeredSink(recorder, int(arguments.before * 1e9), int(arguments.after * 1e9))
             fire = triggered.fire
-        source = tap_of(arguments)
-        session = Session(
-            source,
-            recorder=sink,
-            options=replace(chosen_limits(arguments), protocol=arguments.protocol),
-            outlets=outlets,
-        )
-        if arguments.tui:
-            from ..tui.live import show
+        with closing(source_of(arguments)) as source:
+            session = Session(
+                source,
+                recorder=sink,
+                options=replace(chosen_limits(arguments), protocol=arguments.protocol),
+                outlets=outlets,
+            )
+            if arguments.tui:
+                from ..tui.live import show
 
-            return show(session, arguments.port, recorder, chosen_charts(arguments))
-        watch = Watch(arguments, session, extra=lambda: _recorded(recorder), fire=fire, out=out)
-        abandon = partial(_abandon, session, recorder, tell)
-        with session, ended_from_outside(session.stop, arguments.duration, abandon=abandon) as begun:
-            status = watch.run(begun)
+                return show(session, arguments.port, recorder, chosen_charts(arguments))
+            watch = Watch(arguments, session, extra=lambda: _recorded(recorder), fire=fire, out=out)
+            abandon = partial(_abandon, session, recorder, tell)
+            with session, ended_from_outside(session.stop, arguments.duration, abandon=abandon) as begun:
+                status = watch.run(begun)
         if recorder is not None and recorder.lost:
             tell(recorder.result)
             return FAILED

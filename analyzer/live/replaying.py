@@ -15,6 +15,7 @@ from captures.chunks import Block, Capture
 from captures.errors import CaptureError
 from captures.line import LineSettings
 from captures.live.listening import IDLE_NS, QUIET_NS
+from captures.live.pace import sleep_until
 from captures.live.settings import FALLBACK_BAUD, PortSettings
 from captures.live.wire import Item, Tick
 
@@ -147,9 +148,6 @@ class Replay:
 # between them are kept as well as the system's timers allow (about 0.1 ms).
 
 
-_SPIN_NS: Final = 200_000  # before a byte is due: awake
-_NAP_S: Final = 0.1  # asleep at most
-
 Only = Literal["requests", "responses"]
 
 
@@ -202,7 +200,7 @@ def play(
             for read in pieces(capture, only):
                 first = read.t_ns if first is None else first
                 if speed is not None:
-                    _until(begun + round((read.t_ns - first) / speed), stop)
+                    sleep_until(begun + round((read.t_ns - first) / speed), stop)
                 if stop():
                     break
                 out.write(read.data)
@@ -224,10 +222,3 @@ def _losses() -> tuple[type[Exception], ...]:
     except ImportError:  # Windows
         return (serial.SerialException,)
     return serial.SerialException, error
-
-
-def _until(due: int, stop: Callable[[], bool]) -> None:
-    """Wait for a time of the monotonic clock."""
-    while (left := due - time.monotonic_ns()) > 0 and not stop():
-        if left > _SPIN_NS:
-            time.sleep(min(_NAP_S, (left - _SPIN_NS) / 1e9))

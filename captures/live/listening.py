@@ -2,32 +2,20 @@
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
-import sys
-import threading
-from collections.abc import Iterator, Sequence
-from contextlib import suppress
-from typing import IO, Any, Final
+from collections.abc import Sequence
+from typing import Final
 
+from .child import RecordsOfChild
 from .settings import PortSettings
-from .tap import PortError
-from .wire import Decoder, Item, PortEvent
 
-_START: Final = (
-    "import json, sys; sys.path[:0] = json.loads(sys.argv[1]); from captures.live.reader import main; main(sys.argv[2])"
-)
-_PIECE: Final = 1 << 16
-_PATIENCE_S: Final = 2.0
 HOLD_NS: Final = 26_000_000  # reads are gathered for so long: most of the 30 ms that a line may be late
 RECORD_HOLD_NS: Final = 100_000_000  # where nobody looks
 QUIET_NS: Final = 8_000_000  # after the last byte: what is whole may be shown
 IDLE_NS: Final = 50_000_000
 
 
-class Listening:
-    """Ports that are listened to, numbered as they were given. A context manager; `items` gives what comes."""
+class Listening(RecordsOfChild):
+    """Ports that are listened to, numbered as they were given."""
 
     def __init__(
         self,
@@ -50,82 +38,8 @@ class Listening:
             "wait": wait,
             "blocking": blocking,
         }
-        flags: dict[str, Any] = (
-            {"creationflags": getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)}
-            if os.name == "nt"
-            else {"start_new_session": True}  # Ctrl-C is for this process, which then ends the reader
-        )
-        paths = [path for path in sys.path if path]
-        self._process = subprocess.Popen(
-            [sys.executable, "-c", _START, json.dumps(paths), json.dumps(options)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            bufsize=0,
-            **flags,
-        )
-        self._complaint = b""
-        self._errors = threading.Thread(target=self._keep_complaint, daemon=True)
-        self._errors.start()
-        self._closing = False
-        self.more = False  # behind the newest item another one is at hand: it is told without a wait
-
-    def items(self) -> Iterator[Item]:
-        """What comes, until `close`; waits for it. PortError where a port can't be opened, or the reader fails."""
-        decoder, out = Decoder(), self._stream(self._process.stdout)
-        while True:
-            try:
-                data = out.read(_PIECE)
-            except (OSError, ValueError):  # closed by another thread
-                data = b""
-            if not data:
-                break
-            items = decoder.feed(data)
-            for number, item in enumerate(items, 1):
-                if isinstance(item, PortEvent):
-                    if item.kind == "failed":
-                        raise PortError(item.text)
-                    if item.kind == "ended":
-                        return
-                self.more = number < len(items)
-                yield item
-        if not self._closing:
-            self._errors.join(_PATIENCE_S)
-            words = self._complaint.decode(errors="replace").strip().splitlines()
-            raise PortError(f"the process that reads the port ended: {words[-1] if words else 'no reason given'}")
+        super().__init__("reader", options)
 
     def change(self, port: int, settings: PortSettings) -> None:
         """Listen with other line settings; an event `settings` tells from when on."""
-        command = json.dumps({"port": port, "settings": settings.to_json()}) + "\n"
-        with suppress(OSError, ValueError):
-            self._stream(self._process.stdin).write(command.encode())
-
-    def close(self) -> None:
-        """Ask the reader to end; `items` ends when all that it had has been given."""
-        self._closing = True
-        with suppress(OSError, ValueError):
-            self._stream(self._process.stdin).close()
-
-    def __enter__(self) -> Listening:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-        try:
-            self._process.wait(_PATIENCE_S)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
-        self._errors.join(_PATIENCE_S)
-        for stream in (self._process.stdout, self._process.stderr):
-            self._stream(stream).close()
-
-    def _keep_complaint(self) -> None:
-        with suppress(OSError, ValueError):
-            while data := self._stream(self._process.stderr).read(4096):
-                self._complaint = (self._complaint + data)[-4096:]
-
-    @staticmethod
-    def _stream(stream: IO[bytes] | None) -> IO[bytes]:
-        assert stream is not None  # all three are pipes
-        return stream
+        self.command(port=port, settings=settings.to_json())

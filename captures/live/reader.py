@@ -214,7 +214,7 @@ class Ports:
 def main(arguments: str) -> None:
     """Read until standard input ends. `arguments`: JSON of ports, hold_ns, quiet_ns, idle_ns, wait, blocking."""
     options = json.loads(arguments)
-    _prefer()
+    prefer()
     clock = SteadyClock()
     out = Pipe(blocking=os.name != "posix")
     desk = ReadBatching(
@@ -359,7 +359,7 @@ def _command(brought: queue.SimpleQueue[tuple[Any, ...]]) -> None:
     brought.put(("end",))
 
 
-def _prefer() -> None:
+def prefer() -> None:
     """Be scheduled before others, where that is allowed; Ctrl-C and Ctrl-Break are the listener's business."""
     sys.setswitchinterval(_SWITCH_S)
     for name in ("SIGINT", "SIGHUP", "SIGTERM", "SIGBREAK"):

@@ -135,7 +135,7 @@ class DeviceTap(Tap):
 
     def __init__(self, settings: PortSettings, *, blocking: bool = False) -> None:
         """Open it; PortError says in one line why it can't be. `blocking`: only by pyserial's own read."""
-        super().__init__(settings, _kind(settings))
+        super().__init__(settings, port_kind(settings))
         if self.kind != "pty" and (users := programs_using(settings.url)):
             raise PortError(f"{settings.url}: in use by {', '.join(users)}: {_IN_USE}")
         self._port = _opened(settings)
@@ -276,7 +276,7 @@ def _cause_of_error(error: Exception) -> str:
     return " ".join(text.split()) or type(error).__name__
 
 
-def _kind(settings: PortSettings) -> str:
+def port_kind(settings: PortSettings) -> str:
     """The kind of tap: usb, uart or pty."""
     real = real_device(settings.url)
     if real.startswith(("/dev/pts/", "/dev/ttys")):

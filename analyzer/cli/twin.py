@@ -1,0 +1,198 @@
+"""`rtuscope twin`: recorded units that answer as they did."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from typing import TYPE_CHECKING, Final
+
+from ..languages import retold
+from .commands import DONE, FAILED, UsageError
+from .inputs import (
+    add_capture_arguments,
+    add_limit_arguments,
+    chosen_limits,
+    load_functions,
+    open_capture,
+    tell_damage,
+    unit_number,
+)
+from .terminal import put, tell
+from .watching import address, ended_from_outside, shown_host
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from captures import Capture
+    from captures.live.settings import PortSettings
+
+    from ..twin.memory import TwinUnit
+    from ..twin.serving import TwinsOnALine
+
+EXAMPLE = """\
+rtuscope twin bus.jsonl --unit 17
+rtuscope twin bus.jsonl --unit 17 --unit 18 /dev/ttyUSB0
+rtuscope twin bus.jsonl --listen 5020
+rtuscope twin bus.jsonl --unit 17 /dev/ttyUSB0 --client --transmit"""
+
+_HIGHEST: Final = 0xFFFF
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command."""
+    add_capture_arguments(parser)
+    parser.add_argument(
+        "port",
+        metavar="PORT",
+        nargs="?",
+        help="answer on this serial port; without it on a pseudo-terminal, which the first line printed names",
+    )
+    twin = parser.add_argument_group("the twin, a server of its own port, set as the capture's line")
+    twin.add_argument(
+        "--unit",
+        type=unit_number,
+        action="append",
+        default=[],
+        metavar="N",
+        help="answer as this unit; all if not given",
+    )
+    twin.add_argument(
+        "--listen", type=address, metavar="[HOST:]PORT", help="answer over Modbus TCP here; 0: any free port"
+    )
+    twin.add_argument(
+        "--unknown",
+        type=_unknown,
+        default="exception",
+        metavar="VALUE",
+        help="what registers hold that the capture does not tell of: a number, or exception for code 02 (exception)",
+    )
+    client = parser.add_argument_group("the other side")
+    client.add_argument(
+        "--client", action="store_true", help="ask a real unit at PORT what the recorded client asked, and compare"
+    )
+    client.add_argument(
+        "--transmit", action="store_true", help="with --client: yes, SEND the recorded requests, writes among them"
+    )
+    add_limit_arguments(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Answer, or ask."""
+    _check(arguments)
+    load_functions(arguments)
+    capture = open_capture(arguments)
+    if arguments.client:
+        return _ask(arguments, capture)
+    from ..twin.record import twins
+    from ..twin.serving import TwinsOnALine
+
+    unknown = None if arguments.unknown == "exception" else int(arguments.unknown)
+    units = twins(capture, arguments.unit, unknown=unknown, options=chosen_limits(arguments))
+    tell_damage(arguments.capture, capture)
+    if missing := sorted(set(arguments.unit) - units.keys()):
+        raise UsageError(f"unit {missing[0]} answers nothing in {arguments.capture}")
+    if not units:
+        raise UsageError(f"no unit answers in {arguments.capture}")
+    answering = TwinsOnALine(units)
+    ended: list[bool] = []
+    with ended_from_outside(lambda: ended.append(True)):
+        if arguments.listen is not None:
+            _on_network(arguments, answering, units, lambda: bool(ended))
+        else:
+            _on_line(arguments, answering, units, _settings(arguments, capture), lambda: bool(ended))
+    tell(f"{answering.asked:,} requests, {answering.answered:,} answered")
+    return DONE
+
+
+def _check(arguments: argparse.Namespace) -> None:
+    """UsageError where what is asked for contradicts itself."""
+    if arguments.port is not None and arguments.listen is not None:
+        raise UsageError("PORT or --listen, not both")
+    if arguments.transmit and not arguments.client:
+        raise UsageError("--transmit goes with --client")
+    if arguments.client and not arguments.transmit:
+        raise UsageError("--client sends the recorded requests, writes among them: say so by --transmit")
+    if arguments.client and (arguments.port is None or not arguments.unit):
+        raise UsageError("--client needs a PORT to send to, and the --unit to ask")
+    if arguments.port is None and arguments.listen is None and os.name != "posix":
+        raise UsageError("where? PORT is a serial port; over a network: --listen PORT")
+
+
+def _settings(arguments: argparse.Namespace, capture: Capture) -> PortSettings:
+    from captures.live.settings import PortSettings
+
+    line = capture.line
+    if (line.parity or "N") not in ("N", "E", "O"):
+        raise UsageError(f"a port cannot be set to parity {line.parity}: give --parity N, E or O")
+    return PortSettings(arguments.port or "", line.baud, line.parity or "N", line.stop_bits or 1, arguments.bits or 8)
+
+
+def _on_line(
+    arguments: argparse.Namespace,
+    answering: TwinsOnALine,
+    units: dict[int, TwinUnit],
+    settings: PortSettings,
+    stop: Callable[[], bool],
+) -> None:
+    from ..twin.serving import SerialLine, TerminalLine, serve_line
+
+    if arguments.port is None:
+        terminal = TerminalLine()
+        put(f"{terminal.name}\n")
+        line: SerialLine | TerminalLine = terminal
+    else:
+        line = SerialLine(settings)
+        put(f"{settings.url}\n")
+    _tell_units(units)
+    try:
+        serve_line(answering, line, stop)
+    finally:
+        line.close()
+
+
+def _on_network(
+    arguments: argparse.Namespace, answering: TwinsOnALine, units: dict[int, TwinUnit], stop: Callable[[], bool]
+) -> None:
+    from ..twin.serving import TwinServer
+
+    host, port = arguments.listen
+    server = TwinServer(answering, host, port)
+    put(f"{shown_host(host)}:{server.port}\n")
+    _tell_units(units)
+    try:
+        server.serve(stop)
+    finally:
+        server.close()
+
+
+def _ask(arguments: argparse.Namespace, capture: Capture) -> int:
+    from ..twin.client import play_client, script_of
+    from ..twin.serving import SerialLine
+
+    settings = _settings(arguments, capture)
+    script = script_of(capture, arguments.unit, chosen_limits(arguments))
+    tell_damage(arguments.capture, capture)
+    if not script.requests:
+        raise UsageError(f"nothing is asked of these units in {arguments.capture}")
+    line = SerialLine(settings)
+    tell(f"transmitting on {settings.url}, {settings}: {len(script.requests):,} requests, {script.writes:,} no reads")
+    ended: list[bool] = []
+    try:
+        with ended_from_outside(lambda: ended.append(True)):
+            played = play_client(script, line, lambda: bool(ended))
+    finally:
+        line.close()
+    words = f"{played.sent:,} requests: {played.same:,} answered as recorded, {played.other:,} otherwise"
+    put(f"{retold(f'{words}, {played.silent:,} not answered')}\n")
+    return FAILED if played.other or played.silent else DONE
+
+
+def _tell_units(units: dict[int, TwinUnit]) -> None:
+    for number, unit in units.items():
+        tell(f"unit {number}: {unit.requests:,} different requests, {unit.registers:,} registers and coils")
+
+
+def _unknown(text: str) -> str:
+    if text != "exception" and not (text.isdecimal() and int(text) <= _HIGHEST):
+        raise argparse.ArgumentTypeError(f"{text!r} is neither exception nor a number up to {_HIGHEST}")
+    return text
