@@ -85,7 +85,12 @@ def styles(half: str, count: int, verbose: bool) -> None:
     for seed in range(count):
         one = drawn(seed, half)
         size += len(one.text)
-        names = [f"{name}: {row}" for name, row in zip(("envelope", "stamp", "speaker", "writing", "tail", "join", "copy", "damage"), one.rows, strict=False)]
+        names = [
+            f"{name}: {row}"
+            for name, row in zip(
+                ("envelope", "stamp", "speaker", "writing", "tail", "join", "copy", "damage"), one.rows, strict=False
+            )
+        ]
         met.update(names)
         if wrong := wrong_in(one.text, *truth_of(one)):
             failed.update(names)

@@ -1,10 +1,12 @@
 """Texts drawn from a grammar of how tools, programs and people write bytes down, with the truth of what they show.
 
-A text is a conversation written in a style: stamp x speaker x writing x tail, a way of joining (rows of a dump, reads in
-pieces, wraps, a byte a line), a way of saying it again, damage, and everyday lines between. Each is a row of a table.
+A text is a conversation written in a style: stamp x speaker x writing x tail, a way of joining (rows of a dump, reads
+in pieces, wraps, a byte a line), a way of saying it again, damage, and everyday lines between, each a row of a table.
 The rows of a table at even places are there to fit on, those at odd places to tell a score on (`half`); conversations
 are drawn anew for each seed. All of it is made here; nothing is anybody's text.
 """
+
+# ruff: noqa: ARG005 - a row of a table is a function whether it needs its arguments or not
 
 from __future__ import annotations
 
@@ -157,7 +159,7 @@ TAILS: Final[dict[str, Callable[[Said, Random], str]]] = {
 }
 
 EVERYDAY: Final[dict[str, Callable[[Random], str]]] = {
-    "json long": lambda rng: json.dumps({"id": rng.randrange(10**7, 10**9), "U": [230.1, rng.randrange(9)], "ok": True}),
+    "json long": lambda rng: json.dumps({"id": rng.randrange(10**7, 10**9), "U": [230.1, rng.randrange(9)]}),
     "wait": lambda rng: "waiting for the next cycle",
     "traceback": lambda rng: f'  File "/opt/app/poll.py", line {rng.randrange(10, 900)}, in read',
     "address": lambda rng: f"connected to 10.0.{rng.randrange(250)}.{rng.randrange(250)}:502",
@@ -170,13 +172,13 @@ EVERYDAY: Final[dict[str, Callable[[Random], str]]] = {
     "mac": lambda rng: "wlan0 " + ":".join(f"{rng.randrange(256):02x}" for _ in range(6)) + " up",
     "phone": lambda rng: f"tel +7 495 {rng.randrange(100, 999)} {rng.randrange(10, 99)} {rng.randrange(10, 99)}",
     "register": lambda rng: f"register {rng.randrange(100)} = {rng.randrange(65536)} (0x{rng.randrange(65536):04X})",
-    "russian": lambda rng: f"Прибор молчит, тайм-аут {rng.choice((100, 500, 1000))} мс, попытка {rng.randrange(1, 4)} из 3",
-    "version": lambda rng: f"firmware v{rng.randrange(9)}.{rng.randrange(20)}.{rng.randrange(30)} build {rng.randrange(10**7)}",
+    "russian": lambda rng: f"Прибор молчит, тайм-аут {rng.choice((100, 500))} мс, попытка {rng.randrange(1, 4)} из 3",
+    "version": lambda rng: f"firmware v{rng.randrange(9)}.{rng.randrange(20)} build {rng.randrange(10**7)}",
     "values": lambda rng: f"values: [{', '.join(str(rng.randrange(1000)) for _ in range(4))}]",
     "german": lambda rng: f"Gerät {rng.randrange(1, 30)} antwortet nicht (Versuch {rng.randrange(1, 4)})",
     "state": lambda rng: f"temperature {rng.random() * 50:.2f} humidity {rng.random() * 100:.1f}",
     "chinese": lambda rng: f"温度 {rng.randrange(10, 40)} 湿度 {rng.randrange(10, 90)}",
-    "boot": lambda rng: f"rst:0x1 (POWERON_RESET),boot:0x13 (SPI_FAST_FLASH_BOOT), entry 0x400{rng.randrange(1 << 20):05x}",
+    "boot": lambda rng: f"rst:0x1 (POWERON_RESET),boot:0x13 (FLASH_BOOT), entry 0x400{rng.randrange(1 << 20):05x}",
     "hash": lambda rng: f"commit {rng.randrange(16**40):040x}",
     "config": lambda rng: f"baudrate=9600 parity=N databits=8 stopbits=1 timeout={rng.randrange(100, 999)}",
     "french": lambda rng: f"Tension phase 1 : {rng.randrange(220, 240)},{rng.randrange(10)} V",
@@ -185,7 +187,18 @@ EVERYDAY: Final[dict[str, Callable[[Random], str]]] = {
     "gps": lambda rng: f"$GPGGA,1235{rng.randrange(10, 59)},4807.038,N,01131.000,E,1,08,0.9,545.4,M*47",
 }  # fmt: skip
 
-JOINS: Final = ("line", "line", "pieces", "below", "line", "rows of 8", "soft wrap", "byte a line", "hard wrap", "rows of 16")
+JOINS: Final = (
+    "line",
+    "line",
+    "pieces",
+    "below",
+    "line",
+    "rows of 8",
+    "soft wrap",
+    "byte a line",
+    "hard wrap",
+    "rows of 16",
+)
 COPIES: Final = ("none", "none", "none", "handler", "none", "pdu", "grown", "twice")
 DAMAGES: Final = ("none", "none", "bit", "none", "cut", "stray", "none", "none")
 
@@ -195,7 +208,9 @@ def _pdus(rng: Random) -> list[tuple[bytes, bytes]]:
     for _ in range(rng.randrange(2, 6)):
         function, count = rng.choice((3, 3, 3, 4, 4, 1, 2, 5, 6, 16)), rng.choice((1, 2, 2, 4, 9))
         head = bytes((unit, function)) + rng.choice((0, 1, 107, 256, 0x1000, 40000)).to_bytes(2, "big")
-        values = b"".join(rng.choice((0, rng.randrange(300), rng.randrange(65536))).to_bytes(2, "big") for _ in range(count))
+        values = b"".join(
+            rng.choice((0, rng.randrange(300), rng.randrange(65536))).to_bytes(2, "big") for _ in range(count)
+        )
         asks = head + count.to_bytes(2, "big")
         if function < 5 and rng.random() < 0.07:
             pairs.append((asks, bytes((unit, function | 0x80, rng.choice((1, 2, 3, 4))))))
@@ -236,7 +251,11 @@ def _damaged(said: list[Said], how: str, rng: Random) -> list[Said]:
         broken = one.data[:at] + bytes((one.data[at] ^ 1 << rng.randrange(8),)) + one.data[at + 1 :]
         return [*said[:i], one._replace(data=broken, kind="damaged"), *said[i + 1 :]]
     if how == "cut" and len(one.data) > 5:
-        return [*said[:i], one._replace(data=one.data[: -rng.randrange(1, len(one.data) - 3)], kind="damaged"), *said[i + 1 :]]
+        return [
+            *said[:i],
+            one._replace(data=one.data[: -rng.randrange(1, len(one.data) - 3)], kind="damaged"),
+            *said[i + 1 :],
+        ]
     if how == "stray":
         return [*said[:i], one._replace(data=b"\0" + one.data, kind="behind a stray"), *said[i + 1 :]]
     return said
@@ -281,7 +300,21 @@ def drawn(seed: int, which: str = "all") -> Drawn:
         writing, tail = "pairs", "none"
     if join == "byte a line":
         tail = "none"
-        writing = writing if writing not in ("solid", "fours", "quoted solid", "repr", "decimals", "bare decimals", "one digit", "base 10 of three") else "0x"
+        writing = (
+            writing
+            if writing
+            not in (
+                "solid",
+                "fours",
+                "quoted solid",
+                "repr",
+                "decimals",
+                "bare decimals",
+                "one digit",
+                "base 10 of three",
+            )
+            else "0x"
+        )
     if join in ("soft wrap", "hard wrap") or join == "byte a line":
         copy = "none"
     write = WRITINGS[writing]
@@ -318,4 +351,9 @@ def drawn(seed: int, which: str = "all") -> Drawn:
             lines.append(EVERYDAY[rng.choice(everyday)](rng))
     if everyday:
         lines = [EVERYDAY[everyday[0]](rng), *lines, EVERYDAY[everyday[-1]](rng)]
-    return Drawn("\n".join(lines) + "\n", tuple(said), stamp not in UNTIMED, (envelope, stamp, speaker, writing, tail, join, copy, damage, *everyday))
+    return Drawn(
+        "\n".join(lines) + "\n",
+        tuple(said),
+        stamp not in UNTIMED,
+        (envelope, stamp, speaker, writing, tail, join, copy, damage, *everyday),
+    )

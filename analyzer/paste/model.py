@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from dissectors.annotation import Context, annotate, summary
+from dissectors.crc import crc_bytes
 from dissectors.envelopes import Adu
 from dissectors.fields import ENGLISH, Field, Wording
 from dissectors.functions import function_name
 from dissectors.length_rules import Role
-from dissectors.limits import EXCEPTION
+from dissectors.limits import CRC_SIZE, EXCEPTION
 
 if TYPE_CHECKING:
     from ..tables.findings import Finding
@@ -64,6 +65,15 @@ class PastedFrame:
         """Check value right; None where the envelope has none. A cut frame's is not."""
         return False if self.missing else self.adu.check_ok
 
+    @property
+    def to_send(self) -> bytes | None:
+        """Of an RTU frame that lacks its CRC alone, or the second byte of it, the frame with it; None of others."""
+        body = self.adu.data[:-1] if self.missing == 1 else self.adu.data
+        if self.adu.protocol != "rtu" or not self.length_known or self.missing not in (1, CRC_SIZE):
+            return None
+        whole = body + crc_bytes(body)
+        return whole if whole.startswith(self.adu.data) else None
+
     def fields(self, role: Role | None = None, wording: Wording = ENGLISH) -> tuple[Field, ...]:
         """Every field, read as the frame's own role or as another."""
         role = self.role if role is None else role
@@ -79,7 +89,7 @@ class PastedFrame:
         return Context(request=self.request) if role is Role.RESPONSE and self.request is not None else Context()
 
     def to_json(self, index: int) -> dict[str, Any]:
-        """The keys of a frame's JSON line; `also` and `missing` only where there is something to say."""
+        """The keys of a frame's JSON line; `missing`, `to_send` and `also` only where there is something to say."""
         function = self.function
         line: dict[str, Any] = {
             "index": index,
@@ -105,6 +115,8 @@ class PastedFrame:
         }
         if self.missing:
             line["missing"] = self.missing
+            if (whole := self.to_send) is not None:
+                line["to_send"] = whole.hex()
         if self.also is not None:
             fields = [field.to_json() for field in self.fields(self.also)]
             line["also"] = {"direction": self.also.name.lower(), "fields": fields}
