@@ -61,11 +61,31 @@ def test_the_same_as_json(capsys, bus):
 
 def test_without_times_it_says_so(capsys, tmp_path):
     path = tmp_path / "log.txt"
-    path.write_text("".join(frame.hex(" ") + "\n" for frame in [REQUEST, ANSWER] * 3))
+    path.write_text("".join(frame.hex(" ") + "\n" for frame in [REQUEST, ANSWER] * 8))
     done = ran(capsys, "report", path)
     assert done.status == 0
     assert done.out.count("no times in this capture") >= 3
     assert json.loads(ran(capsys, "report", path, "--json").out)["times"]["count"] == 0
+
+
+def test_of_a_handful_of_frames_without_times_no_share_nor_empty_table_is_told(capsys, tmp_path):
+    """A few exchanges that somebody pasted are no sample of a bus; with times, or with more of them, all is told."""
+    damaged = ANSWER[:4] + bytes((ANSWER[4] ^ 4,)) + ANSWER[5:]
+    frames = [REQUEST, ANSWER, REQUEST, damaged, REQUEST, ANSWER]
+    path, page = tmp_path / "log.txt", tmp_path / "page.html"
+    path.write_text("".join(frame.hex(" ") + "\n" for frame in frames))
+    few = ran(capsys, "report", path).out
+    assert "bit-flip" in few and "3: 2 answered" in few
+    assert "sure" not in few and "p50" not in few and "load" not in few
+    groups = [
+        group for row in json.loads(ran(capsys, "report", path, "--json").out)["findings"] for group in row["groups"]
+    ]
+    assert {group["certainty"] for group in groups} == {None}
+    path.write_text("".join(frame.hex(" ") + "\n" for frame in frames * 3))
+    assert "% sure" in (many := ran(capsys, "report", path).out) and "p50" in many
+    path.write_text("".join(f"12:00:0{i}.118 {frame.hex(' ')}\n" for i, frame in enumerate(frames)))
+    assert "% sure" in (timed := ran(capsys, "report", path).out) and "p50" in timed
+    assert ran(capsys, "report", path, "--html", page, "--overwrite").status == 0
 
 
 def test_no_frame_is_said_with_status_1(capsys, tmp_path):
@@ -111,7 +131,7 @@ def test_a_log_without_times_has_no_response_times(capsys, tmp_path):
     assert (report["timed"], report["transactions"]["answered"], report["times"]["count"]) == (False, 1, 0)
     page = ran(capsys, "report", log).out
     assert "1 request, 1 response" in page
-    assert "response  unknown: no times in this capture" in page
+    assert "span      unknown: no times in this capture" in page
     frames = [json.loads(line) for line in ran(capsys, "export", log).out.splitlines()]
     assert [frame["response_time_ns"] for frame in frames] == [None, None]
 

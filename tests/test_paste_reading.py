@@ -172,7 +172,21 @@ def test_a_cut_frame_says_what_is_missing(text, missing, known):
 
 
 def test_a_frame_that_only_lacks_its_crc_is_told_it():
-    assert "the CRC: 76 87 would be right" in tree(read("11 03 00 6B 00 03"))
+    request = "11 03 00 6B 00 03 76 87"
+    assert f"the whole frame: {request}" in tree(read(request[:17]))
+
+
+@pytest.mark.parametrize("cut", [1, 2])
+def test_a_request_without_its_crc_is_offered_whole(cut: int) -> None:
+    """Also where one byte of the CRC is there; what is cut elsewhere, or whole, is offered as nothing."""
+    for body in ("010300000002", "05 10 00 00 00 01 02 00 05", "11 06 00 01 00 03"):
+        whole = adu(body)
+        paste = read(whole[:-cut].hex(" "))
+        (line,) = paste.to_json()
+        assert (paste.protocol, line["missing"], line["to_send"]) == ("rtu", cut, whole.hex())
+        assert whole.hex(" ").upper() in tree(paste)
+        assert "to_send" not in next(read(whole.hex()).to_json())
+        assert "to_send" not in next(read(whole[:-3].hex()).to_json())
 
 
 def test_a_cut_frame_after_whole_ones():

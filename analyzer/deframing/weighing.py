@@ -149,6 +149,8 @@ def rtu_head_bits(data: bytes) -> float:
         known = data[1 : 1 + length] if length is not None else data[1:]
         bits = _CUT + _ILLEGAL * len(plausibility(known, role))
         bits += _LEGAL_UNIT if 0 < data[0] <= LAST_UNIT else _NO_UNIT
+        if length is not None and len(data) == 1 + length + 1 and crc_bytes(data[:-1])[:1] == data[-1:]:  # half its CRC
+            bits += _CRC_BITS / CRC_SIZE
         best = max(best, bits)
     return best
 

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from dissectors.annotation import Context, annotate, summary
+from dissectors.crc import crc_bytes
 from dissectors.envelopes import Adu
 from dissectors.fields import ENGLISH, Field, Wording
 from dissectors.functions import function_name
 from dissectors.length_rules import Role
-from dissectors.limits import EXCEPTION
+from dissectors.limits import CRC_SIZE, EXCEPTION
 
 from ..requests.advice import Advice, advice
 
@@ -66,6 +67,15 @@ class PastedFrame:
         """Check value right; None where the envelope has none. A cut frame's is not."""
         return False if self.missing else self.adu.check_ok
 
+    @property
+    def to_send(self) -> bytes | None:
+        """Of an RTU frame that lacks its CRC alone, or the second byte of it, the frame with it; None of others."""
+        body = self.adu.data[:-1] if self.missing == 1 else self.adu.data
+        if self.adu.protocol != "rtu" or not self.length_known or self.missing not in (1, CRC_SIZE):
+            return None
+        whole = body + crc_bytes(body)
+        return whole if whole.startswith(self.adu.data) else None
+
     def fields(self, role: Role | None = None, wording: Wording = ENGLISH) -> tuple[Field, ...]:
         """Every field, read as the frame's own role or as another."""
         role = self.role if role is None else role
@@ -90,7 +100,7 @@ class PastedFrame:
         return advice(self.adu.unit, self.request, self.exception) if self.request and self.exception else None
 
     def to_json(self, index: int) -> dict[str, Any]:
-        """The keys of a frame's JSON line; `also`, `missing`, `reason`, `ask_instead` only where there is anything."""
+        """The keys of a frame's JSON line; `also`, `missing`, `to_send`, `reason`, `ask_instead` where there is any."""
         function = self.function
         line: dict[str, Any] = {
             "index": index,
@@ -118,6 +128,8 @@ class PastedFrame:
             line |= {"reason": found.reason, "ask_instead": [each.adu.hex() for each in found.ask_instead]}
         if self.missing:
             line["missing"] = self.missing
+            if (whole := self.to_send) is not None:
+                line["to_send"] = whole.hex()
         if self.also is not None:
             fields = [field.to_json() for field in self.fields(self.also)]
             line["also"] = {"direction": self.also.name.lower(), "fields": fields}

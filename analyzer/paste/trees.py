@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
-from dissectors.crc import crc_bytes
 from dissectors.fields import Field
 from dissectors.length_rules import Role
 from dissectors.values import Order, floating, harmless, readings
@@ -149,8 +148,8 @@ def trouble(frame: PastedFrame) -> str | None:
             if frame.length_known
             else tr("cut: needs at least {bytes}", bytes=more)
         )
-        if adu.protocol == "rtu" and frame.missing == 2 and frame.length_known:
-            words += tr(", the CRC: {crc} would be right", crc=crc_bytes(adu.data).hex(" ").upper())
+        if (whole := frame.to_send) is not None:
+            words += tr(", the CRC; the whole frame: {frame}", frame=whole.hex(" ").upper())
         return words
     if adu.check_ok is False and adu.check_computed is not None and adu.check_received is not None:
         name, width = ("LRC", 1) if adu.protocol == "ascii" else ("CRC", 2)

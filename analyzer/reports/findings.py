@@ -17,18 +17,23 @@ _UNITS: Final = 5  # named in a line
 _GROUPS: Final = 3  # told of a finding
 
 
-def cause_lines(causes: Sequence[Cause]) -> Iterator[PageLine]:
-    """What explains the findings, best first, each with how sure that is; nothing where there are none."""
+def cause_lines(causes: Sequence[Cause], *, shares: bool = True) -> Iterator[PageLine]:
+    """What explains the findings, best first, each with how sure that is if wanted; nothing where there are none."""
     if causes:
         yield ""
         yield page_words("what is wrong")
     for number, cause in enumerate(causes, 1):
-        head = page_words("{number}. {cause}, {sure} sure: {text}")
+        head = page_words("{number}. {cause}, {sure} sure: {text}") if shares else "{number}. {cause}: {text}"
         sure = f"{cause.confidence:.0%}"
         yield Paragraph(head.format(number=number, cause=cause.cause, sure=sure, text=cause.text))
         yield from _labelled("seen", cause.share)
         yield from _labelled("to be sure", cause.deciding_test)
         yield from _labelled("do", cause.remedy)
+
+
+def uncounted(row: FindingRow) -> FindingRow:
+    """Findings of one code without how sure each is: of a handful of frames without times nobody knows."""
+    return replace(row, groups=tuple(replace(group, certainty=None) for group in row.groups))
 
 
 def explained_row(row: FindingRow, causes: Sequence[Cause]) -> FindingRow:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from ..tables.schema import bounds_of
 from ..words import between
@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from ..outages import Deaf
     from ..registers.watch import WatchedValue
     from .against import Difference
+
+
+HANDFUL: Final = 12  # frames: fewer, without times, are no sample of a bus
 
 
 @dataclass(frozen=True, slots=True)
@@ -312,6 +315,11 @@ class Report:
         if self.t_start_ns is None or self.t_end_ns is None:
             return None
         return self.t_end_ns - self.t_start_ns
+
+    @property
+    def is_handful(self) -> bool:
+        """A few frames without times, as a text that somebody pasted: too few for shares, loads and tables."""
+        return not self.timed and self.frames < HANDFUL
 
     @property
     def units_as_heard(self) -> tuple[UnitRow, ...]:

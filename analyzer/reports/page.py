@@ -36,7 +36,7 @@ def _lines(report: Report) -> Iterator[PageLine]:
     if not report.frames:
         yield ""
         yield nothing(report)
-    yield from findings.cause_lines(report.causes)
+    yield from findings.cause_lines(report.causes, shares=not report.is_handful)
     if report.before:
         yield ""
         yield from against.lines(report.against, file_name(report.before))
@@ -83,8 +83,9 @@ def facts(report: Report) -> Iterator[tuple[str, str]]:
     if report.doubtful_frames:
         yield "", page_words("{count:,} of them doubtful (confidence under 0.5)", count=report.doubtful_frames)
     yield from _transactions(report.transactions)
-    yield "load", _load(report)
-    yield "response", _response(report)
+    if not report.is_handful:
+        yield "load", _load(report)
+        yield "response", _response(report)
     if report.clock_skew_ns is not None and not report.clock_skew_ns[0] <= 0 <= report.clock_skew_ns[1]:
         yield "clocks", _clocks(report.clock_skew_ns)
     if report.rates:

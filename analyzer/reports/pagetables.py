@@ -37,11 +37,11 @@ _FIGURES: Final = ("p50", "p95", "max")  # as they stand in a row
 
 def tables(report: Report) -> Iterator[Iterator[PageLine]]:
     """Those that this report fills, in their order."""
-    if report.units:
+    if report.units and not report.is_handful:
         yield _units(report)
         yield _functions(report)
         yield _legend(report)
-    if any(map(_badly, report.cards)):
+    if any(map(_badly, report.cards)) and not report.is_handful:
         yield _cards(report.cards)
     if any(row.period_ns is not None for row in report.polls):
         yield _polls(report.polls)

@@ -26,6 +26,7 @@ from ..tables.transactions import Status, TransactionRows
 from ..tables.verdict import ModbusVerdict
 from ..usernotes import Notes, marked_rows
 from .breakdown import RateTable, bit_times
+from .findings import uncounted
 from .model import BookmarkRow, Counts, ExceptionRow, FindingRow, FunctionRow, Load, Report, Times, UnitRow
 from .troubles import Troubles, asked_once, is_habit, of_echoes
 
@@ -120,7 +121,7 @@ class Summary:
     def report(self, capture: Capture, *, source: str = "", partial: bool = False) -> Report:
         """What it comes to."""
         notes = notes_of(capture)
-        return Report(
+        report = Report(
             source=source,
             format=capture.format,
             baud=capture.line.baud,
@@ -159,6 +160,7 @@ class Summary:
             notes=tuple(notes),
             deaf=tuple(deaf_times(notes)),
         )
+        return replace(report, findings=tuple(map(uncounted, report.findings))) if report.is_handful else report
 
     def _stretches(self, rows: Rows, noise: NDArray[np.bool_]) -> int:
         """How many stretches of noise begin here; one that goes on from the row before is not a new one."""
