@@ -24,6 +24,7 @@ from ..tables.batch import Batch
 from ..tables.schema import NO_GAP, Kind, Protocol
 from ..tables.transactions import ECHOED, NEVER, Status, TransactionRows
 from .exchanges import ANSWERED, Ending, ExchangeBuilder, Exchanges, RowColumns, Stretch, Unowned
+from .exchangetable import ExchangeTable
 from .flatmemory import CrowdedTimes, Thinned, TimeGrid
 from .polls import PollTable, SuccessorTable
 from .registerstates import StateTable, ValueTable
@@ -65,6 +66,7 @@ class Ledger:
         self.clock = TapClock(line)
         self.units: dict[int, UnitLedger] = {}
         self.polls = PollTable()
+        self.table = ExchangeTable()
         self.states = StateTable()
         self.values = ValueTable()
         self.grid = TimeGrid()
@@ -83,6 +85,8 @@ class Ledger:
         self.repeats_answered = 0  # requests that came twice and were answered then
         self.foreign = np.zeros(len(NAMES), np.int64)  # stretches that are another protocol's, by its number
         self.noise: list[tuple[int, int, bytes]] = []  # a few stretches in no frame: time, port, bytes
+        self.spoilt: list[bytes] = []  # a few requests whose check value is wrong
+        self.spoilt_requests = 0
         self.stray_times = CrowdedTimes()  # ns, of short stretches in no frame
         self.marked_bytes = 0  # by the UART
         self.flow_bytes = 0  # that are XON or XOFF
@@ -160,6 +164,8 @@ class Ledger:
         self.function_bytes += np.bincount(functions, weights, 256).astype(np.int64)
         loose = right & ~asks & (rows.request < 0)
         self.loose_responses += int(np.count_nonzero(loose))
+        if len(frames) > int(np.count_nonzero(right)):
+            self._count_spoilt(table, (framed & ~check & asks).nonzero()[0])
         if len(frames) < len(rows):
             self._count_noise(table, (~framed).nonzero()[0])
         port = rows.port
@@ -192,6 +198,10 @@ class Ledger:
             port = int(table.rows.port[row])
             self.noise.append((int(table.rows.t_start_ns[row]), port, table.bytes_of(row)[:_NOISE_BYTES]))
 
+    def _count_spoilt(self, table: RowColumns, spoilt: NDArray[np.intp]) -> None:
+        self.spoilt_requests += len(spoilt)
+        self.spoilt += [table.bytes_of(row) for row in spoilt[: max(_NOISE_SAMPLES - len(self.spoilt), 0)].tolist()]
+
     def _take(self, part: Stretch | Unowned) -> None:
         if isinstance(part, Unowned):
             self._count_unowned(part)
@@ -203,6 +213,7 @@ class Ledger:
         times = self.axis(exchanges)
         self._sample(part, odd)
         self.polls.add(part)
+        self.table.add(exchanges, times)
         self.states.add(part)
         self.values.add(part, times)
         self._count_bus(exchanges, odd, times)

@@ -47,6 +47,11 @@ class Poll:
     asked: int
 
     @property
+    def key(self) -> int:
+        """Function, address and quantity as one number, as `contrasts` has it."""
+        return (self.function << 32) + (self.address << 16) + self.quantity
+
+    @property
     def end(self) -> int:
         """The address behind the last that it asks for."""
         return self.address + self.quantity

@@ -5,8 +5,8 @@ While evidence grows they are looked at again each time there is a fair part mor
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -18,7 +18,9 @@ from ..tables.batch import Batch, join_batches
 from ..tables.transactions import TransactionRows
 from .evidence import Evidence
 from .exchanges import asking
+from .foretold import against_bits
 from .ledger import Ledger
+from .leftovers import Left, left_over
 from .registry import Cause, Suspect, Suspicion, suspects, words_of
 
 THRESHOLD: Final = 24.0  # bits under which nothing is said
@@ -37,29 +39,44 @@ class Weighed:
     suspicion: Suspicion
 
 
-def weigh(evidence: Evidence) -> list[Weighed]:
-    """All suspicions that explain something new, the heaviest first."""
-    found = [Weighed(each, suspicion) for each in suspects() for suspicion in each.judge(evidence)]
+def weigh(evidence: Evidence, among: Sequence[Suspect] | None = None) -> list[Weighed]:
+    """All suspicions that explain something new, the heaviest first; `among`: the suspects looked at (all)."""
+    looked_at = suspects() if among is None else among
+    found = [
+        Weighed(each, replace(suspicion, bits=suspicion.bits - against_bits(evidence, each.foretold, suspicion)))
+        for each in looked_at
+        for suspicion in each.judge(evidence)
+    ]
     fresh = [weighed for weighed in found if not weighed.suspicion.explains <= evidence.explained]
     return sorted(fresh, key=lambda weighed: -weighed.suspicion.bits)
 
 
+@dataclass(frozen=True, slots=True)
+class Story:
+    """What a ledger shows: causes, best first, and what none of them takes."""
+
+    causes: list[Cause]
+    not_explained: list[Left]
+
+
 def causes_of(ledger: Ledger) -> list[Cause]:
     """The causes that a ledger shows, best first."""
-    return sorted(_explained(Evidence(ledger)), key=lambda cause: -cause.bits)
+    return story_of(ledger).causes
 
 
-def _explained(evidence: Evidence) -> Iterator[Cause]:
-    least = THRESHOLD
+def story_of(ledger: Ledger, among: Sequence[Suspect] | None = None) -> Story:
+    """The causes that a ledger shows, and what is left; `among`: the suspects looked at (all)."""
+    evidence, causes, least = Evidence(ledger), list[Cause](), THRESHOLD
     for _ in range(_CAUSES_MOST):
-        found = weigh(evidence)
+        found = weigh(evidence, among)
         if not found or found[0].suspicion.bits < least:
-            return
+            break
         best = found[0]
         least = max(least, min(_LEFT_OVER * best.suspicion.bits, _LEFT_OVER_MOST))
         rivals = [each for each in found[1:] if each.suspicion.explains & best.suspicion.explains]
-        yield _cause(best, rivals[0] if rivals else None, evidence.ledger)
+        causes.append(_cause(best, rivals[0] if rivals else None, evidence.ledger))
         evidence = evidence.without(best.suspicion.explains)
+    return Story(sorted(causes, key=lambda cause: -cause.bits), left_over(evidence))
 
 
 def _cause(best: Weighed, rival: Weighed | None, ledger: Ledger) -> Cause:
@@ -69,7 +86,7 @@ def _cause(best: Weighed, rival: Weighed | None, ledger: Ledger) -> Cause:
     words = words_of(suspect, found.numbers)
     return Cause(
         cause=suspect.cause,
-        severity=suspect.severity.name.lower(),
+        severity=(found.severity or suspect.severity).name.lower(),
         units=found.units,
         blame=suspect.blame,
         text=words.text,

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Final
 
+from ..causes.leftovers import Left
 from ..causes.registry import Cause, cause_of
 from ..languages import counted, grouped, page_words
 from ..words import is_clock, time_of_day
@@ -15,6 +16,7 @@ from .paragraphs import PageLine, Paragraph
 _WORST: Final = 3
 _UNITS: Final = 5  # named in a line
 _GROUPS: Final = 3  # told of a finding
+_LEFT: Final = 8  # of what no cause takes
 
 
 def cause_lines(causes: Sequence[Cause]) -> Iterator[PageLine]:
@@ -29,6 +31,20 @@ def cause_lines(causes: Sequence[Cause]) -> Iterator[PageLine]:
         yield from _labelled("seen", cause.share)
         yield from _labelled("to be sure", cause.deciding_test)
         yield from _labelled("do", cause.remedy)
+
+
+def left_lines(left: Sequence[Left]) -> Iterator[PageLine]:
+    """Exchanges that no cause takes, and what they have in common; nothing where there are none."""
+    if left:
+        yield ""
+        yield page_words("not explained")
+    for each in left[:_LEFT]:
+        yield Paragraph(left_words(each), first="- ", others="  ")
+
+
+def left_words(left: Left) -> str:
+    """What is left of one unit, or of the bus, in a line."""
+    return left.like if left.unit is None else page_words("unit {unit}: {words}", unit=left.unit, words=left.like)
 
 
 def explained_row(row: FindingRow, causes: Sequence[Cause]) -> FindingRow:

@@ -25,7 +25,7 @@ from ..hits import (
     spells_of_hits,
     timed_by_the_master,
 )
-from ..registry import Explained, Suspicion, Symptom, suspect
+from ..registry import Explained, Foretold, Suspicion, Symptom, suspect
 from ..repeats import CalledBack, broadcasts_answered, called_back
 from ..signatures import Behind, Signature
 from ..unitledger import UnitLedger
@@ -66,6 +66,7 @@ _DISORDER: Final = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.LATENESS, Symptom.SI
     share="{hits} of {exchanges} exchanges, of {units_hit:unit|units}",
     deciding_test="Take one client off: no request may then come while an answer is due",
     remedy="Let one client poll and the other get its values from it, or put a gateway with several clients between",
+    foretold=Foretold(client_loses=True),
 )
 def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
     """Requests while an answer is due, and what collides with them, for all units alike."""

@@ -28,8 +28,9 @@ from ..hits import (
     spares_units,
     spells_of_hits,
 )
-from ..registry import Explained, Suspicion, Symptom, suspect
+from ..registry import Explained, Foretold, Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage
+from ..unitledger import UnitLedger
 
 _LEAST: Final = 5
 _SENT_INTO: Final = 0.35  # of the damaged answers
@@ -49,6 +50,7 @@ _CONTRAST: Final = 8.0  # times as often the bus is hit while a value stands
 _SWITCHES: Final = 4  # of it, at the least; and a spell, at most
 _AS_WELL: Final = 0.7
 _SURE_BITS: Final = 14.0  # that a phase or a state must add
+_NO_STRIKE: Final = frozenset(("function", "quantity", "answer-bytes", "address", "range-end", "poll", "rest", "since"))
 _MAINS: Final = ((50.0, 0.15), (60.0, 0.18))  # Hz, and how far it strays
 _PHASE_NS: Final = 1_500_000  # by which a time may be wrong for its phase to be known
 
@@ -56,7 +58,16 @@ _PHASE_NS: Final = 1_500_000  # by which a time may be wrong for its phase to be
 def _all_explained(evidence: Evidence) -> Explained:
     kinds = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.MARKS, Symptom.SILENCE, Symptom.LATENESS)
     found = {(kind, unit.unit) for unit in evidence.units for kind in kinds}
+    found -= {(Symptom.SILENCE, unit.unit) for unit in evidence.units if not _may_strike(evidence, unit)}
     return frozenset(found | {(Symptom.FRAMING, None)})
+
+
+def _may_strike(evidence: Evidence, unit: UnitLedger) -> bool:
+    """Whether what disturbs a line may be why a unit is silent: not that it never answers, nor that it hangs on what is
+    asked or on the rest before, nor that it is silent to the end."""
+    best = evidence.best_contrast(Symptom.SILENCE, unit.unit)
+    own = best.bits >= _SURE_BITS and best.is_sharp and best.name in _NO_STRIKE
+    return bool(unit.answered) and not own
 
 
 def _place_bits(hits: Hits, on_frames: float) -> float:
@@ -140,6 +151,7 @@ _SHARE: Final = "{hits} hits in {exchanges} exchanges: {damaged:answer|answers}[
     deciding_test="Connect the client and a unit or two by a short cable of their own: if the damage goes, it comes from the "
     "bus cable and what is near it",
     remedy="Check shield (earthed at one end), common wire, loose terminals, and cables that run beside power cables",
+    foretold=Foretold(client_loses=True),
 )
 def interference(evidence: Evidence) -> Iterator[Suspicion]:
     """AnswerDamage of all senders alike."""
@@ -157,6 +169,7 @@ def interference(evidence: Evidence) -> Iterator[Suspicion]:
     deciding_test="Look at A against B with an oscilloscope triggered by the mains",
     remedy="Look for thyristors, dimmers, welding or a soft starter on the same supply; separate the bus cable from power "
     "cables, earth the shield, use an isolated converter",
+    foretold=Foretold(client_loses=True),
 )
 def emi_mains(evidence: Evidence) -> Iterator[Suspicion]:
     """AnswerDamage at one phase of the mains or of its half-waves."""
@@ -196,6 +209,7 @@ def _times_of_hits(evidence: Evidence) -> np.ndarray[Any, np.dtype[np.float64]]:
     deciding_test="Switch what this value stands for off and on by hand, and watch the damaged frames",
     remedy="Lead the bus cable away from the motor cable of this drive; earth the drive's shield on both sides, fit a filter "
     "or a ferrite at its output",
+    foretold=Foretold(client_loses=True),
 )
 def emi_drive(evidence: Evidence) -> Iterator[Suspicion]:
     """AnswerDamage that goes with a value on the bus."""
@@ -240,6 +254,7 @@ def _is_told(evidence: Evidence) -> bool:
     share=_SHARE,
     deciding_test="Ask what runs in the plant at these times, and record over a week",
     remedy="Find the machine that runs then (shift, pump, charger, lighting) and keep the bus cable away from its cables",
+    foretold=Foretold(client_loses=True),
 )
 def hours(evidence: Evidence) -> Iterator[Suspicion]:
     """AnswerDamage in spells that nothing on the bus tells; that a line floats does not come and go."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 from ...tables.findings import Severity
@@ -21,9 +21,9 @@ _AREAS: Final = 4  # that are named
 _WRITES: Final = (5, 6, 15, 16, 22, 23)
 _READ_BY: Final = {5: (1,), 15: (1,), 6: (3, 4), 16: (3, 4), 22: (3,), 23: (3,)}
 _ILLEGAL_ADDRESS: Final = 2
-_ILLEGAL: Final = (1, 2, 3)  # function, address, quantity
+_ILLEGAL: Final = (2, 3)  # address, quantity
 _BUSY: Final = 6
-_REFUSES: Final = (1, 2, 3, 4)
+_REFUSES: Final = (2, 3, 4)
 
 
 @suspect(
@@ -107,7 +107,7 @@ def _areas(well: list[Poll]) -> list[tuple[int, int]]:
 def _suspicion(evidence: Evidence, unit: int, polls: list[Poll], weight: float) -> Suspicion:
     hits = sum(poll.count(Ending.EXCEPTION) for poll in polls)
     asked = sum(poll.asked for poll in polls)
-    areas = tuple(_area(poll) for poll in polls[:_AREAS])
+    areas = areas_of(polls)
     return Suspicion(
         (unit,),
         surplus_bits(hits, asked, _BACKGROUND) * weight,
@@ -125,6 +125,11 @@ def _suspicion(evidence: Evidence, unit: int, polls: list[Poll], weight: float) 
         lost_answers=hits,
         frames=tuple(evidence.ledger.units[unit].examples.get(Ending.EXCEPTION, [])),
     )
+
+
+def areas_of(polls: Sequence[Poll]) -> tuple[str, ...]:
+    """The addresses of a few polls, as people write them."""
+    return tuple(_area(poll) for poll in polls[:_AREAS])
 
 
 def _area(poll: Poll) -> str:

@@ -22,7 +22,7 @@ from ..evidence import HEALTHY, Evidence, alone_or_together
 from ..exchanges import Ending
 from ..ledger import STRAY
 from ..rawbytes import beheaded, formats_of
-from ..registry import Suspicion, Symptom, suspect
+from ..registry import Foretold, Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage, Behind, Signature, known_header
 from ..unitledger import UnitLedger
 
@@ -103,6 +103,7 @@ def _head(_: Evidence, __: UnitLedger, readings: list[Signature]) -> Mapping[str
     deciding_test="Swap the drops of unit {unit} and a good one: the damage goes with the unit if it is its driver",
     remedy="Lengthen the delay between driver enable and first byte in the unit, or use a converter with automatic "
     "direction; bias resistors do not help, for what is not driven is not sent",
+    foretold=Foretold(client_loses=True),
 )
 def driver_enabled_late(evidence: Evidence) -> Iterator[Suspicion]:
     """AnswerDamage at the head of one sender's frames."""
@@ -198,6 +199,7 @@ def _tail(_: Evidence, __: UnitLedger, readings: list[Signature]) -> Mapping[str
     deciding_test="Swap the drops of unit {unit} and a good one: the damage goes with the unit if it is its driver",
     remedy="Let the unit hold its driver until the last stop bit is out (wait for the transmitter to be empty, not for its "
     "buffer)",
+    foretold=Foretold(client_loses=True),
 )
 def driver_released_early(evidence: Evidence) -> Iterator[Suspicion]:
     """AnswerDamage at the tail of one sender's frames."""
@@ -348,7 +350,8 @@ def _instead_of_requests(evidence: Evidence, unit: UnitLedger) -> int:
     "null-suffix",
     Severity.WARNING,
     blame="unit",
-    text="A 00 follows the frames of {units:unit|units}: {zeros} of {answers} answers have one",
+    text="Zeros follow the frames of {units:unit|units}: behind {zeros} of {answers} answers {length:|comes|come} "
+    "{length:byte|bytes} 00",
     share="{zeros} of {answers} answers of {units:unit|units}[, {others_zeros} of {others_answers} of others]",
     deciding_test="Take {units:unit|units} off the bus: the extra bytes go with {units:|it|them}",
     remedy="Update the unit's firmware, or let its driver go sooner behind the last byte; clients that wait for a silence "
@@ -377,6 +380,7 @@ def null_suffix(evidence: Evidence) -> Iterator[Suspicion]:
         {
             "units": tuple(unit.unit for unit in found),
             "zeros": round(sum(totals[unit.unit] for unit in found)),
+            "length": _usual_zeros(evidence, found),
             "answers": sum(unit.answered for unit in found),
             "others_zeros": round(others_zeros),
             "others_answers": others_answered,
@@ -385,3 +389,9 @@ def null_suffix(evidence: Evidence) -> Iterator[Suspicion]:
         until=first.followed.kept[-1].t_asked,
         frames=tuple(sample.index for sample in first.followed.kept[:3]),
     )
+
+
+def _usual_zeros(evidence: Evidence, units: Sequence[UnitLedger]) -> int:
+    """How many zeros mostly stand there."""
+    lengths = Counter(each.length for unit in units for each in evidence.followed(unit) if each.behind is Behind.ZEROS)
+    return max(lengths.most_common(1)[0][0], 1)

@@ -29,6 +29,7 @@ _STEADIER: Final = 3.0
 _STILL: Final = 0.4  # of the capture
 _COUNTS: Final = 0.9  # of the steps of a counter that do not go down
 _LEAP: Final = 60.0  # times its usual step, which no pause explains
+_TORN_READS: Final = 12  # within which a carry comes to the other word
 _BITS: Final = 30.0  # for each jump
 _MOST_BITS: Final = 240.0
 _TO_AND_FRO: Final = 2  # steps that one answer makes in the place of another
@@ -171,9 +172,30 @@ def _jumps(values: NDArray[np.int64], times: NDArray[np.int64]) -> NDArray[np.in
     longer = np.maximum(apart / max(float(np.median(apart)), 1.0), 1.0)
     jumps = ((steps < 0) | (steps > _LEAP * usual * longer)).nonzero()[0]
     beside = np.abs(steps[jumps]) % _WORD
-    if (np.minimum(beside, _WORD - beside) <= 4 * usual * longer[jumps]).any():
+    by_words = np.minimum(beside, _WORD - beside) <= 4 * usual * longer[jumps]
+    torn = (np.abs(steps[jumps[by_words]]) > _WORD / 2).all() and _undone(
+        steps, jumps[by_words], usual * float(longer.max())
+    )
+    if by_words.any() and not torn:
         return None  # a carry into another register than this one
     return jumps
+
+
+def _undone(steps: NDArray[np.int64], jumps: NDArray[np.intp], usual: float) -> bool:
+    """Whether each jump by whole high words is undone at one of the next reads: its two words were of different moments."""
+    left = set(jumps.tolist())
+    while left:
+        first = min(left)
+        left.remove(first)
+        back = next(
+            (j for j in range(first + 1, min(first + 1 + _TORN_READS, len(steps))) if steps[j] * steps[first] < 0), None
+        )
+        if back is None:
+            return first >= len(steps) - _TORN_READS
+        if abs(int(steps[first]) + int(steps[back])) > 8 * usual:
+            return False
+        left.discard(back)
+    return True
 
 
 @suspect(

@@ -1,0 +1,37 @@
+"""How far the exchanges are from what a cause foretells: bits against it."""
+
+from __future__ import annotations
+
+from .contrasts import NO_CONTRAST
+from .evidence import Evidence
+from .registry import Foretold, Suspicion, Symptom
+from .taken import move
+
+
+def against_bits(evidence: Evidence, foretold: Foretold, suspicion: Suspicion) -> float:
+    """Bits against a suspicion; 0 or more.
+
+    By what the symptoms that it explains hang on, where a cause like it lets them hang on less; and by damaged answers
+    that the client took all the same, where it should have lost them.
+    """
+    bits = 0.0
+    for symptom, units in _by_symptom(suspicion).items():
+        if symptom in foretold.hangs_on:
+            bits += sum(_unforetold(evidence, symptom, unit, foretold.hangs_on[symptom]) for unit in units)
+        if symptom is Symptom.DAMAGE and foretold.client_loses:
+            bits += sum(max(move(evidence, unit).bits, 0.0) for unit in units)
+    return bits
+
+
+def _by_symptom(suspicion: Suspicion) -> dict[Symptom, list[int]]:
+    found: dict[Symptom, list[int]] = {}
+    for symptom, unit in suspicion.explains:
+        if unit is not None and (not suspicion.units or unit in suspicion.units):
+            found.setdefault(symptom, []).append(unit)
+    return found
+
+
+def _unforetold(evidence: Evidence, symptom: Symptom, unit: int, names: frozenset[str]) -> float:
+    best = evidence.best_contrast(symptom, unit)
+    own = next((each for each in evidence.contrasts(symptom, unit) if each.name in names), NO_CONTRAST)
+    return max(best.bits - own.bits, 0.0) if best.name not in names else 0.0
