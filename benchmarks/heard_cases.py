@@ -70,7 +70,8 @@ def heard(case: FieldCase, tap: str, seed: int) -> HeardCase:
     """The capture of one seed, from disk where it was made before from the same sources."""
     kept = _folder() / f"{case.name}-{tap}-{seed}-{_version(case.play.__module__)}.pickle"
     if kept.exists():
-        return pickle.loads(kept.read_bytes())
+        before: HeardCase = pickle.loads(kept.read_bytes())
+        return before
     made = case.capture(tap, seed)
     capture = Capture.of(made.line, made.chunks, timed=made.line.tap != "untimed")
     parts = [(part.batch, part.transactions) for part in analyse(capture)]

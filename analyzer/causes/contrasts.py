@@ -101,7 +101,9 @@ NO_CONTRAST: Final = Contrast("nothing", Family.NOTHING, Way.EACH, 0.0, Side(0, 
 
 
 def _poll(rows: Asked) -> Figures:
-    return (rows.function.astype(np.int64) << 32) + (rows.address.astype(np.int64) << 16) + rows.quantity
+    found: Figures = (rows.function.astype(np.int64) << 32) + (rows.address.astype(np.int64) << 16)
+    found += rows.quantity
+    return found
 
 
 def _end(rows: Asked) -> Figures:

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Final, TypeVar
+from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -54,6 +54,15 @@ _FOREIGN_SURE: Final = 10  # rows marked so
 _BY_CHANCE: Final = 0.01  # of all bytes
 
 
+class Move(NamedTuple):
+    """Damaged answers whose client's next move tells something, how many it seems to have taken, and bits for that it took
+    them all (below 0: for that it took none)."""
+
+    told: int = 0
+    taken: int = 0
+    bits: float = 0.0
+
+
 @dataclass(frozen=True)
 class Evidence:
     """A ledger, less what is explained."""
@@ -64,6 +73,7 @@ class Evidence:
     _followed: dict[int, list[Signature]] = field(default_factory=dict)
     _contrasts: dict[tuple[Symptom, int], list[Contrast]] = field(default_factory=dict)
     _rows: dict[int, Asked] = field(default_factory=dict)
+    moves: dict[int, Move] = field(default_factory=dict)  # by unit, once somebody asks (`analyzer.causes.taken`)
 
     def without(self, explained: Explained) -> Evidence:
         """The same with more of it explained."""

@@ -16,6 +16,7 @@ from captures.line import LineSettings
 from ..options import Options
 from ..tables.batch import Batch, join_batches
 from ..tables.transactions import TransactionRows
+from .certainty import Clues, certainty, clues
 from .evidence import Evidence
 from .exchanges import asking
 from .foretold import against_bits
@@ -27,8 +28,6 @@ THRESHOLD: Final = 24.0  # bits under which nothing is said
 _LEFT_OVER: Final = 0.06  # of what is explained: so much may be left because no explanation is perfect,
 _LEFT_OVER_MOST: Final = 100.0  # and a cause of its own weighs more
 _CAUSES_MOST: Final = 8
-_SURE: Final = 0.99
-_DOUBT: Final = 12.0  # bits of margin that make a confidence of two thirds
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +65,18 @@ def causes_of(ledger: Ledger) -> list[Cause]:
 
 def story_of(ledger: Ledger, among: Sequence[Suspect] | None = None) -> Story:
     """The causes that a ledger shows, and what is left; `among`: the suspects looked at (all)."""
-    evidence, causes, least = Evidence(ledger), list[Cause](), THRESHOLD
+    evidence, claims = _explained(ledger, among)
+    return Story([cause for cause, _ in claims], left_over(evidence))
+
+
+def claims_of(ledger: Ledger, among: Sequence[Suspect] | None = None) -> list[tuple[Cause, Clues]]:
+    """The causes, each with what its certainty goes by, for who fits that."""
+    return _explained(ledger, among)[1]
+
+
+def _explained(ledger: Ledger, among: Sequence[Suspect] | None) -> tuple[Evidence, list[tuple[Cause, Clues]]]:
+    """What is left of the evidence, and the causes, best first."""
+    evidence, claims, least = Evidence(ledger), list[tuple[Cause, Clues]](), THRESHOLD
     for _ in range(_CAUSES_MOST):
         found = weigh(evidence, among)
         if not found or found[0].suspicion.bits < least:
@@ -74,17 +84,23 @@ def story_of(ledger: Ledger, among: Sequence[Suspect] | None = None) -> Story:
         best = found[0]
         least = max(least, min(_LEFT_OVER * best.suspicion.bits, _LEFT_OVER_MOST))
         rivals = [each for each in found[1:] if each.suspicion.explains & best.suspicion.explains]
-        causes.append(_cause(best, rivals[0] if rivals else None, evidence.ledger))
+        claims.append(_cause(best, rivals[0] if rivals else None, evidence))
         evidence = evidence.without(best.suspicion.explains)
-    return Story(sorted(causes, key=lambda cause: -cause.bits), left_over(evidence))
+    return evidence, sorted(claims, key=lambda claim: -claim[0].bits)
 
 
-def _cause(best: Weighed, rival: Weighed | None, ledger: Ledger) -> Cause:
-    suspect, found, timed = best.suspect, best.suspicion, ledger.timed
-    margin = found.bits - (max(rival.suspicion.bits, THRESHOLD / 2) if rival else THRESHOLD / 2)
-    confidence = min(_SURE, 1 - 1 / (2 + margin / _DOUBT))
+def _cause(best: Weighed, rival: Weighed | None, evidence: Evidence) -> tuple[Cause, Clues]:
+    suspect, found, ledger = best.suspect, best.suspicion, evidence.ledger
+    timed = ledger.timed
+    goes_by = clues(
+        evidence,
+        found,
+        suspect.foretold,
+        is_tap=suspect.blame == "tap",
+        rival_bits=rival.suspicion.bits if rival is not None else 0.0,
+    )
     words = words_of(suspect, found.numbers)
-    return Cause(
+    cause = Cause(
         cause=suspect.cause,
         severity=(found.severity or suspect.severity).name.lower(),
         units=found.units,
@@ -94,7 +110,7 @@ def _cause(best: Weighed, rival: Weighed | None, ledger: Ledger) -> Cause:
         since_ns=found.since if timed else None,
         until_ns=found.until if timed else None,
         period_s=found.period_s if timed else None,
-        confidence=round(confidence, 3),
+        confidence=round(certainty(suspect.cause, goes_by), 3),
         runner_up=rival.suspect.cause if rival else None,
         deciding_test=words.deciding_test,
         remedy=words.remedy,
@@ -105,6 +121,7 @@ def _cause(best: Weighed, rival: Weighed | None, ledger: Ledger) -> Cause:
         explains=found.explains,
         numbers=found.numbers,
     )
+    return cause, goes_by
 
 
 _FIRST: Final = 40  # exchanges before anything is said

@@ -86,6 +86,7 @@ class Foretold:
 
 
 COMES_AND_GOES: Final = frozenset(("spells", "since", "unit-before", "outcome-before"))  # contrasts of time
+ASKED_FOR: Final = frozenset(("function", "quantity", "answer-bytes", "address", "range-end", "poll"))  # of requests
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,12 +9,13 @@ each damaged answer the move is weighed; the sum says who lost it, the line or o
 from __future__ import annotations
 
 from math import log2
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .bits import likelihood_bits
-from .evidence import Evidence
+from .evidence import Evidence, Move
 from .exchanges import Ending
 from .exchangetable import Asked
 
@@ -28,17 +29,14 @@ _KNOWN: Final = 3
 _SLACK_NS: Final = 1_000_000
 
 
-class Move(NamedTuple):
-    """Damaged answers whose client's next move tells something, how many it seems to have taken, and bits for that it took
-    them all (below 0: for that it took none)."""
-
-    told: int = 0
-    taken: int = 0
-    bits: float = 0.0
-
-
 def move(evidence: Evidence, unit: int) -> Move:
     """What the client made of the damaged answers of a unit."""
+    if unit not in evidence.moves:
+        evidence.moves[unit] = _move(evidence, unit)
+    return evidence.moves[unit]
+
+
+def _move(evidence: Evidence, unit: int) -> Move:
     rows = evidence.rows(unit)
     damaged = rows[rows.outcome == Ending.GARBAGE]
     if not len(damaged):
@@ -56,7 +54,7 @@ def move(evidence: Evidence, unit: int) -> Move:
     return Move(count, taken, bits)
 
 
-def _usual(evidence: Evidence, rows: Asked, damaged: Asked) -> tuple[np.ndarray, np.ndarray]:  # type: ignore[type-arg]
+def _usual(evidence: Evidence, rows: Asked, damaged: Asked) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Of each damaged answer: whether the wait for the next request is as behind good ones to the same, and whether that
     is known."""
     usual, told = np.zeros(len(damaged), np.bool_), np.zeros(len(damaged), np.bool_)

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Final
 
+from ..causes.certainty import in_words
 from ..causes.leftovers import Left
 from ..causes.registry import Cause, cause_of
 from ..languages import counted, grouped, page_words
@@ -25,9 +26,16 @@ def cause_lines(causes: Sequence[Cause]) -> Iterator[PageLine]:
         yield ""
         yield page_words("what is wrong")
     for number, cause in enumerate(causes, 1):
-        head = page_words("{number}. {cause}, {sure} sure: {text}")
-        sure = f"{cause.confidence:.0%}"
-        yield Paragraph(head.format(number=number, cause=cause.cause, sure=sure, text=cause.text))
+        yield Paragraph(
+            page_words(
+                "{number}. {cause}, {words} ({share:.0%}): {text}",
+                number=number,
+                cause=cause.cause,
+                words=page_words(in_words(cause.confidence)),
+                share=cause.confidence,
+                text=cause.text,
+            )
+        )
         yield from _labelled("seen", cause.share)
         yield from _labelled("to be sure", cause.deciding_test)
         yield from _labelled("do", cause.remedy)

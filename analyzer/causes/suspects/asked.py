@@ -12,7 +12,7 @@ from ..costs import cost
 from ..evidence import Evidence
 from ..exchanges import Ending
 from ..polls import Poll
-from ..registry import Suspicion, Symptom, suspect
+from ..registry import ASKED_FOR, Foretold, Suspicion, Symptom, suspect
 from ..unitledger import UnitLedger
 from .refusals import areas_of
 
@@ -37,6 +37,7 @@ _OVER: Final = {"quantity": "more", "answer-bytes": "bytes"}  # of a threshold t
     "at once, and where its map ends",
     remedy="Ask for less at once, or by a function and at addresses that the unit has; a unit that cannot serve a request "
     "should refuse it, some stay silent",
+    foretold=Foretold({Symptom.SILENCE: ASKED_FOR}),
 )
 def cannot_serve(evidence: Evidence) -> Iterator[Suspicion]:
     """Silence that hangs on what is asked, of a unit that is there."""
@@ -103,6 +104,7 @@ def _reason(decided: Contrast, deaf: Sequence[Poll], well: Sequence[Poll]) -> Ma
     share="{refused} of {asked} requests by function {functions} to unit {unit}",
     deciding_test="Look in the manual of unit {unit} for the functions that it has",
     remedy="Ask by a function that the unit has: many have 03 and no 04, or 16 and no 06",
+    foretold=Foretold({Symptom.REFUSAL: ASKED_FOR}),
 )
 def unknown_function(evidence: Evidence) -> Iterator[Suspicion]:
     """Exception 01: illegal function."""
@@ -145,6 +147,7 @@ def unknown_function(evidence: Evidence) -> Iterator[Suspicion]:
     deciding_test="Let the client pause for twice as long before it asks {units:unit|units}: the silences must go",
     remedy="Set the client's delay between polls to more than {rest:ms}; the specification asks for 3.5 characters only, some "
     "devices need tens of milliseconds",
+    foretold=Foretold({Symptom.SILENCE: frozenset(("rest",))}),
 )
 def rest_too_short(evidence: Evidence) -> Iterator[Suspicion]:
     """Silence that hangs on the rest before the request."""

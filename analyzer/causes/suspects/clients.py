@@ -64,7 +64,8 @@ _DISORDER: Final = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.LATENESS, Symptom.SI
     text="Two clients poll on this line and know nothing of each other: {crossed} requests came while an answer was due"
     "[, {damaged:answer|answers} {damaged:|is|are} cut or overlaid by one]",
     share="{hits} of {exchanges} exchanges, of {units_hit:unit|units}",
-    deciding_test="Take one client off: no request may then come while an answer is due",
+    deciding_test="Look for a second client: a panel, a service computer, a gateway, a program that was left running; "
+    "one that controls something is taken off only with the operator's consent",
     remedy="Let one client poll and the other get its values from it, or put a gateway with several clients between",
     foretold=Foretold(client_loses=True),
 )
@@ -198,7 +199,8 @@ def _hasty(evidence: Evidence, unit: UnitLedger) -> int:
     text="Broadcasts are answered[: bytes follow {answered} of {broadcasts} requests to unit 0 within the time of an answer]"
     "[; {met} of {met_of} exchanges right behind broadcasts are hit by what answers them]",
     share="{calls} of {broadcasts} broadcasts",
-    deciding_test="Take the units off one after the other and broadcast: the one that answers is the one whose going ends it",
+    deciding_test="Look at the address that each unit is set to: one at 0 takes broadcasts for its own. Then, with "
+    "the operator's consent, take units off one after the other while the broadcasts go on",
     remedy="Give the device that takes 0 for its own an address from 1 to 247, or update its firmware",
 )
 def broadcast_answered(evidence: Evidence) -> Iterator[Suspicion]:
@@ -240,7 +242,8 @@ def _run_into(evidence: Evidence, back: CalledBack) -> set[tuple[Symptom, int | 
     blame="master",
     text="Broadcasts leave no time for anything else: {broadcasts} of {requests} requests go to unit 0, {pause:ms} apart",
     share="{broadcasts} of {requests} requests",
-    deciding_test="Stop what broadcasts and see whether the polls come back to their pace",
+    deciding_test="Count the broadcasts here against what the client is set to send; ask the operator before anything "
+    "that sends them is stopped",
     remedy="Broadcast when something changes, not all the time, and leave 100 to 200 ms behind each",
 )
 def broadcast_storm(evidence: Evidence) -> Iterator[Suspicion]:

@@ -148,8 +148,8 @@ _SHARE: Final = "{hits} hits in {exchanges} exchanges: {damaged:answer|answers}[
     text="Something disturbs the line, whoever sends: {damaged:answer|answers}[ and about {requests:request|requests}] of "
     "{exchanges} exchanges are damaged, at no place and no time in particular",
     share=_SHARE,
-    deciding_test="Connect the client and a unit or two by a short cable of their own: if the damage goes, it comes from the "
-    "bus cable and what is near it",
+    deciding_test="Look at the shield and at loose terminals first; then connect the client and a unit or two by a "
+    "short cable of their own: if the damage goes, it comes from the bus cable and what is near it",
     remedy="Check shield (earthed at one end), common wire, loose terminals, and cables that run beside power cables",
     foretold=Foretold(client_loses=True),
 )
@@ -206,7 +206,8 @@ def _times_of_hits(evidence: Evidence) -> np.ndarray[Any, np.dtype[np.float64]]:
     text="The line is disturbed while {area} {address} of unit {unit} is {value}: {then} of {then_of} exchanges are hit then, {else_} of "
     "{else_of} otherwise",
     share=_SHARE,
-    deciding_test="Switch what this value stands for off and on by hand, and watch the damaged frames",
+    deciding_test="Hold the times of damaged frames against the times at which this value changes in the plant's own "
+    "log; have nothing switched for the test without the operator",
     remedy="Lead the bus cable away from the motor cable of this drive; earth the drive's shield on both sides, fit a filter "
     "or a ferrite at its output",
     foretold=Foretold(client_loses=True),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
+from functools import lru_cache
 from itertools import pairwise
 from math import log2
 from typing import Final, NamedTuple
@@ -33,6 +34,7 @@ class Edit(NamedTuple):
     value: int
 
 
+@lru_cache(maxsize=1 << 12)
 def edit_of(reading: Signature) -> Edit | None:
     """The one thing that makes an answer whole again; None where that is not known."""
     if reading.damage is AnswerDamage.BITS and len(reading.flips) == 1:

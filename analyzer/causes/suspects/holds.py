@@ -30,8 +30,9 @@ _MOSTLY: Final = 0.5
     "longest usual rest is {usual:sec}",
     share="{times} of {strays} exchanges with stray bytes, {spared} of {spared_of} other exchanges",
     deciding_test="Measure A against B when it happens: a line that is held low or high has a transmitter that is on",
-    remedy="Take the units off one after the other, or look which of them restarts then: one whose driver is on while its "
-    "processor starts holds the line; its transceiver or its pull resistor at the enable pin is at fault",
+    remedy="Look which unit restarts then: one whose driver is on while its processor starts holds the line; its "
+    "transceiver or the resistor at its enable pin is at fault. Take units off one after the other only with the "
+    "operator's consent",
 )
 def line_held(evidence: Evidence) -> Iterator[Suspicion]:
     """Long silences that hang on stray bytes before."""

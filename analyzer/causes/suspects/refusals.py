@@ -10,7 +10,7 @@ from ..bits import clustering_bits, mean_period_s, surplus_bits
 from ..evidence import Evidence
 from ..exchanges import Ending
 from ..polls import Poll
-from ..registry import Suspicion, Symptom, suspect
+from ..registry import ASKED_FOR, Foretold, Suspicion, Symptom, suspect
 
 _LEAST: Final = 3
 _BUSY_LEAST: Final = 5
@@ -32,7 +32,8 @@ _REFUSES: Final = (2, 3, 4)
     blame="unit",
     text="Unit {unit} says that it is busy, in {spells:spell|spells}: {busy} of {asked} requests got exception {code}",
     share="{busy} of {asked} requests to unit {unit}",
-    deciding_test="Poll unit {unit} half as often: the exceptions go if it cannot keep up",
+    deciding_test="Compare how often unit {unit} is polled with its manual; polled half as often, the exceptions go "
+    "if it cannot keep up",
     remedy="Poll it less often or fewer registers at once, and let the client ask again after a pause when it is busy",
 )
 def unit_busy(evidence: Evidence) -> Iterator[Suspicion]:
@@ -148,6 +149,7 @@ _TEST: Final = "Read the registers of unit {unit} one by one around {areas}: it 
     share="{refused} of {asked} such requests to unit {unit}",
     deciding_test=_TEST,
     remedy="Compare the list with the device's manual: does it count registers from 1 (40001) and the wire from 0?",
+    foretold=Foretold({Symptom.REFUSAL: ASKED_FOR}),
 )
 def off_by_one(evidence: Evidence) -> Iterator[Suspicion]:
     """Reads that reach one register too far."""
@@ -166,6 +168,7 @@ def off_by_one(evidence: Evidence) -> Iterator[Suspicion]:
     share="{refused} of {asked} such requests to unit {unit}",
     deciding_test=_TEST,
     remedy="Take these registers off the list, or correct their addresses or function by the device's manual",
+    foretold=Foretold({Symptom.REFUSAL: ASKED_FOR}),
 )
 def missing_registers(evidence: Evidence) -> Iterator[Suspicion]:
     """Reads that are always refused."""
@@ -182,8 +185,10 @@ def missing_registers(evidence: Evidence) -> Iterator[Suspicion]:
     text="The client writes registers of unit {unit} that it may only read: {areas}[ and {more} more], refused "
     "{refused} of {asked} times (exception {codes}), though they read well",
     share="{refused} of {asked} such requests to unit {unit}",
-    deciding_test="Write one of these registers of unit {unit} by hand, with the value that it has",
+    deciding_test="Look in the manual of unit {unit} whether these registers may be written, and in which mode; a "
+    "write for a test may start a machine",
     remedy="Take the writes off the list, or unlock the device for writing (a parameter, a switch, remote mode)",
+    foretold=Foretold({Symptom.REFUSAL: ASKED_FOR}),
 )
 def read_only(evidence: Evidence) -> Iterator[Suspicion]:
     """Writes that are always refused, where reading is not."""

@@ -100,7 +100,8 @@ def _head(_: Evidence, __: UnitLedger, readings: list[Signature]) -> Mapping[str
     text="Unit {unit} enables its driver too late: the beginning of {damaged} of {answers} answers is lost or mangled "
     "({bytes:byte|bytes}; what follows is whole)",
     share=SHARE,
-    deciding_test="Swap the drops of unit {unit} and a good one: the damage goes with the unit if it is its driver",
+    deciding_test="Look for a driver delay or a direction setting in unit {unit} or its converter first; then swap "
+    "its drop and a good one: the damage goes with the unit if it is its driver",
     remedy="Lengthen the delay between driver enable and first byte in the unit, or use a converter with automatic "
     "direction; bias resistors do not help, for what is not driven is not sent",
     foretold=Foretold(client_loses=True),
@@ -196,7 +197,8 @@ def _tail(_: Evidence, __: UnitLedger, readings: list[Signature]) -> Mapping[str
     text="Unit {unit} releases its driver too early: the end of {damaged} of {answers} answers is cut off or filled with "
     "ones ({bytes:byte|bytes})",
     share=SHARE,
-    deciding_test="Swap the drops of unit {unit} and a good one: the damage goes with the unit if it is its driver",
+    deciding_test="Look for a driver delay or a direction setting in unit {unit} or its converter first; then swap "
+    "its drop and a good one: the damage goes with the unit if it is its driver",
     remedy="Let the unit hold its driver until the last stop bit is out (wait for the transmitter to be empty, not for its "
     "buffer)",
     foretold=Foretold(client_loses=True),
@@ -260,7 +262,8 @@ _FAR: Final = 4.0  # times it
     text="The driver of {units:unit|units} is held into the next request: {spoilt} requests that came behind "
     "{answers} answers are damaged[, {others_spoilt} behind the {others_answers} of others]",
     share="{spoilt} of {answers} requests behind answers of {units:unit|units}[, {others_spoilt} of {others_answers} behind others]",
-    deciding_test="Let the client pause for 50 ms before each request: if the damage goes, a driver was held too long",
+    deciding_test="Look for a hold time or a direction setting in {units:unit|units} or a converter there; with a "
+    "pause of 50 ms before each request the damage must go",
     remedy="Shorten the time for which {units:unit|units} (or a converter there) {units:|holds its|hold their} driver behind "
     "the last byte",
 )
@@ -353,7 +356,8 @@ def _instead_of_requests(evidence: Evidence, unit: UnitLedger) -> int:
     text="Zeros follow the frames of {units:unit|units}: behind {zeros} of {answers} answers {length:|comes|come} "
     "{length:byte|bytes} 00",
     share="{zeros} of {answers} answers of {units:unit|units}[, {others_zeros} of {others_answers} of others]",
-    deciding_test="Take {units:unit|units} off the bus: the extra bytes go with {units:|it|them}",
+    deciding_test="Record right at the terminals of {units:unit|units}: the extra bytes must be there, too, and "
+    "behind no other unit's answers",
     remedy="Update the unit's firmware, or let its driver go sooner behind the last byte; clients that wait for a silence "
     "take such frames for damaged",
 )

@@ -146,8 +146,9 @@ def silence_bits(silent: int, asked: int) -> float:
     text="Unit {unit} {answers}: {silent} of {asked} requests to it {how}[, while {others_answered} of "
     "{others_asked} to other units were answered]",
     share="{silent} of {asked} requests to unit {unit}[, {others_silent} of {others_asked} to others]",
-    deciding_test="Connect a client straight to unit {unit}, without the bus, and poll it: if it stays silent, it is the "
-    "unit, its address or its settings; if it answers, its drop or the wiring there",
+    deciding_test="Look at the unit's power lamp, its address and its settings first; then connect a client straight "
+    "to unit {unit}, without the bus, and read from it: if it stays silent, it is the unit; if it answers, its drop "
+    "or the wiring there",
     remedy="Check the unit's power, its address, and whether A and B are swapped at it; take it off the poll list if it is "
     "not there",
     foretold=Foretold(hangs_on={Symptom.SILENCE: COMES_AND_GOES}),
@@ -233,7 +234,8 @@ def _silence(evidence: Evidence, unit: UnitLedger, since: int | None) -> Suspici
     blame="master",
     text="{count} of {polled} polled units never answer ({list}): {silent} requests to them stayed without a byte",
     share="{silent} of {asked} requests to units {list}[, {others_silent} of {others_asked} to others]",
-    deciding_test="Ask each of these units alone; if one answers then, the bus or its drop is at fault, and not the list",
+    deciding_test="Look whether these units are there and have power; then read from each of them alone: if one "
+    "answers then, the bus or its drop is at fault, and not the list",
     remedy="Take units that do not exist off the poll list; check power, address and wiring of those that do",
 )
 def absent_units(evidence: Evidence) -> Iterator[Suspicion]:
@@ -281,7 +283,7 @@ def _is_looked_for(evidence: Evidence, unit: UnitLedger) -> bool:
     text="The client asks unit {unit}, which never answers, {tries:.0f} times a poll before it goes on: {silent} requests "
     "in vain",
     share="{silent} of {asked} requests to unit {unit}, {tries:.1f} a poll",
-    deciding_test="Set the client's retries to one and see how much faster the other units are polled",
+    deciding_test="Look at the client's retries and timeout: their product is what each poll of a silent unit costs",
     remedy="Let the client give up after one or two retries and ask a silent unit again only now and then; find out why "
     "unit {unit} is silent",
 )

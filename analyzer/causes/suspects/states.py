@@ -13,7 +13,7 @@ from ...tables.findings import Severity
 from ..bits import surplus_bits
 from ..evidence import Evidence
 from ..exchanges import Ending
-from ..registry import Suspicion, Symptom, suspect
+from ..registry import COMES_AND_GOES, Foretold, Suspicion, Symptom, suspect
 from ..unitledger import UnitLedger
 
 _BACKGROUND: Final = 0.02
@@ -70,6 +70,7 @@ def refusing_since(evidence: Evidence, unit: UnitLedger) -> Refusing | None:
     share="{refused} of {asked} requests to unit {unit}{since}",
     deciding_test="Look at the unit's own display or lamps for a fault, and read its error register by the maker's tool",
     remedy="Find the unit's own fault (a dead sensor board, a lost parameter set); the bus carries its answers well",
+    foretold=Foretold({Symptom.REFUSAL: COMES_AND_GOES}),
 )
 def unit_fails(evidence: Evidence) -> Iterator[Suspicion]:
     """A state, not a matter of what is asked."""

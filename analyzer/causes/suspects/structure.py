@@ -15,7 +15,7 @@ from ..bits import surplus_bits
 from ..costs import cost, together
 from ..evidence import HEALTHY, Evidence
 from ..exchanges import Ending
-from ..registry import Explained, Suspicion, Symptom, suspect
+from ..registry import ASKED_FOR, Explained, Foretold, Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage
 from ..taken import move
 from ..unitledger import UnitLedger
@@ -71,6 +71,7 @@ def _whole(evidence: Evidence, unit: UnitLedger) -> set[int]:
     deciding_test="Ask {units:unit|units} for so few registers that the answer has at most {length} bytes: it must come whole",
     remedy="Ask for less at once, {length} bytes an answer at the most; a transmit buffer in the unit, or in a converter on the "
     "way, holds no more",
+    foretold=Foretold({Symptom.DAMAGE: ASKED_FOR}),
 )
 def cut_at_length(evidence: Evidence) -> Iterator[Suspicion]:
     """All damaged answers end at one length, and all that are longer are damaged."""
@@ -182,7 +183,7 @@ def _flaws(data: bytes) -> Iterator[str]:
     text="The client sends its requests wrongly[: {cut}][: their check value is {flaw}], in {frames} requests among the bytes looked at, and nobody answers "
     "such frames",
     share="{frames} requests with this flaw, {right} right frames",
-    deciding_test="Send one request of this client from a program that is known to work: the unit must answer it",
+    deciding_test="Read from one unit with a program that is known to work: the unit must answer it",
     remedy="Correct the client's program: how it makes the CRC, and how many bytes it writes to the port",
 )
 def request_flaw(evidence: Evidence) -> Iterator[Suspicion]:

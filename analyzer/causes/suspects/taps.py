@@ -263,7 +263,7 @@ def _frames_in(data: bytes, role: Role) -> int:
     blame="tap",
     text="The adapter shows what it sends: {echoes} of {requests} requests come twice, one right behind the other",
     share="{echoes} of {requests} requests",
-    deciding_test="Take the client's adapter off and send from another one: only the adapter's own frames come twice",
+    deciding_test="Look for an echo setting of the adapter or its driver; only the adapter's own frames come twice",
     remedy="Switch the adapter's local echo off, or tap the line with a second adapter",
 )
 def local_echo(evidence: Evidence) -> Iterator[Suspicion]:

@@ -38,7 +38,8 @@ _BEFORE_BITS: Final = 4.0
     "two transmitters mix][; {tails:answer|answers} {tails:|runs|run} on when {tails:|it is|they are} over]"
     "[; {met:exchange|exchanges} right behind {met:|is|are} hit by a second one]",
     share=SHARE,
-    deciding_test="Take the device with address {unit} off the bus: if the address still answers, there is another one",
+    deciding_test="Look at the address that each device is set to; then, with the operator's consent, take the device "
+    "with address {unit} off the bus: if the address still answers, there is another one",
     remedy="Give one of the two devices an address of its own",
     foretold=Foretold(client_loses=True),
 )

@@ -62,7 +62,8 @@ def _moves(poll: PollValues) -> NDArray[np.float64]:
     text="The values of unit {unit} stand still: {registers} registers from {address} on have not changed in {reads} reads, "
     "those of its {sisters:sister unit|sister units} did all the time",
     share="{registers} registers of unit {unit}",
-    deciding_test="Change something that unit {unit} measures, and watch whether its registers follow",
+    deciding_test="Compare the registers of unit {unit} with its own display; what it measures is changed for a test "
+    "only with the operator's consent",
     remedy="Restart the unit or its measuring part; look for a hold or simulation mode",
 )
 def frozen_values(evidence: Evidence) -> Iterator[Suspicion]:
@@ -173,7 +174,7 @@ def _jumps(values: NDArray[np.int64], times: NDArray[np.int64]) -> NDArray[np.in
     jumps = ((steps < 0) | (steps > _LEAP * usual * longer)).nonzero()[0]
     beside = np.abs(steps[jumps]) % _WORD
     by_words = np.minimum(beside, _WORD - beside) <= 4 * usual * longer[jumps]
-    torn = (np.abs(steps[jumps[by_words]]) > _WORD / 2).all() and _undone(
+    torn = bool((np.abs(steps[jumps[by_words]]) > _WORD / 2).all()) and _undone(
         steps, jumps[by_words], usual * float(longer.max())
     )
     if by_words.any() and not torn:
@@ -191,7 +192,7 @@ def _undone(steps: NDArray[np.int64], jumps: NDArray[np.intp], usual: float) -> 
             (j for j in range(first + 1, min(first + 1 + _TORN_READS, len(steps))) if steps[j] * steps[first] < 0), None
         )
         if back is None:
-            return first >= len(steps) - _TORN_READS
+            return bool(first >= len(steps) - _TORN_READS)
         if abs(int(steps[first]) + int(steps[back])) > 8 * usual:
             return False
         left.discard(back)

@@ -95,7 +95,8 @@ def _run_into(evidence: Evidence, unit: UnitLedger) -> float:
     text="Answers of {units:unit|units} come with flipped bits ({damaged} of {answers}), requests and what others send "
     "hardly do: reflections on the way from there{early}",
     share="{damaged} of {answers} answers of {units:unit|units}[, {others_damaged} of {others_answers} of others]",
-    deciding_test="Put 120 ohm across A and B at the far end, or halve the baud rate: the errors must go",
+    deciding_test="Measure the resistance between A and B with the supply off: about 60 ohm with both ends "
+    "terminated; then put 120 ohm across A and B at the far end: the errors must go",
     remedy="Terminate both ends of the cable with 120 ohm, and nowhere else; shorten stubs; avoid stars",
     foretold=Foretold(client_loses=True),
 )
@@ -152,7 +153,8 @@ def termination(evidence: Evidence) -> Iterator[Suspicion]:
     text="Answers of unit {unit} are damaged in no particular way: {damaged} of {answers}[, those of others "
     "{others_damaged} of {others_answers}]",
     share="{damaged} of {answers} answers of unit {unit}[, {others_damaged} of {others_answers} of others]",
-    deciding_test="Swap the drops of unit {unit} and a good one: does the damage stay with the unit or with the drop?",
+    deciding_test="Look at the terminals, the shield and the stub of this drop first; then swap the drops of unit "
+    "{unit} and a good one: does the damage stay with the unit or with the drop?",
     remedy="Check the terminals, the stub and the shield of this drop, then the unit's line driver",
     foretold=Foretold(client_loses=True),
 )
