@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from .contrasts import NO_CONTRAST
 from .evidence import Evidence
+from .hits import evenness_bits
 from .registry import Foretold, Suspicion, Symptom
 from .taken import move
 
@@ -19,7 +20,8 @@ def against_bits(evidence: Evidence, foretold: Foretold, suspicion: Suspicion) -
         if symptom in foretold.hangs_on:
             bits += sum(_unforetold(evidence, symptom, unit, foretold.hangs_on[symptom]) for unit in units)
         if symptom is Symptom.DAMAGE and foretold.client_loses:
-            bits += sum(max(move(evidence, unit).bits, 0.0) for unit in units)
+            taken = sum(max(move(evidence, unit).bits, 0.0) for unit in units)
+            bits += max(taken + evenness_bits(evidence), 0.0) if taken else 0.0  # of all alike: else no tap's loss
     return bits
 
 

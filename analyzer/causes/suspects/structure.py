@@ -15,6 +15,7 @@ from ..bits import surplus_bits
 from ..costs import cost, together
 from ..evidence import HEALTHY, Evidence
 from ..exchanges import Ending
+from ..hits import evenness_bits
 from ..registry import ASKED_FOR, Explained, Foretold, Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage
 from ..taken import move
@@ -98,6 +99,7 @@ def cut_at_length(evidence: Evidence) -> Iterator[Suspicion]:
 
 
 _SURE_BITS: Final = 8.0
+_MOSTLY_SHORT: Final = 0.7
 _TAP_TAKES: Final = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.LATENESS, Symptom.DOUBLES, Symptom.MARKS, Symptom.SILENCE)
 
 
@@ -120,11 +122,9 @@ def tap_loses(evidence: Evidence) -> Iterator[Suspicion]:
     readings = [each for unit in units for each in evidence.readings(unit)]
     if told < _LEAST or bits < _SURE_BITS or len(readings) < _LEAST:
         return
-    short = sum(each.length < each.due for each in readings)
-    if short < _ALWAYS * len(readings) and sum(each.damage is AnswerDamage.BITS for each in readings) > 0.5 * len(
-        readings
-    ):
-        return  # a tap that is itself disturbed, and not one that loses
+    bits += evenness_bits(evidence)  # what a tap loses it loses of all
+    if bits < _SURE_BITS or sum(each.length < each.due for each in readings) < _MOSTLY_SHORT * len(readings):
+        return
     damaged, answers = sum(map(evidence.damaged, units)), sum(unit.asked for unit in units)
     explains: Explained = frozenset((kind, unit.unit) for unit in evidence.units for kind in _TAP_TAKES)
     yield Suspicion(
