@@ -182,6 +182,8 @@ class Cause:
         """As plain values."""
         plain = {**asdict(self), "units": list(self.units), "frames": list(self.frames)}
         del plain["explains"], plain["numbers"]
+        if "reason" in self.numbers:
+            plain["reason"] = self.numbers["reason"]
         return plain
 
 

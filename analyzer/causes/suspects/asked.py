@@ -22,7 +22,8 @@ _ALWAYS: Final = 0.9
 _LATE: Final = 0.1  # of the silent requests: then its answers do come
 _FUNCTION_UNKNOWN: Final = 1
 _LEAST: Final = 3
-_OVER: Final = {"quantity": "more", "answer-bytes": "bytes"}  # of a threshold that has words of its own
+_OVER: Final = ("quantity", "answer-bytes")  # thresholds that have words of their own
+_REASONS: Final = {"answer-bytes": "answer-too-long", "poll": "address"}  # as the report's JSON names them
 
 
 @suspect(
@@ -85,7 +86,7 @@ def _decided(evidence: Evidence, unit: UnitLedger) -> Contrast | None:
 
 def _reason(decided: Contrast, deaf: Sequence[Poll], well: Sequence[Poll]) -> Mapping[str, Any]:
     """What the words are filled with, and `reason` for who asks by name."""
-    numbers: dict[str, Any] = {"reason": decided.name, "asked_for": 0, "served": 0, "functions": (), "areas": ()}
+    numbers: dict[str, Any] = {"reason": _REASONS.get(decided.name, decided.name), "asked_for": 0, "served": 0, "functions": (), "areas": ()}
     if decided.name in _OVER and decided.over and min(p.quantity for p in deaf) > max(p.quantity for p in well):
         numbers |= {"asked_for": min(p.quantity for p in deaf), "served": max(p.quantity for p in well)}
     elif decided.name == "function":

@@ -51,6 +51,8 @@ _SEVERAL: Final = 4  # units: of fewer another master may well ask one alone
 _OFTEN: Final = 0.3
 _STORM: Final = 30  # broadcasts
 _STORM_NS: Final = 60e6
+_STORM_LOAD: Final = 0.3  # of the time, that bytes take
+_STARVED: Final = 0.02  # of the requests to units
 _STORM_PAUSES: Final = 2.5  # times t3.5, on slow lines
 _HOLE_CHARS: Final = 1.5
 _DISORDER: Final = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.LATENESS, Symptom.SILENCE, Symptom.DOUBLES, Symptom.MARKS,
@@ -255,6 +257,8 @@ def broadcast_storm(evidence: Evidence) -> Iterator[Suspicion]:
     pause = _mean_pause(evidence)
     if pause is None or pause > max(_STORM_NS, _STORM_PAUSES * (evidence.t35_ns or 0.0)):
         return
+    if (evidence.load or 1.0) < _STORM_LOAD and not _are_starved(evidence):
+        return  # a heartbeat leaves the others all the time that they want
     silent = frozenset((Symptom.SILENCE, unit.unit) for unit in evidence.units)
     lost = together(cost(evidence, unit, Ending.SILENT) for unit in evidence.units)
     yield Suspicion(
@@ -270,6 +274,12 @@ def broadcast_storm(evidence: Evidence) -> Iterator[Suspicion]:
         lost_answers=lost.answers,
         lost_ms=lost.ms,
     )
+
+
+def _are_starved(evidence: Evidence) -> bool:
+    """Whether units lose answers."""
+    silent = sum(map(evidence.silent, evidence.units)) + sum(map(evidence.damaged, evidence.units))
+    return silent > _STARVED * sum(unit.asked for unit in evidence.units)
 
 
 def _mean_pause(evidence: Evidence) -> float | None:

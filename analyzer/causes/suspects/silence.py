@@ -225,6 +225,7 @@ def _silence(evidence: Evidence, unit: UnitLedger, since: int | None) -> Suspici
         lost_answers=lost.answers,
         lost_ms=lost.ms,
         frames=tuple(unit.examples.get(Ending.SILENT, [])),
+        severity=Severity.NOTE if since is None and _is_looked_for(evidence, unit) else None,
     )
 
 
