@@ -41,7 +41,7 @@ class Clues(NamedTuple):
     taken: float  # log2 of the bits for that the client took what is said to be damaged on the line
 
 
-def clues(evidence: Evidence, found: Suspicion, foretold: Foretold, *, is_tap: bool, rival_bits: float) -> Clues:
+def clues(evidence: Evidence, found: Suspicion, foretold: Foretold, rival_bits: float) -> Clues:
     """Of one suspicion. `rival_bits`: of the next best cause of the same symptoms, 0 for none."""
     rival = max(rival_bits, _FEW_BITS)
     margin = max(found.bits - rival, 0.0) / max(found.bits, 1.0)
@@ -51,7 +51,7 @@ def clues(evidence: Evidence, found: Suspicion, foretold: Foretold, *, is_tap: b
             continue
         if symptom in HITS_OF and symptom not in foretold.hangs_on:
             unsaid += max(evidence.best_contrast(symptom, unit, Family.ASKED, Family.BEFORE).bits, 0.0)
-        if symptom is Symptom.DAMAGE and not is_tap:
+        if symptom is Symptom.DAMAGE and foretold.client_loses:
             taken += max(move(evidence, unit).bits, 0.0)
     a_hit = found.bits / max(_hits(evidence, found), 1)
     return Clues(log2(max(found.bits, 2.0)), margin, log2(1 + a_hit), log2(1 + unsaid), log2(1 + taken))

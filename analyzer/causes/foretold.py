@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from .contrasts import NO_CONTRAST
+from .contrasts import NO_CONTRAST, Family
 from .evidence import Evidence
 from .hits import evenness_bits
-from .registry import Foretold, Suspicion, Symptom
+from .registry import ASKED_FOR, Foretold, Suspicion, Symptom
 from .taken import move
 
 
@@ -35,5 +35,7 @@ def _by_symptom(suspicion: Suspicion) -> dict[Symptom, list[int]]:
 
 def _unforetold(evidence: Evidence, symptom: Symptom, unit: int, names: frozenset[str]) -> float:
     best = evidence.best_contrast(symptom, unit)
+    if symptom is Symptom.DAMAGE and best.is_sharp and best.family is Family.ASKED and names != ASKED_FOR:
+        return best.bits  # more of a long answer is hit than of a short one, but not all of one and none of the other
     own = next((each for each in evidence.contrasts(symptom, unit) if each.name in names), NO_CONTRAST)
     return max(best.bits - own.bits, 0.0) if best.name not in names else 0.0

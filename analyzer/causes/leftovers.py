@@ -79,10 +79,12 @@ def _of_unit(evidence: Evidence, unit: UnitLedger) -> Iterator[Left]:
     for symptom, (count, of) in _counts(evidence, unit).items():
         if not evidence.is_open(symptom, unit.unit) or count < _LEAST:
             continue
+        more = surplus_bits(min(count, of), of, _BACKGROUND[symptom])
+        if more <= 0:
+            continue  # no more than on any line
         best = evidence.best_contrast(symptom, unit.unit) if symptom in HITS_OF else NO_CONTRAST
         best = best if best.bits >= _TOLD_BITS else NO_CONTRAST
-        more = surplus_bits(min(count, of), of, _BACKGROUND[symptom]) + best.bits
-        if more >= _SURE_BITS and not _is_fact(evidence, unit, symptom, best):
+        if more + best.bits >= _SURE_BITS and not _is_fact(evidence, unit, symptom, best):
             numbers = {"exchanges": count, "asked": of, "code": _codes(evidence, unit)}
             yield Left(unit.unit, count, _said(symptom.value, numbers) + _like(evidence, unit, symptom, best))
 

@@ -96,7 +96,6 @@ def _cause(best: Weighed, rival: Weighed | None, evidence: Evidence) -> tuple[Ca
         evidence,
         found,
         suspect.foretold,
-        is_tap=suspect.blame == "tap",
         rival_bits=rival.suspicion.bits if rival is not None else 0.0,
     )
     words = words_of(suspect, found.numbers)

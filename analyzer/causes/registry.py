@@ -86,7 +86,11 @@ class Foretold:
 
 
 COMES_AND_GOES: Final = frozenset(("spells", "since", "unit-before", "outcome-before"))  # contrasts of time
+LENGTHS: Final = frozenset(("answer-bytes", "quantity"))  # by which more is hit, whatever hits
 ASKED_FOR: Final = frozenset(("function", "quantity", "answer-bytes", "address", "range-end", "poll"))  # of requests
+
+
+OF_A_LINE: Final = Foretold({Symptom.DAMAGE: COMES_AND_GOES | LENGTHS}, client_loses=True)  # whose frames are spoilt
 
 
 @dataclass(frozen=True, eq=False)

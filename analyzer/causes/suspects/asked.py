@@ -86,7 +86,13 @@ def _decided(evidence: Evidence, unit: UnitLedger) -> Contrast | None:
 
 def _reason(decided: Contrast, deaf: Sequence[Poll], well: Sequence[Poll]) -> Mapping[str, Any]:
     """What the words are filled with, and `reason` for who asks by name."""
-    numbers: dict[str, Any] = {"reason": _REASONS.get(decided.name, decided.name), "asked_for": 0, "served": 0, "functions": (), "areas": ()}
+    numbers: dict[str, Any] = {
+        "reason": _REASONS.get(decided.name, decided.name),
+        "asked_for": 0,
+        "served": 0,
+        "functions": (),
+        "areas": (),
+    }
     if decided.name in _OVER and decided.over and min(p.quantity for p in deaf) > max(p.quantity for p in well):
         numbers |= {"asked_for": min(p.quantity for p in deaf), "served": max(p.quantity for p in well)}
     elif decided.name == "function":
@@ -110,7 +116,7 @@ def _reason(decided: Contrast, deaf: Sequence[Poll], well: Sequence[Poll]) -> Ma
 def unknown_function(evidence: Evidence) -> Iterator[Suspicion]:
     """Exception 01: illegal function."""
     for unit in evidence.units:
-        if not evidence.is_open(Symptom.REFUSAL, unit.unit):
+        if unit.count(Ending.EXCEPTION) < _LEAST or not evidence.is_open(Symptom.REFUSAL, unit.unit):
             continue
         polls = evidence.polls_of(unit.unit)
         refused = [poll for poll in polls if poll.exceptions[_FUNCTION_UNKNOWN] >= max(_LEAST, _ALWAYS * poll.asked)]

@@ -25,7 +25,7 @@ from ..hits import (
     spells_of_hits,
     timed_by_the_master,
 )
-from ..registry import Explained, Foretold, Suspicion, Symptom, suspect
+from ..registry import OF_A_LINE, Explained, Suspicion, Symptom, suspect
 from ..repeats import CalledBack, broadcasts_answered, called_back
 from ..signatures import Behind, Signature
 from ..unitledger import UnitLedger
@@ -69,7 +69,7 @@ _DISORDER: Final = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.LATENESS, Symptom.SI
     deciding_test="Look for a second client: a panel, a service computer, a gateway, a program that was left running; "
     "one that controls something is taken off only with the operator's consent",
     remedy="Let one client poll and the other get its values from it, or put a gateway with several clients between",
-    foretold=Foretold(client_loses=True),
+    foretold=OF_A_LINE,
 )
 def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
     """Requests while an answer is due, and what collides with them, for all units alike."""

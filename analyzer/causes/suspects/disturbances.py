@@ -28,7 +28,7 @@ from ..hits import (
     spares_units,
     spells_of_hits,
 )
-from ..registry import Explained, Foretold, Suspicion, Symptom, suspect
+from ..registry import OF_A_LINE, Explained, Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage
 from ..unitledger import UnitLedger
 
@@ -151,7 +151,7 @@ _SHARE: Final = "{hits} hits in {exchanges} exchanges: {damaged:answer|answers}[
     deciding_test="Look at the shield and at loose terminals first; then connect the client and a unit or two by a "
     "short cable of their own: if the damage goes, it comes from the bus cable and what is near it",
     remedy="Check shield (earthed at one end), common wire, loose terminals, and cables that run beside power cables",
-    foretold=Foretold(client_loses=True),
+    foretold=OF_A_LINE,
 )
 def interference(evidence: Evidence) -> Iterator[Suspicion]:
     """AnswerDamage of all senders alike."""
@@ -169,7 +169,7 @@ def interference(evidence: Evidence) -> Iterator[Suspicion]:
     deciding_test="Look at A against B with an oscilloscope triggered by the mains",
     remedy="Look for thyristors, dimmers, welding or a soft starter on the same supply; separate the bus cable from power "
     "cables, earth the shield, use an isolated converter",
-    foretold=Foretold(client_loses=True),
+    foretold=OF_A_LINE,
 )
 def emi_mains(evidence: Evidence) -> Iterator[Suspicion]:
     """AnswerDamage at one phase of the mains or of its half-waves."""
@@ -210,7 +210,7 @@ def _times_of_hits(evidence: Evidence) -> np.ndarray[Any, np.dtype[np.float64]]:
     "log; have nothing switched for the test without the operator",
     remedy="Lead the bus cable away from the motor cable of this drive; earth the drive's shield on both sides, fit a filter "
     "or a ferrite at its output",
-    foretold=Foretold(client_loses=True),
+    foretold=OF_A_LINE,
 )
 def emi_drive(evidence: Evidence) -> Iterator[Suspicion]:
     """AnswerDamage that goes with a value on the bus."""
@@ -255,7 +255,7 @@ def _is_told(evidence: Evidence) -> bool:
     share=_SHARE,
     deciding_test="Ask what runs in the plant at these times, and record over a week",
     remedy="Find the machine that runs then (shift, pump, charger, lighting) and keep the bus cable away from its cables",
-    foretold=Foretold(client_loses=True),
+    foretold=OF_A_LINE,
 )
 def hours(evidence: Evidence) -> Iterator[Suspicion]:
     """AnswerDamage in spells that nothing on the bus tells; that a line floats does not come and go."""

@@ -22,7 +22,7 @@ from ..evidence import HEALTHY, Evidence, alone_or_together
 from ..exchanges import Ending
 from ..ledger import STRAY
 from ..rawbytes import beheaded, formats_of
-from ..registry import Foretold, Suspicion, Symptom, suspect
+from ..registry import OF_A_LINE, Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage, Behind, Signature, known_header
 from ..unitledger import UnitLedger
 
@@ -104,7 +104,7 @@ def _head(_: Evidence, __: UnitLedger, readings: list[Signature]) -> Mapping[str
     "its drop and a good one: the damage goes with the unit if it is its driver",
     remedy="Lengthen the delay between driver enable and first byte in the unit, or use a converter with automatic "
     "direction; bias resistors do not help, for what is not driven is not sent",
-    foretold=Foretold(client_loses=True),
+    foretold=OF_A_LINE,
 )
 def driver_enabled_late(evidence: Evidence) -> Iterator[Suspicion]:
     """AnswerDamage at the head of one sender's frames."""
@@ -201,7 +201,7 @@ def _tail(_: Evidence, __: UnitLedger, readings: list[Signature]) -> Mapping[str
     "its drop and a good one: the damage goes with the unit if it is its driver",
     remedy="Let the unit hold its driver until the last stop bit is out (wait for the transmitter to be empty, not for its "
     "buffer)",
-    foretold=Foretold(client_loses=True),
+    foretold=OF_A_LINE,
 )
 def driver_released_early(evidence: Evidence) -> Iterator[Suspicion]:
     """AnswerDamage at the tail of one sender's frames."""

@@ -40,8 +40,13 @@ class Refusing:
 
 
 def codes_of(evidence: Evidence, unit: UnitLedger) -> Counter[int]:
-    """The exceptions that a unit answered by, and how often."""
-    return sum((poll.exceptions for poll in evidence.polls_of(unit.unit)), Counter())
+    """The exceptions that a unit answered by, and how often; none where they are few."""
+    codes = Counter[int]()
+    if unit.count(Ending.EXCEPTION) >= _LEAST:
+        for poll in evidence.polls_of(unit.unit):
+            if poll.exceptions:
+                codes.update(poll.exceptions)
+    return codes
 
 
 def refusing_since(evidence: Evidence, unit: UnitLedger) -> Refusing | None:

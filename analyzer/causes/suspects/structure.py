@@ -24,6 +24,8 @@ from .taps import everything
 
 _LEAST: Final = 4
 _ALWAYS: Final = 0.9
+_BUFFER: Final = 16  # bytes: nobody makes a smaller one,
+_CUT_OFF: Final = 5  # and a driver that lets go too early loses no more than a few
 _LENGTH_BITS: Final = 3.0  # an answer that ends at just this byte, of those where it might
 _SHORT: Final = (AnswerDamage.CUT, AnswerDamage.TAIL, AnswerDamage.MIDDLE)
 
@@ -49,6 +51,8 @@ def _cut_at(evidence: Evidence, unit: UnitLedger) -> CutAt | None:
         return None
     dues = [each.due for each in readings if each.length == length]
     whole = max((int(due) for due in _whole(evidence, unit)), default=0)
+    if len(set(dues)) == 1 and not whole and (length < _BUFFER or max(dues) - length < _CUT_OFF):
+        return None  # of one length only: its end may as well be lost otherwise
     return (
         CutAt(length, round(evidence.damaged(unit) * count / len(readings)), max(dues), whole)
         if whole <= length
@@ -223,6 +227,8 @@ _ANSWERS_DUE: Final = frozenset((1, 2, 3, 4, 7, 0x11, 0x14, 0x17, 0x18, 0x2B))  
 )
 def unit_0_asked(evidence: Evidence) -> Iterator[Suspicion]:
     """Reads that are sent to everybody, and that nobody may answer."""
+    if not evidence.ledger.broadcasts:
+        return
     polls = [poll for poll in evidence.polls_of(0) if poll.function in _ANSWERS_DUE]
     asked = sum(poll.asked for poll in polls)
     if asked < _LEAST or evidence.ledger.broadcasts_answered > HEALTHY * asked + 1:
