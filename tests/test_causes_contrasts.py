@@ -16,7 +16,7 @@ from analyzer.causes.contrasts import Family, contrasts
 from analyzer.causes.exchanges import Exchanges
 from analyzer.causes.exchangetable import Asked, ExchangeTable
 from analyzer.causes.ledger import ledger_of
-from analyzer.causes.leftovers import TEMPLATES, WORDS
+from analyzer.causes.leftovers import TEMPLATES
 from analyzer.causes.reasoning import Story, story_of
 from analyzer.causes.registry import suspects
 from analyzer.core import analyse
@@ -103,7 +103,7 @@ def test_nothing_is_left_of_a_bus_that_is_well(name: str) -> None:
 
 
 def test_what_is_left_is_told_in_russian_too() -> None:
-    assert set(catalogue("ru")["causes"][WORDS]) == set(TEMPLATES)
+    assert set(catalogue("ru")["left"]) == set(TEMPLATES)
 
 
 @given(st.sampled_from([each.cause for each in suspects()]), st.tuples(*[st.floats(0, 12)] * len(Clues._fields)))

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from ..languages import sentence
+from ..languages import left_sentence
 from .bits import surplus_bits
 from .contrasts import HITS_OF, NO_CONTRAST, Contrast, Family
 from .evidence import HEALTHY, Evidence
@@ -24,9 +24,10 @@ _SURE_BITS: Final = 10.0
 _BACKGROUND: Final = {Symptom.SILENCE: 0.01, Symptom.DAMAGE: HEALTHY, Symptom.REFUSAL: 0.02, Symptom.LATENESS: HEALTHY,
                       Symptom.DOUBLES: HEALTHY, Symptom.BEHIND: 0.02}  # fmt: skip
 _TOLD_BITS: Final = 6.0  # of a contrast that is told
+_OF_REQUEST: Final = frozenset((1, 2, 3))
+_ALWAYS: Final = 0.9
 _NOISE: Final = 0.02  # of the bytes
 _NOISE_BYTES: Final = 40
-WORDS: Final = "not-explained"  # under which a catalogue has them
 _SYMPTOMS: Final = {
     Symptom.SILENCE: "no answer to {exchanges} of {asked} requests",
     Symptom.DAMAGE: "{exchanges} of {asked} answers damaged",
@@ -109,6 +110,9 @@ def _is_fact(evidence: Evidence, unit: UnitLedger, symptom: Symptom, best: Contr
         return False
     refused = [poll for poll in evidence.polls_of(unit.unit) if poll.exceptions.total()]
     others = [poll for poll in evidence.polls_of(unit.unit) if not poll.exceptions.total()]
+    refused_of = {code for poll in refused for code in poll.exceptions}
+    if refused_of & _OF_REQUEST and any(poll.count(Ending.EXCEPTION) >= _ALWAYS * poll.asked for poll in refused):
+        return False  # what is never answered is asked in vain
     one = best.family in (Family.ASKED, Family.NOTHING) and len({(p.function, p.address) for p in refused}) == 1
     return one and any(poll.count(Ending.OK) for poll in (*others, *refused))
 
@@ -134,7 +138,7 @@ def _like(evidence: Evidence, unit: UnitLedger, symptom: Symptom, best: Contrast
 
 
 def _said(part: str, numbers: Mapping[str, Any]) -> str:
-    return sentence(WORDS, part, TEMPLATES[part], numbers)
+    return left_sentence(part, TEMPLATES[part], numbers)
 
 
 def _of_bus(evidence: Evidence) -> Iterator[Left]:

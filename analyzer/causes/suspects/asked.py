@@ -8,7 +8,7 @@ from typing import Any, Final
 from ...tables.findings import Severity
 from ..bits import surplus_bits
 from ..contrasts import Contrast, Family
-from ..costs import cost
+from ..costs import LostAnswers, cost
 from ..evidence import Evidence
 from ..exchanges import Ending
 from ..polls import Poll
@@ -20,6 +20,7 @@ _BACKGROUND: Final = 0.02
 _SURE_BITS: Final = 8.0
 _ALWAYS: Final = 0.9
 _LATE: Final = 0.1  # of the silent requests: then its answers do come
+_AS_ASKED: Final = 1.25  # times the bits of a fault that names no reason
 _FUNCTION_UNKNOWN: Final = 1
 _LEAST: Final = 3
 _OVER: Final = ("quantity", "answer-bytes")  # thresholds that have words of their own
@@ -30,56 +31,72 @@ _REASONS: Final = {"answer-bytes": "answer-too-long", "poll": "address"}  # as t
     "cannot-serve",
     Severity.ERROR,
     blame="master",
-    text="Unit {unit} never answers some of the requests to it[: those for {asked_for} registers or bits at once, while it "
-    "answers up to {served}][: those by function {functions}][: those for {areas}]; {silent} of {asked} such requests stayed "
-    "without a byte, {well} of {well_of} others were answered",
+    text="Unit {unit} cannot serve some of the requests to it[: those for {asked_for} registers or bits at once, while it "
+    "answers up to {served}][: those by function {functions}][: those for {areas}]; {silent} of {asked} such requests {how}[ (exception "
+    "{codes})], {well} of {well_of} others were answered",
     share="{silent} of {asked} such requests to unit {unit}[, {others_silent} of {well_of} others]",
     deciding_test="Compare these requests with the manual of unit {unit}: which functions it has, how many registers it gives "
     "at once, and where its map ends",
     remedy="Ask for less at once, or by a function and at addresses that the unit has; a unit that cannot serve a request "
     "should refuse it, some stay silent",
-    foretold=Foretold({Symptom.SILENCE: ASKED_FOR}),
+    foretold=Foretold({Symptom.SILENCE: ASKED_FOR, Symptom.REFUSAL: ASKED_FOR}),
 )
 def cannot_serve(evidence: Evidence) -> Iterator[Suspicion]:
-    """Silence that hangs on what is asked, of a unit that is there."""
+    """Silence that hangs on what is asked, of a unit that is there; and refusals that hang on how much is."""
     for unit in evidence.units:
-        decided = _decided(evidence, unit)
-        if decided is None:
-            continue
-        polls = evidence.polls_of(unit.unit)
-        deaf = [poll for poll in polls if poll.count(Ending.SILENT) >= _ALWAYS * poll.asked]
-        well = [poll for poll in polls if poll not in deaf]
-        silent, asked = sum(poll.count(Ending.SILENT) for poll in deaf), sum(poll.asked for poll in deaf)
-        if not deaf or not well:
-            continue
-        lost = cost(evidence, unit, Ending.SILENT)
-        yield Suspicion(
-            (unit.unit,),
-            surplus_bits(silent, asked, _BACKGROUND) + decided.bits,
-            frozenset({(Symptom.SILENCE, unit.unit)}),
-            {
-                "unit": unit.unit,
-                "silent": silent,
-                "asked": asked,
-                "well": sum(poll.count(Ending.OK) + poll.count(Ending.EXCEPTION) for poll in well),
-                "well_of": sum(poll.asked for poll in well),
-                "others_silent": sum(poll.count(Ending.SILENT) for poll in well),
-                **_reason(decided, deaf, well),
-            },
-            since=min(poll.first for poll in deaf) if evidence.ledger.timed else None,
-            until=max(poll.last for poll in deaf) if evidence.ledger.timed else None,
-            lost_answers=lost.answers,
-            lost_ms=lost.ms,
-            frames=tuple(unit.examples.get(Ending.SILENT, [])),
-        )
+        for symptom, ending in ((Symptom.SILENCE, Ending.SILENT), (Symptom.REFUSAL, Ending.EXCEPTION)):
+            decided = _decided(evidence, unit, symptom)
+            found = None if decided is None else _unserved(evidence, unit, decided, symptom, ending)
+            if found is not None:
+                yield found
 
 
-def _decided(evidence: Evidence, unit: UnitLedger) -> Contrast | None:
-    """The property of requests that decides whether a unit answers; None where none does, or its answers come late."""
-    silent = evidence.silent(unit)
-    if not unit.answered or silent < _ALWAYS * unit.count(Ending.SILENT) or unit.late > _LATE * silent:
+def _unserved(
+    evidence: Evidence, unit: UnitLedger, decided: Contrast, symptom: Symptom, ending: Ending
+) -> Suspicion | None:
+    polls = evidence.polls_of(unit.unit)
+    deaf = [poll for poll in polls if poll.count(ending) >= _ALWAYS * poll.asked]
+    well = [poll for poll in polls if poll not in deaf]
+    hits, asked = sum(poll.count(ending) for poll in deaf), sum(poll.asked for poll in deaf)
+    if not deaf or not well:
         return None
-    best = evidence.best_contrast(Symptom.SILENCE, unit.unit)
+    reason = _reason(decided, deaf, well)
+    if ending is Ending.EXCEPTION and not reason["asked_for"]:
+        return None  # other causes tell refusals by function and address
+    codes = sorted({code for poll in deaf for code in poll.exceptions})
+    lost = cost(evidence, unit, Ending.SILENT) if ending is Ending.SILENT else LostAnswers(hits)
+    return Suspicion(
+        (unit.unit,),
+        _AS_ASKED * surplus_bits(hits, asked, _BACKGROUND) + decided.bits,
+        frozenset({(symptom, unit.unit)}),
+        {
+            "unit": unit.unit,
+            "silent": hits,
+            "asked": asked,
+            "how": "stayed without a byte" if ending is Ending.SILENT else "were refused",
+            "codes": ", ".join(f"{code:02X}" for code in codes),
+            "well": sum(poll.count(Ending.OK) for poll in well),
+            "well_of": sum(poll.asked for poll in well),
+            "others_silent": sum(poll.count(ending) for poll in well),
+            **reason,
+        },
+        since=min(poll.first for poll in deaf) if evidence.ledger.timed else None,
+        until=max(poll.last for poll in deaf) if evidence.ledger.timed else None,
+        lost_answers=lost.answers,
+        lost_ms=lost.ms,
+        frames=tuple(unit.examples.get(ending, [])),
+    )
+
+
+def _decided(evidence: Evidence, unit: UnitLedger, symptom: Symptom) -> Contrast | None:
+    """The property of requests that decides whether a unit serves them; None where none does, or its answers come late."""
+    if not evidence.is_open(symptom, unit.unit):
+        return None
+    if symptom is Symptom.SILENCE:
+        silent = evidence.silent(unit)
+        if not unit.answered or silent < _ALWAYS * unit.count(Ending.SILENT) or unit.late > _LATE * silent:
+            return None
+    best = evidence.best_contrast(symptom, unit.unit)
     decides = best.family is Family.ASKED and best.is_sharp and best.bits >= _SURE_BITS
     return best if decides else None
 

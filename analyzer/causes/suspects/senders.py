@@ -250,6 +250,7 @@ _TWICE: Final = 0.02  # of its answers
 _NEARLY: Final = 0.95
 _OWN_BITS: Final = 6.0
 _SURE_BITS: Final = 40.0
+_ALIKE_BITS: Final = 3.0  # an answer behind which stands what stands behind all others
 _DUE: Final = 1.5  # times the usual pause,
 _REQUEST_CHARS: Final = 8
 _FAR: Final = 4.0  # times it
@@ -375,6 +376,7 @@ def null_suffix(evidence: Evidence) -> Iterator[Suspicion]:
     others_zeros, others_answered = sum(totals[o.unit] for o in others), sum(o.answered for o in others)
     background = max(HEALTHY, (others_zeros + 0.5) / (others_answered + 50))
     bits = sum(surplus_bits(totals[unit.unit], unit.answered, background) for unit in found)
+    bits += sum(_ALIKE_BITS * totals[u.unit] for u in found if _is_always_so(evidence, u, totals[u.unit]))
     if totals[first.unit] < _OFTEN * first.answered and bits < _SURE_BITS:
         return
     yield Suspicion(
@@ -393,6 +395,12 @@ def null_suffix(evidence: Evidence) -> Iterator[Suspicion]:
         until=first.followed.kept[-1].t_asked,
         frames=tuple(sample.index for sample in first.followed.kept[:3]),
     )
+
+
+def _is_always_so(evidence: Evidence, unit: UnitLedger, zeros: float) -> bool:
+    """Whether the same zeros stand behind nearly all answers: a line that floats picks up now this, now that."""
+    lengths = Counter(each.length for each in evidence.followed(unit))
+    return zeros >= _NEARLY * unit.answered and lengths.most_common(1)[0][1] >= _NEARLY * lengths.total()
 
 
 def _usual_zeros(evidence: Evidence, units: Sequence[UnitLedger]) -> int:

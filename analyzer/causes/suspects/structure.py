@@ -149,8 +149,8 @@ def tap_loses(evidence: Evidence) -> Iterator[Suspicion]:
     )
 
 
-_CUT_BITS: Final = 7.0  # that a request proves which is right but for its last byte, which is missing,
-_CONVENTION_BITS: Final = 12.0  # or but for the convention of its check value
+_CUT_BITS: Final = 12.0  # that a request proves which is right but for its last byte: its function, a byte of its CRC,
+_CONVENTION_BITS: Final = 15.0  # or both bytes, by one of a few dozen conventions
 _READS: Final = range(1, 7)  # functions whose requests have always as many bytes
 _BODY: Final = 6  # bytes of these before the check value
 _TILED: Final = 0.6  # of the bytes in no frame

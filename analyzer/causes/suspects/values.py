@@ -182,6 +182,14 @@ def _jumps(values: NDArray[np.int64], times: NDArray[np.int64]) -> NDArray[np.in
     return jumps
 
 
+def _is_torn(steps: NDArray[np.int64], jumps: NDArray[np.intp]) -> bool:
+    """Whether each jump is about one of the high word, and undone soon: the two words were of different moments. That may
+    well come at regular times, each time the low word carries."""
+    sizes = np.abs(steps[jumps])
+    usual = float(np.median(np.abs(steps)))
+    return bool((np.abs(sizes - _WORD) < _WORD / 4).all()) and _undone(steps, jumps, usual)
+
+
 def _undone(steps: NDArray[np.int64], jumps: NDArray[np.intp], usual: float) -> bool:
     """Whether each jump by whole high words is undone at one of the next reads: its two words were of different moments."""
     left = set(jumps.tolist())
@@ -220,11 +228,15 @@ def _of_counters(evidence: Evidence, group: list[PollValues], column: int, *, sw
     found = [(poll, _jumps(_long(poll, column, swapped=swapped), poll.times)) for poll in group]
     clean = sum(jumps is not None and not len(jumps) for _, jumps in found)
     for poll, jumps in found:
-        if jumps is None or not len(jumps) or (clean < 1 and not _odd(poll, jumps)):
+        if jumps is None or not len(jumps):
+            continue
+        values = _long(poll, column, swapped=swapped)
+        torn = _is_torn(np.diff(values), jumps)
+        if clean < 1 and not torn and not _odd(poll, jumps):
             continue
         if len(jumps) <= _TO_AND_FRO * evidence.ledger.units[poll.unit].loose:
             continue  # answers came in the place of others: so may the one that is read here
-        steps = np.diff(_long(poll, column, swapped=swapped))
+        steps = np.diff(values)
         yield Suspicion(
             (poll.unit,),
             min(_BITS * len(jumps), _MOST_BITS) if clean or len(jumps) > 1 else 0.0,

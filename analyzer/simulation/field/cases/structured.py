@@ -6,12 +6,13 @@ from random import Random
 
 from dissectors.crc import crc_bytes
 
+from ...conversation import adu
 from ..bench import SECOND, Expected, read_pdu, site
 from ..master import FieldPoll
-from ..units import WireEnvelope, adu, constant
-from ..wire import Pulse, ReceivedOctet
+from ..units import MS, WireEnvelope, constant
+from ..wire import Burst, Pulse, ReceivedOctet
 from .disturbances import let_float
-from .registry import ANY_TAP, LOCAL, Site, field_case
+from .registry import ANY_TAP, BYTES, LOCAL, Site, field_case
 
 
 @field_case("cut-at-length", LOCAL)
@@ -144,3 +145,23 @@ def same_damage_bit(random: Random, tap: str) -> Site:
     bench.master.polls.append(FieldPoll(unit.unit, read_pdu(3, 700, 12)))
     unit.holdings.words[700] = constant(5)
     return bench, Expected("same-damage", (unit.unit,))
+
+
+@field_case("client-driver-held", BYTES)
+def client_driver_held(random: Random, tap: str) -> Site:
+    """The client holds its driver into the answers of units that are quick; those of slow ones are well."""
+    bench = site(random, tap, units=(4, 8), seconds=(60, 300), bauds=(9600, 19200, 38400))
+    quick = random.sample(sorted(bench.units), random.randint(2, len(bench.units) - 2))
+    least = (bench.uart.silence_ns + 0.3 * MS) / MS
+    for number, unit in bench.units.items():
+        unit.delay_ms = random.uniform(1.0, 1.5) * least if number in quick else random.uniform(4, 8) * least
+        unit.jitter = 0.03
+    held = 1.5 * least * MS + random.uniform(0.8, 3.0) * bench.uart.char_ns
+
+    def shape(burst: Burst, _: Random) -> None:
+        burst.off, burst.plain = burst.last + held, False
+
+    bench.master.shapes.append(shape)
+    bench.master.strength = 2.0
+    bench.wire.contention = "strong"
+    return bench, Expected("client-driver-held", tuple(quick))
