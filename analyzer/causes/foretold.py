@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from .contrasts import NO_CONTRAST, Family
 from .evidence import Evidence
 from .hits import evenness_bits
-from .registry import ASKED_FOR, Foretold, Suspicion, Symptom
+from .registry import ASKED_FOR, Explained, Foretold, Suspicion, Symptom
 from .taken import move
+from .unitledger import UnitLedger
 
 
 def against_bits(evidence: Evidence, foretold: Foretold, suspicion: Suspicion) -> float:
@@ -39,3 +42,23 @@ def _unforetold(evidence: Evidence, symptom: Symptom, unit: int, names: frozense
         return best.bits  # more of a long answer is hit than of a short one, but not all of one and none of the other
     own = next((each for each in evidence.contrasts(symptom, unit) if each.name in names), NO_CONTRAST)
     return max(best.bits - own.bits, 0.0) if best.name not in names else 0.0
+
+
+_DECIDES: Final = ASKED_FOR | {"rest", "since"}  # of silence: then nothing that strikes a line is why
+_SURE_BITS: Final = 14.0
+
+
+def may_strike(evidence: Evidence, unit: UnitLedger) -> bool:
+    """Whether what spoils frames of all may be why a unit is silent: not that it never answers, nor that it hangs on what
+    is asked or on the rest before, nor that it is silent to the end."""
+    best = evidence.best_contrast(Symptom.SILENCE, unit.unit)
+    own = best.bits >= _SURE_BITS and best.is_sharp and best.name in _DECIDES
+    return bool(unit.answered) and not own
+
+
+def struck(evidence: Evidence, foretold: Foretold, suspicion: Suspicion) -> Explained:
+    """What a suspicion explains: where it spoils the frames of all, not the silence of a unit that has a fault of its own."""
+    if suspicion.units or not foretold.client_loses:
+        return suspicion.explains
+    own = {(Symptom.SILENCE, unit.unit) for unit in evidence.units if not may_strike(evidence, unit)}
+    return suspicion.explains - own

@@ -19,7 +19,7 @@ from ..tables.transactions import TransactionRows
 from .certainty import Clues, certainty, clues
 from .evidence import Evidence
 from .exchanges import asking
-from .foretold import against_bits
+from .foretold import against_bits, struck
 from .ledger import Ledger
 from .leftovers import Left, left_over
 from .registry import Cause, Suspect, Suspicion, suspects, words_of
@@ -85,7 +85,7 @@ def _explained(ledger: Ledger, among: Sequence[Suspect] | None) -> tuple[Evidenc
         least = max(least, min(_LEFT_OVER * best.suspicion.bits, _LEFT_OVER_MOST))
         rivals = [each for each in found[1:] if each.suspicion.explains & best.suspicion.explains]
         claims.append(_cause(best, rivals[0] if rivals else None, evidence))
-        evidence = evidence.without(best.suspicion.explains)
+        evidence = evidence.without(struck(evidence, best.suspect.foretold, best.suspicion))
     return evidence, sorted(claims, key=lambda claim: -claim[0].bits)
 
 

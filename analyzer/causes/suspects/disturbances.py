@@ -13,6 +13,7 @@ from ..costs import cost_behind_damage, cost_of, kind_bits, overlaid, share_of, 
 from ..evidence import HEALTHY, Evidence
 from ..exchanges import Ending
 from ..flatmemory import CrowdedTimes
+from ..foretold import may_strike
 from ..hits import (
     ALIKE,
     WELL,
@@ -30,7 +31,6 @@ from ..hits import (
 )
 from ..registry import OF_A_LINE, Explained, Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage
-from ..unitledger import UnitLedger
 
 _LEAST: Final = 5
 _SENT_INTO: Final = 0.35  # of the damaged answers
@@ -50,7 +50,6 @@ _CONTRAST: Final = 8.0  # times as often the bus is hit while a value stands
 _SWITCHES: Final = 4  # of it, at the least; and a spell, at most
 _AS_WELL: Final = 0.7
 _SURE_BITS: Final = 14.0  # that a phase or a state must add
-_NO_STRIKE: Final = frozenset(("function", "quantity", "answer-bytes", "address", "range-end", "poll", "rest", "since"))
 _MAINS: Final = ((50.0, 0.15), (60.0, 0.18))  # Hz, and how far it strays
 _PHASE_NS: Final = 1_500_000  # by which a time may be wrong for its phase to be known
 
@@ -58,16 +57,8 @@ _PHASE_NS: Final = 1_500_000  # by which a time may be wrong for its phase to be
 def _all_explained(evidence: Evidence) -> Explained:
     kinds = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.MARKS, Symptom.SILENCE, Symptom.LATENESS)
     found = {(kind, unit.unit) for unit in evidence.units for kind in kinds}
-    found -= {(Symptom.SILENCE, unit.unit) for unit in evidence.units if not _may_strike(evidence, unit)}
+    found -= {(Symptom.SILENCE, unit.unit) for unit in evidence.units if not may_strike(evidence, unit)}
     return frozenset(found | {(Symptom.FRAMING, None)})
-
-
-def _may_strike(evidence: Evidence, unit: UnitLedger) -> bool:
-    """Whether what disturbs a line may be why a unit is silent: not that it never answers, nor that it hangs on what is
-    asked or on the rest before, nor that it is silent to the end."""
-    best = evidence.best_contrast(Symptom.SILENCE, unit.unit)
-    own = best.bits >= _SURE_BITS and best.is_sharp and best.name in _NO_STRIKE
-    return bool(unit.answered) and not own
 
 
 def _place_bits(hits: Hits, on_frames: float) -> float:

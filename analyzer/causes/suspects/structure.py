@@ -15,6 +15,7 @@ from ..bits import surplus_bits
 from ..costs import cost, together
 from ..evidence import HEALTHY, Evidence
 from ..exchanges import Ending
+from ..foretold import may_strike
 from ..hits import evenness_bits
 from ..registry import ASKED_FOR, Explained, Foretold, Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage
@@ -131,6 +132,7 @@ def tap_loses(evidence: Evidence) -> Iterator[Suspicion]:
         return
     damaged, answers = sum(map(evidence.damaged, units)), sum(unit.asked for unit in units)
     explains: Explained = frozenset((kind, unit.unit) for unit in evidence.units for kind in _TAP_TAKES)
+    explains -= {(Symptom.SILENCE, unit.unit) for unit in evidence.units if not may_strike(evidence, unit)}
     yield Suspicion(
         (),
         surplus_bits(damaged, answers, HEALTHY) + bits,
