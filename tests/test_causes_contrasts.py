@@ -82,7 +82,8 @@ def _story(name: str, seed: int = 3) -> Story:
 @pytest.mark.parametrize(
     "name",
     ["deaf-to-some", "unit-fails", "gateway-line-cut", "unit-0-asked", "cut-at-length", "tap-loses", "request-flaw",
-     "unknown-function", "rest-too-short", "same-damage-text", "same-damage-bit", "bias-beside-dead"],
+     "unknown-function", "rest-too-short", "same-damage-text", "same-damage-bit", "bias-beside-dead",
+     "client-driver-held"],
 )  # fmt: skip
 def test_a_kind_is_told_by_what_it_hangs_on(name: str) -> None:
     made, story = field_cases()[name].capture("precise", 3).expected, _story(name)

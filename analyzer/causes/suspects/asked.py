@@ -22,6 +22,7 @@ _ALWAYS: Final = 0.9
 _LATE: Final = 0.1  # of the silent requests: then its answers do come
 _AS_ASKED: Final = 1.25  # times the bits of a fault that names no reason
 _FUNCTION_UNKNOWN: Final = 1
+_TOO_MANY: Final = 3  # exception 03, illegal data value
 _LEAST: Final = 3
 _OVER: Final = ("quantity", "answer-bytes")  # thresholds that have words of their own
 _REASONS: Final = {"answer-bytes": "answer-too-long", "poll": "address"}  # as the report's JSON names them
@@ -61,9 +62,9 @@ def _unserved(
     if not deaf or not well:
         return None
     reason = _reason(decided, deaf, well)
-    if ending is Ending.EXCEPTION and not reason["asked_for"]:
-        return None  # other causes tell refusals by function and address
     codes = sorted({code for poll in deaf for code in poll.exceptions})
+    if ending is Ending.EXCEPTION and (not reason["asked_for"] or codes != [_TOO_MANY] or not _else_alike(deaf, well)):
+        return None  # other causes tell refusals by function and address
     lost = cost(evidence, unit, Ending.SILENT) if ending is Ending.SILENT else LostAnswers(hits)
     return Suspicion(
         (unit.unit,),
@@ -86,6 +87,12 @@ def _unserved(
         lost_ms=lost.ms,
         frames=tuple(unit.examples.get(ending, [])),
     )
+
+
+def _else_alike(deaf: Sequence[Poll], well: Sequence[Poll]) -> bool:
+    """Whether each of these is asked for by a function by which others are answered: the quantity alone differs."""
+    functions = {poll.function for poll in well if poll.count(Ending.OK)}
+    return all(poll.function in functions for poll in deaf)
 
 
 def _decided(evidence: Evidence, unit: UnitLedger, symptom: Symptom) -> Contrast | None:

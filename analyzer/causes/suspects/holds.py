@@ -10,6 +10,7 @@ import numpy as np
 from ...tables.findings import Severity
 from ..bits import mean_period_s, surplus_bits
 from ..evidence import Evidence
+from ..ledger import STRAY
 from ..registry import Suspicion, Symptom, suspect
 
 _LEAST: Final = 3  # times
@@ -20,6 +21,7 @@ _SELDOM: Final = 0.03  # of the exchanges
 _LEAST_NS: Final = 400_000_000
 _HARDLY: Final = 0.01  # of the exchanges with nothing behind them
 _MOSTLY: Final = 0.5
+_FEW_BYTES: Final = 0.7  # of the times
 
 
 @suspect(
@@ -50,6 +52,8 @@ def line_held(evidence: Evidence) -> Iterator[Suspicion]:
     others, others_of = int(np.count_nonzero(long & clean)), int(np.count_nonzero(clean))
     if times < max(_LEAST, _MOSTLY * strays) or others > _HARDLY * others_of or times > _SELDOM * len(wait):
         return  # a client that waits in vain behind each damaged answer is not held
+    if np.count_nonzero(heard[long & stray] <= STRAY) < _FEW_BYTES * times:
+        return  # nor is one that gets whole answers, if damaged
     begins = rows.time[known][long & stray].tolist()
     yield Suspicion(
         (),
