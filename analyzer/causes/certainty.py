@@ -22,7 +22,7 @@ from .exchanges import Ending
 from .registry import Foretold, Suspicion, Symptom
 from .taken import move
 
-MOST: Final = 0.99
+MOST: Final = 0.97  # of what was told on held-out buses as surer than that, no more was so
 LEAST: Final = 0.05
 _SURELY: Final = 0.9
 _LIKELY: Final = 0.6

@@ -8,7 +8,7 @@ bounded, and each row carries what its neighbours were.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,8 @@ from .exchanges import Ending, Exchanges
 
 _MOST: Final = 1 << 14  # rows
 _SPREAD: Final = np.uint64(0x9E3779B97F4A7C15)  # the golden ratio: multiples of it lie evenly
-_ENDINGS: Final = np.array((Ending.OK, Ending.EXCEPTION, Ending.SILENT, Ending.GARBAGE), np.uint8)
+_KNOWN: Final = np.isin(np.arange(256), (Ending.OK, Ending.EXCEPTION, Ending.SILENT, Ending.GARBAGE))
+_ALL: Final = np.uint64(0xFFFFFFFFFFFFFFFF)
 NO_UNIT: Final = -1
 
 
@@ -53,7 +54,7 @@ class ExchangeTable:
         self._parts: list[Asked] = []
         self._held = 0
         self._count = 0  # exchanges seen
-        self._below = np.uint64(0xFFFFFFFFFFFFFFFF)  # of the hashes of those that are remembered
+        self._below = _ALL  # of the hashes of those that are remembered
         self._before = (NO_UNIT, int(Ending.OK))
 
     def add(self, exchanges: Exchanges, times: NDArray[np.int64]) -> None:
@@ -65,17 +66,25 @@ class ExchangeTable:
         before[1:], outcome_before[1:] = exchanges.unit[:-1], exchanges.outcome[:-1]
         self._before = int(exchanges.unit[-1]), int(exchanges.outcome[-1])
         self._count += count
-        kept = np.isin(exchanges.outcome, _ENDINGS) & (_hash(numbers) <= self._below)
+        kept = _KNOWN.take(exchanges.outcome)
+        if self._below < _ALL:
+            kept &= _hash(numbers) <= self._below
         which = kept.nonzero()[0]
         if not len(which):
             return
-        mine, poll = exchanges[which], exchanges.poll[which]
-        wait = np.where(mine.t_next == NEVER, -1, mine.t_next - mine.t_asked)
+        whole = len(which) == count  # then a column is copied as it stands
+
+        def mine(column: NDArray[Any]) -> NDArray[Any]:
+            return column.copy() if whole else column.take(which)
+
+        poll, t_next = mine(exchanges.poll), mine(exchanges.t_next)
         self._parts.append(
             Asked(
-                times[which], numbers[which], mine.unit, mine.function, (poll >> 16 & 0xFFFF).astype(np.int32),
-                (poll & 0xFFFF).astype(np.int32), mine.due, mine.outcome, mine.exception, mine.noise, mine.gap_before,
-                wait, mine.delay, before[which], outcome_before[which], mine.repeats, mine.next_same,
+                mine(times), mine(numbers), mine(exchanges.unit), mine(exchanges.function),
+                (poll >> 16 & 0xFFFF).astype(np.int32), (poll & 0xFFFF).astype(np.int32), mine(exchanges.due),
+                mine(exchanges.outcome), mine(exchanges.exception), mine(exchanges.noise), mine(exchanges.gap_before),
+                np.where(t_next == NEVER, -1, t_next - mine(exchanges.t_asked)), mine(exchanges.delay), mine(before),
+                mine(outcome_before), mine(exchanges.repeats), mine(exchanges.next_same),
             )
         )  # fmt: skip
         self._held += len(which)
