@@ -14,7 +14,7 @@ import captures
 from analyzer.causes.certainty import LEAST, MOST, Clues, certainty, in_words
 from analyzer.causes.contrasts import Family, contrasts
 from analyzer.causes.exchanges import Exchanges
-from analyzer.causes.exchangetable import Asked, ExchangeTable
+from analyzer.causes.exchangetable import AskedRows, ExchangeTable
 from analyzer.causes.ledger import ledger_of
 from analyzer.causes.leftovers import TEMPLATES
 from analyzer.causes.reasoning import Story, story_of
@@ -27,8 +27,8 @@ from captures.chunks import Capture
 _LARGE, _SMALL = 40, 8
 
 
-def _rows(count: int, quantities: list[int], rests: list[int] | None = None) -> Asked:
-    rows = Asked.zeros(count)
+def _rows(count: int, quantities: list[int], rests: list[int] | None = None) -> AskedRows:
+    rows = AskedRows.zeros(count)
     rows.time[:] = rows.number[:] = np.arange(count)
     rows.function[:] = 3
     rows.quantity[:] = [quantities[i % len(quantities)] for i in range(count)]

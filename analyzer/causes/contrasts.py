@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from ..tables.schema import NO_GAP
 from .exchanges import Ending
-from .exchangetable import Asked
+from .exchangetable import AskedRows
 from .registry import Symptom
 
 _LEAST: Final = 4  # hits, and of each side of a threshold
@@ -34,7 +34,7 @@ Hits = NDArray[np.bool_]
 Figures = NDArray[np.int64]
 
 
-class Way(Enum):
+class Parting(Enum):
     """How a property parts requests."""
 
     OVER = "over"  # a threshold
@@ -57,8 +57,8 @@ class Property:
 
     name: str
     family: Family
-    way: Way
-    of: Callable[[Asked], Figures]
+    way: Parting
+    of: Callable[[AskedRows], Figures]
     price: float = 0.0
 
 
@@ -82,7 +82,7 @@ class Contrast:
 
     name: str
     family: Family
-    way: Way
+    way: Parting
     bits: float
     then: Side
     otherwise: Side
@@ -97,50 +97,50 @@ class Contrast:
 
 
 _ALWAYS: Final = 0.9
-NO_CONTRAST: Final = Contrast("nothing", Family.NOTHING, Way.EACH, 0.0, Side(0, 0), Side(0, 0))
+NO_CONTRAST: Final = Contrast("nothing", Family.NOTHING, Parting.EACH, 0.0, Side(0, 0), Side(0, 0))
 
 
-def _poll(rows: Asked) -> Figures:
+def _poll(rows: AskedRows) -> Figures:
     found: Figures = (rows.function.astype(np.int64) << 32) + (rows.address.astype(np.int64) << 16)
     found += rows.quantity
     return found
 
 
-def _end(rows: Asked) -> Figures:
+def _end(rows: AskedRows) -> Figures:
     return np.where(rows.quantity > 0, rows.address + rows.quantity - 1, _UNKNOWN).astype(np.int64)
 
 
-def _rest(rows: Asked) -> Figures:
+def _rest(rows: AskedRows) -> Figures:
     return np.where(rows.rest == NO_GAP, _UNKNOWN, np.maximum(rows.rest, 0))
 
 
 REQUEST_PROPERTIES: Final = (
-    Property("function", Family.ASKED, Way.EACH, lambda rows: rows.function.astype(np.int64)),
-    Property("quantity", Family.ASKED, Way.OVER, lambda rows: rows.quantity.astype(np.int64), 0.5),
-    Property("answer-bytes", Family.ASKED, Way.OVER, lambda rows: np.where(rows.due > 0, rows.due, _UNKNOWN), 1.0),
-    Property("address", Family.ASKED, Way.OVER, lambda rows: rows.address.astype(np.int64), 1.5),
-    Property("range-end", Family.ASKED, Way.OVER, _end, 2.0),
-    Property("poll", Family.ASKED, Way.EACH, _poll, 2.5),
+    Property("function", Family.ASKED, Parting.EACH, lambda rows: rows.function.astype(np.int64)),
+    Property("quantity", Family.ASKED, Parting.OVER, lambda rows: rows.quantity.astype(np.int64), 0.5),
+    Property("answer-bytes", Family.ASKED, Parting.OVER, lambda rows: np.where(rows.due > 0, rows.due, _UNKNOWN), 1.0),
+    Property("address", Family.ASKED, Parting.OVER, lambda rows: rows.address.astype(np.int64), 1.5),
+    Property("range-end", Family.ASKED, Parting.OVER, _end, 2.0),
+    Property("poll", Family.ASKED, Parting.EACH, _poll, 2.5),
 )
 CIRCUMSTANCES: Final = (
-    Property("rest", Family.BEFORE, Way.OVER, _rest, 2.0),
-    Property("unit-before", Family.BEFORE, Way.EACH, lambda rows: rows.before.astype(np.int64), 2.0),
-    Property("outcome-before", Family.BEFORE, Way.EACH, lambda rows: rows.outcome_before.astype(np.int64), 2.0),
-    Property("since", Family.TIME, Way.OVER, lambda rows: rows.time, 2.0),
+    Property("rest", Family.BEFORE, Parting.OVER, _rest, 2.0),
+    Property("unit-before", Family.BEFORE, Parting.EACH, lambda rows: rows.before.astype(np.int64), 2.0),
+    Property("outcome-before", Family.BEFORE, Parting.EACH, lambda rows: rows.outcome_before.astype(np.int64), 2.0),
+    Property("since", Family.TIME, Parting.OVER, lambda rows: rows.time, 2.0),
 )
 
 
-def silences(rows: Asked) -> tuple[Hits, Hits]:
+def silences(rows: AskedRows) -> tuple[Hits, Hits]:
     """Which requests stayed without an answer, and of which that is known."""
     return rows.outcome == Ending.SILENT, np.ones(len(rows), np.bool_)
 
 
-def damage(rows: Asked) -> tuple[Hits, Hits]:
+def damage(rows: AskedRows) -> tuple[Hits, Hits]:
     """Which answers are damaged, of those that came."""
     return rows.outcome == Ending.GARBAGE, rows.outcome != Ending.SILENT
 
 
-def refusals(rows: Asked) -> tuple[Hits, Hits]:
+def refusals(rows: AskedRows) -> tuple[Hits, Hits]:
     """Which requests got an exception, of those that were answered."""
     return rows.outcome == Ending.EXCEPTION, rows.outcome <= Ending.EXCEPTION
 
@@ -148,7 +148,7 @@ def refusals(rows: Asked) -> tuple[Hits, Hits]:
 HITS_OF: Final = {Symptom.SILENCE: silences, Symptom.DAMAGE: damage, Symptom.REFUSAL: refusals}
 
 
-def contrasts(rows: Asked, hits: Hits) -> list[Contrast]:
+def contrasts(rows: AskedRows, hits: Hits) -> list[Contrast]:
     """What the hits among these requests, in their order, hang on; the best first, none that saves nothing."""
     first = ~rows.repeats
     rows, hits = rows[first], hits[first]
@@ -185,7 +185,7 @@ def _parted(one: Property, values: Figures, hits: Hits, sums: _Sums) -> Contrast
     if np.count_nonzero(known) < 0.9 * len(known):
         return None
     values, hits = values[known], hits[known]
-    return (_over if one.way is Way.OVER else _each)(one, values, hits, sums)
+    return (_over if one.way is Parting.OVER else _each)(one, values, hits, sums)
 
 
 def _over(one: Property, values: Figures, hits: Hits, sums: _Sums) -> Contrast | None:
@@ -226,7 +226,7 @@ def _each(one: Property, values: Figures, hits: Hits, sums: _Sums) -> Contrast |
     return Contrast(one.name, one.family, one.way, bits, then, Side(every - then.hits, size - then.of), int(kinds[i]))
 
 
-def _chain(rows: Asked, hits: Hits, sums: _Sums) -> Iterator[Contrast]:
+def _chain(rows: AskedRows, hits: Hits, sums: _Sums) -> Iterator[Contrast]:
     """Spells: whether a hit follows a hit."""
     order = np.argsort(rows.time, kind="stable")
     hits = hits[order]
@@ -237,7 +237,7 @@ def _chain(rows: Asked, hits: Hits, sums: _Sums) -> Iterator[Contrast]:
     if then.rate <= otherwise.rate:
         return
     bits = float(sums.bits(*then) + sums.bits(*otherwise) - sums.bits(*every)) - _CHAIN_PRICE
-    yield Contrast("spells", Family.TIME, Way.EACH, bits, then, otherwise)
+    yield Contrast("spells", Family.TIME, Parting.EACH, bits, then, otherwise)
 
 
 _CHAIN_PRICE: Final = 1.0

@@ -20,7 +20,7 @@ from ..tables.transactions import ECHOED
 from .bits import surplus_bits
 from .contrasts import HITS_OF, NO_CONTRAST, Contrast, Family, contrasts
 from .exchanges import Ending
-from .exchangetable import Asked
+from .exchangetable import AskedRows
 from .flatmemory import Spells, densest
 from .ledger import Ledger
 from .polls import Poll
@@ -72,7 +72,7 @@ class Evidence:
     _readings: dict[int, list[Signature]] = field(default_factory=dict)
     _followed: dict[int, list[Signature]] = field(default_factory=dict)
     _contrasts: dict[tuple[Symptom, int], list[Contrast]] = field(default_factory=dict)
-    _rows: dict[int, Asked] = field(default_factory=dict)
+    _rows: dict[int, AskedRows] = field(default_factory=dict)
     moves: dict[int, Move] = field(default_factory=dict)  # by unit, once somebody asks (`analyzer.causes.taken`)
 
     def without(self, explained: Explained) -> Evidence:
@@ -113,7 +113,7 @@ class Evidence:
             return None
         return self.ledger.bytes * self.ledger.char_ns / self.ledger.span_ns
 
-    def rows(self, unit: int) -> Asked:
+    def rows(self, unit: int) -> AskedRows:
         """The exchanges of a unit, or an even part of them."""
         if unit not in self._rows:
             every = self.ledger.table.rows

@@ -25,7 +25,7 @@ NO_UNIT: Final = -1
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Asked(Columns):
+class AskedRows(Columns):
     """Requests of which something is known. `time` as `Ledger.axis` has it."""
 
     time: Int64s
@@ -51,7 +51,7 @@ class ExchangeTable:
     """The exchanges of a bus, or an even part of them."""
 
     def __init__(self) -> None:
-        self._parts: list[Asked] = []
+        self._parts: list[AskedRows] = []
         self._held = 0
         self._count = 0  # exchanges seen
         self._below = _ALL  # of the hashes of those that are remembered
@@ -79,7 +79,7 @@ class ExchangeTable:
 
         poll, t_next = mine(exchanges.poll), mine(exchanges.t_next)
         self._parts.append(
-            Asked(
+            AskedRows(
                 mine(times), mine(numbers), mine(exchanges.unit), mine(exchanges.function),
                 (poll >> 16 & 0xFFFF).astype(np.int32), (poll & 0xFFFF).astype(np.int32), mine(exchanges.due),
                 mine(exchanges.outcome), mine(exchanges.exception), mine(exchanges.noise), mine(exchanges.gap_before),
@@ -95,11 +95,11 @@ class ExchangeTable:
             self._held = len(self._parts[0])
 
     @property
-    def rows(self) -> Asked:
+    def rows(self) -> AskedRows:
         """All that are remembered, in order."""
         if len(self._parts) > 1:
-            self._parts = [Asked.joined(self._parts)]
-        return self._parts[0] if self._parts else Asked.zeros(0)
+            self._parts = [AskedRows.joined(self._parts)]
+        return self._parts[0] if self._parts else AskedRows.zeros(0)
 
     @property
     def weight(self) -> float:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from .bits import likelihood_bits
 from .evidence import Evidence, Move
 from .exchanges import Ending
-from .exchangetable import Asked
+from .exchangetable import AskedRows
 
 _WELL: Final = 5  # good answers by which its usual wait is known
 _RANGE: Final = (0.03, 0.97)
@@ -54,7 +54,7 @@ def _move(evidence: Evidence, unit: int) -> Move:
     return Move(count, taken, bits)
 
 
-def _usual(evidence: Evidence, rows: Asked, damaged: Asked) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _usual(evidence: Evidence, rows: AskedRows, damaged: AskedRows) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Of each damaged answer: whether the wait for the next request is as behind good ones to the same, and whether that
     is known."""
     usual, told = np.zeros(len(damaged), np.bool_), np.zeros(len(damaged), np.bool_)
