@@ -18,17 +18,19 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from heard_cases import HELD_OUT, heard
+from heard_cases import HELD_OUT, HeardCase, heard
 from numpy.typing import NDArray
 from score_causes import Calibration, is_right
 
 import analyzer.causes
 from analyzer.causes.certainty import Clues, certainty
+from analyzer.causes.ledger import Ledger
 from analyzer.causes.reasoning import claims_of
 from analyzer.causes.registry import suspects
 from analyzer.simulation.field.cases.registry import field_cases
 
 _TURNS = 5
+_SHORT = 160  # rows
 _LOOKED_AT = 3
 _HIDDEN_WEIGHT = 0.4  # of faults in the field about three in ten have no word
 _NEAREST = {  # what is true as well where the very word is hidden
@@ -66,20 +68,25 @@ def claims(cases: list[str], seeds: range, taps: list[str]) -> Iterator[Claim]:
                 continue
             for seed in seeds:
                 made = heard(case, tap, seed)
-                expected = made.expected
-                faults = [expected, *([expected.beside] if expected.beside else [])]
-                ledger = made.ledger()
-                for cause, clues in claims_of(ledger)[:_LOOKED_AT]:
-                    if cause.severity != "note" or expected.cause is not None:
-                        right = any(is_right(cause, fault) for fault in faults) or cause.cause in expected.also
-                        yield Claim(cause.cause, clues, right, 1.0)
-                if not expected.cause or expected.beside:
-                    continue
-                turn = names.index(expected.cause) % _TURNS
-                among = [suspect for i, suspect in enumerate(suspects()) if i % _TURNS != turn]
-                for cause, clues in claims_of(ledger, among)[:_LOOKED_AT]:
-                    near = cause.cause in (*expected.also, *_NEAREST.get(expected.cause, ()))
-                    yield Claim(cause.cause, clues, near, _HIDDEN_WEIGHT)
+                yield from _claims(made, made.ledger(), names)
+                if tap == taps[0] and len(made.parts):
+                    yield from _claims(made, made.ledger(_SHORT), names)  # broken off, as many captures are
+
+
+def _claims(made: HeardCase, ledger: Ledger, names: list[str]) -> Iterator[Claim]:
+    expected = made.expected
+    faults = [expected, *([expected.beside] if expected.beside else [])]
+    for cause, clues in claims_of(ledger)[:_LOOKED_AT]:
+        if cause.severity != "note" or expected.cause is not None:
+            right = any(is_right(cause, fault) for fault in faults) or cause.cause in expected.also
+            yield Claim(cause.cause, clues, right, 1.0)
+    if not expected.cause or expected.beside:
+        return
+    turn = names.index(expected.cause) % _TURNS
+    among = [suspect for i, suspect in enumerate(suspects()) if i % _TURNS != turn]
+    for cause, clues in claims_of(ledger, among)[:_LOOKED_AT]:
+        near = cause.cause in (*expected.also, *_NEAREST.get(expected.cause, ()))
+        yield Claim(cause.cause, clues, near, _HIDDEN_WEIGHT)
 
 
 def fit(found: list[Claim]) -> dict[str, object]:

@@ -10,7 +10,8 @@ from __future__ import annotations
 import hashlib
 import pickle
 import tempfile
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -48,9 +49,16 @@ class HeardCase:
     lost: int
     parts: list[tuple[Any, Any]]
 
-    def ledger(self) -> Ledger:
-        """What the causes see of it."""
-        return ledger_of(self.parts, self.line)
+    def ledger(self, most: int | None = None) -> Ledger:
+        """What the causes see of it, or of its first so many rows: a capture that was broken off."""
+        return ledger_of(self.parts if most is None else self._first(most), self.line)
+
+    def _first(self, most: int) -> Iterator[tuple[Any, Any]]:
+        for batch, transactions in self.parts:
+            rows = batch.rows[:most]
+            if len(rows):
+                yield replace(batch, rows=rows), transactions[transactions.request <= rows.index[-1]]
+            most -= len(rows)
 
 
 @cache

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Final
 
-from ..causes.certainty import in_words
+from ..causes.certainty import CALIBRATED, in_words
 from ..causes.leftovers import Left
 from ..causes.registry import Cause, cause_of
 from ..languages import counted, grouped, page_words
@@ -28,7 +28,9 @@ def cause_lines(causes: Sequence[Cause]) -> Iterator[PageLine]:
     for number, cause in enumerate(causes, 1):
         yield Paragraph(
             page_words(
-                "{number}. {cause}, {words} ({share:.0%}): {text}",
+                "{number}. {cause}, {words}: {text}"
+                if cause.confidence < CALIBRATED
+                else "{number}. {cause}, {words} ({share:.0%}): {text}",
                 number=number,
                 cause=cause.cause,
                 words=page_words(in_words(cause.confidence)),
