@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from heard_cases import HELD_OUT, HeardCase, heard
 from numpy.typing import NDArray
-from score_causes import Calibration, is_right
+from score_causes import NEAREST, Calibration, is_right
 
 import analyzer.causes
 from analyzer.causes.certainty import Clues, certainty
@@ -33,18 +33,6 @@ _TURNS = 5
 _SHORT = 160  # rows
 _LOOKED_AT = 3
 _HIDDEN_WEIGHT = 0.4  # of faults in the field about three in ten have no word
-_NEAREST = {  # what is true as well where the very word is hidden
-    "all-silent": ("dead-unit", "absent-units"),
-    "absent-units": ("dead-unit",),
-    "dead-unit": ("absent-units", "all-silent", "retry-policy"),
-    "retry-policy": ("dead-unit", "absent-units"),
-    "tap-flow-control": ("tap-loses",),
-    "tap-reversed": ("tap-one-direction",),
-    "client-driver-held": ("driver-enabled-late",),
-    "emi-mains": ("interference",),
-    "emi-drive": ("interference", "hours"),
-    "hours": ("interference",),
-}
 _RIDGE = 0.05
 _CAUSE_RIDGE = 2.0  # a cause of its own is fitted only as far as its claims carry it
 _FILE = Path(analyzer.causes.__file__).parent / "certainty.json"
@@ -85,7 +73,7 @@ def _claims(made: HeardCase, ledger: Ledger, names: list[str]) -> Iterator[Claim
     turn = names.index(expected.cause) % _TURNS
     among = [suspect for i, suspect in enumerate(suspects()) if i % _TURNS != turn]
     for cause, clues in claims_of(ledger, among)[:_LOOKED_AT]:
-        near = cause.cause in (*expected.also, *_NEAREST.get(expected.cause, ()))
+        near = cause.cause in (*expected.also, *NEAREST.get(expected.cause, ()))
         yield Claim(cause.cause, clues, near, _HIDDEN_WEIGHT)
 
 

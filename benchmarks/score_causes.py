@@ -41,6 +41,18 @@ from analyzer.simulation.field.cases.registry import ANY_TAP, field_cases
 _LOOKED_AT = 3
 _TURNS = 5
 _SURE = 0.5  # a claim less certain than that accuses nobody
+NEAREST = {  # what is true as well where the very word is hidden
+    "all-silent": ("dead-unit", "absent-units", "unit-restarts"),
+    "absent-units": ("dead-unit",),
+    "dead-unit": ("absent-units", "all-silent", "retry-policy"),
+    "retry-policy": ("dead-unit", "absent-units"),
+    "tap-flow-control": ("tap-loses",),
+    "tap-reversed": ("tap-one-direction",),
+    "client-driver-held": ("driver-enabled-late",),
+    "emi-mains": ("interference",),
+    "emi-drive": ("interference", "hours"),
+    "hours": ("interference",),
+}
 _BINS = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 1.001)
 
 
@@ -261,7 +273,7 @@ def score_hidden(names: Sequence[str], taps: Sequence[str], seeds: range, *, mis
                     if made.expected.cause not in hidden or made.expected.beside:
                         continue
                     story = story_of(made.ledger(), among)
-                    also = made.expected.also
+                    also = (*made.expected.also, *NEAREST.get(made.expected.cause, ()))
                     verdict = _verdict(story, also)
                     counts[verdict] += 1
                     calibration.add(story.causes, (), also)
