@@ -12,6 +12,7 @@ from captures.chunks import Capture, Damage
 from captures.line import LineSettings
 
 from .core import Analysed, analyse, deframe
+from .errors import stream_under_base, under_base
 from .extras import needs
 from .html_text import ShownList, Stream, html_page, html_table
 from .options import Options
@@ -88,7 +89,8 @@ class Analysis:
         `report`, and in filters to come. Raises MapError."""
         from dissectors.maps.files import unit_maps
 
-        return Analysis(self.capture, self.options, only=self.only, maps=unit_maps(maps))
+        with under_base():
+            return Analysis(self.capture, self.options, only=self.only, maps=unit_maps(maps))
 
     def report(self) -> Report:
         """The bus on one page, as `rtuscope report` has it; `to_json()` of it is that of `--json`."""
@@ -100,7 +102,8 @@ class Analysis:
 
             watch = ValueWatch(self.maps)
         name = str(self.capture.path or "")
-        return summarize(self.capture, source=name, options=self.options, filter=self.only, values=watch)
+        with under_base():
+            return summarize(self.capture, source=name, options=self.options, filter=self.only, values=watch)
 
     def export(
         self, out: str | PathLike[str], *, format: str | None = None, table: str = "frames", noise: bool = False
@@ -109,7 +112,8 @@ class Analysis:
         from .exports import ExportOptions, export
 
         options = ExportOptions(noise=noise, filter=self.only, table=table, charts=self.maps or None)
-        return export(self.capture, fspath(out), name=format, options=options, limits=self.options)
+        with under_base():
+            return export(self.capture, fspath(out), name=format, options=options, limits=self.options)
 
     @property
     def line(self) -> LineSettings:
@@ -125,16 +129,16 @@ class Analysis:
         """Rows with their bytes, batch after batch in wire order."""
         if self.only is not None:
             return (part.batch for part in self.analysed())
-        return deframe(self.capture, self.options)
+        return stream_under_base(deframe(self.capture, self.options))
 
     def analysed(self) -> Iterator[Analysed]:
         """The same batches, diagnosed, with the transactions and findings that belong to them."""
         stream = analyse(self.capture, self.options)
         if self.only is None:
-            return stream
+            return stream_under_base(stream)
         from .filters.evaluation import filtered
 
-        return filtered(stream, self.only, self.line)
+        return stream_under_base(filtered(stream, self.only, self.line))
 
     def frames(self) -> Stream[Frame]:
         """Every frame, in wire order, with its findings."""
@@ -241,4 +245,5 @@ def open(
     """
     from .paste import judge
 
-    return Analysis(captures.open(path, judge=judge, **reading), options)
+    with under_base():
+        return Analysis(captures.open(path, judge=judge, **reading), options)

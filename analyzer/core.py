@@ -21,14 +21,14 @@ from .deframing.protocols import Deframer
 from .deframing.wireorder import ClockSkew
 from .diagnosis.judge import Judge
 from .options import Options
-from .outages import Deaf, deaf_times, notes_of
+from .outages import Deaf, Deafness, deaf_times, notes_of
 from .tables.batch import Batch, join_batches, rows_of_findings
 from .tables.findings import NOTHING, Findings
 from .tables.origin import StreamOrigin
 from .tables.transactions import TransactionRows
 
 _BLOCK = 1 << 19  # bytes read at once: more costs memory and is no faster
-_NOTES = 64  # remembered of a port, the newest
+_OUTAGES = 256  # over, that are remembered, the newest
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +76,20 @@ class Analyzer:
     `settles`: False where `latest` alone is looked at; then these give nothing, and no row is kept for them.
     """
 
+    _options: Options
+    _settles: bool
+    _outages: list[Deaf]
+    _deafness: Deafness
+    _octets: dict[int, int]
+    _frames: int
+    _now: int
+    line: LineSettings
+    _origin: StreamOrigin
+    _deframer: Deframer
+    _judge: Judge
+    _unsettled: _Unsettled
+    _latest: Analysed
+
     def __init__(
         self,
         line: LineSettings,
@@ -87,8 +101,8 @@ class Analyzer:
         self._options = options
         self._settles = settles
         self._outages = list(outages)
-        self._notes: list[Note] = []
-        self._octets: dict[int, int] = {}  # bytes so far, by port
+        self._deafness = Deafness()
+        self._octets = {}  # bytes so far, by port
         self._frames = 0
         self._now = 0
         self._begin(line, StreamOrigin())
@@ -120,8 +134,9 @@ class Analyzer:
 
     def note(self, note: Note) -> None:
         """Something happened to a port: lost, opened, bytes missing. No answer is missed that came meanwhile."""
-        self._notes = [*self._notes[1 - _NOTES :], note]
-        self._outages[:] = deaf_times(self._notes)
+        self._deafness.feed(note)
+        del self._deafness.over[:-_OUTAGES]
+        self._outages[:] = self._deafness.times
 
     def deafen(self, outages: Sequence[Deaf]) -> None:
         """Times in which nothing was heard, all of them, where more have become known."""
@@ -184,11 +199,16 @@ class Analyzer:
 class _Unsettled:
     """Batches that wait until nothing more can be said of their rows, and what was said so far."""
 
+    _batches: list[tuple[Batch, int]]
+    _frames: int
+    _transactions: TransactionRows
+    _findings: Findings
+
     def __init__(self, frames: int) -> None:
-        self._batches: list[tuple[Batch, int]] = []  # and how many frames there were behind it
+        self._batches = []  # and how many frames there were behind it
         self._frames = frames
-        self._transactions: TransactionRows = TransactionRows.zeros(0)
-        self._findings: Findings = NOTHING
+        self._transactions = TransactionRows.zeros(0)
+        self._findings = NOTHING
 
     def add_rows(self, batch: Batch, frames: int) -> None:
         """Take in a batch; `frames` so far, those in it counted."""
@@ -324,9 +344,12 @@ class EvenBlocks:
     `room`: bytes of the first block.
     """
 
+    _room: int
+    _parts: list[Block]
+
     def __init__(self, room: int = _BLOCK) -> None:
         self._room = room
-        self._parts: list[Block] = []
+        self._parts = []
 
     def feed(self, block: Block) -> Iterator[Block]:
         """The blocks that these chunks complete."""

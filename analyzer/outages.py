@@ -8,7 +8,7 @@ for it, nor for a frame that was cut off when such a time began.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 _WAIT_NS: Final = 10_000_000_000  # for an answer, at the most
-_FRAME_NS: Final = 500_000_000  # that a frame takes, and the loss of an adapter to be noticed
+NOTICED_NS: Final = 500_000_000  # that a frame takes, and the loss of an adapter to be noticed
 _CUT: Final = ("truncated", "byte-missing")
 
 
@@ -47,44 +47,69 @@ def notes_of(capture: Capture) -> list[Note]:
     return capture.notes()
 
 
-def deaf_times(notes: Iterable[Note]) -> list[Deaf]:
-    """From the loss of an adapter to its return, and moments at which bytes were lost, in order of time."""
-    times: list[Deaf] = []
-    away: dict[str, Note] = {}  # by the port, which a note begins with
-    for note in notes:
+@dataclass(slots=True)
+class Deafness:
+    """Times in which nothing was heard, note by note: from the loss of an adapter to its return, and lost bytes."""
+
+    over: list[Deaf] = field(default_factory=list)
+    away: dict[str, Note] = field(default_factory=dict)  # since when, by the port, which a note begins with
+
+    def feed(self, note: Note) -> None:
+        """The next note."""
         port = note.text.partition(": ")[0]
         if note.kind == "lost":
-            away.setdefault(port, note)
-        elif note.kind == "opened" and port in away:
-            lost = away.pop(port)
-            times.append(Deaf(lost.t_ns, note.t_ns, lost.text))
+            self.away.setdefault(port, note)
+        elif note.kind == "opened" and port in self.away:
+            lost = self.away.pop(port)
+            self.over.append(Deaf(lost.t_ns, note.t_ns, lost.text))
         elif note.kind == "gap":
-            times.append(Deaf(note.t_ns, note.t_ns, note.text))
-    times += [Deaf(lost.t_ns, None, lost.text) for lost in away.values()]
-    return sorted(times, key=lambda time: time.from_ns)
+            self.over.append(Deaf(note.t_ns, note.t_ns, note.text))
+
+    @property
+    def times(self) -> list[Deaf]:
+        """All that is known, in order of time."""
+        away = [Deaf(lost.t_ns, None, lost.text) for lost in self.away.values()]
+        return sorted([*self.over, *away], key=lambda time: time.from_ns)
 
 
-def with_unheard(settled: TransactionRows, times: Sequence[Deaf]) -> TransactionRows:
-    """Transactions, with those UNHEARD that wait for an answer which may have come while nothing was heard."""
+def deaf_times(notes: Iterable[Note]) -> list[Deaf]:
+    """The times of these notes, in order."""
+    deafness = Deafness()
+    for note in notes:
+        deafness.feed(note)
+    return deafness.times
+
+
+def with_unheard(settled: TransactionRows, times: Sequence[Deaf], *, last: bool = False) -> TransactionRows:
+    """Transactions, with those UNHEARD that wait for an answer which may have come while nothing was heard.
+
+    `last`: the recording is over; else a wait of which no request shows the end was over when it was settled.
+    """
     silent = np.flatnonzero(settled.status == Status.UNANSWERED) if times else ()
     if not len(silent):
         return settled
     asked, end = settled.t_request_ns[silent], settled.t_next_ns[silent]
-    end = np.where(end == NEVER, asked + _WAIT_NS, np.minimum(end, asked + _WAIT_NS))
+    end = np.where(end == NEVER, asked + _WAIT_NS * last, np.minimum(end, asked + _WAIT_NS))
     settled.status[silent[_meets(asked, end, times)]] = Status.UNHEARD
     return settled
 
 
-def excused(findings: Findings, times: Sequence[Deaf]) -> Findings:
-    """Findings without those of frames whose end was cut off when the recorder went deaf: no device did that."""
-    if not times or not len(findings):
-        return findings
+def excusable(findings: Findings) -> NDArray[np.bool_]:
+    """Which findings speak of frames whose end may have been cut off when the recorder went deaf."""
     from .tables.findings import codes
 
-    cut = np.flatnonzero(np.isin(findings.rule, [codes().index(code) for code in _CUT]))
+    found: NDArray[np.bool_] = np.isin(findings.rule, [codes().index(code) for code in _CUT])
+    return found
+
+
+def excused(findings: Findings, times: Sequence[Deaf]) -> Findings:
+    """Findings without those of frames whose end was cut off so: no device did that."""
+    if not times or not len(findings):
+        return findings
+    cut = np.flatnonzero(excusable(findings))
     begun = findings.t_ns[cut]
     stays = np.ones(len(findings), np.bool_)
-    stays[cut[_meets(begun, begun + _FRAME_NS, times)]] = False
+    stays[cut[_meets(begun, begun + NOTICED_NS, times)]] = False
     return findings[stays]
 
 

@@ -1,7 +1,8 @@
 """Settings that stay: the user's `config.toml` and a project's `rtuscope.toml`, each value with where it stands.
 
 A setting is a default of the command line, which wins; a project's wins over the user's. A project's file is found in
-the working folder or above it. It cannot name functions: those are code, and a folder is not trusted by being entered.
+the working folder or above it. A folder is not trusted by being entered: its file cannot name functions, which are
+code, nor a port that is not this machine's, nor a map outside of the folder.
 """
 
 from __future__ import annotations
@@ -12,11 +13,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
+from .errors import RtuscopeError
 from .meant import did_you_mean
 from .settingfiles import PROJECT, found_files, user_file
 
 
-class SettingsError(Exception):
+class SettingsError(RtuscopeError):
     """A settings file that cannot be used: which, what line, what to do."""
 
 
@@ -47,6 +49,7 @@ class SetValue:
 
 
 _NUMBER: Final = (int, float)
+_LOCAL_PORT: Final = re.compile(r"COM\d{1,4}|/dev/(?!.*\.\.)[\w./:+-]+", re.IGNORECASE)  # no host, no file, no `spy://`
 SETTINGS: Final = (
     Setting("port", str, ("port",), "the port that sniff, record and tap listen to", taps=True),
     Setting("tz", str, ("tz",), "zone of times without one"),
@@ -115,6 +118,8 @@ def _read(file: str, *, project: bool) -> Iterator[SetValue]:
                 raise SettingsError(f"{at.where}: {key} is no text")
             if table == "colours" and key.partition(".")[2] not in COLOURS:
                 raise SettingsError(f"{at.where}: no colour {key.partition('.')[2]!r}: {', '.join(COLOURS)}")
+            if project and table == "maps":
+                _refuse_outside(at)
             yield SetValue(key, _resolved(file, value) if table == "maps" else value, file, at.line)
             continue
         setting = known.get(key)
@@ -131,6 +136,9 @@ def _read(file: str, *, project: bool) -> Iterator[SetValue]:
             raise SettingsError(f"{at.where}: theme is {value!r}: light or dark")
         if isinstance(value, list):
             value = [_resolved(file, str(item)) for item in value]
+        if project and setting.key == "port" and not _LOCAL_PORT.fullmatch(str(value)):
+            raise SettingsError(f"{at.where}: port {value!r} is none of this machine's, which a project's file cannot "
+                                f"name: put it into {user_file()}, or give it to the command")  # fmt: skip
         yield SetValue(key, value, file, at.line)
 
 
@@ -155,6 +163,24 @@ def _line_of(text: str, key: str) -> int | None:
         if name and ".".join(filter(None, (table, re.sub(r"[\"'\s]", "", name[1])))) == key:
             return number
     return None
+
+
+def _refuse_outside(at: SetValue) -> None:
+    """SettingsError for a map of a project's that lies elsewhere: another machine's, a device, a file of the user's."""
+    folder = os.path.dirname(os.path.abspath(at.file))  # noqa: PTH100, PTH120
+    path = os.path.join(folder, at.value)  # noqa: PTH118
+    named = at.value.startswith(("~", "/", "\\")) or ":" in at.value or ".." in re.split(r"[/\\]", at.value)
+    try:
+        inside = not named and _is_below(os.path.realpath(path), os.path.realpath(folder))
+    except (OSError, ValueError):  # with a NUL
+        inside = False
+    if not inside:
+        raise SettingsError(f"{at.where}: the map {at.value!r} is not in the folder of the project, whose file cannot "
+                            f"name others: put it into {user_file()}, or give --map")  # fmt: skip
+
+
+def _is_below(path: str, folder: str) -> bool:
+    return os.path.commonpath((path, folder)) == folder
 
 
 def _resolved(file: str, name: str) -> str:

@@ -68,15 +68,23 @@ class TerminalGate:
 
 @contextmanager
 def gated_streams() -> Iterator[None]:
-    """Standard output and standard error through the gate."""
-    before = sys.stdout, sys.stderr
-    with open(os.devnull, "w", encoding="utf-8", errors="replace") as nowhere:  # noqa: PTH123 - pathlib takes 4 ms
-        streams = (cast(TextIO, TerminalGate(stream or nowhere)) for stream in before)  # None: closed by the shell
-        sys.stdout, sys.stderr = streams
+    """Standard output and standard error through the gate.
+
+    The one place that knows of streams which are None, as the shell's `<&-` and `pythonw` leave them: inside, all three
+    are there, what was closed reads and writes as /dev/null. That takes the lowest descriptors, so no file gets them.
+    """
+    before = sys.stdin, sys.stdout, sys.stderr
+    with open(os.devnull, encoding="utf-8") as nothing, _nowhere() as nowhere:  # noqa: PTH123 - pathlib takes 4 ms
+        sys.stdin = before[0] or nothing
+        sys.stdout, sys.stderr = (cast(TextIO, TerminalGate(stream or nowhere)) for stream in before[1:])
         try:
             yield
         finally:
-            sys.stdout, sys.stderr = before
+            sys.stdin, sys.stdout, sys.stderr = before
+
+
+def _nowhere() -> TextIO:
+    return open(os.devnull, "w", encoding="utf-8", errors="replace")  # noqa: PTH123
 
 
 def _ready(text: str) -> str:

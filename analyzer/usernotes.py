@@ -17,12 +17,14 @@ from numpy.typing import NDArray
 import captures
 from captures.files import opened
 
+from .errors import RtuscopeError
+
 _VERSION = 1
 _LONGEST = 64 << 20  # bytes
 Place = tuple[int, int]  # port, offset of the row's first byte
 
 
-class NotesError(Exception):
+class NotesError(RtuscopeError):
     """A file of notes that cannot be read; the message says which and why."""
 
 
@@ -126,7 +128,7 @@ class Notes:
             document["time_reference"] = {"port": self.reference[0], "start": self.reference[1]}
         if self.types:
             document["types"] = {":".join(map(str, spot)): words for spot, words in sorted(self.types.items())}
-        with captures.replacing(self.path) as out:
+        with captures.replacing(self.path, private=True) as out:
             text = json.dumps(document, indent=2, ensure_ascii=False) + "\n"
             out.write(text.encode(errors="backslashreplace"))  # half a surrogate pair comes out as JSON writes it
 

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from .chunks import Block, Capture, Note
 from .errors import CaptureError
-from .line import LineSettings
+from .line import DIRECTIONS_NOTE, PROTOCOLS_NOTE, LineSettings
 from .recording.notes import Note as LineNote
 
 Spans = Mapping[int, Sequence[tuple[int, int]]]  # by port: stretches of its stream, in order, none overlapping another
 Times = Sequence[tuple[int, int]]  # stretches of time in ns, both ends in them, in order
 _PORTS: Final = 256
-_LISTS: Final = ("protocols", "directions")  # notes of a line that hold a word a port
+_LISTS: Final = (PROTOCOLS_NOTE, DIRECTIONS_NOTE)  # notes of a line that hold a word a port
 
 
 def shifted(capture: Capture, by_ns: int) -> Capture:

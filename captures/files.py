@@ -9,20 +9,20 @@ from __future__ import annotations
 import os
 import re
 import stat
-import tempfile
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from itertools import chain
 from pathlib import Path
 from typing import BinaryIO, Final
 
-from .errors import OPEN_ELSEWHERE, CaptureError, os_reason
+from .disposal import device_stream, made, move_to_free_name, part_of, put_in_place, remove_made
+from .errors import CaptureError, os_reason
 
 HEAD_BYTES = 1 << 16  # what formats are recognised by
 LINE_LIMIT = 64 << 20  # bytes: a longer line is no line of text
 _HEADER_LIMIT = 1 << 20
+PRIVATE: Final = 0o600  # the mode of new files whose content is their owner's alone: recordings, settings
 _DEVICES: Final = "\\\\.\\"  # how Windows' whole paths of devices begin
-_WAITS_S: Final = (0.05, 0.1, 0.2, 0.4)  # between attempts to rename
 _PIECE = 1 << 16
 _SOURCE = "open the capture that it was made from"
 
@@ -38,6 +38,9 @@ _OTHER_KINDS = (
     (b"%PDF-", "a PDF document"),
     (b"SQLite format 3\x00", "an SQLite database"),
     (b"PAR1", f"a Parquet table: {_SOURCE}"),
+    (b"snoop\0\0\0", "a file of snoop: convert it, as with `tshark -r FILE -w FILE.pcapng`"),
+    (b"GMBU", "a file of Network Monitor: convert it, as with `tshark -r FILE -w FILE.pcapng`"),
+    (b"RTSS", "a file of Network Monitor 1: convert it, as with `tshark -r FILE -w FILE.pcapng`"),
     (b"<!DOCTYPE html", f"an HTML page: {_SOURCE}"),
 )
 EXPORTED: Final = f"a table that this tool exported: {_SOURCE}"
@@ -176,37 +179,51 @@ def text_batches(file: BinaryIO, note: Callable[[str, str], None], size: int) ->
 
 
 @contextmanager
-def replacing(path: Path | str) -> Iterator[BinaryIO]:
+def replacing(path: Path | str, *, private: bool = False) -> Iterator[BinaryIO]:
     """A file to write that takes its name only when the block ends well, replacing what had that name.
 
-    What is not a regular file (a pipe, /dev/null) is written directly. CaptureError says which file could not be
+    `private`: for its owner alone, where it is new; one that is there keeps its mode. What is not a regular file (a
+    pipe, /dev/null) is written directly. CaptureError says which file could not be
     written and why; whatever ends the block early, nothing is left under the name, nor beside it.
     """
     path = Path(path)
     refuse_device_name(path)
     try:
         target = path.resolve()
-        if target.exists() and not target.is_file():
+        there = target.exists()
+        if there and not target.is_file():
             if target.is_dir():
                 raise CaptureError(f"{path}: is a directory: give the name of a file to write")
-            with target.open("wb") as file:
+            with device_stream(target) as file:
                 yield file
             return
-        mode = stat.S_IMODE(target.stat().st_mode) if target.exists() else 0o666 & ~_umask()
-        handle, name = tempfile.mkstemp(prefix=f".{target.name[:64]}.", suffix=".part", dir=target.parent)
+        mode = stat.S_IMODE(target.stat().st_mode) if there else (PRIVATE if private else 0o666) & ~_umask()
+        handle, part = part_of(target)
+        mine = made(part)
         try:
-            with os.fdopen(handle, "wb") as part:
-                yield part
-            Path(name).chmod(mode)
-            patiently(lambda: Path(name).replace(target))
+            with os.fdopen(handle, "wb") as stream:
+                yield stream
+            part.chmod(mode)
+            if there:
+                put_in_place(part, target)
+            else:
+                _settle(part, target)
         except BaseException:
             with suppress(OSError):
-                Path(name).unlink()
+                remove_made(part, mine)
             raise
     except FileNotFoundError as error:
         raise CaptureError(f"{path}: cannot be written: no such folder as {path.parent}") from error
     except OSError as error:
         raise CaptureError(f"{path}: cannot be written: {os_reason(error)}") from error
+
+
+def _settle(part: Path, target: Path) -> None:
+    """Give a whole file its name, which nothing had when it was begun; where something has it now, one beside it."""
+    names = (target.with_name(f"{target.stem}-{number}{target.suffix}") for number in range(2, 1000))
+    taken = move_to_free_name(part, chain((target,), names))
+    if taken != target:
+        raise CaptureError(f"{target}: another program has made it meanwhile: what was to be there is {taken}")
 
 
 def refuse_device_name(path: Path) -> None:
@@ -215,19 +232,6 @@ def refuse_device_name(path: Path) -> None:
     if os.name == "nt" and device.startswith(_DEVICES) and path.name.lower() != "nul":
         device = device.removeprefix(_DEVICES).upper()
         raise CaptureError(f"{path}: by that name Windows means the device {device}: give another")
-
-
-def patiently(rename: Callable[[], object]) -> None:
-    """Rename a file; on Windows one that is open elsewhere is waited for: virus scanners open what is new. OSError."""
-    for wait_s in _WAITS_S:
-        try:
-            rename()
-            return
-        except PermissionError as error:
-            if getattr(error, "winerror", None) not in OPEN_ELSEWHERE:
-                raise
-        time.sleep(wait_s)
-    rename()
 
 
 def _umask() -> int:

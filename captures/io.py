@@ -184,7 +184,7 @@ def write(
     if isinstance(target, (str, PathLike)):
         path = Path(target)
         chosen = by_name(format) if format is not None else for_writing(path)
-        with replacing(path) as file:
+        with replacing(path, private=True) as file:
             _put(chosen, file, settings, capture)
     else:
         _put(by_name(format or "serial-chunks"), target, settings, capture)

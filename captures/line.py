@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from math import ceil
 
 DIRECTIONS_NOTE = "directions"  # in the notes of a line: the only direction of each port, in order: `request,response`
+BY_MARKS = "marked"  # among these: a port that hears both, where marks say who asks (TX) and who answers
 PROTOCOLS_NOTE = "protocols"  # in the notes of a line: what each port speaks, in order: `tcp,rtu`, where that is known
 POLARITIES = ("normal", "inverted")  # of edges: a line that is high, or low, when idle
 _BAUD_LIMIT = 100_000_000

@@ -18,6 +18,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import IO, Any, BinaryIO, Final
 
+from .disposal import TemporaryFolder
 from .errors import CaptureError, os_reason
 from .files import HEAD_BYTES, opened
 
@@ -25,8 +26,8 @@ STANDARD_INPUT: Final = "-"
 _PIECE: Final = 1 << 18
 _ZSTD_PIECE: Final = 1 << 10  # each of them may grow 32,000 times
 _ROOM: Final = 1 << 28  # bytes that are left free on the disk
-_SMALL: Final = 1 << 26  # bytes up to which a packed file may grow whatever its size
-_GROWTH: Final = 250  # times its size, beyond that
+_SMALL: Final = 1 << 22  # bytes up to which a packed file may grow whatever its size
+_GROWTH: Final = 50  # times its size, beyond that: captures shrink to a half as bytes, to a twentieth as text
 _DEPTH: Final = 3  # packed files in packed files
 _NO_CAPTURE: Final = ("__MACOSX/", ".DS_Store")
 
@@ -45,17 +46,17 @@ class LocalFile:
     name: str
     steps: tuple[str, ...] = ()
     cut: str | None = None
-    folder: Path | None = None
+    folder: TemporaryFolder | None = None
 
     def keep(self, owner: object) -> None:
         """Temporary files stay as long as `owner` does."""
         if self.folder is not None:
-            weakref.finalize(owner, shutil.rmtree, self.folder, ignore_errors=True)
+            weakref.finalize(owner, self.folder.remove)
 
     def remove(self) -> None:
         """Remove temporary files now."""
         if self.folder is not None:
-            shutil.rmtree(self.folder, ignore_errors=True)
+            self.folder.remove()
 
     def blamed(self, error: CaptureError) -> CaptureError:
         """The same error about the file as the user calls it."""
@@ -65,7 +66,7 @@ class LocalFile:
 def local_file(path: Path) -> LocalFile:
     """A file that is there as it stands; what a pipe or standard input (`-`) gives is put into a temporary one."""
     if str(path) == STANDARD_INPUT:
-        if sys.stdin is None or sys.stdin.isatty():
+        if sys.stdin is None or sys.stdin.isatty():  # None: outside of a command of ours
             raise CaptureError("standard input is a terminal: put a capture into it, as in: rtuscope report - < FILE")
         return _spooled(sys.stdin.buffer, "standard input", "stdin")
     try:
@@ -84,14 +85,14 @@ def local_file(path: Path) -> LocalFile:
 def _spooled(stream: IO[bytes], name: str, base: str) -> LocalFile:
     folder = _temporary()
     try:
-        file = LocalFile(folder / base, name, folder=folder)
-        with file.path.open("wb") as out:
+        file = LocalFile(folder.path / base, name, folder=folder)
+        with file.path.open("xb") as out:
             _copied(stream, out, name, limit=None)
     except OSError as error:
-        shutil.rmtree(folder, ignore_errors=True)
-        raise CaptureError(f"{name}: cannot be kept in {folder.parent}: {os_reason(error)}") from error
+        folder.remove()
+        raise CaptureError(f"{name}: cannot be kept in {folder.path.parent}: {os_reason(error)}") from error
     except BaseException:
-        shutil.rmtree(folder, ignore_errors=True)
+        folder.remove()
         raise
     return file
 
@@ -119,9 +120,9 @@ def unpacked(file: LocalFile, head: bytes, member: Member) -> LocalFile | None:
     return replace(out, steps=(*file.steps, packing.name))
 
 
-def _temporary() -> Path:
+def _temporary() -> TemporaryFolder:
     try:
-        return Path(tempfile.mkdtemp(prefix="rtuscope-"))
+        return TemporaryFolder("rtuscope-")
     except OSError as error:
         raise CaptureError(f"{tempfile.gettempdir()}: cannot be written: {os_reason(error)}") from error
 
@@ -165,7 +166,7 @@ class _Packing:
         inner = Path(file.name).name
         for suffix in self.suffixes:
             inner = inner[: -len(suffix)] if inner.lower().endswith(suffix) else inner
-        target = file.folder / f"{len(file.steps)}" / inner
+        target = file.folder.path / f"{len(file.steps)}" / inner
         with self.open(packed) as stream:
             return _put(stream, target, file, self.name)
 
@@ -174,7 +175,7 @@ def _put(stream: IO[bytes], target: Path, file: LocalFile, packing: str) -> Loca
     size = file.path.stat().st_size
     try:
         target.parent.mkdir(exist_ok=True)
-        with target.open("wb") as out:
+        with target.open("xb") as out:
             cut = _copied(stream, out, file.name, limit=max(_SMALL, _GROWTH * size))
     except OSError as error:
         raise CaptureError(f"{file.name}: cannot be unpacked to {target.parent}: {os_reason(error)}") from error
@@ -193,7 +194,7 @@ class _Zip(_Packing):
         try:
             with zipfile.ZipFile(packed) as archive:
                 info = _only(archive, file.name, member)
-                target = file.folder / f"{len(file.steps)}" / (Path(info.filename).name or "capture")
+                target = file.folder.path / f"{len(file.steps)}" / (Path(info.filename).name or "capture")
                 with archive.open(info) as stream:
                     return _put(stream, target, file, self.name)
         except RuntimeError as error:  # what zipfile raises where a password is needed

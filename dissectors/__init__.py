@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Final
 if TYPE_CHECKING:
     from .annotation import Context, annotate, summary
     from .blocks import Bits, Items, Octets, Record, Registers, Rest, Text
+    from .building import build
     from .crc import crc16, crc_bytes, crc_ok, lrc
     from .declaration import (
         Address,
@@ -69,6 +70,7 @@ __all__ = [
     "annotate",
     "ascii_adu",
     "ascii_frames",
+    "build",
     "crc16",
     "crc_bytes",
     "crc_ok",
@@ -97,6 +99,7 @@ __all__ = [
 _HOME: Final = {
     "annotation": ("Context", "annotate", "summary"),
     "blocks": ("Bits", "Items", "Octets", "Record", "Registers", "Rest", "Text"),
+    "building": ("build",),
     "crc": ("crc16", "crc_bytes", "crc_ok", "lrc"),
     "declaration": (
         "DeclarationError",

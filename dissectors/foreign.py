@@ -10,10 +10,15 @@ Prices are bounded: of long bytes the first are looked at.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from typing import Final, NamedTuple
 
 from .crc import ALGORITHMS, CRC_TABLE, Algorithm, lrc
+from .declaration import USER_DEFINED
+from .length_rules import Role
+from .lengths import rule, sound_roles
+from .limits import CRC_SIZE, EXCEPTION
 
 _MOST: Final = 1 << 12  # bytes looked at
 _CHECKS: Final = 64  # check values computed over whole frames
@@ -134,6 +139,37 @@ def _places(data: bytes, mark: bytes, length: int) -> Iterator[int]:
         at = data.find(mark, at + 1)
 
 
+def _lin(data: bytes) -> Iterator[ForeignFrame]:
+    """Frames behind a break and the field 55: identifier with its two parities, data, a sum with carries."""
+    for at in _places(data, b"\x55", 4):
+        identifier = data[at + 1]
+        one, two = (
+            (identifier ^ identifier >> 1 ^ identifier >> 2 ^ identifier >> 4),
+            (identifier >> 1 ^ identifier >> 3 ^ identifier >> 4 ^ identifier >> 5),
+        )
+        if identifier >> 6 != (one & 1) | (~two & 1) << 1:
+            continue
+        begin = at - 1 if at and not data[at - 1] else at
+        for size in range(_LIN_MOST, 0, -1):
+            body = data[at + 2 : at + 3 + size]
+            if len(body) > size and body[-1] in (_lin_check(body[:-1], 0), _lin_check(body[:-1], identifier)):
+                yield ForeignFrame(begin, at + 3 + size)
+                break
+
+
+def _lin_check(octets: bytes, first: int) -> int:
+    total = first
+    for byte in octets:
+        total += byte
+        total -= 0xFF if total > 0xFF else 0
+    return ~total & 0xFF
+
+
+_LIN_MOST: Final = 8  # bytes of data
+_MIDI: Final = re.compile(
+    rb"(?:\xF8|\xFA|\xFC|\xFE|[\x80-\xBF\xE0-\xEF](?:[\x00-\x7F]{2})+|[\xC0-\xDF][\x00-\x7F]+|\xF0[\x00-\x7F]*\xF7|"
+    rb"\xF2[\x00-\x7F]{2}|[\xF1\xF3][\x00-\x7F]|\xF6){4,}"
+)
 _NMEA: Final = "NMEA 0183 (GPS, ships)"
 IN_ANY_BYTES: Final[dict[str, Callable[[bytes], Iterator[ForeignFrame]]]] = {
     "BACnet MS/TP": _mstp,
@@ -143,16 +179,20 @@ IN_ANY_BYTES: Final[dict[str, Callable[[bytes], Iterator[ForeignFrame]]]] = {
     "IEC 62056-21 (meters)": _meter_readout,
     "DL/T 645 (meters)": _dlt645,
     _NMEA: _nmea,
+    "LIN": _lin,
+    "MIDI": _lines_of(_MIDI),
     "OWEN": _lines_of(_OWEN),
     "DCON": _lines_of(_DCON),
 }
 TALKERS: Final = frozenset({_NMEA})  # one sends, unasked, to whoever listens
-UNCHECKED: Final = frozenset({"OWEN", "DCON"})  # known by the characters of their lines alone
+UNCHECKED: Final = frozenset({"OWEN", "DCON", "MIDI"})  # known by the characters of their lines alone
+LOOSE: Final = frozenset({"LIN", "MIDI"})  # so short that a few are chance: only what they are most of tells
 MERCURY_200: Final = "Mercury 200 (a meter's own, with the CRC of Modbus)"
 MERCURY_230: Final = "Mercury 230 (a meter's own, with the CRC of Modbus)"
 MILUR: Final = "Milur (a meter's own, with the CRC of Modbus)"
 PULSAR: Final = "Pulsar (a meter's own, with the CRC of Modbus)"
-NAMES: Final = ("", *IN_ANY_BYTES, MERCURY_200, MERCURY_230, MILUR, PULSAR)  # by number; 0 is none
+SAME_CRC: Final = "a protocol with the CRC of Modbus (meters use it so)"
+NAMES: Final = ("", *IN_ANY_BYTES, MERCURY_200, MERCURY_230, MILUR, PULSAR, SAME_CRC)  # by number; 0 is none
 
 
 def foreign_bytes(data: bytes) -> tuple[str, int, int]:
@@ -180,6 +220,13 @@ _PULSAR_LEAST: Final = 10
 _PULSAR: Final = (0, 1, 3, 4, 5, 6, 7, 8, 10, 11)  # its functions
 _SHORTEST: Final = 3  # a byte less than a frame has
 _LONGEST: Final = 260
+_DIAGNOSTICS, _DIAGNOSTICS_ADU, _LAST_DIAGNOSTIC = 8, 8, 0x14  # a function, bytes, a subfunction
+_FEW, _SEVERAL = 2, 3  # frames that tell a session
+_PIECES: Final = 8  # of a line that tell a protocol of its own,
+_LENGTHS: Final = 3  # and different lengths among them
+_PLACES, _MORE = range(7), range(-1, 13)  # where a frame says its length, and what that leaves out
+_DMX_BAUD: Final = 250_000  # bit/s (ANSI E1.11)
+_NEARLY_ALL: Final = 0.9
 _CHANNEL: Final = 11  # bytes that open a session, of a Mercury 230 and of a Milur
 
 
@@ -190,8 +237,11 @@ class MeterTalk:
     a meter's beyond doubt makes its address known; what else that address says is the meter's, too.
     """
 
+    _known: dict[bytes, str]
+    _before: bytes
+
     def __init__(self) -> None:
-        self._known: dict[bytes, str] = {}  # by address, of one byte or four
+        self._known = {}  # by address, of one byte or four
         self._before = b""
 
     def name(self, adu: bytes, *, undeclared: bool) -> str:
@@ -227,6 +277,85 @@ class MeterTalk:
                 break
             name, at = protocol, at + size
         return name, at
+
+
+def checked_frames(data: bytes) -> list[bytes]:
+    """The frames with a right CRC of Modbus, of whatever length, that are all of these bytes; none where some are left.
+
+    The shortest each: one that ends sooner by chance is one in 65,536.
+    """
+    frames, at = [], 0
+    while at < min(len(data), _MOST):
+        size = _checked(data, at)
+        if not size:
+            return []
+        frames.append(data[at : at + size])
+        at += size
+    return frames
+
+
+def is_legal(adu: bytes) -> bool:
+    """Whether a frame with a right CRC may be one of Modbus: a declared function of a right length, or a free one.
+
+    Function 8 is of any length by its declaration; but for loop-backs it has one, and few subfunctions ([1] 6.8).
+    """
+    if adu[1] == _DIAGNOSTICS and any(adu[2:4]):
+        return len(adu) == _DIAGNOSTICS_ADU and adu[2] == 0 and adu[3] <= _LAST_DIAGNOSTIC
+    return adu[1] & ~EXCEPTION in USER_DEFINED or bool(sound_roles(adu[1:-CRC_SIZE]))
+
+
+def session_of(frames: Sequence[bytes]) -> str:
+    """The other protocol with the CRC of Modbus that these frames are of, each with a right CRC; nothing where most are
+    of Modbus, or too few of anything."""
+    talk, names = MeterTalk(), Counter[str]()
+    for adu in frames:
+        free = adu[1] & ~EXCEPTION in USER_DEFINED
+        name = "" if is_legal(adu) and not free else talk.name(adu, undeclared=is_undeclared(adu[1]))
+        if name or not is_legal(adu):
+            names[name or SAME_CRC] += 1
+    known = names.total() - names[SAME_CRC]
+    legal = len(frames) - names.total()
+    if names.total() < (_FEW if known else _SEVERAL) or names.total() <= 2 * legal:
+        return ""
+    return (
+        max(names, key=lambda name: (names[name], name))
+        if not known
+        else max(names.keys() - {SAME_CRC}, key=names.__getitem__)
+    )
+
+
+def is_undeclared(function: int) -> bool:
+    """Whether nobody has declared a function byte, which is not free for users either."""
+    code = function & ~EXCEPTION
+    return code not in USER_DEFINED and (function > EXCEPTION or rule(function, Role.REQUEST) is None)
+
+
+def is_of_its_own(pieces: Sequence[bytes], baud: int | None) -> bool:
+    """Whether pieces of a line are whole frames of some protocol that nobody knows.
+
+    Each begins with the same byte, says how long it is, in one place, and is so long; or the line, at `baud` bit/s, is
+    as fast as DMX512 alone is, and begins as its packets do. What a UART makes that is set wrongly does neither.
+    """
+    if baud == _DMX_BAUD and pieces and pieces[0][:1] == b"\0":
+        return True
+    return any(_says_lengths(pieces, place, more) for place in _PLACES for more in _MORE)
+
+
+def _says_lengths(pieces: Sequence[bytes], place: int, more: int) -> bool:
+    """Whether the byte at a place of each frame is its length, less so many bytes, frames end to end in a piece."""
+    lengths: list[int] = []
+    marks = Counter[int]()
+    covered = 0
+    for piece in pieces:
+        at = 0
+        while at + place < len(piece) and place < (size := piece[at + place] + more) <= len(piece) - at:
+            lengths.append(size)
+            marks[piece[at]] += 1
+            at += size
+        covered += at
+    several = len(lengths) >= _PIECES and len(set(lengths)) >= _LENGTHS
+    marked = bool(marks) and max(marks.values()) >= _NEARLY_ALL * len(lengths)
+    return several and marked and covered >= _NEARLY_ALL * sum(map(len, pieces))
 
 
 def _checked(data: bytes, at: int) -> int:

@@ -23,13 +23,14 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs POSIX")
         "preferences",
         "given",
         "notes",
+        "states",
         "analysis",
         "exporters",
         "report",
     ],
 )
 def test_no_input_of_the_fuzz_harms(only: str) -> None:
-    """Patient: how fast this machine is today is no matter of tests."""
+    """Inputs are counted and their CPU time is: how fast this machine is today is no matter of tests."""
     count = 8 if only in ("analysis", "exporters", "report") else 30 if only == "reader" else 100
     outcome = package("attack.fuzz").attack(1, count, only=only, patience=10)
     assert not outcome.failures, outcome.failures[0]
@@ -75,4 +76,9 @@ def test_damage_costs_what_it_hit() -> None:
 
 def test_a_recorder_weathers_storms() -> None:
     outcome = package("attack.storms").attack(1, 6)
+    assert not outcome.failures, outcome.failures[0]
+
+
+def test_taps_and_viewers_hold_against_hostile_ones() -> None:
+    outcome = package("attack.taps").attack(1, 40)
     assert not outcome.failures, outcome.failures[0]

@@ -12,7 +12,7 @@ import sys
 from random import Random
 
 import pytest
-from running import ROOT, environment
+from running import PATIENCE_S, ROOT, environment
 from scripts import package, script
 
 bus = script("bus")
@@ -22,7 +22,9 @@ bus = script("bus")
 def test_the_quick_comparison_says_what_it_measured_and_what_is_absent(tmp_path):
     figures = tmp_path / "figures.json"
     command = [sys.executable, ROOT / "benchmarks" / "compare.py", "--quick", "--frames", "400", "--json", figures]
-    done = subprocess.run(command, capture_output=True, text=True, env=environment(PATH=str(tmp_path)), timeout=200)
+    done = subprocess.run(
+        command, capture_output=True, text=True, env=environment(PATH=str(tmp_path)), timeout=PATIENCE_S
+    )
     assert done.returncode == 0, done.stderr
     said = json.loads(figures.read_text())
     assert {"tshark": "tshark is not installed", "sigrok": "sigrok-cli is not installed"}.items() <= said[
@@ -67,7 +69,7 @@ def test_answers_fit_their_requests_and_values_change():
 @pytest.mark.skipif(os.name != "posix", reason="ptys are POSIX")
 def test_the_interface_s_benchmark_tells_its_arguments():
     command = [sys.executable, "-m", "benchmarks.interface", "--help"]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env=environment(), timeout=60)
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env=environment(), timeout=PATIENCE_S)
     assert done.returncode == 0 and "[FRAMES] [CAPTURE]" in done.stdout, done.stderr
 
 
@@ -132,4 +134,11 @@ def test_a_breach_is_seen() -> None:
 def test_transactions_over_tcp_pair_by_what_stands_before_them_and_in_them(seed: int) -> None:
     """A connection asks from its first request on; a frame too short to say what it asks is answered by nothing."""
     stream = package("feeding.streams").stream("tcp", seed)
+    assert list(package("feeding.ways").breaches(stream, Random(seed))) == []
+
+
+@pytest.mark.parametrize(("kind", "seed"), [("outages", seed) for seed in (88, 99, 122, 132)])
+def test_an_outage_told_when_it_comes_says_what_one_known_before_says(kind: str, seed: int) -> None:
+    """Many notes, and a loss that is noted when the frame that it cut was judged."""
+    stream = package("feeding.streams").stream(kind, seed)
     assert list(package("feeding.ways").breaches(stream, Random(seed))) == []

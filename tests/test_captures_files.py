@@ -23,7 +23,7 @@ import zstandard
 from running import ran
 
 import captures
-from captures import CaptureError, Chunk, LineSettings, files, samples
+from captures import CaptureError, Chunk, LineSettings, disposal, samples
 from captures.errors import os_reason
 
 READS = [Chunk(1000, b"\x11\x03"), Chunk(2000, b"\x00\x6b")]
@@ -212,11 +212,14 @@ def test_where_nothing_can_be_written_is_said(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="modes are POSIX")
-def test_a_new_file_has_the_usual_mode_and_a_replaced_one_keeps_its_own(tmp_path: Path) -> None:
-    path, plain = tmp_path / "out.jsonl", tmp_path / "plain"
+def test_a_new_capture_is_for_its_owner_alone_and_a_replaced_one_keeps_its_mode(tmp_path: Path) -> None:
+    path, plain, made = tmp_path / "out.jsonl", tmp_path / "plain", tmp_path / "made"
     plain.write_text("")
     captures.write(path, READS)
-    assert path.stat().st_mode == plain.stat().st_mode
+    assert path.stat().st_mode & 0o777 == 0o600
+    with captures.replacing(made):
+        pass
+    assert made.stat().st_mode == plain.stat().st_mode
     path.chmod(0o640)
     captures.write(path, READS)
     assert path.stat().st_mode & 0o777 == 0o640
@@ -262,7 +265,7 @@ def test_a_header_of_any_length(tmp_path: Path) -> None:
 
 
 def test_a_file_that_is_open_elsewhere_is_waited_for_and_named_as_such(monkeypatch):
-    monkeypatch.setattr(files, "_WAITS_S", (0, 0))
+    monkeypatch.setattr(disposal, "_WAITS_S", (0, 0))
 
     class HeldError(PermissionError):
         winerror = 32
@@ -275,15 +278,15 @@ def test_a_file_that_is_open_elsewhere_is_waited_for_and_named_as_such(monkeypat
         if answer:
             raise answer
 
-    files.patiently(rename)
+    disposal.patiently(rename)
     assert not answers
     answers += [held] * 3
     with pytest.raises(PermissionError) as refused:
-        files.patiently(rename)
+        disposal.patiently(rename)
     assert os_reason(refused.value) == "open in another program"
     answers += [PermissionError(13, "denied"), None]
     with pytest.raises(PermissionError):  # no matter of waiting
-        files.patiently(rename)
+        disposal.patiently(rename)
     assert answers == [None]
 
 

@@ -187,7 +187,7 @@ def test_the_language_of_the_settings_is_that_of_help_and_of_errors(
     settings.write_text('lang = "ru"\n', encoding="utf-8")
     monkeypatch.setenv("RTUSCOPE_CONFIG", str(settings))
     assert ran(capsys, "parse", "--help").out.startswith("вызов:")
-    assert "нет" in refused(capsys, "parse", "--no-such")
+    assert "лишнее" in refused(capsys, "parse", "--no-such")
     assert ran(capsys, "parse", "--help", "--lang", "en").out.startswith("usage:")
 
 

@@ -258,3 +258,13 @@ def test_a_refused_write_is_no_value_of_the_map(capsys, tmp_path, request_pdu, a
     assert ("by the map, unit 5 at byte 0:" in out) == (not refused)
     lines = [json.loads(line) for line in ran(capsys, "parse", "--json", *chart, text).out.splitlines()]
     assert [value["value"] for value in lines[0]["values"]] == ([] if refused else [100])
+
+
+@pytest.mark.skipif(os.name != "posix", reason="a shell closes descriptors")
+@pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
+@pytest.mark.parametrize("command", ["parse", "report -", "parse 1103006B00037687"])
+def test_streams_that_the_shell_closed_are_no_defect(closed, command):
+    line = f"exec {sys.executable} -m analyzer.cli {command} {closed}"
+    done = subprocess.run(["sh", "-c", line], stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
+    assert done.returncode in (0, 2)
+    assert "defect" not in done.stderr and "Traceback" not in done.stderr

@@ -104,6 +104,7 @@ def test_every_error_is_in_the_catalogue() -> None:
 
 _TELLING = (
     "captures/recording/recorder.py", "analyzer/simulation/bus.py", "captures/live/tapserver.py",
+    "captures/live/taproom.py",
 )  # fmt: skip
 _EVENTS = (
     "captures/live/reader.py", "captures/live/tap.py", "captures/live/gateway.py", "captures/live/tapviewer.py",
@@ -241,9 +242,7 @@ def test_the_environment_s_language_tells_errors_too(
     assert main(["report"]) == 2
     assert capsys.readouterr().err == "rtuscope: не хватает: ЗАПИСЬ (подробнее: rtuscope report --help)\n"
     assert main(["repord"]) == 2
-    assert (
-        capsys.readouterr().err == "rtuscope: нет команды 'repord': может быть, report? (подробнее: rtuscope --help)\n"
-    )
+    assert capsys.readouterr().err == "rtuscope: нет команды 'repord': может быть, report?\n"
 
 
 def test_data_and_names_stay_as_they_are() -> None:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from buses import LINE, collect
+from buses import LINE, collect, proven
 from hypothesis import given
 from hypothesis import strategies as st
 
 from analyzer.core import deframe
-from analyzer.deframing.ascii import ascii_after
 from analyzer.deframing.protocols import Deframer
 from analyzer.options import Options
 from captures.chunks import Capture, Chunk
@@ -71,14 +70,14 @@ def test_an_echo_that_is_cut_at_the_very_end_answers_nothing() -> None:
 
 
 def test_rtu_bytes_are_not_taken_for_ascii() -> None:
-    assert not ascii_after(bytes.fromhex("1103006b00037687") * 20)
-    assert ascii_after(READ + ANSWER)
+    assert proven(bytes.fromhex("1103006b00037687") * 20) == "rtu"
+    assert proven(READ + ANSWER) == "ascii"
 
 
 def test_garbage_for_answers_does_not_make_requests_in_ascii_rtu() -> None:
     """A unit at another speed answers each request with bytes that no text has."""
     garbage = bytes.fromhex("292139000127012d212171") + bytes(range(0x80, 0x90))
-    assert ascii_after((READ + garbage) * 4)
+    assert proven((READ + garbage) * 4) == "ascii"
     chunks = [Chunk(10**9 + i * 10**8, READ if i % 2 == 0 else garbage) for i in range(20)]
     frames = [f for batch in deframe(Capture.of(LINE, chunks)) for f in batch.frames() if f.crc_ok]
     assert [f.protocol for f in frames] == ["ascii"] * 10

@@ -67,6 +67,7 @@ def due(batch: Batch, zero: int) -> list[dict[str, str]]:
         }  # fmt: skip
         low, high = frame.response_time_bounds_ns or (None, None)
         cells |= {"response_time_low_ns": low, "response_time_high_ns": high}
+        cells |= {"taken_for_start": frame.taken_for_start, "unsure": str(frame.unsure).lower()}
         found.append({key: "" if value is None else str(value) for key, value in cells.items()})
     return found
 

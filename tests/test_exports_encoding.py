@@ -100,7 +100,7 @@ def test_unknown_functions_and_scraps_read_as_annotated(frames: list[tuple[int, 
         adu = (adu + crc_bytes(adu)) if body else adu
         row = Rows.zeros(1)
         row.index[:], row.length[:], row.at[:] = len(rows), len(adu), len(octets)
-        row.request[:] = row.request_start[:] = row.response_ns[:] = -1
+        row.request[:] = row.request_start[:] = row.response_ns[:] = row.taken_for_start[:] = -1
         row.kind[:], row.unit[:], row.function[:], row.check[:] = kind, 9, code & 0x7F, len(adu) >= 4
         rows.append(row)
         octets += adu

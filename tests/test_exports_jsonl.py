@@ -20,7 +20,8 @@ REQUEST = adu("1103006b0003")
 ANSWER = bytes.fromhex("110306ae415652434049ad")
 KEYS = [
     "index", "start", "length", "t_start_ns", "t_end_ns", "protocol", "direction", "unit", "function", "name",
-    "exception", "crc_ok", "request_start", "response_time_ns", "hex", "fields", "confidence", "findings",
+    "exception", "crc_ok", "request_start", "taken_for_start", "unsure", "response_time_ns", "hex", "fields",
+        "confidence", "findings",
 ]  # fmt: skip
 
 

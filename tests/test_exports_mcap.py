@@ -103,7 +103,15 @@ def same_frames(path, lines):
         assert message.data.hex() == line["hex"]
         assert message.confidence == pytest.approx(line["confidence"], abs=1e-6)
         assert message.port == line.get("port", 0)
-        for key in ("exception", "request_start", "response_time_ns", "response_time_low_ns", "response_time_high_ns"):
+        assert message.unsure == line["unsure"]
+        for key in (
+            "exception",
+            "request_start",
+            "taken_for_start",
+            "response_time_ns",
+            "response_time_low_ns",
+            "response_time_high_ns",
+        ):
             assert (getattr(message, key) if message.HasField(key) else None) == line.get(key), key
 
 

@@ -26,7 +26,7 @@ tables = pytest.importorskip("analyzer.exports.arrow")
 
 SHARED = (
     "index", "start", "length", "t_start_ns", "t_end_ns", "protocol", "direction", "unit", "function", "name",
-    "exception", "crc_ok", "request_start", "response_time_ns",
+    "exception", "crc_ok", "request_start", "taken_for_start", "unsure", "response_time_ns",
 )  # fmt: skip
 SAMPLES = ["healthy.jsonl", "troubled.jsonl", "mbpoll.mcap"]
 

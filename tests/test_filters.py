@@ -17,6 +17,7 @@ import captures
 from analyzer.core import deframe
 from analyzer.filters import BatchTable, FilterError, check, compile_filter, complete, narrowed
 from analyzer.filters.fields import FIELDS
+from analyzer.filters.parsing import parsed
 from analyzer.filters.table import OUTCOMES, PLAIN
 from analyzer.options import Options
 from analyzer.reference.filters import markdown
@@ -375,3 +376,17 @@ def test_the_parser_s_library_waits_until_a_filter_is_typed() -> None:
     code += "assert not check('unit == 17') and complete('un', 2); print('lark' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["False", "True"]
+
+
+@pytest.mark.parametrize(
+    ("theirs", "ours"),
+    [
+        ("modbus.func_code in {3 4}", "function in (3, 4)"),
+        ("modbus.func_code in {3, 4}", "function in (3, 4)"),
+        ("mbrtu.unit_id == 17 && modbus.word_cnt > 2", "unit == 17 and quantity > 2"),
+        ("mbtcp.unit_id in {1..5 7}", "unit in (1..5, 7)"),
+        ("modbus.exception_code == 2 || frame.len > 64", "exception == 2 or length > 64"),
+    ],
+)
+def test_what_wireshark_s_users_type_is_understood(theirs: str, ours: str) -> None:
+    assert parsed(theirs) == parsed(ours)

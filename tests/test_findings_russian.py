@@ -29,8 +29,8 @@ _TERMS = re.compile(
     + r"""
     | \b(?:us|ms|min)\b | stty\ .*\b | latency[_ ]timer | low-latency\ mode | --functions
     | CRC-16/[\w-]+ | \bt[13]\.5\b | \b[0-9A-F]{2,4}\b
-    | \b(?:CRC|LRC|UART|XON|XOFF|FIFO|DMA|USB|FTDI|Modbus|coil)\b
-    | \b(?:HDLC|DLMS|COSEM|IEC|DL/T|DCON|NMEA|GPS|BACnet|MS/TP|M-Bus|ASCII)\b
+    | \b(?:CRC|LRC|UART|XON|XOFF|FIFO|DMA|USB|FTDI|Modbus|RTU|TCP|coil)\b
+    | \b(?:HDLC|DLMS|COSEM|IEC|DL/T|DCON|NMEA|GPS|BACnet|MS/TP|LIN|MIDI|M-Bus|ASCII)\b
     """,
     re.VERBOSE,
 )

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,14 +21,11 @@ pytest.importorskip("fsspec", reason="a lake needs fsspec for object stores")
 from lakes import BEGIN_NS, DAY_NS, batch, bus, plain, rows, same, sliced, write_fleet
 
 from analyzer.fleet import FleetError
-from analyzer.fleet.datasets import DATASETS, LakeFiles
-from analyzer.fleet.lake import Lake
-from analyzer.fleet.linestate import LineState, resumed
+from analyzer.fleet.datasets import DATASETS
+from analyzer.fleet.lake import Lake, sql_text
 from analyzer.fleet.questions import QUESTIONS, Asked, ready
 from analyzer.fleet.sources import found, lines_of
-from analyzer.fleet.stores import store
 from analyzer.fleet.tasks import BatchOptions
-from analyzer.options import Options
 from analyzer.reports import summarize
 from analyzer.simulation.field.cases.registry import field_cases
 
@@ -185,24 +182,6 @@ def test_other_options_are_told_and_redone_when_asked(sources, lake_path, tmp_pa
     assert same(lake_path, tmp_path / "fresh")
 
 
-def test_a_state_is_nothing_but_a_state(tmp_path):
-    import pickle
-
-    capture = bus()
-    state = LineState(capture.line, Options(), noise=False)
-    files = LakeFiles(store(str(tmp_path)), "site", "line", "x")
-    assert list(state.slice(capture, capture.blocks(), files))
-    assert resumed(state.kept()).octets == state.octets > 0
-
-    class Evil:
-        def __reduce__(self):
-            return os.system, ("true",)
-
-    for data in (pickle.dumps(Evil()), pickle.dumps(42), b"", b"\x80\x05."):
-        with pytest.raises(FleetError):
-            resumed(data)
-
-
 @pytest.mark.parametrize("name", QUESTIONS)
 def test_ready_questions_answer(made, name, capsys):
     words = {"register": ["1", "0"], "compare": ["site0", "site1"]}.get(name, [])
@@ -241,6 +220,93 @@ def test_answers_are_json_and_csv_as_exports_are(made, capsys):
 def test_what_was_meant_is_told(made, words, said, capsys):
     assert main(["ask", str(made), *words]) == 2
     assert said in capsys.readouterr().err
+
+
+WRITES = (
+    "COPY frames TO '{new}'",
+    "COPY findings TO '{own}' (FORMAT parquet)",
+    "EXPORT DATABASE '{new}'",
+    "CREATE TABLE t AS SELECT 1",
+    "CREATE OR REPLACE VIEW frames AS SELECT 1 AS a",
+    "DROP VIEW frames",
+    "INSERT INTO frames SELECT * FROM frames",
+    "ATTACH '{new}'",
+    "INSTALL httpfs",
+    "LOAD '{new}'",
+    "SET memory_limit = '10GB'",
+    "RESET memory_limit",
+    "PRAGMA enable_profiling",
+    "CALL enable_logging()",
+    "CHECKPOINT",
+    "VACUUM",
+    "BEGIN TRANSACTION",
+    "PREPARE p AS SELECT 1",
+)
+AROUND = (
+    "{}",
+    "EXPLAIN {}",
+    "EXPLAIN ANALYZE {}",
+    "WITH t AS ({}) SELECT * FROM t",
+    "SELECT (WITH t AS ({}) SELECT count(*) FROM t)",
+    "SELECT * FROM ({}) t",
+    "WITH a AS (SELECT 1), b AS (WITH c AS ({}) FROM c) SELECT * FROM a, b",
+    "SELECT 1 UNION ALL (WITH t AS ({}) SELECT 1 FROM t)",
+    "SELECT 1; {}",
+    "{}; SELECT 1",
+    "DESCRIBE {}",
+    "SUMMARIZE {}",
+)
+
+
+def everything(folder):
+    return {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.mark.parametrize("around", AROUND)
+def test_no_statement_writes_whatever_stands_around_it(made, tmp_path, around, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    lake = Lake(str(made))
+    own = lake.files("frames").loose[0]
+    before = everything(Path(str(made)))
+    for write in WRITES:
+        for run in ("{}", "FROM query({})", "SELECT * FROM QUERY({})"):
+            text = around.format(write.format(new=tmp_path / "new", own=own))
+            with pytest.raises(FleetError) as told:
+                lake.arrow(run.format(text if run == "{}" else sql_text(text)))
+            assert "\n" not in str(told.value)
+    assert everything(Path(str(made))) == before
+    assert not list(tmp_path.iterdir())
+    assert lake.sql("SELECT count(*) FROM frames").fetchall()[0][0] > 0
+
+
+def test_a_connection_opens_no_file_but_those_of_the_tables(made, tmp_path):
+    connection = Lake(str(made)).duckdb()
+    for text in (
+        f"COPY frames TO '{tmp_path / 'new.csv'}'",
+        f"COPY frames TO '{made}/new.parquet'",
+        f"SELECT * FROM read_text('{made}/manifest/*')",
+        "SET enable_external_access = true",
+    ):
+        with pytest.raises(pytest.importorskip("duckdb").Error):
+            connection.execute(text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "FROM frames",
+        "TABLE frames",
+        "VALUES (1)",
+        "DESCRIBE frames",
+        "SUMMARIZE frames",
+        "SHOW TABLES",
+        "SELECT 1 UNION SELECT 2 ORDER BY 1 LIMIT 1;",
+        "WITH RECURSIVE t AS (SELECT 1 a UNION ALL SELECT a + 1 FROM t WHERE a < 5) SELECT max(a) FROM t",
+        "SELECT unit, (SELECT count(*) FROM findings) FROM frames QUALIFY row_number() OVER (PARTITION BY unit) = 1",
+    ],
+)
+def test_queries_of_any_shape_are_answered(made, text):
+    assert Lake(str(made)).arrow(text).num_rows > 0
 
 
 def test_what_is_no_query_of_the_lake_is_refused(made, tmp_path, capsys):

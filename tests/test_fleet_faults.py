@@ -27,10 +27,13 @@ from lakes import DAY_NS, batch, bus, plain, rows, same, sliced, write_fleet
 from analyzer.cli.batch import chosen_runner
 from analyzer.cli.terminal import endable
 from analyzer.fleet import FleetError
+from analyzer.fleet.account import writing
+from analyzer.fleet.entries import FOLDER
 from analyzer.fleet.lake import Lake
+from analyzer.fleet.manifest import Manifest
 from analyzer.fleet.questions import Asked, ready
 from analyzer.fleet.runners import ProcessPool, in_this_process
-from analyzer.fleet.stores import FOLDER, Manifest, store, writing
+from analyzer.fleet.stores import store
 from analyzer.fleet.tasks import BatchOptions
 
 

@@ -23,7 +23,8 @@ from analyzer.fleet import packs
 from analyzer.fleet.batch import compact_lake
 from analyzer.fleet.datasets import DATASETS
 from analyzer.fleet.lake import Lake
-from analyzer.fleet.stores import Manifest, store
+from analyzer.fleet.manifest import Manifest
+from analyzer.fleet.stores import store
 from analyzer.fleet.tasks import BatchOptions
 
 

@@ -289,10 +289,10 @@ def test_written_again_pages_are_those_of_the_lake_now(lake, tmp_path):
     page = tmp_path / "fleet.html"
     write_pages(lake, page)
     folder = site_folder(page)
-    (folder / "gone.html").write_text("a site that is no more")
-    (folder / "site0.html").write_text("old")
+    (folder / "gone.html").write_bytes(files._signed("gone.html", b"a site that is no more"))
+    (folder / "site0.html").write_bytes(files._signed("site0.html", b"old"))
     write_pages(lake, page)
-    assert not (folder / "gone.html").exists() and (folder / "site0.html").read_text("utf-8") != "old"
+    assert not (folder / "gone.html").exists() and (folder / "site0.html").read_bytes()[:3] != b"old"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["fleet.html", "fleet.sites"]
 
 
@@ -301,7 +301,8 @@ def test_what_goes_wrong_leaves_the_old_pages(lake, tmp_path, monkeypatch, momen
     page = tmp_path / "fleet.html"
     write_pages(lake, page)
     folder = site_folder(page)
-    (folder / "site0.html").write_text("old")
+    old = files._signed("site0.html", b"old")
+    (folder / "site0.html").write_bytes(old)
     page.write_text("old")
 
     def failing(*_):
@@ -313,13 +314,14 @@ def test_what_goes_wrong_leaves_the_old_pages(lake, tmp_path, monkeypatch, momen
             files, "rendered", lambda *a: (failing() if n == 3 else each for n, each in enumerate(whole(*a)))
         )
     elif moment == "writing":
-        monkeypatch.setattr(Path, "write_bytes", failing)
+        monkeypatch.setattr(files, "_signed", failing)
+        monkeypatch.setattr(files, "_is_page", lambda _: True)
     else:
         rename = Path.rename
         monkeypatch.setattr(Path, "rename", lambda own, to: failing() if own.name == "new" else rename(own, to))
     with pytest.raises(FleetError, match="no space left"):
         write_pages(lake, page)
-    assert page.read_text() == "old" and (folder / "site0.html").read_text() == "old"
+    assert page.read_text() == "old" and (folder / "site0.html").read_bytes() == old
     assert len(list(folder.iterdir())) == len(SITES)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["fleet.html", "fleet.sites"]
 
@@ -336,6 +338,16 @@ def test_nobodys_files_are_taken_away(lake, tmp_path, capsys):
     mine.unlink()
     assert main([*command, "--overwrite"]) == 0
     assert main(command) == 2 and "--overwrite" in capsys.readouterr().err
+    changed = tmp_path / "fleet.sites" / "site0.html"
+    changed.write_text(changed.read_text("utf-8") + "what I found at the cabinet")
+    kept = changed.read_bytes()
+    assert main([*command, "--overwrite"]) == 2 and "site0.html" in capsys.readouterr().err
+    assert changed.read_bytes() == kept
+    changed.unlink()
+    outside = tmp_path / "outside.html"
+    outside.write_text("mine")
+    changed.symlink_to(outside)
+    assert main([*command, "--overwrite"]) == 2 and outside.read_text() == "mine"
 
 
 @pytest.mark.parametrize(

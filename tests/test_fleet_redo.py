@@ -15,7 +15,8 @@ from analyzer.causes import reasoning
 from analyzer.fleet.batch import compact_lake
 from analyzer.fleet.datasets import DATASETS, touched
 from analyzer.fleet.lake import Lake
-from analyzer.fleet.stores import Manifest, store
+from analyzer.fleet.manifest import Manifest
+from analyzer.fleet.stores import store
 from analyzer.fleet.tasks import BatchOptions
 from analyzer.version import RULES
 

@@ -24,8 +24,9 @@ from analyzer.cli.watch import _there
 from analyzer.extras import needs
 from analyzer.fleet import FleetError, LakeWriteError, datasets, tasks
 from analyzer.fleet.lake import Lake
+from analyzer.fleet.manifest import Manifest
 from analyzer.fleet.sources import found, lines_of
-from analyzer.fleet.stores import Manifest, store
+from analyzer.fleet.stores import store
 from analyzer.languages import retold, telling
 
 posix = pytest.mark.skipif(os.name != "posix", reason="links, pipes and names of any bytes are POSIX's")
@@ -209,6 +210,27 @@ def test_options_that_no_line_can_have_are_refused_at_once(whole, tmp_path, caps
     assert not (tmp_path / "lake" / "manifest").exists()
 
 
+@pytest.mark.parametrize("what", ["rubbish", "a pickle", "nothing"])
+def test_a_line_whose_state_is_of_no_use_is_read_anew_while_its_captures_are_there(tmp_path, what, capsys):
+    _, paths = ring(tmp_path)
+    command = ["batch", str(paths[0].parent), "-o", str(tmp_path / "lake"), "--resume", "--workers", "1"]
+    paths[2].rename(tmp_path / "later.mcap")
+    assert main(command) == 0
+    (tmp_path / "later.mcap").rename(paths[2])
+    (state,) = (tmp_path / "lake" / "state").iterdir()
+    if what == "nothing":
+        state.unlink()
+    else:
+        state.write_bytes(b"rubbish" if what == "rubbish" else b"\x80\x05K*.")
+    capsys.readouterr()
+    assert main(command) == 1
+    told = capsys.readouterr()
+    assert "state" in told.err and told.err.count("all captures of the line were read anew") == 1
+    batch(tmp_path / "whole", *paths)
+    assert same(tmp_path / "lake", tmp_path / "whole")
+    assert main(command) == 0
+
+
 @pytest.mark.parametrize("what", ["rules", "version", "state", "no state"])
 def test_a_ring_whose_state_is_of_no_use_goes_on_and_loses_nothing(tmp_path, monkeypatch, what):
     """The rows that waited at the seam are all that is known there: they stay."""
@@ -216,6 +238,8 @@ def test_a_ring_whose_state_is_of_no_use_goes_on_and_loses_nothing(tmp_path, mon
     batch(tmp_path / "lake", *paths[:2])
     before = rows(tmp_path / "lake", "frames")
     (state,) = (tmp_path / "lake" / "state").iterdir()
+    if "state" in what:
+        paths.pop(0).unlink()  # so that the line cannot be done anew
     if what == "rules":
         monkeypatch.setitem(version.RULES, "findings", version.RULES["findings"] + 1)
     elif what == "version":
@@ -227,8 +251,8 @@ def test_a_ring_whose_state_is_of_no_use_goes_on_and_loses_nothing(tmp_path, mon
         state.unlink()
     result = batch(tmp_path / "lake", *paths)
     assert (result.captures, result.failed) == (1, 0)
-    assert bool(result.troubles) == ("state" in what)
-    batch(tmp_path / "last", paths[2])
+    assert bool(result.troubles) == result.is_flawed == ("state" in what)
+    batch(tmp_path / "last", paths[-1])
     after = rows(tmp_path / "lake", "frames")
     assert len(after) == len(before) + len(rows(tmp_path / "last", "frames"))
     requests = sum(row["requests"] for row in rows(tmp_path / "lake", "hours"))
@@ -337,6 +361,8 @@ def test_a_full_disk_ends_the_batch(whole, tmp_path, monkeypatch):
     def refuse(*_):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(Path, "write_bytes", refuse)
+    lake = store(str(tmp_path / "lake"))
+    lake.fresh("entered")
+    monkeypatch.setattr(os, "fsync", refuse)
     with pytest.raises(FleetError, match=r"00000001\.json: .*[Nn]o space left"):
-        store(str(tmp_path / "lake")).write("manifest/00000001.json", b"{}")
+        lake.write("manifest/00000001.json", b"{}")

@@ -168,7 +168,7 @@ def test_what_a_killed_recorder_left_is_made_whole_by_the_next_one(tmp_path):
     said: list[str] = []
     recorder = Recorder(path, LINE, limits=RingLimits(size=10**6), tell=said.append)
     recorder.close()
-    (whole,) = tmp_path.iterdir()
+    (whole,) = tmp_path.glob("*.mcap*")
     assert "is whole again" in said[0]
     assert not captures.open(whole).damage
     assert read(whole) in ([], [Note(10**18, "clock", "the clock was set")])
@@ -179,8 +179,9 @@ def test_a_recorder_leaves_alone_what_another_one_is_writing(tmp_path):
     first = Recorder(tmp_path / "bus.mcap", LINE, limits=RingLimits(size=10**6))
     first.write(block(1))
     first.tick()
-    second = Recorder(tmp_path / "bus.mcap", LINE, limits=RingLimits(size=10**6), tell=pytest.fail)
-    second.close()
+    Recorder(tmp_path / "bus.mcap", LINE, tell=pytest.fail).close()
+    with pytest.raises(CaptureError, match="another recorder is writing this ring"):
+        Recorder(tmp_path / "bus.mcap", LINE, limits=RingLimits(size=10**6), tell=pytest.fail)
     first.write(block(2))
     first.close()
     (file,) = Ring(tmp_path / "bus.mcap", RingLimits()).files()

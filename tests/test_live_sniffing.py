@@ -140,7 +140,7 @@ def test_a_signal_ends_it_cleanly_with_a_whole_recording(tmp_path, command, numb
 def test_what_nohup_asked_for_stays():
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
-        with watching.ended_by_signals(lambda: None):
+        with watching.ended_from_outside(lambda: None):
             assert signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
             assert signal.getsignal(signal.SIGTERM) not in (signal.SIG_IGN, signal.SIG_DFL)
     finally:

@@ -9,7 +9,7 @@ import subprocess
 import threading
 import time
 from functools import partial
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Any
 
 import pytest
@@ -19,13 +19,26 @@ from livebus import Running, eventually, pty
 from running import refused, spawned
 
 import captures
+from captures import samples
 from captures.chunks import Block, Chunk
 from captures.line import LineSettings
 from captures.live import tapserver
 from captures.live.batching import HEAD, POSITION, READS, event_record, position_record, tick_record
 from captures.live.tap import PortError
+from captures.live.taproom import PLACES, STRANGERS, Rooms, SparingLog, Visitor
 from captures.live.tapserver import KeptStream, TapServer
-from captures.live.tapstream import TapAddress, TapSetupError, hear, is_local, proof, say, serving_context
+from captures.live.tapstream import (
+    VERSION,
+    Proving,
+    TapAddress,
+    TapSetupError,
+    hear,
+    is_local,
+    new_nonce,
+    read_token,
+    say,
+    serving_context,
+)
 from captures.live.tapviewer import TapViewer
 from captures.live.wire import PortEvent, Splitter, Tick, WireError, item_of, records_of
 from captures.recording.notes import read
@@ -88,6 +101,11 @@ def told_times(heard, times):
 def has_chunks(heard, count):
     """Whether so many reads came."""
     return len(heard.chunks) == count
+
+
+def has_viewers(server, count):
+    """Whether so many have a place."""
+    return server.viewers == count
 
 
 @contextlib.contextmanager
@@ -305,7 +323,7 @@ def test_a_tap_that_begins_anew_is_said_and_its_earlier_clock_does_not_turn_time
         server.close()
         with serving(port=port) as again:
             again.feed(block((time.time_ns(), ANSWER, 0, ())), LINE)
-            assert eventually(lambda: len(heard.chunks) == 2, 20)
+            assert eventually(lambda: len(heard.chunks) == 2)
         assert "began anew: what came meanwhile is not known" in heard.words()
         times = [chunk.t_ns for chunk in heard.chunks]
         assert times == sorted(times)
@@ -318,20 +336,123 @@ def test_a_tap_with_a_token_lets_only_those_in_who_have_it():
         for token in (None, TOKEN[:-1] + "x"):
             with viewing(server.url, token=token) as heard:
                 assert "refused: this tap wants a token" in str(heard.error)
-        assert sum("refused" in words for words in server.said) == 2
+        assert sum("refused" in words for words in server.said) == 1  # of two alike
+
+
+def greeted(connection, token=None, session="", **instead):
+    """What a tap answers to someone who knows this token; `instead`: other words of his."""
+    greeting, _ = hear(connection)
+    proving = Proving(token, greeting["nonce"], new_nonce())
+    words = {"nonce": proving.viewer_nonce, "proof": proving.proof("viewer", session), "session": session}
+    say(connection, {**words, "next": None, **instead})
+    return hear(connection)[0]
+
+
+def connected(server):
+    return socket.create_connection(("127.0.0.1", server.port), 10)
 
 
 def test_what_was_overheard_lets_nobody_in():
     with serving(token=TOKEN) as server:
-        answers: list[str] = []
-        for _ in range(2):
-            with socket.create_connection(("127.0.0.1", server.port)) as connection:
-                greeting, _ = hear(connection)
-                nonce = answers[0] if answers else greeting["nonce"]
-                answers.append(nonce)
-                say(connection, {"proof": proof(TOKEN, nonce), "session": "", "next": None})
-                answer, _ = hear(connection)
-        assert "refused" in answer
+        words = {"nonce": new_nonce()}
+        with connected(server) as connection:
+            greeting, _ = hear(connection)
+            words["proof"] = Proving(TOKEN, greeting["nonce"], words["nonce"]).proof("viewer", "")
+            say(connection, words)
+            assert "session" in hear(connection)[0]
+        with connected(server) as connection:
+            assert "refused" in greeted(connection, **words)
+
+
+def test_what_one_side_proves_is_no_proof_of_the_other():
+    with serving(token=TOKEN) as server:
+        with connected(server) as connection:
+            answer = greeted(connection, TOKEN)
+        for proof in (answer["proof"], None, 7, "", "\ud800"):
+            with connected(server) as connection:
+                assert "refused" in greeted(connection, TOKEN, proof=proof)
+
+
+@pytest.mark.parametrize(
+    ("token", "theirs"), [(TOKEN, None), (TOKEN, TOKEN[:-1] + "x"), (TOKEN, "replayed"), (TOKEN, "its own back")]
+)
+def test_a_tap_that_does_not_know_the_token_is_refused_and_nothing_of_it_is_taken(token, theirs):
+    tap = HostileTap(BEGIN + tick_record(2000), token=theirs)
+    heard = Heard(TapViewer(tap.url, token=token))
+    try:
+        assert eventually(lambda: heard.error is not None)
+        assert "it does not prove that it knows the token" in str(heard.error)
+        assert heard.items == []
+    finally:
+        heard.end()
+
+
+def test_a_fake_tap_in_the_place_of_one_that_went_is_told_and_never_recorded():
+    with serving(token=TOKEN) as server, viewing(server.url, token=TOKEN) as heard:
+        server.feed(reads(0, 1)[0], LINE)
+        assert eventually(lambda: len(heard.chunks) == 1)
+        server.close()
+        fake = HostileTap(BEGIN + b"".join(data for data, _ in records_of(reads(1, 1)[0])), port=server.port)
+        assert eventually(lambda: "it does not prove that it knows the token" in heard.words())
+        assert fake.connections
+        assert len(heard.chunks) == 1
+        assert "opened" not in heard.kinds()[2:]
+        fake.listener.close()
+
+
+def test_who_has_proved_nothing_keeps_nobody_out():
+    """Not as many as there are places, nor more, with a token or without."""
+    for token in (None, TOKEN):
+        with serving(token=token) as server:
+            silent = [connected(server) for _ in range(3 * PLACES + STRANGERS)]
+            assert server.viewers == 0
+            with contextlib.ExitStack() as stack:
+                viewers = [stack.enter_context(viewing(server.url, token=token)) for _ in range(PLACES)]
+                assert [each.error for each in viewers] == [None] * PLACES
+                assert eventually(partial(has_viewers, server, PLACES))
+                with viewing(server.url, token=token) as late:
+                    assert f"refused: all {PLACES} places of this tap are taken" in str(late.error)
+            assert sum("too many connections that did not prove anything" in words for words in server.said) == 1
+            assert sum("places of this tap are taken" in words for words in server.said) == 1
+            for each in silent:
+                each.close()
+
+
+def test_of_a_crowd_of_strangers_the_one_with_the_most_connections_gives_way():
+    rooms, here = Rooms(places=1, strangers=3), [Visitor(socket.socket(), name) for name in ("a", "b", "b", "a")]
+    with contextlib.ExitStack() as stack:
+        for each in here:
+            stack.enter_context(each.connection)
+            rooms.enter(each)
+        assert [bool(each.why) for each in here] == [False, True, False, False]
+        assert not rooms.admit(here[1])
+        assert rooms.admit(here[0]) and not rooms.admit(here[2])
+        rooms.leave(here[0])
+        assert rooms.admit(here[2])
+    network = [Visitor(here[0].connection, address).origin for address in ("2001:db8::1", "2001:db8::2", "::1")]
+    assert network[0] == network[1] != network[2]
+
+
+def test_a_tap_or_viewer_of_another_version_is_told_as_that():
+    tap = HostileTap(b"", version=1)
+    heard = Heard(TapViewer(tap.url))
+    assert eventually(lambda: heard.error is not None)
+    assert f"a tap of version 1, and this is version {VERSION}: update the older" in str(heard.error)
+    heard.end()
+    with serving() as server, connected(server) as connection:
+        greeting, _ = hear(connection)
+        assert greeting["rtuscope_tap"] == VERSION
+        say(connection, {"proof": "", "session": "", "next": None})  # as viewers of version 1 did
+        assert "no viewer of this version" in hear(connection)[0]["refused"]
+
+
+def test_what_strangers_cause_does_not_fill_the_log():
+    said: list[str] = []
+    log = SparingLog(said.append)
+    for _ in range(1000):
+        log("192.0.2.1", "refused: a")
+    log("192.0.2.1", "refused: b")
+    assert said == ["viewer at 192.0.2.1: refused: a", "viewer at 192.0.2.1: refused: b"]
 
 
 @pytest.mark.skipif(shutil.which("openssl") is None, reason="openssl makes the certificate, and is not here")
@@ -390,6 +511,13 @@ def test_a_viewer_that_says_nonsense_costs_nobody_anything(hello):
 def test_who_connects_and_says_nothing_is_let_go(monkeypatch):
     monkeypatch.setattr(tapserver, "HELLO_S", 0.2)
     with serving() as server:
+        drip = connected(server)
+        assert drip.recv(1000)
+        with contextlib.suppress(OSError):
+            while True:  # a byte now and then
+                drip.sendall(b"[")
+                time.sleep(0.02)
+        assert any("refused: the token was not proved in time" in words for words in server.said)
         silent = [socket.create_connection(("127.0.0.1", server.port)) for _ in range(40)]
         for each in silent:
             each.settimeout(10)
@@ -404,9 +532,11 @@ def test_who_connects_and_says_nothing_is_let_go(monkeypatch):
 class HostileTap:
     """A tap that greets as one should, then sends these bytes to each who comes."""
 
-    def __init__(self, stream):
-        self._stream, self.connections = stream, 0
-        self.listener = socket.create_server(("127.0.0.1", 0))
+    def __init__(self, stream, *, token=None, version=VERSION, port=0, silent=False, stays=False):
+        """`token`: it knows this one; or what it does instead of knowing it. `silent`: it does not even greet."""
+        self._silent, self._stays = silent, stays
+        self._stream, self._token, self._version, self.connections = stream, token, version, 0
+        self.listener = socket.create_server(("127.0.0.1", port))
         self.url = f"tap://127.0.0.1:{self.listener.getsockname()[1]}"
         threading.Thread(target=self._serve, daemon=True).start()
 
@@ -416,10 +546,17 @@ class HostileTap:
                 connection, _ = self.listener.accept()
                 self.connections += 1
                 with connection, contextlib.suppress(OSError, WireError):
-                    say(connection, {"rtuscope_tap": 1, "nonce": "00" * 16})
-                    hear(connection)
-                    say(connection, {"session": "x"})
+                    if self._silent:
+                        connection.recv(1)
+                    say(connection, {"rtuscope_tap": self._version, "nonce": "00" * 16})
+                    asked, _ = hear(connection)
+                    right = Proving(self._token, "00" * 16, asked["nonce"]).proof("tap", "x")
+                    of_other = Proving(TOKEN, "00" * 16, "11" * 16).proof("tap", "x")
+                    instead = {"replayed": of_other, "its own back": asked["proof"]}
+                    say(connection, {"session": "x", "proof": instead.get(self._token, right)})
                     connection.sendall(self._stream)
+                    if self._stays:
+                        connection.recv(1)
                     time.sleep(0.2)
 
 
@@ -501,12 +638,26 @@ def test_a_tap_that_others_reach_wants_a_token(capsys, tmp_path, monkeypatch):
     for host in ("0.0.0.0", "[::]", "192.0.2.1"):
         assert "open to other machines: give --token-file" in refused(capsys, "tap", "/dev/x", "--listen", f"{host}:0")
     short = tmp_path / "token"
+    short.touch(0o600)
     short.write_text("secret\n")
     assert "16 characters or more" in refused(capsys, "tap", "/dev/x", "--token-file", short)
     assert "cannot be read" in refused(capsys, "tap", "/dev/x", "--token-file", tmp_path / "none")
     assert "--tls-cert" in refused(capsys, "tap", "/dev/x", "--tls-key", short)
     assert "a tap of a tap" in refused(capsys, "tap", "tap://bus")
     assert "--port2" in refused(capsys, "sniff", "tap://bus", "--port2", "/dev/x")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="modes are POSIX")
+@pytest.mark.parametrize("mode", [0o644, 0o640, 0o604, 0o620, 0o666])
+def test_a_token_that_others_may_read_is_refused(capsys, tmp_path, mode):
+    token = tmp_path / "token"
+    token.write_text(TOKEN)
+    token.chmod(mode)
+    for command in (("tap", "/dev/x"), ("sniff", "tap://127.0.0.1:1")):
+        told = refused(capsys, *command, "--token-file", token)
+        assert f"others may read it (mode {mode:04o})" in told and f"chmod 600 {token}" in told
+    token.chmod(0o400)
+    assert read_token(str(token)) == TOKEN
     assert "no tap there: connection refused" in refused(capsys, "sniff", "tap://127.0.0.1:1")
 
 
@@ -522,6 +673,7 @@ def test_viewers_are_told_of_no_tap_whose_port_is_not_there():
 def test_recordings_made_at_the_tap_and_by_viewers_have_the_same_frames(tmp_path):
     master, name = pty()
     token = tmp_path / "token"
+    token.touch(0o600)
     token.write_text(TOKEN)
     tap = Running("tap", name, "--baud", "115200", "--listen", "0", "--token-file", token)
     said = b"".join(tap.said).decode()
@@ -548,3 +700,31 @@ def test_recordings_made_at_the_tap_and_by_viewers_have_the_same_frames(tmp_path
     os.set_blocking(master, False)
     with pytest.raises(BlockingIOError):  # nothing was ever sent to the bus
         os.read(master, 100)
+
+
+@pytest.mark.parametrize(
+    ("command", "tap"),
+    [
+        *product(("sniff", "record", "sniff recording"), ("away", "mute", "greets and is mute")),
+        *product(("tap", "replay", "replay onto a port"), ("none",)),
+    ],
+)
+def test_a_duration_ends_whatever_does_not_come(tmp_path, command, tap):
+    """By the machine's clock: nothing that would tell the time comes."""
+    record, device = ["-o", tmp_path / "bus.mcap"], ["/dev/not-there", "--wait"]
+    mute = HostileTap(BEGIN, silent=tap == "mute", stays=True)
+    url = "tap://127.0.0.1:1" if tap == "away" else mute.url
+    words = {
+        "sniff": ["sniff", url, "--wait"],
+        "record": ["record", url, "--wait", *record],
+        "sniff recording": ["sniff", url, "--wait", *record],
+        "tap": ["tap", *device, "--listen", "0"],
+        "replay": ["replay", samples.path("troubled.jsonl"), "--speed", "0.001"],
+        "replay onto a port": ["replay", samples.path("troubled.jsonl"), "--speed", "0.001", "--to", "loop://"],
+    }[command]
+    try:
+        done = spawned(*words, "--duration", "0.4s")
+    finally:
+        mute.listener.close()
+    assert done.status in (0, 1), done
+    assert "Traceback" not in done.err and "defect" not in done.err

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import struct
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ from running import ran, refused
 
 from analyzer.cli.commands import NO_FRAME
 from analyzer.simulation import Scenario, write
+from analyzer.simulation.conversation import adu as frame_of
 from dissectors.maps import map_text, read_map, shipped_map
 from dissectors.maps.model import RegisterMap
 
@@ -165,3 +167,30 @@ def test_a_capture_without_values_is_one_line(tmp_path: Path, capsys: pytest.Cap
         done = ran(capsys, "map", *words)
         assert (done.status, done.out) == (NO_FRAME, "")
         assert done.err == f"rtuscope: {log}: no answer carries a register\n"
+
+
+def test_requests_that_the_device_does_not_take_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    requests = (
+        (3, 0, 16, b""), (3, 0, 18, b""), (6, 8, 0x3F80, b""), (6, 4, 2000, b""), (6, 3, 5, b""), (1, 0, 8, b""),
+        (16, 8, 2, bytes.fromhex("043f800000")),
+    )  # fmt: skip
+    asked = [
+        frame_of(1, struct.pack(">BHH", function, address, last) + rest) for function, address, last, rest in requests
+    ]
+    answers = {3: b"\x03\x20" + bytes(32), 6: None, 1: b"\x81\x01", 16: struct.pack(">BHH", 16, 8, 2)}
+    log = tmp_path / "bus.txt"
+    lines = []
+    for number, ((function, *_), request) in enumerate(zip(requests, asked, strict=True)):
+        answer = answers[function]
+        lines.append(f"10:00:{number:02d}.000 TX {request.hex(' ')}")
+        lines.append(f"10:00:{number:02d}.050 RX {(frame_of(1, answer) if answer else request).hex(' ')}")
+    log.write_text("\n".join(lines) + "\n")
+    told = [line for line in ran(capsys, "map", "check", "el-psu", log).out.splitlines() if line.startswith("request")]
+    assert [line.split(": ", 2)[2] for line in told] == [
+        "function 01 was asked for, the map has only 03, 04, 06, 16, 17",
+        "an exchange of 41 bytes, the device takes 40",
+        "5 was asked for, a state without a name",
+        "2000 was asked for, its greatest value is 1023",
+        "written by function 06, the device takes only 16",
+        "1 of its 2 registers were written alone",
+    ]

@@ -223,7 +223,7 @@ TABLES: dict[str, OddFile] = {
         "liste.csv",
         "Adresse;Bezeichnung;Datentyp;Länge;Größe\n10;Rücklauftemperatur;INT16;1;°C\n11;Störung Lüfter;UINT16;1;\n"
         .encode("cp1252"),
-        ["holding 10 s16 Rücklauftemperatur", "holding 11 u16 Störung Lüfter"],
+        ["holding 10 s16 °C Rücklauftemperatur", "holding 11 u16 Störung Lüfter"],
         "",
     ),
     "Chinese": (

@@ -14,7 +14,7 @@ from oddmaps import check_import, row_texts
 
 from dissectors.maps import MapError
 from dissectors.maps.importers import import_maps
-from dissectors.maps.tablewords import area_words
+from dissectors.maps.written import area_words
 
 openpyxl = pytest.importorskip("openpyxl")
 Cells = list[list[Any]]

@@ -25,6 +25,7 @@ from packets import (
     framed,
     ip_packet,
     mbap,
+    names,
     pcap,
     pcapng,
     pcapng_block,
@@ -72,7 +73,7 @@ def test_every_link_type_and_byte_order(tmp_path: Path, link: int, order: str, n
     capture = opened(tmp_path, pcap(talk.packets, link, order, nanoseconds))
     assert said(capture) == EXPECTED
     assert capture.line.tap == "network"
-    assert capture.line.notes == {"port 0": "10.0.0.1 > 10.0.0.9:502"}
+    assert names(capture) == {"port 0": "10.0.0.1 > 10.0.0.9:502"}
     times = [t_ns for t_ns, _ in talk.packets[3:]]
     assert [chunk.t_ns for chunk in capture.chunks()] == times
     assert not capture.damage
@@ -85,7 +86,7 @@ def test_ipv6_and_vlan(tmp_path: Path, vlans: int, link: int) -> None:
     talk = polled(Talk(("fd00::1", 40000), ("fd00::9", 4001), link=link, vlans=vlans if link == 1 else 0).begin())
     capture = opened(tmp_path, pcap(talk.packets, link))
     assert said(capture) == EXPECTED
-    assert capture.line.notes == {"port 0": "fd00::1 > [fd00::9]:4001"}
+    assert names(capture) == {"port 0": "fd00::1 > [fd00::9]:4001"}
 
 
 def test_pcapng_with_sections_interfaces_and_old_packets(tmp_path: Path) -> None:
@@ -176,7 +177,7 @@ def test_connections_have_a_port_each_and_share_one_when_they_follow_each_other(
     two = polled(Talk(("10.0.0.2", 40002), t_ns=10**8 + 1000).begin(), 3)
     packets = sorted(packets + one.packets + two.packets)
     capture = opened(tmp_path, pcap(packets))
-    assert list(capture.line.notes.items()) == [
+    assert list(names(capture).items()) == [
         ("port 0", "10.0.0.1 > 10.0.0.9:502"),
         ("port 1", "10.0.0.2 > 10.0.0.9:502"),
         ("port 2", "10.0.0.2 > 10.0.0.9:502"),
@@ -211,7 +212,7 @@ def test_gateways_carry_rtu_and_ascii_on_any_port_among_other_traffic(tmp_path: 
         ascii_line.ask(b":1103006B00027F\r\n").answer(b":1103040001000213D2\r\n")
         web.ask(b"\x16\x03\x01\x02\x00" + bytes(100)).answer(b"\x16\x03\x03" + bytes([number]) * 800)
     capture = opened(tmp_path, pcap(sorted(gateway.packets + ascii_line.packets + web.packets)))
-    by_name = {name: int(key.split()[1]) for key, name in capture.line.notes.items()}
+    by_name = {name: int(key.split()[1]) for key, name in names(capture).items()}
     assert sorted(by_name) == ["10.0.0.1 > 10.0.0.6:4002", "10.0.0.1 > 10.0.0.7:4001"]
     octets = b"".join(data for _, data in said(capture, by_name["10.0.0.1 > 10.0.0.7:4001"]))
     assert octets == (request + answer) * 6

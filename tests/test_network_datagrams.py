@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
-from packets import End, Packet, Talk, framed, pcap, read_answer, read_request, udp_packet
+from packets import End, Packet, Talk, framed, names, pcap, read_answer, read_request, udp_packet
 
 import captures
 from captures import Capture, CaptureError, Mark
@@ -59,7 +59,7 @@ def test_datagrams_are_read_as_they_came(tmp_path: Path, link: int, vlans: int, 
     assert said(capture) == EXPECTED
     assert [chunk.t_ns for chunk in capture.chunks()] == [t_ns for t_ns, _ in talk.packets]
     server = f"[{hosts[1]}]" if ":" in hosts[1] else hosts[1]
-    assert capture.line.notes == {"port 0": f"{hosts[0]} > {server}:502 (UDP)"}
+    assert names(capture) == {"port 0": f"{hosts[0]} > {server}:502 (UDP)"}
     assert not capture.damage
     assert not capture.notices
 
@@ -84,7 +84,7 @@ def test_the_same_ends_over_tcp_are_another_line(tmp_path: Path) -> None:
         tcp.ask(read_request(number)).answer(read_answer(number))
         udp.put(True, read_request(number)).put(False, read_answer(number))
     capture = opened(tmp_path, sorted(tcp.packets + udp.packets, key=lambda packet: packet[0]))
-    assert sorted(capture.line.notes.values()) == ["10.0.0.1 > 10.0.0.9:502", "10.0.0.1 > 10.0.0.9:502 (UDP)"]
+    assert sorted(names(capture).values()) == ["10.0.0.1 > 10.0.0.9:502", "10.0.0.1 > 10.0.0.9:502 (UDP)"]
     assert said(capture, 0) == said(capture, 1) == EXPECTED
 
 
@@ -94,7 +94,7 @@ def test_a_datagram_that_was_cut_takes_nothing_of_the_next(tmp_path: Path) -> No
     assert said(opened(tmp_path, talk.packets)) == [*EXPECTED[:6], (Mark.TX, read_request(3)[:7]), *EXPECTED[6:]]
 
 
-def names(number: int) -> bytes:
+def question(number: int) -> bytes:
     """A question of DNS, whose answer begins as it does."""
     return struct.pack(">HHHHHH", 0x0103 + number, 0x0100, 1, 0, 0, 0) + b"\x03plc\x05local\x00\x00\x01\x00\x01"
 
@@ -102,13 +102,13 @@ def names(number: int) -> bytes:
 def test_other_datagrams_are_left_out(tmp_path: Path) -> None:
     dns = Datagrams(server=("10.0.0.53", 53))
     for number in range(5):
-        dns.put(True, names(number)).put(False, names(number) + bytes(16))
+        dns.put(True, question(number)).put(False, question(number) + bytes(16))
     talk = Talk().begin()
     for number in range(4):
         talk.ask(read_request(number)).answer(read_answer(number))
     capture = opened(tmp_path, sorted(dns.packets + talk.packets, key=lambda packet: packet[0]))
     assert said(capture) == EXPECTED
-    assert capture.line.notes == {"port 0": "10.0.0.1 > 10.0.0.9:502"}
+    assert names(capture) == {"port 0": "10.0.0.1 > 10.0.0.9:502"}
     with pytest.raises(CaptureError, match=r"no Modbus over UDP in it: 10 packets of UDP without Modbus"):
         opened(tmp_path, dns.packets)
 

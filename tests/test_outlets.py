@@ -7,6 +7,7 @@ import shutil
 import socket
 import subprocess
 import time
+import urllib.error
 import urllib.request
 
 import pytest
@@ -88,6 +89,38 @@ def test_metrics_say_what_the_report_says(capsys):
         assert done.returncode == 0, done.stdout + done.stderr
 
 
+@pytest.mark.parametrize(
+    ("listening", "headers", "status"),
+    [
+        ("127.0.0.1", {"Host": "localhost:9617"}, 200),
+        ("127.0.0.1", {"Host": "evil.example"}, 403),
+        ("127.0.0.1", {"Host": "rtuscope:9617"}, 403),
+        ("127.0.0.1", {"Origin": "http://evil.example"}, 403),
+        ("127.0.0.1", {"Origin": "null"}, 403),
+        ("0.0.0.0", {"Host": "rtuscope:9617"}, 200),  # a service in a network of containers
+        ("0.0.0.0", {"Host": "192.0.2.7:9617"}, 200),
+        ("0.0.0.0", {"Host": "evil.example:9617"}, 403),
+        ("localhost", {"Host": "LOCALHOST"}, 200),
+    ],
+)
+def test_metrics_are_for_no_page_of_the_web(listening, headers, status):
+    """Nor under a name that a stranger makes point here."""
+    metrics = pytest.importorskip("analyzer.live.outlets.metrics")
+    pytest.importorskip("prometheus_client")
+    served = metrics.Metrics(listening, 0)
+    try:
+        request = urllib.request.Request(f"http://127.0.0.1:{served.port}/metrics", headers=headers)
+        try:
+            with urllib.request.urlopen(request, timeout=10) as answer:
+                assert answer.status == status
+                assert b"modbus_heard_bytes_total" in answer.read()
+        except urllib.error.HTTPError as error:
+            assert error.code == status
+            assert b"modbus_" not in error.read()
+    finally:
+        served.close()
+
+
 @needs_pty
 @pytest.mark.skipif(shutil.which("prometheus") is None, reason="prometheus is not installed")
 def test_prometheus_scrapes_a_recorder(tmp_path):
@@ -118,7 +151,7 @@ def test_prometheus_scrapes_a_recorder(tmp_path):
             os.write(master, adu(f"{ANSWER}{value:04x}"))
             time.sleep(0.02)
         os.write(master, ASKED)
-        assert eventually(lambda: counted() == [("17", "10")], 40), counted()
+        assert eventually(lambda: counted() == [("17", "10")]), counted()
     finally:
         scraper.kill()
         scraper.wait()
@@ -145,7 +178,7 @@ class Broker:
         self._process = subprocess.Popen(
             [program, "-c", self._settings], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
         )
-        assert eventually(self._answers, 20)
+        assert eventually(self._answers)
 
     def _answers(self):
         with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", self.port), 1):
@@ -213,19 +246,20 @@ def test_values_and_health_reach_a_broker_that_is_away_for_a_while(tmp_path):
             answered(master, value)
         time.sleep(1)
         broker.start()
-        assert eventually(lambda: "105" in heard.of(power), 30), heard.messages
+        assert eventually(lambda: "105" in heard.of(power)), heard.messages
         answered(master, 106)
         assert eventually(lambda: "106" in heard.of(power)), heard.messages
     finally:
         status, _, said = record.ended()
-        gone = eventually(lambda: heard.of("rtuscope/status")[-1:] == ["offline"])
+        gone = eventually(lambda: heard.of("rtuscope/status")[-1:] == ["offline"] and heard.of(power)[-1:] == [""])
         heard.close()
         broker.stop()
     assert status == 0, said
     assert gone
     assert "connection lost; states wait" in said, said
     assert "connected again" in said, said
-    live = heard.live(power)
+    *live, last = heard.live(power)
+    assert last == "", "nobody hears it any more: the broker keeps none"
     assert len(live) == len(set(live)), live  # nothing twice
     assert live[:3] == ["100", "101", "102"]
     assert live[-2:] == ["105", "106"]
@@ -233,13 +267,14 @@ def test_values_and_health_reach_a_broker_that_is_away_for_a_while(tmp_path):
     assert health["requests"] == 8
     assert health["answered"] == 8
     assert health["answers"] is True
-    (config,) = [
-        json.loads(text) for text in heard.live("homeassistant/sensor/rtuscope/unit_17_values_Active_power/config")
-    ]
+    told = heard.live("homeassistant/sensor/rtuscope/unit_17_values_Active_power/config")
+    assert len(told) <= 2, "at first, and once the period of its poll is known"
+    config = json.loads(told[-1])
     assert config["state_topic"] == power
     assert config["unit_of_measurement"] == "W"
     assert config["device_class"] == "power"
-    assert config["availability_topic"] == "rtuscope/status"
+    assert [each["topic"] for each in config["availability"]] == ["rtuscope/status", "rtuscope/unit/17/available"]
+    assert heard.of("rtuscope/unit/17/available")[-1] == "offline"
     assert len(list(analyzer.open(tmp_path / "bus.mcap").frames())) == 16  # the recording has all
 
 

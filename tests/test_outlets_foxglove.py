@@ -5,18 +5,19 @@ import json
 import os
 import socket
 import struct
+import sys
 import time
 
 import pytest
 from livebus import Running, pty
-from running import ran
+from running import ran, refused
 
 import captures
 from captures import samples
 
 TROUBLED = samples.path("troubled.jsonl")
 _UPGRADE = (
-    "GET / HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+    "GET / HTTP/1.1\r\nHost: {host}\r\n{more}Upgrade: websocket\r\nConnection: Upgrade\r\n"
     "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Version: 13\r\n"
     "Sec-WebSocket-Protocol: foxglove.sdk.v1\r\n\r\n"
 )
@@ -93,10 +94,72 @@ def test_a_viewer_that_just_goes_is_nobodys_trouble():
     sniff = Running("sniff", pty()[1], "--baud", "9600", "--foxglove", "0")
     at = int(b"".join(sniff.said).partition(b"ws://127.0.0.1:")[2].split()[0])
     with socket.create_connection(("127.0.0.1", at), 10) as viewer:
-        viewer.sendall(_UPGRADE.encode())
+        viewer.sendall(_UPGRADE.format(host="localhost", more="").encode())
         assert b"101 Switching" in viewer.recv(4096)
         viewer.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # its end is a reset
     time.sleep(0.5)
     said = sniff.ended()[2].splitlines()
     assert said
     assert [line for line in said if not line.startswith("rtuscope: ")] == []
+
+
+@pytest.fixture(scope="module")
+def served():
+    outlet = pytest.importorskip("analyzer.live.outlets.foxglove")
+    pytest.importorskip("foxglove")
+    served = outlet.Foxglove("127.0.0.1", 0, origins=["http://localhost:8080"])
+    yield served
+    served.close()
+
+
+def answer(port, head, host="127.0.0.1"):
+    """The status that a request gets."""
+    with socket.create_connection((host, port), 10) as viewer:
+        viewer.sendall(head.encode())
+        return viewer.recv(4096).partition(b"\r\n")[0].decode()
+
+
+@pytest.mark.parametrize(
+    ("host", "more", "status"),
+    [
+        ("localhost:{port}", "", 101),
+        ("127.0.0.1", "Origin: https://app.foxglove.dev\r\n", 101),
+        ("localhost", "Origin: file://\r\n", 101),
+        ("[::1]:8765", "origin: http://[::1]:8765\r\n", 101),
+        ("localhost", "Origin: http://localhost:8080\r\n", 101),
+        ("localhost", "Origin: http://evil.example\r\n", 403),
+        ("localhost", "Origin: null\r\n", 403),
+        ("localhost", "Origin: https://app.foxglove.dev.evil.example\r\n", 403),
+        ("localhost", "Origin: file://\r\nOrigin: http://evil.example\r\n", 403),
+        ("localhost", "Origin: http://localhost:8081\r\n", 403),
+        ("evil.example", "", 403),
+        ("evil.example", "Origin: http://evil.example\r\n", 403),
+        ("localhost", "Host: evil.example\r\n", 403),
+    ],
+)
+def test_pages_and_names_of_others_are_refused(served, host, more, status):
+    head = _UPGRADE.format(host=host.format(port=served.port), more=more)
+    assert f" {status} " in answer(served.port, head), head
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems have one loopback address")
+def test_the_server_behind_the_door_is_at_no_address_that_a_page_can_try(served):
+    inner = served._server.port
+    for host in ("127.0.0.1", "localhost"):
+        with pytest.raises(OSError):
+            socket.create_connection((host, inner), 2).close()
+
+
+def test_a_door_that_is_knocked_at_without_a_word_opens_for_others(served):
+    silent = [socket.create_connection(("127.0.0.1", served.port), 10) for _ in range(20)]
+    silent[0].sendall(b"GET / HTTP/1.1\r\n" + b"x" * 100_000)
+    assert " 101 " in answer(served.port, _UPGRADE.format(host="localhost", more=""))
+    for each in silent:
+        each.close()
+
+
+def test_a_port_that_is_taken_is_one_line(capsys):
+    pytest.importorskip("foxglove")
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        assert f"--foxglove 127.0.0.1:{port}: " in refused(capsys, "replay", TROUBLED, "--foxglove", str(port))

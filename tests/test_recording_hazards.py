@@ -14,16 +14,17 @@ from types import SimpleNamespace
 
 import pytest
 from livebus import raw_pty
-from running import START, environment
+from running import PATIENCE_S, START, environment
 
 import captures
 from captures.chunks import Block, Chunk
+from captures.disposal import move_to_free_name
 from captures.formats.mcap import writer
 from captures.line import LineSettings
 from captures.recording import mcapfile
 from captures.recording import recorder as recorder_module
 from captures.recording import ring as ring_module
-from captures.recording.mcapfile import PART, move_to_free_name, repair
+from captures.recording.mcapfile import PART, repair
 from captures.recording.notes import Note, read
 from captures.recording.recorder import Recorder
 from captures.recording.ring import Ring, RingLimits
@@ -105,7 +106,7 @@ def test_a_file_that_is_taken_away_is_followed_by_another(tmp_path, limits, fold
         recorder.tick()
     recorder.close()
     os.close(other)
-    kept = b"".join(map(held, sorted(folder.iterdir())))
+    kept = b"".join(map(held, sorted(folder.glob("*.mcap"))))
     assert kept == block(2).data.tobytes() + block(3).data.tobytes() or kept == block(3).data.tobytes()
     assert not list(folder.glob(f"*{PART}"))
     if not limits.rotates:
@@ -261,27 +262,12 @@ def test_a_ring_of_so_much_time_counts_time_of_recording(tmp_path, monkeypatch, 
     assert kept.endswith(b"%08d" % seconds[0])
 
 
-def test_files_of_a_ring_without_an_account_are_older_than_those_with_one(tmp_path):
-    old = Recorder(tmp_path / "old.mcap", LINE)
-    old.write(block(1))
-    old.close()
-    (tmp_path / "old.mcap").rename(tmp_path / "bus-20990101T000000.000Z.mcap")
-    limits = RingLimits(size=1, keep_s=10**6)
-    recorder = Recorder(tmp_path / "bus.mcap", LINE, limits=limits, tell=pytest.fail)
-    for number in (2, 3):
-        recorder.write(block(number))
-        recorder.tick()
-    recorder.close()
-    assert [held(file)[0] for file in Ring(tmp_path / "bus.mcap", limits).files()] == [1, 2, 3]
-
-
 def test_a_ring_that_was_cut_keeps_its_order(tmp_path):
     limits = RingLimits(size=1, keep_s=10**6)
     recorder = Recorder(tmp_path / "bus.mcap", LINE, limits=limits, tell=pytest.fail)
     for number in (1, 2):
         recorder.write(block(number))
         recorder.tick()
-    last = Ring(tmp_path / "bus.mcap", limits)
     recorder.write(block(3))
     part = next(tmp_path.glob(f"*{PART}"))
     recorder._commit()
@@ -292,7 +278,7 @@ def test_a_ring_that_was_cut_keeps_its_order(tmp_path):
     again = Recorder(tmp_path / "bus.mcap", LINE, limits=limits, tell=lambda _: None)
     again.write(block(4))
     again.close()
-    assert [held(file)[0] for file in last.files()] == [1, 2, 3, 4]
+    assert [held(file)[0] for file in Ring(tmp_path / "bus.mcap", limits).files()] == [1, 2, 3, 4]
 
 
 def test_memory_stays_flat(tmp_path, monkeypatch):
@@ -368,7 +354,7 @@ def test_bytes_that_a_full_disk_cost_are_told_last_with_a_status(tmp_path):
     talker.join()
     time.sleep(1)
     process.send_signal(signal.SIGTERM)
-    _, err = process.communicate(timeout=20)
+    _, err = process.communicate(timeout=PATIENCE_S)
     os.close(master)
     os.close(slave)
     kept = held(tmp_path / "bus.mcap.part")

@@ -14,14 +14,22 @@ import analyzer
 from analyzer import languages
 from analyzer.cli import main, registers
 from analyzer.languages import fill, register_words
-from analyzer.registers import checking
+from analyzer.registers import checking, requests
 from analyzer.registers.telling import AREAS, ROLES, STILL, told_name
 from dissectors.maps.cells import COLUMN_NAMES
 from dissectors.maps.table import HEADER_KEYS
 
 _HOUSE = Path(analyzer.__file__).parent
 _SOURCES = [*(_HOUSE / "registers").glob("*.py"), _HOUSE / "cli" / "registers.py", _HOUSE / "cli" / "map.py"]
-_FIXED = (*registers.HEADINGS, *checking.KINDS, *ROLES, *STILL, *AREAS, *AREAS.values())
+_FIXED = (
+    *registers.HEADINGS,
+    *checking.KINDS,
+    *requests.REQUEST_WORDS.values(),
+    *ROLES,
+    *STILL,
+    *AREAS,
+    *AREAS.values(),
+)
 _TERMS = re.compile(
     r"""[usf]\d+ | bcd\d+ | \b(?:[ABCD]{4}|BCD|SunSpec|SunS|float|text|bool|bits|enum|time|rtuscope|csv|yaml|jsonl)\b
     | [rb]\d+ | x\d | --[a-z]+ | [\w-]+@\d | \b[0-9A-F]{4}\b | '[^']*' | \b\d\S*e[+-]\d+ | \bs\b""",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from string import Formatter
@@ -14,10 +15,12 @@ from hypothesis import strategies as st
 
 import captures
 from analyzer import languages
-from analyzer.causes.reasoning import RunningStory
-from analyzer.causes.registry import suspects
+from analyzer.causes.ledger import Ledger
+from analyzer.causes.reasoning import RunningStory, causes_of
+from analyzer.causes.registry import Cause, suspects
 from analyzer.cli import main
 from analyzer.core import Analyzer
+from analyzer.model.bus import Bus
 from analyzer.reports import summarize, text
 from analyzer.reports.against import differences
 from analyzer.reports.model import Report
@@ -175,11 +178,12 @@ def test_the_report_speaks_russian(capsys: pytest.CaptureFixture[str]) -> None:
     assert "Устройства 1, 2, 9, 17 замолкают" in page
 
 
+@pytest.mark.parametrize("aside", [False, True])
 @pytest.mark.parametrize("octets", [2000, 100])
-def test_a_live_story_ends_as_the_whole_one(octets: int) -> None:
+def test_a_live_story_ends_as_the_whole_one(octets: int, aside: bool) -> None:
     made = field_cases()["dead-beside-driver"].capture("precise", 4)
     capture = Capture.of(made.line, made.chunks)
-    story, told = RunningStory(capture.line), []
+    story, told = RunningStory(capture.line, aside=aside), []
     analyzer = Analyzer(capture.line)
     for block in capture.blocks(octets):
         analyzer.feed(block)
@@ -190,8 +194,44 @@ def test_a_live_story_ends_as_the_whole_one(octets: int) -> None:
     whole = summarize(Capture.of(made.line, made.chunks)).causes
     assert [(c.cause, c.units) for c in story.causes] == [(c.cause, c.units) for c in whole]
     assert told[0].state == "new"
-    assert octets > 100 or told[0].exchanges <= 43  # rows wait for each other, a look that is due does not
+    assert octets > 100 or aside or told[0].exchanges <= 43  # rows wait for each other, a look that is due does not
     assert [each.revision for each in told] == sorted(each.revision for each in told)
+
+
+def test_rows_wait_for_no_look_at_the_causes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first one takes most of a second: neither lines nor the interface's rows stand still for it."""
+    looking, go_on = threading.Event(), threading.Event()
+
+    def slow(ledger: Ledger) -> list[Cause]:
+        looking.set()
+        assert go_on.wait(60)
+        return causes_of(ledger)
+
+    monkeypatch.setattr("analyzer.causes.reasoning.causes_of", slow)
+    made = field_cases()["dead-beside-driver"].capture("precise", 4)
+    capture = Capture.of(made.line, made.chunks)
+    story, bus, analyzer = RunningStory(capture.line, aside=True), Bus(capture.line), Analyzer(capture.line)
+    blocks = list(capture.blocks(2000))
+    asked: list[Cause] = []
+    asking = threading.Thread(target=lambda: asked.extend(bus.causes()))
+    for number, block in enumerate(blocks):
+        if number == len(blocks) // 2:
+            asking.start()
+            assert looking.wait(60)
+        analyzer.feed(block)
+        bus.feed(analyzer.latest)
+        assert story.feed(analyzer.latest.batch, analyzer.latest.transactions, capture.line) == []
+    assert bus.count > 100
+    go_on.set()
+    asking.join(60)
+    monkeypatch.undo()
+    analyzer.close()
+    bus.feed(analyzer.latest)
+    bus.close()
+    story.feed(analyzer.latest.batch, analyzer.latest.transactions, capture.line)
+    story.close()
+    whole = [(c.cause, c.units) for c in summarize(Capture.of(made.line, made.chunks)).causes]
+    assert [(c.cause, c.units) for c in bus.causes()] == [(c.cause, c.units) for c in story.causes] == whole
 
 
 @given(st.lists(st.integers(-1, 10**10), min_size=1), st.floats(0, 1e9))

@@ -159,3 +159,43 @@ def test_words_that_are_nearly_right(capsys):
     assert "did you mean zsh?" in refused(capsys, "completion", "zhs")
     assert "did you mean filters?" in refused(capsys, "help", "filtres")
     assert "did you mean report?" in refused(capsys, "reprot", TROUBLED)
+
+
+@pytest.mark.parametrize(
+    "port",
+    [
+        "socket://192.0.2.1:4001", "rfc2217://192.0.2.1:2217", "tap://192.0.2.1", "taps://x", "SOCKET://x:1",
+        "spy:///dev/x",
+        "loop://", "hwgrep://.", "alt:///dev/x", "//server/share", "\\\\server\\pipe\\x", "/dev/../etc/passwd",
+        "notes.txt", "/etc/passwd", "",
+    ],
+)  # fmt: skip
+def test_a_project_s_file_names_no_port_elsewhere(capsys, files, port):
+    """A stranger's archive that is entered, or what anybody put into /tmp, must not choose whom one talks to."""
+    at = files(project=f"port = {json.dumps(port)}\n")
+    told = refused(capsys, "sniff")
+    assert f"{at / 'project' / 'rtuscope.toml'}, line 1: port" in told and "a project's file cannot name" in told
+    files(f"port = {json.dumps(port)}\n", "")
+    assert "a project's file cannot name" not in refused(capsys, "sniff", "--duration", "1s", "--baud", "x")
+
+
+@pytest.mark.parametrize(
+    "port", ["/dev/ttyUSB0", "/dev/serial/by-id/usb-FTDI_FT232R-if00-port0", "COM7", "/dev/nowhere"]
+)
+def test_a_project_s_file_may_name_a_port_of_this_machine(capsys, files, port):
+    files(project=f'port = "{port}"\n')
+    assert f"{port}  from" in ran(capsys, "config", "show").out
+
+
+@pytest.mark.parametrize(
+    "name", ["/etc/passwd", "../elsewhere.csv", "~/secret.csv", "//server/share/m.csv", "C:\\m.csv", "link.csv"]
+)
+def test_a_project_s_file_names_no_map_outside_of_its_folder(capsys, files, tmp_path, name):
+    at = files(project=f"[maps]\nall = {json.dumps(name)}\n")
+    (tmp_path / "elsewhere.csv").write_text("address,name\n1,x\n")
+    if os.name == "posix":
+        (at / "project" / "link.csv").symlink_to(tmp_path / "elsewhere.csv")
+    elif name == "link.csv":
+        pytest.skip("links need rights on Windows")
+    told = refused(capsys, "report", TROUBLED)
+    assert "line 2: the map" in told and "not in the folder of the project" in told

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import re
 import subprocess
 import sys
@@ -152,25 +153,103 @@ def test_at_40_columns_a_finding_still_says_what_was_seen(capture: Path) -> None
 
 
 def test_a_file_is_read_anew_with_its_filter_and_row(capture: Path) -> None:
-    left: list[object] = []
-
     async def work(sitting: Seat) -> None:
-        sitting.app.exit = lambda result=None, *_: left.append(result)  # type: ignore[method-assign]
-        await sitting.press("equals_sign", "u", "down", "down", "ctrl+r")
-        assert left == [NextFile(capture, "frames", "unit == 1", sitting.row)]
+        await sitting.press("equals_sign", "u", "down", "down")
+        row, before, screen = sitting.row, sitting.bus, sitting.screen
+        capture.write_text(capture.read_text() * 1)
+        await sitting.pilot.press("ctrl+r")
+        await sitting.until(lambda: sitting.bus is not before and sitting.bus.whole)
+        await sitting.settle()
+        assert sitting.screen is not screen and sitting.screen.view == "frames"
+        assert sitting.row == row
+        await sitting.until(lambda: 0 < sitting.screen.frames.count() < sitting.bus.count)
+        await sitting.press("down")
+        assert sitting.row > row, "it goes on as before"
 
     using(opened(capture), work)
 
-    async def again() -> None:
-        come = left[0]
-        assert isinstance(come, NextFile)
-        app = Rtuscope(opened(capture), view=come.view, resumed=come)
-        async with app.run_test(size=(100, 30)) as pilot:
-            sitting = Seat(app, pilot)
-            await sitting.until(lambda: sitting.bus.whole and sitting.screen.row == come.row)
-            await sitting.until(lambda: 0 < sitting.screen.frames.count() < sitting.bus.count)
 
-    asyncio.run(again())
+@pytest.mark.parametrize("becomes", ["gone", "a folder", "another file", "not readable", "empty", "cut"])
+def test_a_file_that_is_not_what_it_was_ends_nothing(capture: Path, becomes: str) -> None:
+    """Ctrl+R with the file gone or rewritten: what is shown stays until the new one is open."""
+
+    async def work(sitting: Seat) -> None:
+        before, count = sitting.bus, sitting.bus.count
+        whole = capture.read_bytes()
+        capture.unlink()
+        match becomes:
+            case "a folder":
+                capture.mkdir()
+            case "another file":
+                capture.write_bytes(bytes(range(256)) * 40)
+            case "not readable":
+                capture.write_bytes(b"\x1f\x8b\x08" + bytes(40))
+            case "empty":
+                capture.write_bytes(b"")
+            case "cut":
+                capture.write_bytes(whole[: len(whole) // 2])
+        await sitting.press("ctrl+r")
+        await sitting.until(lambda: sitting.bus is not before or bool(sitting.notices()))
+        if sitting.bus is before:
+            assert any("not opened, this stays as it was: " in words for words in sitting.notices()), sitting.notices()
+            assert sitting.bus.count == count
+        else:  # it is a capture of some kind: that is shown
+            assert becomes not in ("gone", "a folder", "not readable")
+        await sitting.press("down", "1", "2")
+        assert sitting.app.is_running
+        if capture.is_dir():
+            capture.rmdir()
+        capture.write_bytes(whole)
+        await sitting.press("ctrl+r")
+        await sitting.until(lambda: sitting.bus.whole and sitting.bus is not before and sitting.bus.count == count)
+
+    using(opened(capture), work)
+
+
+def test_another_file_keeps_the_theme_and_its_own_notes(capture: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other.jsonl"
+    other.write_bytes(capture.read_bytes())
+
+    async def work(sitting: Seat) -> None:
+        await sitting.press("m", "D")
+        theme = sitting.app.theme
+        assert sitting.app.desk.notes.comments
+        sitting.app.leave(NextFile(other))
+        await sitting.until(lambda: sitting.app.desk.source.path == other and sitting.bus.whole)
+        assert not sitting.app.desk.notes.comments
+        assert sitting.app.theme == theme
+        sitting.app.leave(NextFile(capture))
+        await sitting.until(lambda: sitting.app.desk.source.path == capture and sitting.bus.whole)
+        assert sitting.app.desk.notes.comments
+
+    using(opened(capture), work)
+
+
+@pytest.mark.parametrize("pause_s", [0.0, 0.005, 0.02, 0.05])
+@pytest.mark.parametrize("keys", ["jjjj", "ejjj", "/jjj", "1234", "?jjj", "q" + "j" * 50])
+def test_keys_that_wait_when_it_ends_are_nobodys_trouble(capture: Path, keys: str, pause_s: float) -> None:
+    from textual.events import Key
+
+    troubles: list[dict[str, object]] = []
+
+    async def main() -> None:
+        asyncio.get_running_loop().set_exception_handler(lambda _, context: troubles.append(context))
+        app = Rtuscope(opened(capture))
+        async with app.run_test(size=(80, 24)) as pilot:
+            sitting = Seat(app, pilot)
+            await sitting.until(lambda: sitting.bus.whole)
+            for key in keys:
+                app.post_message(Key(key, key))
+            await asyncio.sleep(pause_s)
+            app.exit()
+            for key in keys:  # they come until the terminal is given back
+                app.post_message(Key(key, key))
+        await asyncio.sleep(0.05)
+        gc.collect()  # a task that failed is told of when it is thrown away
+        await asyncio.sleep(0)
+
+    asyncio.run(main())
+    assert not troubles
 
 
 def test_marks_of_a_recording_come_back_as_comments(capture: Path, monkeypatch: pytest.MonkeyPatch) -> None:

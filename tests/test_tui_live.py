@@ -10,11 +10,12 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from seats import Seat, using
+from seats import Seat, sample_in, using
 from terminals import posix
 
 from analyzer.core import Analysed
 from analyzer.tui.live import LiveSource
+from analyzer.tui.openfiles import NextFile
 from captures.line import LineSettings
 from dissectors.crc import crc_bytes
 
@@ -37,12 +38,16 @@ class Quiet(LiveSource):
         self._status = LineStatus(self.line)
 
     line = LineSettings(baud=19200, char_bits=10)
+    over = False
 
     def steps(self, stop: Callable[[], bool]) -> Iterator[Analysed]:
 
-        while not stop():
-            time.sleep(0.02)
-            yield Analysed.nothing()
+        try:
+            while not stop():
+                time.sleep(0.02)
+                yield Analysed.nothing()
+        finally:
+            self.over = True
 
 
 def test_a_recording_is_in_sight_and_does_not_end_unasked() -> None:
@@ -70,6 +75,50 @@ def test_a_recording_is_in_sight_and_does_not_end_unasked() -> None:
         await sitting.pilot.press("q")
         await sitting.until(lambda: bool(ended))
 
+    using(source, work, size=(120, 24))
+
+
+@pytest.mark.parametrize("door", ["q", "й", "ctrl+q", "palette", "open", "ctrl+q over a question", "twice"])
+def test_no_door_ends_a_recording_unasked(door: str, tmp_path: Path) -> None:
+    ended = list[bool]()
+    other = sample_in(tmp_path)
+
+    async def work(sitting: Seat) -> None:
+        app = sitting.app
+        app.exit = lambda *_, **__: ended.append(True)  # type: ignore[method-assign]
+        await sitting.until(lambda: "REC" in sitting.shown())
+        match door:
+            case "palette":
+                quits = [each.callback for each in app.get_system_commands(sitting.screen) if each.title == "Quit"]
+                assert len(quits) == 1
+                quits[0]()
+            case "open":
+                app.leave(NextFile(other))
+            case "ctrl+q over a question":
+                await sitting.pilot.press("slash", "escape", "ctrl+p")
+                await sitting.pilot.press("ctrl+q")
+            case "twice":
+                await sitting.pilot.press("ctrl+q", "ctrl+q", "ctrl+q")
+            case _:
+                await sitting.pilot.press(door)
+        await sitting.until(lambda: "would end" in sitting.shown())
+        await sitting.pilot.press("escape")
+        await sitting.until(lambda: "would end" not in sitting.shown())
+        assert not ended
+        assert app.desk.source is source
+        if door == "open":
+            app.leave(NextFile(other))
+            await sitting.until(lambda: "would end" in sitting.shown())
+            await sitting.pilot.press("q")
+            await sitting.until(lambda: app.desk.source.path == other and app.desk.bus.whole)
+            await sitting.until(lambda: source.over)  # the session of before has ended
+            return
+        await sitting.pilot.press("ctrl+q")
+        await sitting.until(lambda: "would end" in sitting.shown())
+        await sitting.pilot.press("q")
+        await sitting.until(lambda: bool(ended))
+
+    source = Quiet(Recorder())
     using(source, work, size=(120, 24))
 
 

@@ -27,7 +27,8 @@ from hypothesis import strategies as st
 from running import environment, refused
 from terminals import posix
 
-from analyzer.cli.open import refusal, shell_command
+from analyzer.cli.open import shell_command
+from analyzer.webguard import refusal
 from captures import samples
 
 pytest.importorskip("textual_serve")
@@ -246,6 +247,72 @@ def test_an_export_is_a_download_and_nothing_is_written_here(address: str, folde
     assert {path: path.read_bytes() for path in folder.iterdir()} == before
     assert not list(tmp_path.iterdir())
     assert not (folder.parent / "owned.csv").exists()
+
+
+@posix
+def test_a_file_that_goes_or_changes_does_not_end_the_page(tmp_path: Path) -> None:
+    bus = tmp_path / "bus.jsonl"
+    shutil.copy(samples.path("troubled.jsonl"), bus)
+
+    async def work(tab: Browser) -> None:
+        await tab.shows("165 frames")
+        whole = bus.read_text().splitlines(keepends=True)
+        bus.unlink()
+        await tab.type("\x12")  # Ctrl+R
+        await tab.shows("this stays as it was")
+        await tab.type("2")
+        await tab.shows("holding registers")
+        bus.write_text("".join(whole[: len(whole) // 2]))
+        await tab.type("\x12")
+        await tab.until(lambda: "165 frames" not in tab.picture.lines()[38] and "frames" in tab.picture.lines()[38])
+        bus.write_text("".join(whole))
+        await tab.type("\x12")
+        await tab.until(lambda: "165 frames" in tab.picture.lines()[38])
+
+    with served(tmp_path, "bus.jsonl") as address:
+        browse(address, work)
+
+
+def descendants(pid: int) -> list[int]:
+    """Processes of a process, and theirs."""
+    own = [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+    return [*own, *(each for child in own for each in descendants(child))]
+
+
+def running(pid: int) -> bool:
+    try:
+        return "\nState:\tZ" not in Path(f"/proc/{pid}/status").read_text()
+    except OSError:
+        return False
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="asks /proc")
+@pytest.mark.parametrize("ended", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
+def test_a_viewer_ends_with_its_server(tmp_path: Path, ended: signal.Signals) -> None:
+    shutil.copy(samples.path("troubled.jsonl"), tmp_path / "bus.jsonl")
+    command = [sys.executable, "-P", "-m", "analyzer.cli", "open", "--web", "--port", "0", "bus.jsonl"]
+    server = subprocess.Popen(
+        command, env=environment(), cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+    )
+    viewers: list[int] = []
+
+    async def work(tab: Browser) -> None:
+        await tab.shows("165 frames")
+        viewers.extend(descendants(server.pid))
+        server.send_signal(ended)
+        for _ in range(600):
+            if not any(map(running, viewers)):
+                return
+            await asyncio.sleep(0.05)
+
+    try:
+        assert server.stdout is not None
+        browse(server.stdout.readline().strip(), work)
+        assert viewers
+        assert [pid for pid in viewers if running(pid)] == []
+    finally:
+        server.kill()
+        server.wait(20)
 
 
 @posix

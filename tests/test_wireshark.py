@@ -12,7 +12,7 @@ import pytest
 from buses import adu
 from livebus import Running, TeeBus, eventually, pty, served
 from pymodbus.client import ModbusSerialClient
-from running import environment, ran, refused
+from running import PATIENCE_S, environment, ran, refused
 
 from captures.live.tap import programs_using
 
@@ -68,7 +68,7 @@ def test_tshark_lists_and_captures_through_the_extcap(tmp_path, monkeypatch, cap
             said = bus.frames()
             assert eventually(lambda: len(fields(file, *FRAMES)) >= len(said), 20)
             tshark.terminate()
-            told = tshark.communicate(timeout=20)[1]
+            told = tshark.communicate(timeout=PATIENCE_S)[1]
         assert eventually(lambda: not programs_using(bus.tap_port)), "the capture went on"
     assert b"Traceback" not in told
     assert b"rtuscope:" not in told, told  # tshark and Wireshark show it as an error

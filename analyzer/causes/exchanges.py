@@ -153,9 +153,14 @@ class ExchangeBuilder:
     An exchange is given when the one behind it is over as well: what a broadcast called forth may read like a request.
     """
 
+    _open: RowColumns | None
+    _unheard: set[int]
+    _before: Exchanges
+    _bytes: int
+
     def __init__(self) -> None:
-        self._open: RowColumns | None = None  # from the oldest request on that is not given
-        self._unheard: set[int] = set()
+        self._open = None  # from the oldest request on that is not given
+        self._unheard = set()
         self._before = Exchanges.zeros(0)  # the newest exchange that was given
         self._bytes = 0  # on the bus before the open rows
 

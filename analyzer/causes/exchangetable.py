@@ -20,7 +20,7 @@ from .exchanges import Ending, Exchanges
 _MOST: Final = 1 << 14  # rows
 _SPREAD: Final = np.uint64(0x9E3779B97F4A7C15)  # the golden ratio: multiples of it lie evenly
 _KNOWN: Final = np.isin(np.arange(256), (Ending.OK, Ending.EXCEPTION, Ending.SILENT, Ending.GARBAGE))
-_ALL: Final = np.uint64(0xFFFFFFFFFFFFFFFF)
+_ALL: Final = (1 << 64) - 1
 NO_UNIT: Final = -1
 
 
@@ -50,8 +50,14 @@ class AskedRows(Columns):
 class ExchangeTable:
     """The exchanges of a bus, or an even part of them."""
 
+    _parts: list[AskedRows]
+    _held: int
+    _count: int
+    _below: int
+    _before: tuple[int, int]
+
     def __init__(self) -> None:
-        self._parts: list[AskedRows] = []
+        self._parts = []
         self._held = 0
         self._count = 0  # exchanges seen
         self._below = _ALL  # of the hashes of those that are remembered
@@ -68,7 +74,7 @@ class ExchangeTable:
         self._count += count
         kept = _KNOWN.take(exchanges.outcome)
         if self._below < _ALL:
-            kept &= _hash(numbers) <= self._below
+            kept &= _hash(numbers) <= np.uint64(self._below)
         which = kept.nonzero()[0]
         if not len(which):
             return
@@ -89,9 +95,9 @@ class ExchangeTable:
         )  # fmt: skip
         self._held += len(which)
         while self._held > _MOST:
-            self._below >>= np.uint64(1)
+            self._below >>= 1
             rows = self.rows
-            self._parts = [rows[_hash(rows.number) <= self._below]]
+            self._parts = [rows[_hash(rows.number) <= np.uint64(self._below)]]
             self._held = len(self._parts[0])
 
     @property
@@ -104,7 +110,7 @@ class ExchangeTable:
     @property
     def weight(self) -> float:
         """How many exchanges each row stands for."""
-        return float(2.0**64 / (float(self._below) + 1.0))
+        return 2.0**64 / (self._below + 1.0)
 
 
 def _hash(numbers: NDArray[np.int64]) -> NDArray[np.uint64]:

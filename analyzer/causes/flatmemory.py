@@ -21,9 +21,15 @@ class Thinned:
 
     __slots__ = ("_numbers", "_ordered", "_stride", "count", "total")
 
+    _numbers: NDArray[np.float64]
+    _ordered: NDArray[np.float64] | None
+    _stride: int
+    count: int
+    total: float
+
     def __init__(self) -> None:
-        self._numbers: NDArray[np.float64] = np.zeros(0)
-        self._ordered: NDArray[np.float64] | None = None  # once somebody asks for a quantile
+        self._numbers = np.zeros(0)
+        self._ordered = None  # once somebody asks for a quantile
         self._stride = 1
         self.count = 0
         self.total = 0.0
@@ -120,12 +126,20 @@ class Spell:
 class Spells:
     """Runs of an outcome among the exchanges of a unit; single ones are counted and not remembered."""
 
+    spells: list[Spell]
+    single: int
+    more: int
+    _open: Spell | None
+    _well: int | None
+    _doubtful: int
+    _seen: int
+
     def __init__(self) -> None:
-        self.spells: list[Spell] = []
+        self.spells = []
         self.single = 0  # outcomes that stood alone
         self.more = 0  # spells beyond those remembered
-        self._open: Spell | None = None
-        self._well: int | None = None  # the time of the newest exchange that ended otherwise
+        self._open = None
+        self._well = None  # the time of the newest exchange that ended otherwise
         self._doubtful = 0  # exchanges so far
         self._seen = 0  # of them before the open spell
 
@@ -206,11 +220,17 @@ class CrowdedTimes:
 
     __slots__ = ("_begin", "_kept", "_left", "_open", "_place")
 
+    _begin: int | None
+    _place: int
+    _open: NDArray[np.int64]
+    _kept: list[tuple[int, int, NDArray[np.int64]]]
+    _left: int
+
     def __init__(self) -> None:
-        self._begin: int | None = None
+        self._begin = None
         self._place = 0  # of the stretch that is open
-        self._open: NDArray[np.int64] = np.zeros(0, np.int64)
-        self._kept: list[tuple[int, int, NDArray[np.int64]]] = []  # a heap: how many, minus the place, which
+        self._open = np.zeros(0, np.int64)
+        self._kept = []  # a heap: how many, minus the place, which
         self._left = _TIMES_MOST
 
     def add(self, times: NDArray[Any]) -> None:

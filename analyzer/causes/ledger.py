@@ -23,16 +23,19 @@ from ..options import Options
 from ..tables.batch import Batch
 from ..tables.schema import NO_GAP, Kind, Protocol
 from ..tables.transactions import ECHOED, NEVER, Status, TransactionRows
+from ..tables.verdict import ModbusVerdict
 from .exchanges import ANSWERED, Ending, ExchangeBuilder, Exchanges, RowColumns, Stretch, Unowned
 from .exchangetable import ExchangeTable
 from .flatmemory import CrowdedTimes, Thinned, TimeGrid
 from .polls import PollTable, SuccessorTable
 from .registerstates import StateTable, ValueTable
+from .shifts import ShiftLedger
 from .unitledger import READ_REQUEST, UnitLedger, asked_in_pieces, sampled
 
 if TYPE_CHECKING:
     from ..registers.checking import LimitBreach
 
+_Octets = bytes  # where `bytes` is a ledger's count of them
 ASKED, BAD, DELAY = "asked", "bad", "delay"  # of a unit, in the grid of the time
 _CHAR_NS: Final = 1e6  # where the line's speed is not known
 _NOISE_SAMPLES: Final = 64
@@ -58,17 +61,69 @@ _OK, _EXCEPTION, _SILENT, _GARBAGE, _BROADCAST = (
 class Ledger:
     """Batches in; what they come to."""
 
+    line: LineSettings
+    char_ns: float
+    options: Options
+    timed: bool
+    clock: TapClock
+    units: dict[int, UnitLedger]
+    polls: PollTable
+    table: ExchangeTable
+    states: StateTable
+    values: ValueTable
+    grid: TimeGrid
+    pauses: Thinned
+    request_gaps: Thinned
+    turnarounds: Thinned
+    frames: int
+    requests: int
+    responses: int
+    right_bytes: int
+    noise_bytes: int
+    bytes: int
+    loose_responses: int
+    functions: NDArray[np.int64]
+    function_bytes: NDArray[np.int64]
+    broadcasts: int
+    broadcast_runs: int
+    broadcasts_again: int
+    broadcasts_answered: int
+    called_examples: list[int]
+    repeat_waits: Thinned
+    repeats_answered: int
+    foreign: NDArray[np.int64]
+    verdict: ModbusVerdict
+    shifts: ShiftLedger
+    noise: list[tuple[int, int, _Octets]]
+    spoilt: list[_Octets]
+    spoilt_requests: int
+    stray_times: CrowdedTimes
+    marked_bytes: int
+    flow_bytes: int
+    ports: dict[int, Counter[str]]
+    begin: int | None
+    end: int
+    exchanges: int
+    successors: SuccessorTable
+    breaches: Sequence[LimitBreach]
+    answered: int
+    _echo_before: bool
+    _echo_repeats: bool
+    _repeating: bool
+    _builder: ExchangeBuilder
+
     def __init__(self, line: LineSettings, options: Options = Options()) -> None:  # noqa: B008 - frozen
         self.line = line
         self.char_ns = (line.char_bits or 11) * 1e9 / line.baud if line.baud else _CHAR_NS
         self.options = options
         self.timed = False
         self.clock = TapClock(line)
-        self.units: dict[int, UnitLedger] = {}
+        self.units = {}
         self.polls = PollTable()
         self.table = ExchangeTable()
         self.states = StateTable()
         self.values = ValueTable()
+        self.shifts = ShiftLedger()
         self.grid = TimeGrid()
         self.pauses = Thinned()  # ns, end of a good answer to the next request
         self.request_gaps = Thinned()  # ns, silence before requests that follow a good answer, by the reads
@@ -80,22 +135,23 @@ class Ledger:
         self.broadcast_runs = 0  # broadcasts right behind another
         self.broadcasts_again = 0  # and the same once more
         self.broadcasts_answered = 0
-        self.called_examples: list[int] = []
+        self.called_examples = []
         self.repeat_waits = Thinned()  # ns, from a request without an answer to the same one again
         self.repeats_answered = 0  # requests that came twice and were answered then
         self.foreign = np.zeros(len(NAMES), np.int64)  # stretches that are another protocol's, by its number
-        self.noise: list[tuple[int, int, bytes]] = []  # a few stretches in no frame: time, port, bytes
-        self.spoilt: list[bytes] = []  # a few requests whose check value is wrong
+        self.verdict = ModbusVerdict()
+        self.noise = []  # a few stretches in no frame: time, port, bytes
+        self.spoilt = []  # a few requests whose check value is wrong
         self.spoilt_requests = 0
         self.stray_times = CrowdedTimes()  # ns, of short stretches in no frame
         self.marked_bytes = 0  # by the UART
         self.flow_bytes = 0  # that are XON or XOFF
-        self.ports: dict[int, Counter[str]] = defaultdict(Counter)
-        self.begin: int | None = None
+        self.ports = defaultdict(Counter)
+        self.begin = None
         self.end = 0
         self.exchanges = 0
         self.successors = SuccessorTable()
-        self.breaches: Sequence[LimitBreach] = ()  # of a map's limits, where values were looked at
+        self.breaches = ()  # of a map's limits, where values were looked at
         self.answered = 0
         self._echo_before = False  # the newest request is to come once more
         self._echo_repeats = False
@@ -111,6 +167,7 @@ class Ledger:
         table = RowColumns.of(batch)
         unheard = transactions.request[transactions.status == Status.UNHEARD].tolist()
         self._count_rows(table)
+        self.shifts.feed(batch)
         for part in self._builder.feed(table, unheard):
             self._take(part)
 
@@ -143,6 +200,7 @@ class Ledger:
     def _count_rows(self, table: RowColumns) -> None:
         rows = table.rows
         kind, check, length = rows.kind, rows.check, rows.length
+        self.verdict.feed(rows)
         self.timed = self.timed or bool(rows.t_end_ns.any())
         framed, asks = kind != _NOISE, kind == _REQUEST
         right = framed & check
@@ -357,7 +415,7 @@ class Ledger:
             if samples.wants():
                 samples.keep(sampled(part, i, self._usual(part, polls, good, i)))
 
-    def _usual(self, part: Stretch, polls: NDArray[np.int64], good: NDArray[np.bool_], i: int) -> bytes | None:
+    def _usual(self, part: Stretch, polls: NDArray[np.int64], good: NDArray[np.bool_], i: int) -> _Octets | None:
         """The newest good answer to the same poll before exchange i."""
         before = ((polls[:i] == polls[i]) & good[:i]).nonzero()[0]
         if len(before):

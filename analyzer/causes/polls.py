@@ -72,16 +72,29 @@ class Poll:
 class PollTable:
     """All polls by their number (`Exchanges.poll`); beyond a few thousand, further ones are only counted."""
 
+    more: int
+    usual: dict[int, bytes]
+    _slots: dict[int, int]
+    _requests: list[bytes]
+    _outcomes: NDArray[np.int64]
+    _repeats: NDArray[np.int64]
+    _first: NDArray[np.int64]
+    _last: NDArray[np.int64]
+    _count: NDArray[np.int64]
+    _rings: NDArray[np.int64]
+    _exceptions: dict[int, Counter[int]]
+    _waits: dict[int, Thinned]
+
     def __init__(self) -> None:
         self.more = 0  # exchanges of further polls
-        self.usual: dict[int, bytes] = {}  # by number: a good answer
-        self._slots: dict[int, int] = {}
-        self._requests: list[bytes] = []
+        self.usual = {}  # by number: a good answer
+        self._slots = {}
+        self._requests = []
         self._outcomes = np.zeros((0, _KINDS), np.int64)
         self._repeats, self._first, self._last, self._count = (np.zeros(0, np.int64) for _ in range(4))
         self._rings = np.zeros((0, _RING), np.int64)
-        self._exceptions: dict[int, Counter[int]] = {}
-        self._waits: dict[int, Thinned] = defaultdict(Thinned)
+        self._exceptions = {}
+        self._waits = defaultdict(Thinned)
 
     def __len__(self) -> int:
         return len(self._slots)

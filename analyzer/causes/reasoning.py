@@ -5,7 +5,10 @@ While evidence grows they are looked at again each time there is a fair part mor
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Sequence
+from concurrent.futures import Future
+from contextvars import copy_context
 from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
 
@@ -15,6 +18,7 @@ from captures.line import LineSettings
 
 from ..options import Options
 from ..tables.batch import Batch, join_batches
+from ..tables.taps import may_speak_of
 from ..tables.transactions import TransactionRows
 from .certainty import Clues, certainty, clues
 from .evidence import Evidence
@@ -28,6 +32,7 @@ THRESHOLD: Final = 24.0  # bits under which nothing is said
 _LEFT_OVER: Final = 0.06  # of what is explained: so much may be left because no explanation is perfect,
 _LEFT_OVER_MOST: Final = 100.0  # and a cause of its own weighs more
 _CAUSES_MOST: Final = 8
+_OF_NO_FRAME: Final = frozenset(("request-flaw",))
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,10 +45,12 @@ class Weighed:
 
 def weigh(evidence: Evidence, among: Sequence[Suspect] | None = None) -> list[Weighed]:
     """All suspicions that explain something new, the heaviest first; `among`: the suspects looked at (all)."""
+    line = evidence.ledger.line
     looked_at = suspects() if among is None else among
+    speaking = [each for each in looked_at if may_speak_of(each.cause, line)]
     found = [
         Weighed(each, replace(suspicion, bits=suspicion.bits - against_bits(evidence, each.foretold, suspicion)))
-        for each in looked_at
+        for each in speaking
         for suspicion in each.judge(evidence)
     ]
     fresh = [weighed for weighed in found if not weighed.suspicion.explains <= evidence.explained]
@@ -59,12 +66,15 @@ class Story:
 
 
 def causes_of(ledger: Ledger) -> list[Cause]:
-    """The causes that a ledger shows, best first."""
+    """The causes that a ledger shows, best first; none where this is no Modbus, of which reports say what it is."""
     return story_of(ledger).causes
 
 
 def story_of(ledger: Ledger, among: Sequence[Suspect] | None = None) -> Story:
     """The causes that a ledger shows, and what is left; `among`: the suspects looked at (all)."""
+    if ledger.verdict.foreign:  # nothing is told of frames where none is, but of what spoils all of them
+        among = [each for each in (suspects() if among is None else among) if each.cause in _OF_NO_FRAME]
+        return Story([cause for cause, _ in _explained(ledger, among)[1]], [])
     evidence, claims = _explained(ledger, among)
     return Story([cause for cause, _ in claims], left_over(evidence))
 
@@ -154,10 +164,20 @@ class CauseRevision:
 
 
 class RunningStory:
-    """Rows as they come in; revisions of causes out. `causes` are those of the newest look."""
+    """Rows as they come in; revisions of causes out. `causes` are those of the newest look.
 
-    def __init__(self, line: LineSettings, options: Options = Options()) -> None:  # noqa: B008 - frozen
-        self._options = options
+    `aside`: a look goes on in a thread of its own, which takes most of a second at first, and its outcome comes with
+    later rows: for who shows a live line. Otherwise what comes out hangs on the rows alone.
+    """
+
+    def __init__(
+        self,
+        line: LineSettings,
+        options: Options = Options(),  # noqa: B008 - frozen
+        *,
+        aside: bool = False,
+    ) -> None:
+        self._options, self._aside = options, aside
         self._begin(line)
         self.revision = 0
         self.causes: list[Cause] = []
@@ -168,6 +188,7 @@ class RunningStory:
         self._transactions: list[TransactionRows] = []
         self._rows = 0  # of those batches
         self._counted = self._requests = 0  # batches whose right requests are counted, and these
+        self._going: Future[list[Cause]] | None = None  # a look of the ledger, to which nothing is added meanwhile
 
     def feed(self, batch: Batch, transactions: TransactionRows, line: LineSettings) -> list[CauseRevision]:
         """The next rows, of a line of these settings; where those are others than before, all begins anew."""
@@ -177,13 +198,18 @@ class RunningStory:
             self._batches.append(batch)
             self._transactions.append(transactions)
             self._rows += len(batch)
+        if self._going is not None:
+            return self._told(self._going.result()) if self._going.done() else []
         if self._rows < _GATHERED and not self._may_look():
             return []
         self._enter()
         if self._ledger.exchanges < self._next:
             return []
         self._next = self._ledger.exchanges + min(int((_GROWTH - 1) * self._ledger.exchanges), _LOOK_EVERY)
-        return self._look()
+        if not self._aside:
+            return self._told(causes_of(self._ledger))
+        self._going = _look_aside(self._ledger)
+        return []
 
     def _may_look(self) -> bool:
         """Whether what waits may be enough for a look: an exchange begins with a request."""
@@ -196,9 +222,10 @@ class RunningStory:
 
     def close(self) -> list[CauseRevision]:
         """No more comes."""
+        before = [] if self._going is None else self._told(self._going.result())
         self._enter()
         self._ledger.close()
-        return self._look()
+        return [*before, *self._told(causes_of(self._ledger))]
 
     def _enter(self) -> None:
         """What waits, into the ledger."""
@@ -207,9 +234,11 @@ class RunningStory:
             self._batches, self._transactions = [], []
             self._rows = self._counted = self._requests = 0
 
-    def _look(self) -> list[CauseRevision]:
+    def _told(self, causes: list[Cause]) -> list[CauseRevision]:
+        """What a look shows that the one before did not."""
+        self._going = None
         old = {_key(cause): cause for cause in self.causes}
-        self.causes = causes_of(self._ledger)
+        self.causes = causes
         new = {_key(cause): cause for cause in self.causes}
         changed: list[tuple[State, Cause]] = [("withdrawn", old[key]) for key in old if key not in new]
         for key, cause in new.items():
@@ -220,6 +249,20 @@ class RunningStory:
                 changed.append(("revised", cause))
         self.revision += bool(changed)
         return [CauseRevision(self.revision, state, self._ledger.exchanges, cause) for state, cause in changed]
+
+
+def _look_aside(ledger: Ledger) -> Future[list[Cause]]:
+    """The causes of a ledger, in a thread; in the language in use."""
+    found: Future[list[Cause]] = Future()
+
+    def look() -> None:
+        try:
+            found.set_result(causes_of(ledger))
+        except BaseException as error:  # raised again where it is told
+            found.set_exception(error)
+
+    threading.Thread(target=copy_context().run, args=(look,), daemon=True).start()
+    return found
 
 
 def _key(cause: Cause) -> tuple[str, tuple[int, ...]]:

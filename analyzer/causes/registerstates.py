@@ -248,8 +248,10 @@ class PollValues:
 class ValueTable:
     """Feeds on stretches."""
 
+    polls: dict[int, PollValues]
+
     def __init__(self) -> None:
-        self.polls: dict[int, PollValues] = {}
+        self.polls = {}
 
     def add(self, stretch: Stretch, times: NDArray[np.int64]) -> None:
         """The next exchanges, with their times on the ledger's axis."""

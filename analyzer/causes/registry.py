@@ -40,6 +40,7 @@ class Symptom(Enum):
     SILENCE = "silence"  # requests without an answer
     DAMAGE = "damage"  # answers that are none
     LATENESS = "lateness"  # answers when nobody waits for them
+    SHIFT = "shift"  # answers that the client takes for those to other requests
     DOUBLES = "doubles"  # second answers
     BEHIND = "behind"  # bytes behind good answers
     MARKS = "marks"  # good answers with marks of the UART
@@ -249,6 +250,7 @@ SYMPTOMS: Final[Mapping[Symptom, tuple[str, ...]]] = {
         "crc-variant", "flow-control-loss", "frame-too-long", "lrc-error", "response-mismatch", "truncated",
     ),
     Symptom.LATENESS: ("late-response", "slow-device", "unexpected-response"),
+    Symptom.SHIFT: ("shifted-answer",),
     Symptom.DOUBLES: ("duplicate-response", "broadcast-answered"),
     Symptom.MARKS: ("parity-error",),
     Symptom.REFUSAL: ("exception",),

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from .bits import likelihood_bits
+from .bits import likelihood_bits, strays
 from .evidence import Evidence, Move
 from .exchanges import Ending
 from .exchangetable import AskedRows
@@ -26,6 +26,7 @@ _LOST: Final = 0.12  # and where it did not
 _AGAIN: Final = 0.6  # repeats, behind silence, of a client that asks again
 _NEVER_AGAIN: Final = 0.03  # and behind answers that it took
 _KNOWN: Final = 3
+_TIMER: Final = 0.03  # of a timeout: so little a timer strays
 _SLACK_NS: Final = 1_000_000
 
 
@@ -70,9 +71,11 @@ def _usual(evidence: Evidence, rows: AskedRows, damaged: AskedRows) -> tuple[NDA
         low, high = np.quantile(waits, _RANGE)
         usual |= mine & (damaged.wait >= low - _SLACK_NS) & (damaged.wait <= high + _SLACK_NS)
         told |= mine
-    timeout = evidence.timeout_ns
-    if timeout is not None and len(good) and float(np.quantile(good.wait, _RANGE[1])) + off > timeout:
-        told[:] = False  # a client that rests as long behind answers as it waits in vain shows nothing
+    in_vain = rows.wait[(rows.outcome == Ending.SILENT) & (rows.wait >= 0)]
+    usual_vain = float(np.median(in_vain)) if len(in_vain) >= _KNOWN and len(good) else float("inf")
+    by_timer = np.isfinite(usual_vain) and strays(in_vain) < _TIMER * usual_vain
+    if by_timer and float(np.quantile(good.wait, _RANGE[1])) + off > usual_vain:
+        told[:] = False  # a client that rests as long behind answers as its timer waits in vain shows nothing
     return usual, told
 
 

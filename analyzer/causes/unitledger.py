@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dissectors.crc import crc16, crc_ok
-from dissectors.foreign import IN_ANY_BYTES
+from dissectors.foreign import IN_ANY_BYTES, LOOSE
 from dissectors.lengths import Role, pdu_length
 from dissectors.limits import EXCEPTION, OVERHEAD
 
@@ -38,10 +38,57 @@ BUSY: Final = np.isin(np.arange(256), (5, 6))  # acknowledge, server device busy
 class UnitLedger:
     """One unit's exchanges."""
 
+    unit: int
+    outcomes: NDArray[np.int64]
+    _counts: list[int] | None
+    repeats: int
+    strays: int
+    unfit: int
+    late: int
+    doubles: int
+    marked: int
+    marked_bytes: int
+    examples: dict[int, list[int]]
+    redundant: Thinned
+    heeded: Thinned
+    redundant_pauses: Thinned
+    last_pauses: Thinned
+    redundant_turns: Thinned
+    pauses: Thinned
+    turns: Thinned
+    echoes: int
+    echo_strays: int
+    echo_delays: Thinned
+    echo_waits: Thinned
+    strayed: int
+    called: int
+    behind: int
+    first_answer: int | None
+    first_again: int | None
+    first: int
+    last: int
+    delays: Thinned
+    waits: Thinned
+    plain_waits: Thinned
+    quiet_waits: Thinned
+    garbage_waits: Thinned
+    garbage_again: Thinned
+    gaps: Thinned
+    holes: Thinned
+    hole_places: Counter[int]
+    silences: Spells
+    silences_but_echoes: Spells
+    silences_but_tried: Spells
+    silences_of_others: Spells
+    refusals: Spells
+    busy: int
+    samples: Samples
+    followed: Samples
+
     def __init__(self, unit: int) -> None:
         self.unit = unit
         self.outcomes = np.zeros(len(Ending), np.int64)
-        self._counts: list[int] | None = None  # the same, once somebody asks
+        self._counts = None  # the same, once somebody asks
         self.repeats = 0  # requests to it that repeat the one before
         self.strays = 0  # right answers of it that answer nothing, while another unit is asked
         self.unfit = 0  # and that stand where its answer was due, and are another
@@ -49,7 +96,7 @@ class UnitLedger:
         self.doubles = 0  # that came behind another answer to the same request
         self.marked = 0  # answers, right but for marks of the UART
         self.marked_bytes = 0
-        self.examples: dict[int, list[int]] = {}  # by outcome: indices of a few requests
+        self.examples = {}  # by outcome: indices of a few requests
         self.redundant = Thinned()  # ns, delays of good answers whose request the master repeats all the same
         self.heeded = Thinned()  # and of those whose request it does not repeat
         self.redundant_pauses = Thinned()  # ns, from the end of such an answer to the request's repetition
@@ -66,8 +113,8 @@ class UnitLedger:
         self.strayed = 0  # requests without an answer behind which a byte strayed
         self.called = 0  # broadcasts that it answered, by its own address
         self.behind = 0  # good answers with something behind them before the next request
-        self.first_answer: int | None = None
-        self.first_again: int | None = None  # the first of its good answers whose request is repeated all the same
+        self.first_answer = None
+        self.first_again = None  # the first of its good answers whose request is repeated all the same
         self.first = 0  # ns or bytes: `Ledger.axis`
         self.last = 0
         self.delays = Thinned()  # ns
@@ -78,7 +125,7 @@ class UnitLedger:
         self.garbage_again = Thinned()  # and of those whose request the master repeats next
         self.gaps = Thinned()  # ns, silence between a request and its answer by the reads
         self.holes = Thinned()  # ns, the longest silence inside an answer
-        self.hole_places: Counter[int] = Counter()
+        self.hole_places = Counter()
         self.silences = Spells()
         self.silences_but_echoes = Spells()  # as if there were no answers that are their request once more
         self.silences_but_tried = Spells()  # and no such answers to a request that comes several times
@@ -398,6 +445,6 @@ def _counted(name: str) -> Callable[[bytes], int]:
 
 
 PROTOCOLS: Final[Mapping[str, Callable[[bytes], int]]] = {
-    **{name: _counted(name) for name in IN_ANY_BYTES},
+    **{name: _counted(name) for name in IN_ANY_BYTES if name not in LOOSE},
     "a meter's own protocol with the CRC of Modbus": _serial_number,
 }

@@ -18,6 +18,7 @@ from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedTok
 
 from captures.line import LineSettings
 
+from ..errors import RtuscopeError
 from ..filters import FilterError
 from ..meant import did_you_mean
 from . import CheckError
@@ -99,7 +100,7 @@ _KEYS: Final = ("name", "check", "severity")
 _SEVERITIES: Final = ("error", "warning")
 
 
-class RulesFileError(Exception):
+class RulesFileError(RtuscopeError):
     """A file of rules that cannot be used: which file, which rule, what to do."""
 
 

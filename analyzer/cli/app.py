@@ -15,12 +15,13 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from typing import IO, Any, Final, NoReturn, TextIO
 
-from ..meant import did_you_mean, meant
+from ..meant import did_you_mean
 from ..settingfiles import found_files
 from ..terminal_text import gated_streams
 from ..version import __version__
 from .commands import COMMANDS, DONE, INTERRUPTED, UNUSABLE, Command, UsageError, add_arguments, add_language, meanings
-from .terminal import shell_word, tell
+from .synonyms import instead_of
+from .terminal import full_screen, tell
 
 _PLACEHOLDER: Final = re.compile("[A-Z][A-Z_]+")
 _NO_NUMBER: Final = re.compile("invalid (int|float) value: ('.*')")  # as argparse has it
@@ -74,7 +75,7 @@ class Parser(argparse.ArgumentParser):
         parsed, left = self.parse_known_args(words, namespace)
         if left:
             mistyped = left[0].startswith("-")  # another word is one too many
-            near = did_you_mean(left[0].partition("=")[0], self._option_string_actions) if mistyped else ""
+            near = _near_option(left[0].partition("=")[0], self._option_string_actions) if mistyped else ""
             self.error(f"unrecognized arguments: {' '.join(left)}{near}")
         return parsed
 
@@ -95,6 +96,13 @@ class Parser(argparse.ArgumentParser):
             message = f"say what to do: {', '.join(each for found in actions for each in found.choices)}"
         message = _ARGUMENTS.sub(lambda named: _placeholders(named[0]), message)
         raise UsageError(f"{retold(message)} {retold(f'(see {self.prog} --help)')}")
+
+
+def _near_option(option: str, known: Iterable[str]) -> str:
+    """What was meant by an option that is not known: that of another tool, or one mistyped."""
+    known = list(known)
+    instead = instead_of(option, known)
+    return did_you_mean(option, known) if instead is None else f": did you mean {instead}?"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -219,8 +227,28 @@ def _run(arguments: list[str]) -> int:
         parser = Parser(prog=f"rtuscope {arguments[0]}")
         command = _fill(parser, arguments[0])
         return command.run(_with_settings(parser, arguments))
+    if not arguments or arguments[0] not in _OWN:
+        return _at_the_door(arguments)
+    return _general(arguments)
+
+
+def _at_the_door(arguments: list[str]) -> int:
+    """Run what arguments without a command ask for."""
+    from . import door
+
+    if (full := door.asked(arguments)) is not None:
+        return _run(full)
+    if not arguments and full_screen():
+        from .start import choose
+
+        return DONE if (chosen := choose()) is None else _run(chosen)
     if arguments and not arguments[0].startswith("-"):
-        raise UsageError(_unknown(arguments[0]))
+        raise UsageError(door.unknown(arguments[0]))
+    return _general(arguments)
+
+
+def _general(arguments: list[str]) -> int:
+    """What is said without a command: help, the version, what is wrong with an option that stands before one."""
     if arguments and arguments[0] not in _OWN and (behind := [word for word in arguments if word in COMMANDS]):
         option = arguments[0].partition("=")[0]
         raise UsageError(f"{option} stands behind the command: rtuscope {behind[0]} {option} ...")
@@ -228,17 +256,6 @@ def _run(arguments: list[str]) -> int:
     parser.parse_args(arguments)
     parser.print_help()
     return DONE
-
-
-def _unknown(word: str) -> str:
-    """What to do about a first word that is no command: mistyped, or a capture whose command was left out."""
-    if near := meant(word, COMMANDS):
-        why = f"did you mean {near}?"
-    elif os.path.isfile(word):  # noqa: PTH113 - pathlib takes 4 ms to import
-        why = f"to look into it: rtuscope open {shell_word(word)}"
-    else:
-        why = f"there are {', '.join(COMMANDS)}"
-    return f"no command {word!r}: {why} (see rtuscope --help)"
 
 
 def command_line(filled: Iterable[str]) -> Parser:

@@ -76,8 +76,9 @@ def _workers(text: str) -> int:
 def run(arguments: argparse.Namespace) -> int:
     """Make it, or go on with it."""
     from ..fleet.batch import compact_lake, run_batch
+    from ..fleet.manifest import Manifest
     from ..fleet.sources import found, lines_of
-    from ..fleet.stores import Manifest, store
+    from ..fleet.stores import store
 
     lake = store(arguments.output)
     if not arguments.source:
@@ -112,7 +113,7 @@ def run(arguments: argparse.Namespace) -> int:
     if result.partial:
         tell("stopped by Ctrl-C; what was done is kept: --resume goes on")
         return INTERRUPTED
-    return FAILED if result.failed or result.damaged or refused else DONE
+    return FAILED if result.is_flawed or refused else DONE
 
 
 def outdated(result: BatchResult) -> str:

@@ -13,8 +13,10 @@ from typing import Final, Protocol, cast
 
 COMMANDS: Final[dict[str, str]] = {
     "parse": "annotate pasted bytes: one frame, a request with its answer, or a stretch of a log",
+    "crc": "the check value of bytes, and the whole frame to send",
     "open": "the terminal interface: a capture, or a prompt to paste bytes at",
-    "export": "write a capture's frames as JSON lines, CSV or MCAP",
+    "info": "what a capture is, at once: format, line settings, span, ports, size",
+    "export": "write a capture's frames as JSON lines, CSV, Parquet, MCAP or pcapng",
     "convert": "captures as another capture: another format, cut, merged, their clocks mended",
     "report": "the bus in one page: units, functions, response times, load, errors",
     "check": "assert rules on a capture, for test benches and CI",
@@ -22,6 +24,7 @@ COMMANDS: Final[dict[str, str]] = {
     "ask": "ask a lake: ready questions, or SQL",
     "watch": "take new captures into a lake as they come",
     "registers": "what the registers mean: type, word order, role, with confidence and reasons",
+    "plot": "one register over time, in the terminal or as a picture",
     "map": "register maps: list, show, check, import, infer, diff",
     "sniff": "listen to a tap and show frames as they come; record them with -o",
     "record": "only record a tap, unattended, for days",

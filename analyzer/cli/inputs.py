@@ -320,15 +320,20 @@ def open_capture(arguments: argparse.Namespace) -> Capture:
 
 def opened_capture(path: str, arguments: argparse.Namespace) -> Capture:
     """The same of one file among several."""
+    capture = capture_as_asked(path, arguments)
+    for notice in capture.notices:
+        tell(notice)
+    return capture
+
+
+def capture_as_asked(path: str, arguments: argparse.Namespace) -> Capture:
+    """A file, read as was asked for; nothing is told."""
     import captures
 
     from ..paste import judge
 
     reading = {name: getattr(arguments, name) for name in _READING}
-    capture = captures.open(path, format=arguments.input_format, judge=judge, **reading)
-    for notice in capture.notices:
-        tell(notice)
-    return capture
+    return captures.open(path, format=arguments.input_format, judge=judge, **reading)
 
 
 def given_reading(arguments: argparse.Namespace) -> list[str]:

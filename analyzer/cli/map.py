@@ -145,7 +145,17 @@ def _table(chart: RegisterMap) -> str:
                 row.name,
                 f"{scale} {row.unit}".strip(),
                 row.access,
-                "; ".join(part for part in (_limits(row), states, row.description) if part),
+                "; ".join(
+                    part
+                    for part in (
+                        _limits(row),
+                        states,
+                        _writers(row),
+                        f"= {row.formula}" * bool(row.formula),
+                        row.description,
+                    )
+                    if part
+                ),
             )
         )
     widths = [max(len(row[column]) for row in rows) for column in range(5)]
@@ -166,8 +176,15 @@ def _limits(row: MappedValue) -> str:
     return register_words("{low:g} to {high:g}", low=row.minimum, high=row.maximum)
 
 
+def _writers(row: MappedValue) -> str:
+    """The functions that write a value, where not all do."""
+    codes = ", ".join(f"{code:02d}" for code in row.written_by)
+    return register_words("written by {functions}", functions=codes) if codes else ""
+
+
 def _check(arguments: argparse.Namespace) -> int:
-    from analyzer.registers.checking import check_map, overlaps
+    from analyzer.registers.checking import KINDS, check_map, overlaps
+    from analyzer.registers.requests import request_remarks
     from analyzer.registers.telling import unit_place
     from dissectors.maps import map_for_unit
     from dissectors.values import harmless
@@ -188,7 +205,8 @@ def _check(arguments: argparse.Namespace) -> int:
     if not traffic.units:
         return NO_FRAME
     charts = _chart_of(chart, unit, traffic)
-    remarks = check_map(traffic.readings, charts)
+    remarks = [*check_map(traffic.readings, charts), *request_remarks(traffic.asked, charts)]
+    remarks.sort(key=lambda remark: KINDS.index(remark.kind))
     wrong = sum(remark.kind == "contradiction" for remark in remarks)
     if arguments.json:
         import json

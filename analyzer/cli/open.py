@@ -12,7 +12,6 @@ its own, unguarded ones is there by accident.
 from __future__ import annotations
 
 import argparse
-import ipaddress
 import logging
 import os
 import secrets
@@ -27,6 +26,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from ..extras import needs
+from ..webguard import is_any, is_loopback, refusal
 from .commands import DONE, UsageError
 from .inputs import (
     CAPTURE_HELP,
@@ -34,6 +34,7 @@ from .inputs import (
     add_limit_arguments,
     add_map_argument,
     add_reading_arguments,
+    capture_as_asked,
     chosen_charts,
     chosen_limits,
     given_limits,
@@ -51,7 +52,6 @@ if TYPE_CHECKING:
     from ..options import Options
 
 _TITLE: Final = "rtuscope"
-_LOOPBACK: Final = ("127.0.0.1", "localhost", "::1")
 _ENDING_S: Final = 2  # that tabs have to end, when the server does
 _HEADERS: Final = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self' 'unsafe-inline'; "
@@ -76,9 +76,9 @@ def serve(command: Sequence[str], host: str, port: int) -> None:
     sockets = _listening(host, port)
     port = sockets[0].getsockname()[1]
     token = secrets.token_urlsafe(24)
-    if not _is_loopback(host):
+    if not is_loopback(host):
         tell(f"whoever reaches {host}:{port} and knows the address below sees this capture; nothing is encrypted")
-    shown = socket.gethostname() if _is_any(host) else host
+    shown = socket.gethostname() if is_any(host) else host
     server = Server(shell_command(command), host=host, port=port, title=_TITLE)
     app = guarded(server, host, token)
     with suppress(KeyboardInterrupt):  # pressed before the loop runs, or on Windows
@@ -144,46 +144,6 @@ def guarded(server: Any, host: str, token: str) -> web.Application:
     )
     app.on_response_prepare.append(headers)
     return app
-
-
-def refusal(named: str, origins: Sequence[str], listening: str) -> str:
-    """Why a request is refused that was made to the Host `named`, from pages of `origins`; empty where it is not."""
-    name = _name(named)
-    if not name or not _goes_by(name, listening):
-        return "this server does not go by that name"
-    if any(origin != f"http://{named}" for origin in origins):
-        return "pages of other origins have no business here"
-    return ""
-
-
-def _name(host: str) -> str:
-    """The name or address in a Host header, without its port."""
-    if host.startswith("["):
-        return host[1:].partition("]")[0].lower()
-    return host.rpartition(":")[0].lower() if host.count(":") == 1 else host.lower()
-
-
-def _goes_by(name: str, listening: str) -> bool:
-    """Whether a server that listens there goes by this name: an address says where a browser really went."""
-    if _is_loopback(listening):
-        return name in _LOOPBACK or (_is_address(name) and ipaddress.ip_address(name).is_loopback)
-    return name in (listening.lower(), *_LOOPBACK, socket.gethostname().lower()) or _is_address(name)
-
-
-def _is_address(name: str) -> bool:
-    try:
-        ipaddress.ip_address(name)
-    except ValueError:
-        return False
-    return True
-
-
-def _is_any(host: str) -> bool:
-    return _is_address(host) and ipaddress.ip_address(host).is_unspecified
-
-
-def _is_loopback(host: str) -> bool:
-    return host == "localhost" or (_is_address(host) and ipaddress.ip_address(host).is_loopback)
 
 
 def _listening(host: str, port: int) -> list[socket.socket]:
@@ -273,8 +233,7 @@ def run(arguments: argparse.Namespace) -> int:
         shown_in = UTC if arguments.tz is None else time_zone(arguments.tz)
 
         def again(path: Path) -> CaptureSource:
-            arguments.capture = str(path)
-            return CaptureSource(open_capture(arguments), path.name, limits)
+            return CaptureSource(capture_as_asked(str(path), arguments), path.name, limits)
 
         source = CaptureSource(capture, name, limits)
         show(source, light=arguments.light, zone=shown_in, charts=charts.of, reader=again)

@@ -73,9 +73,11 @@ def run(arguments: argparse.Namespace) -> int:
             from ..paste.meaning import mapped_readings, refused_requests
 
             refused = refused_requests(lines)
+            known: dict[int, dict[tuple[str, int], int]] = {}
             for line in lines:
                 if (chart := charts.get(line.get("unit") or 0)) is not None:
-                    readings = [] if line["start"] in refused else mapped_readings(line, chart)
+                    registers = known.setdefault(line.get("unit") or 0, {})
+                    readings = [] if line["start"] in refused else mapped_readings(line, chart, registers)
                     line["values"] = [reading.to_json() for reading in readings]
         for line in lines:
             put_json(line)

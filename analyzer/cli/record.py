@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from .commands import DONE, FAILED
-from .inputs import add_functions_argument, add_limit_arguments, add_map_argument, load_functions, seconds
+from .inputs import add_functions_argument, add_limit_arguments, add_map_argument, load_functions
 from .taps import (
     Teller,
     add_recording_arguments,
@@ -18,7 +17,7 @@ from .taps import (
     recorder_of,
     tap_of,
 )
-from .watching import add_outlet_arguments, ended_by_signals, outlets_of
+from .watching import add_duration_argument, add_outlet_arguments, ended_from_outside, outlets_of
 
 if TYPE_CHECKING:
     from captures.live.tapviewer import TapViewer
@@ -42,7 +41,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_outlet_arguments(parser)
     add_map_argument(parser)
     add_functions_argument(parser)
-    parser.add_argument("--duration", type=seconds, metavar="TIME", help="stop after this time: 90s, 15min, 12h")
+    add_duration_argument(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -70,11 +69,11 @@ def _plain(arguments: argparse.Namespace, source: TapSource | TapViewer, recorde
     from captures.live.wire import PortEvent
     from captures.recording.notes import Note
 
-    begun = time.monotonic()
     heard = 0
     try:
-        with ended_by_signals(source.close):
+        with ended_from_outside(source.close, arguments.duration) as begun:
             for item in source.items():
+                begun()
                 if isinstance(item, Block):
                     recorder.write(item)
                     heard += len(item.data)
@@ -86,8 +85,6 @@ def _plain(arguments: argparse.Namespace, source: TapSource | TapViewer, recorde
                         recorder.note(Note(item.t_ns, item.kind, item.text))
                 recorder.tick()
                 tell.status(_status(heard, recorder))
-                if arguments.duration and time.monotonic() - begun >= arguments.duration:
-                    source.close()
     finally:
         recorder.close()
 
@@ -104,18 +101,16 @@ def _analysed(
     from ..live.status import not_analysed
 
     session = Session(source, recorder=recorder, outlets=outlets)
-    begun = time.monotonic()
     heard = missed = 0
-    with session, ended_by_signals(session.stop):
+    with session, ended_from_outside(session.stop, arguments.duration) as begun:
         for step in session.steps():
+            begun()
             heard += step.heard
             missed += step.missed
             for event in step.events:
                 if event.kind != "settings":
                     tell(event.text)
             tell.status("  ".join(filter(None, (_status(heard, recorder), not_analysed(missed)))))
-            if arguments.duration and time.monotonic() - begun >= arguments.duration:
-                session.stop()
 
 
 def _status(heard: int, recorder: Recorder) -> str:

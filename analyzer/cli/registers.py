@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from ..registers.like import Match
     from ..registers.readings import RegisterReadings
     from ..registers.recognition import Recognised, UnitTexts
+    from ..registers.requests import AskedRequests
     from ..registers.roles import RegisterValue
 
 
@@ -280,6 +281,7 @@ class RegisterTraffic:
 
     readings: RegisterReadings
     texts: UnitTexts
+    asked: AskedRequests
     stopped: bool
     """By Ctrl-C: it is what was read until then, which was said."""
 
@@ -296,7 +298,9 @@ def gathered(
     from ..core import deframe
     from ..registers.readings import RegisterReadings
     from ..registers.recognition import UnitTexts
+    from ..registers.requests import AskedRequests
 
+    asked = AskedRequests()
     readings = RegisterReadings() if most is None else RegisterReadings(most)
     texts, progress = UnitTexts(), Progress(f"{command} {name}")
     with interruptible() as stop:
@@ -304,6 +308,7 @@ def gathered(
         for batch in deframe(capture, limits):
             readings.feed(batch)
             texts.feed(batch)
+            asked.feed(batch)
             octets += len(batch.data)
             progress(readings.frames, octets)
             if stop():
@@ -312,4 +317,4 @@ def gathered(
     tell_damage(name, capture)
     if stop():
         tell("stopped by Ctrl-C; what was read until then was used")
-    return RegisterTraffic(readings, texts, stop())
+    return RegisterTraffic(readings, texts, asked, stop())

@@ -18,7 +18,7 @@ from .inputs import (
     tell_damage,
 )
 from .terminal import keys, tell
-from .watching import Watch, add_outlet_arguments, add_view_arguments, check_interface, ended_by_signals, outlets_of
+from .watching import Watch, add_outlet_arguments, add_view_arguments, check_interface, ended_from_outside, outlets_of
 
 if TYPE_CHECKING:
     from captures import Capture
@@ -73,8 +73,8 @@ def run(arguments: argparse.Namespace) -> int:
     with keys(lambda key: _press(replay, key)) as keyboard:
         if keyboard:
             tell(_KEYS)
-        with session, ended_by_signals(session.stop):
-            status = watch.run()
+        with session, ended_from_outside(session.stop, arguments.duration) as begun:
+            status = watch.run(begun)
     tell_damage(arguments.capture, capture)
     return status
 
@@ -93,7 +93,7 @@ def _onto_port(arguments: argparse.Namespace, capture: Capture) -> int:
     def opened() -> None:
         tell(f"transmitting on {port.url}, {port}")
 
-    with ended_by_signals(lambda: ended.append(True)):
+    with ended_from_outside(lambda: ended.append(True), arguments.duration):
         sent = play(capture, port, speed=arguments.speed, only=arguments.only, stop=lambda: bool(ended), opened=opened)
     tell(f"{sent:,} bytes sent")
     return DONE if sent else NO_FRAME

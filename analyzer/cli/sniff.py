@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from functools import partial
 from typing import TYPE_CHECKING, BinaryIO, Final
 
 from .commands import FAILED, INTERRUPTED, UsageError
@@ -18,7 +19,7 @@ from .taps import (
     recorder_of,
     tap_of,
 )
-from .watching import Watch, add_outlet_arguments, add_view_arguments, check_interface, ended_by_signals, outlets_of
+from .watching import Watch, add_outlet_arguments, add_view_arguments, check_interface, ended_from_outside, outlets_of
 
 if TYPE_CHECKING:
     from captures.recording.recorder import Recorder
@@ -91,8 +92,9 @@ def listen(arguments: argparse.Namespace, out: BinaryIO | None = None) -> int:
 
             return show(session, arguments.port, recorder, chosen_charts(arguments))
         watch = Watch(arguments, session, extra=lambda: _recorded(recorder), fire=fire, out=out)
-        with session, ended_by_signals(session.stop, abandon=lambda: _abandon(session, recorder, tell)):
-            status = watch.run()
+        abandon = partial(_abandon, session, recorder, tell)
+        with session, ended_from_outside(session.stop, arguments.duration, abandon=abandon) as begun:
+            status = watch.run(begun)
         if recorder is not None and recorder.lost:
             tell(recorder.result)
             return FAILED

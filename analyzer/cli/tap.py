@@ -6,9 +6,9 @@ import argparse
 from typing import TYPE_CHECKING, Final
 
 from .commands import DONE, UsageError
-from .inputs import add_functions_argument, add_limit_arguments, load_functions, seconds, size_in_bytes
+from .inputs import add_functions_argument, add_limit_arguments, load_functions, size_in_bytes
 from .taps import Teller, add_tap_arguments, add_token_argument, tap_of, token_of
-from .watching import address, ended_by_signals, shown_host
+from .watching import add_duration_argument, address, ended_from_outside, shown_host
 
 if TYPE_CHECKING:
     from captures.live.tapserver import TapServer
@@ -40,7 +40,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     add_limit_arguments(parser, only="--idle-ms")
     add_functions_argument(parser)
-    parser.add_argument("--duration", type=seconds, metavar="TIME", help="stop after this time: 90s, 15min, 12h")
+    add_duration_argument(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -69,8 +69,8 @@ def _server(arguments: argparse.Namespace, tell: Teller) -> tuple[TapServer, str
     token = token_of(arguments)
     if token is None and not is_local(host):
         raise UsageError(
-            f"--listen {host} is open to other machines: give --token-file FILE (`openssl rand -hex 16 > FILE`), or "
-            "leave it at 127.0.0.1 and come by ssh -L"
+            f"--listen {host} is open to other machines: give --token-file FILE "
+            "(`(umask 77; openssl rand -hex 16 > FILE)`), or leave it at 127.0.0.1 and come by ssh -L"
         )
     if arguments.tls_key and not arguments.tls_cert:
         raise UsageError("--tls-key is the key of --tls-cert, which is not given")
@@ -84,18 +84,16 @@ def _server(arguments: argparse.Namespace, tell: Teller) -> tuple[TapServer, str
 
 def _serve(arguments: argparse.Namespace, server: TapServer, address: str, tell: Teller) -> int:
     """Until the end; the bytes that were heard."""
-    import time
-
     from captures.chunks import Block
     from captures.live.wire import PortEvent
 
     from ..languages import counted, tr
 
-    begun = time.monotonic()
     heard = 0
     source = tap_of(arguments)
-    with ended_by_signals(source.close):
+    with ended_from_outside(source.close, arguments.duration) as begun:
         for number, item in enumerate(source.items()):
+            begun()
             if not number:  # the port is there, or waited for: who comes will hear something
                 tell(f"viewers: rtuscope sniff {address}")
             server.feed(item, source.line)
@@ -105,6 +103,4 @@ def _serve(arguments: argparse.Namespace, server: TapServer, address: str, tell:
                 tell(item.text)
             octets = counted(heard, "byte", "bytes")
             tell.status(tr("{bytes} heard, viewers: {count}", bytes=octets, count=server.viewers))
-            if arguments.duration and time.monotonic() - begun >= arguments.duration:
-                source.close()
     return heard

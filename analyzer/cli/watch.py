@@ -41,12 +41,15 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Take them in until Ctrl-C."""
     from ..fleet import FleetError
+    from ..fleet.account import refuse_unless_lake
     from ..fleet.batch import run_batch
     from ..fleet.sources import lines_of, settled
-    from ..fleet.stores import store
+    from ..fleet.stores import is_remote, store
 
     lake, options, runner = store(arguments.lake), batch_options(arguments), chosen_runner(arguments)
     told: set[str] = set()
+    if not is_remote(lake.root):  # a store that does not answer now may later
+        refuse_unless_lake(lake)
 
     def tell_once(words: str) -> None:
         if words not in told:
@@ -71,7 +74,7 @@ def run(arguments: argparse.Namespace) -> int:
                     raise
                 tell_once(str(error))
             else:
-                failed = bool(result.failed or result.damaged or refused)
+                failed = bool(result.is_flawed or refused)
                 result.troubles = [each for each in (*refused, *result.troubles) if each not in told]
                 told.update(result.troubles)
                 if result.captures or result.troubles or arguments.once:

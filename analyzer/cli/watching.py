@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from ..tables.findings import Finding
 
 _PERIOD_S: Final = 0.25
+_COUNTS: Final = 2  # of a duration: from the start, and from the first thing that came
 _GRACE_S: Final = 1.2  # from a signal to end to the end
 _SILENT: Final = frozenset({"settings"})  # events that are not told
 _GOES_WELL: Final = _SILENT | {"opened", "settled", "seeking", "trying"}  # not where each line is shown as an error
@@ -63,7 +64,7 @@ def add_view_arguments(parser: argparse.ArgumentParser, *, format_flag: bool = F
     view.add_argument("--noise", action="store_true", help="with --json and pcapng: the bytes in no frame, too")
     view.add_argument("-Y", "--filter", metavar="FILTER", help="show only frames that pass, such as 'unit == 17'")
     view.add_argument("--count", type=int, metavar="N", help="stop after N frames shown")
-    view.add_argument("--duration", type=seconds, metavar="TIME", help="stop after this time: 90s, 15min, 12h")
+    add_duration_argument(view)
     view.add_argument("--until", metavar="FILTER", help="stop after a frame that passes: 'finding == \"no-response\"'")
     view.add_argument(
         "--trigger", metavar="FILTER", help="show (and record) only what is around frames that pass; see --before"
@@ -141,7 +142,7 @@ class Watch:
         self.status = LineStatus(session.line)
         self._recent = Recent()
         self._tell_cause: Callable[[CauseRevision], Any] | None = getattr(self._lines, "cause", None)
-        self._story = RunningStory(session.line)
+        self._story = RunningStory(session.line, aside=not session.waits)
         self._filter, self._until = _condition(arguments, "filter", charts), _condition(arguments, "until", charts)
         self._trigger = _condition(arguments, "trigger", charts)
         self._window: TriggerWindow[Any] = TriggerWindow(int(arguments.before * 1e9), int(arguments.after * 1e9))
@@ -151,8 +152,8 @@ class Watch:
         self._next_status = 0.0
         self._words = ""  # of the status line
 
-    def run(self) -> int:
-        """Show the session to its end; the exit status."""
+    def run(self, begun: Callable[[], None]) -> int:
+        """Show the session to its end, `begun` with its first step; the exit status."""
         from ..live.lines import of_the_bus
         from ..live.streams import LivePackets
 
@@ -160,6 +161,7 @@ class Watch:
             self._write([self._lines.begin()])
         silent = _SILENT if self._out is None else _GOES_WELL
         for step in self._session.steps():
+            begun()
             if self._over:
                 continue  # what the session still gives while it ends
             self.status.line = self._session.line
@@ -178,8 +180,6 @@ class Watch:
                 out += map(self._tell_cause, causes)
             out += self._revised(step)
             self._write(out)
-            if self._arguments.duration and self.status.elapsed_ns >= self._arguments.duration * 1e9:
-                self._end()
         if self._tell_cause is not None and not self._over:  # who ends it by a condition has what he waited for
             self._write([*map(self._tell_cause, self._story.close())])
         self._clear()
@@ -287,12 +287,21 @@ def _condition(arguments: argparse.Namespace, name: str, charts: UnitMaps) -> Co
         raise UsageError(f"--{name}: {error}") from error
 
 
-@contextmanager
-def ended_by_signals(stop: Callable[[], None], *, abandon: Callable[[], None] | None = None) -> Iterator[None]:
-    """SIGINT, SIGTERM and SIGHUP call `stop`; a second SIGINT ends at once.
+def add_duration_argument(parser: argparse._ActionsContainer) -> None:
+    """When to stop: what `ended_from_outside` takes."""
+    parser.add_argument("--duration", type=seconds, metavar="TIME", help="stop after this time: 90s, 15min, 12h")
 
-    Where the end has not come 1.2 s later, another thread calls `abandon`: output that nobody takes, or an analysis
-    that is far behind, must not keep a process that was told to end.
+
+@contextmanager
+def ended_from_outside(
+    stop: Callable[[], None], duration_s: float | None = None, *, abandon: Callable[[], None] | None = None
+) -> Iterator[Callable[[], None]]:
+    """SIGINT, SIGTERM and SIGHUP call `stop`; a second SIGINT ends at once. So does the end of `duration_s`, by this
+    machine's steady clock, whether anything comes or not; what is given is called when the first thing has come, from
+    which on it counts.
+
+    Where the end has not come 1.2 s after a signal, another thread calls `abandon`: output that nobody takes, or an
+    analysis that is far behind, must not keep a process that was told to end.
     """
     requested, ended = threading.Event(), threading.Event()
 
@@ -311,9 +320,23 @@ def ended_by_signals(stop: Callable[[], None], *, abandon: Callable[[], None] | 
     with suppress(ValueError):  # not the main thread: signals are another's business
         before = {number: signal.signal(number, handler) for number in (signal.SIGINT, *told_to_end())}
     threading.Thread(target=watch, daemon=True).start()
+    timers: list[threading.Timer] = []
+
+    def count() -> None:
+        if duration_s is None or len(timers) == _COUNTS:
+            return
+        for timer in timers:
+            timer.cancel()
+        timers.append(threading.Timer(min(duration_s, threading.TIMEOUT_MAX), stop))
+        timers[-1].daemon = True
+        timers[-1].start()
+
+    count()
     try:
-        yield
+        yield count
     finally:
+        for timer in timers:
+            timer.cancel()
         for number, old in before.items():
             signal.signal(number, old)
         ended.set()
@@ -340,6 +363,13 @@ def add_outlet_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--foxglove", metavar="[HOST:]PORT", type=address, help="the topics of an MCAP export, live at ws://HOST:PORT"
     )
+    group.add_argument(
+        "--foxglove-origin",
+        metavar="ORIGIN",
+        action="append",
+        default=[],
+        help="let in a page of your own, such as http://localhost:8080 (else app.foxglove.dev and desktop programs)",
+    )
 
 
 def outlets_of(
@@ -360,7 +390,7 @@ def outlets_of(
         from ..live.outlets.foxglove import Foxglove
 
         host, port = arguments.foxglove
-        foxglove = Foxglove(host, port, chosen_charts(arguments))
+        foxglove = Foxglove(host, port, chosen_charts(arguments), origins=arguments.foxglove_origin)
         begun.append(foxglove)
         tell(f"foxglove: ws://{shown_host(host)}:{foxglove.port}")
     if arguments.mqtt is not None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import shlex
 import shutil
 import stat
@@ -19,7 +20,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
+from captures.disposal import device_stream, remove_proven
 from captures.errors import CaptureError
+from captures.files import replacing
 from captures.network.packets import UPPER_PDU
 
 from ..version import __version__
@@ -120,7 +123,7 @@ def _capture(request: argparse.Namespace) -> int:
     fifo = Path(request.fifo)
     if os.name == "posix" and not stat.S_ISFIFO(fifo.stat().st_mode):
         raise UsageError(f"{fifo}: is no pipe")
-    with fifo.open("wb", buffering=0) as out:
+    with device_stream(fifo, buffering=0) as out:
         return sniff.listen(arguments, out)
 
 
@@ -130,6 +133,9 @@ rtuscope wireshark folder
 rtuscope wireshark remove"""
 
 _NAME: Final = "rtuscope.bat" if os.name == "nt" else "rtuscope"
+_OURS: Final = re.compile(
+    rb"(?:#!/bin/sh\nexec |@echo off\r*\n)[^\r\n]+ -m analyzer\.cli wireshark extcap (?:\"\$@\"|%\*)\r*\n"
+)
 _PROGRAMS: Final = ("wireshark", "tshark")  # who tells where its folders are
 
 
@@ -154,16 +160,23 @@ def run(arguments: argparse.Namespace) -> int:
         return DONE
     script = _folder(arguments.folder) / _NAME
     if arguments.action == "remove":
-        script.unlink(missing_ok=True)
+        if not remove_proven(script, _is_ours) and (script.exists() or script.is_symlink()):
+            raise UsageError(f"{script}: is not ours: left as it is")
         print(f"{script}: removed")
         return DONE
-    if script.exists() and "wireshark extcap" not in script.read_text(errors="replace"):
+    if script.is_symlink() or (script.exists() and not (script.is_file() and _is_ours(script.read_bytes()))):
         raise UsageError(f"{script}: is there already and is not ours: take it away first")
     script.parent.mkdir(parents=True, exist_ok=True)
-    script.write_text(_script(), encoding="utf-8")
+    with replacing(script) as out:
+        out.write(_script().encode())
     script.chmod(0o755)
     print(f"{script}: Wireshark lists the taps under Capture, Options, after a restart or Capture, Refresh Interfaces")
     return DONE
+
+
+def _is_ours(content: bytes) -> bool:
+    """Whether a script is one that `install` made, of whatever Python: nothing but the call."""
+    return _OURS.fullmatch(content) is not None
 
 
 def _script() -> str:

@@ -11,7 +11,6 @@ from typing import Final
 
 import numpy as np
 
-from dissectors.crc import registers
 from dissectors.envelopes import Adu, ascii_frames
 from dissectors.length_rules import Role
 from dissectors.lengths import Expectation, expectation, pdu_length
@@ -25,61 +24,19 @@ from .selfdelimited import SelfDelimitedEngine
 
 _LONGEST: Final = 2 * (MAX_PDU + 2) + 3 + 4  # characters of a frame ([2] 2.5.2), and some that a fault may have added
 _FRAME: Final = re.compile(rb"[:>][0-9A-Fa-f]{6,%d}(?:\r\n?|\n)" % _LONGEST)
-STRAY: Final = 2  # bytes that are none of it and that a line may begin with: a driver's switching, a late start
-_ENOUGH: Final = 2  # frames with a right LRC that make a capture one of ASCII mode
-_GARBLED: Final = 4  # such frames that do among bytes which are no text, and no RTU either
 _PATIENCE_NS: Final = 1_000_000_000  # that may pass between characters of one frame ([2] 2.5.2.1): a tap held them back
-_LEAST_RTU: Final = 4  # bytes of a frame
-_MOST_RTU: Final = 256
-
-
-def is_ascii(data: bytes) -> bool:
-    """Whether bytes that are all there are ASCII mode: one frame with a right LRC may be all that there is."""
-    good = [match for match in _FRAME.finditer(data) if _is_right(match[0])]
-    return 2 * sum(match.end() - match.start() for match in good) > len(data)
-
-
-def ascii_after(head: bytes) -> int | None:
-    """After how many of these bytes it is sure that they are ASCII mode: frames with a right LRC, and little else.
-
-    Or more of them from the beginning on, and nothing between them that RTU would have: a unit that sends at another
-    speed makes garbage of its answers, and the requests are ASCII mode all the same.
-    """
-    good = octets = done = 0
-    garbled = begins_ascii(head)
-    for match in _FRAME.finditer(head):
-        if not _is_right(match[0]):
-            continue
-        good += 1
-        octets += match.end() - match.start()
-        garbled = garbled and not _begins_rtu(head[done : match.start()])
-        done = match.end()
-        if good >= _ENOUGH and (2 * octets > done or (garbled and good >= _GARBLED)):
-            return done
-    return None
-
-
-def begins_ascii(head: bytes) -> bool:
-    """Whether bytes begin with a frame in ASCII mode, its LRC right, but for a stray byte or two."""
-    found = _FRAME.search(head)
-    return found is not None and found.start() <= STRAY and _is_right(found[0])
-
-
-def _is_right(frame: bytes) -> bool:
-    return any(adu.check_ok for adu in ascii_frames(frame)[:1])
-
-
-def _begins_rtu(data: bytes) -> bool:
-    """Whether bytes begin with a frame of RTU, its CRC right."""
-    return 0 in registers(data[:_MOST_RTU])[_LEAST_RTU:]
 
 
 class AsciiEngine(SelfDelimitedEngine):
     """The same contract as `engine.Engine`, for a port that speaks ASCII mode."""
 
+    _asked: Expectation | None
+    _bare: bool
+    _open: bool
+
     def __init__(self, character: CharacterTime, options: Options = Options(), role: Role | None = None) -> None:  # noqa: B008
         super().__init__(character, options, role)
-        self._asked: Expectation | None = None
+        self._asked = None
         self._bare = False  # frames end with CR alone here
         self._open = False  # whether the last one does, what follows it tells
 

@@ -50,17 +50,32 @@ class CharacterTime(NamedTuple):
 class ByteBuffer:
     """Columns over the undecided bytes; index 0 is at stream offset `base`."""
 
+    char_ns: float
+    _wire_ns: float
+    base: int
+    data: Bytes
+    classes: NDArray[np.uint8]
+    group: Index
+    time: Times
+    _silence: Times
+    _errors: Index
+    _marks: NDArray[np.uint8]
+    _closed: int
+    _gone: int
+    _partial: bool
+    _before: tuple[int, int]
+
     def __init__(self, character: CharacterTime) -> None:
         self.char_ns = character.ns
         self._wire_ns = character.ns if character.known else 0.0
         self.base = 0
-        self.data: Bytes = np.empty(0, np.uint8)
-        self.classes: NDArray[np.uint8] = np.empty(0, np.uint8)  # of the silence before each byte; 0 inside a group
-        self.group: Index = np.empty(0, np.intp)  # first byte of each group
-        self.time: Times = np.empty(0, np.int64)  # of each group, ns
-        self._silence: Times = np.empty(0, np.int64)  # before each closed group, ns; NO_GAP where nothing is known
-        self._errors: Index = np.empty(0, np.intp)  # bytes that the UART marked
-        self._marks: NDArray[np.uint8] = np.empty(0, np.uint8)  # of each group
+        self.data = np.empty(0, np.uint8)
+        self.classes = np.empty(0, np.uint8)  # of the silence before each byte; 0 inside a group
+        self.group = np.empty(0, np.intp)  # first byte of each group
+        self.time = np.empty(0, np.int64)  # of each group, ns
+        self._silence = np.empty(0, np.int64)  # before each closed group, ns; NO_GAP where nothing is known
+        self._errors = np.empty(0, np.intp)  # bytes that the UART marked
+        self._marks = np.empty(0, np.uint8)  # of each group
         self._closed = 0  # groups whose class is known
         self._gone = 0  # groups dropped so far
         self._partial = False  # the first group began before the first byte here
@@ -168,6 +183,14 @@ class ByteBuffer:
     def lasts(self, least_ns: int) -> bool:
         """Whether so long passed from the byte before the first one here to the last: else no silence is so long."""
         return len(self.time) > 0 and int(self.time.max()) - min(int(self.time.min()), self._before[0]) >= least_ns
+
+    def begins(self, stop: int) -> Index:
+        """Byte indices before `stop` at which groups begin."""
+        return self.group[: int(self.group.searchsorted(stop))]
+
+    def marks(self, places: Index) -> NDArray[np.uint8]:
+        """The marks of the bytes at these indices."""
+        return self._marks[self.group.searchsorted(places, side="right") - 1]
 
     def quiet(self, low: int, high: int, least_ns: int) -> Index:
         """Byte indices in (low, high) before which the times step by `least_ns` or more; `high` excluded."""

@@ -107,10 +107,15 @@ class _Lesson(NamedTuple):
 class Lessons:
     """Segments, end to end in stream order, that have yet to be learnt from."""
 
+    _statistics: GapStatistics
+    _joined: list[_Lesson]
+    _newest: list[_Lesson]
+    _waited: bool
+
     def __init__(self, statistics: GapStatistics) -> None:
         self._statistics = statistics
-        self._joined: list[_Lesson] = []
-        self._newest: list[_Lesson] = []  # behind those
+        self._joined = []
+        self._newest = []  # behind those
         self._waited = False  # the last frame learnt from is a request that wants an answer
 
     def add(self, decided: DecidedSegments, offset: int, data: Bytes, classes: NDArray[np.uint8]) -> None:

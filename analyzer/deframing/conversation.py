@@ -101,9 +101,12 @@ class FrameRun:
 class ConversationTracker:
     """What was said so far, and runs of frames that have yet to be added to it."""
 
+    _conversation: Conversation
+    _runs: list[FrameRun]
+
     def __init__(self) -> None:
         self._conversation = Conversation()
-        self._runs: list[FrameRun] = []
+        self._runs = []
 
     @property
     def conversation(self) -> Conversation:

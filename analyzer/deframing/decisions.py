@@ -45,12 +45,20 @@ _DEAR: Final = 12  # bytes that each further one costs
 class Decider:
     """Decides what the engine cannot take as it stands. The buffer and the gap statistics are the engine's."""
 
+    _buffer: ByteBuffer
+    _statistics: GapStatistics
+    _options: Options
+    _role: Role | None
+    _idle_class: int
+    _look: OpenLook | None
+    heard: set[int]
+
     def __init__(self, buffer: ByteBuffer, statistics: GapStatistics, options: Options, role: Role | None) -> None:
         """`role`: the only one that frames of this port have, where that is known."""
         self._buffer, self._statistics, self._options, self._role = buffer, statistics, options, role
         self._idle_class = int(classes_of(np.array([options.idle_ns]), buffer.char_ns)[0])
-        self._look: OpenLook | None = None
-        self.heard: set[int] = set()  # functions that nobody has declared and this bus has used
+        self._look = None
+        self.heard = set()  # functions that nobody has declared and this bus has used
 
     def decide(
         self,

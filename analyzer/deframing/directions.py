@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from captures.line import DIRECTIONS_NOTE, LineSettings
+from captures.line import BY_MARKS, DIRECTIONS_NOTE, LineSettings
 from dissectors.length_rules import Role
 
 from ..tables.schema import Kind, Rows
@@ -20,8 +20,17 @@ _FEW: Final = 2  # certain frames are no chance, nor are pairs of like frames
 
 def port_role(line: LineSettings, port: int) -> Role | None:
     """The only role that frames of a port have; None where it hears both directions."""
+    return _ROLES.get(_said(line, port))
+
+
+def told_by_marks(line: LineSettings, port: int) -> bool:
+    """Whether the marks of a port's bytes say who asks and who answers, as those of a network's packets do."""
+    return _said(line, port) == BY_MARKS
+
+
+def _said(line: LineSettings, port: int) -> str:
     words = line.notes.get(DIRECTIONS_NOTE, "").split(",")
-    return _ROLES.get(words[port].strip()) if port < len(words) else None
+    return words[port].strip() if port < len(words) else ""
 
 
 def said_directions(line: LineSettings) -> tuple[int, int] | None:

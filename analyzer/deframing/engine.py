@@ -41,6 +41,23 @@ _QUIET: Final = 2  # stages of a quiet line
 class Engine:
     """Decides, in stream order, what every byte is. `feed` as bytes come, `take` what was decided."""
 
+    buffer: ByteBuffer
+    options: Options
+    _role: Role | None
+    statistics: GapStatistics
+    _tracker: ConversationTracker
+    _decider: Decider
+    _searched: int
+    _found: Candidates
+    _found_from: int
+    _left: int
+    _waiting: bool
+    _framed: int
+    _asked: tuple[int, int]
+    _lessons: Lessons
+    _decided: list[DecidedSegments]
+    _out: list[StreamSegments]
+
     def __init__(self, character: CharacterTime, options: Options, role: Role | None = None) -> None:
         """`role`: the only one that frames of this port have, where that is known."""
         self.buffer = ByteBuffer(character)
@@ -57,8 +74,8 @@ class Engine:
         self._framed = -1  # offset: where the last frame ended
         self._asked = _NOWHERE  # offsets: where a request that was taken without the lattice began and ended
         self._lessons = Lessons(self.statistics)
-        self._decided: list[DecidedSegments] = []  # since the work began
-        self._out: list[StreamSegments] = []
+        self._decided = []  # since the work began
+        self._out = []
 
     def feed(self, block: Block, now_ns: int | None = None) -> None:
         """Chunks of one port. `now_ns`: the line has been silent from the last of them up to then."""

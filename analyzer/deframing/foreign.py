@@ -5,16 +5,23 @@ What a row is hangs on it and on the rows before it on its port, never on how th
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
 
-from dissectors.foreign import NAMES, MeterTalk, foreign_bytes
+from dissectors.foreign import (
+    NAMES,
+    SAME_CRC,
+    MeterTalk,
+    checked_frames,
+    foreign_bytes,
+    is_legal,
+    is_undeclared,
+)
 from dissectors.length_rules import Role
-from dissectors.lengths import rule
 from dissectors.limits import EXCEPTION
-from dissectors.registry import function_class
 
 from ..tables.schema import Kind, Protocol, Rows
 from .rules import Bytes, Index, Mask, lengths_fit
@@ -23,6 +30,9 @@ _LEAST: Final = 4  # bytes of noise that may be a frame of something
 _PART: Final = 0.5  # of a row's bytes that must be
 _SPANNING: Final = 24  # bytes of a frame that may hold several of another protocol
 _SEVERAL: Final = 2
+_NEARLY_ALL: Final = 0.9  # of a frame: one run of messages, as MIDI's
+_MANY: Final = 4  # frames with the CRC of Modbus that are none,
+_TIMES: Final = 2  # and so many times as many as those that are
 _NUMBER: Final = {name: number for number, name in enumerate(NAMES)}
 _DIAGNOSTICS: Final = 8
 _FIXED, _READ, _BLOCK = 1, 2, 4  # what the commonest functions' frames are as long as
@@ -39,13 +49,21 @@ _NOISE: Final = int(Kind.NOISE)
 class ForeignTalk:
     """Marks such rows, batch after batch in wire order: `foreign` is set, and a frame becomes noise."""
 
+    _talks: dict[int, MeterTalk]
+    _shared: set[int]
+    _legal: Counter[int]
+    _odd: Counter[int]
+
     def __init__(self) -> None:
-        self._talks: dict[int, MeterTalk] = {}  # by port
-        self._shared: set[int] = set()  # ports on which another protocol was heard
+        self._talks = {}  # by port
+        self._shared = set()  # ports on which another protocol was heard
+        self._legal = Counter[int]()  # frames of Modbus, by port,
+        self._odd = Counter[int]()  # and others with its CRC
 
     def mark(self, rows: Rows, data: Bytes) -> None:
         """Mark them in place, before frames are numbered."""
         if not self._shared and len(rows) <= _FEW and _all_usual(rows, data):
+            self._legal.update(rows.port.tolist())
             return
         kind = rows.kind.copy()
         plain = rows.protocol == Protocol.RTU
@@ -54,6 +72,8 @@ class ForeignTalk:
         odd[odd] = _unusual(rows, data, odd.nonzero()[0])
         if odd.any():
             odd[odd] = ~_sound(rows, data, odd.nonzero()[0])
+        for port, count in enumerate(np.bincount(rows.port[(kind != Kind.NOISE) & rows.check & ~odd]).tolist()):
+            self._legal[port] += count
         since = dict.fromkeys(self._shared, -1)
         for row in (noise | odd).nonzero()[0].tolist():
             adu, port = _bytes(rows, data, row), int(rows.port[row])
@@ -78,21 +98,30 @@ class ForeignTalk:
             if row > since.get(int(rows.port[row]), len(rows)):
                 adu = _bytes(rows, data, row)
                 name, frames, covered = foreign_bytes(adu)
-                if frames >= _SEVERAL and covered >= _PART * len(adu):
+                several = frames >= _SEVERAL or covered >= _NEARLY_ALL * len(adu)
+                if several and covered >= _PART * len(adu):
                     _make_foreign(rows, row, name)
 
     def _of_noise(self, octets: bytes, port: int) -> int:
         name, _, covered = foreign_bytes(octets)
-        if covered < _PART * len(octets) and port in self._talks:
-            name, covered = self._talks[port].in_noise(octets)
-        return _NUMBER[name] if covered >= _PART * len(octets) else 0
+        if covered >= _PART * len(octets):
+            return _NUMBER[name]
+        talk = self._talks.setdefault(port, MeterTalk())
+        frames = checked_frames(octets)
+        names = [talk.name(adu, undeclared=is_undeclared(adu[1])) for adu in frames if not is_legal(adu)]
+        if not names:
+            name, covered = talk.in_noise(octets)
+            return _NUMBER[name] if covered >= _PART * len(octets) else 0
+        return _NUMBER[max(names)] if max(names) else _NUMBER[self._of_nobody(port, len(names))]
 
     def _of_meter(self, adu: bytes, port: int) -> str:
         talk = self._talks.setdefault(port, MeterTalk())
-        undeclared = function_class(adu[1] & ~EXCEPTION) != "user-defined" and (
-            adu[1] > EXCEPTION or rule(adu[1], Role.REQUEST) is None
-        )
-        return talk.name(adu, undeclared=undeclared)
+        return talk.name(adu, undeclared=is_undeclared(adu[1])) or ("" if is_legal(adu) else self._of_nobody(port, 1))
+
+    def _of_nobody(self, port: int, count: int) -> str:
+        """What frames are that have the CRC of Modbus and nothing else of it: another protocol where most are so."""
+        self._odd[port] += count
+        return SAME_CRC if self._odd[port] >= max(_MANY, _TIMES * self._legal[port]) else ""
 
 
 def _make_foreign(rows: Rows, row: int, name: str) -> None:

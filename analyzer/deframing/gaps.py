@@ -141,8 +141,32 @@ class GapStatistics:
     the 00, FE or FF that a driver makes when it switches.
     """
 
+    _unit_bits: list[float]
+    _starts: NDArray[np.float64]
+    _inside: NDArray[np.float64]
+    _units: NDArray[np.float64]
+    _requests: float
+    _again: float
+    _frames: float
+    _glitches: float
+    _noises: float
+    _answers: float
+    _unasked: float
+    _certain: NDArray[np.float64]
+    checkpoint: int
+    _trusted: bytes
+    _table: NDArray[np.float64]
+    _tables: list[list[float]]
+    _parts: bytes
+    _most: list[float]
+    _unanswered_bits: float
+    _noise_cost: float
+    _request_bits: float
+    _unasked_table: NDArray[np.float64]
+    _glitch_cost: float
+
     def __init__(self) -> None:
-        self._unit_bits: list[float] = []
+        self._unit_bits = []
         self._starts = np.array(_FIRST)  # by Turn and class
         self._inside = _prior(0.83, 0.15, 0.015, 0.005, 60.0)
         self._inside[TURNS:] = 0.05
@@ -274,9 +298,9 @@ class GapStatistics:
         tells = [np.clip(np.log2(_smooth(counts) / either), -_TELLING, _TELLING) for counts in self._starts]
         self._trusted = _by_class(starts >= _PARTS)
         self._table = exact_bits(np.array([starts + tell for tell in tells]))
-        self._tables: list[list[float]] = self._table.tolist()
+        self._tables = self._table.tolist()
         self._parts = _by_class(self._table.min(axis=0) >= _PARTS)
-        self._most: list[float] = self._table.max(axis=0).tolist()
+        self._most = self._table.max(axis=0).tolist()
         self._unanswered_bits = min(-1.0, max(_UNANSWERED, exact_bits(math.log2(self._again / self._requests))))
         share = self._units / self._units.sum()
         self._unit_bits = exact_bits(np.clip(np.log2(share * 256), -_UNIT, _UNIT)).tolist()

@@ -74,6 +74,29 @@ class Lattice:
     `silences` are gap classes a byte; `statistics` says what they are worth on this tap.
     """
 
+    _data: bytes
+    offset: int
+    _silences: Sequence[int]
+    _gap_bits: list[list[float]]
+    glitch_cost: float
+    noise_cost: float
+    _request: float
+    _unasked: list[list[float]]
+    _answers_only: bool
+    _certain: bytes
+    _units: list[float]
+    _unanswered: float
+    _octet_cost: list[int]
+    _scored: dict[tuple[int, int], list[tuple[float, Survivor]]]
+    _waiting: list[Candidate]
+    _candidates: list[Candidate]
+    _before: Conversation
+    framed: bool
+    _opened: dict[PathStep, tuple[Conversation, tuple[OpenRequest, ...]]]
+    position: int
+    _landings: list[int]
+    _survivors: list[list[Survivor]]
+
     def __init__(
         self, offset: int, statistics: GapStatistics, conversation: Conversation, position: int = 0, *, framed: bool
     ) -> None:
@@ -83,20 +106,20 @@ class Lattice:
         """
         self._data = b""
         self.offset = offset
-        self._silences: Sequence[int] = ()
+        self._silences = ()
         self._gap_bits = statistics.bits_by_turn
         self.glitch_cost = statistics.glitch_cost
         self.noise_cost = statistics.noise_cost
         self._request = statistics.request_bits
-        self._unasked: list[list[float]] = statistics.unasked.tolist()
+        self._unasked = statistics.unasked.tolist()
         self._answers_only = statistics.answers_only
         self._certain = length_tables().certain.tobytes()
         self._units = statistics.unit_bits
         self._unanswered = statistics.unanswered_bits + HALF
         self._octet_cost = [0]
-        self._scored: dict[tuple[int, int], list[tuple[float, Survivor]]] = {}  # `_at`, by position and landing
-        self._waiting: list[Candidate] = []  # by end, the next one last
-        self._candidates: list[Candidate] = []  # by end: those that paths have been grown by
+        self._scored = {}  # `_at`, by position and landing
+        self._waiting = []  # by end, the next one last
+        self._candidates = []  # by end: those that paths have been grown by
         self.restart(position, conversation, framed=framed)
 
     @property
@@ -119,7 +142,7 @@ class Lattice:
     def restart(self, position: int, conversation: Conversation, *, framed: bool) -> None:
         """What is before a position is decided; `conversation` is that up to there; `framed`: a frame ends there."""
         self._before, self.framed = conversation, framed
-        self._opened: dict[PathStep, tuple[Conversation, tuple[OpenRequest, ...]]] = {}  # `open_after` of frames
+        self._opened = {}  # `open_after` of frames
         self.position = position
         self._landings = [position]
         self._scored.clear()

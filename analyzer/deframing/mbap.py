@@ -8,20 +8,21 @@ conversation, as in RTU mode.
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Collection, Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
-from dissectors.crc import crc_ok
+from captures.chunks import Mark
 from dissectors.envelopes import MBAP
 from dissectors.length_rules import Role
-from dissectors.lengths import Expectation, expectation, pdu_length, sound_roles
-from dissectors.limits import EXCEPTION, MAX_ADU, OVERHEAD
+from dissectors.lengths import Expectation, expectation, sound_roles
+from dissectors.limits import EXCEPTION
 
 from ..options import Options
 from ..tables.schema import Protocol
-from .buffer import CharacterTime
+from .buffer import ByteBuffer, CharacterTime
 from .segments import NOISE, NOISE_MOST, noise_parts
 from .selfdelimited import SelfDelimitedEngine
 
@@ -29,58 +30,39 @@ _BEFORE: Final = 6  # bytes of a header that its length does not count
 _LENGTHS: Final = range(2, 255)
 _NO_WIRE: Final = CharacterTime(1e6, known=False)  # a network has no character time
 _OPEN: Final = 64  # transactions of a port that may be open at once
-
-
-def mbap_after(head: bytes) -> tuple[int | None, int | None]:
-    """After how many of the first bytes of a stream it is sure that they are Modbus TCP, and after how many that not.
-
-    They are where the first header's length is that which its function predicts, and no RTU frame with a right CRC, be
-    it longer, begins there.
-    """
-    for at in range(2, min(len(head), 5)):
-        if head[at]:
-            return None, at + 1
-    if len(head) < _BEFORE:
-        return None, None
-    if head[5] not in _LENGTHS:
-        return None, _BEFORE
-    end = _BEFORE + head[5]
-    predicted = [length + OVERHEAD for role in Role if (length := pdu_length(head[1:MAX_ADU], role) or 0) > 0]
-    for length in sorted(predicted):
-        if length <= len(head) and crc_ok(head[:length]):
-            return None, length
-    if len(head) < end:
-        return None, None
-    if not sound_roles(head[MBAP:end]):
-        return None, end
-    sure = max(end, *predicted) if predicted else end
-    return (sure, None) if len(head) >= sure else (None, None)
-
-
-def is_mbap(data: bytes) -> bool:
-    """Whether bytes that are all there is begin with a frame of Modbus TCP."""
-    sure, _ = mbap_after(data)
-    if sure is not None:
-        return True
-    end = _BEFORE + data[5] if len(data) > MBAP else len(data) + 1
-    return end <= len(data) and mbap_after(data[:end] + bytes(MAX_ADU))[0] is not None
+_PIPELINED: Final = 8  # requests of one transaction number that may be
 
 
 class MbapEngine(SelfDelimitedEngine):
-    """The same contract as `engine.Engine`, for a port that speaks Modbus TCP."""
+    """The same contract as `engine.Engine`, for a port that speaks Modbus TCP.
 
-    def __init__(self, options: Options = Options(), role: Role | None = None) -> None:  # noqa: B008 - frozen
+    `marked`: marks say which side each byte is of, as in what a network's packets carried: then a frame ends where the
+    other side speaks, and reads begin where frames do.
+    """
+
+    _astray: bool
+    _open: dict[bytes, list[Expectation]]
+    _marked: bool
+    _sides: int
+
+    def __init__(self, options: Options = Options(), role: Role | None = None, *, marked: bool = False) -> None:  # noqa: B008
         super().__init__(_NO_WIRE, options, role)
         self._astray = False  # in noise: only what a function predicts is a frame
-        self._open: dict[bytes, Expectation] = {}  # by transaction
+        self._open = {}  # by transaction, the oldest first
+        self._marked = marked
+        self._sides = (
+            0  # frames that are as long as a request is alone, of who is marked as the one who asks; less others
+        )
 
     def _work(self, *, last: bool = False, silence_ns: int = 0) -> None:
-        ready = self.buffer.ready
-        data = self.buffer.data[:ready].tobytes()
-        pauses = set(self.buffer.quiet(0, ready, self._options.idle_ns).tolist()) if ready else set()
+        buffer = self.buffer
+        ready = buffer.ready
+        data = buffer.data[:ready].tobytes()
+        pauses = set(buffer.quiet(0, ready, self._options.idle_ns).tolist()) if ready else set()
         if silence_ns >= self._options.idle_ns:
-            pauses.add(len(self.buffer))
-        frames, done = frames_in(data, astray=self._astray, last=last, pauses=pauses)
+            pauses.add(len(buffer))
+        reads = ReadEdges.of(buffer, ready) if self._marked and ready else NO_EDGES
+        frames, done = frames_in(data, astray=self._astray, last=last, pauses=pauses, edges=reads)
         if not done:
             return
         parts: list[tuple[int, int, int]] = []
@@ -88,60 +70,116 @@ class MbapEngine(SelfDelimitedEngine):
         for begin, behind, roles in [*frames, (done, done, ())]:
             parts += [(*cut, NOISE) for cut in noise_parts(at, begin)]
             if behind > begin:
-                parts.append((begin, behind, self._role_of(data[begin:behind], roles)))
+                parts.append((begin, behind, self._role_of(data[begin:behind], roles, reads.mark(begin))))
             at = behind
         self._astray = parts[-1][2] == NOISE
         start, end, role = (np.array(column, np.intp) for column in zip(*parts, strict=True))
         places = np.minimum(start[:, None] + np.arange(MBAP - 1, MBAP + 2), end[:, None] - 1)
-        heads = self.buffer.data[:done][places]
+        heads = buffer.data[:done][places]
         self._give(Protocol.TCP, start, end, role.astype(np.uint8), role != NOISE, heads, done)
 
-    def _role_of(self, adu: bytes, roles: Sequence[Role]) -> Role:
-        """The direction of a frame: its length tells (`roles`), else the port, else the request that is open."""
+    def _role_of(self, adu: bytes, roles: Sequence[Role], mark: int) -> Role:
+        """The direction of a frame: that of its bytes where they are marked, else its length tells (`roles`), else the
+        port, else the request that is open."""
         transaction, body = adu[:2], adu[MBAP - 1 :]
-        asked = self._open.get(transaction)
-        if len(roles) == 1:
+        asked = self._open.get(transaction, [])
+        found = next(
+            (one for one in reversed(asked) if one.fits(body) or (not roles and one.function == body[1])), None
+        )
+        if mark and self._role is None:
+            role = self._role_by_mark(roles, mark, body)
+        elif len(roles) == 1:
             role = roles[0]
         elif self._role is not None:
             role = self._role
         else:
-            answers = asked is not None and (asked.fits(body) or (not roles and asked.function == body[1]))
-            role = Role.RESPONSE if answers or body[1] & EXCEPTION else Role.REQUEST
+            role = Role.RESPONSE if found is not None or body[1] & EXCEPTION else Role.REQUEST
         if role is Role.RESPONSE:
-            self._open.pop(transaction, None)
-        else:
-            self._open.pop(transaction, None)
-            self._open[transaction] = expectation(body)
-            if len(self._open) > _OPEN:
-                del self._open[next(iter(self._open))]
+            if found is not None:
+                asked.remove(found)
+            return role
+        self._open.pop(transaction, None)  # so that the oldest go first
+        self._open[transaction] = [*asked, expectation(body)][-_PIPELINED:]
+        if len(self._open) > _OPEN:
+            del self._open[next(iter(self._open))]
         return role
+
+    def _role_by_mark(self, roles: Sequence[Role], mark: int, body: bytes) -> Role:
+        """Who asks, by the marks: who opened the connection asks, unless frames show that this was guessed wrong."""
+        if len(roles) == 1 and not body[1] & EXCEPTION:
+            self._sides += 1 if (roles[0] is Role.REQUEST) == (mark == Mark.TX) else -1
+        asks = Mark.TX if self._sides >= 0 else Mark.RX
+        return Role.REQUEST if mark == asks else Role.RESPONSE
+
+
+class ReadEdges(NamedTuple):
+    """Where in some bytes reads begin, in order, and the mark of each read."""
+
+    starts: Sequence[int]
+    marks: Sequence[int]
+
+    @classmethod
+    def of(cls, buffer: ByteBuffer, stop: int) -> ReadEdges:
+        """Those of the first `stop` bytes of a buffer."""
+        begins = buffer.begins(stop)
+        return cls(begins.tolist(), buffer.marks(begins).tolist())
+
+    def mark(self, at: int) -> int:
+        """The mark of a byte; 0 where nothing is known."""
+        return self.marks[bisect_right(self.starts, at) - 1] if self.starts else 0
+
+    def turn(self, at: int) -> int | None:
+        """Where behind a byte the other side speaks; None where it does not."""
+        read = bisect_right(self.starts, at)
+        own = self.marks[read - 1] if read else 0
+        return next((self.starts[i] for i in range(read, len(self.starts)) if self.marks[i] != own), None)
+
+    def begins(self, at: int) -> bool:
+        """Whether a read begins there."""
+        i = bisect_right(self.starts, at) - 1
+        return i >= 0 and self.starts[i] == at
+
+    def following(self, at: int) -> int | None:
+        """Where the next read behind a byte begins."""
+        read = bisect_right(self.starts, at)
+        return self.starts[read] if read < len(self.starts) else None
+
+
+NO_EDGES: Final = ReadEdges((), ())
 
 
 def frames_in(
-    data: bytes, *, astray: bool = False, last: bool, pauses: Collection[int] = ()
+    data: bytes, *, astray: bool = False, last: bool, pauses: Collection[int] = (), edges: ReadEdges = NO_EDGES
 ) -> tuple[list[tuple[int, int, tuple[Role, ...]]], int]:
     """The frames in bytes of a stream with the roles in which each is as long as its function predicts.
 
     And how many of the bytes are decided: what is in no frame is noise.
 
     `astray`: these bytes begin in noise, else where a frame should; `last`: no more come. `pauses`: bytes before which
-    nothing came for a while: a frame as long as predicted that ends there needs none behind it.
+    nothing came for a while: a frame as long as predicted that ends there needs none behind it. `edges`: of reads that
+    are known to begin where frames do; a frame whose header is whole is one, and ends where the other side speaks.
     """
     frames: list[tuple[int, int, tuple[Role, ...]]] = []
     at, size = 0, len(data)
     while at < size:
         if astray or not _may_begin(data, at):
-            at = _next_sound(data, at if astray else at + 1, size, last=last)
-            if at < size and not _is_whole(data, at):
+            at = _next_frame(data, at if astray else at + 1, size, edges, last=last)
+            if at < size and not _is_whole(data, at) and edges.turn(at) is None:
                 break
             astray = False
             continue
         end = at + _BEFORE + data[at + 5] if at + _BEFORE <= size else size + 1
+        turn = edges.turn(at) or (size if last and edges.starts else None)
+        if turn is not None and turn < end:
+            if turn - at > MBAP:
+                frames.append((at, turn, ()))  # the capture lacks its end
+            at = turn
+            continue
         roles = sound_roles(data[at + MBAP : end]) if end <= size else ()
-        paused = roles and end in pauses
-        if end + _BEFORE > size and not last and not paused:
+        sure = end in pauses and bool(roles)
+        if end + _BEFORE > size and not last and not (sure or (edges.starts and end <= size)):
             break  # what follows may tell that it was cut
-        if not paused and not (roles and _may_begin(data, end)):
+        if not sure and not (edges.starts and end <= size) and not (roles and _may_begin(data, end)):
             inner = _next_sound(data, at + 1, size, last=last)
             if inner < min(end, size) and not _is_whole(data, inner):
                 break
@@ -152,6 +190,17 @@ def frames_in(
         at = end
     behind = frames[-1][1] if frames else 0
     return frames, at if at == size else behind + (at - behind) // NOISE_MOST * NOISE_MOST
+
+
+def _next_frame(data: bytes, at: int, stop: int, edges: ReadEdges, *, last: bool) -> int:
+    """Where, from `at` on, the next frame begins: one whose function predicts its length, or one that begins a read."""
+    sound = _next_sound(data, at, stop, last=last)
+    read = at if edges.begins(at) else edges.following(at)
+    while read is not None and read < sound:
+        if _may_begin(data, read):
+            return read
+        read = edges.following(read)
+    return sound
 
 
 def _is_whole(data: bytes, at: int) -> bool:

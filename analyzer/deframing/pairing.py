@@ -54,8 +54,11 @@ class _OpenRow:
 class Pairer:
     """Fills `request`, `request_start` and `response_ns` of rows, which are -1, in wire order, batch after batch."""
 
+    _open: list[_OpenRow]
+    _place: int
+
     def __init__(self) -> None:
-        self._open: list[_OpenRow] = []
+        self._open = []
         self._place = 0
 
     def pair(
@@ -86,6 +89,8 @@ class Pairer:
             begin = int(rows.at[row])
             adu = data[begin : begin + int(rows.length[row])].tobytes()
             if rows.kind[row] == _REQUEST:
+                if not rows.check[row]:
+                    continue  # a damaged one is answered by nobody
                 self._ask(rows, row, adu, int(tail[row]), int(place[row]))
             else:
                 self._went_on(asking, int(rows.index[row]))
@@ -156,7 +161,7 @@ class _RequestTimes:
 def _pair_neighbours(rows: Rows, data: Bytes, frames: Index, head: Times, tail: Times, across: Across | None) -> Index:
     """Pair each request with the frame behind it, if that answers it; the frames (numbers in `frames`) left over."""
     kind, at, port = rows.kind.take(frames), rows.at.take(frames), rows.port.take(frames)
-    follows = (kind[1:] == _RESPONSE) & (kind[:-1] == _REQUEST)
+    follows = (kind[1:] == _RESPONSE) & (kind[:-1] == _REQUEST) & rows.check.take(frames[:-1])
     if across is not None:
         asker = np.where(across.answers[frames], across.requests, port)
         follows &= asker[1:] == port[:-1]
@@ -186,11 +191,13 @@ def _pair_few(
 ) -> Index:
     """The same of a few frames of lines that each carry both directions: one by one."""
     octets, kind, at, port = data.tobytes(), rows.kind.tolist(), rows.at.tolist(), rows.port.tolist()
+    whole = rows.check.tolist()
     numbers = frames.tolist()
     loose = dict.fromkeys(range(len(numbers)))
     for i, (asked, answer) in enumerate(pairwise(numbers)):
         if (
             kind[asked] == _REQUEST
+            and whole[asked]
             and kind[answer] == _RESPONSE
             and port[asked] == port[answer]
             and response_fits(octets, at[asked], at[answer])
@@ -214,11 +221,17 @@ def _still_open(loose: Index, kind: NDArray[np.uint8]) -> list[int]:
 _PAIRED: Final = ("request", "request_start", "response_ns")
 _UNIT: Final = MBAP - 1  # offset in a frame of Modbus TCP
 _PADDING: Final = 1 << 8  # bytes
-_OPEN_TRANSACTIONS: Final = 4096  # transactions that may be open at once
+_OPEN_TRANSACTIONS: Final = 4096  # frames behind a request in which it may be answered
+_PIPELINED: Final = 8  # requests of one transaction number that may be open on a port
+_PORTS: Final = 1 << 8
 
 
 class EnvelopedPairer:
     """Fills `request`, `request_start` and `response_ns` of rows, which are -1, in wire order, batch after batch."""
+
+    _rtu: Pairer
+    _ascii: Pairer
+    _tcp: _TransactionPairer
 
     def __init__(self) -> None:
         self._rtu, self._ascii, self._tcp = Pairer(), Pairer(), _TransactionPairer()
@@ -285,24 +298,42 @@ class _OpenTransaction(NamedTuple):
     adu: bytes
     expects: Expectation
 
+    @classmethod
+    def of(cls, asked: Row, adu: bytes, read: int) -> _OpenTransaction:
+        """`read` brought its last byte."""
+        return cls(asked.index, asked.start, asked.t_end_ns, read, adu, expectation(adu[_UNIT:]))
+
 
 class _TransactionPairer:
-    """Pairs Modbus TCP: most of it as arrays, neighbours of one transaction; the rest one by one."""
+    """Pairs Modbus TCP: most of it as arrays, neighbours of one transaction; the rest one by one.
+
+    A response on a port that has not asked by then is looked for on all ports. Transactions of such numbers go one by
+    one, whatever their neighbours are: whose answer was first hangs on all of them.
+    """
+
+    _open: dict[int, dict[int, list[_OpenTransaction]]]
+    _asking: set[int]
 
     def __init__(self) -> None:
-        self._open: dict[int, _OpenTransaction] = {}  # by port and transaction, the oldest first
-        self._asking: set[int] = set()  # ports on which requests were seen
+        self._open = {}  # by number and port, the oldest first
+        self._asking = set()  # ports on which requests were seen
 
     def pair(
         self, rows: Rows, which: NDArray[np.intp], data: Bytes, head: NDArray[np.int64], tail: NDArray[np.int64]
     ) -> dict[int, bytes]:
         """Pair these rows, all of them frames."""
         data = np.concatenate((data, np.zeros(_PADDING, np.uint8)))  # a frame may be shorter than its fields
-        kind, at = rows.kind[which], rows.at[which]
-        keys = rows.port[which].astype(np.int64) << 16 | data.take(at).astype(np.int64) << 8 | data.take(at + 1)
+        kind, at, index = rows.kind[which], rows.at[which], rows.index[which]
+        number = data.take(at).astype(np.int64) << 8 | data.take(at + 1)
+        port = rows.port[which].astype(np.int64)
+        keys = port << 16 | number
+        elsewhere = (kind == _RESPONSE) & (np.arange(len(which)) < self._asks_from(kind, port).take(port))
         order = np.argsort(keys, kind="stable")
         asked, answers = order[:-1], order[1:]
         pairs = (keys[asked] == keys[answers]) & (kind[asked] == _REQUEST) & (kind[answers] == _RESPONSE)
+        pairs &= index[answers] - index[asked] <= _OPEN_TRANSACTIONS
+        if elsewhere.any():
+            pairs &= ~np.isin(number[asked], number[elsewhere])
         asked, answers = asked[pairs], answers[pairs]
         ends = at + rows.length[which]
         fits = responses_fit(data, at[asked] + _UNIT, at[answers] + _UNIT, (ends[asked], ends[answers]))
@@ -314,39 +345,62 @@ class _TransactionPairer:
         rows.response_ns[mine] = waited
         loose = np.ones(len(which), np.bool_)
         loose[asked] = loose[answers] = False
-        reused = np.isin(keys, [*self._open, *keys[loose].tolist()]) & (kind == _REQUEST)
+        known = [*self._open, *number[loose].tolist()]
+        reused = np.isin(number, known) & (kind == _REQUEST)
         earlier: dict[int, bytes] = {}
-        first = int(rows.index[which[0]])
-        asking, since = np.unique(keys[kind == _REQUEST] >> 16, return_index=True)
-        asks_from = dict(zip(asking.tolist(), np.flatnonzero(kind == _REQUEST)[since].tolist(), strict=True))
-        asks_from |= dict.fromkeys(self._asking, -1)
+        first = int(index[0])
         for i in np.flatnonzero(loose | reused).tolist():
-            row, key, begin = int(which[i]), int(keys[i]), int(at[i])
+            row, begin = int(which[i]), int(at[i])
             adu = data[begin : begin + int(rows.length[row])].tobytes()
+            opened = self._open.setdefault(int(number[i]), {})
             if kind[i] == _REQUEST:
-                self._open.pop(key, None)  # the transaction is used anew
                 if loose[i]:
-                    self._ask(rows.row(row), key, adu, int(tail[row]))
-            elif (found := self._found(key, adu, asks=asks_from.get(key >> 16, i) < i)) is not None:
+                    before = opened.pop(int(port[i]), [])  # so that the port that asked last stands last
+                    made = _OpenTransaction.of(rows.row(row), adu, int(tail[row]))
+                    opened[int(port[i])] = [*before, made][-_PIPELINED:]
+            elif (found := _found(opened, adu, int(index[i]), None if elsewhere[i] else int(port[i]))) is not None:
                 same = int(head[row]) == found.read
                 rows.request[row], rows.request_start[row] = found.number, found.start
                 rows.response_ns[row] = -1 if same else max(0, int(rows.t_start_ns[row]) - found.t_end)
                 if found.number < first:
                     earlier[found.number] = found.adu
-        self._asking.update(asking.tolist())
+        self._forget(int(index[-1]))
         return earlier
 
-    def _ask(self, asked: Row, key: int, adu: bytes, read: int) -> None:
-        expects = expectation(adu[_UNIT:])
-        self._open[key] = _OpenTransaction(asked.index, asked.start, asked.t_end_ns, read, adu, expects)
-        if len(self._open) > _OPEN_TRANSACTIONS:
-            del self._open[next(iter(self._open))]
+    def _asks_from(self, kind: NDArray[np.uint8], port: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Of each port, the frame from which on it has asked; what asks now is known from here on."""
+        asks_from = np.full(_PORTS, len(kind))
+        asking, since = np.unique(port[kind == _REQUEST], return_index=True)
+        asks_from[asking] = np.flatnonzero(kind == _REQUEST)[since]
+        asks_from[list(self._asking)] = 0
+        self._asking.update(asking.tolist())
+        return asks_from
 
-    def _found(self, key: int, adu: bytes, *, asks: bool) -> _OpenTransaction | None:
-        """The request of a response, taken from those that are open; `asks`: there were requests on its port before."""
-        if not asks:  # a direction of its own
-            key = next((each for each in reversed(self._open) if each & 0xFFFF == key & 0xFFFF), key)
-        found = self._open.get(key)
-        if found is None or not found.expects.fits(adu[_UNIT:]):
-            return None
-        return self._open.pop(key)
+    def _forget(self, newest: int) -> None:
+        """Requests that are too old to be answered, of which a table would grow."""
+        if len(self._open) <= 2 * _OPEN_TRANSACTIONS:
+            return
+        for number, opened in list(self._open.items()):
+            for port, asked in list(opened.items()):
+                young = [one for one in asked if newest - one.number <= _OPEN_TRANSACTIONS]
+                if young:
+                    opened[port] = young
+                else:
+                    del opened[port]
+            if not opened:
+                del self._open[number]
+
+
+def _found(
+    opened: dict[int, list[_OpenTransaction]], adu: bytes, index: int, port: int | None
+) -> _OpenTransaction | None:
+    """The request of a response, taken from those of its number: of this port; None: of the one that asked last.
+
+    A client may send several under one number, or use a number anew: the newest that fits is meant.
+    """
+    asked = opened.get(next(reversed(opened), -1) if port is None else port, [])
+    for one in reversed(asked):
+        if index - one.number <= _OPEN_TRANSACTIONS and one.expects.fits(adu[_UNIT:]):
+            asked.remove(one)
+            return one
+    return None

@@ -5,6 +5,7 @@ Such rows are not numbered yet, nor in one order with those of other ports."""
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from typing import Final, NamedTuple
 
@@ -51,6 +52,43 @@ def join_segments(parts: Sequence[DecidedSegments]) -> DecidedSegments:
     start, end, role, check, margin, contested = (np.concatenate([part[i] for part in parts]) for i in range(6))
     whys = [part.why for part in parts if part.why is not None]
     return DecidedSegments(start, end, role, check, margin, contested, BoundaryEvidence.joined(whys) if whys else None)
+
+
+def cut_segments(part: StreamSegments, count: int) -> tuple[StreamSegments, StreamSegments]:
+    """The first `count` segments and the others; neither of them none."""
+    at = int(part.decided.start[count])
+    start, end, role, check, margin, contested, why = part.decided
+    heads = part.heads
+    first = part._replace(
+        data=part.data[:at],
+        decided=DecidedSegments(
+            start[:count],
+            end[:count],
+            role[:count],
+            check[:count],
+            margin[:count],
+            contested[:count],
+            None if why is None else why[:count],
+        ),
+        reads=SegmentReads._make(column[:count] for column in part.reads),
+        heads=None if heads is None else heads[:count],
+    )
+    rest = part._replace(
+        offset=part.offset + at,
+        data=part.data[at:],
+        decided=DecidedSegments(
+            start[count:] - at,
+            end[count:] - at,
+            role[count:],
+            check[count:],
+            margin[count:],
+            contested[count:],
+            None if why is None else why[count:],
+        ),
+        reads=SegmentReads._make(column[count:] for column in part.reads),
+        heads=None if heads is None else heads[count:],
+    )
+    return first, rest
 
 
 def whole_segments(
@@ -122,6 +160,13 @@ class UnorderedRows:
     returned (ns), which never runs back on a port.
     """
 
+    rows: Rows
+    data: Bytes
+    head: Times
+    tail: Times
+    heard: Times
+    why: BoundaryEvidence
+
     def __init__(self, rows: Rows, data: Bytes, head: Times, tail: Times, heard: Times, why: BoundaryEvidence) -> None:
         self.rows, self.data, self.head, self.tail, self.heard, self.why = rows, data, head, tail, heard, why
 
@@ -139,7 +184,7 @@ class UnorderedRows:
         at, length = decided.start, decided.end - decided.start
         few = segments.heads is None and len(at) <= _FEW
         kind, unit, function, exception = (_heads_of_few if few else _heads)(segments)
-        unknown, octets = np.empty((4, len(at)), np.int64), np.zeros((3, len(at)), np.uint8)
+        unknown, octets = np.empty((5, len(at)), np.int64), np.zeros((3, len(at)), np.uint8)
         unknown.fill(-1)
         octets[0], octets[1] = port, segments.protocol
         rows = Rows(
@@ -168,6 +213,8 @@ class UnorderedRows:
             reads=reads.reads.astype(np.int32),
             errors=reads.errors,
             foreign=octets[2],
+            taken_for_start=unknown[4],
+            unsure=np.zeros(len(at), np.bool_),
         )
         why = evidence_rows(0) if decided.why is None else decided.why
         return cls(rows, data, reads.head, reads.tail, reads.heard, why)
@@ -190,6 +237,11 @@ class UnorderedRows:
             np.concatenate([p.heard for p in parts]),
             BoundaryEvidence.joined([p.why for p in parts]),
         )
+
+    def placed_anew(self) -> UnorderedRows:
+        """The same rows, of which `at` may be moved without moving these."""
+        rows = replace(self.rows, at=self.rows.at.copy())
+        return UnorderedRows(rows, self.data, self.head, self.tail, self.heard, self.why)
 
     def bytes_of(self, i: int) -> bytes:
         """The captured bytes of a row."""

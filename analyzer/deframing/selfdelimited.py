@@ -20,11 +20,16 @@ from .segments import StreamSegments, whole_segments
 class SelfDelimitedEngine(ABC):
     """The same contract as `engine.Engine`. `role`: the only one that frames of this port have, where that is known."""
 
+    buffer: ByteBuffer
+    _options: Options
+    _role: Role | None
+    _out: list[StreamSegments]
+
     def __init__(self, character: CharacterTime, options: Options, role: Role | None) -> None:
         self.buffer = ByteBuffer(character)
         self._options = options
         self._role = role
-        self._out: list[StreamSegments] = []
+        self._out = []
 
     def feed(self, block: Block, now_ns: int | None = None) -> None:
         """Chunks of one port; see `engine.Engine.feed`."""

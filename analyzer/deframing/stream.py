@@ -7,7 +7,7 @@ still open.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import Final, Protocol
 
 import numpy as np
@@ -21,6 +21,7 @@ from ..options import Options
 from ..tables.batch import Batch
 from ..tables.schema import Kind
 from ..tables.schema import Protocol as Envelope
+from .arrival import ArrivalClock
 from .buffer import CharacterTime
 from .directions import port_role
 from .foreign import ForeignTalk
@@ -28,6 +29,7 @@ from .pairing import EnvelopedPairer
 from .segments import StreamSegments, UnorderedRows
 from .tap_clock import TapClock
 from .wireorder import Across, ClockSkew, WireOrder
+from .witness import AnswerWitness
 from .writes import WriteDirections
 
 _UNKNOWN_CHARACTER_NS: Final = 1e6  # 10 bits at 9600 bit/s, about: only the scale of the silence classes hangs on it
@@ -54,6 +56,12 @@ class PortEngine(Protocol):
     def undecided_ns(self) -> int | None: ...
 
 
+class EngineMaker(Protocol):
+    """Makes the engine of a port. No closure: a deframer is kept between the slices of a recording."""
+
+    def __call__(self, port: int) -> PortEngine: ...
+
+
 class PortsDeframer:
     """Timestamped bytes in, frames and noise out, as soon as they are certain.
 
@@ -61,19 +69,37 @@ class PortsDeframer:
     that have become certain. What was given is never revised.
     """
 
-    def __init__(self, line: LineSettings, options: Options, engine: Callable[[int], PortEngine]) -> None:
+    _line: LineSettings
+    _options: Options
+    _make: EngineMaker
+    _engines: dict[int, PortEngine]
+    _foreign: ForeignTalk
+    _pairer: EnvelopedPairer
+    _witness: AnswerWitness
+    _clock: TapClock
+    _off_ns: float
+    _frames: int
+    _order: WireOrder
+    _writes: WriteDirections
+    _arrival: ArrivalClock
+    _given: dict[int, int]
+    _timed: bool
+
+    def __init__(self, line: LineSettings, options: Options, engine: EngineMaker) -> None:
         """`engine` makes that of a port."""
         self._line, self._options = line, options
         self._make = engine
-        self._engines: dict[int, PortEngine] = {}
+        self._engines = {}
         self._foreign = ForeignTalk()
         self._pairer = EnvelopedPairer()
+        self._witness = AnswerWitness()
         self._clock = TapClock(line)
         self._off_ns = 0.0
         self._frames = 0
         self._order = WireOrder(line)
         self._writes = WriteDirections()
-        self._now: int | None = None
+        self._arrival = ArrivalClock()
+        self._given = {}  # bytes of each port in rows so far
         self._timed = True
 
     def feed(self, chunks: Chunk | Block | Iterable[Chunk], now_ns: int | None = None) -> Batch:
@@ -83,7 +109,7 @@ class PortsDeframer:
         block = chunks if isinstance(chunks, Block) else Block.from_chunks(chunks)
         self._timed = self._timed and block.timed
         if len(block):
-            self._now = int(block.t_ns[-1])
+            self._arrival.feed(block)
             ports = np.bincount(block.port).nonzero()[0].tolist() if np.count_nonzero(block.port) else [0]
             if len(ports) > 1:
                 ports.sort(key=lambda port: int(np.argmax(block.port == port)))  # as they came
@@ -94,7 +120,7 @@ class PortsDeframer:
 
     def tick(self, now_ns: int) -> Batch:
         """The line has been silent until `now_ns` (same clock as the chunks); give what that makes certain."""
-        self._now = now_ns
+        self._arrival.passed(now_ns)
         for engine in self._engines.values():
             engine.tick(now_ns)
         return self._give(last=False)
@@ -112,31 +138,38 @@ class PortsDeframer:
 
     def _engine(self, port: int, first_ns: int) -> PortEngine:
         if port not in self._engines:
-            self._order.joins(port, first_ns)
+            self._order.joins(port, self._arrival.came(port, 0, first_ns))
             self._engines[port] = self._make(port)
         return self._engines[port]
 
     def _give(self, *, last: bool) -> Batch:
         taken: list[UnorderedRows] = []
-        bounds = [] if self._now is None else [self._now]
+        arrival = self._arrival
+        bounds = [] if arrival.now_ns is None else [arrival.now_ns]
         for port, engine in sorted(self._engines.items()):
-            taken += [UnorderedRows.of(port, segments) for segments in engine.take()]
+            for segments in engine.take():
+                rows = UnorderedRows.of(port, segments)
+                rows.heard = arrival.come(port, rows.rows.start, rows.heard)
+                self._given[port] = segments.offset + len(segments.data)
+                taken.append(rows)
             if (undecided := engine.undecided_ns) is not None:
-                bounds.append(undecided)
+                given = self._given.get(port, 0)
+                bounds.append(arrival.came(port, given, undecided))
+                arrival.decided(port, given)
         until = None if last else min(bounds, default=None)
         loose, across = self._order.take(taken, until)
         since = self._order.since_ns
         if since is None:
-            return self._batch(self._writes.settle(loose, until, timed=self._timed), across)
+            return self._batch(self._writes.settle(loose, until, timed=self._timed), across, until)
         held, alone = self._writes.held, int(np.count_nonzero(loose.heard < since))
         if held or alone:  # the last of what was heard of one port; then nothing but their ports tells writes apart
             first, rest = loose.picked(np.arange(alone)), loose.picked(np.arange(alone, len(loose.rows)))
             settled = self._writes.settle(first, since if until is None else min(until, since), timed=self._timed)
             loose = UnorderedRows.joined([settled, self._writes.release(), rest])
             across = across and across.behind(held)
-        return self._batch(loose, across)
+        return self._batch(loose, across, until)
 
-    def _batch(self, loose: UnorderedRows, across: Across | None) -> Batch:
+    def _batch(self, loose: UnorderedRows, across: Across | None, until: int | None) -> Batch:
         rows = loose.rows
         self._foreign.mark(rows, loose.data)
         frames = rows.kind.nonzero()[0]  # all but NOISE
@@ -145,6 +178,8 @@ class PortsDeframer:
         self._frames += count
         self._ask_all(loose)
         earlier = self._pairer.pair(rows, loose.data, loose.head, loose.tail, across)
+        loose, earlier = self._witness.settle(loose, across, earlier, until, timed=self._timed)
+        rows = loose.rows
         if not self._timed:  # a source without a clock: better no times than made-up ones
             rows.t_start_ns[:] = rows.t_end_ns[:] = 0
             rows.response_ns[:] = -1

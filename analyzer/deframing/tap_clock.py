@@ -78,6 +78,20 @@ def silences(line: LineSettings, options: Options) -> tuple[float, float]:
 class TapClock:
     """Learns from frames as they pass; `verdict` says what was known at a frame."""
 
+    _speed_declared: bool
+    _character_ns: float
+    _frames: int
+    _next: int
+    _timed: float
+    _in_step: NDArray[np.float64]
+    _heard: dict[Protocol, _HeardFrames]
+    _waiting: list[Rows]
+    _rest: tuple[NDArray[Any], ...]
+    _count: int
+    _since: list[int]
+    _verdicts: list[TimeTrust]
+    _best: TimeTrust
+
     def __init__(self, line: LineSettings) -> None:
         self._speed_declared = bool(line.baud)
         self._character_ns = line.nominal_character_ns or UNKNOWN
@@ -86,11 +100,11 @@ class TapClock:
         self._timed = 0.0  # frames
         self._in_step = np.zeros(len(_STEPS_NS))  # of these, those whose last byte's time is written to such a step
         self._heard = {protocol: _HeardFrames() for protocol in Protocol}
-        self._waiting: list[Rows] = []  # and the columns of rows before these: frames since the newest checkpoint
+        self._waiting = []  # and the columns of rows before these: frames since the newest checkpoint
         self._rest = _columns_of(Rows.zeros(0))
         self._count = 0  # of all of these
-        self._since: list[int] = []  # from which frame on each verdict holds
-        self._verdicts: list[TimeTrust] = []
+        self._since = []  # from which frame on each verdict holds
+        self._verdicts = []
         self._best = TimeTrust()
 
     def feed(self, rows: Rows) -> None:
@@ -230,6 +244,15 @@ def _columns_of(rows: Rows) -> tuple[NDArray[Any], ...]:
 
 class _HeardFrames:
     """What the reads tell of frames of one protocol, old ones fading."""
+
+    reads: float
+    octets: float
+    shared: float
+    together: float
+    counted: float
+    sound: float
+    late: Spread
+    astray: Spread
 
     def __init__(self) -> None:
         self.reads = self.octets = self.shared = self.together = self.counted = self.sound = 0.0

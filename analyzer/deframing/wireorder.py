@@ -75,15 +75,25 @@ class _NewestRequest(NamedTuple):
 class WireOrder:
     """Takes rows of ports as they are decided, gives them in order as that becomes certain."""
 
+    _ports: list[int]
+    _since: int | None
+    _first_ns: list[int]
+    _alone: bool
+    _held: UnorderedRows
+    _directions: tuple[int, int] | None
+    _settled: bool
+    _newest: _NewestRequest | None
+    _merge: _Merge
+
     def __init__(self, line: LineSettings) -> None:
-        self._ports: list[int] = []  # as they came
-        self._since: int | None = None  # ns: when there were two; what was heard before is of one port
-        self._first_ns: list[int] = []  # when each was heard first
+        self._ports = []  # as they came
+        self._since = None  # ns: when there were two; what was heard before is of one port
+        self._first_ns = []  # when each was heard first
         self._alone = False  # the first one was given as it came
         self._held = UnorderedRows.nothing()
         self._directions = said_directions(line)
         self._settled = self._directions is not None
-        self._newest: _NewestRequest | None = None  # the row before there were two, where it is one
+        self._newest = None  # the row before there were two, where it is one
         self._merge = _Merge()
 
     @property
@@ -205,13 +215,23 @@ class WireOrder:
 class _Clocks:
     """What two taps' times are worth, measured every so many frames."""
 
+    horizon_ns: int
+    unsure_ns: int
+    _frames: int
+    _reads: int
+    _octets: int
+    _stray: float
+    _delay: float | None
+    _turn: float | None
+    usual_ns: float
+
     def __init__(self) -> None:
         self.horizon_ns = _MOST_NS
         self.unsure_ns = 0
         self._frames = self._reads = self._octets = 0
         self._stray = 0.0
-        self._delay: float | None = None  # least wait between a request's end and its answer, by the clocks
-        self._turn: float | None = None  # and between an answer's end and the next request
+        self._delay = None  # least wait between a request's end and its answer, by the clocks
+        self._turn = None  # and between an answer's end and the next request
         self.usual_ns = 0.0  # wait of an answer
 
     @property
@@ -264,11 +284,20 @@ class _Head(NamedTuple):
 class _Merge:
     """Puts the rows of two ports of one direction each, and of any others, in order."""
 
+    clocks: _Clocks
+    _asked: Expectation | None
+    _asked_ns: tuple[int, int]
+    _answered_ns: int | None
+    _loose: UnorderedRows
+    _rows: list[Row]
+    _heard: list[int]
+
     def __init__(self) -> None:
         self.clocks = _Clocks()
-        self._asked: Expectation | None = None  # the newest request, unless it was answered
+        self._asked = None  # the newest request, unless it was answered
         self._asked_ns = (0, 0)  # when it was heard, when it ended
-        self._answered_ns: int | None = None  # when the newest answer ended
+        self._answered_ns = None  # when the newest answer ended
+        self._loose, self._rows, self._heard = UnorderedRows.nothing(), [], []  # of the call in progress
 
     def order(
         self, loose: UnorderedRows, which: NDArray[np.intp], ports: tuple[int, int], until: int | None

@@ -126,9 +126,13 @@ class _ClientHabits(NamedTuple):
 class WriteDirections:
     """Rows of a port in, and out again in their order, as soon as the direction of each is certain."""
 
+    _held: UnorderedRows
+    _settled: deque[_Settled]
+    _rows: int
+
     def __init__(self) -> None:
         self._held = UnorderedRows.nothing()  # a write of which the silence behind it has to tell
-        self._settled: deque[_Settled] = deque()
+        self._settled = deque()
         self._rows = 0  # in these
 
     @property

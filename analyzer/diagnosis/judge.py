@@ -20,11 +20,12 @@ from captures.line import LineSettings
 
 from ..deframing.tap_clock import TapClock
 from ..options import Options
-from ..outages import Deaf, excused, with_unheard
+from ..outages import NOTICED_NS, Deaf, excusable, excused, with_unheard
 from ..tables.batch import Batch, join_batches
-from ..tables.findings import NOTHING, Findings, fresh_looks
+from ..tables.findings import NOTHING, FindingLook, Findings, codes, fresh_looks
 from ..tables.schema import Kind, Rows
-from ..tables.transactions import TransactionRows, Transactions
+from ..tables.taps import may_speak_of
+from ..tables.transactions import NEVER, TransactionRows, Transactions
 from .damage.triage import Triage
 from .view import DiagnosisStep, LookBack
 
@@ -32,10 +33,21 @@ from .view import DiagnosisStep, LookBack
 class Diagnosis:
     """Rows and settled transactions in, findings out."""
 
+    _line: LineSettings
+    _options: Options
+    _looks: list[FindingLook]
+    _clock: TapClock
+    _trail: LookBack
+    _examiner: Triage
+    _timed: bool
+    _now: int
+    _mute: list[int]
+
     def __init__(self, line: LineSettings, options: Options = Options()) -> None:  # noqa: B008 - frozen
         self._line = line
         self._options = options
         self._looks = fresh_looks()
+        self._mute = [number for number, code in enumerate(codes()) if not may_speak_of(code, line)]
         self._clock = TapClock(line)
         self._trail = LookBack()
         self._examiner = Triage(self._trail)
@@ -53,7 +65,7 @@ class Diagnosis:
         self._timed = self._timed or bool(batch.rows.t_end_ns.any())
         view = self._view(batch, transactions)
         self._clock.feed(view.rows)
-        findings = _ordered(part for look in self._looks for part in look(view))
+        findings = self._spoken(part for look in self._looks for part in look(view))
         self._trail.go_on(batch)
         return findings
 
@@ -64,7 +76,14 @@ class Diagnosis:
         view = self._view(Batch.empty(), settled)
         last = [part for look in self._looks for part in look(view)]
         last += [part for look in self._looks if hasattr(look, "close") for part in look.close(view)]
-        return _ordered(last)
+        return self._spoken(last)
+
+    def _spoken(self, parts: Iterable[Findings]) -> Findings:
+        """Those that may be told of such a tap, in order."""
+        findings = _ordered(parts)
+        if not self._mute or not len(findings):
+            return findings
+        return findings[~np.isin(findings.rule, self._mute)]
 
     def _view(self, batch: Batch, transactions: TransactionRows) -> DiagnosisStep:
         if len(batch):
@@ -106,15 +125,27 @@ _REQUEST: Final = int(Kind.REQUEST)
 class Judge:
     """Batches in wire order in, settled transactions and findings out; both may speak of batches before."""
 
+    outages: Sequence[Deaf]
+    _transactions: Transactions
+    _diagnosis: Diagnosis
+    _waiting: list[Batch]
+    _rows: int
+    _since: int
+    _asking: bool
+    _frames: int
+    _cut: list[tuple[int, Findings]]
+
     def __init__(self, line: LineSettings, options: Options, outages: Sequence[Deaf] = ()) -> None:
         """`outages`: times in which nothing was heard; nobody is blamed for what is missing then."""
         self.outages = outages
         self._transactions = Transactions()
         self._diagnosis = Diagnosis(line, options)
-        self._waiting: list[Batch] = []
+        self._waiting = []
         self._rows = 0  # of those
         self._since = 0  # when the first of those came, ns
         self._asking = False  # the last frame was a request
+        self._frames = 0  # that were judged
+        self._cut = []  # that an outage may excuse, and frames all of which is said
 
     @property
     def open_from(self) -> int | None:
@@ -122,7 +153,7 @@ class Judge:
 
         What waits for its judgement is not counted: see `waits`.
         """
-        bounds = (self._transactions.open_from, self._diagnosis.open_from)
+        bounds = (self._transactions.open_from, self._diagnosis.open_from, *(before for before, _ in self._cut))
         return min((bound for bound in bounds if bound is not None), default=None)
 
     @property
@@ -139,21 +170,42 @@ class Judge:
         if not self._waiting or (
             self._rows < _ROWS and now_ns < self._since + _WAIT_NS and not (len(batch) and self._odd(batch))
         ):
-            return TransactionRows.zeros(0), NOTHING
-        return self._settle()
+            return TransactionRows.zeros(0), self._uncut(now_ns) if self._cut else NOTHING
+        return self._settle(now_ns)
 
     def close(self) -> tuple[TransactionRows, Findings]:
         """No more rows come: the rest, and what concerns the bus as a whole."""
-        settled, findings = self._settle() if self._waiting else (TransactionRows.zeros(0), NOTHING)
-        last = with_unheard(self._transactions.close(), self.outages)
+        settled, findings = self._settle(NEVER) if self._waiting else (TransactionRows.zeros(0), NOTHING)
+        last = with_unheard(self._transactions.close(), self.outages, last=True)
         concluded = excused(self._diagnosis.close(last), self.outages)
-        return TransactionRows.joined((settled, last)), Findings.joined((findings, concluded))
+        findings = Findings.joined((findings, concluded, self._uncut(None)))
+        return TransactionRows.joined((settled, last)), findings
 
-    def _settle(self) -> tuple[TransactionRows, Findings]:
+    def _settle(self, now_ns: int) -> tuple[TransactionRows, Findings]:
         batch = join_batches(self._waiting)
         self._waiting, self._rows = [], 0
+        before = self.open_from
         settled = with_unheard(self._transactions.feed(batch), self.outages)
-        return settled, excused(self._diagnosis.feed(batch, settled), self.outages)
+        findings = self._diagnosis.feed(batch, settled)
+        first, self._frames = self._frames, self._frames + int(np.count_nonzero(batch.rows.kind))
+        if not len(findings) and not self._cut:
+            return settled, findings
+        early = excusable(findings) & (findings.t_ns > now_ns - NOTICED_NS)
+        if early.any() and batch.rows.t_end_ns.any():  # else there is no clock, and nothing to wait for
+            self._cut.append(((first if before is None else min(first, before)) - 1, findings[early]))
+            findings = findings[~early]
+        return settled, Findings.joined((excused(findings, self.outages), self._uncut(now_ns)))
+
+    def _uncut(self, now_ns: int | None) -> Findings:
+        """Findings that an outage might have excused, once none that is told by `now_ns` (None: ever) does."""
+        waiting, self._cut = self._cut, []
+        over = []
+        for before, findings in waiting:
+            if now_ns is None or int(findings.t_ns.max()) <= now_ns - NOTICED_NS:
+                over.append(excused(findings, self.outages))
+            else:
+                self._cut.append((before, findings))
+        return Findings.joined(over)
 
     def _odd(self, batch: Batch) -> bool:
         """Whether any of these rows is not what a healthy bus says."""

@@ -122,8 +122,8 @@ class DiagnosisStep:
 
     @cached_property
     def strays(self) -> NDArray[np.intp]:
-        """Of those the ones that answer no request."""
-        return self.responses[self.rows.request[self.responses] < 0]
+        """Of those the ones that answer no request; of some nobody can tell, and nothing is said of them."""
+        return self.responses[(self.rows.request[self.responses] < 0) & ~self.rows.unsure[self.responses]]
 
     @cached_property
     def to_all(self) -> NDArray[np.intp]:
@@ -237,9 +237,12 @@ class EarlierRow(NamedTuple):
 class _MadeRows:
     """Rows of a batch, each made once for all that look back at it."""
 
+    batch: Batch
+    _rows: dict[int, EarlierRow]
+
     def __init__(self, batch: Batch) -> None:
         self.batch = batch
-        self._rows: dict[int, EarlierRow] = {}
+        self._rows = {}
 
     def __len__(self) -> int:
         return len(self.batch)
@@ -275,10 +278,14 @@ class _MadeRows:
 class LookBack:
     """Looks back from any row of a batch, at most some rows into the batches before."""
 
+    _earlier: deque[_MadeRows]
+    _rows: int
+    _current: _MadeRows | None
+
     def __init__(self) -> None:
-        self._earlier: deque[_MadeRows] = deque()  # their last rows, enough of them together
+        self._earlier = deque()  # their last rows, enough of them together
         self._rows = 0
-        self._current: _MadeRows | None = None
+        self._current = None
 
     def back(self, batch: Batch, number: int) -> Iterator[EarlierRow]:
         """The last rows before row number `number`, the nearest first."""

@@ -59,6 +59,8 @@ SCHEMA: Final = pa.schema(
         ("exception", pa.uint8()),
         ("crc_ok", pa.bool_()),
         ("request_start", pa.int64()),
+        ("taken_for_start", pa.int64()),  # the request that the client takes an answer for, where it is of another
+        ("unsure", pa.bool_()),  # whether nobody can tell which request it answers
         ("response_time_ns", pa.int64()),  # where the tap's clock carries it; else it lies between the next two
         ("response_time_low_ns", pa.int64()),
         ("response_time_high_ns", pa.int64()),
@@ -132,6 +134,8 @@ def _envelope(rows: Rows, frames: NDArray[np.bool_]) -> dict[str, Any]:
         "exception": _array(rows.exception, rows.exception == 0),
         "crc_ok": _array(rows.check, noise | (rows.protocol == Protocol.TCP)),
         "request_start": _array(rows.request_start, rows.request_start < 0),
+        "taken_for_start": _array(rows.taken_for_start, rows.taken_for_start < 0),
+        "unsure": _array(rows.unsure, noise),
         "confidence": _array(rows.confidence, noise),
     }
 

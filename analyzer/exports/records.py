@@ -30,7 +30,7 @@ from ..tables.findings import described
 from ..tables.transactions import Status
 from ..tables.values import confirmed_values
 from .sink import ExportError, ExportOptions, OutputStream
-from .targets.csv import safe
+from .targets.csv import clock_text, safe
 
 if TYPE_CHECKING:
     from captures import Block, Capture
@@ -77,6 +77,8 @@ def _transactions(analysed: Analysed) -> Columns:
         "exception": _optional(rows.exception, rows.exception == 0),
         "retry": rows.retry.tolist(),
         "late": rows.late.tolist(),
+        "mistaken": rows.mistaken.tolist(),
+        "unsure": rows.unsure.tolist(),
         "response": _optional(rows.response, ~answered),
         "response_start": _optional(rows.response_start, ~answered),
         "response_time_ns": _optional(exact, exact < 0),
@@ -134,6 +136,8 @@ TABLES: Final[Mapping[str, RecordTable]] = {
             "exception": "integer",
             "retry": "flag",
             "late": "flag",
+            "mistaken": "flag",  # the client took the answer for that to another request
+            "unsure": "flag",  # nobody can tell whether this is its answer
             "response": "integer",  # index of the answer's frame
             "response_start": "integer",
             "response_time_ns": "integer",  # where the tap's clock carries it; else it lies between the next two
@@ -268,18 +272,20 @@ class RecordSink:
 
 
 class CsvRecords(RecordSink):
-    """A line a record; text that a spreadsheet would run is made harmless."""
+    """A line a record, with its time for people at its end; text that a spreadsheet would run is made harmless."""
 
     def __init__(self, out: OutputStream, table: RecordTable, options: ExportOptions) -> None:
         super().__init__(out, table, options)
         self.out.write(b"\xef\xbb\xbf" if options.bom else b"")
-        self._line([list(table.kinds)])
+        self._time = next(name for name, kind in table.kinds.items() if kind == "time")
+        self._line([[*table.kinds, "time"]])
 
     def write(self, columns: Columns) -> None:
         cells = [
             list(map(_cell, column)) if kind in ("text", "flag") else column
             for column, kind in zip(columns.values(), self.table.kinds.values(), strict=True)
         ]
+        cells.append(list(map(clock_text, columns[self._time])))
         self._line([list(row) for row in zip(*cells, strict=True)])
 
     def _line(self, rows: list[list[Any]]) -> None:

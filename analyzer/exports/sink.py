@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Final, Protocol, cast
 
 import captures
 
+from ..errors import RtuscopeError
 from ..meant import did_you_mean
 from ..registry import module_names
 from ..terminal_text import terminal_text
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
     from ..tables.batch import Batch
 
 
-class ExportError(Exception):
+class ExportError(RtuscopeError):
     """An export that cannot be made: what, where, what to do."""
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
+from ..errors import RtuscopeError
 from ..languages import tr
 from ..lazy import lazily
 from ..meant import meant as nearest
@@ -47,7 +48,7 @@ _HOMES = {
 __getattr__ = lazily(__name__, _HOMES)
 
 
-class FilterError(ValueError):
+class FilterError(RtuscopeError, ValueError):
     """A filter that cannot be used: `message` says what is wrong, `column` where (from 0); the text says both."""
 
     def __init__(self, message: str, column: int) -> None:

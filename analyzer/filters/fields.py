@@ -186,12 +186,13 @@ def _protocols() -> Mapping[int, str]:
 
 FIELDS: Final = (
     FilterField(
-        "unit", NumberKind(0, 255), "unit (server) address", "unit == 17", _column("unit"), aliases=("slave", "server")
+        "unit", NumberKind(0, 255), "unit (server) address", "unit == 17", _column("unit"),
+        aliases=("slave", "server", "mbrtu.unit_id", "mbtcp.unit_id")
     ),
     FilterField(
         "function", Named("function", _functions, (*EQUAL, *ORDER, "contains", "matches"), numeric=True),
         "function code, without the exception bit", 'function in (3, 4) or function == "Write Single Coil"',
-        _column("function"), aliases=("function_code", "fc"),
+        _column("function"), aliases=("function_code", "fc", "modbus.func_code"),
     ),
     FilterField(
         "direction", Named("direction", _directions), "which way a frame goes", "direction == request",
@@ -212,7 +213,7 @@ FIELDS: Final = (
     FilterField(
         "exception", Named("exception", _exceptions, (*EQUAL, *ORDER, "contains", "matches"), numeric=True, least=1),
         "exception code of a response", 'exception == 2 or exception == "server device busy"',
-        _where("exception", lambda exceptions: exceptions.values > 0),
+        _where("exception", lambda exceptions: exceptions.values > 0), aliases=("modbus.exception_code",),
     ),
     FilterField(
         "crc_ok", Flag(), "the check value (CRC, or LRC in ASCII mode) is right", "crc_ok == false",
@@ -233,6 +234,14 @@ FIELDS: Final = (
     FilterField(
         "late", Flag(), "an answer that came after the client had gone on", "late",
         _flag(lambda section: section.column("late")), settled=True,
+    ),
+    FilterField(
+        "displaced", Flag(), "an answer that the client takes for that to another request", "displaced and unit == 9",
+        _flag(lambda section: section.column("taken_for_start") >= 0),
+    ),
+    FilterField(
+        "unsure", Flag(), "an answer of which nobody can tell whose it is", "not unsure",
+        _flag(lambda section: section.column("unsure")),
     ),
     FilterField(
         "unanswered", Flag(), "a request that nobody answered", "unanswered and unit == 9",
@@ -261,15 +270,15 @@ FIELDS: Final = (
     ),
     FilterField(
         "address", Addresses(), "addresses of any area that the frame reads, writes or answers", "address == 0x6B",
-        _spoken(None), Cost.CONTENTS, (), _addresses(None),
+        _spoken(None), Cost.CONTENTS, ("modbus.reference_num",), _addresses(None),
     ),
     FilterField(
         "quantity", NumberKind(0, 0xFFFF), "how many registers, coils or inputs", "quantity > 100", _quantity,
-        Cost.CONTENTS,
+        Cost.CONTENTS, ("modbus.word_cnt", "modbus.bit_cnt"),
     ),
     FilterField(
         "value", NumberKind(0, 0xFFFF), "register values, unsigned, and bits (0 or 1) in the frame", "value > 1000",
-        HeldSlice, Cost.CONTENTS, (), _value,
+        HeldSlice, Cost.CONTENTS, ("modbus.regval_uint16", "modbus.bitval"), _value,
     ),
     FilterField(
         "signed_value", NumberKind(-0x8000, 0x7FFF), "register values in the frame, as 16-bit signed numbers",
@@ -298,7 +307,10 @@ FIELDS: Final = (
         "index", NumberKind(0, _HUGE), "number of the frame, from 0", "index in 1000..1100", _column("index"),
         aliases=("number",),
     ),
-    FilterField("length", NumberKind(0, _HUGE), "bytes", "length > 64", _column("length", all_rows=True)),
+    FilterField(
+        "length", NumberKind(0, _HUGE), "bytes", "length > 64", _column("length", all_rows=True),
+        aliases=("frame.len",),
+    ),
     FilterField(
         "start", NumberKind(0, _HUGE), "offset of the first byte in its port's stream", "start >= 4096",
         _column("start", all_rows=True),

@@ -22,7 +22,8 @@ from ..tables.transactions import Status, TransactionRows
 # The columns that `Table.column` is asked for: those of `Rows` by their names and types, and what became of requests.
 PLAIN: Final = (
     "index", "start", "length", "t_start_ns", "response_ns", "gap_before_ns", "gap_most_ns", "confidence",
-    "kind", "unit", "function", "exception", "check", "port", "protocol", "errors",
+    "kind", "unit", "function", "exception", "check", "port", "protocol", "errors", "taken_for_start",
+    "unsure",
 )  # fmt: skip
 OUTCOMES: Final = ("retry", "late", "unanswered")  # bool; retry and unanswered of a request, late of an answer
 

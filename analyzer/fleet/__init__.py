@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ..errors import RtuscopeError
 from ..lazy import lazily
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ _HOMES = {"Lake": "lake", "lake": "lake"}
 __getattr__ = lazily(__name__, _HOMES)
 
 
-class FleetError(Exception):
+class FleetError(RtuscopeError):
     """Sources, a lake or a question that cannot be used: what, where, what to do."""
 
 

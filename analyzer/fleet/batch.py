@@ -11,14 +11,15 @@ from typing import Any, Final
 
 from ..version import __version__
 from . import FleetError, LakeWriteError
+from .account import refuse_sources_inside, refuse_unless_lake, remove_waste, writing
 from .datasets import DATASETS, touched
+from .manifest import LakeLine, Manifest
 from .packs import LakePacking, pack
 from .runners import Runner
 from .sources import LineFiles, SourceFile, readable
-from .stores import LakeLine, LakeStore, Manifest, writing
+from .stores import LakeStore
 from .tasks import BatchOptions, KeptRows, LineTask
 
-_FOLDERS: Final = (*DATASETS, "state", "scratch")
 _UNWRITTEN: Final = 5  # tasks one after the other that could not write: a full disk, and no fault of theirs
 _HAVE_ROWS: Final = ("whole", "damaged")  # states of captures
 
@@ -35,10 +36,16 @@ class BatchResult:
     outdated: int = 0  # lines that other rules or other options made, and that are left so
     failed: int = 0  # tasks
     damaged: int = 0  # captures
+    troubled: int = 0  # lines whose state, or newest slice, was not what the lake had known
     partial: bool = False
     packed: LakePacking = field(default_factory=LakePacking)
     seconds: float = 0.0
     troubles: list[str] = field(default_factory=list)
+
+    @property
+    def is_flawed(self) -> bool:
+        """Whether something could not be done as it should."""
+        return bool(self.failed or self.damaged or self.troubled)
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,7 +177,7 @@ def _continued(
         tail_frames=last.get("tail_frames", 0),
         after=before.numbers[-1],
         grown=grown,
-        anew=plain if grown is not None and every_one_there else None,
+        anew=plain if every_one_there else None,
     )
 
 
@@ -196,9 +203,11 @@ def run_batch(
     Raises FleetError where the lake cannot be written, at once or again and again.
     """
     begun, result = time.monotonic(), BatchResult()
+    refuse_unless_lake(store)
+    refuse_sources_inside(store, lines)
     with writing(store):
         manifest = Manifest(store)
-        remove_waste(manifest)
+        result.troubles += remove_waste(manifest)
         tasks = planned(manifest, lines, options, redo=redo, result=result)
         total, done, unwritten = sum(_size(task) for task in tasks), 0, 0
         entered = _Taken(manifest)
@@ -243,6 +252,7 @@ def _enter(manifest: Manifest, task: LineTask, outcome: dict[str, Any] | Excepti
         return
     manifest.add(outcome)
     if outcome["trouble"]:
+        result.troubled += 1
         result.troubles.append(f"site {task.site}, line {task.line}: {outcome['trouble']}")
     result.lines += 1
     result.captures += len(outcome["slices"])
@@ -267,15 +277,3 @@ def compact_lake(store: LakeStore) -> LakePacking:
 
 def _size(task: LineTask) -> int:
     return sum(file.size for file in task.files) + 1
-
-
-def remove_waste(manifest: Manifest) -> None:
-    """Take away what killed or repeated tasks left, and what later entries took the place of.
-
-    At the beginning of a batch, so that who reads what the one before replaced has until then.
-    """
-    named = manifest.named()
-    for folder in _FOLDERS:
-        for name in manifest.store.names(folder):
-            if name not in named:
-                manifest.store.remove(name)

@@ -15,7 +15,6 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import quote
-from uuid import uuid4
 
 import numpy as np
 
@@ -233,7 +232,7 @@ class LakeFiles:
         _flush(file, DATASETS[table].schema)
         file.writer.close()
         folder = f"{table}/site={_folder_name(self._site)}" + ("" if day is None else f"/day={day_name(day)}")
-        name = f"{folder}/{self._prefix}-{uuid4().hex[:12]}.parquet"
+        name = self._store.fresh(f"{folder}/{self._prefix}", ".parquet")
         self._store.put(name, file.path)
         self._done.setdefault(table, []).append((name, file.rows))
 

@@ -7,6 +7,7 @@ lake.polars("transactions").filter(...).collect()
 
 from __future__ import annotations
 
+import json
 from importlib import import_module
 from os import PathLike, fspath
 from typing import Any, Final
@@ -14,9 +15,12 @@ from typing import Any, Final
 from ..extras import needs
 from . import FleetError
 from .datasets import DATASETS
-from .stores import FolderStore, Manifest, TableFiles, filesystem, store
+from .manifest import Manifest, TableFiles
+from .stores import FolderStore, filesystem, store
 
 MEMORY: Final = "1500MB"  # that DuckDB may take; beyond it works on the disk
+_QUERIES: Final = frozenset({"SELECT_NODE", "SET_OPERATION_NODE", "RECURSIVE_CTE_NODE", "CTE_NODE"})  # of DuckDB's tree
+_RUN_TEXT: Final = frozenset({"query", "json_execute_serialized_sql"})  # what they run stands in no tree
 
 
 class Lake:
@@ -44,7 +48,10 @@ class Lake:
         return TableFiles([url(name) for name in files.loose], {url(name): part for name, part in files.packs.items()})
 
     def duckdb(self) -> Any:
-        """A DuckDB connection with a view a table. It reads the lake and no other file, and writes none."""
+        """A DuckDB connection with a view a table, which opens no file but those of the lake's tables.
+
+        `sql` and `arrow` write none of these either; who asks the connection itself answers for that.
+        """
         if self._connection is None:
             self._connection = _connected(self)
         return self._connection
@@ -55,7 +62,7 @@ class Lake:
         connection = self.duckdb()
         try:
             statements = connection.extract_statements(text)
-            if len(statements) != 1 or statements[0].type not in _reads(duckdb):
+            if len(statements) != 1 or not _only_reads(connection, statements[0].query):
                 raise FleetError("only one query at a time, and nothing but queries: SELECT, or WITH ... SELECT")
             return connection.sql(text, params=parameters) if parameters else connection.sql(text)
         except duckdb.Error as error:
@@ -110,13 +117,16 @@ def _connected(lake: Lake) -> Any:
     if not local:
         connection.register_filesystem(filesystem(lake.store.root)[0])
     connection.execute("SET TimeZone = 'UTC'")
+    opened: list[str] = []
     for table in DATASETS:
+        files = lake.files(table)
+        opened += [*files.loose, *files.packs]
         rows = _select_all(lake, table)
         if rows is None:
             connection.register(f"empty_{table}", _empty(table))
         connection.execute(f"CREATE VIEW {table} AS {rows or f'SELECT * FROM empty_{table}'}")
-    if local:
-        connection.execute(f"SET allowed_directories = [{sql_text(lake.store.root + '/')}]")
+    if local:  # the very files, not their folder: a new one cannot be written
+        connection.execute(f"SET allowed_paths = {_list(opened)}::VARCHAR[]")
         connection.execute("SET enable_external_access = false")
     connection.execute("SET lock_configuration = true")
     return connection
@@ -159,8 +169,27 @@ def _empty(table: str) -> Any:
     return pa.schema([*dataset.schema, *(pa.field(*each) for each in more)]).empty_table()
 
 
-def _reads(duckdb: Any) -> tuple[Any, ...]:
-    return (duckdb.StatementType.SELECT, duckdb.StatementType.EXPLAIN)
+def _only_reads(connection: Any, text: str) -> bool:
+    """Whether all that DuckDB's own parser finds in a statement are queries.
+
+    The type of a statement does not say: `EXPLAIN ANALYZE COPY` is carried out, and DuckDB 2 has `WITH t AS (COPY ...)
+    SELECT`. The parser gives a tree of queries alone, or an error.
+    """
+    [(tree,)] = connection.execute("SELECT json_serialize_sql($1::VARCHAR)", [text]).fetchall()
+    found = json.loads(tree)
+    waiting: list[Any] = [found]
+    while waiting:
+        part = waiting.pop()
+        if isinstance(part, list):
+            waiting += part
+        elif isinstance(part, dict):
+            kind, function = part.get("type"), part.get("function_name")
+            if str(kind).endswith("_NODE") and kind not in _QUERIES:
+                return False
+            if str(function).lower() in _RUN_TEXT:
+                return False
+            waiting += part.values()
+    return not found["error"]
 
 
 def _duckdb() -> Any:

@@ -2,7 +2,7 @@
 
 Blocks are cut by the chunks alone, across the slices' seams, and fed to one `Analyzer`; so a line whose newest slice
 was analysed goes on with the next one, years after, without reading anything anew. `kept` is the whole state as bytes
-(a pickle, of nothing but this project's and numpy's classes), `resumed` makes it again.
+(plain data: see `plainstate`), `resumed` makes it again.
 
 Beside the tables of an export a line keeps its units' hours: what became of requests and how long it took, so that
 questions of a fleet read little. Where the newest slice has grown since it was taken, the chunks that the lake has are
@@ -12,10 +12,9 @@ passed over, and what is behind them is new.
 from __future__ import annotations
 
 import hashlib
-import io
-import pickle
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -23,6 +22,8 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
+from captures.line import LineSettings
+from captures.recording.notes import Note
 from captures.spacing import INFERRED
 from captures.time_order import CLOCK_STEP_NS, TimeOrder
 
@@ -30,20 +31,27 @@ from ..causes.ledger import Ledger
 from ..causes.reasoning import causes_of
 from ..causes.registry import numbers_kept
 from ..core import Analysed, Analyzer, EvenBlocks
+from ..deframing.ascii import AsciiEngine
+from ..deframing.engine import Engine
+from ..deframing.mbap import MbapEngine
+from ..deframing.protocols import EngineOfPort, WeighedPort
+from ..deframing.stream import EngineMaker, PortEngine
 from ..exports.arrow import record_batch
 from ..exports.records import TABLES, record_arrow, record_schema
 from ..options import Options
 from ..outages import deaf_times
+from ..registers.checking import LimitBreach
 from ..reports.troubles import COUNTED_TWICE, is_habit, of_echoes
+from ..tables.findings import FindingLook, all_looks
 from ..tables.transactions import NEVER, Status
 from ..words import DAY_NS, HOUR_NS
 from . import FleetError
 from .datasets import CAUSES, HOURS, LakeFiles
+from .plainstate import StateError, decoded, encoded
+from .stateschema import Schema
 
 if TYPE_CHECKING:
     from captures import Block, Capture
-    from captures.line import LineSettings
-    from captures.recording.notes import Note
 
     from ..tables.batch import Batch
     from ..tables.findings import Findings
@@ -58,8 +66,12 @@ class UnitHours:
     """Transactions in, in the order of their requests; hours that are over out. What an adapter shows twice is one
     request, as in a report."""
 
+    _open: dict[int, NDArray[np.int64]]
+    _requests: int
+    _echoes: int
+
     def __init__(self) -> None:
-        self._open: dict[int, NDArray[np.int64]] = {}  # by the hour since the epoch: a row a unit, echoes last
+        self._open = {}  # by the hour since the epoch: a row a unit, echoes last
         self._requests = self._echoes = 0  # of the line so far
 
     def feed(self, transactions: Any, settled: TransactionRows, findings: Findings) -> Any:
@@ -127,22 +139,6 @@ def _hours_table(hours: dict[int, NDArray[np.int64]]) -> Any:
 
 
 _NOTES: Final = 4096  # of a line remembered, the newest
-_OURS: Final = ("analyzer.", "captures.", "dissectors.")
-_OTHERS: Final = frozenset(
-    {
-        ("builtins", "complex"),
-        ("builtins", "frozenset"),
-        ("builtins", "set"),
-        ("builtins", "slice"),
-        ("builtins", "bytearray"),
-        ("builtins", "range"),
-        ("collections", "Counter"),
-        ("collections", "OrderedDict"),
-        ("collections", "defaultdict"),
-        ("collections", "deque"),
-    }
-)
-_PLAIN: Final = frozenset({"int", "float", "list", "dict", "set", "tuple", "str", "bytes", "bool"})
 
 
 @dataclass(slots=True)
@@ -262,7 +258,7 @@ class LineState:
 
     def kept(self) -> bytes:
         """The whole of it, to go on from."""
-        return pickle.dumps(self, protocol=5)
+        return encoded(self, _schema())
 
 
 def _column_of_kind(kind: Any, values: list[Any]) -> Any:
@@ -301,30 +297,27 @@ def _asked_before(batch: Batch, first: int, last: int, index: int) -> Iterator[t
             yield int(asked[row]), request
 
 
-class _OwnPickles(pickle.Unpickler):
-    """Makes objects of this project's classes and of numpy's arrays alone: a lake may come from elsewhere."""
-
-    def find_class(self, module: str, name: str) -> Any:
-        numpy_own = module.split(".")[0] == "numpy" and name in (
-            "_reconstruct", "ndarray", "dtype", "scalar", "_frombuffer", "int64", "uint8", "float64"
-        )  # fmt: skip
-        own = module.startswith(_OURS) and "." not in name
-        if not (numpy_own or own or (module, name) in _OTHERS or (module == "builtins" and name in _PLAIN)):
-            raise pickle.UnpicklingError(f"{module}.{name} has no business in a line's state")
-        found = super().find_class(module, name)
-        if own and not isinstance(found, type) and getattr(found, "__module__", module) != module:
-            raise pickle.UnpicklingError(f"{module}.{name} is not that module's own")
-        return found
+@cache
+def _schema() -> Schema:
+    """Of all that a line's state holds."""
+    engines = (Engine, AsciiEngine, MbapEngine, WeighedPort)
+    return Schema(
+        LineState,
+        {FindingLook: all_looks(), PortEngine: engines, EngineMaker: (EngineOfPort,)},
+        {"LimitBreach": LimitBreach, "Note": Note, "LineSettings": LineSettings},
+    )
 
 
 def resumed(data: bytes) -> LineState:
     """What `kept` gave. Raises FleetError where these bytes are something else, or of another version."""
+    if data[:1] == b"\x80":
+        words = "it is a pickle of an older rtuscope, which may run code and is not read"
+        raise FleetError(f"the state of the line cannot be used: {words}")
     try:
-        state = _OwnPickles(io.BytesIO(data)).load()
-    except Exception as error:
-        raise FleetError(f"the state of a line cannot be used: {error}") from error
-    if not isinstance(state, LineState):
-        raise FleetError("the state of a line is something else")
+        state = decoded(data, _schema())
+    except StateError as error:
+        raise FleetError(f"the state of the line cannot be used: {error}") from error
+    assert isinstance(state, LineState)
     return state
 
 

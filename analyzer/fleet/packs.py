@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from datetime import date
 from typing import Any, Final
 from urllib.parse import unquote
-from uuid import uuid4
 
 from ..extras import needs
 from . import FleetError
@@ -29,7 +28,8 @@ except ImportError as error:
 
 from ..exports.targets.parquet import frames_writer
 from .datasets import DATASETS, GROUP, pack_schema
-from .stores import LakeStore, Manifest, PackMember, fetched
+from .manifest import Manifest
+from .stores import LakeStore, PackMember, fetched
 
 FULL: Final = 1 << 20  # rows of a pack: what memory holds and sorts at once
 SMALL: Final = FULL // 2  # files of fewer rows are packed
@@ -125,7 +125,7 @@ def _write(store: LakeStore, table: str, group: list[_SmallFile]) -> dict[str, A
     make: Callable[..., Any] = frames_writer if table == "frames" else ParquetWriter
     with make(str(path), schema, compression="zstd") as writer:
         writer.write_table(_sorted(pa.concat_tables(parts), table), row_group_size=GROUP)
-    name = f"{table}/packed/{uuid4().hex}.parquet"
+    name = store.fresh(f"{table}/packed/rows", ".parquet")
     store.put(name, path)
     return {"table": table, "name": name, "members": members}
 

@@ -23,6 +23,7 @@ from ..version import RULES, __version__
 from . import FleetError, LakeWriteError
 from .datasets import CAPTURES, DATASETS, LakeFiles
 from .linestate import ChunkDigest, LineState, NotGrownError, behind, resumed
+from .plainstate import StateError
 from .sources import SourceFile, as_it_is, readable
 from .stores import LakeStore, PackMember, fetched, store
 
@@ -79,7 +80,7 @@ class LineTask:
     tail_frames: int = 0  # in it
     kept: KeptRows | None = None
     grown: Mapping[str, Any] | None = None  # what the manifest says of the first file: `state` remembers its beginning
-    anew: LineTask | None = None  # the whole line, should that not be so
+    anew: LineTask | None = None  # the whole line, should that not be so, or the state be of no use
 
 
 def line_key(site: str, line: str) -> str:
@@ -95,12 +96,21 @@ def run_task(task: LineTask) -> dict[str, Any]:
 
 def _entry(task: LineTask) -> dict[str, Any]:
     _declare(task.options.functions)
+    run = _TaskRun(task)
+    if run.unusable is not None and task.anew is not None:
+        return _done_anew(task.anew, run.unusable)
     try:
-        entry = _TaskRun(task).entry()
+        entry = run.entry()
     except NotGrownError:
         if task.anew is not None:
             return _entry(task.anew)
         entry = _TaskRun(replace(task, grown=None, files=task.files[1:]), left=_as_it_was(task)).entry()
+    except (CaptureError, FleetError, OSError):
+        raise
+    except Exception as error:
+        if not run.goes_on:
+            raise
+        return _without_state(task, f"the state of the line cannot be used: {type(error).__name__}: {error}")
     if task.kept is not None and any(
         now[key] != then[key]
         for now, then in zip(entry["slices"], task.kept.slices, strict=False)
@@ -108,6 +118,16 @@ def _entry(task: LineTask) -> dict[str, Any]:
     ):  # a capture is not what it was: nothing of its rows may stay
         return _TaskRun(replace(task, kept=None)).entry()
     return entry
+
+
+def _without_state(task: LineTask, words: str) -> dict[str, Any]:
+    """The same where the analysis breaks on what the state says: only then is it known to be of no use."""
+    return _TaskRun(task, unusable=words).entry() if task.anew is None else _done_anew(task.anew, words)
+
+
+def _done_anew(task: LineTask, words: str) -> dict[str, Any]:
+    """The whole line, since all its captures are still there; why is told."""
+    return _entry(task) | {"trouble": f"{words}: all captures of the line were read anew"}
 
 
 def _as_it_was(task: LineTask) -> dict[str, Any]:
@@ -128,12 +148,16 @@ def _declare(files: tuple[str, ...]) -> None:
 class _TaskRun:
     """One task on its way."""
 
-    def __init__(self, task: LineTask, left: Mapping[str, Any] | None = None) -> None:
-        """`left`: what is known of the task's first file where it is no longer what was taken, and stays as it was."""
+    def __init__(self, task: LineTask, *, left: Mapping[str, Any] | None = None, unusable: str | None = None) -> None:
+        """`left`: what is known of the task's first file where it is no longer what was taken, and stays as it was.
+
+        `unusable`: why the line's state cannot be used, where that is known.
+        """
         self.task = task
         self.store: LakeStore = store(task.lake)
-        self.state, self.trouble = self._resumed()
-        self._goes_on = self.state is not None
+        self.state, self.unusable = self._resumed() if unusable is None else (None, unusable)
+        self.trouble = self.unusable and f"begins anew behind what the lake has: {self.unusable}"
+        self.goes_on = self.state is not None
         self._before = (self.state.frames + task.tail_frames, self.state.octets) if self.state else (0, 0)
         self.files = LakeFiles(self.store, task.site, task.line, line_key(task.site, task.line))
         self.slices: list[dict[str, Any]] = []
@@ -145,19 +169,16 @@ class _TaskRun:
         self._row: Any = None  # of the newest slice, for `captures`
 
     def _resumed(self) -> tuple[LineState | None, str | None]:
-        """The state to go on from; without one that can be used the line begins anew, and why is told."""
+        """The state to go on from, or why it cannot be used."""
         if self.task.state is None:
             return None, None
         try:
             return resumed(self.store.read(self.task.state)), None
         except (FleetError, OSError) as error:
-            words = os_reason(error) if isinstance(error, OSError) else str(error)
-            return None, f"begins anew behind what the lake has: {words}"
+            return None, f"its state: {os_reason(error)}" if isinstance(error, OSError) else str(error)
 
     def entry(self) -> dict[str, Any]:
         task, kept = self.task, self.task.kept
-        if task.grown is not None and self.state is None:
-            raise NotGrownError
         if kept is not None:
             self.files.tables = self.files.tables.difference(kept.files)
         for number, file in enumerate(task.files):
@@ -173,8 +194,7 @@ class _TaskRun:
         if self.state is not None:
             settled = self.state.frames
             if task.sliced:
-                state = f"state/{line_key(task.site, task.line)}-{hashlib.sha256(repr(done).encode()).hexdigest()[:12]}"
-                self.store.write(state, self.state.kept())
+                state = self._keep(self.state)
             self.state.close(self.files)
         tail = self.files.close()
         if kept is not None:
@@ -183,11 +203,12 @@ class _TaskRun:
                 tail |= {table: list(files) for table, files in kept.tail.items()}
             else:
                 done[_SOURCES] = [*kept.tail.get(_SOURCES, ()), *done.get(_SOURCES, ())]
-        if self._goes_on and task.grown is None:
+        if self.goes_on and task.grown is None:
             where = done if task.files else tail
             where[_SOURCES] = [*task.tail.get(_SOURCES, ()), *where.get(_SOURCES, ())]
-        if not self._goes_on:  # the tail is all that is known of what stood at the seam
-            done = {table: [*task.tail.get(table, ()), *done.get(table, ())] for table in {*task.tail, *done}}
+        if not self.goes_on:  # the tail is all that is known of what stood at the seam
+            stays = {table: files for table, files in task.tail.items() if task.grown is None or table != _SOURCES}
+            done = {table: [*stays.get(table, ()), *done.get(table, ())] for table in {*stays, *done}}
         frames, octets = (self.state.frames, self.state.octets) if self.state else (0, 0)
         return {
             "site": task.site,
@@ -205,6 +226,16 @@ class _TaskRun:
             "frames": frames - self._before[0],
             "bytes": octets - self._before[1],
         }
+
+    def _keep(self, state: LineState) -> str | None:
+        """Write the state down; its name."""
+        name = self.store.fresh(f"state/{line_key(self.task.site, self.task.line)}")
+        try:
+            self.store.write(name, state.kept())
+        except StateError as error:  # the rows are none the worse for it
+            self.trouble = f"the state of the line cannot be kept: {error}"
+            return None
+        return name
 
     def _slice(self, file: SourceFile, grown: Mapping[str, Any] | None) -> dict[str, Any]:
         """Take in one file, whatever it is, or what `grown` does not know of it; what is known of it then.

@@ -21,6 +21,7 @@ from captures.live.wire import Item, PortEvent, Tick
 from captures.recording.notes import MARK, Note
 
 from ..core import Analysed, Analyzer
+from ..errors import stream_under_base
 from ..options import Options
 from ..tables.batch import Batch
 from ..tables.findings import Findings
@@ -156,6 +157,11 @@ class Session:
         return self._recorder is not None
 
     @property
+    def waits(self) -> bool:
+        """Whether the source waits for an analysis that is behind: a replay does, a bus does not."""
+        return self._source.waits
+
+    @property
     def waiting(self) -> int:
         """Bytes that wait for the analysis."""
         return self._waiting
@@ -165,7 +171,7 @@ class Session:
 
         Raises what the source or the recorder raised.
         """
-        for step in self._steps():
+        for step in stream_under_base(self._steps()):
             yield self._fed(step)
 
     def _fed(self, step: SessionStep) -> SessionStep:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from captures.line import LineSettings
 
-from ..causes.ledger import Ledger
+from ..causes.aside import SharedLedger
 from ..core import Analysed
 from ..options import Options
 from ..outages import Deaf
@@ -40,7 +40,8 @@ if TYPE_CHECKING:
     from ..tables.findings import Finding
 
 _COPIED = ("start", "length", "t_start_ns", "t_end_ns", "response_ns", "confidence", "kind", "unit", "function",
-           "exception", "check", "port", "protocol", "gap_before_ns", "gap_most_ns", "errors")  # fmt: skip
+           "exception", "check", "port", "protocol", "gap_before_ns", "gap_most_ns", "errors", "taken_for_start",
+           "unsure")  # fmt: skip
 _READ_BY = ("length", "kind", "unit", "function", "exception", "check", "protocol")
 
 # What the other columns of `Rows` are given as, for want of being kept.
@@ -48,10 +49,12 @@ _LEFT_OUT: Final[dict[str, Any]] = {
     **dict(zip(Rows.dtypes(), Rows.zeros(1).values(0), strict=True)),
     "request": -1,
     "request_start": -1,
+    "taken_for_start": -1,
     "gap_least_ns": NO_GAP,
 }
 
 
+_TAKEN_ROWS: Final = 64  # back to the request that an answer is taken for
 _STORED_AS: Final = {"index": "frame"}  # the columns of `Rows` that have another name here
 
 
@@ -77,7 +80,7 @@ class Bus:
         self._summary = Summary(line.character_ns)
         self.options = Options()
         self.bits: RowBits | None = None  # where the capture has edges
-        self._ledger = Ledger(line)
+        self._ledger = SharedLedger(line)
         self._lock = threading.Lock()
         self._source: ViewSource | None = None
 
@@ -89,7 +92,7 @@ class Bus:
         if not isinstance(source, CaptureSource):
             return bus
         bus.options = source.options
-        bus._ledger = Ledger(source.line, source.options)
+        bus._ledger = SharedLedger(source.line, source.options)
         if source.capture.spans is not None:
             bus.bits = RowBits(source.capture.spans)
         return bus
@@ -131,17 +134,14 @@ class Bus:
             if self.bits is not None:
                 self.bits.feed(batch.rows)
             self._summary.feed(analysed, self.batch(earlier).rows if len(earlier) else None)
-            if self._ledger.line != self.line:  # a tap found it out: what was counted before was of another one
-                self._ledger = Ledger(self.line, self.options)
-            self._ledger.feed(batch, analysed.transactions)
             self.off_ns = self._summary.off_ns
+        self._ledger.feed(self.line, batch, analysed.transactions)
         self._count = self.table.count
 
     def close(self) -> None:
         """Nothing more comes."""
         try:
-            with self._lock:
-                self._ledger.close()
+            self._ledger.close()
         finally:
             self.whole = True
 
@@ -198,6 +198,14 @@ class Bus:
         """The row of the request that a row answers, or of the answer to it."""
         joined = self.table.value("partner", row)
         return None if joined < 0 else joined
+
+    def taken_for(self, row: int) -> int | None:
+        """The row of the request that the client takes an answer for, where it is of another."""
+        start, unit = self.table.value("taken_for_start", row), self.table.value("unit", row)
+        for before in range(row - 1, max(row - _TAKEN_ROWS, -1), -1):
+            if start >= 0 and self.table.value("start", before) == start and self.table.value("unit", before) == unit:
+                return before
+        return None
 
     def frame(self, row: int) -> Frame:
         """A view of a row that is a frame."""
@@ -260,6 +268,7 @@ class Bus:
         slots = slice(first, first + len(rows)) if all_between else rows - number * PIECE
         column = self.table.stretch
         out = Rows.zeros(len(rows))
+        out.taken_for_start[:] = -1
         for name in names:
             out.column(name)[:] = column(number, name, slots)
         at, frame, partner = (column(number, name, slots).astype(np.int64) for name in ("at", "frame", "partner"))
@@ -291,6 +300,7 @@ class Bus:
             NEVER,
         )
         has_answer = np.isin(out.status, (Status.ANSWERED, Status.EXCEPTION, Status.DAMAGED))
+        has_answer &= read("partner", requests) >= 0  # else nobody can tell whose the answer is
         answers = read("partner", requests[has_answer])
         for name, column in OF_ANSWER.items():
             out.column(name)[:] = -1 if TransactionRows.dtypes()[name].kind == "i" else 0
@@ -313,7 +323,8 @@ class Bus:
         with self._lock:
             rates = None if self.bits is None else self.bits.of_all
             page = self.page(self._summary, rates, source, partial=not self.whole)
-            return (with_story if story else with_cards)(page, self._ledger)
+        with self._ledger.looked_at() as ledger:
+            return (with_story if story else with_cards)(page, ledger)
 
     def page(self, summary: Summary, rates: RateTable | None, source: ViewSource, *, partial: bool) -> Report:
         """A summary of this bus, or of some of its rows, as a page."""
@@ -331,8 +342,8 @@ class Bus:
         """The same, with what no cause takes."""
         from ..causes.reasoning import story_of
 
-        with self._lock:
-            return story_of(self._ledger)
+        with self._ledger.looked_at() as ledger:
+            return story_of(ledger)
 
     @property
     def nbytes(self) -> tuple[int, int]:

@@ -119,12 +119,15 @@ class CaptureSource:
 
 
 class Nothing:
-    """No capture at all: only the paste prompt."""
+    """No capture at all: only the paste prompt, with what was pasted already."""
 
     name = "no capture"
     timed = False
     live = False
     path = None
+
+    def __init__(self, pasted: str = "") -> None:
+        self.pasted = pasted
 
     @property
     def line(self) -> LineSettings:

@@ -172,6 +172,8 @@ class BusRows(Columns):
     check: Bools
     port: UInt8s
     protocol: UInt8s
+    taken_for_start: Int64s  # as in `Rows`
+    unsure: Bools
     state: UInt8s  # what became of a request: see `RowState`
     mark: UInt8s  # the gravest finding's severity, 0 for none
     why_length: Int16s  # evidence of the row's boundaries in eighths of a bit: `tables.schema.BoundaryEvidence`
@@ -187,7 +189,9 @@ class BusRows(Columns):
 NO_EVIDENCE: Final = np.iinfo(np.int16).min
 _SHORT: Final = frozenset({"response_ns", "gap_before_ns", "gap_most_ns"})  # times that nearly always are
 _NEAR: Final = frozenset({"start", "at"})  # numbers that are near each other in a piece
-_ALIKE: Final = frozenset({"port", "protocol"})  # that nearly always are the same in all of a piece
+_ALIKE: Final = frozenset(
+    {"port", "protocol", "taken_for_start", "unsure"}
+)  # that nearly always are the same in all of a piece
 
 
 class RowState:

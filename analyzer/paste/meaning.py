@@ -19,12 +19,22 @@ _SINGLE: Final = ("register", "output")  # what functions 06 and 05 write: field
 _ON: Final = 0xFF00
 
 
-def mapped_readings(line: Mapping[str, Any], chart: RegisterMap) -> list[MappedReading]:
-    """What a frame (its JSON object) carries by a map; registers of which the address is not known are left out."""
+def mapped_readings(
+    line: Mapping[str, Any], chart: RegisterMap, known: dict[tuple[str, int], int] | None = None
+) -> list[MappedReading]:
+    """What a frame (its JSON object) carries by a map; registers of which the address is not known are left out.
+
+    `known`: registers of the same unit that earlier frames carried, from which values may be computed; what this frame
+    carries is added.
+    """
     area = _AREAS.get(line.get("function") or 0)
     if area is None or line.get("exception") is not None:
         return []
-    return readings_by_map(chart, area, dict(_words(line.get("fields") or ())))
+    words = dict(_words(line.get("fields") or ()))
+    readings = readings_by_map(chart, area, words, known)
+    if known is not None:
+        known.update({(area, address): word for address, word in words.items()})
+    return readings
 
 
 def _words(fields: Sequence[Mapping[str, Any]]) -> Iterator[tuple[int, int]]:
@@ -51,9 +61,11 @@ def meaning_text(lines: Iterable[Mapping[str, Any]], chart_of: Mapping[int, Regi
     """The values of some frames as text, a heading a frame."""
     lines, parts = list(lines), []
     refused = refused_requests(lines)
+    known: dict[int, dict[tuple[str, int], int]] = {}
     for line in lines:
-        chart = chart_of.get(line.get("unit") or 0)
-        readings = mapped_readings(line, chart) if chart is not None else []
+        chart, unit = chart_of.get(line.get("unit") or 0), line.get("unit") or 0
+        registers = known.setdefault(unit, {}) if line.get("start") not in refused else {}
+        readings = mapped_readings(line, chart, registers) if chart is not None else []
         if readings:
             width = max(len(reading.row.name) for reading in readings)
             unit, start = line["unit"], line["start"]

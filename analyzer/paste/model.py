@@ -95,6 +95,8 @@ class PastedFrame:
             "exception": self.exception,
             "crc_ok": self.check_ok,
             "request_start": self.request_start,
+            "taken_for_start": None,
+            "unsure": False,
             "response_time_ns": self.response_time_ns,
             "hex": self.adu.data.hex(),
             "fields": [field.to_json() for field in self.fields()],

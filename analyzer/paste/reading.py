@@ -19,9 +19,11 @@ from typing import TYPE_CHECKING, Final, Literal
 from dissectors.envelopes import MBAP, Adu, ascii_frames, tcp
 from dissectors.functions import function_class
 from dissectors.length_rules import Role
-from dissectors.lengths import pdu_length, plausibility, rule
+from dissectors.lengths import pdu_length, plausibility, rule, sound_roles
 from dissectors.limits import LAST_UNIT, MAX_ADU
 
+from ..deframing.weighing import rtu_bits, rtu_head_bits, tcp_bits, tcp_head_bits
+from ..errors import RtuscopeError
 from ..languages import counted, tr
 from . import rtu
 from .mixing import Envelope, kinds_of, mixed
@@ -42,7 +44,7 @@ _MOST_TCP: Final = 254  # what the length in an MBAP header can be
 _CRC: Final = 2  # bytes
 
 
-class PasteError(Exception):
+class PasteError(RtuscopeError):
     """A paste that cannot be read at all, in one line."""
 
 
@@ -61,6 +63,10 @@ def read(
     if size > LONGEST:
         raise PasteError(f"{size:,} bytes are too many to annotate; save them to a file and use rtuscope export")
     paste = read_parts(parts, envelope, _ROLES[role])
+    if envelope == "auto" and not all(isinstance(piece, PastedFrame) and _is_plain(piece) for piece in paste.pieces):
+        from .foreign import as_foreign
+
+        paste = as_foreign(paste, parts)
     pieces = _with_times(paste.pieces, parts)
     if role == "auto" and _has_late_echo(pieces) and not any(part.mark for part in parts):
         pieces = _with_times(_by_silence(paste.pieces, parts), parts)
@@ -167,7 +173,8 @@ def _alike(parts: Sequence[PastePart], envelope: Envelope, roles: Sequence[Role]
         return Paste("rtu", why, tuple(exact))
     if envelope == "auto":
         mbap = _tcp(data, parts, roles)
-        if all(isinstance(piece, PastedFrame) and not piece.missing and _sound(piece) for piece in mbap):
+        whole = all(isinstance(piece, PastedFrame) and not piece.missing and _sound(piece) for piece in mbap)
+        if whole and _is_tcp(data, parts):
             cover = _cover(mbap, data)
             why = tr("TCP: MBAP headers (protocol 0, right length), {cover}; no CRC fits", cover=cover)
             return Paste("tcp", why, mbap)
@@ -197,47 +204,33 @@ def _inexact(data: bytes, parts: Sequence[PastePart], envelope: Envelope, roles:
     if envelope == "auto" and len(data) >= _LENGTH_END:
         mbap = _tcp(data, parts, roles)
         whole = [piece for piece in mbap if isinstance(piece, PastedFrame) and not piece.missing and _sound(piece)]
-        if whole and 2 * sum(frame.length for frame in whole) > len(data):
+        if whole and 2 * sum(frame.length for frame in whole) > len(data) and _is_tcp(data, parts):
             frames = counted(len(whole), "frame", "frames")
             why = tr("TCP: MBAP headers (protocol 0, right length) in {frames}; no CRC is right", frames=frames)
             return Paste("tcp", why, mbap)
-        first, rival = mbap[0], rtu.lone(parts[0].data, parts[:1], roles) or alone
-        if isinstance(first, PastedFrame) and _speaks_for_tcp(first) > max(map(_speaks_for_rtu, rival)):
+        if isinstance(mbap[0], PastedFrame) and _begins_tcp(parts[0].data):
             return Paste("tcp", tr("TCP: begins with an MBAP header (protocol 0, a length); no CRC is right"), mbap)
     if any(isinstance(piece, PastedFrame) for piece in alone):
-        return Paste(
-            "rtu", tr("RTU: reads like it by its header; no CRC is right, and there is no MBAP header"), tuple(alone)
-        )
+        return Paste("rtu", _why_likely(data), tuple(alone))
     return Paste("rtu", tr("no frame: no right CRC, no MBAP header, no ASCII frame"), tuple(alone))
 
 
-def _speaks_for_rtu(piece: Piece) -> int:
-    """How much speaks for an RTU frame whose CRC is not right, in bits, roughly."""
-    if not isinstance(piece, PastedFrame) or piece.function is None:
-        return 0
-    adu, pdu = piece.adu, piece.adu.pdu
-    bits = 3 if rule(pdu[0], piece.role) is not None else -4
-    if not piece.missing and _sound(piece):
-        swapped = adu.data[-2:] == (adu.check_computed or 0).to_bytes(2, "big")
-        bits += 6 if swapped else 4
-    elif piece.missing:
-        bits += 4 if piece.missing == _CRC and piece.length_known else -2
-    if not 0 < (adu.unit or 0) <= LAST_UNIT:
-        bits -= 6
-    return bits - 4 * len(plausibility(pdu, piece.role))
+def _is_tcp(data: bytes, parts: Sequence[PastePart]) -> bool:
+    """Whether headers speak for these bytes more than their being RTU, damaged, does: at once, or part by part."""
+    rtu_alone = max(rtu_bits(data), sum(rtu_bits(part.data) for part in parts))
+    return max(tcp_bits(data), 0.0) > rtu_alone
 
 
-def _speaks_for_tcp(frame: PastedFrame) -> int:
-    """The same of a Modbus TCP frame: its header has protocol 0 and a length that can be."""
-    pdu = frame.adu.pdu
-    bits = 1 if frame.missing else 8
-    if pdu and rule(pdu[0], frame.role) is None:
-        return bits - 8
-    announced = int.from_bytes(frame.adu.data[4:6], "big") - 1
-    lengths = [pdu_length(pdu, role) for role in BOTH]
-    if announced in lengths:
-        return bits + 9
-    return bits + 3 if frame.missing and None in lengths else bits - 6
+def _begins_tcp(data: bytes) -> bool:
+    """The same of bytes whose first header announces more of them, or fewer."""
+    return tcp_head_bits(data) > rtu_head_bits(data)
+
+
+def _why_likely(data: bytes) -> str:
+    """Why bytes are taken for RTU that have no right CRC."""
+    if _begins_mbap(data[:MBAP]) and len(data) >= _LENGTH_END:
+        return tr("RTU: reads like it by its header; no CRC is right, and what may be an MBAP header does not fit")
+    return tr("RTU: reads like it by its header; no CRC is right, and there is no MBAP header")
 
 
 def _why_ascii(frames: Sequence[PastedFrame]) -> str:
@@ -288,6 +281,13 @@ def _sound(frame: PastedFrame) -> bool:
     pdu = frame.adu.pdu
     declared = rule(pdu[0], frame.role) if pdu else None
     return declared is None or declared.variable or pdu_length(pdu, frame.role) == len(pdu)
+
+
+def _is_plain(frame: PastedFrame) -> bool:
+    """Whether nothing of a frame speaks for its being no Modbus."""
+    if frame.check_ok is False or frame.missing or not frame.adu.pdu:
+        return False
+    return function_class(frame.adu.pdu[0]) != "user-defined" and bool(sound_roles(frame.adu.pdu))
 
 
 def _cut(adu: Adu) -> int:

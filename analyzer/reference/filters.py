@@ -28,6 +28,7 @@ value("Voltage L*") < 207 V
 - A **field alone** asks whether the row has it (`exception`), or whether it is true (`noise`, `late`).
 - A **comparison** is `FIELD OPERATOR VALUE`: `==` (or `=`), `!=`, `<`, `<=`, `>`, `>=`, `contains`, `matches`.
 - `in` takes values and ranges: `function in (3, 4)`, `unit in 1..5`, `index in (7, 100..200)`; `not in` the opposite.
+  Sets as Wireshark writes them do, too: `modbus.func_code in {3 4}`.
 - `and`, `or`, `not` (`&&`, `||`, `!`) join them; `and` binds closer than `or`; parentheses as usual. Words may be in
   capitals.
 - **Numbers** are decimal or hexadecimal (`0x2B`). **Times** need a unit: `us`, `ms`, `s`, `min`, `h`, or `chars`, which

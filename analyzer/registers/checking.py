@@ -36,14 +36,14 @@ _STEPS: Final = 4  # different readings, before their steps are judged
 _ENOUGH: Final = 8  # changes, before a type is judged
 
 
-KINDS: Final = ("contradiction", "partial", "unmapped", "unpolled")
+KINDS: Final = ("contradiction", "request", "partial", "unmapped", "unpolled")
 """Of remarks; the worst first."""
 
 
 @dataclass(frozen=True, slots=True)
 class MapRemark:
-    """Something about a map and a capture. `kind`: contradiction, partial (asked for in part), unmapped (asked for, not
-    in the map) or unpolled; `text` says it in the language in use."""
+    """Something about a map and a capture. `kind`: contradiction, request (that the device does not take), partial
+    (asked for in part), unmapped (asked for, not in the map) or unpolled; `text` says it in the language in use."""
 
     kind: str
     unit: int

@@ -23,7 +23,9 @@ from numpy.typing import NDArray
 
 from dissectors.maps import MapError
 from dissectors.maps.table import csv_rows
-from dissectors.maps.tablecells import together
+from dissectors.maps.written import together
+
+from ..errors import RtuscopeError
 
 Floats = NDArray[np.float64]
 Beginning = Literal["1970", "midnight", "unknown"]
@@ -127,7 +129,7 @@ _CLOCK: Final = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,]\d{1,9})?))?\s*([
 _VALUE: Final = re.compile(r"([-+]?[\d\s'\u00a0\u202f.,]*\d(?:[eE][-+]?\d+)?)\s*[^\d\s]{0,8}")
 
 
-class PanelError(ValueError):
+class PanelError(RtuscopeError, ValueError):
     """A table of times and values that cannot be used; one line."""
 
 

@@ -291,6 +291,7 @@ class Report:
     exceptions: tuple[ExceptionRow, ...]
     tcp_frames: int = 0  # of `frames`, those of Modbus TCP, on no line of ours
     foreign: Mapping[str, int] = field(default_factory=dict)  # bytes of other protocols on the pair, by name
+    not_modbus: str = ""  # the protocol that this is instead, where that is known
     clock_skew_ns: tuple[int, int] | None = None  # bounds: how far the answers' tap is ahead of the requests'
     rates: tuple[RateRow, ...] = ()  # of senders, where edges were captured
     filter: str = ""  # what the rest of the report is narrowed to

@@ -11,7 +11,7 @@ from typing import Final
 
 from dissectors.values import harmless
 
-from ..languages import counted, grouped, page_words, retold
+from ..languages import counted, grouped, page_words, phrase, retold
 from ..outages import unheard
 from ..words import duration, is_clock, moment
 from . import against, findings, pagetables
@@ -65,6 +65,15 @@ def facts(report: Report) -> Iterator[tuple[str, str]]:
     if report.partial:
         yield "partial", page_words("ended before the capture did; what follows covers the part read")
     yield "bytes", _bytes(report)
+    if report.tcp_frames and report.baud is not None:
+        yield (
+            "",
+            page_words(
+                "Modbus TCP on a serial line: its gateway passes on bytes as they are, and should turn them into RTU"
+            ),
+        )
+    if report.not_modbus:
+        yield "", page_words("not Modbus, but {name}", name=phrase("{name}", name=report.not_modbus))
     if not report.frames:
         return
     frames = f"{grouped(report.frames)}: {counted(report.requests, 'request', 'requests')}, "
@@ -158,7 +167,7 @@ def _bytes(report: Report) -> str:
             ", {count:,} of them in no frame ({stretches})", count=report.noise_bytes, stretches=stretches
         )
     for name, size in report.foreign.items():
-        words += page_words("; {size:,} of another protocol, {name}", size=size, name=name)
+        words += page_words("; {size:,} of another protocol, {name}", size=size, name=phrase("{name}", name=name))
     return words
 
 

@@ -23,9 +23,10 @@ from ..tables.bins import Histogram
 from ..tables.findings import Findings
 from ..tables.schema import Kind, Protocol, Rows
 from ..tables.transactions import Status, TransactionRows
+from ..tables.verdict import ModbusVerdict
 from ..usernotes import Notes, marked_rows
 from .breakdown import RateTable, bit_times
-from .model import BookmarkRow, Counts, ExceptionRow, FunctionRow, Load, Report, Times, UnitRow
+from .model import BookmarkRow, Counts, ExceptionRow, FindingRow, FunctionRow, Load, Report, Times, UnitRow
 from .troubles import Troubles, asked_once, is_habit, of_echoes
 
 if TYPE_CHECKING:
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
 
 _SECOND: Final = 1_000_000_000
 _DOUBTFUL: Final = 0.5
+_OTHER: Final = "other-protocol"
 # Counters a transaction adds to, in the order of `Counts`.
 _COUNTERS: Final = ("requests", "answered", "exceptions", "unanswered", "broadcasts", "damaged", "retries", "late",
              "unheard", "echoes")  # fmt: skip
@@ -67,6 +69,7 @@ class Summary:
         self._bytes = self._frames = self._requests = self._damaged = self._doubtful = self._tcp = 0
         self._noise_bytes = self._noise_stretches = 0
         self._foreign = np.zeros(len(NAMES), np.int64)  # bytes of other protocols, by number
+        self._verdict = ModbusVerdict()
         self._skew: ClockSkew | None = None
         self._noise_end = (0, -1)  # port and end of the noise that the last row was, -1 if it was none
         self._first: int | None = None
@@ -94,6 +97,7 @@ class Summary:
         self._count_echoes(analysed.findings, subjects)
         if not len(rows):
             return
+        self._verdict.feed(rows)
         noise = rows.kind == Kind.NOISE
         lengths = rows.length
         self._bytes += int(lengths.sum())
@@ -136,6 +140,7 @@ class Summary:
             noise_bytes=self._noise_bytes,
             noise_stretches=self._noise_stretches,
             foreign={name: int(size) for name, size in zip(NAMES, self._foreign, strict=True) if name and size},
+            not_modbus=self._verdict.foreign,
             clock_skew_ns=self._skew,
             doubtful_frames=self._doubtful,
             tcp_frames=self._tcp,
@@ -150,7 +155,7 @@ class Summary:
                 ExceptionRow(unit, function, code, exception_name(code), count)
                 for (unit, function, code), count in sorted(self._exceptions.items(), key=lambda item: -item[1])
             ),
-            findings=self._troubles.rows(),
+            findings=self._told(),
             notes=tuple(notes),
             deaf=tuple(deaf_times(notes)),
         )
@@ -188,6 +193,11 @@ class Summary:
                 for value in np.unique(column).tolist():
                     times = measured.response_ns[column == value]
                     histograms.setdefault(value, Histogram()).add(times)
+
+    def _told(self) -> tuple[FindingRow, ...]:
+        """What is wrong; of what is no Modbus nothing but that."""
+        rows = self._troubles.rows()
+        return tuple(row for row in rows if row.code == _OTHER) if self._verdict.foreign else rows
 
     def _count_echoes(self, findings: Findings, rows: Rows) -> None:
         repeated = findings.index[of_echoes(findings)]

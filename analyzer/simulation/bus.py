@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from os import PathLike
 from pathlib import Path
 from random import Random
@@ -34,6 +35,22 @@ class Simulation:
 
 def simulate(scenario: Scenario) -> Simulation:
     """The scenario's capture and truth; ValueError for a wire, tap, defect or number that can't be."""
+    played = _played(scenario)
+    return Simulation(played.line, list(played.chunks), played.truth, played.findings, played.registers())
+
+
+@dataclass(frozen=True, slots=True)
+class _Played:
+    """The same, its chunks made as they are taken; `registers` is asked when all are."""
+
+    line: captures.LineSettings
+    chunks: Iterator[captures.Chunk]
+    truth: tuple[TruthFrame, ...]
+    findings: tuple[TruthFinding, ...]
+    registers: Callable[[], tuple[TruthRegister, ...]]
+
+
+def _played(scenario: Scenario) -> _Played:
     _check(scenario)
     if scenario.defect is not None:
         return _with_defect(scenario, scenario.defect)
@@ -45,11 +62,12 @@ def simulate(scenario: Scenario) -> Simulation:
     habits = Habits(random.random() < wire.public, wire.vendor, wire.hostile, wire.broadcast)
     client = MappedClient(random, _charts(scenario.maps)) if scenario.maps else Client(random, habits, units)
     passed = play(client, wire, random, scenario.transactions, character_ns)
-    return Simulation(
+    return _Played(
         line=captures.LineSettings(baud=baud, char_bits=scenario.char_bits, tap=scenario.tap),
-        chunks=list(tap.deliver(passed.data, passed.times, random, character_ns)),
+        chunks=tap.deliver(passed.data, passed.times, random, character_ns),
         truth=passed.frames,
-        registers=tuple(client.registers()) if isinstance(client, MappedClient) else (),
+        findings=(),
+        registers=lambda: tuple(client.registers()) if isinstance(client, MappedClient) else (),
     )
 
 
@@ -60,7 +78,7 @@ def _charts(maps: Sequence[str]) -> list[tuple[int, RegisterMap]]:
     return [(next(free) if unit is None else unit, chart) for chart, unit in named]
 
 
-def _with_defect(scenario: Scenario, code: str) -> Simulation:
+def _with_defect(scenario: Scenario, code: str) -> _Played:
     tap, random = TAPS[scenario.tap], Random(f"{code} {scenario.tap} {scenario.seed}")
     baud = random.choice(tap.bauds) if scenario.baud is None else scenario.baud
     units = random.randint(5, 8) if scenario.units is None else scenario.units
@@ -68,11 +86,12 @@ def _with_defect(scenario: Scenario, code: str) -> Simulation:
     stage = Stage(random, character_ns, units)
     defects()[code].put(stage, scenario.transactions)
     chunks = tap.deliver(bytes(stage.data), stage.times, random, character_ns)
-    return Simulation(
+    return _Played(
         line=captures.LineSettings(baud=baud, char_bits=scenario.char_bits, tap=scenario.tap),
-        chunks=list(with_errors(chunks, stage.errors)),
+        chunks=with_errors(chunks, stage.errors),
         truth=tuple(stage.frames),
         findings=tuple(stage.findings),
+        registers=tuple,
     )
 
 
@@ -84,14 +103,15 @@ def write(scenario: Scenario, path: str | PathLike[str]) -> None:
     Raises ValueError as `simulate` does, CaptureError where a file can't be written.
     """
     path = Path(path)
-    simulated = simulate(scenario)
-    captures.write(path, simulated.chunks, line=simulated.line)
+    played = _played(scenario)
+    captures.write(path, played.chunks, line=played.line)
     with captures.replacing(truth_path(path)) as file:
-        lines = [frame.to_json() for frame in simulated.truth] + [finding.to_json() for finding in simulated.findings]
+        told: Iterable[TruthFrame | TruthFinding] = chain(played.truth, played.findings)
+        lines = (each.to_json() for each in told)
         file.writelines(json.dumps(line).encode() + b"\n" for line in lines)
-    if simulated.registers:
+    if registers := played.registers():
         with captures.replacing(path.with_suffix(".registers.jsonl")) as file:
-            file.writelines(json.dumps(register.to_json()).encode() + b"\n" for register in simulated.registers)
+            file.writelines(json.dumps(register.to_json()).encode() + b"\n" for register in registers)
 
 
 def truth_path(path: str | PathLike[str]) -> Path:

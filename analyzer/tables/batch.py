@@ -103,6 +103,17 @@ class Frame:
         return None if start < 0 else start
 
     @property
+    def taken_for_start(self) -> int | None:
+        """`start` of the request that the client takes this answer for, where it is of another."""
+        start = self.row.taken_for_start
+        return None if start < 0 else start
+
+    @property
+    def unsure(self) -> bool:
+        """Whether nobody can tell which request this answers."""
+        return self.row.unsure
+
+    @property
     def response_time_ns(self) -> int | None:
         """End of its request to its start, where the tap's clock carries it; else see `response_time_bounds_ns`."""
         bounds = self.response_time_bounds_ns
@@ -169,6 +180,8 @@ class Frame:
             "exception": self.exception,
             "crc_ok": self.crc_ok,
             "request_start": self.request_start,
+            "taken_for_start": self.taken_for_start,
+            "unsure": self.unsure,
             **response_time_json(self.response_time_bounds_ns),
             "hex": self.adu.data.hex(),
         }

@@ -24,6 +24,11 @@ class Histogram:
 
     __slots__ = ("_bins", "_sum", "least", "most")
 
+    _bins: NDArray[np.int64]
+    least: int
+    most: int
+    _sum: int
+
     def __init__(self) -> None:
         self._bins = np.zeros(_BINS, np.int64)
         self.least = np.iinfo(np.int64).max
@@ -60,11 +65,16 @@ class TimeBins:
     When time runs past the last bin, pairs merge and all bins are twice as wide: `width_ns`.
     """
 
+    count: int
+    begin_ns: int | None
+    width_ns: int
+    tables: dict[Hashable, NDArray[Any]]
+
     def __init__(self, count: int, width_ns: int) -> None:
         self.count = count
-        self.begin_ns: int | None = None
+        self.begin_ns = None
         self.width_ns = width_ns
-        self.tables: dict[Hashable, NDArray[Any]] = {}
+        self.tables = {}
 
     def reach(self, first_ns: int, last_ns: int) -> int:
         """Makes room for times from `first_ns` (the first call's is where the bins begin) to `last_ns`; the begin."""
@@ -88,6 +98,8 @@ _SPREAD_BINS: Final = 48 * _STEPS
 
 class Spread:
     """A histogram of values from 0 up."""
+
+    _counts: NDArray[np.float64]
 
     def __init__(self) -> None:
         self._counts = np.zeros(_SPREAD_BINS)
@@ -137,8 +149,11 @@ Columns = tuple[NDArray[Any], ...]
 class ColumnQueue:
     """Columns of one length, put end to end as they come."""
 
+    _parts: list[Columns]
+    _rows: int
+
     def __init__(self) -> None:
-        self._parts: list[Columns] = []
+        self._parts = []
         self._rows = 0
 
     def __len__(self) -> int:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from enum import Enum, IntEnum
 from functools import cache
 from math import isfinite
-from typing import TYPE_CHECKING, Annotated, Any, Final, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Final, Protocol, TypeVar
 
 import numpy as np
 
@@ -141,7 +141,12 @@ def describe(findings: Findings, row: int) -> Finding:
 
 
 Words = str | Callable[[Mapping[str, float]], str]  # a template over the evidence, or a function of it
-Look = Callable[["DiagnosisStep"], Iterable[Findings]]
+
+
+class FindingLook(Protocol):
+    """Finds what its rules declare: a function, or an instance of a class that remembers."""
+
+    def __call__(self, view: DiagnosisStep, /) -> Iterable[Findings]: ...
 
 
 class About(Enum):
@@ -237,10 +242,15 @@ def codes() -> tuple[str, ...]:
     return tuple(rule.code for rule in rules())
 
 
-def fresh_looks() -> list[Look]:
-    """All looks, those that remember with nothing to remember yet."""
+def all_looks() -> tuple[Callable[..., Any], ...]:
+    """All looks as they are declared: functions, and classes that remember."""
     rules()
-    return [look() if isinstance(look, type) else look for look in _looks]
+    return tuple(_looks)
+
+
+def fresh_looks() -> list[FindingLook]:
+    """All looks, those that remember with nothing to remember yet."""
+    return [look() if isinstance(look, type) else look for look in all_looks()]
 
 
 _TITLES: Final[Mapping[str, str]] = {

@@ -35,6 +35,8 @@ class StreamOrigin:
         before = self._before(rows)
         rows.start[:] += before
         rows.request_start[answers] += before[answers]
+        taken = rows.taken_for_start >= 0
+        rows.taken_for_start[taken] += before[taken]
         earlier = {index + self.frames: adu for index, adu in batch.earlier.items()}
         return replace(batch, rows=rows, earlier=earlier)
 

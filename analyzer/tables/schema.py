@@ -224,6 +224,9 @@ class Rows(Columns):
     reads: Int32s  # how many reads brought it
     errors: UInt16s  # bytes that the UART marked, for parity or framing
     foreign: UInt8s  # noise that is another protocol's: its number in `dissectors.foreign.NAMES`, else 0
+    # Whose an answer is, where that is not the request that it seems to follow:
+    taken_for_start: Int64s  # `start` of the request that the client takes it for, where it answers another; else -1
+    unsure: Bools  # nobody can tell which request it answers
 
     def row(self, number: int) -> Row:
         """One of them."""
@@ -262,6 +265,8 @@ class Row:
     reads: int
     errors: int
     foreign: int = 0
+    taken_for_start: int = -1
+    unsure: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

@@ -5,8 +5,8 @@ followed that none will; settled ones are given in the order of their requests, 
 end to end are the conversation of the whole capture. What a request can still be told ends at its horizon, a row that
 hangs on the rows alone: so batches do not matter.
 
-A serial answer carries no address. Where several requests of one shape are open and as many answers follow, a server
-answers in the order in which it was asked, which shows only when the second answer has come: `_put_in_order`.
+Whose an answer is say the rows. Where nobody can tell (`unsure`), it stands with the request that the client takes it
+for; an answer that is given twice stands with its request once.
 
 Response times are told as far as a tap's clock carries them: exact, an interval, or unknown (`schema.DelayBounds`).
 """
@@ -20,8 +20,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from dissectors.lengths import expectation, relations
-from dissectors.limits import RequestedByteCount
+from dissectors.lengths import expectation
 
 from .batch import Batch, adu_of
 from .schema import GLITCHES, Bools, Columns, DelayBounds, Int64s, Kind, Protocol, Rows, UInt8s, delay_bounds
@@ -78,6 +77,7 @@ class TransactionRows(Columns):
     port: UInt8s
     response_port: UInt8s  # of the answer: another where each direction has its own
     protocol: UInt8s  # Protocol
+    unsure: Bools  # the client takes this answer for its own, and nobody can tell whose it is
 
     def response_times(self, off_ns: float) -> DelayBounds:
         """How long each answer took, as far as a clock carries it by which times may be wrong by so much."""
@@ -98,11 +98,20 @@ OF_ANSWER: Final = {  # column of a transaction: that of its answer
 class Transactions:
     """Turns batches into transactions; holds only those that are open."""
 
+    _open: TransactionRows
+    _last_request: bytes | None
+    _failed: bool
+    _last_row: tuple[bool, bytes]
+    _frames: int
+    _octets: int
+    _places: NDArray[np.int64]
+    _repeats: NDArray[np.bool_]
+
     def __init__(self) -> None:
-        self._open: TransactionRows = TransactionRows.zeros(0)
-        self._last_request: bytes | None = None
+        self._open = TransactionRows.zeros(0)
+        self._last_request = None
         self._failed = False  # the newest that is settled got no good answer
-        self._last_row: tuple[bool, bytes] = (True, b"")  # of the last row: whether it was a whole frame, its bytes
+        self._last_row = (True, b"")  # of the last row: whether it was a whole frame, its bytes
         self._frames = 0
         self._octets = 0  # on the bus so far, all ports together
         self._places = np.zeros(0, np.int64)  # of the open requests: octets on the bus up to their ends
@@ -116,7 +125,7 @@ class Transactions:
         kind = rows.kind
         requests = np.flatnonzero((kind == Kind.REQUEST) & rows.check)  # nobody answers a damaged one
         responses = np.flatnonzero(kind == Kind.RESPONSE)
-        responses = responses[rows.request[responses] >= 0]
+        responses = responses[(rows.request[responses] >= 0) | rows.unsure[responses]]
         frames = np.flatnonzero(kind)
         known = len(self._open)
         before = np.cumsum(kind > 0) - (kind > 0) + self._frames
@@ -136,12 +145,8 @@ class Transactions:
             np.searchsorted(ends - rows.length, self._places + _REACH, side="right"),
         )
         self._count_garbage(batch, requests, known, horizon)
-        late = self._answer(batch, requests, responses, horizon)
+        self._answer(batch, requests, responses, horizon)
         self._mark_retries(batch, requests, known)
-        if late:
-            requested = self._open.request
-            for position in late:
-                self._put_in_order(position, requested)
         status = self._open.status
         waiting = (status == Status.UNANSWERED) | (status == Status.BROADCAST)
         waiting |= (status == Status.DAMAGED) & (self._open.t_next_ns == NEVER)  # what it costs shows the next request
@@ -190,15 +195,19 @@ class Transactions:
 
     def _answer(
         self, batch: Batch, requests: NDArray[np.intp], responses: NDArray[np.intp], horizon: NDArray[np.intp]
-    ) -> list[int]:
-        """Join answers to their requests; the places of those that came late, in the order of the answers."""
+    ) -> None:
+        """Join answers to their requests."""
         rows = batch.rows
         requested = self._open.request
-        wanted = rows.request[responses]
+        wanted = self._wanted(rows, responses)
         position = np.searchsorted(requested, wanted)
         found = position < len(requested)
         found[found] = (requested[position[found]] == wanted[found]) & (responses[found] < horizon[position[found]])
+        found &= self._open.response[np.where(found, position, 0)] < 0 if len(requested) else False
         position, responses = position[found], responses[found]
+        position, first = np.unique(position, return_index=True)
+        responses = responses[first]
+        self._open.unsure[position] = rows.unsure[responses]
         for name, column in OF_ANSWER.items():
             self._open.column(name)[position] = rows.column(column).take(responses)
         status = np.where(rows.exception[responses] > 0, np.uint8(Status.EXCEPTION), np.uint8(Status.ANSWERED))
@@ -210,9 +219,17 @@ class Transactions:
         self._open.late[position] = late
         newest = np.append(-1, requests)[np.searchsorted(requests, responses[late])]
         for at, row, before in zip(position[late].tolist(), responses[late].tolist(), newest.tolist(), strict=True):
-            self._open.mistaken[at] = self._mistaken(batch, row, before)
-        after: list[int] = position[late].tolist()
-        return after
+            self._open.mistaken[at] = rows.taken_for_start[row] >= 0 or self._mistaken(batch, row, before)
+
+    def _wanted(self, rows: Rows, responses: NDArray[np.intp]) -> NDArray[np.int64]:
+        """The request that each answer is joined to: where nobody can tell, that which the client takes it for."""
+        wanted = rows.request[responses]
+        for i in np.flatnonzero(rows.unsure[responses]).tolist():
+            row = int(responses[i])
+            taken = (self._open.start == rows.taken_for_start[row]) & (self._open.unit == rows.unit[row])
+            if taken.any():
+                wanted[i] = self._open.request[int(np.flatnonzero(taken)[-1])]
+        return wanted
 
     def _mistaken(self, batch: Batch, row: int, before: int) -> bool:
         """Whether a late answer would do for the newest request before it, which then takes it for its own.
@@ -225,42 +242,6 @@ class Transactions:
         protocol = int(batch.rows.protocol[row])
         requested, answer = adu_of(newest, protocol).data, adu_of(batch.bytes_of(row), protocol).data
         return expectation(requested).fits(answer) if min(len(requested), len(answer)) >= _MIN_ADU else False
-
-    def _put_in_order(self, position: int, requested: NDArray[np.int64]) -> None:
-        """Answers to requests of one shape, the last of which came late: the first request had the first of them.
-
-        A master that takes a late answer for that to its next request takes every later one for the next, too, until
-        one comes that nobody asked for: only then it shows whose they were.
-        """
-        opened, own = self._open, self._open.response[position]
-        responses = opened.response[position + 1 : int(np.searchsorted(requested, own))]
-        later = position + 1 + np.flatnonzero((responses >= 0) & (responses < own))
-        chain = [position, *(at for at in later.tolist() if self._alike(position, at))]
-        answers = [*chain[1:], position]  # of each, where that stood which it had
-        told = opened[np.array(answers)]
-        waited = told.t_response_ns - opened.t_request_ns[chain]
-        patience = max(LATE_NS, LATE_WAITS * (int(opened.t_next_ns[position]) - int(opened.t_request_ns[position])))
-        if len(chain) < 2 or (np.diff(told.response) < 0).any() or waited.max() > patience:
-            return
-        mistaken = told.mistaken | ~told.late  # what was in time for the newest request fits that
-        for name in (*OF_ANSWER, "status"):
-            opened.column(name)[chain] = told.column(name)
-        newest = np.searchsorted(requested, told.response) - 1
-        opened.late[chain] = late = newest != chain
-        opened.mistaken[chain] = mistaken & late
-        opened.response_ns[chain] = np.where(told.response_ns >= 0, np.maximum(waited, 0), -1)
-
-    def _alike(self, position: int, newer: int) -> bool:
-        """Whether the answers to these two requests could as well be exchanged."""
-        rows = self._open
-        if any(column[position] != column[newer] for column in (rows.unit, rows.function, rows.length, rows.port)):
-            return False
-        of_one_length = rows.response_length[position] == rows.response_length[newer]
-        if not (of_one_length or rows.exception[position] or rows.exception[newer]):
-            return False
-        return bool(rows.retry[newer]) or all(
-            isinstance(relation, RequestedByteCount) for relation in relations(int(rows.function[position]))
-        )
 
     def _mark_retries(self, batch: Batch, requests: NDArray[np.intp], known: int) -> None:
         """Of the new requests, which repeat the one before? Few went without a good answer, so those are compared."""

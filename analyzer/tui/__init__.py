@@ -41,39 +41,12 @@ def run(
     """
     gc.disable()  # until the first rows stand there, see `Jobs`: none of what is imported and built is garbage
     try:
-        _shown(source, view, light, zone, charts, reader or _capture_source)
-    finally:
-        gc.enable()
+        from .app import Rtuscope
 
-
-def _shown(
-    source: ViewSource,
-    view: str | None,
-    light: bool,
-    zone: tzinfo,
-    charts: Callable[[Iterable[int]], Mapping[int, RegisterMap]] | None,
-    reader: Callable[[Path], ViewSource],
-) -> None:
-    """Source after source, until the user quits."""
-    from .app import Rtuscope
-    from .openfiles import NextFile
-
-    resumed: NextFile | None = None
-    while True:
-        app = Rtuscope(source, view=view, light=light, resumed=resumed)
+        app = Rtuscope(source, view=view, light=light, reader=reader)
         app.desk.zone = zone
         if charts is not None:
             app.desk.charts = charts
-        resumed = app.run()
-        if resumed is None:
-            return
-        source, view = reader(resumed.path), resumed.view
-
-
-def _capture_source(path: Path) -> ViewSource:
-    """A file as it is."""
-    import captures
-
-    from ..model.source import CaptureSource
-
-    return CaptureSource(captures.open(path), path.name)
+        app.run()
+    finally:
+        gc.enable()

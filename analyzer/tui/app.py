@@ -2,30 +2,45 @@
 
 from __future__ import annotations
 
+import asyncio
+import gc
+import os
 import sys
-from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, ClassVar
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from textual import events
 from textual._compositor import CompositorUpdate
-from textual.app import App, SystemCommand
+from textual.app import App, ScreenStackError, SystemCommand
 from textual.binding import Binding, BindingType
 from textual.color import Color
 from textual.command import CommandPalette
+from textual.driver import Driver
 from textual.filter import Monochrome
 from textual.screen import Screen
+from textual.worker import Worker
+
+from dissectors.values import harmless
 
 from ..languages import error_words, tr
 from ..model.bus import Bus
+from ..model.scope import Scope
+from ..model.source import CaptureSource
 from ..usernotes import Notes, NotesError
 from .desk import Preferences, ViewState
 from .filterbar import rules_of
 from .keys import key_name
 from .openfiles import NextFile
 from .paint import DARK, DARK_16, HARMLESS, LIGHT, LIGHT_16, Colourless
+from .prompts import Choose
 from .screen import BusScreen
+from .viewer import ending_with_its_server
 from .views import VIEWS
-from .wire import KeyQueue, ThinWire
+from .wire import ASKING, KeyQueue, ThinWire
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -34,6 +49,7 @@ if TYPE_CHECKING:
     from ..model.source import ViewSource
 
 _FEW_COLOURS = ("standard", "windows")
+_LONG_S = 8.0  # for words that say why nothing happened
 _NARROW = 70  # columns under which bytes stand below the fields
 _BROAD = 150  # columns from which on bytes stand 16 to a line: fields need the room before
 _COMMANDS = (
@@ -47,16 +63,23 @@ _COMMANDS = (
 )  # fmt: skip
 
 
-class Rtuscope(App[NextFile | None]):
-    """The terminal interface."""
+class Rtuscope(App[None]):
+    """The terminal interface. Every way out of it, and to another file, goes by `leave`."""
 
     TITLE = "rtuscope"
     CSS_PATH = "style.tcss"
+    DEFAULT_MODE = "source 0"  # one a source: screens of the one before go all at once
     BINDINGS: ClassVar[list[BindingType]] = []
 
     def __init__(
-        self, source: ViewSource, *, view: str | None = None, light: bool = False, resumed: NextFile | None = None
+        self,
+        source: ViewSource,
+        *,
+        view: str | None = None,
+        light: bool = False,
+        reader: Callable[[Path], ViewSource] | None = None,
     ) -> None:
+        """`reader` opens a file when the user wants another one, or the same anew."""
         super().__init__()
         self.register_theme(DARK)
         for theme in (LIGHT, DARK_16, LIGHT_16):
@@ -64,18 +87,16 @@ class Rtuscope(App[NextFile | None]):
         self._themes = DARK, LIGHT
         self._light = light
         self.theme = self._themes[light].name
-        self._trouble = ""
-        try:
-            notes = Notes.beside(source.path)
-        except NotesError as error:
-            notes, self._trouble = Notes(), error_words(error)
+        self._reader = reader or capture_source
+        self._leaving = False
+        notes, trouble = _notes_of(source)
         wishes = Preferences.of_user()
-        self._trouble = self._trouble or wishes.trouble
+        self._trouble = trouble or wishes.trouble
         self.desk = ViewState(source, Bus.of(source), notes, wishes=wishes)
         self.desk.rules = list(rules_of(self.desk))
-        self._view = view
-        self._resumed = resumed
+        self._sources = 0  # shown before this one
         self.wire = ThinWire()
+        self.add_mode(self.DEFAULT_MODE, partial(BusScreen, self.desk, self.wire, view=view))
         terminals = [each.background_color for each in (self.ansi_theme_dark, self.ansi_theme_light)]
         heads = [Color.parse(each.surface).rgb for each in (DARK, LIGHT) if each.surface]
         self._colourless = Colourless([*((r, g, b) for r, g, b in terminals), *heads])
@@ -83,12 +104,13 @@ class Rtuscope(App[NextFile | None]):
         self._cursor_was = self.cursor_position
         self.HORIZONTAL_BREAKPOINTS = [(0, "-slim"), (_NARROW, "-narrow"), (_BROAD, "-broad")]
 
+    def get_driver_class(self) -> type[Driver]:
+        driver = super().get_driver_class()
+        return ending_with_its_server(driver) if "TEXTUAL_DRIVER" in os.environ else driver
+
     def get_line_filters(self) -> Sequence[LineFilter]:
         theirs = super().get_line_filters()
         return [*(self._colourless if isinstance(each, Monochrome) else each for each in theirs), HARMLESS]
-
-    def get_default_screen(self) -> Screen[None]:
-        return BusScreen(self.desk, self.wire, view=self._view, resumed=self._resumed)
 
     def _display(self, screen: Screen[object], renderable: RenderableType | None) -> None:
         """What Textual would send, as the difference from what stands there."""
@@ -111,11 +133,93 @@ class Rtuscope(App[NextFile | None]):
         if self.is_web:
             self.desk.wishes.path = None
             self.desk.notes.path = None  # whoever has the page writes no file of this machine
+        elif self.desk.source.path is not None:
+            self.desk.wishes.opened(self.desk.source.path)
         self.set_keymap(self.desk.wishes.keys)
         if not self.is_headless and self.console.color_system in _FEW_COLOURS:
             self.use_16_colours()
+        self._tell_trouble()
+
+    def exit(self, *result: Any, **more: Any) -> None:
+        """End. Keys that wait would find no screen any more."""
+        self.keys.close()
+        self._end_jobs()
+        super().exit(*result, **more)
+
+    def _end_jobs(self) -> None:
+        with suppress(ScreenStackError):  # it has not begun, or has ended already
+            for screen in self.screen_stack:
+                if isinstance(screen, BusScreen):
+                    screen.jobs.end()
+
+    def _tell_trouble(self) -> None:
         if self._trouble:
             self.notify(self._trouble, severity="error", markup=False)
+
+    # Leaving, and coming back
+
+    async def action_quit(self) -> None:
+        self.leave()
+
+    def leave(self, following: NextFile | None = None) -> None:
+        """Quit, or go on to a file. A recording does not end unasked, and what is shown stays where the file cannot be
+        opened."""
+        if not self._leaving:
+            self._leaving = True
+            _: Worker[None] = self.run_worker(partial(self._leave, following), group=ASKING)
+
+    async def _leave(self, following: NextFile | None) -> None:
+        try:
+            source = None
+            if following is not None:
+                try:
+                    source = await asyncio.to_thread(self._opened, following.path)
+                except Exception as error:  # whatever is wrong with a file, what is shown stays
+                    trouble = tr("not opened, this stays as it was: {trouble}", trouble=error_words(error))
+                    self.notify(harmless(trouble), severity="error", markup=False, timeout=_LONG_S)
+                    return
+            if not await self._may_leave():
+                return
+            if source is None or following is None:
+                self.exit()
+            else:
+                await self._show(source, following)
+        finally:
+            self._leaving = False
+
+    def _opened(self, path: Path) -> ViewSource:
+        """A file as a source whose first bytes were read: raises what is wrong with it."""
+        for _ in self._reader(path).steps(lambda: False):
+            break
+        return self._reader(path)
+
+    async def _may_leave(self) -> bool:
+        """Whether a recording, if there is one, may end."""
+        record = getattr(self.desk.source, "recording", None)
+        if record is None or self.desk.bus.whole:
+            return True
+        name = "" if record.path is None else f" {harmless(record.path.name)}"
+        choices = [("s", tr("stay, it goes on")), ("q", tr("end it and quit"))]
+        chosen = await self.push_screen_wait(Choose(tr("The recording{name} would end", name=name), choices))
+        return bool(chosen)
+
+    async def _show(self, source: ViewSource, following: NextFile) -> None:
+        """Another source in the place of the one that is shown, which ends."""
+        gc.unfreeze()  # what was shown so far may be garbage from now on
+        old = self.desk
+        notes, self._trouble = (old.notes, "") if source.path == old.source.path else _notes_of(source)
+        if self.is_web:
+            notes.path = None
+        self.desk = replace(old, source=source, bus=Bus.of(source), notes=notes, scope=Scope(), narrowed=None)
+        self.desk.paused, self.desk.losses = False, 0
+        self.desk.rules = list(rules_of(self.desk))
+        self._end_jobs()
+        before, self._sources = self.current_mode, self._sources + 1
+        mode = f"source {self._sources}"
+        self.add_mode(mode, partial(BusScreen, self.desk, self.wire, view=following.view, resumed=following))
+        await self.switch_mode(mode)
+        await self.remove_mode(before)  # with its questions and threads
+        self._tell_trouble()
 
     def action_command_palette(self) -> None:
         """Every command by name."""
@@ -150,4 +254,19 @@ class Rtuscope(App[NextFile | None]):
                 )
         yield SystemCommand(tr("Dark or light"), tr("change the theme"), self.action_theme_flip)
         yield SystemCommand(tr("Screenshot"), tr("an SVG picture of the screen"), self.action_screenshot)
-        yield SystemCommand(tr("Quit"), tr("leave"), self.exit)
+        yield SystemCommand(tr("Quit"), tr("leave"), self.leave)
+
+
+def capture_source(path: Path) -> ViewSource:
+    """A file as it is."""
+    import captures
+
+    return CaptureSource(captures.open(path), path.name)
+
+
+def _notes_of(source: ViewSource) -> tuple[Notes, str]:
+    """The notes beside a source; none, and why, where they cannot be read."""
+    try:
+        return Notes.beside(source.path), ""
+    except NotesError as error:
+        return Notes(), error_words(error)

@@ -280,8 +280,10 @@ class KeyLine(Painted):
 
     def _look(self) -> None:
         self._waiting = False
+        if not self.is_attached:  # its screen was left meanwhile
+            return
         keys = tuple(self._shown_keys())
-        if self.is_attached and keys != self.keys:
+        if keys != self.keys:
             self.keys = keys
             self.refresh()
 

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 
 _VERSION: Final = 1
 _LONGEST: Final = 1 << 20  # bytes
+_RECENT: Final = 8  # captures listed at the start
 _PAST: Final = 50  # filters
 
 
@@ -58,6 +59,7 @@ class Preferences:
     past: list[str] = field(default_factory=list)  # filters that were used, the newest last
     hidden: set[str] = field(default_factory=set)  # columns
     keys: dict[str, str] = field(default_factory=dict)  # by the id of a binding
+    recent: list[str] = field(default_factory=list)  # captures that were opened, the newest last
     presets: list[KeptFilter] = field(default_factory=list)  # of the settings files, colour rules too; not dropped here
     trouble: str = ""  # why they could not be read
 
@@ -94,12 +96,20 @@ class Preferences:
             for each in stored.get("filters", [])
         ]
         keys = {str(name): str(key) for name, key in dict(stored.get("keys", {})).items()}
-        return cls(path, filters, [str(text) for text in stored.get("past", [])], set(stored.get("hidden", [])), keys)
+        past, recent = ([str(text) for text in stored.get(name, [])] for name in ("past", "recent"))
+        return cls(path, filters, past, set(stored.get("hidden", [])), keys, recent)
 
     def used(self, text: str) -> None:
         """A filter was used."""
         self.past = [*(past for past in self.past if past != text), text][-_PAST:]
         self.save()
+
+    def opened(self, capture: Path) -> None:
+        """A capture was opened: the start screen lists it."""
+        name = str(capture.absolute())
+        if self.recent[-1:] != [name]:
+            self.recent = [*(one for one in self.recent if one != name), name][-_RECENT:]
+            self.save()
 
     def keep(self, kept: KeptFilter) -> None:
         """Keep a filter; one of the same name goes."""
@@ -121,10 +131,11 @@ class Preferences:
             "past": self.past,
             "hidden": sorted(self.hidden),
             "keys": self.keys,
+            "recent": self.recent,
         }
         try:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            with captures.replacing(self.path) as out:
+            self.path.parent.mkdir(0o700, parents=True, exist_ok=True)
+            with captures.replacing(self.path, private=True) as out:
                 out.write((json.dumps(stored, indent=2, ensure_ascii=False) + "\n").encode(errors="backslashreplace"))
         except (OSError, captures.CaptureError) as error:
             self.path, self.trouble = None, tr("settings last until you quit: {error}", error=error_words(error))

@@ -13,6 +13,7 @@ from rich.cells import cell_len
 from dissectors.values import harmless
 
 from ..languages import counted, tr, wording
+from ..model.owners import owner
 from ..model.selection import Everything, ListRows
 from ..model.table import RowState
 from ..tables.schema import Kind
@@ -284,6 +285,7 @@ class FrameList(Lines):
             ("answer", StyledText(f"{tr(ended.text):>{answer}}  ", ended.kind) if answer else StyledText(" ")),
         ], width)  # fmt: skip
         content, about = row_words(desk, row)
+        about += owner_words(desk, row)
         if not answer and ended.text == UNHEARD:
             about.append(StyledText(f"  {tr('answer not heard')}", "dim"))
         elif not answer and ended.kind == "error" and not about:
@@ -291,6 +293,12 @@ class FrameList(Lines):
             about.append(StyledText(f"  {why}", "error"))
         used = sum(len(part.text) for part in parts)
         return [*parts, *beside_content(content, about, max(0, width - used))]
+
+
+def owner_words(desk: ViewState, row: int) -> list[StyledText]:
+    """Whose answer a row is, where that is not the request that the client takes it for, or nobody can tell."""
+    said = owner(desk.bus, row)
+    return [StyledText(f"  {said}", "error")] if said else []
 
 
 def shown_row(screen: BusScreen, sender: Widget) -> None:

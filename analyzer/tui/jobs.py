@@ -6,7 +6,7 @@ import gc
 import threading
 import time
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Final, TypeVar
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +47,7 @@ class Jobs:
         self._screen = screen
         self._bus, self._source = screen.desk.bus, screen.desk.source
         self.doing = ""
+        self._ended = False
         self.scope: Scope = screen.desk.scope
         self.selection: Selection | None = None
         _, self._transactions = self.scope.selections(self._bus)
@@ -63,6 +64,19 @@ class Jobs:
     def narrowed(self) -> Selection | None:
         """The rows that filter and span leave; None where neither narrows."""
         return self.selection if self.scope.narrows else None
+
+    def end(self) -> None:
+        """The screen is being left: what threads have to tell finds no widgets any more."""
+        self._ended = True
+
+    def _later(self, callback: Callable[..., object], *arguments: Any, **more: Any) -> None:
+        """Call it in the screen's own turn, from whatever thread, unless the screen was left by then."""
+
+        def unless_left() -> None:
+            if not self._ended:
+                callback(*arguments, **more)
+
+        self._screen.call_later(unless_left)
 
     def begin(self) -> None:
         """Read the source."""
@@ -96,7 +110,7 @@ class Jobs:
             worker = get_current_worker()
             outcome = work(lambda: worker.is_cancelled)
             if not worker.is_cancelled:
-                self._screen.call_later(unless_replaced, lambda: then(outcome))
+                self._later(unless_replaced, lambda: then(outcome))
 
         self._start(group, thread, exclusive=exclusive, failed=lambda: unless_replaced(failed))
 
@@ -122,8 +136,8 @@ class Jobs:
                 thread()
             except Exception as error:
                 words = tr("this view could not be made: {trouble}", trouble=error_words(error))
-                self._screen.call_later(self._screen.tell, words, wrong=True)
-                self._screen.call_later(failed)
+                self._later(self._screen.tell, words, wrong=True)
+                self._later(failed)
                 raise
 
         self._screen.run_worker(told, thread=True, group=group, exclusive=exclusive, exit_on_error=False)
@@ -144,7 +158,7 @@ class Jobs:
                 came = came or len(analysed.batch) > 0
                 if now - shown_at >= (_PERIOD_S if came else _QUIET_S):
                     shown_at, came = now, False
-                    self._screen.call_later(self._rows_came)
+                    self._later(self._rows_came)
                     if self._bus.count and not self._source.live:
                         self._standing.wait(_FIRST_S)  # the two would take time from each other
         except Exception as error:  # told in one line; what was read stays
@@ -152,7 +166,7 @@ class Jobs:
         try:
             self._bus.close()
         finally:
-            self._screen.call_later(self._loaded, trouble)
+            self._later(self._loaded, trouble)
 
     def _rows_came(self) -> None:
         live = self._source.live
@@ -237,10 +251,10 @@ class Jobs:
             while not worker.is_cancelled:
                 ended = self._bus.whole
                 while not worker.is_cancelled and _extended(selections, spell, lambda: worker.is_cancelled):
-                    self._screen.call_later(self._selection_grew)
+                    self._later(self._selection_grew)
                     spell = _SPELL_S
                 if ended:
-                    self._screen.call_later(self._selection_grew)
+                    self._later(self._selection_grew)
                     return
                 time.sleep(_PERIOD_S)
 

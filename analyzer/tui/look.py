@@ -15,6 +15,7 @@ from dissectors.values import harmless, readings
 
 from ..deframing.tap_clock import silences
 from ..languages import counted, field_name, tr, wording
+from ..model.owners import owner
 from ..model.polls import changed
 from ..paste.model import PastedFrame, PastedNoise
 from ..tables.schema import NO_GAP, Kind
@@ -152,6 +153,7 @@ def at_row(desk: ViewState, row: int) -> FrameDetail:
     items = (
         Item("frame", _heading(frame), kind="strong", label=title, children=_facts(desk, row, frame),
              ready=False),
+        *_owner(bus, row),
         *_finding_items(frame.findings),
         *_versus(desk, row, fields),
         *why(bus, row),
@@ -159,6 +161,12 @@ def at_row(desk: ViewState, row: int) -> FrameDetail:
     )  # fmt: skip
     title += tr(", ASCII mode: its bytes decoded") if frame.protocol == "ascii" else ""
     return FrameDetail(title, frame.adu.data, items, fields)
+
+
+def _owner(bus: Bus, row: int) -> Iterator[Item]:
+    """Whose answer this is, where the client takes it for another's, or nobody can tell."""
+    if said := owner(bus, row):
+        yield Item("owner", said, kind="error", label="!", ready=False)
 
 
 def _versus(desk: ViewState, row: int, fields: tuple[Field, ...]) -> Iterator[Item]:

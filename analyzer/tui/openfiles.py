@@ -72,7 +72,7 @@ class OpenFiles:
     def _check_growth(self) -> None:
         """Whether it has grown since."""
         size = self._now()
-        if size <= self._size:
+        if size <= self._size or not self._screen.is_current:  # a question in front of it has the word
             return
         if self._screen.frames.following and size <= _AGAIN:
             self.again(follow=True)
@@ -88,7 +88,7 @@ class OpenFiles:
             return
         scope = screen.desk.scope
         text = "" if scope.filter is None else scope.filter.text
-        screen.app.exit(NextFile(self.path, screen.view, text, None if follow else screen.row))
+        screen.leave(NextFile(self.path, screen.view, text, None if follow else screen.row))
 
     async def ask(self) -> None:
         """Another file."""
@@ -97,7 +97,7 @@ class OpenFiles:
         question = Ask(tr("Open"), tr("a capture of any format"), value=folder, wrong=_no_capture, selected=False)
         text = await screen.app.push_screen_wait(question)
         if text is not None:
-            screen.app.exit(NextFile(Path(text).expanduser()))
+            screen.leave(NextFile(Path(text).expanduser()))
 
 
 def _no_capture(text: str) -> str:

@@ -88,14 +88,20 @@ class PieceList(Lines):
 class PastePane(Vertical):
     """The prompt with what it was read as."""
 
-    def __init__(self, *, id: str) -> None:
+    def __init__(self, *, id: str, pasted: str = "") -> None:
+        """`pasted`: what stands there at first."""
         super().__init__(id=id)
         self._history: list[str] = []
+        self._pasted = pasted
 
     def compose(self) -> ComposeResult:
         yield PasteText(id="paste-text", soft_wrap=True, show_line_numbers=False, tab_behavior="focus", compact=True)
         yield Label("", id="paste-why", markup=False)
         yield PieceList(id="pieces")
+
+    def on_mount(self) -> None:
+        if self._pasted:
+            self._load(self._pasted)
 
     @property
     def look(self) -> FrameDetail:
@@ -155,7 +161,7 @@ def _shown(screen: BusScreen) -> None:
 
 VIEW: Final = View(
     name="paste", key="8,p", title="Paste",
-    make=lambda desk: PastePane(id="paste"), shown=_shown,  # noqa: ARG005
+    make=lambda desk: PastePane(id="paste", pasted=getattr(desk.source, "pasted", "")), shown=_shown,
     detail=True, filtered=False,
     without=("filter", *JUMPS, "time_base", "select", "bookmark", "comment", "export", "reference"),
 )  # fmt: skip

@@ -41,7 +41,6 @@ from .messages import (
 from .narrowing import Doors, Narrowing
 from .openfiles import Bookmarks, NextFile, OpenFiles
 from .picking import PickedRows
-from .prompts import Choose
 from .transactions import TransactionList
 from .view import LISTS, View
 from .views import BY_NAME, VIEWS
@@ -361,17 +360,11 @@ class BusScreen(Screen[None]):
         self.run_worker(self.picked.export(), group=ASKING)
 
     def action_leave(self) -> None:
-        self.run_worker(self._leave(), group=ASKING)
+        self.leave()
 
-    async def _leave(self) -> None:
-        """Quit; a recording does not end unasked."""
-        record = getattr(self.desk.source, "recording", None)
-        if record is not None and not self.desk.bus.whole:
-            name = "" if record.path is None else f" {harmless(record.path.name)}"
-            choices = [("s", tr("stay, it goes on")), ("q", tr("end it and quit"))]
-            if not await self.app.push_screen_wait(Choose(tr("The recording{name} would end", name=name), choices)):
-                return
-        self.app.exit()
+    def leave(self, following: NextFile | None = None) -> None:
+        """Quit, or go on to a file, as far as the application lets one."""
+        getattr(self.app, "leave")(following)  # noqa: B009 - the application is known as an App here
 
     def action_help(self) -> None:
         from .keys import Help

@@ -14,7 +14,9 @@ from dissectors.values import Area, logical
 from ..languages import tr
 from ..model.polls import TransactionValues, poll_values
 from ..model.selection import ListRows, Selection, Unfolded, transactions
+from ..model.table import RowState
 from ..tables.schema import Kind
+from ..tables.transactions import Status
 from ..words import pointed_ms
 from .frames import (
     LETTER,
@@ -25,6 +27,7 @@ from .frames import (
     beside_content,
     findings_beside,
     outcome_beside,
+    owner_words,
     row_direction,
     row_marks,
     row_words,
@@ -166,11 +169,15 @@ class TransactionList(FrameList):
         """What came of it: values in columns, or words where there are none."""
         desk, row, answer = self.desk, carried.row, carried.answer
         table = desk.bus.table
-        about = findings_beside(desk, row) + (findings_beside(desk, answer) if answer >= 0 else [])
+        about = findings_beside(desk, row)
+        about += [*owner_words(desk, answer), *findings_beside(desk, answer)] if answer >= 0 else []
         bad = answer >= 0 and (table.value("exception", answer) > 0 or not table.value("check", answer))
         if bad:
             about = [each for each in about if each.text.strip() != "exception"]
         outcome: list[StyledText] = []
+        if answer < 0 and table.value("state", row) & RowState.STATUS == Status.ANSWERED + 1:
+            unsure = StyledText(tr("an answer came, nobody can tell whose it is"), "warning")
+            return beside_content([*row_words(desk, row)[0], StyledText(" → ", "response"), unsure], about, room)
         if answer < 0 and not ended.text and desk.bus.whole:
             return beside_content(row_words(desk, row)[0], about, room)  # nobody can say what became of it
         if answer < 0 and row_direction(desk, row) == "request":

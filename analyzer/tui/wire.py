@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from rich.cells import cell_len, get_character_cell_size
 from textual._compositor import ChopsUpdate, CompositorUpdate, LayoutUpdate
+from textual.app import ScreenStackError
 from textual.events import Key
 from textual.keys import _character_to_key
 from textual.screen import ModalScreen
@@ -62,6 +63,7 @@ class KeyQueue:
         self._app, self._dispatch = app, dispatch
         self._waiting: deque[Key] = deque()
         self._task: asyncio.Task[None] | None = None
+        self._closed = False
         self.taken = 0  # keys so far
 
     @property
@@ -74,8 +76,17 @@ class KeyQueue:
         """Keys that were typed ahead."""
         return len(self._waiting)
 
+    def close(self) -> None:
+        """The application ends: keys that wait have no effect any more."""
+        self._closed = True
+        self._waiting.clear()
+        if self._task is not None:
+            self._task.cancel()
+
     async def take(self, event: Key) -> None:
         """A key was pressed: it is handed on at once where none is before it."""
+        if self._closed:
+            return
         self.taken += 1
         if self._task is not None:
             self._waiting.append(event)
@@ -97,6 +108,8 @@ class KeyQueue:
                     return
                 target = self._app.focused or self._app.screen
                 await self._dispatch(self._meant(self._waiting.popleft()))
+        except ScreenStackError:  # the application is ending, and has no screen any more
+            self._waiting.clear()
         finally:
             self._task = None
 

@@ -7,9 +7,11 @@
     python benchmarks/attack fuzz --account campaign.jsonl --inputs 10000000    goes on where the account ends
 
 Each attack is a file: `fuzz` (readers, pasted text and log lines, filters and rules, spoilt and derived from their own
-grammars, settings and files beside a capture, flags and prompts, maps, the analysis, exporters),
+grammars, settings and files beside a capture, flags and prompts, maps, manifests of lakes, lists of rings, the
+analysis, exporters),
 `kills` (kill -9 while recording), `damage` (cuts at every byte, bad sectors, flipped bits), `storms` (a recorder under
 full and failing disks, files taken away, clocks that are set, restarts), `lines` (gateways that restart, adapters
-that are unplugged). Prints a line for each with its figures, and what did not hold with what brings it back.
+that are unplugged), `taps` (a tap that is hostile, viewers that are). Prints a line for each with its figures, and what
+did not hold with what brings it back.
 Exit status 1 where something did not hold. Needs Linux, macOS or the like.
 """

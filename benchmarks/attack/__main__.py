@@ -10,7 +10,7 @@ from pathlib import Path
 sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parents[2])]
 
 import attack  # noqa: E402 - from its own folder
-from attack import damage, fuzz, kills, lines, storms  # noqa: E402
+from attack import damage, fuzz, kills, lines, storms, taps  # noqa: E402
 from attack.target import Outcome  # noqa: E402
 
 # Name: what runs it, how often in the short campaign, in the long one.
@@ -20,6 +20,7 @@ ATTACKS: dict[str, tuple[Callable[..., Outcome], int, int]] = {
     "damage": (damage.attack, 300, 100_000),
     "storms": (storms.attack, 30, 10_000),
     "lines": (lines.attack, 2, 50),
+    "taps": (taps.attack, 500, 200_000),
 }
 
 

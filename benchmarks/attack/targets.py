@@ -146,8 +146,10 @@ def targets() -> dict[str, Target]:
     from analyzer.exports import ExportError
     from analyzer.filters import FilterError
     from analyzer.paste import PasteError
+    from attack.lakefiles import lake_targets
     from attack.languages import language_targets
     from attack.mapfiles import map_targets
+    from attack.states import state_targets
 
     readers = [
         Target(f"reader {name}", cache(partial(_capture_seeds, name)), _read(name), (CaptureError,), TEXTS[:1])
@@ -160,4 +162,5 @@ def targets() -> dict[str, Target]:
         Target("exporters", cache(_bytes), _export, (ExportError,), share=1, seconds=10.0),
         Target("report", cache(_bytes), _report, (FilterError,), share=1, seconds=10.0),
     ]
-    return {target.name: target for target in (*readers, *others, *language_targets(), *map_targets())}
+    made = (*language_targets(), *map_targets(), *lake_targets(), *state_targets())
+    return {target.name: target for target in (*readers, *others, *made)}

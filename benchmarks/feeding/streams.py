@@ -10,9 +10,11 @@ from typing import Final
 
 from edges.frames import answer, request, some, vendor
 from edges.registry import Bus
+from pairing_rounds import drawn
 
 from analyzer.simulation import TAPS
 from captures import Chunk, LineSettings
+from captures.recording.notes import Note
 from dissectors.crc import lrc
 
 _MS: Final = 1_000_000
@@ -29,6 +31,7 @@ class FedStream:
     line: LineSettings
     chunks: list[Chunk]
     timed: bool = True
+    notes: tuple[Note, ...] = ()  # in order of time: when nothing was heard
 
 
 Kind = Callable[[Random], FedStream]
@@ -210,6 +213,61 @@ def _two_taps(random: Random) -> FedStream:
     return replace(stream, chunks=sorted(chunks, key=lambda chunk: chunk.t_ns))
 
 
+def _clocks_apart(random: Random) -> FedStream:
+    """Two ports, of which one has a clock of its own, that lies behind or is set back."""
+    made = random.choice((_two_taps, _mixed_ports, _tcp, _tcp_both))(random)
+    moved = random.randint(0, 1)
+    since = random.choice((0, random.randrange(len(made.chunks) + 1)))
+    back = round(random.choice((0.001, 0.1, 20, 300, 3600_000)) * random.random() * _MS)
+    newest: dict[int, int] = {}
+    chunks = []
+    for i, chunk in enumerate(made.chunks):
+        t_ns = chunk.t_ns - back * (chunk.port == moved and i >= since)
+        t_ns = newest[chunk.port] = max(newest.get(chunk.port, t_ns), t_ns)
+        chunks.append(replace(chunk, t_ns=t_ns))
+    return replace(made, chunks=chunks)
+
+
+def _outages(random: Random) -> FedStream:
+    """A line whose adapter is away now and then, or loses bytes."""
+    made = random.choice((_one_port, _cut_anywhere, _gateway, _tcp, _two_taps))(random)
+    if not made.chunks or not made.timed:
+        return made
+    first, last = made.chunks[0].t_ns, made.chunks[-1].t_ns
+    notes = []
+    t_ns = first - random.randrange(100 * _MS)
+    for _ in range(random.choice((1, 2, 5, 90))):
+        near = random.choice(made.chunks).t_ns + random.randrange(-10 * _MS, 600 * _MS)
+        t_ns = max(t_ns, random.choice((near, random.randint(first, last + 1))))
+        port, kind = random.choice("ab"), random.choice(("lost", "opened", "gap"))
+        notes.append(Note(t_ns, kind, f"{port}: {kind}"))
+    return replace(made, notes=tuple(notes))
+
+
+def _tcp_both(random: Random) -> FedStream:
+    """Modbus TCP of which an answer, or all, is heard on two ports."""
+    bus = Bus(random, 115200)
+    asked = [request(random, random.choice(_ADDRESSES)) for _ in range(3)]
+    often = random.choice((0.1, 0.5, 1))
+    for number in range(random.randint(2, 9)):
+        poll = random.choice(asked)
+        ask, reply = (_mbap(adu, number // random.choice((1, 1, 2))) for adu in (poll, answer(random, poll)))
+        for port in (0, 1) if random.random() < 0.1 else (0,):
+            bus.stray(ask, port)
+        bus.wait(random.choice((0, 0.3, 5)))
+        places = [random.randint(0, 1)] if random.random() > often else random.sample((0, 1), 2)
+        for port in places:
+            bus.stray(_damaged(random, reply), port)
+            bus.wait(random.choice((0, 0.3, 5)))
+    return _read(bus, random, random.choice(("irq", "gateway", "precise")))
+
+
+def _displaced(random: Random) -> FedStream:
+    """Units that queue, answer late or twice: whose an answer is shows what it holds."""
+    made = drawn(random.randrange(1 << 30), most=60)
+    return FedStream(made.capture.line, list(made.capture.chunks()), made.capture.timed)
+
+
 def _long_repeats(random: Random) -> FedStream:
     """The same few frames for long: runs that are taken as arrays, and their edges."""
     bus = _line(random)
@@ -242,6 +300,10 @@ KINDS: Final[dict[str, tuple[Kind, int]]] = {  # name: how it is made, its part 
     "two-ports-unknown": (_directions({}), 5),
     "two-ports-mixed": (_mixed_ports, 3),
     "two-taps": (_two_taps, 5),
+    "tcp-both": (_tcp_both, 4),
+    "clocks-apart": (_clocks_apart, 5),
+    "outages": (_outages, 4),
+    "displaced": (_displaced, 3),
     "repeats": (_long_repeats, 1),
 }
 

@@ -10,11 +10,13 @@ from typing import Final
 import numpy as np
 
 from analyzer.core import Analysed, Analyzer
+from analyzer.outages import deaf_times
 from analyzer.tables.findings import Findings
 from analyzer.tables.schema import Rows
 from analyzer.tables.transactions import TransactionRows
 from captures import Chunk
 from captures.chunks import Block
+from captures.recording.notes import Note
 from feeding.streams import FedStream
 
 _PAUSES: Final = (8_000_000, 50_000_000, 700_000_000, 3_000_000_000)  # ns of silence that a clock tells
@@ -47,7 +49,9 @@ class Told:
 
 def at_once(stream: FedStream) -> Told:
     """All in one block."""
-    return _fed(stream, [stream.chunks])
+    analyzer = Analyzer(stream.line, outages=deaf_times(stream.notes))
+    parts = analyzer.feed(_block(stream, stream.chunks)) if stream.chunks else []
+    return Told.of([Analysed.nothing(), *parts, *analyzer.close()])
 
 
 def read_by_read(stream: FedStream) -> Told:
@@ -70,6 +74,7 @@ def gathered(stream: FedStream, random: Random) -> Told:
 def live(stream: FedStream, random: Random) -> Told:
     """As a tap gives them: reads of some milliseconds together, silences told, never one in which bytes were sent."""
     analyzer = Analyzer(stream.line)
+    notes = list(stream.notes)
     parts: list[Analysed] = []
     character_ns = stream.line.nominal_character_ns or 1e6
     begins = [chunk.t_ns - int(len(chunk.data) * character_ns) for chunk in stream.chunks]
@@ -82,19 +87,46 @@ def live(stream: FedStream, random: Random) -> Told:
         if not pauses and chunk.t_ns < held[0].t_ns + _HOLD_NS and random.random() < 0.9:
             continue
         told = chunk.t_ns + pauses[0] if pauses and random.random() < 0.5 else None
+        _note(analyzer, notes, chunk.t_ns if told is None else told)
         parts += analyzer.feed(_block(stream, held), told)
         held = []
         for pause in pauses:
+            _note(analyzer, notes, chunk.t_ns + pause)
             parts += analyzer.tick(chunk.t_ns + pause)
     if held:
+        _note(analyzer, notes, held[-1].t_ns)
         parts += analyzer.feed(_block(stream, held))
+    _note(analyzer, notes)
     return Told.of([Analysed.nothing(), *parts, *analyzer.close()])
 
 
 def _fed(stream: FedStream, blocks: Sequence[Sequence[Chunk]]) -> Told:
+    """Blocks; what is noted is told when it comes."""
     analyzer = Analyzer(stream.line)
-    parts = [part for block in blocks if block for part in analyzer.feed(_block(stream, block))]
+    notes = list(stream.notes)
+    parts = []
+    for block in filter(None, blocks):
+        _note(analyzer, notes, max(chunk.t_ns for chunk in block))
+        parts += analyzer.feed(_block(stream, block))
+    _note(analyzer, notes)
     return Told.of([Analysed.nothing(), *parts, *analyzer.close()])
+
+
+def given_early(stream: FedStream) -> Rows:
+    """The rows that somebody saw who looked at what was certain, read by read."""
+    analyzer = Analyzer(stream.line, settles=False)
+    parts = [Analysed.nothing().batch.rows]
+    for chunk in stream.chunks:
+        analyzer.feed(_block(stream, [chunk]))
+        parts.append(analyzer.latest.batch.rows)
+    analyzer.close()
+    return Rows.joined([*parts, analyzer.latest.batch.rows])
+
+
+def _note(analyzer: Analyzer, notes: list[Note], until_ns: int | None = None) -> None:
+    """Tell what was noted by then (None: all that is left)."""
+    while notes and (until_ns is None or notes[0].t_ns <= until_ns):
+        analyzer.note(notes.pop(0))
 
 
 def _block(stream: FedStream, chunks: Sequence[Chunk]) -> Block:
@@ -110,6 +142,8 @@ def breaches(stream: FedStream, random: Random) -> Iterator[str]:
         ("live", live(stream, random)),
     ):
         yield from (f"{way}: {difference}" for difference in _differences(once, told, _BY_BATCH))
+    early = Told(given_early(stream), once.transactions, once.findings)
+    yield from (f"given early: {difference}" for difference in _differences(once, early, _BY_BATCH))
     by_bytes = replace(stream, chunks=_cut_in_bytes(stream.chunks, random))
     bytes_at_once = at_once(by_bytes)
     told = read_by_read(by_bytes)

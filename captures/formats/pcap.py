@@ -17,6 +17,7 @@ from ..chunks import Note, Source
 from ..errors import CaptureError
 from ..files import opened, read_head
 from ..network.packets import LONGEST, Interface, Packets
+from ..text.judging import ByteJudge, no_judge
 from . import Format
 
 _MAGICS: Final = {  # byte order, and ns in a unit of the second half of a time
@@ -80,7 +81,7 @@ def _sniff(head: bytes) -> float:
     return 1.0 if head[:4] in _MAGICS else 0.0
 
 
-def _read(path: Path) -> Source:
+def _read(path: Path, *, judge: ByteJudge = no_judge) -> Source:
     from ..network.source import packet_source
 
     head = read_head(path)
@@ -88,7 +89,7 @@ def _read(path: Path) -> Source:
         raise CaptureError(f"{path}: not a pcap file, or cut in its header")
     order, unit_ns = _MAGICS[head[:4]]
     (link,) = struct.unpack_from(f"{order}I", head, 20)
-    return packet_source(path, _PcapFile(path, order, unit_ns, [Interface(link & 0xFFFF)]))
+    return packet_source(path, _PcapFile(path, order, unit_ns, [Interface(link & 0xFFFF)]), judge)
 
 
 FORMAT = Format("pcap", (".pcap", ".cap", ".dmp"), _sniff, _read)

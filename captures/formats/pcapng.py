@@ -28,6 +28,7 @@ from ..line import LineSettings
 from ..network.blocks import errors_comments, note_comment
 from ..network.packets import INBOUND, LONGEST, OUTBOUND, UPPER_PDU, Interface, Ints, Packets
 from ..recording.notes import Note as LineNote
+from ..text.judging import ByteJudge, no_judge
 from . import Format
 
 _MAGIC: Final = b"\x0a\x0d\x0d\x0a"
@@ -246,7 +247,7 @@ def _sniff(head: bytes) -> float:
     return 1.0 if head.startswith(_MAGIC) and head[8:12] in _ORDERS else 0.0
 
 
-def _read(path: Path) -> Source:
+def _read(path: Path, *, judge: ByteJudge = no_judge) -> Source:
     from ..network.source import packet_source
 
     if not _sniff(read_head(path)):
@@ -257,7 +258,7 @@ def _read(path: Path) -> Source:
     if file.header.pop("reads", False) and next(file.reads(lambda *_: None), None) is not None:
         line, complaints = LineSettings.from_header({key: file.header[key] for key in file.header if key != "timed"})
         return _OwnReads(file, line, file.header.get("timed") is not False, tuple(complaints))
-    return packet_source(path, file)
+    return packet_source(path, file, judge)
 
 
 _TAGS: Final = struct.pack(">HH4sI", 12, 4, b"data", 0)  # the dissector's name, the end of the tags

@@ -24,6 +24,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from .batching import Commands, Pipe, ReadBatching, SteadyClock
+from .confinement import confine
 from .ports import Attempts, Identity
 from .settings import PortSettings
 from .tap import PortError, PortGoneError, Tap
@@ -226,6 +227,7 @@ def main(arguments: str) -> None:
     settings = [PortSettings.from_json(values) for values in options["ports"]]
     desk.listen_for(max(each.silence_ns for each in settings))
     ports = [Port(number, each, desk, options["wait"]) for number, each in enumerate(settings)]
+    confine(network=not all(each.is_device for each in settings))
     by_threads = options["blocking"] or os.name != "posix"
     try:
         if by_threads:

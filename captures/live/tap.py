@@ -17,6 +17,7 @@ from typing import Any, Final
 
 import serial
 
+from ..disposal import device_stream
 from ..errors import CaptureError, os_reason
 from .settings import FALLBACK_BAUD, PortSettings
 
@@ -358,7 +359,8 @@ def make_prompt(port: Any, device: str) -> list[str]:
     if path is None or (latency_ms(device) or 0) <= PROMPT_MS:
         return []
     try:
-        path.write_text(f"{PROMPT_MS}\n")
+        with device_stream(path) as setting:  # for writing and no more than that: see `confinement`
+            setting.write(b"%d\n" % PROMPT_MS)
     except OSError:
         return [
             f"{device}: the adapter holds bytes back for {latency_ms(device)} ms, so that silences cannot be told: "

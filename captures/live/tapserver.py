@@ -2,12 +2,12 @@
 
 What was heard is kept, up to a limit, so that a viewer whose connection broke goes on where it was. Each viewer has a
 thread, which takes from what is kept at its own pace; whoever feeds the tap waits for none of them. A viewer says one
-line and is not listened to any more: nothing that it sends goes anywhere.
+line and is not listened to any more: nothing that it sends goes anywhere. Who has not proved that it knows the token
+has no place, and none of those who did (`taproom`).
 """
 
 from __future__ import annotations
 
-import hmac
 import secrets
 import socket
 import ssl
@@ -25,12 +25,12 @@ from ..errors import os_reason
 from ..line import LineSettings
 from .batching import position_record
 from .gateway import keep_alive
-from .tapstream import HELLO_S, VERSION, TapSetupError, hear, proof, say
+from .taproom import PLACES, STRANGERS, TOO_SLOW, Rooms, SparingLog, Visitor
+from .tapstream import HELLO_S, VERSION, Proving, TapSetupError, hear, is_nonce, new_nonce, say
 from .wire import Item, PortEvent, WireError, records_of
 
 KEEP_BYTES: Final = 64 << 20
 _COST: Final = 180  # bytes of memory that a kept record costs besides its own
-_VIEWERS: Final = 16
 _STUCK_S: Final = 20.0  # a viewer that takes nothing for so long is let go
 _AT_ONCE: Final = 256  # records
 _END_S: Final = 1.0
@@ -128,10 +128,12 @@ class TapServer:
         self._history = KeptStream(keep_bytes)
         self._session = secrets.token_hex(8)
         self._token, self._tls, self._tell = token, tls, tell
-        self._threads: set[threading.Thread] = set()  # one a viewer
+        self._complain = SparingLog(tell)
+        self._rooms = Rooms()
+        self._threads: set[threading.Thread] = set()  # one a connection
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
         try:
-            self._listener = socket.create_server((host, port), family=family, backlog=_VIEWERS)
+            self._listener = socket.create_server((host, port), family=family, backlog=PLACES + STRANGERS)
         except (OSError, OverflowError) as error:
             reason = os_reason(error) if isinstance(error, OSError) else str(error)
             raise TapSetupError(f"cannot listen for viewers at {host} port {port}: {reason}") from error
@@ -145,8 +147,8 @@ class TapServer:
 
     @property
     def viewers(self) -> int:
-        """How many there are now."""
-        return len(self._threads)
+        """How many there are now; who has proved nothing is none."""
+        return self._rooms.viewers
 
     def close(self) -> None:
         """Let viewers have what is kept, for a moment, then hang up."""
@@ -166,58 +168,68 @@ class TapServer:
                 if self._history.over:
                     return
                 continue  # of one connection, gone before it was taken
-            if len(self._threads) >= _VIEWERS:
-                connection.close()
-                continue
-            thread = threading.Thread(target=self._view, args=(connection, str(address[0])), daemon=True)
+            visitor = Visitor(connection, str(address[0]))
+            self._rooms.enter(visitor)
+            thread = threading.Thread(target=self._view, args=(visitor,), daemon=True)
             self._threads.add(thread)
             thread.start()
 
-    def _view(self, connection: socket.socket, who: str) -> None:
+    def _view(self, visitor: Visitor) -> None:
         begun = False
-        asking = [connection]
-        patience = threading.Timer(HELLO_S, _hang_up, (asking,))  # over all: who sends a byte now and then is let go
+        patience = threading.Timer(HELLO_S, visitor.turn_out, (TOO_SLOW,))  # also for a byte now and then
         patience.start()
         try:
-            connection.settimeout(HELLO_S)
-            keep_alive(connection)
-            if self._tls is not None:
-                connection = asking[0] = self._tls.wrap_socket(
-                    connection, server_side=True, do_handshake_on_connect=False
-                )
-                connection.do_handshake()
-            number = self._greeted(connection, who)
+            number = self._greeted(visitor)
             patience.cancel()
-            if number is not None:
-                begun = True
-                self._tell(f"viewer at {who}: connected")
-                connection.settimeout(_STUCK_S)
-                self._stream(connection, number)
+            begun = True
+            self._tell(f"viewer at {visitor.address}: connected")
+            visitor.connection.settimeout(_STUCK_S)
+            self._stream(visitor.connection, number)
         except (OSError, ValueError, WireError) as error:
+            reason = os_reason(error) if isinstance(error, OSError) else str(error)
             if begun:
-                self._tell(f"viewer at {who}: gone ({os_reason(error) if isinstance(error, OSError) else error})")
+                self._tell(f"viewer at {visitor.address}: gone ({reason})")
+            else:
+                self._turned_away(visitor, visitor.why or reason)
         finally:
             patience.cancel()
+            self._rooms.leave(visitor)
             self._threads.discard(threading.current_thread())
             with suppress(OSError):
-                connection.close()
+                visitor.connection.close()
 
-    def _greeted(self, connection: socket.socket, who: str) -> int | None:
-        """Where the viewer begins; None where it may not."""
-        nonce = secrets.token_hex(16)
+    def _turned_away(self, visitor: Visitor, why: str) -> None:
+        """The log and the viewer are told why; who is not there any more needs no words."""
+        self._complain(visitor.address, f"refused: {why}")
+        with suppress(OSError, ValueError):
+            visitor.connection.settimeout(HELLO_S)
+            say(visitor.connection, {"refused": why})
+
+    def _greeted(self, visitor: Visitor) -> int:
+        """Where the viewer begins, who has proved that it may; WireError where it may not."""
+        visitor.connection.settimeout(HELLO_S)
+        keep_alive(visitor.connection)
+        if self._tls is not None:
+            visitor.connection = self._tls.wrap_socket(
+                visitor.connection, server_side=True, do_handshake_on_connect=False
+            )
+            if not visitor.why:
+                visitor.connection.do_handshake()
+        connection, nonce = visitor.connection, new_nonce()
         say(connection, {"rtuscope_tap": VERSION, "nonce": nonce})
         asked, _ = hear(connection)
-        shown = asked.get("proof")
-        if self._token is not None:
-            right = isinstance(shown, str) and hmac.compare_digest(shown.encode(), proof(self._token, nonce).encode())
-            if not right:
-                self._tell(f"viewer at {who}: refused, without the token of this tap")
-                say(connection, {"refused": "this tap wants a token, and not the one that was given"})
-                return None
-        say(connection, {"session": self._session})
+        theirs, session = asked.get("nonce"), asked.get("session", "")
+        if not is_nonce(theirs) or not isinstance(session, str):
+            raise WireError("what asks is no viewer of this version")
+        proving = Proving(self._token, nonce, theirs)
+        if self._token is not None and not proving.proved(asked.get("proof"), "viewer", session):
+            raise WireError("this tap wants a token, and not the one that was given")
+        if not self._rooms.admit(visitor):
+            raise WireError(visitor.why or f"all {PLACES} places of this tap are taken")
+        say(connection, {"session": self._session, "proof": proving.proof("tap", self._session)})
         number = None
-        if asked.get("session"):  # it comes back: to this tap as it was, or as it began anew
-            number = _position_asked(asked) if asked["session"] == self._session else 0
+        if session:  # it comes back: to this tap as it was, or as it began anew
+            number = _position_asked(asked) if session == self._session else 0
         number, position = self._history.position(number)
         connection.sendall(position)
         return number
@@ -234,11 +246,6 @@ class TapServer:
                 connection.sendall(b"".join(records))
             elif self._history.over:
                 return
-
-
-def _hang_up(connections: list[socket.socket]) -> None:
-    with suppress(OSError):
-        socket.socket.shutdown(connections[0], socket.SHUT_RDWR)
 
 
 def _position_asked(asked: dict[str, Any]) -> int | None:

@@ -1,16 +1,18 @@
 """A tap's stream over a network: what its two ends say before, and how a viewer that comes back finds its place.
 
-    tap     {"rtuscope_tap": 1, "nonce": HEX}                            a line of JSON
-    viewer  {"proof": HEX, "session": ID or "", "next": N}               a line of JSON; its last word
-    tap     {"session": ID}  or  {"refused": WHY}                        a line of JSON
+    tap     {"rtuscope_tap": 2, "nonce": HEX}                            a line of JSON
+    viewer  {"nonce": HEX, "proof": HEX, "session": ID or "", "next": N} a line of JSON; its last word
+    tap     {"session": ID, "proof": HEX}  or  {"refused": WHY}          a line of JSON
     tap     a record POSITION, then records of `wire`, which are numbered from `next` of that POSITION on
 
 POSITION (JSON) comes first, and again where a viewer was too slow for what is kept: `next` the number of the record
 that follows, `heard` how many bytes of the line were in all records before it, `line` the line's settings as a
 capture's header has them, or null while they are sought. Its time is that of the record before.
 
-`proof` is HMAC-SHA256 of the nonce with the token, so the token itself never travels; the bytes of the line do, in the
-open unless TLS is used.
+Each side proves that it knows the token: `proof` is HMAC-SHA256, with the token, of the version, the side that proves,
+both nonces and the session it names. So the token never travels, what was overheard proves nothing again, and what one
+side sent does not serve the other. The bytes of the line travel in the open, and can be altered underway by who stands
+between, unless TLS is used.
 """
 
 from __future__ import annotations
@@ -18,18 +20,22 @@ from __future__ import annotations
 import hmac
 import ipaddress
 import json
+import os
+import secrets
 import socket
 import ssl
+import stat
+import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal, TypeGuard
 from urllib.parse import urlsplit
 
 from ..errors import CaptureError, os_reason
 from .tap import PortError
 from .wire import WireError, json_object
 
-VERSION: Final = 1
+VERSION: Final = 2
 PORT: Final = 9616  # unless another is named
 SCHEMES: Final = ("tap", "taps")  # taps: with TLS
 TOKEN_LEAST: Final = 16  # characters: the proof can be tried against guesses by whoever overhears it
@@ -77,11 +83,23 @@ def is_tap_url(url: str) -> bool:
 def read_token(file: str) -> str:
     """The secret in a file, which both ends have; TapSetupError."""
     try:
-        token = Path(file).read_text(encoding="utf-8").strip()
+        with Path(file).open("rb") as stream:
+            refuse_public(file, os.fstat(stream.fileno()))
+            token = stream.read().decode("utf-8").strip()
     except (OSError, UnicodeError) as error:
         reason = os_reason(error) if isinstance(error, OSError) else "not UTF-8"
         raise TapSetupError(f"{file}: cannot be read: {reason}") from error
     return checked_token(token, file)
+
+
+def refuse_public(file: str, about: os.stat_result) -> None:
+    """TapSetupError for a secret that others on this machine may read; another owner's group may, as ssh has it."""
+    if os.name != "posix":
+        return
+    others = 0o077 if about.st_uid == os.getuid() else 0o007
+    if stat.S_ISREG(about.st_mode) and about.st_mode & others:
+        mode = stat.S_IMODE(about.st_mode)
+        raise TapSetupError(f"{file}: others may read it (mode {mode:04o}), so it is no secret: chmod 600 {file}")
 
 
 def checked_token(token: str, where: str) -> str:
@@ -91,12 +109,31 @@ def checked_token(token: str, where: str) -> str:
     return token
 
 
-def proof(token: str | None, nonce: str) -> str:
-    """That one has the token."""
-    return hmac.new((token or "").encode(), nonce.encode(), "sha256").hexdigest()
+@dataclass(frozen=True, slots=True)
+class Proving:
+    """What both sides of one connection prove: that they know the token, each by the nonces of both."""
+
+    token: str | None
+    tap_nonce: str
+    viewer_nonce: str
+
+    def proof(self, side: Literal["tap", "viewer"], session: str) -> str:
+        """That this side, which names this session, has the token."""
+        words = json.dumps(["rtuscope tap", VERSION, side, self.tap_nonce, self.viewer_nonce, session])
+        return hmac.new((self.token or "").encode(), words.encode(), "sha256").hexdigest()
+
+    def proved(self, shown: object, side: Literal["tap", "viewer"], session: str) -> bool:
+        """Whether what that side has shown is its proof."""
+        right = self.proof(side, session).encode()
+        return isinstance(shown, str) and hmac.compare_digest(shown.encode(errors="replace"), right)
 
 
-def is_nonce(value: object) -> bool:
+def new_nonce() -> str:
+    """A nonce, for one connection."""
+    return secrets.token_hex(_NONCE)
+
+
+def is_nonce(value: object) -> TypeGuard[str]:
     """Whether a proof may be made of this."""
     return isinstance(value, str) and 2 * _NONCE <= len(value) <= 256
 
@@ -138,9 +175,13 @@ def say(connection: socket.socket, words: dict[str, Any]) -> None:
 
 
 def hear(connection: socket.socket) -> tuple[dict[str, Any], bytes]:
-    """A line of JSON, and what came behind it; WireError."""
-    data = b""
+    """A line of JSON within HELLO_S, and what came behind it; WireError, TimeoutError."""
+    data, until = b"", time.monotonic() + HELLO_S
     while b"\n" not in data:
+        left = until - time.monotonic()
+        if left <= 0:
+            raise TimeoutError("timed out")
+        connection.settimeout(left)
         more = connection.recv(_LINE)
         data += more
         if not more or len(data) > _LINE + len(more):

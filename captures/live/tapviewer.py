@@ -22,7 +22,19 @@ from ..errors import os_reason
 from ..line import LineSettings
 from .batching import POSITION
 from .tap import WAIT_S, PortError
-from .tapstream import HELLO_S, VERSION, NoHelloError, TapAddress, hear, is_nonce, proof, say, viewing_context
+from .taproom import Visitor
+from .tapstream import (
+    HELLO_S,
+    VERSION,
+    NoHelloError,
+    Proving,
+    TapAddress,
+    hear,
+    is_nonce,
+    new_nonce,
+    say,
+    viewing_context,
+)
 from .wire import Item, PortEvent, Splitter, Tick, WireError, item_of, json_object
 
 _PIECE: Final = 1 << 16
@@ -34,7 +46,7 @@ _KINDS: Final = frozenset({"opened", "lost", "waiting", "settled", "settings", "
 
 
 class RefusedError(PortError):
-    """The tap does not want this viewer."""
+    """The tap does not want this viewer, or this viewer the tap, which is not the one that it says it is."""
 
 
 class TapViewer:
@@ -213,21 +225,29 @@ class TapViewer:
         return None, b""
 
     def _attempt(self, results: queue.SimpleQueue[tuple[socket.socket, str, bytes] | PortError]) -> None:
-        address, connection = self._address, None
+        address, tap = self._address, None
         try:
-            connection = socket.create_connection((address.host, address.port), HELLO_S)
-            if self._tls is not None:
-                connection = self._tls.wrap_socket(connection, server_hostname=address.host)
-            results.put((connection, *self._greeted(connection)))
+            tap = Visitor(socket.create_connection((address.host, address.port), HELLO_S), address.host)
+            patience = threading.Timer(2 * HELLO_S, tap.turn_out, ("timed out",))  # whoever sends a byte now and then
+            patience.start()
+            try:
+                if self._tls is not None:
+                    tap.connection = self._tls.wrap_socket(
+                        tap.connection, server_hostname=address.host, do_handshake_on_connect=False
+                    )
+                    tap.connection.do_handshake()
+                results.put((tap.connection, *self._greeted(tap.connection)))
+            finally:
+                patience.cancel()
             return
         except RefusedError as error:
             results.put(error)
         except (OSError, ValueError, WireError) as error:
             reason = os_reason(error) if isinstance(error, OSError) else str(error)
             results.put(PortError(f"{address.url}: no tap there: {reason}{self._remedy(error)}"))
-        if connection is not None:
+        if tap is not None:
             with suppress(OSError):
-                connection.close()
+                tap.connection.close()
 
     def _remedy(self, error: Exception) -> str:
         """What to say instead, where a connection fails by it."""
@@ -244,15 +264,24 @@ class TapViewer:
             greeting, _ = hear(connection)
         except TimeoutError as error:
             raise NoHelloError("it does not say what it is") from error
-        if greeting.get("rtuscope_tap") != VERSION or not is_nonce(greeting.get("nonce")):
+        version, theirs = greeting.get("rtuscope_tap"), greeting.get("nonce")
+        if version != VERSION and isinstance(version, int) and 0 < version < 1000:
+            raise WireError(f"a tap of version {version}, and this is version {VERSION}: update the older rtuscope")
+        if version != VERSION or not is_nonce(theirs):
             raise WireError("what answers is no tap of this version")
-        asked = {"proof": proof(self._token, greeting["nonce"]), "session": self._session, "next": self._next}
-        say(connection, asked)
+        proving = Proving(self._token, theirs, new_nonce())
+        asked = {"nonce": proving.viewer_nonce, "proof": proving.proof("viewer", self._session)}
+        say(connection, {**asked, "session": self._session, "next": self._next})
         answer, rest = hear(connection)
-        session = answer.get("session")
+        session, url = answer.get("session"), self._address.url
         if not isinstance(session, str) or not 0 < len(session) <= 64:
             why = answer.get("refused")
-            raise RefusedError(f"{self._address.url}: refused: {str(why)[:_WORDS] if why else 'no reason given'}")
+            raise RefusedError(f"{url}: refused: {str(why)[:_WORDS] if why else 'no reason given'}")
+        if not proving.proved(answer.get("proof"), "tap", session):
+            raise RefusedError(
+                f"{url}: refused: it does not prove that it knows the token; "
+                "it is another tap, or was begun without --token-file"
+            )
         return session, rest
 
 

@@ -17,11 +17,13 @@ from numpy.typing import NDArray
 
 from ..chunks import Block, Mark, Note, columns
 from ..errors import CaptureError
-from ..line import LineSettings
+from ..line import BY_MARKS, DIRECTIONS_NOTE, PROTOCOLS_NOTE, LineSettings
 from ..ragged import copy_pieces
 from ..recording.notes import Note as LineNote
+from ..text.judging import ByteJudge, no_judge
 from .blocks import errors_of, note_of
-from .choosing import SAMPLE, SAMPLE_BYTES, kind_of, looks_foreign, may_begin, whole_adus
+from .choosing import MBAP, SAMPLE, SAMPLE_BYTES, kind_of, may_begin, whole_adus
+from .neighbours import TLS, neighbour
 from .packets import (
     NETWORK,
     SERIAL,
@@ -43,6 +45,9 @@ _NO_PORT: Final = 256
 _NO_TRANSPORT: Final = "neither TCP nor UDP"
 _FOREIGN_DATAGRAMS: Final = "UDP without Modbus"
 _NAMED: Final = 4  # of what is left out, named one by one
+_UNKNOWN: Final = "unknown"  # what a connection may be that is the only one
+_TLS_PORT: Final = 802  # of Modbus/TCP Security
+_HOLES: Final = 256  # in the capture that are noted one by one
 _LINKS: Final = {
     105: "IEEE 802.11", 127: "IEEE 802.11 with radiotap", 189: "USB (usbmon)", 195: "IEEE 802.15.4",
     220: "USB (usbmon)", 227: "CAN", 249: "USB (USBPcap)",
@@ -54,10 +59,25 @@ class _Judged:
     """A group of connections while it is judged."""
 
     group: ConnectionGroup
-    reads: list[tuple[Mark, bytes]] = field(default_factory=list)
+    sample: list[tuple[int, Mark, bytes]] = field(default_factory=list)  # its first reads, by their place in the file
     octets: int = 0
     packets: int = 0  # that carried them
     kind: str | None = None
+    neighbour: str = ""  # what it speaks instead, where that is known
+    holes: list[int] = field(default_factory=list)  # ns, at which bytes are missing of which nothing is known
+
+    @property
+    def reads(self) -> list[tuple[Mark, bytes]]:
+        """Its first reads, in the file's order."""
+        return [(mark, data) for _, mark, data in sorted(self.sample, key=lambda read: read[0])]
+
+    @property
+    def words(self) -> str:
+        """What it is, for people who wonder why it is left out."""
+        known = self.neighbour
+        if known == TLS and self.group.server_port == _TLS_PORT:
+            known = "Modbus/TCP Security: encrypted, nothing can be read of it"
+        return f"{self.group.name} ({self.octets:,} bytes{', ' if known else ''}{known})"
 
 
 @dataclass(slots=True)
@@ -71,9 +91,12 @@ class _Survey:
     names: dict[int, str] = field(default_factory=dict)  # port: what it is
 
 
-def packet_source(path: Path, file: PacketFile) -> _PacketSource:
-    """The capture in a packet file; CaptureError where it holds nothing that may be Modbus."""
-    survey = _surveyed(file)
+def packet_source(path: Path, file: PacketFile, judge: ByteJudge = no_judge) -> _PacketSource:
+    """The capture in a packet file; CaptureError where it holds nothing that may be Modbus.
+
+    `judge` knows right check values, by which RTU over TCP is told from what else a network carries.
+    """
+    survey = _surveyed(file, judge)
     if not survey.serial and not survey.ports:
         raise CaptureError(f"{path}: {_nothing(survey)}")
     header = dict(file.header)
@@ -84,16 +107,26 @@ def packet_source(path: Path, file: PacketFile) -> _PacketSource:
         line = replace(line, baud=bauds.pop())
     if survey.ports:
         names = {f"port {port}": name for port, name in sorted(survey.names.items())}
-        line = replace(line, tap=line.tap or TAP, notes={**names, **line.notes})
+        line = replace(line, tap=line.tap or TAP, notes={**names, **_known(survey), **line.notes})
     return _PacketSource(file, line, timed, survey, tuple(complaints))
+
+
+def _known(survey: _Survey) -> dict[str, str]:
+    """What is known of each port, so that nobody asks again: its protocol, and that marks say who asks."""
+    ports = range(max(survey.ports[number].stop for number in survey.ports))
+    kinds = {port: one.kind for one in survey.groups for port in survey.ports.get(one.group.number, ())}
+    spoken = {port: "" if kind in (None, _UNKNOWN) else str(kind) for port, kind in kinds.items()}
+    known = {
+        PROTOCOLS_NOTE: ",".join(spoken.get(port, "") for port in ports),
+        DIRECTIONS_NOTE: ",".join(BY_MARKS if spoken.get(port) == "tcp" else "" for port in ports),
+    }
+    return {name: words for name, words in known.items() if words.strip(",")}
 
 
 def _nothing(survey: _Survey) -> str:
     others = [f"{count:,} packets of {name}" for name, count in survey.others.most_common(_NAMED)]
     if survey.groups:
-        names = [
-            f"{one.group.name} ({one.octets:,} bytes)" for one in sorted(survey.groups, key=lambda one: -one.octets)
-        ]
+        names = [one.words for one in sorted(survey.groups, key=lambda one: -one.octets)]
         more = f" and {len(names) - _NAMED:,} more" if len(names) > _NAMED else ""
         return f"no Modbus in its {len(names):,} TCP connections: {', '.join(names[:_NAMED])}{more}"
     return f"no serial line, no TCP data and no Modbus over UDP in it: {', '.join(others) or 'no packets'}"
@@ -105,7 +138,9 @@ class _ConnectionSurvey:
     def __init__(self) -> None:
         self.judged: dict[int, _Judged] = {}  # by the group's number
         self.data = b""
+        self.t_ns: Ints = np.zeros(1, np.int64)
         self.segments: Segments | None = None
+        self.base = 0  # segments before those
 
     def _of(self, half: Half) -> _Judged:
         return self.judged.setdefault(half.group.number, _Judged(half.group))
@@ -114,32 +149,43 @@ class _ConnectionSurvey:
         assert self.segments is not None
         begins, sizes = self.segments.begin[which], self.segments.size[which]
         one = self._of(half)
-        room = SAMPLE - len(one.reads) if one.octets < SAMPLE_BYTES else 0
-        for begin, size in zip(begins[:room].tolist(), sizes[:room].tolist(), strict=True):
-            one.reads.append((half.mark, self.data[begin : begin + size]))
+        room = SAMPLE - len(one.sample) if one.octets < SAMPLE_BYTES else 0
+        for i, begin, size in zip(which[:room].tolist(), begins[:room].tolist(), sizes[:room].tolist(), strict=True):
+            one.sample.append((self.base + i, half.mark, self.data[begin : begin + size]))
         one.octets += int(sizes.sum())
         one.packets += len(which)
 
     def piece(self, half: Half, i: int, begin: int, size: int) -> None:
         self.late(half, i, self.data[begin : begin + size])
 
-    def late(self, half: Half, i: int, octets: bytes) -> None:  # noqa: ARG002 - the protocol's signature
+    def late(self, half: Half, i: int, octets: bytes) -> None:
         one = self._of(half)
-        if len(one.reads) < SAMPLE and one.octets < SAMPLE_BYTES:
-            one.reads.append((half.mark, octets))
+        if len(one.sample) < SAMPLE and one.octets < SAMPLE_BYTES:
+            one.sample.append((self.base + i, half.mark, octets))
         one.octets += len(octets)
         one.packets += 1
+
+    def hole(self, half: Half, i: int, missing: int) -> None:
+        """A read is judged as if it were whole; a hole that no header explains is remembered."""
+        one = self._of(half)
+        if one.sample and one.octets < SAMPLE_BYTES and one.sample[-1][1] == half.mark:
+            place, _, octets = one.sample[-1]
+            one.sample[-1] = place, half.mark, octets + bytes(min(missing, SAMPLE_BYTES))
+        assert self.segments is not None
+        begin, size = int(self.segments.begin[i]), int(self.segments.size[i])
+        if not (self.segments.missing[i] and size > MBAP and may_begin(self.data[begin : begin + size])):
+            one.holes.append(int(self.t_ns[self.segments.packet[i]]))
 
     def ended(self, half: Half) -> None:
         """Nothing is kept back here."""
 
 
-def _surveyed(file: PacketFile) -> _Survey:
+def _surveyed(file: PacketFile, judge: ByteJudge) -> _Survey:
     """Read the whole file for what is in it."""
     survey, listener = _Survey(), _ConnectionSurvey()
     reassembly = Reassembly(listener)
     for packets in file.packets(_unheard):
-        listener.data = packets.data.tobytes()
+        listener.data, listener.t_ns = packets.data.tobytes(), packets.t_ns
         for interface, chosen in _by_interface(packets):
             link = file.interfaces[interface].link
             if link in SERIAL:
@@ -151,13 +197,14 @@ def _surveyed(file: PacketFile) -> _Survey:
             elif link in NETWORK:
                 listener.segments = segments_of(packets, chosen, link)
                 reassembly.feed(listener.segments, listener.data)
+                listener.base += len(listener.segments.packet)
                 if listener.segments.other:
                     survey.others[_NO_TRANSPORT] += listener.segments.other
             else:
                 survey.others[f"link type {link}" + (f" ({_LINKS[link]})" if link in _LINKS else "")] += len(chosen)
     reassembly.close()
     survey.groups = list(listener.judged.values())
-    _give_ports(survey, file.interfaces)
+    _give_ports(survey, file.interfaces, judge)
     return survey
 
 
@@ -165,7 +212,7 @@ def _unheard(_where: str, _what: str) -> None:
     """Damage is for the second reading to say."""
 
 
-def _give_ports(survey: _Survey, interfaces: list[Interface]) -> None:
+def _give_ports(survey: _Survey, interfaces: list[Interface], judge: ByteJudge) -> None:
     """Give ports: serial interfaces first, as they are named by this tool, then connections in order of appearance."""
     named = {}
     for interface in survey.serial:
@@ -176,12 +223,14 @@ def _give_ports(survey: _Survey, interfaces: list[Interface]) -> None:
         survey.serial = named
     survey.serial = {interface: port for interface, port in survey.serial.items() if port < _PORTS}
     for one in survey.groups:
-        one.kind = kind_of(one.reads)
+        reads = one.reads
+        one.neighbour = neighbour(reads)
+        one.kind = None if one.neighbour else kind_of(reads, judge)
         if one.group.of_datagrams and one.kind != "tcp":  # answers of DNS, too, begin as they were asked
             survey.others[_FOREIGN_DATAGRAMS] += one.packets
     survey.groups = [one for one in survey.groups if one.kind == "tcp" or not one.group.of_datagrams]
-    if not survey.serial and len(survey.groups) == 1 and not looks_foreign(survey.groups[0].reads):
-        survey.groups[0].kind = survey.groups[0].kind or "unknown"  # there is nothing else that could be meant
+    if not survey.serial and len(survey.groups) == 1 and not survey.groups[0].neighbour:
+        survey.groups[0].kind = survey.groups[0].kind or _UNKNOWN  # there is nothing else that could be meant
     following = max(survey.serial.values(), default=-1) + 1
     modbus = [one.group for one in survey.groups if one.kind is not None][: _PORTS - following]
     wanted = sum(group.lanes for group in modbus)
@@ -218,7 +267,7 @@ class _PacketSource:
         out = [one for one in self.survey.groups if one.group.number not in self.survey.ports]
         words = list(self.complaints)
         if out:
-            names = ", ".join(f"{one.group.name} ({one.octets:,} bytes)" for one in out[:_NAMED])
+            names = ", ".join(one.words for one in out[:_NAMED])
             more = f" and {len(out) - _NAMED:,} more" if len(out) > _NAMED else ""
             words.append(f"TCP connections without Modbus are left out: {names}{more}")
         if self.survey.serial or out or self.survey.others.keys() - {_NO_TRANSPORT, _FOREIGN_DATAGRAMS}:
@@ -226,7 +275,7 @@ class _PacketSource:
         return words
 
     def notes(self) -> list[LineNote]:
-        return packet_notes(self.file)
+        return sorted([*packet_notes(self.file), *_holes(self.survey)], key=lambda note: note.t_ns)
 
     def blocks(self, max_bytes: int, note: Note) -> Iterator[Block]:  # noqa: ARG002 - as the file comes
         taker = _PacketBlocks(self.survey)
@@ -343,15 +392,32 @@ class _PacketBlocks:
             octets, half.rest = octets[:size], octets[size:]
         self._put(half, i, octets)
 
-    def ended(self, half: Half) -> None:
+    def hole(self, half: Half, i: int, missing: int) -> None:  # noqa: ARG002 - the protocol's signature
+        """What is kept back of a frame is all that there is of it."""
         octets, half.rest = half.rest, b""
-        self._put(half, -1, octets)
+        self._put(half, i, octets)
+
+    def ended(self, half: Half) -> None:
+        self.hole(half, -1, 0)
 
     def _put(self, half: Half, i: int, octets: bytes) -> None:
         if octets and (port := self._port(half)) is not None:
             begin = len(self._data) + len(self._late)
             self._late += octets
             self._pieces.append((int(self._packet[i]), begin, len(octets), port, half.mark))
+
+
+def _holes(survey: _Survey) -> Iterator[LineNote]:
+    """When bytes of Modbus connections are missing; of many holes the last ones as one time in which all may be."""
+    for one in survey.groups:
+        if one.group.number not in survey.ports:
+            continue
+        words = f"{one.group.name}: bytes of this connection are not in the capture"
+        holes = sorted(set(one.holes))
+        yield from (LineNote(t_ns, "gap", words) for t_ns in holes[:_HOLES])
+        if len(holes) > _HOLES:
+            yield LineNote(holes[_HOLES], "lost", words)
+            yield LineNote(holes[-1], "opened", words)
 
 
 def packet_notes(file: PacketFile) -> list[LineNote]:

@@ -52,9 +52,13 @@ class ConnectionGroup:
         if not self.key:
             return "many others"
         client, server = (IPv6Address(self.key[at : at + 16]) for at in (0, 16))
-        port = int.from_bytes(self.key[34:36], "big")
-        end = f"{server.ipv4_mapped}:{port}" if server.ipv4_mapped else f"[{server}]:{port}"
+        end = f"{server.ipv4_mapped or f'[{server}]'}:{self.server_port}"
         return f"{client.ipv4_mapped or client} > {end}" + (" (UDP)" if self.of_datagrams else "")
+
+    @property
+    def server_port(self) -> int:
+        """The port that the client connected to; 0 for many others."""
+        return int.from_bytes(self.key[34:36], "big")
 
     @property
     def of_datagrams(self) -> bool:
@@ -106,6 +110,9 @@ class Taker(Protocol):
 
     def late(self, half: Half, i: int, octets: bytes) -> None:
         """Bytes of an earlier segment, which this one let through."""
+
+    def hole(self, half: Half, i: int, missing: int) -> None:
+        """Here bytes are missing: the capture lacks a segment, or the end of this one, whose bytes were given."""
 
     def ended(self, half: Half) -> None:
         """No more comes of this direction."""
@@ -164,9 +171,12 @@ class Reassembly:
 
     def _pass_on(self, half: Half, segments: Segments, datagrams: Ints) -> None:
         """Datagrams of one direction, as they came."""
-        half.group.missing += int(segments.missing[datagrams].sum())
+        cut = datagrams[segments.missing[datagrams] > 0]
+        half.group.missing += int(segments.missing[cut].sum())
         half.run = datagrams.tolist()
         self._take_run(half, segments)
+        for i in cut.tolist():
+            self._taker.hole(half, i, int(segments.missing[i]))
 
     def _one_by_one(self, segments: Segments, data: bytes, which: Ints) -> None:
         halves, runs = self._halves, list[Half]()
@@ -197,6 +207,8 @@ class Reassembly:
             if missing and half.following == (seq + size) & _MASK:
                 half.following = (seq + size + missing) & _MASK
                 half.group.missing += missing
+                self._take_run(half, segments)
+                self._taker.hole(half, i, missing)
             if half.other is not None and half.other.waiting and flags & _ACK:
                 self._acknowledged(half.other, i, ack)
             if flags & (_FIN | _RST):
@@ -270,6 +282,7 @@ class Reassembly:
         seq = min(half.waiting, key=lambda seq: (seq - before) & _MASK)
         half.group.missing += (seq - before) & _MASK
         half.following = seq
+        self._taker.hole(half, i, (seq - before) & _MASK)
         self._drain(half, i)
 
     def _half(self, key: bytes, seq: int, flags: int, known: Half | None) -> Half:

@@ -5,7 +5,6 @@ And a whole file of a recording that was cut or damaged: everything that can be 
 
 from __future__ import annotations
 
-import errno
 import os
 import time
 from collections.abc import Iterable, Mapping, Sequence
@@ -16,8 +15,8 @@ from pathlib import Path
 from typing import BinaryIO, Final
 
 from ..chunks import Block, Capture, Damage
-from ..errors import OPEN_ELSEWHERE
-from ..files import patiently, replacing
+from ..disposal import cut_back, is_open_elsewhere, made, move_to_free_name, put_in_place, remove_made
+from ..files import PRIVATE, replacing
 from ..formats.mcap.channel import ChunkChannel
 from ..formats.mcap.reading import first_metadata
 from ..formats.mcap.writer import ArrayWriter
@@ -35,7 +34,7 @@ class CommittedFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0) | getattr(os, "O_CLOEXEC", 0)
-        self._descriptor = os.open(path, flags, 0o666)
+        self._descriptor = os.open(path, flags, PRIVATE)
         with suppress(ImportError, OSError):  # so that others see that it is in work
             import fcntl
 
@@ -44,7 +43,8 @@ class CommittedFile:
         self.size = 0  # bytes that are safe
         stat = os.fstat(self._descriptor)
         self._identity = (stat.st_dev, stat.st_ino)
-        self._identified = file_identity(path)[:2] == self._identity  # not on every file system of a network
+        self.made = made(path)
+        self._identified = self.made == self._identity  # not on every file system of a network
 
     def write(self, data: bytes) -> int:
         """Hold it."""
@@ -70,8 +70,7 @@ class CommittedFile:
             os.fsync(self._descriptor)
         except OSError:
             with suppress(OSError):
-                os.ftruncate(self._descriptor, self.size)
-                os.lseek(self._descriptor, self.size, os.SEEK_SET)
+                cut_back(self._descriptor, self.size)
             raise
         finally:
             view.release()
@@ -117,9 +116,7 @@ class RecordingFile:
         try:
             self._file.commit()
         except OSError:
-            self._file.close()
-            with suppress(OSError):
-                self.part.unlink()
+            self.discard()
             raise
         sync_folder(path.parent)
 
@@ -162,10 +159,17 @@ class RecordingFile:
         """Lets go of the file, which stays NAME.part until `take_name`."""
         self._file.close()
 
+    def discard(self) -> None:
+        """Leave nothing of it, unless something else has its name by now."""
+        with suppress(OSError):
+            self._file.close()
+        with suppress(OSError):
+            remove_made(self.part, self._file.made)
+
     def take_name(self, others: Iterable[Path], *, instead_of: FileIdentity = ()) -> Path:
         """Gives it its name; where another file has that, the first of `others` that is free, unless it is this one."""
         if instead_of and file_identity(self.path) == instead_of:
-            patiently(lambda: self.part.replace(self.path))
+            put_in_place(self.part, self.path)
             path = self.path
         else:
             path = move_to_free_name(self.part, chain((self.path,), others))
@@ -182,42 +186,10 @@ def file_identity(path: Path) -> FileIdentity:
     return stat.st_dev, stat.st_ino, stat.st_size, stat.st_mtime_ns
 
 
-def move_to_free_name(source: Path, names: Iterable[Path]) -> Path:
-    """Renames a file to the first of these names that no file has, whatever others do meanwhile. OSError passes."""
-    for name in names:
-        with suppress(FileExistsError):
-            _rename_without_overwriting(source, name)
-            return name
-    raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(source))
-
-
-def _rename_without_overwriting(source: Path, target: Path) -> None:
-    if os.name == "nt":
-        patiently(lambda: source.rename(target))
-        return
-    try:
-        os.link(source, target)
-    except (FileExistsError, FileNotFoundError):
-        raise
-    except OSError:  # no hard links on this file system: the name is taken by an empty file first
-        os.close(os.open(target, os.O_WRONLY | os.O_CREAT | os.O_EXCL))
-        try:
-            source.replace(target)
-        except OSError:
-            target.unlink()
-            raise
-    else:
-        source.unlink()
-
-
 def is_written(path: Path) -> bool:
     """Whether a `CommittedFile` of some process is writing this file now; on Windows, whether anybody has it open."""
     if os.name == "nt":
-        try:
-            path.rename(path)
-        except OSError as error:
-            return getattr(error, "winerror", None) in OPEN_ELSEWHERE
-        return False
+        return is_open_elsewhere(path)
     import fcntl
 
     with suppress(OSError), path.open("rb") as file:
@@ -252,7 +224,7 @@ class Repaired:
 def repair(source: Path, target: Path) -> Repaired:
     """Write all of `source` that can be read to `target`, whole. CaptureError where there is nothing to read."""
     capture = open(source)
-    with replacing(target) as file:
+    with replacing(target, private=True) as file:
         chunks, octets, notes = _copy(capture, source, file)
     return Repaired(chunks, octets, notes, capture.damage, capture.damage_count)
 

@@ -13,7 +13,6 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
-from itertools import chain, count
 from pathlib import Path
 from typing import Final
 
@@ -21,7 +20,8 @@ from ..chunks import Block
 from ..errors import CaptureError, os_reason
 from ..files import refuse_device_name
 from ..line import LineSettings
-from .mcapfile import PART, FileIdentity, RecordingFile, file_identity, is_written, move_to_free_name, repair
+from .mcapfile import FileIdentity, RecordingFile, file_identity
+from .mending import FULL, mend_cut
 from .notes import Note
 from .ring import SUFFIX, Ring, RingLimits
 
@@ -31,8 +31,6 @@ _MEMORY: Final = 64 << 20  # bytes kept while the disk takes nothing
 _NOTES: Final = 10_000  # kept
 _READ_BYTES: Final = 18  # that a read costs besides its data
 _LUMP: Final = 256  # blocks that are joined
-_FULL: Final = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
-_MENDING: Final = ".mending"
 
 
 @dataclass(slots=True)
@@ -87,14 +85,37 @@ class Recorder:
         self._lost_from = 0
         self._committed = time.monotonic()
         self._complaint = ""
-        _mend_cut(path, limits, tell)
-        self._ring = Ring(path, limits)
+        self._upkeep = ""  # what is wrong with the ring's old files or its list
+        self._ring = Ring(path, limits, self._about.get("ports", ""))
         try:
+            self._begin()
+        except BaseException:
+            self._ring.release()
+            raise
+
+    def _begin(self) -> None:
+        """The first file. A ring on a full disk waits for room; CaptureError where there is nothing to wait for."""
+        path, rotates = self._ring.path, self._ring.limits.rotates
+        try:
+            if rotates:
+                self._ring.claim(self._tell)
+                self._tell_strangers()
+            mend_cut(self._ring, self._tell, lambda: self._gave_up_oldest(errno.ENOSPC))
             self._file = self._open()
         except FileExistsError as error:
             raise CaptureError(f"{path}: another recorder is writing it") from error
         except OSError as error:
-            raise CaptureError(f"{path}: cannot be written: {os_reason(error)}") from error
+            if not rotates or error.errno not in FULL:
+                raise CaptureError(f"{path}: cannot be written: {os_reason(error)}") from error
+            self._commit()
+
+    def _tell_strangers(self) -> None:
+        strangers = self._ring.strangers()
+        if strangers and self._ring.limits.ring:
+            self._tell(
+                f"recording: files with names of this ring that are not its own: {len(strangers):,} "
+                f"(the first: {strangers[0].name}): they stay, and --keep does not count them"
+            )
 
     @property
     def path(self) -> Path | None:
@@ -178,6 +199,7 @@ class Recorder:
         if left:
             self.lost += left
             self._tell(f"recording: {left:,} bytes of the line that waited for the disk are lost")
+        self._ring.release()
 
     def _commit(self) -> None:
         """Put all that waits on the disk, as far as it takes it."""
@@ -230,9 +252,9 @@ class Recorder:
 
     def _goes_on(self, error: OSError) -> bool:
         """Whether to try again at once after this error: the oldest file was given up, or this one left for another."""
-        if self._gave_up_oldest(error):
+        if self._gave_up_oldest(error.errno):
             return True
-        if self._file is not None and self._file.bytes and error.errno not in _FULL:  # it is not for want of room
+        if self._file is not None and self._file.bytes and error.errno not in FULL:  # it is not for want of room
             self._leave(self._file, os_reason(error))
             return True
         if not self._complaint:
@@ -243,23 +265,34 @@ class Recorder:
             )
         return False
 
-    def _gave_up_oldest(self, error: OSError) -> bool:
-        if error.errno in _FULL and self._ring.limits.ring:
+    def _gave_up_oldest(self, number: int | None) -> bool:
+        if number in FULL and self._ring.limits.ring:
             with suppress(OSError):
                 for path in self._ring.files()[:1]:
-                    path.unlink()
+                    if self._ring.give_up(path):
+                        return False
                     self._tell(f"recording: disk full: gave up the oldest file, {path}")
                     return True
         return False
 
     def _next(self) -> None:
-        """Finish this file and begin another."""
+        """Finish this file and begin another; what goes wrong with the old ones is told, and recording goes on."""
         self._finish()
         self._commit()
-        with suppress(OSError):
+        wrong = ""
+        try:
             for path in self._ring.surplus(self.size):
-                with suppress(OSError):
-                    path.unlink()
+                if reason := self._ring.give_up(path):
+                    wrong = f"{path}: {reason}"
+        except OSError as error:
+            wrong = f"{self._ring.path.parent}: {os_reason(error)}"
+        self._told_upkeep(wrong and f"recording: {wrong}: old files stay")
+
+    def _told_upkeep(self, wrong: str) -> None:
+        """Tell what is wrong with the ring once."""
+        if wrong and wrong != self._upkeep:
+            self._tell(wrong)
+        self._upkeep = wrong
 
     def _finish(self) -> None:
         """Give the file its index and its name, or leave it without: what was not on the disk waits for the next."""
@@ -278,12 +311,13 @@ class Recorder:
                 file.finish()
                 break
             except OSError as error:
-                if not self._gave_up_oldest(error):
+                if not self._gave_up_oldest(error.errno):
                     self._leave(file, os_reason(error))
                     return
         self._settle(file)
         self._file = None
         file.close()
+        self._list(file.path)
         try:
             path = file.take_name(self._ring.free_names(time.time()), instead_of=self._replaced)
         except OSError as error:
@@ -291,7 +325,15 @@ class Recorder:
             return
         if path != file.path:
             self._tell(f"recording: {file.path} is another file now: what was recorded is {path}")
+            self._list(path)
         self._ring.ended(path)
+
+    def _list(self, path: Path) -> None:
+        """Enter a file in the ring's list, before it has its name: what is in no list is never given up."""
+        try:
+            self._ring.listed(path)
+        except OSError as error:
+            self._tell(f"recording: the list of the ring could not be written: {os_reason(error)}: tried again later")
 
     def _leave(self, file: RecordingFile, reason: str) -> None:
         """Give up a file that can no longer be written, which is readable as it is."""
@@ -326,53 +368,16 @@ class Recorder:
 
     def _discard(self, file: RecordingFile) -> None:
         """Leave nothing of a file that holds nothing."""
-        with suppress(OSError):
-            file.close()
-        if not file.missing:
-            with suppress(OSError):
-                file.part.unlink()
+        file.discard()
         self._files -= 1
 
     def _open(self) -> RecordingFile:
         """The next file; its folder is made anew where it was taken away."""
         if self._files:
             self._ring.path.parent.mkdir(parents=True, exist_ok=True)
+        if self._ring.limits.rotates:
+            self._ring.claim(self._tell)
         path = self._ring.begin(first=not self._files)
-        about = {**self._about, **(self._ring.entry.metadata() if self._ring.limits.rotates else {})}
-        file = RecordingFile(path, self._line, about)
+        file = RecordingFile(path, self._line, {**self._about, **self._ring.metadata()})
         self._files += 1
         return file
-
-
-def _mend_cut(path: Path, limits: RingLimits, tell: Callable[[str], None]) -> None:
-    """Make whole what a recorder before this one had no time to close; what cannot be read is set aside."""
-    ring = Ring(path, limits)
-    for part in ring.cut():
-        if is_written(part):
-            continue
-        finished = part.with_name(part.name.removesuffix(PART))
-        mending = part.with_name(part.name + _MENDING)
-        try:
-            if finished.exists() and finished.samefile(part):  # it was named, and then the power went
-                part.unlink()
-                continue
-            repaired = repair(part, mending)
-            if repaired.chunks or repaired.notes:
-                begun_s = part.stat().st_mtime
-                own = () if finished == path else (finished,)  # that name is for what comes now
-                finished = move_to_free_name(mending, chain(own, ring.free_names(begun_s)))
-                damaged = f", {repaired.damage_count - 1} damaged places noted" if repaired.damage_count > 1 else ""
-                tell(f"recording: {finished} was cut and is whole again: {repaired.bytes:,} bytes of the line{damaged}")
-            else:
-                mending.unlink()
-            part.unlink()
-        except (CaptureError, OSError) as error:
-            reason = os_reason(error) if isinstance(error, OSError) else str(error).removeprefix(f"{part}: ")
-            with suppress(OSError):
-                mending.unlink(missing_ok=True)
-            try:
-                aside = move_to_free_name(part, (part.with_name(f"{part.name}.{number}") for number in count(1)))
-            except OSError:
-                tell(f"recording: {part} was cut and could not be mended: {reason}")
-            else:
-                tell(f"recording: {part} was cut and could not be mended: {reason}: set aside as {aside}")

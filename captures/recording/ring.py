@@ -3,22 +3,25 @@
 Files of a ring are named by the UTC time of their beginning, NAME-20261121T104500.123Z.mcap, which is for people only:
 clocks are set, forwards and back. What is old is told by the ring's own account, which each file has in its metadata:
 its number, and for how long had been recorded when it began. So a time to keep counts time of recording, and a recorder
-that is started again goes on where it was.
+that is started again goes on where it was. Given up are only files that the ring's list names (`ringlist`) and whose
+own metadata has the ring's id and ports.
 """
 
 from __future__ import annotations
 
 import re
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from itertools import count
 from pathlib import Path
 from typing import Final
 
+from ..disposal import remove_listed
 from ..formats.mcap.reading import first_metadata, log_time_span
 from .mcapfile import PART
+from .ringlist import RingList
 
 SUFFIX: Final = ".mcap"
 _LONGEST_S: Final = 86_400.0  # of one file, asked or not: its index is in memory
@@ -27,6 +30,8 @@ _SHARES: Final = 20  # files of a ring, at least
 _LEAST: Final = 1 << 20
 _NUMBER: Final = "ring_number"  # in a file's metadata
 _BEGUN: Final = "ring_begun_s"
+_RING: Final = "ring"
+_PORTS: Final = "ports"
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,18 +88,39 @@ class RingEntry:
 
 
 class Ring:
-    """The files of one recording. `entry` is that of the newest file, or of one to come."""
+    """The files of one recording of these ports. `entry` is that of the newest file, or of one to come."""
 
-    def __init__(self, path: Path, limits: RingLimits) -> None:
+    def __init__(self, path: Path, limits: RingLimits, ports: str = "") -> None:
         self.path = path
         self.limits = limits
         self._pattern = re.compile(rf"{re.escape(path.stem)}-\d{{8}}T\d{{6}}\.\d{{3}}Z{re.escape(path.suffix)}")
+        self._list = RingList(path, ports)
         self._entries: dict[Path, RingEntry] = {}
         self.entry = RingEntry()
         self._recorded_s, self._since = 0.0, time.monotonic()  # seconds recorded until then
-        if limits.rotates and (files := self.files()):
+        self._go_on()
+
+    def claim(self, tell: Callable[[str], None]) -> None:
+        """Record it from now on; nobody else does meanwhile. OSError where that cannot be, or another does."""
+        if self._list.claim(tell):
+            self._go_on()
+
+    def _go_on(self) -> None:
+        """Where the recorder before this one was."""
+        if self.limits.rotates and (files := self.files()):
             self.entry = self._entries[files[-1]]
             self._recorded_s = self.entry.begun_s + min(log_time_span(files[-1]) / 1e9, _LONGEST_S)
+            self._since = time.monotonic()
+
+    def release(self) -> None:
+        """Nobody records it any more."""
+        self._list.close()
+
+    def metadata(self) -> dict[str, str]:
+        """What the newest file says of itself, where there will be several."""
+        if not self.limits.rotates:
+            return {}
+        return {**self.entry.metadata(), _RING: self._list.id, _PORTS: self._list.ports}
 
     def recorded_s(self) -> float:
         """For how long has been recorded, by all recorders of this ring one after the other."""
@@ -119,21 +145,51 @@ class Ring:
                 yield name
 
     def files(self) -> list[Path]:
-        """The whole files, oldest first."""
+        """The whole files that are this ring's, oldest first."""
+        return self._sorted()[0]
+
+    def strangers(self) -> list[Path]:
+        """Files with a name like the ring's that are not its own: another's, or of before rings had lists."""
+        return self._sorted()[1]
+
+    def _sorted(self) -> tuple[list[Path], list[Path]]:
         files = [path for path in self.path.parent.iterdir() if self._pattern.fullmatch(path.name)]
-        self._entries = {
-            path: self._entries.get(path) or RingEntry.from_metadata(first_metadata(path)) for path in files
-        }
-        return sorted(files, key=lambda path: (self._entries[path], path.name))
+        listed = self._list.files
+        known = {path: entry for path in files if (entry := self._entries.get(path) or self._entry(path, listed))}
+        self._entries = known
+        return sorted(known, key=lambda path: (known[path], path.name)), sorted({*files} - {*known})
+
+    def _entry(self, path: Path, listed: set[str]) -> RingEntry | None:
+        """The entry of a file; None of one that is not this ring's."""
+        if path.name not in listed or path.is_symlink():
+            return None
+        metadata = first_metadata(path)
+        own = (metadata.get(_RING), metadata.get(_PORTS)) == (self._list.id, self._list.ports)
+        return RingEntry.from_metadata(metadata) if own else None
+
+    def listed(self, path: Path) -> None:
+        """A file with this name is the ring's. OSError where the list could not be written, which is tried again."""
+        if self.limits.rotates:
+            self._list.add(path.name)
+            self._list.save()
 
     def ended(self, path: Path) -> None:
         """The newest file has this name for good."""
-        self._entries[path] = self.entry
+        if self.limits.rotates:
+            self._entries[path] = self.entry
+
+    def give_up(self, path: Path) -> str:
+        """Take a file of the ring away; why it stays where it does, nothing where it is gone."""
+        self._entries.pop(path, None)
+        if path.exists() and self._entry(path, self._list.files) is None:
+            return "is another file now"
+        return remove_listed(path.parent, [path.name]).get(path.name, "")
 
     def cut(self) -> list[Path]:
-        """Files that a recorder before this one could not close."""
-        names = ((path, path.name.removesuffix(PART)) for path in self.path.parent.glob(f"*{PART}"))
-        return sorted(path for path, name in names if self._pattern.fullmatch(name) or name == self.path.name)
+        """Files that a recorder before this one could not close, but for those that others' rings will."""
+        names = [(path, path.name.removesuffix(PART)) for path in self.path.parent.glob(f"*{PART}")]
+        own = [path for path, name in names if self._pattern.fullmatch(name) or name == self.path.name]
+        return sorted(path for path in own if self.limits.rotates or _RING not in first_metadata(path))
 
     def surplus(self, current: int) -> list[Path]:
         """The files to give up now, beside one of `current` bytes that is being written."""
@@ -141,8 +197,8 @@ class Ring:
         gone = []
         if limits.keep_s is not None:
             before_s = self.recorded_s() - limits.keep_s
-            ends = [*(self._entries[path].begun_s for path in files[1:]), self.entry.begun_s]  # when the next begins
-            gone = [path for path, end in zip(files, ends, strict=True) if end < before_s]
+            begun = [*(self._entries[path].begun_s for path in files), self.entry.begun_s]
+            gone = [path for path, end in zip(files, begun[1:], strict=True) if end < before_s]  # when the next began
         if limits.keep_bytes is not None:
             left = [path for path in files if path not in gone]
             sizes = {path: _size(path) for path in left}

@@ -80,7 +80,7 @@ _NO_NAMES: Final = ("", "s", "с")
 _UNITS: Final = {"millis": 10**6, "micros": 10**3}
 _DATE: Final = re.compile(r"^(?:date|datum|дата|date[ /_]?time|datetime|дата[ /,]?(?:и )?время)$", re.IGNORECASE)
 _CELL: Final = re.compile(
-    r"^[\"']?\s*(?P<sign>[-+−])?(?P<whole>\d{1,3}(?: \d{3})+|\d{1,18})(?:[.,](?P<fraction>\d{1,18}))?"
+    r"^[\"']?\s*(?P<sign>[-+−])?(?P<whole>\d{1,3}(?: \d{3})+|\d{1,18})(?:[.,](?P<fraction>\d{1,30}))?"
     r"(?:[eE](?P<power>[-+]?\d{1,2}))?"
     r"\s*(?P<unit>ms|us|µs|μs|ns|s|мс|мкс|с)?\s*[\"']?$"
 )

@@ -47,6 +47,9 @@ _REMEMBERED: Final = 2048  # lines
 _SCREEN: Final = 512  # lines that a person copies twice
 _DATED_NS: Final = 10**18  # no time since some start
 _FULL_ROW: Final = 8  # bytes of a row after which a read may go on in the next
+_CODE_SPAN: Final = re.compile(  # Markdown's marks about a part of a frame, as of its check value
+    r"(?<=[0-9A-Fa-f\]>)}])( ?)` ?(?=[\[<({]?[0-9A-Fa-f]{2})"
+)
 
 
 @dataclass(slots=True)
@@ -54,7 +57,8 @@ class LogLine:
     """One line: what it holds, and what is known of it.
 
     `t_ns` counts on past midnight where the log has times of day. `continues`: its first run belongs to the same read,
-    or dump, as the bytes before. `quiet`: a line that is known to hold no bytes. `problem` is what it could not give.
+    or dump, as the bytes before. `stamped`: its time is its own, not that of a line above.
+    `quiet`: a line that is known to hold no bytes. `problem` is what it could not give.
     """
 
     number: int
@@ -67,6 +71,7 @@ class LogLine:
     continues: bool = False
     quiet: bool = False
     problem: str | None = None
+    stamped: bool = False
 
     @property
     def is_known(self) -> bool:
@@ -255,8 +260,9 @@ class LineReader:
 
     def _any_line(self, text: str, number: int) -> LogLine:
         stamp, rest = self._stamp(text)
+        rest = _CODE_SPAN.sub(r"\1", rest)
         t_ns = self._time(stamp)
-        line = LogLine(number, text, rest, t_ns=t_ns, fine=stamp is not None and stamp.fine)
+        line = LogLine(number, text, rest, t_ns=t_ns, fine=stamp is not None and stamp.fine, stamped=t_ns is not None)
         if stamp is not None:
             self.zoneless = self.zoneless or not (stamp.of_day or stamp.zoned)
         if not _WORD.search(rest):

@@ -58,6 +58,7 @@ class Piece:
     continues: bool = False
     envelope: str = ""
     either_way: bool = False
+    stamped: bool = False  # its line has a stamp of its own
 
 
 @dataclass(frozen=True, slots=True)
@@ -255,7 +256,7 @@ def _contents(line: LogLine, experience: Experience) -> Iterator[Piece | UnreadL
         envelope = run.checked[0].envelope if run.checked else ""
         yield Piece(
             run.data, line.number, text, run.ascii, run.mark, line.t_ns, line.port, continues, envelope,
-            run.checked != () and all(span.repeats for span in run.checked),
+            run.checked != () and all(span.repeats for span in run.checked), line.stamped,
         )  # fmt: skip
     if line.problem is not None:
         yield UnreadLine(line.number, text, line.problem, empty=line.problem.startswith("no bytes"))
@@ -305,7 +306,8 @@ def _why(line: LogLine, experience: Experience) -> tuple[str, bool]:
 
 
 def joined(reads: Iterable[Piece | UnreadLine], limit: int | None = None) -> Iterator[Piece | UnreadLine]:
-    """The same with pieces that continue one put together, up to about `limit` bytes each.
+    """The same with pieces that continue one put together, up to about `limit` bytes each; one with a stamp of its own
+    continues none, but for a byte in a row of a table, at the same time.
 
     Of a packet with its headers, what it carries.
     """
@@ -316,7 +318,8 @@ def joined(reads: Iterable[Piece | UnreadLine], limit: int | None = None) -> Ite
         if isinstance(read, UnreadLine):
             yield read
             continue
-        if first is not None and read.continues and (limit is None or size < limit):
+        apart = first is not None and read.stamped and (len(read.data) > 1 or read.t_ns != first.t_ns)
+        if first is not None and read.continues and not apart and (limit is None or size < limit):
             parts.append(read.data)
             size += len(read.data)
             continue

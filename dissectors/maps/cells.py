@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -25,6 +25,7 @@ from .model import (
 
 _LAST_ADDRESS: Final = 0xFFFF
 _LONGEST: Final = 125  # registers: no answer carries more ([1] 6.3)
+_LAST_FUNCTION: Final = 127  # ([1] 4.1)
 _NAME_LENGTH: Final = 200
 _TEXT_LENGTH: Final = 1000
 _LONGEST_NUMBER: Final = 40  # digits
@@ -68,6 +69,8 @@ COLUMNS: Final[tuple[Column, ...]] = (
     Column("unit", {"type": "string"}, "unit of measure"),
     Column("values", {"type": ["object", "string"]}, "names of states or bits: 0=off; 1=on"),
     Column("access", {"enum": ["r", "w", "rw"]}, "read, write or both"),
+    Column("written_by", {"type": ["integer", "string"]}, "functions that write it, where not all do: 16"),
+    Column("formula", {"type": "string"}, "how it follows from others: [Offset] + raw / 65535 * [Gain]"),
     Column("min", _NUMBER, "least plausible value, in the unit"),
     Column("max", _NUMBER, "greatest plausible value, in the unit"),
     Column("description", {"type": "string"}, "more words"),
@@ -105,6 +108,8 @@ def value_of(cells: Mapping[str, object], *, base: int = 0, order: str = "ABCD")
         unit=_text_cell(cells, "unit"),
         values=names_of(cells.get("values")),
         access=_access(cells.get("access")),
+        written_by=_writers(cells.get("written_by")),
+        formula=_formula(cells),
         minimum=low,
         maximum=high,
         description=_text_cell(cells, "description"),
@@ -129,6 +134,8 @@ def cells_of(value: MappedValue, order: str = "ABCD") -> dict[str, str]:
         "unit": value.unit,
         "values": "; ".join(f"{state}={_escaped(name)}" for state, name in value.values.items()),
         "access": value.access,
+        "written_by": " ".join(map(str, value.written_by)),
+        "formula": value.formula,
         "min": "" if value.minimum is None else number_text(value.minimum),
         "max": "" if value.maximum is None else number_text(value.maximum),
         "description": value.description,
@@ -226,20 +233,23 @@ def names_of(values: object) -> dict[int, str]:
     return states
 
 
+_WHOLE: Final = (
+    (re.compile(r"(-?\d+)(?:\.0+)?"), 10),
+    (re.compile(r"0[xX]([0-9A-Fa-f]+)"), 16),
+    (re.compile(r"([0-9][0-9A-Fa-f]*)[hH]"), 16),
+)
+
+
 def whole_number(column: str, value: object) -> int:
     """A whole number, decimal or hex (0x6B, 6Bh); `107.0`, as spreadsheets write it, is one too."""
     if isinstance(value, int) and not isinstance(value, bool):
         return value
-    text = _cell(value)
-    if len(text) > _LONGEST_NUMBER:
-        raise CellError(column, text, "a whole number, decimal or hex (0x6B)")
-    if re.fullmatch(r"-?\d+(\.0+)?", text):
-        return int(text.partition(".")[0])
-    if re.fullmatch(r"0[xX][0-9A-Fa-f]+", text):
-        return int(text, 16)
-    if re.fullmatch(r"[0-9][0-9A-Fa-f]*[hH]", text):
-        return int(text[:-1], 16)
-    raise CellError(column, value, "a whole number, decimal or hex (0x6B)")
+    text = _cell(value)[: _LONGEST_NUMBER + 1]
+    forms = ((pattern.fullmatch(text), base) for pattern, base in _WHOLE)
+    number = next((int(match[1], base) for match, base in forms if match), None)
+    if number is None or len(text) > _LONGEST_NUMBER:
+        raise CellError(column, value, "a whole number, decimal or hex (0x6B)")
+    return number
 
 
 def number_text(number: float) -> str:
@@ -249,32 +259,37 @@ def number_text(number: float) -> str:
 
 def signature_of(text: object) -> DeviceSignature:
     """The header's `match`: `server_id: TEXT; register: holding 40000 = 0x5375 0x6E53; poll: input 0 72`."""
-    clauses: list[tuple[str, str]] = []
+    found: dict[str, list[Any]] = {"server_id": [], "identification": [], "register": [], "poll": []}
+    for key, rest in _clauses(text):
+        kind = _CLAUSES.get(key, key)
+        if kind not in found:
+            raise CellError("match", key, "server_id, identification, register or poll")
+        found[kind].append(_READ_AS[kind](rest))
+    return DeviceSignature(*map(tuple, found.values()))
+
+
+def _clauses(text: object) -> Iterator[tuple[str, str]]:
+    """The keys of a signature with what they say, each once."""
     if isinstance(text, Mapping):
         for key, listed in text.items():
-            clauses += [(str(key), _cell(one)) for one in (listed if isinstance(listed, list) else [listed])]
-    else:
-        for part in str(text or "").split(";"):
-            if part.strip():
-                key, mark, rest = part.partition(":")
-                if not mark:
-                    raise CellError("match", part, "server_id:, identification:, register: or poll:")
-                clauses.append((key.strip(), rest.strip()))
-    texts: dict[str, list[str]] = {"server_id": [], "identification": []}
-    registers, polls = [], []
-    for key, rest in clauses:
-        if key in texts:
-            texts[key].append(one_line(rest))
-        elif key in ("register", "registers"):
-            where, _, words = rest.partition("=")
-            area, address = _spot(where, 2)
-            registers.append((area, address[0], tuple(whole_number("match", word) for word in words.split())))
-        elif key in ("poll", "polls"):
-            area, numbers = _spot(rest, 3)
-            polls.append((area, numbers[0], numbers[1]))
-        else:
-            raise CellError("match", key, "server_id, identification, register or poll")
-    return DeviceSignature(tuple(texts["server_id"]), tuple(texts["identification"]), tuple(registers), tuple(polls))
+            yield from ((str(key), _cell(one)) for one in (listed if isinstance(listed, list) else [listed]))
+        return
+    for part in filter(str.strip, str(text or "").split(";")):
+        key, mark, rest = part.partition(":")
+        if not mark:
+            raise CellError("match", part, "server_id:, identification:, register: or poll:")
+        yield key.strip(), rest.strip()
+
+
+def _constant(text: str) -> tuple[MapArea, int, tuple[int, ...]]:
+    where, _, words = text.partition("=")
+    area, (address,) = _spot(where, 1)
+    return area, address, tuple(whole_number("match", word) for word in words.split())
+
+
+def _poll(text: str) -> tuple[MapArea, int, int]:
+    area, (address, quantity) = _spot(text, 2)
+    return area, address, quantity
 
 
 def signature_text(match: DeviceSignature) -> str:
@@ -288,10 +303,20 @@ def signature_text(match: DeviceSignature) -> str:
 
 
 def _spot(text: str, count: int) -> tuple[MapArea, list[int]]:
+    """An area and so many numbers."""
     words = text.split()
-    if len(words) != count:
+    if len(words) != count + 1:
         raise CellError("match", text, "an area and addresses, such as input 0 72")
     return area_of(words[0]), [whole_number("match", word) for word in words[1:]]
+
+
+_CLAUSES: Final = {"registers": "register", "polls": "poll"}
+_READ_AS: Final[Mapping[str, Callable[[str], Any]]] = {
+    "server_id": lambda text: one_line(text),
+    "identification": lambda text: one_line(text),
+    "register": _constant,
+    "poll": _poll,
+}
 
 
 def _scale_register(cell: object, area: MapArea, base: int) -> int | None:
@@ -304,6 +329,25 @@ def _access(cell: object) -> str:
     if word not in ("", "r", "w", "rw"):
         raise CellError("access", cell, "r, w or rw")
     return word
+
+
+def _formula(cells: Mapping[str, object]) -> str:
+    text = _text_cell(cells, "formula")
+    if text:
+        from .formulas import FORMULA_EXPECTED, FormulaError, formula_of
+
+        try:
+            formula_of(text)
+        except FormulaError:
+            raise CellError("formula", text, FORMULA_EXPECTED) from None
+    return text
+
+
+def _writers(cell: object) -> tuple[int, ...]:
+    codes = [whole_number("written_by", part) for part in re.split(r"[\s,;]+", _cell(cell)) if part]
+    if wrong := [code for code in codes if not 1 <= code <= _LAST_FUNCTION]:
+        raise CellError("written_by", wrong[0], f"function codes, 1 to {_LAST_FUNCTION}")
+    return tuple(codes)
 
 
 def _fraction(cells: Mapping[str, object], column: str) -> float | None:

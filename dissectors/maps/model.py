@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from types import MappingProxyType
 from typing import Any, Final, Literal, cast
@@ -63,7 +63,8 @@ class MappedValue:
 
     `address` is zero-based, `length` counts registers (coils and inputs: 1). The number is raw * `scale` + `offset`,
     times ten to the power that register `scale_address` of the same area holds. `values` names the states of an enum
-    or the bits of a register, `minimum` and `maximum` bound the number, `other` keeps columns that nobody declared.
+    or the bits of a register, `written_by` the functions that write it where not all do, `formula` how it follows
+    from others (`formulas`), `minimum` and `maximum` bound the number, `other` keeps columns that nobody declared.
     """
 
     area: MapArea
@@ -78,6 +79,8 @@ class MappedValue:
     unit: str = ""
     values: Mapping[int, str] = field(default_factory=dict)
     access: str = ""
+    written_by: tuple[int, ...] = ()
+    formula: str = ""
     minimum: float | None = None
     maximum: float | None = None
     description: str = ""
@@ -182,14 +185,45 @@ class MappedReading:
         }
 
 
-def readings_by_map(chart: RegisterMap, area: str, words: Mapping[int, int]) -> list[MappedReading]:
-    """The values of a map that registers (by address) hold whole, by address."""
-    readings = []
-    for row in chart.rows:
-        if row.area == area and all(address in words for address in range(row.address, row.end)):
-            power = words.get(row.scale_address) if row.scale_address is not None else 0
-            readings.append(read_mapped(row, [words[address] for address in range(row.address, row.end)], power))
-    return sorted(readings, key=lambda reading: reading.row.address)
+Registers = Mapping[tuple[str, int], int]
+"""Registers and bits of one device by area and address."""
+
+
+def readings_by_map(
+    chart: RegisterMap, area: str, words: Mapping[int, int], known: Registers | None = None
+) -> list[MappedReading]:
+    """The values of a map that registers (by address) hold whole, by address; `known` are other registers of the device
+    that are known, from which values may be computed."""
+    registers = {**(known or {}), **{(area, address): word for address, word in words.items()}}
+    rows = [row for row in chart.rows if row.area == area and words.keys() >= set(range(row.address, row.end))]
+    return [_reading(chart, row, registers) for row in sorted(rows, key=lambda row: row.address)]
+
+
+def _reading(chart: RegisterMap, row: MappedValue, registers: Registers, depth: int = 0) -> MappedReading:
+    """One value, computed from others where its map says how."""
+    words = [registers[row.area, address] for address in range(row.address, row.end)]
+    power = registers.get((row.area, row.scale_address)) if row.scale_address is not None else 0
+    reading = read_mapped(row, words, power)
+    if not row.formula or isinstance(reading.raw, str):
+        return reading
+    from .formulas import formula_of
+
+    def value_of(name: str) -> float | None:
+        other = next((one for one in chart.rows if one.name == name), None)
+        there = other is not None and all((other.area, at) in registers for at in range(other.address, other.end))
+        value = _reading(chart, other, registers, depth + 1).value if other and there and depth < _DEEPEST else None
+        return value if isinstance(value, int | float) else None
+
+    formula = formula_of(row.formula)
+    value = formula.value(reading.raw, value_of)
+    if value is None:
+        missing = ", ".join(name for name in dict.fromkeys(formula.names) if value_of(name) is None)
+        return MappedReading(row, reading.raw, None, f"{reading.raw} (needs {missing or 'another state'})")
+    shown = replace(row, unit=formula.unit)
+    return MappedReading(shown, reading.raw, value, f"{_digits(value)} {formula.unit}".rstrip())
+
+
+_DEEPEST: Final = 3  # values computed from computed ones
 
 
 def read_mapped(row: MappedValue, words: Sequence[int], power: int | None = 0) -> MappedReading:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import html
 import io
 import re
 import zipfile
@@ -19,6 +20,9 @@ _CELL: Final = 1000  # characters
 _MOST_COLUMNS: Final = 100  # of a sheet
 _LOOK: Final = 60  # lines that tell how a text is cut
 _LEAST_CELLS: Final = 3  # that make a row of columns which blanks part
+_HTML_ROW: Final = re.compile(r"<tr\b[^>]{0,200}>(.*?)</tr>", re.IGNORECASE | re.DOTALL)
+_HTML_CELL: Final = re.compile(r"<t[dh]\b[^>]{0,200}>(.*?)</t[dh]>", re.IGNORECASE | re.DOTALL)
+_TAG: Final = re.compile(r"<[^<>]{1,200}>")
 _LINK: Final = re.compile(r"!?\[([^\[\]]*)\]\([^()\s]*\)")
 _RULE: Final = re.compile(r"[=-]{2,}(?: +[=-]{2,}){1,99}\s*")  # above or below headings
 _GAP: Final = re.compile(r"\t| {2,}")
@@ -38,6 +42,13 @@ class MapSheet:
     rows: list[list[str]]
     hidden: frozenset[int] = frozenset()
     notes: tuple[str, ...] = ()
+
+
+def sheets_in(data: bytes, text: str, name: str, most_rows: int) -> list[MapSheet]:
+    """The sheets of a workbook, or the one that a text is; MapError names the file."""
+    if data.startswith(ZIP):
+        return sheets_of(data, name, most_rows)
+    return [MapSheet("", rows_of_text(text, name, most_rows))]
 
 
 def sheets_of(data: bytes, name: str, most_rows: int) -> list[MapSheet]:
@@ -137,7 +148,13 @@ def rows_of_text(text: str, file: str, most: int) -> list[list[str]]:
     lines = text.splitlines()[:most]
     if lines and (named := re.fullmatch(r"\"?sep=(.)\"?", lines[0].strip(), re.IGNORECASE)):  # Excel's own line
         return _cut(["", *lines[1:]], named[1], file)
+    if _HTML_ROW.search(text):
+        return [[html.unescape(_TAG.sub("", cell)).strip()[:_CELL] for cell in _HTML_CELL.findall(row)[:_MOST_COLUMNS]]
+                for row in _HTML_ROW.findall(text)[:most]]  # fmt: skip
     head = lines[:_LOOK]
+    if sum(line.rstrip().endswith("\\\\") for line in head) > _LEAST_CELLS:
+        lines = [re.sub(r"\\\\\s*$|\\hline|\\(?=[%&_#])", "", line) for line in lines]
+        return _cut(lines, "&", file)
     sign = max("\t;,|", key="\n".join(head).count)
     if (rule := next(filter(None, map(_RULE.fullmatch, head)), None)) is not None:
         spans = [mark.span() for mark in re.finditer("[=-]+", rule[0])]

@@ -155,6 +155,8 @@ def assembled(header: Mapping[str, object], rows: Iterator[tuple[int, Mapping[st
             if before != number:
                 raise CellError("name", value.name, f"one row a value: row {before} has it at {value.address} already")
             values.append(value)
+        where = f"{file}: formulas"
+        _names_are_known(values)
     except CellError as error:
         raise MapError(f"{where}: {error}") from error
     if not values:
@@ -170,6 +172,16 @@ def assembled(header: Mapping[str, object], rows: Iterator[tuple[int, Mapping[st
         licence=licence,
         other=other_texts(header, HEADER_KEYS),
     )
+
+
+def _names_are_known(values: Sequence[MappedValue]) -> None:
+    """CellError where a formula names a value that the map has not."""
+    names = {value.name for value in values}
+    for value in filter(lambda value: value.formula, values):
+        from .formulas import formula_of
+
+        if unknown := [name for name in formula_of(value.formula).names if name not in names]:
+            raise CellError("formula", unknown[0], "the name of a value of this map")
 
 
 def _cells_by_column(

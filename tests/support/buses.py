@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 import captures
 from analyzer.core import Analysed, analyse
 from analyzer.deframing.protocols import Deframer
+from analyzer.deframing.weighing import PortWeights
 from analyzer.filters import BatchTable
 from analyzer.options import Options
 from analyzer.simulation import TAPS
@@ -225,3 +226,10 @@ def write_meter(path: Path, values: list[float]) -> None:
         for at, frame in ((0, bytes.fromhex("010300000002")), (20, b"\x01\x03\x04" + struct.pack(">f", value))):
             chunks.append(Chunk(1_780_000_000_000_000_000 + i * 10**9 + at * 10**6, frame + crc_bytes(frame)))
     captures.write(path, Capture.of(LineSettings(baud=19200, char_bits=10), chunks))
+
+
+def proven(data: bytes) -> str | None:
+    """The protocol that the first bytes of a port make sure."""
+    weights = PortWeights()
+    weights.feed(data)
+    return weights.proven

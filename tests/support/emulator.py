@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 from rich.cells import get_character_cell_size
-from running import ROOT
+from running import PATIENCE_S, ROOT
 
 _TOKEN = re.compile(
     r"\x1b\[([?>=<]?)([\d;:]*)([ -/]*)([@-~])"  # CSI
@@ -124,7 +124,7 @@ class Watched:
         while time.monotonic() < end and self._read(quiet):
             pass
 
-    def until(self, wanted: str | Callable[[], bool], seconds: float = 60) -> Watched:
+    def until(self, wanted: str | Callable[[], bool], seconds: float = PATIENCE_S) -> Watched:
         """Wait for something to be shown, or to be so."""
         end = time.monotonic() + seconds
         while not (wanted() if callable(wanted) else wanted in self.shown()):

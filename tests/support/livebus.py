@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
-from running import START, environment
+from running import PATIENCE_S, START, environment
 from scripts import script
 
 
@@ -132,12 +132,12 @@ class Running:
         if number is not None:
             self.process.send_signal(number)
         if self._reader is None:
-            out, said = self.process.communicate(timeout=30)
+            out, said = self.process.communicate(timeout=PATIENCE_S)
         else:
             assert self.process.stderr is not None
             out, said = b"", self.process.stderr.read()
-            self._reader.join(30)
-            self.process.wait(30)
+            self._reader.join(PATIENCE_S)
+            self.process.wait(PATIENCE_S)
         return self.process.returncode, bytes(self.out) + out, b"".join([*self.said, said]).decode()
 
     def _read(self) -> None:
@@ -146,7 +146,7 @@ class Running:
             self.out += data
 
 
-def eventually(what: Callable[[], bool], seconds: float = 10.0) -> bool:
+def eventually(what: Callable[[], bool], seconds: float = PATIENCE_S) -> bool:
     """Whether it becomes true in time."""
     until = time.monotonic() + seconds
     while time.monotonic() < until:

@@ -6,6 +6,8 @@ import struct
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
+from captures.chunks import Capture
+
 FIN, SYN, RST, PSH, ACK = 1, 2, 4, 8, 16
 CLIENT, SERVER = ("10.0.0.1", 50001), ("10.0.0.9", 502)
 Packet = tuple[int, bytes]  # time in ns, bytes
@@ -138,3 +140,8 @@ def read_request(transaction: int, unit: int = 1, start: int = 0, count: int = 2
 def read_answer(transaction: int, unit: int = 1, values: Iterable[int] = (17, 18)) -> bytes:
     words = b"".join(struct.pack(">H", value) for value in values)
     return mbap(transaction, unit, bytes((3, len(words))) + words)
+
+
+def names(capture: Capture) -> dict[str, str]:
+    """The connections of a capture, by `port N`: what its notes say besides what each port speaks."""
+    return {key: name for key, name in capture.line.notes.items() if key.startswith("port ")}

@@ -232,6 +232,8 @@ def _row(draw: st.DrawFn, index: int, before: bytes, adu: bytes, kind: Kind, rig
     row.request_start[:], row.response_ns[:] = (
         (draw(BIG), draw(st.sampled_from([-1, 0, 5_000, 500_000]))) if asked >= 0 else (-1, -1)
     )
+    row.taken_for_start[:] = draw(st.one_of(st.just(-1), BIG)) if kind == Kind.RESPONSE else -1
+    row.unsure[:] = kind == Kind.RESPONSE and asked < 0 and draw(st.booleans())
     row.confidence[:], row.kind[:], row.unit[:], row.function[:] = (
         draw(st.floats(0, 1, width=32)),
         kind,

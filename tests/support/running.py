@@ -7,11 +7,13 @@ import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 import pytest
 
 from analyzer.cli import main
 
+PATIENCE_S: Final = 600.0  # for what must come: tests state what comes, not how fast this machine is today
 START = "import sys; from analyzer.cli import main; sys.exit(main())"
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -53,6 +55,8 @@ def environment(**more: str) -> dict[str, str]:
 def spawned(*arguments: str | Path, stdin: bytes = b"", cwd: Path | None = None, **more: str) -> Ran:
     """A command in a process of its own."""
     command = [sys.executable, "-c", START, *map(str, arguments)]
-    done = subprocess.run(command, input=stdin, capture_output=True, cwd=cwd, env=environment(**more), timeout=60)
+    done = subprocess.run(
+        command, input=stdin, capture_output=True, cwd=cwd, env=environment(**more), timeout=PATIENCE_S
+    )
     out, err = (said.decode(errors="replace").replace(os.linesep, "\n") for said in (done.stdout, done.stderr))
     return Ran(done.returncode, out, err, done.stdout)

@@ -15,7 +15,6 @@ import captures
 from analyzer.model.source import CaptureSource, ViewSource
 from analyzer.tui.app import Rtuscope
 from analyzer.tui.keys import Help
-from analyzer.tui.openfiles import NextFile
 from analyzer.tui.prompts import Ask, Choose
 from analyzer.tui.screen import BusScreen
 from captures import samples
@@ -24,7 +23,7 @@ from captures import samples
 class Seat:
     """A user at the interface."""
 
-    def __init__(self, app: Rtuscope, pilot: Pilot[NextFile | None], notices: Sequence[str] = ()) -> None:
+    def __init__(self, app: Rtuscope, pilot: Pilot[None], notices: Sequence[str] = ()) -> None:
         self.app, self.pilot = app, pilot
         self._notices = notices
 
@@ -55,7 +54,7 @@ class Seat:
         """Workers are done and their messages handled."""
         await self.pilot.pause()
         await self.until(lambda: not self.app.keys.busy)
-        for _ in range(400):
+        for _ in range(4000):
             if all(worker.is_finished or (self.app.desk.source.live and worker.group in ("load", "select"))
                    for worker in self.app.workers):  # fmt: skip
                 break
@@ -65,7 +64,7 @@ class Seat:
         await self.pilot.pause()
 
     async def until(self, wanted: Callable[[], bool]) -> None:
-        for _ in range(3000):
+        for _ in range(60_000):
             if wanted():
                 return
             await asyncio.sleep(0.01)

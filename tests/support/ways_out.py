@@ -43,6 +43,8 @@ class RowFacts(NamedTuple):
     unit: int | None
     function: int | None
     request_start: int | None
+    taken_for_start: int | None
+    unsure: bool
     response_time_ns: tuple[int, int] | None  # between what it lies, twice the same where it is exact
     findings: tuple[str, ...]  # codes, sorted
 
@@ -67,6 +69,8 @@ def _of_frame(frame: Frame, noise: bool, findings: Iterable[Finding]) -> RowFact
         None if noise else frame.unit,
         None if noise else frame.function,
         None if noise else frame.request_start,
+        None if noise else frame.taken_for_start,
+        not noise and frame.unsure,
         None if noise else frame.response_time_bounds_ns,
         tuple(sorted(finding.code for finding in findings)),
     )
@@ -91,6 +95,8 @@ def _of_json(line: Mapping[str, Any]) -> RowFacts:
         line.get("unit"),
         line.get("function"),
         line.get("request_start"),
+        line.get("taken_for_start"),
+        line.get("unsure", False),
         _bounds(line),
         tuple(sorted(finding["code"] for finding in line["findings"])),
     )
@@ -110,6 +116,8 @@ def csv_table(capture: Capture, folder: Path) -> Facts:
             number.get("unit"),
             number.get("function"),
             number.get("request_start"),
+            number.get("taken_for_start"),
+            row["unsure"] == "true",
             _bounds(number),
             tuple(sorted(codes)),
         )
@@ -143,6 +151,8 @@ def _of_table(table: Any) -> Facts:
             row["unit"],
             row["function"],
             row["request_start"],
+            row["taken_for_start"],
+            bool(row["unsure"]),
             _bounds(row),
             tuple(sorted(row["findings"])),
         )

@@ -105,7 +105,10 @@ def cut_at_length(evidence: Evidence) -> Iterator[Suspicion]:
 
 _SURE_BITS: Final = 8.0
 _MOSTLY_SHORT: Final = 0.7
-_TAP_TAKES: Final = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.LATENESS, Symptom.DOUBLES, Symptom.MARKS, Symptom.SILENCE)
+_DISPLACED_BITS: Final = 16.0  # an answer that seems to be of another request
+_TAP_TAKES: Final = (
+    Symptom.DAMAGE, Symptom.BEHIND, Symptom.LATENESS, Symptom.DOUBLES, Symptom.MARKS, Symptom.SILENCE, Symptom.SHIFT,
+)  # fmt: skip
 
 
 @suspect(
@@ -130,12 +133,13 @@ def tap_loses(evidence: Evidence) -> Iterator[Suspicion]:
     bits += evenness_bits(evidence)  # what a tap loses it loses of all
     if bits < _SURE_BITS or sum(each.length < each.due for each in readings) < _MOSTLY_SHORT * len(readings):
         return
+    displaced = sum(each.displaced for each in evidence.ledger.shifts.units.values())  # behind requests that it lost
     damaged, answers = sum(map(evidence.damaged, units)), sum(unit.asked for unit in units)
     explains: Explained = frozenset((kind, unit.unit) for unit in evidence.units for kind in _TAP_TAKES)
     explains -= {(Symptom.SILENCE, unit.unit) for unit in evidence.units if not may_strike(evidence, unit)}
     yield Suspicion(
         (),
-        surplus_bits(damaged, answers, HEALTHY) + bits,
+        surplus_bits(damaged, answers, HEALTHY) + bits + _DISPLACED_BITS * displaced,
         explains | {(Symptom.FRAMING, None)},
         {
             "damaged": damaged,

@@ -11,11 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dissectors.crc import crc_ok
+from dissectors.foreign import is_of_its_own
 from dissectors.lengths import Role, pdu_length
 from dissectors.limits import OVERHEAD
 
 from ...deframing.directions import port_role
 from ...tables.findings import Severity
+from ...tables.taps import TapKind, tap_kind
 from ..bits import surplus_bits
 from ..evidence import HEALTHY, Evidence
 from ..exchanges import Ending
@@ -27,6 +29,7 @@ from .outages import silent_together
 
 _LEAST: Final = 20  # frames
 _REQUEST: Final = 8  # bytes, most of them
+_FEW_MARKED: Final = 0.02  # of characters, by which edges that were read at the line's settings may be marked
 _SOME_MARKED: Final = 0.2  # of the bytes: by a wrong parity all are, by a parity that is not awaited half of them
 _FRAMES: Final = 10  # by which a wrong direction is told: chance makes no right check value so often
 _NEARLY_ALL: Final = 0.9
@@ -342,9 +345,11 @@ def tap_line_settings(evidence: Evidence) -> Iterator[Suspicion]:
     if (
         evidence.foreign[1]
         or ledger.bytes < _BYTES
+        or (tap_kind(ledger.line) is TapKind.EDGES and ledger.marked_bytes < _FEW_MARKED * ledger.bytes)
         or (evidence.declared_bytes > _NOTHING * ledger.bytes and not _has_seven_bits(data))
         or ledger.right_bytes > _HALF * ledger.bytes
         or len(data) < _BYTES / 2
+        or is_of_its_own([octets for _, _, octets in ledger.noise], ledger.line.baud)
         or sum(_hidden(evidence, port, role) for port in ledger.ports for role in Role) >= _FRAMES
     ):
         return

@@ -62,12 +62,18 @@ class _Open(NamedTuple):
 class Triage:
     """Looks at rows in turn; remembers the last ones, and whether a port has ever given an 11 or 13."""
 
+    _trail: LookBack
+    _flow_at: dict[int, int]
+    _open: _Open | None
+    _mended: tuple[int, int, bytes] | None
+    explained: dict[int, None]
+
     def __init__(self, trail: LookBack) -> None:
         self._trail = trail
-        self._flow_at: dict[int, int] = {}  # port: where its first 11 or 13 came
-        self._open: _Open | None = None  # the newest rows, where their verdict may change
-        self._mended: tuple[int, int, bytes] | None = None  # port, end, the request that flow control robbed there
-        self.explained: dict[int, None] = {}  # requests of late, by index, whose answer came damaged
+        self._flow_at = {}  # port: where its first 11 or 13 came
+        self._open = None  # the newest rows, where their verdict may change
+        self._mended = None  # port, end, the request that flow control robbed there
+        self.explained = {}  # requests of late, by index, whose answer came damaged
 
     def examine(self, view: DiagnosisStep) -> dict[int, Sequence[DividedFrame]]:
         """What happened to the damaged rows of a batch, by row: one part, or several frames that ran together."""

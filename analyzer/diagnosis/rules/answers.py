@@ -55,6 +55,7 @@ class TransactionColumns(NamedTuple):
     port: int
     response_port: int
     protocol: int
+    unsure: bool
     number: int
 
     @property
@@ -135,17 +136,28 @@ class Outcomes:
     Nearly all went well: of these only those beside an odd one are looked at.
     """
 
+    _suspects: TransactionRows
+    _numbers: NDArray[np.int64]
+    _judged: int
+    _odd: int
+    _requests: int
+    _first_ones: int
+    _echoes: int
+    _echoes_at: list[int]
+    _rewritten: set[int]
+    _answering: dict[int, int]
+
     def __init__(self) -> None:
-        self._suspects: TransactionRows = TransactionRows.zeros(0)  # odd ones, their neighbours, and the newest
-        self._numbers: NDArray[np.int64] = np.zeros(0, np.int64)  # and how many came before each
+        self._suspects = TransactionRows.zeros(0)  # odd ones, their neighbours, and the newest
+        self._numbers = np.zeros(0, np.int64)  # and how many came before each
         self._judged = 0  # of them, 1 once there is one
         self._odd = -1  # the number of the newest odd one
         self._requests = 0  # so far
         self._first_ones = 0  # of them, among the first frames: what those show counts for them, too
         self._echoes = 0  # requests that were answered when they came a second time, as far as all are judged
-        self._echoes_at: list[int] = []  # the numbers of further ones
-        self._rewritten: set[int] = set()  # units to which the same write went twice in a row, answered each time
-        self._answering: dict[int, int] = {}  # units, and the number of the first request that each answered
+        self._echoes_at = []  # the numbers of further ones
+        self._rewritten = set()  # units to which the same write went twice in a row, answered each time
+        self._answering = {}  # units, and the number of the first request that each answered
 
     @property
     def open_from(self) -> int | None:

@@ -248,8 +248,11 @@ def wrong_lrcs(view: DiagnosisStep) -> Iterator[Findings]:
 class DamagedRows:
     """Damaged frames, and the noise that was one; what is vague about the last row waits for the one behind it."""
 
+    _waiting: list[Findings]
+    _cut_by_end: bool
+
     def __init__(self) -> None:
-        self._waiting: list[Findings] = []
+        self._waiting = []
         self._cut_by_end = False  # what waits is the beginning of a frame
 
     @property

@@ -94,10 +94,15 @@ SATURATED: Final = Rule(
 class Pace:
     """Response times by unit: all of them, the first ones, and those of late."""
 
+    _all: dict[int, Histogram]
+    _early: dict[int, Spread]
+    _late: dict[int, Spread]
+    _waiting: ColumnQueue
+
     def __init__(self) -> None:
-        self._all: dict[int, Histogram] = {}
-        self._early: dict[int, Spread] = {}
-        self._late: dict[int, Spread] = {}
+        self._all = {}
+        self._early = {}
+        self._late = {}
         self._waiting = ColumnQueue()  # units and response times
 
     def __call__(self, view: DiagnosisStep) -> Iterator[Findings]:
@@ -161,9 +166,12 @@ def _slower(own: float, usual: float, off: float) -> bool:
 class Polls:
     """Reads by unit, function, address and quantity."""
 
+    _count: Counter[tuple[int, int, int, int]]
+    _waiting: defaultdict[tuple[int, int], ColumnQueue]
+
     def __init__(self) -> None:
-        self._count: Counter[tuple[int, int, int, int]] = Counter()
-        self._waiting: defaultdict[tuple[int, int], ColumnQueue] = defaultdict(ColumnQueue)
+        self._count = Counter()
+        self._waiting = defaultdict(ColumnQueue)
 
     def __call__(self, view: DiagnosisStep) -> Iterator[Findings]:
         for (address, quantity), functions in _layouts(revision()).items():
@@ -255,9 +263,16 @@ def _overhead_ns(view: DiagnosisStep) -> float:
 class Busy:
     """How long bytes were on the line, and how long the master paused before its requests."""
 
+    _octets: int
+    _paused: int
+    _requests: int
+    _first: int | None
+    _last: int
+    _waiting: ColumnQueue
+
     def __init__(self) -> None:
         self._octets = self._paused = self._requests = 0
-        self._first: int | None = None
+        self._first = None
         self._last = 0
         self._waiting = ColumnQueue()  # kinds, units, starts and ends
 

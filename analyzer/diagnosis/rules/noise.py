@@ -124,9 +124,13 @@ class _OpenStretch(NamedTuple):
 class NoiseStretches:
     """Rows in turn; a stretch at the end waits for the next one."""
 
+    _explained_before: bool
+    _waiting: _OpenStretch | None
+    _frames: int
+
     def __init__(self) -> None:
         self._explained_before = False  # the row before was noise, and is explained otherwise
-        self._waiting: _OpenStretch | None = None
+        self._waiting = None
         self._frames = 0
 
     @property

@@ -72,7 +72,8 @@ BROADCAST_READ: Final = Rule(
     clause="[2] 2.1",
     numbers=("function",),
     text="a read is sent to unit 0, which nobody may answer",
-    cause="the unit's address is not set in the client, or it searches for a device",
+    cause="the unit's address is not set in the client, or it searches for a device; a gateway passes on the unit 0 of "
+    "Modbus TCP so, too",
     remedy="set the unit's address in the client",
 )
 
@@ -107,10 +108,14 @@ class _Before(NamedTuple):
 class Strangers:
     """Answers with a right check value that belong to no request."""
 
+    _requested: bool
+    _newest: tuple[int, _Before] | None
+    _asking: set[int]
+
     def __init__(self) -> None:
         self._requested = False  # a request has been seen: before it, answers belong to what was before the capture
-        self._newest: tuple[int, _Before] | None = None  # the last row that was asked about, and what stood before it
-        self._asking: set[int] = set()  # ports on which requests over Modbus TCP were seen
+        self._newest = None  # the last row that was asked about, and what stood before it
+        self._asking = set()  # ports on which requests over Modbus TCP were seen
 
     def __call__(self, view: DiagnosisStep) -> Iterator[Findings]:
         rows, asks = view.rows, view.requests
@@ -206,6 +211,11 @@ def _silent(numbers: Mapping[str, float]) -> str:
     return phrase("unit {unit:.0f} did not answer", numbers)
 
 
+def _asks_itself(numbers: Mapping[str, float]) -> bool:
+    """Whether a request over Modbus TCP is to the server itself ([3] 4.4.2.2)."""
+    return "over_tcp" in numbers and numbers["unit"] in (0, 255)
+
+
 NO_RESPONSE: Final = Rule(
     "no-response",
     Severity.ERROR,
@@ -220,6 +230,8 @@ NO_RESPONSE: Final = Rule(
     cause=lambda numbers: phrase(
         "a request that reached it damaged, a unit that restarts or is busy, or a loose contact: it answers otherwise"
         if numbers["answered_before"]
+        else "unit 0 or FF is the server itself: where that is a gateway, no unit behind it is asked"
+        if _asks_itself(numbers)
         else "no such unit behind this server, or one that its serial line does not reach"
         if "over_tcp" in numbers
         else "it has not answered so far: no such unit, or one without power; else a wrong baud rate or parity, "
@@ -228,6 +240,8 @@ NO_RESPONSE: Final = Rule(
     remedy=lambda numbers: phrase(
         "look when it falls silent: its power, its connector, what the client asks of it just then"
         if numbers["answered_before"]
+        else "set the unit's number in the client, if a unit behind a gateway is meant"
+        if _asks_itself(numbers)
         else "check the unit's number, and the line behind the gateway if it is one; take it off the poll list if it "
         "is not there"
         if "over_tcp" in numbers

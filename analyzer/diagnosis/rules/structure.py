@@ -85,6 +85,7 @@ PADDING: Final = Rule(
     cause="the device sends whole bytes of its memory and does not clear the bits that nobody asked for",
     remedy="ignore these bits in the client; the device's vendor should clear them",
 )
+_GATEWAY: Final = 0xFF  # the unit of a server that is itself meant, over Modbus TCP ([3] 4.4.2.2)
 RESERVED_UNIT: Final = Rule(
     "reserved-unit",
     Severity.WARNING,
@@ -93,8 +94,17 @@ RESERVED_UNIT: Final = Rule(
     clause="[2] 2.2",
     numbers=("unit",),
     text="unit {unit:.0f} is used, 248 to 255 are reserved",
-    cause="a device's own service address, or an address set wrongly",
-    remedy="give the device an address from 1 to 247",
+    varies="unit",
+    cause=lambda numbers: phrase(
+        "a client of Modbus TCP that asks unit FF, which a gateway passes on, or a device's own service address"
+        if numbers["unit"] == _GATEWAY
+        else "a device's own service address, or an address set wrongly"
+    ),
+    remedy=lambda numbers: phrase(
+        "set the unit's number in the client; give the device an address from 1 to 247"
+        if numbers["unit"] == _GATEWAY
+        else "give the device an address from 1 to 247"
+    ),
 )
 RESERVED_FUNCTION: Final = Rule(
     "reserved-function",
@@ -291,7 +301,16 @@ def _text(numbers: Mapping[str, float]) -> str:
     return refused + (f", {phrase(meaning)}" if meaning else "")
 
 
+_OF_GATEWAYS: Final = (0x0A, 0x0B)
+_ITSELF: Final = (
+    "unit {unit:02X} is the gateway itself, not a unit behind it",
+    "set the unit's number in the client",
+)
+
+
 def _use(numbers: Mapping[str, float]) -> tuple[str, str]:
+    if int(numbers["code"]) in _OF_GATEWAYS and int(numbers["unit"]) in (0, _GATEWAY):
+        return _ITSELF
     return _USES.get(int(numbers["code"]), ("a code of the vendor's own", "look the code up in the device's manual"))
 
 
@@ -304,7 +323,7 @@ EXCEPTION_ANSWER: Final = Rule(
     numbers=("code", "function", "unit"),
     varies="code",
     text=_text,
-    cause=lambda numbers: phrase(_use(numbers)[0]),
+    cause=lambda numbers: phrase(_use(numbers)[0], unit=int(numbers["unit"])),
     remedy=lambda numbers: phrase(_use(numbers)[1]),
 )
 

@@ -131,8 +131,11 @@ BLIND: Final = Rule(
 class Timing:
     """Frames with the row before each; the first ones wait for the clock's first verdict."""
 
+    _waiting: list[tuple[Rows, Rows]]
+    _frames: int
+
     def __init__(self) -> None:
-        self._waiting: list[tuple[Rows, Rows]] = []
+        self._waiting = []
         self._frames = 0
 
     @property

@@ -29,6 +29,7 @@ from .sheet import Cursor, Ints, Sheet, Store, encoded, parted
 HEAD: Final = 15  # pieces before the fields
 TAIL: Final = 2  # pieces behind them
 _HEX: Final = b',"hex":"'
+_OWN: Final = b',"taken_for_start":null,"unsure":false,"response_time_ns":'
 _NO_CHECK: Final = 2  # in a key: beside 0 and 1, whether the check value is right
 
 
@@ -70,7 +71,7 @@ class Envelope:
 
     def _put_response_times(self, batch: Batch, row_numbers: Ints, cursor: Cursor) -> None:
         exact, low, high = (column[row_numbers] for column in batch.response_times)
-        cursor.put(b',"response_time_ns":')
+        cursor.put(self._owners(batch.rows, row_numbers, cursor))
         cursor.put_known(exact, b"null")
         behind = np.full(len(exact), self._store.fixed(_HEX), np.int64)
         bounded = np.flatnonzero((exact < 0) & (low >= 0))
@@ -78,6 +79,16 @@ class Envelope:
             bounds = zip(low[bounded].tolist(), high[bounded].tolist(), strict=True)
             behind[bounded] = cursor.sheet.texts([_bounded(each) for each in bounds])
         cursor.put(behind)
+
+    def _owners(self, rows: Rows, row_numbers: Ints, cursor: Cursor) -> Ints:
+        """Whose answers the client takes these for, where that is another's, or nobody can tell whose they are."""
+        texts = np.full(len(row_numbers), self._store.fixed(_OWN), np.int64)
+        taken, unsure = rows.taken_for_start[row_numbers], rows.unsure[row_numbers]
+        odd = np.flatnonzero((taken >= 0) | unsure)
+        if len(odd):
+            pairs = zip(taken[odd].tolist(), unsure[odd].tolist(), strict=True)
+            texts[odd] = cursor.sheet.texts([_owner(*pair) for pair in pairs])
+        return texts
 
     def put_tail(self, rows: Rows, row_numbers: Ints, batch: Batch, cursor: Cursor) -> None:
         """`TAIL` pieces of each row: the line's end is the last of them."""
@@ -106,7 +117,7 @@ class Envelope:
         protocol = Protocol.TCP if key & _NO_CHECK else Protocol.RTU
         columns = {"exception": key >> 2 & 0xFF, "check": bool(key & 1), "protocol": protocol}
         line = _json(_frame(function=key >> 10, **columns))
-        return line[line.index(b',"function":') : line.index(b'null,"response_time_ns":')]
+        return line[line.index(b',"function":') : line.index(b'null,"taken_for_start":')]
 
     @staticmethod
     def _confidences(key: int) -> bytes:
@@ -120,6 +131,8 @@ def _frame(**columns: Any) -> Frame:
         "request": -1,
         "request_start": -1,
         "response_ns": -1,
+        "taken_for_start": -1,
+        "unsure": False,
         "kind": Kind.REQUEST,
     }
     return Frame(Row(**plain | columns), b"")
@@ -127,6 +140,12 @@ def _frame(**columns: Any) -> Frame:
 
 def _json(frame: Frame) -> bytes:
     return orjson.dumps(frame.to_json(fields=False))
+
+
+def _owner(taken_for_start: int, unsure: bool) -> bytes:
+    """The same of an answer that is displaced, or may be."""
+    taken = b"null" if taken_for_start < 0 else b"%d" % taken_for_start
+    return b',"taken_for_start":%s,"unsure":%s,"response_time_ns":' % (taken, b"true" if unsure else b"false")
 
 
 def _bounded(bounds_ns: tuple[int, int]) -> bytes:

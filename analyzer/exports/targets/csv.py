@@ -19,7 +19,7 @@ from dissectors.values import FORMULA_STARTS
 
 from ...tables.batch import Batch, Frame
 from ...tables.columns import Decoded, Pdus, decode
-from ...tables.schema import Direction, Kind, Protocol, Rows
+from ...tables.schema import Direction, Kind, Protocol, Row, Rows
 from ...words import is_clock
 from ..encoding import explain_json
 from ..encoding.forms import BatchBytes, Forms, kept
@@ -62,6 +62,8 @@ COLUMNS: Final = (
     "values",  # registers or bits, separated by spaces
     "response_time_low_ns",  # between what it lies, both the same where it is exact
     "response_time_high_ns",
+    "taken_for_start",  # the request that the client takes an answer for, where it is of another
+    "unsure",  # whether nobody can tell which request it answers
 )
 EXPLAINED: Final = (
     "bits_length",
@@ -75,11 +77,16 @@ EXPLAINED: Final = (
 )
 _HEAD: Final = 5 + 9  # pieces before the summary, times left out
 _TIMES: Final = 7  # theirs
-_TAIL: Final = 5 + 4  # pieces behind the summary, values left out
+_TAIL: Final = 5 + 5  # pieces behind the summary, values left out
 _TAIL_TIMED: Final = _TAIL + 3
 _NO_CHECK: Final = 2  # in a key: beside 0 and 1, whether the check value is right
 _EXACT: Final = 1 << 53  # nanoseconds that a float still counts
 _SPECIAL: Final = frozenset(',"\r\n')
+
+
+def clock_text(t_ns: int) -> str:
+    """ISO 8601 in UTC to the microsecond; nothing for a time that no clock of ours gave."""
+    return f"{np.datetime64(t_ns // 1000, 'us')}Z" if is_clock(t_ns) else ""
 
 
 class _SpokenWords(NamedTuple):
@@ -212,6 +219,11 @@ class _CsvTable:
         for column in (batch.response_times.low, batch.response_times.high):
             cursor.put(b",")
             cursor.put_known(column[row_numbers], b"")
+        owners = np.full(len(row_numbers), self._store.fixed(b",,false"), np.int64)
+        odd = np.flatnonzero((rows.taken_for_start >= 0) | rows.unsure)
+        if len(odd):
+            owners[odd] = cursor.sheet.texts([_owner(rows.row(row)) for row in odd.tolist()])
+        cursor.put(owners)
         if self._options.explain:
             cursor.put_texts([_explained(batch.frame(row)) + b"\n" for row in row_numbers.tolist()])
         else:
@@ -306,6 +318,12 @@ def _function(key: int) -> bytes:
     if not _SPECIAL.isdisjoint(name):
         name = f'"{_csv_text(name).decode()}"'
     return f",{function},{name},{exception or ''},{check}".encode()
+
+
+def _owner(row: Row) -> bytes:
+    """Two cells: whose answer the client takes it for, and whether nobody can tell whose it is."""
+    taken = "" if row.taken_for_start < 0 else str(row.taken_for_start)
+    return f",{taken},{str(row.unsure).lower()}".encode()
 
 
 def _explained(frame: Frame) -> bytes:

@@ -7,16 +7,16 @@ names of their own and put in their places at the end, so that whoever opens the
 from __future__ import annotations
 
 import re
-import shutil
-import tempfile
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
+from functools import partial
 from hashlib import sha256
 from pathlib import Path, PurePosixPath
 from typing import Final
 from unicodedata import normalize
 from urllib.parse import quote
 
+from captures.disposal import TemporaryFolder, move_folder, remove_empty_folder, remove_proven
 from captures.errors import CaptureError, os_reason
 from captures.files import replacing
 
@@ -144,47 +144,71 @@ def write_pages(lake: Lake, page: str | Path) -> int:
         raise FleetError(f"{page}: is a folder: give the name of a file to write")
     foreign = foreign_file(folder)
     if foreign is not None:
-        raise FleetError(f"{foreign}: is no page of a site: empty {folder.name}, or give another name")
+        raise _foreign(foreign, folder)
     named = page_names(lake.sites)
     try:
-        scratch = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=page.parent))
+        with TemporaryFolder(f".{folder.name}.", page.parent) as scratch:
+            new = scratch / "new"
+            new.mkdir()
+            with replacing(page) as stream:
+                for name, text in rendered(lake, page.name, folder.name, named):
+                    if name is None:
+                        stream.write(text.encode())
+                    else:
+                        with (new / name).open("xb") as file:
+                            file.write(_signed(name, text.encode()))
+                _settle(new, folder, scratch.with_name(f"{scratch.name}.old"))
     except FileNotFoundError as error:
         raise FleetError(f"{page}: cannot be written: no such folder as {page.parent}") from error
-    except OSError as error:
-        raise FleetError(f"{page}: cannot be written: {os_reason(error)}") from error
-    try:
-        new, old = scratch / "new", scratch / "old"
-        new.mkdir()
-        with replacing(page) as stream:
-            for name, text in rendered(lake, page.name, folder.name, named):
-                if name is None:
-                    stream.write(text.encode())
-                else:
-                    (new / name).write_bytes(text.encode())
-            if folder.exists():
-                folder.rename(old)
-            _settle(new, folder, old)
     except CaptureError as error:
         raise FleetError(str(error)) from error
     except OSError as error:
         raise FleetError(f"{page}: cannot be written: {os_reason(error)}") from error
-    finally:
-        shutil.rmtree(scratch, ignore_errors=True)
     return len(named)
 
 
 def _settle(new: Path, folder: Path, old: Path) -> None:
-    """The new folder in its place; if that cannot be, the old one again."""
+    """The new folder in its place; if that cannot be, the old one again. Of the old one only its pages go."""
+    there = folder.exists()
+    if there:
+        move_folder(folder, old)
     try:
-        new.rename(folder)
+        if there and (foreign := foreign_file(old)) is not None:  # it came meanwhile
+            raise _foreign(folder / foreign.name, folder)
+        move_folder(new, folder)
     except BaseException:
-        if old.exists():
-            old.rename(folder)
+        if there:
+            move_folder(old, folder)
         raise
+    if there:
+        for page in old.iterdir():
+            remove_proven(page, partial(_is_signed, page.name))
+        remove_empty_folder(old)
+
+
+_SIGNED: Final = b"<!-- rtuscope page %s -->\n"
+_SIGNATURE: Final = len(_SIGNED) - 2 + 64
+
+
+def _signed(name: str, text: bytes) -> bytes:
+    """A page that can be told from what anybody else put there, or changed."""
+    return text + _SIGNED % sha256(name.encode() + b"\0" + text).hexdigest().encode()
+
+
+def _is_signed(name: str, page: bytes) -> bool:
+    return page == _signed(name, page[:-_SIGNATURE])
+
+
+def _foreign(path: Path, folder: Path) -> FleetError:
+    return FleetError(f"{path}: is no page of a site: empty {folder.name}, or give another name")
 
 
 def foreign_file(folder: Path) -> Path | None:
     """What stands in the way of sites' pages: something in their folder, or under its name, that is none of them."""
     if folder.is_dir() and not folder.is_symlink():
-        return next((each for each in sorted(folder.iterdir()) if each.suffix != _ENDING or not each.is_file()), None)
+        return next((each for each in sorted(folder.iterdir()) if not _is_page(each)), None)
     return folder if folder.exists() or folder.is_symlink() else None
+
+
+def _is_page(path: Path) -> bool:
+    return path.is_file() and not path.is_symlink() and _is_signed(path.name, path.read_bytes())

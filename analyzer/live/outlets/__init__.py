@@ -12,6 +12,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Protocol
 
+from ...errors import RtuscopeError
+
 if TYPE_CHECKING:
     from captures.line import LineSettings
 
@@ -20,7 +22,7 @@ if TYPE_CHECKING:
 Tell = Callable[[str], None]  # says a line to the user, and waits for nobody
 
 
-class OutletError(Exception):
+class OutletError(RtuscopeError):
     """An outlet that cannot begin: what, where, what to do."""
 
 

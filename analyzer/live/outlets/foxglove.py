@@ -1,12 +1,14 @@
 """The topics of an MCAP export, live: `rtuscope sniff PORT --foxglove 8765`, then open ws://localhost:8765.
 
-Messages and schemas are those of the file, byte for byte: the same code makes them.
+Messages and schemas are those of the file, byte for byte: the same code makes them. The library's server lets in any
+page of the web; a door before it asks where a request comes from.
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 from captures.formats.mcap.records import HEAD, Packed
@@ -15,21 +17,31 @@ from dissectors.maps.model import RegisterMap
 from ...exports.targets.mcap.recording import Topics
 from ...extras import needs
 from ...version import __version__
+from ...webguard import refusal
 from . import OutletError
+from .door import Door, hidden_address
 
 if TYPE_CHECKING:
     from captures.line import LineSettings
 
     from ..session import SessionStep
 
+_VIEWERS: Final = ("https://app.foxglove.dev",)  # pages that are let in; desktop programs are no pages of the web
 _BACKLOG: Final = 4096  # messages that wait for a viewer; the oldest are dropped, for that viewer alone
 
 
 class Foxglove:
     """A WebSocket server with the topics of a session."""
 
-    def __init__(self, host: str, port: int, charts: Mapping[int, RegisterMap] | None = None) -> None:
-        """OutletError where it cannot begin."""
+    def __init__(
+        self,
+        host: str,
+        port: int,
+        charts: Mapping[int, RegisterMap] | None = None,
+        *,
+        origins: Collection[str] = (),
+    ) -> None:
+        """OutletError where it cannot begin. `origins`: pages besides Foxglove's own that are let in."""
         try:
             import foxglove
         except ImportError as error:
@@ -37,18 +49,22 @@ class Foxglove:
         logging.getLogger("foxglove").addHandler(logging.NullHandler())  # a viewer that just goes is no trouble of ours
         self._writer = _Channels(foxglove)
         self._topics = Topics(self._writer, explain=False, noise=True, charts=charts)
-        name = f"rtuscope {__version__}"
+        name, hidden = f"rtuscope {__version__}", hidden_address()
+        judge = partial(refusal, listening=host, also=frozenset({*_VIEWERS, *origins}), programs=True)
+        self._door = Door(host, port, judge)
         try:
             self._server = foxglove.start_server(
-                name=name, host=host, port=port, context=self._writer.context, message_backlog_size=_BACKLOG
+                name=name, host=hidden, port=0, context=self._writer.context, message_backlog_size=_BACKLOG
             )
         except Exception as error:  # the library's own kinds
+            self._door.close()
             raise OutletError(f"--foxglove {host}:{port}: {error}") from error
+        self._door.lead_to(hidden, int(self._server.port))
 
     @property
     def port(self) -> int:
         """Where it serves."""
-        return int(self._server.port)
+        return self._door.port
 
     def feed(self, step: SessionStep, line: LineSettings) -> None:  # noqa: ARG002
         """The messages of a step."""
@@ -57,6 +73,7 @@ class Foxglove:
 
     def close(self) -> None:
         """End the server."""
+        self._door.close()
         self._server.stop()
 
 

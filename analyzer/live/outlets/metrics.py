@@ -1,18 +1,24 @@
 """OpenMetrics for Prometheus and whoever scrapes alike: `rtuscope sniff PORT --metrics 9617`, then `/metrics`.
 
-Counters grow from when listening began. A scrape reads numbers and never waits for the bus, nor the bus for it.
+Counters grow from when listening began. A scrape reads numbers and never waits for the bus, nor the bus for it. A page
+of the web that makes a browser ask is refused, also under a name that it made point here.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import socket
+import socketserver
+import threading
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, Final
+from wsgiref.simple_server import WSGIRequestHandler, WSGIServer, make_server
 
 import numpy as np
 
 from ...extras import needs
 from ...tables.findings import evidence, rules
 from ...tables.schema import Kind
+from ...webguard import refusal
 from ..status import LineStatus, by_unit
 from . import OutletError
 
@@ -74,10 +80,13 @@ class Metrics:
                 gauge = prometheus.Gauge(f"modbus_{name}", "Of the line, on the disk or lost", registry=registry)
                 gauge.set_function(lambda index=index: recorded()[index])
         try:
-            self._server, self._thread = prometheus.start_http_server(port, host, registry)
-        except OSError as error:
-            reason = (error.strerror or str(error)).lower()
+            self._server = make_server(
+                host, port, _guarded(prometheus.make_wsgi_app(registry), host), _server_at(host), _Quiet
+            )
+        except (OSError, OverflowError) as error:
+            reason = str(getattr(error, "strerror", None) or error).lower()
             raise OutletError(f"--metrics {host}:{port}: {reason}") from error
+        threading.Thread(target=self._server.serve_forever, daemon=True).start()
 
     @property
     def port(self) -> int:
@@ -120,3 +129,44 @@ class Metrics:
         """End the server."""
         self._server.shutdown()
         self._server.server_close()
+
+
+class _Quiet(WSGIRequestHandler):
+    """Logs nothing, and waits for no one who says nothing."""
+
+    timeout = 10.0
+
+    def log_message(self, *_: object) -> None: ...
+
+
+def _server_at(host: str) -> type[WSGIServer]:
+    """A server of a thread a request, for an address of this family."""
+
+    class Server(socketserver.ThreadingMixIn, WSGIServer):
+        daemon_threads = True
+        address_family = socket.AF_INET6 if ":" in host else socket.AF_INET
+
+        def handle_error(self, *_: object) -> None: ...  # a scraper that just goes is no trouble of ours
+
+        def server_bind(self) -> None:
+            """As it is, but without asking the network what this machine is called."""
+            socketserver.TCPServer.server_bind(self)
+            self.server_name, self.server_port = host, int(self.server_address[1])
+            self.setup_environ()
+
+    return Server
+
+
+def _guarded(app: Any, listening: str) -> Callable[[dict[str, Any], Any], Iterable[bytes]]:
+    """A WSGI application behind Host and Origin."""
+
+    def guard(environ: dict[str, Any], start_response: Any) -> Iterable[bytes]:
+        origins = [environ["HTTP_ORIGIN"]] if "HTTP_ORIGIN" in environ else []
+        why = refusal(environ.get("HTTP_HOST", ""), origins, listening)
+        if not why:
+            answer: Iterable[bytes] = app(environ, start_response)
+            return answer
+        start_response("403 Forbidden", [("Content-Type", "text/plain; charset=utf-8")])
+        return [f"{why}; --metrics NAME:PORT lets it listen by its name\n".encode()]
+
+    return guard

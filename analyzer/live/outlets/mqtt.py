@@ -1,14 +1,17 @@
 """A bus on an MQTT broker: `rtuscope sniff PORT --map MAP@17 --mqtt mqtt://HOST/base`.
 
     base/status                       online, offline (the broker says that, too, when we are gone)
-    base/unit/17/values/Active_power  12.5, each time that it changes
+    base/unit/17/available            online, offline: three requests without an answer, the adapter gone, nothing asked
+    base/unit/17/values/Active_power  12.5, each time that it changes, and again before anybody could take it for stale;
+                                      empty once it is stale
     base/unit/17/health               {"requests": 812, "answered": 810, ..., "answers": true}, once a second at most
     base/findings                     {"code": "no-response", ...}, an event each
 
 All but findings are retained. After a time without the broker it is asked what it still holds, and gets what it lacks:
 nothing is told twice. Messages go at most once each (QoS 0).
 
-Home Assistant is told what it needs for values and units to appear by themselves (its MQTT discovery).
+A broker gives what is retained to whoever comes later, as if it were new: so what is stale, or was left there by a
+session before this one, is taken back. Home Assistant is told of values and units by its discovery (`homeassistant`).
 """
 
 from __future__ import annotations
@@ -19,7 +22,7 @@ import sys
 import threading
 import time
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, Literal
 from urllib.parse import parse_qs, unquote, urlsplit
@@ -33,75 +36,20 @@ from ...exports.targets.mcap.schemas import topic_name
 from ...extras import needs
 from ...tables.findings import described
 from ...tables.schema import Kind
-from ...version import __version__
 from ..lines import FrameCache, confirmed_readings
 from ..status import by_unit
 from . import Letter, Mailbox, OutletError, Tell
+from .freshness import Freshness, Presence
+from .homeassistant import available_topic, health_entity, node_of, value_entity
 
 if TYPE_CHECKING:
     from captures.line import LineSettings
 
     from ..session import SessionStep
 
-_CLASSES: Final = {  # unit of measure: device class
-    "V": "voltage", "A": "current", "W": "power", "kW": "power", "VA": "apparent_power", "var": "reactive_power",
-    "Hz": "frequency", "Wh": "energy", "kWh": "energy", "MWh": "energy", "°C": "temperature", "°F": "temperature",
-    "Pa": "pressure", "bar": "pressure", "kPa": "pressure",
-}  # fmt: skip
-_GROWS: Final = ("Wh", "kWh", "MWh")
-_NUMBERLESS: Final = ("enum", "bits", "text", "time")
-Entity = tuple[str, Mapping[str, Any]]  # the topic behind the prefix, and what stands there
-
-
-def node_of(base: str) -> str:
-    """The part of Home Assistant's topics that is ours."""
-    return topic_name(base.replace("/", "_"))
-
-
-def value_entity(base: str, unit: int, row: MappedValue, topic: str, chart: RegisterMap | None) -> Entity:
-    """A mapped value as a sensor."""
-    config = {**_of_unit(base, unit, chart), "name": row.name, "state_topic": f"{base}/{topic}"}
-    if row.type not in _NUMBERLESS and row.area in ("holding", "input"):
-        config["state_class"] = "total_increasing" if row.unit in _GROWS else "measurement"
-        if row.unit:
-            config["unit_of_measurement"] = row.unit
-        if row.unit in _CLASSES:
-            config["device_class"] = _CLASSES[row.unit]
-    return _entity("sensor", base, topic, config)
-
-
-def health_entity(base: str, unit: int, chart: RegisterMap | None) -> Entity:
-    """Whether a unit answers, with its counts as attributes."""
-    topic = f"unit/{unit}/health"
-    config = {
-        **_of_unit(base, unit, chart),
-        "name": "Answers",
-        "device_class": "connectivity",
-        "state_topic": f"{base}/{topic}",
-        "value_template": "{{ 'ON' if value_json.answers else 'OFF' }}",
-        "json_attributes_topic": f"{base}/{topic}",
-    }
-    return _entity("binary_sensor", base, topic, config)
-
-
-def _entity(kind: str, base: str, topic: str, config: dict[str, Any]) -> Entity:
-    node = node_of(base)
-    name = topic_name(topic.replace("/", "_"))
-    return f"{kind}/{node}/{name}/config", {**config, "unique_id": f"{node}_{name}"}
-
-
-def _of_unit(base: str, unit: int, chart: RegisterMap | None) -> dict[str, Any]:
-    device: dict[str, Any] = {"identifiers": [f"{node_of(base)}_unit_{unit}"], "name": f"Modbus unit {unit}"}
-    if chart is not None:
-        device |= {key: value for key, value in (("manufacturer", chart.vendor), ("model", chart.device)) if value}
-    return {
-        "device": device,
-        "origin": {"name": "rtuscope", "sw_version": __version__},
-        "availability_topic": f"{base}/status",
-    }
-
-
-_PERIOD_NS: Final = 1_000_000_000  # between two words on a unit's health
+_DEAF: Final = frozenset({"lost", "failed", "waiting"})  # events after which nothing is heard
+_LOOK_S: Final = 1.0  # between two looks for what is stale
+_PERIOD_S: Final = 1.0  # between two words on a unit's health
 _SYNC_S: Final = 2.0  # for the broker to say what it holds
 _GRACE_S: Final = 1.0  # at the end
 _UNTOLD: Final = "Unspecified error"  # the client's words for a connection that just ended
@@ -143,8 +91,15 @@ class Broker:
 class Mqtt:
     """The client of one broker."""
 
-    def __init__(self, url: str, charts: Mapping[int, RegisterMap], tell: Tell) -> None:
-        """OutletError where this cannot begin; a broker that is away is no reason."""
+    def __init__(
+        self,
+        url: str,
+        charts: Mapping[int, RegisterMap],
+        tell: Tell,
+        *,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """OutletError where this cannot begin; a broker that is away is no reason. `clock`: steady, in seconds."""
         try:
             from paho.mqtt.client import Client
             from paho.mqtt.enums import CallbackAPIVersion
@@ -155,12 +110,15 @@ class Mqtt:
         self._mail = Mailbox()
         self._states: dict[str, str] = {}  # topic: payload, as it should be at the broker
         self._retained: dict[str, str] = {}  # as it is there, while we ask
+        self._clock = clock
         self._topics: dict[tuple[int, str, int], str] = {}  # of a value: unit, area, address
+        self._fresh: dict[tuple[int, str, int], Freshness] = {}
+        self._presence: dict[int, Presence] = {}
+        self._looked_s = 0.0  # for what is stale
         self._readings = FrameCache(lambda frame: confirmed_readings(frame, charts)) if charts else None
         self._charts = charts
         self._health: dict[int, Counter[str]] = {}
-        self._alive: dict[int, bool] = {}
-        self._sent_at: dict[int, int] = {}  # ns
+        self._sent_at: dict[int, float] = {}
         self._stale: set[int] = set()  # units whose health is another by now
         self._closing = threading.Event()
         self._ready = threading.Event()  # connected, and what the broker holds is known
@@ -188,17 +146,21 @@ class Mqtt:
 
     def feed(self, step: SessionStep, line: LineSettings) -> None:  # noqa: ARG002
         """What of a step goes to the broker."""
-        self._values(step)
+        now_s = self._clock()
         for traffic in by_unit(step.analysed.transactions):
             self._health.setdefault(traffic.unit, Counter()).update(traffic.counts)
-            if heard := traffic.counts["answered"] + traffic.counts["exceptions"] + traffic.counts["damaged"]:
-                self._alive[traffic.unit] = True
-            elif traffic.counts["unanswered"]:
-                self._alive[traffic.unit] = False
-            if heard or traffic.counts["requests"]:
+            counts = traffic.counts
+            heard = counts["answered"] + counts["exceptions"] + counts["damaged"]
+            self._presence.setdefault(traffic.unit, Presence()).settled(heard, counts["unanswered"], now_s)
+            if heard or counts["requests"]:
                 self._stale.add(traffic.unit)
-        for unit in [unit for unit in self._stale if step.t_ns - self._sent_at.get(unit, 0) >= _PERIOD_NS]:
-            self._tell_health(unit, step.t_ns)
+        if any(event.kind in _DEAF for event in step.events):
+            for presence in self._presence.values():
+                presence.left()
+        self._availability(now_s)
+        self._values(step, now_s)
+        for unit in [unit for unit in self._stale if now_s - self._sent_at.get(unit, -_PERIOD_S) >= _PERIOD_S]:
+            self._tell_health(unit, now_s)
         for finding in described(step.findings):
             event = {"t_ns": finding.t_ns, "index": finding.index, **finding.to_json()}
             self._mail.put(Letter(f"{self._base}/findings", json.dumps(event, ensure_ascii=False), state=False))
@@ -206,8 +168,10 @@ class Mqtt:
     def close(self) -> None:
         """Tell what is left to be told and that we go; ends soon, whether the broker is there or not."""
         for unit in list(self._stale):
-            self._tell_health(unit, 0)
+            self._tell_health(unit, self._clock())
         self._state("status", "offline")
+        for unit in self._presence:
+            self._unit_state(unit, there=False)
         until = time.monotonic() + _GRACE_S
         while self._ready.is_set() and len(self._mail) and time.monotonic() < until:
             time.sleep(0.01)
@@ -221,7 +185,30 @@ class Mqtt:
         self._client.disconnect()
         self._client.loop_stop()
 
-    def _values(self, step: SessionStep) -> None:
+    def _availability(self, now_s: float) -> None:
+        """Which units are there, and what of them is stale."""
+        if now_s - self._looked_s < _LOOK_S and not self._stale and all(each.there for each in self._presence.values()):
+            return
+        self._looked_s = now_s
+        for unit, presence in self._presence.items():
+            self._unit_state(unit, there=presence.looked_at(now_s))
+        for key, fresh in self._fresh.items():
+            if fresh.goes_stale(now_s):
+                self._state(self._topics[key], "")
+
+    def _unit_state(self, unit: int, *, there: bool) -> None:
+        """Tell whether a unit is there; of one that is not no value is kept at the broker."""
+        state = "online" if there else "offline"
+        if self._states.get(f"{self._base}/{available_topic(unit)}") == state:
+            return
+        self._state(available_topic(unit), state)
+        self._stale.add(unit)
+        for key, topic in self._topics.items() if not there else ():
+            if key[0] == unit:
+                self._fresh[key].stale = True
+                self._state(topic, "")
+
+    def _values(self, step: SessionStep, now_s: float) -> None:
         rows = step.batch.rows
         if self._readings is None or not len(rows):
             return
@@ -231,37 +218,47 @@ class Mqtt:
                 value = reading.value
                 number = isinstance(value, int | float) and reading.row.type not in ("enum", "bits", "time")
                 payload = f"{value:.12g}" if number and value is not None else reading.text
-                self._state(self._topic(frame.unit, reading.row), payload)
+                self._value(frame.unit, reading.row, payload, now_s)
 
-    def _topic(self, unit: int, row: Any) -> str:
-        """Where a value goes, below the base; with it, at first, what Home Assistant is told of it."""
+    def _value(self, unit: int, row: MappedValue, payload: str, now_s: float) -> None:
+        """A value came; at first, and when it is polled otherwise, Home Assistant is told of it."""
+        key = (unit, row.area, row.address)
+        fresh = self._fresh.setdefault(key, Freshness())
+        if fresh.heard(now_s) or key not in self._topics:
+            topic = self._topic(unit, row)
+            chart = self._charts.get(unit)
+            self._discover(*value_entity(self._base, unit, row, topic, chart, fresh.expire_s))
+        topic = self._topics[key]
+        if self._states.get(f"{self._base}/{topic}") != payload or fresh.is_due(now_s):
+            fresh.told(now_s)
+            self._state(topic, payload, again=True)
+
+    def _topic(self, unit: int, row: MappedValue) -> str:
+        """Where a value goes, below the base."""
         key = (unit, row.area, row.address)
         if key not in self._topics:
             topic = f"unit/{unit}/values/{topic_name(row.name)}"
-            if topic in self._topics.values():
-                topic = f"{topic}_{row.address}"
-            self._topics[key] = topic
-            self._discover(*value_entity(self._base, unit, row, topic, self._charts.get(unit)))
+            self._topics[key] = f"{topic}_{row.address}" if topic in self._topics.values() else topic
         return self._topics[key]
 
-    def _tell_health(self, unit: int, t_ns: int) -> None:
+    def _tell_health(self, unit: int, now_s: float) -> None:
         if unit not in self._sent_at:
             self._discover(*health_entity(self._base, unit, self._charts.get(unit)))
-        self._sent_at[unit] = t_ns
+        self._sent_at[unit] = now_s
         self._stale.discard(unit)
         counts = {name: count for name, count in self._health[unit].items() if count or name == "requests"}
-        self._state(f"unit/{unit}/health", json.dumps({**counts, "answers": self._alive.get(unit, False)}))
+        self._state(f"unit/{unit}/health", json.dumps({**counts, "answers": self._presence[unit].there}))
 
     def _discover(self, topic: str, config: Mapping[str, Any]) -> None:
         if self._broker.discovery:
             self._update(f"{self._broker.discovery}/{topic}", json.dumps(config, ensure_ascii=False))
 
-    def _state(self, topic: str, payload: str) -> None:
-        self._update(f"{self._base}/{topic}", payload)
+    def _state(self, topic: str, payload: str, *, again: bool = False) -> None:
+        self._update(f"{self._base}/{topic}", payload, again=again)
 
-    def _update(self, topic: str, payload: str) -> None:
-        """State at the broker: sent where it is another."""
-        if self._states.get(topic) != payload:
+    def _update(self, topic: str, payload: str, *, again: bool = False) -> None:
+        """State at the broker: sent where it is another, or is to be told again."""
+        if again or self._states.get(topic) != payload:
             self._states[topic] = payload
             self._mail.put(Letter(topic, payload))
 
@@ -297,13 +294,22 @@ class Mqtt:
         self._client.unsubscribe([f"{self._base}/#", *(topic for topic, _ in self._discovery_topics())])
         first = connection == 1
         lost = self._loss()
+        for topic, payload in self._left_over() if first else ():
+            self._states.setdefault(topic, payload)
         for topic, payload in list(self._states.items()):
-            if self._retained.get(topic) != payload:
+            if self._retained.get(topic, "") != payload:
                 self._mail.put(Letter(topic, payload))
         self._mail.dropped()  # a state that waited already waits anew
         self._ready.set()
         self._away = ""
         self._tell(f"mqtt: {self._where}: connected{'' if first else ' again'}{lost}")
+
+    def _left_over(self) -> list[tuple[str, str]]:
+        """What a session before left at the broker and nobody has heard since, with what is true instead."""
+        units = [(topic, topic.removeprefix(f"{self._base}/unit/").split("/")) for topic in self._retained]
+        units = [(topic, parts) for topic, parts in units if topic.startswith(f"{self._base}/unit/")]
+        values = [(topic, "") for topic, parts in units if parts[1:2] == ["values"]]
+        return [*values, *((topic, "offline") for topic, parts in units if parts[1:] == ["available"])]
 
     def _disconnected(self, _client: Any, _data: Any, _flags: Any, reason: Any, _properties: Any) -> None:
         self._ready.clear()

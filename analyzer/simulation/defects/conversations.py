@@ -15,6 +15,7 @@ from .stage import BROADCAST_NS, MS, Stage, defect
 _ILLEGAL_FUNCTION, _ILLEGAL_VALUE = 1, 3
 _RESERVED = (9, 10, 13, 14, 18, 19, 25, 30, 50, 80, 120)
 _BITS = (1, 2)
+_WORDS = (3, 4)
 
 
 def _refused(stage: Stage, code: str, pdu: bytes, exception: int = _ILLEGAL_VALUE) -> None:
@@ -131,8 +132,24 @@ def late_response(stage: Stage) -> None:
     stage.unanswered()
     own = stage.ask(second.request)
     late = stage.answer(_answered(first), request, stage.random.uniform(*_LATE_MS) * MS)
-    stage.found("late-response", late, answers=request.start)
+    stage.found("late-response", late, also=("shifted-answer",), answers=request.start)
     stage.answer(_answered(second), own, stage.random.uniform(*_OWN_MS) * MS)
+    stage.pause()
+
+
+@defect("shifted-answer")
+def shifted_answer(stage: Stage) -> None:
+    """An answer comes when the master has asked the same unit for as many other registers, and is taken for theirs."""
+    first = stage.next(_WORDS)
+    unit, pdu = first.request[0], first.request[1:-2]
+    address = int.from_bytes(pdu[1:3]) ^ 0x0400
+    request = stage.ask(first.request)
+    stage.unanswered()
+    own = stage.ask(adu(unit, pdu[:1] + address.to_bytes(2) + pdu[3:]))
+    late = stage.answer(_answered(first), request, stage.random.uniform(*_LATE_MS) * MS)
+    stage.found("shifted-answer", late, also=("late-response",), answers=request.start, taken_for=own.start)
+    count = _answered(first)[2]
+    stage.answer(adu(unit, pdu[:1] + bytes((count, *range(count)))), own, _OWN_MS[0] * MS)
     stage.pause()
 
 

@@ -1,16 +1,19 @@
 """Register maps out of what other programs and spreadsheets have: one file a format.
 
-A format's module has `NAME`, `recognises(source)` and `read(source)`, which gives a map a device; it is listed in
-`FORMATS`, the surest first. What a format says and a map cannot is told in the notes, never dropped without a word.
+A program's format is data, `NAME.toml`, which `programs` reads; any other is a module with `NAME`, `recognises(source)`
+and `read(source)`, which gives a map a device. They are listed in `FORMATS`, the surest first. What a format says and a
+map cannot is told in the notes, never dropped without a word.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 from importlib import import_module
+from importlib.resources import files as package_files
 from typing import Final, Protocol, cast
 
 from ..model import MapError
+from .programs import Program
 from .source import ImportedMap, MapSource
 
 FORMATS: Final = (
@@ -44,6 +47,8 @@ def map_format(name: str) -> MapFormat:
     """One format by name."""
     if name not in FORMATS:
         raise MapError(f"no map format {name!r}: there are {', '.join(FORMATS)}")
+    if (package_files(__package__) / f"{name}.toml").is_file():
+        return Program(name)
     return cast(MapFormat, import_module(f"{__package__}.{name}"))
 
 

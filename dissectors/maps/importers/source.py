@@ -2,26 +2,33 @@
 
 from __future__ import annotations
 
+import configparser
 import json
 import re
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import PurePath
 from typing import Any, Final
 
-from ..cells import CellError, one_line, value_of
+from ..cells import CellError, area_and_address, one_line, value_of
 from ..files import decoded
 from ..model import MapError, MappedValue, RegisterMap
+from ..records import json_lines
+from ..sheets import ZIP
+from ..table import csv_rows
 
 _MOST_NOTES: Final = 20
 _MOST_ROWS: Final = 20_000
+_LOOK: Final = 60  # lines that tell how a text is cut
 _MOST_TWINS: Final = 64
 _COMMENT: Final = re.compile(r'("(?:\\.|[^"\\])*(?:"|\\?\Z))|//[^\n]*|/\*.*?(?:\*/|\Z)', re.DOTALL)
 _LAST_COMMA: Final = re.compile(r'("(?:\\.|[^"\\])*(?:"|\\?\Z))|,(?=\s*[}\]])')
 _INCLUDED: Final = re.compile(r"^[^#\n]*!include\w*\s+(?:\{?\s*file:\s*)?([^\s,}#]{1,100})", re.MULTILINE)
 _MOST_INCLUDED: Final = 5
+_KINDS: Final = {".yaml": "YAML", ".yml": "YAML", ".toml": "TOML", ".conf": "TOML", ".json": "JSON", ".jinja": "JSON"}
 _TOO_DEEP: Final = "nested too deeply"
 
 
@@ -46,18 +53,54 @@ class MapSource:
     @property
     def problem(self) -> str:
         """Why the file is not of the kind that its name promises, with the line; empty if it is."""
-        if self.suffix in (".yaml", ".yml"):
-            kind = "YAML"
-        elif self.suffix in (".toml", ".conf"):
-            kind = "TOML"
-        else:
-            kind = "JSON" if self.suffix in (".json", ".jinja") else ""
+        kind = _KINDS.get(self.suffix, "")
         return f"no {kind}: {self._problems[kind]}" if kind in self._problems else ""
 
     @cached_property
     def included(self) -> list[str]:
         """The files that a YAML text takes in, as it names them."""
         return list(dict.fromkeys(_INCLUDED.findall(self.text)))[:_MOST_INCLUDED] if self.is_text else []
+
+    @property
+    def is_workbook(self) -> bool:
+        return self.data.startswith(ZIP)
+
+    @cached_property
+    def tree(self) -> Any:
+        """The content of JSON (also an object a line), and of YAML, TOML or INI by the file's name; None of another."""
+        if self.json is not None or not self.is_text:
+            return self.json
+        if self.suffix in (".yaml", ".yml"):
+            return self.yaml
+        if self.suffix in (".toml", ".conf", ".ini", ".cfg"):
+            return self.toml or self.ini
+        return json_lines(self.text) if self.text.startswith("{") else None
+
+    @property
+    def rows(self) -> Iterator[dict[str, str]]:
+        """The rows of CSV by the numbers of their cells, their own under `row`; nothing behind one that is none."""
+        lines = self.text.splitlines() if self.is_text else []
+        delimiter = max("\t;,", key="\n".join(lines[:_LOOK]).count)
+        with suppress(MapError):
+            for number, cells in csv_rows(lines, delimiter, self.name):
+                yield {**{str(at): cell.strip() for at, cell in enumerate(cells)}, "row": str(number)}
+
+    @property
+    def table(self) -> Iterator[dict[str, str]]:
+        """The rows of CSV by the headings of the first, those without a cell left out."""
+        rows = self.rows
+        head = {at: name.lower() for at, name in next(rows, {"row": ""}).items()} | {"row": "row"}
+        return ({head.get(at, at): cell for at, cell in row.items()} for row in rows if any([*row.values()][:-1]))
+
+    @cached_property
+    def ini(self) -> Any:
+        """The sections of an INI file, by their names."""
+        parser = configparser.ConfigParser(interpolation=None, strict=False)
+        try:
+            parser.read_string(self.text)
+        except configparser.Error:
+            return None
+        return {name: dict(parser[name]) for name in parser.sections()}
 
     @cached_property
     def text(self) -> str:
@@ -125,7 +168,7 @@ class MapBuilder:
             self.note(f"{what}: over {_MOST_ROWS:,} values are no map of a device")
             return
         try:
-            row = value_of({key: cell for key, cell in cells.items() if cell is not None}, order=self.order)
+            row = value_of(_fitting(cells), order=self.order)
         except CellError as error:
             self.note(f"{what}: {error}")
             return
@@ -178,6 +221,20 @@ class MapBuilder:
             source=self.source or f"imported from {PurePath(self.file).name}",
         )
         return ImportedMap(chart, tuple(notes))
+
+
+_FACTOR: Final = ("scale", "offset")
+_UNFIT: Final = {"bool": ("length", *_FACTOR), "text": _FACTOR, "bits": _FACTOR, "enum": _FACTOR}
+"""What a type cannot have; others have the length that they have."""
+
+
+def _fitting(cells: Mapping[str, object]) -> dict[str, object]:
+    """The cells that a value of its area and type can have: a coil is a bool, a text has no factor."""
+    area, _ = area_and_address(cells.get("area"), cells.get("address"))
+    kind = "bool" if area in ("coil", "discrete") else str(cells["type"])
+    unfit = _UNFIT.get(kind, ("length",))
+    given = {key: cell for key, cell in cells.items() if cell is not None and key not in unfit}
+    return {**given, "type": kind}
 
 
 def _json_error(error: ValueError) -> str:

@@ -1,80 +1,87 @@
-"""Tables out of manuals: CSV, TSV or XLSX with columns of any names, in English, Russian or German.
+"""Tables of registers, in whatever a sheet comes from: which column holds what is decided by `roles`, what a cell says
+by `written`; here the rows are gone through.
 
-Columns are told by their headings, the heading row by how many it has. A type that the table does not name follows
-from the number of registers. Addresses that begin with 1 are left as they stand unless all of them are logical (40001
-on): which base a manual counts from is for the user to say (`address_base`).
+A type that the table does not name follows from the number of registers. Addresses that begin with 1 are left as they
+stand unless all of them are logical (40001 on): which base a manual counts from is for the user to say.
 """
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 from ..cells import CellError, area_and_address
 from ..model import DIGIT_OF_AREA, VALUE_TYPES, MapArea, MapError
-from ..sheets import ZIP, MapSheet, column_name, rows_of_text, sheets_of
-from ..tablecells import AddressForm, address_form, address_of, is_inverse, order_of, says_order, type_of
-from ..tableheadings import filled, headings, merged_headings
-from ..tablewords import (
+from ..roles import (
+    Table,
+    assigned,
+    assignment,
+    column_cells,
+    is_heading,
+    is_unknown_heading,
+    known_headings,
+    plain_heading,
+)
+from ..sheets import MapSheet, column_name, sheets_in
+from ..vocabulary import expression, form, meaning
+from ..written import (
+    AddressForm,
+    TableAddress,
     access_of,
+    address_form,
+    address_of,
     area_of_cell,
     area_words,
-    has_only_states,
-    is_function,
-    is_powers,
     limits_of,
-    measure_in,
+    measured,
+    order_of,
     plain_number,
-    scale_of,
-    step_in,
-    step_said,
-    unit_of,
-    values_of,
-    writable_of,
+    states_in,
+    type_of,
 )
 from .source import ImportedMap, MapBuilder, MapSource, refused, whole_in
 
 NAME = "a table"
 _LAST_BIT: Final = 15
-_FIRST_OF_WORDS: Final = {"big": "ABCD", "little": "CDAB"}
-_STEPS_OF_UNITS: Final = {1, 10, 100, 1000, 10_000}
-_HEX_TITLE: Final = re.compile(
-    r"(?:address|register|адрес|регистр|adress|地址)\w*[^,;]{0,24}(?:hex|шестн|十六进制)", re.IGNORECASE
-)
 _LOOK: Final = 60  # rows in which a heading is sought
 _UNIT_WORDS: Final = 3  # at most
-_FIRST_WORD: Final = {"CDAB": "least significant", None: "most significant"}
+_FIRST_WORD: Final = {"CDAB": "least significant", "DCBA": "least significant"}
 _MOST_ROWS: Final = 70_000
 
 
 def recognises(source: MapSource) -> bool:
-    """A workbook, or a table with a heading."""
-    if source.data.startswith(ZIP):
+    """A workbook, or a sheet with a heading."""
+    if source.is_workbook:
         return source.suffix in (".xlsx", ".xlsm", "")
     try:
-        return source.is_text and any(headings(row) for row in rows_of_text(source.text, source.name, _LOOK))
+        return any(map(has_heading, sheets_in(source.data, source.text, source.name, _LOOK)))
     except MapError:
         return False
 
 
+def has_heading(sheet: MapSheet) -> bool:
+    """Whether the first rows of a sheet have one."""
+    return next(_headings_in(sheet.rows[:_LOOK]), None) is not None
+
+
+def chart_of(source: MapSource, sheet: MapSheet) -> ImportedMap | None:
+    """The map of one sheet; None where it has no heading."""
+    return _TableRows(source, sheet, several=False).chart()
+
+
 def read(source: MapSource) -> list[ImportedMap]:
     """The table, or each sheet that has one."""
-    if source.data.startswith(ZIP):
-        sheets = sheets_of(source.data, source.name, _MOST_ROWS)
-    else:
-        sheets = [MapSheet("", rows_of_text(source.text, source.name, _MOST_ROWS))]
-    several = len(sheets) > 1
-    charts = [(area_words(sheet.name), map_of_sheet(source, sheet, several=several)) for sheet in sheets]
+    sheets = sheets_in(source.data, source.text, source.name, _MOST_ROWS)
+    charts = [(area_words(sheet.name), _TableRows(source, sheet, several=len(sheets) > 1).chart()) for sheet in sheets]
     complete = [(area, one) for area, one in charts if one is not None]
     if not complete:
         raise refused(source, "a table of registers", "a row of headings such as address, name, type, unit")
-    areas = [area for area, _ in complete if area is not None]
-    if len(complete) > 1 and len(set(areas)) == len(complete):
-        return [_of_one_device(source, [one for _, one in complete])]
-    return [one for _, one in complete]
+    parts = [one for _, one in complete]
+    if len(parts) > 1 and len({area for area, _ in complete} - {None}) == len(parts):
+        return [_of_one_device(source, parts)]
+    return parts
 
 
 def _of_one_device(source: MapSource, parts: Sequence[ImportedMap]) -> ImportedMap:
@@ -85,286 +92,259 @@ def _of_one_device(source: MapSource, parts: Sequence[ImportedMap]) -> ImportedM
     return ImportedMap(replace(parts[0].chart, device=source.stem, rows=rows), (told, *notes))
 
 
-def map_of_sheet(source: MapSource, sheet: MapSheet, *, several: bool = False) -> ImportedMap | None:
-    """The map of one sheet; a later row of headings begins the next table of it."""
-    builder = MapBuilder(source.name, device=f"{source.stem} {sheet.name if several else ''}".strip())
-    rows, hidden = _visible(sheet)
-    for note in (*hidden, *sheet.notes):
-        builder.note(note)
-    heading: _TableHeading | None = None
-    area = area_words(sheet.name)
-    group = above = ""
-    second = 0
-    register: tuple[MapArea, int] | None = None  # the newest
-    order, in_hex = None, False  # as a title says
-    for number, row in enumerate(rows, 1):
-        cells = [cell for cell in row if cell]
-        if number == second:  # of a heading of two rows
-            continue
-        if _is_rule(cells):
-            continue
-        joint = merged_headings(row, rows[number]) if number < len(rows) else None
-        if joint or headings(row):
-            if joint:
-                row, second = joint, number + 1
-            below = list(_until_heading(rows[second if joint else number :]))
-            heading = _heading_of(builder, row, below, in_hex=in_hex)
-            above, register = "", None
-            area = ("area" not in heading.columns and area_words(row[heading.columns["address"]])) or area
-            continue
-        if heading is None or len(cells) < 2:
-            title = " ".join(cells)
-            order = (order_of(title) if says_order(title) else None) or order
-            in_hex = in_hex or _HEX_TITLE.search(title) is not None
-        if heading is None or not cells:
-            area = area_words(title) or area
-            group = _title(title) if len(cells) == 1 and title.startswith("#") else group
-            continue
-        named = {key: row[at].strip() for key, at in heading.columns.items() if at < len(row)}
-        if _is_bit(builder, named, register):
-            continue
-        if len(cells) == 1:
-            group, area = _title(cells[0]) or group, area_words(cells[0]) or area
-            continue
-        above = named.get("area") or above  # one cell for several rows holds its text once
-        if heading.of_words:
-            named["order"] = _FIRST_OF_WORDS.get(named["order"].lower(), named["order"])
-        if named.get("address") and heading.addresses[named["address"]] < 2:
-            named.pop("bit", None)  # several rows of one register are its bits
-        if order and "order" not in heading.columns and not order_of(named.get("type", "")):
-            named["order"] = order
-        here = area_of_cell(above, function=heading.of_functions) or area
-        register = _row(builder, named, heading.form, here, group, number) or register
-    if builder.rows or builder.bits:
-        builder.note("columns were told by their headings: look the map over, its address base above all")
-    return builder.built() if heading is not None else None
+def _headings_in(rows: Table) -> Iterator[int]:
+    """Where rows of headings are: those of known words, or the first that is one by what stands below it."""
+    known = [at for at, row in enumerate(rows) if is_heading(row)]
+    looked = enumerate(rows[:_LOOK]) if not known else ()
+    first = next((at for at, row in looked if is_unknown_heading(row, _of_values(rows[at + 1 : at + _LOOK]))), None)
+    yield from known if first is None else (at for at, row in enumerate(rows) if row == rows[first])
 
 
-@dataclass(frozen=True, slots=True)
+def _of_values(rows: Table) -> Table:
+    """The rows that are no line between others and no title."""
+    return [row for row in rows if not _is_rule(row) and sum(map(bool, row)) > 1]
+
+
+def _is_rule(row: Sequence[str]) -> bool:
+    """Whether a row is a line between rows, or nothing."""
+    return form("rule", "".join(row)) != {}
+
+
+@dataclass(slots=True)
 class _TableHeading:
     """What the columns of a table hold, by a row of headings and the rows below it."""
 
     columns: dict[str, int]
     form: AddressForm
-    addresses: Counter[str]  # how many rows have each
-    of_functions: bool  # areas are the codes of functions
-    of_words: bool  # an order is one of words
+    addresses: Counter[str] = field(default_factory=Counter)  # how many rows have each
+    of_functions: bool = False  # areas are the codes of functions
+    order: str = ""  # what the heading of the orders says of them: that they are of words
 
 
-def _heading_of(
-    builder: MapBuilder, row: Sequence[str], below: Sequence[Sequence[str]], *, in_hex: bool
-) -> _TableHeading:
-    """The heading that a row is; `in_hex`: a title says so of the addresses."""
-    columns = headings(row, below) or headings(row)
-    _of_widths(columns, below)
-    if _is_divisor(row, columns, below):
-        columns["divisor"] = columns.pop("scale")
-        builder.note("gains from 1 up were taken for what raw values are divided by")
-    elif "scale" in columns and is_powers(filled(below, columns["scale"])):
-        columns["power"] = columns.pop("scale")
-        builder.note("whole factors, some below 0, were taken for powers of ten")
-    addresses = filled(below, columns["address"])
-    form = address_form(f"{row[columns['address']]} {'hex' if in_hex else ''}", addresses)
-    if form.is_hex and not form.is_said:
-        builder.note("addresses were taken for hexadecimal, as some of them have letters")
-    return _TableHeading(
-        columns,
-        form,
-        Counter(addresses),
-        of_functions="area" in columns and is_function(row[columns["area"]]),
-        of_words="order" in columns and "word" in row[columns["order"]].lower(),
-    )
+class _TableRows:
+    """The rows of one sheet; what titles and headings said of those below is kept."""
 
+    def __init__(self, source: MapSource, sheet: MapSheet, *, several: bool) -> None:
+        self.builder = MapBuilder(source.name, device=f"{source.stem} {sheet.name if several else ''}".strip())
+        self.rows = self._visible(sheet)
+        for note in sheet.notes:
+            self.builder.note(note)
+        self.area = area_words(sheet.name)
+        self.heading: _TableHeading | None = None
+        self.group = self.above = ""
+        self.order: str | None = None  # as a title says
+        self.in_hex = False
+        self.register: tuple[MapArea, int] | None = None  # the newest, whose bits rows may name
 
-def _visible(sheet: MapSheet) -> tuple[list[list[str]], list[str]]:
-    """The rows without the columns that the sheet hides, where what is left is a table, and what is said of it."""
-    if not sheet.hidden:
-        return sheet.rows, []
-    rows = [["" if at in sheet.hidden else cell for at, cell in enumerate(row)] for row in sheet.rows]
-    if not any(headings(row) for row in rows[:_LOOK]):
-        return sheet.rows, []
-    return rows, [f"columns that the sheet hides were left out: {', '.join(map(column_name, sorted(sheet.hidden)))}"]
+    def chart(self) -> ImportedMap | None:
+        """The map; None where no row is a heading."""
+        headings = [*_headings_in(self.rows), len(self.rows)]
+        for row in self.rows[: headings[0]]:
+            self._title(row)
+        begin = 0
+        for first in headings[:-1]:
+            if first >= begin:  # else the second row of a heading
+                begin = self._heading(first, next(at for at in headings if at > first + 1 or at == len(self.rows)))
+                for number in range(begin, next(at for at in headings if at >= begin)):
+                    self._row(self.rows[number], number + 1)
+        if self.builder.rows or self.builder.bits:
+            self.builder.note("columns were told by their headings: look the map over, its address base above all")
+        return self.builder.built() if self.heading is not None else None
 
+    def _visible(self, sheet: MapSheet) -> Table:
+        """The rows without the columns that the sheet hides, where what is left is a table."""
+        rows = [["" if at in sheet.hidden else cell for at, cell in enumerate(row)] for row in sheet.rows]
+        if not (sheet.hidden and has_heading(replace(sheet, rows=rows))):
+            return sheet.rows
+        names = ", ".join(map(column_name, sorted(sheet.hidden)))
+        self.builder.note(f"columns that the sheet hides were left out: {names}")
+        return rows
 
-def _is_divisor(row: Sequence[str], heading: dict[str, int], below: Sequence[Sequence[str]]) -> bool:
-    """Whether a column of gains, or scales, says how many steps a unit has: none is below 1, as a factor would be."""
-    at = heading.get("scale")
-    if at is None or "divisor" in heading or not row[at].lower().startswith(("gain", "scal", "factor", "faktor")):
-        return False
-    numbers = [int(cell) if cell.isdecimal() else 0 for cell in filled(below, at)]
-    return bool(numbers) and min(numbers) >= 1 and max(numbers) > 1 and {*numbers} <= _STEPS_OF_UNITS
+    def _heading(self, first: int, last: int) -> int:
+        """Take in the heading at a row; where the rows below it begin."""
+        row, begin = self.rows[first], first + 1
+        if begin < last and (joint := self._merged(first, last)):
+            row, begin = joint, first + 2
+        below = _of_values(self.rows[begin:last])
+        columns = assigned(row, below) or assigned(row, ())
+        if not columns:
+            return begin
+        texts = {role: plain_heading(row[at]) for role, at in columns.items()}
+        addresses = column_cells(below, columns["address"])
+        how = address_form(f"{texts['address']} {'hex' if self.in_hex else ''}", addresses)
+        self.heading = _TableHeading(
+            columns,
+            how,
+            Counter(addresses),
+            bool(form("of_functions", texts.get("area", ""))),
+            "word order" * ("word" in texts.get("order", "")),
+        )
+        for holds, note in (
+            ("divisor" in columns and texts["divisor"][:2] in _GAINS, _AS_DIVISOR),
+            ("power" in columns, "whole factors, some below 0, were taken for powers of ten"),
+            (how.is_hex > how.is_said, "addresses were taken for hexadecimal, as some of them have letters"),
+        ):
+            self.builder.notes += [note] * holds
+        self.above, self.register = "", None
+        self.area = ("area" not in columns and area_words(texts["address"])) or self.area
+        return begin
 
+    def _merged(self, first: int, last: int) -> list[str] | None:
+        """The headings of two rows as one: where the second says more of columns that the first has together (`Address`
+        over `Dec` and `Hex`), or what the first leaves out. None where the second is no heading."""
+        row, second = (list(self.rows[at]) for at in (first, first + 1))
+        if known_headings(second) < 2 or expression(r".*\d.*").fullmatch("".join(second)):
+            return None
+        width = max(len(row), len(second))
+        pairs = zip(row + [""] * (width - len(row)), second + [""] * (width - len(second)), strict=True)
+        both = [low if known_headings([low]) and not form("numeral", plain_heading(low)) else f"{high} {low}".strip()
+                for high, low in pairs]  # fmt: skip
+        below = _of_values(self.rows[first + 2 : last])
+        weights = [assignment(one, below)[1] for one in (row, second, both)]
+        return both if weights[2] > max(weights[:2]) else None
 
-def _of_widths(heading: dict[str, int], below: Sequence[Sequence[str]]) -> None:
-    """Take a column of lengths for one of types (s16), or of bits where all are 8, 16, 32 or 64, if nothing else is."""
-    at = heading.get("length")
-    if at is None or "type" in heading or "width" in heading:
-        return
-    cells = set(filled(below, at))
-    if cells and all(re.fullmatch(r"[A-Za-z]{1,8}\d{1,2}", cell) for cell in cells):
-        heading["type"] = heading.pop("length")
-    if cells and cells <= {"8", "16", "32", "64"} and cells != {"8"}:
-        heading["width"] = heading.pop("length")
+    def _title(self, row: Sequence[str]) -> None:
+        """Take in what a row without values says of those below."""
+        cells = list(filter(None, row))
+        title = " ".join(cells)
+        says_order = form("says_order", title.lower())
+        self.order = (says_order and order_of(title)) or self.order
+        self.in_hex = self.in_hex or form("in_hex", title) != {}
+        self.area = area_words(title) or self.area
+        if len(cells) == 1 and (self.heading or title.startswith("#")):
+            self.group = _group(title) or self.group
 
-
-_BIT_NAME: Final = re.compile(r"(?:bit|бит|位)[ .]?(\d|0\d|1[0-5])(?!\d)\s*[:=.)–-]?\s*(?P<name>\S.*)", re.IGNORECASE)
-
-
-def _is_bit(builder: MapBuilder, cells: dict[str, str], register: tuple[MapArea, int] | None) -> bool:
-    """Whether a row names a bit of the register above: it has no address of its own. The bit is added then."""
-    if register is None or cells.get("address"):
-        return False
-    name = cells.get("name") or cells.get("description") or ""
-    spoken = _BIT_NAME.fullmatch(name)
-    number = spoken[1] if spoken else re.sub(r"^\D{0,5}|\.0$", "", cells.get("bit", ""))
-    if not number.isdecimal() or int(number) > _LAST_BIT or not name:
-        return False
-    builder.add_bits(*register, int(number), 1, " ".join((spoken["name"] if spoken else name).split()))
-    return True
-
-
-def _until_heading(rows: Sequence[Sequence[str]]) -> Iterator[Sequence[str]]:
-    for row in rows:
-        if headings(row):
+    def _row(self, row: Sequence[str], number: int) -> None:
+        cells = list(filter(None, row))
+        heading = self.heading
+        if _is_rule(row) or heading is None:
             return
-        if not _is_rule(list(filter(None, row))):
-            yield row
+        named = {key: row[at].strip() for key, at in heading.columns.items() if at < len(row)}
+        if self._is_bit(named):
+            return
+        if len(cells) == 1:
+            self._title(row)
+            return
+        self.above = named.get("area") or self.above  # one cell for several rows holds its text once
+        if heading.addresses[named.get("address", "")] == 1:
+            named.pop("bit", None)  # several rows of one register are its bits
+        here = area_of_cell(self.above, function=heading.of_functions) or self.area
+        address = address_of(named.get("address", ""), heading.form)
+        if address is None:
+            self.builder.note(f"row {number}: {named.get('address', '')[:30]!r} is no address")
+            return
+        self.register = self._value(named, address, here, f"row {number}") or self.register
+
+    def _is_bit(self, cells: dict[str, str]) -> bool:
+        """Whether a row names a bit of the register above: it has no address of its own. The bit is added then."""
+        name = cells.get("name") or cells.get("description") or ""
+        spoken = form("spoken_bit", name)
+        number = spoken.get("bit") or cells.get("bit", "").removesuffix(".0").lstrip("bitBIT. ")
+        if self.register is None or cells.get("address") or not name or not expression(_BIT).fullmatch(number):
+            return False
+        self.builder.add_bits(*self.register, int(number), 1, " ".join(spoken.get("name", name).split()))
+        return True
+
+    def _value(
+        self, cells: dict[str, str], position: TableAddress, area: MapArea | None, what: str
+    ) -> tuple[MapArea, int] | None:
+        """Add what a row says; the register that it is about, whose bits rows below may name."""
+        how = self.heading.form if self.heading else AddressForm()
+        named, address = _area_and_address(position, area, how)
+        kind, length = type_of(_type_said(cells), whole_in(cells.get("length")) or _words(cells, position, how))
+        own_name = cells.get("name") or cells.get("description", "")
+        name = own_name or f"Register {cells.get('address', '')}"
+        self.builder.notes += [f"{what}: no name"] * (not own_name)
+        try:
+            register = area_and_address(named, address)
+        except CellError:
+            register = None  # said when the value is added
+        bit = cells.get("bit", "") if position.bit is None else str(position.bit)
+        if register is not None and expression(_BIT).fullmatch(bit):
+            self.builder.add_bits(*register, int(bit), 1, " ".join(name.split()))
+            return register
+        order = self._order(cells, kind, what)
+        if len(cells.get("unit", "").split()) > _UNIT_WORDS:  # of a column for units and remarks
+            cells = {"description": cells["unit"], **cells, "unit": ""}
+        name, scale, unit = measured(cells, " ".join(name.split()))
+        name, states = states_in(cells, kind, name)
+        low, high = limits_of(cells)
+        self.builder.add(
+            {
+                "area": named,
+                "address": address,
+                "name": name,
+                "type": kind,
+                "order": order,
+                "length": length,
+                "scale": scale,
+                "offset": plain_number(cells.get("offset", "")),
+                "unit": unit,
+                "values": states,
+                "access": access_of(cells),
+                "min": low,
+                "max": high,
+                "description": cells.get("description") if cells.get("name") else None,
+                "group": cells.get("group") or self.group,
+            },
+            f"{what}: {name[:40]}",
+        )
+        return register
+
+    def _order(self, cells: dict[str, str], kind: str, what: str) -> str | None:
+        """The order of a wide value: as its row says it, else as a title does; a doubtful one is told."""
+        if VALUE_TYPES.get(kind, 0) < 2:
+            return None
+        own = cells.get("order", "")
+        said = f"{own} {cells.get('type', '')}".strip().lower()
+        ways = (said, f"{self.heading.order if self.heading else ''} {own}", cells.get("description", ""))
+        order = next(filter(None, map(order_of, ways)), None if own else self.order)
+        doubtful = (own or form("says_order", said)) and (order is None or form("is_inverse", said))
+        if doubtful:
+            shown = f"{own} {cells.get('type', '')}".strip()[:30]
+            first = _FIRST_WORD.get(order or "", "most significant")
+            self.builder.note(f"{what}: order {shown!r} was taken for {order or 'ABCD'}, {first} word first")
+        return order
 
 
-def _is_rule(cells: Sequence[str]) -> bool:
-    """Whether a row is a line between rows, or nothing."""
-    return all(re.fullmatch("[-=:. ]+", cell) for cell in cells)
+_GAINS: Final = frozenset({"ga", "sc", "fa", "增益", "系数", "倍率"})
+_AS_DIVISOR: Final = "gains from 1 up were taken for what raw values are divided by"
+_BIT: Final = rf"0?\d|1[0-{_LAST_BIT % 10}]"
 
 
-def _title(text: str) -> str:
+def _group(text: str) -> str:
     """The title above rows, as a group; a sentence is none."""
     title = text.strip("#*: ")
     return "" if title.endswith(".") and " " in title else title
 
 
-def _row(
-    builder: MapBuilder, cells: dict[str, str], form: AddressForm, area: MapArea | None, group: str, number: int
-) -> tuple[MapArea, int] | None:
-    """Add what a row says; the register that it is about, whose bits rows below may name."""
-    position = address_of(cells.get("address", ""), form)
-    if position is None:
-        builder.note(f"row {number}: {cells.get('address', '')[:30]!r} is no address")
-        return None
-    named = area
-    bit = position.bit
-    if bit is None and (cells.get("bit") or "-").isdecimal() and int(cells["bit"]) <= _LAST_BIT:
-        bit = int(cells["bit"])
-    address: object = position.first
-    if position.prefixed or _is_logical(position.text, named, form):
-        address, named = position.text, None
-    elif named is None:
-        named = "holding"
-    end = address_of(cells.get("end", ""), form)
-    last = end.first if end is not None and position.last is None else position.last
-    span = last - position.first + 1 if last is not None and last >= position.first else None
-    kind, length = type_of(_type_said(cells), whole_in(cells.get("length")) or _words_of_octets(cells) or span)
-    name = cells.get("name") or cells.get("description") or f"Register {cells.get('address', '')}"
-    if not cells.get("name") and not cells.get("description"):
-        builder.note(f"row {number}: no name")
-    if bit is not None:
-        where, at = area_and_address(named, address)
-        builder.add_bits(where, at, bit, 1, " ".join(name.split()))
-        return where, at
-    wide = VALUE_TYPES.get(kind, 0) > 1
-    said = f"{cells.get('order', '')} {cells.get('type', '')}".strip()
-    order = (order_of(said) or order_of(cells.get("description", ""))) if wide else None
-    if wide and (cells.get("order") or says_order(said)) and (order is None or is_inverse(said)):
-        builder.note(
-            f"row {number}: order {said[:30]!r} was taken for {order or 'ABCD'}, {_FIRST_WORD[order]} word first"
-        )
-    if len(cells.get("unit", "").split()) > _UNIT_WORDS:  # of a column for units and remarks
-        cells = {"description": cells["unit"], **cells, "unit": ""}
-    name, scale, measure = _measured(cells, " ".join(name.split()))
-    low, high = limits_of(cells)
-    states = _states(cells, kind)
-    if not states and (held := re.fullmatch(r"(.*\S)\s*[(\[](.*)[)\]]", name)) and has_only_states(held[2]):
-        name, states = held[1], values_of(held[2])
-    builder.add(
-        {
-            "area": named,
-            "address": address,
-            "name": " ".join(name.split()),
-            "type": "bool" if named in ("coil", "discrete") or (named is None and position.text[0] in "01") else kind,
-            "order": order,
-            "length": length if kind in ("text", "bits", "enum") else None,
-            "scale": scale if kind not in ("text", "bits", "enum", "bool") else None,
-            "offset": plain_number(cells.get("offset", "")),
-            "unit": measure,
-            "values": states,
-            "access": access_of(cells.get("access", "")) or writable_of(cells.get("writable", "")),
-            "min": low,
-            "max": high,
-            "description": cells.get("description") if cells.get("name") else None,
-            "group": cells.get("group") or group,
-        },
-        f"row {number}: {name[:40]}",
-    )
-    try:
-        return area_and_address(named, address)
-    except CellError:  # said by then
-        return None
-
-
 def _type_said(cells: dict[str, str]) -> str:
     """What the columns of type, width and sign say together."""
-    width, sign = cells.get("width", ""), cells.get("signed", "").lower()
-    words = [cells.get("type", ""), f"{width} bit" if width.isdecimal() else width]
-    if re.match(r"y|s|да|со|ja|有|\+|±|1", sign):
-        words.append("signed")
-    elif sign:
-        words.append("unsigned")
-    return " ".join(filter(None, words))
+    width = cells.get("width", "")
+    signed = meaning("signed", cells.get("signed", ""))
+    return " ".join(filter(None, (cells.get("type"), f"{width} bit" if width.isdecimal() else width, signed)))
 
 
-def _words_of_octets(cells: dict[str, str]) -> int | None:
-    octets = whole_in(cells.get("octets"))
-    return octets // 2 if octets and octets % 2 == 0 else None
+def _words(cells: dict[str, str], position: TableAddress, how: AddressForm) -> int | None:
+    """Registers of a value by its octets, or from its first to its last address."""
+    octets = whole_in(cells.get("octets")) or 1
+    end = address_of(cells.get("end", ""), how)
+    last = position.last or (end.first if end else None)
+    span = last - position.first + 1 if last is not None else 0
+    return octets // 2 if octets % 2 == 0 else span if span > 0 else None
 
 
-_STEP_BEHIND_TYPE: Final = re.compile(r"(?<=\w)\s*(?:[x×*]\s*(0[.,]\d{1,6})|([/÷]\s*10{1,5}))(?!\d)")
+def _area_and_address(
+    position: TableAddress, area: MapArea | None, how: AddressForm
+) -> tuple[MapArea | None, int | str]:
+    """Area and address as `area_and_address` takes them: a logical number (40108, 4x108) names its area itself, where
+    the row says nothing else, or the same."""
+    digits = how.logical_digits(area)
+    text = position.text
+    looks = digits and expression(rf"[{digits}](?!0+$)\d{{4,5}}").fullmatch(text)
+    if position.prefixed or (looks and area in (None, _AREA_OF.get(text[0]))):
+        return None, text
+    return area or "holding", position.first
 
 
-_SHOWN: Final = re.compile(r"[Xx#0]{1,9}[.,]([Xx#0]{1,6})")  # digits of a display: `XXX.X`
-
-
-def _measured(cells: dict[str, str], name: str) -> tuple[str, str | None, str | None]:
-    """A row's name, scale and unit of measure, which stand in columns of their own, or behind other words."""
-    scale, measure = unit_of(cells)
-    if not measure and (behind := re.fullmatch(r"[\d.,]+\s*([^\d\s.,:/x×*^].*)", cells.get("scale", ""))):
-        measure = measure_in(f"_ [{behind[1]}]")[1]
-    if not measure:
-        name, measure = measure_in(name)
-    if scale is None and (behind := _STEP_BEHIND_TYPE.search(cells.get("type", ""))) is not None:
-        scale = scale_of({"scale": behind[1] or behind[2]})
-    if scale is None and (shown := _SHOWN.fullmatch(cells.get("type", ""))) is not None:
-        scale = f"1/{10 ** len(shown[1])}"
-    if scale is None:
-        name, scale, other = step_in(name)
-        measure = measure or other
-    if scale is None:
-        scale, other = step_said(cells.get("description", ""))
-        measure = measure or other
-    return name, scale, measure
-
-
-def _states(cells: dict[str, str], kind: str) -> str | None:
-    """Names of states or bits out of their column, else out of the remarks."""
-    states = values_of(cells.get("values", "")) if kind in ("enum", "bits", "u16", "s16") else None
-    if not states and has_only_states(cells.get("range", "")):
-        states = values_of(cells["range"])
-    remark = cells.get("description", "")
-    return states or (values_of(remark) if kind in ("enum", "bits") or has_only_states(remark) else None)
-
-
-def _is_logical(text: str, named: MapArea | None, form: AddressForm) -> bool:
-    """Whether 40108 is a logical number: where the row says nothing else, or the same; 00001 and 10001 in a column that
-    has nothing but such numbers."""
-    digits = "0134" if form.is_logical or (form.is_digital and named in ("coil", "discrete")) else "34"
-    if form.is_plain or re.fullmatch(rf"[{digits}]\d{{4,5}}", text) is None or int(text) % 10 ** (len(text) - 1) == 0:
-        return False
-    return named is None or text[0] == DIGIT_OF_AREA[named]
+_AREA_OF: Final = {digit: area for area, digit in DIGIT_OF_AREA.items()}

@@ -1,48 +1,35 @@
-"""SunSpec information models as JSON: points by their offsets in a model.
+"""Where the points of a SunSpec model stand.
 
-A model says nothing of where it stands: the common model (1) is put at 40002, any other at 40070, as devices whose
-chain is these two have it; `moved` puts it elsewhere.
+A model says nothing of where it is: the common model (1) is put at 40002, any other at 40070, as devices whose chain is
+these two have it; `moved` puts it elsewhere.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any, Final
 
-from .source import ImportedMap, MapBuilder, MapSource, mappings, whole_in
+from .source import ImportedMap, MapSource, mappings, whole_in
 
-NAME = "a SunSpec model"
 _BASES: Final = {1: 40002}
 _AFTER_COMMON: Final = 40070
 _LAST: Final = 0xFFFF
 _DEEPEST: Final = 500  # characters of the names of groups in groups
-_TYPES: Final = {
-    "int16": "s16", "uint16": "u16", "count": "u16", "acc16": "u16", "enum16": "enum", "bitfield16": "bits",
-    "int32": "s32", "uint32": "u32", "acc32": "u32", "enum32": "enum", "bitfield32": "bits", "ipaddr": "u32",
-    "int64": "s64", "uint64": "u64", "acc64": "u64", "float32": "f32", "float64": "f64", "string": "text",
-    "sunssf": "s16", "raw16": "u16", "eui48": "u64", "bitfield64": "u64", "ipv6addr": "text",
-}  # fmt: skip
 
 
-def recognises(source: MapSource) -> bool:
-    """An object with an id and a group of points."""
-    content = source.json
-    return isinstance(content, Mapping) and "id" in content and isinstance(content.get("group"), Mapping)
-
-
-def read(source: MapSource) -> list[ImportedMap]:
-    """The model at its usual address."""
-    model = source.json
-    number = whole_in(model["id"]) or 0
+def adapted(source: MapSource, records: Iterator[dict[str, Any]]) -> Iterator[dict[str, Any]]:
+    """The points of the model at its usual address."""
+    number = whole_in(source.json["id"]) or 0
     base = _BASES.get(number, _AFTER_COMMON)
-    group = model["group"]
-    builder = MapBuilder(source.name, device=f"SunSpec model {number}: {group.get('label') or group.get('name', '')}")
-    builder.vendor = "SunSpec"
-    builder.note(f"put at {base}: where a device has the model is said by the chain that begins with SunS")
-    _group(builder, group, base, "")
-    return [builder.built()]
+    for group in records:
+        device = {"device": f"SunSpec model {number}: {group.get('label') or group.get('name', '')}"}
+        words = f"put at {base}: where a device has the model is said by the chain that begins with SunS"
+        points: list[dict[str, Any]] = []
+        _group(points, group, base, "")
+        for at, point in enumerate(points):
+            yield {**device, **point, "of file": [words] * (at == 0)}
 
 
 def moved(chart: ImportedMap, base: int) -> ImportedMap:
@@ -59,67 +46,47 @@ def moved(chart: ImportedMap, base: int) -> ImportedMap:
     return replace(chart, chart=replace(chart.chart, rows=rows), notes=())
 
 
-def _group(builder: MapBuilder, group: Mapping[str, Any], at: int, prefix: str) -> int:
-    """The rows of a group from an address on; the address behind it."""
-    addresses: dict[str, int] = {}
-    points = []
+def _group(points: list[dict[str, Any]], group: Mapping[str, Any], at: int, prefix: str) -> int:
+    """Add the points of a group from an address on; the address behind it."""
+    places: dict[str, int] = {}
+    own: list[tuple[Mapping[str, Any], int]] = []
     for point in mappings(group.get("points")):
-        size = point.get("size")
-        size = size if isinstance(size, int) and size > 0 else _usual_size(point)
-        addresses[str(point.get("name"))] = at
-        points.append((point, at, size))
-        at += size
-    for point, address, size in points:
-        _point(builder, point, address, size, addresses, prefix)
+        places[str(point.get("name"))] = at
+        own.append((point, at))
+        at += _size(point)
+    points += [_placed(point, place, places, prefix) for point, place in own if point.get("type") != "pad"]
     for inner in mappings(group.get("groups")):
-        if at > _LAST or len(prefix) > _DEEPEST:
-            break
-        count = inner.get("count", 1)
+        count, name = inner.get("count", 1), inner.get("label") or inner.get("name")
         if not isinstance(count, int) or count < 1:
-            builder.note(f"group {inner.get('name')}: repeats as often as the device says: one of it is listed")
+            words = "repeats as often as the device says: one of it is listed"
+            points.append({"shown": f"group {inner.get('name')}", "notes": [words], "skipped": True})
             count = 1
         for turn in range(count):
             before = at
-            name = f"{inner.get('label') or inner.get('name')}" + (f" {turn + 1}" if count > 1 else "")
-            at = _group(builder, inner, at, f"{prefix}{name} ")
-            if at > _LAST or at == before:
+            if at > _LAST or len(prefix) > _DEEPEST:
+                break
+            at = _group(points, inner, at, f"{prefix}{name} {turn + 1} " if count > 1 else f"{prefix}{name} ")
+            if at == before:
                 break
     return at
 
 
-def _usual_size(point: Mapping[str, Any]) -> int:
-    """Registers of a point that does not say them: its type's bits; a text has one."""
+def _size(point: Mapping[str, Any]) -> int:
+    """Registers of a point, by its type's bits where it does not say them; a text has one then."""
+    size = point.get("size")
     digits = re.search(r"\d+$", str(point.get("type")))
-    return max(1, int(digits[0]) // 16) if digits else 1
+    return size if isinstance(size, int) and size > 0 else max(1, int(digits[0]) // 16) if digits else 1
 
 
-def _point(
-    builder: MapBuilder, point: Mapping[str, Any], address: int, size: int, places: Mapping[str, int], prefix: str
-) -> None:
-    kind = _TYPES.get(str(point.get("type")))
-    if kind is None:
-        if point.get("type") != "pad":
-            builder.note(f"{point.get('name')}: type {point.get('type')} is not known")
-        return
+def _placed(point: Mapping[str, Any], place: int, places: Mapping[str, int], prefix: str) -> dict[str, Any]:
     scale = point.get("sf")
-    symbols = {
-        s["value"]: str(s.get("label") or s.get("name", ""))
-        for s in mappings(point.get("symbols"))
-        if isinstance(s.get("value"), int)
+    states = {one.get("value"): one.get("label") or one.get("name", "") for one in mappings(point.get("symbols"))}
+    return {
+        **point,
+        "shown": prefix + str(point.get("label") or point.get("name")),
+        "place": place,
+        "registers": _size(point),
+        "factor": 10.0**scale if isinstance(scale, int) and abs(scale) <= 10 else None,
+        "scale place": places.get(scale) if isinstance(scale, str) else None,
+        "states": states,
     }
-    builder.add(
-        {
-            "area": "holding",
-            "address": address,
-            "name": prefix + str(point.get("label") or point.get("name")),
-            "type": kind,
-            "length": size if kind in ("text", "enum", "bits") else None,
-            "scale": f"{10.0**scale:g}" if isinstance(scale, int) and abs(scale) <= 10 else None,
-            "scale_register": places.get(scale) if isinstance(scale, str) else None,
-            "unit": point.get("units"),
-            "values": symbols,
-            "access": "rw" if str(point.get("access")).upper() == "RW" else "r",
-            "description": point.get("desc"),
-        },
-        point.get("name"),
-    )

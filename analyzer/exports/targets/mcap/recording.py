@@ -45,9 +45,10 @@ if TYPE_CHECKING:
 
 _RENAMED: Final = {"direction": "kind", "crc_ok": "check"}
 _PLAIN: Final = ("index", "start", "length", "t_start_ns", "direction", "unit", "function", "crc_ok", "confidence")
-_RARE: Final = ("protocol", "exception", "port")  # left out where they are 0 on all rows
-_BOUNDS: Final = ("response_time_low_ns", "response_time_high_ns")  # left out where no row has them
+_RARE: Final = ("protocol", "exception", "port", "unsure")  # left out where they are 0 on all rows
+_BOUNDS: Final = ("response_time_low_ns", "response_time_high_ns", "taken_for_start")  # left out where no row has them
 _OPTIONAL: Final = ("address", "quantity", "request_start", "response_time_ns", *_BOUNDS)  # absent where below 0
+_FLAGS: Final = ("retry", "late", "mistaken", "unsure")  # of transactions, left out where none has them
 
 _Columns = dict[str, NDArray[Any]]
 
@@ -70,6 +71,7 @@ def frame_messages(
             "address": decoded.address[pick],
             "quantity": decoded.quantity[pick],
             "request_start": rows.request_start,
+            "taken_for_start": rows.taken_for_start,
             "response_time_ns": exact[pick],
             "response_time_low_ns": low[pick],
             "response_time_high_ns": high[pick],
@@ -142,8 +144,8 @@ def transaction_messages(settled: TransactionRows, off_ns: float, message: Messa
 def _packed_transactions(
     settled: TransactionRows, off_ns: float, times: Ints, message: Message, channel: int
 ) -> Packed:
-    flags = [name for name in ("retry", "late") if settled.column(name).any()]
-    heads = records.heads(message.layout(HEAD, {"retry", "late"} - {*flags}), len(settled))
+    flags = [name for name in _FLAGS if settled.column(name).any()]
+    heads = records.heads(message.layout(HEAD, {*_FLAGS} - {*flags}), len(settled))
     for name in ("request", "unit", "function", "status", *flags):
         heads[name] = settled.column(name)
     message.put(heads, "response", settled.response, present=settled.response >= 0)

@@ -74,6 +74,8 @@ def frame(*, explain: bool = False) -> Message:
             MessageField("findings", Type.FIXED32),
             MessageField("response_time_low_ns", Type.FIXED64, optional=True),  # where the tap's clock bounds it only
             MessageField("response_time_high_ns", Type.FIXED64, optional=True),
+            MessageField("taken_for_start", Type.FIXED64, optional=True),
+            MessageField("unsure", Type.BOOL),
             *(evidence if explain else ()),
             MessageField("data", Type.BYTES),
         ),
@@ -97,6 +99,8 @@ def transaction() -> Message:
                 "response_time_low_ms", Type.DOUBLE, optional=True
             ),  # between what it lies as far as the tap's clock tells
             MessageField("response_time_high_ms", Type.DOUBLE, optional=True),
+            MessageField("mistaken", Type.BOOL),
+            MessageField("unsure", Type.BOOL),
         ),
     )
 

@@ -1,0 +1,53 @@
+"""A ledger that one thread fills while another looks at it: a look takes most of a second, and rows wait for none."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from captures.line import LineSettings
+
+from ..options import Options
+from ..tables.batch import Batch
+from ..tables.transactions import TransactionRows
+from .ledger import Ledger
+
+
+class SharedLedger:
+    """What comes while it is looked at waits, and goes in before the next look or with the next rows."""
+
+    def __init__(self, line: LineSettings, options: Options = Options()) -> None:  # noqa: B008 - frozen
+        self._options = options
+        self._ledger = Ledger(line, options)
+        self._waiting: deque[tuple[LineSettings, Batch, TransactionRows]] = deque()
+        self._lock = threading.Lock()
+
+    def feed(self, line: LineSettings, batch: Batch, transactions: TransactionRows) -> None:
+        """The next rows, of a line of these settings; waits for nobody."""
+        self._waiting.append((line, batch, transactions))
+        if self._lock.acquire(blocking=False):
+            try:
+                self._enter()
+            finally:
+                self._lock.release()
+
+    def close(self) -> None:
+        """No more comes."""
+        with self.looked_at() as ledger:
+            ledger.close()
+
+    @contextmanager
+    def looked_at(self) -> Iterator[Ledger]:
+        """The ledger with all that came; it stays as it is meanwhile."""
+        with self._lock:
+            self._enter()
+            yield self._ledger
+
+    def _enter(self) -> None:
+        while self._waiting:
+            line, batch, transactions = self._waiting.popleft()
+            if self._ledger.line != line:  # a tap found it out: what was counted before was of another one
+                self._ledger = Ledger(line, self._options)
+            self._ledger.feed(batch, transactions)

@@ -1,0 +1,190 @@
+"""Which of its requests a unit answers: paths over time, weighed by header, order and content.
+
+A unit answers in the order in which it was asked. After a silence nobody knows whether it lost the request or answers
+it late; behind that every answer may be to the request before the one that it seems to follow. A path says for each
+answer which request it is of. To lose a request and to answer it late cost the same; what costs is an answer that was
+given twice, one that nobody asked for, and a request that the client was content with and nobody ever answered. What an
+answer holds is weighed by `contents`. Paths are compared over some answers; where none leads by `LEAD_BITS`, nobody
+can tell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple
+
+from dissectors.lengths import Expectation
+
+from ..tables.transactions import LATE_NS, LATE_WAITS, LONGEST_NS
+from .contents import MOST_BITS
+
+LEAD_BITS: Final = 6.0
+_HOPELESS_BITS: Final = 24.0
+_TWICE_BITS: Final = 10.0  # an answer to a request that was answered
+_ALIEN_BITS: Final = 20.0  # one to none that is known
+_FORGOTTEN_BITS: Final = 3.0  # one to a request that is too long ago, where such may be open
+_LOST_BITS: Final = 8.0  # requests lost that the client took for answered, some in a row
+_OVERDUE_BITS: Final = 4.0  # an answer that took much longer than any on its path
+_OVERDUE: Final = 3  # times as long,
+_SLACK_NS: Final = 100_000_000  # and so much longer
+_PATHS: Final = 16
+ASKS: Final = 24  # requests back that an answer may be of
+_NONE: Final = -1
+
+
+@dataclass(slots=True)
+class AskedRequest:
+    """A whole request to a unit."""
+
+    number: int  # its frame's index
+    start: int
+    t_end_ns: int
+    read: int  # that brought its last byte
+    adu: bytes
+    expects: Expectation
+    t_next_ns: int | None = None  # when the client went on to another request
+    taken: bool = False  # an answer came that the client takes for its own
+    damaged: bool = False  # it was answered by something that came damaged
+    answered: bool = False  # an answer is settled to be its own
+
+
+@dataclass(slots=True)
+class PendingAnswer:
+    """An answer of which it is not settled yet whose it is."""
+
+    number: int  # its frame's index
+    t_start_ns: int
+    adu: bytes
+    taken_for: int  # number of the request that the client takes it for, or -1
+
+
+class AnswerPath(NamedTuple):
+    """Of each pending answer the number of the request that it is of (-1: of none), and what that costs in bits."""
+
+    newest: int  # number of the last request that was answered; -1: of none
+    cost: float
+    slowest_ns: int  # of its answers
+    chosen: tuple[int, ...]
+
+
+class SettledAnswer(NamedTuple):
+    """Whose an answer is: `request` is -1 where it is of none, or nobody can tell (`unsure`)."""
+
+    answer: PendingAnswer
+    request: AskedRequest | None
+    unsure: bool
+
+
+Strangeness = Callable[[AskedRequest, bytes], float]
+
+
+@dataclass(slots=True)
+class UnitQueue:
+    """The requests to one unit of late, and the paths of its answers."""
+
+    asks: list[AskedRequest] = field(default_factory=list)
+    paths: list[AnswerPath] = field(default_factory=lambda: [AnswerPath(_NONE, 0.0, 0, ())])
+    pending: list[PendingAnswer] = field(default_factory=list)
+    forgotten: int = _NONE  # number of the newest request that is too long ago to be looked at
+
+    def ask(self, ask: AskedRequest) -> None:
+        """Another request."""
+        self.asks.append(ask)
+        chosen = {number for path in self.paths for number in path.chosen}
+        while len(self.asks) > ASKS and self.asks[0].number not in chosen:
+            self.forgotten = self.asks.pop(0).number
+
+    def answer(self, answer: PendingAnswer, strangeness: Strangeness, *, timed: bool) -> None:
+        """An answer: every path goes on to each request that it may be of."""
+        asks = self.asks
+        oldest = min(path.newest for path in self.paths)
+        fitting = [
+            (place, ask)
+            for place, ask in enumerate(asks)
+            if ask.number >= oldest and ask.expects.fits(answer.adu) and (not timed or self._in_time(place, answer))
+        ]
+        alike = len({ask.adu for _, ask in fitting}) < 2
+        bits = {place: 0.0 if alike else strangeness(ask, answer.adu) for place, ask in fitting}
+        least = min(bits.values(), default=0.0)
+        stranger = (
+            least if least >= MOST_BITS else _ALIEN_BITS
+        )  # what is strange for all may be of one that is not here
+        paths: dict[tuple[int, tuple[int, ...]], AnswerPath] = {}
+        for path in self.paths:
+            for place, ask in fitting:
+                if ask.number >= path.newest:
+                    waited = answer.t_start_ns - ask.t_end_ns
+                    cost = path.cost + bits[place] + self._step(path, place)
+                    if timed and ask is not asks[-1] and 0 < _OVERDUE * path.slowest_ns + _SLACK_NS < waited:
+                        cost += _OVERDUE_BITS * (path.slowest_ns > 0)
+                    slowest = max(path.slowest_ns, waited)
+                    _put(paths, AnswerPath(ask.number, cost, slowest, (*path.chosen, ask.number)))
+            unknown = _FORGOTTEN_BITS if path.newest < self.forgotten else stranger
+            _put(paths, path._replace(cost=path.cost + unknown, chosen=(*path.chosen, _NONE)))
+        self.pending.append(answer)
+        self._keep(paths)
+
+    def _in_time(self, place: int, answer: PendingAnswer) -> bool:
+        """Whether an answer may still be of a request: soon enough after the client went on, if it did."""
+        ask = self.asks[place]
+        waits = LONGEST_NS if ask.t_next_ns is None else max(LATE_NS, LATE_WAITS * (ask.t_next_ns - ask.t_end_ns))
+        return answer.t_start_ns - ask.t_end_ns <= min(waits, LONGEST_NS)
+
+    def _step(self, path: AnswerPath, place: int) -> float:
+        """What it costs to go on from the newest request that was answered to this one."""
+        asks = self.asks
+        if asks[place].number == path.newest:
+            return _TWICE_BITS
+        lost = any(ask.taken and path.newest < ask.number for ask in asks[:place])
+        return _LOST_BITS * lost
+
+    def _keep(self, paths: dict[tuple[int, tuple[int, ...]], AnswerPath]) -> None:
+        """The few of these that are worth going on with, the best first: of equal ones that of newer requests."""
+        ranked = sorted(paths.values(), key=lambda path: (path.cost, [-number for number in path.chosen], -path.newest))
+        least = ranked[0].cost
+        self.paths = [
+            path._replace(cost=path.cost - least) for path in ranked[:_PATHS] if path.cost - least <= _HOPELESS_BITS
+        ]
+
+    def settled(self) -> list[SettledAnswer]:
+        """The oldest answers of which all paths that may be right say the same."""
+        found: list[SettledAnswer] = []
+        while self.pending:
+            best = self.paths[0].chosen[0]
+            mine = self._known(best)
+            for path in self.paths:
+                if path.cost <= LEAD_BITS and path.chosen[0] != best:
+                    other = self._known(path.chosen[0])
+                    if mine is None or other is None or mine.adu != other.adu:
+                        return found
+            found.append(self._settle(mine, unsure=mine is None and self.pending[0].taken_for >= 0))
+        return found
+
+    def give_up(self) -> SettledAnswer:
+        """Nobody can tell whose the oldest answer is."""
+        return self._settle(None, unsure=True)
+
+    @property
+    def plain(self) -> bool:
+        """Whether all is as it should be: one path is left, and the newest request that is answered is its last."""
+        known = [ask.number for ask in self.asks if ask.taken]
+        return not self.pending and len(self.paths) == 1 and (not known or self.paths[0].newest >= known[-1])
+
+    def _known(self, number: int) -> AskedRequest | None:
+        return next((ask for ask in self.asks if ask.number == number), None)
+
+    def _settle(self, ask: AskedRequest | None, *, unsure: bool) -> SettledAnswer:
+        answer = self.pending.pop(0)
+        paths: dict[tuple[int, tuple[int, ...]], AnswerPath] = {}
+        for path in self.paths:
+            _put(paths, path._replace(chosen=path.chosen[1:]))
+        self._keep(paths)
+        return SettledAnswer(answer, ask, unsure)
+
+
+def _put(paths: dict[tuple[int, tuple[int, ...]], AnswerPath], path: AnswerPath) -> None:
+    """Of paths that say the same the one that costs least."""
+    key = path.newest, path.chosen
+    if key not in paths or path.cost < paths[key].cost:
+        paths[key] = path

@@ -1,0 +1,127 @@
+"""An entry of a lake's manifest as it is on the disk: which files are entries, and whether one is whole.
+
+A lake comes from anywhere, and disks fail: what an entry does not say, or says of a file outside of the lake, is told
+in one line, and nothing is read or taken away by it.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, Final
+
+from captures.errors import os_reason
+
+from . import FleetError
+from .stores import LakeStore
+
+FOLDER: Final = "manifest"
+_ENDING: Final = ".json"
+_Check = Callable[[Any], bool]
+
+
+def entry_names(store: LakeStore) -> Iterator[tuple[int, str]]:
+    """The number and the name of each entry, in order; other files there are none."""
+    for name in store.names(FOLDER):
+        stem = name.removeprefix(f"{FOLDER}/").removesuffix(_ENDING)
+        if name.endswith(_ENDING) and stem.isascii() and stem.isdecimal():
+            yield int(stem), name
+
+
+def read_entry(store: LakeStore, name: str) -> dict[str, Any]:
+    """An entry, of which all is there and of its kind. Raises FleetError."""
+    try:
+        entry = json.loads(store.read(name))
+    except OSError as error:
+        raise FleetError(f"{store.url(name)}: {os_reason(error)}") from error
+    except (ValueError, RecursionError):
+        entry = None
+    form = _PACKING if isinstance(entry, dict) and "packs" in entry else _TASK
+    if not isinstance(entry, dict) or not _has(entry, form) or not all(map(_in_lake, listed_in(entry))):
+        raise FleetError(f"{store.url(name)}: is damaged, or no entry of a lake's manifest")
+    return entry
+
+
+def listed_in(entry: Mapping[str, Any]) -> set[str]:
+    """The files that an entry names."""
+    if "packs" in entry:
+        return {pack["name"] for pack in entry["packs"]}
+    tables = (*entry["files"].values(), *entry["tail"].values())
+    return {name for files in tables for name, _ in files} | ({entry["state"]} if entry["state"] else set())
+
+
+def _in_lake(name: str) -> bool:
+    """Whether it can only be a file below the lake."""
+    return not any(part in ("", ".", "..") for part in name.split("/")) and not set(name) & {"\\", "\0"}
+
+
+def _has(entry: Any, form: Mapping[str, _Check]) -> bool:
+    """Whether what must be there is, and what is there is of its kind; `?` marks what entries of before lack."""
+    return isinstance(entry, dict) and all(
+        check(entry[key.rstrip("?")]) if key.rstrip("?") in entry else key.endswith("?") for key, check in form.items()
+    )
+
+
+def _of(*kinds: type) -> _Check:
+    return lambda value: isinstance(value, kinds) and not (isinstance(value, bool) and bool not in kinds)
+
+
+def _list(check: _Check) -> _Check:
+    return lambda value: isinstance(value, list) and all(map(check, value))
+
+
+def _form(form: Mapping[str, _Check]) -> _Check:
+    return lambda value: _has(value, form)
+
+
+def _optional(check: _Check) -> _Check:
+    return lambda value: value is None or check(value)
+
+
+def _file(value: Any) -> bool:
+    """A name, and how many rows."""
+    return isinstance(value, list) and len(value) == 2 and isinstance(value[0], str) and _count(value[1])
+
+
+def _tables(value: Any) -> bool:
+    return isinstance(value, dict) and all(_list(_file)(files) for files in value.values())
+
+
+def _count(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and value >= 0
+
+
+def _span(value: Any) -> bool:
+    return isinstance(value, list) and len(value) == 2 and all(each is None or _of(int)(each) for each in value)
+
+
+_text: Final = _of(str)
+_SLICE: Final[Mapping[str, _Check]] = {
+    "url": _text,
+    "size": _count,
+    "stamp": _text,
+    "sha256": _optional(_text),
+    "state": _text,
+    "damage": _list(_text),
+    "bytes": _count,
+    "span": _span,
+    "steps": _list(_text),
+    "chunks?": _count,
+    "chunk_digest?": _text,
+}
+_TASK: Final[Mapping[str, _Check]] = {
+    "site": _text,
+    "line": _text,
+    "version": _text,
+    "options": _text,
+    "after": _optional(_count),
+    "slices": _list(_form(_SLICE)),
+    "files": _tables,
+    "tail": _tables,
+    "state": _optional(_text),
+    "rules?": lambda value: isinstance(value, dict) and all(map(_count, value.values())),
+    "tail_frames?": _count,
+    "trouble?": _optional(_text),
+}
+_PACK: Final[Mapping[str, _Check]] = {"table": _text, "name": _text, "members": _list(_file)}
+_PACKING: Final[Mapping[str, _Check]] = {"packs": _list(_form(_PACK))}

@@ -1,0 +1,236 @@
+"""Maps that other programs keep: a file of data a program says where its registers stand and what its words mean.
+
+`NAME.toml` has `paths` to the records, `fields` (what a map's column is, out of which keys of a record), and the
+program's words for areas, types, orders and rights. A path's steps are keys; `{a,b}` any of these, `*` any, `-` the
+rows of a table, `**` anything between. A key with `^` is one of what a record stands in (`^@`: the key that led to it),
+`=x` is x itself where there is no other, `a+b` both, parted by a blank; the first that is there counts. `NAME.py`,
+where there is one, has `adapted(source, records)`, which puts right what no path can say.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cached_property
+from importlib import import_module
+from importlib.resources import files as package_files
+from typing import Any, Final, cast
+
+from ..model import VALUE_TYPES
+from .source import ImportedMap, MapBuilder, MapSource, mappings, number_in, scaled, whole_in
+
+Record = dict[str, Any]
+Adapter = Callable[[MapSource, Iterator[Record]], Iterator[Record]]
+_TABLES: Final = {"area": "areas", "type": "types", "order": "orders", "access": "rights"}  # of words
+_BITS: Final = ("coil", "discrete")
+
+
+class Program:
+    """A program's form of maps."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.data: Mapping[str, Any] = tomllib.loads(
+            (package_files(__package__) / f"{name}.toml").read_text(encoding="utf-8")
+        )
+        self.NAME: str = self.data["name"]
+
+    @cached_property
+    def _adapted(self) -> Adapter | None:
+        if not self.data.get("adapted"):
+            return None
+        return cast(Adapter, import_module(f"{__package__}.{self.name}").adapted)
+
+    def recognises(self, source: MapSource) -> bool:
+        """Whether one of the paths leads to a record that has what a register of the program needs."""
+        return next(self._found(source, self.data.get("signature", self.data["paths"])), None) is not None
+
+    def read(self, source: MapSource) -> list[ImportedMap]:
+        """A map a device."""
+        builders: dict[str, MapBuilder] = {}
+        records = self._found(source, self.data["paths"])
+        for record in records if self._adapted is None else self._adapted(source, records):
+            device, vendor = (" ".join(self._texts(record, key)) for key in ("device", "vendor"))
+            builder = builders.setdefault(
+                device, MapBuilder(source.name, device, vendor, self.data.get("order", "ABCD"))
+            )
+            _ProgramRow(self, builder, record).add()
+        return [builder.built() for builder in builders.values()]
+
+    def _texts(self, record: Record, what: str) -> Iterator[str]:
+        for keys in self.data.get(what, ()):
+            yield str(said(record, keys) or "")
+
+    def _found(self, source: MapSource, paths: Sequence[Mapping[str, Any]]) -> Iterator[Record]:
+        tree = getattr(source, self.data["reads"])
+        for path in paths:
+            for record in _walked(tree, path["to"].split("."), {}):
+                where: Mapping[str, Any] = path.get("where", {})
+                needs: Sequence[str] = path.get("needs", ())
+                there = said(record, needs) is not None or not needs
+                if there and all(record.get(key) == value for key, value in where.items()):
+                    yield record
+
+
+def said(record: Mapping[str, Any], keys: Sequence[str]) -> Any:
+    """The first of these keys that a record has."""
+    return next((value for value in (_at(record, key) for key in keys) if value is not None), None)
+
+
+def _at(record: Mapping[str, Any], key: str) -> Any:
+    if "+" in key[1:]:
+        parts = [record.get(part) for part in key.split("+")]
+        return None if None in parts else " ".join(map(str, parts))
+    return key[1:] if key.startswith("=") else record.get(key)
+
+
+def _walked(node: Any, steps: Sequence[str], above: Mapping[str, Any]) -> Iterator[Record]:
+    """The mappings that steps lead to, each with what it stands in."""
+    if not steps:
+        yield {**above, **node}
+        return
+    for below, around, rest in _STEPS.get(steps[0], _by_keys)(node, steps):
+        yield from _walked(below, rest, {**above, **around})
+
+
+Stepped = Iterator[tuple[Any, Record, Sequence[str]]]
+
+
+def _by_keys(node: Any, steps: Sequence[str]) -> Stepped:
+    """What the keys of a step lead to: `a`, `{a,b}` or `*`."""
+    inner = node if isinstance(node, Mapping) else {}
+    wanted = inner if steps[0] == "*" else steps[0].strip("{}").split(",")
+    for key, value in inner.items():
+        for below in mappings(value) if key in wanted else ():
+            yield below, {**_plain_values(node), "^@": key}, steps[1:]
+
+
+def _anywhere(node: Any, steps: Sequence[str]) -> Stepped:
+    """The node itself for the steps behind `**`, and all that it holds for these."""
+    yield node, {}, steps[1:]
+    for below in node.values() if isinstance(node, Mapping) else node if isinstance(node, list) else ():
+        yield below, _plain_values(node), steps
+
+
+def _by_rows(node: Any, steps: Sequence[str]) -> Stepped:
+    for below in node or ():
+        yield below, {}, steps[1:]
+
+
+_STEPS: Final[Mapping[str, Callable[[Any, Sequence[str]], Stepped]]] = {
+    "**": _anywhere,
+    "-": _by_rows,
+}
+
+
+def _plain_values(node: Any) -> Record:
+    """What a mapping says itself, for the records within it."""
+    plain = node.items() if isinstance(node, Mapping) else ()
+    return {f"^{key}": value for key, value in plain if not isinstance(value, Mapping | list)}
+
+
+class _ProgramRow:
+    """A record as a row of a map."""
+
+    def __init__(self, program: Program, builder: MapBuilder, record: Record) -> None:
+        self.data, self.builder, self.record = program.data, builder, record
+        own_name = str(self.said("name") or "")
+        self.name = own_name or f"Register {self.said('address')}"
+        self.what = record.get("what") or self.name  # in notes
+        builder.notes += [f"{self.what}: no name"] * (not own_name)
+
+    def said(self, what: str) -> Any:
+        """What a column is out of the record."""
+        return said(self.record, self.data["fields"].get(what, ()))
+
+    def meant(self, what: str) -> tuple[str | None, str]:
+        """What the program's word for a column means, the first that is known; and the first that there is."""
+        keys = self.data["fields"].get(what, ())
+        values = [(key, _at(self.record, key)) for key in keys]
+        given = [str(value).strip() for key, value in values if value is not None and not key.startswith("=")]
+        words = given[: 1 if what == "area" else None] or [key[1:] for key in keys if key.startswith("=")]
+        table: Mapping[str, str] = self.data.get(_TABLES[what], {})
+        return next((table[word.lower()] for word in words if word.lower() in table), None), next(iter(words), "")
+
+    def note(self, text: str) -> None:
+        self.builder.note(f"{self.what}: {text}")
+
+    def add(self) -> None:
+        """The row, or what keeps the record from being one."""
+        for text in self.record.get("of file", ()):
+            self.builder.note(text)
+        for text in self.record.get("notes", ()):
+            self.note(text)
+        position = self.said("address")
+        address = whole_in(position)
+        area, area_word = self.meant("area")
+        kind, type_word = self.meant("type")
+        bit = whole_in(self.said("bit"))
+        if "skipped" in self.record:
+            return
+        if address is None or area is None:
+            self.note(f"address {position!r} of {area_word!r} is not known")
+        elif bit is not None and area not in _BITS:
+            self.builder.add_bits(area, address, bit, whole_in(self.said("width")) or 1, self.name)
+        elif kind is None and area not in _BITS:
+            self.note(f"{self.data.get('types_are', 'type')} {type_word!r} is no type of a map")
+        else:
+            self.builder.add(self._cells(area, address, "bool" if area in _BITS else kind or ""), self.what)
+
+    def _cells(self, area: str, address: int, kind: str) -> dict[str, object]:
+        kind, _, own_order = kind.partition(" ")
+        states = states_of(self.said("values"))
+        length = self.said("length")
+        if states and kind[0] in "us":
+            kind, length = "enum", VALUE_TYPES[kind]
+        is_wide = VALUE_TYPES[kind] > 1 or self.data.get("orders_bytes", False)
+        read_only = self.data.get("bits_access") if area in _BITS else None
+        return {
+            "area": area,
+            "address": address,
+            "name": self.name,
+            "type": kind,
+            "order": own_order or (self.meant("order")[0] if is_wide and kind != "bool" else None),
+            "length": length,
+            **self._factor(),
+            "scale_register": self.said("scale_register"),
+            "unit": self.said("unit"),
+            "values": states,
+            "access": self.meant("access")[0] or read_only,
+            "min": self._number("min"),
+            "max": self._number("max"),
+            "description": self.said("description"),
+            "group": self.said("group"),
+        }
+
+    def _factor(self) -> dict[str, object]:
+        """Scale and offset; the number that a key divides by counts as its inverse."""
+        scale = self._number("scale") or 1.0
+        return scaled(scale / (self._number("divisor") or 1.0), self._number("offset") or 0.0)
+
+    def _number(self, what: str) -> float | None:
+        value = self.said(what)
+        if value in (None, ""):
+            return None
+        number = number_in({"": value}, "", float("nan"))
+        if number != number:
+            self.note(f"{what} {value!r} is not known")
+            return None
+        return number
+
+
+def states_of(values: Any) -> dict[int, str]:
+    """Names of states out of a mapping either way round, or out of records with `key` (one or several) and `value`."""
+    pairs = (
+        values.items()
+        if isinstance(values, Mapping)
+        else [(one.get("key"), one.get("value")) for one in mappings(values)]
+    )
+    states: dict[int, str] = {}
+    for key, name in pairs:
+        for one in key if isinstance(key, list) else [key]:
+            number = whole_in(one)
+            state, word = (number, name) if number is not None else (whole_in(name), key)
+            if state is not None:
+                states[state] = {True: "On", False: "Off"}[word] if isinstance(word, bool) else str(word)
+    return states

@@ -1,0 +1,163 @@
+"""Records of registers in what programs keep: trees of JSON, YAML, TOML and INI, initialisers of C. A sheet is made of
+them whose headings are the keys, so that columns are found as in any table.
+
+A record is a mapping with plain values; what has no name is named by the key that leads to it, and grouped by what it
+stands in. Records of registers are those that have an address by its name, else the kind that there is most of.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import islice
+from typing import TYPE_CHECKING, Any, Final
+
+from .roles import heading_bits
+from .sheets import MapSheet
+from .written import numbers_in
+
+if TYPE_CHECKING:
+    from .importers.source import MapSource
+
+_FEW: Final = 2
+_MOST: Final = 20_000
+_DEPTH: Final = 12
+_INSIDE: Final = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|_+|(?<=[a-z])-(?=[a-z])")
+_INITIALISER: Final = re.compile(r"\{((?:[^{}\"]|\"(?:\\.|[^\"\\])*\")*)\}")
+_C_CELL: Final = re.compile(r"\s*(?:\.(\w+)\s*=\s*)?(?:\"((?:\\.|[^\"\\])*)\"|((?:[^,\"])*))\s*(?:,|$)")
+_C_COMMENT: Final = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
+_C_FIELD: Final = re.compile(r"(\w+)\s*(?:\[[^\]]*\])?\s*;")
+Record = dict[str, str]
+
+
+def record_sheet(source: MapSource) -> MapSheet | None:
+    """The records of a file as a sheet; None where there are none."""
+    rows = next((value for value in _lists_of_rows(source.tree, 0)), None)
+    if rows is not None:
+        return MapSheet("", [[_text(cell) for cell in row] for row in islice(rows, _MOST)])
+    records = list(islice(_records(source), _MOST))
+    by_keys: dict[tuple[str, ...], list[Record]] = defaultdict(list)
+    for record in records:
+        by_keys[tuple(record)].append(record)
+    addressed = [record for record in records if _has_address(record)]
+    chosen = addressed if len(addressed) >= _FEW else max(by_keys.values(), key=len, default=[])
+    keys = list(dict.fromkeys(key for record in chosen for key in record))
+    return MapSheet("", [keys, *([record.get(key, "") for key in keys] for record in chosen)]) if chosen[1:] else None
+
+
+def _has_address(record: Record) -> bool:
+    """Whether a number stands where a key says that the address is."""
+    return any(heading_bits(key, "address") and numbers_in(cell[:20]) for key, cell in record.items())
+
+
+def _records(source: MapSource) -> Iterator[Record]:
+    if source.tree is None:
+        return _of_c(source.text) if source.is_text else iter(())
+    return _found(source.tree, ())
+
+
+def _lists_of_rows(node: Any, depth: int) -> Iterator[Sequence[Sequence[Any]]]:
+    """The lists of lists in a tree that are rows of one length."""
+    below = list(node.values()) if isinstance(node, Mapping) else node if isinstance(node, list) else []
+    rows = [row for row in below if isinstance(row, list)]
+    if len(rows) == len(below) > _FEW and len({len(row) for row in rows}) == 1 and len(rows[0]) > _FEW:
+        yield rows
+    for inner in below if depth < _DEPTH else ():
+        yield from _lists_of_rows(inner, depth + 1)
+
+
+def _found(node: Any, path: tuple[str, ...]) -> Iterator[Record]:
+    """The records in a tree; `path`: the keys that lead to a node."""
+    if len(path) > _DEPTH:
+        return
+    if isinstance(node, list):
+        for below in node:
+            yield from _found(below, path)
+    elif isinstance(node, Mapping):
+        cells = dict(_cells(node))
+        own = [key for key, value in node.items() if not isinstance(value, Mapping | list)]
+        record = {**_place(path, cells), **cells}
+        if (len(own) >= _FEW and any(map(numbers_in, cells.values()))) or _has_address(
+            {_word(key): "1" for key in own}
+        ):
+            yield record
+        else:
+            for key, below in node.items():
+                yield from _found(below, (*path, str(key)))
+
+
+def _place(path: tuple[str, ...], cells: Mapping[str, str]) -> Record:
+    """What the keys say that lead to a record: its name, or its address where that is a number; and its group."""
+    *groups, key = path or ("",)
+    is_number = numbers_in(key[:20]) and not re.search(r"[^\W\d]{2}", key)
+    kind = "address" if is_number and not _has_address(dict(cells)) else "key"
+    named = any(heading_bits(word, "name") >= _NAMED for word in cells)
+    if named and kind == "key":
+        return {"group": " ".join(path)}
+    return {kind: key, "group": " ".join(groups)}
+
+
+_NAMED: Final = 10.0  # bits: a name by all of its heading
+
+
+def _word(key: object) -> str:
+    """A key as the words of a heading: `scaleFactor` is `scale factor`."""
+    return " ".join(_INSIDE.sub(" ", str(key)).lower().split())
+
+
+def _cells(record: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """The values of a record by their keys as words; those of what it holds, too."""
+    for key, value in record.items():
+        if isinstance(value, Mapping) and not _are_states(value):
+            yield from _cells(value)
+        elif value is not None:
+            yield _word(key), _text(value)
+
+
+def _are_states(value: Mapping[Any, Any]) -> bool:
+    return all(str(state).isdecimal() and isinstance(name, str | bool) for state, name in value.items())
+
+
+def _text(value: Any) -> str:
+    """A value as a cell has it: states with their names, neighbouring numbers as a range."""
+    match value:
+        case None:
+            return ""
+        case dict():
+            return "; ".join(f"{state}={_state(name)}" for state, name in value.items())
+        case [int() as first, *_, int() as last] if value == list(range(first, last + 1)):
+            return f"{first}-{last}"
+        case list():
+            return ", ".join(map(str, value))
+        case _:
+            return str(value)
+
+
+def _state(name: str | bool) -> str:
+    """The name of a state; YAML takes `on` and `off` for truth."""
+    return name if isinstance(name, str) else ("off", "on")[name]
+
+
+def _of_c(text: str) -> Iterator[Record]:
+    """The innermost initialisers of a C source, by the names that they give or that the structure above them has."""
+    names: list[str] = []
+    for match in _INITIALISER.finditer(_C_COMMENT.sub(" ", text)):
+        if ";" in match[1]:
+            names = _C_FIELD.findall(match[1])
+            continue
+        cells = [(name, quoted or bare.strip()) for name, quoted, bare in _C_CELL.findall(match[1].strip())]
+        cells = [(_word(name or place), cell) for (name, cell), place in zip(cells, [*names, *[""] * 99], strict=False)]
+        yield {name: cell for name, cell in cells if name}
+
+
+def json_lines(text: str) -> list[Any]:
+    """The objects of a file with one a line; nothing behind a line that is none."""
+    found = []
+    for line in filter(str.strip, text.splitlines()):
+        try:
+            found.append(json.loads(line))
+        except (ValueError, RecursionError):
+            break
+    return found

@@ -1,0 +1,192 @@
+"""Which column of a table holds what: an assignment of roles to columns, in bits, by headings and by what stands below.
+
+A heading speaks for a role by all of it, by how it begins or by how it ends; the cells speak for one or against it by
+their forms and by how they follow each other (addresses rise, names differ, serial numbers count). How much each says
+is in `vocabulary.toml`. The pair of role and column that has most bits is taken first. So a column is found whose
+heading is of no known language, and one whose heading means something else than usual.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property, lru_cache
+from itertools import pairwise
+from typing import Any, Final
+
+from .model import AREA_WORDS
+from .vocabulary import WIDE_SIGNS, expression, form, meaning, roles
+from .written import numbers_in
+
+_HEADING: Final = 60  # characters
+_WHOLE, _BEGINS, _ENDS, _MAYBE = 10.0, 6.0, 5.0, 6.0  # bits
+_LEAST: Final = 5.0  # bits for which a column is given a role
+_NEEDED: Final = frozenset({"address", "name"})
+_LEFT_OUT: Final = ((), ("number",), ("description",), ("number", "description"))
+_SAMPLE: Final = 200  # rows below a heading that are looked at
+_LEAST_CELLS: Final = 3  # of a heading that is known by what stands below it
+_LEAST_ROWS: Final = 2  # below it
+_FILLED: Final = 0.9
+_RISING: Final = 0.8
+
+Table = Sequence[Sequence[str]]
+
+
+def column_cells(rows: Table, at: int) -> list[str]:
+    """The cells of a column that hold something."""
+    return [cell for row in rows if at < len(row) and (cell := row[at].strip())]
+
+
+@lru_cache(maxsize=4096)
+def heading_bits(text: str, role: str) -> float:
+    """How much a heading, in small letters, speaks for a role; 0 where nothing of it does."""
+    if not 0 < len(text) <= _HEADING:
+        return 0.0
+    words, maybe, ends = (_any(role, kind) for kind in ("words", "maybe", "ends"))
+    ways = (
+        (_WHOLE, text == role or words.fullmatch(text)),
+        (_BEGINS, re.match(rf"(?:{words.pattern})\b", text)),
+        (_MAYBE, maybe.fullmatch(text)),
+        (_ENDS, re.search(rf"(?:{ends.pattern})$", text)),
+    )
+    return next((bits for bits, found in ways if found), 0.0)
+
+
+@lru_cache(maxsize=256)
+def _any(role: str, kind: str) -> re.Pattern[str]:
+    return expression("|".join(roles()[role].get(kind, ())) or r"(?!)")
+
+
+class TableColumn:
+    """A column: its heading in small letters, and the cells below it."""
+
+    def __init__(self, heading: str, cells: Sequence[str], rows: int) -> None:
+        self.heading = plain_heading(heading)
+        self.cells = cells
+        self.filled = len(cells) / max(1, rows)
+
+    @cached_property
+    def numbers(self) -> list[int]:
+        return [found[0] for cell in self.cells if (found := numbers_in(cell))]
+
+    def bits(self, role: str) -> float:
+        """How much the column speaks for a role."""
+        declared = roles()[role]
+        heading = heading_bits(self.heading, role)
+        if declared.get("heading") and not heading:
+            return 0.0
+        return heading + sum(self._evidence(line) for line in declared.get("cells", ()))
+
+    def _evidence(self, line: Mapping[str, Any]) -> float:
+        if not self.cells:
+            return float(min(0, line["no"])) if "filled" in line else 0.0
+        holds = all(_LOOKS[kind](self, line) for kind in _LOOKS.keys() & line.keys())
+        return float(line["yes"] if holds else line["no"])
+
+    def _share(self, line: Mapping[str, Any], looks: Callable[[str], object]) -> bool:
+        return sum(map(bool, map(looks, self.cells))) >= float(line.get("share", 1)) * len(self.cells)
+
+    def _like(self, line: Mapping[str, Any]) -> bool:
+        return self._share(line, expression(line["like"]).fullmatch)
+
+    def _some(self, line: Mapping[str, Any]) -> bool:
+        return any(map(expression(line["some"]).fullmatch, self.cells))
+
+    def _rises(self, _: Mapping[str, Any]) -> bool:
+        steps = [after > before for before, after in pairwise(self.numbers)]
+        return sum(steps) >= _RISING * len(steps) and 2 * len(self.numbers) > len(self.cells)
+
+    def _counts(self, _: Mapping[str, Any]) -> bool:
+        first = self.numbers[0] if self.numbers else 2
+        return first < 2 < len(self.cells) and self.numbers == list(range(first, first + len(self.cells)))
+
+    def _differs(self, _: Mapping[str, Any]) -> bool:
+        return len(set(self.cells)) >= _RISING * len(self.cells)
+
+    def _is_filled(self, _: Mapping[str, Any]) -> bool:
+        return self.filled >= _FILLED
+
+    def _types(self, line: Mapping[str, Any]) -> bool:
+        return self._share(line, lambda cell: meaning("typed", cell.replace("_", " ")))
+
+    def _areas(self, line: Mapping[str, Any]) -> bool:
+        if not heading_bits(self.heading, "area"):
+            return {cell.lower() for cell in self.cells} <= _AREA_NAMES
+        return self._share(
+            line, lambda cell: form("codes", cell.lower()) or meaning("area", cell) or cell.lower() in AREA_WORDS
+        )
+
+
+def _is_area(cell: str) -> bool:
+    """Whether a cell below the heading of areas is one, or the codes of functions."""
+    return cell.lower() in AREA_WORDS or bool(form("codes", cell.lower()) or meaning("area", cell))
+
+
+_AREA_NAMES: Final = frozenset(word for word in AREA_WORDS if not word.isdecimal())
+_LOOKS: Final[Mapping[str, Callable[[TableColumn, Mapping[str, Any]], bool]]] = {
+    "like": TableColumn._like,
+    "some": TableColumn._some,
+    "rises": TableColumn._rises,
+    "counts": TableColumn._counts,
+    "differs": TableColumn._differs,
+    "filled": TableColumn._is_filled,
+    "type": TableColumn._types,
+    "area": TableColumn._areas,
+}
+
+
+def plain_heading(cell: str) -> str:
+    """A heading in small letters, its signs those of ASCII."""
+    return " ".join(cell.translate(WIDE_SIGNS).lower().split()).strip(" :.")
+
+
+def assigned(row: Sequence[str], below: Table) -> dict[str, int]:
+    """The columns of a table by their roles, the surest first; empty where none is of addresses, or none of names."""
+    return assignment(row, below)[0]
+
+
+def assignment(row: Sequence[str], below: Table) -> tuple[dict[str, int], float]:
+    """The columns of a table by their roles, and how many bits speak for all of it.
+
+    Serial numbers are left out of the answer. Where they took the only column of numbers, that is the address; where a
+    description is the only text, that is the name.
+    """
+    sample = below[:_SAMPLE]
+    columns = [TableColumn(cell, column_cells(sample, at), len(sample)) for at, cell in enumerate(row)]
+    bits = {(role, at): column.bits(role) for at, column in enumerate(columns) for role in roles()}
+    for left in _LEFT_OUT:
+        best = _assignment({pair: value for pair, value in bits.items() if pair[0] not in left})
+        if best.keys() >= _NEEDED:
+            weight = sum(bits[pair] for pair in best.items())
+            best.pop("number", None)
+            return best, weight
+    return {}, 0.0
+
+
+def _assignment(bits: Mapping[tuple[str, int], float]) -> dict[str, int]:
+    found: dict[str, int] = {}
+    for role, at in sorted(bits, key=lambda pair: -bits[pair]):
+        if bits[role, at] >= _LEAST and role not in found and at not in found.values():
+            found[role] = at
+    return found
+
+
+def known_headings(row: Sequence[str]) -> int:
+    """How many cells of a row are headings by all of them."""
+    return sum(any(heading_bits(plain_heading(cell), role) >= _WHOLE for role in roles()) for cell in row)
+
+
+def is_heading(row: Sequence[str]) -> bool:
+    """Whether a row is one of headings by its words: two are known, one of addresses among what there is."""
+    texts = [plain_heading(cell) for cell in row]
+    named = any(heading_bits(text, "address") for text in texts)
+    return named and known_headings(row) > 1 and not any(text[:1].isdecimal() for text in texts)
+
+
+def is_unknown_heading(row: Sequence[str], below: Table) -> bool:
+    """Whether a row of words that nobody knows is a heading, by what stands below it: addresses, names and more."""
+    cells = [cell for cell in row if cell]
+    if len(cells) < _LEAST_CELLS or any(cell[:1].isdecimal() for cell in cells) or len(below) < _LEAST_ROWS:
+        return False
+    columns = assigned(row, below)
+    return len(columns) >= _LEAST_CELLS and re.search(r"\d", row[columns["address"]]) is None

@@ -1,0 +1,63 @@
+"""What people write in tables of registers: `vocabulary.toml`, its expressions compiled as they are asked for.
+
+`meaning` gives what a text means by the first line of a list that is like it; `form` the parts of a text that has a
+form as a whole; `roles` what a column may be.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Mapping
+from functools import cache, lru_cache
+from importlib.resources import files as package_files
+from typing import Any, Final
+
+_NO_UNIT: Final = frozenset({"-", "--", "–", "—", "/", "n/a", "N/A", "None"})
+WIDE_SIGNS: Final = str.maketrans("（）：；，＝／", "():;,=/")
+_PART: Final = re.compile(r"\{([A-Z]+)\}")
+
+
+@cache
+def vocabulary() -> Mapping[str, Any]:
+    """The whole file."""
+    return tomllib.loads((package_files(__package__) / "vocabulary.toml").read_text(encoding="utf-8"))
+
+
+@cache
+def roles() -> Mapping[str, Mapping[str, Any]]:
+    """What a column may be, by name."""
+    table: Mapping[str, Mapping[str, Any]] = vocabulary()["roles"]
+    return table
+
+
+@lru_cache(maxsize=1024)
+def expression(text: str) -> re.Pattern[str]:
+    """A pattern of the file, its named parts filled in."""
+    parts = vocabulary()["parts"]
+    while _PART.search(text):
+        text = _PART.sub(lambda name: f"(?:{parts[name[1]]})", text)
+    return re.compile(text, re.DOTALL)
+
+
+@cache
+def _lines(kind: str) -> list[tuple[re.Pattern[str], str]]:
+    return [(expression(line["like"]), line["is"]) for line in vocabulary()["meanings"][kind]]
+
+
+def meaning(kind: str, text: str) -> str | None:
+    """What a text means by a list of the file; None where no line is like it."""
+    low = text.lower()
+    found = next(((match, means) for like, means in _lines(kind) if (match := like.search(low))), None)
+    return found[0].expand(found[1]) if found else None
+
+
+def form(kind: str, text: str) -> dict[str, str]:
+    """The parts of a text that has this form, those that it lacks empty; nothing where it has not."""
+    match = expression(vocabulary()["forms"][kind]).fullmatch(text)
+    return {"": text, **match.groupdict("")} if match else {}
+
+
+def given(text: str) -> str:
+    """A cell, or nothing where it only says that there is nothing."""
+    return "" if text in _NO_UNIT else text

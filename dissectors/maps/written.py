@@ -1,0 +1,289 @@
+"""What single cells of tables in manuals say: addresses, types, factors, units, states, limits.
+
+Addresses as they are printed: 40001-40002, 0x10, 001Fh, 1A, 4x108, 1 000, 40012.3. A type is read by its parts,
+wherever they stand in it: what is held, of how many bits, with a sign or without. The words are in `vocabulary.toml`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final, cast
+
+from .cells import CellError, area_of
+from .model import MapArea
+from .vocabulary import WIDE_SIGNS, expression, form, given, meaning
+
+_BARE_HEX: Final = re.compile(r"[0-9A-Fa-f]{1,4}([hH])?")
+_NUMBER: Final = re.compile(
+    r"0[xX][0-9A-Fa-f]+|[0134][xX]\d+|\b[0-9][0-9A-Fa-f]*[hH]\b|\b[A-Fa-f][0-9A-Fa-f]*[hH]\b|\d+"
+)
+_BIT: Final = re.compile(r"(?P<place>.*[0-9A-Fa-f][hH]?)\s*[.:]\s*(?:bit\s*)?(?P<bit>\d|0\d|1[0-5])", re.IGNORECASE)
+_GAPS: Final = (
+    (re.compile("(?<=\\d)[ \u00a0\u202f'](?=\\d{3}(?!\\d))"), ""),  # of thousands
+    (re.compile(r"([0134]) (?=\d{4,5}(?!\d))"), r"\1"),  # 4 0001
+    (re.compile(r"(?<=\b[0-9A-Fa-f]{4}) (?=[hH]\b)"), ""),  # 07D0 H
+)
+_PARTS: Final = re.compile(r"\s*(?:-|–|—|…|\.{2,3}|to|[,;/&])\s*")
+_FUNCTIONS: Final[Mapping[int, MapArea]] = {1: "coil", 5: "coil", 15: "coil", 2: "discrete", 3: "holding", 6: "holding",
+                                            16: "holding", 4: "input"}  # fmt: skip
+_RAISED: Final = re.compile("([⁻-]?)([⁰¹²³⁴⁵⁶⁷⁸⁹]+)")
+_SUPERSCRIPTS: Final = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹", "0123456789")
+_SIGNS: Final = str.maketrans({"\u2212": "-", ",": ".", "×": "x", "*": "x"})
+_LONGER: Final = {("f32", 4): "f64", ("bcd16", 2): "bcd32"}
+_STATES: Final = (
+    re.compile(r"\"b?(\d+)\"\s*:\s*\"([^\"]+)\""),
+    re.compile(r"(\d+)\s*[=:–-]\s*([^;,\n|]+?)\s*(?=[;,\n|]|$|\s\d{1,3}\s*[=:–-]\s*[^\W\d])"),
+    re.compile(r"(?P<name>[^\W\d][^;,\n|()=]*?)\s*\((?P<state>\d+)\)\s*(?=[;,\n|]|$)"),
+)
+_STATE: Final = re.compile(r"(\d+)\s*(?:[=:]\s*\S.*|[–-]\s*[^\W\d].*)")
+
+
+@dataclass(frozen=True, slots=True)
+class AddressForm:
+    """How a column of addresses is written: hexadecimal without a mark, which its heading may say; with bits behind a
+    point; all as logical numbers (00001, 10001, 30001, 40001), or some as no logical number is (30000, 50001); some
+    with the digit of their area before an x (4x0001), so that 0x0005 is a coil; all of five digits, 0 or 1 first."""
+
+    is_hex: bool = False
+    is_said: bool = False
+    has_bits: bool = False
+    is_logical: bool = False
+    is_plain: bool = False
+    has_prefixes: bool = False
+    is_digital: bool = False
+
+    def logical_digits(self, area: MapArea | None) -> str:
+        """The digits that lead a logical number of an area; none where no number is one."""
+        if self.is_plain:
+            return ""
+        every = self.is_logical or (self.is_digital and area in ("coil", "discrete"))
+        return "0134" if every else "34"
+
+
+@dataclass(frozen=True, slots=True)
+class TableAddress:
+    """`first` and, of a range, `last`; `text` the first as it is read elsewhere; `prefixed` one such as 4x108."""
+
+    text: str
+    first: int
+    last: int | None = None
+    bit: int | None = None
+    prefixed: bool = False
+
+
+def address_form(heading: str, cells: Sequence[str]) -> AddressForm:
+    """The form of a column: by its heading, and by what all of its cells are."""
+    cells = list(filter(None, map(together, cells)))
+    parts = [part for cell in cells for part in _PARTS.split(cell)]
+    bare = [part for part in parts if _BARE_HEX.fullmatch(part)]
+    letters = [part for part in bare if expression(r"(?=.*\d).*[A-Fa-f].*").fullmatch(part.rstrip("hH"))]
+    is_said = bool(form("hex_heading", heading.lower()))
+    is_hex = is_said or (bool(letters) and len(bare) > 0.8 * len(parts))
+    numbers = list(filter(str.isdecimal, parts))
+    bits = [int(match["bit"]) for match in map(_BIT.fullmatch, cells) if match]
+    leads = {number[0] for number in numbers} & {"3", "4"}
+    is_plain = _any_like(r"[34]0{4}|[256789]\d{4}", numbers)
+    return AddressForm(
+        is_hex,
+        is_said,
+        has_bits=any(bits),
+        is_logical=bool(leads) and _all_like(r"[0134]\d{4,5}", numbers) and not is_hex | is_plain,
+        is_plain=is_plain,
+        has_prefixes=_any_like(r"[134][xX]\d+", parts),
+        is_digital=bool(numbers) and _all_like(r"[01](?!0000)\d{4}", numbers) and not is_hex,
+    )
+
+
+def _all_like(pattern: str, texts: Sequence[str]) -> bool:
+    return all(map(expression(pattern).fullmatch, texts))
+
+
+def _any_like(pattern: str, texts: Sequence[str]) -> bool:
+    return any(map(expression(pattern).fullmatch, texts))
+
+
+def address_of(cell: str, form_of: AddressForm) -> TableAddress | None:
+    """The address in a cell; None where there is none."""
+    cell, bit = together(cell), None
+    if form_of.has_bits and (match := _BIT.fullmatch(cell)):
+        cell, bit = match["place"], int(match["bit"])
+    cell = re.sub(r"(?<=\d)\.0+$", "", cell)
+    if form_of.is_hex:
+        cell = re.sub(r"(?<![0-9A-Za-z])([0-9A-Fa-f]{1,4})[hH]?(?![0-9A-Za-z])", r"0x\1", cell)
+    numbers = _NUMBER.findall(cell)
+    if not numbers:
+        return None
+    first, *others = map(_whole, numbers)
+    prefixed = expression(rf"[{'0' * form_of.has_prefixes}134][xX]\d+").fullmatch(numbers[0]) is not None
+    last = others[0] if len(others) == 1 and others[0] >= first else None
+    return TableAddress(numbers[0].lower(), first, last, bit, prefixed)
+
+
+def numbers_in(cell: str) -> list[int]:
+    """The numbers of a cell as addresses have them, bare hexadecimal ones too."""
+    cell = together(cell)[:40]
+    if _BARE_HEX.fullmatch(cell) and not cell.isdecimal():
+        return [int(cell.rstrip("hH"), 16)]
+    return [_whole(number) for number in _NUMBER.findall(cell)]
+
+
+def together(cell: str) -> str:
+    """A cell whose numbers have no gaps at their thousands."""
+    cell = cell.strip()
+    for gap, sign in _GAPS:
+        cell = gap.sub(sign, cell)
+    return cell
+
+
+def _whole(text: str) -> int:
+    if text[:2] in ("0x", "0X") or text[-1] in "hH":
+        return int(text.rstrip("hH"), 16)
+    return int(text[2:] if text[1:2] in ("x", "X") else text)
+
+
+def type_of(text: str, length: int | None) -> tuple[str, int | None]:
+    """The type that a cell means, and the registers that it takes, of which another column may speak."""
+    word = " ".join(re.sub(r"[_()\[\],]", " ", text.lower()).split())
+    apart = re.sub(r"(?<=[a-z])(?=\d)", " ", word)
+    width = _product(meaning("bits", apart))
+    held = meaning("type", re.sub(r"(?<![\d.])(?:8|16|24|32|48|64)(?!\d)[ -]?(?:bits?\b|бит\w*)?", " ", word))
+    words = max(1, width // 16) if width else length or 0
+    match held:
+        case "text":
+            return "text", length or max(1, int((re.findall(r"\d+", word) or ["2"])[0]) // 2)
+        case "bits" | "bool" | "enum":
+            return held.replace("bool", "bits"), words if width > 16 else length
+        case None:
+            words = words if width else int(meaning("words", word) or words)
+            sign = (meaning("sign", word) or "u")[0]
+            return f"{sign}{16 * words if words in (2, 4) else 16}", length
+        case _:
+            return _LONGER.get((held, words), held), length
+
+
+def _product(text: str | None) -> int:
+    """Bits, of `2*16`; 0 where nothing speaks of them."""
+    count, _, of_each = (text or "0*0").partition("*")
+    return int(count) * int(of_each)
+
+
+def order_of(text: str) -> str | None:
+    """The word and byte order that a text names; None where it names none, or one that could be several."""
+    order = meaning("order", text)
+    return order.upper() if order else None
+
+
+def access_of(cells: Mapping[str, str]) -> str | None:
+    """r, w or rw out of `R/W`, `read only`, `чтение/запись`, `L/E`, `只读`; of a column whether one can write, too."""
+    return meaning("access", cells.get("access", "")) or meaning("writable", cells.get("writable", ""))
+
+
+def area_of_cell(text: str, *, function: bool = False) -> MapArea | None:
+    """The area that a cell names, by words, by its digit (4 for 4x), or by the code of a `function` that reads it."""
+    word = re.sub(r"\.0$", "", text.strip().lower())
+    if not function or not expression(r"\d?").fullmatch(word):
+        try:
+            return area_of(word)
+        except CellError:
+            pass
+    codes = [int(code, 16) for code in re.findall(r"(?<![0-9a-f])(?:0x)?0?([0-9a-f])h?\b", word)]
+    return area_words(word) or next(map(_FUNCTIONS.__getitem__, filter(_FUNCTIONS.__contains__, codes)), None)
+
+
+def area_words(text: str) -> MapArea | None:
+    """The area of which a title speaks, by its words or by the one function that it names."""
+    named = cast("MapArea | None", meaning("area", text))
+    return named or _FUNCTIONS.get(int(meaning("function", text) or 0))
+
+
+def plain_number(text: str) -> str | None:
+    """A number of a cell, with decimal comma or gaps at its thousands; None where it is none."""
+    text = together(text).replace("\u2212", "-").replace("- ", "-")
+    return text.replace(",", ".") if expression("{DECIMAL}").fullmatch(text) else None
+
+
+def limits_of(cells: Mapping[str, str]) -> tuple[str | None, str | None]:
+    """Least and greatest value, from their columns or from one range such as `0...100` or `-10 to 10`."""
+    low, high = plain_number(cells.get("min", "")), plain_number(cells.get("max", ""))
+    span = form("span", together(cells.get("range", "").partition("=")[0]))
+    if span and low is high is None:
+        low, high = plain_number(span["low"]), plain_number(span["high"])
+    ordered = None in (low, high) or float(low or 0) <= float(high or 0)
+    return (low, high) if ordered else (None, None)
+
+
+def values_of(text: str) -> str | None:
+    """States with names as a map writes them, where a cell has more than one."""
+    text = text.translate(WIDE_SIGNS)
+    for pattern in _STATES:
+        pairs = [sorted(match.groups(), key=lambda part: not part.isdecimal()) for match in pattern.finditer(text)]
+        if pairs:
+            return "; ".join(f"{state}={name.strip()}" for state, name in pairs) if len(pairs) > 1 else None
+    return None
+
+
+def has_only_states(text: str) -> bool:
+    """Whether a remark is a list of states from 0 or 1 on: `0 - off, 1 - on`, `0: 4800, 1: 9600`."""
+    parts = list(filter(None, map(str.strip, re.split(r"[;,\n|]", text.translate(WIDE_SIGNS)))))
+    states = [int(match[1]) for match in map(_STATE.fullmatch, parts) if match]
+    return 1 < len(parts) == len(states) and states[0] < 2
+
+
+def states_in(cells: Mapping[str, str], kind: str, name: str) -> tuple[str, str | None]:
+    """A row's name, and the names of its states or bits: out of their column, the range, the remark, or behind it."""
+    remark, span = cells.get("description", ""), cells.get("range", "")
+    behind = form("states_behind", name)
+    ways = (
+        (name, cells.get("values", ""), kind in ("enum", "bits", "u16", "s16")),
+        (name, span, has_only_states(span)),
+        (name, remark, kind in ("enum", "bits") or has_only_states(remark)),
+        (behind.get("name", name), behind.get("states", ""), has_only_states(behind.get("states", ""))),
+    )
+    named = ((called, values_of(text)) for called, text, is_list in ways if is_list)
+    return next((way for way in named if way[1]), (name, None))
+
+
+def measured(cells: Mapping[str, str], name: str) -> tuple[str, str | None, str]:
+    """A row's name, scale and unit of measure: from columns of their own, or from behind other words; each is taken
+    from the first place that has it."""
+    kind, remark = cells.get("type", ""), cells.get("description", "")
+    own_scale, unit = scale_of(cells), given(cells.get("unit", ""))
+    step = form("unit_step", unit) if not _SCALES & cells.keys() else {}
+    if step and float(step["step"].replace(",", ".")):
+        own_scale, unit = step["step"], step["unit"]
+    unit = unit or form("scale_unit", cells.get("scale", "")).get("unit", "")
+    held = {} if unit else form("named_measure", name)
+    name, unit = held.get("name", name), unit or held.get("plain", "") or held.get("held", "")
+    named = {} if own_scale else form("named_step", name)
+    shown = form("shown", kind).get("digits")
+    said = form("remark_step", remark.translate(WIDE_SIGNS))
+    said = said if said.get("step") or said.get("word") or form("sure_unit", said.get("unit", "")) else {}
+    ways = (
+        (own_scale, ""),
+        (meaning("behind", kind), ""),
+        (shown and f"1/{10 ** len(shown)}", ""),
+        (named.get("step") or (named.get("times") and f"1/{named['times']}"), named.get("unit") or named.get("of", "")),
+        (meaning("times", remark), ""),
+        (said.get("step"), said.get("unit", "")),
+    )
+    scale, beside = next(((scale, beside) for scale, beside in ways if scale), (None, said.get("unit", "")))
+    name = named.get("name", name) if scale and not (ways[1][0] or ways[2][0]) else name
+    return name, scale.replace(",", ".") if scale else None, unit or beside or ""
+
+
+_SCALES: Final = frozenset({"scale", "divisor", "power", "decimals"})
+
+
+def scale_of(cells: Mapping[str, str]) -> str | None:
+    """The factor of a row: `0,1`, `/10`, `x0.1`, `1:10`, `10^-1`; the divisor or the power of ten of another column."""
+    text = re.sub(r"(?<!\d)\.(?=\d)", "0.", cells.get("scale", "").lower().translate(_SIGNS))
+    text = _RAISED.sub(lambda up: f"^{'-' if up[1] else ''}{up[2].translate(_SUPERSCRIPTS)}", text)
+    places, divisor, power = (cells.get(key, "").translate(_SIGNS) for key in ("decimals", "divisor", "power"))
+    ways = (
+        (r"[1-6](?:\.0)?", places, f"1/1{'0' * int(places[0])}" if places[:1].isdecimal() else ""),
+        (r"(?=.*[1-9])\d{1,12}(?:\.\d{1,12})?", divisor, f"1/{divisor}"),
+        (r"-?\d", power, f"1e{power}"),
+    )
+    return next((factor for like, cell, factor in ways if expression(like).fullmatch(cell)), meaning("scale", text))

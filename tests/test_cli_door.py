@@ -1,0 +1,156 @@
+"""The front door: what the first thing that a person types gets, on a terminal and on pipes."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+from running import ran, refused, spawned
+from terminals import Terminal, posix
+
+from analyzer.cli.door import asked
+from analyzer.cli.synonyms import OPTIONS, VERBS
+from captures import samples
+
+REQUEST = "11 03 00 6B 00 03 76 87"
+
+
+@pytest.fixture(autouse=True)
+def bus(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(samples.path("healthy.jsonl"), tmp_path / "bus.jsonl")
+    return tmp_path / "bus.jsonl"
+
+
+@pytest.mark.parametrize(
+    ("typed", "command"),
+    [
+        (["bus.jsonl"], ["report", "bus.jsonl"]),
+        (["bus.jsonl", "--json"], ["report", "bus.jsonl", "--json"]),
+        (["-r", "bus.jsonl"], ["report", "bus.jsonl"]),
+        (["read", "bus.jsonl"], ["report", "bus.jsonl"]),
+        (["view", "bus.jsonl"], ["report", "bus.jsonl"]),
+        (["stats", "bus.jsonl"], ["report", "bus.jsonl"]),
+        (["analyze", "bus.jsonl"], ["report", "bus.jsonl"]),
+        (["/dev/ttyUSB0"], ["sniff", "/dev/ttyUSB0"]),
+        (["/dev/ttyUSB0", "-b", "9600"], ["sniff", "/dev/ttyUSB0", "-b", "9600"]),
+        (["COM3"], ["sniff", "COM3"]),
+        (["tap://cabinet"], ["sniff", "tap://cabinet"]),
+        (["socket://10.0.0.7:502"], ["sniff", "socket://10.0.0.7:502"]),
+        (["monitor", "/dev/ttyUSB0"], ["sniff", "/dev/ttyUSB0"]),
+        (["live", "COM3"], ["sniff", "COM3"]),
+        ([REQUEST], ["parse", REQUEST]),
+        (REQUEST.split(), ["parse", *REQUEST.split()]),
+        (["1103006B00037687"], ["parse", "1103006B00037687"]),
+        ([":1103006B00037E"], ["parse", ":1103006B00037E"]),
+        (["0x11,0x03,0x00,0x6B,0x00,0x03,0x76,0x87"], ["parse", "0x11,0x03,0x00,0x6B,0x00,0x03,0x76,0x87"]),
+        ([r"\x11\x03\x00\x6B\x00\x03\x76\x87"], ["parse", r"\x11\x03\x00\x6B\x00\x03\x76\x87"]),
+        ([f"08:29:51 TX: {REQUEST}"], ["parse", f"08:29:51 TX: {REQUEST}"]),
+        (["decode", REQUEST], ["parse", REQUEST]),
+        (["list"], ["ports"]),
+        (["devices"], ["ports"]),
+        (["-D"], ["ports"]),
+        (["version"], ["--version"]),
+        (["-V"], ["--version"]),
+        (["-v"], ["--version"]),
+        (["exprot"], None),
+        (["frobnicate"], None),
+    ],
+)
+def test_what_is_typed_asks_for_a_command(typed: list[str], command: list[str] | None) -> None:
+    assert asked(typed) == command
+
+
+def test_every_word_of_other_tools_leads_to_a_command_that_there_is() -> None:
+    from analyzer.cli.commands import COMMANDS
+
+    targets = {*VERBS.values(), *OPTIONS.values()} - {"", "--version"}
+    assert targets <= COMMANDS.keys()
+    assert not VERBS.keys() & COMMANDS.keys()
+
+
+def test_a_file_that_has_the_name_of_a_word_is_the_file(bus: Path) -> None:
+    bus.rename(bus.with_name("stats"))
+    assert asked(["stats"]) == ["report", "stats"]
+
+
+def test_the_door_on_pipes(bus: Path) -> None:
+    report = spawned("bus.jsonl", cwd=bus.parent)
+    assert report.status == 0 and "requests" in report.out
+    assert "unit 17: read" in spawned(REQUEST).out
+    assert "unit 17: read" in spawned(stdin=f"{REQUEST}\n".encode()).out
+    assert '"unit":17' in spawned("--json", stdin=REQUEST.encode()).out
+    assert "requests" in spawned(stdin=bus.read_bytes()).out
+    assert "requests" in spawned("-", stdin=bus.read_bytes()).out
+    assert spawned().out.startswith("usage: rtuscope")
+
+
+def test_what_cannot_be_used_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    assert refused(capsys, "bus.mcap") == "bus.mcap: no such file"
+    assert "rtuscope batch" in refused(capsys, ".")
+    assert refused(capsys, "report", "bus.jsonl", "--unit", "2").startswith(
+        "unrecognized arguments: --unit 2: did you mean --filter 'unit == N'?"
+    )
+    assert "did you mean" not in refused(capsys, "parse", "--foo", "11")
+
+
+@posix
+def test_a_file_opens_on_a_terminal() -> None:
+    terminal = Terminal("bus.jsonl")
+    terminal.until(b"Transactions")
+    os.write(terminal.fd, b"q")
+    assert terminal.status() == 0
+
+
+@posix
+def test_the_start_screen_takes_bytes_a_file_and_what_is_at_hand() -> None:
+    terminal = Terminal()
+    terminal.until(b"Paste bytes")
+    os.write(terminal.fd, f"{REQUEST}\r".encode())
+    terminal.until(b"unit 17")
+    os.write(terminal.fd, b"\x11")
+    assert terminal.status() == 0
+    terminal = Terminal()
+    terminal.until(b"Paste bytes")
+    os.write(terminal.fd, b"missing.mcap\r")
+    terminal.until(b"no such file")
+    os.write(terminal.fd, b"\x1b")
+    assert terminal.status() == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "crc"),
+    [(["11", "03", "00", "6B", "00", "03"], "76 87"), (["1103006B0003"], "76 87"), ([REQUEST], "76 87")],
+)
+def test_crc_gives_the_whole_frame(capsys: pytest.CaptureFixture[str], arguments: list[str], crc: str) -> None:
+    done = ran(capsys, "crc", *arguments)
+    assert done.status == 0
+    assert f"CRC    {crc}" in done.out and f"RTU    {REQUEST}" in done.out and ":1103006B00037E" in done.out
+
+
+def test_info_tells_what_a_capture_is(capsys: pytest.CaptureFixture[str]) -> None:
+    import json
+
+    about = json.loads(ran(capsys, "info", "bus.jsonl", "--json").out)
+    assert about["format"] == "serial-chunks" and about["timed"] and about["baud"]
+    assert about["bytes"] == sum(port["bytes"] for port in about["ports"])
+    assert about["t_start_ns"] < about["t_end_ns"]
+    shown = ran(capsys, "info", "bus.jsonl").out
+    assert f"{about['bytes']:,} bytes, {about['reads']:,} reads" in shown
+
+
+def test_plot_draws_a_register_in_the_terminal_and_as_a_picture(capsys: pytest.CaptureFixture[str]) -> None:
+    import json
+
+    lines = ran(capsys, "registers", "bus.jsonl", "--json").out.splitlines()
+    register = next(each for each in map(json.loads, lines) if each["area"] == "holding")
+    place = (str(register["unit"]), str(40001 + register["address"]))
+    drawn = ran(capsys, "plot", "bus.jsonl", "unit", *place)
+    assert drawn.status == 0 and f"unit {place[0]}" in drawn.out and "readings" in drawn.out
+    assert any(0x2800 < ord(character) < 0x2900 for character in drawn.out)
+    pytest.importorskip("matplotlib")
+    assert ran(capsys, "plot", "bus.jsonl", "unit", *place, "-o", "one.svg").status == 0
+    assert Path("one.svg").read_bytes().startswith(b"<?xml")
+    assert "no reading of holding 9998 of unit" in refused(capsys, "plot", "bus.jsonl", "unit", place[0], "49999")

@@ -1,0 +1,198 @@
+"""Whose an answer is, where order and header cannot tell: by what it holds; and what is said where nothing can."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from random import Random
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from analyzer.core import Analysed, Analyzer
+from analyzer.tables.schema import Kind, Rows
+from captures import Chunk, LineSettings
+from captures.chunks import Block
+from dissectors.crc import crc_bytes
+
+MS = 1_000_000
+LINE = LineSettings(baud=9600, char_bits=11)
+POLLS = [bytes((9, 3, 0, 16 * i, 0, 2)) for i in range(4)]
+
+
+def adu(body: bytes) -> bytes:
+    return body + crc_bytes(body)
+
+
+class Talk:
+    """Frames one after the other, each as one read at its end; where each began."""
+
+    def __init__(self, seed: int = 1, *, alike: bool = False) -> None:
+        self.random, self.alike = Random(seed), alike
+        self.now, self.offset = 1000 * MS, 0
+        self.chunks: list[Chunk] = []
+        self.truth: dict[int, int] = {}  # start of an answer: that of its request
+
+    def send(self, frame: bytes, pause_ms: float = 20) -> int:
+        start = self.offset
+        self.now += round((pause_ms + len(frame) * 1.15) * MS)
+        self.chunks.append(Chunk(self.now, frame))
+        self.offset += len(frame)
+        return start
+
+    def ask(self, poll: int, pause_ms: float = 20) -> tuple[int, int]:
+        return poll, self.send(adu(POLLS[poll]), pause_ms)
+
+    def answer(self, asked: tuple[int, int], pause_ms: float = 15) -> int:
+        poll, request = asked
+        level = 0 if self.alike else 7000 * poll + self.random.randrange(40)
+        words = level.to_bytes(2) + (0 if self.alike else 30000 + 900 * poll).to_bytes(2)
+        start = self.send(adu(bytes((9, 3, 4)) + words), pause_ms)
+        self.truth[start] = request
+        return start
+
+    def rounds(self, count: int) -> None:
+        for i in range(4 * count):
+            self.answer(self.ask(i % 4))
+
+    def shifted(self, count: int, *, ends: bool = True) -> list[int]:
+        """A silence, and from then on each answer comes behind the next request; it ends by one in a gap, or not."""
+        displaced, open_one = [], self.ask(0)
+        self.now += 300 * MS
+        for i in range(1, count + 1):
+            following = self.ask(i % 4)
+            displaced.append(self.answer(open_one))
+            open_one = following
+        if ends:
+            self.now += 200 * MS
+            self.answer(open_one)
+        return displaced
+
+
+def told(chunks: Sequence[Chunk], *, line: LineSettings = LINE, size: int = 1 << 30, timed: bool = True) -> Rows:
+    analyzer = Analyzer(line)
+    parts: list[Analysed] = []
+    for first in range(0, len(chunks), size):
+        block = Block.from_chunks(chunks[first : first + size], timed=timed)
+        parts += analyzer.feed(block)
+    return Rows.joined([part.batch.rows for part in [*parts, *analyzer.close()]])
+
+
+def answers(rows: Rows) -> dict[int, tuple[int, int, bool]]:
+    return {
+        row.start: (row.request_start, row.taken_for_start, row.unsure) for row in rows if row.kind == Kind.RESPONSE
+    }
+
+
+@pytest.mark.parametrize("timed", [True, False])
+def test_a_series_of_answers_each_behind_the_next_request_stands_under_its_own(timed: bool) -> None:
+    talk = Talk()
+    talk.rounds(5)
+    displaced = talk.shifted(30)
+    talk.rounds(5)
+    found = answers(told(talk.chunks, timed=timed))
+    assert {start: found[start][0] for start in talk.truth} == talk.truth
+    taken = {start: found[start][1] for start in displaced}
+    requests = sorted(set(talk.truth.values()))
+    assert taken == {start: requests[requests.index(talk.truth[start]) + 1] for start in displaced}
+    assert [start for start in talk.truth if found[start][1] >= 0] == displaced
+    assert not any(unsure for _, _, unsure in found.values())
+
+
+def test_a_request_that_was_lost_moves_nothing() -> None:
+    talk = Talk()
+    talk.rounds(4)
+    for _ in range(6):
+        talk.ask(2)
+        talk.now += 300 * MS
+        talk.rounds(1)
+    found = answers(told(talk.chunks))
+    assert {start: found[start] for start in talk.truth} == {s: (r, -1, False) for s, r in talk.truth.items()}
+
+
+def test_of_polls_that_hold_the_same_nobody_can_tell() -> None:
+    talk = Talk(alike=True)
+    talk.rounds(4)
+    displaced = talk.shifted(12, ends=False)
+    found = answers(told(talk.chunks, timed=False))
+    assert all(found[start][2] and found[start][0] == -1 for start in displaced)
+    assert all(found[start][1] >= 0 for start in displaced), "the client takes each for its newest request's"
+    assert all(found[start] == (talk.truth[start], -1, False) for start in list(talk.truth)[:16])
+
+
+def test_an_answer_in_a_gap_tells_whose_those_before_it_were_though_all_hold_the_same() -> None:
+    talk = Talk(alike=True)
+    talk.rounds(4)
+    talk.shifted(12)
+    found = answers(told(talk.chunks, timed=False))
+    assert {start: found[start][0] for start in talk.truth} == talk.truth
+
+
+def test_a_damaged_request_is_answered_by_nothing() -> None:
+    talk = Talk()
+    talk.rounds(3)
+    asked = talk.ask(1)
+    broken = bytearray(talk.chunks[-1].data)
+    broken[3] ^= 1
+    talk.chunks[-1] = Chunk(talk.now, bytes(broken))
+    start = talk.answer(asked)
+    talk.rounds(3)
+    assert answers(told(talk.chunks))[start][0] == -1
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    st.lists(st.sampled_from(("well", "lost", "late", "twice", "shift", "gap")), min_size=1, max_size=12),
+    st.booleans(),
+    st.integers(1, 5),
+)
+def test_whose_an_answer_is_does_not_hang_on_how_it_is_read(events: list[str], alike: bool, size: int) -> None:
+    talk = Talk(alike=alike)
+    talk.rounds(2)
+    for number, event in enumerate(events):
+        poll = number % 4
+        if event == "shift":
+            talk.shifted(5)
+        elif event == "lost":
+            talk.ask(poll)
+            talk.now += 300 * MS
+        elif event == "late":
+            first = talk.ask(poll)
+            talk.now += 300 * MS
+            second = talk.ask((poll + 1) % 4)
+            talk.answer(first)
+            talk.answer(second)
+        else:
+            asked = talk.ask(poll)
+            talk.answer(asked)
+            if event == "twice":
+                talk.answer(asked)
+            if event == "gap":
+                talk.now += 6_000 * MS
+    once, parts = told(talk.chunks), told(talk.chunks, size=size)
+    assert len(once) == len(parts)
+    for name in ("start", "kind", "request", "request_start", "response_ns", "taken_for_start", "unsure"):
+        assert np.array_equal(once.column(name), parts.column(name)), name
+    early, seen = Analyzer(LINE, settles=False), []
+    for chunk in talk.chunks:
+        early.feed(Block.from_chunks([chunk]))
+        seen.append(early.latest.batch.rows)
+    early.close()
+    given_early = Rows.joined([*seen, early.latest.batch.rows])
+    assert np.array_equal(once.request_start, given_early.request_start)
+
+
+def test_rows_wait_no_longer_than_they_may() -> None:
+    """Polls that hold the same, for long: what is held is bounded, and the rest is given."""
+    talk = Talk(alike=True)
+    talk.rounds(2)
+    talk.ask(0)
+    talk.now += 300 * MS
+    analyzer, given_rows, most = Analyzer(LINE, settles=False), 0, 0
+    talk.rounds(100)
+    for sent, chunk in enumerate(talk.chunks, 1):
+        analyzer.feed(Block.from_chunks([chunk]))
+        given_rows += len(analyzer.latest.batch.rows)
+        most = max(most, sent - given_rows)
+    assert most < 160
