@@ -46,8 +46,9 @@ def assert_parts_are_parts(cause: Cause) -> None:
     ],
 )
 def test_what_is_well_has_no_cause(name: str, tap: str) -> None:
+    """Facts may be told of it: a unit that slept, a plant that was switched off once."""
     made = field_cases()[name].capture(tap, 5)
-    assert [cause.cause for cause in causes_in(capture_of(made))] == []
+    assert [cause.cause for cause in causes_in(capture_of(made)) if cause.severity != "note"] == []
 
 
 _real = sorted(p.stem for p in SHARED.glob("corpus/real/*.jsonl") if ".truth" not in p.suffixes)

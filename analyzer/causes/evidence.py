@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Final, TypeVar
+from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -18,7 +18,9 @@ from dissectors.limits import EXCEPTION, MAX_ADU
 from ..deframing.tap_clock import UNKNOWN, TimeTrust, silences
 from ..tables.transactions import ECHOED
 from .bits import surplus_bits
+from .contrasts import HITS_OF, NO_CONTRAST, Contrast, Family, contrasts
 from .exchanges import Ending
+from .exchangetable import AskedRows
 from .flatmemory import Spells, densest
 from .ledger import Ledger
 from .polls import Poll
@@ -44,11 +46,21 @@ _UNPAIRED: Final = 0.25  # of the times that a poll comes
 _MOSTLY: Final = 0.6
 _SOON_CHARS: Final = 2.5  # nobody answers sooner
 _STRAYED: Final = 2  # bytes
+_FEW_STRAYS: Final = 4  # bytes
 _RTU: Final = "Modbus RTU"
 _FOREIGN: Final = 0.02  # of all bytes
 _FOREIGN_FRAMES: Final = 3
 _FOREIGN_SURE: Final = 10  # rows marked so
 _BY_CHANCE: Final = 0.01  # of all bytes
+
+
+class Move(NamedTuple):
+    """Damaged answers whose client's next move tells something, how many it seems to have taken, and bits for that it took
+    them all (below 0: for that it took none)."""
+
+    told: int = 0
+    taken: int = 0
+    bits: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -59,10 +71,13 @@ class Evidence:
     explained: Explained = frozenset()
     _readings: dict[int, list[Signature]] = field(default_factory=dict)
     _followed: dict[int, list[Signature]] = field(default_factory=dict)
+    _contrasts: dict[tuple[Symptom, int], list[Contrast]] = field(default_factory=dict)
+    _rows: dict[int, AskedRows] = field(default_factory=dict)
+    moves: dict[int, Move] = field(default_factory=dict)  # by unit, once somebody asks (`analyzer.causes.taken`)
 
     def without(self, explained: Explained) -> Evidence:
         """The same with more of it explained."""
-        return Evidence(self.ledger, self.explained | explained, self._readings, self._followed)
+        return replace(self, explained=self.explained | explained)
 
     def is_open(self, symptom: Symptom, unit: int | None) -> bool:
         """Whether nothing has explained this symptom of a unit yet."""
@@ -97,6 +112,26 @@ class Evidence:
         if not self.ledger.line.baud or not self.ledger.span_ns:
             return None
         return self.ledger.bytes * self.ledger.char_ns / self.ledger.span_ns
+
+    def rows(self, unit: int) -> AskedRows:
+        """The exchanges of a unit, or an even part of them."""
+        if unit not in self._rows:
+            every = self.ledger.table.rows
+            self._rows[unit] = every[every.unit == unit]
+        return self._rows[unit]
+
+    def contrasts(self, symptom: Symptom, unit: int) -> list[Contrast]:
+        """What a symptom of a unit hangs on, the best first."""
+        if (symptom, unit) not in self._contrasts:
+            rows = self.rows(unit)
+            hits, of = HITS_OF[symptom](rows)
+            self._contrasts[symptom, unit] = contrasts(rows[of], hits[of])
+        return self._contrasts[symptom, unit]
+
+    def best_contrast(self, symptom: Symptom, unit: int, *families: Family) -> Contrast:
+        """The best of them, of these families (all)."""
+        fit = (each for each in self.contrasts(symptom, unit) if not families or each.family in families)
+        return next(fit, NO_CONTRAST)
 
     def silent(self, unit: UnitLedger) -> int:
         """Requests without an answer that nothing explains; of two clocks only those of a unit that is never heard."""
@@ -189,10 +224,10 @@ class Evidence:
         """Answers that are none and that nothing explains; of those looked at, the share that is damaged indeed."""
         if not self.is_open(Symptom.DAMAGE, unit.unit) or not self.ordered:
             return 0
-        count, samples = unit.count(Ending.GARBAGE), len(self._garbage(unit))
+        count, samples = unit.count(Ending.GARBAGE), len(self.garbage(unit))
         return round(count * len(self.readings(unit)) / samples) if samples else count
 
-    def _garbage(self, unit: UnitLedger) -> list[Signature]:
+    def garbage(self, unit: UnitLedger) -> list[Signature]:
         """Samples of requests behind which bytes came and no answer, read."""
         if unit.unit not in self._readings:
             samples = [sample for sample in unit.samples.kept if sample.outcome == Ending.GARBAGE]
@@ -202,7 +237,7 @@ class Evidence:
     def silent_but_for(self, unit: UnitLedger, kind: Behind) -> int:
         """About how many requests to a unit were not answered, though something came: another request, which a tap handed
         over in pieces, or noise, what a line makes that nobody drives."""
-        garbage = self._garbage(unit)
+        garbage = self.garbage(unit)
         found = sum(each.damage is AnswerDamage.NONE and each.behind is kind for each in garbage)
         return round(unit.count(Ending.GARBAGE) * found / max(len(garbage), 1)) if self.ordered else 0
 
@@ -210,7 +245,7 @@ class Evidence:
         """Samples of damaged answers, read; those that are whole after all, though in pieces, are left out."""
         if not self.is_open(Symptom.DAMAGE, unit.unit):
             return []
-        return [reading for reading in self._garbage(unit) if reading.damage is not AnswerDamage.NONE]
+        return [reading for reading in self.garbage(unit) if reading.damage is not AnswerDamage.NONE]
 
     def begun_by(self, reading: Signature) -> int | None:
         """Another unit that is polled, and by whose number and function a damaged answer begins, or what stands behind a
@@ -285,9 +320,16 @@ class Evidence:
         off = self.verdict.wait_ns if self.ledger.timed else UNKNOWN
         found = signature(sample, self.ledger.char_ns, self.requests, off_ns=off)
         strays = found.damage is AnswerDamage.WHOLE and found.length <= _MOSTLY * found.due
-        if strays and LOW_ONCE.issuperset(found.heard):
+        if strays and (LOW_ONCE.issuperset(found.heard) or self._is_noise_where_nobody_answers(sample, found)):
             return replace(found, damage=AnswerDamage.NONE, behind=Behind.NOISE)
         return found
+
+    def _is_noise_where_nobody_answers(self, sample: Sample, found: Signature) -> bool:
+        """Whether a few bytes stand now and then where a unit that was never heard should answer: one that sends by other
+        settings does so each time, and about as long as an answer."""
+        unit = self.ledger.units[sample.unit]
+        seldom = unit.count(Ending.GARBAGE) <= _HALF * unit.asked and not unit.answered
+        return seldom and (is_of_line(found.heard) or found.length <= min(_FEW_STRAYS, _HALF * found.due))
 
     @cached_property
     def requests(self) -> KnownRequests:

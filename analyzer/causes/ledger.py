@@ -28,6 +28,7 @@ from ..tables.schema import NO_GAP, Kind, Protocol
 from ..tables.transactions import ECHOED, NEVER, Status, TransactionRows
 from ..tables.verdict import ModbusVerdict
 from .exchanges import ANSWERED, Ending, ExchangeBuilder, Exchanges, RowColumns, Stretch, Unowned
+from .exchangetable import ExchangeTable
 from .flatmemory import CrowdedTimes, Thinned, TimeGrid
 from .polls import PollTable, SuccessorTable
 from .registerstates import StateTable, ValueTable
@@ -72,6 +73,7 @@ class Ledger:
     units: dict[int, UnitLedger]
     polls: PollTable
     requests_of: RequestHistory
+    table: ExchangeTable
     states: StateTable
     values: ValueTable
     grid: TimeGrid
@@ -98,6 +100,8 @@ class Ledger:
     verdict: ModbusVerdict
     shifts: ShiftLedger
     noise: list[tuple[int, int, _Octets]]
+    spoilt: list[_Octets]
+    spoilt_requests: int
     stray_times: CrowdedTimes
     marked_bytes: int
     flow_bytes: int
@@ -122,6 +126,7 @@ class Ledger:
         self.units = {}
         self.polls = PollTable()
         self.requests_of = RequestHistory()
+        self.table = ExchangeTable()
         self.states = StateTable()
         self.values = ValueTable()
         self.shifts = ShiftLedger()
@@ -142,6 +147,8 @@ class Ledger:
         self.foreign = np.zeros(len(NAMES), np.int64)  # stretches that are another protocol's, by its number
         self.verdict = ModbusVerdict()
         self.noise = []  # a few stretches in no frame: time, port, bytes
+        self.spoilt = []  # a few requests whose check value is wrong
+        self.spoilt_requests = 0
         self.stray_times = CrowdedTimes()  # ns, of short stretches in no frame
         self.marked_bytes = 0  # by the UART
         self.flow_bytes = 0  # that are XON or XOFF
@@ -226,6 +233,8 @@ class Ledger:
         self.function_bytes += np.bincount(functions, weights, 256).astype(np.int64)
         loose = right & ~asks & (rows.request < 0)
         self.loose_responses += int(np.count_nonzero(loose))
+        if len(frames) > int(np.count_nonzero(right)):
+            self._count_spoilt(table, (framed & ~check & asks).nonzero()[0])
         if len(frames) < len(rows):
             self._count_noise(table, (~framed).nonzero()[0])
         port = rows.port
@@ -258,6 +267,10 @@ class Ledger:
             port = int(table.rows.port[row])
             self.noise.append((int(table.rows.t_start_ns[row]), port, table.bytes_of(row)[:_NOISE_BYTES]))
 
+    def _count_spoilt(self, table: RowColumns, spoilt: NDArray[np.intp]) -> None:
+        self.spoilt_requests += len(spoilt)
+        self.spoilt += [table.bytes_of(row) for row in spoilt[: max(_NOISE_SAMPLES - len(self.spoilt), 0)].tolist()]
+
     def _take(self, part: Stretch | Unowned) -> None:
         if isinstance(part, Unowned):
             self._count_unowned(part)
@@ -271,6 +284,7 @@ class Ledger:
         self.polls.add(part)
         enter_requests(self.requests_of, part)
         self.__dict__.pop("reasons", None)
+        self.table.add(exchanges, times)
         self.states.add(part)
         self.values.add(part, times)
         self._count_bus(exchanges, odd, times)

@@ -6,10 +6,10 @@ While evidence grows they are looked at again each time there is a fair part mor
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Sequence
 from concurrent.futures import Future
 from contextvars import copy_context
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -20,17 +20,19 @@ from ..options import Options
 from ..tables.batch import Batch, join_batches
 from ..tables.taps import may_speak_of
 from ..tables.transactions import TransactionRows
+from .certainty import Clues, certainty, clues
 from .evidence import Evidence
 from .exchanges import asking
+from .foretold import against_bits, struck
 from .ledger import Ledger
+from .leftovers import Left, left_over
 from .registry import Cause, Suspect, Suspicion, suspects, words_of
 
 THRESHOLD: Final = 24.0  # bits under which nothing is said
 _LEFT_OVER: Final = 0.06  # of what is explained: so much may be left because no explanation is perfect,
 _LEFT_OVER_MOST: Final = 100.0  # and a cause of its own weighs more
 _CAUSES_MOST: Final = 8
-_SURE: Final = 0.99
-_DOUBT: Final = 12.0  # bits of margin that make a confidence of two thirds
+_OF_NO_FRAME: Final = frozenset(("request-flaw",))
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,43 +43,75 @@ class Weighed:
     suspicion: Suspicion
 
 
-def weigh(evidence: Evidence) -> list[Weighed]:
-    """All suspicions that explain something new, the heaviest first."""
+def weigh(evidence: Evidence, among: Sequence[Suspect] | None = None) -> list[Weighed]:
+    """All suspicions that explain something new, the heaviest first; `among`: the suspects looked at (all)."""
     line = evidence.ledger.line
-    speaking = [each for each in suspects() if may_speak_of(each.cause, line)]
-    found = [Weighed(each, suspicion) for each in speaking for suspicion in each.judge(evidence)]
+    looked_at = suspects() if among is None else among
+    speaking = [each for each in looked_at if may_speak_of(each.cause, line)]
+    found = [
+        Weighed(each, replace(suspicion, bits=suspicion.bits - against_bits(evidence, each.foretold, suspicion)))
+        for each in speaking
+        for suspicion in each.judge(evidence)
+    ]
     fresh = [weighed for weighed in found if not weighed.suspicion.explains <= evidence.explained]
     return sorted(fresh, key=lambda weighed: -weighed.suspicion.bits)
 
 
+@dataclass(frozen=True, slots=True)
+class Story:
+    """What a ledger shows: causes, best first, and what none of them takes."""
+
+    causes: list[Cause]
+    not_explained: list[Left]
+
+
 def causes_of(ledger: Ledger) -> list[Cause]:
     """The causes that a ledger shows, best first; none where this is no Modbus, of which reports say what it is."""
-    if ledger.verdict.foreign:
-        return []
-    return sorted(_explained(Evidence(ledger)), key=lambda cause: -cause.bits)
+    return story_of(ledger).causes
 
 
-def _explained(evidence: Evidence) -> Iterator[Cause]:
-    least = THRESHOLD
+def story_of(ledger: Ledger, among: Sequence[Suspect] | None = None) -> Story:
+    """The causes that a ledger shows, and what is left; `among`: the suspects looked at (all)."""
+    if ledger.verdict.foreign:  # nothing is told of frames where none is, but of what spoils all of them
+        among = [each for each in (suspects() if among is None else among) if each.cause in _OF_NO_FRAME]
+        return Story([cause for cause, _ in _explained(ledger, among)[1]], [])
+    evidence, claims = _explained(ledger, among)
+    return Story([cause for cause, _ in claims], left_over(evidence))
+
+
+def claims_of(ledger: Ledger, among: Sequence[Suspect] | None = None) -> list[tuple[Cause, Clues]]:
+    """The causes, each with what its certainty goes by, for who fits that."""
+    return _explained(ledger, among)[1]
+
+
+def _explained(ledger: Ledger, among: Sequence[Suspect] | None) -> tuple[Evidence, list[tuple[Cause, Clues]]]:
+    """What is left of the evidence, and the causes, best first."""
+    evidence, claims, least = Evidence(ledger), list[tuple[Cause, Clues]](), THRESHOLD
     for _ in range(_CAUSES_MOST):
-        found = weigh(evidence)
+        found = weigh(evidence, among)
         if not found or found[0].suspicion.bits < least:
-            return
+            break
         best = found[0]
         least = max(least, min(_LEFT_OVER * best.suspicion.bits, _LEFT_OVER_MOST))
         rivals = [each for each in found[1:] if each.suspicion.explains & best.suspicion.explains]
-        yield _cause(best, rivals[0] if rivals else None, evidence.ledger)
-        evidence = evidence.without(best.suspicion.explains)
+        claims.append(_cause(best, rivals[0] if rivals else None, evidence))
+        evidence = evidence.without(struck(evidence, best.suspect.foretold, best.suspicion))
+    return evidence, sorted(claims, key=lambda claim: -claim[0].bits)
 
 
-def _cause(best: Weighed, rival: Weighed | None, ledger: Ledger) -> Cause:
-    suspect, found, timed = best.suspect, best.suspicion, ledger.timed
-    margin = found.bits - (max(rival.suspicion.bits, THRESHOLD / 2) if rival else THRESHOLD / 2)
-    confidence = min(_SURE, 1 - 1 / (2 + margin / _DOUBT))
+def _cause(best: Weighed, rival: Weighed | None, evidence: Evidence) -> tuple[Cause, Clues]:
+    suspect, found, ledger = best.suspect, best.suspicion, evidence.ledger
+    timed = ledger.timed
+    goes_by = clues(
+        evidence,
+        found,
+        suspect.foretold,
+        rival_bits=rival.suspicion.bits if rival is not None else 0.0,
+    )
     words = words_of(suspect, found.numbers)
-    return Cause(
+    cause = Cause(
         cause=suspect.cause,
-        severity=suspect.severity.name.lower(),
+        severity=(found.severity or suspect.severity).name.lower(),
         units=found.units,
         blame=suspect.blame,
         text=words.text,
@@ -85,7 +119,7 @@ def _cause(best: Weighed, rival: Weighed | None, ledger: Ledger) -> Cause:
         since_ns=found.since if timed else None,
         until_ns=found.until if timed else None,
         period_s=found.period_s if timed else None,
-        confidence=round(confidence, 3),
+        confidence=round(certainty(suspect.cause, goes_by), 3),
         runner_up=rival.suspect.cause if rival else None,
         deciding_test=words.deciding_test,
         remedy=words.remedy,
@@ -96,6 +130,7 @@ def _cause(best: Weighed, rival: Weighed | None, ledger: Ledger) -> Cause:
         explains=found.explains,
         numbers=found.numbers,
     )
+    return cause, goes_by
 
 
 _FIRST: Final = 40  # exchanges before anything is said

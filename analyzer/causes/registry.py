@@ -71,9 +71,27 @@ class Suspicion:
     lost_answers: int | None = None
     lost_ms: float | None = None
     frames: tuple[int, ...] = ()
+    severity: Severity | None = None  # another one than the cause usually has: what may well be meant is a note
 
 
 Judge = Callable[["Evidence"], Iterable[Suspicion]]
+
+
+@dataclass(frozen=True, slots=True)
+class Foretold:
+    """What a cause makes likely: of a symptom, the sorts of things that it may hang on (`analyzer.causes.contrasts`; a
+    symptom that is not named may hang on anything), and whether the client loses what is damaged."""
+
+    hangs_on: Mapping[Symptom, frozenset[str]] = field(default_factory=dict)
+    client_loses: bool = False
+
+
+COMES_AND_GOES: Final = frozenset(("spells", "since", "unit-before", "outcome-before"))  # contrasts of time
+LENGTHS: Final = frozenset(("answer-bytes", "quantity"))  # by which more is hit, whatever hits
+ASKED_FOR: Final = frozenset(("function", "quantity", "answer-bytes", "address", "range-end", "poll"))  # of requests
+
+
+OF_A_LINE: Final = Foretold({Symptom.DAMAGE: COMES_AND_GOES | LENGTHS}, client_loses=True)  # whose frames are spoilt
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +106,7 @@ class Suspect:
     deciding_test: str
     remedy: str
     judge: Judge
+    foretold: Foretold = Foretold()
 
 
 _SUSPECTS: Final = Registry[Suspect]("analyzer.causes.suspects", "suspect")
@@ -102,11 +121,12 @@ def suspect(
     remedy: str,
     share: str = "",
     deciding_test: str = "",
+    foretold: Foretold = Foretold(),
 ) -> Callable[[Judge], Judge]:
     """Registers the judge of a cause."""
 
     def enter(judge: Judge) -> Judge:
-        _SUSPECTS.enter(cause, Suspect(cause, severity, blame, text, share, deciding_test, remedy, judge))
+        _SUSPECTS.enter(cause, Suspect(cause, severity, blame, text, share, deciding_test, remedy, judge, foretold))
         return judge
 
     return enter

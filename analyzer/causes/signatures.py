@@ -26,6 +26,7 @@ from .unitledger import Sample, SampleRow, asked_in_pieces
 
 _HEAD_MOST: Final = 12  # bytes that may be put right
 _LEAST: Final = 4
+_ZEROS: Final = 8  # more is a break, not what a driver or a buffer adds
 LONG: Final = 6  # bytes: noise of so many may have been a request
 _LOST: Final = 2  # bytes of a head
 _HEAD: Final = 3  # bytes: of an answer the third is its byte count
@@ -57,7 +58,7 @@ class Behind(Enum):
     """What stood between a good answer and the next request."""
 
     NOTHING = "nothing"
-    ZEROS = "zeros"  # one or two 00 right behind it
+    ZEROS = "zeros"  # a few 00 right behind it
     REQUEST = "request"  # a request, damaged
     ANSWER = "answer"  # a second answer
     NOISE = "noise"
@@ -377,7 +378,7 @@ def _kind_of(rest: list[SampleRow], sample: Sample, requests: KnownRequests) -> 
         return Behind.NOTHING
     if is_in_ascii(sample.request) and not data.strip(b"\r\n"):
         return Behind.NOTHING  # the end of a line, behind a pause of the tap's
-    if not any(data) and len(data) <= 2:
+    if not any(data) and len(data) <= _ZEROS:
         return Behind.ZEROS
     header = _header(sample.request)[:_COUNTED]
     if len(header) == _COUNTED and header != sample.request[:_COUNTED] and data.startswith(header):

@@ -1,11 +1,11 @@
 """The language in which reports and causes are told: one catalogue a language, English being the words in the code.
 
 A catalogue is the TOML files of this package that begin with the language's name: `page` (words of the report, by
-their English), `fragments` (words that are filled into others), `causes` (by id: text, share, test, remedy),
-`findings` (pieces of what findings say, by their English), `frames` (templates of what a frame and its fields say),
-`fields` (names of fields), `errors` (templates of one-line errors), `interface` (words of the interface), `registers`
-(what registers mean, and their maps), `columns` (of maps) and `counted` (nouns behind a number, by their English
-singular, in all their forms). What a catalogue lacks is told in English.
+their English), `fragments` (words that are filled into others), `causes` (by id: text, share, test, remedy), `left`
+(what no cause takes), `findings` (pieces of what findings say, by their English), `frames` (templates of what a frame
+and its fields say), `fields` (names of fields), `errors` (templates of one-line errors), `interface` (words of the
+interface), `registers` (what registers mean, and their maps), `columns` (of maps) and `counted` (nouns behind a
+number, by their English singular, in all their forms). What a catalogue lacks is told in English.
 
 Templates of sentences have nouns that agree with what stands beside them, and clauses that are left out if they say
 nothing:
@@ -213,6 +213,12 @@ def cause_words(cause: str, part: str, english: str) -> str:
 def sentence(cause: str, part: str, english: str, numbers: Mapping[str, Any]) -> str:
     """A part of what is said of a cause, filled (a template), words among its numbers told in the language too."""
     return fill(cause_words(cause, part, english), _told(numbers))
+
+
+def left_sentence(part: str, english: str, numbers: Mapping[str, Any]) -> str:
+    """A part of what is said of exchanges that no cause takes, filled (a template)."""
+    words = catalogue(_language.get()).get("left", {})
+    return fill(str(words.get(part, english)), _told(numbers))
 
 
 def filled(template: str, numbers: Mapping[str, Any]) -> str:

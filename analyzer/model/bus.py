@@ -33,6 +33,7 @@ from .source import CaptureSource, ViewSource
 from .table import PIECE, BusRows, RowState, RowTable
 
 if TYPE_CHECKING:
+    from ..causes.reasoning import Story
     from ..causes.registry import Cause
     from ..reports.breakdown import RateTable
     from ..reports.model import Report
@@ -335,10 +336,14 @@ class Bus:
 
     def causes(self) -> list[Cause]:
         """What explains the findings so far, best first; nothing on a healthy bus. Takes a moment."""
-        from ..causes.reasoning import causes_of
+        return self.story().causes
+
+    def story(self) -> Story:
+        """The same, with what no cause takes."""
+        from ..causes.reasoning import story_of
 
         with self._ledger.looked_at() as ledger:
-            return causes_of(ledger)
+            return story_of(ledger)
 
     @property
     def nbytes(self) -> tuple[int, int]:

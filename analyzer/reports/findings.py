@@ -6,6 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Final
 
+from ..causes.certainty import CALIBRATED, in_words
+from ..causes.leftovers import Left
 from ..causes.registry import Cause, cause_of
 from ..languages import counted, grouped, page_words
 from ..words import is_clock, time_of_day
@@ -15,6 +17,7 @@ from .paragraphs import PageLine, Paragraph
 _WORST: Final = 3
 _UNITS: Final = 5  # named in a line
 _GROUPS: Final = 3  # told of a finding
+_LEFT: Final = 8  # of what no cause takes
 
 
 def cause_lines(causes: Sequence[Cause], *, shares: bool = True) -> Iterator[PageLine]:
@@ -23,9 +26,18 @@ def cause_lines(causes: Sequence[Cause], *, shares: bool = True) -> Iterator[Pag
         yield ""
         yield page_words("what is wrong")
     for number, cause in enumerate(causes, 1):
-        head = page_words("{number}. {cause}, {sure} sure: {text}") if shares else "{number}. {cause}: {text}"
-        sure = f"{cause.confidence:.0%}"
-        yield Paragraph(head.format(number=number, cause=cause.cause, sure=sure, text=cause.text))
+        told = shares and cause.confidence >= CALIBRATED
+        head = "{number}. {cause}, {words}: {text}" if shares else "{number}. {cause}: {text}"
+        yield Paragraph(
+            page_words(
+                "{number}. {cause}, {words} ({share:.0%}): {text}" if told else head,
+                number=number,
+                cause=cause.cause,
+                words=page_words(in_words(cause.confidence)),
+                share=cause.confidence,
+                text=cause.text,
+            )
+        )
         yield from _labelled("seen", cause.share)
         yield from _labelled("to be sure", cause.deciding_test)
         yield from _labelled("do", cause.remedy)
@@ -34,6 +46,20 @@ def cause_lines(causes: Sequence[Cause], *, shares: bool = True) -> Iterator[Pag
 def uncounted(row: FindingRow) -> FindingRow:
     """Findings of one code without how sure each is: of a handful of frames without times nobody knows."""
     return replace(row, groups=tuple(replace(group, certainty=None) for group in row.groups))
+
+
+def left_lines(left: Sequence[Left]) -> Iterator[PageLine]:
+    """Exchanges that no cause takes, and what they have in common; nothing where there are none."""
+    if left:
+        yield ""
+        yield page_words("not explained")
+    for each in left[:_LEFT]:
+        yield Paragraph(left_words(each), first="- ", others="  ")
+
+
+def left_words(left: Left) -> str:
+    """What is left of one unit, or of the bus, in a line."""
+    return left.like if left.unit is None else page_words("unit {unit}: {words}", unit=left.unit, words=left.like)
 
 
 def explained_row(row: FindingRow, causes: Sequence[Cause]) -> FindingRow:

@@ -15,6 +15,7 @@ from ..words import between
 if TYPE_CHECKING:
     from captures.recording.notes import Note
 
+    from ..causes.leftovers import Left
     from ..causes.registry import Cause
     from ..outages import Deaf
     from ..registers.watch import WatchedValue
@@ -298,6 +299,7 @@ class Report:
     rates: tuple[RateRow, ...] = ()  # of senders, where edges were captured
     filter: str = ""  # what the rest of the report is narrowed to
     causes: tuple[Cause, ...] = ()  # what explains the findings, best first; none on a healthy bus
+    not_explained: tuple[Left, ...] = ()  # exchanges that went wrong and that no cause takes
     cards: tuple[UnitCard, ...] = ()  # by unit; none where a filter leaves out a part of the bus
     polls: tuple[PollRow, ...] = ()  # those asked most first
     hours: tuple[HourRow, ...] = ()  # where they were asked for

@@ -37,6 +37,7 @@ def _lines(report: Report) -> Iterator[PageLine]:
         yield ""
         yield nothing(report)
     yield from findings.cause_lines(report.causes, shares=not report.is_handful)
+    yield from findings.left_lines(report.not_explained)
     if report.before:
         yield ""
         yield from against.lines(report.against, file_name(report.before))

@@ -322,14 +322,16 @@ def with_cards(report: Report, ledger: Ledger) -> Report:
 
 
 def with_story(report: Report, ledger: Ledger) -> Report:
-    """And with the causes, the findings that follow from each, and the polls."""
-    from ..causes.reasoning import causes_of
+    """And with the causes, what none of them takes, the findings that follow from each, and the polls."""
+    from ..causes.reasoning import story_of
     from .breakdown import poll_rows
     from .findings import explained_row
 
-    causes = tuple(causes_of(ledger))
+    story = story_of(ledger)
+    causes = tuple(story.causes)
     explained = tuple(explained_row(row, causes) for row in report.findings)
-    return replace(with_cards(report, ledger), causes=causes, polls=poll_rows(ledger), findings=explained)
+    return replace(with_cards(report, ledger), causes=causes, not_explained=tuple(story.not_explained),
+                   polls=poll_rows(ledger), findings=explained)  # fmt: skip
 
 
 def _marks(notes: Notes, rows: Rows) -> Iterator[BookmarkRow]:

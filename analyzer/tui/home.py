@@ -12,6 +12,7 @@ import numpy as np
 from textual.binding import Binding, BindingType
 
 from ..languages import counted, grouped, page_words, tr
+from ..reports.findings import left_words
 from ..words import compact, duration, percent, short, short_bound
 from .filterbar import FilterBar
 from .items import FrameDetail, Item, of_cause, whose
@@ -23,6 +24,7 @@ from .view import DoorCell, View
 if TYPE_CHECKING:
     from textual.widget import Widget
 
+    from ..causes.leftovers import Left
     from ..causes.registry import Cause
     from ..reports.model import Counts, FindingRow, Report, Times, UnitRow
     from .desk import ViewState
@@ -44,6 +46,7 @@ class BusState(NamedTuple):
 
     report: Report
     causes: Sequence[Cause]
+    not_explained: Sequence[Left] = ()
 
 
 class HomeList(Lines):
@@ -72,7 +75,7 @@ class HomeList(Lines):
             state = BusState(state.report, own)
         slow = _slow_units(state.report)
         sickest = sorted(state.report.units_as_heard, key=lambda row: (*_badness(row), row.unit not in slow, row.unit))
-        self.state = BusState(replace(state.report, units=tuple(sickest)), state.causes)
+        self.state = BusState(replace(state.report, units=tuple(sickest)), state.causes, state.not_explained)
         self.next_at = time.monotonic() + _AGAIN_S
         self._fresh_until = 0.0
         self.grown()
@@ -149,6 +152,9 @@ class HomeList(Lines):
             return [StyledText(f"  {verdict}", "error"), totals]
         if self.desk.scope.narrows:
             return [StyledText(f"  {tr('No cause concerns what is shown')}"), totals]
+        if state.not_explained:
+            words = tr("Not explained: {words}", words=left_words(state.not_explained[0]))
+            return [StyledText(f"  {words}", "warning"), totals]
         grave = sum(count for level, count in bus.found.by_severity.items() if level > 1)
         if grave:
             return [StyledText(f"  {tr('Single troubles, with no cause behind them')}", "warning"), totals]
@@ -316,7 +322,12 @@ def _refresh(screen: BusScreen) -> None:
         return
     home.basis, home.next_at = basis, time.monotonic() + _AGAIN_S
     source = screen.desk.source
-    screen.jobs.run("home", lambda _: BusState(figures.report(source), bus.causes()), home.use)
+
+    def reckon(_: object) -> BusState:
+        story = bus.story()
+        return BusState(figures.report(source), story.causes, story.not_explained)
+
+    screen.jobs.run("home", reckon, home.use)
 
 
 def first(screen: BusScreen) -> None:

@@ -25,7 +25,7 @@ from ..hits import (
     spells_of_hits,
     timed_by_the_master,
 )
-from ..registry import Explained, Suspicion, Symptom, suspect
+from ..registry import OF_A_LINE, Explained, Suspicion, Symptom, suspect
 from ..repeats import CalledBack, broadcasts_answered, called_back
 from ..signatures import Behind, Signature
 from ..unitledger import UnitLedger
@@ -51,6 +51,8 @@ _SEVERAL: Final = 4  # units: of fewer another master may well ask one alone
 _OFTEN: Final = 0.3
 _STORM: Final = 30  # broadcasts
 _STORM_NS: Final = 60e6
+_STORM_LOAD: Final = 0.3  # of the time, that bytes take
+_STARVED: Final = 0.02  # of the requests to units
 _STORM_PAUSES: Final = 2.5  # times t3.5, on slow lines
 _HOLE_CHARS: Final = 1.5
 _DISORDER: Final = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.LATENESS, Symptom.SILENCE, Symptom.DOUBLES, Symptom.MARKS,
@@ -64,8 +66,10 @@ _DISORDER: Final = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.LATENESS, Symptom.SI
     text="Two clients poll on this line and know nothing of each other: {crossed} requests came while an answer was due"
     "[, {damaged:answer|answers} {damaged:|is|are} cut or overlaid by one]",
     share="{hits} of {exchanges} exchanges, of {units_hit:unit|units}",
-    deciding_test="Take one client off: no request may then come while an answer is due",
+    deciding_test="Look for a second client: a panel, a service computer, a gateway, a program that was left running; "
+    "one that controls something is taken off only with the operator's consent",
     remedy="Let one client poll and the other get its values from it, or put a gateway with several clients between",
+    foretold=OF_A_LINE,
 )
 def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
     """Requests while an answer is due, and what collides with them, for all units alike."""
@@ -197,7 +201,8 @@ def _hasty(evidence: Evidence, unit: UnitLedger) -> int:
     text="Broadcasts are answered[: bytes follow {answered} of {broadcasts} requests to unit 0 within the time of an answer]"
     "[; {met} of {met_of} exchanges right behind broadcasts are hit by what answers them]",
     share="{calls} of {broadcasts} broadcasts",
-    deciding_test="Take the units off one after the other and broadcast: the one that answers is the one whose going ends it",
+    deciding_test="Look at the address that each unit is set to: one at 0 takes broadcasts for its own. Then, with "
+    "the operator's consent, take units off one after the other while the broadcasts go on",
     remedy="Give the device that takes 0 for its own an address from 1 to 247, or update its firmware",
 )
 def broadcast_answered(evidence: Evidence) -> Iterator[Suspicion]:
@@ -239,7 +244,8 @@ def _run_into(evidence: Evidence, back: CalledBack) -> set[tuple[Symptom, int | 
     blame="master",
     text="Broadcasts leave no time for anything else: {broadcasts} of {requests} requests go to unit 0, {pause:ms} apart",
     share="{broadcasts} of {requests} requests",
-    deciding_test="Stop what broadcasts and see whether the polls come back to their pace",
+    deciding_test="Count the broadcasts here against what the client is set to send; ask the operator before anything "
+    "that sends them is stopped",
     remedy="Broadcast when something changes, not all the time, and leave 100 to 200 ms behind each",
 )
 def broadcast_storm(evidence: Evidence) -> Iterator[Suspicion]:
@@ -251,6 +257,8 @@ def broadcast_storm(evidence: Evidence) -> Iterator[Suspicion]:
     pause = _mean_pause(evidence)
     if pause is None or pause > max(_STORM_NS, _STORM_PAUSES * (evidence.t35_ns or 0.0)):
         return
+    if (evidence.load or 1.0) < _STORM_LOAD and not _are_starved(evidence):
+        return  # a heartbeat leaves the others all the time that they want
     silent = frozenset((Symptom.SILENCE, unit.unit) for unit in evidence.units)
     lost = together(cost(evidence, unit, Ending.SILENT) for unit in evidence.units)
     yield Suspicion(
@@ -266,6 +274,12 @@ def broadcast_storm(evidence: Evidence) -> Iterator[Suspicion]:
         lost_answers=lost.answers,
         lost_ms=lost.ms,
     )
+
+
+def _are_starved(evidence: Evidence) -> bool:
+    """Whether units lose answers."""
+    silent = sum(map(evidence.silent, evidence.units)) + sum(map(evidence.damaged, evidence.units))
+    return silent > _STARVED * sum(unit.asked for unit in evidence.units)
 
 
 def _mean_pause(evidence: Evidence) -> float | None:

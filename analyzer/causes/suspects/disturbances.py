@@ -13,6 +13,7 @@ from ..costs import cost_behind_damage, cost_of, kind_bits, overlaid, share_of, 
 from ..evidence import HEALTHY, Evidence
 from ..exchanges import Ending
 from ..flatmemory import CrowdedTimes
+from ..foretold import may_strike
 from ..hits import (
     ALIKE,
     WELL,
@@ -28,7 +29,7 @@ from ..hits import (
     spares_units,
     spells_of_hits,
 )
-from ..registry import Explained, Suspicion, Symptom, suspect
+from ..registry import OF_A_LINE, Explained, Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage
 
 _LEAST: Final = 5
@@ -56,6 +57,7 @@ _PHASE_NS: Final = 1_500_000  # by which a time may be wrong for its phase to be
 def _all_explained(evidence: Evidence) -> Explained:
     kinds = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.MARKS, Symptom.SILENCE, Symptom.LATENESS)
     found = {(kind, unit.unit) for unit in evidence.units for kind in kinds}
+    found -= {(Symptom.SILENCE, unit.unit) for unit in evidence.units if not may_strike(evidence, unit)}
     return frozenset(found | {(Symptom.FRAMING, None)})
 
 
@@ -137,9 +139,10 @@ _SHARE: Final = "{hits} hits in {exchanges} exchanges: {damaged:answer|answers}[
     text="Something disturbs the line, whoever sends: {damaged:answer|answers}[ and about {requests:request|requests}] of "
     "{exchanges} exchanges are damaged, at no place and no time in particular",
     share=_SHARE,
-    deciding_test="Connect the client and a unit or two by a short cable of their own: if the damage goes, it comes from the "
-    "bus cable and what is near it",
+    deciding_test="Look at the shield and at loose terminals first; then connect the client and a unit or two by a "
+    "short cable of their own: if the damage goes, it comes from the bus cable and what is near it",
     remedy="Check shield (earthed at one end), common wire, loose terminals, and cables that run beside power cables",
+    foretold=OF_A_LINE,
 )
 def interference(evidence: Evidence) -> Iterator[Suspicion]:
     """AnswerDamage of all senders alike."""
@@ -157,6 +160,7 @@ def interference(evidence: Evidence) -> Iterator[Suspicion]:
     deciding_test="Look at A against B with an oscilloscope triggered by the mains",
     remedy="Look for thyristors, dimmers, welding or a soft starter on the same supply; separate the bus cable from power "
     "cables, earth the shield, use an isolated converter",
+    foretold=OF_A_LINE,
 )
 def emi_mains(evidence: Evidence) -> Iterator[Suspicion]:
     """AnswerDamage at one phase of the mains or of its half-waves."""
@@ -193,9 +197,11 @@ def _times_of_hits(evidence: Evidence) -> np.ndarray[Any, np.dtype[np.float64]]:
     text="The line is disturbed while {area} {address} of unit {unit} is {value}: {then} of {then_of} exchanges are hit then, {else_} of "
     "{else_of} otherwise",
     share=_SHARE,
-    deciding_test="Switch what this value stands for off and on by hand, and watch the damaged frames",
+    deciding_test="Hold the times of damaged frames against the times at which this value changes in the plant's own "
+    "log; have nothing switched for the test without the operator",
     remedy="Lead the bus cable away from the motor cable of this drive; earth the drive's shield on both sides, fit a filter "
     "or a ferrite at its output",
+    foretold=OF_A_LINE,
 )
 def emi_drive(evidence: Evidence) -> Iterator[Suspicion]:
     """AnswerDamage that goes with a value on the bus."""
@@ -240,6 +246,7 @@ def _is_told(evidence: Evidence) -> bool:
     share=_SHARE,
     deciding_test="Ask what runs in the plant at these times, and record over a week",
     remedy="Find the machine that runs then (shift, pump, charger, lighting) and keep the bus cable away from its cables",
+    foretold=OF_A_LINE,
 )
 def hours(evidence: Evidence) -> Iterator[Suspicion]:
     """AnswerDamage in spells that nothing on the bus tells; that a line floats does not come and go."""

@@ -21,7 +21,8 @@ from ..ledger import ASKED, BAD
 from ..registry import Suspicion, Symptom, suspect
 from ..repeats import only_repeats
 from ..unitledger import UnitLedger
-from .silence import is_spell, silence_bits
+from .silence import EXCUSED, SILENT, is_spell, silence_bits
+from .states import excused
 
 _SLACK: Final = 0.05  # of its length: so much later another unit may fall silent, by what its supply holds
 _ALIKE: Final = 2.0  # times as long, at the most, as the middle one: each unit starts again in its own time
@@ -129,7 +130,7 @@ _HARDLY: Final = 0.1
     "all-silent",
     Severity.ERROR,
     blame="line",
-    text="Units {list} fall silent together{again}: {silent} requests to them stayed without a byte{others}",
+    text="Units {list} fall silent together{again}: {silent} requests to them {how}{others}",
     share="{silent} of {asked} requests to units {list}[, {others_silent} of {others_asked} to others]",
     deciding_test="Tap the line at the first of these units when it happens next: if requests arrive there, look at what the "
     "units share; if not, at the cable and the converters before it",
@@ -140,6 +141,37 @@ def all_silent(evidence: Evidence) -> Iterator[Suspicion]:
     """Silence of several units that begins at the same time."""
     for group in silent_together(evidence):
         yield from _together(evidence, group)
+    yield from _behind_gateway(evidence)
+
+
+def _behind_gateway(evidence: Evidence) -> Iterator[Suspicion]:
+    """Several units of which a gateway says that they do not answer, from about one moment on."""
+    found = excused(evidence)
+    if len(found) < 2:
+        return
+    units = [evidence.ledger.units[number] for number in found]
+    rest = [unit for unit in evidence.units if unit.unit not in found]
+    begins = [state.begin for state in found.values() if state.begin is not None]
+    refused, asked = sum(state.refused for state in found.values()), sum(state.asked for state in found.values())
+    yield Suspicion(
+        tuple(found),
+        sum(silence_bits(state.refused, state.asked) for state in found.values()),
+        frozenset((kind, unit) for unit in found for kind in (Symptom.REFUSAL, Symptom.SILENCE)),
+        {
+            "list": tuple(sorted(found)),
+            "again": " and stay so",
+            "silent": refused,
+            "asked": asked,
+            "how": EXCUSED,
+            "others": ", while others answered" if any(unit.answered for unit in rest) else "",
+            "others_silent": sum(map(evidence.silent, rest)),
+            "others_asked": sum(unit.asked for unit in rest),
+        },
+        since=min(begins, default=min(unit.first for unit in units)),
+        until=max(unit.last for unit in units),
+        lost_answers=refused,
+        frames=tuple(index for unit in units for index in unit.examples.get(Ending.EXCEPTION, []))[:6],
+    )
 
 
 def silent_together(evidence: Evidence) -> list[list[Outage]]:
@@ -180,6 +212,7 @@ def _together(evidence: Evidence, group: Sequence[Outage]) -> Iterator[Suspicion
             "again": _how_long(group),
             "silent": silent,
             "asked": asked,
+            "how": SILENT,
             "others": _meanwhile(evidence, group, [unit.unit for unit in rest])
             if any(unit.answered for unit in rest)
             else ", and no other unit ever answers"
@@ -193,8 +226,14 @@ def _together(evidence: Evidence, group: Sequence[Outage]) -> Iterator[Suspicion
         period_s=mean_period_s(begins),
         lost_answers=lost.answers,
         lost_ms=lost.ms,
+        severity=Severity.NOTE if _is_over(group) else None,
         frames=tuple(index for unit in mine for index in unit.examples.get(Ending.SILENT, []))[:6],
     )
+
+
+def _is_over(group: Sequence[Outage]) -> bool:
+    """Whether it happened once, and all came back: somebody may have switched the plant off."""
+    return len(group) == 1 and all(spell.before is not None for spell in group[0].spells.values())
 
 
 def _inside(evidence: Evidence, unit: UnitLedger, count: int) -> LostAnswers:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 from ...requests.reasons import Unserved
@@ -11,7 +11,7 @@ from ..bits import clustering_bits, mean_period_s, surplus_bits
 from ..evidence import Evidence
 from ..exchanges import Ending
 from ..polls import Poll
-from ..registry import Suspicion, Symptom, suspect
+from ..registry import ASKED_FOR, Foretold, Suspicion, Symptom, suspect
 from ..unserved import asks, unserved_of
 
 _LEAST: Final = 3
@@ -23,9 +23,9 @@ _AREAS: Final = 4  # that are named
 _WRITES: Final = (5, 6, 15, 16, 22, 23)
 _READ_BY: Final = {5: (1,), 15: (1,), 6: (3, 4), 16: (3, 4), 22: (3,), 23: (3,)}
 _ILLEGAL_ADDRESS: Final = 2
-_ILLEGAL: Final = (1, 2, 3)  # function, address, quantity
+_ILLEGAL: Final = (2, 3)  # address, quantity
 _BUSY: Final = 6
-_REFUSES: Final = (1, 2, 3, 4)
+_REFUSES: Final = (2, 3, 4)
 
 
 @suspect(
@@ -34,7 +34,8 @@ _REFUSES: Final = (1, 2, 3, 4)
     blame="unit",
     text="Unit {unit} says that it is busy, in {spells:spell|spells}: {busy} of {asked} requests got exception {code}",
     share="{busy} of {asked} requests to unit {unit}",
-    deciding_test="Poll unit {unit} half as often: the exceptions go if it cannot keep up",
+    deciding_test="Compare how often unit {unit} is polled with its manual; polled half as often, the exceptions go "
+    "if it cannot keep up",
     remedy="Poll it less often or fewer registers at once, and let the client ask again after a pause when it is busy",
 )
 def unit_busy(evidence: Evidence) -> Iterator[Suspicion]:
@@ -109,7 +110,7 @@ def _areas(well: list[Poll]) -> list[tuple[int, int]]:
 def _suspicion(evidence: Evidence, unit: int, polls: list[Poll], weight: float) -> Suspicion:
     hits = sum(poll.count(Ending.EXCEPTION) for poll in polls)
     asked = sum(poll.asked for poll in polls)
-    areas = tuple(_area(poll) for poll in polls[:_AREAS])
+    areas = areas_of(polls)
     return Suspicion(
         (unit,),
         surplus_bits(hits, asked, _BACKGROUND) * weight,
@@ -135,6 +136,11 @@ def _reason(evidence: Evidence, unit: int) -> Unserved | None:
     return found if found is not None and found.reason in ("address", "range-end") else None
 
 
+def areas_of(polls: Sequence[Poll]) -> tuple[str, ...]:
+    """The addresses of a few polls, as people write them."""
+    return tuple(_area(poll) for poll in polls[:_AREAS])
+
+
 def _area(poll: Poll) -> str:
     return f"{poll.address}..{poll.end - 1}" if poll.end - poll.address > 1 else f"{poll.address}"
 
@@ -152,6 +158,7 @@ _TEST: Final = "Read the registers of unit {unit} one by one around {areas}: it 
     deciding_test=_TEST,
     remedy="Compare the list with the device's manual: does it count registers from 1 (40001) and the wire from 0?[ "
     "Ask instead: {asks}]",
+    foretold=Foretold({Symptom.REFUSAL: ASKED_FOR}),
 )
 def off_by_one(evidence: Evidence) -> Iterator[Suspicion]:
     """Reads that reach one register too far."""
@@ -171,6 +178,7 @@ def off_by_one(evidence: Evidence) -> Iterator[Suspicion]:
     deciding_test=_TEST,
     remedy="Take these registers off the list, or correct their addresses or function by the device's manual[; ask "
     "instead: {asks}]",
+    foretold=Foretold({Symptom.REFUSAL: ASKED_FOR}),
 )
 def missing_registers(evidence: Evidence) -> Iterator[Suspicion]:
     """Reads that are always refused."""
@@ -187,8 +195,10 @@ def missing_registers(evidence: Evidence) -> Iterator[Suspicion]:
     text="The client writes registers of unit {unit} that it may only read: {areas}[ and {more} more], refused "
     "{refused} of {asked} times (exception {codes}), though they read well",
     share="{refused} of {asked} such requests to unit {unit}",
-    deciding_test="Write one of these registers of unit {unit} by hand, with the value that it has",
+    deciding_test="Look in the manual of unit {unit} whether these registers may be written, and in which mode; a "
+    "write for a test may start a machine",
     remedy="Take the writes off the list, or unlock the device for writing (a parameter, a switch, remote mode)",
+    foretold=Foretold({Symptom.REFUSAL: ASKED_FOR}),
 )
 def read_only(evidence: Evidence) -> Iterator[Suspicion]:
     """Writes that are always refused, where reading is not."""

@@ -12,7 +12,7 @@ from ..bits import surplus_bits
 from ..costs import cost
 from ..evidence import Evidence
 from ..exchanges import Ending
-from ..registry import Suspicion, Symptom, suspect
+from ..registry import ASKED_FOR, Foretold, Suspicion, Symptom, suspect
 from ..unitledger import UnitLedger
 from ..unserved import SHOWN, asks, spaced, unserved_of
 
@@ -36,6 +36,7 @@ _FAILED: Final = (Ending.SILENT, Ending.EXCEPTION, Ending.GARBAGE)
     deciding_test="[Ask unit {unit} once by hand, this only reads: {reads}][Compare with the manual of unit {unit} first, "
     "this writes: {writes}]",
     remedy="Change this entry in the client's list by the manual of unit {unit}[; ask instead: {asks}][ and {more} more]",
+    foretold=Foretold({Symptom.SILENCE: ASKED_FOR, Symptom.REFUSAL: ASKED_FOR}),
 )
 def cannot_serve(evidence: Evidence) -> Iterator[Suspicion]:
     """Silence, refusal or half an answer that hangs on what is asked, of a unit that is there."""

@@ -22,7 +22,7 @@ from ..evidence import HEALTHY, Evidence, alone_or_together
 from ..exchanges import Ending
 from ..ledger import STRAY
 from ..rawbytes import beheaded, formats_of
-from ..registry import Suspicion, Symptom, suspect
+from ..registry import OF_A_LINE, Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage, Behind, Signature, known_header
 from ..unitledger import UnitLedger
 
@@ -100,9 +100,11 @@ def _head(_: Evidence, __: UnitLedger, readings: list[Signature]) -> Mapping[str
     text="Unit {unit} enables its driver too late: the beginning of {damaged} of {answers} answers is lost or mangled "
     "({bytes:byte|bytes}; what follows is whole)",
     share=SHARE,
-    deciding_test="Swap the drops of unit {unit} and a good one: the damage goes with the unit if it is its driver",
+    deciding_test="Look for a driver delay or a direction setting in unit {unit} or its converter first; then swap "
+    "its drop and a good one: the damage goes with the unit if it is its driver",
     remedy="Lengthen the delay between driver enable and first byte in the unit, or use a converter with automatic "
     "direction; bias resistors do not help, for what is not driven is not sent",
+    foretold=OF_A_LINE,
 )
 def driver_enabled_late(evidence: Evidence) -> Iterator[Suspicion]:
     """AnswerDamage at the head of one sender's frames."""
@@ -195,9 +197,11 @@ def _tail(_: Evidence, __: UnitLedger, readings: list[Signature]) -> Mapping[str
     text="Unit {unit} releases its driver too early: the end of {damaged} of {answers} answers is cut off or filled with "
     "ones ({bytes:byte|bytes})",
     share=SHARE,
-    deciding_test="Swap the drops of unit {unit} and a good one: the damage goes with the unit if it is its driver",
+    deciding_test="Look for a driver delay or a direction setting in unit {unit} or its converter first; then swap "
+    "its drop and a good one: the damage goes with the unit if it is its driver",
     remedy="Let the unit hold its driver until the last stop bit is out (wait for the transmitter to be empty, not for its "
     "buffer)",
+    foretold=OF_A_LINE,
 )
 def driver_released_early(evidence: Evidence) -> Iterator[Suspicion]:
     """AnswerDamage at the tail of one sender's frames."""
@@ -246,6 +250,7 @@ _TWICE: Final = 0.02  # of its answers
 _NEARLY: Final = 0.95
 _OWN_BITS: Final = 6.0
 _SURE_BITS: Final = 40.0
+_ALIKE_BITS: Final = 3.0  # an answer behind which stands what stands behind all others
 _DUE: Final = 1.5  # times the usual pause,
 _REQUEST_CHARS: Final = 8
 _FAR: Final = 4.0  # times it
@@ -258,7 +263,8 @@ _FAR: Final = 4.0  # times it
     text="The driver of {units:unit|units} is held into the next request: {spoilt} requests that came behind "
     "{answers} answers are damaged[, {others_spoilt} behind the {others_answers} of others]",
     share="{spoilt} of {answers} requests behind answers of {units:unit|units}[, {others_spoilt} of {others_answers} behind others]",
-    deciding_test="Let the client pause for 50 ms before each request: if the damage goes, a driver was held too long",
+    deciding_test="Look for a hold time or a direction setting in {units:unit|units} or a converter there; with a "
+    "pause of 50 ms before each request the damage must go",
     remedy="Shorten the time for which {units:unit|units} (or a converter there) {units:|holds its|hold their} driver behind "
     "the last byte",
 )
@@ -348,9 +354,11 @@ def _instead_of_requests(evidence: Evidence, unit: UnitLedger) -> int:
     "null-suffix",
     Severity.WARNING,
     blame="unit",
-    text="A 00 follows the frames of {units:unit|units}: {zeros} of {answers} answers have one",
+    text="Zeros follow the frames of {units:unit|units}: behind {zeros} of {answers} answers {length:|comes|come} "
+    "{length:byte|bytes} 00",
     share="{zeros} of {answers} answers of {units:unit|units}[, {others_zeros} of {others_answers} of others]",
-    deciding_test="Take {units:unit|units} off the bus: the extra bytes go with {units:|it|them}",
+    deciding_test="Record right at the terminals of {units:unit|units}: the extra bytes must be there, too, and "
+    "behind no other unit's answers",
     remedy="Update the unit's firmware, or let its driver go sooner behind the last byte; clients that wait for a silence "
     "take such frames for damaged",
 )
@@ -368,6 +376,7 @@ def null_suffix(evidence: Evidence) -> Iterator[Suspicion]:
     others_zeros, others_answered = sum(totals[o.unit] for o in others), sum(o.answered for o in others)
     background = max(HEALTHY, (others_zeros + 0.5) / (others_answered + 50))
     bits = sum(surplus_bits(totals[unit.unit], unit.answered, background) for unit in found)
+    bits += sum(_ALIKE_BITS * totals[u.unit] for u in found if _is_always_so(evidence, u, totals[u.unit]))
     if totals[first.unit] < _OFTEN * first.answered and bits < _SURE_BITS:
         return
     yield Suspicion(
@@ -377,6 +386,7 @@ def null_suffix(evidence: Evidence) -> Iterator[Suspicion]:
         {
             "units": tuple(unit.unit for unit in found),
             "zeros": round(sum(totals[unit.unit] for unit in found)),
+            "length": _usual_zeros(evidence, found),
             "answers": sum(unit.answered for unit in found),
             "others_zeros": round(others_zeros),
             "others_answers": others_answered,
@@ -385,3 +395,15 @@ def null_suffix(evidence: Evidence) -> Iterator[Suspicion]:
         until=first.followed.kept[-1].t_asked,
         frames=tuple(sample.index for sample in first.followed.kept[:3]),
     )
+
+
+def _is_always_so(evidence: Evidence, unit: UnitLedger, zeros: float) -> bool:
+    """Whether the same zeros stand behind nearly all answers: a line that floats picks up now this, now that."""
+    lengths = Counter(each.length for each in evidence.followed(unit))
+    return zeros >= _NEARLY * unit.answered and lengths.most_common(1)[0][1] >= _NEARLY * lengths.total()
+
+
+def _usual_zeros(evidence: Evidence, units: Sequence[UnitLedger]) -> int:
+    """How many zeros mostly stand there."""
+    lengths = Counter(each.length for unit in units for each in evidence.followed(unit) if each.behind is Behind.ZEROS)
+    return max(lengths.most_common(1)[0][0], 1)

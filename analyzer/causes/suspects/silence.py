@@ -14,11 +14,15 @@ from ..costs import LostAnswers, cost, together
 from ..evidence import Evidence
 from ..exchanges import Ending
 from ..flatmemory import Spell
-from ..registry import Suspicion, Symptom, suspect
+from ..rawbytes import is_of_line
+from ..registry import COMES_AND_GOES, Foretold, Suspicion, Symptom, suspect
 from ..repeats import in_vain, only_repeats
 from ..signatures import AnswerDamage
 from ..unitledger import UnitLedger
+from .states import excused
 
+EXCUSED: Final = "got an exception by which a gateway says that its target is silent"
+SILENT: Final = "stayed without a byte"
 _LEAST: Final = 5  # requests without an answer
 _LEAST_OF_SEVERAL: Final = 3
 _STRAY_BYTES: Final = 2
@@ -34,12 +38,13 @@ _LONG_SPELL: Final = 12  # requests,
 _VISITS_IN_VAIN: Final = 4  # or so many times that the master came back to it: what is lost once is not asked for anew
 _VISITS_ONCE: Final = 3  # of a unit that answers before and behind
 _ALL: Final = 0.5
+_HALF: Final = 0.5
 _SPEAKS_NOT: Final = (Symptom.SILENCE, Symptom.DAMAGE, Symptom.MARKS)  # nor is what seems to be its answer damaged
-_NO_ANSWER_BEHIND: Final = 11  # the exception by which a gateway says that its target failed to respond
 _NEARLY_ALL: Final = 0.95
 _HARDLY: Final = 0.25  # of what would be so by chance
 _SCAN: Final = 8  # units
 _VISITS: Final = 2
+_SELDOM: Final = 0.1  # of how often others are asked
 _VISIT: Final = 0.05  # of the capture
 _DENSE: Final = 0.8  # of all numbers from the first to the last
 
@@ -79,12 +84,13 @@ def _cost(evidence: Evidence, unit: UnitLedger) -> LostAnswers:
 def _answering(evidence: Evidence, unit: UnitLedger) -> float:
     """About how many damaged answers of a unit may be its: not those of a byte or two, nor the master's next request, nor
     what begins as the frames of another."""
-    readings = evidence.readings(unit)
+    every = evidence.garbage(unit)
+    readings = [each for each in every if each.damage is not AnswerDamage.NONE]
     own = [each for each in readings if each.damage is not AnswerDamage.CROSSED and each.length > _STRAY_BYTES]
     own = [each for each in own if evidence.begun_by(each) is None]
-    told = evidence.ordered and evidence.is_open(Symptom.DAMAGE, unit.unit)
-    count = evidence.damaged(unit) if told else unit.count(Ending.GARBAGE)
-    return count * (len(own) / len(readings) if readings else 1)
+    if unit.count(Ending.GARBAGE) <= _HALF * unit.asked:  # by other settings it would answer so each time
+        own = [each for each in own if not is_of_line(each.heard)]
+    return unit.count(Ending.GARBAGE) * (len(own) / len(every) if every else 1)
 
 
 def _scanned(evidence: Evidence) -> frozenset[int]:
@@ -140,10 +146,12 @@ def silence_bits(silent: int, asked: int) -> float:
     text="Unit {unit} {answers}: {silent} of {asked} requests to it {how}[, while {others_answered} of "
     "{others_asked} to other units were answered]",
     share="{silent} of {asked} requests to unit {unit}[, {others_silent} of {others_asked} to others]",
-    deciding_test="Connect a client straight to unit {unit}, without the bus, and poll it: if it stays silent, it is the "
-    "unit, its address or its settings; if it answers, its drop or the wiring there",
+    deciding_test="Look at the unit's power lamp, its address and its settings first; then connect a client straight "
+    "to unit {unit}, without the bus, and read from it: if it stays silent, it is the unit; if it answers, its drop "
+    "or the wiring there",
     remedy="Check the unit's power, its address, and whether A and B are swapped at it; take it off the poll list if it is "
     "not there",
+    foretold=Foretold(hangs_on={Symptom.SILENCE: COMES_AND_GOES}),
 )
 def dead_unit(evidence: Evidence) -> Iterator[Suspicion]:
     """One unit of several."""
@@ -154,34 +162,37 @@ def dead_unit(evidence: Evidence) -> Iterator[Suspicion]:
         since = _died(evidence, unit)
         if since is not None:
             yield _silence(evidence, unit, since)
-        if evidence.is_open(Symptom.REFUSAL, unit.unit):
-            yield from _excused(evidence, unit)
+    yield from _excused(evidence)
 
 
-def _excused(evidence: Evidence, unit: UnitLedger) -> Iterator[Suspicion]:
-    """A unit of which a gateway says that it does not answer (exception 0B), and never anything else."""
-    excused = sum(poll.exceptions[_NO_ANSWER_BEHIND] for poll in evidence.polls_of(unit.unit))
-    others = [other for other in evidence.units if other.unit != unit.unit]
-    if excused < _LEAST or excused < _NEARLY_ALL * unit.answered or not any(other.answered for other in others):
+def _excused(evidence: Evidence) -> Iterator[Suspicion]:
+    """A unit of which a gateway says that it does not answer, and nothing else from some moment on."""
+    found = excused(evidence)
+    if len(found) != 1:
+        return  # of several it is what they share
+    ((number, state),) = found.items()
+    unit = evidence.ledger.units[number]
+    others = [other for other in evidence.units if other.unit != number]
+    if not any(other.answered for other in others):
         return
     numbers = {
-        "unit": unit.unit,
-        "silent": excused,
-        "asked": unit.asked,
-        "answers": "never answers",
-        "how": "got exception 0B, by which a gateway says that its target is silent",
+        "unit": number,
+        "silent": state.refused,
+        "asked": state.asked,
+        "answers": "never answers" if state.begin is None else "answers no more",
+        "how": EXCUSED,
         "others_asked": sum(map(evidence.known, others)),
         "others_answered": sum(other.answered for other in others),
         "others_silent": sum(map(evidence.surely_silent, others)),
     }
     yield Suspicion(
-        (unit.unit,),
-        silence_bits(excused, unit.asked),
-        frozenset({(Symptom.REFUSAL, unit.unit), (Symptom.SILENCE, unit.unit)}),
+        (number,),
+        silence_bits(state.refused, state.asked),
+        frozenset({(Symptom.REFUSAL, number), (Symptom.SILENCE, number)}),
         numbers,
-        since=unit.first,
+        since=unit.first if state.begin is None else state.begin,
         until=unit.last,
-        lost_answers=excused,
+        lost_answers=state.refused,
         frames=tuple(unit.examples.get(Ending.EXCEPTION, [])),
     )
 
@@ -204,7 +215,7 @@ def _silence(evidence: Evidence, unit: UnitLedger, since: int | None) -> Suspici
             "silent": silent,
             "asked": silent if since is not None else asked,
             "answers": "never answers" if since is None else "answers no more",
-            "how": "stayed without a byte",
+            "how": SILENT,
             "others_asked": sum(map(evidence.known, others)),
             "others_answered": sum(other.answered for other in others),
             "others_silent": sum(map(evidence.surely_silent, others)),
@@ -214,6 +225,7 @@ def _silence(evidence: Evidence, unit: UnitLedger, since: int | None) -> Suspici
         lost_answers=lost.answers,
         lost_ms=lost.ms,
         frames=tuple(unit.examples.get(Ending.SILENT, [])),
+        severity=Severity.NOTE if since is None and _is_looked_for(evidence, unit) else None,
     )
 
 
@@ -223,7 +235,8 @@ def _silence(evidence: Evidence, unit: UnitLedger, since: int | None) -> Suspici
     blame="master",
     text="{count} of {polled} polled units never answer ({list}): {silent} requests to them stayed without a byte",
     share="{silent} of {asked} requests to units {list}[, {others_silent} of {others_asked} to others]",
-    deciding_test="Ask each of these units alone; if one answers then, the bus or its drop is at fault, and not the list",
+    deciding_test="Look whether these units are there and have power; then read from each of them alone: if one "
+    "answers then, the bus or its drop is at fault, and not the list",
     remedy="Take units that do not exist off the poll list; check power, address and wiring of those that do",
 )
 def absent_units(evidence: Evidence) -> Iterator[Suspicion]:
@@ -253,7 +266,15 @@ def absent_units(evidence: Evidence) -> Iterator[Suspicion]:
         lost_answers=lost.answers,
         lost_ms=lost.ms,
         frames=tuple(index for unit in never for index in unit.examples.get(Ending.SILENT, []))[:8],
+        severity=Severity.NOTE if all(_is_looked_for(evidence, unit) for unit in never) else None,
     )
+
+
+def _is_looked_for(evidence: Evidence, unit: UnitLedger) -> bool:
+    """Whether a unit is asked far more seldom than those that answer: somebody looks whether it is there."""
+    others = [other.asked - other.repeats for other in evidence.units if other.answered]
+    visits = unit.asked - unit.repeats
+    return bool(others) and (visits <= _VISITS or visits <= _SELDOM * median(others))
 
 
 @suspect(
@@ -263,7 +284,7 @@ def absent_units(evidence: Evidence) -> Iterator[Suspicion]:
     text="The client asks unit {unit}, which never answers, {tries:.0f} times a poll before it goes on: {silent} requests "
     "in vain",
     share="{silent} of {asked} requests to unit {unit}, {tries:.1f} a poll",
-    deciding_test="Set the client's retries to one and see how much faster the other units are polled",
+    deciding_test="Look at the client's retries and timeout: their product is what each poll of a silent unit costs",
     remedy="Let the client give up after one or two retries and ask a silent unit again only now and then; find out why "
     "unit {unit} is silent",
 )
@@ -297,6 +318,7 @@ def retry_policy(evidence: Evidence) -> Iterator[Suspicion]:
     share="{silent} of {asked} requests to unit {unit}; spells of silence: {spells}",
     deciding_test="Watch the unit's power and its running light, or its uptime register, when it goes silent next",
     remedy="Check the unit's supply and its connector; a watchdog that resets it points to its firmware or to interference",
+    foretold=Foretold(hangs_on={Symptom.SILENCE: COMES_AND_GOES}),
 )
 def unit_restarts(evidence: Evidence) -> Iterator[Suspicion]:
     """Silence in spells, or in one long one, good answers before and behind."""
@@ -333,6 +355,7 @@ def unit_restarts(evidence: Evidence) -> Iterator[Suspicion]:
             lost_answers=lost.answers,
             lost_ms=lost.ms,
             frames=tuple(unit.examples.get(Ending.SILENT, [])),
+            severity=Severity.NOTE if once else None,
         )
 
 

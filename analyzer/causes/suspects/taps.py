@@ -57,7 +57,8 @@ _ERRORS: Final = 6.0  # times the error of a mean
 _SLOPE_ERRORS: Final = 4.0  # times its own, for a slope that is about a character a byte besides
 
 
-def _everything(evidence: Evidence) -> Explained:
+def everything(evidence: Evidence) -> Explained:
+    """All symptoms of all units, and of the bus."""
     found = {(kind, unit.unit) for unit in evidence.ledger.units.values() for kind in Symptom}
     return frozenset(found | {(kind, None) for kind in Symptom} | {(Symptom.REQUESTS, 0)})
 
@@ -158,7 +159,7 @@ def _one(evidence: Evidence, heard: str, frames: int, others: int, every: int | 
     every = evidence.ledger.frames if every is None else every
     numbers = {"heard": heard, "frames": frames, "others": others, "all": every}
     bits = surplus_bits(frames, every, 0.5) + 8.0 * frames
-    return Suspicion((), bits, _everything(evidence), numbers, evidence.ledger.begin, evidence.ledger.end)
+    return Suspicion((), bits, everything(evidence), numbers, evidence.ledger.begin, evidence.ledger.end)
 
 
 def _as_given_up(evidence: Evidence) -> bool:
@@ -239,7 +240,7 @@ def tap_reversed(evidence: Evidence) -> Iterator[Suspicion]:
         numbers = {"frames": wrong, "said": said, "read": read}
         looked_at = sum(len(data) for _, _, data in ledger.noise)
         bits = 16.0 * wrong * max(1.0, ledger.noise_bytes / max(looked_at, 1))
-        yield Suspicion((), bits, _everything(evidence), numbers, ledger.begin, ledger.end)
+        yield Suspicion((), bits, everything(evidence), numbers, ledger.begin, ledger.end)
 
 
 def _hidden(evidence: Evidence, port: int, role: Role) -> int:
@@ -265,7 +266,7 @@ def _frames_in(data: bytes, role: Role) -> int:
     blame="tap",
     text="The adapter shows what it sends: {echoes} of {requests} requests come twice, one right behind the other",
     share="{echoes} of {requests} requests",
-    deciding_test="Take the client's adapter off and send from another one: only the adapter's own frames come twice",
+    deciding_test="Look for an echo setting of the adapter or its driver; only the adapter's own frames come twice",
     remedy="Switch the adapter's local echo off, or tap the line with a second adapter",
 )
 def local_echo(evidence: Evidence) -> Iterator[Suspicion]:
@@ -360,7 +361,7 @@ def tap_line_settings(evidence: Evidence) -> Iterator[Suspicion]:
     yield Suspicion(
         (),
         30 + 200 * marks + (ledger.bytes - ledger.right_bytes if _has_seven_bits(data) else ledger.noise_bytes / 2),
-        _everything(evidence),
+        everything(evidence),
         numbers,
         ledger.begin,
         ledger.end,

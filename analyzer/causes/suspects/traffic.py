@@ -70,7 +70,7 @@ def vendor_transfer(evidence: Evidence) -> Iterator[Suspicion]:
     text="Other traffic is on the pair: {protocol}, {frames} of its frames among the bytes looked at; it is no noise and no "
     "fault of the wiring",
     share="[{foreign:,} of {bytes:,} bytes are in no Modbus frame]",
-    deciding_test="Ask what else is connected to the pair, and switch it off for a minute",
+    deciding_test="Ask what else is connected to the pair, and look for its own address and speed settings",
     remedy="Give the other protocol a pair of its own if Modbus devices mind it; many take its frames for their own",
 )
 def other_protocol(evidence: Evidence) -> Iterator[Suspicion]:
@@ -108,11 +108,13 @@ def _told_t35(evidence: Evidence) -> float | None:
     "master-too-fast",
     Severity.WARNING,
     blame="master",
-    text="The client sends its next request {gap:.3g} characters after an answer (median), where 3.5 are due: {short} of "
+    text="The client sends its next request {gap:ms} after an answer (median), where {due:ms} are due: {short} of "
     "{requests} requests",
     share="{short} of {requests} requests",
-    deciding_test="Let the client pause for 5 ms before each request, and watch the units that lost requests",
-    remedy="Set the client's inter-frame delay to 3.5 characters ({due:ms}) at the least",
+    deciding_test="Look at the client's delay between polls; with 5 ms before each request the units that lost "
+    "requests must answer",
+    remedy="Set the client's inter-frame delay to {due:ms} at the least: 3.5 characters, above 19200 bit/s always "
+    "1.75 ms",
 )
 def master_too_fast(evidence: Evidence) -> Iterator[Suspicion]:
     """Less than t3.5 before requests, where the clock carries it."""
@@ -128,7 +130,7 @@ def master_too_fast(evidence: Evidence) -> Iterator[Suspicion]:
         surplus_bits(share * len(gaps), len(gaps), 0.05),
         frozenset({(Symptom.TIMING, None)}),
         {
-            "gap": median / evidence.ledger.char_ns,
+            "gap": median / 1e6,
             "short": round(share * len(gaps)),
             "requests": len(gaps),
             "due": due / 1e6,
@@ -140,11 +142,11 @@ def master_too_fast(evidence: Evidence) -> Iterator[Suspicion]:
     "unit-too-fast",
     Severity.WARNING,
     blame="unit",
-    text="Answers of {units:unit|units} come {gap:.3g} characters after the request (median), where 3.5 are due: {short} "
+    text="Answers of {units:unit|units} come {gap:ms} after the request (median), where {due:ms} are due: {short} "
     "of {answers}",
     share="{short} of {answers} answers of {units:unit|units}",
     deciding_test="Look whether the client, or units that listen, lose frames right behind requests to {units:unit|units}",
-    remedy="Set the unit's response delay to 3.5 characters ({due:ms}) at the least",
+    remedy="Set the unit's response delay to {due:ms} at the least: 3.5 characters, above 19200 bit/s always 1.75 ms",
 )
 def unit_too_fast(evidence: Evidence) -> Iterator[Suspicion]:
     """Less than t3.5 before the answers of some units."""
@@ -165,8 +167,7 @@ def unit_too_fast(evidence: Evidence) -> Iterator[Suspicion]:
         frozenset((Symptom.TIMING, unit.unit) for _, unit, _ in found),
         {
             "units": tuple(unit.unit for _, unit, _ in found),
-            "gap": float(np.median(np.concatenate([unit.gaps.numbers for _, unit, _ in found])))
-            / evidence.ledger.char_ns,
+            "gap": float(np.median(np.concatenate([unit.gaps.numbers for _, unit, _ in found]))) / 1e6,
             "short": round(sum(share * len(unit.gaps) for _, unit, share in found)),
             "answers": sum(len(unit.gaps) for _, unit, _ in found),
             "due": due / 1e6,

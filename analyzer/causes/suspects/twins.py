@@ -13,7 +13,7 @@ from ..costs import cost_of, kind_bits
 from ..evidence import HEALTHY, Evidence
 from ..exchanges import Ending
 from ..hits import answers_too_many
-from ..registry import Suspicion, Symptom, suspect
+from ..registry import OF_A_LINE, Suspicion, Symptom, suspect
 from ..signatures import Behind, Signature, known_header
 from ..unitledger import UnitLedger
 from .senders import SHARE, begun_before, damage_suspicion
@@ -38,8 +38,10 @@ _BEFORE_BITS: Final = 4.0
     "two transmitters mix][; {tails:answer|answers} {tails:|runs|run} on when {tails:|it is|they are} over]"
     "[; {met:exchange|exchanges} right behind {met:|is|are} hit by a second one]",
     share=SHARE,
-    deciding_test="Take the device with address {unit} off the bus: if the address still answers, there is another one",
+    deciding_test="Look at the address that each device is set to; then, with the operator's consent, take the device "
+    "with address {unit} off the bus: if the address still answers, there is another one",
     remedy="Give one of the two devices an address of its own",
+    foretold=OF_A_LINE,
 )
 def duplicate_address(evidence: Evidence) -> Iterator[Suspicion]:
     """Overlap, or two answers, for one unit alone."""

@@ -29,6 +29,7 @@ _STEADIER: Final = 3.0
 _STILL: Final = 0.4  # of the capture
 _COUNTS: Final = 0.9  # of the steps of a counter that do not go down
 _LEAP: Final = 60.0  # times its usual step, which no pause explains
+_TORN_READS: Final = 12  # within which a carry comes to the other word
 _BITS: Final = 30.0  # for each jump
 _MOST_BITS: Final = 240.0
 _TO_AND_FRO: Final = 2  # steps that one answer makes in the place of another
@@ -61,7 +62,8 @@ def _moves(poll: PollValues) -> NDArray[np.float64]:
     text="The values of unit {unit} stand still: {registers} registers from {address} on have not changed in {reads} reads, "
     "those of its {sisters:sister unit|sister units} did all the time",
     share="{registers} registers of unit {unit}",
-    deciding_test="Change something that unit {unit} measures, and watch whether its registers follow",
+    deciding_test="Compare the registers of unit {unit} with its own display; what it measures is changed for a test "
+    "only with the operator's consent",
     remedy="Restart the unit or its measuring part; look for a hold or simulation mode",
 )
 def frozen_values(evidence: Evidence) -> Iterator[Suspicion]:
@@ -171,9 +173,38 @@ def _jumps(values: NDArray[np.int64], times: NDArray[np.int64]) -> NDArray[np.in
     longer = np.maximum(apart / max(float(np.median(apart)), 1.0), 1.0)
     jumps = ((steps < 0) | (steps > _LEAP * usual * longer)).nonzero()[0]
     beside = np.abs(steps[jumps]) % _WORD
-    if (np.minimum(beside, _WORD - beside) <= 4 * usual * longer[jumps]).any():
+    by_words = np.minimum(beside, _WORD - beside) <= 4 * usual * longer[jumps]
+    torn = bool((np.abs(steps[jumps[by_words]]) > _WORD / 2).all()) and _undone(
+        steps, jumps[by_words], usual * float(longer.max())
+    )
+    if by_words.any() and not torn:
         return None  # a carry into another register than this one
     return jumps
+
+
+def _is_torn(steps: NDArray[np.int64], jumps: NDArray[np.intp]) -> bool:
+    """Whether each jump is about one of the high word, and undone soon: the two words were of different moments. That may
+    well come at regular times, each time the low word carries."""
+    sizes = np.abs(steps[jumps])
+    usual = float(np.median(np.abs(steps)))
+    return bool((np.abs(sizes - _WORD) < _WORD / 4).all()) and _undone(steps, jumps, usual)
+
+
+def _undone(steps: NDArray[np.int64], jumps: NDArray[np.intp], usual: float) -> bool:
+    """Whether each jump by whole high words is undone at one of the next reads: its two words were of different moments."""
+    left = set(jumps.tolist())
+    while left:
+        first = min(left)
+        left.remove(first)
+        back = next(
+            (j for j in range(first + 1, min(first + 1 + _TORN_READS, len(steps))) if steps[j] * steps[first] < 0), None
+        )
+        if back is None:
+            return bool(first >= len(steps) - _TORN_READS)
+        if abs(int(steps[first]) + int(steps[back])) > 8 * usual:
+            return False
+        left.discard(back)
+    return True
 
 
 @suspect(
@@ -197,11 +228,15 @@ def _of_counters(evidence: Evidence, group: list[PollValues], column: int, *, sw
     found = [(poll, _jumps(_long(poll, column, swapped=swapped), poll.times)) for poll in group]
     clean = sum(jumps is not None and not len(jumps) for _, jumps in found)
     for poll, jumps in found:
-        if jumps is None or not len(jumps) or (clean < 1 and not _odd(poll, jumps)):
+        if jumps is None or not len(jumps):
+            continue
+        values = _long(poll, column, swapped=swapped)
+        torn = _is_torn(np.diff(values), jumps)
+        if clean < 1 and not torn and not _odd(poll, jumps):
             continue
         if len(jumps) <= _TO_AND_FRO * evidence.ledger.units[poll.unit].loose:
             continue  # answers came in the place of others: so may the one that is read here
-        steps = np.diff(_long(poll, column, swapped=swapped))
+        steps = np.diff(values)
         yield Suspicion(
             (poll.unit,),
             min(_BITS * len(jumps), _MOST_BITS) if clean or len(jumps) > 1 else 0.0,

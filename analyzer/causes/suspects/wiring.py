@@ -12,7 +12,7 @@ from ..costs import cost, kind_bits, kind_of, share_of, together
 from ..evidence import HEALTHY, Evidence
 from ..exchanges import Ending
 from ..hits import ALIKE, WELL, Hits, apart_bits, is_behind_few, span_of_hits, spared_bits, spares_units, spells_of_hits
-from ..registry import Suspicion, Symptom, suspect
+from ..registry import OF_A_LINE, Suspicion, Symptom, suspect
 from ..unitledger import UnitLedger
 
 _LEAST: Final = 5
@@ -95,8 +95,10 @@ def _run_into(evidence: Evidence, unit: UnitLedger) -> float:
     text="Answers of {units:unit|units} come with flipped bits ({damaged} of {answers}), requests and what others send "
     "hardly do: reflections on the way from there{early}",
     share="{damaged} of {answers} answers of {units:unit|units}[, {others_damaged} of {others_answers} of others]",
-    deciding_test="Put 120 ohm across A and B at the far end, or halve the baud rate: the errors must go",
+    deciding_test="Measure the resistance between A and B with the supply off: about 60 ohm with both ends "
+    "terminated; then put 120 ohm across A and B at the far end: the errors must go",
     remedy="Terminate both ends of the cable with 120 ohm, and nowhere else; shorten stubs; avoid stars",
+    foretold=OF_A_LINE,
 )
 def termination(evidence: Evidence) -> Iterator[Suspicion]:
     """Bit errors in the frames of some units."""
@@ -151,8 +153,10 @@ def termination(evidence: Evidence) -> Iterator[Suspicion]:
     text="Answers of unit {unit} are damaged in no particular way: {damaged} of {answers}[, those of others "
     "{others_damaged} of {others_answers}]",
     share="{damaged} of {answers} answers of unit {unit}[, {others_damaged} of {others_answers} of others]",
-    deciding_test="Swap the drops of unit {unit} and a good one: does the damage stay with the unit or with the drop?",
+    deciding_test="Look at the terminals, the shield and the stub of this drop first; then swap the drops of unit "
+    "{unit} and a good one: does the damage stay with the unit or with the drop?",
     remedy="Check the terminals, the stub and the shield of this drop, then the unit's line driver",
+    foretold=OF_A_LINE,
 )
 def bad_drop(evidence: Evidence) -> Iterator[Suspicion]:
     """AnswerDamage of any kind, of one unit alone."""

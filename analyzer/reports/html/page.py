@@ -149,6 +149,7 @@ def page(report: Report, sights: Sights) -> str:
             (cause, cause_bars(cause, report.cards), list(about(cause)), _follows(cause, report, worst))
             for cause in report.causes
         ],
+        left=[findings.left_words(left) for left in report.not_explained],
         units=list(_units(report.cards)),
         polls=report.polls[:_POLLS],
         polled=counted(len(report.polls), "poll", "polls"),

@@ -31,8 +31,9 @@ _REQUESTS = 1500  # about: a site's capture is no longer than these take
 
 @dataclass(frozen=True, slots=True)
 class Expected:
-    """What an analysis of a case should say first: a cause (None: nothing at all) and one of these units, if any are
-    named; `also` are other causes that are true of it, `beside` is another fault, of which either may come first."""
+    """What an analysis of a case should say first: a cause (None: nothing at all; empty: something is wrong that has no
+    word) and one of these units, if any are named; `also` are other causes that are true of it, `beside` is another
+    fault, of which either may come first."""
 
     cause: str | None
     units: tuple[int, ...] = ()

@@ -93,8 +93,8 @@ class FieldMaster:
         if not self._heard:
             return
         data = self.envelope.take(bytes(octet.value for octet in self._heard))
-        if self.takes_prefix and len(data) > 5 and not data[-1] and crc_ok(data[:-1]):
-            data = data[:-1]
+        if self.takes_prefix and len(data) > 5 and not data[-1]:
+            data = _whole_before_zeros(data)
         adu = None if any(octet.error for octet in self._heard) or not crc_ok(data) else data
         if adu is not None and fits(self._sent, adu):
             self.requests[-1].result = "exception" if adu[1] & 0x80 else "answered"
@@ -180,6 +180,17 @@ class FieldMaster:
         if self.hasty_ns is not None:
             return self.hasty_ns
         return max(self.manners.pause_ms(t) * MS, self.uart.silence_ns + 0.2 * MS)
+
+
+_ZEROS = 8  # behind an answer, at most
+
+
+def _whole_before_zeros(data: bytes) -> bytes:
+    """The frame that stands before the last zeros; all of it where none does."""
+    for zeros in range(1, _ZEROS + 1):
+        if data[-zeros:].count(0) == zeros and len(data) - zeros > 4 and crc_ok(data[:-zeros]):
+            return data[:-zeros]
+    return data
 
 
 def fits(request: bytes, answer: bytes) -> bool:

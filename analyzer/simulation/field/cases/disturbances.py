@@ -47,6 +47,12 @@ def termination(random: Random, tap: str) -> Site:
 def bias(random: Random, tap: str) -> Site:
     """Nothing holds the line when nobody drives it: it picks up bytes that nobody sent."""
     bench = site(random, tap, seconds=(30, 300))
+    let_float(random, bench)
+    return bench, Expected("bias")
+
+
+def let_float(random: Random, bench: Bench) -> None:
+    """Nothing holds the line; its client rests between polls, so that it shows."""
     bench.master.manners.pause_ms = lambda _: random.uniform(10, 120)
     bit, char = bench.uart.bit_ns, bench.uart.char_ns
     pulses: list[Pulse] = []
@@ -60,7 +66,6 @@ def bias(random: Random, tap: str) -> Site:
             pulses.append(Pulse(at, at + width, "float"))
             at += width + random.uniform(0.5, 2.0) * char
     bench.pulses(pulses)
-    return bench, Expected("bias")
 
 
 def _spikes(random: Random, bench: Bench, times: list[float]) -> None:

@@ -1,0 +1,123 @@
+"""Exchanges as contrasts see them: one row a request, with what stood before it and what the client did next.
+
+Which exchange is remembered hangs on its number alone, however the rows came; of a long capture a part is, spread over
+all of it as chance would spread it (an even stride would always meet the same poll of a round). So the table is
+bounded, and each row carries what its neighbours were.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..tables.schema import Bools, Columns, Int16s, Int32s, Int64s, UInt8s
+from ..tables.transactions import NEVER
+from .exchanges import Ending, Exchanges
+
+_MOST: Final = 1 << 14  # rows
+_SPREAD: Final = np.uint64(0x9E3779B97F4A7C15)  # the golden ratio: multiples of it lie evenly
+_KNOWN: Final = np.isin(np.arange(256), (Ending.OK, Ending.EXCEPTION, Ending.SILENT, Ending.GARBAGE))
+_ALL: Final = (1 << 64) - 1
+NO_UNIT: Final = -1
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class AskedRows(Columns):
+    """Requests of which something is known. `time` as `Ledger.axis` has it."""
+
+    time: Int64s
+    number: Int64s  # of the exchange
+    unit: UInt8s
+    function: UInt8s
+    address: Int32s
+    quantity: Int32s
+    due: Int32s  # bytes of a right answer, 0 where nobody knows
+    outcome: UInt8s
+    exception: UInt8s
+    heard: Int32s  # bytes behind it that belong to no right frame
+    rest: Int64s  # ns of silence before it; NO_GAP
+    wait: Int64s  # ns to the next request; -1 where there is none
+    delay: Int64s  # ns to the answer; -1
+    before: Int16s  # the unit asked before, -1 for none
+    outcome_before: UInt8s  # and what became of that
+    repeats: Bools  # the request before
+    next_same: Bools  # the client asks once more
+
+
+class ExchangeTable:
+    """The exchanges of a bus, or an even part of them."""
+
+    _parts: list[AskedRows]
+    _held: int
+    _count: int
+    _below: int
+    _before: tuple[int, int]
+
+    def __init__(self) -> None:
+        self._parts = []
+        self._held = 0
+        self._count = 0  # exchanges seen
+        self._below = _ALL  # of the hashes of those that are remembered
+        self._before = (NO_UNIT, int(Ending.OK))
+
+    def add(self, exchanges: Exchanges, times: NDArray[np.int64]) -> None:
+        """The next exchanges; `times` tell their order."""
+        count = len(exchanges)
+        numbers = np.arange(self._count, self._count + count)
+        before, outcome_before = np.empty(count, np.int16), np.empty(count, np.uint8)
+        before[0], outcome_before[0] = self._before
+        before[1:], outcome_before[1:] = exchanges.unit[:-1], exchanges.outcome[:-1]
+        self._before = int(exchanges.unit[-1]), int(exchanges.outcome[-1])
+        self._count += count
+        kept = _KNOWN.take(exchanges.outcome)
+        if self._below < _ALL:
+            kept &= _hash(numbers) <= np.uint64(self._below)
+        which = kept.nonzero()[0]
+        if not len(which):
+            return
+        whole = len(which) == count  # then a column is copied as it stands
+
+        def mine(column: NDArray[Any]) -> NDArray[Any]:
+            return column.copy() if whole else column.take(which)
+
+        poll, t_next = mine(exchanges.poll), mine(exchanges.t_next)
+        self._parts.append(
+            AskedRows(
+                mine(times), mine(numbers), mine(exchanges.unit), mine(exchanges.function),
+                (poll >> 16 & 0xFFFF).astype(np.int32), (poll & 0xFFFF).astype(np.int32), mine(exchanges.due),
+                mine(exchanges.outcome), mine(exchanges.exception), mine(exchanges.noise), mine(exchanges.gap_before),
+                np.where(t_next == NEVER, -1, t_next - mine(exchanges.t_asked)), mine(exchanges.delay), mine(before),
+                mine(outcome_before), mine(exchanges.repeats), mine(exchanges.next_same),
+            )
+        )  # fmt: skip
+        self._held += len(which)
+        while self._held > _MOST:
+            self._below >>= 1
+            rows = self.rows
+            self._parts = [rows[_hash(rows.number) <= np.uint64(self._below)]]
+            self._held = len(self._parts[0])
+
+    @property
+    def rows(self) -> AskedRows:
+        """All that are remembered, in order."""
+        if len(self._parts) > 1:
+            self._parts = [AskedRows.joined(self._parts)]
+        return self._parts[0] if self._parts else AskedRows.zeros(0)
+
+    @property
+    def weight(self) -> float:
+        """How many exchanges each row stands for."""
+        return 2.0**64 / (self._below + 1.0)
+
+
+def _hash(numbers: NDArray[np.int64]) -> NDArray[np.uint64]:
+    """Numbers spread evenly over all 64 bits."""
+    with np.errstate(over="ignore"):
+        mixed = numbers.astype(np.uint64) * _SPREAD
+    mixed ^= mixed >> np.uint64(29)
+    with np.errstate(over="ignore"):
+        found: NDArray[np.uint64] = mixed * np.uint64(0xBF58476D1CE4E5B9)
+    return found

@@ -1,0 +1,64 @@
+"""How far the exchanges are from what a cause foretells: bits against it."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from .contrasts import NO_CONTRAST, Family
+from .evidence import Evidence
+from .hits import evenness_bits
+from .registry import ASKED_FOR, Explained, Foretold, Suspicion, Symptom
+from .taken import move
+from .unitledger import UnitLedger
+
+
+def against_bits(evidence: Evidence, foretold: Foretold, suspicion: Suspicion) -> float:
+    """Bits against a suspicion; 0 or more.
+
+    By what the symptoms that it explains hang on, where a cause like it lets them hang on less; and by damaged answers
+    that the client took all the same, where it should have lost them.
+    """
+    bits = 0.0
+    for symptom, units in _by_symptom(suspicion).items():
+        if symptom in foretold.hangs_on:
+            bits += sum(_unforetold(evidence, symptom, unit, foretold.hangs_on[symptom]) for unit in units)
+        if symptom is Symptom.DAMAGE and foretold.client_loses:
+            taken = sum(max(move(evidence, unit).bits, 0.0) for unit in units)
+            bits += max(taken + evenness_bits(evidence), 0.0) if taken else 0.0  # of all alike: else no tap's loss
+    return bits
+
+
+def _by_symptom(suspicion: Suspicion) -> dict[Symptom, list[int]]:
+    found: dict[Symptom, list[int]] = {}
+    for symptom, unit in suspicion.explains:
+        if unit is not None and (not suspicion.units or unit in suspicion.units):
+            found.setdefault(symptom, []).append(unit)
+    return found
+
+
+def _unforetold(evidence: Evidence, symptom: Symptom, unit: int, names: frozenset[str]) -> float:
+    best = evidence.best_contrast(symptom, unit)
+    if symptom is Symptom.DAMAGE and best.is_sharp and best.family is Family.ASKED and names != ASKED_FOR:
+        return best.bits  # more of a long answer is hit than of a short one, but not all of one and none of the other
+    own = next((each for each in evidence.contrasts(symptom, unit) if each.name in names), NO_CONTRAST)
+    return max(best.bits - own.bits, 0.0) if best.name not in names else 0.0
+
+
+_DECIDES: Final = ASKED_FOR | {"rest", "since"}  # of silence: then nothing that strikes a line is why
+_SURE_BITS: Final = 14.0
+
+
+def may_strike(evidence: Evidence, unit: UnitLedger) -> bool:
+    """Whether what spoils frames of all may be why a unit is silent: not that it never answers, nor that it hangs on what
+    is asked or on the rest before, nor that it is silent to the end."""
+    best = evidence.best_contrast(Symptom.SILENCE, unit.unit)
+    own = best.bits >= _SURE_BITS and best.is_sharp and best.name in _DECIDES
+    return bool(unit.answered) and not own
+
+
+def struck(evidence: Evidence, foretold: Foretold, suspicion: Suspicion) -> Explained:
+    """What a suspicion explains: where it spoils the frames of all, not the silence of a unit that has a fault of its own."""
+    if suspicion.units or not foretold.client_loses:
+        return suspicion.explains
+    own = {(Symptom.SILENCE, unit.unit) for unit in evidence.units if not may_strike(evidence, unit)}
+    return suspicion.explains - own

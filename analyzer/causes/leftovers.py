@@ -1,0 +1,149 @@
+"""What no cause takes: exchanges that went wrong, unit by unit, and what they have in common in plain words.
+
+A bus with something wrong is never left without a word. What is left of each symptom is held against what happens on
+any line; where it is more, the contrast that wins says what it is like. That is a description and accuses nobody.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from ..languages import left_sentence
+from .bits import surplus_bits
+from .contrasts import HITS_OF, NO_CONTRAST, Contrast, Family
+from .evidence import HEALTHY, Evidence
+from .exchanges import Ending
+from .registry import Symptom
+from .suspects.refusals import areas_of
+from .unitledger import UnitLedger
+
+_LEAST: Final = 4  # exchanges
+_SURE_BITS: Final = 10.0
+_BACKGROUND: Final = {Symptom.SILENCE: 0.01, Symptom.DAMAGE: HEALTHY, Symptom.REFUSAL: 0.02, Symptom.LATENESS: HEALTHY,
+                      Symptom.DOUBLES: HEALTHY, Symptom.BEHIND: 0.02}  # fmt: skip
+_TOLD_BITS: Final = 6.0  # of a contrast that is told
+_OF_REQUEST: Final = frozenset((1, 2, 3))
+_ALWAYS: Final = 0.9
+_NOISE: Final = 0.02  # of the bytes
+_NOISE_BYTES: Final = 40
+_SYMPTOMS: Final = {
+    Symptom.SILENCE: "no answer to {exchanges} of {asked} requests",
+    Symptom.DAMAGE: "{exchanges} of {asked} answers damaged",
+    Symptom.REFUSAL: "{exchanges} of {asked} requests refused (exception {code})",
+    Symptom.LATENESS: "{exchanges} answers later than the client waits",
+    Symptom.DOUBLES: "{exchanges} answers too many",
+    Symptom.BEHIND: "bytes behind {exchanges} of {asked} good answers",
+    Symptom.FRAMING: "{exchanges} bytes in no frame",
+}
+_LIKE: Final = {
+    "function": ", nearly all by function {value:02X}",
+    "quantity": ", mostly when {value} registers or more are asked for",
+    "answer-bytes": ", mostly where the answer has {value} bytes or more",
+    "address": ", mostly at addresses from {value} on",
+    "range-end": ", mostly where the request reaches to {value} or beyond",
+    "below": ", mostly of the smaller requests",
+    "poll": ", mostly of one request ({areas})",
+    "rest": ", mostly when less than {rest:ms} of silence stand before the request",
+    "rest-over": ", mostly when more than {rest:ms} of silence stand before the request",
+    "unit-before": ", mostly right behind requests to unit {value}",
+    "outcome-before": ", mostly right behind a request that fared badly itself",
+    "since": ", from some moment on",
+    "until": ", until some moment",
+    "spells": ", in spells",
+    "nothing": ", at no time and of no request in particular",
+}
+TEMPLATES: Final = {**{symptom.value: words for symptom, words in _SYMPTOMS.items()}, **_LIKE}
+
+
+@dataclass(frozen=True, slots=True)
+class Left:
+    """Exchanges of one unit (None: the bus) that no cause takes, and what they are like, in words."""
+
+    unit: int | None
+    exchanges: int
+    like: str
+
+    def to_json(self) -> dict[str, Any]:
+        """As plain values."""
+        return {"unit": self.unit, "exchanges": self.exchanges, "like": self.like}
+
+
+def left_over(evidence: Evidence) -> list[Left]:
+    """What is left of the evidence, most exchanges first."""
+    found = [left for unit in evidence.units for left in _of_unit(evidence, unit)]
+    return sorted([*found, *_of_bus(evidence)], key=lambda left: -left.exchanges)
+
+
+def _of_unit(evidence: Evidence, unit: UnitLedger) -> Iterator[Left]:
+    for symptom, (count, of) in _counts(evidence, unit).items():
+        if not evidence.is_open(symptom, unit.unit) or count < _LEAST:
+            continue
+        more = surplus_bits(min(count, of), of, _BACKGROUND[symptom])
+        if more <= 0:
+            continue  # no more than on any line
+        best = evidence.best_contrast(symptom, unit.unit) if symptom in HITS_OF else NO_CONTRAST
+        best = best if best.bits >= _TOLD_BITS else NO_CONTRAST
+        if more + best.bits >= _SURE_BITS and not _is_fact(evidence, unit, symptom, best):
+            numbers = {"exchanges": count, "asked": of, "code": _codes(evidence, unit)}
+            yield Left(unit.unit, count, _said(symptom.value, numbers) + _like(evidence, unit, symptom, best))
+
+
+def _counts(evidence: Evidence, unit: UnitLedger) -> Mapping[Symptom, tuple[int, int]]:
+    """How many exchanges show each symptom, of how many."""
+    late = unit.late + unit.unfit
+    return {
+        Symptom.SILENCE: (evidence.silent(unit), unit.asked),
+        Symptom.DAMAGE: (evidence.damaged(unit), unit.asked),
+        Symptom.REFUSAL: (unit.count(Ending.EXCEPTION), max(unit.answered, 1)),
+        Symptom.LATENESS: (late, max(unit.asked, late)),
+        Symptom.DOUBLES: (unit.doubles, max(unit.asked, unit.doubles)),
+        Symptom.BEHIND: (round(evidence.stray(unit)), max(unit.answered, 1)),
+    }
+
+
+def _is_fact(evidence: Evidence, unit: UnitLedger, symptom: Symptom, best: Contrast) -> bool:
+    """Whether that is how some device works: it refuses one request now and then, an empty log or a value beyond its
+    limits, and answers all others."""
+    if symptom is not Symptom.REFUSAL:
+        return False
+    refused = [poll for poll in evidence.polls_of(unit.unit) if poll.exceptions.total()]
+    others = [poll for poll in evidence.polls_of(unit.unit) if not poll.exceptions.total()]
+    refused_of = {code for poll in refused for code in poll.exceptions}
+    if refused_of & _OF_REQUEST and any(poll.count(Ending.EXCEPTION) >= _ALWAYS * poll.asked for poll in refused):
+        return False  # what is never answered is asked in vain
+    one = best.family in (Family.ASKED, Family.NOTHING) and len({(p.function, p.address) for p in refused}) == 1
+    return one and any(poll.count(Ending.OK) for poll in (*others, *refused))
+
+
+def _codes(evidence: Evidence, unit: UnitLedger) -> str:
+    codes = {code for poll in evidence.polls_of(unit.unit) for code in poll.exceptions}
+    return ", ".join(f"{code:02X}" for code in sorted(codes))
+
+
+def _like(evidence: Evidence, unit: UnitLedger, symptom: Symptom, best: Contrast) -> str:
+    """What they have in common."""
+    if symptom not in HITS_OF:
+        return ""
+    name = best.name
+    if name == "rest" and best.over:
+        name = "rest-over"
+    elif name == "since" and not best.over:
+        name = "until"
+    elif name in ("quantity", "answer-bytes", "address", "range-end") and not best.over:
+        name = "below"
+    polls = [poll for poll in evidence.polls_of(unit.unit) if poll.key == best.value] if name == "poll" else []
+    return _said(name, {"value": best.value, "rest": best.spared / 1e6, "areas": areas_of(polls)})
+
+
+def _said(part: str, numbers: Mapping[str, Any]) -> str:
+    return left_sentence(part, TEMPLATES[part], numbers)
+
+
+def _of_bus(evidence: Evidence) -> Iterator[Left]:
+    ledger = evidence.ledger
+    if not evidence.is_open(Symptom.FRAMING, None) or any(each.behind for each in ledger.units.values()):
+        return
+    if ledger.noise_bytes >= max(_NOISE_BYTES, _NOISE * ledger.bytes):
+        yield Left(None, ledger.noise_bytes, _said(Symptom.FRAMING.value, {"exchanges": ledger.noise_bytes}))

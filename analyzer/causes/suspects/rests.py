@@ -1,0 +1,59 @@
+"""What stands before a request decides: units that need more rest than the client leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+from ...tables.findings import Severity
+from ..bits import surplus_bits
+from ..evidence import Evidence
+from ..exchanges import Ending
+from ..registry import Foretold, Suspicion, Symptom, suspect
+
+_BACKGROUND: Final = 0.02
+_SURE_BITS: Final = 8.0
+
+
+@suspect(
+    "rest-too-short",
+    Severity.WARNING,
+    blame="master",
+    text="More rest is due before requests to {units:unit|units} than the client leaves: {silent} of {asked} "
+    "requests behind less than {rest:ms} of silence stayed without a byte, {rested_silent} of {rested} behind more",
+    share="{silent} of {asked} requests behind less than {rest:ms}, {rested_silent} of {rested} behind more",
+    deciding_test="Let the client pause for twice as long before it asks {units:unit|units}: the silences must go",
+    remedy="Set the client's delay between polls to more than {rest:ms}; the specification asks for 3.5 characters only, some "
+    "devices need tens of milliseconds",
+    foretold=Foretold({Symptom.SILENCE: frozenset(("rest",))}),
+)
+def rest_too_short(evidence: Evidence) -> Iterator[Suspicion]:
+    """Silence that hangs on the rest before the request."""
+    found = []
+    for unit in evidence.units:
+        best = evidence.best_contrast(Symptom.SILENCE, unit.unit)
+        told = best.name == "rest" and not best.over and best.bits >= _SURE_BITS
+        if told and evidence.silent(unit) and best.then.rate > 0.5 > 0.1 > best.otherwise.rate:
+            found.append((unit, best))
+    if not found:
+        return
+    found.sort(key=lambda pair: -pair[1].bits)
+    silent, asked = sum(best.then.hits for _, best in found), sum(best.then.of for _, best in found)
+    others = sum(best.otherwise.of for _, best in found)
+    yield Suspicion(
+        tuple(unit.unit for unit, _ in found),
+        sum(surplus_bits(best.then.hits, best.then.of, _BACKGROUND) + best.bits for _, best in found),
+        frozenset((Symptom.SILENCE, unit.unit) for unit, _ in found),
+        {
+            "units": tuple(unit.unit for unit, _ in found),
+            "silent": silent,
+            "asked": asked,
+            "rested": others,
+            "rested_silent": sum(best.otherwise.hits for _, best in found),
+            "rest": max(best.spared for _, best in found) / 1e6,
+        },
+        since=min(unit.first for unit, _ in found) if evidence.ledger.timed else None,
+        until=max(unit.last for unit, _ in found) if evidence.ledger.timed else None,
+        lost_answers=sum(evidence.silent(unit) for unit, _ in found),
+        frames=tuple(i for unit, _ in found for i in unit.examples.get(Ending.SILENT, []))[:6],
+    )

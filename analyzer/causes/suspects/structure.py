@@ -1,0 +1,258 @@
+"""Damage with a structure: answers that always end at one length, bytes that only the tap lost, requests that are right
+but for one thing."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from typing import Final, NamedTuple
+
+from dissectors.crc import crc_bytes, matching
+from dissectors.lengths import Role, pdu_length
+
+from ...tables.findings import Severity
+from ..bits import surplus_bits
+from ..costs import cost, together
+from ..evidence import HEALTHY, Evidence
+from ..exchanges import Ending
+from ..foretold import may_strike
+from ..hits import evenness_bits
+from ..registry import ASKED_FOR, Explained, Foretold, Suspicion, Symptom, suspect
+from ..signatures import AnswerDamage
+from ..taken import move
+from ..unitledger import UnitLedger
+from .taps import everything
+
+_LEAST: Final = 4
+_ALWAYS: Final = 0.9
+_BUFFER: Final = 16  # bytes: nobody makes a smaller one,
+_CUT_OFF: Final = 5  # and a driver that lets go too early loses no more than a few
+_LENGTH_BITS: Final = 3.0  # an answer that ends at just this byte, of those where it might
+_SHORT: Final = (AnswerDamage.CUT, AnswerDamage.TAIL, AnswerDamage.MIDDLE)
+
+
+class CutAt(NamedTuple):
+    """The length at which a unit's answers end, how many do, and the longest that came whole."""
+
+    length: int
+    cut: int
+    due: int
+    whole: int
+
+
+def _cut_at(evidence: Evidence, unit: UnitLedger) -> CutAt | None:
+    readings = evidence.readings(unit)
+    if len(readings) < _LEAST:
+        return None
+    ends = Counter(each.length for each in readings if each.damage in _SHORT and each.length < each.due)
+    if not ends:
+        return None
+    length, count = ends.most_common(1)[0]
+    if count < _ALWAYS * len(readings):
+        return None
+    dues = [each.due for each in readings if each.length == length]
+    whole = max((int(due) for due in _whole(evidence, unit)), default=0)
+    if len(set(dues)) == 1 and not whole and (length < _BUFFER or max(dues) - length < _CUT_OFF):
+        return None  # of one length only: its end may as well be lost otherwise
+    return (
+        CutAt(length, round(evidence.damaged(unit) * count / len(readings)), max(dues), whole)
+        if whole <= length
+        else None
+    )
+
+
+def _whole(evidence: Evidence, unit: UnitLedger) -> set[int]:
+    """The lengths of answers that mostly come whole."""
+    rows = evidence.rows(unit.unit)
+    good, bad = rows.due[rows.outcome == Ending.OK], Counter(rows.due[rows.outcome == Ending.GARBAGE].tolist())
+    return {due for due, count in Counter(good.tolist()).items() if due and count > bad[due]}
+
+
+@suspect(
+    "cut-at-length",
+    Severity.ERROR,
+    blame="unit",
+    text="Answers of {units:unit|units} end at byte {length}: {cut} longer ones are cut off just there, shorter ones are whole",
+    share="{cut} of {answers} answers of {units:unit|units}",
+    deciding_test="Ask {units:unit|units} for so few registers that the answer has at most {length} bytes: it must come whole",
+    remedy="Ask for less at once, {length} bytes an answer at the most; a transmit buffer in the unit, or in a converter on the "
+    "way, holds no more",
+    foretold=Foretold({Symptom.DAMAGE: ASKED_FOR}),
+)
+def cut_at_length(evidence: Evidence) -> Iterator[Suspicion]:
+    """All damaged answers end at one length, and all that are longer are damaged."""
+    found = [(unit, cut) for unit in evidence.units if (cut := _cut_at(evidence, unit)) is not None]
+    for length in sorted({cut.length for _, cut in found}):
+        mine = [(unit, cut) for unit, cut in found if cut.length == length]
+        lost = together(cost(evidence, unit, Ending.GARBAGE) for unit, _ in mine)
+        yield Suspicion(
+            tuple(unit.unit for unit, _ in mine),
+            sum(evidence.surplus(unit) + _LENGTH_BITS * cut.cut for unit, cut in mine),
+            frozenset(
+                (kind, unit.unit) for unit, _ in mine for kind in (Symptom.DAMAGE, Symptom.LATENESS, Symptom.BEHIND)
+            ),
+            {
+                "units": tuple(unit.unit for unit, _ in mine),
+                "length": length,
+                "cut": sum(cut.cut for _, cut in mine),
+                "answers": sum(unit.answered + unit.count(Ending.GARBAGE) for unit, _ in mine),
+            },
+            lost_answers=lost.answers,
+            lost_ms=lost.ms,
+            frames=tuple(i for unit, _ in mine for i in unit.examples.get(Ending.GARBAGE, []))[:6],
+        )
+
+
+_SURE_BITS: Final = 8.0
+_MOSTLY_SHORT: Final = 0.7
+_DISPLACED_BITS: Final = 16.0  # an answer that seems to be of another request
+_TAP_TAKES: Final = (
+    Symptom.DAMAGE, Symptom.BEHIND, Symptom.LATENESS, Symptom.DOUBLES, Symptom.MARKS, Symptom.SILENCE, Symptom.SHIFT,
+)  # fmt: skip
+
+
+@suspect(
+    "tap-loses",
+    Severity.WARNING,
+    blame="tap",
+    text="The tap loses bytes, the bus does not: {damaged} answers came to it damaged; the client took {taken} of {told} whose "
+    "next request tells, for it went on as soon as behind good answers",
+    share="{damaged} of {answers} answers, of {units:unit|units}",
+    deciding_test="Compare the client's own error counters with this capture: they must not rise with the damage here",
+    remedy="Relieve the computer that listens: a port with a deeper FIFO or an adapter with a shorter latency, no other work on "
+    "that core, a recorder instead of a live view",
+)
+def tap_loses(evidence: Evidence) -> Iterator[Suspicion]:
+    """Damaged answers of all that the client took."""
+    moves = {unit.unit: move(evidence, unit.unit) for unit in evidence.units if evidence.damaged(unit)}
+    units = [unit for unit in evidence.units if unit.unit in moves]
+    told, bits = sum(each.told for each in moves.values()), sum(each.bits for each in moves.values())
+    readings = [each for unit in units for each in evidence.readings(unit)]
+    if told < _LEAST or bits < _SURE_BITS or len(readings) < _LEAST:
+        return
+    bits += evenness_bits(evidence)  # what a tap loses it loses of all
+    if bits < _SURE_BITS or sum(each.length < each.due for each in readings) < _MOSTLY_SHORT * len(readings):
+        return
+    displaced = sum(each.displaced for each in evidence.ledger.shifts.units.values())  # behind requests that it lost
+    damaged, answers = sum(map(evidence.damaged, units)), sum(unit.asked for unit in units)
+    explains: Explained = frozenset((kind, unit.unit) for unit in evidence.units for kind in _TAP_TAKES)
+    explains -= {(Symptom.SILENCE, unit.unit) for unit in evidence.units if not may_strike(evidence, unit)}
+    yield Suspicion(
+        (),
+        surplus_bits(damaged, answers, HEALTHY) + bits + _DISPLACED_BITS * displaced,
+        explains | {(Symptom.FRAMING, None)},
+        {
+            "damaged": damaged,
+            "answers": answers,
+            "told": told,
+            "taken": sum(each.taken for each in moves.values()),
+            "units": tuple(unit.unit for unit in units),
+        },
+        since=evidence.ledger.begin,
+        until=evidence.ledger.end,
+        lost_answers=0,
+        frames=tuple(i for unit in units for i in unit.examples.get(Ending.GARBAGE, []))[:6],
+    )
+
+
+_CUT_BITS: Final = 12.0  # that a request proves which is right but for its last byte: its function, a byte of its CRC,
+_CONVENTION_BITS: Final = 15.0  # or both bytes, by one of a few dozen conventions
+_READS: Final = range(1, 7)  # functions whose requests have always as many bytes
+_BODY: Final = 6  # bytes of these before the check value
+_TILED: Final = 0.6  # of the bytes in no frame
+_FEW: Final = 8
+CUT: Final = "the last byte is missing"
+
+
+def _flaws(data: bytes) -> Iterator[str]:
+    """What is wrong with each of the requests that stand in these bytes, right but for one thing."""
+    at = 0
+    while at < len(data) - _BODY:
+        body, tail = data[at : at + _BODY], data[at + _BODY : at + _BODY + 2]
+        size = 0
+        if (
+            body[0]
+            and body[1] in _READS
+            and pdu_length(body[1:], Role.REQUEST) == _BODY - 1
+            and crc_bytes(body) != tail
+        ):
+            variant = next(matching(body + tail), None) if len(tail) == 2 else None
+            if variant is not None:
+                size = _BODY + 2
+                yield variant.name
+            elif tail[:1] == crc_bytes(body)[:1]:
+                size = _BODY + 1
+                yield CUT
+        at += size or 1
+
+
+@suspect(
+    "request-flaw",
+    Severity.ERROR,
+    blame="master",
+    text="The client sends its requests wrongly[: {cut}][: their check value is {flaw}], in {frames} requests among the bytes looked at, and nobody answers "
+    "such frames",
+    share="{frames} requests with this flaw, {right} right frames",
+    deciding_test="Read from one unit with a program that is known to work: the unit must answer it",
+    remedy="Correct the client's program: how it makes the CRC, and how many bytes it writes to the port",
+)
+def request_flaw(evidence: Evidence) -> Iterator[Suspicion]:
+    """Requests that are right but for one thing, where next to nothing else is a frame."""
+    ledger = evidence.ledger
+    looked_at = [data for _, _, data in ledger.noise] + ledger.spoilt
+    size = sum(map(len, looked_at))
+    if not size or ledger.right_bytes > (1 - _TILED) * ledger.bytes:
+        return
+    found = Counter(flaw for data in looked_at for flaw in _flaws(data))
+    for flaw, count in found.most_common(1):
+        if count < _FEW or count * (_BODY + 1) < _TILED * size:
+            return
+        bits = (_CUT_BITS if flaw == CUT else _CONVENTION_BITS) * count
+        bits *= max((ledger.bytes - ledger.right_bytes) / size, 1.0)
+        numbers = {
+            "flaw": "" if flaw == CUT else flaw,
+            "cut": CUT if flaw == CUT else "",
+            "frames": count,
+            "right": ledger.requests + ledger.responses,
+        }
+        yield Suspicion((), bits, everything(evidence), numbers, ledger.begin, ledger.end)
+
+
+_ANSWERS_DUE: Final = frozenset((1, 2, 3, 4, 7, 0x11, 0x14, 0x17, 0x18, 0x2B))  # functions that only read
+
+
+@suspect(
+    "unit-0-asked",
+    Severity.ERROR,
+    blame="master",
+    text="The client reads from unit 0, which is the address of all and answers nothing: {asked} requests[, each of which "
+    "costs about {wait:ms}]",
+    share="{asked} of {requests} requests go to unit 0 and want an answer",
+    deciding_test="Look in the client's list for a device whose address was left at 0",
+    remedy="Give that device an address from 1 to 247, in the device and in the client's list, or take the entry off the list",
+)
+def unit_0_asked(evidence: Evidence) -> Iterator[Suspicion]:
+    """Reads that are sent to everybody, and that nobody may answer."""
+    if not evidence.ledger.broadcasts:
+        return
+    polls = [poll for poll in evidence.polls_of(0) if poll.function in _ANSWERS_DUE]
+    asked = sum(poll.asked for poll in polls)
+    if asked < _LEAST or evidence.ledger.broadcasts_answered > HEALTHY * asked + 1:
+        return
+    if not evidence.is_open(Symptom.REQUESTS, 0):
+        return
+    wait = evidence.ledger.turnarounds.quantile(0.5)
+    yield Suspicion(
+        (0,),
+        surplus_bits(asked, asked, HEALTHY),
+        frozenset({(Symptom.REQUESTS, 0)}),
+        {
+            "asked": asked,
+            "requests": evidence.ledger.exchanges,
+            "wait": (wait or 0.0) / 1e6,
+        },
+        since=min(poll.first for poll in polls) if evidence.ledger.timed else None,
+        until=max(poll.last for poll in polls) if evidence.ledger.timed else None,
+        lost_answers=asked,
+        lost_ms=None if wait is None else evidence.ledger.turnarounds.total / 1e6,
+    )
