@@ -14,11 +14,13 @@ from analyzer.paste.mixing import Envelope
 DISAGREED = {
     "pymodbus-tcp-badlen-exception": "MBAP says 2 bytes, 3 follow: the length ends the frame",
     "aldas-82": "MBAP says 8 bytes, 5 follow: the answer is cut, and said to need 3 more",
+    "aldas-74": "a request to register 0 with a wrong CRC as well: of a serial line it is the likelier",
     "pymodbus-ascii-dec-6": "no CR LF, but the LRC is right: people paste such lines without their ends",
     "pymodbus-ascii-dec-7": "as pymodbus-ascii-dec-6, with other text before",
     "minimalmodbus-rtu-81": "the second chunk holds a damaged echo, then a whole answer with a right CRC",
     "mbserial-srv-short": "too short for function 10, but its CRC is right: a frame that breaks the specification",
 }
+GUESSED = frozenset({"aldas-74"})  # of these, where nobody says which envelope it is
 PROTOCOL: dict[str, Envelope] = {"request": "rtu", "response": "rtu", "stream": "rtu", "ascii": "ascii", "tcp": "tcp"}
 
 
@@ -61,7 +63,8 @@ def test_every_vector_is_read_right(envelope, lines):
         if found := disagreements(vector, paste):
             wrong[vector["id"]] = found
     assert {name: found for name, found in wrong.items() if name not in DISAGREED} == {}
-    assert set(wrong) == set(DISAGREED), "a reason that is no longer needed"
+    guessed = GUESSED if envelope == "known" else frozenset()
+    assert set(wrong) == set(DISAGREED) - guessed, "a reason that is no longer needed"
 
 
 def test_what_is_not_modbus_is_no_frame():

@@ -208,11 +208,18 @@ def _inexact(data: bytes, parts: Sequence[PastePart], envelope: Envelope, roles:
             frames = counted(len(whole), "frame", "frames")
             why = tr("TCP: MBAP headers (protocol 0, right length) in {frames}; no CRC is right", frames=frames)
             return Paste("tcp", why, mbap)
-        if isinstance(mbap[0], PastedFrame) and _begins_tcp(parts[0].data):
+        heads = isinstance(mbap[0], PastedFrame)
+        framed = any(isinstance(piece, PastedFrame) for piece in alone)
+        if heads and (_begins_tcp(parts[0].data) or not (framed or _left_over(mbap))):
             return Paste("tcp", tr("TCP: begins with an MBAP header (protocol 0, a length); no CRC is right"), mbap)
     if any(isinstance(piece, PastedFrame) for piece in alone):
         return Paste("rtu", _why_likely(data), tuple(alone))
     return Paste("rtu", tr("no frame: no right CRC, no MBAP header, no ASCII frame"), tuple(alone))
+
+
+def _left_over(pieces: Sequence[Piece]) -> bool:
+    """Whether headers leave bytes over, or announce some that are not there."""
+    return any(not isinstance(piece, PastedFrame) or piece.missing for piece in pieces)
 
 
 def _is_tcp(data: bytes, parts: Sequence[PastePart]) -> bool:
