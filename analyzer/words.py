@@ -56,6 +56,12 @@ def time_of_day(t_ns: int, zone: tzinfo = UTC) -> str:
     return f"{moment:%H:%M:%S}.{micros % 1_000_000:06d}"
 
 
+def clock_text(t_ns: int) -> str:
+    """ISO 8601 in UTC to the microsecond; nothing for a time that no clock of ours gave."""
+    moment = (_EPOCH + timedelta(microseconds=t_ns // 1000)).replace(tzinfo=None)
+    return f"{moment.isoformat(timespec='microseconds')}Z" if is_clock(t_ns) else ""
+
+
 def date_and_time(t_ns: int, zone: tzinfo = UTC) -> str:
     """`2026-11-21 08:29:51.123456 UTC`, or seconds on the capture's own clock."""
     if not is_clock(t_ns):

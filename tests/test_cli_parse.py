@@ -257,7 +257,7 @@ def test_a_refused_write_is_no_value_of_the_map(capsys, tmp_path, request_pdu, a
     assert ("asked of unit 5 at byte 0 and refused, by the map:" in out) == refused
     assert ("by the map, unit 5 at byte 0:" in out) == (not refused)
     lines = [json.loads(line) for line in ran(capsys, "parse", "--json", *chart, text).out.splitlines()]
-    assert [value["value"] for value in lines[0]["values"]] == ([] if refused else [100])
+    assert [value["value"] for value in lines[0]["mapped"]] == ([] if refused else [100])
 
 
 @pytest.mark.skipif(os.name != "posix", reason="a shell closes descriptors")

@@ -21,7 +21,7 @@ ANSWER = bytes.fromhex("110306ae415652434049ad")
 KEYS = [
     "index", "start", "length", "t_start_ns", "t_end_ns", "protocol", "direction", "unit", "function", "name",
     "exception", "crc_ok", "request_start", "taken_for_start", "unsure", "response_time_ns", "hex", "fields",
-        "confidence", "findings",
+        "address", "quantity", "values", "summary", "time", "confidence", "findings",
 ]  # fmt: skip
 
 

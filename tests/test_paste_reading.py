@@ -363,7 +363,7 @@ def test_the_json_keys_are_those_of_export():
     assert list(line) == [
         "index", "start", "length", "t_start_ns", "t_end_ns", "protocol", "direction", "unit", "function", "name",
         "exception", "crc_ok", "request_start", "taken_for_start", "unsure", "response_time_ns", "hex", "fields",
-        "confidence", "findings",
+        "address", "quantity", "values", "summary", "time", "confidence", "findings",
     ]  # fmt: skip
     assert line["hex"] == "1103006b00037687"
     assert (line["unit"], line["function"], line["name"]) == (17, 3, "Read Holding Registers")

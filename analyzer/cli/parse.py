@@ -78,7 +78,7 @@ def run(arguments: argparse.Namespace) -> int:
                 if (chart := charts.get(line.get("unit") or 0)) is not None:
                     registers = known.setdefault(line.get("unit") or 0, {})
                     readings = [] if line["start"] in refused else mapped_readings(line, chart, registers)
-                    line["values"] = [reading.to_json() for reading in readings]
+                    line["mapped"] = [reading.to_json() for reading in readings]
         for line in lines:
             put_json(line)
         for left in left_out(paste):

@@ -29,8 +29,9 @@ from ..tables.columns import AreaCode, decode
 from ..tables.findings import described
 from ..tables.transactions import Status
 from ..tables.values import confirmed_values
+from ..words import clock_text
 from .sink import ExportError, ExportOptions, OutputStream
-from .targets.csv import clock_text, safe
+from .targets.csv import safe
 
 if TYPE_CHECKING:
     from captures import Block, Capture

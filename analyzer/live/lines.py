@@ -111,7 +111,16 @@ def of_the_bus(step: SessionStep) -> list[Finding]:
 
 _SENSIBLE_NS: Final = 1_000_000_000 * 86_400 * 365  # times before 1971 count from a beginning of their own
 _CACHED: Final = 4096  # frames whose words are kept: polls repeat
-_BEHIND_FIELDS: Final = ("confidence", "findings", "port")  # keys of a frame's object
+_BEHIND_FIELDS: Final = (
+    "address",
+    "quantity",
+    "values",
+    "summary",
+    "time",
+    "confidence",
+    "findings",
+    "port",
+)  # keys of a frame's object
 _MARKS: Final = {Severity.ERROR: "!", Severity.WARNING: "?", Severity.NOTE: "-"}
 _COLOURS: Final = {Severity.ERROR: "31", Severity.WARNING: "33", Severity.NOTE: "2"}
 _INDENT: Final = " " * 16
@@ -246,8 +255,8 @@ class LiveJsonLines:
         """`Frame.to_json`, the fields as text that is kept."""
         line = frame.to_json(fields=False)
         behind: dict[str, Any] = {key: line.pop(key) for key in _BEHIND_FIELDS if key in line}
-        values = {"values": self._values.of(frame)} if self._charts else {}
-        return {**line, "fields": self._fields.of(frame), **values, **behind}
+        mapped = {"mapped": self._values.of(frame)} if self._charts else {}
+        return {**line, "fields": self._fields.of(frame), **behind, **mapped}
 
     def cause(self, revision: CauseRevision) -> str:
         """A line of kind `cause`."""

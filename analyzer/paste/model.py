@@ -13,8 +13,10 @@ from dissectors.fields import ENGLISH, Field, Wording
 from dissectors.functions import function_name
 from dissectors.length_rules import Role
 from dissectors.limits import CRC_SIZE, EXCEPTION
+from dissectors.subject import NOTHING, SpokenPdu, Subject, subject
 
 from ..requests.advice import Advice, advice
+from ..tables.spoken import spoken_json
 
 if TYPE_CHECKING:
     from ..tables.findings import Finding
@@ -87,6 +89,12 @@ class PastedFrame:
         role = self.role if role is None else role
         return summary(self.adu, role, self._context(role), wording)
 
+    @property
+    def subject(self) -> Subject:
+        """The address, quantity and values that it speaks of."""
+        pdu = SpokenPdu(self.adu.pdu, self._context(self.role).request or b"")
+        return NOTHING if self.function is None else subject(self.function, self.role, self.exception, pdu, self.fields)
+
     def _context(self, role: Role) -> Context:
         return Context(request=self.request) if role is Role.RESPONSE and self.request is not None else Context()
 
@@ -121,6 +129,7 @@ class PastedFrame:
             "response_time_ns": self.response_time_ns,
             "hex": self.adu.data.hex(),
             "fields": [field.to_json() for field in self.fields()],
+            **spoken_json(self.subject, self.summary(), self.t_start_ns),
             "confidence": round(self.confidence, 6),
             "findings": [finding.to_json() for finding in self.findings],
         }

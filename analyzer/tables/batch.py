@@ -18,10 +18,12 @@ from dissectors.envelopes import Adu, ascii_adu, ascii_frames, rtu, tcp
 from dissectors.fields import ENGLISH, Field, Wording
 from dissectors.functions import function_name
 from dissectors.length_rules import Role
+from dissectors.subject import SpokenPdu, Subject, subject
 
 from ..html_text import html_page, html_table
 from .findings import Finding, Findings, describe
 from .schema import BoundaryEvidence, DelayBounds, Kind, Protocol, Row, Rows, bounds_of, delay_bounds
+from .spoken import spoken_json
 
 _REQUEST, _RTU, _TCP = int(Kind.REQUEST), int(Protocol.RTU), int(Protocol.TCP)  # asked of each frame: enums are slow
 
@@ -144,6 +146,12 @@ class Frame:
         """Every field, annotated; offsets are in the ADU."""
         return annotate(self.adu, self.role, self.context, wording)
 
+    @property
+    def subject(self) -> Subject:
+        """The address, quantity and values that it speaks of."""
+        pdu = SpokenPdu(self.adu.pdu, self.context.request or b"")
+        return subject(self.function, self.role, self.exception, pdu, self.fields)
+
     def summary(self, wording: Wording = ENGLISH) -> str:
         """The frame in words, on one line."""
         return summary(self.adu, self.role, self.context, wording)
@@ -187,6 +195,7 @@ class Frame:
         }
         if fields:
             line["fields"] = [item.to_json() for item in self.fields()]
+        line |= spoken_json(self.subject, self.summary(), self.t_start_ns)
         line["confidence"] = round(self.confidence, 6)
         line["findings"] = [finding.to_json() for finding in self.findings]
         if self.port:

@@ -21,7 +21,7 @@ from dissectors.layout import CountedBlock, FieldRef, Slots, exception_slots, sl
 from dissectors.length_rules import Role
 from dissectors.limits import EXCEPTION
 
-from ...tables.batch import Batch
+from ...tables.batch import Batch, Frame
 from ...tables.columns import Pdus
 from ...tables.schema import Kind, Protocol, Rows
 from ...tables.schema import Protocol as Envelope
@@ -164,6 +164,37 @@ def _counts(block: CountedBlock, octets: Ints, row_numbers: Ints, source: BatchB
     quantity = looked(block.quantity, row_numbers, source)
     counts = np.where(quantity < 0, bits, np.minimum(quantity, bits))
     return np.where(bits - counts >= 8, 0, counts)
+
+
+# Frames annotated whole, one by one, and what is kept of that.
+#
+# Polls repeat: the same request, and often the same answer, comes again and again, so the fields of frames
+# seen are kept as text.
+
+
+_MOST_CACHED: Final = 16 << 20  # bytes of text
+
+
+class Whole:
+    """What `make` says of a frame by its bytes (and its request's) alone, kept."""
+
+    def __init__(self, make: Callable[[Frame], bytes]) -> None:
+        self._make = make
+        self._texts: dict[tuple[bytes, bytes | None, int, int], bytes] = {}
+        self._size = 0
+
+    def text(self, frame: Frame) -> bytes:
+        """The frame's text."""
+        key = (frame.captured, frame.request_bytes, frame.row.kind, frame.row.protocol)
+        rendered = self._texts.get(key)
+        if rendered is None:
+            rendered = self._make(frame)
+            self._size += len(rendered)
+            if self._size > _MOST_CACHED:
+                self._texts.clear()
+                self._size = len(rendered)
+            self._texts[key] = rendered
+        return rendered
 
 
 # The bytes of some rows of a batch, read by arrays: as numbers, and as hex.

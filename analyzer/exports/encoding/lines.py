@@ -1,13 +1,13 @@
 """A batch's rows as JSON lines, and frames as JSON objects.
 
-Lines are set thousands at once as pieces in one array, and joined: columns before the fields, confidence and findings
-behind them. Objects are for who asks frame by frame: in order, they are set as lines many at once and read back. Who
-asks here and there, or once, gets each frame annotated by itself: None says so.
+Lines are set thousands at once as pieces in one array, and joined: columns before the fields; behind them what the
+frame speaks of, confidence and findings. Objects are for who asks frame by frame: in order, they are set as lines many
+at once and read back. Who asks here and there, or once, gets each frame annotated by itself: None says so.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import partial
 from typing import Any, Final
 
@@ -23,11 +23,12 @@ from ...tables.batch import Batch, Frame, adu_of, response_time_json
 from ...tables.columns import Pdus
 from ...tables.schema import Direction, Kind, Protocol, Row, Rows
 from .blocks import fields
-from .forms import BatchBytes, Forms, Group, kept
+from .forms import BatchBytes, Forms, Group, Whole, kept
 from .sheet import Cursor, Ints, Sheet, Store, encoded, parted
+from .spoken import Speaking
 
 HEAD: Final = 15  # pieces before the fields
-TAIL: Final = 2  # pieces behind them
+TAIL: Final = 2  # pieces at the line's end
 _HEX: Final = b',"hex":"'
 _OWN: Final = b',"taken_for_start":null,"unsure":false,"response_time_ns":'
 _NO_CHECK: Final = 2  # in a key: beside 0 and 1, whether the check value is right
@@ -122,7 +123,7 @@ class Envelope:
     @staticmethod
     def _confidences(key: int) -> bytes:
         line = _json(_frame(confidence=float(np.uint32(key).view(np.float32))))
-        return line[line.index(b',"confidence":') : line.index(b"[]")]
+        return line[line.index(b',"confidence":') : -len(b"[]}")]
 
 
 def _frame(**columns: Any) -> Frame:
@@ -158,37 +159,6 @@ def _end(line: dict[str, Any]) -> bytes:
     """A line from the findings on."""
     tail = {key: line[key] for key in ("findings", "port", "explain") if key in line}
     return orjson.dumps(tail, option=orjson.OPT_APPEND_NEWLINE)[len(b'{"findings":') :]
-
-
-# Frames annotated whole, one by one, and what is kept of that.
-#
-# Polls repeat: the same request, and often the same answer, comes again and again, so the fields of frames
-# seen are kept as text.
-
-
-_MOST_CACHED: Final = 16 << 20  # bytes of text
-
-
-class Whole:
-    """What `make` says of a frame by its bytes (and its request's) alone, kept."""
-
-    def __init__(self, make: Callable[[Frame], bytes]) -> None:
-        self._make = make
-        self._texts: dict[tuple[bytes, bytes | None, int, int], bytes] = {}
-        self._size = 0
-
-    def text(self, frame: Frame) -> bytes:
-        """The frame's text."""
-        key = (frame.captured, frame.request_bytes, frame.row.kind, frame.row.protocol)
-        rendered = self._texts.get(key)
-        if rendered is None:
-            rendered = self._make(frame)
-            self._size += len(rendered)
-            if self._size > _MOST_CACHED:
-                self._texts.clear()
-                self._size = len(rendered)
-            self._texts[key] = rendered
-        return rendered
 
 
 def noise_json(batch: Batch, row: int) -> dict[str, Any]:
@@ -238,6 +208,7 @@ class FrameJsonLines:
         self._noise = noise
         self._store = Store()
         self._envelope = Envelope(self._store, explain)
+        self._speaking = Speaking(self._store)
         self._forms = Forms(partial(fields, self._store))
         self._field_texts = Whole(lambda frame: encoded([field.to_json() for field in frame.fields()]))
         self._unit = self._store.table(
@@ -258,34 +229,38 @@ class FrameJsonLines:
         silent = rows.kind == Kind.NOISE
         frames = np.flatnonzero(~silent)
         spoken = rows if len(frames) == len(rows) else rows[frames]
-        sizes = np.where(silent, 1, HEAD + 1 + TAIL)
         source = BatchBytes.of(self._pdus, spoken)
         groups = self._forms.groups(rows, row_numbers, source)
+        speech = self._speaking.of(rows, row_numbers, source)
+        sizes = np.where(silent, 1, HEAD + 1 + TAIL) + speech.sizes
         for group in groups:
-            sizes[group.lines] = HEAD + _AROUND + group.sizes() + TAIL
+            sizes[group.lines] += _AROUND + group.sizes() - 1
         sheet = Sheet(self._store, sizes)
         sheet.at(np.flatnonzero(silent)).put_texts([_noise(batch, row) for row in row_numbers[silent].tolist()])
         self._envelope.put_head(spoken, row_numbers[frames], source, sheet.at(frames))
         self._envelope.put_tail(spoken, row_numbers[frames], batch, sheet.before_end(frames, TAIL))
-        self._put_fields(groups, rows, row_numbers, source, sheet)
+        self._speaking.put(speech, TAIL, rows, row_numbers, source, sheet)
+        self._put_fields(groups, speech.sizes, rows, row_numbers, source, sheet)
         return sheet.parts()
 
-    def _put_fields(self, groups: list[Group], rows: Rows, row_numbers: Ints, source: BatchBytes, sheet: Sheet) -> None:
-        """All fields: those of the groups by pieces, the others' frame by frame."""
+    def _put_fields(
+        self, groups: list[Group], behind: Ints, rows: Rows, row_numbers: Ints, source: BatchBytes, sheet: Sheet
+    ) -> None:
+        """All fields: those of the groups by pieces, the others' frame by frame; `behind`: pieces before the tail."""
         for group in groups:
             group.put(source, sheet.at(group.lines, HEAD + 2))
         formed = np.concatenate([np.zeros(0, np.int64), *(group.lines for group in groups)])
-        self._put_around(rows, formed, source, sheet)
+        self._put_around(rows, formed, behind, source, sheet)
         unformed = rows.kind != Kind.NOISE
         unformed[formed] = False
         frames = (source.pdus.batch.frame(row) for row in row_numbers[unformed].tolist())
         texts = [b'","fields":' + self._field_texts.text(frame) for frame in frames]
         sheet.at(np.flatnonzero(unformed), HEAD).put_texts(texts)
 
-    def _put_around(self, rows: Rows, formed: Ints, source: BatchBytes, sheet: Sheet) -> None:
+    def _put_around(self, rows: Rows, formed: Ints, behind: Ints, source: BatchBytes, sheet: Sheet) -> None:
         """Unit and function, and the check value, of RTU frames."""
         begins, lengths = rows.at[formed], rows.length[formed]
-        head, tail = sheet.at(formed, HEAD), sheet.before_end(formed, TAIL + 2)
+        head, tail = sheet.at(formed, HEAD), sheet.before_end(formed, TAIL + 2 + behind[formed])
         head.put(self._unit.take(source.octets(begins)))
         kind = rows.kind[formed].astype(np.int64)
         head.put(self._function.take(kind << 8 | source.octets(begins + 1)))

@@ -10,7 +10,7 @@ import csv
 import io
 from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -18,13 +18,12 @@ from dissectors.functions import function_name
 from dissectors.values import FORMULA_STARTS
 
 from ...tables.batch import Batch, Frame
-from ...tables.columns import Decoded, Pdus, decode
+from ...tables.columns import Pdus
 from ...tables.schema import Direction, Kind, Protocol, Row, Rows
-from ...words import is_clock
 from ..encoding import explain_json
-from ..encoding.forms import BatchBytes, Forms, kept
-from ..encoding.lines import Whole
-from ..encoding.sheet import Cursor, Ints, Pieces, Sheet, Store, counted_on, without
+from ..encoding.forms import BatchBytes, Forms, Whole, kept
+from ..encoding.sheet import Cursor, Ints, Pieces, Sheet, Store, without
+from ..encoding.spoken import ClockPieces, Speech, SpokenWords, separated
 from ..encoding.summaries import summary_pieces
 from ..sink import ExportOptions, OutputStream
 
@@ -78,24 +77,10 @@ EXPLAINED: Final = (
 _HEAD: Final = 5 + 9  # pieces before the summary, times left out
 _TIMES: Final = 7  # theirs
 _TAIL: Final = 5 + 5  # pieces behind the summary, values left out
-_TAIL_TIMED: Final = _TAIL + 3
+_TAIL_TIMED: Final = _TAIL + ClockPieces.PIECES
 _NO_CHECK: Final = 2  # in a key: beside 0 and 1, whether the check value is right
 _EXACT: Final = 1 << 53  # nanoseconds that a float still counts
 _SPECIAL: Final = frozenset(',"\r\n')
-
-
-def clock_text(t_ns: int) -> str:
-    """ISO 8601 in UTC to the microsecond; nothing for a time that no clock of ours gave."""
-    return f"{np.datetime64(t_ns // 1000, 'us')}Z" if is_clock(t_ns) else ""
-
-
-class _SpokenWords(NamedTuple):
-    """What frames speak of: -1 for none; how many values each has, and the values of all, end to end."""
-
-    address: Ints
-    quantity: Ints
-    counts: Ints
-    values: Ints
 
 
 class _CsvTable:
@@ -109,13 +94,13 @@ class _CsvTable:
         self._cell = self._store.table(lambda number: b",%d," % number)
         self._number = self._store.table(lambda number: b",%d" % (number - 1) if number else b",")
         self._value = self._store.table_of_many(lambda numbers: [b" %d" % number for number in numbers])
-        self._second = self._store.table(_second)
+        self._clock = ClockPieces(self._store, b"", b"", b"")
         self._unit = self._store.table(_unit)
         self._function = self._store.table(_function)
         self._confidence = self._store.table(lambda key: b",%.6f," % float(np.uint32(key).view(np.float32)))
         self._forms = Forms(partial(summary_pieces, self._store, _begun, _csv_text))
         self._summary = Whole(lambda frame: _begun(frame.summary()))
-        self._decoded: tuple[Batch, Decoded] | None = None
+        self._speech = Speech()
         columns = COLUMNS + (EXPLAINED if options.explain else ())
         self._out.write((b"\xef\xbb\xbf" if options.bom else b"") + ",".join(columns).encode() + b"\n")
 
@@ -136,7 +121,7 @@ class _CsvTable:
         source = BatchBytes.of(self._pdus, spoken)
         groups = self._forms.groups(rows, row_numbers, source)
         head = _HEAD + (_TIMES if self._timed else 1)
-        contents = self._contents(batch, row_numbers[frames])
+        contents = self._speech.of(self._pdus, row_numbers[frames])
         tail = (_TAIL_TIMED if self._timed else _TAIL) + contents.counts
         sizes = np.ones(len(rows), np.int64)
         sizes[frames] = head + 1 + tail
@@ -201,7 +186,7 @@ class _CsvTable:
         cursor.put(b",")
         cursor.put_numbers(rows.t_end_ns)
 
-    def _put_tail(self, rows: Rows, contents: _SpokenWords, batch: Batch, row_numbers: Ints, cursor: Cursor) -> None:
+    def _put_tail(self, rows: Rows, contents: SpokenWords, batch: Batch, row_numbers: Ints, cursor: Cursor) -> None:
         """What is behind the summary, and the line's end."""
         findings = np.full(len(row_numbers), self._store.fixed(b'",,'), np.int64)
         odd = np.flatnonzero(batch.finding_counts[row_numbers])
@@ -210,12 +195,11 @@ class _CsvTable:
             findings[odd] = cursor.sheet.texts(texts)
         cursor.put(findings)
         if self._timed:
-            self._put_clock(rows.t_start_ns, cursor)
+            self._clock.put(rows.t_start_ns, cursor)
         cursor.put(self._number.take(contents.address + 1))
         cursor.put(self._number.take(contents.quantity + 1))
         cursor.put(b",")
-        numbers = self._value.take(contents.values)
-        cursor.spread(contents.counts, np.where(counted_on(contents.counts) > 0, numbers, without(numbers, 1)))
+        cursor.spread(contents.counts, separated(contents, self._value))
         for column in (batch.response_times.low, batch.response_times.high):
             cursor.put(b",")
             cursor.put_known(column[row_numbers], b"")
@@ -228,29 +212,6 @@ class _CsvTable:
             cursor.put_texts([_explained(batch.frame(row)) + b"\n" for row in row_numbers.tolist()])
         else:
             cursor.put(b"\n")
-
-    def _put_clock(self, t_ns: Ints, cursor: Cursor) -> None:
-        """ISO 8601 in UTC to the microsecond; nothing for times that no clock of ours gave."""
-        second, fraction, zone = np.full((3, len(t_ns)), self._store.fixed(b""), np.int64)
-        clocked = np.flatnonzero(is_clock(t_ns))
-        if len(clocked):
-            seconds, rest = np.divmod(t_ns[clocked] // 1000, 1_000_000)
-            second[clocked] = self._second.take(seconds)
-            fraction[clocked] = without(cursor.sheet.numbers(1_000_000 + rest), 1)
-            zone[clocked] = self._store.fixed(b"Z")
-        for part in (second, fraction, zone):
-            cursor.put(part)
-
-    def _contents(self, batch: Batch, row_numbers: Ints) -> _SpokenWords:
-        """What some rows speak of."""
-        if self._decoded is None or self._decoded[0] is not batch:
-            self._decoded = batch, decode(batch, self._pdus)
-        decoded = self._decoded[1]
-        begins = decoded.offsets[row_numbers]
-        counts = decoded.offsets[row_numbers + 1] - begins
-        values = decoded.values.take(np.repeat(begins, counts) + counted_on(counts)).astype(np.int64)
-        address, quantity = (column[row_numbers].astype(np.int64) for column in (decoded.address, decoded.quantity))
-        return _SpokenWords(address, quantity, counts, values)
 
     def _noise(self, batch: Batch, row_numbers: Ints) -> list[bytes]:
         blank = b"," * (COLUMNS.index("hex") - COLUMNS.index("t_end_ns"))
@@ -299,11 +260,6 @@ def _seconds(ns: Ints, sheet: Sheet) -> tuple[Pieces, Pieces]:
         before[~plain] = sheet.texts([text[:-7] for text in texts])
         behind[~plain] = sheet.texts([text[-6:] for text in texts])
     return before, behind
-
-
-def _second(second: int) -> bytes:
-    """`2026-11-22T08:29:51.`, in UTC."""
-    return f"{np.datetime64(second, 's')}.".encode()
 
 
 def _unit(key: int) -> bytes:
