@@ -16,11 +16,12 @@ from collections import defaultdict
 from dataclasses import dataclass, field
 from random import Random
 
+from ask_devices import FLAWS, ODD, Drawn, chunks_of, flawed, odd
+
 from analyzer.causes.ledger import ledger_of
 from analyzer.causes.reasoning import causes_of
 from analyzer.causes.registry import Cause
 from analyzer.core import analyse
-from benchmarks.ask_devices import FLAWS, ODD, Drawn, chunks_of, flawed, odd
 from captures.chunks import Capture
 from dissectors.crc import crc_ok
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from random import Random
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scripts import script
 
 from analyzer.causes.ledger import ledger_of
 from analyzer.causes.reasoning import causes_of
@@ -22,10 +24,11 @@ from analyzer.requests.asked import Request, request_of
 from analyzer.requests.corrections import REASONS, corrected
 from analyzer.requests.history import Got, RequestHistory
 from analyzer.requests.reasons import Unserved, unserved
-from benchmarks.ask_devices import FLAWS, ODD, Drawn, chunks_of, flawed, odd
 from captures.chunks import Capture
 from dissectors.crc import crc_bytes, crc_ok
 
+_BUSES = script("ask_devices")
+FLAWS, ODD, chunks_of, flawed, odd = _BUSES.FLAWS, _BUSES.ODD, _BUSES.chunks_of, _BUSES.flawed, _BUSES.odd
 _OK, _SILENT = int(Got.ANSWER), int(Got.SILENCE)
 Answer = Callable[[int, Request], int]  # the number of a round, a request: what it gets
 
@@ -214,7 +217,7 @@ def test_parse_says_it_in_one_line() -> None:
     assert list(paste.to_json())[1]["ask_instead"] == [_rtu("110300000002").replace(" ", "")]
 
 
-def _causes(drawn: Drawn, random: Random) -> list[Cause]:
+def _causes(drawn: Any, random: Random) -> list[Cause]:
     capture = Capture.of(drawn.header, chunks_of(drawn, "precise", random))
     ledger = ledger_of(((part.batch, part.transactions) for part in analyse(capture)), capture.line)
     return causes_of(ledger)
