@@ -412,7 +412,7 @@ def chunks_of(drawn: Drawn, tap: str, random: Random) -> list[Chunk]:
                     break
             line.now += pause * random.uniform(1, 1.3)
         line.now = max(line.now, began + cycle)
-    return TAPS[tap].deliver(bytes(line.data), line.times, random, line.char_ns)
+    return list(TAPS[tap].deliver(bytes(line.data), line.times, random, line.char_ns))
 
 
 def _asked(drawn: Drawn, unit: int, pdu: bytes, line: _DrawnLine, random: Random) -> bool:

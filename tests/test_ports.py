@@ -117,7 +117,7 @@ def test_however_a_port_is_read_its_protocol_and_its_frames_are_the_same(seed: i
     parts = [random.randbytes(random.randrange(40)), *rtu_polls(random, random.randrange(14)), *ascii_polls]
     parts += tcp_polls(random, random.randrange(10))
     data = b"".join(parts)
-    cuts, at = [], 0
+    cuts, at = list[bytes](), 0
     while at < len(data):
         size = sizes[len(cuts) % len(sizes)]
         cuts.append(data[at : at + size])

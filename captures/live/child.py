@@ -9,7 +9,7 @@ import sys
 import threading
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from typing import IO, Any, Final
+from typing import IO, Any, Final, Self
 
 from .tap import PortError
 from .wire import Decoder, Item, PortEvent
@@ -82,7 +82,7 @@ class RecordsOfChild:
         with suppress(OSError, ValueError):
             self._stream(self._process.stdin).close()
 
-    def __enter__(self) -> RecordsOfChild:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
