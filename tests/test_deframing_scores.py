@@ -17,7 +17,7 @@ REACHED = {
     "brutal-gateway": (1.0, 0.99834, 0.99593),
     "brutal-irq": (1.0, 0.99681, 0.99245),
     "brutal-precise": (1.0, 0.99835, 0.99595),
-    "brutal-untimed": (0.99916, 1.0, 1.0),
+    "brutal-untimed": (0.99916, 1.0, 0.9959),  # of one answer nobody can tell whose it is, and that is said
 }
 # wire: the same that a capture of a fresh seed must reach
 FLOORS = {
