@@ -134,7 +134,7 @@ def _rows(frames: Sequence[PastedFrame], sent: Sequence[bytes]) -> Rows:
     rows.index[:] = np.arange(len(frames))
     rows.length[:], rows.start[:] = lengths, np.cumsum(lengths) - lengths
     rows.at[:] = rows.start
-    rows.request[:] = rows.request_start[:] = rows.response_ns[:] = -1
+    rows.request[:] = rows.request_start[:] = rows.response_ns[:] = rows.taken_for_start[:] = -1
     rows.gap_before_ns[:] = rows.gap_most_ns[:] = rows.gap_least_ns[:] = NO_GAP
     rows.reads[:] = 1
     at = {frame.start: i for i, frame in enumerate(frames)}

@@ -48,7 +48,7 @@ _SCREEN: Final = 512  # lines that a person copies twice
 _DATED_NS: Final = 10**18  # no time since some start
 _FULL_ROW: Final = 8  # bytes of a row after which a read may go on in the next
 _CODE_SPAN: Final = re.compile(  # Markdown's marks about a part of a frame, as of its check value
-    r"(?<=[0-9A-Fa-f\]>)}])( ?)` ?(?=[\[<({]?[0-9A-Fa-f]{2})"
+    r"(?<=[0-9A-Fa-f\]>)}])( ?)`(?=[\[<({]?[0-9A-Fa-f]{2})"
 )
 
 
