@@ -38,7 +38,10 @@ CONVERSATIONS: dict[str, tuple[list[bytes | float], list[tuple[str, int]]]] = {
     "answered at the second try": ([20, REQUEST, 200, REQUEST, 8, ANSWER], [("no-response", 0), ("retry", 8)]),
     "a poll is no retry": ([20, REQUEST, 8, ANSWER, 20, REQUEST, 8, ANSWER], []),
     "late, before the next answer": ([20, REQUEST, 200, FAR, 4, ANSWER, 10, FARS], [("late-response", 16)]),
-    "late, nothing in its bytes tells": ([20, REQUEST, 200, OTHER, 4, ANSWER, 10, OTHERS], [("late-response", 16)]),
+    "late, only its place tells": (
+        [20, REQUEST, 200, OTHER, 4, ANSWER, 10, OTHERS],
+        [("shifted-answer", 16), ("late-response", 16)],
+    ),
     "two late": (
         [20, REQUEST, 100, OTHER, 100, FAR, 5, ANSWER, 5, OTHERS, 5, FARS],
         [("late-response", 24), ("late-response", 35)],

@@ -327,7 +327,7 @@ WRONG = [
     (("map", "show", "nosuch"), "map list"),
     (("map", "show", "BUS"), "no table: expected a row of column names"),
     (("map", "check", "xy-md02", "BUS", "--unit", "9"), "no answer of unit 9"),
-    (("map", "import", "BUS"), "no known form of a register map"),
+    (("map", "import", "BUS"), "not records of registers"),
     (("map", "import", "nosuch.csv"), "no such file"),
     (("map", "infer", "BUS", "--unit", "77"), "no answer of unit 77"),
     (("map", "infer", "BUS", "-o", "map.txt"), "a map is a .csv or a .yaml file"),
@@ -368,9 +368,9 @@ def test_pasted_frames_by_a_map(capsys: pytest.CaptureFixture[str]) -> None:
         json.loads(line)
         for line in ran(capsys, "parse", "--json", "--map", "eastron-sdm630@1", *pasted).out.splitlines()
     ]
-    (value,) = lines[1]["values"]
+    (value,) = lines[1]["mapped"]
     assert (value["name"], value["unit_of_measure"], value["value"]) == ("Voltage L1", "V", pytest.approx(230.2))
-    assert lines[0]["values"] == []
+    assert lines[0]["mapped"] == [] and lines[1]["values"] == [0x4366, 0x3334]
 
 
 @pytest.mark.parametrize(
