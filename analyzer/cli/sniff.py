@@ -71,7 +71,7 @@ def run(arguments: argparse.Namespace) -> int:
 def listen(
     arguments: argparse.Namespace,
     out: BinaryIO | None = None,
-    source_of: Callable[[argparse.Namespace], LiveSource] = tap_of,
+    source_of: Callable[[argparse.Namespace], LiveSource] | None = None,
 ) -> int:
     """Listen, and show it on standard output, or write it to `out`. `source_of` makes what is listened to."""
     from contextlib import closing
@@ -91,7 +91,7 @@ def listen(
         if recorder is not None and arguments.trigger is not None:
             sink = triggered = TriggeredSink(recorder, int(arguments.before * 1e9), int(arguments.after * 1e9))
             fire = triggered.fire
-        with closing(source_of(arguments)) as source:
+        with closing((source_of or tap_of)(arguments)) as source:
             session = Session(
                 source,
                 recorder=sink,

@@ -30,8 +30,8 @@ def as_foreign(paste: Paste, parts: Sequence[PastePart]) -> Paste:
 
 
 def _words(name: str, count: int) -> str:
-    known = {"name": phrase("{name}", name=name), "frames": counted(count, "frame", "frames")}
-    return tr("not Modbus, but {name}: {frames}", **known)
+    frames = counted(count, "frame", "frames")
+    return tr("not Modbus, but {name}: {frames}", name=phrase("{name}", name=name), frames=frames)
 
 
 def _cut(frames: Sequence[bytes], data: bytes, parts: Sequence[PastePart]) -> tuple[Piece, ...]:
