@@ -111,6 +111,19 @@ def test_a_request_that_was_lost_moves_nothing() -> None:
     assert {start: found[start] for start in talk.truth} == {s: (r, -1, False) for s, r in talk.truth.items()}
 
 
+@pytest.mark.parametrize("alike", [False, True])
+def test_a_unit_that_wakes_up_answers_at_once_what_it_is_asked(alike: bool) -> None:
+    """Nothing is known of its polls; but each answer is as soon behind its request, however long the client paused."""
+    talk, pauses = Talk(alike=alike), Random(3)
+    for i in range(7):
+        talk.ask(i % 4)
+        talk.now += 300 * MS
+    for i in range(7, 47):
+        talk.answer(talk.ask(i % 4, pauses.choice((20, 60, 350))), 15 + pauses.random())
+    found = answers(told(talk.chunks))
+    assert {start: found[start] for start in talk.truth} == {s: (r, -1, False) for s, r in talk.truth.items()}
+
+
 def test_of_polls_that_hold_the_same_nobody_can_tell() -> None:
     talk = Talk(alike=True)
     talk.rounds(4)

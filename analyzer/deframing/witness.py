@@ -446,8 +446,9 @@ class _DoubtWalk:
         taken = waits and not newest.taken and newest.expects.fits(adu)
         newest.taken |= taken
         answer = PendingAnswer(
-            int(self._rows.index[row]), int(self._rows.t_start_ns[row]), adu, newest.number if taken else -1
-        )
+            int(self._rows.index[row]), began, int(self._rows.t_end_ns[row]), adu, newest.number if taken else -1,
+            int(self._work.loose.head[row]) != newest.read,
+        )  # fmt: skip
         doubt.queue.answer(answer, partial(self._strangeness, doubt, row, lane), timed=self._timed)
 
     def _went_on(self, asks: list[AskedRequest], row: int, lane: Lane) -> None:
