@@ -28,6 +28,7 @@ _LOST_BITS: Final = 8.0  # requests lost that the client took for answered, some
 _OVERDUE_BITS: Final = 4.0  # an answer that took much longer than any on its path
 _OVERDUE: Final = 3  # times as long,
 _SLACK_NS: Final = 100_000_000  # and so much longer
+_OVER_BITS: Final = 14.0  # a path so far behind is no doubt: each answer begins one by which it is of nobody
 _PATHS: Final = 16
 ASKS: Final = 24  # requests back that an answer may be of
 _NONE: Final = -1
@@ -167,9 +168,10 @@ class UnitQueue:
 
     @property
     def plain(self) -> bool:
-        """Whether all is as it should be: one path is left, and the newest request that is answered is its last."""
-        known = [ask.number for ask in self.asks if ask.taken]
-        return not self.pending and len(self.paths) == 1 and (not known or self.paths[0].newest >= known[-1])
+        """Whether all is as it should be: one path leads, and the newest request that is answered is its last."""
+        if self.pending or (len(self.paths) > 1 and self.paths[1].cost < _OVER_BITS):
+            return False
+        return self.paths[0].newest >= next((ask.number for ask in reversed(self.asks) if ask.taken), _NONE)
 
     def _known(self, number: int) -> AskedRequest | None:
         return next((ask for ask in self.asks if ask.number == number), None)
