@@ -168,10 +168,15 @@ class UnitQueue:
 
     @property
     def plain(self) -> bool:
-        """Whether all is as it should be: one path leads, and the newest request that is answered is its last."""
-        if self.pending or (len(self.paths) > 1 and self.paths[1].cost < _OVER_BITS):
+        """Whether all is as it should be: the newest that was taken for answered is, and no other path matters."""
+        if self.pending or self.paths[0].newest < next((ask.number for ask in reversed(self.asks) if ask.taken), _NONE):
             return False
-        return self.paths[0].newest >= next((ask.number for ask in reversed(self.asks) if ask.taken), _NONE)
+        return len(self.paths) == 1 or self.paths[1].cost >= _OVER_BITS or self._one_poll
+
+    @property
+    def _one_poll(self) -> bool:
+        """Whether the unit was asked nothing else for long: then paths tell no more than which time of the same."""
+        return len(self.asks) >= ASKS and all(ask.adu == self.asks[0].adu for ask in self.asks)
 
     def _known(self, number: int) -> AskedRequest | None:
         return next((ask for ask in self.asks if ask.number == number), None)
