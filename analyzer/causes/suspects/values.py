@@ -167,7 +167,8 @@ def _counting(poll: PollValues, *, swapped: bool) -> NDArray[np.bool_]:
     ups = up.sum(axis=0)
     small = (up & (steps <= _WORD // 2)).sum(axis=0)  # where so few are, the usual step is a larger one
     counting: NDArray[np.bool_] = (ups >= _LEAST_UP) & (small > np.floor(_USUAL * (ups - 1)))
-    return counting & ((steps < 0).sum(axis=0) <= (1 - _COUNTS) * len(steps))
+    counting &= (steps < 0).sum(axis=0) <= (1 - _COUNTS) * len(steps)
+    return counting
 
 
 def _jumps(values: NDArray[np.int64], times: NDArray[np.int64]) -> NDArray[np.intp] | None:
