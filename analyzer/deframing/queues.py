@@ -35,6 +35,7 @@ _SERVICES_LEAST: Final = 4
 _STEADY_NS: Final = 4_000_000  # nothing is steadier than this: adapters hold reads back
 _UNSTEADY_MOST: Final = 8.0  # bits
 _LONG_AGO: Final = -(1 << 62)
+_OVER_BITS: Final = 14.0  # a path so far behind is no doubt: each answer begins one by which it is of nobody
 _PATHS: Final = 16
 ASKS: Final = 24  # requests back that an answer may be of
 _NONE: Final = -1
@@ -197,9 +198,15 @@ class UnitQueue:
 
     @property
     def plain(self) -> bool:
-        """Whether all is as it should be: one path is left, and the newest request that is answered is its last."""
-        known = [ask.number for ask in self.asks if ask.taken]
-        return not self.pending and len(self.paths) == 1 and (not known or self.paths[0].newest >= known[-1])
+        """Whether all is as it should be: the newest that was taken for answered is, and no other path matters."""
+        if self.pending or self.paths[0].newest < next((ask.number for ask in reversed(self.asks) if ask.taken), _NONE):
+            return False
+        return len(self.paths) == 1 or self.behind[1] >= _OVER_BITS or self._one_poll
+
+    @property
+    def _one_poll(self) -> bool:
+        """Whether the unit was asked nothing else for long: then paths tell no more than which time of the same."""
+        return len(self.asks) >= ASKS and all(ask.adu == self.asks[0].adu for ask in self.asks)
 
     def _known(self, number: int) -> AskedRequest | None:
         return next((ask for ask in self.asks if ask.number == number), None)
