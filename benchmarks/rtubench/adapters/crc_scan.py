@@ -1,11 +1,7 @@
-"""A CRC scanner: from each byte on, the shortest stretch of 4 to 256 bytes whose last two check it is a frame.
-
-On texts: every run of two-digit hexadecimal numbers, all of them together, scanned so.
-"""
+"""A CRC scanner: from each byte on, the shortest stretch of 4 to 256 bytes whose last two check it is a frame."""
 
 from __future__ import annotations
 
-import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,7 +10,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from rtubench.adapters.speaking import Row, frame, given, speak
 
-_HEX = re.compile(r"(?<![0-9A-Za-z])(?:0x)?([0-9A-Fa-f]{2})(?![0-9A-Za-z])")
 _TABLE = []
 for _value in range(256):
     for _ in range(8):
@@ -23,7 +18,7 @@ for _value in range(256):
 
 
 def about() -> Row:
-    return {"tool": "CRC scanner", "version": "1", "input": "reads", "claims": ["frames", "texts"]}
+    return {"tool": "CRC scanner", "version": "1", "input": "reads", "claims": ["frames"]}
 
 
 def _frames(data: bytes) -> Iterator[tuple[int, int]]:
@@ -45,11 +40,5 @@ def bus(path: Path) -> Iterator[Row]:
         yield frame(start, length, True)
 
 
-def text(path: Path) -> Iterator[Row]:
-    data = bytes(int(found, 16) for found in _HEX.findall(path.read_text(encoding="utf-8")))
-    for start, length in _frames(data):
-        yield {"hex": data[start : start + length].hex(), "direction": None}
-
-
 if __name__ == "__main__":
-    sys.exit(speak(about, {"bus": bus, "text": text}))
+    sys.exit(speak(about, {"bus": bus}))
