@@ -69,10 +69,10 @@ def run(given: argparse.Namespace, folder: Path) -> Row:
     if "speed" in given.tracks:
         _tell("speed")
         size = corpus.SIZES[given.size]
-        few, many = (corpus.speed_item(given.seed, frames) for frames in (size.speed_least, size.speed))
-        for item in (few, many):
+        lines = [corpus.speed_item(given.seed, frames) for frames in size.speed]
+        for item in lines:
             item.write(folder)
-        fast = speed.measure([tool for tool in found if "speed" in tool.claims], few, many, folder, given.rounds)
+        fast = speed.measure([tool for tool in found if "speed" in tool.claims], lines, folder, given.rounds)
         for one in scored:
             figures = fast.get(one.tool.name, {})
             if isinstance(figures, str):

@@ -16,7 +16,7 @@ from pathlib import Path
 from .items import Item, Row
 from .tools import AdapterError, Tool, asked
 
-_SLOW_S = 1e-3  # a frame: who needs longer is not put the many
+_SLOW_S = 1e-4  # a frame: who needs longer is not put the many
 
 
 @dataclass(frozen=True)
@@ -73,16 +73,17 @@ def run(job: Job) -> Used:
     return Used(cpu_s, peak_mib, lines)
 
 
-def measure(tools: list[Tool], few: Item, many: Item, folder: Path, rounds: int) -> dict[str, Row | str]:
-    """By tool: microseconds of CPU a frame, peak MiB, seconds to start; or a sentence why there is no figure."""
+def measure(tools: list[Tool], buses: list[Item], folder: Path, rounds: int) -> dict[str, Row | str]:
+    """By tool: microseconds of CPU a frame, peak MiB, seconds to start; or a sentence why there is no figure.
+
+    Three buses, of few frames, of more and of many; a tool that is slow on one is not put the next.
+    """
     found: dict[str, Row | str] = {}
     jobs: dict[str, list[Job]] = {}
     for at, tool in enumerate(tools):
         scratch = folder / "scratch" / f"speed-{at}"
         try:
-            first = prepared(tool, few, folder, scratch)
-            slow = run(first).cpu_s / first.frames > _SLOW_S
-            jobs[tool.name] = [first] if slow else [first, prepared(tool, many, folder, scratch)]
+            jobs[tool.name] = _chosen(tool, buses, folder, scratch)
         except AdapterError as error:
             found[tool.name] = str(error)
     used: dict[str, list[list[Used]]] = {name: [] for name in jobs}
@@ -92,14 +93,23 @@ def measure(tools: list[Tool], few: Item, many: Item, folder: Path, rounds: int)
     return found | {name: _figures(jobs[name], each) for name, each in used.items()}
 
 
+def _chosen(tool: Tool, buses: list[Item], folder: Path, scratch: Path) -> list[Job]:
+    """What a tool is measured on: the fewest frames, which cost the start, and more by its speed."""
+    few, more, many = buses
+    first = prepared(tool, few, folder, scratch)
+    start_s = run(first).cpu_s
+    second = prepared(tool, more, folder, scratch)
+    slow = (run(second).cpu_s - start_s) / (second.frames - first.frames) > _SLOW_S
+    return [first, second if slow else prepared(tool, many, folder, scratch)]
+
+
 def _figures(jobs: list[Job], rounds: list[list[Used]]) -> Row | str:
-    """The least of all rounds; what a few frames cost is the start, but for slow tools, which are put no others."""
+    """The least of all rounds; what the fewest frames cost is the start."""
     last = jobs[-1]
     if rounds[0][-1].lines < last.frames / 2:
         return f"{rounds[0][-1].lines} lines for {last.frames} frames in the speed track"
-    cpu = [min(one[at].cpu_s for one in rounds) for at in range(len(jobs))]
-    start = (cpu[0], jobs[0].frames) if len(jobs) > 1 else (0.0, 0)
+    cpu = [min(one[at].cpu_s for one in rounds) for at in (0, 1)]
     return {
-        "cpu_us": max(cpu[-1] - start[0], 0.0) / (last.frames - start[1]) * 1e6, "start_s": start[0],
+        "cpu_us": max(cpu[1] - cpu[0], 0.0) / (last.frames - jobs[0].frames) * 1e6, "start_s": cpu[0],
         "peak_mib": min(one[-1].peak_mib for one in rounds), "frames": last.frames,
     }  # fmt: skip

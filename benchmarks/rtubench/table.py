@@ -11,6 +11,7 @@ from .scored import TRACKS
 _GIVEN = {"reads": "", "wire": " (w)", "frames": " (f)"}
 _NONE = "-"
 _TIE = 0.0005
+_FEW = 3  # of what went wrong with a tool
 
 
 def markdown(result: Row) -> str:
@@ -23,7 +24,9 @@ def markdown(result: Row) -> str:
     lines += ["", f"Seed {result['seed']}, size {result['size']}, {result['items']} items; {machine['date']}, "
               f"{machine['processor']}, {machine['system']}, Python {machine['python']}. {versions}."]  # fmt: skip
     lines += [f"Not here: {name}: {why}." for name, why in result["absent"].items()]
-    lines += [f"Broke the protocol: {words}" for tool in result["tools"] for words in tool["wrong"]]
+    for tool in result["tools"]:
+        lines += [f"Broke the protocol: {words}" for words in tool["wrong"][:_FEW]]
+        lines += [f"... and {len(tool['wrong']) - _FEW} times more"] * (len(tool["wrong"]) > _FEW)
     return "\n".join(lines)
 
 

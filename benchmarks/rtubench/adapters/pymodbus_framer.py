@@ -2,7 +2,8 @@
 
 pymodbus claims no listening; its framer expects one frame of one direction at a time and drops what is behind it. So
 both are asked, the earlier frame counts, and what stands behind it is put to them again. What neither can use is
-dropped, as its own transports do. Where both read the same bytes, the response to what was asked last is taken.
+dropped, as its own transports do, and so is what 50 ms of silence end (of none, 3.5 characters and 50 ms the best).
+Where both read the same bytes, the response to what was asked last is taken.
 """
 
 from __future__ import annotations
@@ -16,6 +17,8 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from rtubench.adapters.speaking import NotThereError, Row, frame, given, speak
+
+_SILENCE_NS = 50_000_000
 
 
 def _framers() -> dict[str, Any]:
@@ -45,8 +48,12 @@ def _decoded(framer: Any, data: bytes) -> tuple[int, bytes]:
 
 
 def bus(path: Path) -> Iterator[Row]:
-    framers, held, at, asked = _framers(), b"", 0, b""
-    for _, data in given(path).reads:
+    lines, framers, held, at, asked = given(path), _framers(), b"", 0, b""
+    before: int | None = None
+    for t_ns, data in lines.reads:
+        if t_ns is not None and before is not None and t_ns - len(data) * lines.char_ns - before >= _SILENCE_NS:
+            at, held = at + len(held), b""
+        before = t_ns
         held += data
         while held:
             told = {side: _decoded(framer, held) for side, framer in framers.items()}

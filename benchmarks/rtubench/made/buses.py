@@ -159,7 +159,7 @@ _EVERY = ("frames", "directions", "pairs")
 def tracks_of(sent: Sequence[Sent]) -> tuple[str, ...]:
     """Damage is scored where there is some."""
     damaged = sum(bool(one.fault) for one in sent)
-    return (*_EVERY, "damage") if damaged >= 10 else _EVERY
+    return (*_EVERY, "damage") if damaged >= 5 else _EVERY
 
 
 def heard(name: str, sent: list[Sent], line: Line, seed: int, source: str = "made") -> Iterator[Item]:

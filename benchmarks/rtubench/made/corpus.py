@@ -24,14 +24,13 @@ class Size(NamedTuple):
     turns: int  # polls of a device
     devices: int
     texts: int  # of each style
-    speed: int  # frames of the speed track
-    speed_least: int  # frames whose cost counts as starting
+    speed: tuple[int, int, int]  # frames of the speed track: few, which cost the start, more, many
 
 
 SIZES = {
-    "tiny": Size(15, 150, 1, 60, 1, 1, 2_000, 1_000),
-    "small": Size(60, 250, 3, 120, 8, 3, 50_000, 1_000),
-    "normal": Size(250, 400, 9, 120, 40, 12, 400_000, 1_000),
+    "tiny": Size(20, 150, 1, 60, 1, 1, (1_000, 1_500, 2_000)),
+    "small": Size(60, 250, 3, 120, 8, 3, (1_000, 3_000, 50_000)),
+    "normal": Size(250, 400, 9, 120, 40, 12, (1_000, 3_000, 400_000)),
 }
 
 
