@@ -5,6 +5,7 @@ python benchmarks/rtubench run --seed 2027 --size normal --json 2027.json
 python benchmarks/rtubench run --tools rtuscope --tool 'mine=perl mine.pl' --tracks frames pairs
 python benchmarks/rtubench check 'perl mine.pl'         does an adapter keep the protocol? what would it score?
 python benchmarks/rtubench make FOLDER                  the corpus alone
+python benchmarks/rtubench show 1.json 2.json ...       the table of figures that were written, of parts of a run as well
 python benchmarks/rtubench compare 1.json 2.json ...    the same order? how far apart?
 python benchmarks/rtubench setup                        installs modbus-connector in a place of its own
 """
@@ -110,6 +111,7 @@ def _arguments(arguments: list[str]) -> argparse.Namespace:
         sub.add_argument("--json", type=Path, metavar="FILE", help="write the figures for a program")
     doing.choices["check"].add_argument("adapter", help="the command of an adapter")
     doing.choices["make"].add_argument("folder", type=Path)
+    doing.add_parser("show").add_argument("results", nargs="+", type=Path)
     doing.add_parser("compare").add_argument("results", nargs="+", type=Path)
     doing.add_parser("setup").add_argument("--venvs", type=Path, default=_VENVS)
     return parser.parse_args(arguments)
@@ -124,6 +126,9 @@ def main(arguments: list[str]) -> int:
         results = [json.loads(path.read_text()) for path in given.results]
         print(table.orders(results))
         print(table.differences(results[0], results[-1]))
+        return 0
+    if given.doing == "show":
+        print(table.markdown(table.merged([json.loads(path.read_text()) for path in given.results])))
         return 0
     if given.doing == "make":
         given.folder.mkdir(parents=True, exist_ok=True)

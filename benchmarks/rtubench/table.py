@@ -16,9 +16,7 @@ _FEW = 3  # of what went wrong with a tool
 
 def markdown(result: Row) -> str:
     """A run as Markdown."""
-    head = ["tool", *TRACKS, "CPU us a frame", "MiB"]
-    lines = [_row(head), _row([":--", *["--:"] * (len(head) - 1)])]
-    lines += [_row(_cells(tool)) for tool in ordered(result["tools"])]
+    lines = rows(result["tools"])
     machine = result["machine"]
     versions = ", ".join(f"{tool['tool']} {tool['version']}" for tool in result["tools"])
     lines += ["", f"Seed {result['seed']}, size {result['size']}, {result['items']} items; {machine['date']}, "
@@ -28,6 +26,27 @@ def markdown(result: Row) -> str:
         lines += [f"Broke the protocol: {words}" for words in tool["wrong"][:_FEW]]
         lines += [f"... and {len(tool['wrong']) - _FEW} times more"] * (len(tool["wrong"]) > _FEW)
     return "\n".join(lines)
+
+
+def rows(tools: Sequence[Row]) -> list[str]:
+    """The table's lines."""
+    head = ["tool", *TRACKS, "CPU us a frame", "MiB"]
+    return [_row(head), _row([":--", *["--:"] * (len(head) - 1)]), *(_row(_cells(tool)) for tool in ordered(tools))]
+
+
+def merged(results: Sequence[Row]) -> Row:
+    """Runs of one seed and size, made in parts, as one."""
+    tools: dict[str, Row] = {}
+    for result in results:
+        if (result["seed"], result["size"]) != (results[0]["seed"], results[0]["size"]):
+            raise ValueError("parts of one run have the same seed and size")
+        for tool in result["tools"]:
+            known = tools.get(tool["tool"], {"tracks": {}, "speed": {}, "wrong": []})
+            tools[tool["tool"]] = {**tool, "tracks": {**known["tracks"], **tool["tracks"]},
+                                   "speed": tool["speed"] or known["speed"],
+                                   "wrong": [*known["wrong"], *tool["wrong"]]}  # fmt: skip
+    absent = {name: why for result in results for name, why in result["absent"].items()}
+    return {**results[0], "tools": list(tools.values()), "absent": absent}
 
 
 def _row(cells: Sequence[str]) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from pathlib import Path
 from random import Random
@@ -19,6 +19,7 @@ class Size(NamedTuple):
     """How much of everything."""
 
     transactions: int  # of a bus
+    taps: int  # through which each line is heard, in turn
     fault_transactions: int
     faults: int  # lines of each fault
     turns: int  # polls of a device
@@ -28,22 +29,30 @@ class Size(NamedTuple):
 
 
 SIZES = {
-    "tiny": Size(20, 150, 1, 60, 1, 1, (1_000, 1_500, 2_000)),
-    "small": Size(60, 250, 3, 120, 8, 3, (1_000, 3_000, 50_000)),
-    "normal": Size(250, 400, 9, 120, 40, 12, (1_000, 3_000, 400_000)),
+    "tiny": Size(20, 1, 150, 1, 60, 1, 1, (1_000, 1_500, 2_000)),
+    "small": Size(60, 5, 250, 3, 120, 8, 3, (1_000, 3_000, 50_000)),
+    "normal": Size(250, 5, 400, 9, 120, 40, 12, (1_000, 3_000, 400_000)),
 }
 
 
 def items(seed: int, size: Size) -> Iterator[Item]:
     """All items of the tracks that are scored."""
-    yield from buses.items(seed, size.transactions)
-    yield from recorded.buses(seed)
+    yield from _heard_by(size.taps, buses.items(seed, size.transactions))
+    yield from _heard_by(size.taps, recorded.buses(seed))
     yield from faults.items(seed, size.fault_transactions, size.faults)
     yield from recorded.faults(seed)
     yield from plants.items(seed, size.turns, size.devices)
     yield from recorded.values(seed)
     yield from pastes.items(seed, size.texts)
     yield from recorded.texts()
+
+
+def _heard_by(taps: int, items: Iterable[Item]) -> Iterator[Item]:
+    """Of the items of each line, which come one after another, so many: the first line's first ones, and so on."""
+    for at, item in enumerate(items):
+        line, tap = divmod(at, len(TAPS))
+        if (tap - line) % len(TAPS) < taps:
+            yield item
 
 
 def real(folder: Path) -> Iterator[Item]:
