@@ -5,7 +5,7 @@ python benchmarks/rtubench run --seed 2027 --size normal --json 2027.json
 python benchmarks/rtubench run --tools rtuscope --tool 'mine=perl mine.pl' --tracks frames pairs
 python benchmarks/rtubench check 'perl mine.pl'         does an adapter keep the protocol? what would it score?
 python benchmarks/rtubench make FOLDER                  the corpus alone
-python benchmarks/rtubench show 1.json 2.json ...       the table of figures that were written, of parts of a run as well
+python benchmarks/rtubench show 1.json 2.json ...       the table of figures that were written, also in parts
 python benchmarks/rtubench compare 1.json 2.json ...    the same order? how far apart?
 python benchmarks/rtubench setup                        installs modbus-connector in a place of its own
 """
