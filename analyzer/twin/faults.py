@@ -6,7 +6,6 @@ it: `silence`, `delay=250@10%`, `17:exception=6@1/5`.
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -19,7 +18,8 @@ from ..errors import RtuscopeError
 from .memory import TwinAnswer
 
 _MS: Final = 1_000_000
-_TEXT: Final = re.compile(r"(?:(\d{1,3}):)?([a-z-]+)(?:=(\d{1,6}))?(?:@(?:(\d{1,3}(?:\.\d{1,3})?)%|1/(\d{1,6})))?")
+_DIGITS: Final = 6  # of a number
+_RAREST: Final = 999_999
 
 
 class FaultError(RtuscopeError):
@@ -106,27 +106,34 @@ class Fault:
 
 def fault_of(text: str) -> Fault:
     """`[UNIT:]NAME[=VALUE][@SHARE]`. FaultError says what of it there is not."""
-    found = _TEXT.fullmatch(text)
-    if found is None:
-        raise FaultError(f"{text!r} is no fault such as silence, delay=250@10% or 17:exception=6@1/5")
-    unit, name, value, share, every = found.groups()
+    unit, _, rest = text.rpartition(":")
+    named, _, share = rest.partition("@")
+    name, _, value = named.partition("=")
     if name not in FAULTS:
         raise FaultError(f"no fault {name!r}: there are {', '.join(FAULTS)}")
     kind = FAULTS[name]
-    if value is not None and not kind.least <= int(value) <= kind.most:
-        takes = f"takes {kind.least} to {kind.most} ({kind.measure})" if kind.measure else "takes no value"
-        raise FaultError(f"{name} {takes}, not {value}")
-    if unit is not None and int(unit) > LAST_UNIT:
-        raise FaultError(f"{unit} is no unit from 0 to {LAST_UNIT}")
-    if (share is not None and not 0 < float(share) <= 100) or every == "0":
-        raise FaultError(f"{text!r}: a share is a percentage up to 100 %, or 1/N")
-    return Fault(
-        name,
-        kind.usual if value is None else int(value),
-        None if unit is None else int(unit),
-        1 if every is None else int(every),
-        None if share is None else float(share) / 100,
-    )
+    every, chance = _share(share or "1/1")
+    number = _number(value or str(kind.usual), kind.least, kind.most, name)
+    return Fault(name, number, _number(unit, 0, LAST_UNIT, "unit") if unit else None, every, chance)
+
+
+def _number(text: str, least: int, most: int, what: str) -> int:
+    fits = text.isascii() and text.isdecimal() and len(text) <= _DIGITS and least <= int(text) <= most
+    if not fits:
+        raise FaultError(f"{what} takes {least} to {most}, not {text}")
+    return int(text)
+
+
+def _share(text: str) -> tuple[int, float | None]:
+    """Each so manyth, or by what chance."""
+    if text.startswith("1/"):
+        return _number(text[2:], 1, _RAREST, "1/N"), None
+    percent = text.removesuffix("%").replace(".", "", 1)
+    known = text.endswith("%") and percent.isdecimal() and percent.isascii()
+    share = float(text[:-1]) / 100 if known else 0.0
+    if not 0 < share <= 1:
+        raise FaultError(f"share {text}: a percentage up to 100 %, or 1/N")
+    return 1, share
 
 
 class FaultyAnswers:
@@ -134,22 +141,19 @@ class FaultyAnswers:
 
     def __init__(self, faults: Sequence[Fault], random: Random | None = None) -> None:
         self._faults, self._random = faults, random or Random()
-        self._turns = Counter[int]()
+        self._turns = Counter[Fault]()
         self.shown = Counter[str]()
 
     def due(self, unit: int) -> Fault | None:
         """The fault of the next answer of a unit; None: it is well."""
-        found = None
-        for number, fault in enumerate(self._faults):
-            if fault.unit in (None, unit):
-                self._turns[number] += 1
-                if found is None and self._comes(fault, self._turns[number]):
-                    found = fault
-        if found is not None:
-            self.shown[found.name] += 1
+        mine = [fault for fault in self._faults if fault.unit in (None, unit)]
+        self._turns.update(mine)
+        found = next(filter(self._comes, mine), None)
+        self.shown.update([] if found is None else [found.name])
         return found
 
-    def _comes(self, fault: Fault, turn: int) -> bool:
+    def _comes(self, fault: Fault) -> bool:
+        turn = self._turns[fault]
         return turn % fault.every == 0 if fault.chance is None else self._random.random() < fault.chance
 
     def spoilt(self, fault: Fault, answer: TwinAnswer) -> TwinAnswer | None:
