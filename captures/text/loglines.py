@@ -72,6 +72,7 @@ class LogLine:
     quiet: bool = False
     problem: str | None = None
     stamped: bool = False
+    until: int = 0  # the last of the lines that say the same at the same time
 
     @property
     def is_known(self) -> bool:
@@ -139,6 +140,10 @@ class LineReader:
             if len(self._screen) > _SCREEN:
                 del self._screen[next(iter(self._screen))]
         return parsed
+
+    def runs_of(self, text: str) -> list[ByteRun]:
+        """The runs of a line by itself."""
+        return self._searched(stamps.find(text, self.zone)[1])[1]
 
     def _says_nothing(self, learnt: int) -> bool:
         """Whether a line that held nothing holds nothing here, either: nothing above waits for it."""

@@ -20,8 +20,9 @@ from .choosing import MOST_JUDGED, ByteRun, Experience
 from .entries import entries_of, payload_of, whole_entries, whole_words, with_repeats
 from .judging import ByteJudge, lenient, no_judge
 from .loglines import LineReader, LogLine
-from .plain import entries_in, is_of_mail, mended, quoted, turns_in, unfolded, unquoted, unwrapped
+from .plain import entries_in, is_of_mail, quoted, turns_in, unfolded, unquoted, unwrapped
 from .settling import only_bytes, settle
+from .wraps import Unwrapper
 
 LOOKED_FOR: Final = "such as 11 03 00 6B or :1103006B…"  # behind "no hex bytes"
 _LEARNT_LINES: Final = 800  # of a text's beginning,
@@ -167,11 +168,15 @@ class LogReader:
         return read
 
     def _parts(self, reader: LineReader, beginning: Sequence[str]) -> list[LogLine]:
-        return [part for number, line in self._whole(enumerate(beginning, 1)) for part in _read(reader, line, number)]
+        return [
+            part
+            for number, line in self._whole(enumerate(beginning, 1), reader)
+            for part in _read(reader, line, number)
+        ]
 
     def feed(self, lines: Iterable[tuple[int, str]]) -> Iterator[Piece | UnreadLine]:
         """Lines with their numbers; gives what has been settled."""
-        for number, line in self._whole(lines):
+        for number, line in self._whole(lines, self._lines):
             for part in _read(self._lines, line, number):
                 self._waiting.append(part)
                 for run in part.runs:
@@ -183,9 +188,9 @@ class LogReader:
         """No more lines come; gives the rest."""
         yield from self._settled(len(self._waiting))
 
-    def _whole(self, lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
+    def _whole(self, lines: Iterable[tuple[int, str]], reader: LineReader) -> Iterator[tuple[int, str]]:
         bare = unquoted(unfolded(lines) if self._experience.mail else lines)
-        return with_repeats(_parted(whole_entries(mended(unwrapped(whole_words(bare))))))
+        return with_repeats(_parted(whole_entries(Unwrapper(reader.runs_of).lines(unwrapped(whole_words(bare))))))
 
     def _line_reader(self) -> LineReader:
         return LineReader(self._settler(), self._zone, self._sample_rate, self._experience)

@@ -187,15 +187,8 @@ _TURN: Final = re.compile(  # how one begins that has its time, wherever it stan
 _TURN_BYTES: Final = re.compile(rf"(?:(?<!\w)(?:0[xX])?{H}{{2}}(?!\w)[ ,:.-]{{0,2}}){{4}}|(?<!\w){H}{{8,}}(?!\w)")
 _NO_SIGN_OF_CELLS: Final = re.compile(r"[^;\t|]")
 _SIGNS_OF_CLOCKS: Final = 4  # in a line that has two
-_WINDOW: Final = 38  # columns that a window has at least
-_PAIRS_WIDE: Final = 14  # characters of a few pairs
-_BROKEN: Final = re.compile(rf"(?: {H}{{2}}){{4}} {H}$")
-_BEGUN: Final = re.compile(rf"{H}(?:(?: {H}{{2}}){{2}}|(?: {H}{{2}})?\s*$)")
-_SOLID: Final = re.compile(rf"(?<!\w){H}{{38,}}$")  # digits without blanks, `_WINDOW` of them at least
-_GOES_ON: Final = re.compile(rf"{H}+\s*$")
 _FOLDED: Final = (60, 76)  # characters of a line that a mail folds
 _MOST_FOLDED: Final = 64  # lines into one
-_QUOTED: Final = re.compile(r"(?:>[ \t]?)+")
 _STAMP: Final = re.compile(r"[\s\[(<|]*\d{1,4}[-/.:]\d\d?[-/.:]\d\d?")
 _DATE: Final = re.compile(r"\d[-/.]\d\d$")
 _WRAPPED: Final = range(40, 141)  # columns at which texts are broken
@@ -225,9 +218,8 @@ def _paragraph(held: list[tuple[int, str]]) -> list[tuple[int, str]]:
     if len(held) < _LEAST_WRAPPED:
         return held
     texts = [line.rstrip() for _, line in held]
-    signs = [_QUOTED.match(text) for text in texts]
-    if all(signs):
-        texts = [text[len(sign[0]) :] for text, sign in zip(texts, signs, strict=True) if sign is not None]
+    if all(text.startswith(">") for text in texts):
+        texts = [text.lstrip("> \t") for text in texts]
     width = max(map(len, texts))
     if ENTRY.match(texts[0]) is None or width not in _WRAPPED:
         return held
@@ -283,27 +275,3 @@ def unfolded(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
             yield number, line
     if held:
         yield first, "".join(held)
-
-
-def mended(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
-    """Lines, with a byte that a terminal's edge broke in two whole at the end of the first."""
-    held: tuple[int, str] | None = None
-    goes_on = _BEGUN
-    for number, line in lines:
-        text = line.rstrip("\r\n")
-        if held is not None:
-            if goes_on.match(text):
-                yield held[0], held[1] + text[0]
-                text = line = text[1:]
-            else:
-                yield held
-            held = None
-        solid = _SOLID.search(text) if len(text) >= _WINDOW and text[-_WINDOW:].isalnum() else None
-        goes_on = _GOES_ON if solid is not None and len(solid[0]) % 2 else _BEGUN
-        broken = goes_on is _GOES_ON or _BROKEN.search(text, max(len(text) - _PAIRS_WIDE, 0)) is not None
-        if broken and len(text) >= _WINDOW:
-            held = number, text
-        else:
-            yield number, line
-    if held is not None:
-        yield held

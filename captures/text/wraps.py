@@ -1,0 +1,136 @@
+"""Lines that a terminal, a mail or a window has broken: the wrapped and the unwrapped reading are compared.
+
+A break is where bytes end a line and the next line begins with bytes. Lines are put together, with a blank or with
+nothing between, where frames with right check values then cross the seams that no reading line by line explains. How
+wide the lines are that were put together is learnt: others as wide, whose frames are damaged, follow them.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import accumulate, islice
+from typing import Final
+
+from . import stamps
+from .choosing import ByteRun
+from .plain import plain
+
+Runs = Callable[[str], Sequence[ByteRun]]  # of a line as it stands there
+Line = tuple[int, str]
+
+_BEGINS: Final = re.compile(r"[\s>*#/|]{0,12}(?:,\s?)?(?:0?[xX]|16#|\\x|[$%\\&'\"\[<({,-]|#)?[0-9A-Fa-f]")
+_ENDS: Final = re.compile(r"[0-9A-Fa-f][\s,\\hH'\"\])}>;:|.-]{0,4}$|[xX#$%0\\\[<&]$|[,-]\s?$")
+_MARGIN: Final = " \t>*#/|"  # what mails and tables put before a line
+_CLOSING: Final = " ,;\\|`'\"])}>"
+_MOST_LINES: Final = 48
+_MOST: Final = 2048  # characters
+_PATIENCE: Final = 40  # breaks in vain
+_LONG_CHAIN: Final = 8  # lines
+_NARROW: Final = 24  # columns: no window is narrower
+_LONGER: Final = 8  # characters that a line may have more than the first
+_SLACK: Final = 12  # columns that a word at a break may leave empty
+
+
+class Unwrapper:
+    """Puts lines of a text together that were one; `runs` reads a line."""
+
+    def __init__(self, runs: Runs) -> None:
+        self._runs = runs
+        self._widths: dict[str, int] = {}  # of lines that were put together, by what is put between
+        self._waited = 0  # breaks in vain
+
+    def lines(self, lines: Iterable[Line]) -> Iterator[Line]:
+        """The lines, with the numbers of the first that they were put together of."""
+        source = iter(lines)
+        ahead: deque[Line] = deque(islice(source, 1))
+        while ahead:
+            count = self._chain(ahead, source) if self._waited < _PATIENCE else 1
+            number, text = ahead[0]
+            spent = 1
+            if count > 1:
+                found = self._merged([plain(text) for _, text in islice(ahead, count)])
+                self._waited = self._waited + 1 if found is None else 0
+                if found is not None:
+                    text, spent = found
+                elif count >= _LONG_CHAIN:  # from the next line on it would be the same
+                    yield from (ahead.popleft() for _ in range(count - 2))
+                    number, text = ahead[0]
+            yield number, text
+            for _ in range(spent):
+                ahead.popleft()
+            if not ahead:
+                ahead.extend(islice(source, 1))
+
+    def _chain(self, ahead: deque[Line], source: Iterator[Line]) -> int:
+        """How many lines from the first on may be one: each begins with bytes where that above ends with them."""
+        first = ahead[0][1]
+        if not _NARROW <= len(first) <= _MOST or not _ENDS.search(first.rstrip()):
+            return 1
+        count, size = 1, len(first)
+        while count < _MOST_LINES and size < _MOST:
+            if count == len(ahead):
+                ahead.extend(islice(source, 1))
+            if count == len(ahead):
+                break
+            above, text = ahead[count - 1][1], ahead[count][1]
+            if len(text) > len(first) + _LONGER or not _BEGINS.match(text) or stamps.find(text)[0] is not None:
+                break
+            if not _ENDS.search(above.rstrip()) or (count == 1 and self._is_settled(plain(first))):
+                break
+            count, size = count + 1, size + len(text)
+        return count
+
+    def _is_settled(self, text: str) -> bool:
+        """Whether a line ends with bytes that need nothing more."""
+        runs = self._runs(text)
+        if not runs or not _is_whole(runs[-1]):
+            return False
+        return not text.rstrip()[-1:].isalnum() or _covers(runs[-1], text)
+
+    def _merged(self, texts: Sequence[str]) -> tuple[str, int] | None:
+        """The lines as one, and how many of them, if that reads more than each alone."""
+        alone = sum(_covered(run) for text in texts for run in self._runs(text))
+        for between in ("", " "):
+            parts = [texts[0].rstrip() if between else texts[0]]
+            for text in texts[1:]:
+                part = text.strip(_MARGIN) if between else text
+                parts.append(between + part)
+            seams = [*accumulate(map(len, parts))]
+            runs = self._runs("".join(parts))
+            run = next((run for run in runs if run.start < seams[0] < run.end), None)
+            if run is None:
+                continue
+            count = next(k for k, seam in enumerate(seams, 1) if run.end <= seam)
+            known = self._widths.get(between)
+            width = len(parts[0])
+            fits = known is not None and (width == known if not between else width + _SLACK > known)
+            more = sum(map(_covered, runs)) > alone and self._crosses(run, parts)
+            if not (more or fits):
+                continue
+            self._widths[between] = max(width, known or 0) if between else width
+            return "".join(parts[:count]), count
+        return None
+
+    def _crosses(self, run: ByteRun, parts: Sequence[str]) -> bool:
+        """Whether a frame with a right check value goes over the first seam."""
+        if not _is_whole(run):
+            return False
+        if parts[0][-1:].isalnum() and parts[1][:1].isalnum():
+            return True
+        before = next((one for one in self._runs(parts[0]) if one.start == run.start), None)
+        at = len(before.data) if before is not None else 1
+        return any(span.start < at < span.end for span in run.checked)
+
+
+def _covered(run: ByteRun) -> int:
+    return sum(span.end - span.start for span in run.checked)
+
+
+def _is_whole(run: ByteRun) -> bool:
+    return bool(run.checked) and _covered(run) == len(run.data)
+
+
+def _covers(run: ByteRun, text: str) -> bool:
+    return not text[run.end :].strip(_CLOSING)
