@@ -159,7 +159,7 @@ def _alike(parts: Sequence[PastePart], envelope: Envelope, roles: Sequence[Role]
         return Paste("tcp", tr("TCP: MBAP headers (protocol 0, a length)"), _tcp(data, parts, roles))
     if envelope == "auto":
         frames = _ascii(data, roles)
-        if frames and (any(part.ascii for part in parts) or any(frame.check_ok for frame in frames)):
+        if frames and (any(frame.check_ok for frame in frames) or _shows_ascii(parts)):
             return Paste("ascii", _why_ascii(frames), _tiled(data, frames))
     exact = rtu.exact(data, parts, roles)
     if exact is not None:
@@ -179,6 +179,15 @@ def _alike(parts: Sequence[PastePart], envelope: Envelope, roles: Sequence[Role]
             why = tr("TCP: MBAP headers (protocol 0, right length), {cover}; no CRC fits", cover=cover)
             return Paste("tcp", why, mbap)
     return _inexact(data, parts, envelope, roles)
+
+
+def _shows_ascii(parts: Sequence[PastePart]) -> bool:
+    """Whether parts are written as frames of ASCII mode, and none has a right check value of another envelope."""
+    if not any(part.ascii for part in parts):
+        return False
+    from .evidence import envelope_of
+
+    return all(envelope_of(part.data) is None for part in parts if not part.ascii)
 
 
 def _inexact(data: bytes, parts: Sequence[PastePart], envelope: Envelope, roles: Sequence[Role]) -> Paste:

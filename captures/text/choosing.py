@@ -76,13 +76,21 @@ class ByteRun:
     arrow: bool = False  # its mark is no word: `->` may join who asks to who answers
     others: Sequence[HexWindow] = ()  # the same characters read otherwise
     rivals: Sequence[str] = ()
+    width: int = 0  # digits of each word, where it is several
+    joined: int = 0  # the number of the frame with a right check value of which it is a part, with other runs
+    echoed: bool = False  # the answer to that may be the same bytes again
+
+    @property
+    def build(self) -> str:
+        """Its shape, and how wide its words are."""
+        return f"{self.shape} of {self.width}" if self.width else self.shape
 
     def anew(self) -> ByteRun:
         """The same before it was decided on."""
         return ByteRun(
             self.data, self.start, self.end, self.shape, self.level, self.label, self.mark, self.direct, "", self.ascii,
             self.cut, self.offset, self.halved, checked=self.checked, arrow=self.arrow, others=self.others,
-            rivals=self.rivals,
+            rivals=self.rivals, width=self.width,
         )  # fmt: skip
 
     def take(self, candidate: HexWindow | ByteRun) -> None:
@@ -99,6 +107,9 @@ class Experience:
 
     met: dict[tuple[str, str], int] = field(default_factory=dict)
     reports: set[tuple[str, ...]] = field(default_factory=set)  # labels and shapes of two reports of the same bytes
+    plainest: float = 0.0  # bits of what looks most like bytes
+    proven: set[tuple[str, str]] = field(default_factory=set)  # labels and shapes of right check values
+    doubled: set[tuple[str, str]] = field(default_factory=set)  # of lines that each stand there several times
     columns: dict[str, tuple[int, str]] = field(default_factory=dict)  # of lines alike: which number, read how
     numbers: dict[str, tuple[int, str]] = field(default_factory=dict)  # the same of lines without words
     named: dict[str, tuple[int, str]] = field(default_factory=dict)  # of lines that name a field of a frame
@@ -106,9 +117,12 @@ class Experience:
     tails: set[tuple[str, str]] = field(default_factory=set)  # labels and shapes of check values behind their frames
     growing: set[tuple[str, str]] = field(default_factory=set)  # labels and shapes of buffers shown at each arrival
     parted_in_vain: int = 0  # lines of digits run together
+    frames: int = 0  # that several runs are together
+    pieces_in_vain: int = 0  # of reads in pieces
     in_vain: int = 0  # rows of numbers whose columns were searched without finding anything
     right: dict[tuple[str, str], int] = field(default_factory=dict)
     shapes: set[str] = field(default_factory=set)  # in which check values are right
+    builds: set[str] = field(default_factory=set)  # the same with the width of words
     mail: bool = False  # it is as mails are sent: `=3D`, and `=` where a line goes on
     fraction: int = 0  # digits that fractions of seconds stand for, where leading zeros are missing
     steps: bool = False  # times with a plus are steps from the one above
@@ -125,6 +139,8 @@ class Experience:
         """One more run."""
         if run.checked:
             self.shapes.update((run.shape, *run.rivals))
+            self.builds.update((run.build, *run.rivals))
+            self.proven.add((run.label, run.shape))
             if run.shape.startswith("pairs"):
                 self.shapes.add(LOOK_ALIKES)  # pairs, too, of letters that are typed in their place
         right = run.checked or (run.level is Writing.BYTES and run.label)
@@ -132,6 +148,12 @@ class Experience:
             self.met[label, run.shape] = self.met.get((label, run.shape), 0) + 1
             for shape in (run.shape, *run.rivals) if right else ():
                 self.right[label, shape] = self.right.get((label, shape), 0) + 1
+
+    def support(self, run: ByteRun, span: Checked) -> None:
+        """A run is of the newest frame whose check value is right, though it does not hold all of it."""
+        run.joined, run.echoed = self.frames, span.repeats
+        self.builds.add(run.build)
+        self.proven.add((run.label, run.shape))
 
     def trust(self, label: str, shape: str, *, direct: bool) -> int:
         """How often what stands behind this label, or mark, in this shape was right; 0 where it mostly was not."""
@@ -225,7 +247,7 @@ def _ranked(candidate: HexWindow, line: TextLine, judge: ByteJudge, experience: 
     shown = line.text[candidate.start : candidate.end]
     padded = candidate.shape == "decimal" and _PAIR_OF_HEX.search(shown) is not None
     if padded:  # no header says more than that numbers are not written so
-        checked = [span for span in checked if span.envelope != "tcp"]
+        checked = [span for span in checked if span.envelope != "tcp" and not experience.damaged]
     covered = sum(span.end - span.start for span in checked)
     trusted = announced = 0
     if experience.right and not padded:
@@ -244,10 +266,15 @@ def _parted(line: TextLine, judge: ByteJudge, experience: Experience) -> list[_R
     if experience.damaged or experience.parted_in_vain >= _PATIENCE:
         return []
     ways = [_ranked(candidate, line, judge, experience) for candidate in run_together(line)]
-    right = [entry for entry in ways if entry.whole and not (entry.checked[0].turned or entry.checked[0].odd)]
+    right = [entry for entry in ways if entry.whole and _is_beyond_chance(entry.checked[0])]
     if ways:
         experience.parted_in_vain = 0 if right else experience.parted_in_vain + 1
     return right if len(right) == 1 else []
+
+
+def _is_beyond_chance(span: Checked) -> bool:
+    """Whether a check value says it: zeros are a header of Modbus TCP in many a number."""
+    return not (span.turned or span.odd) and span.envelope != "tcp"
 
 
 def _is_listed(line: TextLine, candidate: HexWindow) -> bool:
@@ -265,10 +292,11 @@ def _is_no_frame(candidate: HexWindow, line: TextLine) -> bool:
 
 def _run(candidate: HexWindow, line: TextLine, checked: Sequence[Checked]) -> ByteRun:
     data, start, end, shape, level, ascii_mode, offset, _ = candidate
+    words = line.text[start:end].split() if shape == "words" else ()
     halved = shape == "pairs" and not checked and is_halved(line, start, end)
     return ByteRun(
         data, start, end, shape, level, label_of(line, start), ascii=ascii_mode, cut=is_cut(line, end), offset=offset,
-        halved=halved, checked=checked,
+        halved=halved, checked=checked, width=len(words[0]) if len(words) > 1 else 0,
     )  # fmt: skip
 
 

@@ -81,11 +81,11 @@ def _is_ruler(line: LogLine) -> bool:
 
 
 def is_right(line: LogLine) -> bool:
-    return any(run.taken and (run.checked or run.sure) for run in line.runs)
+    return any(run.taken and (run.checked or run.sure or run.joined) for run in line.runs)
 
 
 def holds_bytes(line: LogLine) -> bool:
-    return any(run.taken and (len(run.data) > FEW or run.checked or run.sure) for run in line.runs)
+    return any(run.taken and (len(run.data) > FEW or run.checked or run.sure or run.joined) for run in line.runs)
 
 
 def _fields_of(
@@ -188,7 +188,8 @@ def _take_known(lines: Sequence[LogLine], experience: Experience) -> None:
     fields = {name for name, way in zip(names, known, strict=True) if way is not None and any(map(str.isalpha, name))}
     ways = {way for way in known if way is not None}
     if len(ways) == 1 and len(fields) >= FIELDS and 2 * sum(way is not None for way in known) > len(lines):
-        known = [*ways] * len(lines)
+        inside = [i for i, way in enumerate(known) if way is not None]
+        known[inside[0] : inside[-1] + 1] = [*ways] * (inside[-1] + 1 - inside[0])
     named: set[str] = set()
     for i, (line, name, way) in enumerate(zip(lines, names, known, strict=True)):
         if way is None or bytes_of_columns([line]) or holds_bytes(line):
@@ -219,7 +220,7 @@ def _one_column(
     if len(lines) < LEAST_COLUMN:
         return None
     tried: list[list[bytes | None]] = []  # of lines with as many numbers each, every column comes twice
-    best: tuple[int, int, str, list[int]] | None = None  # that of the most lines
+    best: tuple[tuple[int, bool], int, str, list[int]] | None = None  # that of the most lines, best one below the other
     bits = any(token.is_bits for line in lines[:LEAST_COLUMN] for token in tokens_of(line))
     for reading in ("hexadecimal", "decimal", *(("binary",) if bits else ()), JOINED):
         table = [() if reading != JOINED and holds_bytes(line) else tokens_of(line, reading) for line in lines]
@@ -235,8 +236,9 @@ def _one_column(
             rows = len(inside) - inside.count(0)
             if damaged and 0 in inside:
                 continue
-            if rows and (best is None or rows > best[0]):
-                best = rows, i, reading, inside
+            starts = {tokens[i].start for tokens, frame in zip(table, inside, strict=True) if frame}
+            if rows and (best is None or (rows, len(starts) == 1) > best[0]):
+                best = (rows, len(starts) == 1), i, reading, inside
     if best is None:
         return None
     _, i, reading, inside = best

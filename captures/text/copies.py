@@ -41,12 +41,12 @@ class _Entry:
 
     @property
     def checked(self) -> bool:
-        return any(run.checked for run in self.runs)
+        return any(run.checked or run.joined for run in self.runs)
 
     @property
     def repeats(self) -> bool:
         """Whether an answer may be the same bytes, or the first of them."""
-        return any(span.repeats for run in self.runs for span in run.checked)
+        return any(run.echoed for run in self.runs) or any(span.repeats for run in self.runs for span in run.checked)
 
     @property
     def template(self) -> tuple[str, str]:
@@ -76,6 +76,7 @@ def _entries(lines: Sequence[LogLine]) -> Iterator[_Entry]:
                 and run.shape == held.runs[-1].shape == COLUMN_SHAPE
                 and run.label == held.runs[-1].label
             )
+            same = same or (held is not None and 0 < run.joined == held.runs[-1].joined)
             if held is not None and not i and (line.continues or same):
                 held.data += run.data
                 held.last = line
@@ -89,6 +90,8 @@ def _entries(lines: Sequence[LogLine]) -> Iterator[_Entry]:
 
 
 def settle_copies(lines: Sequence[LogLine], experience: Experience) -> None:
+    """Leave out what was said before: by another handler of the same event, or in other words."""
+    _leave_out_doubles(lines, experience)
     recent: list[_Entry] = []
     for entry in _entries(lines):
         turned, others = False, 0  # the other side spoke in between; whole frames that stand there
@@ -115,6 +118,28 @@ def settle_copies(lines: Sequence[LogLine], experience: Experience) -> None:
         else:
             recent.append(entry)
         del recent[:-4]
+
+
+def _leave_out_doubles(lines: Sequence[LogLine], experience: Experience) -> None:
+    """Of lines of which each stands there several times at one time, as handlers print them, the first of each."""
+    kinds: dict[tuple[str, str], list[list[LogLine]]] = {}
+    for line in lines:
+        run = next((run for run in line.runs if run.taken), None)
+        if run is None or not line.fine:
+            continue
+        alike = kinds.setdefault((run.label, run.shape), [])
+        if alike and alike[-1][0].text == line.text and line.number == alike[-1][-1].number + 1:
+            alike[-1].append(line)
+        else:
+            alike.append([line])
+    for kind, alike in kinds.items():
+        if len(alike) > 1 and all(len(same) > 1 for same in alike):
+            experience.doubled.add(kind)
+        for first, *more in alike if kind in experience.doubled else ():
+            first.until = more[-1].number if more else first.number
+            for line in more:
+                for run in line.runs:
+                    run.taken, run.why = False, f"the same bytes as in line {first.number}"
 
 
 def _leave_out_copy(drop: _Entry, other: _Entry) -> None:
@@ -153,7 +178,8 @@ def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience, *, turn
         return earlier
     if _is_pdu_of(entry, earlier) or _explains(entry, earlier):
         return entry
-    if min(len(earlier.data), len(entry.data)) < _LEAST_COPY:
+    pair = (*earlier.template, *entry.template)
+    if min(len(earlier.data), len(entry.data)) < _LEAST_COPY and pair not in experience.reports:
         return None
     if earlier.template == entry.template and not same_line:
         return entry if _is_logged_twice(earlier, entry) else None
@@ -161,28 +187,8 @@ def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience, *, turn
         return None
     if same_line and turned and earlier.template[1] == entry.template[1]:
         return None  # several turns in one line
-    pair = (*earlier.template, *entry.template)
     if entry.data in (earlier.data, earlier.decoded):
-        marked = earlier.mark == entry.mark != 0 and not (earlier.runs[0].arrow and entry.runs[0].arrow)
-        timed = earlier.last.t_ns is not None and entry.first.t_ns is not None
-        if entry.template[1] == COLUMN_SHAPE:
-            return entry  # field by field what the line above says
-        if not (same_line or marked or timed) and entry.runs[0].heading:
-            return None  # only the words above them differ: somebody shows the same frame again
-        if earlier.checked and not earlier.repeats:
-            experience.reports.add(pair)
-            if earlier.template in experience.growing:
-                experience.growing.add(entry.template)
-            return entry
-        elsewise = earlier.runs[0].shape != entry.runs[0].shape  # the same bytes, written in another way
-        if same_line:
-            twice = entry.template[1] == "\\x" and not earlier.checked  # one string, said twice
-            return entry if elsewise or twice else None
-        if _is_named_alike(earlier, entry):
-            return entry
-        buffered = elsewise and timed and not earlier.checked  # what was read, and the buffer that holds it
-        dumped = elsewise and earlier.runs[0].sure and not entry.mark and entry.first.number == earlier.last.number + 1
-        return entry if marked or buffered or dumped or pair in experience.reports else None
+        return entry if _is_said_again(earlier, entry, pair, experience) else None
     if same_line and len(entry.data) == len(earlier.data):  # a string and its hex, in another encoding
         strings = [one for one in (earlier, entry) if one.runs[0].shape == "\\x"]
         same = sum(a == b for a, b in zip(earlier.data, entry.data, strict=True))
@@ -194,8 +200,34 @@ def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience, *, turn
             experience.reports.add(pair)
         return entry if pair in experience.reports else None
     if not turned and not earlier.checked and entry.checked and earlier.data in entry.data:
+        experience.reports.add(pair)
         return earlier
     return None
+
+
+def _is_said_again(earlier: _Entry, entry: _Entry, pair: tuple[str, ...], experience: Experience) -> bool:
+    """Whether the same bytes behind other words are one report more of the same."""
+    same_line = earlier.last is entry.first
+    marked = earlier.mark == entry.mark != 0 and not (earlier.runs[0].arrow and entry.runs[0].arrow)
+    timed = earlier.last.t_ns is not None and entry.first.t_ns is not None
+    if entry.template[1] == COLUMN_SHAPE:
+        return True  # field by field what the line above says
+    if not (same_line or marked or timed) and entry.runs[0].heading:
+        return False  # only the words above them differ: somebody shows the same frame again
+    if earlier.checked and not earlier.repeats:
+        experience.reports.add(pair)
+        if earlier.template in experience.growing:
+            experience.growing.add(entry.template)
+        return True
+    elsewise = earlier.runs[0].shape != entry.runs[0].shape  # the same bytes, written in another way
+    if same_line:
+        return elsewise or (entry.template[1] == "\\x" and not earlier.checked)  # one string, said twice
+    below = entry.first.number == earlier.last.number + 1
+    dumped = below and earlier.runs[0].sure and not entry.mark
+    buffered = timed and not earlier.checked  # what was read, and the buffer that holds it
+    return (
+        marked or (elsewise and (dumped or buffered)) or pair in experience.reports or _is_named_alike(earlier, entry)
+    )
 
 
 def _is_pdu_of(entry: _Entry, earlier: _Entry) -> bool:
@@ -230,7 +262,7 @@ def _is_logged_twice(earlier: _Entry, entry: _Entry) -> bool:
     if earlier.data != entry.data or not earlier.mark == entry.mark != 0 or not entry.runs[0].label:
         return False
     first, second = earlier.first, entry.first
-    if not (first.fine and second.fine) or second.number - earlier.last.number != 1:
+    if not (first.fine and second.fine) or second.number - max(earlier.last.number, earlier.last.until) != 1:
         return False
     alike = _DIGITS.sub("", first.text) == _DIGITS.sub("", second.text)
     return abs((second.t_ns or 0) - (first.t_ns or 0)) <= (0 if alike else _HANDLERS_NS)

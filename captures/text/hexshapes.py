@@ -35,7 +35,8 @@ _GLUED: Final = (
 _SIGN: Final = (  # C, PLC languages, Pascal, Basic, URLs, Verilog
     r"(?:0[xX]|(?:[A-Z]+#)?16#|\$|&[hH]|%|8'[hH]|[XxHh]['\"]?)"
 )
-_PAIRS: Final = re.compile(rf"{EDGE}{H}{{2}}(?:[ \t]{{1,4}}{H}{{2}})*{_GLUED}")
+_FRACTION: Final = r"(?!\.\d{1,3}(?:[\s)]|[mµu]?s))"  # `10.5ms` behind bytes
+_PAIRS: Final = re.compile(rf"{EDGE}{H}{{2}}(?:[ \t]{{1,4}}{H}{{2}})*{_FRACTION}{_GLUED}")
 _LOOSE: Final = re.compile(rf"{EDGE}(?:{H}{{2}}){{1,4}}(?:[ \t]{{1,6}}(?:{H}{{2}}){{1,4}})+{END}")
 _PAIR_OF_PAIRS: Final = 2
 _SIGNED: Final = re.compile(
@@ -43,7 +44,7 @@ _SIGNED: Final = re.compile(
 )
 _WORDS: Final = re.compile(
     rf"(?:(?<![0-9A-Za-z_.#@])|(?<=[A-Za-z]#))"  # `TX#1103006B`
-    rf"(?:{H}{{2}}){{2,}}(?:(?P<gap>[ \t]{{1,2}})(?:{H}{{2}})+(?:(?P=gap)(?:{H}{{2}})+)*)?{_GLUED}"
+    rf"(?:{H}{{2}}){{2,}}(?:(?P<gap>[ \t]{{1,2}})(?:{H}{{2}})+(?:(?P=gap)(?:{H}{{2}})+)*)?{_FRACTION}{_GLUED}"
 )
 _BETWEEN: Final = r"(?:[\s,;|'\"\\]{0,4}|[-:/.]|\][ \t]?\[|>[ \t]?<|\}[ \t]?\{|\)[ \t]?\()"  # of signed bytes
 _UP_TO_SIGN: Final = rf"{H}+?(?=(?P=sign)|(?!{H}))"  # the next byte's, which may begin with a digit

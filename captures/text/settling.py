@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from itertools import pairwise, product
+from itertools import pairwise
 from typing import Final
 
 from .candidates import CHECK_NAME, HexWindow, Writing, is_ruler, shows
@@ -26,10 +26,9 @@ from .copies import (
 )
 from .judging import ByteJudge, Checked, unturned
 from .loglines import LogLine
+from .series import settle_series, settle_tails
+from .weighing import is_counted, is_measured, leave_out_computed, leave_out_unsupported
 
-_TAIL: Final = 260  # bytes without a right check value that a later run may complete
-_TAIL_RUNS: Final = 4
-_TAIL_LINES: Final = 16
 _ADDRESS: Final = 4  # numbers of an IP address
 _ROWS: Final = (8, 16, 20, 32)  # bytes of a full row
 _NEAR: Final = 5  # lines between a count and the bytes that it counts
@@ -47,29 +46,34 @@ def settle(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -
     for line in lines:
         for run in line.runs:
             run.taken = _speaks_for_itself(run, line, experience)
+    leave_out_computed(lines)
     leave_out_line_numbers(lines)
     leave_out_counts(lines)
     _counts(lines)
     _beside(lines)
     settle_single_bytes(lines)
     settle_narrow_dumps(lines, judge)
+    settle_series(lines, judge, experience)
     settle_columns(lines, unturned(judge), experience)
     _blocks(lines, judge, experience)
     _rows_of_dumps(lines, judge)
     if not experience.damaged:
-        _tails(lines, judge, experience)
+        settle_tails(lines, judge, experience)
     settle_unchecked(lines, experience)
     _as_long_as_they_say(lines, judge, experience)
     _named_check_values(lines)
     settle_behind_cuts(lines)
     _ends_of_arrays(lines)
     _bytes_alone(lines)
+    leave_out_unsupported(lines, judge, experience)
     settle_copies(lines, experience)
 
 
 def _speaks_for_itself(run: ByteRun, line: LogLine, experience: Experience) -> bool:
     if run.sure or run.checked:
         return True
+    if is_measured(run, line) or is_counted(run, line):
+        return is_counted(run, line)
     if run.level is Writing.NUMBER and is_ruler(re.findall(r"\w+", line.clean[run.start : run.end])):
         return False
     if run.halved and not experience.other:
@@ -224,6 +228,7 @@ def _reread(block: list[tuple[LogLine, ByteRun]], judge: ByteJudge, experience: 
                 at += len(run.data)
                 experience.right[run.label, shape] = experience.right.get((run.label, shape), 0) + 1
             experience.shapes.add(shape)
+            experience.builds.update(run.build for _, run in block)
             block[0][1].checked = checked
             return
 
@@ -330,41 +335,3 @@ def _named_check_values(lines: Sequence[LogLine]) -> None:
                 and _CALLED_CRC.search(line.clean[before.end : run.start])
             ):
                 run.taken = True
-
-
-# What completes a frame that other output interrupted.
-
-
-def _tails(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -> None:
-    open_runs: list[bytes] = []  # taken, but with no right check value yet
-    since, shape = 0, ""
-    for line in lines:
-        if line.number - since > _TAIL_LINES:
-            open_runs = []
-        alike = line.runs if len(line.runs) == 1 else sorted(line.runs, key=lambda run: run.shape != shape)
-        for run in alike:
-            if not run.taken and open_runs and len(run.data) <= _TAIL and _completes(run, open_runs, judge):
-                key = (run.label, run.shape)
-                experience.tails.add(key)
-                experience.right[key] = experience.right.get(key, 0) + 1
-                open_runs = []
-            elif run.taken:
-                joint = b"".join(open_runs) + run.data
-                whole = run.checked or (open_runs and any(span.end == len(joint) for span in judge(joint)))
-                open_runs = [] if whole else [*open_runs[1 - _TAIL_RUNS :], run.data[-_TAIL:]]
-                since, shape = line.number, run.shape
-
-
-def _completes(run: ByteRun, open_runs: Sequence[bytes], judge: ByteJudge) -> bool:
-    """Whether a frame begins in one of the open runs and ends with this one, which then is taken."""
-    candidates: tuple[ByteRun | HexWindow, ...] = (run, *run.others)
-    for turned, reading in product((False, True), candidates):  # a number has its high byte first
-        for i in range(len(open_runs)):
-            joint = b"".join(open_runs[i:]) + reading.data
-            begins = len(joint) - len(reading.data)
-            if any(span.start < begins and span.end == len(joint) and span.turned == turned for span in judge(joint)):
-                if isinstance(reading, HexWindow):
-                    run.take(reading)
-                run.taken = True
-                return True
-    return False

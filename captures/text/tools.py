@@ -46,6 +46,8 @@ _SIGNED: Final = {  # too common as words: marks only with a sign behind
 }  # fmt: skip
 _SPEAKERS: Final = {  # marks only before an arrow
     "master": TX, "client": TX, "host": TX, "m": TX, "мастер": TX, "ведущий": TX,
+    "plc": TX, "hmi": TX, "scada": TX, "pc": TX, "gateway": TX, "плк": TX, "панель": TX, "пк": TX,
+    "drive": RX, "meter": RX, "rtu": RX, "sensor": RX, "inverter": RX, "vfd": RX, "счётчик": RX, "счетчик": RX,
     "slave": RX, "server": RX, "device": RX, "s": RX, "слейв": RX, "ведомый": RX, "прибор": RX, "устройство": RX,
 }  # fmt: skip
 _EAST: Final = (  # parts of words in scripts that put no spaces between them; the last one in a word counts
@@ -102,9 +104,10 @@ _CANDIDATE: Final = re.compile(
     r"(?=\s+(?:(?:[0-9A-F]{2} ){2}[0-9A-F]{2}|(?:(?:0[xX]|16#|\$)[0-9A-Fa-f]{1,2}[ ,]{1,2}){3}|<Buffer |to\s)))?|"
     r"(?P<arrow>-{1,3}>|=+>|>{2,3}|<-{1,3}|<=+|<{2,3}|[→⇒▶←⇐◀]|^\s*(?:>\s+)?[<>](?=\s))"  # a quoted line's own
 )
+_NAME: Final = r"(?![0-9A-Fa-f]{2}(?!\w))[^\W\d_][^\W_]{0,15}"
 _NAMES: Final = re.compile(  # `Master -> Slave`: who says it to whom
-    r"(?<![^\W_])(?P<one>[^\W\d_]{1,16})\s?(?P<way>-{1,2}>|=>|→|<-{1,2}|<=|←)\s?"
-    r"(?P<other>(?![0-9A-Fa-f]{2}(?!\w))[^\W\d_]{1,16})(?![^\W_])"
+    rf"(?<![^\W_])(?P<one>{_NAME})\s?(?P<way>-{{1,2}}>|=>|→|<-{{1,2}}|<=|←)\s?(?P<other>{_NAME})(?![^\W_])"
+    r"(?P<bytes>(?=[\s:|=\])]{1,4}[\[(<'\"]?(?:0x)?[0-9A-Fa-f]{2}))?"
 )
 _SPEAKS: Final = re.compile(  # `Device --> 01 03`, `Slave <- 01 03`: whose bytes, or to whom
     r"(?<![^\W_])(?P<who>[^\W\d_]{4,16})\s?(?P<way>-{1,3}>|=+>|→|<-{1,3}|<=+|←)(?=\s{0,4}[\[(<'\"]?(?:0x)?[0-9A-Fa-f]{2})"
@@ -147,6 +150,8 @@ def marks(text: str) -> list[LineMark]:
         if names["way"][0] in "<←":
             sender, addressee = addressee, sender
         kind = _of_speaker(sender) or _OTHER[_of_speaker(addressee)]
+        if not kind and names["bytes"] is not None:  # names of plants: which of the two it is tells apart
+            kind = TX if sender < addressee else RX
         if kind:
             line_marks.append(LineMark(*names.span(), kind))
         begin = names.end()
@@ -190,7 +195,7 @@ def _of_word(word: str, *, signed: bool) -> int:
 
 
 def _of_speaker(word: str) -> int:
-    return _of_word(word, signed=True) or _SPEAKERS.get(word.lower(), NONE)
+    return _of_word(word, signed=True) or _SPEAKERS.get(word.lower().rstrip("0123456789"), NONE)
 
 
 def is_mark(word: str) -> bool:

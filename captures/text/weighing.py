@@ -1,0 +1,122 @@
+"""What no check value supports, weighed where others of the text are right: a sum of bits, above which nothing stands.
+
+Words of a stack, a session's number, a hash beside frames look like bytes. For them speaks that they are written as
+what is right, that a mark or known words stand before them, or a header that says their length.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import Final
+
+from .candidates import Writing
+from .choosing import MOST_JUDGED, ByteRun, Experience
+from .columns import COLUMN_SHAPE
+from .judging import ByteJudge
+from .loglines import LogLine
+
+_PRIOR: Final = {"words": -3.0, "pairs": 1.0, "base64": -6.0, "swapped words": -3.0, "pairs:": -1.0, "pairs-": -1.0}
+_ASCII: Final = -3.0  # a frame of ASCII mode whose LRC is wrong: a colon stands before many numbers
+_SIGNED: Final = 4.0  # a writing with signs of its own
+_ALIKE: Final = 4.0  # written as what is right
+_APART: Final = -2.0  # in words as wide as nothing that is right
+_MARKED: Final = 4.0
+_TRUSTED: Final = 4.0  # behind words behind which others are right
+_ANNOUNCED: Final = 5.0  # as long as its header says
+_HEADED: Final = 6  # bytes for which a header speaks
+_OFFSET: Final = 2.0  # of a dump of bytes
+_RIGHT: Final = 16.0
+_HARDLY: Final = 4.0  # so little speaks for it that anything plainer outweighs it
+_NEVER: Final = 99.0
+
+
+def leave_out_unsupported(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -> None:
+    """Take back what was taken for its looks alone, where others are right, or look more like bytes."""
+    groups = list(_groups(lines))
+    columns = (run for group in groups for _, run in group if run.shape == COLUMN_SHAPE and run.checked)
+    experience.builds.update(run.build for run in columns)
+    bits = [_bits_of(group, experience) for group in groups]
+    experience.plainest = max(experience.plainest, *bits, -_HARDLY)
+    least = 0.0 if experience.builds else -_HARDLY if experience.plainest > 0 else -_NEVER
+    for group, weight in zip(groups, bits, strict=True):
+        if weight <= least and not (weight + _ANNOUNCED > least and _is_announced(group, judge)):
+            for line, run in group:
+                run.taken = line.continues = False
+
+
+def _is_announced(group: Sequence[tuple[LogLine, ByteRun]], judge: ByteJudge) -> bool:
+    """Whether a run is as long as its header says."""
+    return any(len(run.data) >= _HEADED and judge(run.data[:MOST_JUDGED], damaged=True) for _, run in group)
+
+
+def _groups(lines: Sequence[LogLine]) -> Iterator[list[tuple[LogLine, ByteRun]]]:
+    """What was taken, read by read; of one what is written alike."""
+    group: list[tuple[LogLine, ByteRun]] = []
+    for line in lines:
+        for i, run in enumerate(run for run in line.runs if run.taken):
+            if i or not line.continues or (group and group[-1][1].build != run.build and not run.checked):
+                if group:
+                    yield group
+                group = []
+            group.append((line, run))
+    if group:
+        yield group
+
+
+def _bits_of(group: Sequence[tuple[LogLine, ByteRun]], experience: Experience) -> float:
+    if any(run.checked or run.joined or run.sure or run.shape == COLUMN_SHAPE for _, run in group):
+        return _RIGHT
+    return max(_bits(run, experience) for _, run in group)
+
+
+def _bits(run: ByteRun, experience: Experience) -> float:
+    bits = _ASCII if run.ascii else _PRIOR.get(run.shape, _SIGNED if run.level is Writing.BYTES else 0.0)
+    alike = run.build in experience.builds
+    bits += _ALIKE if alike else _APART if run.build != run.shape else 0.0
+    bits += _MARKED if run.mark else 0.0
+    bits += _TRUSTED if run.label and (run.label, run.shape) in experience.proven else 0.0
+    bits += _OFFSET if run.offset is not None and not run.width else 0.0
+    return bits
+
+
+_NOT_BUT: Final = ("!=", "<>")
+_CALLED_COMPUTED: Final = re.compile(
+    r"\b(?:expect\w*|actual|calculat\w*|comput\w*|should be)\b\W{0,5}(?:0x)?$", re.IGNORECASE
+)
+_COUNT: Final = re.compile(
+    r"(?<![\w.])(?:(\d{1,4}) ?|(?:single|one)[ -])(?:[Bb]ytes?|байта?|字节)\b(?: frame)?\)?[\s:=]{1,3}(?:0x)?$"
+)
+_BYTE_NAMES: Final = ("yte", "байт", "字节")
+_UNIT: Final = re.compile(
+    r"\.\d|\s?(?:ms|us|µs|ns|мс|мкс|сек|mV|mA|kWh?|Hz|kHz|°|%|bar|baud|bps|[kM]B|RUB|EUR|USD|руб|шт|times|retries)(?!\w)"
+)
+_NEAR: Final = 24  # characters
+
+
+def is_measured(run: ByteRun, line: LogLine) -> bool:
+    """Whether a few digits are a number with a unit, or with a fraction."""
+    return len(run.data) < _HEADED and _UNIT.match(line.clean, run.end) is not None
+
+
+def is_counted(run: ByteRun, line: LogLine) -> bool:
+    """Whether the words before say that just so many bytes follow."""
+    before = line.clean[max(run.start - _NEAR, 0) : run.start]
+    count = _COUNT.search(before) if any(name in before for name in _BYTE_NAMES) else None
+    return count is not None and int(count[1] or 1) == len(run.data)
+
+
+def is_computed(run: ByteRun, line: LogLine) -> bool:
+    """Whether the words before say that somebody has computed or expected it: it was not on the line."""
+    return _CALLED_COMPUTED.search(line.clean[max(run.start - _NEAR, 0) : run.start]) is not None
+
+
+def leave_out_computed(lines: Sequence[LogLine]) -> None:
+    """What a text says to be something else than what it received is no traffic."""
+    for line in lines:
+        for before, run in pairwise(line.runs):
+            if before.taken and line.clean[before.end : run.start].removesuffix("0x").rstrip(" [('\"").endswith(
+                _NOT_BUT
+            ):
+                run.taken, run.why = False, "what was expected in place of the bytes before"
