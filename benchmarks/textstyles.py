@@ -266,7 +266,8 @@ def half(table: Sequence[Row], which: str) -> list[Row]:
     return list(table) if which == "all" else list(table)[which == "held" :: 2]
 
 
-def _wrapped(line: str, width: int, soft: bool) -> list[str]:
+def wrapped(line: str, width: int, soft: bool) -> list[str]:
+    """A line as a window or a mail of so many columns breaks it."""
     out = []
     while len(line) > width:
         at = line.rfind(" ", 0, width + 1) if soft else width
@@ -335,7 +336,7 @@ def drawn(seed: int, which: str = "all") -> Drawn:
         elif join == "byte a line":
             entry = [f"{head}{word}{write(one.data[i : i + 1])}" for i in range(len(one.data))]
         elif join.endswith("wrap"):
-            entry = _wrapped(f"{head}{word}{write(one.data)}{end}", width, join == "soft wrap")
+            entry = wrapped(f"{head}{word}{write(one.data)}{end}", width, join == "soft wrap")
         else:
             entry = [f"{head}{word}{write(one.data)}{end}"]
         if copy == "handler":

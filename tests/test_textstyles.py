@@ -31,4 +31,4 @@ def test_whole_frames_have_right_check_values_and_damaged_ones_none() -> None:
 def test_styles_that_nothing_was_fitted_on_are_read_no_worse_than_they_were() -> None:
     texts = [styles.drawn(seed, "held") for seed in range(TEXTS)]
     wrong = [one.rows for one in texts if score.wrong_in(one.text, *score.truth_of(one))]
-    assert 4 * len(wrong) <= len(texts), wrong
+    assert 12 * len(wrong) <= len(texts), wrong
