@@ -227,6 +227,8 @@ def _paragraph(held: list[tuple[int, str]]) -> list[tuple[int, str]]:
     broken = [len(line) + _SLACK + len(below.split(" ")[0]) > width for line, below in pairwise(texts)]
     if begins.count(False) < _FEWEST or not all(map(or_, begins[1:], broken)):
         return held
+    if {len(above) for above, begin in zip(texts, begins[1:], strict=False) if not begin} == {width}:
+        return held  # broken at a column, within words as well: see `wraps`
     if len(list(ENTRY.finditer(" ".join(texts)))) < _LEAST_WRAPPED:
         return held
     whole: list[tuple[int, str]] = []

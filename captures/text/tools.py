@@ -110,7 +110,7 @@ _NAMES: Final = re.compile(  # `Master -> Slave`: who says it to whom
     r"(?P<bytes>(?=[\s:|=\])]{1,4}[\[(<'\"]?(?:0x)?[0-9A-Fa-f]{2}))?"
 )
 _SPEAKS: Final = re.compile(  # `Device --> 01 03`, `Slave <- 01 03`: whose bytes, or to whom
-    r"(?<![^\W_])(?P<who>[^\W\d_]{4,16})\s?(?P<way>-{1,3}>|=+>|→|<-{1,3}|<=+|←)(?=\s{0,4}[\[(<'\"]?(?:0x)?[0-9A-Fa-f]{2})"
+    r"(?<![^\W_])(?P<who>[^\W\d_]{4,16})\s{0,3}(?P<way>-{1,3}>|=+>|→|<-{1,3}|<=+|←)(?=\s{0,4}[\[(<'\"]?(?:0x)?[0-9A-Fa-f]{2})"
 )
 _CARRIER: Final = "(?:buf(?:fer)?|data|msg|message|frame|packet|bytes|telegram|pdu|adu)"
 _CARRIED: Final = re.compile(rf"(?P<way>[a-z]{{2,8}}?){_CARRIER}|{_CARRIER}(?P<done>[a-z]{{2,8}})")  # `SendBuffer`
