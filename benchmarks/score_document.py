@@ -5,8 +5,10 @@
 Buses are made of devices from layouts (`register_series`) at moved addresses, polled in a drawn order; one unit never
 answers, one poll is refused, the fastest unit's setpoint is never written. A fact is a slot of the round in its place,
 the refusal, the silent unit, or a register that moved: integer or float, width and word order. Invented is what is said
-otherwise than it is; what is said to be not known is missed, and not invented. A manual with one planted contradiction
-is held against each bus.
+otherwise than it is; what is said to be not known is missed, and not invented. Types are told with how sure they are:
+beside the wrong ones stands how many these confidences foretell. Beside what is told stands what is called likely, and
+what nobody can tell: numbers whose first register never moved. A manual with one planted contradiction is held against
+each bus.
 """
 
 from __future__ import annotations
@@ -44,6 +46,10 @@ class Score:
     invented: int = 0
     slots: int = 0
     slots_right: int = 0
+    foretold: float = 0.0  # wrong types, by their own confidences
+    likely: int = 0  # types called likely
+    likely_right: int = 0
+    still: int = 0  # numbers whose first register never moved
 
     def add(self, right: bool, invented: bool = False) -> None:
         self.due += 1
@@ -131,9 +137,14 @@ def scored(bus: WrittenBus, told: BusDescription, score: Score) -> None:
         registers = {(each.value.area, each.value.address): each for each in units[device.unit].registers}
         for row in bus.moved_rows(device):
             answer = registers.get((row.area, row.address))
+            score.still += len(set(bus.seen[device.unit, row.area, row.address])) == 1
             if answer is None or not answer.is_known:
                 score.add(right=False)
+                if answer is not None and answer.is_likely:
+                    score.likely += 1
+                    score.likely_right += _is_right(row, answer)
             else:
+                score.foretold += 1 - answer.value.confidence
                 right = _is_right(row, answer)
                 score.add(right, not right)
 
@@ -184,6 +195,11 @@ def main() -> None:
                 found += any(each.frames for each in held)
             path.unlink()
     print(f"facts: {score.right} of {score.due} right ({score.right / score.due:.3f}), {score.invented} invented")
+    print(f"wrong types that their confidences foretell: {score.foretold:.1f}")
+    told = score.right + score.likely_right
+    likely = f"{score.likely_right} of {score.likely} right"
+    print(f"types called likely: {likely}; with them {told / score.due:.3f} of the facts")
+    print(f"numbers whose first register never moved: {score.still}")
     print(f"slots of the round: {score.slots_right} of {score.slots} in their place")
     print(f"planted contradictions: {found} of {manuals} found with frames")
 
