@@ -261,10 +261,22 @@ def result(**scores: float) -> Row:
     }
 
 
-def test_an_order_is_the_same_where_nobody_changes_places():
+def test_who_changes_places_is_named():
     runs = [result(a=0.9, b=0.8001, c=0.8), result(a=0.95, b=0.85, c=0.8)]
-    assert "frames: a > b = c; in 2 runs the same" in table.orders(runs)
-    assert "not the same: a, b" in table.orders([*runs, result(a=0.5, b=0.85, c=0.3)])
+    assert table.orders(runs) == "frames: a > b > c; 2 runs, the same order in each"
+    assert (
+        table.orders([*runs, result(a=0.5, b=0.85, c=0.3)]) == "frames: b > a > c; 3 runs, change places: b and a in 2"
+    )
+
+
+def test_parts_of_a_run_are_one():
+    one, other = ({**result(a=score), "seed": 1, "size": "tiny", "absent": {}} for score in (0.5, 0.6))
+    for part in (one, other):
+        part["tools"][0] |= {"wrong": []}
+    other["tools"][0]["tracks"] = {"pairs": {"score": 0.6}}
+    assert table.merged([one, other])["tools"][0]["tracks"].keys() == {"frames", "pairs"}
+    with pytest.raises(ValueError, match="same seed and size"):
+        table.merged([one, {**other, "seed": 2}])
 
 
 @pytest.mark.parametrize("page", ["rtubench.md", "ru/rtubench.md"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import combinations
 from typing import Any
 
 from .items import Row
@@ -10,7 +11,7 @@ from .scored import TRACKS
 
 _GIVEN = {"reads": "", "wire": " (w)", "frames": " (f)"}
 _NONE = "-"
-_TIE = 0.0005
+_TIE = 0.0005  # figures nearer than that are the same to three digits
 _FEW = 3  # of what went wrong with a tool
 
 
@@ -65,39 +66,21 @@ def ordered(tools: Sequence[Row]) -> list[Row]:
     return sorted(tools, key=lambda tool: (-len(tool["tracks"]), -sum(one["score"] for one in tool["tracks"].values())))
 
 
-def order(result: Row, track: str) -> list[list[str]]:
-    """Tools of a track, best first; those whose figures are the same to three digits share a place."""
-    scores = {tool["tool"]: tool["tracks"][track]["score"] for tool in result["tools"] if track in tool["tracks"]}
-    places: list[list[str]] = []
-    last = None
-    for name in sorted(scores, key=lambda name: (-scores[name], name)):
-        if last is not None and last - scores[name] < _TIE:
-            places[-1].append(name)
-        else:
-            places.append([name])
-            last = scores[name]
-    return places
-
-
 def orders(results: Sequence[Row]) -> str:
-    """Whether the order of tools is the same in all runs, track by track; where it is not, who changed places."""
-    lines = []
-    for track in TRACKS:
-        first, *others = [order(result, track) for result in results]
-        if not first:
-            continue
-        changed = sorted({name for one in others for name in _moved(first, one)})
-        told = "the same" if not changed else f"not the same: {', '.join(changed)}"
-        lines.append(f"{track}: {' > '.join(' = '.join(place) for place in first)}; in {len(results)} runs {told}")
-    return "\n".join(lines)
+    """The tools of each track by their mean over the runs, and which two change places in how many of them."""
+    return "\n".join(line for track in TRACKS if (line := _order(track, results)))
 
 
-def _moved(one: list[list[str]], other: list[list[str]]) -> list[str]:
-    """Tools before which another one stands strictly that stood strictly behind."""
-    places = [{name: at for at, place in enumerate(order_) for name in place} for order_ in (one, other)]
-    return [name for name in places[0] for than in places[0]
-            if than in places[1] and name in places[1]
-            and (places[0][name] - places[0][than]) * (places[1][name] - places[1][than]) < 0]  # fmt: skip
+def _order(track: str, results: Sequence[Row]) -> str:
+    runs = [{tool["tool"]: tool["tracks"][track]["score"] for tool in one["tools"] if track in tool["tracks"]}
+            for one in results]  # fmt: skip
+    names = sorted(set.intersection(*map(set, runs)), key=lambda name: (-sum(run[name] for run in runs), name))
+    changes = []
+    for better, worse in combinations(names, 2):
+        turned = sum(run[worse] - run[better] >= _TIE for run in runs)
+        changes += [f"{better} and {worse} in {turned}"] * (turned > 0)
+    told = f"change places: {', '.join(changes)}" if changes else "the same order in each"
+    return f"{track}: {' > '.join(names)}; {len(runs)} runs, {told}" if names else ""
 
 
 def differences(one: Row, other: Row) -> str:
