@@ -48,6 +48,7 @@ _SURE: Final = 16.0  # bits over the next best
 _LIKELIER: Final = 4.0  # of bytes of which no more come
 _SERIAL: Final = -40.0  # what a serial line has against MBAP: a gateway set wrongly, several exchanges long
 _BINARY: Final = 256  # bytes without a frame of anything that are RTU's, damaged, unless they are text:
+_FIRST_LOOK: Final = 64  # bytes
 _HEAD: Final = 2048  # then so many
 _FOREIGN: Final = re.compile(rb"[^:0-9A-Fa-f\r\n]")  # what no line in ASCII mode carries
 _FOREIGN_SHARE: Final = 4  # one such byte in so many is no ASCII mode
@@ -188,9 +189,13 @@ class PortWeights:
         self._rtu, self._tcp, self._ascii = _RtuFrames(), _TcpChain(), _ColonFrames()
 
     def feed(self, octets: bytes) -> None:
-        """The next bytes."""
-        if self.sure is not None:
-            return
+        """The next bytes: few at first, for most ports are sure after some frames."""
+        at, step = 0, _FIRST_LOOK
+        while at < len(octets) and self.sure is None and len(self._data) < _HEAD:
+            self._look(octets[at : at + step])
+            at, step = at + step, 2 * step
+
+    def _look(self, octets: bytes) -> None:
         before = len(self._data)
         self._data += octets[: _HEAD - before]
         data = bytes(self._data)

@@ -182,12 +182,13 @@ class Summary:
     def _settle(self, settled: TransactionRows) -> None:
         if not len(settled):
             return
-        cell = (settled.unit, settled.function)
-        np.add.at(self._counts["requests"], cell, 1)
-        np.add.at(self._counts["retries"], cell, settled.retry)
-        np.add.at(self._counts["late"], cell, settled.late)
-        for status, name in BY_STATUS.items():
-            np.add.at(self._counts[name], cell, settled.status == status)
+        cells = settled.unit.astype(np.int64) << 8 | settled.function
+        which = {name: settled.status == status for status, name in BY_STATUS.items()}
+        which |= {"requests": np.ones(len(settled), np.bool_), "retries": settled.retry, "late": settled.late}
+        for name, counted in which.items():
+            if counted.any():
+                counts = self._counts[name]
+                counts += np.bincount(cells[counted], minlength=counts.size).reshape(counts.shape)
         measured = settled[settled.response_ns >= 0]
         if len(measured):
             self._all.add(measured.response_ns)

@@ -183,6 +183,8 @@ def _jumps(values: NDArray[np.int64], times: NDArray[np.int64]) -> NDArray[np.in
     usual = float(np.quantile(up, _USUAL))
     if usual > _WORD / 2:
         return None  # not in step with the low word: rather a float
+    if steps.min() >= 0 and steps.max() <= _LEAP * usual:
+        return np.zeros(0, np.intp)  # whatever the pauses were
     apart = np.diff(times).astype(np.float64)
     longer = np.maximum(apart / max(float(np.median(apart)), 1.0), 1.0)
     jumps = ((steps < 0) | (steps > _LEAP * usual * longer)).nonzero()[0]
