@@ -15,8 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dissectors.fields import ENGLISH
+from dissectors.maps.files import UnitMaps
 
 from ..languages import error_words, tr, wording
+from ..registers.readings import mapped_columns
 from ..tables.columns import decode
 from ..words import UNITS_NS, is_clock, moment_of
 from .bus import Bus
@@ -149,38 +151,78 @@ class SearchError(ValueError):
 
 
 class Wanted(NamedTuple):
-    """What is looked for: in words, how rows with it are found, and the bytes where those are what is meant."""
+    """What is looked for: in words, how rows with it are found, and the bytes or the name or number of a value where
+    those are what is meant."""
 
     words: str
     hits: Hits
     data: bytes = b""
+    value: str = ""
 
 
-def wanted(text: str) -> Wanted:
+def wanted(text: str, charts: UnitMaps | None = None) -> Wanted:
     """What a text asks for: bytes as hex, a value, or else text. `bytes:`, `value:`, `text:` or quotes say which.
 
+    `charts` say what registers mean: a number is also the value that some of them make, a text the name of a value.
     Raises SearchError.
     """
-    text = text.strip()
+    text, charts = text.strip(), charts or UnitMaps()
     kind, colon, rest = text.partition(":")
     if colon and kind.strip().lower() in _KINDS:
-        return _as(kind.strip().lower(), rest.strip())
+        return _as(kind.strip().lower(), rest.strip(), charts)
     if len(text) > 1 and text[0] == text[-1] and text[0] in "'\"":
-        return _as("text", text[1:-1])
+        return _as("text", text[1:-1], charts)
     if _NUMBER.fullmatch(text) and not (text[:1] == "0" and text[1:].isdecimal()):
-        return _as("value", text)
-    return _as("bytes" if _BYTES.fullmatch(text) else "text", text)
+        return _as("value", text, charts)
+    return _as("bytes" if _BYTES.fullmatch(text) else "text", text, charts)
 
 
-def _as(kind: str, text: str) -> Wanted:
+def _as(kind: str, text: str, charts: UnitMaps) -> Wanted:
     if kind == "bytes":
         data = _bytes_of_text(text)
         return Wanted(tr("the bytes {hex}", hex=data.hex(" ").upper()), for_bytes(text), data)
     if kind == "value":
         whole = "." not in text and "e" not in text.lower().removeprefix("0x")
         where = tr("a register, or a bit") if whole else tr("a float")
-        return Wanted(tr("the value {text} of {where}", text=text, where=where), for_value(text))
-    return Wanted(tr('the text "{text}"', text=text), for_text(text), text.encode())
+        return Wanted(tr("the value {text} of {where}", text=text, where=where), for_value(text, charts), value=text)
+    hits, folded = for_text(text), text.casefold()
+    if any(folded in row.name.casefold() for chart in charts.all for row in chart.rows):
+        hits = _either(hits, lambda bus, first, last: _with_named(bus, first, last, charts, folded))
+    return Wanted(tr('the text "{text}"', text=text), hits, text.encode(), text)
+
+
+def _either(one: Hits, other: Hits) -> Hits:
+    """Rows that match either."""
+    return lambda bus, first, last: np.union1d(one(bus, first, last), other(bus, first, last))
+
+
+def _with_named(bus: Bus, first: int, last: int, charts: UnitMaps, folded: str) -> _Rows:
+    """Rows that carry a value of such a name."""
+    rows = [np.zeros(0, np.int64)]
+    for begin, batch in bus.batches(first, last):
+        columns = mapped_columns(batch, decode(batch), charts, lambda row: folded in row.name.casefold())
+        rows += [np.asarray(column.answers, np.int64) + begin for column in columns]
+    return np.unique(np.concatenate(rows))
+
+
+def _with_meant(bus: Bus, first: int, last: int, charts: UnitMaps, number: float) -> _Rows:
+    """Rows that carry a value which is this number by what its registers mean."""
+    low, high = sorted((number * (1 - _CLOSE), number * (1 + _CLOSE)))
+    rows = [np.zeros(0, np.int64)]
+    for begin, batch in bus.batches(first, last):
+        for column in mapped_columns(batch, decode(batch), charts):
+            with np.errstate(invalid="ignore"):
+                rows.append(column.answers[(column.values >= low) & (column.values <= high)] + begin)
+    return np.unique(np.concatenate(rows))
+
+
+def is_value(text: str, name: str, worded: str, number: float | None) -> bool:
+    """Whether a value of this name, words and number is what a text looks for."""
+    try:
+        sought = float(int(text, 0)) if text.lower().startswith("0x") else float(text)
+    except ValueError:
+        return text.casefold() in name.casefold() or text.casefold() in worded.casefold()
+    return number is not None and math.isclose(number, sought, rel_tol=_CLOSE)
 
 
 def _bytes_of_text(text: str) -> bytes:
@@ -218,19 +260,24 @@ def for_text(text: str) -> Hits:
     return hits
 
 
-def for_value(text: str) -> Hits:
-    """Rows that carry this value: a register, signed or not, or a float of two registers in any byte order."""
+def for_value(text: str, charts: UnitMaps | None = None) -> Hits:
+    """Rows that carry this value: a register, signed or not, a float of two registers in any byte order, or what
+    registers make by the maps of units."""
     try:
-        number = int(text, 0)
+        number: float = int(text, 0)
     except ValueError:
-        return _for_float(text)
+        hits, number = _for_float(text), float(text)
+    else:
+        hits = _for_register(int(number), may_be_wider=bool(charts))
+    return _either(hits, lambda bus, first, last: _with_meant(bus, first, last, charts, number)) if charts else hits
+
+
+def _for_register(number: int, *, may_be_wider: bool) -> Hits:
     if not -0x8000 <= number <= 0xFFFF:
+        if may_be_wider:
+            return lambda *_: np.zeros(0, np.int64)
         raise SearchError(f"{number} fits in no register: -32768 to 65535, or a float such as 230.5")
-
-    def hits(bus: Bus, first: int, last: int) -> _Rows:
-        return _with_values(bus, first, last, lambda values: values == number & 0xFFFF)
-
-    return hits
+    return lambda bus, first, last: _with_values(bus, first, last, lambda values: values == number & 0xFFFF)
 
 
 def for_test(test: Test) -> Hits:

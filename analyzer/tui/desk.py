@@ -22,6 +22,7 @@ import captures
 from ..filters import check
 from ..languages import error_words, tr
 from ..model.bus import Bus
+from ..model.meanings import Meanings
 from ..model.scope import Scope, ScopedFigures
 from ..model.table import PIECE
 from ..settingfiles import user_folder
@@ -169,7 +170,12 @@ class ViewState:
     losses: int = 0  # things that the source told to be lost or broken
     zone: tzinfo = UTC  # of times of day
     charts: Callable[[Iterable[int]], Mapping[int, RegisterMap]] = _no_charts  # the maps of units
+    raw: bool = False  # lists show the registers, not what they mean
+    meanings: Meanings = field(init=False)
     _reference: tuple[Place, int] | None = None  # and its time
+
+    def __post_init__(self) -> None:
+        self.meanings = Meanings(self.bus, lambda: self.notes.types, lambda: self.charts)
 
     @property
     def figures(self) -> Bus | ScopedFigures:

@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 _LEAST: Final = {
     Severity.NOTE: "showing all", Severity.WARNING: "showing warnings and errors", Severity.ERROR: "showing errors",
 }  # fmt: skip
-_AGAIN_S: Final = 2.0  # between two reckonings of causes while rows come
 _PAUSE_S: Final = 0.3  # between two countings while rows come
 _ROOMY: Final = 60  # columns from which on codes stand below each other, with their frames
 
@@ -81,7 +80,6 @@ class FindingList(Lines):
         self._levels: Mapping[Severity, int] = desk.bus.found.by_severity  # of what the scope leaves
         self._tested = 0
         self._logged, self._next = -1, 0.0
-        self.explained, self.explain_at = -1, 0.0  # findings that causes were asked for, and when again
 
     @property
     def empty(self) -> str:
@@ -329,9 +327,7 @@ def _refresh(screen: BusScreen) -> None:
         listing._next = 0.0
     listing.grown()
     bus = screen.desk.bus
-    if bus.found.count != listing.explained and (bus.whole or time.monotonic() >= listing.explain_at):
-        listing.explained, listing.explain_at = bus.found.count, time.monotonic() + _AGAIN_S
-        screen.jobs.run("explain", lambda _: bus.causes(), listing.use)
+    screen.jobs.reckon("explain", (bus.found.count, bus.whole), lambda _: bus.causes(), listing.use)
 
 
 def _shown(screen: BusScreen) -> None:

@@ -14,6 +14,7 @@ from dissectors.values import harmless
 
 from ..languages import counted, tr, wording
 from ..model.owners import owner
+from ..model.polls import carried_by
 from ..model.selection import Everything, ListRows
 from ..model.table import RowState
 from ..tables.schema import Kind
@@ -24,6 +25,7 @@ from .items import NOTHING
 from .lines import Lines
 from .paint import StyledText, fitted
 from .prompts import Choose
+from .readings import carried_values
 from .view import View, grown
 
 if TYPE_CHECKING:
@@ -286,13 +288,25 @@ class FrameList(Lines):
         ], width)  # fmt: skip
         content, about = row_words(desk, row)
         about += owner_words(desk, row)
+        used = sum(len(part.text) for part in parts)
+        content = _by_meaning(desk, row, content, width - used)
         if not answer and ended.text == UNHEARD:
             about.append(StyledText(f"  {tr('answer not heard')}", "dim"))
         elif not answer and ended.kind == "error" and not about:
             why = tr("unanswered") if ended.text == "none" else tr("bad answer")
             about.append(StyledText(f"  {why}", "error"))
-        used = sum(len(part.text) for part in parts)
         return [*parts, *beside_content(content, about, max(0, width - used))]
+
+
+def _by_meaning(desk: ViewState, row: int, content: list[StyledText], room: int) -> list[StyledText]:
+    """The words of a frame with its registers as what they mean, where that is known."""
+    if desk.raw:
+        return content
+    poll = carried_by(desk.bus, row)
+    if poll is None or not desk.meanings.means(poll):
+        return content
+    words = "".join(part.text for part in content).partition(":")[0]
+    return [StyledText(f"{words}: "), *carried_values(desk, poll, room - len(words))]
 
 
 def owner_words(desk: ViewState, row: int) -> list[StyledText]:

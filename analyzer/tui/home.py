@@ -62,8 +62,6 @@ class HomeList(Lines):
         super().__init__(id=id)
         self.desk = desk
         self.state: BusState | None = None
-        self.next_at = 0.0  # when it may be reckoned again
-        self.basis: tuple[int, ...] = ()  # what it was reckoned of
         self.first_at, self.first_pause_s = 0.0, _AGAIN_S  # when, unseen, it is reckoned: should it come up?
 
     def use(self, state: BusState) -> None:
@@ -76,7 +74,6 @@ class HomeList(Lines):
         slow = _slow_units(state.report)
         sickest = sorted(state.report.units_as_heard, key=lambda row: (*_badness(row), row.unit not in slow, row.unit))
         self.state = BusState(replace(state.report, units=tuple(sickest)), state.causes, state.not_explained)
-        self.next_at = time.monotonic() + _AGAIN_S
         self._fresh_until = 0.0
         self.grown()
         if self.count() or self.desk.is_foreign:
@@ -318,16 +315,13 @@ def _refresh(screen: BusScreen) -> None:
     home, bus = screen.query_one(HomeList), screen.desk.bus
     figures = screen.desk.figures
     basis = bus.count, bus.found.count, bus.whole, id(figures)
-    if basis == home.basis or (time.monotonic() < home.next_at and not bus.whole and figures is bus):
-        return
-    home.basis, home.next_at = basis, time.monotonic() + _AGAIN_S
     source = screen.desk.source
 
     def reckon(_: object) -> BusState:
         story = bus.story()
         return BusState(figures.report(source), story.causes, story.not_explained)
 
-    screen.jobs.run("home", reckon, home.use)
+    screen.jobs.reckon("home", basis, reckon, home.use)
 
 
 def first(screen: BusScreen) -> None:

@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING, Final
 
 from ..languages import tr
 from ..model import search
+from ..model.polls import carried_by
 from ..words import is_clock, zone_name
 from .frames import FrameList
 from .jobs import Stop
 from .prompts import Ask
+from .view import value_name
 from .wire import FINDING
 
 if TYPE_CHECKING:
@@ -112,7 +114,7 @@ class Jumps:
 
     async def ask_what(self) -> None:
         """Ask what to look for, tell what is understood while it is typed, and look; a place is gone to."""
-        begin, zone = max(0, self.here), self._screen.desk.zone
+        begin, zone, charts = max(0, self.here), self._screen.desk.zone, self._screen.desk.meanings.charts
 
         def understood(text: str) -> str:
             if not text.strip():
@@ -120,7 +122,7 @@ class Jumps:
             if _names_row(text):
                 return tr("goes to {place}", place=text.strip())
             try:
-                return tr("looks for {what}", what=search.wanted(text).words)
+                return tr("looks for {what}", what=search.wanted(text, charts).words)
             except search.SearchError as error:
                 return str(error)
 
@@ -129,7 +131,7 @@ class Jumps:
                 if _names_row(text):
                     search.row_named(text, self._bus, begin, zone)
                 else:
-                    search.wanted(text)
+                    search.wanted(text, charts)
             except (search.SearchError, search.GotoError) as error:
                 return str(error)
             return ""
@@ -143,7 +145,7 @@ class Jumps:
         if _names_row(text):
             self.go(search.row_named(text, self._bus, begin, zone))
         else:
-            self._wanted = search.wanted(text)
+            self._wanted = search.wanted(text, charts)
             self._find_first()
 
     def _find_first(self) -> None:
@@ -197,11 +199,24 @@ class Jumps:
                 screen.tell(tr("from the end again") if back else tr("from the beginning again"))
             self._light(row, wanted.data)
             self.go(row)
+            if wanted.value:
+                self._point_at(row, wanted.value)
         if self._waiting:
             self._seek(wanted, back=self._waiting[0])
             return
         screen.jobs.doing = ""
         screen.say()
+
+    def _point_at(self, row: int, text: str) -> None:
+        """Put the cursor of the fields on the value that was looked for, where one has it by what it means."""
+        desk = self._screen.desk
+        poll = carried_by(desk.bus, row)
+        for reading in desk.meanings.readings(poll) if poll is not None and not desk.raw else ():
+            words = poll.values[reading.at : reading.at + reading.meaning.words] if poll is not None else ()
+            name = reading.meaning.name
+            if search.is_value(text, name, reading.text, reading.meaning.number(words)):
+                self._screen.study_row(row, to=("values", value_name(reading.spot)))
+                return
 
     def _light(self, row: int, data: bytes) -> None:
         """The bytes that were looked for, in the frame that holds them."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from itertools import chain
 from typing import TYPE_CHECKING, Final
 
@@ -16,12 +17,13 @@ from dissectors.values import harmless, readings
 from ..deframing.tap_clock import silences
 from ..languages import counted, field_name, tr, wording
 from ..model.owners import owner
-from ..model.polls import changed
+from ..model.polls import carried_by, changed
 from ..paste.model import PastedFrame, PastedNoise
 from ..tables.schema import NO_GAP, Kind
 from ..words import between, date_and_time, seconds, short
 from .frames import LETTER, SEVERITY
 from .items import NOTHING, FrameDetail, Item, UnopenedItems, chosen
+from .view import value_name
 
 if TYPE_CHECKING:
     from ..model.bus import Bus
@@ -155,12 +157,36 @@ def at_row(desk: ViewState, row: int) -> FrameDetail:
              ready=False),
         *_owner(bus, row),
         *_finding_items(frame.findings),
+        *_values(desk, row, fields),
         *_versus(desk, row, fields),
         *why(bus, row),
         *_fields(fields),
     )  # fmt: skip
     title += tr(", ASCII mode: its bytes decoded") if frame.protocol == "ascii" else ""
     return FrameDetail(title, frame.adu.data, items, fields)
+
+
+def _values(desk: ViewState, row: int, fields: tuple[Field, ...]) -> Iterator[Item]:
+    """What the registers of a frame mean, value by value; nothing where they are plain numbers."""
+    poll = carried_by(desk.bus, row)
+    if poll is None or not desk.meanings.means(poll):
+        return
+    places = list(_registers(fields))
+    items = []
+    for reading in desk.meanings.readings(poll):
+        members = places[reading.at : reading.at + reading.meaning.words]
+        start, size = (members[0].start, _PAIR * len(members)) if members else (0, 0)
+        was = tr(", was {old}", old=harmless(reading.before)) if reading.changed else ""
+        items.append(
+            Item(
+                value_name(reading.spot), harmless(reading.text) + was, start, size,
+                "warning" if reading.changed else "",
+                label=f"{reading.register} {harmless(reading.meaning.name)}".rstrip(),
+            )
+        )  # fmt: skip
+    known = sum(reading.meaning.source != "plain" for reading in desk.meanings.readings(poll))
+    head = counted(known, "value", "values")
+    yield Item("values", head, kind="dim", label=tr("values"), children=tuple(items))
 
 
 def _owner(bus: Bus, row: int) -> Iterator[Item]:
@@ -207,7 +233,7 @@ def _compared(desk: ViewState, row: int, fields: tuple[Field, ...], other: int, 
     """An answer beside another to the same poll."""
     bus = desk.bus
     frame = bus.frame(other)
-    pairs = list(changed(frame.fields(wording()), fields))
+    pairs = list(_by_meaning(desk, row, other, fields)) or list(changed(frame.fields(wording()), fields))
     away = ""
     if bus.timed:
         since = bus.table.value("t_start_ns", row) - bus.table.value("t_start_ns", other)
@@ -230,6 +256,21 @@ def _compared(desk: ViewState, row: int, fields: tuple[Field, ...], other: int, 
             for i, (old, new) in enumerate(pairs[:_DIFFERENT])
         ),
     )  # fmt: skip
+
+
+def _by_meaning(desk: ViewState, row: int, other: int, fields: tuple[Field, ...]) -> Iterator[tuple[Field, Field]]:
+    """What two answers say otherwise, by what their registers mean; nothing where that is not known."""
+    now, then = carried_by(desk.bus, row), carried_by(desk.bus, other)
+    if now is None or then is None or not desk.meanings.means(now) or len(now.values) != len(then.values):
+        return
+    places = list(_registers(fields))
+    for reading in desk.meanings.readings(replace(now, before=then.values)):
+        members = places[reading.at : reading.at + reading.meaning.words]
+        if reading.changed and members:
+            named = replace(
+                members[0], name=harmless(reading.name), text=harmless(reading.text), length=_PAIR * len(members)
+            )
+            yield replace(named, text=harmless(reading.before)), named
 
 
 def at_piece(pasted: PastedFrame | PastedNoise) -> FrameDetail:
@@ -342,6 +383,15 @@ def _fields(fields: Sequence[Field]) -> Iterator[Item]:
             field.text, field.start, field.length, "error" if field.problem else "",
             label=field_name(field.name), children=children, ready=not _is_register(field), values=_is_register(field),
         )  # fmt: skip
+
+
+def _registers(fields: Sequence[Field]) -> Iterator[Field]:
+    """The registers among fields, however deep, in order."""
+    for field in fields:
+        if _is_register(field):
+            yield field
+        else:
+            yield from _registers(field.fields)
 
 
 def _is_register(field: Field) -> bool:

@@ -83,8 +83,8 @@ class BusScreen(Screen[None]):
 
     def compose(self) -> ComposeResult:
         yield Tabs(id="tabs")
-        charts = self.desk.charts
-        yield FilterBar(self.desk.source.line, self.desk.wishes, charts, id="filter-bar")
+        desk = self.desk
+        yield FilterBar(desk.source.line, desk.wishes, lambda: desk.meanings.charts, id="filter-bar")
         with ContentSwitcher(id="views", initial=self.view):
             for view in VIEWS:
                 yield view.make(self.desk)
@@ -272,6 +272,11 @@ class BusScreen(Screen[None]):
         self.desk.next_base()
         self.repaint_lists()
 
+    def action_raw(self) -> None:
+        """What registers mean, or the registers as they came."""
+        self.desk.raw = not self.desk.raw
+        self.reworded()
+
     def action_follow(self) -> None:
         wanted = not self.query_one(f"#{self.list_view}", FrameList).following
         for each in self.query(FrameList):
@@ -316,6 +321,13 @@ class BusScreen(Screen[None]):
 
     def action_kept(self) -> None:
         self.run_worker(self.kept.choose(), group=ASKING)
+
+    def reworded(self) -> None:
+        """Registers mean something else now."""
+        self.refresh_view()
+        self.repaint_lists()
+        if self.studied is not None and self.view in LISTS:
+            self.study_row(self.studied)
 
     def repaint_lists(self) -> None:
         """Every list looks otherwise now."""

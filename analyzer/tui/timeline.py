@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar, Final
 
@@ -37,7 +36,6 @@ _ABOVE: Final = 2
 _LEAST_NS: Final = 1_000_000  # no span is shorter
 _LONG_NS: Final = 600 * 10**9  # from which on times of day say more than seconds
 _LEAST: Final = 0.001  # the least load that fills the plot
-_AGAIN_S: Final = 2.0  # between two reckonings of causes while rows come
 
 
 class Timeline(Painted, can_focus=True):
@@ -69,7 +67,6 @@ class Timeline(Painted, can_focus=True):
         self.banded: tuple[object, ...] = ()  # what the bands were asked for
         self.causes: Sequence[Cause] = ()  # those that the bands are numbered by
         self.known: Sequence[Cause] = ()  # the newest
-        self.explained, self.explain_at = -1, 0.0  # findings that causes were asked for, and when again
 
     @property
     def columns(self) -> int:
@@ -355,9 +352,12 @@ def _refresh(screen: BusScreen) -> None:
     bus = desk.bus
     if not bus.count or not bus.timed:
         return
-    if bus.found.count != timeline.explained and (bus.whole or time.monotonic() >= timeline.explain_at):
-        timeline.explained, timeline.explain_at = bus.found.count, time.monotonic() + _AGAIN_S
-        screen.jobs.run("causes of bands", lambda _: bus.causes(), lambda causes: _explained(screen, causes))
+    screen.jobs.reckon(
+        "causes of bands",
+        (bus.found.count, bus.whole),
+        lambda _: bus.causes(),
+        lambda causes: _explained(screen, causes),
+    )
     _band(screen)
 
 

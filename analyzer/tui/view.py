@@ -7,19 +7,22 @@ line of a list is told as filters that mean it: the cells that doors lead throug
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from dissectors.functions import function_code
+from dissectors.values import AREAS, harmless, logical
 
 from ..languages import tr
-from ..model.polls import poll_values
+from ..model.polls import carried_by, poll_values
 from .paint import Painted
 
 if TYPE_CHECKING:
     from textual.widget import Widget
 
+    from ..model.meanings import Meaning
+    from ..model.registers import Spot
     from .desk import ViewState
     from .screen import BusScreen
 
@@ -35,9 +38,9 @@ class DoorCell:
     text: str
 
 
-def register_text(unit: int, logical: str) -> str:
-    """The filter for a register or a bit of a unit."""
-    return f"unit == {unit} and {'bit' if logical[0] in _BIT_AREAS else 'register'} == {logical}"
+def register_text(unit: int, number: str) -> str:
+    """The filter for a register or a bit of a unit, by its logical number."""
+    return f"unit == {unit} and {'bit' if number[0] in _BIT_AREAS else 'register'} == {number}"
 
 
 def cells_of_row(screen: BusScreen) -> list[DoorCell]:
@@ -48,7 +51,7 @@ def cells_of_row(screen: BusScreen) -> list[DoorCell]:
     if bus.is_noise(row):
         return [DoorCell("n", tr("noise"), "noise")]
     frame = bus.frame(row)
-    cells = []
+    cells = list(_value_cell(screen, row))
     item = screen.detail.fields.item
     place = "" if item is None else item.text.partition(":")[0]
     if screen.detail.fields.has_focus and item is not None and item.length and place.isdecimal() and len(place) > 4:
@@ -72,6 +75,33 @@ def cells_of_row(screen: BusScreen) -> list[DoorCell]:
     codes = dict.fromkeys(finding.code for each in {row, asked, partner} - {None} for finding in bus.findings(each))  # type: ignore[arg-type]
     cells += [DoorCell("cdeghij"[i], code, f'finding == "{code}"') for i, code in enumerate(list(codes)[:7])]
     return cells
+
+
+def _value_cell(screen: BusScreen, row: int) -> Iterator[DoorCell]:
+    """The value under the cursor of the fields, as what it means."""
+    item, desk = screen.detail.fields.item, screen.desk
+    poll = carried_by(desk.bus, row) if item is not None and screen.detail.fields.has_focus else None
+    if poll is None or item is None:
+        return
+    for reading in desk.meanings.readings(poll):
+        if item.name == value_name(reading.spot):
+            words = poll.values[reading.at : reading.at + reading.meaning.words]
+            yield from named_cells(reading.meaning, reading.spot, reading.meaning.number(words))
+
+
+def value_name(spot: Spot) -> str:
+    """The name of a value's item below."""
+    return f"value {spot[1]} {spot[2]}"
+
+
+def named_cells(meaning: Meaning, spot: Spot, number: float | None) -> Iterator[DoorCell]:
+    """The value of a register that means something, by its name."""
+    name = meaning.name or logical(spot[2], tuple(AREAS)[spot[1]])
+    if meaning.source == "plain" or number is None or '"' in name:
+        return
+    told = f"{number:.7g}"
+    words = tr("{name} is {number}", name=harmless(name), number=f"{told} {meaning.measure}".rstrip())
+    yield DoorCell("v", words, f'unit == {spot[0]} and value("{name}") == {told}')
 
 
 JUMPS: Final = ("find", "find_on", "goto", "counterpart", "finding")  # the screen's actions that go to another row
