@@ -61,6 +61,11 @@ class Meaning:
         return f"{self.kind} {self.order}" if self.order and self.words > 1 else self.kind
 
     @property
+    def is_plain(self) -> bool:
+        """Whether it says nothing beyond the register's own number."""
+        return self.row is None and not self.name and self.kind == "u16"
+
+    @property
     def is_number(self) -> bool:
         """Whether it can be plotted."""
         return self.kind not in ("text", "bits") and self.words in (1, 2, 4)
@@ -218,7 +223,7 @@ class Meanings:
         if poll.area < 0:
             return False
         places = range(len(poll.values))
-        return any(self.at((poll.unit, poll.area, poll.address + at)) is not PLAIN for at in places)
+        return any(not self.at((poll.unit, poll.area, poll.address + at)).is_plain for at in places)
 
     @property
     def charts(self) -> UnitMaps:

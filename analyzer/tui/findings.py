@@ -19,7 +19,8 @@ from .items import NOTHING, of_cause
 from .lines import Lines
 from .look import at_finding, finding_name
 from .paint import StyledText, fitted
-from .view import View
+from .places import OF_ROWS, CausePlace, Place, RowPlace
+from .view import DoorCell, View, cells_of_row, cells_of_units
 
 if TYPE_CHECKING:
     from textual.widget import Widget
@@ -337,13 +338,22 @@ def _shown(screen: BusScreen) -> None:
         listing.go(screen.studied)
 
 
-def _at(screen: BusScreen) -> int | None:
-    return screen.query_one(FindingList).row
+def _at(screen: BusScreen) -> Place:
+    listing = screen.query_one(FindingList)
+    if listing.cause is not None:
+        return CausePlace(listing.cause)
+    return None if listing.row is None else RowPlace(listing.row)
+
+
+def _cells(screen: BusScreen) -> list[DoorCell]:
+    """Of a finding its row and what was found; of a cause its units."""
+    cause = screen.query_one(FindingList).cause
+    return cells_of_row(screen) if cause is None else cells_of_units(cause.units)
 
 
 VIEW: Final = View(
     name="findings", key="3", title="Findings",
     make=lambda desk: FindingList(desk, id="findings"), refresh=_refresh,
-    chosen=_chosen, entered=_entered, shown=_shown, at=_at,
-    detail=True, without=("find", "find_on", "select"),
+    chosen=_chosen, entered=_entered, shown=_shown, at=_at, cells=_cells,
+    detail=True, offers=OF_ROWS - {"find", "find_on", "select", "columns", "follow"},
 )  # fmt: skip

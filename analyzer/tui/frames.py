@@ -24,9 +24,10 @@ from .details import Details
 from .items import NOTHING
 from .lines import Lines
 from .paint import StyledText, fitted
+from .places import OF_ROWS, Place, RowPlace
 from .prompts import Choose
 from .readings import carried_values
-from .view import View, grown
+from .view import View, cells_of_row, grown
 
 if TYPE_CHECKING:
     from textual.widget import Widget
@@ -342,14 +343,15 @@ def at_the_row(screen: BusScreen) -> None:
         screen.study_row(listing.row)
 
 
-def under_cursor(screen: BusScreen) -> int | None:
+def under_cursor(screen: BusScreen) -> Place:
     """The row that the list's cursor stands on."""
-    return screen.query_one(f"#{screen.view}", FrameList).row
+    row = screen.query_one(f"#{screen.view}", FrameList).row
+    return None if row is None else RowPlace(row)
 
 
 VIEW: Final = View(
     name="frames", key="2", title="Frames",
     make=lambda desk: FrameList(desk, id="frames"), refresh=grown,
-    chosen=shown_row, entered=to_its_fields, shown=at_the_row, at=under_cursor,
-    detail=True,
+    chosen=shown_row, entered=to_its_fields, shown=at_the_row, at=under_cursor, cells=cells_of_row,
+    detail=True, offers=OF_ROWS,
 )  # fmt: skip

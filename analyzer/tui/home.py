@@ -18,8 +18,9 @@ from .filterbar import FilterBar
 from .items import FrameDetail, Item, of_cause, whose
 from .lines import Lines
 from .paint import StyledText, fitted
+from .places import OF_FIGURES, CausePlace, Place, UnitPlace
 from .plot import sparkline
-from .view import DoorCell, View
+from .view import DoorCell, View, cells_of_units
 
 if TYPE_CHECKING:
     from textual.widget import Widget
@@ -376,15 +377,19 @@ def _cells(screen: BusScreen) -> list[DoorCell]:
             slow = f"unit == {unit} and response_time >= {times.p95_ns / 1e6:.6g}ms"
             cells.append(DoorCell("s", _slow(times), slow))
         return cells
-    units = () if home.cause is None else home.cause.units
-    return [
-        DoorCell("ubcdefgh"[i], tr("unit {unit}", unit=unit), f"unit == {unit}") for i, unit in enumerate(units[:8])
-    ]
+    return [] if home.cause is None else cells_of_units(home.cause.units)
+
+
+def _at(screen: BusScreen) -> Place:
+    home = screen.query_one(HomeList)
+    if home.cause is not None:
+        return CausePlace(home.cause)
+    return None if home.unit is None else UnitPlace(home.unit.unit)
 
 
 VIEW: Final = View(
     name="home", key="0,H", title="Home",
     make=lambda desk: HomeList(desk, id="home"), refresh=_refresh,
-    chosen=_chosen, entered=_entered, shown=_shown, cells=_cells,
-    detail=True, without=("find", "find_on", "select", "counterpart"), figures=True,
+    chosen=_chosen, entered=_entered, shown=_shown, at=_at, cells=_cells,
+    detail=True, offers=OF_FIGURES | {"goto", "finding"}, figures=True,
 )  # fmt: skip

@@ -221,6 +221,9 @@ class Jobs:
         """The view anew, as often as its painting leaves the keys their time; live, as often as the terminal takes."""
         now, rate = time.monotonic(), self._screen.wire.rate()
         if not self._bus.whole and now < self._paint_at:
+            if "painting" not in self._pending:
+                self._pending.add("painting")
+                self._screen.set_timer(self._paint_at - now, self._paint_late)
             return
         pause = _PERIOD_S * max(1.0, rate / _RATE) if self._source.live else 0.0
         self._paint_at = now + pause
@@ -233,6 +236,12 @@ class Jobs:
         home.first(self._screen)
         self._rest_from(begun)
         self._screen.call_after_refresh(self._rest_from, begun)
+
+    def _paint_late(self) -> None:
+        """What came while there was a rest from painting."""
+        self._pending.discard("painting")
+        if not self._ended:
+            self._paint()
 
     def _rest_from(self, begun: float) -> None:
         """Keys come first: no painting for several times what the last one took of the processor since `begun`."""

@@ -12,7 +12,7 @@ from ..words import is_clock, zone_name
 from .frames import FrameList
 from .jobs import Stop
 from .prompts import Ask
-from .view import value_name
+from .view import LISTS, value_name
 from .wire import FINDING
 
 if TYPE_CHECKING:
@@ -35,17 +35,41 @@ class Jumps:
     def go(self, row: int) -> None:
         """Show a row in the list that was last in sight: transactions or frames. Noise is in the frames alone."""
         screen = self._screen
+        if not screen.going_back:
+            screen.trail.leave(screen.stop)
         listed = screen.list_view
-        shown = "frames" if self._bus.is_noise(row) else listed
+        beside = listed == "transactions" and not screen.transactions.unfolds(row)
+        shown = "frames" if self._bus.is_noise(row) and beside else listed
         if screen.view != shown:
             screen.action_view(shown, row)
             screen.list_view = listed
-        listing = screen.query_one(f"#{shown}", FrameList)
+        self._arrive(shown, row)
+
+    def _arrive(self, view: str, row: int) -> None:
+        """Put the cursor of a list in sight on a row."""
+        screen = self._screen
+        listing = screen.query_one(f"#{view}", FrameList)
         if not listing.go(row):
             words = "that row is not among those shown (Esc takes the filter back); this one comes before it"
             screen.tell(tr(words))
         listing.focus()
         self._arrived = listing.row, row
+
+    def along(self, step: int) -> None:
+        """Back to where one was before, or forward again."""
+        screen = self._screen
+        stop = screen.trail.back(screen.stop) if step < 0 else screen.trail.forward(screen.stop)
+        if stop is None:
+            screen.tell(tr("nowhere to go back to") if step < 0 else tr("nowhere to go on to"))
+            return
+        screen.going_back = True
+        try:
+            if stop.view != screen.view:
+                screen.action_view(stop.view, stop.row)
+            if stop.row is not None and stop.view in LISTS:
+                self._arrive(stop.view, stop.row)
+        finally:
+            screen.going_back = False
 
     @property
     def here(self) -> int:

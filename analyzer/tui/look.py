@@ -184,7 +184,7 @@ def _values(desk: ViewState, row: int, fields: tuple[Field, ...]) -> Iterator[It
                 label=f"{reading.register} {harmless(reading.meaning.name)}".rstrip(),
             )
         )  # fmt: skip
-    known = sum(reading.meaning.source != "plain" for reading in desk.meanings.readings(poll))
+    known = sum(not reading.meaning.is_plain for reading in desk.meanings.readings(poll))
     head = counted(known, "value", "values")
     yield Item("values", head, kind="dim", label=tr("values"), children=tuple(items))
 

@@ -21,7 +21,7 @@ from .lines import Lines
 from .look import NOTHING, FrameDetail, at_piece
 from .messages import DetailWanted, LineChosen
 from .paint import StyledText, fitted
-from .view import JUMPS, View
+from .view import View
 
 if TYPE_CHECKING:
     from .screen import BusScreen
@@ -163,5 +163,5 @@ VIEW: Final = View(
     name="paste", key="8,p", title="Paste",
     make=lambda desk: PastePane(id="paste", pasted=getattr(desk.source, "pasted", "")), shown=_shown,
     detail=True, filtered=False,
-    without=("filter", *JUMPS, "time_base", "select", "bookmark", "comment", "export", "reference"),
+    offers=frozenset({"copy"}),
 )  # fmt: skip

@@ -45,7 +45,7 @@ def _named(readings: Iterator[NamedReading], room: int) -> Iterator[StyledText]:
         if label:
             room -= cell_len(label) + 1
             yield StyledText(f" {label}", "accent")
-        yield StyledText(text, "warning" if reading.changed else "" if reading.meaning.source != "plain" else "dim")
+        yield StyledText(text, "warning" if reading.changed else "dim" if reading.meaning.is_plain else "")
         room -= cell_len(text)
         before = reading
 

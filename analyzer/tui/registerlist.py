@@ -11,7 +11,7 @@ from textual.binding import Binding, BindingType
 from textual.containers import Vertical
 
 from captures import CaptureError
-from dissectors.values import AREAS, logical
+from dissectors.values import AREAS, harmless, logical
 
 from ..languages import counted, error_words, tr
 from ..model.meanings import BIT_AREAS, CHOICES, Meaning
@@ -19,9 +19,10 @@ from ..model.registers import AREA_WORDS, RegisterSeries
 from ..words import duration, short
 from .lines import Lines
 from .paint import StyledText, fitted
+from .places import OF_FIGURES, Place, RegisterPlace
 from .plot import Plot, Series, trend
 from .prompts import Ask
-from .view import JUMPS, DoorCell, View, named_cells, register_text
+from .view import DoorCell, View, named_cells, register_text
 from .wire import ASKING
 
 if TYPE_CHECKING:
@@ -206,6 +207,13 @@ class RegisterList(Lines):
         if first is not None:
             members = self._members(first, meaning)
             yield from named_cells(meaning, spot, meaning.number([member.value for member in members]))
+
+    def worded(self, spot: Spot) -> str:
+        """A value with its newest reading: `unit 1, 30001 Voltage L1, f32 ABCD: 230.1 V`."""
+        meaning, first = self.meaning(spot), self._log.at(spot)
+        values = [] if first is None else [member.value for member in self._members(first, meaning)]
+        text = meaning.text(values, bit=spot[1] < BIT_AREAS, power=self._power(spot, meaning))
+        return harmless(f"{self.label(spot)}: {text}")
 
     def action_type(self, step: int) -> None:
         register = self.register
@@ -400,8 +408,19 @@ def _cells(screen: BusScreen) -> list[DoorCell]:
     ]
 
 
+def _at(screen: BusScreen) -> Place:
+    spot = screen.query_one(RegisterList).spot
+    return None if spot is None else RegisterPlace(spot)
+
+
+def _copied(screen: BusScreen) -> str:
+    """The value under the cursor, with what it is called."""
+    listing = screen.query_one(RegisterList)
+    return "" if listing.register is None else listing.worded(listing.owner(listing.register))
+
+
 VIEW: Final = View(
     name="registers", key="5", title="Registers",
-    make=_widget, refresh=_refresh, chosen=_chosen, entered=_entered, cells=_cells,
-    without=(*JUMPS, "select"), figures=True,
+    make=_widget, refresh=_refresh, chosen=_chosen, entered=_entered, at=_at, cells=_cells, copied=_copied,
+    offers=OF_FIGURES | {"copy"}, figures=True,
 )  # fmt: skip

@@ -41,6 +41,7 @@ from .messages import (
 from .narrowing import Doors, Narrowing
 from .openfiles import Bookmarks, NextFile, OpenFiles
 from .picking import PickedRows
+from .places import OFFERED, Place, RowPlace, Stop, Trail
 from .transactions import TransactionList
 from .view import LISTS, View
 from .views import BY_NAME, VIEWS
@@ -69,6 +70,8 @@ class BusScreen(Screen[None]):
         self.undecided = view is None and not desk.source.live  # Home may still come up by itself
         self.lit: tuple[int, int, int] | None = None  # a row, and the bytes of it that were looked for
         self.studied: int | None = None  # the row that was last shown below
+        self.trail = Trail()
+        self.came_up = self.going_back = False  # whether a view stands, whether it is gone back to
         self.wire = wire
         self.jobs = Jobs(self)
         self.jumps = Jumps(self)
@@ -96,6 +99,7 @@ class BusScreen(Screen[None]):
         for each in self.query(FrameList):
             each.live = each.following = self.desk.source.live
         self.action_view(self.view)
+        self.came_up = True
         self.jobs.begin()
 
     def resume(self) -> None:
@@ -115,10 +119,20 @@ class BusScreen(Screen[None]):
     # The parts
 
     @property
+    def place(self) -> Place:
+        """What the cursor of the view in sight stands on: what actions are about."""
+        return BY_NAME[self.view].at(self)
+
+    @property
     def row(self) -> int | None:
-        """The row that actions are about: where the cursor of the view shown stands now, or where one last stood."""
-        own = BY_NAME[self.view].at(self)
-        return self.studied if own is None and self.view not in LISTS else own
+        """The row that it stands on; None where that is no row."""
+        place = self.place
+        return place.row if isinstance(place, RowPlace) else None
+
+    @property
+    def stop(self) -> Stop:
+        """Where one is, to come back to."""
+        return Stop(self.view, self.row)
 
     @property
     def touched(self) -> bool:
@@ -142,6 +156,8 @@ class BusScreen(Screen[None]):
     def action_view(self, view: str, row: int | None = None) -> None:
         """Show a view; its cursor goes to a row, or to the one under study."""
         record = BY_NAME[view]
+        if self.came_up and not self.going_back:
+            self.trail.leave(self.stop)
         own = self.row if row is None else row
         self.studied = self.studied if own is None else own
         self.view = view
@@ -243,8 +259,11 @@ class BusScreen(Screen[None]):
         self.refresh_bindings()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Keys that mean nothing in a view are not shown there."""
-        if action in BY_NAME[self.view].without or (action == "span" and self.desk.is_untimed):
+        """An action is there where the view offers it."""
+        view = BY_NAME[self.view]
+        if action in OFFERED and action not in view.offers:
+            return False
+        if (action == "span" and self.desk.is_untimed) or (action in ("filter", "span", "kept") and not view.filtered):
             return False
         return super().check_action(action, parameters)
 
@@ -343,6 +362,9 @@ class BusScreen(Screen[None]):
     def action_why(self) -> None:
         """The evidence of the boundaries, opened below."""
         self.detail.open("why")
+
+    def action_back(self, step: int) -> None:
+        self.jumps.along(step)
 
     def action_finding(self, step: int) -> None:
         self.jumps.to_finding(step)

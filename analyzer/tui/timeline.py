@@ -19,8 +19,9 @@ from ..words import is_clock, percent, short
 from .filterbar import kept_tests
 from .messages import RowWanted, SpanChosen, SpanSeen
 from .paint import Painted, StyledText, fitted
+from .places import OF_FIGURES, Place, SpanPlace
 from .plot import EIGHTHS
-from .view import JUMPS, View
+from .view import View
 
 if TYPE_CHECKING:
     from ..causes.registry import Cause
@@ -259,6 +260,11 @@ class Timeline(Painted, can_focus=True):
         more = tr("   span {time}, Enter shows it", time=short(span[1] - span[0])) if span else ""
         return [StyledText(words), StyledText(more, "accent")]
 
+    @property
+    def span_under_cursor(self) -> tuple[int, int]:
+        """The span that is marked, else the cursor's column."""
+        return self._span() or (self.time_at(self.cursor), self.time_at(self.cursor + 1))
+
     def _span(self) -> tuple[int, int] | None:
         if self.pinned is None:
             return None
@@ -388,8 +394,13 @@ def _band(screen: BusScreen) -> None:
     )
 
 
+def _at(screen: BusScreen) -> Place:
+    timeline = screen.query_one(Timeline)
+    return None if timeline._bins is None else SpanPlace(*timeline.span_under_cursor)
+
+
 VIEW: Final = View(
     name="timeline", key="6", title="Timeline", short="Time",
     make=lambda desk: Timeline(desk, id="timeline"), refresh=_refresh,
-    without=(*JUMPS, "select", "time_base"), figures=True,
+    at=_at, offers=OF_FIGURES - {"door"}, figures=True,
 )  # fmt: skip

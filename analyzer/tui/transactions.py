@@ -35,8 +35,9 @@ from .frames import (
 )
 from .messages import OnlyChanged
 from .paint import StyledText
+from .places import OF_ROWS
 from .readings import carried_values
-from .view import View, grown
+from .view import View, cells_of_row, grown
 
 if TYPE_CHECKING:
     from .desk import ViewState
@@ -88,6 +89,8 @@ class TransactionList(FrameList):
         if not self.rows.count:
             return False
         partner = self.desk.bus.partner(row)
+        if self.desk.bus.is_noise(row) and self.unfolds(row):
+            return self._go_below(row)
         answers = partner is not None and self.desk.bus.table.value("kind", row) == Kind.RESPONSE
         begins = partner if answers and partner is not None else row
         self.following = False
@@ -97,6 +100,20 @@ class TransactionList(FrameList):
         self._meant = row
         self.move_to(line, middle=True)
         return self._lines.place(line)[0] == begins
+
+    def unfolds(self, row: int) -> bool:
+        """Whether a row is among those that unfold below a transaction of the list."""
+        return bool(self.rows.count) and row in self._lines.below(row)
+
+    def _go_below(self, row: int) -> bool:
+        """Unfold the transaction of a row, and put the cursor on that row below it."""
+        line = self._lines.turn(self._lines.line(row), wanted=True)
+        self._strips.clear()
+        self.following, self._meant = False, -1
+        self.grown()
+        at = line + 1 + self._lines.below(row).index(row)
+        self.move_to(at, middle=True)
+        return True
 
     def _tell(self) -> None:
         if self.cursor < self._lines.count and self._lines.place(self.cursor)[0] != self._meant:
@@ -214,6 +231,6 @@ def _is_noted(mark: StyledText) -> bool:
 VIEW: Final = View(
     name="transactions", key="1", title="Transactions", short="Trans",
     make=lambda desk: TransactionList(desk, id="transactions"), refresh=grown,
-    chosen=shown_row, entered=to_its_fields, shown=at_the_row, at=under_cursor,
-    detail=True,
+    chosen=shown_row, entered=to_its_fields, shown=at_the_row, at=under_cursor, cells=cells_of_row,
+    detail=True, offers=OF_ROWS,
 )  # fmt: skip

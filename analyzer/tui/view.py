@@ -7,7 +7,7 @@ line of a list is told as filters that mean it: the cells that doors lead throug
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Awaitable, Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -17,6 +17,7 @@ from dissectors.values import AREAS, harmless, logical
 from ..languages import tr
 from ..model.polls import carried_by, poll_values
 from .paint import Painted
+from .places import Place
 
 if TYPE_CHECKING:
     from textual.widget import Widget
@@ -104,10 +105,19 @@ def named_cells(meaning: Meaning, spot: Spot, number: float | None) -> Iterator[
     yield DoorCell("v", words, f'unit == {spot[0]} and value("{name}") == {told}')
 
 
-JUMPS: Final = ("find", "find_on", "goto", "counterpart", "finding")  # the screen's actions that go to another row
-
-
 LISTS: Final = ("transactions", "frames")  # the views whose lines are rows of the bus
+
+
+def cells_of_units(units: Sequence[int]) -> list[DoorCell]:
+    """The units that something concerns."""
+    return [
+        DoorCell("ubcdefgh"[i], tr("unit {unit}", unit=unit), f"unit == {unit}") for i, unit in enumerate(units[:8])
+    ]
+
+
+def no_cells(screen: BusScreen) -> list[DoorCell]:  # noqa: ARG001
+    """Nothing stands under its cursor that a filter could mean."""
+    return []
 
 
 def nothing(screen: BusScreen) -> None:
@@ -123,8 +133,8 @@ def grown(screen: BusScreen) -> None:
     screen.query_one(f"#{screen.view}", Painted).grown()
 
 
-def nowhere(screen: BusScreen) -> int | None:  # noqa: ARG001
-    """Its cursor stands on no row."""
+def nowhere(screen: BusScreen) -> Place:  # noqa: ARG001
+    """Its cursor stands on nothing."""
     return None
 
 
@@ -140,10 +150,12 @@ class View:
     chosen: Callable[[BusScreen, Widget], None] = ignored  # the cursor of one of its lists moved
     entered: Callable[[BusScreen, Widget], None] = ignored  # a line of one of its lists was opened
     shown: Callable[[BusScreen], None] = nothing  # it has just come up
-    at: Callable[[BusScreen], int | None] = nowhere  # the row that its cursor stands on
-    cells: Callable[[BusScreen], list[DoorCell]] = cells_of_row  # what under its cursor can be filtered by
+    at: Callable[[BusScreen], Place] = nowhere  # what its cursor stands on
+    cells: Callable[[BusScreen], list[DoorCell]] = no_cells  # what under its cursor can be filtered by
+    copied: Callable[[BusScreen], str] | None = None  # the text that a copy is, where it is not bytes of a row
+    export: Callable[[BusScreen], Awaitable[None]] | None = None  # where it writes something else than rows
     short: str = ""  # title on narrow terminals
     detail: bool = False  # with the frame under the cursor below
     filtered: bool = True  # obeys the scope, whose line stands above
     figures: bool = False  # shows figures of the rows that the scope leaves, which take a while to count
-    without: tuple[str, ...] = ()  # the screen's actions that mean nothing in it
+    offers: frozenset[str] = frozenset()  # of the screen's actions in `places.OFFERED` those that it has

@@ -37,8 +37,9 @@ class Seat:
 
     @property
     def row(self) -> int:
-        assert self.screen.row is not None
-        return self.screen.row
+        row = self.screen.studied if self.screen.row is None else self.screen.row
+        assert row is not None
+        return row
 
     @property
     def bus(self) -> Any:
@@ -112,10 +113,7 @@ async def seat(
         sitting = Seat(app, pilot, notices)
         if not source.live:
             await sitting.until(
-                lambda: (
-                    sitting.bus.whole
-                    and (not sitting.bus.count or sitting.screen.row is not None or sitting.screen.view == "home")
-                )
+                lambda: sitting.bus.whole and (not sitting.bus.count or sitting.screen.studied is not None)
             )
             await sitting.settle()
         yield sitting
