@@ -15,8 +15,8 @@ from textual.widgets import Input
 
 from analyzer import languages
 from analyzer.languages import tr
-from analyzer.model.search import GotoError, span
 from analyzer.model.spoken import spoken
+from analyzer.model.times import GotoError, span
 from analyzer.tui.app import Rtuscope
 from analyzer.tui.bars import KeyLine
 from analyzer.tui.desk import Preferences

@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from aiohttp import web
 
     from captures import Capture
+    from dissectors.maps.files import UnitMaps
 
     from ..options import Options
 
@@ -191,6 +192,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--light", action="store_true", help="dark on light (D switches)")
     parser.add_argument("--plain", action="store_true", help="read it out in plain lines, for a screen reader")
     parser.add_argument("-Y", "--filter", metavar="FILTER", default="", help="with --plain: only what passes")
+    parser.add_argument(
+        "--against", metavar="CAPTURE", help="with --plain: tell what is otherwise than in this capture"
+    )
     parser.add_argument("--web", action="store_true", help="serve it to a browser on this machine instead")
     parser.add_argument("--host", default="127.0.0.1", help="with --web: address to listen at (127.0.0.1)")
     parser.add_argument("--port", type=port, default=_PORT, help=f"with --web: port to listen at ({_PORT})")
@@ -217,7 +221,7 @@ def run(arguments: argparse.Namespace) -> int:
         serve(in_a_browser(arguments), arguments.host, arguments.port)
         return DONE
     if arguments.plain:
-        return read_out(arguments, capture, limits)
+        return read_out(arguments, capture, limits, charts)
     if arguments.capture == "-":
         take_keys()
     needs_a_terminal("open")
@@ -240,7 +244,7 @@ def run(arguments: argparse.Namespace) -> int:
     return DONE
 
 
-def read_out(arguments: argparse.Namespace, capture: Capture | None, limits: Options) -> int:
+def read_out(arguments: argparse.Namespace, capture: Capture | None, limits: Options, charts: UnitMaps) -> int:
     """The capture in plain lines."""
     if capture is None:
         raise UsageError("--plain reads out a capture: which one?")
@@ -253,7 +257,12 @@ def read_out(arguments: argparse.Namespace, capture: Capture | None, limits: Opt
     name = capture.path.name if capture.path else "capture"
     try:
         zone = UTC if arguments.tz is None else time_zone(arguments.tz)
-        for line in spoken(CaptureSource(capture, name, limits), arguments.filter, zone):
+        then = None
+        if arguments.against is not None:
+            earlier = capture_as_asked(arguments.against, arguments)
+            then = CaptureSource(earlier, earlier.path.name if earlier.path else "capture", limits)
+        source = CaptureSource(capture, name, limits)
+        for line in spoken(source, arguments.filter, zone, charts=charts, then=then):
             print(line)
     except FilterError as error:
         raise UsageError(f"--filter: {error}") from error

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..tables.batch import Batch
-from ..tables.columns import decode
+from ..tables.columns import Decoded, decode
 from ..tables.values import confirmed_values
 from .table import PIECE
 
@@ -75,9 +75,9 @@ class RegisterLog:
     def __len__(self) -> int:
         return int((self._row >= 0).sum())
 
-    def feed(self, batch: Batch, numbers: _Ints) -> None:
-        """Take in the values of a batch; `numbers` are those of its rows in the model."""
-        keys, values, rows = _readings(batch)
+    def feed(self, batch: Batch, numbers: _Ints, decoded: Decoded | None = None) -> None:
+        """Take in the values of a batch; `numbers` are those of its rows in the model, `decoded` what they say."""
+        keys, values, rows = _readings(batch, decoded)
         if not len(keys):
             return
         slots = self._slots(keys)
@@ -229,9 +229,9 @@ class RegisterSeries:
         return np.concatenate(t_ns), np.concatenate(rows), np.concatenate(values)
 
 
-def _readings(batch: Batch) -> tuple[_Ints, _Ints, _Ints]:
+def _readings(batch: Batch, decoded: Decoded | None = None) -> tuple[_Ints, _Ints, _Ints]:
     """Values that stand for what a register is: key (unit, area, address), value, and row of the answer."""
-    confirmed = confirmed_values(batch, decode(batch))
+    confirmed = confirmed_values(batch, decode(batch) if decoded is None else decoded)
     base = batch.rows.unit[confirmed.rows].astype(np.int64) << 18 | (confirmed.area.astype(np.int64) - 1) << 16
     rows, address, values = confirmed.spread()
     return np.repeat(base, confirmed.counts) | address, values.astype(np.int64), rows

@@ -77,7 +77,7 @@ class Rtuscope(App[None]):
         self._themes = DARK, LIGHT
         self._light = light
         self.theme = self._themes[light].name
-        self._reader = reader or capture_source
+        self.reader = reader or capture_source
         self._leaving = False
         notes, trouble = _notes_of(source)
         wishes = Preferences.of_user()
@@ -179,9 +179,9 @@ class Rtuscope(App[None]):
 
     def _opened(self, path: Path) -> ViewSource:
         """A file as a source whose first bytes were read: raises what is wrong with it."""
-        for _ in self._reader(path).steps(lambda: False):
+        for _ in self.reader(path).steps(lambda: False):
             break
-        return self._reader(path)
+        return self.reader(path)
 
     async def _may_leave(self) -> bool:
         """Whether a recording, if there is one, may end."""

@@ -48,6 +48,7 @@ class BusState(NamedTuple):
     report: Report
     causes: Sequence[Cause]
     not_explained: Sequence[Left] = ()
+    of_all: bool = False  # whether all rows had come
 
 
 class HomeList(Lines):
@@ -63,6 +64,7 @@ class HomeList(Lines):
         super().__init__(id=id)
         self.desk = desk
         self.state: BusState | None = None
+        self.settled = False  # whether it was reckoned of all rows
         self.first_at, self.first_pause_s = 0.0, _AGAIN_S  # when, unseen, it is reckoned: should it come up?
 
     def use(self, state: BusState) -> None:
@@ -71,10 +73,11 @@ class HomeList(Lines):
         if scope.narrows:  # causes are told from everything; those of units that are left out are not shown
             units = {unit.unit for unit in state.report.units}
             own = [cause for cause in state.causes if not cause.units or units.intersection(cause.units)]
-            state = BusState(state.report, own)
+            state = BusState(state.report, own, of_all=state.of_all)
         slow = _slow_units(state.report)
         sickest = sorted(state.report.units_as_heard, key=lambda row: (*_badness(row), row.unit not in slow, row.unit))
         self.state = BusState(replace(state.report, units=tuple(sickest)), state.causes, state.not_explained)
+        self.settled = state.of_all
         self._fresh_until = 0.0
         self.grown()
         if self.count() or self.desk.is_foreign:
@@ -135,6 +138,10 @@ class HomeList(Lines):
         span = tr(" in {time}", time=duration(bus.t_last - bus.t_first)) if bus.timed and bus.count else ""
         frames, findings = counted(bus.frames, "frame", "frames"), counted(bus.found.count, "finding", "findings")
         totals = StyledText(f"   {frames}{span}, {findings}", "dim")
+        if not self.settled and bus.count and not self.desk.scope.narrows:
+            totals = StyledText(
+                tr("   so far {frames}{span}, {findings}", frames=frames, span=span, findings=findings), "dim"
+            )
         if self.desk.scope.narrows:
             shown = tr("{some:,} of {frames}", some=self.desk.figures.frames, frames=frames)
             totals = StyledText(f"   {shown}{span}", "dim")
@@ -319,8 +326,8 @@ def _refresh(screen: BusScreen) -> None:
     source = screen.desk.source
 
     def reckon(_: object) -> BusState:
-        story = bus.story()
-        return BusState(figures.report(source), story.causes, story.not_explained)
+        whole, story = bus.whole, bus.story()
+        return BusState(figures.report(source), story.causes, story.not_explained, whole)
 
     screen.jobs.reckon("home", basis, reckon, home.use)
 
@@ -342,7 +349,11 @@ def first(screen: BusScreen) -> None:
             screen.action_view(VIEW.name)
         screen.undecided = not bus.whole and not state.causes
 
-    screen.jobs.run("home first", lambda _: BusState(bus.report(source), bus.causes()), decide)
+    def reckon(_: object) -> BusState:
+        whole = bus.whole
+        return BusState(bus.report(source), bus.causes(), of_all=whole)
+
+    screen.jobs.run("home first", reckon, decide)
 
 
 def _chosen(screen: BusScreen, sender: Widget) -> None:

@@ -331,7 +331,7 @@ class Jobs:
                     return
                 time.sleep(_PERIOD_S)
 
-        self._start("select", thread, exclusive=True, failed=self._rest)
+        self._start("select", thread, exclusive=True, failed=self.rest)
 
     @property
     def unsettled(self) -> bool:
@@ -372,7 +372,7 @@ class Jobs:
 
         return found
 
-    def _rest(self) -> None:
+    def rest(self) -> None:
         """Nothing goes on that the status line would tell."""
         self.doing = ""
         self._screen.say()
@@ -406,7 +406,7 @@ class Jobs:
         self._counted, self._counted_to, self._count_next = selection, selection.done, now + _SCOPE_S
         if bus.whole:
             self.doing = tr("counting the rows shown")
-        self.run("scope", lambda stop: ScopedFigures(bus, selection.rows(), stop), self._use_figures, failed=self._rest)
+        self.run("scope", lambda stop: ScopedFigures(bus, selection.rows(), stop), self._use_figures, failed=self.rest)
 
     def _use_figures(self, figures: ScopedFigures) -> None:
         self._screen.desk.narrowed = figures

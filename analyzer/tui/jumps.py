@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 from ..languages import tr
 from ..model import search
 from ..model.polls import carried_by
+from ..model.times import FORMS, SPANS, GotoError, span
 from ..words import is_clock, zone_name
 from .frames import FrameList
 from .jobs import Stop
@@ -113,11 +114,11 @@ class Jumps:
         def wrong(text: str) -> str:
             try:
                 search.row_named(text, self._bus, begin, self._screen.desk.zone)
-            except search.GotoError as error:
+            except GotoError as error:
                 return str(error)
             return ""
 
-        text = await self._screen.app.push_screen_wait(Ask(self._asks("Go to"), tr(search.FORMS), wrong=wrong))
+        text = await self._screen.app.push_screen_wait(Ask(self._asks("Go to"), tr(FORMS), wrong=wrong))
         if text is not None:
             self.go(search.row_named(text, self._bus, begin, self._screen.desk.zone))
 
@@ -127,14 +128,14 @@ class Jumps:
 
         def wrong(text: str) -> str:
             try:
-                search.span(text, self._bus, zone)
-            except search.GotoError as error:
+                span(text, self._bus, zone)
+            except GotoError as error:
                 return str(error)
             return ""
 
-        text = await self._screen.app.push_screen_wait(Ask(self._asks("Only the time"), tr(search.SPANS), wrong=wrong))
+        text = await self._screen.app.push_screen_wait(Ask(self._asks("Only the time"), tr(SPANS), wrong=wrong))
         if text is not None:
-            self._screen.narrowing.to_span(search.span(text, self._bus, zone))
+            self._screen.narrowing.to_span(span(text, self._bus, zone))
 
     async def ask_what(self) -> None:
         """Ask what to look for, tell what is understood while it is typed, and look; a place is gone to."""
@@ -156,7 +157,7 @@ class Jumps:
                     search.row_named(text, self._bus, begin, zone)
                 else:
                     search.wanted(text, charts)
-            except (search.SearchError, search.GotoError) as error:
+            except (search.SearchError, GotoError) as error:
                 return str(error)
             return ""
 

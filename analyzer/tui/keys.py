@@ -22,11 +22,13 @@ from textual.widget import Widget
 from textual.widgets import Static
 
 from ..languages import tr
+from .against import ChangeList
 from .details import BytesPane, Details
 from .filterbar import FilterInput
 from .findings import FindingList
 from .home import HomeList
 from .lines import Lines
+from .polllist import PollList
 from .registerlist import RegisterList
 from .timeline import Timeline
 from .transactions import TransactionList
@@ -135,7 +137,8 @@ MARKS: Final = (
 
 _KEYS: Final = 14  # columns
 _WIDGETS: Final[tuple[tuple[str, type[Widget]], ...]] = (
-    ("At Home", HomeList), ("In Transactions", TransactionList), ("In Findings", FindingList), ("In Units", UnitList),
+    ("At Home", HomeList), ("In Transactions", TransactionList), ("In Findings", FindingList), ("In Polls", PollList),
+    ("In Units", UnitList), ("In Then and now", ChangeList),
     ("In Registers", RegisterList), ("In the timeline", Timeline), ("In any list", Lines), ("In the fields", Details),
     ("In the bytes", BytesPane), ("In the filter's line", FilterInput),
 )  # fmt: skip
@@ -180,7 +183,7 @@ def commands(screen: Widget, view: Widget) -> Iterator[tuple[Widget, Binding]]:
     own = [(widget, each) for widget in (view, *view.query("*").results(Widget)) for each in type(widget).BINDINGS]
     wanted = [*((screen, binding) for binding in BINDINGS), *own]
     for node, binding in wanted:
-        if not isinstance(binding, Binding) or not (binding.tooltip or node is screen):
+        if not isinstance(binding, Binding) or not (binding.tooltip or binding.show or node is screen):
             continue
         name, parameters = parse(binding.action.removeprefix("app."))[1:]
         if node.check_action(name, parameters) is not False:

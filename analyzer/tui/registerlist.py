@@ -278,6 +278,11 @@ class RegisterList(Lines):
             return ""
         return tr("no register {number} was seen here", number=text.strip()[:20])
 
+    def go(self, spot: Spot) -> None:
+        """Put the cursor on a register, where it was seen."""
+        self._lay_out()
+        self.move_to(self._line_of.get(spot, self.cursor), middle=True)
+
     def action_cursor(self, step: int) -> None:
         self.screen.query_one(Plot).move(step)
 

@@ -168,7 +168,11 @@ class BusScreen(Screen[None]):
         self.query_one("#views").display = True
         self.detail.set_class(False, "-zoomed")
         self.query_one(FilterBar).display = record.filtered
-        for name in ("home", "paste"):  # of the pane alone: a class of the screen would style every widget anew
+        for name in (
+            "home",
+            "paste",
+            "polls",
+        ):  # of the pane alone: a class of the screen would style every widget anew
             self.detail.set_class(view == name, f"-{name}")
         record.shown(self)
         self.jobs.count_scope()
@@ -195,7 +199,7 @@ class BusScreen(Screen[None]):
             follow = tr("following") if listing.following else tr("{count:,} below (F follows)", count=waiting)
         if self.picked.anchor is not None:
             where += tr(", selected {count:,}", count=len(self.picked.rows()))
-        self.query_one(StatusLine).say(where, self.jobs.doing, follow)
+        self.query_one(StatusLine).say(where, self.jobs.doing, follow, self.files.state)
 
     def study_row(self, row: int, *, to: tuple[str, ...] = ()) -> None:
         """Show a row's fields and bytes; the cursor of the fields goes to an item."""

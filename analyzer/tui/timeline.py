@@ -33,6 +33,7 @@ _DEAF: Final = "░"
 _LABEL: Final = 9  # columns left of the plot
 _BELOW: Final = 5  # lines under it
 _LEAST_PLOT: Final = 3  # lines that bands leave to it
+_MOST_PLOT: Final = 10  # lines that it takes where there is more room: causes in words stand below
 _ABOVE: Final = 2
 _LEAST_NS: Final = 1_000_000  # no span is shorter
 _LONG_NS: Final = 600 * 10**9  # from which on times of day say more than seconds
@@ -110,7 +111,7 @@ class Timeline(Painted, can_focus=True):
             why = tr("nothing captured yet") if self.desk.bus.timed else tr("no times in this capture")
             return self.strip([StyledText(f"  {why}" if y == 0 else "", "dim")], width, base)
         room = max(0, height - _ABOVE - _BELOW - _LEAST_PLOT)
-        plot = max(1, height - _ABOVE - _BELOW - min(len(self.bands), room))
+        plot = max(1, min(_MOST_PLOT, height - _ABOVE - _BELOW - min(len(self.bands), room)))
         return self.strip(fitted(self._line(y, plot, bins), width), width, base)
 
     def _line(self, y: int, plot: int, bins: Bins) -> list[StyledText]:
@@ -126,7 +127,7 @@ class Timeline(Painted, can_focus=True):
             return [StyledText(f"{tr('trouble') + ' ':>{_LABEL}}", "error"), *self._marks(bins.troubles, "error", "▪█")]
         if y == 1:
             return [StyledText(f"{tr('noise') + ' ':>{_LABEL}}", "noise"), *self._marks(bins.noise, "noise", "·▪")]
-        room = max(0, self.content_size.height - _ABOVE - _BELOW - plot)
+        room = max(0, self.content_size.height - _ABOVE - _BELOW - _LEAST_PLOT)
         shown = self.bands[:room]
         if 2 <= y < 2 + len(shown):
             return self._band(shown[y - 2])
@@ -138,7 +139,7 @@ class Timeline(Painted, can_focus=True):
             return [StyledText(" " * _LABEL), StyledText("".join(under), "strong")]
         if y == 3:
             return self._under_cursor(bins)
-        return self._causes_at_cursor() if y == 4 else []
+        return self._cause_at_cursor(y - 4)
 
     def _title(self, bins: Bins) -> list[StyledText]:
         load = self._loads(bins)
@@ -235,15 +236,13 @@ class Timeline(Painted, can_focus=True):
                 parts.append(StyledText(cell, kind))
         return parts
 
-    def _causes_at_cursor(self) -> list[StyledText]:
-        """In words, each with the number that its band has."""
+    def _cause_at_cursor(self, line: int) -> list[StyledText]:
+        """One on a line, in words, with the number that its band has."""
         here = [band.cause for band in self.bands if band.cause is not None and band.counts[self.cursor]]
-        parts = []
-        for number in here:
-            cause = self.causes[number]
-            parts.append(StyledText(f" {number + 1} ", cause.severity))
-            parts.append(StyledText(f"{cause.text} "))
-        return parts
+        if line >= len(here):
+            return []
+        cause = self.causes[here[line]]
+        return [StyledText(f" {here[line] + 1} ", cause.severity), StyledText(cause.text)]
 
     def _under_cursor(self, bins: Bins) -> list[StyledText]:
         i = self.cursor

@@ -233,7 +233,7 @@ def _at(screen: BusScreen) -> Place:
 
 
 VIEW: Final = View(
-    name="units", key="4", title="Units",
+    name="units", key="9", title="Units", tab=False,
     make=_widget, refresh=_refresh, chosen=_chosen, entered=_entered, at=_at, cells=_cells,
     offers=OF_FIGURES, figures=True,
 )  # fmt: skip

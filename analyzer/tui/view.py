@@ -155,6 +155,7 @@ class View:
     copied: Callable[[BusScreen], str] | None = None  # the text that a copy is, where it is not bytes of a row
     export: Callable[[BusScreen], Awaitable[None]] | None = None  # where it writes something else than rows
     short: str = ""  # title on narrow terminals
+    tab: bool = True  # stands among the tabs, not only while it is in sight
     detail: bool = False  # with the frame under the cursor below
     filtered: bool = True  # obeys the scope, whose line stands above
     figures: bool = False  # shows figures of the rows that the scope leaves, which take a while to count
