@@ -24,9 +24,9 @@ DIGITS: Final = r"\d{1,12}(?:[.,]\d{1,12})?"
 _BETWEEN: Final = re.compile(r"\s*(?:[-\u2013\u2014\u2212]|\.\.|\bto\b|\bдо\b)\s*")
 _SINCE: Final = re.compile(rf"({DIGITS})\s*(us|ms|s|min|h)?")
 _CLOCK: Final = re.compile(
-    r"(?:(?P<day>y|yesterday|вчера|today|сегодня|(?:\d{4}-)?\d{2}-\d{2})[ t]+)?"
+    r"(?:(?P<day>y|yesterday|вчера|t|today|сегодня|(?:\d{4}-)?\d{2}-\d{2})[ t]+)?"
     r"(?P<hour>\d{1,2})(?::(?P<minute>\d{2})(?::(?P<second>\d{2})(?:[.,](?P<part>\d{1,9}))?)?)?"
-    r"(?:\s*(?P<zone>z|[a-z]{2,5}|[+-]\d{1,2}(?::?\d{2})?))?"
+    r"(?:\s*(?P<zone>z|[a-z]{2,5}(?:[+-]\d{1,2}(?::?\d{2})?)?|[+-]\d{1,2}(?::?\d{2})?))?"
 )
 _SECOND_NS: Final = 1_000_000_000
 _DAY: Final = timedelta(days=1)

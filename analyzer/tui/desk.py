@@ -238,7 +238,7 @@ class ViewState:
         """`2026-11-21 14:00–16:00 UTC`; on a capture's own clock `10–25 s`."""
         if not self.bus.timed or not is_clock(self.bus.t_first):
             low, high = ((t - self.bus.t_first) / 1e9 for t in span)
-            return f"{low:.10g}–{high:.10g} s"
+            return "–".join(f"{since:.9f}".rstrip("0").rstrip(".") for since in (low, high)) + " s"
         size = 16 if span[1] - span[0] >= _HOUR_NS else 19 if span[1] - span[0] >= _MINUTE_NS else 23
         begin, end = (date_and_time(t, self.zone)[:size] for t in span)
         for zeros in (".000", ":00"):
