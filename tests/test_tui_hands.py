@@ -52,7 +52,7 @@ def test_the_users_own_keys(capture: Path) -> None:
         app.desk.wishes.keys = {"bookmark": "B"}
         async with app.run_test(size=(100, 30)) as pilot:
             sitting = Seat(app, pilot)
-            await sitting.until(lambda: sitting.bus.whole and sitting.screen.row is not None)
+            await sitting.until(lambda: sitting.bus.whole and sitting.screen.studied is not None)
             await sitting.press("B")
             assert app.desk.notes.comments
             await sitting.press("m")

@@ -56,7 +56,7 @@ async def _look(size: tuple[int, int], colours: str) -> None:
         screen = app.screen
         assert isinstance(screen, BusScreen)
         async with asyncio.timeout(60):
-            while not app.desk.bus.whole or screen.row is None:
+            while not app.desk.bus.whole or screen.studied is None:
                 await asyncio.sleep(0.01)
         for name, keys in _STEPS:
             await pilot.press(*keys)

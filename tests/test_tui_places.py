@@ -153,3 +153,23 @@ def test_notes_stand_in_the_report_and_it_is_written(capture: Path) -> None:
             assert "inverter trips here" in (capture.parent / name).read_text(encoding="utf-8")
 
     using(opened(capture), work)
+
+
+def test_a_cause_is_walked_through_in_wire_order_from_its_line(capture: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        screen = sitting.screen
+        await sitting.press("0")
+        await sitting.until(lambda: isinstance(screen.place, CausePlace))
+        await sitting.press("home", "enter")
+        assert screen.view == "transactions"
+        rows = [screen.jumps.here]
+        for _ in range(3):
+            await sitting.press("n")
+            rows.append(screen.jumps.here)
+        assert rows == sorted(rows) and len(set(rows)) > 1
+        await sitting.press("N")
+        assert screen.jumps.here == rows[-2]
+        await sitting.press(*["minus"] * 5)
+        assert screen.view == "home", "and back"
+
+    using(opened(capture), work, view="transactions")

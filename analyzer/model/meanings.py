@@ -32,6 +32,7 @@ ChartsOf = Callable[[Iterable[int]], Mapping[int, RegisterMap]]
 BIT_AREAS: Final = 2  # coils and discrete inputs come first
 _AREA_NAMES: Final = tuple(AREAS)
 _UNITS: Final = 256
+_BLOCKS: Final = 4096  # of which it is remembered whether they mean anything
 _SHOWN_AS: Final = {"enum": "u", "time": "u", "bcd": "u", "text": "text", "bits": "bits", "bool": "u"}
 _READ: Final = 1 << 20  # rows that types are told from
 _ROW_TYPES: Final = {"hex": "u16"}  # what a map calls a choice of the user's
@@ -157,6 +158,7 @@ class Meanings:
         self._told: Mapping[Spot, Meaning] = {}
         self._mapped: dict[int, dict[tuple[int, int], Meaning]] = {}
         self._asked_at = -1  # rows of which types were told
+        self._meant: dict[tuple[int, int, int, int], tuple[int, bool]] = {}  # blocks, by which version
         self._charts: tuple[int, UnitMaps] | None = None  # for which version
         self.version = 0
 
@@ -222,8 +224,15 @@ class Meanings:
         """Whether anything but plain numbers is known of what a poll carries."""
         if poll.area < 0:
             return False
-        places = range(len(poll.values))
-        return any(not self.at((poll.unit, poll.area, poll.address + at)).is_plain for at in places)
+        block = poll.unit, poll.area, poll.address, len(poll.values)
+        known = self._meant.get(block)
+        if known is None or known[0] != self.version:
+            places = range(len(poll.values))
+            means = any(not self.at((poll.unit, poll.area, poll.address + at)).is_plain for at in places)
+            if len(self._meant) >= _BLOCKS:
+                self._meant.clear()
+            known = self._meant[block] = self.version, means
+        return known[1]
 
     @property
     def charts(self) -> UnitMaps:

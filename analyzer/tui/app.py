@@ -151,6 +151,10 @@ class Rtuscope(App[None]):
     async def action_quit(self) -> None:
         self.leave()
 
+    def action_help_quit(self) -> None:
+        """Ctrl+C: no way out of its own, it names the one there is."""
+        self.notify(tr("q quits; a recording does not end unasked"), markup=False)
+
     def leave(self, following: NextFile | None = None) -> None:
         """Quit, or go on to a file. A recording does not end unasked, and what is shown stays where the file cannot be
         opened."""

@@ -313,11 +313,10 @@ def _chosen(screen: BusScreen, sender: Widget) -> None:
 
 def _entered(screen: BusScreen, sender: Widget) -> None:
     assert isinstance(sender, FindingList)
-    row = sender.row
-    if sender.cause is not None and sender.cause.frames:
-        row = screen.desk.bus.table.row_of_frame(sender.cause.frames[0])
-    if row is not None and row >= 0:
-        screen.jumps.go(row)
+    if sender.cause is not None:
+        screen.jumps.walk(sender.cause)
+    elif sender.row is not None:
+        screen.jumps.go(sender.row)
 
 
 def _refresh(screen: BusScreen) -> None:

@@ -363,13 +363,11 @@ def _chosen(screen: BusScreen, sender: Widget) -> None:
 
 
 def _entered(screen: BusScreen, sender: Widget) -> None:
-    """A cause: the first frame that shows it. A unit: its rows alone."""
+    """A cause: the first row that shows it. A unit: its rows alone."""
     assert isinstance(sender, HomeList)
     cause, unit = sender.cause, sender.unit
-    if cause is not None and cause.frames:
-        row = screen.desk.bus.table.row_of_frame(cause.frames[0])
-        if row >= 0:
-            screen.jumps.go(row)
+    if cause is not None:
+        screen.jumps.walk(cause)
     elif unit is not None:
         screen.action_view(screen.list_view)
         screen.query_one(FilterBar).use(f"unit == {unit.unit}")

@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections import deque
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
+
 from ..languages import tr
 from ..model import search
 from ..model.polls import carried_by
+from ..model.rowstores import rows_of_causes
 from ..model.times import FORMS, SPANS, GotoError, span
 from ..words import is_clock, zone_name
 from .frames import FrameList
@@ -17,6 +20,7 @@ from .view import LISTS, value_name
 from .wire import FINDING
 
 if TYPE_CHECKING:
+    from ..causes.registry import Cause
     from .screen import BusScreen
 
 _HINT: Final = 'bytes 03 02, a value 230.5, a time 08:29 or 12.5s, frame #120, or text; "…" is text'
@@ -176,6 +180,23 @@ class Jumps:
     def _find_first(self) -> None:
         self._waiting.clear()
         self.find_on(back=False)
+
+    def walk(self, cause: Cause) -> None:
+        """Go to the first row that shows a cause; the next hit and the one before are the others, in wire order."""
+        (shown,) = rows_of_causes(self._bus, [cause])
+        rows = np.unique(shown).astype(np.int64)
+        if not len(rows):
+            rows = np.unique([self._bus.table.row_of_frame(index) for index in cause.frames])
+            rows = rows[rows >= 0]
+        if not len(rows):
+            self._screen.tell(tr("no frame shows it by itself"))
+            return
+        hits: search.Hits = lambda _, first, last: rows[(rows >= first) & (rows < last)]  # noqa: E731
+        self._waiting.clear()
+        self._wanted = search.Wanted(tr("what shows the cause {name}", name=cause.cause), hits)
+        self.go(int(rows[0]))
+        where = tr("{count:,} rows show it: n goes to the next, N to the one before", count=len(rows))
+        self._screen.tell(where)
 
     def find_by(self, words: str, hits: search.Hits) -> None:
         """Look for something that needs no asking."""

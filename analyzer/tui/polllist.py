@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import islice
 from typing import TYPE_CHECKING, ClassVar, Final
 
 import numpy as np
@@ -39,13 +40,14 @@ _COLUMNS: Final = {
     "unit": 5, "fn": 4, "register": 9, "qty": 5, "asked": 7, "every": 8, "jitter": 8, "p50": 8, "p95": 8, "max": 8,
     "answers": 9, "bad": 8, "moved": 6,
 }  # fmt: skip
-_DROPPED: Final = ("answers", "jitter", "p95", "asked", "moved", "qty", "max", "every", "fn")  # for want of room
+_DROPPED: Final = ("answers", "jitter", "p95", "asked", "moved", "max", "fn", "every", "qty")  # for want of room
 _LEAST_VALUES: Final = 24  # columns that the newest values have, at least
 _AGE: Final = 8
 _PICTURE: Final = 8
 _MANY: Final = 0.05
 _FEW: Final = 0.005
 _NARROW: Final = 56
+_LISTED: Final = 48  # values that are told below
 
 
 def _ended_badly(poll: WatchedPoll) -> float:
@@ -90,6 +92,8 @@ class PollList(Lines):
         self._ignored: dict[PollKey, NDArray[np.bool_]] = {}  # registers whose moving is of no interest
         self._polls: list[WatchedPoll] = []
         self._laid_out: tuple[object, ...] = ()
+        self._read: dict[int, TransactionValues] = {}  # by the row that begins the transaction
+        self._looked_at = -1  # the answer that is told below
 
     @property
     def empty(self) -> str:
@@ -107,7 +111,8 @@ class PollList(Lines):
             self.cursor = next((i for i, poll in enumerate(self._polls) if poll.key == before.key), self.cursor)
         self._fresh_until = 0.0
         super().grown()
-        if self._polls and self.poll is not None:
+        if self.poll is not None and self.poll.answered != self._looked_at:
+            self._looked_at = self.poll.answered
             self._tell()
 
     def _lay_out(self) -> None:
@@ -170,13 +175,24 @@ class PollList(Lines):
         row = poll.answered if poll.answered >= 0 else poll.row
         if not 0 <= row < self.desk.bus.count:
             return None
-        carried, moving = poll_values(self.desk.bus, [row])[0], self.moving(poll)
+        carried, moving = self._read_at(row), self.moving(poll)
         changed = frozenset(i for i in carried.changed if i >= len(moving) or moving[i])
         before = tuple(
             old if i in changed else now
             for i, (old, now) in enumerate(zip(carried.before, carried.values, strict=False))
         )
         return replace(carried, changed=changed, before=before if len(before) == len(carried.values) else ())
+
+    def _read_at(self, row: int) -> TransactionValues:
+        """What the transaction of a row carries; those of all lines in sight are read at once."""
+        if row not in self._read:
+            top, count = self.scroll_offset.y, self.desk.bus.count
+            polls = self._polls[top : top + self.room]
+            rows = {poll.answered if poll.answered >= 0 else poll.row for poll in polls} | {row}
+            wanted = sorted(each for each in rows if 0 <= each < count and each not in self._read)
+            self._read = {each: kept for each, kept in self._read.items() if each in rows}
+            self._read.update((carried.row, carried) for carried in poll_values(self.desk.bus, wanted))
+        return self._read[row]
 
     def _values(self, poll: WatchedPoll, room: int) -> list[StyledText]:
         carried = self.carried(poll)
@@ -233,7 +249,7 @@ class PollList(Lines):
 
     def _items(self, carried: TransactionValues) -> list[Item]:
         items = []
-        for reading in self.desk.meanings.readings(carried):
+        for reading in islice(self.desk.meanings.readings(carried), _LISTED):
             was = tr(", was {old}", old=harmless(reading.before)) if reading.changed else ""
             label = f"{reading.register} {harmless(reading.meaning.name)}".rstrip()
             kind = "warning" if reading.changed else ""

@@ -30,7 +30,7 @@ def carried_values(
     """The values in about `room` columns; one that is another than last time has a star, and stands out. With
     `only_changed` those alone, as they were and as they are."""
     if desk.raw or not desk.meanings.means(poll):
-        return _changed_words(poll) if only_changed else _words(poll)
+        return _changed_words(poll) if only_changed else _words(poll, room)
     readings = desk.meanings.readings(poll)
     return list(_named_changes(readings, room) if only_changed else _named(readings, room))
 
@@ -84,11 +84,11 @@ def told_label(reading: NamedReading, before: NamedReading | None, *, alone: boo
     return " ".join(words[shared:])
 
 
-def _words(poll: TransactionValues) -> list[StyledText]:
+def _words(poll: TransactionValues, room: int) -> list[StyledText]:
     """Registers below each other."""
     width = 1 if poll.register[:1] in _BIT_AREAS and len(poll.register) > 1 else _WORD
     out = []
-    for i, value in enumerate(poll.values):
+    for i, value in enumerate(poll.values[: room // (width + 1) + 2]):
         star = "*" if i in poll.changed else " "
         out.append(StyledText(f"{star}{value:>{width}}", "warning" if i in poll.changed else ""))
     return out

@@ -33,7 +33,8 @@ _DEAF: Final = "░"
 _LABEL: Final = 9  # columns left of the plot
 _BELOW: Final = 5  # lines under it
 _LEAST_PLOT: Final = 3  # lines that bands leave to it
-_MOST_PLOT: Final = 10  # lines that it takes where there is more room: causes in words stand below
+_LOW_PLOT: Final = 8  # lines that it takes before causes in words get more than one below
+_IN_WORDS: Final = 4  # lines for those
 _ABOVE: Final = 2
 _LEAST_NS: Final = 1_000_000  # no span is shorter
 _LONG_NS: Final = 600 * 10**9  # from which on times of day say more than seconds
@@ -111,7 +112,8 @@ class Timeline(Painted, can_focus=True):
             why = tr("nothing captured yet") if self.desk.bus.timed else tr("no times in this capture")
             return self.strip([StyledText(f"  {why}" if y == 0 else "", "dim")], width, base)
         room = max(0, height - _ABOVE - _BELOW - _LEAST_PLOT)
-        plot = max(1, min(_MOST_PLOT, height - _ABOVE - _BELOW - min(len(self.bands), room)))
+        free = height - _ABOVE - _BELOW - min(len(self.bands), room)
+        plot = max(1, min(free, max(_LOW_PLOT, free - _IN_WORDS)))
         return self.strip(fitted(self._line(y, plot, bins), width), width, base)
 
     def _line(self, y: int, plot: int, bins: Bins) -> list[StyledText]:
