@@ -32,6 +32,7 @@ ChartsOf = Callable[[Iterable[int]], Mapping[int, RegisterMap]]
 BIT_AREAS: Final = 2  # coils and discrete inputs come first
 _AREA_NAMES: Final = tuple(AREAS)
 _UNITS: Final = 256
+_MANY: Final = 1500  # registers
 _BLOCKS: Final = 4096  # of which it is remembered whether they mean anything
 _SHOWN_AS: Final = {"enum": "u", "time": "u", "bcd": "u", "text": "text", "bits": "bits", "bool": "u"}
 _READ: Final = 1 << 20  # rows that types are told from
@@ -174,19 +175,17 @@ class Meanings:
         self.version += 1
 
     def is_due(self, *, often: bool) -> bool:
-        """Whether values should be asked anew; `often`: while rows still come, not only at first and at their end."""
+        """Whether values should be asked anew: at the end of a capture, and `often` while rows come as well. On a bus
+        of very many registers that takes minutes: only `often`, and at the end."""
         count, asked = self._bus.count, self._asked_at
-        if not count:
+        if not count or (len(self._bus.registers) > _MANY and not (often and self._bus.whole)):
             return False
-        if self._bus.whole:
-            return asked < count
-        return is_due(max(asked, 0), count) if often or asked < 0 else False
+        return asked < count if self._bus.whole else often and is_due(max(asked, 0), count)
 
-    def ask(self) -> Callable[[Callable[[], bool]], dict[Spot, Meaning]]:
-        """What tells meanings from the values so far, for a thread."""
+    def ask(self, stop: Callable[[], bool]) -> dict[Spot, Meaning]:
+        """What the values so far tell, for `use`; takes a while."""
         self._asked_at = self._bus.count
-        bus, charts, types = self._bus, self._charts_of(), dict(self._types())
-        return lambda stop: meanings_of(bus, charts, stop, types)
+        return meanings_of(self._bus, self._charts_of(), stop, dict(self._types()))
 
     def at(self, spot: Spot) -> Meaning:
         """How the register at a place is read."""

@@ -63,7 +63,8 @@ def spoken(
     if not bus.frames:
         return
     meanings = Meanings(bus, dict, lambda: charts.of)
-    meanings.use(meanings.ask()(stop))
+    if meanings.is_due(often=True):
+        meanings.use(meanings.ask(stop))
     if then is not None:
         yield from _otherwise(bus, source, then, meanings, stop)
     yield from _polls(bus, meanings)

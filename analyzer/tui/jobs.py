@@ -248,10 +248,10 @@ class Jobs:
         self._paint_at = max(self._paint_at, time.monotonic() + _SPARED * (time.thread_time() - begun))
 
     def tell_meanings(self) -> None:
-        """What values tell of registers, in a thread: at first, when all is read, and live now and then."""
+        """What values tell of registers, in a thread: when all is read, and live or beside Registers now and then."""
         meanings = self._screen.desk.meanings
         if meanings.is_due(often=self._source.live or self._screen.view == "registers"):
-            self.run("meanings", meanings.ask(), self._use_meanings)
+            self.reckon("meanings", (self._bus.count, self._bus.whole), meanings.ask, self._use_meanings)
 
     def _use_meanings(self, told: Mapping[Spot, Meaning]) -> None:
         meanings, screen = self._screen.desk.meanings, self._screen

@@ -376,6 +376,7 @@ def _widget(desk: ViewState) -> Widget:
 def _refresh(screen: BusScreen) -> None:
     pane, bus = screen.query_one(RegistersPane), screen.desk.bus
     screen.query_one(RegisterList).grown()
+    screen.jobs.tell_meanings()
     if time.monotonic() >= pane.next_at and pane.next_at and not bus.whole:
         _plotted(screen)
 
