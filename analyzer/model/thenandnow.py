@@ -1,7 +1,7 @@
 """Then and now: two captures of one bus, or two spans of one capture, and what is otherwise.
 
-New, gone, worse and better is what two reports tell; polls and values are compared here. A value has moved where all
-that was read of it now lies outside what was read then: what merely varies is no news.
+New, gone, worse and better is what two reports tell; polls and values are compared here. A value has moved where
+what was read of it now lies further from what was read then than either varies: what merely wanders is no news.
 """
 
 from __future__ import annotations
@@ -143,13 +143,16 @@ def _apart(
     meanings: Meanings,
     spot: Spot,
 ) -> bool:
-    """Whether nothing that is read now was read then, nor lies between."""
+    """Whether what is read now lies further from what was read then than either reaches."""
     if not is_number or spot[1] < BIT_AREAS:
         return not {tuple(line) for line in now.tolist()} & {tuple(line) for line in then.tolist()}
     meaning = meanings.at(spot)
     new, old = (meaning.numbers(side) for side in (now, then))
     new, old = new[np.isfinite(new)], old[np.isfinite(old)]
-    return bool(len(new) and len(old) and (new.min() > old.max() or new.max() < old.min()))
+    if not len(new) or not len(old):
+        return False
+    between = max(float(new.min() - old.max()), float(old.min() - new.max()))
+    return between > max(float(np.ptp(new)), float(np.ptp(old)))
 
 
 def _reading(spot: Spot, words: list[int], meanings: Meanings) -> NamedReading:
