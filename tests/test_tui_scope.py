@@ -114,7 +114,7 @@ def test_every_view_obeys_the_scope_and_says_what_empties_it(capture: Path) -> N
         await sitting.until(lambda: units.report is not None and [u.unit for u in units.report.units] == [1])
         await sitting.press("5")
         registers = screen.query_one(RegisterList)
-        assert registers.count() and {registers._registers[i].unit for i in range(registers.count())} == {1}
+        assert registers.count() and {spot[0] for spot in registers._spots} == {1}
         await sitting.press("0")
         home = screen.query_one(HomeList)
         await sitting.until(lambda: home.state is not None and len(home.state.report.units) == 1)

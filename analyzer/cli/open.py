@@ -105,9 +105,9 @@ def _for_cmd(argument: str) -> str:
 def guarded(server: Any, host: str, token: str) -> web.Application:
     """The web application: `server` (of textual-serve) behind token, Host and Origin."""
     from aiohttp import web
-    from jinja2 import Environment, FileSystemLoader
 
-    page = Environment(loader=FileSystemLoader(server.templates_path), autoescape=True).get_template("app_index.html")
+    from ..languages import in_use
+    from .webpage import page
 
     @web.middleware
     async def guard(
@@ -122,12 +122,7 @@ def guarded(server: Any, host: str, token: str) -> web.Application:
 
     async def index(request: web.Request) -> web.Response:
         address = f"{request.host}/{token}"
-        text = page.render(
-            font_size=16,
-            app_websocket_url=f"ws://{address}/ws",
-            config={"static": {"url": f"/{token}/static/"}},
-            application={"name": _TITLE},
-        )
+        text = page(_TITLE, f"ws://{address}/ws", f"/{token}/static/", in_use())
         return web.Response(text=text, content_type="text/html", headers={"Cache-Control": "no-store"})
 
     async def headers(request: web.Request, response: web.StreamResponse) -> None:

@@ -281,7 +281,7 @@ class KeyLine(Painted):
         self.screen.bindings_updated_signal.subscribe(self, self._bindings_changed)
 
     def _bindings_changed(self, screen: Screen[object]) -> None:
-        if self._waiting or not self.app.app_focus or screen is not self.screen:
+        if self._waiting or screen is not self.screen:
             return
         self._waiting = True
         self.call_after_refresh(self._look)
