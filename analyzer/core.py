@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from captures.chunks import Block, Capture
 from captures.line import LineSettings
-from captures.recording.notes import Note
 
 from .deframing.protocols import Deframer
 from .deframing.wireorder import ClockSkew
@@ -26,6 +26,9 @@ from .tables.batch import Batch, join_batches, rows_of_findings
 from .tables.findings import NOTHING, Findings
 from .tables.origin import StreamOrigin
 from .tables.transactions import TransactionRows
+
+if TYPE_CHECKING:
+    from captures.recording.notes import Note
 
 _BLOCK = 1 << 19  # bytes read at once: more costs memory and is no faster
 _OUTAGES = 256  # over, that are remembered, the newest

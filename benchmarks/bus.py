@@ -1,8 +1,9 @@
-"""A seeded bus in columns: what one client polls of 24 servers, frame after frame, as fast as arrays make it.
+"""Seeded buses in columns: what one client polls of its servers, frame after frame, as fast as arrays make it.
 
 The client goes through its list of polls again and again, as control systems do, and writes between them. Half of the
-frames are therefore requests that were said before. Answers are not: measured values drift and counters count from one
-poll to the next, set points stay. Of all frames some are exceptions, some requests get no answer, some are broadcast.
+frames are therefore requests that were said before. On a bus that `drifts` answers are not: measured values drift and
+counters count from one poll to the next, set points stay, and some requests are refused or get no answer. A `plant` is
+healthy: blocks of all sizes, values that stand for many polls, writes now and then, hardly anything refused.
 Frame number k is the same whatever the number of frames asked for, so a small capture is the head of a large one.
 """
 
@@ -22,14 +23,37 @@ CHAR_NS = 11e9 / 115200
 SLICE = 20_000  # transactions made at once
 EPOCH = 1_760_000_000_000_000_000
 
-_UNITS, _POLLS, _MOST = 24, 300, 30  # servers, polls in the list, registers a poll
 _READS = (3, 3, 3, 3, 4, 4, 4, 1, 2)
 _WRITES = (6, 6, 6, 16, 16, 16, 5, 5, 15, 22, 23)
-_WRITTEN, _REFUSED, _SILENT, _BROADCAST = 0.12, 0.01, 0.005, 0.002  # shares of transactions
 _BITS = (1, 2, 15)
 _CRC = np.array(CRC_TABLE, np.uint16)
 
 Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class Habits:
+    """What a bus is like: servers, polls in the list, registers of a poll, shares of transactions, and how long values
+    stand (turns of the list, at the most)."""
+
+    units: int
+    polls: int
+    quantities: tuple[int, ...]
+    written: float
+    refused: float
+    silent: float
+    broadcast: float
+    stands: int = 1
+
+    @property
+    def most(self) -> int:
+        """Registers of the largest poll."""
+        return max(self.quantities)
+
+
+DRIFTS = Habits(24, 300, tuple(range(2, 31)), 0.12, 0.01, 0.005, 0.002)
+PLANT = Habits(16, 64, (1, 2, 2, 4, 6, 8, 10, 10, 16, 20, 24, 32, 40, 60, 100, 125), 0.02, 2e-4, 1e-4, 0, stands=60)
+BUSES = {"drifts": DRIFTS, "plant": PLANT}
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,9 +70,9 @@ class Slice:
     pair: Ints
 
 
-def slices(frames: int, seed: int = 1) -> Iterator[Slice]:
+def slices(frames: int, seed: int = 1, habits: Habits = DRIFTS) -> Iterator[Slice]:
     """About `frames` frames: whole transactions, in slices of 20,000."""
-    plan = _Plan(np.random.default_rng(seed))
+    plan = _Plan(np.random.default_rng(seed), habits)
     now, said, transactions = float(EPOCH), 0, 0
     while said < frames:
         random = np.random.default_rng((seed, transactions))
@@ -64,33 +88,35 @@ def slices(frames: int, seed: int = 1) -> Iterator[Slice]:
 class _Plan:
     """The list of polls, and what the servers hold."""
 
-    def __init__(self, random: np.random.Generator) -> None:
-        self.unit = random.permutation(np.arange(_POLLS) % _UNITS) + 1
-        self.function = random.choice(_READS, _POLLS)
-        self.start = random.integers(0, 2000, _POLLS)
-        self.quantity = random.integers(2, _MOST + 1, _POLLS)
-        self.delay = random.uniform(1.8e6, 9e6, _UNITS + 1)
-        shape = (_POLLS, _MOST)
+    def __init__(self, random: np.random.Generator, habits: Habits) -> None:
+        self.habits, polls = habits, habits.polls
+        self.unit = random.permutation(np.arange(polls) % habits.units) + 1
+        self.function = random.choice(_READS, polls)
+        self.start = random.integers(0, 2000, polls)
+        self.quantity = random.choice(habits.quantities, polls)
+        self.delay = random.uniform(1.8e6, 9e6, habits.units + 1)
+        shape = (polls, habits.most)
         kind = random.random(shape)  # a fifth set points, most measured, some fast, some counters
         self.base = random.integers(0, 1 << 16, shape)
         self.swing = np.select([kind < 0.2, kind < 0.7, kind < 0.9], [0, 60, 3000], 0)
         self.noise = np.select([kind < 0.2, kind < 0.7, kind < 0.9], [1, 4, 60], 1)
         self.count = np.where(kind < 0.9, 0, random.integers(1, 20, shape))
         self.period = random.uniform(50, 900, shape)
+        self.stands = random.integers(1, habits.stands, shape, endpoint=True)
 
     def transactions(self, random: np.random.Generator, first: int, n: int, now: float, said: int) -> Slice:
         """`n` transactions from number `first` on."""
         number = np.arange(first, first + n)
-        poll = number % _POLLS
-        writing = random.random(n) < _WRITTEN
+        habits, poll = self.habits, number % self.habits.polls
+        writing = random.random(n) < habits.written
         function = np.where(writing, random.choice(_WRITES, n), self.function[poll])
-        broadcast = writing & (function == 6) & (random.random(n) < _BROADCAST / _WRITTEN * 4)
+        broadcast = writing & (function == 6) & (random.random(n) < habits.broadcast / habits.written * 4)
         unit = np.where(broadcast, 0, self.unit[poll])
-        refused = ~broadcast & (random.random(n) < _REFUSED)
-        silent = broadcast | (random.random(n) < _SILENT)
+        refused = ~broadcast & (random.random(n) < habits.refused)
+        silent = broadcast | (random.random(n) < habits.silent)
         quantity = self.quantity[poll]
-        words = self._values(random, poll, number // _POLLS)
-        asked, answered = _Frames(n), _Frames(n)
+        words = self._values(random, poll, number // habits.polls)
+        asked, answered = _Frames(n, habits.most), _Frames(n, habits.most)
         for frames in (asked, answered):
             frames.put(0, unit)
             frames.put(1, function)
@@ -102,9 +128,11 @@ class _Plan:
 
     def _values(self, random: np.random.Generator, poll: Ints, turn: Ints) -> Ints:
         """A row of registers a transaction, as they stand at the turn of their poll."""
-        wave = np.sin(turn[:, None] / self.period[poll]) * self.swing[poll]
-        flicker = random.random((len(poll), _MOST)) * self.noise[poll]
-        found: Ints = (self.base[poll] + (wave + flicker).astype(np.int64) + self.count[poll] * turn[:, None]) & 0xFFFF
+        turns = turn[:, None] // self.stands[poll]
+        wave = np.sin(turns / self.period[poll]) * self.swing[poll]
+        shape = (len(poll), self.habits.most)
+        flicker = random.random(shape) * self.noise[poll] if self.habits.stands == 1 else np.zeros(shape)
+        found: Ints = (self.base[poll] + (wave + flicker).astype(np.int64) + self.count[poll] * turns) & 0xFFFF
         return found
 
     def _timed(
@@ -135,8 +163,8 @@ class _Plan:
 class _Frames:
     """Frames as rows of a table of bytes, built column by column."""
 
-    def __init__(self, n: int) -> None:
-        self.body = np.zeros((n, 2 * _MOST + 13), np.uint8)
+    def __init__(self, n: int, most: int) -> None:
+        self.body = np.zeros((n, 2 * most + 13), np.uint8)
         self.size = np.zeros(n, np.int64)
 
     def put(self, at: int, value: Ints, where: NDArray[np.bool_] | slice = slice(None)) -> None:

@@ -3,6 +3,7 @@
     python benchmarks/compare.py                 200,000 frames, growth to a million: some minutes
     python benchmarks/compare.py --quick         2,000 frames, once: does everything run?
     python benchmarks/compare.py --full          a million frames, growth to ten million
+    python benchmarks/compare.py --bus plant     a healthy bus whose values stand, in place of one whose values drift
 
 Prints Markdown, ready to paste. Peers that are not installed are said and left out. Needs Linux, macOS or the like.
 Exit status: 0 done, 1 where a job of ours failed (or, with --strict, a goal was missed).
@@ -66,8 +67,9 @@ def compare(given: argparse.Namespace, folder: Path) -> Comparison:
     def corpus(frames: int) -> Path:
         if frames not in corpora:
             _tell(f"making a corpus of {frames:,} frames")
-            corpora[frames] = folder / f"frames-{frames}-seed-{given.seed}"
-            run(python("corpus", corpora[frames], "--frames", str(frames), "--seed", str(given.seed)), folder)
+            corpora[frames] = folder / f"{given.bus}-{frames}-seed-{given.seed}"
+            bus = ("--frames", str(frames), "--seed", str(given.seed), "--bus", given.bus)
+            run(python("corpus", corpora[frames], *bus), folder)
         return corpora[frames]
 
     about = json.loads((corpus(given.frames) / "about.json").read_text())
@@ -93,7 +95,7 @@ def compare(given: argparse.Namespace, folder: Path) -> Comparison:
     _tell("hard data")
     run(python("workers.hard", str(1 << (13 if given.quick else 18))), folder)
     found.hard = json.loads(_said(folder))
-    found.grown = growth(given.growth, folder, given.seed, _tell)
+    found.grown = growth(given.growth, folder, given.seed, given.bus, _tell)
     return found
 
 
@@ -134,6 +136,7 @@ def _arguments(arguments: list[str]) -> argparse.Namespace:
     parser.add_argument("--rounds", type=int, help="times that each job runs; the least counts (default 3)")
     parser.add_argument("--growth", type=int, help="largest capture of the growth table (default a million; 0: none)")
     parser.add_argument("--seed", type=int, default=1, help="another bus of the same kind")
+    parser.add_argument("--bus", choices=("drifts", "plant"), default="drifts", help="what the bus is like")
     parser.add_argument("--quick", action="store_true", help="2,000 frames, one round, no growth")
     parser.add_argument("--full", action="store_true", help="a million frames, growth to ten million")
     parser.add_argument("--only", nargs="+", choices=tuple(own.SECTIONS), help="these sections of the table alone")

@@ -1,6 +1,6 @@
 """The seeded bus as files: for us as a tap would have recorded it, for each peer in the shape that it needs.
 
-    python benchmarks/corpus.py FOLDER [--frames N] [--seed N] [--only-mcap]
+    python benchmarks/corpus.py FOLDER [--frames N] [--seed N] [--bus drifts|plant] [--only-mcap]
 
 `bus.mcap` and `bus.jsonl` hold a read a frame, `fifo.mcap` the same bytes in reads of 16 as a UART's FIFO gives them;
 `frames.pcap` holds frames already split, with no word of their direction (a tap has none either); `frames.marshal`
@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from bus import CHAR_NS, LINE, Slice, slices
+from bus import BUSES, CHAR_NS, LINE, Habits, Slice, slices
 
 import captures
 from captures import Block, Capture, LineSettings
@@ -37,12 +37,13 @@ class _Bus:
 
     frames: int
     seed: int
+    habits: Habits
     cut: Callable[[Slice], Block]
     line: LineSettings = LINE
     timed: bool = True
 
     def blocks(self, max_bytes: int, note: Callable[[str, str], None]) -> Iterator[Block]:  # noqa: ARG002
-        return (self.cut(made) for made in slices(self.frames, self.seed))
+        return (self.cut(made) for made in slices(self.frames, self.seed, self.habits))
 
 
 def a_read_a_frame(made: Slice) -> Block:
@@ -77,31 +78,32 @@ def _packet(t_ns: int, frame: bytes) -> bytes:
     return struct.pack("<IIII", *divmod(t_ns, 1_000_000_000), size, size) + _TAGS + frame
 
 
-def write(folder: Path, frames: int, seed: int, *, only_mcap: bool) -> None:
+def write(folder: Path, frames: int, seed: int, bus: str, *, only_mcap: bool) -> None:
     """All files of the corpus."""
+    habits = BUSES[bus]
     done = folder / "about.json"
     here = Path(__file__)
     made_by = zlib.crc32(here.read_bytes() + here.with_name("bus.py").read_bytes())
     if done.exists() and json.loads(done.read_text()).get("made_by") == made_by:
         return
     folder.mkdir(parents=True, exist_ok=True)
-    whole = Capture(_Bus(frames, seed, a_read_a_frame))
+    whole = Capture(_Bus(frames, seed, habits, a_read_a_frame))
     captures.write(folder / "bus.mcap", whole)
-    about: dict[str, object] = {"frames": frames, "seed": seed, "made_by": made_by}
+    about: dict[str, object] = {"frames": frames, "seed": seed, "bus": bus, "made_by": made_by}
     if not only_mcap:
         captures.write(folder / "bus.jsonl", whole)
-        captures.write(folder / "fifo.mcap", Capture(_Bus(frames, seed, reads_of_a_fifo)))
-        about |= _peers(folder, frames, seed)
+        captures.write(folder / "fifo.mcap", Capture(_Bus(frames, seed, habits, reads_of_a_fifo)))
+        about |= _peers(folder, frames, seed, habits)
     done.write_text(json.dumps(about))
 
 
-def _peers(folder: Path, frames: int, seed: int) -> dict[str, object]:
+def _peers(folder: Path, frames: int, seed: int, habits: Habits) -> dict[str, object]:
     """Frames as peers want them, the truth, and what the corpus is like."""
     seen: tuple[set[bytes], set[bytes]] = set(), set()
     made = []
     with (folder / "frames.pcap").open("wb") as pcap, (folder / "frames.marshal").open("wb") as lists:
         pcap.write(struct.pack("<IHHiIII", 0xA1B23C4D, 2, 4, 0, 0, 1 << 18, _UPPER_PDU))
-        for part in slices(frames, seed):
+        for part in slices(frames, seed, habits):
             split = _split(part)
             for frame, is_response in zip(split, part.response.tolist(), strict=True):
                 seen[is_response].add(frame)
@@ -124,9 +126,10 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--frames", type=int, default=200_000)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--bus", choices=BUSES, default="drifts", help="what the bus is like")
     parser.add_argument("--only-mcap", action="store_true", help="no files for peers: for large sizes")
     given = parser.parse_args(arguments)
-    write(given.folder, given.frames, given.seed, only_mcap=given.only_mcap)
+    write(given.folder, given.frames, given.seed, given.bus, only_mcap=given.only_mcap)
     return 0
 
 

@@ -25,6 +25,7 @@ SECTIONS = {
 }
 EXPORTS = ("mcap", "parquet", "jsonl", "csv", "pcapng")
 COLUMNS, PAIRS, FINDINGS = "rtuscope, from MCAP", "rtuscope, without findings", "rtuscope"
+REPORT = "rtuscope report, causes too"
 
 
 def _columns(name: str, *options: str) -> Callable[[Path, Path], Command]:
@@ -63,6 +64,7 @@ def jobs() -> list[Job]:
         Job("columns", "rtuscope, frames alone", _columns("bus.mcap", "--only", "frames")),
         Job("findings", FINDINGS, _columns("bus.mcap", "--only", "findings")),
         Job("findings", PAIRS, _columns("bus.mcap", "--only", "transactions")),
+        Job("findings", REPORT, lambda corpus, _: (*RTUSCOPE, "report", corpus / "bus.mcap")),
         *(Job(section, "rtuscope", _export(section)) for section in EXPORTS),
     ]
     return [job for job in found if why_not(job.section) is None]
@@ -92,7 +94,7 @@ class Grown:
     peak: float  # MiB
 
 
-def growth(sizes: Sequence[int], folder: Path, seed: int, tell: Callable[[str], None]) -> list[Grown]:
+def growth(sizes: Sequence[int], folder: Path, seed: int, bus: str, tell: Callable[[str], None]) -> list[Grown]:
     """Columns, MCAP and Parquet at each size; captures are made and taken away one after the other."""
     grown = [job for job in jobs() if job.tool == COLUMNS or job.section in ("mcap", "parquet")]
     starts: dict[str, float] = {}
@@ -100,7 +102,8 @@ def growth(sizes: Sequence[int], folder: Path, seed: int, tell: Callable[[str], 
     for frames in (FEW, *sizes):
         corpus = folder / f"growth-{frames}"
         tell(f"growth: a capture of {frames:,} frames")
-        run(python("corpus", corpus, "--frames", str(frames), "--seed", str(seed), "--only-mcap"), folder)
+        made = ("--frames", str(frames), "--seed", str(seed), "--bus", bus, "--only-mcap")
+        run(python("corpus", corpus, *made), folder)
         for job in grown:
             tell(f"growth: {job.section}, {frames:,} frames")
             try:

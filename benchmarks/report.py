@@ -63,9 +63,9 @@ def _parts(found: Comparison) -> Iterator[str]:
     about, corpus = found.machine, found.corpus
     yield f"Measured {about['date']} on {about['processor']}, {about['system']}, Python {about['python']}."
     yield (
-        f"Corpus: {corpus['frames']:,} frames of {corpus['bytes_per_frame']} bytes, seed {corpus['seed']}. Values "
-        f"drift: {corpus['requests_repeated']:.0%} of requests and {corpus['responses_repeated']:.0%} of responses "
-        "repeat an earlier frame."
+        f"Corpus `{corpus['bus']}`: {corpus['frames']:,} frames of {corpus['bytes_per_frame']} bytes, seed "
+        f"{corpus['seed']}; {corpus['requests_repeated']:.0%} of requests and {corpus['responses_repeated']:.0%} of "
+        "responses repeat an earlier frame."
     )
     yield _jobs(found)
     if found.results:

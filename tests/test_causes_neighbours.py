@@ -50,14 +50,20 @@ def test_a_fixed_pause_that_takes_no_time_to_speak_of_is_no_rest() -> None:
     assert _named("overload-fixed-pause", 9100, "precise") == [("overload", ())]
 
 
-@pytest.mark.parametrize(
-    ("seed", "tap", "late"), [(7081, "ftdi16", 6), (9301, "precise", 221), (9312, "ftdi16", 22), (9312, "precise", 22)]
-)
+@pytest.mark.parametrize(("seed", "tap", "late"), [(9301, "precise", 221), (9312, "ftdi16", 22), (9312, "precise", 22)])
 def test_answers_in_step_with_the_request_before_are_late_and_nobody_else_s_fault(
     seed: int, tap: str, late: int
 ) -> None:
     """They hit what is asked next, and their values are those of other registers."""
-    assert _named("timeout-too-short-shifted", seed, tap) == [("timeout-too-short", (late,))]
+    found = _named("timeout-too-short-shifted", seed, tap)
+    assert found[0] == ("timeout-too-short", (late,))
+    assert found[1:] in ([], [("values-under-wrong-registers", (late,))])
+
+
+def test_of_answers_that_may_be_of_two_requests_nobody_says_which_one_the_unit_does_not_serve() -> None:
+    """A round of three polls that always loses one of its answers; each other may be of the request before."""
+    named = {cause for cause, units in _named("timeout-too-short-shifted", 7081, "ftdi16") if units == (6,)}
+    assert not named & {"cannot-serve", "dead-unit"}
 
 
 def test_noise_that_begins_before_any_answer_can_is_of_the_line_at_rest() -> None:

@@ -58,7 +58,7 @@ def test_a_lake_without_its_extra_is_one_line(command: str, tmp_path: Path) -> N
 
 # Those need a tap, go on until they are ended, or write into the user's folders of Wireshark (tests/test_wireshark.py).
 @pytest.mark.parametrize(
-    "command", sorted(COMMANDS.keys() - {"sniff", "between", "record", "tap", "twin", "wireshark"})
+    "command", sorted(COMMANDS.keys() - {"sniff", "between", "mcp", "record", "tap", "twin", "wireshark"})
 )
 def test_the_example_works(capsys, command, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

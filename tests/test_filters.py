@@ -262,7 +262,7 @@ def test_a_mistake_is_told_with_its_column(text: str, column: int, words: str) -
 @pytest.mark.parametrize(
     ("text", "offered"),
     [
-        ("un", ["unit", "unanswered"]),
+        ("un", ["unit", "unsure", "unanswered"]),
         ("not no", ["noise", "not"]),
         ("unit =", []),
         ("unit == ", []),

@@ -18,6 +18,7 @@ from pdus import SMALL, batches
 import captures
 from analyzer.filters import BatchTable, Filter, FilterError, check, compile_filter, complete
 from analyzer.filters.fields import FIELDS
+from analyzer.filters.kinds import Flag
 from analyzer.simulation import Scenario, write
 from analyzer.tables.batch import Batch
 from analyzer.tables.columns import AreaCode, Decoded, decode
@@ -27,6 +28,7 @@ from captures import samples
 from captures.line import LineSettings
 from dissectors.functions import exception_name, function_name
 
+FLAGS = {each.name for each in FIELDS if isinstance(each.kind, Flag)}
 CHAR_NS = 10e9 / 19200  # of the captures below
 OPERATORS: dict[str, Callable[[Any, Any], bool]] = {
     "==": operator.eq, "!=": operator.ne, "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge,
@@ -80,6 +82,8 @@ def one(batch: Batch, decoded: Decoded, row: int, told: dict[int, Any], late: se
         "retry": [False],
         "unanswered": [False],
         "late": [False],
+        "displaced": [int(batch.rows.taken_for_start[row]) >= 0],
+        "unsure": [bool(batch.rows.unsure[row])],
     }
     if fields.kind == Kind.NOISE:
         return One(values, [])
@@ -164,9 +168,8 @@ def compared(field: str, sign: str, wanted: Any) -> Callable[[dict[str, list[Any
 @st.composite
 def leaves(draw: st.DrawFn) -> Leaf:
     field = draw(st.sampled_from([each.name for each in FIELDS if each.name != "name"]))  # which needs a map
-    if draw(st.integers(0, 5)) == 0 or field in ("noise", "request", "response", "broadcast", "late", "retry"):
-        flags = ("noise", "request", "response", "broadcast", "late", "retry", "unanswered", "crc_ok")
-        return Leaf(field, field, lambda v: any(v.get(field, [])) if field in flags else bool(v.get(field)))
+    if draw(st.integers(0, 5)) == 0 or (field in FLAGS and field not in ("crc_ok", "unanswered")):
+        return Leaf(field, field, lambda v: any(v.get(field, [])) if field in FLAGS else bool(v.get(field)))
     sign = draw(st.sampled_from(sorted(OPERATORS)))
     equal = draw(st.sampled_from(["==", "!="]))
     if field in ("crc_ok", "unanswered"):

@@ -146,6 +146,24 @@ def test_a_batch_packs_when_many_small_files_stand(loose, sources, tmp_path, mon
     assert same(loose, tmp_path / "lake")
 
 
+def test_packs_that_are_full_are_made_while_more_is_taken_in(loose, sources, tmp_path, monkeypatch):
+    monkeypatch.setattr(packs, "MANY", 4)
+    monkeypatch.setattr(packs, "FULL", 60)
+    monkeypatch.setattr(packs, "SMALL", 50)
+    order, enter = [], Manifest.add
+
+    def entered(manifest, entry):
+        order.append("packs" in entry)
+        enter(manifest, entry)
+
+    monkeypatch.setattr(Manifest, "add", entered)
+    result = batch(tmp_path / "lake", sources)
+    first, last = order.index(True), len(order) - 1 - order[::-1].index(False)
+    assert first < last, "a pack before the last capture"
+    assert result.packed.after == order.count(True) < result.packed.before
+    assert same(loose, tmp_path / "lake")
+
+
 def test_large_files_stay_as_they_are(loose, tmp_path, monkeypatch):
     path = shutil.copytree(loose, tmp_path / "lake")
     monkeypatch.setattr(packs, "SMALL", 20)

@@ -162,11 +162,26 @@ def test_a_line_of_something_else_has_no_frame_and_no_cause(name: str, seed: int
     assert (report.frames, report.causes) == (0, ())
 
 
+_RUNS = [0x00, 0x0C, 0x0F, 0x18, 0x1C, 0x30, 0x3C, 0x60, 0x78, 0x80, 0xC0, 0xE0, 0xF8, 0xFE]
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_lively_bytes_that_the_uart_does_not_mark_are_no_wrong_settings(seed: int) -> None:
+    """Frames of a protocol that nobody knows, each with a sum behind it."""
+    random, t_ns, chunks = Random(seed), 10**18, []
+    size, mark = random.randrange(6, 30), random.randbytes(2)
+    for _ in range(80):
+        body = mark + random.randbytes(size)
+        t_ns += random.randrange(20, 200) * 10**6
+        chunks.append(Chunk(t_ns, body + bytes((sum(body) & 0xFF,))))
+    assert not summarize(Capture.of(LineSettings(9600, 10), chunks)).causes
+
+
 @pytest.mark.parametrize("tap", ["logic", None])
 def test_whole_characters_of_edges_rule_wrong_settings_out(tap: str | None) -> None:
-    """The same bytes from a UART may well be those of a line at another speed."""
+    """The same bytes from a UART may well be those of a line at another speed: their bits come in runs."""
     random = Random(5)
-    chunks = [Chunk(10**18 + i * 10**8, random.randbytes(20)) for i in range(40)]
+    chunks = [Chunk(10**18 + i * 10**8, bytes(random.choices(_RUNS, k=20))) for i in range(40)]
     report = summarize(Capture.of(LineSettings(115200, 10, tap=tap), chunks))
     assert [cause.cause for cause in report.causes] == ([] if tap else ["tap-line-settings"])
 

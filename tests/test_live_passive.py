@@ -46,7 +46,7 @@ class Uart:
         patch.setattr(fcntl, "ioctl", self.ioctl)
         patch.setattr(fcntl, "flock", self.flock)
         patch.setattr(termios, "tcsetattr", self.tcsetattr)
-        patch.setattr(tap, "_kind", lambda _: "uart")
+        patch.setattr(tap, "port_kind", lambda _: "uart")
 
     def open(self, path, flags, *more, **named):
         descriptor = self._real.open(path, flags, *more, **named)

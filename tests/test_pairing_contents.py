@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analyzer.core import Analysed, Analyzer
+from analyzer.deframing.queues import PendingAnswer, Strangeness, UnitQueue
 from analyzer.tables.schema import Kind, Rows
 from captures import Chunk, LineSettings
 from captures.chunks import Block
@@ -109,6 +110,38 @@ def test_a_request_that_was_lost_moves_nothing() -> None:
         talk.rounds(1)
     found = answers(told(talk.chunks))
     assert {start: found[start] for start in talk.truth} == {s: (r, -1, False) for s, r in talk.truth.items()}
+
+
+@pytest.mark.parametrize("alike", [False, True])
+def test_a_unit_that_wakes_up_answers_at_once_what_it_is_asked(alike: bool) -> None:
+    """Nothing is known of its polls; but each answer is as soon behind its request, however long the client paused."""
+    talk, pauses = Talk(alike=alike), Random(3)
+    for i in range(7):
+        talk.ask(i % 4)
+        talk.now += 300 * MS
+    for i in range(7, 47):
+        talk.answer(talk.ask(i % 4, pauses.choice((20, 60, 350))), 15 + pauses.random())
+    found = answers(told(talk.chunks))
+    assert {start: found[start] for start in talk.truth} == {s: (r, -1, False) for s, r in talk.truth.items()}
+
+
+@pytest.mark.parametrize(("polls", "most"), [(1, 24), (4, 10)])
+def test_a_doubt_ends_when_all_is_as_it_should_be(polls: int, most: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    weighed, weigh = [], UnitQueue.answer
+
+    def counted(queue: UnitQueue, answer: PendingAnswer, strangeness: Strangeness, *, timed: bool) -> None:
+        weighed.append(answer)
+        weigh(queue, answer, strangeness, timed=timed)
+
+    monkeypatch.setattr(UnitQueue, "answer", counted)
+    talk = Talk()
+    talk.rounds(4)
+    talk.ask(0)
+    talk.now += 300 * MS
+    for i in range(400):
+        talk.answer(talk.ask(i % polls))
+    told(talk.chunks, size=50)
+    assert 0 < len(weighed) <= most, "the rest of 400 answers follow their requests"
 
 
 def test_of_polls_that_hold_the_same_nobody_can_tell() -> None:

@@ -80,9 +80,9 @@ def test_lines_as_they_happen(bus: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert done.status == 0
     assert any("registers: Voltage L1 " in line and " V, Voltage L2 " in line for line in done.out.splitlines())
     lines = [json.loads(line) for line in ran(capsys, *replay, "--json", *MAPS).out.splitlines()]
-    named = {value["name"] for line in lines for value in line.get("values", ())}
+    named = {value["name"] for line in lines for value in line.get("mapped", ())}
     assert {"Voltage L1", "Temperature"} <= named
-    assert all("values" not in json.loads(line) for line in ran(capsys, *replay, "--json").out.splitlines())
+    assert all("mapped" not in json.loads(line) for line in ran(capsys, *replay, "--json").out.splitlines())
     hot = ran(capsys, *replay, "--filter", "value(Temperature) > 0", *MAPS)
     frames = [line for line in hot.out.splitlines() if " < " in line]
     assert frames and all("Temperature" in line for line in frames)

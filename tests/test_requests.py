@@ -191,6 +191,7 @@ def test_a_request_is_read_as_it_is_made(asked: Request) -> None:
         ("039c410002", 2, "register-number", ["0300000002"]),
         ("0475310002", 3, "register-number", ["0400000002"]),
         ("0300000080", 3, "quantity", ["030000007d", "03007d0003"]),
+        ("03ff83007e", 3, "range-end", ["03ff83007d"]),
     ],
 )
 def test_advice_of_a_request_and_its_exception(pdu: str, code: int | None, reason: str, instead: list[str]) -> None:

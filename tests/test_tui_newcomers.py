@@ -258,7 +258,7 @@ def test_a_capture_without_a_frame_opens_at_what_it_is_instead(
 
     using(opened(path), work, view=None)
     lines = list(spoken(opened(path)))
-    assert page_words("No Modbus frame was found.") == lines[1] and any(told in line for line in lines)
+    assert lines[1].startswith(page_words("No Modbus frame was found.")) and any(told in line for line in lines)
     assert not [line for line in lines if tr("No cause of trouble.") in line or line.startswith("0 ")]
 
 

@@ -294,6 +294,9 @@ def _answered(made: Exchanges, rows: Rows, of: NDArray[np.intp]) -> None:
     answers = ((kind == Kind.RESPONSE) & check).nonzero()[0]
     answers = answers[answers != made.row[of[answers]]]
     mine = rows.request.take(answers) == made.request.take(of[answers])
+    unsure = rows.unsure.take(answers)
+    if unsure.any():  # nobody can tell whose they are: the client goes on with them
+        mine |= unsure & (rows.taken_for_start.take(answers) == rows.start.take(made.row[of[answers]]))
     own = answers[mine][::-1]  # backwards, so that the first of several stays
     place = of[own]
     made.answer[place] = own

@@ -23,7 +23,11 @@ def enter_requests(history: RequestHistory, stretch: Stretch) -> None:
     outcome = exchanges.outcome
     got = np.where(outcome == Ending.EXCEPTION, exchanges.exception.astype(np.int64), int(Got.ANSWER))
     got[outcome == Ending.SILENT] = Got.SILENCE
+    got[(outcome == Ending.SILENT) & (exchanges.late + exchanges.strays > 0)] = Got.DAMAGE  # another's answer met it
     got[outcome == Ending.GARBAGE] = Got.DAMAGE
+    told_apart = exchanges.answer >= 0
+    told_apart[told_apart] = ~stretch.table.rows.unsure[exchanges.answer[told_apart]]
+    got[(got == Got.ANSWER) & ~told_apart] = Got.DAMAGE
     odd = (outcome == Ending.GARBAGE) & (exchanges.strays > 0) & np.isin(exchanges.function, _WORDS)
     for i in odd.nonzero()[0].tolist():
         if _is_half(stretch, i):

@@ -66,6 +66,9 @@ class ShiftLedger:
         if rows.unsure[row]:
             mine.unsure += 1
             return
+        asked = self._asked.get(int(rows.taken_for_start[row]), b"")
+        if asked and asked == self._asked.get(int(rows.request_start[row])):
+            return  # repeated: its values stand under the right registers
         now = int(rows.t_start_ns[row])
         if not mine.displaced:
             mine.first_ns, mine.begun = now, int(rows.index[row])
@@ -74,7 +77,7 @@ class ShiftLedger:
         mine.last_ns = now
         if len(mine.frames) < _EXAMPLES:
             mine.frames.append(int(rows.index[row]))
-        taken = adu_of(self._asked.get(int(rows.taken_for_start[row]), b""), int(rows.protocol[row])).data
+        taken = adu_of(asked, int(rows.protocol[row])).data
         if len(taken) >= _EXAMPLES and taken[1] in _READS and not taken[1] & EXCEPTION:
             address, quantity = int.from_bytes(taken[2:4]), int.from_bytes(taken[4:6])
             mine.values += quantity

@@ -28,6 +28,7 @@ _NEVER_AGAIN: Final = 0.03  # and behind answers that it took
 _KNOWN: Final = 3
 _TIMER: Final = 0.03  # of a timeout: so little a timer strays
 _SLACK_NS: Final = 1_000_000
+_TIMEOUT_NS: Final = 50_000_000  # no client gives up sooner
 
 
 def move(evidence: Evidence, unit: int) -> Move:
@@ -69,6 +70,8 @@ def _usual(evidence: Evidence, rows: AskedRows, damaged: AskedRows) -> tuple[NDA
         if len(waits) < _WELL or not mine.any():
             continue
         low, high = np.quantile(waits, _RANGE)
+        if off > max(high, _TIMEOUT_NS):
+            continue  # the tap may be wrong by more than what sets them apart
         usual |= mine & (damaged.wait >= low - _SLACK_NS) & (damaged.wait <= high + _SLACK_NS)
         told |= mine
     in_vain = rows.wait[(rows.outcome == Ending.SILENT) & (rows.wait >= 0)]

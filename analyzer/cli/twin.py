@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from captures import Capture
     from captures.live.settings import PortSettings
 
+    from ..twin.faults import Fault
     from ..twin.memory import TwinUnit
     from ..twin.serving import TwinsOnALine
 
@@ -33,6 +34,7 @@ EXAMPLE = """\
 rtuscope twin bus.jsonl --unit 17
 rtuscope twin bus.jsonl --unit 17 --unit 18 /dev/ttyUSB0
 rtuscope twin bus.jsonl --listen 5020
+rtuscope twin bus.jsonl --unit 17 --fault silence@5%
 rtuscope twin bus.jsonl --unit 17 /dev/ttyUSB0 --client --transmit"""
 
 _HIGHEST: Final = 0xFFFF
@@ -66,6 +68,15 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="VALUE",
         help="what registers hold that the capture does not tell of: a number, or exception for code 02 (exception)",
     )
+    twin.add_argument(
+        "--fault",
+        type=_fault,
+        action="append",
+        default=[],
+        metavar="FAULT",
+        help="what goes wrong on purpose, [UNIT:]NAME[=VALUE][@SHARE]: silence, delay=250@10%%, 17:exception=6@1/5, "
+        "wrong-unit, duplicate, corruption, truncation, stray; may be given again (rtuscope help twin)",
+    )
     client = parser.add_argument_group("the other side")
     client.add_argument(
         "--client", action="store_true", help="ask a real unit at PORT what the recorded client asked, and compare"
@@ -83,6 +94,7 @@ def run(arguments: argparse.Namespace) -> int:
     capture = open_capture(arguments)
     if arguments.client:
         return _ask(arguments, capture)
+    from ..twin.faults import FaultyAnswers
     from ..twin.record import twins
     from ..twin.serving import TwinsOnALine
 
@@ -93,7 +105,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise UsageError(f"unit {missing[0]} answers nothing in {arguments.capture}")
     if not units:
         raise UsageError(f"no unit answers in {arguments.capture}")
-    answering = TwinsOnALine(units)
+    answering = TwinsOnALine(units, FaultyAnswers(arguments.fault))
     ended: list[bool] = []
     with ended_from_outside(lambda: ended.append(True)):
         if arguments.listen is not None:
@@ -101,6 +113,8 @@ def run(arguments: argparse.Namespace) -> int:
         else:
             _on_line(arguments, answering, units, _settings(arguments, capture), lambda: bool(ended))
     tell(f"{answering.asked:,} requests, {answering.answered:,} answered")
+    if shown := answering.faults.shown:
+        tell(f"faults on purpose: {', '.join(f'{name} {count:,}' for name, count in sorted(shown.items()))}")
     return DONE
 
 
@@ -108,6 +122,11 @@ def _check(arguments: argparse.Namespace) -> None:
     """UsageError where what is asked for contradicts itself."""
     if arguments.port is not None and arguments.listen is not None:
         raise UsageError("PORT or --listen, not both")
+    if arguments.fault and arguments.client:
+        raise UsageError("--fault goes with a twin, not with --client")
+    on_lines = [fault.name for fault in arguments.fault if fault.kind.of_a_line]
+    if arguments.listen is not None and on_lines:
+        raise UsageError(f"--fault {on_lines[0]} is of a serial line: over Modbus TCP frames come whole")
     if arguments.transmit and not arguments.client:
         raise UsageError("--transmit goes with --client")
     if arguments.client and not arguments.transmit:
@@ -190,6 +209,15 @@ def _ask(arguments: argparse.Namespace, capture: Capture) -> int:
 def _tell_units(units: dict[int, TwinUnit]) -> None:
     for number, unit in units.items():
         tell(f"unit {number}: {unit.requests:,} different requests, {unit.registers:,} registers and coils")
+
+
+def _fault(text: str) -> Fault:
+    from ..twin.faults import FaultError, fault_of
+
+    try:
+        return fault_of(text)
+    except FaultError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
 
 
 def _unknown(text: str) -> str:

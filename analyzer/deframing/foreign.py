@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 
 from dissectors.foreign import (
+    LOOSE,
     NAMES,
     SAME_CRC,
     MeterTalk,
@@ -53,12 +54,14 @@ class ForeignTalk:
     _shared: set[int]
     _legal: Counter[int]
     _odd: Counter[int]
+    _loose: Counter[int]
 
     def __init__(self) -> None:
         self._talks = {}  # by port
         self._shared = set()  # ports on which another protocol was heard
         self._legal = Counter[int]()  # frames of Modbus, by port,
-        self._odd = Counter[int]()  # and others with its CRC
+        self._odd = Counter[int]()  # and others with its CRC,
+        self._loose = Counter[int]()  # and noise that may be a protocol of which a few frames are chance
 
     def mark(self, rows: Rows, data: Bytes) -> None:
         """Mark them in place, before frames are numbered."""
@@ -72,10 +75,11 @@ class ForeignTalk:
         odd[odd] = _unusual(rows, data, odd.nonzero()[0])
         if odd.any():
             odd[odd] = ~_sound(rows, data, odd.nonzero()[0])
-        for port, count in enumerate(np.bincount(rows.port[(kind != Kind.NOISE) & rows.check & ~odd]).tolist()):
-            self._legal[port] += count
+        legal, counted = (kind != Kind.NOISE) & rows.check & ~odd, 0
         since = dict.fromkeys(self._shared, -1)
         for row in (noise | odd).nonzero()[0].tolist():
+            self._legal.update(rows.port[counted:row][legal[counted:row]].tolist())
+            counted = row
             adu, port = _bytes(rows, data, row), int(rows.port[row])
             if noise[row]:
                 rows.foreign[row] = self._of_noise(adu, port)
@@ -83,6 +87,7 @@ class ForeignTalk:
                     since.setdefault(port, row)
             elif name := self._of_meter(adu, port):
                 _make_foreign(rows, row, name)
+        self._legal.update(rows.port[counted:][legal[counted:]].tolist())
         self._shared |= since.keys()
         if since:
             self._mark_spanned(rows, data, since)
@@ -104,7 +109,7 @@ class ForeignTalk:
 
     def _of_noise(self, octets: bytes, port: int) -> int:
         name, _, covered = foreign_bytes(octets)
-        if covered >= _PART * len(octets):
+        if covered >= _PART * len(octets) and self._is_believed(name, port):
             return _NUMBER[name]
         talk = self._talks.setdefault(port, MeterTalk())
         frames = checked_frames(octets)
@@ -113,6 +118,13 @@ class ForeignTalk:
             name, covered = talk.in_noise(octets)
             return _NUMBER[name] if covered >= _PART * len(octets) else 0
         return _NUMBER[max(names)] if max(names) else _NUMBER[self._of_nobody(port, len(names))]
+
+    def _is_believed(self, name: str, port: int) -> bool:
+        """Whether such noise is that protocol: bytes of registers make messages of MIDI, too."""
+        if name not in LOOSE:
+            return True
+        self._loose[port] += 1
+        return self._loose[port] > self._legal[port]
 
     def _of_meter(self, adu: bytes, port: int) -> str:
         talk = self._talks.setdefault(port, MeterTalk())

@@ -4,14 +4,16 @@ A unit answers in the order in which it was asked. After a silence nobody knows 
 it late; behind that every answer may be to the request before the one that it seems to follow. A path says for each
 answer which request it is of. To lose a request and to answer it late cost the same; what costs is an answer that was
 given twice, one that nobody asked for, and a request that the client was content with and nobody ever answered. What an
-answer holds is weighed by `contents`. Paths are compared over some answers; where none leads by `LEAD_BITS`, nobody
-can tell.
+answer holds is weighed by `contents`. A unit takes about as long for one answer as for the next: where one path makes
+it far steadier than another, the other one is less likely (`_unsteadiness`). Paths are compared over some answers;
+where none leads by `LEAD_BITS`, nobody can tell.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from math import log2
 from typing import Final, NamedTuple
 
 from dissectors.lengths import Expectation
@@ -28,6 +30,12 @@ _LOST_BITS: Final = 8.0  # requests lost that the client took for answered, some
 _OVERDUE_BITS: Final = 4.0  # an answer that took much longer than any on its path
 _OVERDUE: Final = 3  # times as long,
 _SLACK_NS: Final = 100_000_000  # and so much longer
+_SERVICES: Final = 8  # of a path that are looked at,
+_SERVICES_LEAST: Final = 4
+_STEADY_NS: Final = 4_000_000  # nothing is steadier than this: adapters hold reads back
+_UNSTEADY_MOST: Final = 8.0  # bits
+_LONG_AGO: Final = -(1 << 62)
+_OVER_BITS: Final = 14.0  # a path so far behind is no doubt: each answer begins one by which it is of nobody
 _PATHS: Final = 16
 ASKS: Final = 24  # requests back that an answer may be of
 _NONE: Final = -1
@@ -55,8 +63,10 @@ class PendingAnswer:
 
     number: int  # its frame's index
     t_start_ns: int
+    t_end_ns: int
     adu: bytes
     taken_for: int  # number of the request that the client takes it for, or -1
+    measured: bool = True  # it began in another read than the newest request ended in: its time is its own
 
 
 class AnswerPath(NamedTuple):
@@ -66,6 +76,18 @@ class AnswerPath(NamedTuple):
     cost: float
     slowest_ns: int  # of its answers
     chosen: tuple[int, ...]
+    free_ns: int = _LONG_AGO  # when the last of them ended
+    services: tuple[int, ...] = ()  # ns that each took of late, from its request or the answer before it
+
+    @property
+    def spread(self) -> float:
+        """By how much services differ from the middle one (ns), but for the quarter that differs most: a path may begin
+        with an answer that came too late. 0 where they are too few."""
+        count = len(self.services)
+        if count < _SERVICES_LEAST:
+            return 0.0
+        middle = sorted(self.services)[count // 2]
+        return max(sorted(abs(each - middle) for each in self.services)[count - 1 - count // 4], _STEADY_NS)
 
 
 class SettledAnswer(NamedTuple):
@@ -85,6 +107,7 @@ class UnitQueue:
 
     asks: list[AskedRequest] = field(default_factory=list)
     paths: list[AnswerPath] = field(default_factory=lambda: [AnswerPath(_NONE, 0.0, 0, ())])
+    behind: list[float] = field(default_factory=lambda: [0.0])  # bits by which each path is worse than the first
     pending: list[PendingAnswer] = field(default_factory=list)
     forgotten: int = _NONE  # number of the newest request that is too long ago to be looked at
 
@@ -119,7 +142,10 @@ class UnitQueue:
                     if timed and ask is not asks[-1] and 0 < _OVERDUE * path.slowest_ns + _SLACK_NS < waited:
                         cost += _OVERDUE_BITS * (path.slowest_ns > 0)
                     slowest = max(path.slowest_ns, waited)
-                    _put(paths, AnswerPath(ask.number, cost, slowest, (*path.chosen, ask.number)))
+                    took = answer.t_start_ns - max(ask.t_end_ns, path.free_ns)
+                    services = (*path.services[1 - _SERVICES :], took) if timed and answer.measured else path.services
+                    chosen = (*path.chosen, ask.number)
+                    _put(paths, AnswerPath(ask.number, cost, slowest, chosen, answer.t_end_ns, services))
             unknown = _FORGOTTEN_BITS if path.newest < self.forgotten else stranger
             _put(paths, path._replace(cost=path.cost + unknown, chosen=(*path.chosen, _NONE)))
         self.pending.append(answer)
@@ -141,11 +167,16 @@ class UnitQueue:
 
     def _keep(self, paths: dict[tuple[int, tuple[int, ...]], AnswerPath]) -> None:
         """The few of these that are worth going on with, the best first: of equal ones that of newer requests."""
-        ranked = sorted(paths.values(), key=lambda path: (path.cost, [-number for number in path.chosen], -path.newest))
-        least = ranked[0].cost
-        self.paths = [
-            path._replace(cost=path.cost - least) for path in ranked[:_PATHS] if path.cost - least <= _HOPELESS_BITS
-        ]
+        total = _totals(paths.values())
+        ranked = sorted(
+            zip(total, paths.values(), strict=True),
+            key=lambda pair: (pair[0], [-number for number in pair[1].chosen], -pair[1].newest),
+        )[:_PATHS]
+        least = ranked[0][0]
+        kept = [(bits - least, path) for bits, path in ranked if bits - least <= _HOPELESS_BITS]
+        lowest = min(path.cost for _, path in kept)
+        self.paths = [path._replace(cost=path.cost - lowest) for _, path in kept]
+        self.behind = [bits for bits, _ in kept]
 
     def settled(self) -> list[SettledAnswer]:
         """The oldest answers of which all paths that may be right say the same."""
@@ -153,8 +184,8 @@ class UnitQueue:
         while self.pending:
             best = self.paths[0].chosen[0]
             mine = self._known(best)
-            for path in self.paths:
-                if path.cost <= LEAD_BITS and path.chosen[0] != best:
+            for path, behind in zip(self.paths, self.behind, strict=True):
+                if behind <= LEAD_BITS and path.chosen[0] != best:
                     other = self._known(path.chosen[0])
                     if mine is None or other is None or mine.adu != other.adu:
                         return found
@@ -167,9 +198,15 @@ class UnitQueue:
 
     @property
     def plain(self) -> bool:
-        """Whether all is as it should be: one path is left, and the newest request that is answered is its last."""
-        known = [ask.number for ask in self.asks if ask.taken]
-        return not self.pending and len(self.paths) == 1 and (not known or self.paths[0].newest >= known[-1])
+        """Whether all is as it should be: the newest that was taken for answered is, and no other path matters."""
+        if self.pending or self.paths[0].newest < next((ask.number for ask in reversed(self.asks) if ask.taken), _NONE):
+            return False
+        return len(self.paths) == 1 or self.behind[1] >= _OVER_BITS or self._one_poll
+
+    @property
+    def _one_poll(self) -> bool:
+        """Whether the unit was asked nothing else for long: then paths tell no more than which time of the same."""
+        return len(self.asks) >= ASKS and all(ask.adu == self.asks[0].adu for ask in self.asks)
 
     def _known(self, number: int) -> AskedRequest | None:
         return next((ask for ask in self.asks if ask.number == number), None)
@@ -181,6 +218,23 @@ class UnitQueue:
             _put(paths, path._replace(chosen=path.chosen[1:]))
         self._keep(paths)
         return SettledAnswer(answer, ask, unsure)
+
+
+def _totals(paths: Iterable[AnswerPath]) -> list[float]:
+    """What each path costs, its unsteadiness beside the steadiest one included."""
+    paths = list(paths)
+    spreads = [path.spread for path in paths]
+    steadiest = min((spread for spread in spreads if spread), default=0.0)
+    return [
+        path.cost + (_unsteadiness(len(path.services), spread / steadiest) if spread else 0.0)
+        for path, spread in zip(paths, spreads, strict=True)
+    ]
+
+
+def _unsteadiness(count: int, times: float) -> float:
+    """Bits against so many services that differ so many times as much as those of another path: what is no more than
+    twice as much is chance."""
+    return min(count * max(log2(times) - 1, 0.0), _UNSTEADY_MOST)
 
 
 def _put(paths: dict[tuple[int, tuple[int, ...]], AnswerPath], path: AnswerPath) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from itertools import takewhile
@@ -14,8 +14,8 @@ from . import FleetError, LakeWriteError
 from .account import refuse_sources_inside, refuse_unless_lake, remove_waste, writing
 from .datasets import DATASETS, touched
 from .manifest import LakeLine, Manifest
-from .packs import LakePacking, pack
-from .runners import Runner
+from .packs import FULL, FullPacks, LakePacking, PackTask, pack_tasks
+from .runners import LakeTask, Runner, in_this_process
 from .sources import LineFiles, SourceFile, readable
 from .stores import LakeStore
 from .tasks import BatchOptions, KeptRows, LineTask
@@ -210,12 +210,16 @@ def run_batch(
         result.troubles += remove_waste(manifest)
         tasks = planned(manifest, lines, options, redo=redo, result=result)
         total, done, unwritten = sum(_size(task) for task in tasks), 0, 0
-        entered = _Taken(manifest)
+        entered, full = _Taken(manifest), FullPacks(manifest)
         while tasks:
             again: list[LineTask] = []
-            wanted = takewhile(lambda _: stop is None or not stop(), tasks)
+            wanted = takewhile(lambda _: stop is None or not stop(), _beside(tasks, full))
             with closing(runner(wanted)) as outcomes:
                 for task, outcome in outcomes:
+                    if isinstance(task, PackTask):
+                        result.packed += _packed(manifest, task, outcome)
+                        continue
+                    assert isinstance(task, LineTask)
                     if copies := _copies(entered, task, outcome):
                         again.append(replace(task, known=task.known | copies))
                         continue
@@ -226,12 +230,13 @@ def run_batch(
                     _enter(manifest, task, outcome, result)
                     if not isinstance(outcome, Exception):
                         entered.add(task.site, task.line, outcome["slices"])
+                        full.entered(outcome)
                     if progress is not None:
                         progress(BatchStep(done, total, result.frames, time.monotonic() - begun))
             tasks = again
         result.partial = done < total
         if not result.partial:
-            result.packed = pack(manifest, 1 if compact else None, stop)
+            result.packed += _pack(manifest, runner, 1 if compact else None, stop)
     result.seconds = time.monotonic() - begun
     return result
 
@@ -272,7 +277,33 @@ def compact_lake(store: LakeStore) -> LakePacking:
     with writing(store):
         manifest = Manifest(store)
         remove_waste(manifest)
-        return pack(manifest, 1)
+        return _pack(manifest, in_this_process, 1, None)
+
+
+def _beside(tasks: Iterable[LineTask], full: FullPacks) -> Iterator[LakeTask]:
+    """Tasks, with the packs that are full by then between them."""
+    for task in tasks:
+        yield from full.tasks()
+        yield task
+
+
+def _pack(manifest: Manifest, runner: Runner, least: int | None, stop: Callable[[], bool] | None) -> LakePacking:
+    """Make small files into larger ones; what was packed is kept, whatever comes then. Raises FleetError."""
+    packing, tasks = LakePacking(), list(pack_tasks(manifest, least))
+    if len(tasks) < 2 or sum(task.rows for task in tasks) < FULL:
+        runner = in_this_process  # done before others would have begun
+    wanted = takewhile(lambda _: stop is None or not stop(), tasks)
+    with closing(runner(wanted)) as outcomes:
+        for task, outcome in outcomes:
+            assert isinstance(task, PackTask)
+            packing += _packed(manifest, task, outcome)
+    return packing
+
+
+def _packed(manifest: Manifest, task: PackTask, outcome: dict[str, Any] | Exception) -> LakePacking:
+    if isinstance(outcome, Exception):
+        raise outcome
+    return task.enter(manifest, outcome)
 
 
 def _size(task: LineTask) -> int:

@@ -6,11 +6,14 @@ day and the table's own `order`, so that least and greatest values of a row grou
 the manifest names new packs and their members in one step; the files that they replace go when the next batch begins.
 A line that is done anew or goes on leaves rows in packs that are the lake's no more: readers leave those parts out, and
 the next packing drops them.
+
+A pack is a task like those that take in captures, for whatever runs them: full ones are made while these go on.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from datetime import date
 from typing import Any, Final
@@ -29,7 +32,7 @@ except ImportError as error:
 from ..exports.targets.parquet import frames_writer
 from .datasets import DATASETS, GROUP, pack_schema
 from .manifest import Manifest
-from .stores import LakeStore, PackMember, fetched
+from .stores import LakeStore, PackMember, fetched, store
 
 FULL: Final = 1 << 20  # rows of a pack: what memory holds and sorts at once
 SMALL: Final = FULL // 2  # files of fewer rows are packed
@@ -38,7 +41,7 @@ _STALE: Final = 0.25  # share of a pack's rows that are the lake's no more: it i
 
 
 @dataclass(frozen=True, slots=True)
-class _SmallFile:
+class SmallFile:
     """A file to be packed: the members of it that are the lake's, with the numbers they have in it if it is a pack.
 
     `stale`: rows of it that are the lake's no more.
@@ -61,46 +64,99 @@ class LakePacking:
     before: int = 0
     after: int = 0
 
+    def __add__(self, more: LakePacking) -> LakePacking:
+        return LakePacking(self.before + more.before, self.after + more.after)
 
-def pack(manifest: Manifest, least: int | None = None, stop: Callable[[], bool] | None = None) -> LakePacking:
-    """Pack the tables that have at least so many small files, `MANY` if not given.
 
-    The caller has the lake to itself (`writing`). Raises FleetError where it cannot be written; what was packed till
-    then is kept.
+@dataclass(frozen=True, slots=True)
+class PackTask:
+    """Small files of a table to be made into one."""
+
+    lake: str
+    table: str
+    group: tuple[SmallFile, ...]
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """What tells it from other tasks."""
+        return self.table, self.group[0].file
+
+    @property
+    def rows(self) -> int:
+        """How many it will have."""
+        return sum(small.rows for small in self.group)
+
+    def run(self) -> dict[str, Any]:
+        """Do it; what the manifest is to say."""
+        return _write(store(self.lake), self.table, self.group)
+
+    def enter(self, manifest: Manifest, pack: dict[str, Any]) -> LakePacking:
+        """From now on the pack takes the place of its files."""
+        manifest.add({"packs": [pack]})
+        return LakePacking(len(self.group), 1)
+
+
+def pack_tasks(manifest: Manifest, least: int | None = None) -> Iterator[PackTask]:
+    """What there is to pack of the tables that have at least so many small files, `MANY` if not given.
+
+    The caller has the lake to itself (`writing`).
     """
-    before = after = 0
     least = MANY if least is None else least
     for table in DATASETS:
         smalls, settled = _small(manifest, table)
-        if settled < least or (stop is not None and stop()):
-            continue
-        groups = [group for group in _groups(smalls) if len(group) > 1 or group[0].stale]
-        if groups:
-            manifest.add({"packs": [_write(manifest.store, table, group) for group in groups]})
-        before, after = before + sum(map(len, groups)), after + len(groups)
-    return LakePacking(before, after)
+        if len(settled) >= least:
+            for group in _groups(smalls):
+                if len(group) > 1 or group[0].stale:
+                    yield PackTask(manifest.store.root, table, tuple(group))
 
 
-def _small(manifest: Manifest, table: str) -> tuple[list[_SmallFile], int]:
-    """What is worth packing, by site and day; and how much of it a line that goes on will not soon replace."""
+class FullPacks:
+    """Packs that are full already while more is being taken in."""
+
+    def __init__(self, manifest: Manifest) -> None:
+        self._manifest = manifest
+        self._new: Counter[str] = Counter()  # rows of each table since it was looked through
+        self._begun: set[str] = set()  # files that are being packed
+
+    def entered(self, entry: dict[str, Any]) -> None:
+        """What a task has made; of a line that goes on the tail is soon replaced."""
+        for part in ("files",) if entry["state"] else ("files", "tail"):
+            for table, files in entry[part].items():
+                self._new[table] += sum(rows for _, rows in files)
+
+    def tasks(self) -> Iterator[PackTask]:
+        """Those that are full now, each once."""
+        for table in [table for table, rows in self._new.items() if rows >= FULL]:
+            self._new[table] = 0
+            smalls, settled = _small(self._manifest, table)
+            if len(settled) < MANY:
+                continue
+            loose = [small for small in smalls if small.file in settled and small.file not in self._begun]
+            for group in list(_groups(loose))[:-1]:  # the last one has room
+                self._begun.update(small.file for small in group)
+                yield PackTask(self._manifest.store.root, table, tuple(group))
+
+
+def _small(manifest: Manifest, table: str) -> tuple[list[SmallFile], set[str]]:
+    """What is worth packing, by site and day; and those of it that a line that goes on will not soon replace."""
     files, rows = manifest.files(table), manifest.rows(table)
     passing = {name for line in manifest.lines.values() if line.last["state"] for name, _ in line.tail(table)}
-    smalls = [_SmallFile(name, ((name, rows[name]),)) for name in files.loose if rows[name] < SMALL]
-    settled = sum(small.file not in passing for small in smalls)
+    smalls = [SmallFile(name, ((name, rows[name]),)) for name in files.loose if rows[name] < SMALL]
+    settled = {small.file for small in smalls} - passing
     for name, stale in files.packs.items():
         members = manifest.packs[name].members
         numbers = tuple(number for number in range(len(members)) if number not in stale)
         dead = sum(members[number][1] for number in stale)
-        live = _SmallFile(name, tuple(members[number] for number in numbers), numbers, dead)
+        live = SmallFile(name, tuple(members[number] for number in numbers), numbers, dead)
         if live.rows < SMALL or dead > _STALE * live.rows:
             smalls.append(live)
-            settled += 1
+            settled.add(name)
     return sorted(smalls, key=lambda small: min(small.members)), settled  # names begin with site and day
 
 
-def _groups(smalls: list[_SmallFile]) -> Iterator[list[_SmallFile]]:
+def _groups(smalls: list[SmallFile]) -> Iterator[list[SmallFile]]:
     """Those that make a pack together."""
-    group: list[_SmallFile] = []
+    group: list[SmallFile] = []
     rows = 0
     for small in smalls:
         if group and rows + small.rows > FULL:
@@ -108,29 +164,30 @@ def _groups(smalls: list[_SmallFile]) -> Iterator[list[_SmallFile]]:
             group, rows = [], 0
         group.append(small)
         rows += small.rows
-    yield group
+    if group:
+        yield group
 
 
-def _write(store: LakeStore, table: str, group: list[_SmallFile]) -> dict[str, Any]:
+def _write(lake: LakeStore, table: str, group: Collection[SmallFile]) -> dict[str, Any]:
     """Make one pack; what the manifest is to say of it."""
     schema = pack_schema(table)
     parts: list[Any] = []
     members: list[PackMember] = []
     for small in group:
-        with fetched(store.url(small.file)) as path, ParquetFile(path) as file:
+        with fetched(lake.url(small.file)) as path, ParquetFile(path) as file:
             rows = file.read()
         parts.append(_own(rows, small, len(members)).select(schema.names).cast(schema))
         members += small.members
-    path = store.scratch()
+    path = lake.scratch()
     make: Callable[..., Any] = frames_writer if table == "frames" else ParquetWriter
     with make(str(path), schema, compression="zstd") as writer:
         writer.write_table(_sorted(pa.concat_tables(parts), table), row_group_size=GROUP)
-    name = store.fresh(f"{table}/packed/rows", ".parquet")
-    store.put(name, path)
+    name = lake.fresh(f"{table}/packed/rows", ".parquet")
+    lake.put(name, path)
     return {"table": table, "name": name, "members": members}
 
 
-def _own(rows: Any, small: _SmallFile, first: int) -> Any:
+def _own(rows: Any, small: SmallFile, first: int) -> Any:
     """The rows of a file that are the lake's, with all columns of a pack; its parts numbered from `first`."""
     if small.numbers is None:
         for column, value in {**_site_and_day(small.file), "part": pa.scalar(first, pa.int32())}.items():

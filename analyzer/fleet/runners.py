@@ -22,14 +22,23 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
-from typing import Any, Final, NoReturn
+from typing import Any, Final, NoReturn, Protocol
 
 from ..extras import needs
 from . import FleetError
-from .tasks import LineTask, run_task
 
-Outcome = tuple[LineTask, dict[str, Any] | Exception]
-Runner = Callable[[Iterable[LineTask]], Generator[Outcome, None, None]]  # takes tasks when it has room for them
+
+class LakeTask(Protocol):
+    """What is run: it goes to another process and may run twice; what it gives is entered by who handed it out."""
+
+    @property
+    def key(self) -> tuple[str, str]: ...
+
+    def run(self) -> dict[str, Any]: ...
+
+
+Outcome = tuple[LakeTask, dict[str, Any] | Exception]
+Runner = Callable[[Iterable[LakeTask]], Generator[Outcome, None, None]]  # takes tasks when it has room for them
 TRIES: Final = 3  # of a task whose worker died
 _TERMINATED: Final = 128 + signal.SIGTERM
 _ENDING: Final = tuple(
@@ -39,11 +48,11 @@ _HEED_S: Final = 0.5  # a signal that came just before a wait, or to another thr
 _GRACE_S: Final = 1.0  # for a worker to take its temporary files away
 
 
-def in_this_process(tasks: Iterable[LineTask]) -> Generator[Outcome, None, None]:
+def in_this_process(tasks: Iterable[LakeTask]) -> Generator[Outcome, None, None]:
     """One task after the other, here."""
     for task in tasks:
         try:
-            yield task, run_task(task)
+            yield task, task.run()
         except Exception as error:
             yield task, error
 
@@ -54,18 +63,17 @@ class ProcessPool:
     def __init__(self, workers: int) -> None:
         self.workers = workers
 
-    def __call__(self, tasks: Iterable[LineTask]) -> Generator[Outcome, None, None]:
-        coming, again, deaths = iter(tasks), deque[LineTask](), Counter[tuple[str, str]]()
+    def __call__(self, tasks: Iterable[LakeTask]) -> Generator[Outcome, None, None]:
+        coming, again, deaths = iter(tasks), deque[LakeTask](), Counter[tuple[str, str]]()
         while True:
-            begun: list[LineTask] = []
+            begun: list[LakeTask] = []
             alone = bool(again)
             try:
                 yield from self._run(again, 1, begun) if alone else self._run(coming, self.workers, begun)
             except BrokenProcessPool as death:
                 for task in begun:
-                    key = (task.site, task.line)
-                    deaths[key] += 1
-                    if deaths[key] < TRIES:
+                    deaths[task.key] += 1
+                    if deaths[task.key] < TRIES:
                         again.append(task)
                     else:
                         yield task, RuntimeError(f"its worker died {TRIES} times: {death}")
@@ -74,10 +82,10 @@ class ProcessPool:
                     return
 
     def _run(
-        self, tasks: Iterator[LineTask] | deque[LineTask], workers: int, begun: list[LineTask]
+        self, tasks: Iterator[LakeTask] | deque[LakeTask], workers: int, begun: list[LakeTask]
     ) -> Iterator[Outcome]:
         """Outcomes until all is done. Raises BrokenProcessPool where a worker dies; `begun` then has no outcome yet."""
-        running: dict[Future[dict[str, Any]], LineTask] = {}
+        running: dict[Future[dict[str, Any]], LakeTask] = {}
         at_hand = workers + (workers > 1)  # nobody waits for its next task while an outcome is put down
         context = get_context("spawn")
         here, there = context.Pipe(duplex=False)
@@ -101,7 +109,7 @@ class ProcessPool:
                 raise
 
 
-def _next(tasks: Iterator[LineTask] | deque[LineTask]) -> LineTask | None:
+def _next(tasks: Iterator[LakeTask] | deque[LakeTask]) -> LakeTask | None:
     if isinstance(tasks, deque):
         return tasks.popleft() if tasks else None
     return next(tasks, None)
@@ -148,11 +156,11 @@ def _begin(alive: Connection) -> None:
     threading.Thread(target=_end_with, args=(alive,), daemon=True).start()
 
 
-def _work(task: LineTask) -> dict[str, Any]:
+def _work(task: LakeTask) -> dict[str, Any]:
     """A task in a worker, which takes its temporary files away where it is told to end."""
     before = signal.signal(signal.SIGTERM, _end)
     try:
-        return run_task(task)
+        return task.run()
     finally:
         signal.signal(signal.SIGTERM, before)
 
@@ -200,7 +208,7 @@ class DaskCluster:
         except (OSError, ValueError, TimeoutError) as error:
             raise FleetError(f"{address}: no Dask scheduler answers there") from error
 
-    def __call__(self, tasks: Iterable[LineTask]) -> Generator[Outcome, None, None]:
+    def __call__(self, tasks: Iterable[LakeTask]) -> Generator[Outcome, None, None]:
         """Outcomes as they come. Raises FleetError where the scheduler is there no more."""
         try:
             yield from self._outcomes(tasks)
@@ -208,14 +216,14 @@ class DaskCluster:
             logging.getLogger("distributed").setLevel(logging.CRITICAL)  # it would tell its tries to come back
             raise FleetError(_GONE) from error
 
-    def _outcomes(self, tasks: Iterable[LineTask]) -> Generator[Outcome, None, None]:
+    def _outcomes(self, tasks: Iterable[LakeTask]) -> Generator[Outcome, None, None]:
         from distributed import as_completed
 
-        coming, running = iter(tasks), dict[str, LineTask]()
+        coming, running = iter(tasks), dict[str, LakeTask]()
         finished = as_completed(with_results=False)
         while True:
             while len(running) < self._room() and (task := next(coming, None)) is not None:
-                future = self.client.submit(run_task, task, pure=False, retries=TRIES)
+                future = self.client.submit(_run, task, pure=False, retries=TRIES)
                 running[future.key] = task
                 finished.add(future)
             if not running:
@@ -229,6 +237,10 @@ class DaskCluster:
     def _room(self) -> int:
         threads: int = sum(self.client.nthreads().values())
         return _AHEAD * max(threads, 1)
+
+
+def _run(task: LakeTask) -> dict[str, Any]:
+    return task.run()
 
 
 def _error(future: Any) -> Exception:

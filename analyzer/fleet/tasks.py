@@ -82,16 +82,20 @@ class LineTask:
     grown: Mapping[str, Any] | None = None  # what the manifest says of the first file: `state` remembers its beginning
     anew: LineTask | None = None  # the whole line, should that not be so, or the state be of no use
 
+    @property
+    def key(self) -> tuple[str, str]:
+        """What tells it from other tasks."""
+        return self.site, self.line
+
+    def run(self) -> dict[str, Any]:
+        """Do it; what the manifest is to say, but for the entry's number. Rows are in English, wherever it runs."""
+        with telling("en"):
+            return _entry(self)
+
 
 def line_key(site: str, line: str) -> str:
     """A short name of a line, for files."""
     return hashlib.sha256(f"{site}\0{line}".encode()).hexdigest()[:12]
-
-
-def run_task(task: LineTask) -> dict[str, Any]:
-    """Do it; what the manifest is to say, but for the entry's number. Rows are told in English, wherever it runs."""
-    with telling("en"):
-        return _entry(task)
 
 
 def _entry(task: LineTask) -> dict[str, Any]:

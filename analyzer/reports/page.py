@@ -93,6 +93,9 @@ def facts(report: Report) -> Iterator[tuple[str, str]]:
         yield "rates", _rates(report.rates)
 
 
+_SEVERAL_FRAMES: Final = 64  # bytes, in which a bus would have had frames
+
+
 def file_name(source: str) -> str:
     """A capture's name without the folders of this machine."""
     return PurePath(source).name or source
@@ -100,7 +103,14 @@ def file_name(source: str) -> str:
 
 def nothing(report: Report) -> str:
     """What to say where there is no frame."""
-    return page_words("No frame passes the filter." if report.filter else "No Modbus frame was found.")
+    if report.filter:
+        return page_words("No frame passes the filter.")
+    words = page_words("No Modbus frame was found.")
+    if report.causes or report.not_modbus or report.bytes < _SEVERAL_FRAMES:
+        return words
+    return f"{words} " + page_words(
+        "The line speaks another protocol, or the tap is set to another speed than the line."
+    )
 
 
 def _line_words(report: Report) -> str:

@@ -36,8 +36,9 @@ def _split(asked: Request, most: int) -> list[Request]:
     """What was asked for in parts of so many at most."""
     if asked.address is None or most < 1:
         return []
-    begins = range(asked.address, asked.end, most)[:_PARTS]
-    return [asked.part(begin, min(most, asked.end - begin)) for begin in begins]
+    end = min(asked.end, ADDRESSES)  # there is nothing to ask for behind the last address
+    begins = range(asked.address, end, most)[:_PARTS]
+    return [asked.part(begin, min(most, end - begin)) for begin in begins]
 
 
 def _fewer(asked: Request, well: Sequence[Request]) -> list[Request]:

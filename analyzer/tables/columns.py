@@ -304,7 +304,7 @@ class _Decoding:
         if content.held is not None:
             self._values(content.held, rows, AREA_CODES[content.area])
         elif content.listed:
-            self._annotated(content.listed, rows, AREA_CODES[content.area])
+            self._listed(content, rows)
 
     def _values(self, run: ValueRun, rows: _Ints, area: AreaCode) -> None:
         begins = self.pdus.begins[rows] + run.offset
@@ -321,13 +321,20 @@ class _Decoding:
         self.counts[rows] = counts
         self.blocks.append(ValueSpans(rows, begins, counts, read, area))
 
-    def _annotated(self, names: frozenset[str], rows: _Ints, area: AreaCode) -> None:
+    def _listed(self, content: Contents, rows: _Ints) -> None:
         """Values that have no fixed place, frame by frame: functions that do this are rare on a bus."""
-        listings = [list(values_listed(self.batch.frame(row).fields(), names)) for row in rows.tolist()]
+        if content.lister is None:
+            frames = map(self.batch.frame, rows.tolist())
+            listings = [list(values_listed(frame.fields(), content.listed)) for frame in frames]
+        else:
+            octets, pdus = self.pdus.data.tobytes(), self.pdus
+            spans = zip(pdus.begins[rows].tolist(), pdus.ends[rows].tolist(), strict=True)
+            listings = [content.lister(octets[begin + 1 : max(end, begin + 1)]) for begin, end in spans]
         counts = np.array([len(values) for values in listings], np.int64)
         flat = np.array([value for values in listings for value in values], np.uint16)
         self.counts[rows] = counts
         begins = np.cumsum(counts) - counts
+        area = AREA_CODES[content.area]
         self.blocks.append(ValueSpans(rows, begins, counts, lambda _, begins, i: flat[begins + i], area))
 
     def _number(self, reference: NumberRef, rows: _Ints, width: int = _WORD) -> _Ints:

@@ -7,7 +7,7 @@ answered from the registers as they are by now.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from random import Random
 from typing import Final
@@ -37,12 +37,20 @@ class RecordedAnswer:
     t_ns: int
 
 
+def unspoilt(adu: bytes) -> bytes:
+    """A frame as it is."""
+    return adu
+
+
 @dataclass(frozen=True, slots=True)
 class TwinAnswer:
-    """What to answer, and after how long."""
+    """What to answer, and after how long; `as_unit` in whose name, where that is not the unit asked, and `spoil` what
+    the line makes of the frame."""
 
     pdu: bytes
     delay_ns: int
+    as_unit: int | None = None
+    spoil: Callable[[bytes], bytes] = unspoilt
 
 
 @dataclass(slots=True)
@@ -105,6 +113,10 @@ class TwinUnit:
         if known is not None and known.asked > 1:
             return None
         return TwinAnswer(self._own(request), self._drawn(request[0] if request else 0))
+
+    def refusal(self, pdu: bytes) -> TwinAnswer:
+        """An answer that says so, after a time as it takes."""
+        return TwinAnswer(pdu, self._drawn(pdu[0] & ~EXCEPTION))
 
     def broadcast(self, request: bytes) -> None:
         """A request to all units: done, never answered."""

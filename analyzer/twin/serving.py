@@ -18,6 +18,7 @@ from captures.live.tap import GONE, refusal
 from dissectors.crc import crc_bytes, crc_ends
 from dissectors.limits import BROADCAST, MAX_ADU
 
+from .faults import FaultyAnswers
 from .memory import TwinAnswer, TwinUnit
 
 _WAIT_S: Final = 0.1  # after which it looks whether it should end
@@ -39,10 +40,12 @@ class TwinLine(Protocol):
 
 
 class TwinsOnALine:
-    """Units that answer, whoever asks; may be asked by several threads. `asked` and `answered` count."""
+    """Units that answer, whoever asks; may be asked by several threads. `asked` and `answered` count; `faults` are what
+    goes wrong on purpose."""
 
-    def __init__(self, units: Mapping[int, TwinUnit]) -> None:
+    def __init__(self, units: Mapping[int, TwinUnit], faults: FaultyAnswers | None = None) -> None:
         self._units = units
+        self.faults = faults or FaultyAnswers(())
         self._lock = threading.Lock()
         self.asked = self.answered = 0
 
@@ -58,9 +61,16 @@ class TwinsOnALine:
             if twin is None:
                 return None
             self.asked += 1
-            answer = twin.answer(pdu)
+            answer = self._answer(twin, unit, pdu)
             self.answered += answer is not None
             return answer
+
+    def _answer(self, twin: TwinUnit, unit: int, pdu: bytes) -> TwinAnswer | None:
+        fault = self.faults.due(unit)
+        if fault is not None and fault.kind.instead is not None:
+            return twin.refusal(fault.kind.instead(pdu, fault.value))
+        answer = twin.answer(pdu)
+        return answer if fault is None or answer is None else self.faults.spoilt(fault, answer)
 
 
 class _OwnEcho:
@@ -101,11 +111,17 @@ def serve_line(twins: TwinsOnALine, line: TwinLine, stop: Callable[[], bool]) ->
             frame, held = held[: ends[0]], held[ends[0] :]
             answer = None if echo.heard(frame, now) else twins.answer(frame[0], frame[1:-2])
             if answer is not None:
-                body = frame[:1] + answer.pdu
+                body = _named(answer, frame[:1]) + answer.pdu
+                adu = answer.spoil(body + crc_bytes(body))
                 sleep_until(now + answer.delay_ns, stop)
-                line.write(body + crc_bytes(body))
-                echo.sent(body + crc_bytes(body), frame)
+                line.write(adu)
+                echo.sent(adu, frame)
         held = held[-MAX_ADU:]
+
+
+def _named(answer: TwinAnswer, asked: bytes) -> bytes:
+    """The unit in whose name an answer is, as the byte of a frame."""
+    return asked if answer.as_unit is None else bytes((answer.as_unit,))
 
 
 class SerialLine:
@@ -236,4 +252,4 @@ class TwinServer:
                     if answer is not None:
                         sleep_until(now + answer.delay_ns, self._ended.is_set)
                         length = (1 + len(answer.pdu)).to_bytes(2, "big")
-                        connection.sendall(head + length + body[:1] + answer.pdu)
+                        connection.sendall(answer.spoil(head + length + _named(answer, body[:1]) + answer.pdu))

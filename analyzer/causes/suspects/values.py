@@ -28,6 +28,7 @@ _AT_ONCE: Final = 4  # reads, within which all stop
 _STEADIER: Final = 3.0
 _STILL: Final = 0.4  # of the capture
 _COUNTS: Final = 0.9  # of the steps of a counter that do not go down
+_USUAL: Final = 0.8  # of a counter's steps are no larger than its usual one
 _LEAP: Final = 60.0  # times its usual step, which no pause explains
 _TORN_READS: Final = 12  # within which a carry comes to the other word
 _BITS: Final = 30.0  # for each jump
@@ -157,6 +158,19 @@ def _long(poll: PollValues, column: int, *, swapped: bool = False) -> NDArray[np
     return pair[:, 1] << 16 | pair[:, 0] if swapped else pair[:, 0] << 16 | pair[:, 1]
 
 
+def _counting(poll: PollValues, *, swapped: bool) -> NDArray[np.bool_]:
+    """Which registers may be the first of a counter's two: of all others `_jumps` would say that they are no counter's."""
+    words = poll.words.astype(np.int64)
+    first, second = words[:, :-1], words[:, 1:]
+    steps = np.diff(second << 16 | first if swapped else first << 16 | second, axis=0)
+    up = steps > 0
+    ups = up.sum(axis=0)
+    small = (up & (steps <= _WORD // 2)).sum(axis=0)  # where so few are, the usual step is a larger one
+    counting: NDArray[np.bool_] = (ups >= _LEAST_UP) & (small > np.floor(_USUAL * (ups - 1)))
+    counting &= (steps < 0).sum(axis=0) <= (1 - _COUNTS) * len(steps)
+    return counting
+
+
 def _jumps(values: NDArray[np.int64], times: NDArray[np.int64]) -> NDArray[np.intp] | None:
     """Where a counter falls back, or leaps by more than the time between two reads; None where these values are no
     counter's."""
@@ -166,7 +180,7 @@ def _jumps(values: NDArray[np.int64], times: NDArray[np.int64]) -> NDArray[np.in
     up = steps[steps > 0]
     if len(up) < _LEAST_UP:
         return None
-    usual = float(np.quantile(up, 0.8))
+    usual = float(np.quantile(up, _USUAL))
     if usual > _WORD / 2:
         return None  # not in step with the low word: rather a float
     apart = np.diff(times).astype(np.float64)
@@ -219,9 +233,11 @@ def _undone(steps: NDArray[np.int64], jumps: NDArray[np.intp], usual: float) -> 
 def counter_jumps(evidence: Evidence) -> Iterator[Suspicion]:
     """Counters that do not only count, where those of sister units do."""
     for group in _sisters(evidence):
+        counting = {swapped: [_counting(poll, swapped=swapped) for poll in group] for swapped in (False, True)}
         for column in range(group[0].words.shape[1] - 1):
-            for swapped in (False, True):
-                yield from _of_counters(evidence, group, column, swapped=swapped)
+            for swapped, may in counting.items():
+                counters = [poll for poll, columns in zip(group, may, strict=True) if columns[column]]
+                yield from _of_counters(evidence, counters, column, swapped=swapped)
 
 
 def _of_counters(evidence: Evidence, group: list[PollValues], column: int, *, swapped: bool) -> Iterator[Suspicion]:

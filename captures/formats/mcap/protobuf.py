@@ -23,8 +23,6 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...ragged import Ints
-
 ENCODING: Final = "protobuf"
 SPARE: Final = (15, 2047)  # numbers of no field, with a tag of one and of two bytes
 _NUMBERS: Final = tuple(number for number in range(1, SPARE[1]) if number not in SPARE)
@@ -155,7 +153,7 @@ def plain_schema(name: str, fields: Iterable[str], kind: Type) -> bytes:
     return _file(name, "".join((*parts, *choices)).encode("latin-1"))
 
 
-def plain_items(kind: Type, places: Ints, values: NDArray[Any]) -> NDArray[np.void]:
+def plain_items(kind: Type, places: NDArray[Any], values: NDArray[Any]) -> NDArray[np.void]:
     """Fields of such messages, all of one width: `places` in the message, 0 for its first field, and values."""
     items = np.empty(len(places), [("tag", "<u2"), ("value", _WIRE[kind][1])])
     items["tag"] = _plain_tags(kind).take(places)

@@ -318,7 +318,7 @@ class Recording:
     """A sink (`analyzer.exports.sink`) onto one file."""
 
     def __init__(self, out: OutputStream, capture: Capture, options: ExportOptions) -> None:
-        self._writer = ArrayWriter(out, compression="lz4")
+        self._writer = ArrayWriter(out)
         self._writer.start(library=f"rtuscope {__version__}")
         self._chunks = ChunkChannel(self._writer, capture.line, timed=capture.timed, about=_about(capture))
         self._topics = Topics(self._writer, explain=options.explain, noise=options.noise, charts=options.charts)

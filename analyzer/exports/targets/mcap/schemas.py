@@ -23,6 +23,7 @@ from enum import IntEnum
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from captures.formats.mcap import records
 from captures.formats.mcap.protobuf import ENCODING, Message, MessageField, Type, plain_items, plain_schema
@@ -121,10 +122,10 @@ REGISTER: Final = Type.FIXED32  # the type of a value, by what it is
 BIT: Final = Type.BOOL
 
 
-def values(area: str, letter: str, unit: int, addresses: Sequence[int], *, bits: bool) -> tuple[str, bytes]:
+def _schema(area: str, letter: str, unit: int, addresses: Sequence[int]) -> tuple[str, bytes]:
     """Name and schema of a unit's values, a field an address: `r107` a register, `b19` a coil or input."""
     name = f"rtuscope.unit_{unit}_{area}"
-    return name, plain_schema(name, (f"{letter}{address}" for address in addresses), BIT if bits else REGISTER)
+    return name, plain_schema(name, (f"{letter}{address}" for address in addresses), BIT if letter == "b" else REGISTER)
 
 
 def function_names() -> Mapping[str, int]:
@@ -160,11 +161,10 @@ _ADDRESSES: Final = 1 << 16
 
 @dataclass(slots=True, eq=False)
 class _UnitArea:
-    """The topic of one unit and area: its addresses in the order of their fields, and its newest channel."""
+    """The topic of one unit and area: its addresses in the order of their fields."""
 
+    key: int  # area << 8 | unit
     addresses: list[int] = field(default_factory=list)
-    numbers: Ints = field(default_factory=lambda: np.full(_ADDRESSES, -1, np.int64))
-    channel: int = 0
 
 
 class UnitAreas:
@@ -172,64 +172,79 @@ class UnitAreas:
 
     def __init__(self, writer: TopicWriter) -> None:
         self._writer = writer
-        self._topics: dict[int, _UnitArea] = {}
+        self._topics: list[_UnitArea] = []
+        self._places = np.full(len(AreaCode) << _UNIT_BITS, -1, np.int64)  # in `_topics`, by area and unit
+        self._channels = np.zeros(0, np.uint16)  # the newest of each topic
+        self._numbers = np.zeros((0, _ADDRESSES), np.int16)  # of each topic, the field of each address; -1: it has none
         self.left_out = 0  # messages with an address for which a topic has no field left
 
     def messages(self, batch: Batch, decoded: Decoded) -> Packed:
         """The values that the rows of a batch confirm."""
         confirmed = confirmed_values(batch, decoded)
         keys = confirmed.area.astype(np.int64) << _UNIT_BITS | batch.rows.unit[confirmed.rows]
-        _, addresses, _ = confirmed.spread()
-        of_value = np.repeat(keys, confirmed.counts)
-        numbers = np.zeros(len(addresses), np.int64)
-        channels = np.zeros(len(keys), np.uint16)
-        for key in np.unique(keys).tolist():
-            mine = of_value == key
-            topic = self._topic(key, addresses[mine])
-            numbers[mine] = topic.numbers[addresses[mine]]
-            channels[keys == key] = topic.channel
-        fits = np.ones(len(keys), np.bool_)
+        self._meet(keys)
+        places = self._places.take(keys)
+        _, addresses, values = confirmed.spread()
+        codes = np.repeat(places * _ADDRESSES, confirmed.counts) + addresses
+        numbers = self._numbers.ravel().take(codes)
+        if (missing := numbers < 0).any():
+            self._extend(np.unique(codes[missing]))
+            numbers = self._numbers.ravel().take(codes)
+        channels = self._channels.take(places)
         if (numbers < 0).any():
             owner = np.repeat(np.arange(len(keys)), confirmed.counts)
+            fits = np.ones(len(keys), np.bool_)
             fits[owner[numbers < 0]] = False
             self.left_out += int(np.count_nonzero(~fits))
-            numbers = numbers[fits[owner]]
+            numbers, values = numbers[fits[owner]], values[fits[owner]]
             confirmed, channels = confirmed.taken(fits), channels[fits]
         heads = records.heads(np.zeros(1, [("record", HEAD)]), len(channels))
         times = batch.rows.t_end_ns[confirmed.rows]
-        return records.packed(channels, times, [PackedPart(None, heads)], _fields(confirmed, numbers))
+        return records.packed(channels, times, [PackedPart(None, heads)], _fields(confirmed, numbers, values))
 
-    def _topic(self, key: int, addresses: Ints) -> _UnitArea:
-        """The topic of a unit and area, with fields for these addresses."""
-        topic = self._topics.setdefault(key, _UnitArea())
-        new = np.unique(addresses[topic.numbers[addresses] < 0]).tolist()[: MAX_FIELDS - len(topic.addresses)]
-        if new:
-            topic.numbers[new] = np.arange(len(new)) + len(topic.addresses)
-            topic.addresses += new
-            area, letter = _AREAS[AreaCode(key >> _UNIT_BITS)]
-            unit = key & (1 << _UNIT_BITS) - 1
-            name, content = values(area, letter, unit, topic.addresses, bits=letter == "b")
+    def _meet(self, keys: Ints) -> None:
+        """Places for units and areas that were not met before."""
+        met = np.bincount(keys, minlength=len(self._places)).nonzero()[0]
+        new = met[self._places[met] < 0]
+        if len(new):
+            self._places[new] = np.arange(len(new)) + len(self._topics)
+            self._topics += map(_UnitArea, new.tolist())
+            self._numbers = np.concatenate((self._numbers, np.full((len(new), _ADDRESSES), -1, np.int16)))
+            self._channels = np.concatenate((self._channels, np.zeros(len(new), np.uint16)))
+
+    def _extend(self, codes: Ints) -> None:
+        """Fields for addresses that topics had not; `codes` ascend: the topic's place and the address."""
+        places, first = np.unique(codes // _ADDRESSES, return_index=True)
+        added = zip(places.tolist(), np.split(codes % _ADDRESSES, first[1:]), strict=True)
+        for place, addresses in sorted(added, key=lambda each: self._topics[each[0]].key):
+            topic = self._topics[place]
+            new = addresses[: MAX_FIELDS - len(topic.addresses)]
+            if not len(new):
+                continue
+            self._numbers[place, new] = np.arange(len(new)) + len(topic.addresses)
+            topic.addresses += new.tolist()
+            area, letter = _AREAS[AreaCode(topic.key >> _UNIT_BITS)]
+            unit = topic.key & (1 << _UNIT_BITS) - 1
+            name, content = _schema(area, letter, unit, topic.addresses)
             schema = self._writer.register_schema(name, ENCODING, content)
-            topic.channel = self._writer.register_channel(f"/unit/{unit}/{area}", ENCODING, schema)
-        return topic
+            self._channels[place] = self._writer.register_channel(f"/unit/{unit}/{area}", ENCODING, schema)
 
 
-def _fields(confirmed: ConfirmedValues, numbers: Ints) -> Tails:
+def _fields(confirmed: ConfirmedValues, numbers: NDArray[np.int16], values: NDArray[np.uint16]) -> Tails:
     """The messages: a field a value, registers of one width and bits of another."""
     bits = confirmed.area <= AreaCode.DISCRETE_INPUTS
     begins, sizes = np.zeros(len(bits), np.int64), np.zeros(len(bits), np.int64)
     buffers: list[Bytes] = []
-    first = sums(confirmed.counts)[:-1]
-    for kind, selected in ((REGISTER, np.flatnonzero(~bits)), (BIT, np.flatnonzero(bits))):
-        ends = sums(confirmed.counts[selected])
-        counts = confirmed.counts[selected]
-        within = np.arange(int(ends[-1])) - np.repeat(ends[:-1], counts)
-        values = confirmed.values.take(within + np.repeat(confirmed.begins[selected], counts))
-        items = plain_items(kind, numbers.take(within + np.repeat(first[selected], counts)), values)
-        begins[selected] = ends[:-1] * items.itemsize + sum(map(len, buffers))
-        sizes[selected] = counts * items.itemsize
+    for kind, mine in ((REGISTER, ~bits), (BIT, bits)):
+        if not mine.any():
+            continue
+        pick = slice(None) if mine.all() else np.repeat(mine, confirmed.counts)
+        items = plain_items(kind, numbers[pick], values[pick])
+        counts = confirmed.counts[mine]
+        begins[mine] = sums(counts)[:-1] * items.itemsize + sum(map(len, buffers))
+        sizes[mine] = counts * items.itemsize
         buffers.append(items.view(np.uint8))
-    return Tails(np.concatenate(buffers), begins, sizes)
+    return Tails(np.concatenate(buffers) if buffers else np.zeros(0, np.uint8), begins, sizes)
 
 
 _VALUE: Final = "rtuscope.Value"

@@ -1,0 +1,61 @@
+"""`rtuscope mcp`: captures and lakes told to agents, over the Model Context Protocol."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..languages import counted
+from .commands import DONE, FAILED
+from .terminal import tell
+
+if TYPE_CHECKING:
+    from ..agents.root import AgentRoot
+
+EXAMPLE = """\
+rtuscope mcp --root captures
+rtuscope mcp --root captures --verify answer.txt"""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command."""
+    parser.add_argument(
+        "--root",
+        metavar="FOLDER",
+        required=True,
+        help="the folder of captures and lakes that may be read; nothing outside of it is",
+    )
+    parser.add_argument(
+        "--verify",
+        metavar="FILE",
+        help="serve nobody: resolve each citation in this text of an agent's and list the frames; - is standard input",
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Serve, or look an agent's words up."""
+    from ..agents.root import AgentRoot
+
+    root = AgentRoot(arguments.root)
+    if arguments.verify is not None:
+        return _verify(root, arguments.verify)
+    from ..agents.server import serve
+
+    serve(root)
+    return DONE
+
+
+def _verify(root: AgentRoot, name: str) -> int:
+    from ..agents.citations import resolved_lines
+
+    text = sys.stdin.read() if name == "-" else Path(name).read_text(encoding="utf-8", errors="replace")
+    lines, broken = resolved_lines(root, text)
+    for line in lines:
+        print(line)
+    if not lines:
+        tell("no citation in this text")
+    elif broken:
+        tell(f"{counted(broken, 'citation refers', 'citations refer')} to nothing under the root")
+    return DONE if lines and not broken else FAILED

@@ -1,0 +1,1 @@
+"""The corpus's makers, a file each: `items(seed, size)` gives the items of a task."""
