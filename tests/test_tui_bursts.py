@@ -103,7 +103,7 @@ def test_a_filter_typed_at_once_is_in_use_for_the_keys_behind_it(seen: Watched, 
 
 
 def test_a_unit_that_is_opened_has_its_rows_under_the_next_keys(seen: Watched, capture: Path) -> None:
-    seen.press("4" + DOWN + ENTER + DOWN + "m")
+    seen.press("9" + DOWN + ENTER + DOWN + "m")
     rows = rows_by_unit(capture)
     assert noted(capture, seen) == [rows[sorted(rows)[1]][1]]
 

@@ -15,8 +15,8 @@ from textual.widgets import Input
 
 from analyzer import languages
 from analyzer.languages import tr
-from analyzer.model.search import GotoError, span
 from analyzer.model.spoken import spoken
+from analyzer.model.times import GotoError, span
 from analyzer.tui.app import Rtuscope
 from analyzer.tui.bars import KeyLine
 from analyzer.tui.desk import Preferences
@@ -52,7 +52,7 @@ def test_the_users_own_keys(capture: Path) -> None:
         app.desk.wishes.keys = {"bookmark": "B"}
         async with app.run_test(size=(100, 30)) as pilot:
             sitting = Seat(app, pilot)
-            await sitting.until(lambda: sitting.bus.whole and sitting.screen.row is not None)
+            await sitting.until(lambda: sitting.bus.whole and sitting.screen.studied is not None)
             await sitting.press("B")
             assert app.desk.notes.comments
             await sitting.press("m")

@@ -19,10 +19,10 @@ import captures
 from analyzer import languages
 from analyzer.languages import page_words, tr
 from analyzer.meant import meant
-from analyzer.model.search import span
 from analyzer.model.selection import compiled
 from analyzer.model.source import CaptureSource
 from analyzer.model.spoken import spoken
+from analyzer.model.times import span
 from analyzer.simulation import Scenario, simulate
 from analyzer.tui.filterbar import FilterBar
 from analyzer.tui.home import HomeList

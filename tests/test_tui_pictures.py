@@ -27,7 +27,8 @@ _STEPS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("transactions", ("1", "home", "down", "right")),
     ("frames", ("2", "g", "1", "5", "enter", "tab", "home", "down", "tab", "tab")),
     ("findings", ("3", "home")),
-    ("units", ("4",)),
+    ("polls", ("4",)),
+    ("units", ("9",)),
     ("registers", ("5", "space", "down", "down")),
     ("timeline", ("6", "right", "right", "right", "space", "right", "right")),
     ("report", ("7",)),
@@ -55,7 +56,7 @@ async def _look(size: tuple[int, int], colours: str) -> None:
         screen = app.screen
         assert isinstance(screen, BusScreen)
         async with asyncio.timeout(60):
-            while not app.desk.bus.whole or screen.row is None:
+            while not app.desk.bus.whole or screen.studied is None:
                 await asyncio.sleep(0.01)
         for name, keys in _STEPS:
             await pilot.press(*keys)

@@ -132,7 +132,7 @@ def test_what_changed_between_two_polls(tmp_path: Path) -> None:
         await sitting.press("1", "d")
         await sitting.until(lambda: sitting.screen.transactions.count() == 2)
         await sitting.press("end")
-        assert "40001 17254→17255" in sitting.shown(), "the register, what it was, what it is"
+        assert "40001 230→231.5" in sitting.shown(), "the register, what it was, what it is"
         assert "differ" in sitting.shown(), "and below, from which frame"
 
     doing(meter, work, home=False)

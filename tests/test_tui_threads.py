@@ -203,7 +203,7 @@ def test_a_row_is_under_study_though_home_comes_up_before_any_list(
     async def work(sitting: Seat) -> None:
         try:
             await sitting.until(lambda: sitting.bus.whole and sitting.screen.view == "home")
-            await sitting.until(lambda: sitting.screen.row is not None)
+            await sitting.until(lambda: sitting.screen.studied is not None)
         finally:
             held.set()
 

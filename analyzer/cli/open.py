@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from aiohttp import web
 
     from captures import Capture
+    from dissectors.maps.files import UnitMaps
 
     from ..options import Options
 
@@ -104,9 +105,9 @@ def _for_cmd(argument: str) -> str:
 def guarded(server: Any, host: str, token: str) -> web.Application:
     """The web application: `server` (of textual-serve) behind token, Host and Origin."""
     from aiohttp import web
-    from jinja2 import Environment, FileSystemLoader
 
-    page = Environment(loader=FileSystemLoader(server.templates_path), autoescape=True).get_template("app_index.html")
+    from ..languages import in_use
+    from .webpage import page
 
     @web.middleware
     async def guard(
@@ -121,12 +122,7 @@ def guarded(server: Any, host: str, token: str) -> web.Application:
 
     async def index(request: web.Request) -> web.Response:
         address = f"{request.host}/{token}"
-        text = page.render(
-            font_size=16,
-            app_websocket_url=f"ws://{address}/ws",
-            config={"static": {"url": f"/{token}/static/"}},
-            application={"name": _TITLE},
-        )
+        text = page(_TITLE, f"ws://{address}/ws", f"/{token}/static/", in_use())
         return web.Response(text=text, content_type="text/html", headers={"Cache-Control": "no-store"})
 
     async def headers(request: web.Request, response: web.StreamResponse) -> None:
@@ -191,6 +187,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--light", action="store_true", help="dark on light (D switches)")
     parser.add_argument("--plain", action="store_true", help="read it out in plain lines, for a screen reader")
     parser.add_argument("-Y", "--filter", metavar="FILTER", default="", help="with --plain: only what passes")
+    parser.add_argument(
+        "--against", metavar="CAPTURE", help="with --plain: tell what is otherwise than in this capture"
+    )
     parser.add_argument("--web", action="store_true", help="serve it to a browser on this machine instead")
     parser.add_argument("--host", default="127.0.0.1", help="with --web: address to listen at (127.0.0.1)")
     parser.add_argument("--port", type=port, default=_PORT, help=f"with --web: port to listen at ({_PORT})")
@@ -217,7 +216,7 @@ def run(arguments: argparse.Namespace) -> int:
         serve(in_a_browser(arguments), arguments.host, arguments.port)
         return DONE
     if arguments.plain:
-        return read_out(arguments, capture, limits)
+        return read_out(arguments, capture, limits, charts)
     if arguments.capture == "-":
         take_keys()
     needs_a_terminal("open")
@@ -240,7 +239,7 @@ def run(arguments: argparse.Namespace) -> int:
     return DONE
 
 
-def read_out(arguments: argparse.Namespace, capture: Capture | None, limits: Options) -> int:
+def read_out(arguments: argparse.Namespace, capture: Capture | None, limits: Options, charts: UnitMaps) -> int:
     """The capture in plain lines."""
     if capture is None:
         raise UsageError("--plain reads out a capture: which one?")
@@ -253,7 +252,12 @@ def read_out(arguments: argparse.Namespace, capture: Capture | None, limits: Opt
     name = capture.path.name if capture.path else "capture"
     try:
         zone = UTC if arguments.tz is None else time_zone(arguments.tz)
-        for line in spoken(CaptureSource(capture, name, limits), arguments.filter, zone):
+        then = None
+        if arguments.against is not None:
+            earlier = capture_as_asked(arguments.against, arguments)
+            then = CaptureSource(earlier, earlier.path.name if earlier.path else "capture", limits)
+        source = CaptureSource(capture, name, limits)
+        for line in spoken(source, arguments.filter, zone, charts=charts, then=then):
             print(line)
     except FilterError as error:
         raise UsageError(f"--filter: {error}") from error

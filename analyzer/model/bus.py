@@ -23,10 +23,12 @@ from ..options import Options
 from ..outages import Deaf
 from ..reports.summary import Summary, with_cards, with_story
 from ..tables.batch import Batch, Frame
+from ..tables.columns import decode
 from ..tables.schema import NO_GAP, Kind, Row, Rows, bounds_of
 from ..tables.transactions import NEVER, OF_ANSWER, Status, TransactionRows
 from .activity import Activity, Bins, UnitActivity
 from .polls import PollIndex
+from .pollwatch import PollLog
 from .registers import RegisterLog
 from .rowstores import ByteStore, FindingLog, RowBits, RowEvidence, evidence_columns, evidence_of
 from .source import CaptureSource, ViewSource
@@ -69,6 +71,7 @@ class Bus:
         self.found = FindingLog()
         self.registers = RegisterLog()
         self.polls = PollIndex(self)
+        self.watched = PollLog()
         self.activity = Activity()
         self.units = UnitActivity()
         self.frames = 0
@@ -126,9 +129,12 @@ class Bus:
         earlier = np.unique(self.found.rows_of(np.arange(told, self.found.count))).astype(np.int64)
         earlier = earlier[(earlier >= 0) & (earlier < first)]
         if len(batch):
-            self.registers.feed(batch, np.arange(first, first + len(batch)))
+            numbers, decoded = np.arange(first, first + len(batch)), decode(batch)
+            self.registers.feed(batch, numbers, decoded)
+            self.watched.feed(batch, numbers, decoded, self.table.take("partner", numbers).astype(np.int64))
             self.activity.feed(batch.rows)
             self.units.feed(batch.rows)
+        self.watched.settle(self.table.rows_of_frames(analysed.transactions.request), analysed.transactions)
         self.activity.trouble(self.table.take("t_end_ns", in_trouble))
         with self._lock:
             if self.bits is not None:

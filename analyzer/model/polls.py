@@ -156,8 +156,9 @@ _AREAS: Final = tuple(AREAS)  # by AreaCode, from 1 on
 class TransactionValues:
     """One transaction: `row` begins it, `answer` is -1 for none.
 
-    `register` is the logical number of the first that it speaks of, empty for none; `values` are those read, or else
-    written; `changed` the places among them of which the last good answer to this poll said otherwise: `before`.
+    `register` is the logical number of the first that it speaks of, empty for none, `area` (an AreaCode less 1, -1 for
+    none) and `address` its place; `values` are those read, or else written; `changed` the places among them of which
+    the last good answer to this poll said otherwise: `before`.
     """
 
     row: int
@@ -167,6 +168,9 @@ class TransactionValues:
     values: tuple[int, ...] = ()
     changed: frozenset[int] = frozenset()
     before: tuple[int, ...] = ()
+    unit: int = -1
+    area: int = -1
+    address: int = -1
 
 
 class _CarriedRows:
@@ -204,9 +208,26 @@ def poll_values(bus: Bus, rows: Sequence[int]) -> list[TransactionValues]:
         area, address, quantity = carried.address(row)
         values, old = carried.values(answer) or carried.values(row), carried.values(last)
         changed = {i for i, value in enumerate(values) if len(old) == len(values) and old[i] != value}
-        register = logical(address, _AREAS[area - 1]) if area and address >= 0 else ""
-        polls.append(TransactionValues(row, answer, register, quantity, values, frozenset(changed), old))
+        known = area > 0 and address >= 0
+        register = logical(address, _AREAS[area - 1]) if known else ""
+        place = (int(bus.table.value("unit", row)), area - 1, address) if known else (-1, -1, -1)
+        polls.append(TransactionValues(row, answer, register, quantity, values, frozenset(changed), old, *place))
     return polls
+
+
+_WRITES: Final = (5, 6, 15, 16)  # functions whose requests carry values
+
+
+def carried_by(bus: Bus, row: int) -> TransactionValues | None:
+    """What a row's transaction carries, where it is this row that carries it and its check value is right."""
+    if bus.is_noise(row) or not bus.table.value("check", row) or bus.table.value("exception", row):
+        return None
+    answers, partner = bus.table.value("kind", row) == Kind.RESPONSE, bus.partner(row)
+    if answers and partner is None:
+        return None
+    poll = poll_values(bus, [partner if answers and partner is not None else row])[0]
+    own = poll.answer == row if answers else bus.table.value("function", row) in _WRITES
+    return poll if poll.values and own else None
 
 
 def _before(bus: Bus, answer: int) -> int:

@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 
 from ..core import Analysed
 from ..reports.summary import Summary
+from ..tables.columns import decode
 from ..tables.findings import NOTHING
 from ..tables.schema import Kind
 from .activity import Bins, UnitActivity, binned
 from .polls import ChangedAnswers
+from .pollwatch import PollLog
 from .registers import RegisterLog
 from .selection import (
     Selection,
@@ -95,6 +97,7 @@ class ScopedFigures:
         self.rows = np.union1d(rows, partner[partner >= 0])
         self.registers = RegisterLog()
         self.units = UnitActivity()
+        self.watched = PollLog()
         self.frames = int((bus.table.take("kind", self.rows) != Kind.NOISE).sum())
         self._complete = bus.whole
         self._summary = Summary(bus.char_ns)
@@ -112,7 +115,10 @@ class ScopedFigures:
         self._summary.feed(Analysed(batch, bus.transactions(requests), findings))
         if bus.bits is not None and self._rates is not None:
             self._rates.feed(batch.rows, bus.bits.take(part))
-        self.registers.feed(batch, part)
+        settled, decoded = bus.transactions(requests), decode(batch)
+        self.registers.feed(batch, part, decoded)
+        self.watched.feed(batch, part, decoded, bus.table.take("partner", part).astype(np.int64))
+        self.watched.settle(bus.table.rows_of_frames(settled.request), settled)
         self.units.feed(batch.rows)
 
     def over(self, t_start: int, t_end: int, bins: int) -> Bins:

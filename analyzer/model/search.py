@@ -8,44 +8,33 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
-from datetime import UTC, datetime, timedelta, tzinfo
+from datetime import UTC, tzinfo
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dissectors.fields import ENGLISH
+from dissectors.maps.files import UnitMaps
 
 from ..languages import error_words, tr, wording
+from ..registers.readings import mapped_columns
 from ..tables.columns import decode
-from ..words import UNITS_NS, is_clock, moment_of
+from ..words import UNITS_NS
 from .bus import Bus
 from .selection import Test
 from .table import PIECE
+from .times import DIGITS, FORMS, GotoError, is_clock_text, moment
 
-_DIGITS: Final = r"\d{1,12}(?:\.\d{1,12})?"
 _FRAME: Final = re.compile(r"#?\d{1,18}")
-_SHARE: Final = re.compile(rf"({_DIGITS})\s*%")
-_STEP: Final = re.compile(rf"([+-]?)({_DIGITS})\s*(us|ms|s|min|h)")
-_DAY: Final = re.compile(r"(?:(\d{4}-\d{2}-\d{2})[ t])?(\d{1,2}):(\d{2})(?::(\d{2})(?:\.(\d{1,9}))?)?")
-FORMS: Final = "frame 120, time 12.5s, step +200ms or -5s, clock 08:29:51.5 or 2026-11-21 08:29, share 50%"
-
-
-SPANS: Final = "14:00-16:00, yesterday 14-16 (or y), today 8-9:30, 2026-11-21 14-16, 10s-25s"
-_SPAN: Final = re.compile(
-    r"(?:(y|yesterday|t|today|\d{4}-\d{2}-\d{2})\s+)?(\d{1,2})(?::(\d{2}))?\s*-\s*(\d{1,2})(?::(\d{2}))?"
-)
-_SECONDS: Final = re.compile(rf"({_DIGITS})\s*(us|ms|s|min|h)?\s*-\s*({_DIGITS})\s*(us|ms|s|min|h)")
-
-
-class GotoError(ValueError):
-    """No place is named like this; the message says what can be."""
+_SHARE: Final = re.compile(rf"({DIGITS})\s*%")
+_STEP: Final = re.compile(rf"([+-]?)({DIGITS})\s*(us|ms|s|min|h)")
 
 
 def is_place(text: str) -> bool:
     """Whether a text has the form of a place, wherever that may be."""
     text = text.strip().lower()
-    return any(form.fullmatch(text) for form in (_FRAME, _SHARE, _STEP, _DAY))
+    return any(form.fullmatch(text) for form in (_FRAME, _SHARE, _STEP)) or is_clock_text(text)
 
 
 def row_named(text: str, bus: Bus, row: int, zone: tzinfo = UTC) -> int:
@@ -59,78 +48,17 @@ def row_named(text: str, bus: Bus, row: int, zone: tzinfo = UTC) -> int:
             raise GotoError(tr("no frame {text}: they are 0 to {last:,}", text=text, last=bus.frames - 1))
         return target
     if match := _SHARE.fullmatch(text):
-        return min(bus.count - 1, int(bus.count * float(match[1]) / 100))
+        return min(bus.count - 1, int(bus.count * float(match[1].replace(",", ".")) / 100))
     if not bus.timed:
         raise GotoError(tr("this capture has no times: go to a frame's number or a share such as 50%"))
     if match := _STEP.fullmatch(text):
-        ns = round(float(match[2]) * UNITS_NS[match[3]])
+        ns = round(float(match[2].replace(",", ".")) * UNITS_NS[match[3]])
         if not match[1]:
             return bus.table.row_at_time(bus.t_first + ns)
         return bus.table.row_at_time(bus.table.value("t_start_ns", row) + (ns if match[1] == "+" else -ns))
-    if match := _DAY.fullmatch(text):
-        return bus.table.row_at_time(_on_the_day(match, bus, text, zone))
+    if is_clock_text(text):
+        return bus.table.row_at_time(moment(text, bus, zone))
     raise GotoError(tr("{text!r} is no place: {forms}", text=text[:40], forms=tr(FORMS)))
-
-
-def span(text: str, bus: Bus, zone: tzinfo = UTC, now: datetime | None = None) -> tuple[int, int]:
-    """The time from .. to, in ns, that `text` names (see SPANS); without a day the last one of the capture that has it.
-
-    `now` tells what today is. Raises GotoError.
-    """
-    text = text.strip().lower()
-    if not bus.timed or not bus.count:
-        raise GotoError(tr("no times in this capture"))
-    if match := _SECONDS.fullmatch(text):
-        low, high = (round(float(match[i]) * UNITS_NS[match[j] or match[4]]) for i, j in ((1, 2), (3, 4)))
-        return _some(bus.t_first + low, bus.t_first + high)
-    match = _SPAN.fullmatch(text)
-    if match is None:
-        raise GotoError(tr("{text!r} is no span: {forms}", text=text[:40], forms=tr(SPANS)))
-    if not is_clock(bus.t_first):
-        raise GotoError(tr("this capture's clock has no time of day: give seconds since its start, such as 10s-25s"))
-    now = now or datetime.now(zone)
-    newest = moment_of(bus.t_last // 1_000_000_000, zone)
-    try:
-        day = newest
-        if match[1]:
-            back = timedelta(days=match[1][0] == "y")
-            named = match[1][0].isdigit()
-            day = datetime.fromisoformat(match[1]).replace(tzinfo=zone) if named else now.astimezone(zone) - back
-        low, high = (_at(day, int(match[i]), int(match[i + 1] or 0)) for i in (2, 4))
-        if not match[1] and low > bus.t_last:
-            low, high = (_at(day - timedelta(days=1), int(match[i]), int(match[i + 1] or 0)) for i in (2, 4))
-    except ValueError as error:
-        raise GotoError(tr("{text!r} is no time of day", text=text[:40])) from error
-    return _some(low, high)
-
-
-def _at(day: datetime, hour: int, minute: int) -> int:
-    """A time of a day in ns; 24:00 is its end."""
-    midnight = hour == 24 and not minute
-    moment = day.replace(hour=0 if midnight else hour, minute=minute, second=0, microsecond=0)
-    return int((moment + timedelta(days=midnight)).timestamp()) * 1_000_000_000
-
-
-def _some(low: int, high: int) -> tuple[int, int]:
-    if high <= low:
-        raise GotoError(tr("it ends before it begins"))
-    return low, high
-
-
-def _on_the_day(match: re.Match[str], bus: Bus, text: str, zone: tzinfo) -> int:
-    """A time of day, on the first day of the capture that has it."""
-    if not is_clock(bus.t_first):
-        raise GotoError(tr("this capture's clock has no time of day: give a time since its start, such as 12.5s"))
-    first = moment_of(bus.t_first / 1e9, zone)
-    try:
-        if match[1]:
-            first = datetime.fromisoformat(match[1]).replace(tzinfo=zone)
-        moment = first.replace(hour=int(match[2]), minute=int(match[3]), second=int(match[4] or 0), microsecond=0)
-    except ValueError as error:
-        raise GotoError(tr("{text!r} is no time of day", text=text)) from error
-    ns = int(moment.timestamp()) * 1_000_000_000 + int((match[5] or "0").ljust(9, "0"))
-    day = int(timedelta(days=1).total_seconds()) * 1_000_000_000
-    return ns if match[1] or ns + 1_000_000_000 >= bus.t_first else ns + day
 
 
 _AT_ONCE: Final = 1 << 12  # rows
@@ -149,38 +77,78 @@ class SearchError(ValueError):
 
 
 class Wanted(NamedTuple):
-    """What is looked for: in words, how rows with it are found, and the bytes where those are what is meant."""
+    """What is looked for: in words, how rows with it are found, and the bytes or the name or number of a value where
+    those are what is meant."""
 
     words: str
     hits: Hits
     data: bytes = b""
+    value: str = ""
 
 
-def wanted(text: str) -> Wanted:
+def wanted(text: str, charts: UnitMaps | None = None) -> Wanted:
     """What a text asks for: bytes as hex, a value, or else text. `bytes:`, `value:`, `text:` or quotes say which.
 
+    `charts` say what registers mean: a number is also the value that some of them make, a text the name of a value.
     Raises SearchError.
     """
-    text = text.strip()
+    text, charts = text.strip(), charts or UnitMaps()
     kind, colon, rest = text.partition(":")
     if colon and kind.strip().lower() in _KINDS:
-        return _as(kind.strip().lower(), rest.strip())
+        return _as(kind.strip().lower(), rest.strip(), charts)
     if len(text) > 1 and text[0] == text[-1] and text[0] in "'\"":
-        return _as("text", text[1:-1])
+        return _as("text", text[1:-1], charts)
     if _NUMBER.fullmatch(text) and not (text[:1] == "0" and text[1:].isdecimal()):
-        return _as("value", text)
-    return _as("bytes" if _BYTES.fullmatch(text) else "text", text)
+        return _as("value", text, charts)
+    return _as("bytes" if _BYTES.fullmatch(text) else "text", text, charts)
 
 
-def _as(kind: str, text: str) -> Wanted:
+def _as(kind: str, text: str, charts: UnitMaps) -> Wanted:
     if kind == "bytes":
         data = _bytes_of_text(text)
         return Wanted(tr("the bytes {hex}", hex=data.hex(" ").upper()), for_bytes(text), data)
     if kind == "value":
         whole = "." not in text and "e" not in text.lower().removeprefix("0x")
         where = tr("a register, or a bit") if whole else tr("a float")
-        return Wanted(tr("the value {text} of {where}", text=text, where=where), for_value(text))
-    return Wanted(tr('the text "{text}"', text=text), for_text(text), text.encode())
+        return Wanted(tr("the value {text} of {where}", text=text, where=where), for_value(text, charts), value=text)
+    hits, folded = for_text(text), text.casefold()
+    if any(folded in row.name.casefold() for chart in charts.all for row in chart.rows):
+        hits = _either(hits, lambda bus, first, last: _with_named(bus, first, last, charts, folded))
+    return Wanted(tr('the text "{text}"', text=text), hits, text.encode(), text)
+
+
+def _either(one: Hits, other: Hits) -> Hits:
+    """Rows that match either."""
+    return lambda bus, first, last: np.union1d(one(bus, first, last), other(bus, first, last))
+
+
+def _with_named(bus: Bus, first: int, last: int, charts: UnitMaps, folded: str) -> _Rows:
+    """Rows that carry a value of such a name."""
+    rows = [np.zeros(0, np.int64)]
+    for begin, batch in bus.batches(first, last):
+        columns = mapped_columns(batch, decode(batch), charts, lambda row: folded in row.name.casefold())
+        rows += [np.asarray(column.answers, np.int64) + begin for column in columns]
+    return np.unique(np.concatenate(rows))
+
+
+def _with_meant(bus: Bus, first: int, last: int, charts: UnitMaps, number: float) -> _Rows:
+    """Rows that carry a value which is this number by what its registers mean."""
+    low, high = sorted((number * (1 - _CLOSE), number * (1 + _CLOSE)))
+    rows = [np.zeros(0, np.int64)]
+    for begin, batch in bus.batches(first, last):
+        for column in mapped_columns(batch, decode(batch), charts):
+            with np.errstate(invalid="ignore"):
+                rows.append(column.answers[(column.values >= low) & (column.values <= high)] + begin)
+    return np.unique(np.concatenate(rows))
+
+
+def is_value(text: str, name: str, worded: str, number: float | None) -> bool:
+    """Whether a value of this name, words and number is what a text looks for."""
+    try:
+        sought = float(int(text, 0)) if text.lower().startswith("0x") else float(text)
+    except ValueError:
+        return text.casefold() in name.casefold() or text.casefold() in worded.casefold()
+    return number is not None and math.isclose(number, sought, rel_tol=_CLOSE)
 
 
 def _bytes_of_text(text: str) -> bytes:
@@ -218,19 +186,24 @@ def for_text(text: str) -> Hits:
     return hits
 
 
-def for_value(text: str) -> Hits:
-    """Rows that carry this value: a register, signed or not, or a float of two registers in any byte order."""
+def for_value(text: str, charts: UnitMaps | None = None) -> Hits:
+    """Rows that carry this value: a register, signed or not, a float of two registers in any byte order, or what
+    registers make by the maps of units."""
     try:
-        number = int(text, 0)
+        number: float = int(text, 0)
     except ValueError:
-        return _for_float(text)
+        hits, number = _for_float(text), float(text)
+    else:
+        hits = _for_register(int(number), may_be_wider=bool(charts))
+    return _either(hits, lambda bus, first, last: _with_meant(bus, first, last, charts, number)) if charts else hits
+
+
+def _for_register(number: int, *, may_be_wider: bool) -> Hits:
     if not -0x8000 <= number <= 0xFFFF:
+        if may_be_wider:
+            return lambda *_: np.zeros(0, np.int64)
         raise SearchError(f"{number} fits in no register: -32768 to 65535, or a float such as 230.5")
-
-    def hits(bus: Bus, first: int, last: int) -> _Rows:
-        return _with_values(bus, first, last, lambda values: values == number & 0xFFFF)
-
-    return hits
+    return lambda bus, first, last: _with_values(bus, first, last, lambda values: values == number & 0xFFFF)
 
 
 def for_test(test: Test) -> Hits:

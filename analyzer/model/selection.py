@@ -247,6 +247,11 @@ class Unfolded:
                 self._opened = sorted([*self._opened, (at, self._below(self.rows.row(at)))])
         return line
 
+    def below(self, row: int) -> tuple[int, ...]:
+        """The rows that stand below the transaction which a row begins or follows, once it is opened."""
+        begins = self.rows.row(self.rows.position(row))
+        return self._below(begins) if begins <= row else ()
+
     def _below(self, row: int) -> tuple[int, ...]:
         """The request, what follows it up to the next one, and its answer where that is further on."""
         table, last = self._bus.table, row + 1

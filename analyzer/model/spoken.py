@@ -6,14 +6,20 @@ from collections.abc import Callable, Iterator
 from datetime import UTC, tzinfo
 from typing import TYPE_CHECKING
 
+from dissectors.maps.files import UnitMaps
+from dissectors.values import harmless
+
 from ..languages import counted, page_words, tr, wording
-from ..tables.schema import Kind
+from ..tables.schema import Kind, bounds_of
 from ..tables.transactions import Status
-from ..words import between, date_and_time, is_clock, seconds
+from ..words import between, date_and_time, duration, is_clock, seconds
 from .bus import Bus
+from .meanings import Meanings
+from .polls import poll_values
 from .scope import Scope
 from .selection import compiled
 from .table import RowState
+from .thenandnow import changes, read_side, whole_side
 
 if TYPE_CHECKING:
     from .source import ViewSource
@@ -25,10 +31,19 @@ _OUTCOMES = {
 _SILENT, _REFUSED = "no-response", "exception"  # findings that tell the outcome themselves
 
 
-def spoken(source: ViewSource, text: str = "", zone: tzinfo = UTC, stop: Callable[[], bool] = bool) -> Iterator[str]:
-    """Lines without columns, marks or colours. Raises analyzer.filters.FilterError."""
-    bus = Bus.of(source)
-    scope = Scope(compiled(text, source.line) if text else None)
+def spoken(
+    source: ViewSource,
+    text: str = "",
+    zone: tzinfo = UTC,
+    stop: Callable[[], bool] = bool,
+    *,
+    charts: UnitMaps | None = None,
+    then: ViewSource | None = None,
+) -> Iterator[str]:
+    """Lines without columns, marks or colours; `charts` say what registers mean, and `then` is an earlier capture to
+    compare with. Raises analyzer.filters.FilterError."""
+    bus, charts = Bus.of(source), charts or UnitMaps()
+    scope = Scope(compiled(text, source.line, charts) if text else None)
     for analysed in source.steps(stop):
         bus.feed(analysed)
     bus.close()
@@ -47,6 +62,12 @@ def spoken(source: ViewSource, text: str = "", zone: tzinfo = UTC, stop: Callabl
         )  # fmt: skip
     if not bus.frames:
         return
+    meanings = Meanings(bus, dict, lambda: charts.of)
+    if meanings.is_due(often=True):
+        meanings.use(meanings.ask(stop))
+    if then is not None:
+        yield from _otherwise(bus, source, then, meanings, stop)
+    yield from _polls(bus, meanings)
     which = tr(" with {filter}", filter=text) if text else ""
     yield f"{counted(transactions.count, 'transaction', 'transactions')}{which}."
     for row in transactions.rows().tolist():
@@ -61,6 +82,41 @@ def _instead(bus: Bus, source: ViewSource) -> Iterator[str]:
     yield nothing(report)
     for label, words in facts(report):
         yield f"{page_words(label)}: {words}" if label else words
+
+
+def _otherwise(
+    bus: Bus, source: ViewSource, then: ViewSource, meanings: Meanings, stop: Callable[[], bool]
+) -> Iterator[str]:
+    """What is otherwise than in an earlier capture."""
+    before = read_side(then, stop)
+    told = changes(whole_side(bus, source), before, meanings)
+    sides = tr("{now} beside {then}", now=source.name, then=then.name)
+    yield f"{counted(len(told), 'difference', 'differences')}: {sides}."
+    for each in told:
+        yield f"{tr(each.kind)}: {each.text}"
+
+
+def _polls(bus: Bus, meanings: Meanings) -> Iterator[str]:
+    """Every poll: how often, how it is answered, its newest values by name."""
+    polls = sorted(bus.watched, key=lambda poll: poll.key)
+    yield f"{counted(len(polls), 'poll', 'polls')}."
+    for poll in polls:
+        key = poll.key
+        parts = [tr("Poll"), tr("unit {unit}", unit=key.unit), tr("function {function}", function=key.function)]
+        parts += [f"{key.register} ×{key.quantity}"] if key.register else []
+        parts.append(tr("asked {count:,}", count=poll.asked))
+        if bus.timed and poll.every_ns:
+            parts.append(tr("every {time}", time=duration(poll.every_ns)))
+        took = poll.time(0.95)
+        bounds = None if took is None else bounds_of(took, bus.off_ns)
+        if bounds is not None:
+            parts.append(tr("95% of answers within {time}", time=between(*bounds)))
+        if poll.bad:
+            parts.append(tr("{count:,} without a good answer", count=poll.bad))
+        if poll.answered >= 0:
+            readings = meanings.readings(poll_values(bus, [poll.answered])[0])
+            parts += [f"{each.name} {each.text}" for each in readings]
+        yield harmless(", ".join(parts))
 
 
 def _transaction(bus: Bus, row: int, zone: tzinfo) -> str:

@@ -33,13 +33,12 @@ from ..model.source import CaptureSource
 from ..usernotes import Notes, NotesError
 from .desk import Preferences, ViewState
 from .filterbar import rules_of
-from .keys import key_name
+from .keys import command_name, commands, key_name, keys_written
 from .openfiles import NextFile
 from .paint import DARK, DARK_16, HARMLESS, LIGHT, LIGHT_16, Colourless
 from .prompts import Choose
 from .screen import BusScreen
 from .viewer import ending_with_its_server
-from .views import VIEWS
 from .wire import ASKING, KeyQueue, ThinWire
 
 if TYPE_CHECKING:
@@ -52,15 +51,6 @@ _FEW_COLOURS = ("standard", "windows")
 _LONG_S = 8.0  # for words that say why nothing happened
 _NARROW = 70  # columns under which bytes stand below the fields
 _BROAD = 150  # columns from which on bytes stand 16 to a line: fields need the room before
-_COMMANDS = (
-    ("Filter", "display filter", "filter"), ("Find", "bytes, text or a value", "find"),
-    ("Go to", "a frame's number or a time", "goto"), ("Counterpart", "from request to answer and back", "counterpart"),
-    ("Next finding", "what is wrong further on", "finding(1)"), ("Bookmark", "set or take away", "bookmark"),
-    ("Comment", "say something of this row", "comment"), ("Time reference", "count times from this row", "reference"),
-    ("Time format", "since start, UTC, since previous", "time_base"), ("Noise", "show or hide", "noise"),
-    ("Copy", "bytes as hex, C, Python, command", "copy"), ("Export", "selected or shown rows to a file", "export"),
-    ("Follow", "the newest frame", "follow"), ("Help", "all keys", "help"),
-)  # fmt: skip
 
 
 class Rtuscope(App[None]):
@@ -87,7 +77,7 @@ class Rtuscope(App[None]):
         self._themes = DARK, LIGHT
         self._light = light
         self.theme = self._themes[light].name
-        self._reader = reader or capture_source
+        self.reader = reader or capture_source
         self._leaving = False
         notes, trouble = _notes_of(source)
         wishes = Preferences.of_user()
@@ -161,6 +151,10 @@ class Rtuscope(App[None]):
     async def action_quit(self) -> None:
         self.leave()
 
+    def action_help_quit(self) -> None:
+        """Ctrl+C: no way out of its own, it names the one there is."""
+        self.notify(tr("q quits; a recording does not end unasked"), markup=False)
+
     def leave(self, following: NextFile | None = None) -> None:
         """Quit, or go on to a file. A recording does not end unasked, and what is shown stays where the file cannot be
         opened."""
@@ -189,9 +183,9 @@ class Rtuscope(App[None]):
 
     def _opened(self, path: Path) -> ViewSource:
         """A file as a source whose first bytes were read: raises what is wrong with it."""
-        for _ in self._reader(path).steps(lambda: False):
+        for _ in self.reader(path).steps(lambda: False):
             break
-        return self._reader(path)
+        return self.reader(path)
 
     async def _may_leave(self) -> bool:
         """Whether a recording, if there is one, may end."""
@@ -241,20 +235,16 @@ class Rtuscope(App[None]):
         self.theme = (light if self.theme == dark.name else dark).name
 
     def get_system_commands(self, screen: Screen[None]) -> Iterable[SystemCommand]:
+        """Every action that exists in the view in sight, from the table that keys and help are made of."""
         if isinstance(screen, BusScreen):
-            for name, words, action in _COMMANDS:
+            here = screen.query_one(f"#{screen.view}")
+            for node, binding in commands(screen, here):
                 yield SystemCommand(
-                    tr(name), tr(words), lambda action=action: self.call_later(screen.run_action, action)
+                    command_name(binding),
+                    f"{tr(binding.tooltip or binding.description)} ({keys_written(binding, self.desk.wishes.keys)})",
+                    partial(self.call_later, node.run_action, binding.action),
                 )
-            for view in VIEWS:
-                yield SystemCommand(
-                    tr("View: {title}", title=tr(view.title)),
-                    tr("show it"),
-                    lambda name=view.name: screen.action_view(name),
-                )
-        yield SystemCommand(tr("Dark or light"), tr("change the theme"), self.action_theme_flip)
         yield SystemCommand(tr("Screenshot"), tr("an SVG picture of the screen"), self.action_screenshot)
-        yield SystemCommand(tr("Quit"), tr("leave"), self.leave)
 
 
 def capture_source(path: Path) -> ViewSource:

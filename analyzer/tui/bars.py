@@ -49,14 +49,19 @@ class Tabs(Static):
         self.chosen = view
         self.refresh()
 
+    @property
+    def _views(self) -> list[View]:
+        return [view for view in VIEWS if view.tab or view.name == self.chosen]
+
     def _words(self) -> list[tuple[View, str]]:
         """Each view with its text, as short as the width needs."""
         for narrow in (False, True):
-            words = [(view, self._word(view, narrow=narrow)) for view in VIEWS]
+            words = [(view, self._word(view, narrow=narrow)) for view in self._views]
             if sum(len(text) for _, text in words) <= self.size.width:
                 return words
         return [
-            (view, f" {_digit(view)} {_tab_title(view) if view.name == self.chosen else ''}".ljust(3)) for view in VIEWS
+            (view, f" {_digit(view)} {_tab_title(view) if view.name == self.chosen else ''}".ljust(3))
+            for view in self._views
         ]
 
     def _word(self, view: View, *, narrow: bool) -> str:
@@ -147,11 +152,12 @@ class StatusLine(Painted):
         self.where = ""
         self.doing = ""
         self.follow = ""
+        self.state = ("", "")
         self._turn = 0
 
-    def say(self, where: str, doing: str = "", follow: str = "") -> None:
-        """Where the cursor is, what goes on, and live whether the list follows its end."""
-        self.where, self.doing, self.follow = where, doing, follow
+    def say(self, where: str, doing: str = "", follow: str = "", state: tuple[str, str] = ("", "")) -> None:
+        """Where the cursor is, what goes on, live whether the list follows its end, and what became of the file."""
+        self.where, self.doing, self.follow, self.state = where, doing, follow, state
         self._turn += 1
         self.refresh()
 
@@ -164,6 +170,8 @@ class StatusLine(Painted):
         slim = bool(told) and width < _SLIM  # what may change stands before what does not
         left = [StyledText(f" {self._called(max(12, width // 3))} ", "strong")]
         left.append(StyledText(" " if slim else f"{self._speed()}  ", "dim"))
+        if self.state[0]:
+            left.append(StyledText(f"{self.state[0]}  ", self.state[1]))
         if self.desk.paused:
             left.append(StyledText(f"{tr('PAUSED, P goes on')}  ", "warning"))
         if doing := self.doing or self._listening():
@@ -273,7 +281,7 @@ class KeyLine(Painted):
         self.screen.bindings_updated_signal.subscribe(self, self._bindings_changed)
 
     def _bindings_changed(self, screen: Screen[object]) -> None:
-        if self._waiting or not self.app.app_focus or screen is not self.screen:
+        if self._waiting or screen is not self.screen:
             return
         self._waiting = True
         self.call_after_refresh(self._look)

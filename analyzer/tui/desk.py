@@ -22,6 +22,7 @@ import captures
 from ..filters import check
 from ..languages import error_words, tr
 from ..model.bus import Bus
+from ..model.meanings import Meanings
 from ..model.scope import Scope, ScopedFigures
 from ..model.table import PIECE
 from ..settingfiles import user_folder
@@ -169,7 +170,12 @@ class ViewState:
     losses: int = 0  # things that the source told to be lost or broken
     zone: tzinfo = UTC  # of times of day
     charts: Callable[[Iterable[int]], Mapping[int, RegisterMap]] = _no_charts  # the maps of units
+    raw: bool = False  # lists show the registers, not what they mean
+    meanings: Meanings = field(init=False)
     _reference: tuple[Place, int] | None = None  # and its time
+
+    def __post_init__(self) -> None:
+        self.meanings = Meanings(self.bus, lambda: self.notes.types, lambda: self.charts)
 
     @property
     def figures(self) -> Bus | ScopedFigures:
@@ -232,7 +238,7 @@ class ViewState:
         """`2026-11-21 14:00–16:00 UTC`; on a capture's own clock `10–25 s`."""
         if not self.bus.timed or not is_clock(self.bus.t_first):
             low, high = ((t - self.bus.t_first) / 1e9 for t in span)
-            return f"{low:.10g}–{high:.10g} s"
+            return "–".join(f"{since:.9f}".rstrip("0").rstrip(".") for since in (low, high)) + " s"
         size = 16 if span[1] - span[0] >= _HOUR_NS else 19 if span[1] - span[0] >= _MINUTE_NS else 23
         begin, end = (date_and_time(t, self.zone)[:size] for t in span)
         for zeros in (".000", ":00"):

@@ -5,7 +5,7 @@ Those are used by name, lit in the lists by colour, a row each in the timeline.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 from rich.cells import cell_len
@@ -17,7 +17,6 @@ from textual.widgets import Input, Label
 
 from captures.line import LineSettings
 from dissectors.maps.files import UnitMaps
-from dissectors.maps.model import RegisterMap
 
 from ..filters import Completion, FilterError, check, complete
 from ..languages import tr
@@ -34,7 +33,6 @@ if TYPE_CHECKING:
     from .desk import ViewState
     from .screen import BusScreen
 
-_UNITS = 256
 _MOST = 8  # completions in sight
 _HINTS = ("/ to type, e.g.  unit == 17 and exception", "/ to type, e.g.  unit == 17", "/ to type")
 
@@ -106,11 +104,11 @@ class FilterBar(Vertical):
         self,
         speaks: LineSettings,
         wishes: Preferences,
-        charts: Callable[[Iterable[int]], Mapping[int, RegisterMap]] = lambda _: {},
+        charts: Callable[[], UnitMaps] = UnitMaps,
         *,
         id: str,
     ) -> None:
-        """`charts` gives the maps of units, whose names a filter may have."""
+        """`charts` gives what registers mean as maps of units, whose names a filter may have."""
         super().__init__(id=id)
         self.text = ""  # the filter in use
         self._speaks = speaks
@@ -120,7 +118,7 @@ class FilterBar(Vertical):
 
     @property
     def _maps(self) -> UnitMaps:
-        return UnitMaps(dict(self._charts(range(_UNITS))))
+        return self._charts()
 
     def compose(self) -> ComposeResult:
         with Horizontal(id="filter-line"):
@@ -314,7 +312,7 @@ def rules_of(desk: ViewState) -> Iterator[tuple[Test, str]]:
     for entry in (*desk.wishes.filters, *desk.wishes.presets):
         if entry.colour:
             try:
-                yield compiled(entry.text, desk.source.line).test, f"tint-{entry.colour}"
+                yield compiled(entry.text, desk.source.line, desk.meanings.charts).test, f"tint-{entry.colour}"
             except FilterError:
                 continue  # kept for captures with a map, or by another version
 
@@ -323,7 +321,7 @@ def kept_tests(desk: ViewState) -> Iterator[tuple[str, Test]]:
     """All of them, by name."""
     for entry in desk.wishes.filters:
         try:
-            yield entry.name, compiled(entry.text, desk.source.line).test
+            yield entry.name, compiled(entry.text, desk.source.line, desk.meanings.charts).test
         except FilterError:
             continue
 

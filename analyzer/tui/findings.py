@@ -19,7 +19,8 @@ from .items import NOTHING, of_cause
 from .lines import Lines
 from .look import at_finding, finding_name
 from .paint import StyledText, fitted
-from .view import View
+from .places import OF_ROWS, CausePlace, Place, RowPlace
+from .view import DoorCell, View, cells_of_row, cells_of_units
 
 if TYPE_CHECKING:
     from textual.widget import Widget
@@ -32,7 +33,6 @@ if TYPE_CHECKING:
 _LEAST: Final = {
     Severity.NOTE: "showing all", Severity.WARNING: "showing warnings and errors", Severity.ERROR: "showing errors",
 }  # fmt: skip
-_AGAIN_S: Final = 2.0  # between two reckonings of causes while rows come
 _PAUSE_S: Final = 0.3  # between two countings while rows come
 _ROOMY: Final = 60  # columns from which on codes stand below each other, with their frames
 
@@ -81,7 +81,6 @@ class FindingList(Lines):
         self._levels: Mapping[Severity, int] = desk.bus.found.by_severity  # of what the scope leaves
         self._tested = 0
         self._logged, self._next = -1, 0.0
-        self.explained, self.explain_at = -1, 0.0  # findings that causes were asked for, and when again
 
     @property
     def empty(self) -> str:
@@ -314,11 +313,10 @@ def _chosen(screen: BusScreen, sender: Widget) -> None:
 
 def _entered(screen: BusScreen, sender: Widget) -> None:
     assert isinstance(sender, FindingList)
-    row = sender.row
-    if sender.cause is not None and sender.cause.frames:
-        row = screen.desk.bus.table.row_of_frame(sender.cause.frames[0])
-    if row is not None and row >= 0:
-        screen.jumps.go(row)
+    if sender.cause is not None:
+        screen.jumps.walk(sender.cause)
+    elif sender.row is not None:
+        screen.jumps.go(sender.row)
 
 
 def _refresh(screen: BusScreen) -> None:
@@ -329,9 +327,7 @@ def _refresh(screen: BusScreen) -> None:
         listing._next = 0.0
     listing.grown()
     bus = screen.desk.bus
-    if bus.found.count != listing.explained and (bus.whole or time.monotonic() >= listing.explain_at):
-        listing.explained, listing.explain_at = bus.found.count, time.monotonic() + _AGAIN_S
-        screen.jobs.run("explain", lambda _: bus.causes(), listing.use)
+    screen.jobs.reckon("explain", (bus.found.count, bus.whole), lambda _: bus.causes(), listing.use)
 
 
 def _shown(screen: BusScreen) -> None:
@@ -341,13 +337,22 @@ def _shown(screen: BusScreen) -> None:
         listing.go(screen.studied)
 
 
-def _at(screen: BusScreen) -> int | None:
-    return screen.query_one(FindingList).row
+def _at(screen: BusScreen) -> Place:
+    listing = screen.query_one(FindingList)
+    if listing.cause is not None:
+        return CausePlace(listing.cause)
+    return None if listing.row is None else RowPlace(listing.row)
+
+
+def _cells(screen: BusScreen) -> list[DoorCell]:
+    """Of a finding its row and what was found; of a cause its units."""
+    cause = screen.query_one(FindingList).cause
+    return cells_of_row(screen) if cause is None else cells_of_units(cause.units)
 
 
 VIEW: Final = View(
     name="findings", key="3", title="Findings",
     make=lambda desk: FindingList(desk, id="findings"), refresh=_refresh,
-    chosen=_chosen, entered=_entered, shown=_shown, at=_at,
-    detail=True, without=("find", "find_on", "select"),
+    chosen=_chosen, entered=_entered, shown=_shown, at=_at, cells=_cells,
+    detail=True, offers=OF_ROWS - {"find", "find_on", "select", "columns", "follow"},
 )  # fmt: skip

@@ -14,6 +14,7 @@ from dissectors.values import harmless
 
 from ..languages import counted, tr, wording
 from ..model.owners import owner
+from ..model.polls import carried_by
 from ..model.selection import Everything, ListRows
 from ..model.table import RowState
 from ..tables.schema import Kind
@@ -23,8 +24,10 @@ from .details import Details
 from .items import NOTHING
 from .lines import Lines
 from .paint import StyledText, fitted
+from .places import OF_ROWS, Place, RowPlace
 from .prompts import Choose
-from .view import View, grown
+from .readings import carried_values
+from .view import View, cells_of_row, grown
 
 if TYPE_CHECKING:
     from textual.widget import Widget
@@ -286,13 +289,25 @@ class FrameList(Lines):
         ], width)  # fmt: skip
         content, about = row_words(desk, row)
         about += owner_words(desk, row)
+        used = sum(len(part.text) for part in parts)
+        content = _by_meaning(desk, row, content, width - used)
         if not answer and ended.text == UNHEARD:
             about.append(StyledText(f"  {tr('answer not heard')}", "dim"))
         elif not answer and ended.kind == "error" and not about:
             why = tr("unanswered") if ended.text == "none" else tr("bad answer")
             about.append(StyledText(f"  {why}", "error"))
-        used = sum(len(part.text) for part in parts)
         return [*parts, *beside_content(content, about, max(0, width - used))]
+
+
+def _by_meaning(desk: ViewState, row: int, content: list[StyledText], room: int) -> list[StyledText]:
+    """The words of a frame with its registers as what they mean, where that is known."""
+    if desk.raw:
+        return content
+    poll = carried_by(desk.bus, row)
+    if poll is None or not desk.meanings.means(poll):
+        return content
+    words = "".join(part.text for part in content).partition(":")[0]
+    return [StyledText(f"{words}: "), *carried_values(desk, poll, room - len(words))]
 
 
 def owner_words(desk: ViewState, row: int) -> list[StyledText]:
@@ -328,14 +343,15 @@ def at_the_row(screen: BusScreen) -> None:
         screen.study_row(listing.row)
 
 
-def under_cursor(screen: BusScreen) -> int | None:
+def under_cursor(screen: BusScreen) -> Place:
     """The row that the list's cursor stands on."""
-    return screen.query_one(f"#{screen.view}", FrameList).row
+    row = screen.query_one(f"#{screen.view}", FrameList).row
+    return None if row is None else RowPlace(row)
 
 
 VIEW: Final = View(
     name="frames", key="2", title="Frames",
     make=lambda desk: FrameList(desk, id="frames"), refresh=grown,
-    chosen=shown_row, entered=to_its_fields, shown=at_the_row, at=under_cursor,
-    detail=True,
+    chosen=shown_row, entered=to_its_fields, shown=at_the_row, at=under_cursor, cells=cells_of_row,
+    detail=True, offers=OF_ROWS,
 )  # fmt: skip

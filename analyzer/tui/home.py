@@ -18,8 +18,9 @@ from .filterbar import FilterBar
 from .items import FrameDetail, Item, of_cause, whose
 from .lines import Lines
 from .paint import StyledText, fitted
+from .places import OF_FIGURES, CausePlace, Place, UnitPlace
 from .plot import sparkline
-from .view import DoorCell, View
+from .view import DoorCell, View, cells_of_units
 
 if TYPE_CHECKING:
     from textual.widget import Widget
@@ -47,6 +48,7 @@ class BusState(NamedTuple):
     report: Report
     causes: Sequence[Cause]
     not_explained: Sequence[Left] = ()
+    of_all: bool = False  # whether all rows had come
 
 
 class HomeList(Lines):
@@ -62,8 +64,7 @@ class HomeList(Lines):
         super().__init__(id=id)
         self.desk = desk
         self.state: BusState | None = None
-        self.next_at = 0.0  # when it may be reckoned again
-        self.basis: tuple[int, ...] = ()  # what it was reckoned of
+        self.settled = False  # whether it was reckoned of all rows
         self.first_at, self.first_pause_s = 0.0, _AGAIN_S  # when, unseen, it is reckoned: should it come up?
 
     def use(self, state: BusState) -> None:
@@ -72,11 +73,11 @@ class HomeList(Lines):
         if scope.narrows:  # causes are told from everything; those of units that are left out are not shown
             units = {unit.unit for unit in state.report.units}
             own = [cause for cause in state.causes if not cause.units or units.intersection(cause.units)]
-            state = BusState(state.report, own)
+            state = BusState(state.report, own, of_all=state.of_all)
         slow = _slow_units(state.report)
         sickest = sorted(state.report.units_as_heard, key=lambda row: (*_badness(row), row.unit not in slow, row.unit))
         self.state = BusState(replace(state.report, units=tuple(sickest)), state.causes, state.not_explained)
-        self.next_at = time.monotonic() + _AGAIN_S
+        self.settled = state.of_all
         self._fresh_until = 0.0
         self.grown()
         if self.count() or self.desk.is_foreign:
@@ -137,6 +138,10 @@ class HomeList(Lines):
         span = tr(" in {time}", time=duration(bus.t_last - bus.t_first)) if bus.timed and bus.count else ""
         frames, findings = counted(bus.frames, "frame", "frames"), counted(bus.found.count, "finding", "findings")
         totals = StyledText(f"   {frames}{span}, {findings}", "dim")
+        if not self.settled and bus.count and not self.desk.scope.narrows:
+            totals = StyledText(
+                tr("   so far {frames}{span}, {findings}", frames=frames, span=span, findings=findings), "dim"
+            )
         if self.desk.scope.narrows:
             shown = tr("{some:,} of {frames}", some=self.desk.figures.frames, frames=frames)
             totals = StyledText(f"   {shown}{span}", "dim")
@@ -318,16 +323,13 @@ def _refresh(screen: BusScreen) -> None:
     home, bus = screen.query_one(HomeList), screen.desk.bus
     figures = screen.desk.figures
     basis = bus.count, bus.found.count, bus.whole, id(figures)
-    if basis == home.basis or (time.monotonic() < home.next_at and not bus.whole and figures is bus):
-        return
-    home.basis, home.next_at = basis, time.monotonic() + _AGAIN_S
     source = screen.desk.source
 
     def reckon(_: object) -> BusState:
-        story = bus.story()
-        return BusState(figures.report(source), story.causes, story.not_explained)
+        whole, story = bus.whole, bus.story()
+        return BusState(figures.report(source), story.causes, story.not_explained, whole)
 
-    screen.jobs.run("home", reckon, home.use)
+    screen.jobs.reckon("home", basis, reckon, home.use)
 
 
 def first(screen: BusScreen) -> None:
@@ -347,7 +349,11 @@ def first(screen: BusScreen) -> None:
             screen.action_view(VIEW.name)
         screen.undecided = not bus.whole and not state.causes
 
-    screen.jobs.run("home first", lambda _: BusState(bus.report(source), bus.causes()), decide)
+    def reckon(_: object) -> BusState:
+        whole = bus.whole
+        return BusState(bus.report(source), bus.causes(), of_all=whole)
+
+    screen.jobs.run("home first", reckon, decide)
 
 
 def _chosen(screen: BusScreen, sender: Widget) -> None:
@@ -357,13 +363,11 @@ def _chosen(screen: BusScreen, sender: Widget) -> None:
 
 
 def _entered(screen: BusScreen, sender: Widget) -> None:
-    """A cause: the first frame that shows it. A unit: its rows alone."""
+    """A cause: the first row that shows it. A unit: its rows alone."""
     assert isinstance(sender, HomeList)
     cause, unit = sender.cause, sender.unit
-    if cause is not None and cause.frames:
-        row = screen.desk.bus.table.row_of_frame(cause.frames[0])
-        if row >= 0:
-            screen.jumps.go(row)
+    if cause is not None:
+        screen.jumps.walk(cause)
     elif unit is not None:
         screen.action_view(screen.list_view)
         screen.query_one(FilterBar).use(f"unit == {unit.unit}")
@@ -382,15 +386,19 @@ def _cells(screen: BusScreen) -> list[DoorCell]:
             slow = f"unit == {unit} and response_time >= {times.p95_ns / 1e6:.6g}ms"
             cells.append(DoorCell("s", _slow(times), slow))
         return cells
-    units = () if home.cause is None else home.cause.units
-    return [
-        DoorCell("ubcdefgh"[i], tr("unit {unit}", unit=unit), f"unit == {unit}") for i, unit in enumerate(units[:8])
-    ]
+    return [] if home.cause is None else cells_of_units(home.cause.units)
+
+
+def _at(screen: BusScreen) -> Place:
+    home = screen.query_one(HomeList)
+    if home.cause is not None:
+        return CausePlace(home.cause)
+    return None if home.unit is None else UnitPlace(home.unit.unit)
 
 
 VIEW: Final = View(
     name="home", key="0,H", title="Home",
     make=lambda desk: HomeList(desk, id="home"), refresh=_refresh,
-    chosen=_chosen, entered=_entered, shown=_shown, cells=_cells,
-    detail=True, without=("find", "find_on", "select", "counterpart"), figures=True,
+    chosen=_chosen, entered=_entered, shown=_shown, at=_at, cells=_cells,
+    detail=True, offers=OF_FIGURES | {"goto", "finding"}, figures=True,
 )  # fmt: skip

@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import numpy as np
@@ -21,6 +21,8 @@ from . import home
 from .views import BY_NAME
 
 if TYPE_CHECKING:
+    from ..model.meanings import Meaning
+    from ..model.registers import Spot
     from ..reports.model import Report
     from .screen import BusScreen
 
@@ -31,6 +33,9 @@ _QUIET_S: Final = 1.0  # between two while nothing comes
 _REPORT_S: Final = 1.0
 _FIRST_S: Final = 0.3  # reading waits at most so long for the first rows to be painted
 _SCOPE_S: Final = 2.0  # between two countings of what the scope leaves, live
+_SPARED: Final = 4  # times what a painting took of the processor, until the next
+_AGAIN_S: Final = 2.0  # between two reckonings of one thing, at least
+_SPARE: Final = 12  # times what the last one took of the processor, until the next
 
 T = TypeVar("T")
 Stop = Callable[[], bool]
@@ -38,6 +43,14 @@ Stop = Callable[[], bool]
 
 def _nothing() -> None:
     """Nothing is to be done."""
+
+
+class _Pace:
+    """When something is to be reckoned again while rows come: the dearer it is, the later."""
+
+    basis: object = None  # what it was reckoned of last
+    next_at = 0.0
+    running = False
 
 
 class Jobs:
@@ -52,11 +65,12 @@ class Jobs:
         self.selection: Selection | None = None
         _, self._transactions = self.scope.selections(self._bus)
         self._waiting: tuple[ListRows, Selection] | None = None  # shown once both have come as far as the cursor
-        self._reported: dict[str, tuple[tuple[object, ...], float]] = {}  # by view: of what, and when
         self._counted: Selection | None = None  # the selection whose figures were asked for, its rows, when again
         self._counted_to, self._count_next = -1, 0.0
         self._notices: set[str] = set()
-        self._paint_at = 0.0
+        self._paint_at = 0.0  # not before then
+        self._pending: set[str] = set()  # what waits for the screen's turn
+        self._reckoned: dict[str, _Pace] = {}
         self._standing = threading.Event()  # the first rows are on the screen
         self._wanted: dict[str, object] = {}  # by group, the one work whose outcome is still wanted
 
@@ -77,6 +91,12 @@ class Jobs:
                 callback(*arguments, **more)
 
         self._screen.call_later(unless_left)
+
+    def _once(self, name: str, callback: Callable[[], object]) -> None:
+        """The same, where none of that name waits for its turn yet: it discards the name from those that wait."""
+        if name not in self._pending:
+            self._pending.add(name)
+            self._later(callback)
 
     def begin(self) -> None:
         """Read the source."""
@@ -113,6 +133,26 @@ class Jobs:
                 self._later(unless_replaced, lambda: then(outcome))
 
         self._start(group, thread, exclusive=exclusive, failed=lambda: unless_replaced(failed))
+
+    def reckon(
+        self, name: str, basis: object, work: Callable[[Stop], T], then: Callable[[T], object], *, pause_s: float = 0.0
+    ) -> None:
+        """The same of figures that grow with the capture: where `basis` is another one, and of rows that still come
+        only after a pause of many times what the last reckoning took of the processor."""
+        pace = self._reckoned.setdefault(name, _Pace())
+        if basis == pace.basis or (not self._bus.whole and (pace.running or time.monotonic() < pace.next_at)):
+            return
+        pace.basis, pace.running = basis, True
+
+        def timed(stop: Stop) -> T:
+            begun = time.thread_time()
+            try:
+                return work(stop)
+            finally:
+                took = time.thread_time() - begun
+                pace.next_at, pace.running = time.monotonic() + max(pause_s or _AGAIN_S, _SPARE * took), False
+
+        self.run(name, timed, then)
 
     def _drop(self, group: str) -> None:
         """Nobody wants the outcome of a group's work any more."""
@@ -158,7 +198,7 @@ class Jobs:
                 came = came or len(analysed.batch) > 0
                 if now - shown_at >= (_PERIOD_S if came else _QUIET_S):
                     shown_at, came = now, False
-                    self._later(self._rows_came)
+                    self._once("rows", self._rows_came)
                     if self._bus.count and not self._source.live:
                         self._standing.wait(_FIRST_S)  # the two would take time from each other
         except Exception as error:  # told in one line; what was read stays
@@ -169,6 +209,7 @@ class Jobs:
             self._later(self._loaded, trouble)
 
     def _rows_came(self) -> None:
+        self._pending.discard("rows")
         live = self._source.live
         self.doing = "" if live else tr("reading, {size}", size=data_size(self._bus.store.size))
         self._first_row()
@@ -177,16 +218,47 @@ class Jobs:
         self._paint()
 
     def _paint(self) -> None:
-        """The view anew; of a live source only as often as the terminal takes it."""
+        """The view anew, as often as its painting leaves the keys their time; live, as often as the terminal takes."""
         now, rate = time.monotonic(), self._screen.wire.rate()
-        if self._source.live and not self._bus.whole and now < self._paint_at:
+        if not self._bus.whole and now < self._paint_at:
+            if "painting" not in self._pending:
+                self._pending.add("painting")
+                self._screen.set_timer(self._paint_at - now, self._paint_late)
             return
-        self._paint_at = now + _PERIOD_S * max(1.0, rate / _RATE)
+        pause = _PERIOD_S * max(1.0, rate / _RATE) if self._source.live else 0.0
+        self._paint_at = now + pause
+        self.tell_meanings()
         if self._screen.desk.paused and not self._bus.whole:
             self._screen.say()
             return
+        begun = time.thread_time()
         self._screen.refresh_view()
         home.first(self._screen)
+        self._rest_from(begun)
+        self._screen.call_after_refresh(self._rest_from, begun)
+
+    def _paint_late(self) -> None:
+        """What came while there was a rest from painting."""
+        self._pending.discard("painting")
+        if not self._ended:
+            self._paint()
+
+    def _rest_from(self, begun: float) -> None:
+        """Keys come first: no painting for several times what the last one took of the processor since `begun`."""
+        self._paint_at = max(self._paint_at, time.monotonic() + _SPARED * (time.thread_time() - begun))
+
+    def tell_meanings(self) -> None:
+        """What values tell of registers, in a thread: when all is read, and live or beside Registers now and then."""
+        meanings = self._screen.desk.meanings
+        if meanings.is_due(often=self._source.live or self._screen.view == "registers"):
+            self.reckon("meanings", (self._bus.count, self._bus.whole), meanings.ask, self._use_meanings)
+
+    def _use_meanings(self, told: Mapping[Spot, Meaning]) -> None:
+        meanings, screen = self._screen.desk.meanings, self._screen
+        before = meanings.version
+        meanings.use(told)
+        if meanings.version != before:
+            screen.reworded()
 
     def _first_row(self) -> None:
         if self._screen.studied is None and self._bus.count:
@@ -220,6 +292,7 @@ class Jobs:
         self._screen.detail.fields.unpaint()
         self._screen.refresh_view()
         home.first(self._screen)
+        self.tell_meanings()
         self._screen.files.read(self._source)
         self._screen.resume()
         if trouble:
@@ -251,14 +324,14 @@ class Jobs:
             while not worker.is_cancelled:
                 ended = self._bus.whole
                 while not worker.is_cancelled and _extended(selections, spell, lambda: worker.is_cancelled):
-                    self._later(self._selection_grew)
+                    self._once("selection", self._selection_grew)
                     spell = _SPELL_S
                 if ended:
                     self._later(self._selection_grew)
                     return
                 time.sleep(_PERIOD_S)
 
-        self._start("select", thread, exclusive=True, failed=self._rest)
+        self._start("select", thread, exclusive=True, failed=self.rest)
 
     @property
     def unsettled(self) -> bool:
@@ -299,12 +372,13 @@ class Jobs:
 
         return found
 
-    def _rest(self) -> None:
+    def rest(self) -> None:
         """Nothing goes on that the status line would tell."""
         self.doing = ""
         self._screen.say()
 
     def _selection_grew(self) -> None:
+        self._pending.discard("selection")
         waiting, row = self._waiting, self._screen.row
         row = self._screen.studied if row is None else row  # a list that is empty now goes back to where it was
         if waiting is not None and (row is None or all(each.has_tested(row) for each in self._selections)):
@@ -332,7 +406,7 @@ class Jobs:
         self._counted, self._counted_to, self._count_next = selection, selection.done, now + _SCOPE_S
         if bus.whole:
             self.doing = tr("counting the rows shown")
-        self.run("scope", lambda stop: ScopedFigures(bus, selection.rows(), stop), self._use_figures, failed=self._rest)
+        self.run("scope", lambda stop: ScopedFigures(bus, selection.rows(), stop), self._use_figures, failed=self.rest)
 
     def _use_figures(self, figures: ScopedFigures) -> None:
         self._screen.desk.narrowed = figures
@@ -341,13 +415,11 @@ class Jobs:
 
     def count_report(self, view: str, then: Callable[[Report], None], *, story: bool = False) -> None:
         """Newer figures for a view, not too often; `story`: with the causes."""
-        figures, bus, now = self._screen.desk.figures, self._bus, time.monotonic()
-        basis = figures, bus.whole, bus.count, bus.found.count
-        before, at = self._reported.get(view, ((None, False), 0.0))
-        if basis == before or (basis[:2] == before[:2] and now - at < _REPORT_S):
-            return
-        self._reported[view] = basis, now
-        self.run(f"report for {view}", lambda _: figures.report(self._source, story=story), then)
+        figures, bus = self._screen.desk.figures, self._bus
+        basis = id(figures), bus.whole, bus.count, bus.found.count
+        self.reckon(
+            f"report for {view}", basis, lambda _: figures.report(self._source, story=story), then, pause_s=_REPORT_S
+        )
 
 
 def _extended(selections: Sequence[Selection], seconds: float, stop: Stop) -> bool:

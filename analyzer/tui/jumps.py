@@ -5,15 +5,22 @@ from __future__ import annotations
 from collections import deque
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
+
 from ..languages import tr
 from ..model import search
+from ..model.polls import carried_by
+from ..model.rowstores import rows_of_causes
+from ..model.times import FORMS, SPANS, GotoError, span
 from ..words import is_clock, zone_name
 from .frames import FrameList
 from .jobs import Stop
 from .prompts import Ask
+from .view import LISTS, value_name
 from .wire import FINDING
 
 if TYPE_CHECKING:
+    from ..causes.registry import Cause
     from .screen import BusScreen
 
 _HINT: Final = 'bytes 03 02, a value 230.5, a time 08:29 or 12.5s, frame #120, or text; "…" is text'
@@ -33,17 +40,41 @@ class Jumps:
     def go(self, row: int) -> None:
         """Show a row in the list that was last in sight: transactions or frames. Noise is in the frames alone."""
         screen = self._screen
+        if not screen.going_back:
+            screen.trail.leave(screen.stop)
         listed = screen.list_view
-        shown = "frames" if self._bus.is_noise(row) else listed
+        beside = listed == "transactions" and not screen.transactions.unfolds(row)
+        shown = "frames" if self._bus.is_noise(row) and beside else listed
         if screen.view != shown:
             screen.action_view(shown, row)
             screen.list_view = listed
-        listing = screen.query_one(f"#{shown}", FrameList)
+        self._arrive(shown, row)
+
+    def _arrive(self, view: str, row: int) -> None:
+        """Put the cursor of a list in sight on a row."""
+        screen = self._screen
+        listing = screen.query_one(f"#{view}", FrameList)
         if not listing.go(row):
             words = "that row is not among those shown (Esc takes the filter back); this one comes before it"
             screen.tell(tr(words))
         listing.focus()
         self._arrived = listing.row, row
+
+    def along(self, step: int) -> None:
+        """Back to where one was before, or forward again."""
+        screen = self._screen
+        stop = screen.trail.back(screen.stop) if step < 0 else screen.trail.forward(screen.stop)
+        if stop is None:
+            screen.tell(tr("nowhere to go back to") if step < 0 else tr("nowhere to go on to"))
+            return
+        screen.going_back = True
+        try:
+            if stop.view != screen.view:
+                screen.action_view(stop.view, stop.row)
+            if stop.row is not None and stop.view in LISTS:
+                self._arrive(stop.view, stop.row)
+        finally:
+            screen.going_back = False
 
     @property
     def here(self) -> int:
@@ -87,11 +118,11 @@ class Jumps:
         def wrong(text: str) -> str:
             try:
                 search.row_named(text, self._bus, begin, self._screen.desk.zone)
-            except search.GotoError as error:
+            except GotoError as error:
                 return str(error)
             return ""
 
-        text = await self._screen.app.push_screen_wait(Ask(self._asks("Go to"), tr(search.FORMS), wrong=wrong))
+        text = await self._screen.app.push_screen_wait(Ask(self._asks("Go to"), tr(FORMS), wrong=wrong))
         if text is not None:
             self.go(search.row_named(text, self._bus, begin, self._screen.desk.zone))
 
@@ -101,18 +132,18 @@ class Jumps:
 
         def wrong(text: str) -> str:
             try:
-                search.span(text, self._bus, zone)
-            except search.GotoError as error:
+                span(text, self._bus, zone)
+            except GotoError as error:
                 return str(error)
             return ""
 
-        text = await self._screen.app.push_screen_wait(Ask(self._asks("Only the time"), tr(search.SPANS), wrong=wrong))
+        text = await self._screen.app.push_screen_wait(Ask(self._asks("Only the time"), tr(SPANS), wrong=wrong))
         if text is not None:
-            self._screen.narrowing.to_span(search.span(text, self._bus, zone))
+            self._screen.narrowing.to_span(span(text, self._bus, zone))
 
     async def ask_what(self) -> None:
         """Ask what to look for, tell what is understood while it is typed, and look; a place is gone to."""
-        begin, zone = max(0, self.here), self._screen.desk.zone
+        begin, zone, charts = max(0, self.here), self._screen.desk.zone, self._screen.desk.meanings.charts
 
         def understood(text: str) -> str:
             if not text.strip():
@@ -120,7 +151,7 @@ class Jumps:
             if _names_row(text):
                 return tr("goes to {place}", place=text.strip())
             try:
-                return tr("looks for {what}", what=search.wanted(text).words)
+                return tr("looks for {what}", what=search.wanted(text, charts).words)
             except search.SearchError as error:
                 return str(error)
 
@@ -129,8 +160,8 @@ class Jumps:
                 if _names_row(text):
                     search.row_named(text, self._bus, begin, zone)
                 else:
-                    search.wanted(text)
-            except (search.SearchError, search.GotoError) as error:
+                    search.wanted(text, charts)
+            except (search.SearchError, GotoError) as error:
                 return str(error)
             return ""
 
@@ -143,12 +174,29 @@ class Jumps:
         if _names_row(text):
             self.go(search.row_named(text, self._bus, begin, zone))
         else:
-            self._wanted = search.wanted(text)
+            self._wanted = search.wanted(text, charts)
             self._find_first()
 
     def _find_first(self) -> None:
         self._waiting.clear()
         self.find_on(back=False)
+
+    def walk(self, cause: Cause) -> None:
+        """Go to the first row that shows a cause; the next hit and the one before are the others, in wire order."""
+        (shown,) = rows_of_causes(self._bus, [cause])
+        rows = np.unique(shown).astype(np.int64)
+        if not len(rows):
+            rows = np.unique([self._bus.table.row_of_frame(index) for index in cause.frames])
+            rows = rows[rows >= 0]
+        if not len(rows):
+            self._screen.tell(tr("no frame shows it by itself"))
+            return
+        hits: search.Hits = lambda _, first, last: rows[(rows >= first) & (rows < last)]  # noqa: E731
+        self._waiting.clear()
+        self._wanted = search.Wanted(tr("what shows the cause {name}", name=cause.cause), hits)
+        self.go(int(rows[0]))
+        where = tr("{count:,} rows show it: n goes to the next, N to the one before", count=len(rows))
+        self._screen.tell(where)
 
     def find_by(self, words: str, hits: search.Hits) -> None:
         """Look for something that needs no asking."""
@@ -197,11 +245,24 @@ class Jumps:
                 screen.tell(tr("from the end again") if back else tr("from the beginning again"))
             self._light(row, wanted.data)
             self.go(row)
+            if wanted.value:
+                self._point_at(row, wanted.value)
         if self._waiting:
             self._seek(wanted, back=self._waiting[0])
             return
         screen.jobs.doing = ""
         screen.say()
+
+    def _point_at(self, row: int, text: str) -> None:
+        """Put the cursor of the fields on the value that was looked for, where one has it by what it means."""
+        desk = self._screen.desk
+        poll = carried_by(desk.bus, row)
+        for reading in desk.meanings.readings(poll) if poll is not None and not desk.raw else ():
+            words = poll.values[reading.at : reading.at + reading.meaning.words] if poll is not None else ()
+            name = reading.meaning.name
+            if search.is_value(text, name, reading.text, reading.meaning.number(words)):
+                self._screen.study_row(row, to=("values", value_name(reading.spot)))
+                return
 
     def _light(self, row: int, data: bytes) -> None:
         """The bytes that were looked for, in the frame that holds them."""

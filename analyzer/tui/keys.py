@@ -13,6 +13,7 @@ from typing import ClassVar, Final
 from rich.console import Group
 from rich.table import Table
 from rich.text import Text
+from textual.actions import parse
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import VerticalScroll
@@ -21,11 +22,13 @@ from textual.widget import Widget
 from textual.widgets import Static
 
 from ..languages import tr
+from .against import ChangeList
 from .details import BytesPane, Details
 from .filterbar import FilterInput
 from .findings import FindingList
 from .home import HomeList
 from .lines import Lines
+from .polllist import PollList
 from .registerlist import RegisterList
 from .timeline import Timeline
 from .transactions import TransactionList
@@ -64,6 +67,8 @@ GROUPS: Final[tuple[KeyGroup, ...]] = (
         key("N", "find_on(True)", "Previous hit", "the hit before", id="previous"),
         key("full_stop", "door('.')", "Next of", "the next row of this unit, register, poll", as_=".", id="door.next"),
         key("g,ctrl+g", "goto", "Go to", "a frame's number, a time, +200ms, 50%", shown=True, as_="g"),
+        key("minus,alt+left", "back(-1)", "Back", "where you were before this jump", as_="-", id="back"),
+        key("underscore,alt+right", "back(1)", "Forward", "forward again", as_="_", id="forward"),
         key("c", "counterpart", "Answer", "from a request to its answer and back"),
         key("right_square_bracket", "finding(1)", "Finding", "the next finding", shown=True, as_="]",
             id="finding.next"),
@@ -132,7 +137,8 @@ MARKS: Final = (
 
 _KEYS: Final = 14  # columns
 _WIDGETS: Final[tuple[tuple[str, type[Widget]], ...]] = (
-    ("At Home", HomeList), ("In Transactions", TransactionList), ("In Findings", FindingList), ("In Units", UnitList),
+    ("At Home", HomeList), ("In Transactions", TransactionList), ("In Findings", FindingList), ("In Polls", PollList),
+    ("In Units", UnitList), ("In Then and now", ChangeList),
     ("In Registers", RegisterList), ("In the timeline", Timeline), ("In any list", Lines), ("In the fields", Details),
     ("In the bytes", BytesPane), ("In the filter's line", FilterInput),
 )  # fmt: skip
@@ -169,10 +175,28 @@ def _keys(mine: Mapping[str, str], here: Sequence[Widget]) -> Iterator[tuple[str
     first = [title for title, kind in _WIDGETS if any(type(widget) is kind for widget in here)]
     for title, group in sorted([*GROUPS, *groups], key=lambda each: each[0] not in first):
         own = [each for each in group if isinstance(each, Binding)]
-        yield title, [(_keys_written(each, mine), tr(each.tooltip or each.description)) for each in own]
+        yield title, [(keys_written(each, mine), tr(each.tooltip or each.description)) for each in own]
 
 
-def _keys_written(binding: Binding, mine: Mapping[str, str]) -> str:
+def commands(screen: Widget, view: Widget) -> Iterator[tuple[Widget, Binding]]:
+    """What can be done in the view in sight, each action once with the widget that does it."""
+    own = [(widget, each) for widget in (view, *view.query("*").results(Widget)) for each in type(widget).BINDINGS]
+    wanted = [*((screen, binding) for binding in BINDINGS), *own]
+    for node, binding in wanted:
+        if not isinstance(binding, Binding) or not (binding.tooltip or binding.show or node is screen):
+            continue
+        name, parameters = parse(binding.action.removeprefix("app."))[1:]
+        if node.check_action(name, parameters) is not False:
+            yield node, binding
+
+
+def command_name(binding: Binding) -> str:
+    """What an action is called among all commands."""
+    title = tr(binding.description)
+    return tr("View: {title}", title=title) if binding.action.startswith("view(") else title
+
+
+def keys_written(binding: Binding, mine: Mapping[str, str]) -> str:
     """The keys of a binding, as they are written on a keyboard."""
     own = mine.get(binding.id or "")
     if own is None and binding.key_display:

@@ -126,5 +126,5 @@ def show(session: Session, name: str, recording: RecordingState | None = None, c
     """Show a session until the user quits; the exit status. `charts`: what registers are called."""
     from . import run
 
-    run(LiveSource(session, name, recording), charts=None if charts is None else charts.of)
+    run(LiveSource(session, name, recording), view="polls", charts=None if charts is None else charts.of)
     return 0

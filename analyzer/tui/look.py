@@ -1,130 +1,31 @@
-"""One frame, or one stretch of noise, as a tree of items over its bytes: from a capture or a paste, all the same.
-
-And why a frame's boundaries stand where they do: silences on a ruler, the weight of all evidence, the runner-up.
-"""
+"""One frame, or one stretch of noise, as a tree of items over its bytes: from a capture or a paste, all the same."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from itertools import chain
 from typing import TYPE_CHECKING, Final
 
 from dissectors.fields import Field
 from dissectors.values import harmless, readings
 
-from ..deframing.tap_clock import silences
 from ..languages import counted, field_name, tr, wording
 from ..model.owners import owner
-from ..model.polls import changed
+from ..model.polls import carried_by, changed
 from ..paste.model import PastedFrame, PastedNoise
-from ..tables.schema import NO_GAP, Kind
+from ..tables.schema import Kind
 from ..words import between, date_and_time, seconds, short
 from .frames import LETTER, SEVERITY
 from .items import NOTHING, FrameDetail, Item, UnopenedItems, chosen
+from .view import value_name
+from .why import why
 
 if TYPE_CHECKING:
     from ..model.bus import Bus
-    from ..model.rowstores import RowEvidence
     from ..tables.batch import Frame
     from ..tables.findings import Finding
     from .desk import ViewState
-
-_RULER: Final = 14  # columns
-_BITS: Final = 2.0  # a column of a bar
-_BAR: Final = 12
-_NEXT: Final = 64  # rows that the next one of a port is looked for among
-_WEIGHED: Final = (("length", "length"), ("crc", "crc"), ("silence", "silence"), ("conversation", "talk"))
-
-
-def why(bus: Bus, row: int) -> Iterator[Item]:
-    """The item that tells it; nothing where no evidence was kept."""
-    weighed = bus.evidence(row)
-    if weighed is None:
-        return
-    if weighed.margin > 0:
-        verdict = tr("{bits:.0f} bits likelier than {rival}", bits=weighed.margin, rival=_rival(bus, row, weighed))
-    else:
-        verdict = tr("nothing else was weighed")
-    yield Item(
-        "why", verdict, kind="dim", label=tr("why"), ready=False,
-        children=(*_ruled(bus, row), *_weights(weighed)),
-    )  # fmt: skip
-
-
-def _rival(bus: Bus, row: int, weighed: RowEvidence) -> str:
-    """What would stand here instead."""
-    if weighed.rival_kind == Kind.NOISE or not weighed.rival_length:
-        return tr("noise")
-    ahead = weighed.rival_start - bus.table.value("start", row)
-    where = tr("from here on")
-    if ahead:
-        octets = counted(abs(ahead), "byte", "bytes")
-        where = tr("{bytes} on", bytes=octets) if ahead > 0 else tr("{bytes} before", bytes=octets)
-    kind = tr(Kind(weighed.rival_kind).name.lower())
-    return tr(
-        "a {kind} of {bytes} {where}", kind=kind, bytes=counted(weighed.rival_length, "byte", "bytes"), where=where
-    )
-
-
-def _weights(weighed: RowEvidence) -> Iterator[Item]:
-    """Each kind of evidence in bits: for this frame, or (shaded) against it."""
-    for name, label in _WEIGHED:
-        bits = float(getattr(weighed, name))
-        bar = ("█" if bits > 0 else "▒") * min(_BAR, round(abs(bits) / _BITS))
-        yield Item(
-            name, f"{bits:+6.1f} {bar or tr('tells nothing')}", kind="" if bits >= 0 else "warning", label=tr(label)
-        )
-
-
-def _ruled(bus: Bus, row: int) -> Iterator[Item]:
-    """The silences before, inside and after, each on a ruler with t1.5 and t3.5."""
-    if not bus.timed:
-        yield Item("silences", tr("no times in this capture"), kind="dim", label=tr("silences"))
-        return
-    table = bus.table
-    inside = table.value("gap_most_ns", row)
-    following = _next(bus, row)
-    gaps = (
-        ("before", bus.gap_ns(row)),
-        ("inside", inside if inside > NO_GAP else None),
-        ("after", None if following is None else bus.gap_ns(following)),
-    )
-    t15, t35 = silences(bus.line, bus.options)
-    if math.isfinite(t35):
-        yield Item("ruler", f"t1.5 {short(round(t15))}, t3.5 {short(round(t35))}", kind="dim", label=tr("limits"))
-    for name, gap in gaps:
-        if gap is None:
-            yield Item(
-                name,
-                tr("the tap cannot tell") if name != "after" else tr("nothing follows"),
-                kind="dim",
-                label=tr(name),
-            )
-            continue
-        line = f"{ruler(gap, t15, t35)} " if math.isfinite(t35) else ""
-        yield Item(name, f"{line}{short(gap)}", kind="warning" if name == "inside" and gap > t15 else "",
-                   label=tr(name))  # fmt: skip
-
-
-def ruler(gap_ns: int, t15_ns: float, t35_ns: float) -> str:
-    """A silence drawn to scale up to twice t3.5, in `_RULER` columns; an arrow where it is longer."""
-    cells = [" "] * _RULER
-    scale = (_RULER - 1) / (2 * t35_ns)
-    end = round(min(max(gap_ns, 0) * scale, _RULER - 1))
-    cells[: end + 1] = "─" * (end + 1)
-    cells[end] = "→" if gap_ns > 2 * t35_ns else "●"
-    for mark in (t15_ns, t35_ns):
-        column = round(mark * scale)
-        cells[column] = "┊" if cells[column] == " " else "┼" if cells[column] == "─" else cells[column]
-    return "".join(cells)
-
-
-def _next(bus: Bus, row: int) -> int | None:
-    """The next row of the same port."""
-    port = bus.table.value("port", row)
-    rows = range(row + 1, min(bus.count, row + _NEXT))
-    return next((later for later in rows if bus.table.value("port", later) == port), None)
 
 
 _PAIR: Final = 2
@@ -155,12 +56,36 @@ def at_row(desk: ViewState, row: int) -> FrameDetail:
              ready=False),
         *_owner(bus, row),
         *_finding_items(frame.findings),
+        *_values(desk, row, fields),
         *_versus(desk, row, fields),
         *why(bus, row),
         *_fields(fields),
     )  # fmt: skip
     title += tr(", ASCII mode: its bytes decoded") if frame.protocol == "ascii" else ""
     return FrameDetail(title, frame.adu.data, items, fields)
+
+
+def _values(desk: ViewState, row: int, fields: tuple[Field, ...]) -> Iterator[Item]:
+    """What the registers of a frame mean, value by value; nothing where they are plain numbers."""
+    poll = carried_by(desk.bus, row)
+    if poll is None or not desk.meanings.means(poll):
+        return
+    places = list(_registers(fields))
+    items = []
+    for reading in desk.meanings.readings(poll):
+        members = places[reading.at : reading.at + reading.meaning.words]
+        start, size = (members[0].start, _PAIR * len(members)) if members else (0, 0)
+        was = tr(", was {old}", old=harmless(reading.before)) if reading.changed else ""
+        items.append(
+            Item(
+                value_name(reading.spot), harmless(reading.text) + was, start, size,
+                "warning" if reading.changed else "",
+                label=f"{reading.register} {harmless(reading.meaning.name)}".rstrip(),
+            )
+        )  # fmt: skip
+    known = sum(not reading.meaning.is_plain for reading in desk.meanings.readings(poll))
+    head = counted(known, "value", "values")
+    yield Item("values", head, kind="dim", label=tr("values"), children=tuple(items))
 
 
 def _owner(bus: Bus, row: int) -> Iterator[Item]:
@@ -207,7 +132,7 @@ def _compared(desk: ViewState, row: int, fields: tuple[Field, ...], other: int, 
     """An answer beside another to the same poll."""
     bus = desk.bus
     frame = bus.frame(other)
-    pairs = list(changed(frame.fields(wording()), fields))
+    pairs = list(_by_meaning(desk, row, other, fields)) or list(changed(frame.fields(wording()), fields))
     away = ""
     if bus.timed:
         since = bus.table.value("t_start_ns", row) - bus.table.value("t_start_ns", other)
@@ -230,6 +155,21 @@ def _compared(desk: ViewState, row: int, fields: tuple[Field, ...], other: int, 
             for i, (old, new) in enumerate(pairs[:_DIFFERENT])
         ),
     )  # fmt: skip
+
+
+def _by_meaning(desk: ViewState, row: int, other: int, fields: tuple[Field, ...]) -> Iterator[tuple[Field, Field]]:
+    """What two answers say otherwise, by what their registers mean; nothing where that is not known."""
+    now, then = carried_by(desk.bus, row), carried_by(desk.bus, other)
+    if now is None or then is None or not desk.meanings.means(now) or len(now.values) != len(then.values):
+        return
+    places = list(_registers(fields))
+    for reading in desk.meanings.readings(replace(now, before=then.values)):
+        members = places[reading.at : reading.at + reading.meaning.words]
+        if reading.changed and members:
+            named = replace(
+                members[0], name=harmless(reading.name), text=harmless(reading.text), length=_PAIR * len(members)
+            )
+            yield replace(named, text=harmless(reading.before)), named
 
 
 def at_piece(pasted: PastedFrame | PastedNoise) -> FrameDetail:
@@ -342,6 +282,15 @@ def _fields(fields: Sequence[Field]) -> Iterator[Item]:
             field.text, field.start, field.length, "error" if field.problem else "",
             label=field_name(field.name), children=children, ready=not _is_register(field), values=_is_register(field),
         )  # fmt: skip
+
+
+def _registers(fields: Sequence[Field]) -> Iterator[Field]:
+    """The registers among fields, however deep, in order."""
+    for field in fields:
+        if _is_register(field):
+            yield field
+        else:
+            yield from _registers(field.fields)
 
 
 def _is_register(field: Field) -> bool:

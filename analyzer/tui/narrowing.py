@@ -105,7 +105,9 @@ class Doors:
         bar = screen.query_one(FilterBar)
         old, text = bar.text, cell.text
         if sign == ".":
-            screen.jumps.find_by(cell.words, for_test(compiled(text, screen.desk.bus.line).test))
+            screen.jumps.find_by(
+                cell.words, for_test(compiled(text, screen.desk.bus.line, screen.desk.meanings.charts).test)
+            )
         elif sign == "=":
             bar.use(text)
         elif sign == "!":

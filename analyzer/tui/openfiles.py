@@ -16,7 +16,7 @@ from captures.recording.notes import MARK
 
 from ..languages import error_words, tr
 from ..outages import notes_of
-from ..words import TimeBase
+from ..words import TimeBase, data_size
 from .frames import FrameList
 from .prompts import Ask
 
@@ -44,7 +44,7 @@ class OpenFiles:
     def __init__(self, screen: BusScreen) -> None:
         self._screen = screen
         self._size = 0
-        self._announced = False
+        self.state: tuple[str, str] = ("", "")  # what became of the file since it was read, and the kind of these words
 
     @property
     def path(self) -> Path | None:
@@ -64,21 +64,33 @@ class OpenFiles:
         self._screen.set_interval(_CHECK_S, self._check_growth)
 
     def _now(self) -> int:
+        """Its size; -1 where it is gone."""
         try:
             return 0 if self.path is None else self.path.stat().st_size
         except OSError:
-            return 0
+            return -1
 
     def _check_growth(self) -> None:
-        """Whether it has grown since."""
+        """Whether it has grown since, was cut, or is gone: that stands in the status line as long as it is so."""
         size = self._now()
-        if size <= self._size or not self._screen.is_current:  # a question in front of it has the word
+        if not self._screen.is_current:  # a question in front of it has the word
             return
-        if self._screen.frames.following and size <= _AGAIN:
+        if self._screen.frames.following and self._size < size <= _AGAIN:
             self.again(follow=True)
-        elif not self._announced:
-            self._announced = True
-            self._screen.tell(tr("the file has grown: Ctrl+R reads it anew, F follows its end"))
+            return
+        state = self._state(size)
+        if state != self.state:
+            self.state = state
+            self._screen.say()
+
+    def _state(self, size: int) -> tuple[str, str]:
+        if size < 0:
+            return tr("the file is gone: shown from memory"), "error"
+        if size < self._size:
+            return tr("the file was cut or written anew (Ctrl+R)"), "error"
+        if size > self._size:
+            return tr("grown by {size} (Ctrl+R, F follows)", size=data_size(size - self._size)), "warning"
+        return "", ""
 
     def again(self, *, follow: bool = False) -> None:
         """Read it anew: the same view, filter and row."""
@@ -94,13 +106,13 @@ class OpenFiles:
         """Another file."""
         screen = self._screen
         folder = "" if self.path is None else f"{self.path.parent}/"
-        question = Ask(tr("Open"), tr("a capture of any format"), value=folder, wrong=_no_capture, selected=False)
+        question = Ask(tr("Open"), tr("a capture of any format"), value=folder, wrong=no_capture, selected=False)
         text = await screen.app.push_screen_wait(question)
         if text is not None:
             screen.leave(NextFile(Path(text).expanduser()))
 
 
-def _no_capture(text: str) -> str:
+def no_capture(text: str) -> str:
     """Why a file cannot be opened; empty where it can."""
     import captures
 

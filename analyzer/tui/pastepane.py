@@ -17,11 +17,12 @@ from ..languages import counted, error_words, tr
 from ..paste import Paste, PasteError, read
 from ..paste.model import PastedFrame, PastedNoise
 from ..paste.trees import heading, hex_shown, trouble
+from ..words import data_size
 from .lines import Lines
 from .look import NOTHING, FrameDetail, at_piece
 from .messages import DetailWanted, LineChosen
 from .paint import StyledText, fitted
-from .view import JUMPS, View
+from .view import View
 
 if TYPE_CHECKING:
     from .screen import BusScreen
@@ -116,6 +117,10 @@ class PastePane(Vertical):
             try:
                 paste = read(text[:_LONGEST])
                 why = paste.why
+                if len(text) > _LONGEST:
+                    size = data_size(len(text.encode()))
+                    cut = tr("only the first {first} of {size} are read here", first=data_size(_LONGEST), size=size)
+                    why = f"{cut}; {tr('save it as a file and open that: rtuscope open FILE')}. {why}"
             except (PasteError, HexError) as error:
                 why = error_words(error)
         label = self.query_one("#paste-why", Label)
@@ -163,5 +168,5 @@ VIEW: Final = View(
     name="paste", key="8,p", title="Paste",
     make=lambda desk: PastePane(id="paste", pasted=getattr(desk.source, "pasted", "")), shown=_shown,
     detail=True, filtered=False,
-    without=("filter", *JUMPS, "time_base", "select", "bookmark", "comment", "export", "reference"),
+    offers=frozenset({"copy"}),
 )  # fmt: skip

@@ -23,7 +23,8 @@ from ..model.table import PIECE
 from ..tables.findings import NOTHING
 from ..tables.schema import Kind
 from .jobs import Stop
-from .prompts import Ask, Choose
+from .prompts import Ask, Choose, may_write
+from .views import BY_NAME
 
 if TYPE_CHECKING:
     from ..model.source import ViewSource
@@ -149,8 +150,14 @@ class PickedRows:
         self._screen.say()
 
     async def copy(self) -> None:
-        """Ask how, and put the bytes on the terminal's clipboard (OSC 52)."""
+        """Ask how, and put the bytes on the terminal's clipboard (OSC 52); in views without bytes what they say."""
         screen = self._screen
+        copied = BY_NAME[screen.view].copied
+        if copied is not None:
+            if text := copied(screen):
+                screen.app.copy_to_clipboard(text)
+                screen.tell(tr("copied, if the terminal allows it (OSC 52)"))
+            return
         data = self._octets()
         if not data:
             screen.tell(tr("no bytes to copy"))
@@ -175,6 +182,10 @@ class PickedRows:
     async def export(self) -> None:
         """Ask for a file, and write the picked rows to it, or the shown ones; a browser downloads it."""
         screen, app = self._screen, self._screen.app
+        other = BY_NAME[screen.view].export
+        if other is not None:
+            await other(screen)
+            return
         picked = None if self.anchor is None else self.rows()
         count = screen.jobs.shown_count if picked is None else len(picked)
         if count == 0:
@@ -188,11 +199,8 @@ class PickedRows:
         if not text:
             return
         path = Path(text).expanduser()
-        if not app.is_web and path.exists():
-            choices = [("n", tr("leave it as it is")), ("o", tr("overwrite it"))]
-            if not await app.push_screen_wait(Choose(tr("{file} is there already", file=path.name), choices)):
-                screen.tell(tr("{file} left as it is", file=path.name))
-                return
+        if not await may_write(screen, path):
+            return
         screen.jobs.doing = tr("exporting")
         screen.say()
         shown = screen.jobs.shown()

@@ -58,6 +58,10 @@ _FAR: Final = 0.01  # the share of readings at either end that may stand far off
 _LOST: Final = 5  # times so wide must all of them be, for the others to be drawn by themselves
 _NAMED: Final = 2  # numbers off the scale that are named
 _ENOUGH: Final = 50  # readings from which on a few are known from many
+_KNOWN_GAPS: Final = 8  # between readings, from which on a hole is known from them
+_USUAL: Final = 0.9  # the share of gaps that are
+_HOLE: Final = 8  # times as long as those is none
+_TICKS: Final = 5  # lines from which on the scale has a middle
 _AROUND: Final = 3  # lines that are no band: title, findings, times
 _BORDER: Final = 1
 _LEAST_HEIGHT: Final = 8
@@ -120,6 +124,7 @@ def dots(series: Series, span: tuple[int, int], columns: int, rows: int) -> NDAr
     with np.errstate(invalid="ignore"):
         level = level if high == low else ((number - low) / (high - low) * (tall - 1)).clip(0, tall - 1)
     before: int | None = None
+    holes = _behind_holes(series.t_ns)[inside]
     cuts = np.flatnonzero(np.diff(indices)) + 1
     begins, ends = np.concatenate(([0], cuts)), np.concatenate((cuts, [len(indices)]))
     column_before = 0
@@ -127,6 +132,8 @@ def dots(series: Series, span: tuple[int, int], columns: int, rows: int) -> NDAr
         if begin == end:
             continue
         column, levels = int(indices[begin]), level[begin:end]
+        if holes[begin]:
+            before = None  # nobody read it for long: what it was then is not known
         good = levels[np.isfinite(levels)]
         if before is not None:  # held until this reading
             for between in range(column_before + 1, column):
@@ -141,6 +148,15 @@ def dots(series: Series, span: tuple[int, int], columns: int, rows: int) -> NDAr
         before = round(float(levels[-1])) if np.isfinite(levels[-1]) else None
         column_before = column
     return grid
+
+
+def _behind_holes(t_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which readings come after a time without any, many times as long as usual."""
+    behind = np.zeros(len(t_ns), np.bool_)
+    gaps = np.diff(t_ns)
+    if len(gaps) >= _KNOWN_GAPS:
+        behind[1:] = gaps > _HOLE * np.quantile(gaps, _USUAL)
+    return behind
 
 
 def _set(grid: NDArray[np.int64], column: int, least: int, most: int, tall: int) -> None:
@@ -264,6 +280,10 @@ class Plot(Painted):
             least, most = told_apart(*reach, self._label)
             at_most, at_least = (0, rows - 1) if reach[0] < reach[1] else ((rows - 1) // 2, (rows - 1) // 2)
             label = most if y == at_most else least if y == at_least else ""
+            if rows >= _TICKS and reach[0] < reach[1] and y == (rows - 1) // 2:
+                label = f"{reach[1] - (reach[1] - reach[0]) * y / (rows - 1):.4g}"
+            measured = f"{label} {series.measure}"
+            label = measured if label and series.measure and len(measured) <= self._label else label
         text = "".join(chr(_BLANK + cell) if cell else " " for cell in cells[y].tolist())
         kind = _KINDS[number % len(_KINDS)]
         parts = [StyledText(f"{label:>{self._label}} ", "dim")]

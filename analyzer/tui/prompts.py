@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import ClassVar
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
 
 from rich.text import Text
 from textual.app import ComposeResult
@@ -12,9 +13,13 @@ from textual.containers import Vertical
 from textual.screen import ModalScreen
 from textual.widgets import Input, Label
 
+from ..languages import tr
 from .lines import Lines
 from .messages import LineEntered
 from .paint import StyledText, fitted
+
+if TYPE_CHECKING:
+    from .screen import BusScreen
 
 
 class Ask(ModalScreen[str | None]):
@@ -111,3 +116,14 @@ class Choose(ModalScreen[int | None]):
     def on_line_entered(self, event: LineEntered) -> None:
         event.stop()
         self.dismiss(event.line)
+
+
+async def may_write(screen: BusScreen, path: Path) -> bool:
+    """Whether a file may be written: one that is there is asked about. A browser downloads what it gets."""
+    if screen.app.is_web or not path.exists():
+        return True
+    choices = [("n", tr("leave it as it is")), ("o", tr("overwrite it"))]
+    if await screen.app.push_screen_wait(Choose(tr("{file} is there already", file=path.name), choices)):
+        return True
+    screen.tell(tr("{file} left as it is", file=path.name))
+    return False

@@ -2,39 +2,32 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, ClassVar, Final
 
 import numpy as np
 from textual.binding import Binding, BindingType
-from textual.containers import Vertical
 
 from captures import CaptureError
-from dissectors.values import AREAS, logical
+from dissectors.values import AREAS, harmless, logical
 
-from ..languages import counted, error_words, tr
-from ..model.registers import AREA_WORDS, CHOICES, PLAIN, Meaning, RegisterSeries, chosen, meanings_of
-from ..registers.readings import is_due
-from ..words import duration, short
+from ..languages import error_words, tr
+from ..model.meanings import BIT_AREAS, CHOICES, Meaning
+from ..model.registers import AREA_WORDS
+from ..words import short
 from .lines import Lines
 from .paint import StyledText, fitted
-from .plot import Plot, Series, trend
+from .plot import Plot, trend
 from .prompts import Ask
-from .view import JUMPS, DoorCell, View, register_text
+from .view import DoorCell, named_cells
 from .wire import ASKING
 
 if TYPE_CHECKING:
-    from textual.widget import Widget
-
-    from ..model.registers import Spot, WatchedRegister
+    from ..model.registers import RegisterLog, Spot, WatchedRegister
     from .desk import ViewState
-    from .screen import BusScreen
 
-_BIT_AREAS: Final = 2  # coils and discrete inputs come first
-_AREA_NAMES: Final = tuple(AREAS)
+AREA_NAMES: Final = tuple(AREAS)
 _PINS: Final = 4
-_AGAIN_S: Final = 1.0  # between two readings of a plot while rows come
 _SOURCES: Final = {"yours": "!", "map": "=", "told": "~", "plain": " "}
 
 
@@ -55,57 +48,60 @@ class RegisterList(Lines):
     def __init__(self, desk: ViewState, *, id: str) -> None:
         super().__init__(id=id)
         self.desk = desk
-        self.meanings: dict[Spot, Meaning] = {}
         self.pins: list[Spot] = []
-        self._registers: list[WatchedRegister] = []
+        self._spots: list[Spot] = []
         self._line_of: dict[Spot, int] = {}
         self._parts: dict[Spot, Spot] = {}  # registers that are part of the value of one before them
+        self._laid_out: tuple[object, int, int] | None = None  # of what log, how many registers, which meanings
 
     @property
     def empty(self) -> str:
         return self.desk.emptied(self.EMPTY)
 
     @property
+    def _log(self) -> RegisterLog:
+        return self.desk.figures.registers
+
+    @property
+    def spot(self) -> Spot | None:
+        """The place under the cursor."""
+        return self._spots[self.cursor] if self.cursor < len(self._spots) else None
+
+    @property
     def register(self) -> WatchedRegister | None:
         """The one under the cursor."""
-        return self._registers[self.cursor] if self.cursor < len(self._registers) else None
+        return None if self.spot is None else self._log.at(self.spot)
 
     def grown(self) -> None:
-        before = self.register
-        self._registers = sorted(self.desk.figures.registers.all(), key=_in_order)
-        self._line_of = {r.spot: i for i, r in enumerate(self._registers)}
-        self._find_parts()
+        before, empty = self.spot, not self._spots
+        self._lay_out()
         if before is not None:
-            self.cursor = self._line_of.get(before.spot, self.cursor)
+            self.cursor = self._line_of.get(before, self.cursor)
         super().grown()
-        if before is None and self._registers:
+        if empty and self._spots:
             self._tell()
 
-    def use(self, meanings: dict[Spot, Meaning]) -> None:
-        """What maps and values tell."""
-        self.meanings = meanings
-        self._find_parts()
-        self.unpaint()
-        self._tell()
-
-    def _find_parts(self) -> None:
+    def _lay_out(self) -> None:
+        """The lines: others only where a register is new, or means something else."""
+        log = self._log
+        now = log, len(log), self.desk.meanings.version
+        if now == self._laid_out:
+            return
+        self._laid_out = now
+        self._spots = sorted(log.spots(), key=_in_order)
+        self._line_of = {spot: i for i, spot in enumerate(self._spots)}
         self._parts = {}
-        for register in self._registers:
-            unit, area, address = register.spot
-            if (unit, area, address) not in self._parts:
-                for k in range(1, self.meaning(register.spot).words):
-                    self._parts[unit, area, address + k] = unit, area, address
+        for spot in self._spots:
+            if spot not in self._parts:
+                for k in range(1, self.meaning(spot).words):
+                    self._parts[spot[0], spot[1], spot[2] + k] = spot
 
     def meaning(self, spot: Spot) -> Meaning:
-        """How a register is read: the user's word overrules."""
-        own = chosen(self.desk.notes.types.get(spot, ""))
-        inferred = self.meanings.get(spot, PLAIN)
-        if own is None:
-            return inferred
-        return Meaning(own.kind, own.order, own.words, "yours", inferred.name)
+        """How a register is read."""
+        return self.desk.meanings.at(spot)
 
     def count(self) -> int:
-        return len(self._registers)
+        return len(self._spots)
 
     def head(self, width: int) -> Sequence[StyledText]:
         name = _name_width(width)
@@ -116,10 +112,10 @@ class RegisterList(Lines):
         return fitted([StyledText(f"{place} {value}")], width)
 
     def pieces(self, line: int, width: int) -> Sequence[StyledText]:
-        register = self._registers[line]
-        spot = register.spot
-        meaning = self.meaning(spot)
-        bit = register.area < _BIT_AREAS
+        spot = self._spots[line]
+        register, meaning = self._log.at(spot), self.meaning(spot)
+        assert register is not None
+        bit = register.area < BIT_AREAS
         members = self._members(register, meaning)
         name = meaning.name or tr(AREA_WORDS[register.area])
         room = _name_width(width)
@@ -127,21 +123,21 @@ class RegisterList(Lines):
         parts = [
             StyledText("•" if spot in self.pins else " ", "accent"),
             StyledText(f"{register.unit:>5} "),
-            StyledText(f"{logical(register.address, _AREA_NAMES[register.area]):>8} ", "accent"),
+            StyledText(f"{logical(register.address, AREA_NAMES[register.area]):>8} ", "accent"),
             StyledText(f"{name:<{room}} ", "" if meaning.name else "dim"),
         ]
         if spot in self._parts:
             owner = self._parts[spot]
-            of = logical(owner[2], _AREA_NAMES[owner[1]])
+            of = logical(owner[2], AREA_NAMES[owner[1]])
             return fitted(
                 [*parts, StyledText(f"{tr('└ of {register}', register=of):>{_value_width(width)}}", "dim")], width
             )
-        changed = any(member.changed for member in members)
+        changed, power = any(member.changed for member in members), self._power(spot, meaning)
         before = ""
         if all(member.before is not None for member in members):
-            before = meaning.text([member.before or 0 for member in members], bit=bit) if changed else "="
+            before = meaning.text([member.before or 0 for member in members], bit=bit, power=power) if changed else "="
         age = short(self.desk.bus.t_last - register.t_ns) if self.desk.bus.timed else "-"
-        value = meaning.text([member.value for member in members], bit=bit)
+        value = meaning.text([member.value for member in members], bit=bit, power=power)
         return fitted(
             [
                 *parts,
@@ -160,7 +156,7 @@ class RegisterList(Lines):
         """How the value went over the capture, from its least to its most."""
         if not width:
             return []
-        bit, log = spot[1] < _BIT_AREAS, self.desk.figures.registers
+        bit, log = spot[1] < BIT_AREAS, self.desk.figures.registers
         numbers = np.full(0, np.nan)
         if meaning.is_number or bit:
             begin, samples = log.samples(*spot, meaning.words)
@@ -173,11 +169,18 @@ class RegisterList(Lines):
         """It and the registers right behind it, as many as its type takes and were seen."""
         members = [register]
         for k in range(1, meaning.words):
-            line = self._line_of.get((register.unit, register.area, register.address + k))
-            if line is None:
+            member = self._log.at((register.unit, register.area, register.address + k))
+            if member is None:
                 break
-            members.append(self._registers[line])
+            members.append(member)
         return members
+
+    def _power(self, spot: Spot, meaning: Meaning) -> int | None:
+        """What the register holds that scales a value, 0 where none does."""
+        if meaning.row is None or meaning.row.scale_address is None:
+            return 0
+        scale = self._log.at((spot[0], spot[1], meaning.row.scale_address))
+        return None if scale is None else scale.value
 
     def owner(self, register: WatchedRegister) -> Spot:
         """Where the value begins that a register is part of."""
@@ -187,12 +190,27 @@ class RegisterList(Lines):
         """A value in words: place, name, type."""
         meaning = self.meaning(spot)
         name = f" {meaning.name}" if meaning.name else ""
-        kind = "" if spot[1] < _BIT_AREAS else f", {meaning.type}"
-        return f"{tr('unit {unit}', unit=spot[0])}, {logical(spot[2], _AREA_NAMES[spot[1]])}{name}{kind}"
+        kind = "" if spot[1] < BIT_AREAS else f", {meaning.type}"
+        return f"{tr('unit {unit}', unit=spot[0])}, {logical(spot[2], AREA_NAMES[spot[1]])}{name}{kind}"
+
+    def value_cells(self, register: WatchedRegister) -> Iterator[DoorCell]:
+        """What its value is now, by its name."""
+        spot = self.owner(register)
+        meaning, first = self.meaning(spot), self._log.at(spot)
+        if first is not None:
+            members = self._members(first, meaning)
+            yield from named_cells(meaning, spot, meaning.number([member.value for member in members]))
+
+    def worded(self, spot: Spot) -> str:
+        """A value with its newest reading: `unit 1, 30001 Voltage L1, f32 ABCD: 230.1 V`."""
+        meaning, first = self.meaning(spot), self._log.at(spot)
+        values = [] if first is None else [member.value for member in self._members(first, meaning)]
+        text = meaning.text(values, bit=spot[1] < BIT_AREAS, power=self._power(spot, meaning))
+        return harmless(f"{self.label(spot)}: {text}")
 
     def action_type(self, step: int) -> None:
         register = self.register
-        if register is None or register.area < _BIT_AREAS:
+        if register is None or register.area < BIT_AREAS:
             return
         spot = self.owner(register)
         names = [choice.type for choice in CHOICES]
@@ -209,7 +227,8 @@ class RegisterList(Lines):
             self.desk.notes.choose_type(spot, type_words)
         except CaptureError as error:
             self.app.notify(tr("kept until you quit only: {error}", error=error_words(error)), markup=False)
-        self._find_parts()
+        self.desk.meanings.reworded()
+        self._lay_out()
         self.move_to(self._line_of.get(spot, self.cursor))
         self.unpaint()
         self._tell()
@@ -242,8 +261,8 @@ class RegisterList(Lines):
         """Lines of the registers of a number, those behind the cursor first."""
         unit, _, number = text.strip().rpartition(" ")
         lines = [
-            i for i, register in enumerate(self._registers)
-            if logical(register.address, _AREA_NAMES[register.area]) == number and unit in ("", str(register.unit))
+            i for i, (own, area, address) in enumerate(self._spots)
+            if logical(address, AREA_NAMES[area]) == number and unit in ("", str(own))
         ]  # fmt: skip
         return sorted(lines, key=lambda line: (line <= self.cursor, line))
 
@@ -251,6 +270,11 @@ class RegisterList(Lines):
         if self._numbered(text):
             return ""
         return tr("no register {number} was seen here", number=text.strip()[:20])
+
+    def go(self, spot: Spot) -> None:
+        """Put the cursor on a register, where it was seen."""
+        self._lay_out()
+        self.move_to(self._line_of.get(spot, self.cursor), middle=True)
 
     def action_cursor(self, step: int) -> None:
         self.screen.query_one(Plot).move(step)
@@ -271,122 +295,12 @@ def _trend_width(width: int) -> int:
     return max(0, min(32, width - 110))
 
 
-def _in_order(register: WatchedRegister) -> tuple[int, bool, int, int]:
+def _in_order(spot: Spot) -> tuple[int, bool, int, int]:
     """By unit, registers before single bits."""
-    return register.unit, register.area < _BIT_AREAS, -register.area, register.address
+    unit, area, address = spot
+    return unit, area < BIT_AREAS, -area, address
 
 
-def _spot_text(spot: Spot) -> str:
+def spot_text(spot: Spot) -> str:
     """`17 40108`, as one goes there."""
-    return f"{spot[0]} {logical(spot[2], _AREA_NAMES[spot[1]])}"
-
-
-class RegistersPane(Vertical):
-    """The list, and the plot of what is chosen and pinned in it."""
-
-    def __init__(self, desk: ViewState, *, id: str) -> None:
-        super().__init__(id=id)
-        self._desk = desk
-        self._series: dict[tuple[Spot, int], RegisterSeries] = {}
-        self.next_at = 0.0
-        self.typed_at = -1  # rows of which types were told
-
-    def compose(self) -> object:  # type: ignore[override]
-        yield RegisterList(self._desk, id="register-list")
-        yield Plot(id="plot", when=self._desk.when)
-
-    def series(self, spots: Sequence[Spot]) -> list[RegisterSeries]:
-        """The readings of some values, as far as they were read."""
-        listing = self.query_one(RegisterList)
-        out = []
-        for spot in spots:
-            key = spot, listing.meaning(spot).words
-            out.append(self._series.setdefault(key, RegisterSeries(*spot, words=key[1])))
-        return out
-
-
-def _plotted(screen: BusScreen) -> None:
-    """Read what is chosen and pinned, then show it."""
-    pane, listing, plot = screen.query_one(RegistersPane), screen.query_one(RegisterList), screen.query_one(Plot)
-    register, bus = listing.register, screen.desk.bus
-    if register is None:
-        screen.jobs.run("history", lambda _: None, lambda _: plot.show("", ()))  # in the place of one on its way
-        return
-    pane.next_at = time.monotonic() + _AGAIN_S
-    own = listing.owner(register)
-    spots = [*listing.pins, *([] if own in listing.pins else [own])]
-    wanted = pane.series(spots)
-
-    def show(read: list[RegisterSeries]) -> None:
-        meanings = [listing.meaning(spot) for spot in spots]
-        series = []
-        for spot, each, meaning in zip(spots, read, meanings, strict=True):
-            t_ns, rows, registers = screen.desk.in_scope(*each.readings())
-            if meaning.words == each.words:
-                numbers = meaning.numbers(registers) if meaning.is_number else registers[:, 0].astype(float)
-                times = t_ns if bus.timed else rows
-                series.append(Series(listing.label(spot), times, numbers, meaning.measure, _spot_text(spot)))
-        count, span = len(series[-1].t_ns) if series else 0, ""
-        if count > 1 and bus.timed:
-            span = tr(" over {time}", time=duration(int(series[-1].t_ns[-1] - series[-1].t_ns[0])))
-        plot.show(
-            f" {listing.label(own)}: {counted(count, 'reading', 'readings')}{span}",
-            series,
-            bus.found.times(bus.table, own[0]),
-        )
-
-    screen.jobs.run("history", lambda stop: [each.extend(bus, stop) for each in wanted], show)
-
-
-def _widget(desk: ViewState) -> Widget:
-    return RegistersPane(desk, id="registers")
-
-
-def _refresh(screen: BusScreen) -> None:
-    pane, listing, bus = screen.query_one(RegistersPane), screen.query_one(RegisterList), screen.desk.bus
-    listing.grown()
-    if time.monotonic() >= pane.next_at and pane.next_at and not bus.whole:
-        _plotted(screen)
-    due = pane.typed_at < 0 or (bus.whole and pane.typed_at < bus.count) or is_due(pane.typed_at, bus.count)
-    if bus.count and due:
-        pane.typed_at = bus.count
-        charts, types = screen.desk.charts, dict(screen.desk.notes.types)
-        screen.jobs.run("meanings", lambda stop: meanings_of(bus, charts, stop, types), listing.use)
-
-
-def _chosen(screen: BusScreen, sender: Widget) -> None:  # noqa: ARG001
-    _plotted(screen)
-
-
-def _entered(screen: BusScreen, sender: Widget) -> None:
-    """The frame that brought the value; at the plot's cursor, the one that brought it then."""
-    assert isinstance(sender, RegisterList)
-    register, plot = sender.register, screen.query_one(Plot)
-    if register is None:
-        return
-    row, span = register.row, plot.span
-    if plot.cursor is not None and span is not None:
-        (series,) = screen.query_one(RegistersPane).series([sender.owner(register)])
-        t_ns, rows, _ = series.readings()
-        at = int(np.searchsorted(t_ns, span[0] + round((span[1] - span[0]) * plot.cursor), side="right")) - 1
-        row = int(rows[at]) if at >= 0 else row
-    screen.jumps.go(row)
-
-
-def _cells(screen: BusScreen) -> list[DoorCell]:
-    register = screen.query_one(RegisterList).register
-    if register is None:
-        return []
-    number = logical(register.address, _AREA_NAMES[register.area])
-    words = tr("register {register} of unit {unit}", register=number, unit=register.unit)
-    return [
-        DoorCell("r", words, register_text(register.unit, number)),
-        DoorCell("u", tr("unit {unit}", unit=register.unit), f"unit == {register.unit}"),
-    ]
-
-
-VIEW: Final = View(
-    name="registers", key="5", title="Registers",
-    make=_widget, refresh=_refresh, chosen=_chosen, entered=_entered, cells=_cells,
-    without=(*JUMPS, "select"), figures=True,
-)  # fmt: skip
+    return f"{spot[0]} {logical(spot[2], AREA_NAMES[spot[1]])}"

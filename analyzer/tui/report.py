@@ -1,29 +1,40 @@
-"""The report: the page that `rtuscope report` prints, as wide as there is room for."""
+"""The report: the page that `rtuscope report` prints, as wide as there is room for, with the user's notes."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
 from rich.text import Text
 from textual.app import ComposeResult
 from textual.containers import VerticalScroll
 from textual.widgets import Static
 
-from ..languages import tr
-from .view import JUMPS, View
+from ..core import Analysed
+from ..languages import error_words, tr
+from ..reports.model import BookmarkRow
+from ..tables.findings import NOTHING
+from ..tables.schema import Kind
+from .prompts import Ask, may_write
+from .view import View
 
 if TYPE_CHECKING:
+    from ..model.bus import Bus
     from ..reports.model import Report
     from .desk import ViewState
+    from .jobs import Stop
     from .screen import BusScreen
 
 _NARROWEST: Final = 24  # columns: no page is told in fewer
+_SUFFIXES: Final = (".html", ".txt")
 
 
 class ReportPage(VerticalScroll):
     """The page; its tables scroll sideways where they do not fit."""
 
-    _report: Report | None = None
+    report: Report | None = None
 
     def __init__(self, desk: ViewState, *, id: str) -> None:
         super().__init__(id=id)
@@ -34,27 +45,123 @@ class ReportPage(VerticalScroll):
 
     def show(self, report: Report) -> None:
         """A newer one."""
-        from ..reports import text
-        from ..reports.paragraphs import WIDTH
+        self.report = replace(report, bookmarks=tuple(_bookmarks(self.desk)))
+        self._lay_out()
 
-        self._report = report
+    def _lay_out(self) -> None:
         if self.desk.is_emptied:
             self.query_one("#page", Static).update(Text(f"  {self.desk.emptied()}"))
             return
+        self.query_one("#page", Static).update(Text(self.text().removesuffix("\n")))
+
+    def text(self) -> str:
+        """The page as it stands."""
+        from ..reports import text
+        from ..reports.paragraphs import WIDTH
+
         width = max(_NARROWEST, min(WIDTH, self.scrollable_content_region.width))
-        self.query_one("#page", Static).update(Text(text(report, width).removesuffix("\n")))
+        return "" if self.report is None else text(self.report, width)
 
     def on_resize(self) -> None:
-        if self._report is not None:
-            self.show(self._report)
+        if self.report is not None:
+            self._lay_out()
+
+
+def _bookmarks(desk: ViewState) -> list[BookmarkRow]:
+    """The user's bookmarks and comments, in wire order, of the rows that are there."""
+    table = desk.bus.table
+    rows = {table.row_of_byte(*spot): comment for spot, comment in desk.notes.comments.items()}
+    return [
+        BookmarkRow(
+            -1 if desk.bus.is_noise(row) else table.value("frame", row), table.value("port", row),
+            table.value("start", row), table.value("t_end_ns", row), table.value("unit", row),
+            table.value("function", row), rows[row],
+        )
+        for row in sorted(rows) if row >= 0
+    ]  # fmt: skip
+
+
+async def _export(screen: BusScreen) -> None:
+    """Ask for a file, and write the report to it as a page: HTML or text."""
+    report, app = screen.query_one(ReportPage).report, screen.app
+    if report is None:
+        screen.tell(tr("nothing captured yet"))
+        return
+    hint = tr("a file; its suffix tells the format: {formats}", formats=" ".join(_SUFFIXES))
+    question = tr("Download the report as") if app.is_web else tr("Write the report to")
+    text = await app.push_screen_wait(Ask(question, hint, wrong=_no_page, value="report.html"))
+    if not text:
+        return
+    path = Path(text).expanduser()
+    if not await may_write(screen, path):
+        return
+    bus = screen.desk.bus
+
+    def work(stop: Stop) -> tuple[bytes, str]:
+        data = _page(bus, report, path, stop)
+        try:
+            if not app.is_web:
+                from ..exports.sink import output
+
+                with output(path, source=screen.desk.source.path) as file:
+                    file.write(data)
+        except Exception as error:  # told in one line
+            return b"", error_words(error)
+        return data, ""
+
+    def done(written: tuple[bytes, str]) -> None:
+        from io import BytesIO
+
+        data, trouble = written
+        if trouble:
+            screen.tell(trouble, wrong=True)
+        elif app.is_web:
+            app.deliver_binary(BytesIO(data), save_filename=path.name)
+        else:
+            screen.tell(tr("report written to {file}", file=path.absolute()))
+
+    screen.jobs.run("write report", work, done, exclusive=False)
+
+
+def _page(bus: Bus, report: Report, path: Path, stop: Stop) -> bytes:
+    """The report in the form that a file's suffix names."""
+    if path.suffix.lower() == ".txt":
+        from ..reports import text
+
+        return text(report).encode()
+    from ..reports.html import Sights, page
+
+    sights = Sights()
+    for first, batch in bus.batches(0, bus.count):
+        if stop():
+            break
+        requests = np.flatnonzero(batch.rows.kind == Kind.REQUEST) + first
+        sights.feed(Analysed(batch, bus.transactions(requests), batch.findings or NOTHING))
+    return page(report, sights).encode()
+
+
+def _no_page(text: str) -> str:
+    """Why a report cannot go to a file of that name; empty where it can."""
+    path = Path(text).expanduser()
+    if path.suffix.lower() not in _SUFFIXES:
+        return tr("a file; its suffix tells the format: {formats}", formats=" ".join(_SUFFIXES))
+    return "" if path.parent.is_dir() else tr("no such folder as {folder}", folder=path.parent)
 
 
 def _refresh(screen: BusScreen) -> None:
     screen.jobs.count_report(VIEW.name, screen.query_one(ReportPage).show, story=True)
 
 
+def _shown(screen: BusScreen) -> None:
+    """Notes may have been made since."""
+    page = screen.query_one(ReportPage)
+    if page.report is not None:
+        page.show(page.report)
+
+
 VIEW: Final = View(
     name="report", key="7", title="Report",
-    make=lambda desk: ReportPage(desk, id="report"), refresh=_refresh,
-    without=(*JUMPS, "select"), figures=True,
+    make=lambda desk: ReportPage(desk, id="report"), refresh=_refresh, shown=_shown,
+    copied=lambda screen: screen.query_one(ReportPage).text(), export=_export,
+    offers=frozenset({"copy", "export"}), figures=True,
 )  # fmt: skip

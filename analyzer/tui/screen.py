@@ -41,6 +41,7 @@ from .messages import (
 from .narrowing import Doors, Narrowing
 from .openfiles import Bookmarks, NextFile, OpenFiles
 from .picking import PickedRows
+from .places import OFFERED, Place, RowPlace, Stop, Trail
 from .transactions import TransactionList
 from .view import LISTS, View
 from .views import BY_NAME, VIEWS
@@ -69,6 +70,8 @@ class BusScreen(Screen[None]):
         self.undecided = view is None and not desk.source.live  # Home may still come up by itself
         self.lit: tuple[int, int, int] | None = None  # a row, and the bytes of it that were looked for
         self.studied: int | None = None  # the row that was last shown below
+        self.trail = Trail()
+        self.came_up = self.going_back = False  # whether a view stands, whether it is gone back to
         self.wire = wire
         self.jobs = Jobs(self)
         self.jumps = Jumps(self)
@@ -83,8 +86,8 @@ class BusScreen(Screen[None]):
 
     def compose(self) -> ComposeResult:
         yield Tabs(id="tabs")
-        charts = self.desk.charts
-        yield FilterBar(self.desk.source.line, self.desk.wishes, charts, id="filter-bar")
+        desk = self.desk
+        yield FilterBar(desk.source.line, desk.wishes, lambda: desk.meanings.charts, id="filter-bar")
         with ContentSwitcher(id="views", initial=self.view):
             for view in VIEWS:
                 yield view.make(self.desk)
@@ -96,6 +99,7 @@ class BusScreen(Screen[None]):
         for each in self.query(FrameList):
             each.live = each.following = self.desk.source.live
         self.action_view(self.view)
+        self.came_up = True
         self.jobs.begin()
 
     def resume(self) -> None:
@@ -115,10 +119,20 @@ class BusScreen(Screen[None]):
     # The parts
 
     @property
+    def place(self) -> Place:
+        """What the cursor of the view in sight stands on: what actions are about."""
+        return BY_NAME[self.view].at(self)
+
+    @property
     def row(self) -> int | None:
-        """The row that actions are about: where the cursor of the view shown stands now, or where one last stood."""
-        own = BY_NAME[self.view].at(self)
-        return self.studied if own is None and self.view not in LISTS else own
+        """The row that it stands on; None where that is no row."""
+        place = self.place
+        return place.row if isinstance(place, RowPlace) else None
+
+    @property
+    def stop(self) -> Stop:
+        """Where one is, to come back to."""
+        return Stop(self.view, self.row)
 
     @property
     def touched(self) -> bool:
@@ -142,6 +156,8 @@ class BusScreen(Screen[None]):
     def action_view(self, view: str, row: int | None = None) -> None:
         """Show a view; its cursor goes to a row, or to the one under study."""
         record = BY_NAME[view]
+        if self.came_up and not self.going_back:
+            self.trail.leave(self.stop)
         own = self.row if row is None else row
         self.studied = self.studied if own is None else own
         self.view = view
@@ -152,7 +168,11 @@ class BusScreen(Screen[None]):
         self.query_one("#views").display = True
         self.detail.set_class(False, "-zoomed")
         self.query_one(FilterBar).display = record.filtered
-        for name in ("home", "paste"):  # of the pane alone: a class of the screen would style every widget anew
+        for name in (
+            "home",
+            "paste",
+            "polls",
+        ):  # of the pane alone: a class of the screen would style every widget anew
             self.detail.set_class(view == name, f"-{name}")
         record.shown(self)
         self.jobs.count_scope()
@@ -179,7 +199,7 @@ class BusScreen(Screen[None]):
             follow = tr("following") if listing.following else tr("{count:,} below (F follows)", count=waiting)
         if self.picked.anchor is not None:
             where += tr(", selected {count:,}", count=len(self.picked.rows()))
-        self.query_one(StatusLine).say(where, self.jobs.doing, follow)
+        self.query_one(StatusLine).say(where, self.jobs.doing, follow, self.files.state)
 
     def study_row(self, row: int, *, to: tuple[str, ...] = ()) -> None:
         """Show a row's fields and bytes; the cursor of the fields goes to an item."""
@@ -243,8 +263,11 @@ class BusScreen(Screen[None]):
         self.refresh_bindings()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Keys that mean nothing in a view are not shown there."""
-        if action in BY_NAME[self.view].without or (action == "span" and self.desk.is_untimed):
+        """An action is there where the view offers it."""
+        view = BY_NAME[self.view]
+        if action in OFFERED and action not in view.offers:
+            return False
+        if (action == "span" and self.desk.is_untimed) or (action in ("filter", "span", "kept") and not view.filtered):
             return False
         return super().check_action(action, parameters)
 
@@ -271,6 +294,11 @@ class BusScreen(Screen[None]):
     def action_time_base(self) -> None:
         self.desk.next_base()
         self.repaint_lists()
+
+    def action_raw(self) -> None:
+        """What registers mean, or the registers as they came."""
+        self.desk.raw = not self.desk.raw
+        self.reworded()
 
     def action_follow(self) -> None:
         wanted = not self.query_one(f"#{self.list_view}", FrameList).following
@@ -317,6 +345,13 @@ class BusScreen(Screen[None]):
     def action_kept(self) -> None:
         self.run_worker(self.kept.choose(), group=ASKING)
 
+    def reworded(self) -> None:
+        """Registers mean something else now."""
+        self.refresh_view()
+        self.repaint_lists()
+        if self.studied is not None and self.view in LISTS:
+            self.study_row(self.studied)
+
     def repaint_lists(self) -> None:
         """Every list looks otherwise now."""
         for each in self.query(Lines):
@@ -331,6 +366,9 @@ class BusScreen(Screen[None]):
     def action_why(self) -> None:
         """The evidence of the boundaries, opened below."""
         self.detail.open("why")
+
+    def action_back(self, step: int) -> None:
+        self.jumps.along(step)
 
     def action_finding(self, step: int) -> None:
         self.jumps.to_finding(step)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar, Final
 
@@ -20,8 +19,9 @@ from ..words import is_clock, percent, short
 from .filterbar import kept_tests
 from .messages import RowWanted, SpanChosen, SpanSeen
 from .paint import Painted, StyledText, fitted
+from .places import OF_FIGURES, Place, SpanPlace
 from .plot import EIGHTHS
-from .view import JUMPS, View
+from .view import View
 
 if TYPE_CHECKING:
     from ..causes.registry import Cause
@@ -33,11 +33,12 @@ _DEAF: Final = "░"
 _LABEL: Final = 9  # columns left of the plot
 _BELOW: Final = 5  # lines under it
 _LEAST_PLOT: Final = 3  # lines that bands leave to it
+_LOW_PLOT: Final = 8  # lines that it takes before causes in words get more than one below
+_IN_WORDS: Final = 4  # lines for those
 _ABOVE: Final = 2
 _LEAST_NS: Final = 1_000_000  # no span is shorter
 _LONG_NS: Final = 600 * 10**9  # from which on times of day say more than seconds
 _LEAST: Final = 0.001  # the least load that fills the plot
-_AGAIN_S: Final = 2.0  # between two reckonings of causes while rows come
 
 
 class Timeline(Painted, can_focus=True):
@@ -69,7 +70,6 @@ class Timeline(Painted, can_focus=True):
         self.banded: tuple[object, ...] = ()  # what the bands were asked for
         self.causes: Sequence[Cause] = ()  # those that the bands are numbered by
         self.known: Sequence[Cause] = ()  # the newest
-        self.explained, self.explain_at = -1, 0.0  # findings that causes were asked for, and when again
 
     @property
     def columns(self) -> int:
@@ -112,7 +112,8 @@ class Timeline(Painted, can_focus=True):
             why = tr("nothing captured yet") if self.desk.bus.timed else tr("no times in this capture")
             return self.strip([StyledText(f"  {why}" if y == 0 else "", "dim")], width, base)
         room = max(0, height - _ABOVE - _BELOW - _LEAST_PLOT)
-        plot = max(1, height - _ABOVE - _BELOW - min(len(self.bands), room))
+        free = height - _ABOVE - _BELOW - min(len(self.bands), room)
+        plot = max(1, min(free, max(_LOW_PLOT, free - _IN_WORDS)))
         return self.strip(fitted(self._line(y, plot, bins), width), width, base)
 
     def _line(self, y: int, plot: int, bins: Bins) -> list[StyledText]:
@@ -128,7 +129,7 @@ class Timeline(Painted, can_focus=True):
             return [StyledText(f"{tr('trouble') + ' ':>{_LABEL}}", "error"), *self._marks(bins.troubles, "error", "▪█")]
         if y == 1:
             return [StyledText(f"{tr('noise') + ' ':>{_LABEL}}", "noise"), *self._marks(bins.noise, "noise", "·▪")]
-        room = max(0, self.content_size.height - _ABOVE - _BELOW - plot)
+        room = max(0, self.content_size.height - _ABOVE - _BELOW - _LEAST_PLOT)
         shown = self.bands[:room]
         if 2 <= y < 2 + len(shown):
             return self._band(shown[y - 2])
@@ -140,7 +141,7 @@ class Timeline(Painted, can_focus=True):
             return [StyledText(" " * _LABEL), StyledText("".join(under), "strong")]
         if y == 3:
             return self._under_cursor(bins)
-        return self._causes_at_cursor() if y == 4 else []
+        return self._cause_at_cursor(y - 4)
 
     def _title(self, bins: Bins) -> list[StyledText]:
         load = self._loads(bins)
@@ -237,15 +238,13 @@ class Timeline(Painted, can_focus=True):
                 parts.append(StyledText(cell, kind))
         return parts
 
-    def _causes_at_cursor(self) -> list[StyledText]:
-        """In words, each with the number that its band has."""
+    def _cause_at_cursor(self, line: int) -> list[StyledText]:
+        """One on a line, in words, with the number that its band has."""
         here = [band.cause for band in self.bands if band.cause is not None and band.counts[self.cursor]]
-        parts = []
-        for number in here:
-            cause = self.causes[number]
-            parts.append(StyledText(f" {number + 1} ", cause.severity))
-            parts.append(StyledText(f"{cause.text} "))
-        return parts
+        if line >= len(here):
+            return []
+        cause = self.causes[here[line]]
+        return [StyledText(f" {here[line] + 1} ", cause.severity), StyledText(cause.text)]
 
     def _under_cursor(self, bins: Bins) -> list[StyledText]:
         i = self.cursor
@@ -261,6 +260,11 @@ class Timeline(Painted, can_focus=True):
             words += tr("; the recorder heard nothing here")
         more = tr("   span {time}, Enter shows it", time=short(span[1] - span[0])) if span else ""
         return [StyledText(words), StyledText(more, "accent")]
+
+    @property
+    def span_under_cursor(self) -> tuple[int, int]:
+        """The span that is marked, else the cursor's column."""
+        return self._span() or (self.time_at(self.cursor), self.time_at(self.cursor + 1))
 
     def _span(self) -> tuple[int, int] | None:
         if self.pinned is None:
@@ -355,9 +359,12 @@ def _refresh(screen: BusScreen) -> None:
     bus = desk.bus
     if not bus.count or not bus.timed:
         return
-    if bus.found.count != timeline.explained and (bus.whole or time.monotonic() >= timeline.explain_at):
-        timeline.explained, timeline.explain_at = bus.found.count, time.monotonic() + _AGAIN_S
-        screen.jobs.run("causes of bands", lambda _: bus.causes(), lambda causes: _explained(screen, causes))
+    screen.jobs.reckon(
+        "causes of bands",
+        (bus.found.count, bus.whole),
+        lambda _: bus.causes(),
+        lambda causes: _explained(screen, causes),
+    )
     _band(screen)
 
 
@@ -388,8 +395,13 @@ def _band(screen: BusScreen) -> None:
     )
 
 
+def _at(screen: BusScreen) -> Place:
+    timeline = screen.query_one(Timeline)
+    return None if timeline._bins is None else SpanPlace(*timeline.span_under_cursor)
+
+
 VIEW: Final = View(
     name="timeline", key="6", title="Timeline", short="Time",
     make=lambda desk: Timeline(desk, id="timeline"), refresh=_refresh,
-    without=(*JUMPS, "select", "time_base"), figures=True,
+    at=_at, offers=OF_FIGURES - {"door"}, figures=True,
 )  # fmt: skip

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar, Final, cast
+from typing import TYPE_CHECKING, ClassVar, Final
 
 from rich.cells import cell_len
 from textual.binding import Binding, BindingType
 from textual.cache import LRUCache
-
-from dissectors.values import Area, logical
 
 from ..languages import tr
 from ..model.polls import TransactionValues, poll_values
@@ -37,7 +35,9 @@ from .frames import (
 )
 from .messages import OnlyChanged
 from .paint import StyledText
-from .view import View, grown
+from .places import OF_ROWS
+from .readings import carried_values
+from .view import View, cells_of_row, grown
 
 if TYPE_CHECKING:
     from .desk import ViewState
@@ -46,8 +46,6 @@ _OUTCOMES: Final = {"none": "no answer", "bcast": "broadcast", UNHEARD: "answer 
 _WORDY: Final = 48  # columns from which on there is room for all of the head
 _BLOCK: Final = 32  # lines that are read at once
 _CACHED: Final = 2048  # transactions
-_WORD: Final = 5  # columns of a register's value
-_BIT_AREAS: Final = "01"
 
 
 class TransactionList(FrameList):
@@ -60,6 +58,7 @@ class TransactionList(FrameList):
         Binding("right,l", "fold(True)", "Unfold", tooltip="Its frames, the noise and the bytes, below the line"),
         Binding("left,h", "fold(False)", "Fold", show=False),
         Binding("d", "changed", "Changed", tooltip="Only transactions whose answer differs from the last to that poll"),
+        Binding("x", "screen.raw", "Words", tooltip="What registers mean, or the registers as they came", show=False),
     ]
 
     def __init__(self, desk: ViewState, *, id: str) -> None:
@@ -90,6 +89,8 @@ class TransactionList(FrameList):
         if not self.rows.count:
             return False
         partner = self.desk.bus.partner(row)
+        if self.desk.bus.is_noise(row) and self.unfolds(row):
+            return self._go_below(row)
         answers = partner is not None and self.desk.bus.table.value("kind", row) == Kind.RESPONSE
         begins = partner if answers and partner is not None else row
         self.following = False
@@ -99,6 +100,20 @@ class TransactionList(FrameList):
         self._meant = row
         self.move_to(line, middle=True)
         return self._lines.place(line)[0] == begins
+
+    def unfolds(self, row: int) -> bool:
+        """Whether a row is among those that unfold below a transaction of the list."""
+        return bool(self.rows.count) and row in self._lines.below(row)
+
+    def _go_below(self, row: int) -> bool:
+        """Unfold the transaction of a row, and put the cursor on that row below it."""
+        line = self._lines.turn(self._lines.line(row), wanted=True)
+        self._strips.clear()
+        self.following, self._meant = False, -1
+        self.grown()
+        at = line + 1 + self._lines.below(row).index(row)
+        self.move_to(at, middle=True)
+        return True
 
     def _tell(self) -> None:
         if self.cursor < self._lines.count and self._lines.place(self.cursor)[0] != self._meant:
@@ -183,11 +198,12 @@ class TransactionList(FrameList):
         if answer < 0 and row_direction(desk, row) == "request":
             outcome = [StyledText(tr(_OUTCOMES.get(ended.text, ended.text)), ended.kind)]
             if carried.register and carried.values:
-                outcome += [StyledText(": "), *_columns(carried)]
+                outcome += [StyledText(": "), *carried_values(desk, carried, room)]
         elif carried.values and not bad:
-            told = _columns(carried)
-            if desk.scope.only_changed:
-                told = _changes(carried) if carried.changed else [StyledText(tr("new "), "dim"), *told]
+            changes = desk.scope.only_changed and bool(carried.changed)
+            told = carried_values(desk, carried, room, only_changed=changes)
+            if desk.scope.only_changed and not changes:
+                told = [StyledText(tr("new "), "dim"), *told]
             return beside_content(told, about, room)
         elif answer >= 0:
             outcome = row_words(desk, answer)[0]
@@ -212,28 +228,9 @@ def _is_noted(mark: StyledText) -> bool:
     return mark.text[1] != " "
 
 
-def _columns(carried: TransactionValues) -> list[StyledText]:
-    """Values, registers below each other; one that is another than last time has a star, and stands out."""
-    width = 1 if carried.register[:1] in _BIT_AREAS and len(carried.register) > 1 else _WORD
-    out = []
-    for i, value in enumerate(carried.values):
-        star = "*" if i in carried.changed else " "
-        out.append(StyledText(f"{star}{value:>{width}}", "warning" if i in carried.changed else ""))
-    return out
-
-
-def _changes(carried: TransactionValues) -> list[StyledText]:
-    """Only what changed, by its number: `40101 230→231`."""
-    out = []
-    for i in sorted(carried.changed):
-        number = logical(int(carried.register[1:]) - 1 + i, cast(Area, f"{carried.register[0]}x"))
-        out += [StyledText(f" {number} ", "accent"), StyledText(f"{carried.before[i]}→{carried.values[i]} ", "warning")]
-    return out
-
-
 VIEW: Final = View(
     name="transactions", key="1", title="Transactions", short="Trans",
     make=lambda desk: TransactionList(desk, id="transactions"), refresh=grown,
-    chosen=shown_row, entered=to_its_fields, shown=at_the_row, at=under_cursor,
-    detail=True,
+    chosen=shown_row, entered=to_its_fields, shown=at_the_row, at=under_cursor, cells=cells_of_row,
+    detail=True, offers=OF_ROWS,
 )  # fmt: skip

@@ -16,8 +16,9 @@ from ..words import compact, percent, short_bound
 from .filterbar import FilterBar
 from .lines import Lines
 from .paint import Painted, StyledText, fitted
+from .places import OF_FIGURES, Place, UnitPlace
 from .plot import EIGHTHS, sparkline
-from .view import JUMPS, DoorCell, View
+from .view import DoorCell, View
 
 if TYPE_CHECKING:
     from textual.widget import Widget
@@ -226,8 +227,13 @@ def _cells(screen: BusScreen) -> list[DoorCell]:
     return [] if unit is None else [DoorCell("u", tr("unit {unit}", unit=unit), f"unit == {unit}")]
 
 
+def _at(screen: BusScreen) -> Place:
+    unit = screen.query_one(UnitList).unit
+    return None if unit is None else UnitPlace(unit)
+
+
 VIEW: Final = View(
-    name="units", key="4", title="Units",
-    make=_widget, refresh=_refresh, chosen=_chosen, entered=_entered, cells=_cells,
-    without=(*JUMPS, "select"), figures=True,
+    name="units", key="9", title="Units", tab=False,
+    make=_widget, refresh=_refresh, chosen=_chosen, entered=_entered, at=_at, cells=_cells,
+    offers=OF_FIGURES, figures=True,
 )  # fmt: skip

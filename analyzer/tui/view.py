@@ -7,19 +7,23 @@ line of a list is told as filters that mean it: the cells that doors lead throug
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from dissectors.functions import function_code
+from dissectors.values import AREAS, harmless, logical
 
 from ..languages import tr
-from ..model.polls import poll_values
+from ..model.polls import carried_by, poll_values
 from .paint import Painted
+from .places import Place
 
 if TYPE_CHECKING:
     from textual.widget import Widget
 
+    from ..model.meanings import Meaning
+    from ..model.registers import Spot
     from .desk import ViewState
     from .screen import BusScreen
 
@@ -35,9 +39,9 @@ class DoorCell:
     text: str
 
 
-def register_text(unit: int, logical: str) -> str:
-    """The filter for a register or a bit of a unit."""
-    return f"unit == {unit} and {'bit' if logical[0] in _BIT_AREAS else 'register'} == {logical}"
+def register_text(unit: int, number: str) -> str:
+    """The filter for a register or a bit of a unit, by its logical number."""
+    return f"unit == {unit} and {'bit' if number[0] in _BIT_AREAS else 'register'} == {number}"
 
 
 def cells_of_row(screen: BusScreen) -> list[DoorCell]:
@@ -48,7 +52,7 @@ def cells_of_row(screen: BusScreen) -> list[DoorCell]:
     if bus.is_noise(row):
         return [DoorCell("n", tr("noise"), "noise")]
     frame = bus.frame(row)
-    cells = []
+    cells = list(_value_cell(screen, row))
     item = screen.detail.fields.item
     place = "" if item is None else item.text.partition(":")[0]
     if screen.detail.fields.has_focus and item is not None and item.length and place.isdecimal() and len(place) > 4:
@@ -74,10 +78,46 @@ def cells_of_row(screen: BusScreen) -> list[DoorCell]:
     return cells
 
 
-JUMPS: Final = ("find", "find_on", "goto", "counterpart", "finding")  # the screen's actions that go to another row
+def _value_cell(screen: BusScreen, row: int) -> Iterator[DoorCell]:
+    """The value under the cursor of the fields, as what it means."""
+    item, desk = screen.detail.fields.item, screen.desk
+    poll = carried_by(desk.bus, row) if item is not None and screen.detail.fields.has_focus else None
+    if poll is None or item is None:
+        return
+    for reading in desk.meanings.readings(poll):
+        if item.name == value_name(reading.spot):
+            words = poll.values[reading.at : reading.at + reading.meaning.words]
+            yield from named_cells(reading.meaning, reading.spot, reading.meaning.number(words))
+
+
+def value_name(spot: Spot) -> str:
+    """The name of a value's item below."""
+    return f"value {spot[1]} {spot[2]}"
+
+
+def named_cells(meaning: Meaning, spot: Spot, number: float | None) -> Iterator[DoorCell]:
+    """The value of a register that means something, by its name."""
+    name = meaning.name or logical(spot[2], tuple(AREAS)[spot[1]])
+    if meaning.source == "plain" or number is None or '"' in name:
+        return
+    told = f"{number:.7g}"
+    words = tr("{name} is {number}", name=harmless(name), number=f"{told} {meaning.measure}".rstrip())
+    yield DoorCell("v", words, f'unit == {spot[0]} and value("{name}") == {told}')
 
 
 LISTS: Final = ("transactions", "frames")  # the views whose lines are rows of the bus
+
+
+def cells_of_units(units: Sequence[int]) -> list[DoorCell]:
+    """The units that something concerns."""
+    return [
+        DoorCell("ubcdefgh"[i], tr("unit {unit}", unit=unit), f"unit == {unit}") for i, unit in enumerate(units[:8])
+    ]
+
+
+def no_cells(screen: BusScreen) -> list[DoorCell]:  # noqa: ARG001
+    """Nothing stands under its cursor that a filter could mean."""
+    return []
 
 
 def nothing(screen: BusScreen) -> None:
@@ -93,8 +133,8 @@ def grown(screen: BusScreen) -> None:
     screen.query_one(f"#{screen.view}", Painted).grown()
 
 
-def nowhere(screen: BusScreen) -> int | None:  # noqa: ARG001
-    """Its cursor stands on no row."""
+def nowhere(screen: BusScreen) -> Place:  # noqa: ARG001
+    """Its cursor stands on nothing."""
     return None
 
 
@@ -110,10 +150,13 @@ class View:
     chosen: Callable[[BusScreen, Widget], None] = ignored  # the cursor of one of its lists moved
     entered: Callable[[BusScreen, Widget], None] = ignored  # a line of one of its lists was opened
     shown: Callable[[BusScreen], None] = nothing  # it has just come up
-    at: Callable[[BusScreen], int | None] = nowhere  # the row that its cursor stands on
-    cells: Callable[[BusScreen], list[DoorCell]] = cells_of_row  # what under its cursor can be filtered by
+    at: Callable[[BusScreen], Place] = nowhere  # what its cursor stands on
+    cells: Callable[[BusScreen], list[DoorCell]] = no_cells  # what under its cursor can be filtered by
+    copied: Callable[[BusScreen], str] | None = None  # the text that a copy is, where it is not bytes of a row
+    export: Callable[[BusScreen], Awaitable[None]] | None = None  # where it writes something else than rows
     short: str = ""  # title on narrow terminals
+    tab: bool = True  # stands among the tabs, not only while it is in sight
     detail: bool = False  # with the frame under the cursor below
     filtered: bool = True  # obeys the scope, whose line stands above
     figures: bool = False  # shows figures of the rows that the scope leaves, which take a while to count
-    without: tuple[str, ...] = ()  # the screen's actions that mean nothing in it
+    offers: frozenset[str] = frozenset()  # of the screen's actions in `places.OFFERED` those that it has

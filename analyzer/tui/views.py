@@ -4,7 +4,19 @@ from __future__ import annotations
 
 from typing import Final
 
-from . import findings, frames, home, pastepane, registerlist, report, timeline, transactions, unitlist
+from . import (
+    against,
+    findings,
+    frames,
+    home,
+    pastepane,
+    polllist,
+    registerspane,
+    report,
+    timeline,
+    transactions,
+    unitlist,
+)
 from .view import View
 
 VIEWS: Final[tuple[View, ...]] = (
@@ -12,10 +24,12 @@ VIEWS: Final[tuple[View, ...]] = (
     transactions.VIEW,
     frames.VIEW,
     findings.VIEW,
-    unitlist.VIEW,
-    registerlist.VIEW,
+    polllist.VIEW,
+    registerspane.VIEW,
     timeline.VIEW,
     report.VIEW,
     pastepane.VIEW,
+    unitlist.VIEW,
+    against.VIEW,
 )
 BY_NAME: Final = {view.name: view for view in VIEWS}

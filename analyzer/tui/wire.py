@@ -53,7 +53,7 @@ def latin(event: Key) -> Key:
 
 ASKING: Final = "ask"  # group of the workers that put questions
 FINDING: Final = "find"  # and of those that look for the next hit
-_LONGEST_S: Final = 2.0  # nothing holds keys back for longer; a laptop that is busy with something else needs one
+_LONGEST_S: Final = 2.0  # a laptop that is busy with something else needs one
 
 
 class KeyQueue:
@@ -63,8 +63,9 @@ class KeyQueue:
         self._app, self._dispatch = app, dispatch
         self._waiting: deque[Key] = deque()
         self._task: asyncio.Task[None] | None = None
-        self._closed = False
+        self.closed = False  # the application is ending
         self.taken = 0  # keys so far
+        self.patience_s = _LONGEST_S  # nothing holds keys back for longer
 
     @property
     def busy(self) -> bool:
@@ -78,14 +79,14 @@ class KeyQueue:
 
     def close(self) -> None:
         """The application ends: keys that wait have no effect any more."""
-        self._closed = True
+        self.closed = True
         self._waiting.clear()
         if self._task is not None:
             self._task.cancel()
 
     async def take(self, event: Key) -> None:
         """A key was pressed: it is handed on at once where none is before it."""
-        if self._closed:
+        if self.closed:
             return
         self.taken += 1
         if self._task is not None:
@@ -103,7 +104,7 @@ class KeyQueue:
         """Wait for the key that `target` was handed, then hand on those that came meanwhile."""
         try:
             while True:
-                await handled(self._app, target)
+                await handled(self._app, target, self.patience_s)
                 if not self._waiting:
                     return
                 target = self._app.focused or self._app.screen
@@ -114,10 +115,10 @@ class KeyQueue:
             self._task = None
 
 
-async def handled(app: App[Any], target: DOMNode) -> None:
-    """Return once a key that `target` was handed has had its effect."""
+async def handled(app: App[Any], target: DOMNode, patience_s: float = _LONGEST_S) -> None:
+    """Return once a key that `target` was handed has had its effect, or after so long."""
     with suppress(TimeoutError):
-        async with asyncio.timeout(_LONGEST_S):
+        async with asyncio.timeout(patience_s):
             await _notified(target)  # it, and whatever has a binding for the key
             await _notified(app.focused or app.screen)  # who was told of what that did
             await _question_settled(app)
@@ -133,8 +134,7 @@ async def _notified(target: DOMNode) -> None:
 
 async def _question_settled(app: App[Any]) -> None:
     """A question that is on its way is there and has the keys; one that was answered is done with."""
-    until = time.monotonic() + _LONGEST_S
-    while time.monotonic() < until and _coming(app):
+    while _coming(app):
         await asyncio.sleep(0.001)
 
 

@@ -273,7 +273,8 @@ def language_targets() -> list[Target]:
     from analyzer.checks import CheckError
     from analyzer.checks.parsing import RulesFileError
     from analyzer.filters import FilterError
-    from analyzer.model.search import GotoError, SearchError
+    from analyzer.model.search import SearchError
+    from analyzer.model.times import GotoError
     from analyzer.settings import SettingsError
     from analyzer.usernotes import NotesError
 

@@ -19,6 +19,8 @@ from analyzer.tui.prompts import Ask, Choose
 from analyzer.tui.screen import BusScreen
 from captures import samples
 
+_PATIENCE_S = 60.0  # a key that the application gave up waiting for, on a busy machine, would count as done
+
 
 class Seat:
     """A user at the interface."""
@@ -35,20 +37,32 @@ class Seat:
 
     @property
     def row(self) -> int:
-        assert self.screen.row is not None
-        return self.screen.row
+        row = self.screen.studied if self.screen.row is None else self.screen.row
+        assert row is not None
+        return row
 
     @property
     def bus(self) -> Any:
         return self.app.desk.bus
 
     async def press(self, *keys: str) -> None:
-        await self.pilot.press(*keys)
+        await self._pressed(keys)
         await self.settle()
 
     async def type(self, text: str) -> None:
-        await self.pilot.press(*("space" if c == " " else c for c in text))
+        await self._pressed(["space" if c == " " else c for c in text])
         await self.settle()
+
+    async def _pressed(self, keys: Sequence[str]) -> None:
+        """Press keys, and wait until the application has taken up the last of them.
+
+        On a busy machine the pilot comes back while keys are still on their way to the application, whose queue of
+        keys knows nothing of those.
+        """
+        queue = self.app.keys
+        wanted = queue.taken + len(keys)
+        await self.pilot.press(*keys)
+        await self.until(lambda: queue.taken >= wanted or queue.closed)
 
     async def settle(self) -> None:
         """Workers are done and their messages handled."""
@@ -86,6 +100,7 @@ async def seat(
     source: ViewSource, *, size: tuple[int, int] = (100, 30), view: str | None = "frames"
 ) -> AsyncIterator[Seat]:
     app = Rtuscope(source, view=view)
+    app.keys.patience_s = _PATIENCE_S
     notices: list[str] = []
     notify = app.notify
 
@@ -98,10 +113,7 @@ async def seat(
         sitting = Seat(app, pilot, notices)
         if not source.live:
             await sitting.until(
-                lambda: (
-                    sitting.bus.whole
-                    and (not sitting.bus.count or sitting.screen.row is not None or sitting.screen.view == "home")
-                )
+                lambda: sitting.bus.whole and (not sitting.bus.count or sitting.screen.studied is not None)
             )
             await sitting.settle()
         yield sitting

@@ -1,0 +1,175 @@
+"""Nothing acts on what is not shown: what an action takes stands under the cursor of the view in sight."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from seats import Seat, opened, sample_in, using
+
+from analyzer.tui.keys import BINDINGS
+from analyzer.tui.places import OF_ROWS, OFFERED, CausePlace, RegisterPlace, RowPlace, Stop, Trail, UnitPlace
+from analyzer.tui.report import ReportPage
+from analyzer.tui.views import VIEWS
+
+_VIEWS = {view.key[0]: view.name for view in VIEWS}
+
+
+@pytest.fixture
+def capture(tmp_path: Path) -> Path:
+    return sample_in(tmp_path)
+
+
+def test_an_action_is_in_a_view_only_where_the_view_offers_it() -> None:
+    for view in VIEWS:
+        assert view.offers <= OFFERED, view.name
+    of_rows = {view.name for view in VIEWS if view.offers >= {"bookmark", "comment", "reference", "counterpart"}}
+    assert of_rows == {"transactions", "frames", "findings"}
+    named = {binding.action.partition("(")[0] for binding in BINDINGS}
+    assert named >= OF_ROWS, "what is offered has a key"
+
+
+def test_notes_are_made_of_rows_in_sight_only(capture: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        screen, notes = sitting.screen, sitting.app.desk.notes
+        await sitting.press("1", "down", "down")
+        for view in "0456789":
+            await sitting.press(view)
+            for key in ("m", "r", "c", "w"):
+                await sitting.press(key)
+            assert screen.view == _VIEWS[view]
+            if view != "8":
+                assert screen.row is None
+                focused = sitting.app.focused
+                assert focused is not None and focused.region.height > 0, "the keys are where one sees them"
+            else:
+                await sitting.press("ctrl+l", "escape")
+        assert not notes.comments and notes.reference is None
+
+    using(opened(capture), work)
+
+
+def test_a_view_says_what_its_cursor_stands_on(capture: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        screen = sitting.screen
+        assert isinstance(screen.place, RowPlace)
+        await sitting.press("0")
+        await sitting.until(lambda: screen.place is not None)
+        assert isinstance(screen.place, CausePlace)
+        await sitting.press("end")
+        assert isinstance(screen.place, UnitPlace)
+        await sitting.press("3")
+        await sitting.press("home")
+        place = screen.place
+        assert isinstance(place, CausePlace)
+        await sitting.press("=")
+        assert {cell.text for cell in _choices(sitting)} == {f"unit == {unit}" for unit in place.cause.units[:8]}
+        await sitting.press("escape", "5")
+        assert isinstance(screen.place, RegisterPlace)
+
+    using(opened(capture), work)
+
+
+def _choices(sitting: Seat) -> list[object]:
+    from analyzer.tui.views import BY_NAME
+
+    return BY_NAME[sitting.screen.view].cells(sitting.screen)
+
+
+def test_back_and_forward_go_where_one_was(capture: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        screen = sitting.screen
+        await sitting.press("down", "down", "down")
+        first = sitting.row
+        await sitting.press("right_square_bracket")
+        second = sitting.row
+        assert second != first
+        await sitting.press("5", "minus")
+        assert (screen.view, sitting.row) == ("frames", second)
+        await sitting.press("minus")
+        assert (screen.view, sitting.row) == ("frames", first)
+        await sitting.press("underscore")
+        assert (screen.view, sitting.row) == ("frames", second)
+        await sitting.press("underscore")
+        assert screen.view == "registers"
+
+    using(opened(capture), work)
+
+
+def test_a_trail_forgets_what_is_ahead_once_one_goes_elsewhere() -> None:
+    trail = Trail()
+    trail.leave(Stop("frames", 1))
+    trail.leave(Stop("frames", 2))
+    assert trail.back(Stop("frames", 3)) == Stop("frames", 2)
+    trail.leave(Stop("frames", 2))
+    assert trail.forward(Stop("frames", 9)) is None
+    assert trail.back(Stop("frames", 9)) == Stop("frames", 2)
+
+
+def test_the_next_finding_stays_in_the_list_in_sight(capture: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        screen = sitting.screen
+        rows = []
+        for _ in range(12):
+            await sitting.press("right_square_bracket")
+            assert screen.view == "transactions"
+            rows.append(sitting.row)
+        assert rows == sorted(set(rows)), "each further on than the one before"
+        assert any(sitting.bus.is_noise(row) for row in rows), "noise unfolds below its transaction"
+
+    using(opened(capture), work, view="transactions")
+
+
+def test_every_command_of_the_view_stands_in_the_palette(capture: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        screen = sitting.screen
+        for view in ("frames", "units", "timeline"):
+            screen.action_view(view)
+            await sitting.settle()
+            titles = {command.title for command in sitting.app.get_system_commands(screen)}
+            offered = view == "frames"
+            assert ("Mark" in titles) == offered and ("Next hit" in titles) == offered
+            assert {"Span", "Kept filters", "Undo", "Quit", "Open", "Read anew", "Dark or light", "Back"} <= titles
+        assert "Zoom in" in titles
+
+    using(opened(capture), work)
+
+
+def test_notes_stand_in_the_report_and_it_is_written(capture: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        await sitting.press("down", "semicolon")
+        await sitting.type("inverter trips here")
+        await sitting.press("enter", "7")
+        page = sitting.screen.query_one(ReportPage)
+        await sitting.until(lambda: page.report is not None)
+        assert "inverter trips here" in page.text()
+        for name in ("report.html", "report.txt"):
+            await sitting.press("e")
+            line = sitting.app.focused
+            assert line is not None
+            line.value = str(capture.parent / name)  # type: ignore[attr-defined]
+            await sitting.press("enter")
+            await sitting.until(lambda name=name: (capture.parent / name).exists())  # type: ignore[misc]
+            assert "inverter trips here" in (capture.parent / name).read_text(encoding="utf-8")
+
+    using(opened(capture), work)
+
+
+def test_a_cause_is_walked_through_in_wire_order_from_its_line(capture: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        screen = sitting.screen
+        await sitting.press("0")
+        await sitting.until(lambda: isinstance(screen.place, CausePlace))
+        await sitting.press("home", "enter")
+        assert screen.view == "transactions"
+        rows = [screen.jumps.here]
+        for _ in range(3):
+            await sitting.press("n")
+            rows.append(screen.jumps.here)
+        assert rows == sorted(rows) and len(set(rows)) > 1
+        await sitting.press("N")
+        assert screen.jumps.here == rows[-2]
+        await sitting.press(*["minus"] * 5)
+        assert screen.view == "home", "and back"
+
+    using(opened(capture), work, view="transactions")
