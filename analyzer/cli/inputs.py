@@ -21,6 +21,7 @@ from captures.line import POLARITIES
 from ..meant import did_you_mean
 from ..words import UNITS_NS, is_clock, moment_of
 from .commands import UsageError
+from .lineoptions import LineWords, add_line_arguments
 from .terminal import tell
 
 if TYPE_CHECKING:
@@ -156,10 +157,7 @@ def add_reading_arguments(parser: argparse.ArgumentParser, *, format_flag: bool 
         help="its format: analyser-session, bin, mcap, pcap, pcapng, saleae, saleae-binary, saleae-edges, scope-table, "
         "serial-chunks, sigrok, sigrok-table, text, vcd (rtuscope help formats)",
     )
-    group.add_argument("-b", "--baud", type=int, metavar="N", help="bit/s of the line")
-    group.add_argument("-P", "--parity", choices=("N", "E", "O", "M", "S"), help="none, even, odd, mark, space")
-    group.add_argument("--bits", type=int, choices=(7, 8), help="data bits of a character")
-    group.add_argument("--stop", type=float, choices=(1, 1.5, 2), help="stop bits of a character")
+    add_line_arguments(group, LineWords())
     group.add_argument("--polarity", choices=POLARITIES, help="of a logic analyser's edges: inverted is low when idle")
     add_zone_argument(group)
     group.add_argument(

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import math
 
 from .commands import DONE, UsageError
+from .lineoptions import LineWords, add_line_arguments
 from .terminal import add_overwrite_argument, to_be_overwritten
 
 EXAMPLE = """\
@@ -17,6 +19,7 @@ rtuscope report silent.jsonl"""
 
 _TRANSACTIONS = 400
 _CHAR_BITS = 11
+_LINE_WORDS = LineWords(baud="bit/s, or with its format: 19200-8N1; drawn by chance if not given")
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -43,8 +46,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--cause",
         choices=(*cases_by_cause(), *other_cases()),
-        metavar="ID",
-        help="a site of its own, drawn by the seed, where this cause is at work: an ID of `rtuscope help causes`, "
+        metavar="CODE",
+        help="a site of its own, drawn by the seed, where this cause is at work: its code in `rtuscope help causes`, "
         "or healthy",
     )
     parser.add_argument(
@@ -56,7 +59,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--tap", choices=tuple(TAPS), default="precise", help="how the tap tells times (precise)")
     parser.add_argument("--transactions", type=int, metavar="N", help="requests to make (400)")
-    parser.add_argument("-b", "--baud", type=int, help="bit/s; drawn by chance if not given")
+    add_line_arguments(parser, _LINE_WORDS)
     parser.add_argument("--char-bits", type=int, help="start, data, parity and stop bits together (11)")
     parser.add_argument("--units", type=int, help="servers on the bus; drawn by chance if not given")
     parser.add_argument(
@@ -87,7 +90,7 @@ def run(arguments: argparse.Namespace) -> int:
             transactions=_TRANSACTIONS if arguments.transactions is None else arguments.transactions,
             seed=arguments.seed,
             baud=arguments.baud,
-            char_bits=_CHAR_BITS if arguments.char_bits is None else arguments.char_bits,
+            char_bits=_char_bits(arguments),
             units=arguments.units,
             defect=arguments.defect,
             maps=tuple(arguments.map),
@@ -98,8 +101,19 @@ def run(arguments: argparse.Namespace) -> int:
     return DONE
 
 
+def _char_bits(arguments: argparse.Namespace) -> int:
+    """Bits of a character as the options tell; 11 where none does."""
+    given = (arguments.parity, arguments.bits, arguments.stop)
+    if arguments.char_bits is not None:
+        return int(arguments.char_bits)
+    if given == (None, None, None):
+        return _CHAR_BITS
+    parity, bits, stop = given
+    return 1 + (bits or 8) + (parity not in (None, "N")) + math.ceil(stop or 1)
+
+
 def _refuse_what_is_drawn(arguments: argparse.Namespace) -> None:
-    for name in ("wire", "defect", "map", "transactions", "baud", "char_bits", "units"):
+    for name in ("wire", "defect", "map", "transactions", "baud", "char_bits", "units", "parity", "bits", "stop"):
         if getattr(arguments, name):
             option = name.replace("_", "-")
             raise UsageError(f"--cause draws a site of its own: leave out --{option}, or --cause")
