@@ -52,8 +52,8 @@ _NUMBER: Final = (int, float)
 _LOCAL_PORT: Final = re.compile(r"COM\d{1,4}|/dev/(?!.*\.\.)[\w./:+-]+", re.IGNORECASE)  # no host, no file, no `spy://`
 SETTINGS: Final = (
     Setting("port", str, ("port",), "the port that sniff, record and tap listen to", taps=True),
-    Setting("tz", str, ("tz",), "zone of times without one"),
-    Setting("lang", str, ("lang",), "language of what is said: en or ru"),
+    Setting("tz", str, ("tz",), "time zone for timestamps that carry none"),
+    Setting("lang", str, ("lang",), "language of messages: en or ru"),
     Setting("theme", str, ("light",), "light or dark"),
     Setting("functions", list, ("functions",), "files that declare vendor functions", personal=True),
     Setting("line.baud", (int, str), ("baud",), "bit/s of a tap, or auto", taps=True),

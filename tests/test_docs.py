@@ -136,9 +136,8 @@ HOWTOS = [page for page in ENGLISH if page.parent.name == "howto"]
 
 @pytest.mark.parametrize("page", HOWTOS, ids=[page.stem for page in HOWTOS])
 def test_each_howto_makes_its_trouble_and_the_report_names_it_first(page, tmp_path):
-    made = re.search(
-        r"^rtuscope (simulate (\S+) .*--cause (\S+).*)\n(rtuscope report \2)$", "".join(commands_of(page)), re.M
-    )
+    pattern = re.compile(r"^rtuscope (simulate (\S+) .*--cause (\S+).*)\n(rtuscope report \2)$", re.MULTILINE)
+    made = pattern.search("".join(commands_of(page)))
     assert made, "no simulate --cause with a report"
     assert f"1. {made[3]}, " in page.read_text(encoding="utf-8")
     assert spawned(*shlex.split(made[1]), cwd=tmp_path).status == 0

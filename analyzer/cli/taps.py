@@ -60,7 +60,7 @@ def add_tap_arguments(parser: argparse.ArgumentParser) -> None:
     taps.add_argument(
         "--seek-remote",
         action="store_true",
-        help="find the settings of an rfc2217:// port by CHANGING them there; else it is listened to as it is",
+        help="find the settings of an rfc2217:// port by CHANGING them there; without it the port keeps its settings",
     )
     taps.add_argument("--wait", action="store_true", help="wait for a port that is not there yet")
     taps.add_argument("--blocking-read", action="store_true", help=argparse.SUPPRESS)
@@ -77,7 +77,9 @@ def add_token_argument(parser: argparse._ArgumentGroup) -> None:
 
 def add_viewer_arguments(parser: argparse.ArgumentParser) -> None:
     """How to get at a tap elsewhere."""
-    group = parser.add_argument_group("a tap elsewhere (tap://HOST[:PORT], taps:// with TLS); its line settings count")
+    group = parser.add_argument_group(
+        "a tap elsewhere (tap://HOST[:PORT], taps:// with TLS); it has its own line settings"
+    )
     add_token_argument(group)
     group.add_argument("--tls-ca", metavar="FILE", help="trust this certificate (PEM), in place of the system's")
 
@@ -94,9 +96,9 @@ def add_recording_arguments(parser: argparse.ArgumentParser, *, needed: bool) ->
         help=f"record to this .mcap file{'' if needed else '; - is for --format'}",
     )
     add_overwrite_argument(recording, "FILE")
-    recording.add_argument("--rotate-every", type=seconds, metavar="TIME", help="begin a new file so often: 1h, 1d")
+    recording.add_argument("--rotate-every", type=seconds, metavar="TIME", help="start a new file every TIME: 1h, 1d")
     recording.add_argument(
-        "--rotate-size", type=size_in_bytes, metavar="SIZE", help="begin a new file at this size: 64MB"
+        "--rotate-size", type=size_in_bytes, metavar="SIZE", help="start a new file at this size: 64MB"
     )
     recording.add_argument(
         "--keep",
@@ -104,7 +106,7 @@ def add_recording_arguments(parser: argparse.ArgumentParser, *, needed: bool) ->
         action="append",
         default=[],
         metavar="TIME|SIZE",
-        help="a ring: give up files older than this (7d), or the oldest when all are larger (2GB)",
+        help="keep only files newer than this (7d), or this much in all (2GB); delete older ones",
     )
 
 
