@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import re
 import shutil
 import sys
 from io import StringIO
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from ..languages import in_use
 from ..meant import did_you_mean
@@ -16,6 +15,11 @@ from ..terminal_text import trusted
 from .app import main
 from .commands import COMMANDS, DONE, UsageError, pages
 from .terminal import coloured, places
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from markdown_it.token import Token
 
 EXAMPLE = """\
 rtuscope help
@@ -35,8 +39,6 @@ _ALIASES: Final = {
     "commands": "recipes",
 }  # words by which pages are asked for
 _WIDEST: Final = 120  # columns, of prose that one still reads
-_PICTURE: Final = re.compile(r"^!\[[^\]]*\]\([^)]*\)\n*", re.MULTILINE)
-_RELATIVE: Final = re.compile(r"\[([^\]]+)\]\((?!https?:)[^)]*\)")
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -78,13 +80,27 @@ def rendered(markdown: str, columns: int, *, colour: bool) -> str:
     from rich.console import Console
     from rich.markdown import Markdown
 
-    text = _RELATIVE.sub(r"\1", _PICTURE.sub("", markdown))
+    page = Markdown(markdown, code_theme="bw", hyperlinks=False)
+    for token in page.parsed:
+        if token.children:
+            token.children = list(_without_files(token.children))
     shown = StringIO()
     console = Console(
         file=shown, width=min(columns, _WIDEST), force_terminal=colour, color_system="standard" if colour else None
     )
-    console.print(Markdown(text, code_theme="bw", hyperlinks=False))
+    console.print(page)
     return "\n".join(line.rstrip() for line in shown.getvalue().splitlines()) + "\n"
+
+
+def _without_files(tokens: Iterable[Token]) -> Iterator[Token]:
+    """The parts of a text, of links into the documentation their words alone."""
+    elsewhere = False  # the link that is open leads out of it
+    for token in tokens:
+        if token.type == "link_open":
+            elsewhere = str(token.attrGet("href")).startswith("http")
+        if token.type == "image" or (token.type in ("link_open", "link_close") and not elsewhere):
+            continue
+        yield token
 
 
 def _title(page: Path) -> str:

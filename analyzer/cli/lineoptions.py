@@ -10,13 +10,14 @@ A command says what it makes of them (`LineWords`), and whether `auto` is a valu
 from __future__ import annotations
 
 import argparse
-import re
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
 PARITIES: Final = {"none": "N", "even": "E", "odd": "O", "mark": "M", "space": "S"}
 _LETTERS: Final = {letter.lower(): letter for letter in PARITIES.values()}
-_FORMAT: Final = re.compile(r"(\d{1,8})(?:[-, ]?([78])([NEOMSneoms])(1\.5|1|2))?")
+_DATA_BITS: Final = ("7", "8")
+_STOP_BITS: Final = ("1", "1.5", "2")
+_DIGITS: Final = 8
 _SLOWEST, _FASTEST = 50, 12_000_000  # bit/s
 
 
@@ -64,12 +65,15 @@ def add_line_arguments(group: argparse._ActionsContainer, words: LineWords) -> N
 
 def rate(text: str) -> int | RateWithFormat:
     """A rate in bit/s, with the format of a character or without; for argparse."""
-    match = _FORMAT.fullmatch(text.strip())
-    if match is None or not _SLOWEST <= int(match[1]) <= _FASTEST:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a rate in bit/s, nor one such as 19200-8N1")
-    if match[2] is None:
-        return int(match[1])
-    return RateWithFormat(int(match[1]), int(match[2]), match[3].upper(), float(match[4]))
+    number, dash, form = text.strip().replace(" ", "-").replace(",", "-").partition("-")
+    known = number.isascii() and number.isdecimal() and len(number) <= _DIGITS
+    if known and _SLOWEST <= int(number) <= _FASTEST:
+        if not dash:
+            return int(number)
+        bits, letter, stop = form[:1], _LETTERS.get(form[1:2].lower()), form[2:]
+        if bits in _DATA_BITS and letter is not None and stop in _STOP_BITS:
+            return RateWithFormat(int(number), int(bits), letter, float(stop))
+    raise argparse.ArgumentTypeError(f"{text!r} is not a rate in bit/s, nor one such as 19200-8N1")
 
 
 def rate_or_auto(text: str) -> int | str | RateWithFormat:
