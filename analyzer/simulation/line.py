@@ -140,7 +140,7 @@ class WireBytes:
     frames: tuple[TruthFrame, ...]
 
 
-class Passing:
+class PassingBytes:
     """What passes on a wire, kept until somebody takes it: bytes with their times, and frames, numbered and placed as
     in the whole stream."""
 
@@ -179,7 +179,7 @@ def play(client: Asking, wire: Wire, chances: Chances, transactions: int, charac
 
 class _Line:
     def __init__(self, wire: Wire, chances: Chances, character_ns: float) -> None:
-        self.passing = Passing()
+        self.passing = PassingBytes()
         self._wire = wire
         self._random = chances.faults
         self._pace = chances.pace

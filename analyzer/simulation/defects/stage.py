@@ -26,7 +26,7 @@ from ...registry import Registry
 from ..chances import Chances
 from ..conversation import Client, Exchange, Habits, adu
 from ..devices import Device
-from ..line import Passing
+from ..line import PassingBytes
 from ..truth import TruthFinding, TruthFrame
 
 MS: Final = 1e6  # ns
@@ -54,7 +54,7 @@ class Stage:
         self.client = Client(chances.bus, Habits(False, 0, 0.0, 0.0, 0.0), units)
         for device in self.client.devices:
             device.response_ns = chances.bus.uniform(*_ANSWERS_MS) * MS
-        self.passing = Passing()
+        self.passing = PassingBytes()
         self.errors: list[int] = []  # offsets of bytes that the UART marked
         self.findings: list[TruthFinding] = []
         self.now = _FIRST_NS
