@@ -13,6 +13,7 @@ class BuildHook(BuildHookInterface[Any]):
         root = Path(self.root)
         files = [file for file in (root / "analyzer" / "product").iterdir() if file.is_file()]
         product = {str(file): f"rtuscope/{file.name}" for file in files}
-        pages = {str(page): f"analyzer/pages/{page.name}" for page in (root / "docs").glob("*.md")}
+        docs = root / "docs"
+        pages = {str(page): f"analyzer/pages/{page.relative_to(docs).as_posix()}" for page in docs.rglob("*.md")}
         editable = version == "editable"
         build_data["force_include_editable" if editable else "force_include"] = product if editable else product | pages

@@ -52,14 +52,14 @@ _NUMBER: Final = (int, float)
 _LOCAL_PORT: Final = re.compile(r"COM\d{1,4}|/dev/(?!.*\.\.)[\w./:+-]+", re.IGNORECASE)  # no host, no file, no `spy://`
 SETTINGS: Final = (
     Setting("port", str, ("port",), "the port that sniff, record and tap listen to", taps=True),
-    Setting("tz", str, ("tz",), "zone of times without one"),
-    Setting("lang", str, ("lang",), "language of what is said: en or ru"),
+    Setting("tz", str, ("tz",), "time zone for timestamps that carry none"),
+    Setting("lang", str, ("lang",), "language of messages: en or ru"),
     Setting("theme", str, ("light",), "light or dark"),
     Setting("functions", list, ("functions",), "files that declare vendor functions", personal=True),
     Setting("line.baud", (int, str), ("baud",), "bit/s of a tap, or auto", taps=True),
     Setting("line.parity", str, ("parity",), "of a tap: N, E, O or auto", taps=True),
-    Setting("line.stop_bits", _NUMBER, ("stop_bits",), "of a tap", taps=True),
-    Setting("line.data_bits", int, ("data_bits",), "of a tap", taps=True),
+    Setting("line.stop_bits", _NUMBER, ("stop",), "of a tap", taps=True),
+    Setting("line.data_bits", int, ("bits",), "of a tap", taps=True),
     Setting("timing.t15_ms", _NUMBER, ("t15_ms",), "longest silence inside a frame"),
     Setting("timing.t35_ms", _NUMBER, ("t35_ms",), "least silence between frames"),
     Setting("timing.turnaround_ms", _NUMBER, ("turnaround_ms",), "least pause after a broadcast"),

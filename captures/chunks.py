@@ -14,6 +14,7 @@ from __future__ import annotations
 import enum
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from .recording.notes import Note as LineNote
 
 MAX_DAMAGE = 100  # entries kept; further ones are counted
+_CHUNKS_AT_ONCE = 1 << 16  # of a capture that passes: some 10 MiB of objects
 
 Note = Callable[[str, str], None]  # (where, what): a reader's report of something lost
 
@@ -239,6 +241,11 @@ class Capture:
         """A capture in memory; ValueError for a chunk with a value out of its range."""
         return cls(_Memory(line, Block.from_chunks(chunks, timed=timed), timed))
 
+    @classmethod
+    def passing(cls, line: LineSettings, chunks: Iterable[Chunk]) -> Capture:
+        """A capture of chunks that are made as they are read, once; ValueError, then, for a value out of its range."""
+        return cls(_Passing(line, iter(chunks)))
+
     def blocks(self, max_bytes: int = 1 << 20) -> Iterator[Block]:
         """The chunks in order, as blocks of at most `max_bytes` bytes (or of one larger chunk).
 
@@ -287,6 +294,19 @@ class _Memory:
 
     def blocks(self, max_bytes: int, note: Note) -> Iterator[Block]:  # noqa: ARG002 - the protocol's signature
         yield self.block
+
+
+@dataclass(frozen=True, slots=True)
+class _Passing:
+    """A source of chunks that nobody holds; it can be read once."""
+
+    line: LineSettings
+    chunks: Iterator[Chunk]
+    timed: bool = True
+
+    def blocks(self, max_bytes: int, note: Note) -> Iterator[Block]:  # noqa: ARG002 - the protocol's signature
+        while some := list(islice(self.chunks, min(max_bytes, _CHUNKS_AT_ONCE))):
+            yield Block.from_chunks(some)
 
 
 def _retimed(block: Block, order: TimeOrder) -> Block:

@@ -174,12 +174,12 @@ def write(
 ) -> None:
     """Writes a capture with its notes, or chunks with the settings `line`, to a file or to an open binary file.
 
-    The format follows from `format`, else from the suffix, else it is serial-chunks; notes are left out where it has no
-    room for them. A named file gets its name only when it is whole. Raises CaptureError where it can't be written,
-    ValueError for chunks with impossible values.
+    Chunks are written as they are made. The format follows from `format`, else from the suffix, else it is
+    serial-chunks; notes are left out where it has no room for them. A named file gets its name only when it is whole.
+    Raises CaptureError where it can't be written, ValueError for chunks with impossible values.
     """
     if not isinstance(capture, Capture):
-        capture = Capture.of(line or LineSettings(), capture)
+        capture = Capture.passing(line or LineSettings(), capture)
     settings = line if line is not None else capture.line
     if isinstance(target, (str, PathLike)):
         path = Path(target)

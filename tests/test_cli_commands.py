@@ -190,7 +190,7 @@ def test_ctrl_c_keeps_what_was_done(tmp_path, capsys):
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert err == b"rtuscope: stopped by Ctrl-C; what was done is kept, and partial\n"
+    assert err == b"rtuscope: stopped by Ctrl-C; partial output is kept\n"
     kept = out.read_text(encoding="utf-8").splitlines()
     assert kept
     assert kept[-1].endswith("}")

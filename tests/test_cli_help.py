@@ -15,7 +15,8 @@ from running import ran, refused
 import analyzer
 from analyzer.checks.model import forms
 from analyzer.cli.app import command_line
-from analyzer.cli.commands import COMMANDS, meanings
+from analyzer.cli.commands import COMMANDS, meanings, pages
+from analyzer.cli.help import rendered
 from analyzer.languages import catalogue, retold, telling, use
 from analyzer.reference.causes import markdown
 from analyzer.settings import SETTINGS, TABLES
@@ -34,7 +35,34 @@ def test_a_page_is_printed(topic: str, capsys: pytest.CaptureFixture[str]) -> No
 
 def test_without_a_topic_all_pages_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
     listed = {line.split()[0] for line in ran(capsys, "help").out.split("\n\n")[0].splitlines()}
-    assert listed == {page.stem for page in DOCS.glob("*.md")} - {"index"}  # the first page of the site
+    guides = {page.stem for page in (*DOCS.glob("*.md"), *DOCS.glob("howto/*.md"))} - {"index"}  # that of the site
+    assert listed == guides | {f"tutorial-{page.stem}" for page in DOCS.glob("tutorials/*.md")}
+
+
+@pytest.mark.parametrize(
+    ("topic", "title"),
+    [("tutorial", "# Tutorial: read pasted bytes"), ("dead-unit", "# A unit does not answer"), ("paste", "# Tutorial:"),
+     ("howto/crc-errors.md", "# CRC errors"), ("tutorials/live", "# Tutorial: listen"), ("line", "# Rules of a line")],
+)  # fmt: skip
+def test_tutorials_and_howtos_are_pages_too(topic: str, title: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert ran(capsys, "help", topic).out.startswith(title)
+
+
+def test_a_page_is_in_the_language_in_use(capsys: pytest.CaptureFixture[str]) -> None:
+    assert ran(capsys, "--lang", "ru", "help", "dead-unit").out.startswith("# Устройство не отвечает")
+    assert ran(capsys, "--lang", "ru", "help", "filters").out.startswith("# ")  # stands in English alone
+    assert "Ошибки CRC" in ran(capsys, "--lang", "ru", "help").out
+
+
+@pytest.mark.parametrize("columns", [40, 80, 200])
+def test_a_page_on_a_terminal_is_read_as_text(columns: int) -> None:
+    for name, page in pages().items():
+        if name in ("findings", "causes"):  # long, and like the others
+            continue
+        shown = rendered(page.read_text(encoding="utf-8"), columns, colour=False)
+        assert "](" not in shown and "![" not in shown and "\x1b" not in shown, name
+        assert max(map(len, shown.splitlines())) <= min(columns, 120), name
+    assert "\x1b[" in rendered("# A *page*", columns, colour=True)
 
 
 def test_a_command_is_helped_with_too(capsys: pytest.CaptureFixture[str]) -> None:

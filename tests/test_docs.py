@@ -1,6 +1,7 @@
 """What the pages say is what the tool does, and the site builds.
 
-Tutorials and how-tos: every command runs as it stands there, and shows what stands below it. A block of `text` below
+Tutorials and how-tos: every command runs as it stands there, and shows what stands below it: the Russian pages on a
+Russian system, the others in the locale C. Each how-to makes the trouble that it is about. A block of `text` below
 commands is what the last of them prints, `...` for lines left out; one of `console` is like it, digits apart. What the
 README and the page for Python show is what the tool does. The Russian page keeps up with it: its codes and their
 severities, its commands and their options. `docs/findings.md` is what the rules declare, and shows each at work.
@@ -10,6 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import importlib.util
+import json
 import os
 import re
 import shlex
@@ -32,7 +34,8 @@ from analyzer.reference.findings import markdown
 from analyzer.tables.findings import rules
 
 DOCS = ROOT / "docs"
-PAGES = sorted(page for folder in ("tutorials", "howto") for page in (DOCS / folder).glob("*.md"))
+ENGLISH = sorted(page for folder in ("tutorials", "howto") for page in (DOCS / folder).glob("*.md"))
+PAGES = [*ENGLISH, *(DOCS / "ru" / page.relative_to(DOCS) for page in ENGLISH)]
 PORT = "/dev/ttyUSB0"
 _BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 _REQUEST, _ANSWER = bytes.fromhex("1103006b00037687"), bytes.fromhex("110306ae415652434049ad")
@@ -101,8 +104,8 @@ def test_every_command_of_a_page_does_what_stands_there(page, tmp_path):
             for line in step.commands:
                 program, *arguments = shlex.split(line.replace(PORT, port) if port else line)
                 assert program == "rtuscope", line
-                done = spawned(*arguments, cwd=tmp_path)
-                if arguments[0] == "open" and "needs a terminal" in done.err:
+                done = spawned(*arguments, cwd=tmp_path, LANG=locale_of(page), LC_ALL=locale_of(page))
+                if arguments[0] == "open" and re.search("needs a terminal|нужен терминал", done.err):
                     continue  # tests/test_cli_open.py gives it one
                 assert done.status == 0, (line, done)
             if step.kind == "console":
@@ -113,11 +116,33 @@ def test_every_command_of_a_page_does_what_stands_there(page, tmp_path):
                 at = done.out.index(part, at) + len(part)
 
 
+def locale_of(page):
+    return "ru_RU.UTF-8" if "ru" in page.relative_to(DOCS).parts else "C.UTF-8"
+
+
+def commands_of(page):
+    return [text for kind, text in _BLOCK.findall(page.read_text(encoding="utf-8")) if kind == "sh"]
+
+
 def test_each_page_stands_in_russian_with_the_same_commands():
-    assert len(PAGES) == 8
-    for page in PAGES:
-        russian = (DOCS / "ru" / page.relative_to(DOCS)).read_text(encoding="utf-8")
-        assert _BLOCK.findall(russian) == _BLOCK.findall(page.read_text(encoding="utf-8"))
+    assert len(ENGLISH) == 8
+    for page in ENGLISH:
+        russian = DOCS / "ru" / page.relative_to(DOCS)
+        assert commands_of(russian) == commands_of(page)
+
+
+HOWTOS = [page for page in ENGLISH if page.parent.name == "howto"]
+
+
+@pytest.mark.parametrize("page", HOWTOS, ids=[page.stem for page in HOWTOS])
+def test_each_howto_makes_its_trouble_and_the_report_names_it_first(page, tmp_path):
+    pattern = re.compile(r"^rtuscope (simulate (\S+) .*--cause (\S+).*)\n(rtuscope report \2)$", re.MULTILINE)
+    made = pattern.search("".join(commands_of(page)))
+    assert made, "no simulate --cause with a report"
+    assert f"1. {made[3]}, " in page.read_text(encoding="utf-8")
+    assert spawned(*shlex.split(made[1]), cwd=tmp_path).status == 0
+    told = spawned("report", made[2], "--json", cwd=tmp_path)
+    assert json.loads(told.out)["causes"][0]["cause"] == made[3]
 
 
 @pytest.mark.skipif(

@@ -17,6 +17,7 @@ from captures.chunks import Capture, Chunk
 
 # Where nothing but a read's end parts two senders, it may be taken for a frame's.
 HARD = {("collision", tap): 0.8 for tap in ("irq", "gateway", "untimed")}
+HARD["retry", "gateway"] = 0.84  # a request and its repetition may come at once
 HARD["flow-control-loss", "untimed"] = 0.9  # the first frames, before anything is known of the bus
 NEVER_MIND = {"timing-blind", "poll-waste", "crc-collision"}  # true by chance anywhere
 

@@ -67,9 +67,9 @@ def test_the_same_on_a_long_bus_however_it_is_fed(wire: str, tap: str) -> None:
     ("defect", "tap", "seed"),
     [
         ("collision", "irq", 0),
-        ("collision", "gateway", 3),
-        ("byte-missing", "irq", 3),
-        ("flow-control-loss", "ftdi16", 2),
+        ("collision", "gateway", 2),
+        ("byte-missing", "irq", 6),
+        ("flow-control-loss", "ftdi16", 8),
     ],
 )
 def test_the_same_where_a_damaged_frame_and_the_noise_behind_it_are_one(defect: str, tap: str, seed: int) -> None:
@@ -112,7 +112,7 @@ def test_state_does_not_grow() -> None:
     """Requests that nobody answers, noise and damage without end: what is remembered stays small."""
     import pickle
 
-    made = simulate(Scenario("brutal", "precise", transactions=1000, seed=1))
+    made = simulate(Scenario("brutal", "precise", transactions=1000, seed=2))
     deframer, transactions, diagnosis = rtu_deframer(made.line), Transactions(), Diagnosis(made.line)
     sizes = []
     for i in range(0, len(made.chunks), 1000):

@@ -354,7 +354,7 @@ def test_a_full_disk_ends_the_batch(whole, tmp_path, monkeypatch):
             tried.append(task)
             yield task, LakeWriteError("the lake cannot be written: no space left on device")
 
-    with pytest.raises(FleetError, match="no space left on device; what was done is kept: --resume goes on"):
+    with pytest.raises(FleetError, match="no space left on device; partial output is kept: continue with --resume"):
         batch(tmp_path / "lake", tmp_path / "src", runner=full)
     assert len(tried) == 5
 

@@ -226,7 +226,7 @@ def test_seeking_there_is_for_port_servers():
     from analyzer.cli.taps import tap_of
 
     arguments = argparse.Namespace(
-        port="/dev/ttyX", port2=None, baud="auto", parity="auto", stop_bits=None, data_bits=None, seek_remote=True
+        port="/dev/ttyX", port2=None, baud="auto", parity="auto", stop=None, bits=None, seek_remote=True
     )
     with pytest.raises(UsageError, match="rfc2217"):
         tap_of(arguments)

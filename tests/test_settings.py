@@ -115,6 +115,7 @@ def test_mistakes_name_their_line(capsys, files, text, said):
     ("text", "command", "said"),
     [
         ('[line]\nbaud = "x"\n', ("sniff", "/dev/nowhere"), "line 2: line.baud: 'x' is not a rate in bit/s, nor auto"),
+        ('[line]\nbaud = "19200-8N1"\n', ("sniff", "/dev/nowhere"), "line 2: line.baud: the rate alone"),
         ("[line]\nbaud = 0\n", ("sniff", "/dev/nowhere"), "line 2: line.baud: '0' is not a rate"),
         ("tz = 'Europe/Mosow'\n", ("report", TROUBLED), "line 1: tz: no time zone 'Europe/Mosow': did you mean"),
         ("lang = 'fr'\n", ("report", TROUBLED), "line 1: lang: invalid choice: 'fr'"),

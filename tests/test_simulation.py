@@ -17,6 +17,7 @@ import pytest
 import captures
 from analyzer.simulation import TAPS, WIRES, Scenario, Simulation, simulate, write
 from analyzer.simulation.conversation import hostile
+from analyzer.simulation.taps import USUAL_BAUDS
 from dissectors.crc import crc_bytes
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -38,7 +39,7 @@ def test_every_wire_through_every_tap(wire: str, tap: str) -> None:
     requests = [frame for frame in made.truth if frame.pair is None]
     assert len(requests) == 60
     assert made.line.tap == tap
-    assert made.line.baud in TAPS[tap].bauds
+    assert made.line.baud in USUAL_BAUDS
     assert all(chunk.data for chunk in made.chunks)
     times = [chunk.t_ns for chunk in made.chunks]
     assert times == sorted(times)
@@ -86,7 +87,7 @@ def test_the_same_seed_gives_the_same_capture() -> None:
     assert simulate(scenario) == simulate(scenario)
 
 
-@pytest.mark.parametrize("other", [{"seed": 43}, {"units": 1}, {"baud": 115200}])
+@pytest.mark.parametrize("other", [{"seed": 43}, {"units": 1}])
 def test_another_scenario_gives_another_capture(other: dict[str, int]) -> None:
     made = _made("brutal", "irq", transactions=80, seed=42)
     assert _stream(made) != _stream(_made("brutal", "irq", transactions=80, **{"seed": 42, **other}))

@@ -267,7 +267,7 @@ def command_line(filled: Iterable[str]) -> Parser:
         prog="rtuscope",
         description=_in_language("Frame parser and serial-capture analyzer for Modbus RTU buses."),
         epilog=f"{_in_language('example:')}\n  rtuscope parse 11 03 00 6B 00 03 76 87\n\n"
-        + _in_language("`rtuscope COMMAND --help` tells the rest, each with an example."),
+        + _in_language("Run `rtuscope COMMAND --help` for options and an example."),
     )
     parser.add_argument("--version", action="version", version=f"rtuscope {__version__}")
     add_language(parser)

@@ -104,14 +104,14 @@ def run(arguments: argparse.Namespace) -> int:
             )
     except KeyboardInterrupt:
         with suppress(OSError):  # the terminal may be gone
-            tell("ended at once; what was done is kept: --resume goes on")
+            tell("ended at once; partial output is kept: continue with --resume")
         return INTERRUPTED
     result.troubles = [*refused, *result.troubles]
     tell_result(result)
     if not arguments.redo and result.outdated:
         tell(outdated(result))
     if result.partial:
-        tell("stopped by Ctrl-C; what was done is kept: --resume goes on")
+        tell("stopped by Ctrl-C; partial output is kept: continue with --resume")
         return INTERRUPTED
     return FAILED if result.is_flawed or refused else DONE
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 from . import sniff
 from .commands import UsageError
 from .inputs import add_functions_argument, add_limit_arguments
+from .lineoptions import LineWords, add_line_arguments
 from .taps import add_recording_arguments
 from .terminal import put
 from .watching import add_outlet_arguments, add_view_arguments, address, check_interface, shown_host
@@ -22,6 +23,13 @@ rtuscope between /dev/ttyUSB0 --baud 19200 --parity E -o bus.mcap
 rtuscope between --listen 5020 --to 192.168.1.7:502"""
 
 _BAUD: Final = 9600
+_LINE_WORDS: Final = LineWords(
+    baud="bit/s, or with its format: 19200-8N1; until your program sets another (9600)",
+    parity="of the line: set your program's own to none for E (N)",
+    bits="7 on some lines in ASCII mode (8)",
+    stop="of the line's characters (1)",
+    parities=("N", "E", "O"),
+)
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -33,12 +41,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="the line's serial port, or socket://HOST:PORT; the first line printed names the port for your program",
     )
     line = parser.add_argument_group("the line; rate and stop bits are as your program sets them on its port")
-    line.add_argument("-b", "--baud", type=_rate, metavar="N", help="bit/s until your program sets another (9600)")
-    line.add_argument(
-        "-P", "--parity", choices=("N", "E", "O"), help="of the line: set your program's own to none for E (N)"
-    )
-    line.add_argument("--stop-bits", type=float, choices=(1, 1.5, 2), help="of the line's characters (1)")
-    line.add_argument("--data-bits", type=int, choices=(7, 8), help="7 on some lines in ASCII mode (8)")
+    add_line_arguments(line, _LINE_WORDS)
     line.add_argument("--wait", action="store_true", help="wait for a port that is not there yet")
     network = parser.add_argument_group("a gateway or server on a network")
     network.add_argument(
@@ -92,8 +95,8 @@ def _begun(arguments: argparse.Namespace) -> BetweenSource:
             arguments.port,
             int(arguments.baud or _BAUD),
             arguments.parity or "N",
-            arguments.stop_bits or 1,
-            arguments.data_bits or 8,
+            arguments.stop or 1,
+            arguments.bits or 8,
         )
     relaying = Relaying(
         port, listen=arguments.listen, to=arguments.to, idle_ns=arguments.idle_ms or IDLE_NS, wait=arguments.wait
@@ -102,9 +105,3 @@ def _begun(arguments: argparse.Namespace) -> BetweenSource:
     put(f"{source.given}\n")
     arguments.port = f"{source.given} - {arguments.port}"
     return source
-
-
-def _rate(text: str) -> int:
-    if not text.isdecimal() or len(text) > 8 or not 50 <= int(text) <= 12_000_000:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a rate in bit/s")
-    return int(text)

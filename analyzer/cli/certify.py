@@ -3,19 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from typing import TYPE_CHECKING
 
-from .commands import DONE, FAILED, INTERRUPTED, NO_FRAME
-from .inputs import (
-    add_capture_arguments,
-    add_limit_arguments,
-    chosen_limits,
-    load_functions,
-    open_capture,
-    tell_damage,
-)
-from .terminal import Progress, add_overwrite_argument, interruptible, put_json, tell, to_be_overwritten
+from .commands import DONE, FAILED
+from .inputs import add_capture_arguments, add_limit_arguments, chosen_limits, load_functions, open_capture
+from .onepage import add_page_arguments, put_out, status_of
+from .terminal import Progress, interruptible
 
 if TYPE_CHECKING:
     from captures import Capture
@@ -32,10 +25,11 @@ rtuscope certify bus.jsonl --json"""
 def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     add_capture_arguments(parser)
-    shape = parser.add_mutually_exclusive_group()
-    shape.add_argument("--json", action="store_true", help="the same claims as JSON")
-    shape.add_argument("--html", metavar="FILE", help="write one HTML page that prints to A4, with room for signatures")
-    add_overwrite_argument(parser, "FILE")
+    add_page_arguments(
+        parser,
+        json="the same claims as JSON",
+        html="write one HTML page that prints to A4, with room for signatures",
+    )
     parser.add_argument(
         "--limits", metavar="FILE", help="a TOML file of limits in place of the defaults (rtuscope help certificate)"
     )
@@ -45,22 +39,16 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print it."""
-    from ..reports.certificate import default_limits, load_limits, markdown
+    from ..reports.certificate import default_limits, html, load_limits, markdown
 
     load_functions(arguments)
     limits = default_limits() if arguments.limits is None else load_limits(arguments.limits)
     capture = open_capture(arguments)
-    if arguments.html is not None:
-        to_be_overwritten(arguments.html, overwrite=arguments.overwrite, source=capture.path)
-        certificate = _write_page(arguments, capture, limits)
-    else:
-        certificate = _certified(arguments, capture, limits)
-        if arguments.json:
-            put_json(certificate.to_json(), indent=2)
-        else:
-            sys.stdout.write(markdown(certificate))
-    tell_damage(arguments.capture, capture)
-    return _status(certificate, check=arguments.check)
+    certificate = put_out(
+        arguments, capture, lambda: _certified(arguments, capture, limits), markdown=markdown, html=html
+    )
+    status = status_of(certificate)
+    return FAILED if status == DONE and arguments.check and certificate.verdict != "pass" else status
 
 
 def _certified(arguments: argparse.Namespace, capture: Capture, limits: AcceptanceLimits) -> Certificate:
@@ -78,24 +66,3 @@ def _certified(arguments: argparse.Namespace, capture: Capture, limits: Acceptan
         )
     progress.clear()
     return certificate
-
-
-def _write_page(arguments: argparse.Namespace, capture: Capture, limits: AcceptanceLimits) -> Certificate:
-    from ..exports.sink import output
-    from ..reports.certificate import html
-
-    with output(arguments.html, source=capture.path) as file:  # an unusable name is told before the work
-        certificate = _certified(arguments, capture, limits)
-        file.write(html(certificate).encode())
-    if certificate.report.partial:
-        tell("stopped by Ctrl-C; the page covers what was read until then")
-    return certificate
-
-
-def _status(certificate: Certificate, *, check: bool) -> int:
-    if certificate.report.partial:
-        return INTERRUPTED
-    if not certificate.report.frames:
-        tell(f"{certificate.report.source}: no Modbus frame found")
-        return NO_FRAME
-    return FAILED if check and certificate.verdict != "pass" else DONE

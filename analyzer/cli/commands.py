@@ -15,7 +15,7 @@ COMMANDS: Final[dict[str, str]] = {
     "parse": "annotate pasted bytes: one frame, a request with its answer, or a stretch of a log",
     "crc": "the check value of bytes, and the whole frame to send",
     "open": "the terminal interface: a capture, or a prompt to paste bytes at",
-    "info": "what a capture is, at once: format, line settings, span, ports, size",
+    "info": "format, line settings, span, ports and size of a capture, at once",
     "export": "write a capture's frames as JSON lines, CSV, Parquet, MCAP or pcapng",
     "convert": "captures as another capture: another format, cut, merged, their clocks mended",
     "report": "the bus in one page: units, functions, response times, load, errors",
@@ -23,9 +23,9 @@ COMMANDS: Final[dict[str, str]] = {
     "certify": "acceptance of a line: pass, marginal, fail or unknown, with confidence bounds",
     "document": "the bus described: devices, registers, poll round, timing, what is not known",
     "mcp": "captures and lakes told to agents, read only, over the Model Context Protocol",
-    "batch": "many captures of many sites into a lake: Parquet tables to be asked",
-    "ask": "ask a lake: ready questions, or SQL",
-    "watch": "take new captures into a lake as they come",
+    "batch": "collect many captures of many sites in a lake: Parquet tables that you can query",
+    "ask": "query a lake: ready questions or SQL",
+    "watch": "add new captures to a lake as they arrive",
     "registers": "what the registers mean: type, word order, role, with confidence and reasons",
     "plot": "one register over time, in the terminal or as a picture",
     "map": "register maps: list, show, check, import, infer, diff",
@@ -35,11 +35,11 @@ COMMANDS: Final[dict[str, str]] = {
     "tap": "let others listen to a port over the network, with the times of its bytes",
     "replay": "play a capture in its own time into the view of sniff, or onto a port",
     "twin": "answer as a recorded unit did: its answers, its delays, its registers",
-    "ports": "list the serial ports that are there, with what is known of them",
+    "ports": "list the serial ports of this machine and their descriptions",
     "wireshark": "have Wireshark list this machine's taps among its interfaces",
     "config": "settings that stay: show them, and where each is from",
     "repair": "make a whole file of a recording that was cut",
-    "simulate": "make a capture of a plausible bus, with faults if asked, and its ground truth",
+    "simulate": "make a capture of a plausible bus, with faults on request, and its ground truth",
     "demo": "open the bundled sample capture; on a pipe, report on it",
     "help": "the pages of the documentation: filters, findings, checks, formats, maps ...",
     "completion": "print the completion script of a shell",
@@ -92,10 +92,10 @@ FAILED: Final = 1
 UNUSABLE: Final = 2
 INTERRUPTED: Final = 130
 FAILURES: Final = {  # what status 1 tells, by command; the others do not end with it
-    "parse": "the bytes hold no frame; with --check, a finding of severity error is among the findings",
-    "export": "no frame, or nothing passes --filter; with --check, a finding of severity error is among the findings",
+    "parse": "the bytes hold no frame; with --check, there is an error-level finding",
+    "export": "no frame, or nothing passes --filter; with --check, there is an error-level finding",
     "convert": "no byte of the line was left to write",
-    "report": "no frame; with --check, a finding of severity error is among the findings",
+    "report": "no frame; with --check, there is an error-level finding",
     "check": "a rule fails, or the capture holds no frame",
     "certify": "no frame; with --check, the verdict is not pass",
     "document": "no frame",
@@ -117,8 +117,8 @@ MEANINGS: Final = (
         FAILED,
         "the input holds no frame, an assertion fails, a recording lost bytes, or a capture of a batch is damaged",
     ),
-    (UNUSABLE, "unusable arguments or input, with one line that says why"),
-    (INTERRUPTED, "ended by Ctrl-C, or by a signal before all was shown; what was done is kept"),
+    (UNUSABLE, "unusable arguments or input; one line explains why"),
+    (INTERRUPTED, "interrupted (Ctrl-C or a signal); partial output is kept"),
 )
 
 
@@ -140,7 +140,19 @@ _INSTALLED: Final = Path(__file__).parents[1] / "pages"
 _CLONE: Final = Path(__file__).parents[2] / "docs"  # of a clone
 
 
-def pages() -> dict[str, Path]:
-    """The pages, by name."""
+def pages(language: str = "en") -> dict[str, Path]:
+    """The pages, by name: guides and how-tos by their own, tutorials as `tutorial-NAME`; in a language other than
+    English those that stand in it, and the English ones for the rest."""
     folder = _INSTALLED if _INSTALLED.is_dir() else _CLONE
-    return {page.stem: page for page in folder.glob("*.md") if page.stem != "index"}  # the site's own
+    named = _pages_in(folder)
+    return named if language == "en" else {**named, **_pages_in(folder / language)}
+
+
+def _pages_in(folder: Path) -> dict[str, Path]:
+    kinds = (("", ""), ("howto", ""), ("tutorials", "tutorial-"))
+    return {
+        f"{prefix}{page.stem}": page
+        for below, prefix in kinds
+        for page in (folder / below).glob("*.md")
+        if page.stem != "index"  # the site's own
+    }

@@ -14,6 +14,7 @@ from ..meant import did_you_mean
 from ..settingfiles import user_file
 from ..settings import SETTINGS, TABLES, Setting, Settings, SetValue, read_settings
 from .commands import DONE, UsageError
+from .lineoptions import RateWithFormat
 from .terminal import put_json
 
 EXAMPLE = """\
@@ -160,6 +161,8 @@ def _value(parser: argparse.ArgumentParser, action: argparse.Action, setting: Se
         parser._check_value(action, converted)
     except argparse.ArgumentError as error:
         raise UsageError(f"{value.where}: {setting.key}: {error.message}") from error
+    if isinstance(converted, RateWithFormat):
+        raise UsageError(f"{value.where}: {setting.key}: the rate alone: parity and bits have keys of their own")
     return converted
 
 

@@ -109,7 +109,7 @@ def run(arguments: argparse.Namespace) -> int:
     line = f"{arguments.output}: {captured_words(written.reads, written.bytes)}"
     print(harmless(line), file=sys.stderr if arguments.output == "-" else sys.stdout)
     if stopped:
-        tell("stopped by Ctrl-C; what was done is kept, and partial")
+        tell("stopped by Ctrl-C; partial output is kept")
         return INTERRUPTED
     return DONE if written.bytes else NO_FRAME
 

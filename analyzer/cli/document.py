@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from typing import TYPE_CHECKING
 
-from .commands import DONE, INTERRUPTED, NO_FRAME
 from .inputs import (
     add_capture_arguments,
     add_limit_arguments,
@@ -15,9 +13,9 @@ from .inputs import (
     chosen_limits,
     load_functions,
     open_capture,
-    tell_damage,
 )
-from .terminal import Progress, add_overwrite_argument, interruptible, put_json, tell, to_be_overwritten
+from .onepage import add_page_arguments, put_out, status_of
+from .terminal import Progress, interruptible
 
 if TYPE_CHECKING:
     from captures import Capture
@@ -34,40 +32,18 @@ rtuscope document meter.jsonl --map eastron-sdm630@1 --json"""
 def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     add_capture_arguments(parser)
-    shape = parser.add_mutually_exclusive_group()
-    shape.add_argument("--json", action="store_true", help="the same facts as JSON")
-    shape.add_argument("--html", metavar="FILE", help="write one HTML page to send on")
-    add_overwrite_argument(parser, "FILE")
+    add_page_arguments(parser, json="the same facts as JSON", html="write one HTML page to send on")
     add_map_argument(parser)
     add_limit_arguments(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Print it."""
+    from ..reports.description import html, markdown
+
     load_functions(arguments)
     capture = open_capture(arguments)
-    if arguments.html is not None:
-        to_be_overwritten(arguments.html, overwrite=arguments.overwrite, source=capture.path)
-        described = _write_page(arguments, capture)
-    else:
-        described = _described(arguments, capture)
-        _show(described, as_json=arguments.json)
-    tell_damage(arguments.capture, capture)
-    if described.report.partial:
-        return INTERRUPTED
-    if not described.report.frames:
-        tell(f"{arguments.capture}: no Modbus frame found")
-        return NO_FRAME
-    return DONE
-
-
-def _show(described: BusDescription, *, as_json: bool) -> None:
-    from ..reports.description import markdown
-
-    if as_json:
-        put_json(described.to_json(), indent=2)
-    else:
-        sys.stdout.write(markdown(described))
+    return status_of(put_out(arguments, capture, lambda: _described(arguments, capture), markdown=markdown, html=html))
 
 
 def _described(arguments: argparse.Namespace, capture: Capture) -> BusDescription:
@@ -80,16 +56,4 @@ def _described(arguments: argparse.Namespace, capture: Capture) -> BusDescriptio
             capture, source=str(arguments.capture), maps=maps, options=limits, progress=progress, stop=stop
         )
     progress.clear()
-    return described
-
-
-def _write_page(arguments: argparse.Namespace, capture: Capture) -> BusDescription:
-    from ..exports.sink import output
-    from ..reports.description import html
-
-    with output(arguments.html, source=capture.path) as file:  # an unusable name is told before the work
-        described = _described(arguments, capture)
-        file.write(html(described).encode())
-    if described.report.partial:
-        tell("stopped by Ctrl-C; the page covers what was read until then")
     return described

@@ -44,15 +44,15 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--table",
         default="frames",
         choices=("frames", "transactions", "values", "findings"),
-        help="what a row is (default: frames); the others as csv, jsonl or parquet",
+        help="table to write (default: frames); others only as csv, jsonl or parquet",
     )
     parser.add_argument(
         "--delimiter", default=",", metavar="C", help="between the cells of CSV: , (default), ; or tab for spreadsheets"
     )
-    parser.add_argument("--bom", action="store_true", help="begin CSV with the mark by which Excel knows UTF-8")
     parser.add_argument(
-        "--noise", action="store_true", help="write the bytes between frames too, so that all bytes are there"
+        "--bom", action="store_true", help="start CSV with a byte-order mark, so that Excel reads UTF-8"
     )
+    parser.add_argument("--noise", action="store_true", help="also write the bytes between frames")
     parser.add_argument("--explain", action="store_true", help="tell why each frame's boundaries stand where they do")
     add_check_argument(parser)
     add_limit_arguments(parser)
@@ -90,7 +90,7 @@ def run(arguments: argparse.Namespace) -> int:
     progress.clear()
     tell_damage(arguments.capture, capture)
     if result.partial:
-        tell("stopped by Ctrl-C; what was done is kept, and partial")
+        tell("stopped by Ctrl-C; partial output is kept")
         return INTERRUPTED
     if chosen is not None and not result.bytes:
         tell(f"{arguments.capture}: nothing passes the filter")

@@ -21,6 +21,7 @@ from captures.line import POLARITIES
 from ..meant import did_you_mean
 from ..words import UNITS_NS, is_clock, moment_of
 from .commands import UsageError
+from .lineoptions import LineWords, add_line_arguments
 from .terminal import tell
 
 if TYPE_CHECKING:
@@ -146,7 +147,9 @@ def add_capture_arguments(parser: argparse.ArgumentParser, *, format_flag: bool 
 
 def add_reading_arguments(parser: argparse.ArgumentParser, *, format_flag: bool = True) -> None:
     """--format, --baud and the like; without `format_flag` --format is the command's own, --input-format this one."""
-    group = parser.add_argument_group("reading the capture (by default as it says itself, else as its bytes tell)")
+    group = parser.add_argument_group(
+        "reading the capture (default: settings in the file, else inferred from its bytes)"
+    )
     flags = ["--format", "--input-format"] if format_flag else ["--input-format"]
     group.add_argument(
         *flags,
@@ -156,10 +159,7 @@ def add_reading_arguments(parser: argparse.ArgumentParser, *, format_flag: bool 
         help="its format: analyser-session, bin, mcap, pcap, pcapng, saleae, saleae-binary, saleae-edges, scope-table, "
         "serial-chunks, sigrok, sigrok-table, text, vcd (rtuscope help formats)",
     )
-    group.add_argument("-b", "--baud", type=int, metavar="N", help="bit/s of the line")
-    group.add_argument("-P", "--parity", choices=("N", "E", "O", "M", "S"), help="none, even, odd, mark, space")
-    group.add_argument("--bits", type=int, choices=(7, 8), help="data bits of a character")
-    group.add_argument("--stop", type=float, choices=(1, 1.5, 2), help="stop bits of a character")
+    add_line_arguments(group, LineWords())
     group.add_argument("--polarity", choices=POLARITIES, help="of a logic analyser's edges: inverted is low when idle")
     add_zone_argument(group)
     group.add_argument(
@@ -192,7 +192,7 @@ def add_zone_argument(parser: argparse._ActionsContainer) -> None:
         "--tz",
         type=zone_name,
         metavar="ZONE",
-        help="zone of times without one: Europe/Moscow, +03:00, UTC; by default this machine's",
+        help="time zone for timestamps that carry none: Europe/Moscow, +03:00, UTC (default: local)",
     )
 
 
@@ -219,7 +219,7 @@ def add_functions_argument(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         action="append",
         default=[],
-        help="a Python file that declares vendor functions; it is run, with your rights: know whose it is",
+        help="a Python file that declares vendor functions; it is executed: only use files that you trust",
     )
 
 
@@ -229,7 +229,7 @@ def add_filter_argument(parser: argparse.ArgumentParser) -> None:
         "-Y",
         "--filter",
         metavar="EXPR",
-        help="only what passes, such as 'unit == 17 and exception' (rtuscope help filters)",
+        help="only rows that match, such as 'unit == 17 and exception' (rtuscope help filters)",
     )
 
 
@@ -247,7 +247,7 @@ def chosen_filter(arguments: argparse.Namespace, line: LineSettings, charts: Uni
 
 def add_limit_arguments(parser: argparse.ArgumentParser, *, only: str | None = None) -> None:
     """--t15-ms and the like: what of the line's timing is set otherwise than the specification has it."""
-    group = parser.add_argument_group("timing, where the line is set otherwise than the specification has it")
+    group = parser.add_argument_group("timing limits, for a line that differs from the specification")
     for flag, _, least, most, words in _LIMITS:
         if only not in (None, flag):
             continue
@@ -286,9 +286,7 @@ def given_limits(arguments: argparse.Namespace) -> list[str]:
 
 def add_check_argument(parser: argparse.ArgumentParser) -> None:
     """--check."""
-    parser.add_argument(
-        "--check", action="store_true", help="exit status 1 where a finding of severity error is among the findings"
-    )
+    parser.add_argument("--check", action="store_true", help="exit with status 1 if there is any error-level finding")
 
 
 def load_functions(arguments: argparse.Namespace) -> None:

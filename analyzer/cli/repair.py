@@ -23,7 +23,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "-w",
         "--output",
         metavar="OUT",
-        help="file to write: by default NAME for NAME.part, else NAME.repaired.mcap",
+        help="file to write (default: NAME for NAME.part, else NAME.repaired.mcap)",
     )
     add_overwrite_argument(parser, "OUT")
 

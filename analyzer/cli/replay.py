@@ -44,7 +44,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="times as fast as it was, or max (1); on a terminal: " + _KEYS,
     )
     port = parser.add_argument_group("onto a port (this transmits), set as the capture's line, or as --baud says")
-    port.add_argument("--to", metavar="PORT", help="play the bytes onto this port instead of showing them")
+    port.add_argument("--to", metavar="PORT", help="send the bytes to this port instead of showing them")
     port.add_argument("--only", choices=("requests", "responses"), help="only frames of this direction")
     add_view_arguments(parser)
     add_outlet_arguments(parser)

@@ -3,20 +3,29 @@
 from __future__ import annotations
 
 import argparse
+import math
 
 from .commands import DONE, UsageError
+from .lineoptions import LineWords, add_line_arguments
 from .terminal import add_overwrite_argument, to_be_overwritten
 
 EXAMPLE = """\
 rtuscope simulate bus.jsonl --wire noisy --tap ftdi16 --seed 7
 rtuscope simulate meter.jsonl --map eastron-sdm630@1 --map xy-md02@7
 rtuscope simulate lost.jsonl --defect byte-missing
-rtuscope report bus.jsonl"""
+rtuscope simulate silent.jsonl --cause dead-unit --seed 3
+rtuscope report silent.jsonl"""
+
+
+_TRANSACTIONS = 400
+_CHAR_BITS = 11
+_LINE_WORDS = LineWords(baud="bit/s, or with its format: 19200-8N1; drawn by chance if not given")
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     from ..simulation import TAPS, WIRES
+    from ..simulation.causes import cases_by_cause, other_cases
     from ..simulation.defects import defects
 
     parser.add_argument(
@@ -24,13 +33,22 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     add_overwrite_argument(parser, "OUT or its truth")
     parser.add_argument(
-        "--wire", choices=tuple(WIRES), default="clean", help="what the wire does to the frames (clean)"
+        "--wire",
+        choices=tuple(WIRES),
+        help="a client that asks for everything, and what the wire does to the frames; without it nothing is wrong",
     )
     parser.add_argument(
         "--defect",
         choices=tuple(defects()),
         metavar="CODE",
         help="one thing wrong on a healthy bus, again and again: the code of a finding (%(choices)s)",
+    )
+    parser.add_argument(
+        "--cause",
+        choices=(*cases_by_cause(), *other_cases()),
+        metavar="CODE",
+        help="a site of its own, drawn by the seed, where this cause is at work: its code in `rtuscope help causes`, "
+        "or healthy",
     )
     parser.add_argument(
         "--map",
@@ -40,33 +58,62 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="a server with this register map, a file or one of `rtuscope map list`; may be given again",
     )
     parser.add_argument("--tap", choices=tuple(TAPS), default="precise", help="how the tap tells times (precise)")
-    parser.add_argument("--transactions", type=int, default=400, metavar="N", help="requests to make (400)")
-    parser.add_argument("-b", "--baud", type=int, help="bit/s; drawn by chance if not given")
-    parser.add_argument("--char-bits", type=int, default=11, help="start, data, parity and stop bits together (11)")
+    parser.add_argument("--transactions", type=int, metavar="N", help="requests to make (400)")
+    add_line_arguments(parser, _LINE_WORDS)
+    parser.add_argument("--char-bits", type=int, help="start, data, parity and stop bits together (11)")
     parser.add_argument("--units", type=int, help="servers on the bus; drawn by chance if not given")
-    parser.add_argument("--seed", type=int, default=0, help="the same seed gives the same bus (0)")
+    parser.add_argument(
+        "--seed",
+        type=int,
+        default=0,
+        help="the same seed gives the same bus, whatever goes wrong on it and whoever taps it (0)",
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Write it."""
     from ..simulation import Scenario, write
     from ..simulation.bus import truth_path
+    from ..simulation.causes import write_cause
 
-    scenario = Scenario(
-        arguments.wire,
-        arguments.tap,
-        transactions=arguments.transactions,
-        seed=arguments.seed,
-        baud=arguments.baud,
-        char_bits=arguments.char_bits,
-        units=arguments.units,
-        defect=arguments.defect,
-        maps=tuple(arguments.map),
-    )
+    if arguments.cause is not None:
+        _refuse_what_is_drawn(arguments)
     for path in (arguments.output, truth_path(arguments.output)):
         to_be_overwritten(path, overwrite=arguments.overwrite)
     try:
+        if arguments.cause is not None:
+            write_cause(arguments.cause, arguments.output, tap=arguments.tap, seed=arguments.seed)
+            return DONE
+        scenario = Scenario(
+            arguments.wire,
+            arguments.tap,
+            transactions=_TRANSACTIONS if arguments.transactions is None else arguments.transactions,
+            seed=arguments.seed,
+            baud=arguments.baud,
+            char_bits=_char_bits(arguments),
+            units=arguments.units,
+            defect=arguments.defect,
+            maps=tuple(arguments.map),
+        )
         write(scenario, arguments.output)
     except ValueError as error:
         raise UsageError(str(error)) from error
     return DONE
+
+
+def _char_bits(arguments: argparse.Namespace) -> int:
+    """Bits of a character as the options tell; 11 where none does."""
+    given = (arguments.parity, arguments.bits, arguments.stop)
+    if arguments.char_bits is not None:
+        return int(arguments.char_bits)
+    if given == (None, None, None):
+        return _CHAR_BITS
+    parity, bits, stop = given
+    return 1 + (bits or 8) + (parity not in (None, "N")) + math.ceil(stop or 1)
+
+
+def _refuse_what_is_drawn(arguments: argparse.Namespace) -> None:
+    for name in ("wire", "defect", "map", "transactions", "baud", "char_bits", "units", "parity", "bits", "stop"):
+        if getattr(arguments, name):
+            option = name.replace("_", "-")
+            raise UsageError(f"--cause draws a site of its own: leave out --{option}, or --cause")

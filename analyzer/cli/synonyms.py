@@ -59,6 +59,7 @@ INSTEAD: Final[dict[str, tuple[tuple[str, str], ...]]] = {  # an option: where t
     "--baudrate": (("--baud", "--baud N"),),
     "--bytesize": (("--bits", "--bits N"),),
     "--stopbits": (("--stop", "--stop N"),),
+    "--databits": (("--bits", "--bits N"),),
     "--columns": (("--fields", "--fields NAME,NAME"),),
     "-T": (("--fields", "--fields NAME,NAME"),),
     "-e": (("--fields", "--fields NAME,NAME"),),

@@ -25,6 +25,7 @@ from ..terminal_text import ERASE_LINE, terminal_text
 from ..version import __version__
 from .commands import UsageError
 from .inputs import seconds, size_in_bytes, time_or_size
+from .lineoptions import LineWords, add_line_arguments
 from .terminal import add_overwrite_argument, places, to_be_overwritten
 
 if TYPE_CHECKING:
@@ -33,8 +34,15 @@ if TYPE_CHECKING:
 
     from ..live.tapsource import TapSource
 
-_RATE_DIGITS: Final = 8
 _TOKEN_VARIABLE: Final = "RTUSCOPE_TAP_TOKEN"
+_TAP_WORDS: Final = LineWords(
+    baud="bit/s, or with its format: 19200-8N1; auto finds it by listening (default)",
+    parity="auto finds it with --baud auto, else N",
+    bits="7 on some lines in ASCII mode (8)",
+    stop="of the line's characters (1)",
+    parities=("N", "E", "O"),
+    auto=True,
+)
 
 
 def add_tap_arguments(parser: argparse.ArgumentParser) -> None:
@@ -45,21 +53,14 @@ def add_tap_arguments(parser: argparse.ArgumentParser) -> None:
         help="a serial port, or socket://HOST:PORT, rfc2217://HOST:PORT, tap://HOST of `rtuscope tap`; never sent to",
     )
     taps = parser.add_argument_group("the tap")
-    taps.add_argument(
-        "-b", "--baud", default="auto", type=_rate, metavar="N", help="bit/s; auto finds it by listening (default)"
-    )
-    taps.add_argument(
-        "-P", "--parity", choices=("auto", "N", "E", "O"), default="auto", help="auto finds it with --baud auto, else N"
-    )
-    taps.add_argument("--stop-bits", type=float, choices=(1, 1.5, 2), help="of the line's characters (1)")
-    taps.add_argument("--data-bits", type=int, choices=(7, 8), help="7 on some lines in ASCII mode (8)")
+    add_line_arguments(taps, _TAP_WORDS)
     taps.add_argument(
         "--port2", metavar="PORT", help="a second tap: PORT hears what the client sends, this one what servers answer"
     )
     taps.add_argument(
         "--seek-remote",
         action="store_true",
-        help="find the settings of an rfc2217:// port by CHANGING them there; else it is listened to as it is",
+        help="find the settings of an rfc2217:// port by CHANGING them there; without it the port keeps its settings",
     )
     taps.add_argument("--wait", action="store_true", help="wait for a port that is not there yet")
     taps.add_argument("--blocking-read", action="store_true", help=argparse.SUPPRESS)
@@ -76,7 +77,9 @@ def add_token_argument(parser: argparse._ArgumentGroup) -> None:
 
 def add_viewer_arguments(parser: argparse.ArgumentParser) -> None:
     """How to get at a tap elsewhere."""
-    group = parser.add_argument_group("a tap elsewhere (tap://HOST[:PORT], taps:// with TLS); its line settings count")
+    group = parser.add_argument_group(
+        "a tap elsewhere (tap://HOST[:PORT], taps:// with TLS); it has its own line settings"
+    )
     add_token_argument(group)
     group.add_argument("--tls-ca", metavar="FILE", help="trust this certificate (PEM), in place of the system's")
 
@@ -93,9 +96,9 @@ def add_recording_arguments(parser: argparse.ArgumentParser, *, needed: bool) ->
         help=f"record to this .mcap file{'' if needed else '; - is for --format'}",
     )
     add_overwrite_argument(recording, "FILE")
-    recording.add_argument("--rotate-every", type=seconds, metavar="TIME", help="begin a new file so often: 1h, 1d")
+    recording.add_argument("--rotate-every", type=seconds, metavar="TIME", help="start a new file every TIME: 1h, 1d")
     recording.add_argument(
-        "--rotate-size", type=size_in_bytes, metavar="SIZE", help="begin a new file at this size: 64MB"
+        "--rotate-size", type=size_in_bytes, metavar="SIZE", help="start a new file at this size: 64MB"
     )
     recording.add_argument(
         "--keep",
@@ -103,7 +106,7 @@ def add_recording_arguments(parser: argparse.ArgumentParser, *, needed: bool) ->
         action="append",
         default=[],
         metavar="TIME|SIZE",
-        help="a ring: give up files older than this (7d), or the oldest when all are larger (2GB)",
+        help="keep only files newer than this (7d), or this much in all (2GB); delete older ones",
     )
 
 
@@ -139,8 +142,8 @@ def tap_of(arguments: argparse.Namespace, *, watched: bool = True) -> TapSource 
     settings = {
         "baud": None if arguments.baud == "auto" else int(arguments.baud),
         "parity": None if arguments.parity == "auto" else arguments.parity,
-        "stop_bits": arguments.stop_bits,
-        "data_bits": arguments.data_bits,
+        "stop_bits": arguments.stop,
+        "data_bits": arguments.bits,
     }
     settings = {name: value for name, value in settings.items() if value is not None}
     urls = [arguments.port, *([arguments.port2] if arguments.port2 else [])]
@@ -198,12 +201,6 @@ def recorder_of(arguments: argparse.Namespace, tell: Callable[[str], None]) -> R
     path = Path(arguments.output)
     overwrite = arguments.overwrite or (not limits.rotates and to_be_overwritten(path, overwrite=False))
     return Recorder(path, LineSettings(), limits=limits, about=about, overwrite=overwrite, tell=tell)
-
-
-def _rate(text: str) -> str:
-    if text != "auto" and (not text.isdecimal() or len(text) > _RATE_DIGITS or not 50 <= int(text) <= 12_000_000):
-        raise argparse.ArgumentTypeError(f"{text!r} is not a rate in bit/s, nor auto")
-    return text
 
 
 _WAITING: Final = 1000  # lines at most

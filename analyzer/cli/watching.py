@@ -72,7 +72,9 @@ def add_view_arguments(parser: argparse.ArgumentParser, *, format_flag: bool = F
     view.add_argument("--before", type=seconds, default=10.0, metavar="TIME", help="before a trigger (10s)")
     view.add_argument("--after", type=seconds, default=10.0, metavar="TIME", help="after a trigger (10s)")
     add_map_argument(view)
-    view.add_argument("--infer", action="store_true", help="tell what registers mean as it shows, and read them so")
+    view.add_argument(
+        "--infer", action="store_true", help="infer what registers mean as data arrives, and show values so"
+    )
     view.add_argument("--tui", action="store_true", help="show it in the terminal interface")
 
 
@@ -348,7 +350,7 @@ _LOCAL: Final = "127.0.0.1"  # unless a host is named, nobody else is served
 
 def add_outlet_arguments(parser: argparse.ArgumentParser) -> None:
     """The flags."""
-    group = parser.add_argument_group("out to other programs, which nothing here waits for (rtuscope help outlets)")
+    group = parser.add_argument_group("live outputs; a slow receiver never delays the capture (rtuscope help outlets)")
     group.add_argument(
         "--metrics",
         metavar="[HOST:]PORT",

@@ -143,7 +143,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     actions = parser.add_subparsers(metavar="ACTION", title="actions", dest="action", required=True)
     install = actions.add_parser("install", help="have Wireshark list this machine's taps among its interfaces")
-    remove = actions.add_parser("remove", help="undo that")
+    remove = actions.add_parser("remove", help="remove what install added")
     for action in (install, remove):
         action.add_argument("--folder", metavar="DIR", help="Wireshark's extcap folder, where it is not found")
     actions.add_parser("folder", help="print the folder that install uses")

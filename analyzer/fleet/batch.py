@@ -225,7 +225,7 @@ def run_batch(
                         continue
                     unwritten = unwritten + 1 if isinstance(outcome, LakeWriteError) else 0
                     if unwritten == _UNWRITTEN:
-                        raise FleetError(f"{outcome}; what was done is kept: --resume goes on")
+                        raise FleetError(f"{outcome}; partial output is kept: continue with --resume")
                     done += _size(task)
                     _enter(manifest, task, outcome, result)
                     if not isinstance(outcome, Exception):

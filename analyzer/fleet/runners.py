@@ -188,7 +188,7 @@ def _outcome(future: Future[dict[str, Any]]) -> dict[str, Any] | Exception:
         return error
 
 
-_GONE: Final = "the Dask scheduler is there no more; what was done is kept: --resume goes on"
+_GONE: Final = "the Dask scheduler is there no more; partial output is kept: continue with --resume"
 _AHEAD: Final = 2  # tasks handed out for each thread of the cluster
 
 

@@ -5,21 +5,24 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import chain
+from functools import partial
 from os import PathLike
 from pathlib import Path
-from random import Random
+from typing import Final
 
 import captures
 from dissectors.maps import RegisterMap, map_for_unit
 
+from .chances import Chances
 from .conversation import Client, Habits
 from .defects import defects
 from .defects.stage import Stage
-from .line import WIRES, play
+from .line import WIRES, WireBytes, play
 from .mapped.client import MappedClient
-from .taps import TAPS, with_errors
+from .taps import TAPS, USUAL_BAUDS, SimulatedTap, with_errors
 from .truth import Scenario, TruthFinding, TruthFrame, TruthRegister
+
+_UNITS: Final = (5, 8)
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,40 +38,60 @@ class Simulation:
 
 def simulate(scenario: Scenario) -> Simulation:
     """The scenario's capture and truth; ValueError for a wire, tap, defect or number that can't be."""
-    played = _played(scenario)
-    return Simulation(played.line, list(played.chunks), played.truth, played.findings, played.registers())
+    played = played_bus(scenario)
+    frames: list[TruthFrame] = []
+    chunks = list(played.chunks(frames.extend))
+    return Simulation(played.line, chunks, tuple(frames), tuple(played.findings), played.registers())
 
 
 @dataclass(frozen=True, slots=True)
-class _Played:
-    """The same, its chunks made as they are taken; `registers` is asked when all are."""
+class PlayedBus:
+    """A bus that passes piece by piece; `findings`, `errors` and `registers` are complete when all pieces are taken."""
 
     line: captures.LineSettings
-    chunks: Iterator[captures.Chunk]
-    truth: tuple[TruthFrame, ...]
-    findings: tuple[TruthFinding, ...]
-    registers: Callable[[], tuple[TruthRegister, ...]]
+    pieces: Iterator[WireBytes]
+    tap: SimulatedTap
+    chances: Chances
+    findings: Sequence[TruthFinding] = ()
+    errors: Sequence[int] = ()
+    registers: Callable[[], tuple[TruthRegister, ...]] = tuple
+
+    def chunks(self, heard: Callable[[Iterable[TruthFrame]], object]) -> Iterator[captures.Chunk]:
+        """What the tap delivers; `heard` gets the frames before any chunk that holds their bytes."""
+
+        def octets() -> Iterator[tuple[int, float]]:
+            for piece in self.pieces:
+                heard(piece.frames)
+                yield from zip(piece.data, piece.times, strict=True)
+
+        return with_errors(self.tap.hears(octets(), self.chances.tap, self.line.character_ns or 0.0), self.errors)
 
 
-def _played(scenario: Scenario) -> _Played:
+def played_bus(scenario: Scenario) -> PlayedBus:
+    """The scenario's bus, ready to be heard; ValueError as `simulate`."""
     _check(scenario)
-    if scenario.defect is not None:
-        return _with_defect(scenario, scenario.defect)
-    wire, tap = WIRES[scenario.wire], TAPS[scenario.tap]
-    random = Random(f"{scenario.wire} {scenario.tap} {scenario.seed}")
-    baud = random.choice(tap.bauds) if scenario.baud is None else scenario.baud
-    units = random.randint(3, 8) if scenario.units is None else scenario.units
+    wire = WIRES.get(scenario.wire or "clean", WIRES["clean"])
+    chances = Chances.of(scenario.seed, scenario.defect or scenario.wire or "nothing")
+    bus = chances.bus
+    drawn_baud, drawn_units, public = bus.choice(USUAL_BAUDS), bus.randint(*_UNITS), bus.random() < wire.public
+    baud = drawn_baud if scenario.baud is None else scenario.baud
+    units = drawn_units if scenario.units is None else scenario.units
+    line = captures.LineSettings(baud=baud, char_bits=scenario.char_bits, tap=scenario.tap)
     character_ns = scenario.char_bits / baud * 1e9
-    habits = Habits(random.random() < wire.public, wire.vendor, wire.hostile, wire.broadcast)
-    client = MappedClient(random, _charts(scenario.maps)) if scenario.maps else Client(random, habits, units)
-    passed = play(client, wire, random, scenario.transactions, character_ns)
-    return _Played(
-        line=captures.LineSettings(baud=baud, char_bits=scenario.char_bits, tap=scenario.tap),
-        chunks=tap.deliver(passed.data, passed.times, random, character_ns),
-        truth=passed.frames,
-        findings=(),
-        registers=lambda: tuple(client.registers()) if isinstance(client, MappedClient) else (),
-    )
+    play_on = partial(PlayedBus, line, tap=TAPS[scenario.tap], chances=chances)
+    if scenario.maps:
+        polling = MappedClient(bus, _charts(scenario.maps))
+        pieces = play(polling, wire, chances, scenario.transactions, character_ns)
+        return play_on(pieces=pieces, registers=lambda: tuple(polling.registers()))
+    if scenario.defect is None and scenario.wire is not None:
+        habits = Habits(public, wire.vendor, wire.hostile, wire.broadcast)
+        return play_on(pieces=play(Client(bus, habits, units), wire, chances, scenario.transactions, character_ns))
+    stage = Stage(chances, character_ns, units)
+    steps = stage.healthy(scenario.transactions)
+    if scenario.defect is not None:
+        steps = defects()[scenario.defect].put(stage, scenario.transactions)
+    pieces = (stage.passing.taken() for _ in steps)
+    return play_on(pieces=pieces, findings=stage.findings, errors=stage.errors)
 
 
 def _charts(maps: Sequence[str]) -> list[tuple[int, RegisterMap]]:
@@ -78,40 +101,26 @@ def _charts(maps: Sequence[str]) -> list[tuple[int, RegisterMap]]:
     return [(next(free) if unit is None else unit, chart) for chart, unit in named]
 
 
-def _with_defect(scenario: Scenario, code: str) -> _Played:
-    tap, random = TAPS[scenario.tap], Random(f"{code} {scenario.tap} {scenario.seed}")
-    baud = random.choice(tap.bauds) if scenario.baud is None else scenario.baud
-    units = random.randint(5, 8) if scenario.units is None else scenario.units
-    character_ns = scenario.char_bits / baud * 1e9
-    stage = Stage(random, character_ns, units)
-    defects()[code].put(stage, scenario.transactions)
-    chunks = tap.deliver(bytes(stage.data), stage.times, random, character_ns)
-    return _Played(
-        line=captures.LineSettings(baud=baud, char_bits=scenario.char_bits, tap=scenario.tap),
-        chunks=with_errors(chunks, stage.errors),
-        truth=tuple(stage.frames),
-        findings=tuple(stage.findings),
-        registers=tuple,
-    )
-
-
 def write(scenario: Scenario, path: str | PathLike[str]) -> None:
     """Writes the capture to `path` (its suffix chooses the format) and the truth to the same name with `.truth.jsonl`.
 
-    With maps, what the polled registers mean goes to `.registers.jsonl`.
+    With maps, what the polled registers mean goes to `.registers.jsonl`. Frames are written as they are made: memory
+    does not grow with their number.
 
     Raises ValueError as `simulate` does, CaptureError where a file can't be written.
     """
     path = Path(path)
-    played = _played(scenario)
-    captures.write(path, played.chunks, line=played.line)
+    played = played_bus(scenario)
     with captures.replacing(truth_path(path)) as file:
-        told: Iterable[TruthFrame | TruthFinding] = chain(played.truth, played.findings)
-        lines = (each.to_json() for each in told)
-        file.writelines(json.dumps(line).encode() + b"\n" for line in lines)
+        captures.write(path, played.chunks(lambda frames: file.writelines(_lines(frames))), line=played.line)
+        file.writelines(_lines(played.findings))
     if registers := played.registers():
         with captures.replacing(path.with_suffix(".registers.jsonl")) as file:
-            file.writelines(json.dumps(register.to_json()).encode() + b"\n" for register in registers)
+            file.writelines(_lines(registers))
+
+
+def _lines(told: Iterable[TruthFrame | TruthFinding | TruthRegister]) -> Iterator[bytes]:
+    return (json.dumps(each.to_json()).encode() + b"\n" for each in told)
 
 
 def truth_path(path: str | PathLike[str]) -> Path:
@@ -120,7 +129,7 @@ def truth_path(path: str | PathLike[str]) -> Path:
 
 
 def _check(scenario: Scenario) -> None:
-    if scenario.wire not in WIRES:
+    if scenario.wire is not None and scenario.wire not in WIRES:
         raise ValueError(f"no wire {scenario.wire!r}: there are {', '.join(WIRES)}")
     if scenario.tap not in TAPS:
         raise ValueError(f"no tap {scenario.tap!r}: there are {', '.join(TAPS)}")
@@ -142,7 +151,7 @@ def _check_defect(scenario: Scenario, code: str) -> None:
         raise ValueError(f"no defect {code!r}: there are {', '.join(declared)}")
     if scenario.maps:
         raise ValueError("a defect is put on devices of the simulator's own, without --map")
-    if scenario.wire != "clean":
+    if scenario.wire not in (None, "clean"):
         raise ValueError(f"a defect is put on the wire clean, not on {scenario.wire}")
     if scenario.units is not None and scenario.units < declared[code].units:
         raise ValueError(f"{scenario.units} units: {code} needs at least {declared[code].units}")

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass
 from random import Random
 from typing import Protocol
@@ -118,6 +119,12 @@ class Client:
         if habits.vendor:
             functions[VENDOR] = habits.vendor
         self._functions = [code for code, weight in functions.items() for _ in range(weight)]
+
+    def by(self, random: Random) -> Client:
+        """The same client of the same devices, whose next requests come from another source of chance."""
+        other = copy(self)
+        other._random = random
+        return other
 
     def exchange(self) -> Exchange:
         random = self._random

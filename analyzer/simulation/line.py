@@ -17,11 +17,12 @@ all the same.
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from random import Random
 from types import MappingProxyType
 
+from .chances import Chances
 from .conversation import Asking, Exchange
 from .truth import TruthFrame
 
@@ -139,27 +140,57 @@ class WireBytes:
     frames: tuple[TruthFrame, ...]
 
 
-def play(client: Asking, wire: Wire, random: Random, transactions: int, character_ns: float) -> WireBytes:
-    """`transactions` requests, repeated ones included, and what came of each."""
-    line = _Line(wire, random, character_ns)
-    line.run(client, transactions)
-    return WireBytes(bytes(line.data), line.times, tuple(line.frames))
+class PassingBytes:
+    """What passes on a wire, kept until somebody takes it: bytes with their times, and frames, numbered and placed as
+    in the whole stream."""
 
-
-class _Line:
-    def __init__(self, wire: Wire, random: Random, character_ns: float) -> None:
+    def __init__(self) -> None:
         self.data = bytearray()
         self.times = array("d")
         self.frames: list[TruthFrame] = []
+        self._bytes_taken = 0
+        self._frames_taken = 0
+
+    @property
+    def end(self) -> int:
+        """Bytes that have passed since the capture began."""
+        return self._bytes_taken + len(self.data)
+
+    @property
+    def number(self) -> int:
+        """Of the next frame."""
+        return self._frames_taken + len(self.frames)
+
+    def taken(self) -> WireBytes:
+        """What has passed since the last time."""
+        piece = WireBytes(bytes(self.data), self.times, tuple(self.frames))
+        self._bytes_taken += len(self.data)
+        self._frames_taken += len(self.frames)
+        self.data, self.times, self.frames = bytearray(), array("d"), []
+        return piece
+
+
+def play(client: Asking, wire: Wire, chances: Chances, transactions: int, character_ns: float) -> Iterator[WireBytes]:
+    """`transactions` requests, repeated ones included, and what came of each, an exchange at a time."""
+    line = _Line(wire, chances, character_ns)
+    for _ in line.run(client, transactions):
+        yield line.passing.taken()
+
+
+class _Line:
+    def __init__(self, wire: Wire, chances: Chances, character_ns: float) -> None:
+        self.passing = PassingBytes()
         self._wire = wire
-        self._random = random
+        self._random = chances.faults
+        self._pace = chances.pace
         self._character = character_ns
         self._now = _START_NS
         self._request_faults = ((wire.flip, "flip"), (wire.drop, "drop"))
         self._response_faults = (*self._request_faults, (wire.truncate, "trunc"), (wire.collide, "collide"))
 
-    def run(self, client: Asking, transactions: int) -> None:
-        random, wire = self._random, self._wire
+    def run(self, client: Asking, transactions: int) -> Iterator[None]:
+        """Each step is an exchange that is over."""
+        random, pace, wire = self._random, self._pace, self._wire
         again: Exchange | None = None
         left = transactions
         while left:
@@ -170,7 +201,7 @@ class _Line:
             again = None
             request = self._frame("request", exchange.request, None)
             if exchange.response is None:
-                self._now += random.uniform(100, 200) * MS
+                self._now += pace.uniform(100, 200) * MS
             elif not request.intact or random.random() < wire.silent:
                 self._now += _TIMEOUT_NS + random.uniform(0, 20) * MS
                 again = exchange if random.random() < 0.5 else None
@@ -178,16 +209,17 @@ class _Line:
                 left -= 1
                 self._late(client, exchange.response, request.id)
             else:
-                self._now += max(exchange.response_ns * random.uniform(0.8, 1.2), _T35 * self._character)
+                self._now += max(exchange.response_ns * pace.uniform(0.8, 1.2), _T35 * self._character)
                 self._frame("response", exchange.response, request.id)
                 self._now += _T35 * self._character + self._pause()
+            yield
 
     def _pause(self) -> float:
         """What a client waits beyond the silence that the specification asks for."""
-        kind = self._random.randrange(3)
+        kind = self._pace.randrange(3)
         if kind == 0:
             return 0.5 * MS
-        return self._random.uniform(1, 9) * MS if kind == 1 else self._random.uniform(9, 100) * MS
+        return self._pace.uniform(1, 9) * MS if kind == 1 else self._pace.uniform(9, 100) * MS
 
     def _late(self, client: Asking, response: bytes, request: int) -> None:
         """The answer comes after the next request, which gets none of its own."""
@@ -203,7 +235,7 @@ class _Line:
             self._glitch(random.choice(_GLITCH_BEFORE))
             self._now += random.uniform(0, 2 * _GLITCH_GAP) * self._character
         fault = self._fault(self._request_faults if pair is None else self._response_faults)
-        start = len(self.data)
+        start = self.passing.end
         if wire.slow and random.random() < wire.slow:
             self._send_spoilt(FAULTS[fault](random, sent) if fault else sent, _HOLE_SHARE)
         elif fault:
@@ -211,17 +243,17 @@ class _Line:
         else:
             self._send(sent)
         frame = TruthFrame(
-            id=len(self.frames),
+            id=self.passing.number,
             direction=direction,
             unit=sent[0],
             function=sent[1] & 0x7F,
             adu=sent,
             pair=pair,
             start=start,
-            length=len(self.data) - start,
+            length=self.passing.end - start,
             fault=fault,
         )
-        self.frames.append(frame)
+        self.passing.frames.append(frame)
         if wire.glitch and random.random() < wire.glitch:
             self._now += random.uniform(0, _GLITCH_GAP) * self._character
             self._glitch(random.choice(_GLITCH_AFTER))
@@ -237,8 +269,8 @@ class _Line:
 
     def _send(self, data: bytes) -> None:
         now, character = self._now, self._character
-        self.data += data
-        self.times.extend([now + character * i for i in range(1, len(data) + 1)])
+        self.passing.data += data
+        self.passing.times.extend([now + character * i for i in range(1, len(data) + 1)])
         self._now = now + character * len(data)
 
     def _send_spoilt(self, data: Sequence[int | None], holes: float) -> None:
@@ -248,8 +280,8 @@ class _Line:
                 self._now += random.uniform(_SHORTEST_HOLE * self._character, _LONGEST_HOLE_NS)
             self._now += self._character
             if byte is not None:
-                self.data.append(byte)
-                self.times.append(self._now)
+                self.passing.data.append(byte)
+                self.passing.times.append(self._now)
 
     def _glitch(self, length: int) -> None:
         random = self._random

@@ -13,10 +13,10 @@ A new tap is one new entry in `TAPS`.
 
 from __future__ import annotations
 
-from array import array
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 from random import Random
 from types import MappingProxyType
 
@@ -30,67 +30,78 @@ _USB_TIMER_NS = 16 * MS
 _TCP_PIECES = (1, 3, 8, 8, 20, 64, 200)
 _TCP_STALLED = 0.25  # of the pieces
 
-Deliver = Callable[[bytes, "array[float]", Random, float], Iterator["captures.Chunk"]]
+Octets = Iterable[tuple[int, float]]  # a byte and the time at which it ended, ns
+Hears = Callable[[Octets, Random, float], Iterator["captures.Chunk"]]
 
 
 @dataclass(frozen=True, slots=True)
 class SimulatedTap:
-    """A tap: how it delivers (bytes, their times in ns, a source of chance, ns a character), and usual baud rates."""
+    """A tap: how it hears (bytes with their times, a source of chance, ns a character). Nothing of a line is kept
+    longer than it takes to fill a chunk."""
 
-    deliver: Deliver
-    bauds: tuple[int, ...]
+    hears: Hears
+
+    def deliver(
+        self, data: Iterable[int], times: Iterable[float], random: Random, character_ns: float
+    ) -> Iterator[captures.Chunk]:
+        """The chunks of bytes whose times (ns) stand in an array of their own."""
+        return self.hears(zip(data, times, strict=True), random, character_ns)
 
 
-def _precise(data: bytes, times: array[float], random: Random, character_ns: float) -> Iterator[captures.Chunk]:
-    for i, time in enumerate(times):
-        yield captures.Chunk(round(time), data[i : i + 1])
+def _precise(octets: Octets, random: Random, character_ns: float) -> Iterator[captures.Chunk]:
+    for value, time in octets:
+        yield captures.Chunk(round(time), bytes((value,)))
 
 
-def _irq(data: bytes, times: array[float], random: Random, character_ns: float) -> Iterator[captures.Chunk]:
+def _irq(octets: Octets, random: Random, character_ns: float) -> Iterator[captures.Chunk]:
     timeout = _FIFO_TIMEOUT * character_ns
-    first, latest = 0, 0
-    for i in range(1, len(data) + 1):
-        full = i - first == _FIFO_LEVEL
-        if full or i == len(data) or times[i] - times[i - 1] > timeout:
-            ready = times[i - 1] + (0 if full else timeout)
-            latest = max(latest, round(ready + random.uniform(0.05, 0.4) * MS))
-            yield captures.Chunk(latest, data[first:i])
-            first = i
+    held, last, latest = bytearray(), 0.0, 0
+    for value, time in octets:
+        full = len(held) == _FIFO_LEVEL
+        if held and (full or time - last > timeout):
+            latest = max(latest, round(last + (0 if full else timeout) + random.uniform(0.05, 0.4) * MS))
+            yield captures.Chunk(latest, bytes(held))
+            held.clear()
+        held.append(value)
+        last = time
+    if held:
+        ready = last + (0 if len(held) == _FIFO_LEVEL else timeout)
+        yield captures.Chunk(max(latest, round(ready + random.uniform(0.05, 0.4) * MS)), bytes(held))
 
 
-def _usb(data: bytes, times: array[float], random: Random, character_ns: float) -> Iterator[captures.Chunk]:
-    if not data:
-        return
-    first, latest = 0, 0
-    due = times[0] + _USB_TIMER_NS
-    for i, time in enumerate(times):
-        if time > due:
-            if first < i:
-                latest = max(latest, round(due + random.uniform(0, 1) * MS))
-                yield captures.Chunk(latest, data[first:i])
-                first = i
-            due += (time - due) // _USB_TIMER_NS * _USB_TIMER_NS + _USB_TIMER_NS
-        if i + 1 - first == _USB_PACKET:
-            latest = max(latest, round(time + random.uniform(0.05, 0.4) * MS))
-            yield captures.Chunk(latest, data[first : i + 1])
-            first = i + 1
+def _usb(octets: Octets, random: Random, character_ns: float) -> Iterator[captures.Chunk]:
+    held, latest = bytearray(), 0
+    due: float | None = None
+    for value, time in octets:
+        if due is None:
             due = time + _USB_TIMER_NS
-    if first < len(data):
-        yield captures.Chunk(max(latest, round(due + random.uniform(0, 1) * MS)), data[first:])
+        elif time > due:
+            if held:
+                latest = max(latest, round(due + random.uniform(0, 1) * MS))
+                yield captures.Chunk(latest, bytes(held))
+                held.clear()
+            due += (time - due) // _USB_TIMER_NS * _USB_TIMER_NS + _USB_TIMER_NS
+        held.append(value)
+        if len(held) == _USB_PACKET:
+            latest = max(latest, round(time + random.uniform(0.05, 0.4) * MS))
+            yield captures.Chunk(latest, bytes(held))
+            held.clear()
+            due = time + _USB_TIMER_NS
+    if held and due is not None:
+        yield captures.Chunk(max(latest, round(due + random.uniform(0, 1) * MS)), bytes(held))
 
 
-def _gateway(data: bytes, times: array[float], random: Random, character_ns: float) -> Iterator[captures.Chunk]:
-    first, latest = 0, 0
-    while first < len(data):
-        last = min(first + random.choice(_TCP_PIECES), len(data))
+def _gateway(octets: Octets, random: Random, character_ns: float) -> Iterator[captures.Chunk]:
+    stream, latest = iter(octets), 0
+    for first in stream:
+        piece = [first, *islice(stream, random.choice(_TCP_PIECES) - 1)]
         delay = random.uniform(100, 1000) if random.random() < _TCP_STALLED else random.uniform(5, 40)
-        latest = max(latest + 1000, round(times[last - 1] + delay * MS))
-        yield captures.Chunk(latest, data[first:last])
-        first = last
+        latest = max(latest + 1000, round(piece[-1][1] + delay * MS))
+        yield captures.Chunk(latest, bytes(value for value, _ in piece))
 
 
-def _untimed(data: bytes, times: array[float], random: Random, character_ns: float) -> Iterator[captures.Chunk]:
-    if data:
+def _untimed(octets: Octets, random: Random, character_ns: float) -> Iterator[captures.Chunk]:
+    if data := bytes(value for value, _ in octets):
         yield captures.Chunk(0, data)
 
 
@@ -104,14 +115,14 @@ def with_errors(chunks: Iterable[captures.Chunk], errors: Sequence[int]) -> Iter
         start, low = end, high
 
 
-_USUAL_BAUDS = (9600, 19200)
+USUAL_BAUDS = (9600, 19200)  # bit/s, of a bus that is drawn by chance
 
 TAPS: Mapping[str, SimulatedTap] = MappingProxyType(
     {
-        "precise": SimulatedTap(_precise, _USUAL_BAUDS),
-        "irq": SimulatedTap(_irq, _USUAL_BAUDS),
-        "ftdi16": SimulatedTap(_usb, (38400, 57600, 115200)),
-        "gateway": SimulatedTap(_gateway, _USUAL_BAUDS),
-        "untimed": SimulatedTap(_untimed, _USUAL_BAUDS),
+        "precise": SimulatedTap(_precise),
+        "irq": SimulatedTap(_irq),
+        "ftdi16": SimulatedTap(_usb),
+        "gateway": SimulatedTap(_gateway),
+        "untimed": SimulatedTap(_untimed),
     }
 )

@@ -81,13 +81,14 @@ class TruthFinding:
 class Scenario:
     """A bus to simulate.
 
-    `wire` and `tap` name entries of `WIRES` and `TAPS`; `transactions` counts requests, repeated ones included;
+    `wire` and `tap` name entries of `WIRES` and `TAPS`; without a wire a client polls its list in turn and all goes
+    well. `transactions` counts requests, repeated ones included;
     `baud` (bit/s) and `units` (how many servers) are drawn where None; `char_bits` as in `captures.LineSettings`.
     `maps` name the register maps of the servers, MAP or MAP@UNIT: a file, or a map that is shipped.
     `defect` is the code of a finding: a healthy bus with that one thing wrong, again and again, on the wire `clean`.
     """
 
-    wire: str
+    wire: str | None
     tap: str
     transactions: int = 400
     seed: int = 0

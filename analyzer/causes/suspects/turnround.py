@@ -33,8 +33,8 @@ _SOME_HEADS: Final = 0.05  # of all: where but the beginning is lost; other sett
     share="{damaged} of {answers} answers of the quick units[, {others_damaged} of {others_answers} of others]",
     deciding_test="Look at the direction setting of the client's port or converter: how long it drives behind the last bit; with a "
     "response delay of 20 ms in one of the quick units its damage must go",
-    remedy="Let the client's port release the line at once behind the last stop bit (automatic direction control in place of "
-    "RTS by program), or give the quick units a longer response delay",
+    remedy="Let the client's port release the line at once behind the last stop bit (automatic direction control instead "
+    "of RTS), or give the quick units a longer response delay",
     foretold=OF_A_LINE,
 )
 def client_driver_held(evidence: Evidence) -> Iterator[Suspicion]:

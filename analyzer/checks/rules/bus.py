@@ -182,7 +182,7 @@ class _Summed:
         pass
 
 
-@form("load", '"load"i COMPARED NUMBER "%"', "share of the time in which something is on the wire", "load < 60 %")
+@form("load", '"load"i COMPARED NUMBER "%"', "share of time with bytes on the line", "load < 60 %")
 def load(line: LineSettings, compared: Token, number: Token) -> Start:  # noqa: ARG001
     bound = float(number) / 100
     if bound > 1:

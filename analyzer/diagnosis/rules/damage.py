@@ -51,7 +51,7 @@ BIT_FLIP: Final = Rule(
     clause="[2] 2.5.1.2",
     numbers=("byte", "bit", "certainty", "unit"),
     loses=True,
-    text="one bit flipped: byte {byte:.0f} bit {bit:.0f} (0 the least significant); with it the CRC is right",
+    text="one bit is flipped: byte {byte:.0f}, bit {bit:.0f} (bit 0 = LSB); flipping it back makes the CRC match",
     cause=_NOISY_LINE,
     remedy=_LINE,
 )
@@ -75,7 +75,7 @@ EXTRA: Final = Rule(
     clause="[2] 2.5.1.2",
     numbers=("first", "last", "value", "places", "certainty", "second_first", "second_last", "unit"),
     loses=True,
-    text=partial(_byte_at, "a byte too many: without {value}, byte {places}, the CRC is right"),
+    text=partial(_byte_at, "one byte too many: without {value} (byte {places}) the CRC matches"),
     cause="a pulse on the line was taken for a start bit, often while drivers switch",
     remedy="check bias resistors and termination, and the driver-enable timing of the sender",
 )
@@ -137,7 +137,7 @@ FLOW: Final = Rule(
     numbers=("lost", "certainty", "unit"),
     loses=True,
     text=lambda numbers: phrase(
-        "{bytes} of 11 or 13 (XON, XOFF) missing; put back, the CRC is right", bytes=_bytes(numbers["lost"])
+        "{bytes} of 11 or 13 (XON, XOFF) missing; with them back the CRC matches", bytes=_bytes(numbers["lost"])
     ),
     cause="the capturing port has software flow control on and swallows these bytes",
     remedy="switch XON/XOFF off on the port (stty -ixon -ixoff)",

@@ -75,7 +75,7 @@ WASTE: Final = Rule(
         )
         + (phrase(", and save {saved_ms:ms} a round", numbers) if "saved_ms" in numbers else "")
     ),
-    cause="the client polls each value by itself",
+    cause="the client polls each value separately",
     remedy="read the block in one request",
 )
 SATURATED: Final = Rule(

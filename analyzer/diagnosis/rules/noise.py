@@ -35,7 +35,7 @@ OTHER: Final = Rule(
     when="bytes in no Modbus frame are those of another protocol",
     numbers=("protocol", "bytes"),
     text=lambda numbers: phrase(
-        "{bytes} of {protocol}: no Modbus, and no fault",
+        "{bytes} of {protocol}: not Modbus, and not a fault",
         bytes=counted(int(numbers["bytes"]), "byte", "bytes"),
         protocol=NAMES[int(numbers["protocol"])],
     ),
@@ -81,10 +81,10 @@ def _told(words: Mapping[Pattern, str], numbers: Mapping[str, float], **more: st
 
 
 _TEXTS: Final = {
-    Pattern.STRAY: "{bytes} that belong to no frame",
+    Pattern.STRAY: "{bytes} outside any frame",
     Pattern.BEFORE: "{bytes} of 00 or FF right before the frame of {sender}",
     Pattern.AFTER: "{bytes} of 00 or FF right after the frame of {sender}",
-    Pattern.IDLE: "{bytes} of no frame, on an idle line",
+    Pattern.IDLE: "{bytes} outside any frame on an idle line",
 }
 _CAUSES: Final = {
     Pattern.STRAY: "interference, bytes of a damaged frame, or a device that speaks another protocol",
@@ -217,8 +217,8 @@ COLLISION: Final = Rule(
         numbers,
         bytes=counted(int(numbers["window_length"]), "byte", "bytes"),
     ),
-    cause="chance, 1 window in 65,536, or registers that hold a whole frame",
-    remedy="nothing: it only misleads tools that look for right CRCs alone",
+    cause="a coincidence (1 window in 65,536), or registers that contain a whole frame",
+    remedy="nothing; it only misleads tools that search for matching CRCs alone",
 )
 
 

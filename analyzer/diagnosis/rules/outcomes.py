@@ -26,7 +26,7 @@ UNEXPECTED: Final = Rule(
     when="an answer has no request",
     clause="[2] 2.4.1",
     numbers=("unit", "function"),
-    text="unit {unit:.0f} answers, and nobody asked it",
+    text="unit {unit:.0f} answers without a request",
     cause="a second client whose requests the tap does not see, or a device that sends on its own",
     remedy="tap the line where both directions pass; look for a second client",
 )
@@ -51,7 +51,7 @@ MISMATCH: Final = Rule(
     loses=True,
     text="the answer of unit {unit:.0f} does not fit its request: byte count or quantity differ, or the echo does",
     cause="an answer to an earlier request, or a device that answers what it was not asked",
-    remedy="compare with the request before; read fewer registers, and update the device's firmware",
+    remedy="compare with the previous request; read fewer registers; update the device's firmware",
 )
 BROADCAST_ANSWERED: Final = Rule(
     "broadcast-answered",
@@ -228,7 +228,7 @@ NO_RESPONSE: Final = Rule(
     wastes="waited_ms",
     text=_silent,
     cause=lambda numbers: phrase(
-        "a request that reached it damaged, a unit that restarts or is busy, or a loose contact: it answers otherwise"
+        "the request arrived damaged, the unit restarted or was busy, or a contact is loose (it answers at other times)"
         if numbers["answered_before"]
         else "unit 0 or FF is the server itself: where that is a gateway, no unit behind it is asked"
         if _asks_itself(numbers)
@@ -238,7 +238,7 @@ NO_RESPONSE: Final = Rule(
         "swapped A and B, or a request that reached it damaged"
     ),
     remedy=lambda numbers: phrase(
-        "look when it falls silent: its power, its connector, what the client asks of it just then"
+        "check when it falls silent: its power, its connector, and what the client asks at that moment"
         if numbers["answered_before"]
         else "set the unit's number in the client, if a unit behind a gateway is meant"
         if _asks_itself(numbers)
@@ -259,8 +259,8 @@ RETRY: Final = Rule(
         phrase("the client repeats its request")
         + (phrase(", {after_ms:ms} after the first try", numbers) if "after_ms" in numbers else "")
     ),
-    cause="it got no answer, a damaged one or one too late",
-    remedy="look at what became of the request before",
+    cause="the first try got no answer, a damaged one, or a late one",
+    remedy="check what happened to the previous request",
 )
 
 

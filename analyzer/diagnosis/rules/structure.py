@@ -283,9 +283,12 @@ _USES: Final[Mapping[int, tuple[str, str]]] = {
     0x06: ("the device is busy, often with its flash memory", "ask again later, poll more slowly"),
     0x07: ("the device cannot run this program function", "look the function up in the device's manual"),
     0x08: ("the device's extended memory is damaged", "service the device"),
-    0x0A: ("a gateway says it, not the device: it has no way to that unit", "check the gateway's routing of units"),
+    0x0A: (
+        "the gateway reports it, not the device: it has no route to that unit",
+        "check the gateway's routing of units",
+    ),
     0x0B: (
-        "a gateway says it, not the device: the unit behind it is silent",
+        "the gateway reports it, not the device: the unit behind it is silent",
         "check the unit's power, address, line settings and the gateway's timeout",
     ),
 }

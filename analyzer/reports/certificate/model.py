@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any, Final
 from ...languages import counted, page_words
 from ...options import Options
 from ...outages import unheard
-from ...version import RULES, __version__
+from ...version import RULES
 from ...words import duration
 from .. import summarize
 from ..hashes import capture_sha256
+from ..heads import head_json, line_json
 from ..model import Report
 from .claims import UNKNOWN, Claim, claims_of, worst
 from .limits import AcceptanceLimits
@@ -66,18 +67,10 @@ class Certificate:
         report = self.report
         return {
             "verdict": self.verdict,
-            "capture": report.source,
-            "capture_sha256": self.sha256,
-            "format": report.format,
-            "baud": report.baud,
-            "char_bits": report.char_bits,
-            "tap": report.tap,
-            "t_start_ns": report.t_start_ns,
+            **head_json(report, self.sha256),
+            **line_json(report),
             "t_end_ns": report.t_end_ns,
-            "span_ns": report.span_ns,
             "requests": report.transactions.requests,
-            "partial": report.partial,
-            "version": __version__,
             "rules": dict(RULES),
             "confidence": self.limits.confidence,
             "limits": self.limits.to_json(),

@@ -15,9 +15,9 @@ from ...registers.inference import infer
 from ...registers.readings import RegisterReadings
 from ...registers.recognition import Recognised, UnitTexts, recognised
 from ...registers.roles import RegisterValue
-from ...version import __version__
 from .. import summarize
 from ..hashes import capture_sha256
+from ..heads import head_json, line_json
 from ..model import Report, UnitRow
 from .rounds import BusRound, RoundSlot, bus_round
 from .sequence import KEPT, PollSequence
@@ -137,13 +137,8 @@ class BusDescription:
         """As plain values."""
         report, turn = self.report, self.round
         return {
-            "capture": report.source,
-            "capture_sha256": self.sha256,
-            "version": __version__,
-            "line": {name: getattr(report, name) for name in ("format", "baud", "char_bits", "tap")},
-            "t_start_ns": report.t_start_ns,
-            "span_ns": report.span_ns,
-            "partial": report.partial,
+            **head_json(report, self.sha256),
+            "line": line_json(report),
             "units": [unit.to_json() for unit in self.units],
             "round": turn
             and {

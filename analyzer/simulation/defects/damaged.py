@@ -5,7 +5,8 @@ The master takes no damaged answer, and no unit a damaged request: it waits its 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from array import array
+from collections.abc import Callable, Iterator
 from random import Random
 from typing import Any
 
@@ -168,7 +169,7 @@ def parity_error(stage: Stage) -> None:
 
 
 @defect("crc-variant", whole=True)
-def crc_variant(stage: Stage, exchanges: int) -> None:
+def crc_variant(stage: Stage, exchanges: int) -> Iterator[None]:
     """One unit's firmware makes its check values by another convention."""
     variant = stage.random.choice(VARIANTS)
     unit = stage.polls[0].request[0]
@@ -176,7 +177,7 @@ def crc_variant(stage: Stage, exchanges: int) -> None:
     stage.polls = [poll for poll in stage.polls if poll.request[0] != unit]
     for i in range(exchanges):
         if stage.polls and i % _APART != _APART - 1:
-            stage.healthy(1)
+            yield from stage.healthy(1)
             continue
         device = stage.device(unit)
         body = bytes((unit,)) + device.answer(stage.random, polled[1:-2])
@@ -187,26 +188,35 @@ def crc_variant(stage: Stage, exchanges: int) -> None:
         frame = stage.answer(sent, request, device.response_ns, fault="crc-variant")
         stage.found("crc-variant", frame, variant=variant.name)
         stage.unanswered()
+        yield
 
 
 @defect("flow-control-loss", whole=True)
-def flow_control_loss(stage: Stage, exchanges: int) -> None:
+def flow_control_loss(stage: Stage, exchanges: int) -> Iterator[None]:
     """The capturing port has XON/XOFF on: no 11 and no 13 ever arrives."""
     for poll in [poll for poll in stage.polls if poll.request[1] in _LONG][::3]:  # those hold one always
         high = stage.random.choice(_FLOW) << 8
         stage.device(poll.request[0]).words[int.from_bytes(poll.request[2:4], "big")] = high | 0x80
-    stage.healthy(exchanges)
-    remaining = [at for at, byte in enumerate(stage.data) if byte not in _FLOW]
+    for _ in range(exchanges):
+        stage.play(stage.next())
+        _lose_flow_control(stage)
+        yield
+
+
+def _lose_flow_control(stage: Stage) -> None:
+    """What has passed since the last step, without those bytes."""
+    passing = stage.passing
+    remaining = [at for at, byte in enumerate(passing.data) if byte not in _FLOW]
     frames, shift = [], 0
-    for frame in stage.frames:
+    for frame in passing.frames:
         captured = frame.adu.translate(None, _FLOW)
         frames.append(_moved(frame, frame.start - shift, len(captured)))
         shift += len(frame.adu) - len(captured)
         if len(captured) < len(frame.adu):
             stage.found("flow-control-loss", frames[-1], lost=len(frame.adu) - len(captured))
-    stage.frames[:] = frames
-    stage.times = type(stage.times)("d", [stage.times[at] for at in remaining])
-    stage.data = bytearray(stage.data[at] for at in remaining)
+    passing.frames[:] = frames
+    passing.times = array("d", [passing.times[at] for at in remaining])
+    passing.data = bytearray(passing.data[at] for at in remaining)
 
 
 def _moved(frame: TruthFrame, start: int, length: int) -> TruthFrame:
@@ -217,7 +227,7 @@ def _moved(frame: TruthFrame, start: int, length: int) -> TruthFrame:
 
 
 @defect("lrc-error", whole=True)
-def lrc_error(stage: Stage, exchanges: int) -> None:
+def lrc_error(stage: Stage, exchanges: int) -> Iterator[None]:
     """A line in ASCII mode, on which a digit of an answer arrives as another now and then."""
     for number in range(exchanges):
         exchange = stage.next(None if number % _APART else _LONG)
@@ -227,12 +237,14 @@ def lrc_error(stage: Stage, exchanges: int) -> None:
         if number % _APART:
             stage.answer(exchange.response, request, exchange.response_ns, spelt)
             stage.pause()
+            yield
             continue
         at = stage.random.randrange(_FIRST_DATA, len(spelt) - _LRC_AND_END)
         other = stage.random.choice([digit for digit in b"0123456789ABCDEF" if digit != spelt[at]])
         captured = spelt[:at] + bytes((other,)) + spelt[at + 1 :]
         stage.found("lrc-error", stage.answer(exchange.response, request, exchange.response_ns, captured))
         stage.unanswered()
+        yield
 
 
 def _spelt(sent: bytes) -> bytes:

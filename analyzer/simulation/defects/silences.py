@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterator
 
 from dissectors.foreign import mstp_check
 
@@ -16,7 +17,7 @@ _ADJACENT = 6  # registers, polled one by one
 
 
 @defect("echo", whole=True)
-def echo(stage: Stage, exchanges: int) -> None:
+def echo(stage: Stage, exchanges: int) -> Iterator[None]:
     """The master's adapter hears itself: each request stands in the capture twice."""
     for _ in range(exchanges):
         exchange = stage.next()
@@ -26,43 +27,44 @@ def echo(stage: Stage, exchanges: int) -> None:
         stage.found("echo", stage.send("request", exchange.request, None), also=("gap-too-short",))
         stage.answer(exchange.response, request, exchange.response_ns)
         stage.pause()
+        yield
 
 
 @defect("slow-device", taps=("precise", "irq", "ftdi16"), units=3, whole=True)
-def slow_device(stage: Stage, exchanges: int) -> None:
+def slow_device(stage: Stage, exchanges: int) -> Iterator[None]:
     """One unit answers twenty times later than the others."""
     unit = stage.polls[0].request[0]
     stage.device(unit).response_ns = stage.random.uniform(*_SLOW_MS) * MS
-    stage.healthy(exchanges)
+    yield from stage.healthy(exchanges)
     stage.found_on_bus("slow-device", unit=unit)
 
 
 @defect("poll-waste", whole=True)
-def poll_waste(stage: Stage, exchanges: int) -> None:
+def poll_waste(stage: Stage, exchanges: int) -> Iterator[None]:
     """The master reads adjacent registers of one unit one by one, round after round."""
     device = stage.random.choice(stage.client.devices)
     first = device.base + stage.random.randrange(30)
     requests = [adu(device.unit, struct.pack(">BHH", 3, first + i, 1)) for i in range(_ADJACENT)]
     others = [poll for poll in stage.polls if poll.request[:2] != requests[0][:2]]
     stage.polls = [*(Exchange(request, None, device.response_ns) for request in requests), *others]
-    stage.healthy(exchanges)
+    yield from stage.healthy(exchanges)
     stage.found_on_bus("poll-waste", unit=device.unit, starting_address=first, requests=_ADJACENT)
 
 
 @defect("bus-saturated", taps=("precise", "irq"), whole=True)
-def bus_saturated(stage: Stage, exchanges: int) -> None:
+def bus_saturated(stage: Stage, exchanges: int) -> Iterator[None]:
     """The master asks again as soon as it may, and the line is never idle."""
     stage.idle_ms = _SATURATED_MS
     for device in stage.client.devices:
         device.response_ns = _HURRIED_NS
-    stage.healthy(exchanges)
+    yield from stage.healthy(exchanges)
     stage.found_on_bus("bus-saturated")
 
 
 @defect("timing-blind", taps=("ftdi16", "gateway", "untimed"), whole=True)
-def timing_blind(stage: Stage, exchanges: int) -> None:
+def timing_blind(stage: Stage, exchanges: int) -> Iterator[None]:
     """Nothing is wrong with the bus, but this tap's times cannot show its silences."""
-    stage.healthy(exchanges)
+    yield from stage.healthy(exchanges)
     stage.found_on_bus("timing-blind")
 
 
@@ -73,7 +75,7 @@ def other_protocol(stage: Stage) -> None:
     kind, source = random.choice((0, 1)), random.randrange(12)
     head = bytes((kind, (source + 1) % 12, source, 0, 0))
     frame = b"\x55\xff" + head + bytes((mstp_check(head),))  # a token of BACnet MS/TP
-    start = len(stage.data)
+    start = stage.passing.end
     for byte in frame:
         stage.put(byte)
     stage.found_at("other-protocol", start)
@@ -139,7 +141,7 @@ def turnaround_short(stage: Stage) -> None:
 
 
 @defect("noise", whole=True)
-def noise(stage: Stage, exchanges: int) -> None:
+def noise(stage: Stage, exchanges: int) -> Iterator[None]:
     """Bytes between frames: beside one unit's answers, as a badly timed driver leaves them, or on an idle line."""
     pattern = stage.random.choice(("before", "after", "idle"))
     glitch = stage.random.choice(_GLITCHES)
@@ -150,13 +152,14 @@ def noise(stage: Stage, exchanges: int) -> None:
             _beside(stage, pattern, glitch, exchange.request, exchange.response or b"", exchange.response_ns)
         elif pattern == "idle" and i % 12 == 11:
             stage.play(exchange)
-            start = len(stage.data)
+            start = stage.passing.end
             for _ in range(stage.random.randint(1, 4)):
                 stage.put(stage.random.choice((0x00, 0xFF, stage.random.getrandbits(8))))
             stage.found_at("noise", start, pattern="idle")
             stage.pause()
         else:
             stage.play(exchange)
+        yield
 
 
 def _beside(stage: Stage, pattern: str, glitch: int, asked: bytes, answered: bytes, after_ns: float) -> None:
@@ -164,7 +167,7 @@ def _beside(stage: Stage, pattern: str, glitch: int, asked: bytes, answered: byt
     request = stage.ask(asked)
     if pattern == "before":
         stage.now += max(after_ns, 1.1 * stage.silence)
-        start = len(stage.data)
+        start = stage.passing.end
         stage.put(glitch)
         stage.found_at("noise", start, pattern=pattern, unit=asked[0])
         stage.now += stage.random.uniform(0.0, 0.8) * stage.character
@@ -172,7 +175,7 @@ def _beside(stage: Stage, pattern: str, glitch: int, asked: bytes, answered: byt
     else:
         stage.answer(answered, request, after_ns)
         stage.now += stage.random.uniform(0.0, 0.8) * stage.character
-        start = len(stage.data)
+        start = stage.passing.end
         stage.put(glitch)
         stage.found_at("noise", start, pattern=pattern, unit=asked[0])
     stage.pause()

@@ -12,21 +12,21 @@ it says with `found`. Times are ns since the capture began.
 
 A module of `analyzer.simulation.defects` holds such functions; nothing lists the modules. A function puts the defect on
 the stage once, from an idle line to an idle line. One that shapes the whole capture (`whole=True`) is called once, with
-the number of exchanges that the capture should have.
+the number of exchanges that the capture should have, and yields after each of them.
 """
 
 from __future__ import annotations
 
-from array import array
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from random import Random
 from typing import Any, Final, TypeVar
 
 from ...registry import Registry
+from ..chances import Chances
 from ..conversation import Client, Exchange, Habits, adu
 from ..devices import Device
+from ..line import PassingBytes
 from ..truth import TruthFinding, TruthFrame
 
 MS: Final = 1e6  # ns
@@ -45,22 +45,23 @@ _READS: Final = range(1, 5)
 class Stage:
     """The line, and the master's list of polls."""
 
-    def __init__(self, random: Random, character_ns: float, units: int) -> None:
-        self.random = random
+    def __init__(self, chances: Chances, character_ns: float, units: int) -> None:
+        self.random = chances.faults
+        self._pace = chances.pace
+        self._bus = chances.bus
         self.character = character_ns
         self.silence = max(_T35 * character_ns, _T35_LEAST_NS)
-        self.client = Client(random, Habits(False, 0, 0.0, 0.0, 0.0), units)
+        self.client = Client(chances.bus, Habits(False, 0, 0.0, 0.0, 0.0), units)
         for device in self.client.devices:
-            device.response_ns = random.uniform(*_ANSWERS_MS) * MS
-        self.data = bytearray()
-        self.times = array("d")
+            device.response_ns = chances.bus.uniform(*_ANSWERS_MS) * MS
+        self.passing = PassingBytes()
         self.errors: list[int] = []  # offsets of bytes that the UART marked
-        self.frames: list[TruthFrame] = []
         self.findings: list[TruthFinding] = []
         self.now = _FIRST_NS
         self.idle_ms = _IDLE_MS
         self.polls = self._list()
         self._turn = 0
+        self._stranger = self.client.by(self.random)
 
     def _list(self) -> list[Exchange]:
         """Polls no two of which one could do."""
@@ -73,7 +74,7 @@ class Stage:
             if len(chosen) == _POLLS:
                 break
         polls = list(chosen.values())
-        self.random.shuffle(polls)
+        self._bus.shuffle(polls)
         return polls
 
     def device(self, unit: int) -> Device:
@@ -91,20 +92,21 @@ class Stage:
             if wanted is not None:
                 return self.made(self.random.choice(sorted(wanted)))
         device = self.device(exchange.request[0])
-        answer = device.answer(self.random, exchange.request[1:-2])
+        answer = device.answer(self._bus, exchange.request[1:-2])
         return Exchange(exchange.request, adu(device.unit, answer), device.response_ns)
 
     def made(self, function: int) -> Exchange:
         """An exchange of this function that is not on the list."""
         while True:
-            exchange = self.client.exchange()
+            exchange = self._stranger.exchange()
             if exchange.request[1] == function:
                 return exchange
 
-    def healthy(self, exchanges: int) -> None:
-        """So many polls, answered as they should be."""
+    def healthy(self, exchanges: int) -> Iterator[None]:
+        """So many polls, answered as they should be, a step each."""
         for _ in range(exchanges):
             self.play(self.next())
+            yield
 
     def play(self, exchange: Exchange) -> tuple[TruthFrame, TruthFrame]:
         """One exchange as it should be, and the pause after it."""
@@ -127,7 +129,7 @@ class Stage:
         **how: Any,
     ) -> TruthFrame:
         """A response after so long, 3.5 characters at least; see `send`."""
-        self.now += max(after_ns * self.random.uniform(0.9, 1.1), 1.1 * self.silence)
+        self.now += max(after_ns * self._pace.uniform(0.9, 1.1), 1.1 * self.silence)
         return self.send("response", sent, request.id, captured, **how)
 
     def send(
@@ -144,12 +146,12 @@ class Stage:
         """A frame on the wire: `captured` is what is left of `sent`, silent for `holes` (ns) before these of its bytes,
         `marked` by the UART where it had parity or framing errors."""
         captured = sent if captured is None else captured
-        start = len(self.data)
+        start = self.passing.end
         self.errors.extend(start + at for at in marked)
         for at, byte in enumerate(captured):
             self.put(byte, (holes or {}).get(at, 0.0))
         frame = TruthFrame(
-            id=len(self.frames),
+            id=self.passing.number,
             direction=direction,
             unit=sent[0],
             function=sent[1] & 0x7F,
@@ -159,22 +161,22 @@ class Stage:
             length=len(captured),
             fault=fault if captured == sent else fault or "damaged",
         )
-        self.frames.append(frame)
+        self.passing.frames.append(frame)
         return frame
 
     def put(self, byte: int, after_ns: float = 0.0) -> None:
         """One byte on the wire, after so much silence."""
         self.now += after_ns + self.character
-        self.data.append(byte)
-        self.times.append(self.now)
+        self.passing.data.append(byte)
+        self.passing.times.append(self.now)
 
     def pause(self) -> None:
         """What the master waits before its next request."""
-        self.now += self.silence + self.random.uniform(*self.idle_ms) * MS
+        self.now += self.silence + self._pace.uniform(*self.idle_ms) * MS
 
     def unanswered(self) -> None:
         """What it waits in vain."""
-        self.now += TIMEOUT_NS + self.random.uniform(0, 20) * MS
+        self.now += TIMEOUT_NS + self._pace.uniform(0, 20) * MS
 
     def found(self, code: str, frame: TruthFrame, also: tuple[str, ...] = (), **detail: Any) -> None:
         """This is wrong with this frame."""
@@ -182,7 +184,7 @@ class Stage:
 
     def found_at(self, code: str, start: int, also: tuple[str, ...] = (), **detail: Any) -> None:
         """This is wrong with the bytes from `start` on to the newest."""
-        self.findings.append(TruthFinding(code, start, len(self.data) - start, detail, also))
+        self.findings.append(TruthFinding(code, start, self.passing.end - start, detail, also))
 
     def found_on_bus(self, code: str, **detail: Any) -> None:
         """This is wrong with the bus as a whole."""
@@ -199,7 +201,7 @@ class Defect:
     it takes."""
 
     code: str
-    place: Callable[..., None]
+    place: Callable[..., Iterator[None] | None]
     taps: tuple[str, ...] = EVERY_TAP
     whole: bool = False
     units: int = 1
@@ -209,23 +211,24 @@ class Defect:
         """What happens, in a sentence."""
         return (self.place.__doc__ or "").strip().splitlines()[0]
 
-    def put(self, stage: Stage, exchanges: int) -> None:
-        """The whole capture: healthy exchanges with this defect, some 30 times in 400 of them."""
+    def put(self, stage: Stage, exchanges: int) -> Iterator[None]:
+        """The whole capture: healthy exchanges with this defect, some 30 times in 400 of them. Steps as `healthy`."""
         if self.whole:
-            self.place(stage, exchanges)
+            yield from self.place(stage, exchanges) or ()
             return
-        stage.healthy(_WARM_UP)
+        yield from stage.healthy(_WARM_UP)
         for _ in range(max(1, exchanges // _APART)):
-            stage.healthy(stage.random.randint(_APART - 6, _APART + 2))
+            yield from stage.healthy(stage.random.randint(_APART - 6, _APART + 2))
             self.place(stage)
-        stage.healthy(_LAST)
+            yield
+        yield from stage.healthy(_LAST)
 
 
 _WARM_UP: Final = 14  # exchanges: each poll once
 _APART: Final = 12
 _LAST: Final = 3
 
-_F = TypeVar("_F", bound=Callable[..., None])
+_F = TypeVar("_F", bound=Callable[..., Iterator[None] | None])
 _DEFECTS: Final = Registry[Defect]("analyzer.simulation.defects", "defect")
 
 

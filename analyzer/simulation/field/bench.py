@@ -51,6 +51,7 @@ class FieldCapture:
     requests: list[FieldRequest]
     begin_ns: float
     end_ns: float
+    epoch_ns: int = 0  # of the capture's clock, where the times of requests begin at 0
 
     def lost(self) -> list[FieldRequest]:
         """Requests within the capture that got no answer that their client took."""
@@ -107,6 +108,7 @@ class Bench:
             requests,
             self.begin_ns,
             self.duration_ns,
+            self.epoch_ns,
         )
 
     def speak_ascii(self) -> None:
