@@ -42,7 +42,12 @@ def test_a_repaint_asks_for_the_lines_in_sight_alone(view: str, monkeypatch: pyt
         assert screen.query_one(kind).count() == count
         asked: list[Any] = []
         real = Meanings.at
-        monkeypatch.setattr(Meanings, "at", lambda self, spot: asked.append(spot) or real(self, spot))
+
+        def told(self: Meanings, spot: Any) -> Any:
+            asked.append(spot)
+            return real(self, spot)
+
+        monkeypatch.setattr(Meanings, "at", told)
         for _ in range(5):
             screen.refresh_view()
         assert not asked, "what nobody looks at anew is not laid out anew"

@@ -37,6 +37,7 @@ from analyzer.model.scope import ScopedFigures
 from analyzer.model.selection import Everything, Selection, frames_only, in_span, transactions
 from analyzer.model.source import CaptureSource
 from analyzer.model.table import PIECE, AlikeNumbers, BusRows, NarrowNumbers, RowTable, ShortTimes
+from analyzer.model.times import GotoError
 from analyzer.simulation import Scenario, simulate
 from analyzer.tables.batch import Batch, Frame
 from analyzer.tables.findings import Severity, codes
@@ -356,7 +357,7 @@ def test_go_to_takes_numbers_times_steps_and_shares(troubled: Bus) -> None:
     assert search.row_named("-1min", troubled, row) == 0
     assert search.row_named("08:29:55", troubled, 0) > 0
     for wrong in ("", "abc", "9999999", "25:00:00", "5 apples", "9" * 5000, "9" * 400 + "%", "9" * 400 + "s"):
-        with pytest.raises(search.GotoError):
+        with pytest.raises(GotoError):
             search.row_named(wrong, troubled, 0)
 
 

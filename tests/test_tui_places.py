@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -70,7 +71,7 @@ def test_a_view_says_what_its_cursor_stands_on(capture: Path) -> None:
     using(opened(capture), work)
 
 
-def _choices(sitting: Seat) -> list[object]:
+def _choices(sitting: Seat) -> Sequence[object]:
     from analyzer.tui.views import BY_NAME
 
     return BY_NAME[sitting.screen.view].cells(sitting.screen)

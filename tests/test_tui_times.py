@@ -22,7 +22,7 @@ def _bus(first: int = _START, hours: float = 30.0) -> Any:
 
 
 def _desk(bus: Any, zone: tzinfo) -> Any:
-    desk = ViewState(SimpleNamespace(), bus)  # type: ignore[arg-type]
+    desk = ViewState(SimpleNamespace(), bus)
     desk.zone = zone
     return desk
 

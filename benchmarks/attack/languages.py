@@ -249,14 +249,14 @@ def _given(data: bytes, chance: Random) -> None:
 
     from analyzer.cli.commands import UsageError
     from analyzer.cli.inputs import moment, time_span
-    from analyzer.model import search
+    from analyzer.model import search, times
 
     text = data.decode(errors="replace")[:6000]
     zone = chance.choice((UTC, timezone(timedelta(hours=14)), timezone(-timedelta(hours=12))))
     bus = _bus()
     takers: tuple[Callable[[], Any], ...] = (
         lambda: search.row_named(text, bus, chance.randrange(bus.count), zone),
-        lambda: search.span(text, bus, zone),
+        lambda: times.span(text, bus, zone),
         lambda: search.wanted(text).hits(bus, 0, min(bus.count, 40)),
         lambda: moment(text, "--from", chance.choice((bus.t_first, 0, -(10**15), 10**18)), zone),
         lambda: time_span(text, "--shift"),
