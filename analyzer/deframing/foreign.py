@@ -7,9 +7,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dissectors.foreign import (
     LOOSE,
@@ -47,26 +48,39 @@ _FEW: Final = 48  # rows
 _NOISE: Final = int(Kind.NOISE)
 
 
+class _Heard(NamedTuple):
+    """Of a port up to a row: frames of Modbus, and bytes."""
+
+    legal: int
+    octets: int
+
+
 class ForeignTalk:
     """Marks such rows, batch after batch in wire order: `foreign` is set, and a frame becomes noise."""
 
     _talks: dict[int, MeterTalk]
     _shared: set[int]
     _legal: Counter[int]
+    _octets: Counter[int]
     _odd: Counter[int]
+    _odd_octets: Counter[int]
     _loose: Counter[int]
 
     def __init__(self) -> None:
         self._talks = {}  # by port
         self._shared = set()  # ports on which another protocol was heard
         self._legal = Counter[int]()  # frames of Modbus, by port,
-        self._odd = Counter[int]()  # and others with its CRC,
+        self._octets = Counter[int]()  # and all that was heard
+        self._odd = Counter[int]()  # frames with its CRC that are none,
+        self._odd_octets = Counter[int]()
         self._loose = Counter[int]()  # and noise that may be a protocol of which a few frames are chance
 
     def mark(self, rows: Rows, data: Bytes) -> None:
         """Mark them in place, before frames are numbered."""
         if not self._shared and len(rows) <= _FEW and _all_usual(rows, data):
             self._legal.update(rows.port.tolist())
+            for port, octets in zip(rows.port.tolist(), rows.length.tolist(), strict=True):
+                self._octets[port] += octets
             return
         kind = rows.kind.copy()
         plain = rows.protocol == Protocol.RTU
@@ -75,19 +89,21 @@ class ForeignTalk:
         odd[odd] = _unusual(rows, data, odd.nonzero()[0])
         if odd.any():
             odd[odd] = ~_sound(rows, data, odd.nonzero()[0])
-        legal, counted = (kind != Kind.NOISE) & rows.check & ~odd, 0
+        heard = _heard(rows, (kind != Kind.NOISE) & rows.check & ~odd)
         since = dict.fromkeys(self._shared, -1)
         for row in (noise | odd).nonzero()[0].tolist():
-            self._legal.update(rows.port[counted:row][legal[counted:row]].tolist())
-            counted = row
             adu, port = _bytes(rows, data, row), int(rows.port[row])
+            legal, octets = heard[port]
+            so_far = _Heard(self._legal[port] + int(legal[row]), self._octets[port] + int(octets[row]))
             if noise[row]:
-                rows.foreign[row] = self._of_noise(adu, port)
+                rows.foreign[row] = self._of_noise(adu, port, so_far)
                 if rows.foreign[row]:
                     since.setdefault(port, row)
-            elif name := self._of_meter(adu, port):
+            elif name := self._of_meter(adu, port, so_far):
                 _make_foreign(rows, row, name)
-        self._legal.update(rows.port[counted:][legal[counted:]].tolist())
+        for port, (legal, octets) in heard.items():
+            self._legal[port] += int(legal[-1])
+            self._octets[port] += int(octets[-1])
         self._shared |= since.keys()
         if since:
             self._mark_spanned(rows, data, since)
@@ -107,9 +123,9 @@ class ForeignTalk:
                 if several and covered >= _PART * len(adu):
                     _make_foreign(rows, row, name)
 
-    def _of_noise(self, octets: bytes, port: int) -> int:
+    def _of_noise(self, octets: bytes, port: int, so_far: _Heard) -> int:
         name, _, covered = foreign_bytes(octets)
-        if covered >= _PART * len(octets) and self._is_believed(name, port):
+        if covered >= _PART * len(octets) and self._is_believed(name, port, so_far):
             return _NUMBER[name]
         talk = self._talks.setdefault(port, MeterTalk())
         frames = checked_frames(octets)
@@ -117,23 +133,36 @@ class ForeignTalk:
         if not names:
             name, covered = talk.in_noise(octets)
             return _NUMBER[name] if covered >= _PART * len(octets) else 0
-        return _NUMBER[max(names)] if max(names) else _NUMBER[self._of_nobody(port, len(names))]
+        return _NUMBER[max(names)] if max(names) else _NUMBER[self._of_nobody(port, len(names), len(octets), so_far)]
 
-    def _is_believed(self, name: str, port: int) -> bool:
+    def _is_believed(self, name: str, port: int, so_far: _Heard) -> bool:
         """Whether such noise is that protocol: bytes of registers make messages of MIDI, too."""
         if name not in LOOSE:
             return True
         self._loose[port] += 1
-        return self._loose[port] > self._legal[port]
+        return self._loose[port] > so_far.legal
 
-    def _of_meter(self, adu: bytes, port: int) -> str:
+    def _of_meter(self, adu: bytes, port: int, so_far: _Heard) -> str:
         talk = self._talks.setdefault(port, MeterTalk())
-        return talk.name(adu, undeclared=is_undeclared(adu[1])) or ("" if is_legal(adu) else self._of_nobody(port, 1))
+        name = talk.name(adu, undeclared=is_undeclared(adu[1]))
+        return name or ("" if is_legal(adu) else self._of_nobody(port, 1, len(adu), so_far))
 
-    def _of_nobody(self, port: int, count: int) -> str:
-        """What frames are that have the CRC of Modbus and nothing else of it: another protocol where most are so."""
+    def _of_nobody(self, port: int, count: int, octets: int, so_far: _Heard) -> str:
+        """What frames are that have the CRC of Modbus and nothing else of it: another protocol where most are so, and
+        the port speaks little else; among many bytes of anything a few are chance."""
         self._odd[port] += count
-        return SAME_CRC if self._odd[port] >= max(_MANY, _TIMES * self._legal[port]) else ""
+        self._odd_octets[port] += octets
+        many = self._odd[port] >= max(_MANY, _TIMES * so_far.legal)
+        return SAME_CRC if many and self._odd_octets[port] >= _PART * so_far.octets else ""
+
+
+def _heard(rows: Rows, legal: Mask) -> dict[int, tuple[NDArray[np.int64], NDArray[np.int64]]]:
+    """By port, up to each row and with it: frames of Modbus, and bytes."""
+    found = {}
+    for port in np.unique(rows.port).tolist():
+        mine = rows.port == port
+        found[port] = np.cumsum(legal & mine, dtype=np.int64), np.cumsum(np.where(mine, rows.length, 0), dtype=np.int64)
+    return found
 
 
 def _make_foreign(rows: Rows, row: int, name: str) -> None:

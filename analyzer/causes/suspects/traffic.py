@@ -28,6 +28,7 @@ _FRAMES_MOVED: Final = 8  # right by their check values, of a function that its 
 _BYTES: Final = 0.2
 _BITS: Final = 14.0  # a frame of another protocol, its check value right
 _ODD: Final = 0.6
+_RIGHT: Final = 0.5  # of all bytes, in frames: of others a few frames with a right check value are chance
 
 
 @suspect(
@@ -46,7 +47,7 @@ def vendor_transfer(evidence: Evidence) -> Iterator[Suspicion]:
     for code in sorted(USER_DEFINED):
         frames, part = (
             int(ledger.functions[code]),
-            int(ledger.function_bytes[code]) / max(ledger.right_bytes, 1),
+            int(ledger.function_bytes[code]) / max(ledger.bytes, 1),
         )
         if frames < _FRAMES_MOVED or part < _BYTES:
             continue
@@ -79,7 +80,8 @@ def other_protocol(evidence: Evidence) -> Iterator[Suspicion]:
     name, frames = evidence.foreign
     if name in TALKERS and not ledger.frames:
         return
-    if not frames and evidence.odd >= _FRAMES and evidence.odd >= _ODD * max(ledger.frames, 1):
+    odd = evidence.odd >= max(_FRAMES, _ODD * ledger.frames) and ledger.right_bytes >= _RIGHT * ledger.bytes
+    if not frames and odd:
         name, frames = "a protocol with the CRC of Modbus (meters use it so)", evidence.odd
     if frames:
         looked_at = sum(len(octets) for _, _, octets in ledger.noise)
