@@ -19,12 +19,13 @@ from analyzer.fleet.linestate import ChunkDigest, NotGrownError, behind
 def test_a_slice_that_grew_goes_on_though_older_ones_are_gone(tmp_path):
     """A ring that is batched while it is recorded, and pruned: the rows of one pass, one row a source."""
     capture, paths = ring(tmp_path)
-    chunks, half = list(capture.chunks()), len(list(capture.chunks())) // 2
+    chunks, half = list(capture.chunks()), len(list(captures.open(paths[0]).chunks()))
+    grown = len(list(captures.open(paths[1]).chunks()))
     batch(tmp_path / "whole", *paths)
     last = paths[2].read_bytes()
     paths[2].unlink()
     told = []
-    for until in (half * 9 // 8, half * 10 // 8, half * 10 // 8, half * 12 // 8):
+    for until in (half + grown // 4, half + grown // 2, half + grown // 2, half + grown):
         captures.write(paths[1], captures.Capture.of(capture.line, chunks[half:until]))
         result = batch(tmp_path / "lake", *(path for path in paths if path.exists()))
         assert not result.troubles
