@@ -9,7 +9,7 @@ import pytest
 from seats import Seat, opened, sample_in, using
 
 from analyzer.tui.keys import BINDINGS
-from analyzer.tui.places import OF_ROWS, OFFERED, CausePlace, RegisterPlace, RowPlace, Stop, Trail, UnitPlace
+from analyzer.tui.places import OF_ROWS, OFFERED, CausePlace, RegisterPlace, RowPlace, Trail, UnitPlace, Visited
 from analyzer.tui.report import ReportPage
 from analyzer.tui.views import VIEWS
 
@@ -99,12 +99,12 @@ def test_back_and_forward_go_where_one_was(capture: Path) -> None:
 
 def test_a_trail_forgets_what_is_ahead_once_one_goes_elsewhere() -> None:
     trail = Trail()
-    trail.leave(Stop("frames", 1))
-    trail.leave(Stop("frames", 2))
-    assert trail.back(Stop("frames", 3)) == Stop("frames", 2)
-    trail.leave(Stop("frames", 2))
-    assert trail.forward(Stop("frames", 9)) is None
-    assert trail.back(Stop("frames", 9)) == Stop("frames", 2)
+    trail.leave(Visited("frames", 1))
+    trail.leave(Visited("frames", 2))
+    assert trail.back(Visited("frames", 3)) == Visited("frames", 2)
+    trail.leave(Visited("frames", 2))
+    assert trail.forward(Visited("frames", 9)) is None
+    assert trail.back(Visited("frames", 9)) == Visited("frames", 2)
 
 
 def test_the_next_finding_stays_in_the_list_in_sight(capture: Path) -> None:

@@ -48,7 +48,7 @@ _FEW: Final = 48  # rows
 _NOISE: Final = int(Kind.NOISE)
 
 
-class _Heard(NamedTuple):
+class _PortSoFar(NamedTuple):
     """Of a port up to a row: frames of Modbus, and bytes."""
 
     legal: int
@@ -94,7 +94,7 @@ class ForeignTalk:
         for row in (noise | odd).nonzero()[0].tolist():
             adu, port = _bytes(rows, data, row), int(rows.port[row])
             legal, octets = heard[port]
-            so_far = _Heard(self._legal[port] + int(legal[row]), self._octets[port] + int(octets[row]))
+            so_far = _PortSoFar(self._legal[port] + int(legal[row]), self._octets[port] + int(octets[row]))
             if noise[row]:
                 rows.foreign[row] = self._of_noise(adu, port, so_far)
                 if rows.foreign[row]:
@@ -123,7 +123,7 @@ class ForeignTalk:
                 if several and covered >= _PART * len(adu):
                     _make_foreign(rows, row, name)
 
-    def _of_noise(self, octets: bytes, port: int, so_far: _Heard) -> int:
+    def _of_noise(self, octets: bytes, port: int, so_far: _PortSoFar) -> int:
         name, _, covered = foreign_bytes(octets)
         if covered >= _PART * len(octets) and self._is_believed(name, port, so_far):
             return _NUMBER[name]
@@ -135,19 +135,19 @@ class ForeignTalk:
             return _NUMBER[name] if covered >= _PART * len(octets) else 0
         return _NUMBER[max(names)] if max(names) else _NUMBER[self._of_nobody(port, len(names), len(octets), so_far)]
 
-    def _is_believed(self, name: str, port: int, so_far: _Heard) -> bool:
+    def _is_believed(self, name: str, port: int, so_far: _PortSoFar) -> bool:
         """Whether such noise is that protocol: bytes of registers make messages of MIDI, too."""
         if name not in LOOSE:
             return True
         self._loose[port] += 1
         return self._loose[port] > so_far.legal
 
-    def _of_meter(self, adu: bytes, port: int, so_far: _Heard) -> str:
+    def _of_meter(self, adu: bytes, port: int, so_far: _PortSoFar) -> str:
         talk = self._talks.setdefault(port, MeterTalk())
         name = talk.name(adu, undeclared=is_undeclared(adu[1]))
         return name or ("" if is_legal(adu) else self._of_nobody(port, 1, len(adu), so_far))
 
-    def _of_nobody(self, port: int, count: int, octets: int, so_far: _Heard) -> str:
+    def _of_nobody(self, port: int, count: int, octets: int, so_far: _PortSoFar) -> str:
         """What frames are that have the CRC of Modbus and nothing else of it: another protocol where most are so, and
         the port speaks little else; among many bytes of anything a few are chance."""
         self._odd[port] += count

@@ -36,7 +36,7 @@ _ORDER: Final = ("new", "worse", "moved", "better", "gone")
 
 
 @dataclass(frozen=True, slots=True)
-class Side:
+class Compared:
     """One of the two."""
 
     name: str
@@ -56,18 +56,18 @@ class Change:
     spot: Spot | None = None
 
 
-def whole_side(bus: Bus, source: ViewSource) -> Side:
+def whole_side(bus: Bus, source: ViewSource) -> Compared:
     """A bus as far as it is known."""
-    return Side(source.name, bus.report(source, story=True), bus.registers, bus.watched)
+    return Compared(source.name, bus.report(source, story=True), bus.registers, bus.watched)
 
 
-def span_side(bus: Bus, source: ViewSource, span: tuple[int, int], name: str, stop: Callable[[], bool]) -> Side:
+def span_side(bus: Bus, source: ViewSource, span: tuple[int, int], name: str, stop: Callable[[], bool]) -> Compared:
     """A span of it."""
     figures = ScopedFigures(bus, for_test(in_span(*span))(bus, 0, bus.count), stop)
-    return Side(name, figures.report(source), figures.registers, figures.watched)
+    return Compared(name, figures.report(source), figures.registers, figures.watched)
 
 
-def read_side(source: ViewSource, stop: Callable[[], bool]) -> Side:
+def read_side(source: ViewSource, stop: Callable[[], bool]) -> Compared:
     """Another capture, read to its end. Raises what is wrong with it."""
     bus = Bus.of(source)
     for analysed in source.steps(stop):
@@ -76,7 +76,7 @@ def read_side(source: ViewSource, stop: Callable[[], bool]) -> Side:
     return whole_side(bus, source)
 
 
-def changes(now: Side, then: Side, meanings: Meanings) -> list[Change]:
+def changes(now: Compared, then: Compared, meanings: Meanings) -> list[Change]:
     """What is otherwise, new and worse first."""
     told = [Change(each.change, each.about, each.text, each.units) for each in differences(now.report, then.report)]
     if not any(each.about == "poll" for each in told):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar, Final
 from textual.binding import Binding, BindingType
 
 from ..languages import counted, tr
-from ..model.thenandnow import Change, Side, changes, read_side, span_side, whole_side
+from ..model.thenandnow import Change, Compared, changes, read_side, span_side, whole_side
 from ..model.times import GotoError, span
 from .filterbar import FilterBar
 from .items import NOTHING, FrameDetail, Item
@@ -133,14 +133,14 @@ def compare(screen: BusScreen, text: str) -> None:
     bus, source, meanings = desk.bus, desk.source, desk.meanings
     reader = getattr(screen.app, "reader")  # noqa: B009 - the application is known as an App here
 
-    def work(stop: Stop) -> tuple[Side, Side, list[Change]]:
+    def work(stop: Stop) -> tuple[Compared, Compared, list[Change]]:
         if _SPANS in text:
             then, now = (span_side(bus, source, each, desk.span_words(each), stop) for each in _spans_of(text, desk))
         else:
             then, now = read_side(reader(Path(text).expanduser()), stop), whole_side(bus, source)
         return then, now, changes(now, then, meanings)
 
-    def show(told: tuple[Side, Side, list[Change]]) -> None:
+    def show(told: tuple[Compared, Compared, list[Change]]) -> None:
         then, now, differences = told
         screen.jobs.doing = ""
         listing.show(then.name, now.name, differences)

@@ -45,7 +45,7 @@ def _nothing() -> None:
     """Nothing is to be done."""
 
 
-class _Pace:
+class _Reckoning:
     """When something is to be reckoned again while rows come: the dearer it is, the later."""
 
     basis: object = None  # what it was reckoned of last
@@ -70,7 +70,7 @@ class Jobs:
         self._notices: set[str] = set()
         self._paint_at = 0.0  # not before then
         self._pending: set[str] = set()  # what waits for the screen's turn
-        self._reckoned: dict[str, _Pace] = {}
+        self._reckoned: dict[str, _Reckoning] = {}
         self._standing = threading.Event()  # the first rows are on the screen
         self._wanted: dict[str, object] = {}  # by group, the one work whose outcome is still wanted
 
@@ -139,7 +139,7 @@ class Jobs:
     ) -> None:
         """The same of figures that grow with the capture: where `basis` is another one, and of rows that still come
         only after a pause of many times what the last reckoning took of the processor."""
-        pace = self._reckoned.setdefault(name, _Pace())
+        pace = self._reckoned.setdefault(name, _Reckoning())
         if basis == pace.basis or (not self._bus.whole and (pace.running or time.monotonic() < pace.next_at)):
             return
         pace.basis, pace.running = basis, True

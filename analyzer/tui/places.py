@@ -73,7 +73,7 @@ _MOST: Final = 100  # stops
 
 
 @dataclass(frozen=True, slots=True)
-class Stop:
+class Visited:
     """Where one was: a view, and the row that its list stood on."""
 
     view: str
@@ -84,25 +84,25 @@ class Stop:
 class Trail:
     """The stops before this one, and those that one came back from."""
 
-    past: list[Stop] = field(default_factory=list)
-    ahead: list[Stop] = field(default_factory=list)
+    past: list[Visited] = field(default_factory=list)
+    ahead: list[Visited] = field(default_factory=list)
 
-    def leave(self, stop: Stop) -> None:
+    def leave(self, stop: Visited) -> None:
         """One goes on from a stop to somewhere new."""
         if self.past[-1:] != [stop]:
             self.past = [*self.past, stop][-_MOST:]
         self.ahead.clear()
 
-    def back(self, here: Stop) -> Stop | None:
+    def back(self, here: Visited) -> Visited | None:
         """The last stop that is another one than this."""
         return _from(self.past, self.ahead, here)
 
-    def forward(self, here: Stop) -> Stop | None:
+    def forward(self, here: Visited) -> Visited | None:
         """The one that was come back from."""
         return _from(self.ahead, self.past, here)
 
 
-def _from(stops: list[Stop], others: list[Stop], here: Stop) -> Stop | None:
+def _from(stops: list[Visited], others: list[Visited], here: Visited) -> Visited | None:
     while stops:
         stop = stops.pop()
         if stop != here:

@@ -41,7 +41,7 @@ from .messages import (
 from .narrowing import Doors, Narrowing
 from .openfiles import Bookmarks, NextFile, OpenFiles
 from .picking import PickedRows
-from .places import OFFERED, Place, RowPlace, Stop, Trail
+from .places import OFFERED, Place, RowPlace, Trail, Visited
 from .transactions import TransactionList
 from .view import LISTS, View
 from .views import BY_NAME, VIEWS
@@ -130,9 +130,9 @@ class BusScreen(Screen[None]):
         return place.row if isinstance(place, RowPlace) else None
 
     @property
-    def stop(self) -> Stop:
+    def stop(self) -> Visited:
         """Where one is, to come back to."""
-        return Stop(self.view, self.row)
+        return Visited(self.view, self.row)
 
     @property
     def touched(self) -> bool:
