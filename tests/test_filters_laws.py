@@ -137,7 +137,7 @@ def captured() -> list[Seen]:
 
 def noisy(folder: Any) -> Seen:
     path = folder / "noisy.jsonl"
-    write(Scenario("noisy", "irq", transactions=150, seed=5, char_bits=10), path)
+    write(Scenario("noisy", "irq", transactions=150, seed=5, char_bits=10, baud=19200), path)
     return seen(captures.open(path))
 
 

@@ -117,7 +117,7 @@ def test_made_up_names_are_told_and_others_stay() -> None:
 def bus(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("registers") / "bus.jsonl"
     wrong = (
-        "area,address,name,type,order,max\ninput,0,Напряжение,f32,CDAB,\ninput,6,Ток,f32,,1\ninput,900,Энергия,u32,,5\n"
+        "area,address,name,type,order,max\ninput,0,Напряжение,f32,CDAB,\ninput,6,Ток,f32,,100\ninput,900,Энергия,u32,,5\n"
     )
     assert main(["simulate", str(path), "--map", "eastron-sdm120@1", "--transactions", "60"]) == 0
     path.with_name("wrong.csv").write_text(wrong, encoding="utf-8")
@@ -133,7 +133,7 @@ def test_commands_speak_russian(bus: Path, capsys: pytest.CaptureFixture[str]) -
     data = {"Eastron", "SDM", "Modbus", "eastron", "sdm", "wrong", "draft"}
     for command, said in (
         (["registers", str(bus), "--all"], "регистр"),
-        (["registers", str(bus), "--like", "0.9"], "показание 0.9"),
+        (["registers", str(bus), "--like", "225.6"], "показание 225.6"),
         (["map", "check", wrong, str(bus)], "1 противоречие у устройства 1"),
         (["map", "check", wrong], "3 значения, карта читается"),
         (["map", "infer", str(bus), "-o", draft], "значени"),

@@ -4,9 +4,9 @@ A unit answers in the order in which it was asked. After a silence nobody knows 
 it late; behind that every answer may be to the request before the one that it seems to follow. A path says for each
 answer which request it is of. To lose a request and to answer it late cost the same; what costs is an answer that was
 given twice, one that nobody asked for, and a request that the client was content with and nobody ever answered. What an
-answer holds is weighed by `contents`. A unit takes about as long for one answer as for the next: where one path makes
-it far steadier than another, the other one is less likely (`_unsteadiness`). Paths are compared over some answers;
-where none leads by `LEAD_BITS`, nobody can tell.
+answer holds is weighed by `contents`. A unit takes about as long for one answer as for the next: a path on which it
+is far less steady than where each answer is of the newest request is less likely (`_unsteadiness`). Paths are
+compared over some answers; where none leads by `LEAD_BITS`, nobody can tell.
 """
 
 from __future__ import annotations
@@ -78,6 +78,7 @@ class AnswerPath(NamedTuple):
     chosen: tuple[int, ...]
     free_ns: int = _LONG_AGO  # when the last of them ended
     services: tuple[int, ...] = ()  # ns that each took of late, from its request or the answer before it
+    is_behind: bool = False  # an answer is not of the newest request
 
     @property
     def spread(self) -> float:
@@ -145,7 +146,8 @@ class UnitQueue:
                     took = answer.t_start_ns - max(ask.t_end_ns, path.free_ns)
                     services = (*path.services[1 - _SERVICES :], took) if timed and answer.measured else path.services
                     chosen = (*path.chosen, ask.number)
-                    _put(paths, AnswerPath(ask.number, cost, slowest, chosen, answer.t_end_ns, services))
+                    is_behind = path.is_behind or ask is not asks[-1]
+                    _put(paths, AnswerPath(ask.number, cost, slowest, chosen, answer.t_end_ns, services, is_behind))
             unknown = _FORGOTTEN_BITS if path.newest < self.forgotten else stranger
             _put(paths, path._replace(cost=path.cost + unknown, chosen=(*path.chosen, _NONE)))
         self.pending.append(answer)
@@ -221,20 +223,20 @@ class UnitQueue:
 
 
 def _totals(paths: Iterable[AnswerPath]) -> list[float]:
-    """What each path costs, its unsteadiness beside the steadiest one included."""
+    """What each path costs, its unsteadiness beside those that are not behind included: to wait steadily behind an
+    older request may be chance, of echoes as of clients that keep time."""
     paths = list(paths)
-    spreads = [path.spread for path in paths]
-    steadiest = min((spread for spread in spreads if spread), default=0.0)
+    steady = min((path.spread for path in paths if not path.is_behind and path.spread), default=0.0)
     return [
-        path.cost + (_unsteadiness(len(path.services), spread / steadiest) if spread else 0.0)
-        for path, spread in zip(paths, spreads, strict=True)
+        path.cost + (_unsteadiness(len(path.services), path.spread / steady) if path.is_behind and steady else 0.0)
+        for path in paths
     ]
 
 
 def _unsteadiness(count: int, times: float) -> float:
     """Bits against so many services that differ so many times as much as those of another path: what is no more than
     twice as much is chance."""
-    return min(count * max(log2(times) - 1, 0.0), _UNSTEADY_MOST)
+    return min(count * (log2(times) - 1), _UNSTEADY_MOST) if times > 2 else 0.0
 
 
 def _put(paths: dict[tuple[int, tuple[int, ...]], AnswerPath], path: AnswerPath) -> None:
