@@ -116,7 +116,8 @@ def test_made_up_names_are_told_and_others_stay() -> None:
 @pytest.fixture(scope="module")
 def bus(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("registers") / "bus.jsonl"
-    wrong = "area,address,name,type,order,max\ninput,0,Напряжение,f32,CDAB,\ninput,6,Ток,f32,,100\ninput,900,Энергия,u32,,5\n"
+    rows = ("input,0,Напряжение,f32,CDAB,", "input,6,Ток,f32,,100", "input,900,Энергия,u32,,5")
+    wrong = "\n".join(("area,address,name,type,order,max", *rows, ""))
     assert main(["simulate", str(path), "--map", "eastron-sdm120@1", "--transactions", "60"]) == 0
     path.with_name("wrong.csv").write_text(wrong, encoding="utf-8")
     return path
