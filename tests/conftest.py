@@ -4,9 +4,11 @@ leaves anything to the next one."""
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import tempfile
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from declaring import declared
@@ -14,7 +16,8 @@ from hypothesis import settings
 
 from analyzer import languages
 
-os.environ["XDG_CONFIG_HOME"] = os.environ["APPDATA"] = tempfile.mkdtemp()  # nobody's own settings, read or written
+_SETTINGS = Path(tempfile.mkdtemp())
+os.environ["XDG_CONFIG_HOME"] = os.environ["APPDATA"] = str(_SETTINGS)  # nobody's own settings, read or written
 
 settings.register_profile("rtuscope", deadline=None)
 settings.load_profile("rtuscope")
@@ -39,6 +42,14 @@ def pytest_xdist_auto_num_workers() -> int:
 def _told_in_english() -> None:
     """Each test begins in English, whatever language one before it chose."""
     languages.use("en")
+
+
+@pytest.fixture(autouse=True)
+def _wished_by_nobody() -> Iterator[None]:
+    """Keys and filters that a test keeps are not there for the next one."""
+    yield
+    shutil.rmtree(_SETTINGS, ignore_errors=True)
+    _SETTINGS.mkdir(exist_ok=True)
 
 
 @pytest.fixture(autouse=True)
