@@ -40,7 +40,7 @@ def test_columns_are_typed_however_numpy_spells_an_array() -> None:
 
 
 def marks(count: int, first: int = 0) -> Marks:
-    place = first + np.arange(count)
+    place = first + np.arange(count, dtype=np.int64)
     return Marks(place, place % 2 == 0, np.stack((place / 3, -place), axis=1).astype(float))
 
 
