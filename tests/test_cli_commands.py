@@ -212,7 +212,7 @@ def test_a_full_disk_behind_standard_output_is_one_line(arguments):
     assert done.stderr == b"rtuscope: standard output: no space left on device\n"
 
 
-def test_a_terminal_without_our_characters_gets_escapes():
+def test_a_terminal_without_our_characters_gets_twins_or_escapes():
     done = spawned("parse", "11 03 10" + " 00" * 16 + " 00 00", PYTHONIOENCODING="ascii")
     assert "defect" not in done.err
     assert done.out.isascii()

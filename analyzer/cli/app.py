@@ -22,6 +22,7 @@ from ..version import __version__
 from .commands import COMMANDS, DONE, INTERRUPTED, UNUSABLE, Command, UsageError, add_arguments, add_language, meanings
 from .synonyms import instead_of
 from .terminal import full_screen, tell
+from .twins import TWINS
 
 _PLACEHOLDER: Final = re.compile("[A-Z][A-Z_]+")
 _NO_NUMBER: Final = re.compile("invalid (int|float) value: ('.*')")  # as argparse has it
@@ -336,10 +337,10 @@ def _error_line(error: Exception) -> str:
 
 
 def _tolerant(stream: IO[str]) -> None:
-    """Characters that the terminal's encoding lacks are escaped, not fatal."""
+    """Characters that the terminal's encoding lacks are written as twins or escapes, and not fatal."""
     reconfigure = getattr(stream, "reconfigure", None)
     if reconfigure is not None:
-        reconfigure(errors="backslashreplace")
+        reconfigure(errors=TWINS)
 
 
 def _carry(letters: str, stream: TextIO) -> None:

@@ -27,6 +27,7 @@ from .commands import UsageError
 from .inputs import seconds, size_in_bytes, time_or_size
 from .lineoptions import LineWords, add_line_arguments
 from .terminal import add_overwrite_argument, places, to_be_overwritten
+from .twins import TWINS
 
 if TYPE_CHECKING:
     from captures.live.tapviewer import TapViewer
@@ -257,7 +258,7 @@ def _write_unbuffered(text: str) -> None:
         sys.stderr.write(text)
         sys.stderr.flush()
         return
-    data = memoryview(text.encode(sys.stderr.encoding, "backslashreplace"))
+    data = memoryview(text.encode(sys.stderr.encoding, TWINS))
     while data:
         data = data[os.write(sys.stderr.fileno(), data) :]
 

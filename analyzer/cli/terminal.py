@@ -26,6 +26,7 @@ from dissectors.values import harmless
 from ..languages import counted, tr
 from ..terminal_text import ERASE_LINE, TerminalText, painted, terminal_text, trusted
 from .commands import UsageError
+from .twins import TWINS
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -143,7 +144,7 @@ def put_data(text: str) -> None:
 
 
 def _put_encoded(text: str, encoding: str) -> None:
-    put_bytes(terminal_text(text).encode(encoding, "backslashreplace"), sys.stdout.buffer)
+    put_bytes(terminal_text(text).encode(encoding, TWINS), sys.stdout.buffer)
 
 
 def put_bytes(data: bytes, stream: BinaryIO) -> None:
