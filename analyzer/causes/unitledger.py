@@ -139,7 +139,10 @@ class UnitLedger:
         """How many requests to it ended so."""
         if self._counts is None:
             self._counts = self.outcomes.tolist()
-        return sum(self._counts[outcome] for outcome in outcomes)
+        total = 0
+        for outcome in outcomes:  # suspects ask thousands of times: half the price of `sum` over a generator
+            total += self._counts[outcome]
+        return total
 
     @property
     def asked(self) -> int:
