@@ -223,6 +223,35 @@ def add_functions_argument(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_columns_arguments(parser: argparse._ActionsContainer, verb: str) -> None:
+    """--fields and --count; `verb` is what becomes of frames."""
+    parser.add_argument(
+        "--fields",
+        type=_names,
+        default=(),
+        metavar="NAME,NAME",
+        help="only these columns, in this order: time,unit,function,summary (rtuscope help tables)",
+    )
+    parser.add_argument(
+        "-c", "--count", type=_count, default=sys.maxsize, metavar="N", help=f"stop after N frames {verb}"
+    )
+
+
+def _names(text: str) -> tuple[str, ...]:
+    """Names between commas; for argparse."""
+    names = tuple(filter(None, (name.strip() for name in text.split(","))))
+    if not names:
+        raise argparse.ArgumentTypeError("name a column, such as time,unit,function")
+    return names
+
+
+def _count(text: str) -> int:
+    """A number of frames, for argparse."""
+    if not text.lstrip("0").isdecimal():
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number from 1")
+    return int(text)
+
+
 def add_filter_argument(parser: argparse.ArgumentParser) -> None:
     """--filter."""
     parser.add_argument(
