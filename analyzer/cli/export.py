@@ -38,7 +38,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     add_overwrite_argument(parser, "OUT")
     parser.add_argument(
-        "--format", metavar="F", help="jsonl, csv, mcap, parquet or pcapng; by default OUT's suffix tells, else jsonl"
+        "--format",
+        "--to-format",
+        dest="format",
+        metavar="F",
+        help="jsonl, csv, mcap, parquet or pcapng; by default OUT's suffix tells, else jsonl",
     )
     add_filter_argument(parser)
     add_map_argument(parser)
@@ -48,7 +52,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         choices=("frames", "transactions", "values", "findings"),
         help="table to write (default: frames); others only as csv, jsonl or parquet",
     )
-    add_columns_arguments(parser, "write")
+    add_columns_arguments(parser, "written")
     parser.add_argument(
         "--delimiter", default=",", metavar="C", help="between the cells of CSV: , (default), ; or tab for spreadsheets"
     )
