@@ -391,7 +391,9 @@ def outlets_of(
 
         recorded = lambda: (sum(r.bytes for r in recorders), sum(r.lost for r in recorders))  # noqa: E731
         host, port = arguments.metrics
-        metrics = Metrics(host, port, recorded if getattr(arguments, "output", None) else None)
+        metrics = Metrics(
+            host, port, recorded if getattr(arguments, "output", None) else None, chosen_charts(arguments)
+        )
         begun.append(metrics)
         tell(f"metrics: http://{shown_host(host)}:{metrics.port}/metrics")
     if arguments.foxglove is not None:
