@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from importlib import import_module
 from os import PathLike, fspath
+from sys import maxsize
 from typing import TYPE_CHECKING, Any
 
 import captures
@@ -106,12 +107,22 @@ class Analysis:
             return summarize(self.capture, source=name, options=self.options, filter=self.only, values=watch)
 
     def export(
-        self, out: str | PathLike[str], *, format: str | None = None, table: str = "frames", noise: bool = False
+        self,
+        out: str | PathLike[str],
+        *,
+        format: str | None = None,
+        table: str = "frames",
+        noise: bool = False,
+        fields: Sequence[str] = (),
+        count: int = maxsize,
     ) -> Exported:
-        """Write it as `rtuscope export` does, by suffix or by the format's name; `table` as in `--table`."""
+        """Write it as `rtuscope export` does, by suffix or by the format's name; `table`, `fields` (names of columns)
+        and `count` (of frames) as in its options."""
         from .exports import ExportOptions, export
 
-        options = ExportOptions(noise=noise, filter=self.only, table=table, charts=self.maps or None)
+        options = ExportOptions(
+            noise=noise, filter=self.only, table=table, charts=self.maps or None, fields=tuple(fields), count=count
+        )
         with under_base():
             return export(self.capture, fspath(out), name=format, options=options, limits=self.options)
 

@@ -199,7 +199,7 @@ def test_notes_go_along_and_are_shifted(tmp_path: Path, capsys: pytest.CaptureFi
         (["bus.jsonl", "-o", "there.jsonl"], "is there already"),
         (["bus.jsonl", "-o", "x.csv"], "no format to write"),
         (["bus.jsonl", "-o", "x.jsonl", "--frames", "9..3"], "--frames 9..3"),
-        (["bus.jsonl", "-o", "x.jsonl", "--from", "yesterday"], "--from yesterday"),
+        (["bus.jsonl", "-o", "x.jsonl", "--from", "yesterday"], "--start yesterday"),
         (["bus.jsonl", "-o", "x.jsonl", "--from", "5s", "--to", "2s"], "is later than"),
         (["bus.jsonl", "-o", "x.jsonl", "--shift", "3=1s"], "number of an IN"),
         (["bus.jsonl", "-o", "x.jsonl", "--seconds", "3"], "goes with --around"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -86,3 +87,68 @@ def test_a_simulated_line_has_the_bits_that_were_asked_for(tmp_path: Path, capsy
     bus = tmp_path / "bus.jsonl"
     assert ran(capsys, "simulate", bus, "-b", "9600-8N1", "--transactions", "20").status == 0
     assert (captures.open(bus).line.baud, captures.open(bus).line.char_bits) == (9600, 10)
+
+
+_OTHERWISE = {"view_format": "format", "begin": "start", "names": "port_name", "to_format": "format"}  # dests
+
+
+def _shown_options() -> Iterator[tuple[str, argparse.Action]]:
+    """Every option that help shows, with its command."""
+    for command in COMMANDS:
+        parser = argparse.ArgumentParser()
+        add_arguments(parser, command)
+        waiting = [(command, parser)]
+        for name, each in waiting:
+            for action in each._actions:
+                if isinstance(action, argparse._SubParsersAction):
+                    waiting += [(f"{name} {word}", below) for word, below in action.choices.items()]
+                elif action.option_strings and action.help is not argparse.SUPPRESS:
+                    yield name, action
+
+
+def _meaning(action: argparse.Action) -> str:
+    """What an option sets; of one that sets a choice, which."""
+    chosen = isinstance(action, argparse._StoreConstAction) and isinstance(action.const, str)
+    return {"jsonl": "json"}.get(action.const, action.const) if chosen else _OTHERWISE.get(action.dest, action.dest)
+
+
+def test_a_name_has_one_meaning_in_every_command() -> None:
+    meanings: dict[str, set[str]] = {}
+    for _, action in _shown_options():
+        for name in action.option_strings:
+            meanings.setdefault(name, set()).add(_meaning(action))
+    assert len(meanings) > 100
+    assert {name: found for name, found in meanings.items() if len(found) > 1} == {}
+
+
+def test_a_meaning_has_one_name_in_every_command() -> None:
+    names: dict[str, set[str]] = {}
+    for _, action in _shown_options():
+        names.setdefault(_meaning(action), set()).add(next(n for n in action.option_strings if n.startswith("--")))
+    twice = {meaning: found for meaning, found in names.items() if len(found) > 1}
+    assert twice == {"format": {"--format", "--to-format"}}  # `convert --format` was once what it reads
+
+
+@pytest.mark.parametrize(
+    ("command", "old", "new"),
+    [
+        ("report bus.jsonl", "--format text", "--input-format text"),
+        ("convert bus.jsonl -o x.jsonl", "--format text", "--input-format text"),
+        ("convert bus.jsonl -o x.jsonl", "--from 1s --to 2s", "--start 1s --end 2s"),
+        ("convert bus.jsonl -o x.jsonl", "--port a --port b", "--port-name a --port-name b"),
+        ("map import x.csv", "--format spreadsheet", "--input-format spreadsheet"),
+        ("export bus.jsonl", "--to-format csv", "--format csv"),
+    ],
+)
+def test_names_of_before_stay(command: str, old: str, new: str) -> None:
+    name, *rest = command.split()
+    parser = argparse.ArgumentParser()
+    add_arguments(parser, name)
+    before, now = (parser.parse_args([*rest, *options.split()]) for options in (old, new))
+    assert before == now
+
+
+@pytest.mark.parametrize("text", ["19200-9Z1", "fast", "19200-8N3"])
+@pytest.mark.parametrize("command", ["report bus.jsonl", "sniff /dev/nowhere"])
+def test_a_wrong_rate_is_told_how_one_is_written(capsys: pytest.CaptureFixture[str], command: str, text: str) -> None:
+    assert "19200-8N1" in refused(capsys, *command.split(), "-b", text)

@@ -1,12 +1,15 @@
 """`rtuscope report` and `demo`."""
 
+import io
 import json
+import os
 
 import pytest
 from buses import CHAR_NS, LINE, adu, spaced
 from running import ran, refused
 
 import captures
+from analyzer.cli.terminal import page_width
 from captures import Chunk
 
 REQUEST = adu("1103006b0003")
@@ -142,3 +145,18 @@ def test_the_words_of_a_log_are_skipped_not_damage(capsys, tmp_path):
     page = ran(capsys, "report", log).out
     assert "skipped   line 1: no bytes found in 'log started'" in page
     assert "damaged" not in page.split("requests")[0]
+
+
+class ScreenOfColumns(io.StringIO):
+    """A terminal."""
+
+    def isatty(self):
+        return True
+
+
+@pytest.mark.parametrize(("columns", "wide"), [(20, 40), (60, 60), (110, 110), (300, 120)])
+def test_paragraphs_are_as_wide_as_the_terminal(monkeypatch, columns, wide):
+    assert page_width(80) == 80
+    monkeypatch.setattr("sys.stdout", ScreenOfColumns())
+    monkeypatch.setattr("shutil.get_terminal_size", lambda: os.terminal_size((columns, 24)))
+    assert page_width(80) == wide

@@ -13,8 +13,9 @@ from running import ran
 
 import captures
 from analyzer.exports import ExportOptions
+from analyzer.exports.chosen import FRAME_COLUMNS as COLUMNS
 from analyzer.exports.sink import OutputStream
-from analyzer.exports.targets.csv import COLUMNS, EXPLAINED, open_sink, safe
+from analyzer.exports.targets.csv import EXPLAINED, open_sink, safe
 from analyzer.tables.batch import Batch
 from captures import Capture
 from dissectors.functions import load_file

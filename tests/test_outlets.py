@@ -363,6 +363,36 @@ def test_a_newer_state_is_not_undone_by_one_that_did_not_go_out():
     assert mail.get(0) is None
 
 
+def test_metrics_have_the_values_of_mapped_registers_until_they_are_stale(tmp_path):
+    pytest.importorskip("prometheus_client")
+    from buses import LINE, spaced
+
+    from analyzer.analysis import Analysis
+    from analyzer.live.outlets.gauges import ValueGauges
+    from dissectors.maps.files import read_map
+
+    (tmp_path / "meter.csv").write_text(MAP)
+    now = [0.0]
+    gauges = ValueGauges({17: read_map(tmp_path / "meter.csv")}, clock=lambda: now[0])
+
+    def heard(word):
+        capture = captures.Capture.of(LINE, spaced([ASKED, adu(f"{ANSWER}{word}")]))
+        for batch in Analysis(capture).batches():
+            gauges.feed(batch)
+
+    def served():
+        return [(sample.labels, sample.value) for family in gauges.collect() for sample in family.samples]
+
+    assert served() == []
+    for word in ("0064", "00C8"):
+        heard(word)
+        now[0] += 10.0
+    labels = {"unit": "17", "area": "holding", "address": "107", "name": "Active power", "unit_of_measure": "W"}
+    assert served() == [(labels, 200.0)]
+    now[0] += 3600.0
+    assert served() == []
+
+
 def test_influx_lines_hold_the_frames_of_the_capture(capsys):
     lines = [json.loads(line) for line in ran(capsys, "export", TROUBLED).out.splitlines()]
     out = spawned("replay", TROUBLED, "--speed", "max", "--influx").out.splitlines()

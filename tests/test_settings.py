@@ -114,7 +114,11 @@ def test_mistakes_name_their_line(capsys, files, text, said):
 @pytest.mark.parametrize(
     ("text", "command", "said"),
     [
-        ('[line]\nbaud = "x"\n', ("sniff", "/dev/nowhere"), "line 2: line.baud: 'x' is not a rate in bit/s, nor auto"),
+        (
+            '[line]\nbaud = "x"\n',
+            ("sniff", "/dev/nowhere"),
+            "line 2: line.baud: 'x' is not a rate in bit/s, nor one such as 19200-8N1, nor auto",
+        ),
         ('[line]\nbaud = "19200-8N1"\n', ("sniff", "/dev/nowhere"), "line 2: line.baud: the rate alone"),
         ("[line]\nbaud = 0\n", ("sniff", "/dev/nowhere"), "line 2: line.baud: '0' is not a rate"),
         ("tz = 'Europe/Mosow'\n", ("report", TROUBLED), "line 1: tz: no time zone 'Europe/Mosow': did you mean"),

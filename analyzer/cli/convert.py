@@ -21,6 +21,7 @@ from .inputs import (
     tell_damage,
     time_span,
 )
+from .lineoptions import add_kept_names
 from .terminal import Progress, add_overwrite_argument, captured_words, interruptible, tell, to_be_overwritten
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ rtuscope simulate bus.jsonl --wire noisy
 rtuscope convert bus.jsonl -o bus.mcap
 rtuscope convert bus.jsonl -o part.jsonl --frames 100..200
 rtuscope convert bus.jsonl -o near.jsonl --around 'crc_ok == false' --seconds 1
-rtuscope convert bus.jsonl bus.mcap -o both.jsonl --port plc --port meter --shift 2=+250ms"""
+rtuscope convert bus.jsonl bus.mcap -o both.jsonl --port-name plc --port-name meter --shift 2=+250ms"""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -51,22 +52,30 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="serial-chunks, mcap, pcapng, bin or text; by default OUT's suffix tells, else serial-chunks",
     )
     cut = parser.add_argument_group("what is kept (all, if nothing is given)")
-    cut.add_argument(
-        "--from",
+    begin = cut.add_argument(
+        "--start",
         dest="begin",
         metavar="T",
         help="from this time on: 12.5s after the first byte, 08:30:00, 2026-01-31T08:30Z",
     )
-    cut.add_argument("--to", dest="end", metavar="T", help="up to this time")
+    end = cut.add_argument("--end", dest="end", metavar="T", help="up to this time")
+    add_kept_names(cut, begin, "--from")
+    add_kept_names(cut, end, "--to")
     cut.add_argument(
         "--frames", metavar="A..B", help="these frames, by their numbers in an export, and what is between"
     )
     cut.add_argument("--around", metavar="FILTER", help="what is near frames that pass, such as 'exception'")
     cut.add_argument("--seconds", type=float, metavar="S", help="with --around: so near, before and after (5)")
     merge = parser.add_argument_group("merging")
-    merge.add_argument(
-        "--port", dest="names", action="append", default=[], metavar="NAME", help="name of the ports of the next IN"
+    names = merge.add_argument(
+        "--port-name",
+        dest="names",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="name of the ports of the next IN",
     )
+    add_kept_names(merge, names, "--port")
     merge.add_argument(
         "--shift",
         action="append",
@@ -87,7 +96,7 @@ def run(arguments: argparse.Namespace) -> int:
     load_functions(arguments)
     paths: list[str] = arguments.captures
     if len(arguments.names) > len(paths):
-        raise UsageError(f"--port is given {len(arguments.names)} times for {len(paths)} captures")
+        raise UsageError(f"--port-name is given {len(arguments.names)} times for {len(paths)} captures")
     if arguments.seconds is not None and arguments.around is None:
         raise UsageError("--seconds goes with --around")
     chosen = _format(arguments)
@@ -194,10 +203,10 @@ def _cut(capture: Capture, arguments: argparse.Namespace) -> Capture:
 
         first = next((int(block.t_ns[0]) for block in capture.blocks() if len(block)), 0)
         zone = None if arguments.tz is None else time_zone(arguments.tz)
-        begin = -(1 << 62) if arguments.begin is None else moment(arguments.begin, "--from", first, zone)
-        end = 1 << 62 if arguments.end is None else moment(arguments.end, "--to", first, zone)
+        begin = -(1 << 62) if arguments.begin is None else moment(arguments.begin, "--start", first, zone)
+        end = 1 << 62 if arguments.end is None else moment(arguments.end, "--end", first, zone)
         if begin > end:
-            raise UsageError(f"--from {arguments.begin} is later than --to {arguments.end}")
+            raise UsageError(f"--start {arguments.begin} is later than --end {arguments.end}")
         capture = cut_to_times(capture, [(begin, end)])
     if arguments.frames is not None:
         from ..exports.running import frames_only

@@ -8,6 +8,7 @@ from .commands import DONE, FAILED, INTERRUPTED, NO_FRAME, UsageError
 from .inputs import (
     add_capture_arguments,
     add_check_argument,
+    add_columns_arguments,
     add_filter_argument,
     add_limit_arguments,
     add_map_argument,
@@ -24,6 +25,7 @@ EXAMPLE = """\
 rtuscope simulate bus.jsonl --wire noisy
 rtuscope export bus.jsonl -o frames.csv
 rtuscope export bus.jsonl --filter 'exception or crc_ok == false'
+rtuscope export bus.jsonl --format csv --fields time,unit,function,summary --count 10
 rtuscope export bus.jsonl --noise --explain
 rtuscope export bus.jsonl --table transactions -o polls.csv --delimiter ';'"""
 
@@ -36,7 +38,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     add_overwrite_argument(parser, "OUT")
     parser.add_argument(
-        "--format", metavar="F", help="jsonl, csv, mcap, parquet or pcapng; by default OUT's suffix tells, else jsonl"
+        "--format",
+        "--to-format",
+        dest="format",
+        metavar="F",
+        help="jsonl, csv, mcap, parquet or pcapng; by default OUT's suffix tells, else jsonl",
     )
     add_filter_argument(parser)
     add_map_argument(parser)
@@ -46,6 +52,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         choices=("frames", "transactions", "values", "findings"),
         help="table to write (default: frames); others only as csv, jsonl or parquet",
     )
+    add_columns_arguments(parser, "written")
     parser.add_argument(
         "--delimiter", default=",", metavar="C", help="between the cells of CSV: , (default), ; or tab for spreadsheets"
     )
@@ -82,6 +89,8 @@ def run(arguments: argparse.Namespace) -> int:
                 delimiter=_delimiter(arguments.delimiter),
                 bom=arguments.bom,
                 charts=charts or None,
+                fields=arguments.fields,
+                count=arguments.count,
             ),
             limits=limits,
             progress=progress,

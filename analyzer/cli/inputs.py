@@ -21,7 +21,7 @@ from captures.line import POLARITIES
 from ..meant import did_you_mean
 from ..words import UNITS_NS, is_clock, moment_of
 from .commands import UsageError
-from .lineoptions import LineWords, add_line_arguments
+from .lineoptions import LineWords, add_kept_names, add_line_arguments
 from .terminal import tell
 
 if TYPE_CHECKING:
@@ -146,19 +146,19 @@ def add_capture_arguments(parser: argparse.ArgumentParser, *, format_flag: bool 
 
 
 def add_reading_arguments(parser: argparse.ArgumentParser, *, format_flag: bool = True) -> None:
-    """--format, --baud and the like; without `format_flag` --format is the command's own, --input-format this one."""
+    """--input-format, --baud and the like; without `format_flag` the command has a --format of its own."""
     group = parser.add_argument_group(
         "reading the capture (default: settings in the file, else inferred from its bytes)"
     )
-    flags = ["--format", "--input-format"] if format_flag else ["--input-format"]
-    group.add_argument(
-        *flags,
-        dest="input_format",
+    option = group.add_argument(
+        "--input-format",
         type=capture_format,
         metavar="NAME",
         help="its format: analyser-session, bin, mcap, pcap, pcapng, saleae, saleae-binary, saleae-edges, scope-table, "
         "serial-chunks, sigrok, sigrok-table, text, vcd (rtuscope help formats)",
     )
+    if format_flag:
+        add_kept_names(group, option, "--format")
     add_line_arguments(group, LineWords())
     group.add_argument("--polarity", choices=POLARITIES, help="of a logic analyser's edges: inverted is low when idle")
     add_zone_argument(group)
@@ -223,12 +223,41 @@ def add_functions_argument(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_columns_arguments(parser: argparse._ActionsContainer, verb: str) -> None:
+    """--fields and --count; `verb` is what becomes of frames."""
+    parser.add_argument(
+        "--fields",
+        type=_names,
+        default=(),
+        metavar="NAME,NAME",
+        help="only these columns, in this order: time,unit,function,summary (rtuscope help tables)",
+    )
+    parser.add_argument(
+        "-c", "--count", type=_count, default=sys.maxsize, metavar="N", help=f"stop after N frames {verb}"
+    )
+
+
+def _names(text: str) -> tuple[str, ...]:
+    """Names between commas; for argparse."""
+    names = tuple(filter(None, (name.strip() for name in text.split(","))))
+    if not names:
+        raise argparse.ArgumentTypeError("name a column, such as time,unit,function")
+    return names
+
+
+def _count(text: str) -> int:
+    """A number of frames, for argparse."""
+    if not text.lstrip("0").isdecimal():
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number from 1")
+    return int(text)
+
+
 def add_filter_argument(parser: argparse.ArgumentParser) -> None:
     """--filter."""
     parser.add_argument(
         "-Y",
         "--filter",
-        metavar="EXPR",
+        metavar="FILTER",
         help="only rows that match, such as 'unit == 17 and exception' (rtuscope help filters)",
     )
 

@@ -5,11 +5,15 @@
     --bits 7, --stop 2    also --data-bits, --stop-bits
 
 A command says what it makes of them (`LineWords`), and whether `auto` is a value.
+
+In all commands --format is what is written, --input-format what is read, --from and --to are places. Names that once
+meant something else stay (`add_kept_names`).
 """
 
 from __future__ import annotations
 
 import argparse
+from copy import copy
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
@@ -40,6 +44,13 @@ class LineWords:
     stop: str = "stop bits of a character"
     parities: tuple[str, ...] = ("N", "E", "O", "M", "S")
     auto: bool = False
+
+
+def add_kept_names(group: argparse._ActionsContainer, option: argparse.Action, *names: str) -> None:
+    """Names that an option once had: scripts give them, so they stay; help shows the one name alone."""
+    kept = copy(option)
+    kept.option_strings, kept.help = names, argparse.SUPPRESS
+    group._add_action(kept)
 
 
 class _Rate(argparse.Action):
@@ -83,7 +94,9 @@ def rate_or_auto(text: str) -> int | str | RateWithFormat:
     try:
         return rate(text)
     except argparse.ArgumentTypeError:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a rate in bit/s, nor auto") from None
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is not a rate in bit/s, nor one such as 19200-8N1, nor auto"
+        ) from None
 
 
 def parity(text: str) -> str:

@@ -19,6 +19,7 @@ from .inputs import (
     open_capture,
     unit_number,
 )
+from .lineoptions import add_kept_names
 from .registers import RegisterTraffic, gathered
 from .terminal import add_overwrite_argument, put_data, tell, to_be_overwritten
 
@@ -53,9 +54,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
     importing = actions.add_parser("import", help="import a map from a spreadsheet or another program's file")
     importing.add_argument("file", metavar="FILE", help="a table, or another program's file (rtuscope help registers)")
     _output_arguments(importing)
-    importing.add_argument(
-        "--format", type=_import_format, metavar="F", help="the format of FILE, where its content does not tell"
+    form = importing.add_argument(
+        "--input-format",
+        type=_import_format,
+        metavar="NAME",
+        help="the format of FILE, where its content does not tell",
     )
+    add_kept_names(importing, form, "--format")
     importing.add_argument("--device", metavar="NAME", help="which device, where FILE has several")
     importing.add_argument("--base", type=int, metavar="N", help="the address where a SunSpec model begins")
     inferring = actions.add_parser("infer", help="infer a map from traffic")
@@ -285,7 +290,7 @@ def _import(arguments: argparse.Namespace) -> int:
     _check_suffix(arguments.output)
     data = map_bytes(path)
     try:
-        imported = import_maps(arguments.file, data, name=arguments.format)
+        imported = import_maps(arguments.file, data, name=arguments.input_format)
     except MissingLibraryError as missing:
         raise UsageError(needs(missing.what, missing.library, missing.extra)) from missing
     names = [one.chart.device for one in imported]

@@ -22,7 +22,16 @@ from .inputs import (
     open_capture,
     opened_capture,
 )
-from .terminal import Progress, add_overwrite_argument, interruptible, put_json, put_page, tell, to_be_overwritten
+from .terminal import (
+    Progress,
+    add_overwrite_argument,
+    interruptible,
+    page_width,
+    put_json,
+    put_page,
+    tell,
+    to_be_overwritten,
+)
 
 if TYPE_CHECKING:
     from captures import Capture
@@ -178,12 +187,13 @@ def _values(charts: UnitMaps, *, inferred: bool) -> ValueWatch | None:
 def show(capture: Capture, source: str, terms: ReportTerms = ReportTerms(), *, as_json: bool) -> Report:
     """Print the report on an open capture."""
     from ..reports import text
+    from ..reports.paragraphs import WIDTH
 
     report = _report(capture, source, terms)
     if as_json:
         put_json(report.to_json(), indent=2)
     else:
-        put_page(text(report))
+        put_page(text(report, page_width(WIDTH)))
     return report
 
 

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from pathlib import Path
     from threading import Event
 
+_NARROWEST, _WIDEST = 40, 120  # columns of a paragraph
 _VIRTUAL_TERMINAL: Final = 1 | 4  # ENABLE_PROCESSED_OUTPUT, ENABLE_VIRTUAL_TERMINAL_PROCESSING
 
 
@@ -121,6 +122,11 @@ _PAGE_STYLES = (  # of a line of a report page, by how it begins: its graphic re
     (re.compile(r"   (seen|rests on|explained by|видно|основание|объясняет): "), "2"),
     (re.compile(r"\w[^\d.:]*$"), "1"),  # a heading
 )
+
+
+def page_width(usual: int) -> int:
+    """Columns of a page's paragraphs: the terminal's, as far as lines stay readable; `usual` on a pipe."""
+    return min(max(shutil.get_terminal_size().columns, _NARROWEST), _WIDEST) if sys.stdout.isatty() else usual
 
 
 def put_page(text: str) -> None:

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Final, Protocol
 
 from ..terminal_text import terminal_text
 from .commands import DONE, NO_FRAME, UsageError
-from .inputs import add_map_argument, chosen_charts, seconds
+from .inputs import add_columns_arguments, add_map_argument, chosen_charts, seconds
 from .terminal import coloured, hung_up, places, put, put_bytes, put_data, say_in_place, tell, told_to_end
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def add_view_arguments(parser: argparse.ArgumentParser, *, format_flag: bool = F
     )
     view.add_argument("--noise", action="store_true", help="with --json and pcapng: the bytes in no frame, too")
     view.add_argument("-Y", "--filter", metavar="FILTER", help="show only frames that pass, such as 'unit == 17'")
-    view.add_argument("--count", type=int, metavar="N", help="stop after N frames shown")
+    add_columns_arguments(view, "shown")
     add_duration_argument(view)
     view.add_argument("--until", metavar="FILTER", help="stop after a frame that passes: 'finding == \"no-response\"'")
     view.add_argument(
@@ -89,7 +89,8 @@ def check_interface(arguments: argparse.Namespace) -> None:
         "--format": arguments.view_format not in (None, "text"),
         "--trigger": arguments.trigger is not None,
         "--until": arguments.until is not None,
-        "--count": arguments.count is not None,
+        "--count": arguments.count < sys.maxsize,
+        "--fields": bool(arguments.fields),
         "--duration": arguments.duration is not None,
         "--filter": arguments.filter is not None,
         "--infer": arguments.infer,
@@ -210,10 +211,9 @@ class Watch:
             parts = self._triggered(parts, shown, fired=self._trigger.holds(shown, step, line))
         if self._until is not None and self._until.holds(shown, step, line):
             self._end()
-        if self._arguments.count:
-            self._shown += bool(parts) and not shown.late and shown.values.index >= 0
-            if self._shown >= self._arguments.count:
-                self._end()
+        self._shown += bool(parts) and not shown.late and shown.values.index >= 0
+        if self._shown >= self._arguments.count:
+            self._end()
         return parts
 
     def _triggered(self, parts: list[Any], shown: ShownRow, *, fired: bool) -> list[Any]:
@@ -257,6 +257,12 @@ class Watch:
 
 def _view(arguments: argparse.Namespace, session: Session, charts: UnitMaps) -> _ViewLines:
     """What makes of rows what is shown."""
+    if arguments.fields:
+        from ..live.chosenlines import ChosenLines
+
+        if arguments.view_format not in (None, "text", "jsonl"):
+            raise UsageError("--fields is for text and --json")
+        return ChosenLines(arguments.fields, text=arguments.view_format != "jsonl", noise=arguments.noise)
     match arguments.view_format:
         case "jsonl":
             from ..live.lines import LiveJsonLines
@@ -385,7 +391,9 @@ def outlets_of(
 
         recorded = lambda: (sum(r.bytes for r in recorders), sum(r.lost for r in recorders))  # noqa: E731
         host, port = arguments.metrics
-        metrics = Metrics(host, port, recorded if getattr(arguments, "output", None) else None)
+        metrics = Metrics(
+            host, port, recorded if getattr(arguments, "output", None) else None, chosen_charts(arguments)
+        )
         begun.append(metrics)
         tell(f"metrics: http://{shown_host(host)}:{metrics.port}/metrics")
     if arguments.foxglove is not None:

@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal
 
 import numpy as np
 import orjson
@@ -30,6 +30,7 @@ from ..tables.findings import described
 from ..tables.transactions import Status
 from ..tables.values import confirmed_values
 from ..words import clock_text
+from .chosen import chosen_names
 from .sink import ExportError, ExportOptions, OutputStream
 from .targets.csv import safe
 
@@ -56,6 +57,22 @@ class RecordTable:
 
     kinds: Mapping[str, Kind]
     columns: Callable[[Analysed], Columns]
+
+    @property
+    def clock(self) -> str:
+        """The column of times that `time` puts as wall clock."""
+        return next(name for name, kind in self.kinds.items() if kind == "time")
+
+    def chosen(self, fields: Sequence[str]) -> RecordTable:
+        """The same of some columns, `time` among them if asked for. Raises ExportError."""
+        names = chosen_names(fields, (*self.kinds, "time"))
+
+        def narrowed(analysed: Analysed) -> Columns:
+            columns = self.columns(analysed)
+            clock = {"time": [clock_text(t_ns) or None for t_ns in columns[self.clock]]}
+            return {name: ({**columns, **clock})[name] for name in names}
+
+        return RecordTable({name: self.kinds.get(name, "text") for name in names}, narrowed)
 
 
 def _optional(values: NDArray[Any], absent: NDArray[np.bool_]) -> list[Any]:
@@ -247,10 +264,19 @@ _GROUP: Final = 1 << 16  # rows of a Parquet row group, at least
 
 
 class RecordSink:
-    """A table being written; a subclass says how its columns go into a file."""
+    """A table being written; a subclass says how its columns go into a file, and which it has besides the table's."""
+
+    MORE: ClassVar[tuple[str, ...]] = ()
 
     def __init__(self, out: OutputStream, table: RecordTable, options: ExportOptions) -> None:
-        self.out, self.table, self.options = out, table, options
+        self.out, self.options = out, options
+        self.table = table.chosen(options.fields or (*table.kinds, *self.MORE))
+        self._left = options.count
+
+    @property
+    def full(self) -> bool:
+        """Whether as many records are written as were asked for."""
+        return self._left == 0
 
     def block(self, block: Block) -> None:
         """Raw chunks are not in a table."""
@@ -261,6 +287,8 @@ class RecordSink:
     def batch(self, analysed: Analysed) -> None:
         """The records of a batch."""
         columns = self.table.columns(analysed)
+        columns = {name: values[: self._left] for name, values in columns.items()}
+        self._left -= len(next(iter(columns.values())))
         if next(iter(columns.values())):
             self.write(columns)
 
@@ -275,18 +303,18 @@ class RecordSink:
 class CsvRecords(RecordSink):
     """A line a record, with its time for people at its end; text that a spreadsheet would run is made harmless."""
 
+    MORE = ("time",)
+
     def __init__(self, out: OutputStream, table: RecordTable, options: ExportOptions) -> None:
         super().__init__(out, table, options)
         self.out.write(b"\xef\xbb\xbf" if options.bom else b"")
-        self._time = next(name for name, kind in table.kinds.items() if kind == "time")
-        self._line([[*table.kinds, "time"]])
+        self._line([list(self.table.kinds)])
 
     def write(self, columns: Columns) -> None:
         cells = [
             list(map(_cell, column)) if kind in ("text", "flag") else column
             for column, kind in zip(columns.values(), self.table.kinds.values(), strict=True)
         ]
-        cells.append(list(map(clock_text, columns[self._time])))
         self._line([list(row) for row in zip(*cells, strict=True)])
 
     def _line(self, rows: list[list[Any]]) -> None:
@@ -324,7 +352,7 @@ class ParquetRecords(RecordSink):
         except ImportError as error:
             raise ExportError(needs("parquet", "pyarrow", "columns")) from error
         self._pa = pa
-        self._schema = record_schema(table)
+        self._schema = record_schema(self.table)
         self._parts: list[Any] = []
         self._count = 0
         self._writer = ParquetWriter(pa.PythonFile(out, mode="w"), self._schema)

@@ -21,10 +21,11 @@ from ..core import analyse, deframe, observed
 from ..options import Options
 from ..tables.findings import Severity, rules
 from ..tables.schema import Kind
-from .sink import ExportError, ExportOptions, format_name, output, target
+from .sink import ExportError, ExportOptions, OutputStream, Sink, format_name, output, target
 
 if TYPE_CHECKING:
     from ..filters import Filter
+    from ..tables.batch import Batch
 
 _PLAIN = ExportOptions()
 _ROWS = 8192  # written at once: how long Ctrl-C and progress wait
@@ -59,26 +60,16 @@ def export(
     """
     from ..core import analyse
 
-    module = target(out, name)
-    if str(out) == "-" and sys.stdout.isatty() and getattr(module, "BINARY", False):
-        raise ExportError(f"{name} is no text to show on a terminal: name a file with -o, or put it into a pipe")
-    if options.filter is not None:
-        if why := getattr(module, "WHOLE", ""):
-            raise ExportError(f"{out}: cannot be filtered: {why}")
-        options = replace(options, noise=options.noise or "noise" in options.filter.fields)
+    options = _possible(options, out, name)
     frames = octets = errors = 0
     grave = _errors()
+    most = options.count if options.table == "frames" else sys.maxsize  # records of other tables their sink counts
 
     def stopped() -> bool:
         return stop is not None and stop()
 
     with output(out, source=capture.path) as written:
-        if options.table == "frames":
-            sink = module.open_sink(written, capture, options)
-        else:
-            from .records import open_records
-
-            sink = open_records(written, capture, options, format_name(out, name))
+        sink = _sink(written, capture, options, name or format_name(out))
         stream = analyse(observed(capture, look=sink.block, stop=stopped), replace(limits, explain=options.explain))
         if options.filter is not None:
             from ..filters.evaluation import filtered
@@ -86,9 +77,10 @@ def export(
             stream = filtered(stream, options.filter, capture.line)
         for analysed in stream:
             batch, last = analysed.batch, 0
+            end = _end(batch, most, frames)
             errors += int(np.count_nonzero(grave[analysed.findings.rule]))
-            while last < len(batch) and not stopped():
-                first, last = last, min(last + _ROWS, len(batch))
+            while last < end and not stopped():
+                first, last = last, min(last + _ROWS, end)
                 rows = batch.rows[first:last]
                 sink.rows(batch, first, last)
                 frames += int(np.count_nonzero(rows.kind != Kind.NOISE))
@@ -96,8 +88,37 @@ def export(
                 if progress is not None:
                     progress(frames, octets)
             sink.batch(analysed.until(last))
+            if frames == most or getattr(sink, "full", False):
+                break
         sink.close()
     return Exported(frames, octets, stopped(), errors)
+
+
+def _sink(out: OutputStream, capture: Capture, options: ExportOptions, name: str) -> Sink:
+    if options.table == "frames":
+        return target("", name).open_sink(out, capture, options)
+    from .records import open_records
+
+    return open_records(out, capture, options, name)
+
+
+def _possible(options: ExportOptions, out: str | Path, name: str | None) -> ExportOptions:
+    """The options, with what follows from them. Raises ExportError where the format cannot have them."""
+    module = target(out, name)
+    if str(out) == "-" and sys.stdout.isatty() and getattr(module, "BINARY", False):
+        raise ExportError(f"{name} is no text to show on a terminal: name a file with -o, or put it into a pipe")
+    why = getattr(module, "WHOLE", "")
+    if why and (options.filter, options.count) != (None, sys.maxsize):
+        raise ExportError(f"{out}: cannot hold a part: {why}")
+    if options.fields and not getattr(module, "COLUMNAR", False):
+        raise ExportError(f"{out}: --fields is for csv, jsonl and parquet: other formats hold whole frames")
+    return replace(options, noise=options.noise or "noise" in getattr(options.filter, "fields", ()))
+
+
+def _end(batch: Batch, count: int, frames: int) -> int:
+    """The row behind the last one to be written, where so many frames are wanted and some are written already."""
+    ends = np.append(np.flatnonzero(batch.rows.kind != Kind.NOISE) + 1, len(batch))
+    return int(ends[min(count - frames, len(ends)) - 1])
 
 
 def _errors() -> NDArray[np.bool_]:

@@ -126,6 +126,8 @@ class ExportOptions:
     delimiter: str = ","  # of CSV
     bom: bool = False  # a byte order mark before a CSV, by which spreadsheets know UTF-8
     charts: Mapping[int, RegisterMap] | None = None  # register maps by unit, which name the values
+    fields: tuple[str, ...] = ()  # columns to write, in this order; all if none is named
+    count: int = sys.maxsize  # write so many frames, or records of another table, and end
 
 
 class Sink(Protocol):
@@ -148,7 +150,7 @@ class Target(Protocol):
     """A module of `targets`.
 
     One whose files cannot hold a part of a capture has WHOLE, which says why not; one whose files are no text has
-    BINARY, which is True.
+    BINARY, one of whose columns some can be left out COLUMNAR; both are True.
     """
 
     def open_sink(self, out: OutputStream, capture: Capture, options: ExportOptions) -> Sink: ...

@@ -241,15 +241,15 @@ class LiveJsonLines:
 
     def register(self, revision: Revision) -> str:
         """What a register means, told or revised: an object with `register`."""
-        return _dumped(revision.to_json())
+        return dumped(revision.to_json())
 
     def of(self, shown: ShownRow) -> str:
         """The lines of a row."""
         if shown.late:
             return "".join(self.bus(finding) for finding in shown.findings)
         if shown.values.kind != _NOISE:
-            return _dumped(self._frame(shown.frame()))
-        return _dumped(noise_json(shown.batch, shown.row)) if self._noise else ""
+            return dumped(self._frame(shown.frame()))
+        return dumped(noise_json(shown.batch, shown.row)) if self._noise else ""
 
     def _frame(self, frame: Frame) -> dict[str, Any]:
         """`Frame.to_json`, the fields as text that is kept."""
@@ -269,10 +269,10 @@ class LiveJsonLines:
             where |= {"start": finding.start, "length": finding.length, "t_ns": finding.t_ns}
         if finding.port:
             where["port"] = finding.port
-        return _dumped({**where, **finding.to_json()})
+        return dumped({**where, **finding.to_json()})
 
 
-def _dumped(line: dict[str, Any]) -> str:
+def dumped(line: dict[str, Any]) -> str:
     return orjson.dumps(line, option=orjson.OPT_APPEND_NEWLINE).decode()
 
 

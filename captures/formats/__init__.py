@@ -209,7 +209,9 @@ def _suspicion(chosen: Format, scores: dict[Format, float], head: bytes) -> str 
     best = max(scores, key=lambda candidate: scores[candidate])
     if scores[best] < SUSPECT or scores[chosen] >= LIKELY or head.startswith(b":"):
         return None
-    return f"read as {chosen.name} by its suffix, though it looks like {best.name}: --format {best.name} reads it so"
+    return (
+        f"read as {chosen.name} by its suffix, though it looks like {best.name}: --input-format {best.name} reads it so"
+    )
 
 
 def _score(format: Format, head: bytes) -> float:

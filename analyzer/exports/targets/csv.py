@@ -6,8 +6,6 @@ and that a spreadsheet would run as a formula gets an apostrophe before it.
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
@@ -20,6 +18,7 @@ from dissectors.values import FORMULA_STARTS
 from ...tables.batch import Batch, Frame
 from ...tables.columns import Pdus
 from ...tables.schema import Direction, Kind, Protocol, Row, Rows
+from ..chosen import FRAME_COLUMNS, ChosenCells
 from ..encoding import explain_json
 from ..encoding.forms import BatchBytes, Forms, Whole, kept
 from ..encoding.sheet import Cursor, Ints, Pieces, Sheet, Store, without
@@ -33,37 +32,7 @@ if TYPE_CHECKING:
     from ...core import Analysed
     from ...tables.findings import Finding
 
-COLUMNS: Final = (
-    "kind",  # frame or noise
-    "index",
-    "port",
-    "start",
-    "length",
-    "seconds",  # from the first row to the first start bit
-    "t_start_ns",
-    "t_end_ns",
-    "protocol",
-    "direction",
-    "unit",
-    "function",
-    "name",
-    "exception",
-    "crc_ok",
-    "request_start",
-    "response_time_ns",  # where the tap's clock carries it; else see the last two columns
-    "confidence",
-    "hex",
-    "summary",
-    "findings",
-    "time",  # wall clock of the first start bit, ISO 8601 in UTC; empty where the capture has no dates
-    "address",  # zero-based; of a response, what it answers
-    "quantity",
-    "values",  # registers or bits, separated by spaces
-    "response_time_low_ns",  # between what it lies, both the same where it is exact
-    "response_time_high_ns",
-    "taken_for_start",  # the request that the client takes an answer for, where it is of another
-    "unsure",  # whether nobody can tell which request it answers
-)
+COLUMNAR: Final = True
 EXPLAINED: Final = (
     "bits_length",
     "bits_crc",
@@ -85,7 +54,8 @@ _SPECIAL: Final = frozenset(',"\r\n')
 
 class _CsvTable:
     def __init__(self, out: OutputStream, options: ExportOptions, timed: bool) -> None:
-        self._out = out if options.delimiter == "," else _Delimited(out, options.delimiter)
+        plain = (options.delimiter, options.fields) == (",", ())
+        self._out = out if plain else ChosenCells(out, options.delimiter, options.fields)
         self._options = options
         self._timed = timed
         self._zero: int | None = None
@@ -101,8 +71,9 @@ class _CsvTable:
         self._forms = Forms(partial(summary_pieces, self._store, _begun, _csv_text))
         self._summary = Whole(lambda frame: _begun(frame.summary()))
         self._speech = Speech()
-        columns = COLUMNS + (EXPLAINED if options.explain else ())
-        self._out.write((b"\xef\xbb\xbf" if options.bom else b"") + ",".join(columns).encode() + b"\n")
+        columns = FRAME_COLUMNS + (EXPLAINED if options.explain else ())
+        out.write(b"\xef\xbb\xbf" if options.bom else b"")
+        self._out.write(",".join(columns).encode() + b"\n")
 
     def block(self, block: Block) -> None:
         """Raw chunks are not in this format."""
@@ -214,8 +185,10 @@ class _CsvTable:
             cursor.put(b"\n")
 
     def _noise(self, batch: Batch, row_numbers: Ints) -> list[bytes]:
-        blank = b"," * (COLUMNS.index("hex") - COLUMNS.index("t_end_ns"))
-        behind = len(COLUMNS) - 1 - COLUMNS.index("findings") + (len(EXPLAINED) if self._options.explain else 0)
+        blank = b"," * (FRAME_COLUMNS.index("hex") - FRAME_COLUMNS.index("t_end_ns"))
+        behind = (
+            len(FRAME_COLUMNS) - 1 - FRAME_COLUMNS.index("findings") + (len(EXPLAINED) if self._options.explain else 0)
+        )
         end = b"," * behind + b"\n"
         rows = batch.rows[row_numbers]
         columns: list[list[Any]] = [rows.column(name).tolist() for name in ("port", "start", "length")]
@@ -228,24 +201,6 @@ class _CsvTable:
         hexes = [batch.bytes_of(row).hex(" ").upper().encode() for row in row_numbers.tolist()]
         findings = [b",," + _findings_cell(batch.findings_of(row)) for row in row_numbers.tolist()]
         return [b"".join((begin, blank, *texts, end)) for begin, *texts in zip(begins, hexes, findings, strict=True)]
-
-
-class _Delimited:
-    """Cells between commas, written with another character between them."""
-
-    def __init__(self, out: OutputStream, delimiter: str) -> None:
-        self._out, self._delimiter = out, delimiter
-        self._rest = b""
-
-    def write(self, data: bytes | memoryview) -> int:
-        """Whole lines are written; text with line ends in it stands in no cell of these."""
-        lines, _, self._rest = (self._rest + bytes(data)).rpartition(b"\n")
-        if lines:
-            text = io.StringIO()
-            rows = csv.reader(lines.decode().split("\n"))
-            csv.writer(text, delimiter=self._delimiter, lineterminator="\n").writerows(rows)
-            self._out.write(text.getvalue().encode())
-        return len(data)
 
 
 def _seconds(ns: Ints, sheet: Sheet) -> tuple[Pieces, Pieces]:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from ...tables.batch import Batch
+from ..chosen import ChosenKeys
 from ..encoding import FrameJsonLines
 from ..sink import ExportOptions, OutputStream
 
@@ -14,9 +15,12 @@ if TYPE_CHECKING:
     from ...core import Analysed
 
 
+COLUMNAR: Final = True
+
+
 class _JsonLinesSink:
     def __init__(self, out: OutputStream, options: ExportOptions) -> None:
-        self._out = out
+        self._out = ChosenKeys(out, options.fields) if options.fields else out
         self._lines = FrameJsonLines(explain=options.explain, noise=options.noise)
 
     def block(self, block: Block) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Final
 
 from ...extras import needs
+from ..chosen import chosen_names
 from ..sink import ExportError, ExportOptions, OutputStream
 
 if TYPE_CHECKING:
@@ -14,8 +15,10 @@ if TYPE_CHECKING:
     from ...tables.batch import Batch
 
 BINARY: Final = True
+COLUMNAR: Final = True
 _GROUP: Final = 1 << 16  # rows of a row group, at least: more cost memory
 _GROWING: Final = ("index", "start", "t_start_ns", "t_end_ns", "request_start")  # from row to row
+_INSIDE: Final = {name: f"{name}.list.element" for name in ("values", "findings")}  # what Parquet calls their items
 _VARIED: Final = ("response_time_ns", "bytes", "values")  # of which a dictionary would help nobody
 _SOUGHT: Final = (*_GROWING, "response_time_ns", "unit", "function", "address")  # least and greatest let readers skip
 
@@ -25,12 +28,13 @@ def frames_writer(out: Any, schema: Any, **settings: Any) -> Any:
     from pyarrow.parquet import ParquetWriter
 
     few = [name for name in schema.names if name not in (*_GROWING, *_VARIED)]
+    growing = [_INSIDE.get(name, name) for name in (*_GROWING, "values") if name in schema.names]
     return ParquetWriter(
         out,
         schema,
-        use_dictionary=[*few, "findings.list.element"],
-        column_encoding=dict.fromkeys((*_GROWING, "values.list.element"), "DELTA_BINARY_PACKED"),
-        write_statistics=list(_SOUGHT),
+        use_dictionary=[_INSIDE.get(name, name) for name in few],
+        column_encoding=dict.fromkeys(growing, "DELTA_BINARY_PACKED"),
+        write_statistics=[name for name in _SOUGHT if name in schema.names],
         **settings,
     )
 
@@ -38,7 +42,7 @@ def frames_writer(out: Any, schema: Any, **settings: Any) -> Any:
 class _Groups:
     def __init__(self, out: OutputStream, options: ExportOptions) -> None:
         try:
-            from pyarrow import PythonFile, Table
+            import pyarrow as pa
 
             from analyzer.exports import arrow
         except ImportError as error:
@@ -47,10 +51,12 @@ class _Groups:
         self._options = options
         self._record_batch = arrow.record_batch
         self._schema = arrow.schema(explain=options.explain)
-        self._table = Table.from_batches
+        names = chosen_names(options.fields, self._schema.names)
+        self._schema = pa.schema([self._schema.field(name) for name in names])
+        self._table = pa.Table.from_batches
         self._parts: list[Any] = []
         self._count = 0
-        self._writer = frames_writer(PythonFile(out, mode="w"), self._schema)
+        self._writer = frames_writer(pa.PythonFile(out, mode="w"), self._schema)
 
     def block(self, block: Block) -> None:
         """Raw chunks are not in this format."""
@@ -62,7 +68,7 @@ class _Groups:
         """Its rows in columns, written once there are enough."""
         options = self._options
         part = self._record_batch(analysed.batch, noise=options.noise, explain=options.explain)
-        self._parts.append(part)
+        self._parts.append(part.select(self._schema.names))
         self._count += len(part)
         if self._count >= _GROUP:
             self._write()

@@ -9,7 +9,7 @@ from __future__ import annotations
 import socket
 import socketserver
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any, Final
 from wsgiref.simple_server import WSGIRequestHandler, WSGIServer, make_server
 
@@ -21,9 +21,11 @@ from ...tables.schema import Kind
 from ...webguard import refusal
 from ..status import LineStatus, by_unit
 from . import OutletError
+from .gauges import ValueGauges
 
 if TYPE_CHECKING:
     from captures.line import LineSettings
+    from dissectors.maps.model import RegisterMap
 
     from ..session import SessionStep
 
@@ -42,14 +44,23 @@ _OF_UNIT: Final = {  # counter: its name among those of `by_unit`, help
 class Metrics:
     """An HTTP server with the counts of a session."""
 
-    def __init__(self, host: str, port: int, recorded: Callable[[], tuple[int, int]] | None = None) -> None:
-        """`recorded` gives bytes of the line that are on the disk, and lost. OutletError where it cannot begin."""
+    def __init__(
+        self,
+        host: str,
+        port: int,
+        recorded: Callable[[], tuple[int, int]] | None = None,
+        charts: Mapping[int, RegisterMap] | None = None,
+    ) -> None:
+        """`recorded` gives bytes of the line that are on the disk, and lost; `charts` are the register maps of units.
+        OutletError where it cannot begin."""
         try:
             import prometheus_client as prometheus
         except ImportError as error:
             raise OutletError(needs("--metrics", "prometheus-client", "metrics")) from error
         prometheus.disable_created_metrics()
         registry = prometheus.CollectorRegistry()
+        self._values = ValueGauges(charts or {})
+        registry.register(self._values)
 
         def counter(name: str, words: str, *labels: str) -> Any:
             return prometheus.Counter(f"modbus_{name}", words, labels, registry=registry)
@@ -103,6 +114,7 @@ class Metrics:
         self._marked.inc(step.marked)
         self._missed.inc(step.missed)
         self._losses.inc(sum(event.kind == "lost" for event in step.events))
+        self._values.feed(step.batch)
         rows = step.batch.rows
         if len(rows):
             noise = rows.kind == Kind.NOISE

@@ -72,7 +72,7 @@ def import_maps(file: str, data: bytes, *, name: str | None = None) -> list[Impo
         raise MapError(f"{file}: no register is in it, but in what it includes: give {', '.join(source.included)}")
     raise MapError(
         f"{file}: no known form of a register map: a table needs a row of headings such as address, name, type;"
-        f" --format names one of {', '.join(FORMATS)}"
+        f" --input-format names one of {', '.join(FORMATS)}"
     )
 
 
