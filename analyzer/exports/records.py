@@ -13,6 +13,7 @@ import csv
 import io
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal
 
 import numpy as np
@@ -58,19 +59,16 @@ class RecordTable:
     kinds: Mapping[str, Kind]
     columns: Callable[[Analysed], Columns]
 
-    @property
-    def clock(self) -> str:
-        """The column of times that `time` puts as wall clock."""
-        return next(name for name, kind in self.kinds.items() if kind == "time")
-
     def chosen(self, fields: Sequence[str]) -> RecordTable:
-        """The same of some columns, `time` among them if asked for. Raises ExportError."""
+        """The same of some columns; `time`, where asked for, puts its times as wall clock. Raises ExportError."""
         names = chosen_names(fields, (*self.kinds, "time"))
+        clock = next(name for name, kind in self.kinds.items() if kind == "time")
+        parts: dict[str, Callable[[Columns], list[Any]]] = {name: itemgetter(name) for name in self.kinds}
+        parts["time"] = lambda columns: [clock_text(t_ns) or None for t_ns in columns[clock]]
 
         def narrowed(analysed: Analysed) -> Columns:
             columns = self.columns(analysed)
-            clock = {"time": [clock_text(t_ns) or None for t_ns in columns[self.clock]]}
-            return {name: ({**columns, **clock})[name] for name in names}
+            return {name: parts[name](columns) for name in names}
 
         return RecordTable({name: self.kinds.get(name, "text") for name in names}, narrowed)
 
