@@ -32,7 +32,8 @@ if TYPE_CHECKING:
     from pathlib import Path
     from threading import Event
 
-_NARROWEST, _WIDEST = 40, 120  # columns of a paragraph
+_NARROWEST: Final = 40  # columns of a paragraph
+_WIDEST: Final = 120
 _VIRTUAL_TERMINAL: Final = 1 | 4  # ENABLE_PROCESSED_OUTPUT, ENABLE_VIRTUAL_TERMINAL_PROCESSING
 
 

@@ -273,6 +273,7 @@ class LiveJsonLines:
 
 
 def dumped(line: dict[str, Any]) -> str:
+    """A line of JSON."""
     return orjson.dumps(line, option=orjson.OPT_APPEND_NEWLINE).decode()
 
 

@@ -29,8 +29,7 @@ class ValueGauges:
     def __init__(self, charts: Mapping[int, RegisterMap], clock: Callable[[], float] = time.monotonic) -> None:
         self._readings: FrameCache[list[MappedReading]] = FrameCache(lambda frame: confirmed_readings(frame, charts))
         self._charts, self._clock = charts, clock
-        self._values: dict[tuple[str, ...], float] = {}  # by labels
-        self._fresh: dict[tuple[str, ...], Freshness] = {}
+        self._values: dict[tuple[str, ...], tuple[float, Freshness]] = {}  # by labels
 
     def feed(self, batch: Batch) -> None:
         """Take what the answers of a batch hold."""
@@ -40,8 +39,9 @@ class ValueGauges:
                 row, value = reading.row, reading.value
                 if isinstance(value, int | float) and math.isfinite(value):
                     labels = (str(frame.unit), row.area, str(row.address), row.name, row.unit)
-                    self._fresh.setdefault(labels, Freshness()).heard(now_s)
-                    self._values[labels] = float(value)
+                    _, fresh = self._values.get(labels) or (0.0, Freshness())
+                    fresh.heard(now_s)
+                    self._values[labels] = float(value), fresh
 
     def collect(self) -> Iterator[Any]:
         """The values that are not stale; called as somebody scrapes, in a thread of its own."""
@@ -49,8 +49,7 @@ class ValueGauges:
 
         now_s, words = self._clock(), "Values of mapped registers, as the newest answers have them"
         family = GaugeMetricFamily("modbus_value", words, labels=_LABELS)
-        for labels, value in list(self._values.items()):
-            fresh = self._fresh[labels]
+        for labels, (value, fresh) in list(self._values.items()):
             fresh.goes_stale(now_s)
             if not fresh.stale:
                 family.add_metric(labels, value)
