@@ -267,10 +267,15 @@ def test_every_finding_on_a_row_is_marked_there_and_can_be_jumped_to(wire: str, 
         assert row >= 0 and port == finding.port and start <= finding.start < start + length, finding
         assert finding in bus.findings(row) and table.value("mark", row) >= finding.severity
         standing.add(row)
-    assert found.rows_beyond(-1, 1).tolist() == sorted(standing) and standing
+    hits = search.with_findings(Everything(bus))
+    assert hits(bus, 0, bus.count).tolist() == sorted(standing) and standing
     last = max(standing)
-    assert found.rows_beyond(last, 1).tolist() == []
-    assert found.rows_beyond(last, -1).tolist() == sorted(standing - {last}, reverse=True)
+    assert search.find(bus, hits, last) is None
+    assert search.find(bus, hits, last, back=True) == max(standing - {last})
+    frames = Selection(bus, frames_only)
+    frames.extend()
+    some = search.with_findings(frames)(bus, 0, bus.count).tolist()
+    assert some == [row for row in sorted(standing) if not bus.is_noise(row)]
 
 
 @pytest.mark.parametrize("tap", ["precise", "irq", "ftdi16", "gateway"])

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from seats import Seat, opened, sample_in, using
+from textual.events import Key
 
 import captures
 from analyzer.causes.ledger import Ledger
@@ -29,6 +30,7 @@ from analyzer.model.source import CaptureSource
 from analyzer.tui import jobs
 from analyzer.tui.app import Rtuscope
 from analyzer.tui.filterbar import FilterBar
+from analyzer.tui.lines import Lines
 from captures import samples
 
 
@@ -113,6 +115,28 @@ def test_figures_of_a_filter_that_was_taken_back_are_not_shown(tmp_path: Path, m
     using(opened(sample_in(tmp_path)), work, view="home")
 
 
+@pytest.mark.parametrize(("key", "target"), [("9", "#unit-list"), ("0", "#home")])
+def test_keys_typed_ahead_wait_for_the_first_lines_of_a_view(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, key: str, target: str
+) -> None:
+    whole = Bus.report
+
+    def slowly(bus: Bus, source: Any, *, story: bool = False) -> Any:
+        time.sleep(0.3)  # a busy machine
+        return whole(bus, source, story=story)
+
+    monkeypatch.setattr(Bus, "report", slowly)
+
+    async def work(sitting: Seat) -> None:
+        for typed in (key, "down", "down"):
+            sitting.app.post_message(Key(typed, typed if len(typed) == 1 else None))
+        await sitting.until(lambda: sitting.app.keys.taken == 3)
+        await sitting.settle()
+        assert sitting.screen.query_one(target, Lines).cursor == 2
+
+    using(opened(sample_in(tmp_path)), work)
+
+
 def test_a_search_that_fails_is_told_and_the_next_hit_is_looked_for(tmp_path: Path) -> None:
     failing = [True]
 
@@ -127,6 +151,30 @@ def test_a_search_that_fails_is_told_and_the_next_hit_is_looked_for(tmp_path: Pa
         await sitting.until(lambda: sitting.screen.jobs.doing == "")
         await sitting.press("n")
         await sitting.until(lambda: sitting.row == 5)
+
+    using(opened(sample_in(tmp_path)), work)
+
+
+def test_escape_stops_a_search_and_the_filter_stays(tmp_path: Path) -> None:
+    stopped = threading.Event()
+
+    def hits(bus: object, first: int, last: int) -> NDArray[np.int64]:  # noqa: ARG001
+        stopped.wait(60)
+        return np.array([first], np.int64)
+
+    async def work(sitting: Seat) -> None:
+        sitting.screen.query_one(FilterBar).use("unit == 2")
+        await sitting.settle()
+        at = sitting.row
+        sitting.screen.jumps.find_by("what never comes", hits)
+        sitting.screen.jumps.find_on(back=False)
+        assert "what never comes, Esc stops" in sitting.screen.jobs.doing
+        sitting.app.keys.patience_s = 0.1
+        sitting.app.post_message(Key("escape", None))
+        await sitting.until(lambda: sitting.screen.jobs.doing == "")
+        stopped.set()
+        await sitting.settle()
+        assert sitting.row == at and sitting.screen.query_one(FilterBar).text == "unit == 2"
 
     using(opened(sample_in(tmp_path)), work)
 

@@ -222,13 +222,6 @@ class FindingLog:
         numbers = np.flatnonzero(self._rows[: self.count] == row)
         return tuple(sorted((self.finding(i) for i in numbers.tolist()), key=lambda f: -f.severity))
 
-    def rows_beyond(self, row: int, step: int) -> NDArray[np.int32]:
-        """Rows with findings behind `row`, or before it where `step` is negative, the nearest first."""
-        rows = self._rows[: self.count]
-        if step > 0:
-            return np.unique(rows[rows > row])
-        return np.unique(rows[(rows < row) & (rows >= 0)])[::-1]
-
     def times(self, table: RowTable, unit: int) -> NDArray[np.int64]:
         """When the rows of a unit began that findings stand on, ascending, ns."""
         rows = np.unique(self._rows[: self.count]).astype(np.int64)

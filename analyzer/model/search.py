@@ -22,7 +22,7 @@ from ..registers.readings import mapped_columns
 from ..tables.columns import decode
 from ..words import UNITS_NS
 from .bus import Bus
-from .selection import Test
+from .selection import ListRows, Test
 from .table import PIECE
 from .times import DIGITS, FORMS, GotoError, is_clock_text, moment
 
@@ -45,7 +45,8 @@ def row_named(text: str, bus: Bus, row: int, zone: tzinfo = UTC) -> int:
     if _FRAME.fullmatch(text):
         target = bus.table.row_of_frame(int(text.lstrip("#")))
         if target < 0:
-            raise GotoError(tr("no frame {text}: they are 0 to {last:,}", text=text, last=bus.frames - 1))
+            words = tr("no frame {text}: they are 0 to {last:,}", text=text, last=bus.frames - 1)
+            raise GotoError(words if bus.whole else tr("{words} so far", words=words))
         return target
     if match := _SHARE.fullmatch(text):
         return min(bus.count - 1, int(bus.count * float(match[1].replace(",", ".")) / 100))
@@ -240,6 +241,19 @@ def _for_float(text: str) -> Hits:
         return passed
 
     return lambda bus, first, last: _with_values(bus, first, last, test)
+
+
+def with_findings(shown: ListRows) -> Hits:
+    """Rows among those shown that findings stand on."""
+
+    def hits(bus: Bus, first: int, last: int) -> _Rows:
+        rows = [np.zeros(0, np.int64)]
+        for number, low, high in bus.table.slices(first, last):
+            rows.append(np.flatnonzero(bus.table.column(number, "mark")[low:high]) + number * PIECE + low)
+        marked = np.concatenate(rows)
+        return marked[shown.among(marked)]
+
+    return hits
 
 
 def find(bus: Bus, hits: Hits, row: int, *, back: bool = False, stop: Callable[[], bool] = lambda: False) -> int | None:

@@ -43,6 +43,10 @@ class ListRows(Protocol):
         """Where a row stands, or the last one before it; 0 where there is none."""
         ...
 
+    def among(self, rows: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Which of some rows, ascending, are of these."""
+        ...
+
 
 class Everything:
     """All rows."""
@@ -59,6 +63,9 @@ class Everything:
 
     def position(self, row: int) -> int:
         return max(0, min(row, self._bus.count - 1))
+
+    def among(self, rows: NDArray[np.int64]) -> NDArray[np.bool_]:
+        return np.ones(len(rows), np.bool_)
 
 
 class Selection:
@@ -104,16 +111,20 @@ class Selection:
         return int(self._parts[part][position - self._begins[part]])
 
     def position(self, row: int) -> int:
-        low, high = 0, len(self._parts)
-        while low < high:
-            middle = (low + high) // 2
-            if int(self._parts[middle][0]) <= row:
-                low = middle + 1
-            else:
-                high = middle
-        if low == 0:
+        part = self._part(row)
+        if part < 0:
             return 0
-        return self._begins[low - 1] + max(int(np.searchsorted(self._parts[low - 1], row, side="right")) - 1, 0)
+        return self._begins[part] + max(int(np.searchsorted(self._parts[part], row, side="right")) - 1, 0)
+
+    def among(self, rows: NDArray[np.int64]) -> NDArray[np.bool_]:
+        if not len(rows):
+            return np.zeros(0, np.bool_)
+        near = self._parts[max(0, self._part(int(rows[0]))) : self._part(int(rows[-1])) + 1]
+        return np.isin(rows, np.concatenate([np.zeros(0, np.uint32), *near]))
+
+    def _part(self, row: int) -> int:
+        """The last part that begins at a row or before it; -1 for none."""
+        return bisect_right(self._parts, row, key=lambda part: int(part[0])) - 1
 
     def rows(self) -> NDArray[np.int64]:
         """All of them."""

@@ -329,7 +329,7 @@ def _refresh(screen: BusScreen) -> None:
         whole, story = bus.whole, bus.story()
         return BusState(figures.report(source), story.causes, story.not_explained, whole)
 
-    screen.jobs.reckon("home", basis, reckon, home.use)
+    screen.jobs.reckon("home", basis, reckon, home.use, fills=VIEW.name)
 
 
 def first(screen: BusScreen) -> None:

@@ -36,6 +36,7 @@ _SCOPE_S: Final = 2.0  # between two countings of what the scope leaves, live
 _SPARED: Final = 4  # times what a painting took of the processor, until the next
 _AGAIN_S: Final = 2.0  # between two reckonings of one thing, at least
 _SPARE: Final = 12  # times what the last one took of the processor, until the next
+_AWAITED_S: Final = 2.0  # keys typed ahead wait at most so long for the first lines of a view
 
 T = TypeVar("T")
 Stop = Callable[[], bool]
@@ -51,6 +52,8 @@ class _Reckoning:
     basis: object = None  # what it was reckoned of last
     next_at = 0.0
     running = False
+    view = ""  # whose first lines it is to bring; empty once they have come
+    awaited_to = 0.0
 
 
 class Jobs:
@@ -135,14 +138,30 @@ class Jobs:
         self._start(group, thread, exclusive=exclusive, failed=lambda: unless_replaced(failed))
 
     def reckon(
-        self, name: str, basis: object, work: Callable[[Stop], T], then: Callable[[T], object], *, pause_s: float = 0.0
+        self,
+        name: str,
+        basis: object,
+        work: Callable[[Stop], T],
+        then: Callable[[T], object],
+        *,
+        pause_s: float = 0.0,
+        fills: str = "",
     ) -> None:
         """The same of figures that grow with the capture: where `basis` is another one, and of rows that still come
-        only after a pause of many times what the last reckoning took of the processor."""
+        only after a pause of many times what the last reckoning took of the processor.
+
+        `fills`: the view that has no line until the first of them come; keys typed ahead wait for those.
+        """
         pace = self._reckoned.setdefault(name, _Reckoning())
         if basis == pace.basis or (not self._bus.whole and (pace.running or time.monotonic() < pace.next_at)):
             return
+        if pace.basis is None:
+            pace.view, pace.awaited_to = fills, time.monotonic() + _AWAITED_S
         pace.basis, pace.running = basis, True
+
+        def came(outcome: T) -> None:
+            pace.view = ""
+            then(outcome)
 
         def timed(stop: Stop) -> T:
             begun = time.thread_time()
@@ -152,9 +171,9 @@ class Jobs:
                 took = time.thread_time() - begun
                 pace.next_at, pace.running = time.monotonic() + max(pause_s or _AGAIN_S, _SPARE * took), False
 
-        self.run(name, timed, then)
+        self.run(name, timed, came)
 
-    def _drop(self, group: str) -> None:
+    def drop(self, group: str) -> None:
         """Nobody wants the outcome of a group's work any more."""
         if self._wanted.pop(group, None) is not None:
             self._screen.workers.cancel_group(self._screen, group)
@@ -309,7 +328,7 @@ class Jobs:
         self.selection, self._transactions = self.scope.selections(self._bus)
         self._waiting = self.selection or Everything(self._bus), self._transactions
         self._screen.desk.narrowed = None
-        self._drop("scope")  # figures of another scope
+        self.drop("scope")  # figures of another scope
         self.doing = "" if self._bus.whole else self.doing
         self.count_scope()
         self._select()
@@ -337,6 +356,12 @@ class Jobs:
     def unsettled(self) -> bool:
         """Whether the lists still show the rows of the scope before."""
         return self._waiting is not None
+
+    @property
+    def is_filling(self) -> bool:
+        """Whether the view in sight is empty only because its first lines have not come yet."""
+        view, now = self._screen.view, time.monotonic()
+        return any(pace.view == view and now < pace.awaited_to for pace in self._reckoned.values())
 
     @property
     def _selections(self) -> list[Selection]:
@@ -418,7 +443,12 @@ class Jobs:
         figures, bus = self._screen.desk.figures, self._bus
         basis = id(figures), bus.whole, bus.count, bus.found.count
         self.reckon(
-            f"report for {view}", basis, lambda _: figures.report(self._source, story=story), then, pause_s=_REPORT_S
+            f"report for {view}",
+            basis,
+            lambda _: figures.report(self._source, story=story),
+            then,
+            pause_s=_REPORT_S,
+            fills=view,
         )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -26,6 +26,14 @@ if TYPE_CHECKING:
 _HINT: Final = 'bytes 03 02, a value 230.5, a time 08:29 or 12.5s, frame #120, or text; "…" is text'
 
 
+class _Step(NamedTuple):
+    """To the next hit, or the one before."""
+
+    wanted: search.Wanted
+    back: bool
+    from_anew: bool  # whether it goes on from the other end of the capture
+
+
 class Jumps:
     """How the main screen goes places."""
 
@@ -35,7 +43,7 @@ class Jumps:
         self._wanted: search.Wanted | None = None
         self._sought = ""
         self._arrived: tuple[int | None, int] = (None, -1)  # where the cursor was put, and for which row
-        self._waiting: deque[bool] = deque()  # steps to the next hit that are still to be made; True: back
+        self._waiting: deque[_Step] = deque()  # steps to the next hit that are still to be made
 
     def go(self, row: int) -> None:
         """Show a row in the list that was last in sight: transactions or frames. Noise is in the frames alone."""
@@ -95,14 +103,8 @@ class Jumps:
 
     def to_finding(self, step: int) -> None:
         """The next row with a finding, or the one before."""
-        begin, shown = self.here, self._screen.frames.rows
-        rows = self._bus.found.rows_beyond(begin, step)
-        within = rows.tolist() if shown.count else ()
-        row = next((row for row in within if shown.row(shown.position(row)) == row), None)
-        if row is None:
-            self._screen.tell(tr("no finding further on") if step > 0 else tr("no finding before this"))
-        else:
-            self.go(row)
+        hits = search.with_findings(self._screen.frames.rows)
+        self._step(_Step(search.Wanted(tr("a finding"), hits), step < 0, from_anew=False))
 
     def _asks(self, question: str) -> str:
         """A question that times of day may answer, with the zone that they are of."""
@@ -192,7 +194,7 @@ class Jumps:
             self._screen.tell(tr("no frame shows it by itself"))
             return
         hits: search.Hits = lambda _, first, last: rows[(rows >= first) & (rows < last)]  # noqa: E731
-        self._waiting.clear()
+        self.stop()
         self._wanted = search.Wanted(tr("what shows the cause {name}", name=cause.cause), hits)
         self.go(int(rows[0]))
         where = tr("{count:,} rows show it: n goes to the next, N to the one before", count=len(rows))
@@ -209,18 +211,30 @@ class Jumps:
         if wanted is None:
             screen.action_find()
             return
-        self._waiting.append(back)
-        if len(self._waiting) == 1:
-            screen.jobs.doing = tr("looking for {what}", what=wanted.words[:30])
-            screen.say()
-            self._seek(wanted, back=back)
+        self._step(_Step(wanted, back, from_anew=True))
 
-    def _seek(self, wanted: search.Wanted, *, back: bool) -> None:
-        row, bus = self.here, self._bus
+    def _step(self, step: _Step) -> None:
+        """Look for the next hit, once those before it were found."""
+        self._waiting.append(step)
+        if len(self._waiting) == 1:
+            self._seek()
+
+    def stop(self) -> bool:
+        """Look no further; whether anything was looked for."""
+        sought = bool(self._waiting)
+        if sought:
+            self._screen.jobs.drop(FINDING)
+            self._given_up()
+        return sought
+
+    def _seek(self) -> None:
+        row, bus, (wanted, back, from_anew) = self.here, self._bus, self._waiting[0]
+        self._screen.jobs.doing = tr("looking for {what}, Esc stops", what=wanted.words[:30])
+        self._screen.say()
 
         def seek(stop: Stop) -> tuple[int | None, bool]:
             hit = search.find(bus, wanted.hits, row, back=back, stop=stop)
-            if hit is not None or stop():
+            if hit is not None or stop() or not from_anew:
                 return hit, False
             return search.find(bus, wanted.hits, bus.count if back else -1, back=back, stop=stop), True
 
@@ -234,12 +248,11 @@ class Jumps:
 
     def _sought_out(self, row: int | None, wrapped: bool) -> None:
         """Go to the hit, and light it; where the key was pressed again meanwhile, on from there."""
-        screen, wanted = self._screen, self._wanted
-        assert wanted is not None
-        back = self._waiting.popleft()
+        screen = self._screen
+        wanted, back, from_anew = self._waiting.popleft()
         if row is None:
             self._waiting.clear()
-            screen.tell(tr("{what}: nowhere here", what=wanted.words[:50]))
+            screen.tell(tr("{what}: nowhere here", what=wanted.words[:50]) if from_anew else _no_more(back=back))
         else:
             if wrapped:
                 screen.tell(tr("from the end again") if back else tr("from the beginning again"))
@@ -248,7 +261,7 @@ class Jumps:
             if wanted.value:
                 self._point_at(row, wanted.value)
         if self._waiting:
-            self._seek(wanted, back=self._waiting[0])
+            self._seek()
             return
         screen.jobs.doing = ""
         screen.say()
@@ -271,6 +284,10 @@ class Jumps:
         self._screen.lit = (row, at, len(data)) if at >= 0 else None
         if self._screen.studied == row:
             self._screen.study_row(row)
+
+
+def _no_more(*, back: bool) -> str:
+    return tr("no finding before this") if back else tr("no finding further on")
 
 
 def _names_row(text: str) -> bool:

@@ -277,7 +277,8 @@ class BusScreen(Screen[None]):
         self.query_one(FilterBar).line.focus()
 
     def action_whole(self) -> None:
-        self.narrowing.take_back()
+        if not self.jumps.stop():
+            self.narrowing.take_back()
 
     def action_noise(self) -> None:
         self.narrowing.noise()

@@ -143,7 +143,7 @@ def _coming(app: App[Any]) -> bool:
     if isinstance(top, ModalScreen):
         return not top.is_running or (top.focused is None and top.AUTO_FOCUS != "")
     jobs = getattr(top, "jobs", None)
-    if jobs is not None and jobs.unsettled:
+    if jobs is not None and (jobs.unsettled or jobs.is_filling):
         return True
     return any(worker.group in (ASKING, FINDING) and not worker.is_finished for worker in app.workers)
 
