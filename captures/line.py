@@ -13,6 +13,7 @@ from math import ceil
 DIRECTIONS_NOTE = "directions"  # in the notes of a line: the only direction of each port, in order: `request,response`
 BY_MARKS = "marked"  # among these: a port that hears both, where marks say who asks (TX) and who answers
 PROTOCOLS_NOTE = "protocols"  # in the notes of a line: what each port speaks, in order: `tcp,rtu`, where that is known
+EXCERPT_NOTE = "excerpt"  # in the notes of a line: a text of a few reads, which may leave out what was on the bus
 POLARITIES = ("normal", "inverted")  # of edges: a line that is high, or low, when idle
 _BAUD_LIMIT = 100_000_000
 _STANDARD_BITS = 11  # start, 8 data, parity, stop

@@ -71,8 +71,8 @@ def test_without_times_it_says_so(capsys, tmp_path):
     assert json.loads(ran(capsys, "report", path, "--json").out)["times"]["count"] == 0
 
 
-def test_of_a_handful_of_frames_without_times_no_share_nor_empty_table_is_told(capsys, tmp_path):
-    """A few exchanges that somebody pasted are no sample of a bus; with times, or with more of them, all is told."""
+def test_of_a_handful_of_frames_no_share_nor_empty_table_is_told(capsys, tmp_path):
+    """A few exchanges that somebody pasted are no sample of a bus, with times or not; of more all is told."""
     damaged = ANSWER[:4] + bytes((ANSWER[4] ^ 4,)) + ANSWER[5:]
     frames = [REQUEST, ANSWER, REQUEST, damaged, REQUEST, ANSWER]
     path, page = tmp_path / "log.txt", tmp_path / "page.html"
@@ -86,8 +86,11 @@ def test_of_a_handful_of_frames_without_times_no_share_nor_empty_table_is_told(c
     assert {group["certainty"] for group in groups} == {None}
     path.write_text("".join(frame.hex(" ") + "\n" for frame in frames * 3))
     assert "% sure" in (many := ran(capsys, "report", path).out) and "p50" in many
-    path.write_text("".join(f"12:00:0{i}.118 {frame.hex(' ')}\n" for i, frame in enumerate(frames)))
+    lines = [f"12:00:{i:02}.118 {frame.hex(' ')}\n" for i, frame in enumerate(frames * 3)]
+    path.write_text("".join(lines))
     assert "% sure" in (timed := ran(capsys, "report", path).out) and "p50" in timed
+    path.write_text("".join(lines[: len(frames)]))
+    assert "sure" not in (few := ran(capsys, "report", path).out) and "p50" not in few and "min 1 s" in few
     assert ran(capsys, "report", path, "--html", page, "--overwrite").status == 0
 
 

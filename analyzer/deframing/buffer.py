@@ -38,6 +38,7 @@ class SegmentReads(NamedTuple):
     gap_at: NDArray[np.int32]
     reads: Times
     errors: NDArray[np.uint16]
+    mark: NDArray[np.uint8]
 
 
 class CharacterTime(NamedTuple):
@@ -230,7 +231,9 @@ class ByteBuffer:
             errors[:] = np.diff(np.searchsorted(self._errors, bounds))
         before = np.where(begins[:-1], known[head], NO_GAP)
         numbers = head + self._gone, tail + self._gone
-        return SegmentReads(t_start, t_end, *numbers, self.time[head], before, most, least, at, tail - head + 1, errors)
+        reads = tail - head + 1
+        marks = self._marks[head]
+        return SegmentReads(t_start, t_end, *numbers, self.time[head], before, most, least, at, reads, errors, marks)
 
     def _reads_of_few(self, starts: Index, ends: Index) -> SegmentReads:
         """The same of a few segments in a few reads: one by one, for arrays of so few take longer."""
@@ -257,7 +260,8 @@ class ByteBuffer:
         errors = np.zeros(len(said), np.uint16)
         if len(self._errors):
             errors[:] = self._errors.searchsorted(ends) - self._errors.searchsorted(starts)
-        return SegmentReads._make((*columns[:8], columns[8].astype(np.int32), columns[9], errors))
+        marks = self._marks.take(columns[2] - self._gone)
+        return SegmentReads._make((*columns[:8], columns[8].astype(np.int32), columns[9], errors, marks))
 
     def _wire(self, count: Index) -> Times:
         """How long so many bytes take on the wire."""

@@ -215,6 +215,7 @@ class UnorderedRows:
             foreign=octets[2],
             taken_for_start=unknown[4],
             unsure=np.zeros(len(at), np.bool_),
+            mark=reads.mark,
         )
         why = evidence_rows(0) if decided.why is None else decided.why
         return cls(rows, data, reads.head, reads.tail, reads.heard, why)

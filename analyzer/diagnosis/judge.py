@@ -24,10 +24,12 @@ from ..outages import NOTICED_NS, Deaf, excusable, excused, with_unheard
 from ..tables.batch import Batch, join_batches
 from ..tables.findings import NOTHING, FindingLook, Findings, codes, fresh_looks
 from ..tables.schema import Kind, Rows
-from ..tables.taps import may_speak_of
+from ..tables.taps import TapKind, may_speak_of, tap_kind
 from ..tables.transactions import NEVER, TransactionRows, Transactions
 from .damage.triage import Triage
 from .view import DiagnosisStep, LookBack
+
+_OF_SILENCE: Final = ("no-response", "retry")  # what is said of answers that did not come
 
 
 class Diagnosis:
@@ -42,15 +44,17 @@ class Diagnosis:
     _timed: bool
     _now: int
     _mute: list[int]
+    _answers: bool
 
     def __init__(self, line: LineSettings, options: Options = Options()) -> None:  # noqa: B008 - frozen
         self._line = line
         self._options = options
         self._looks = fresh_looks()
         self._mute = [number for number, code in enumerate(codes()) if not may_speak_of(code, line)]
+        self._answers = tap_kind(line) is not TapKind.EXCERPT  # one may leave out all answers: then silence is none
         self._clock = TapClock(line)
         self._trail = LookBack()
-        self._examiner = Triage(self._trail)
+        self._examiner = Triage(self._trail, line)
         self._timed = False
         self._now = 0
 
@@ -81,13 +85,16 @@ class Diagnosis:
     def _spoken(self, parts: Iterable[Findings]) -> Findings:
         """Those that may be told of such a tap, in order."""
         findings = _ordered(parts)
-        if not self._mute or not len(findings):
+        mute = self._mute if self._answers else [*self._mute, *map(codes().index, _OF_SILENCE)]
+        if not mute or not len(findings):
             return findings
-        return findings[~np.isin(findings.rule, self._mute)]
+        return findings[~np.isin(findings.rule, mute)]
 
     def _view(self, batch: Batch, transactions: TransactionRows) -> DiagnosisStep:
         if len(batch):
             self._now = int(batch.rows.t_end_ns[-1])
+        waits = transactions.retry.any() & self._timed  # a client that asks again got no answer
+        self._answers |= bool(waits | (batch.rows.kind == Kind.RESPONSE).any())
         view = DiagnosisStep(
             batch,
             transactions,

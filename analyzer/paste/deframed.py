@@ -1,6 +1,6 @@
 """What of a paste needs arrays: the deframer's word where frames tile its bytes in several ways, and its diagnosis.
 
-For the diagnosis frames are rows of a bus, each in its envelope, without times that mean anything.
+For the diagnosis frames are rows of a bus, each in its envelope, with the times of their lines where all have one.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from captures import Capture, Chunk, Mark
-from captures.line import LineSettings
+from captures.line import EXCERPT_NOTE, LineSettings
 from dissectors.crc import crc_bytes
 from dissectors.length_rules import Role
 from dissectors.limits import CRC_SIZE
@@ -66,9 +66,6 @@ def _pieces(batch: Batch, pdus: dict[int, bytes], timed: bool) -> list[Piece]:
 
 
 _MOST_FINDINGS: Final = 10_000  # findings: a paste is read by people
-_OF_AN_ANSWER: Final = ("no-response", "retry")  # a list of requests, without times, says nothing of answers
-_OF_TIMES: Final = ("collision",)  # two at once: nobody knows of bytes without times
-_OF_WHOLE_FRAMES: Final = ("collision", "crc-error")
 
 
 def findings(pieces: Sequence[Piece]) -> list[tuple[Finding, ...]]:
@@ -78,15 +75,14 @@ def findings(pieces: Sequence[Piece]) -> list[tuple[Finding, ...]]:
     chosen = [frames[i] for i in examined]
     sent = [_as_captured(frame) for frame in chosen]
     batch = Batch(_rows(chosen, sent), np.frombuffer(b"".join(sent), np.uint8))
-    transactions, diagnosis = Transactions(), Diagnosis(LineSettings(), Options())
+    transactions, diagnosis = Transactions(), Diagnosis(LineSettings(notes={EXCERPT_NOTE: ""}), Options())
     reported = diagnosis.feed(batch, transactions.feed(batch))
     reported = Findings.joined((reported, diagnosis.close(transactions.close())))
     by_frame: list[list[Finding]] = [[] for _ in frames]
-    one_sided = all(frame.role is Role.REQUEST and frame.t_start_ns is None for frame in frames)
     unclear = _unclear(pieces)
     first = {frame.adu.data: frame.start for frame in reversed(frames)}
     for finding in described(reported[:_MOST_FINDINGS]):
-        if finding.index is None or (one_sided and finding.code in _OF_AN_ANSWER):
+        if finding.index is None:
             continue
         frame = frames[examined[finding.index]]
         again = first[frame.adu.data] < frame.start
@@ -107,13 +103,11 @@ def _unclear(pieces: Sequence[Piece]) -> set[int]:
 
 def _carried(code: str, frame: PastedFrame, *, again: bool, answered: bool) -> bool:
     """Whether a text can tell this of a frame: it may leave bytes out, and say again what it said above."""
-    if frame.missing and code in _OF_WHOLE_FRAMES:
+    if frame.missing and code == "crc-error":
         return False
     if code == "no-response":
         return answered
-    if frame.t_start_ns is not None:
-        return True
-    return not (again and code == "duplicate-response") and code not in _OF_TIMES
+    return frame.t_start_ns is not None or not (again and code == "duplicate-response")
 
 
 def _as_captured(frame: PastedFrame) -> bytes:
@@ -137,11 +131,14 @@ def _rows(frames: Sequence[PastedFrame], sent: Sequence[bytes]) -> Rows:
     rows.request[:] = rows.request_start[:] = rows.response_ns[:] = rows.taken_for_start[:] = -1
     rows.gap_before_ns[:] = rows.gap_most_ns[:] = rows.gap_least_ns[:] = NO_GAP
     rows.reads[:] = 1
+    begins = [frame.t_start_ns for frame in frames if frame.t_start_ns is not None]
+    if len(begins) == len(frames):
+        rows.t_start_ns[:] = rows.t_end_ns[:] = begins
     at = {frame.start: i for i, frame in enumerate(frames)}
     for row, frame in enumerate(frames):
         rows.kind[row] = Kind.REQUEST if frame.role is Role.REQUEST else Kind.RESPONSE
         rows.protocol[row] = Protocol[frame.adu.protocol.upper()]
-        rows.unit[row] = frame.adu.unit or 0
+        rows.unit[row], rows.mark[row] = frame.adu.unit or 0, frame.mark
         rows.function[row] = frame.function or 0
         rows.exception[row] = frame.exception or 0
         rows.check[row] = frame.check_ok is not False or frame.adu.protocol == "tcp"  # which has none to be wrong

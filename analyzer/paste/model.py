@@ -51,6 +51,7 @@ class PastedFrame:
     t_start_ns: int | None = None
     t_end_ns: int | None = None
     response_time_ns: int | None = None
+    mark: int = 0  # of the part that it begins in
     findings: tuple[Finding, ...] = ()
 
     @property

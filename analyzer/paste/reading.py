@@ -42,6 +42,7 @@ _LATE_NS: Final = 10**8  # as of captures (`deframing.writes`)
 _LENGTH_END: Final = 6  # bytes of an MBAP header, up to its length
 _MOST_TCP: Final = 254  # what the length in an MBAP header can be
 _CRC: Final = 2  # bytes
+_SENT, _RECEIVED = 1, 2  # marks
 
 
 class PasteError(RtuscopeError):
@@ -67,9 +68,9 @@ def read(
         from .foreign import as_foreign
 
         paste = as_foreign(paste, parts)
-    pieces = _with_times(paste.pieces, parts)
+    pieces = _as_written(paste.pieces, parts)
     if role == "auto" and _has_late_echo(pieces) and not any(part.mark for part in parts):
-        pieces = _with_times(_by_silence(paste.pieces, parts), parts)
+        pieces = _as_written(_by_silence(paste.pieces, parts), parts)
     return with_findings(replace(paste, pieces=pieces, unread=unread))
 
 
@@ -101,8 +102,9 @@ def _by_silence(pieces: Sequence[Piece], parts: Sequence[PastePart]) -> tuple[Pi
     )
 
 
-def _with_times(pieces: Sequence[Piece], parts: Sequence[PastePart]) -> tuple[Piece, ...]:
-    """The pieces; a frame that begins with a line of the text has that line's time, and that of the line it ends in.
+def _as_written(pieces: Sequence[Piece], parts: Sequence[PastePart]) -> tuple[Piece, ...]:
+    """The pieces; a frame that begins with a line of the text has that line's mark and time, and that of the line it
+    ends in.
 
     An answer's time is that between the two lines, as for a capture of unknown speed. Times that are written to a tenth
     of a second or less fine tell none.
@@ -114,6 +116,8 @@ def _with_times(pieces: Sequence[Piece], parts: Sequence[PastePart]) -> tuple[Pi
     timed: list[Piece] = []
     for piece in pieces:
         start_ns = times.get(piece.start)
+        if isinstance(piece, PastedFrame):
+            piece = replace(piece, mark=parts[bisect_right(starts, piece.start) - 1].mark)
         if isinstance(piece, PastedFrame) and piece.t_start_ns is None and start_ns is not None:
             end_ns = parts[bisect_right(starts, piece.start + piece.length - 1) - 1].t_ns
             if end_ns is not None:
@@ -341,7 +345,7 @@ _CONVERSATION = 2  # frames, beyond which somebody may have gone unanswered
 def with_findings(paste: Paste) -> Paste:
     """The paste, its frames with what is wrong with them."""
     frames = list(paste.frames())
-    if not frames or not (len(frames) > _CONVERSATION or any(map(_suspicious, frames))):
+    if not frames or not (len(frames) > _CONVERSATION or any(map(_suspicious, frames)) or _heard_back(frames)):
         return paste
     from .deframed import findings
 
@@ -350,6 +354,14 @@ def with_findings(paste: Paste) -> Paste:
         replace(piece, findings=next(diagnosed)) if isinstance(piece, PastedFrame) else piece for piece in paste.pieces
     )
     return replace(paste, pieces=pieces)
+
+
+def _heard_back(frames: Sequence[PastedFrame]) -> bool:
+    """Whether a request is marked as received right behind one that is marked as sent."""
+    return any(
+        second.role is Role.REQUEST and (first.mark, second.mark) == (_SENT, _RECEIVED)
+        for first, second in pairwise(frames)
+    )
 
 
 def _suspicious(frame: PastedFrame) -> bool:

@@ -15,6 +15,10 @@ from .model import FindingGroup, FindingRow
 from .paragraphs import PageLine, Paragraph
 
 _WORST: Final = 3
+_WORST_AS: Final = {  # of a handful of frames, and else: their head, and what is told
+    False: ("what costs this bus most", ("error", "warning")),
+    True: ("what these frames show", ("error", "warning", "note")),
+}
 _UNITS: Final = 5  # named in a line
 _GROUPS: Final = 3  # told of a finding
 _LEFT: Final = 8  # of what no cause takes
@@ -75,14 +79,15 @@ def _explained_by(code: str, unit: int | None, causes: Sequence[Cause]) -> str |
     return None if number is None else causes[number].cause
 
 
-def lines(findings: Sequence[FindingRow]) -> Iterator[PageLine]:
-    """Nothing where there are none."""
+def lines(findings: Sequence[FindingRow], *, handful: bool = False) -> Iterator[PageLine]:
+    """Nothing where there are none; of a handful of frames notes are told as well, and nothing is a cost."""
     if not findings:
         return
-    worst = [row for row in findings if row.severity != "note"][:_WORST]
+    head, told = _WORST_AS[handful]
+    worst = [row for row in findings if row.severity in told][:_WORST]
     if worst:
         yield ""
-        yield page_words("what costs this bus most" if len(worst) > 1 else "what costs this bus something")
+        yield page_words(head)
     for number, row in enumerate(worst, 1):
         yield Paragraph(f"{number}. {row.code}, {cost(row)}")
         yield from _group_lines(row)

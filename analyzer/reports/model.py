@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from .against import Difference
 
 
-HANDFUL: Final = 12  # frames: fewer, without times, are no sample of a bus
+HANDFUL: Final = 12  # frames: fewer, in a text or without times, are no sample of a bus
 
 
 @dataclass(frozen=True, slots=True)
@@ -320,8 +320,8 @@ class Report:
 
     @property
     def is_handful(self) -> bool:
-        """A few frames without times, as a text that somebody pasted: too few for shares, loads and tables."""
-        return not self.timed and self.frames < HANDFUL
+        """A few frames of a text that somebody pasted, or without times: too few for shares, loads and tables."""
+        return self.frames < HANDFUL and (not self.timed or self.format == "text")
 
     @property
     def units_as_heard(self) -> tuple[UnitRow, ...]:

@@ -16,7 +16,7 @@ from ..outages import unheard
 from ..words import duration, is_clock, moment
 from . import against, findings, pagetables
 from .findings import and_more
-from .model import Counts, RateRow, Report
+from .model import RateRow, Report
 from .paragraphs import WIDTH, PageLine, Paragraph
 
 _LOSSES: Final = 3
@@ -44,7 +44,7 @@ def _lines(report: Report) -> Iterator[PageLine]:
     for table in pagetables.tables(report) if report.frames else ():
         yield ""
         yield from table
-    yield from findings.lines(report.findings)
+    yield from findings.lines(report.findings, handful=report.is_handful)
     yield from pagetables.value_lines(report.values)
 
 
@@ -83,10 +83,12 @@ def facts(report: Report) -> Iterator[tuple[str, str]]:
     yield "frames", frames
     if report.doubtful_frames:
         yield "", page_words("{count:,} of them doubtful (confidence under 0.5)", count=report.doubtful_frames)
-    yield from _transactions(report.transactions)
+    yield from _transactions(report)
     if not report.is_handful:
         yield "load", _load(report)
         yield "response", _response(report)
+    elif report.times.count:
+        yield "response", _response(report, ("min", "max"))
     if report.clock_skew_ns is not None and not report.clock_skew_ns[0] <= 0 <= report.clock_skew_ns[1]:
         yield "clocks", _clocks(report.clock_skew_ns)
     if report.rates:
@@ -209,11 +211,15 @@ def _clocks(skew: tuple[int, int]) -> str:
     )
 
 
-def _transactions(counts: Counts) -> Iterator[tuple[str, str]]:
+def _transactions(report: Report) -> Iterator[tuple[str, str]]:
+    counts = report.transactions
+    if not counts.requests:
+        return
+    silent = "{number:,} without an answer here" if report.is_handful else "{number:,} unanswered"
     parts = [page_words("{number:,} answered", number=counts.answered)]
     for number, words in (
         (counts.exceptions, "{number:,} by exception"),
-        (counts.unanswered, "{number:,} unanswered"),
+        (counts.unanswered, silent),
         (counts.damaged, "{number:,} answered by a damaged frame"),
         (counts.broadcasts, "{number:,} broadcast"),
         (counts.unheard, "{number:,} not heard"),
@@ -237,11 +243,11 @@ def _load(report: Report) -> str:
     return words
 
 
-def _response(report: Report) -> str:
+def _response(report: Report, figures: Sequence[str] = ("p50", "p95", "p99", "max")) -> str:
     times = report.times
     if not times.count or times.off_ns is None:
         return unknown("no times in this capture" if not report.timed else "this tap's times cannot tell them")
-    words = ", ".join(f"{figure} {times.worded(figure)}" for figure in ("p50", "p95", "p99", "max"))
+    words = ", ".join(f"{figure} {times.worded(figure)}" for figure in figures)
     answers = report.transactions.answers
     if times.count < answers:
         words += page_words(" ({some:,} of {all:,} measured)", some=times.count, all=answers)

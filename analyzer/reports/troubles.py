@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..causes.flatmemory import Thinned, densest
 from ..tables.findings import Findings, Rule, codes, describe, rules, titled
-from ..tables.schema import Rows
+from ..tables.schema import Kind, Rows
 from ..tables.transactions import NEVER, Status, TransactionRows
 from .model import Counts, FindingGroup, FindingRow
 
@@ -30,8 +30,8 @@ _SLACK: Final = 1.3  # of the timeout: what a wait is at most
 
 def of_echoes(findings: Findings) -> NDArray[np.bool_]:
     """Which findings speak of a request that stands there twice, one right behind the other."""
-    which: NDArray[np.bool_] = findings.rule == codes().index("echo")
-    return which
+    whole: NDArray[np.bool_] = np.isnan(findings.numbers[:, 1]) & (findings.rule == codes().index("echo"))
+    return whole
 
 
 def is_habit(echoes: int, requests: int) -> bool:
@@ -65,6 +65,7 @@ class _RuleTally:
 
     first: Findings  # one
     units: NDArray[np.int64]
+    answered: int = 0  # findings on a damaged request whose answer is there all the same
     groups: dict[tuple[int, float], _GroupTally] = field(default_factory=dict)
     waits: Thinned = field(default_factory=Thinned)  # ns, as far as they are known
 
@@ -85,11 +86,11 @@ class Troubles:
             self._settle(settled)
         if not len(findings):
             return
-        units = _units(findings, rows)
+        units, answered = _units(findings, rows), _answered(findings, rows)
         self._echoes += np.bincount(units[of_echoes(findings)], minlength=_NOBODY + 1)
         for number in np.flatnonzero(np.bincount(findings.rule)).tolist():
             own = findings.rule == number
-            self._count(number, findings[own], units[own])
+            self._count(number, findings[own], units[own], int(answered[own].sum()))
 
     def _settle(self, settled: TransactionRows) -> None:
         self._requests += np.bincount(settled.unit, minlength=_NOBODY + 1)
@@ -107,11 +108,12 @@ class Troubles:
             waited, number = self._waited.pop(index), self._damaged.pop(index)
             self._kinds[number].waits.add(np.array([waited]))
 
-    def _count(self, number: int, findings: Findings, units: NDArray[np.intp]) -> None:
+    def _count(self, number: int, findings: Findings, units: NDArray[np.intp], answered: int) -> None:
         rule, kind = rules()[number], self._kinds.get(number)
         if kind is None:
             kind = self._kinds[number] = _RuleTally(findings[:1].copy(), np.zeros(_NOBODY + 1, np.int64))
         kind.units += np.bincount(units, minlength=_NOBODY + 1)
+        kind.answered += answered
         if rule.wastes in rule.numbers:
             wasted = findings.numbers[:, rule.numbers.index(rule.wastes)] * 1e6
             kind.waits.add(wasted[~np.isnan(wasted)])
@@ -153,7 +155,7 @@ class Troubles:
             code=rule.code,
             severity=rule.severity.name.lower(),
             count=count,
-            lost_answers=count if rule.loses else 0,
+            lost_answers=count - kind.answered if rule.loses else 0,
             lost_ms=_lost_ms(kind.waits, timeout) if rule.loses else 0.0,
             units={int(unit): int(kind.units[unit]) for unit in order.tolist() if kind.units[unit]},
             text=example.text,
@@ -205,6 +207,15 @@ def _numbers(rule: Rule, findings: Findings, name: str) -> NDArray[np.float64]:
         return np.full(len(findings), -1.0)
     figures: NDArray[np.float64] = np.nan_to_num(findings.numbers[:, rule.numbers.index(name)], nan=-1.0)
     return figures
+
+
+def _answered(findings: Findings, rows: Rows) -> NDArray[np.bool_]:
+    """Which findings are on a damaged request that is answered all the same: so it arrived whole."""
+    frames = rows[rows.index >= 0]
+    asks = np.flatnonzero((frames.kind[:-1] == Kind.REQUEST) & ~frames.check[:-1])
+    asks = asks[(frames.kind[asks + 1] == Kind.RESPONSE) & frames.check[asks + 1]]
+    asks = asks[(frames.unit[asks] == frames.unit[asks + 1]) & (frames.function[asks] == frames.function[asks + 1])]
+    return np.isin(findings.index, frames.index[asks])
 
 
 def _units(findings: Findings, rows: Rows) -> NDArray[np.intp]:

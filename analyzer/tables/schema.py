@@ -227,6 +227,7 @@ class Rows(Columns):
     # Whose an answer is, where that is not the request that it seems to follow:
     taken_for_start: Int64s  # `start` of the request that the client takes it for, where it answers another; else -1
     unsure: Bools  # nobody can tell which request it answers
+    mark: UInt8s  # the direction mark that a log gives the read of its first byte: `captures.Mark`
 
     def row(self, number: int) -> Row:
         """One of them."""
@@ -267,6 +268,7 @@ class Row:
     foreign: int = 0
     taken_for_start: int = -1
     unsure: bool = False
+    mark: int = 0
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

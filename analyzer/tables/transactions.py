@@ -36,7 +36,7 @@ _REACH: Final = 1 << 16  # and bytes, noise included
 _GLITCHES: Final = bytes(GLITCHES)  # noise bytes that say nothing
 _MIN_ADU: Final = 4
 _TRANSACTION_ID: Final = 2  # bytes, anew in each request over Modbus TCP
-_ALIKE: Final = 2  # bytes in which a damaged request may differ from its repetition
+ALIKE: Final = 2  # bytes in which a damaged request may differ from its repetition
 
 
 class Status(IntEnum):
@@ -78,6 +78,7 @@ class TransactionRows(Columns):
     response_port: UInt8s  # of the answer: another where each direction has its own
     protocol: UInt8s  # Protocol
     unsure: Bools  # the client takes this answer for its own, and nobody can tell whose it is
+    mark: UInt8s  # of the request, as in `Rows`
 
     def response_times(self, off_ns: float) -> DelayBounds:
         """How long each answer took, as far as a clock carries it by which times may be wrong by so much."""
@@ -289,7 +290,7 @@ class Transactions:
         for i in np.flatnonzero(~whole).tolist():
             damaged = self._last_row[1] if before[i] < 0 else batch.bytes_of(int(before[i]))
             request = batch.bytes_of(int(requests[i]))
-            if abs(len(damaged) - len(request)) <= _ALIKE and _shared(damaged, request) >= len(request) - _ALIKE:
+            if abs(len(damaged) - len(request)) <= ALIKE and shared(damaged, request) >= len(request) - ALIKE:
                 self._open.retry[known + i] = True
 
 
@@ -306,7 +307,7 @@ def _same_request(one: bytes, other: bytes, protocol: int) -> bool:
     return one[first:] == other[first:]
 
 
-def _shared(one: bytes, two: bytes) -> int:
+def shared(one: bytes, two: bytes) -> int:
     """How many bytes two byte strings share at their beginnings and ends."""
     most = min(len(one), len(two))
     head = next((i for i in range(most) if one[i] != two[i]), most)
@@ -320,7 +321,7 @@ def _begin(opened: TransactionRows, rows: Rows, requests: NDArray[np.intp]) -> N
     opened.request[:], opened.start[:], opened.length[:] = requested.index, requested.start, requested.length
     opened.t_start_ns[:], opened.t_request_ns[:], opened.t_next_ns[:] = requested.t_start_ns, requested.t_end_ns, NEVER
     opened.unit[:], opened.function[:] = requested.unit, requested.function
-    opened.port[:], opened.protocol[:] = requested.port, requested.protocol
+    opened.port[:], opened.protocol[:], opened.mark[:] = requested.port, requested.protocol, requested.mark
     for column in (opened.response, opened.response_start, opened.response_length, opened.t_response_ns):
         column[:] = -1
     opened.response_ns[:] = -1

@@ -25,7 +25,7 @@ from captures.text import encodings
 from ..chunks import Block, Chunk, Mark, Note
 from ..errors import CaptureError
 from ..files import HEAD_BYTES, line_batches, opened, read_head
-from ..line import DIRECTIONS_NOTE, PROTOCOLS_NOTE, LineSettings
+from ..line import DIRECTIONS_NOTE, EXCERPT_NOTE, PROTOCOLS_NOTE, LineSettings
 from ..text.judging import ByteJudge, no_judge
 from ..text.logs import LOOKED_FOR, LogReader, Piece, UnreadLine, joined
 from . import Format
@@ -40,6 +40,7 @@ _MOST_TURNED: Final = 1 << 17  # reads of a log written newest first
 _LEAST_STEPS: Final = 2  # of the clock that tell such a log
 
 
+_EXCERPT: Final = 64  # reads: a text of fewer is what somebody chose to show
 _TIMED: Final = 3  # one of so many lines with bytes has a time at least: frames of a terminal go on in lines without
 
 
@@ -173,6 +174,8 @@ def _read(
     notes = {PROTOCOLS_NOTE: ",".join(spoken.values())} if any(spoken.values()) else {}
     if whole and (direction := _only_direction(reads)) is not None:
         notes[DIRECTIONS_NOTE] = direction
+    if whole and len(reads) < _EXCERPT:
+        notes[EXCERPT_NOTE] = str(len(reads))
     first_ns = (times[-1] if turned else times[0]) if timed else 0
     return _TextReader(
         path,

@@ -98,9 +98,9 @@ class Explanation:
     """One explanation of a damaged frame.
 
     `code` is a finding's: bit-flip, byte-missing, byte-extra, bytes-repeated, flow-control-loss, truncated,
-    crc-variant, collision or crc-error. `bits` is how likely it is (log2, over bytes that nothing predicts: random ones
-    seldom get more than `FRAME`), `certainty` (0 to 1) its share of all the explanations tried. `repaired` is the frame
-    as it was sent, if this is what happened.
+    crc-variant, echo, collision or crc-error. `bits` is how likely it is (log2, over bytes that nothing predicts:
+    random ones seldom get more than `FRAME`), `certainty` (0 to 1) its share of all the explanations tried.
+    `repaired` is the frame as it was sent, if this is what happened.
 
     What else is set hangs on the code:
 
@@ -111,6 +111,7 @@ class Explanation:
     flow-control-loss   `lost` bytes, as many `places` as could be solved
     truncated           `length` that the frame should have (`at_least` where it ends before it tells)
     crc-variant         `variant`, the convention's name
+    echo                `lost` bytes of the `length` that were sent just before, in `repaired`
     collision           `length` of the answer that was due, where that is known
     """
 

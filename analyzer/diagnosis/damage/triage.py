@@ -12,13 +12,17 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from captures import Mark
+from captures.line import LineSettings
 from dissectors.length_rules import Role
-from dissectors.lengths import pdu_length, rule
-from dissectors.limits import OVERHEAD
+from dissectors.lengths import pdu_length, relations, rule
+from dissectors.limits import OVERHEAD, Echo
 from dissectors.registry import revision
 
 from ...tables.batch import Batch
 from ...tables.schema import GLITCHES, NO_GAP, Kind, Protocol, Row
+from ...tables.taps import may_speak_of
+from ...tables.transactions import ALIKE, shared
 from ..view import DiagnosisStep, EarlierRow, LookBack, where
 from . import FRAME, DamagedFrame, DividedFrame, Explanation, asked_by, autopsy, divided, joined
 from .flow_control import IS_FLOW
@@ -63,13 +67,15 @@ class Triage:
     """Looks at rows in turn; remembers the last ones, and whether a port has ever given an 11 or 13."""
 
     _trail: LookBack
+    _no_word: tuple[str, ...]  # the verdicts on noise that tell nothing of it
     _flow_at: dict[int, int]
     _open: _Open | None
     _mended: tuple[int, int, bytes] | None
     explained: dict[int, None]
 
-    def __init__(self, trail: LookBack) -> None:
+    def __init__(self, trail: LookBack, line: LineSettings) -> None:
         self._trail = trail
+        self._no_word = ("crc-error",) if may_speak_of("collision", line) else ("crc-error", "collision")
         self._flow_at = {}  # port: where its first 11 or 13 came
         self._open = None  # the newest rows, where their verdict may change
         self._mended = None  # port, end, the request that flow control robbed there
@@ -160,6 +166,8 @@ class Triage:
         """What happened to a row; None where it is noise that nothing ties to a frame."""
         pending, request, requests, units = recent
         role = None
+        if pending is not None and (echo := _echo(row, pending)):
+            return self._explains(pending, echo)
         if row.is_frame:
             role = Role.REQUEST if row.row.kind == Kind.REQUEST else Role.RESPONSE
             if row.row.request >= 0:
@@ -175,7 +183,7 @@ class Triage:
         elif len(row.captured) < _LEAST or not _begins(row.captured, request, units):
             return None
         verdict = _nearest(_autopsy(row.captured, role, request, requests, units, self._flow_free(row.row), revision()))
-        if not row.is_frame and (verdict.code == "crc-error" or verdict.certainty < _SURE):
+        if not row.is_frame and (verdict.code in self._no_word or verdict.certainty < _SURE):
             like = _request_like(row.captured, requests) if request is None else row.captured[:2] == request[:2]
             return self._explains(pending, Explanation("crc-error", 0.0, 1.0)) if like else None
         return self._explains(pending, verdict)
@@ -247,6 +255,24 @@ def _suspects(view: DiagnosisStep, *, first: bool) -> list[int]:
     behind = np.intersect1d(np.append(damaged + 1, 0), view.responses)
     rows = sorted([*damaged.tolist(), *behind.tolist()])
     return [row for row in rows if protocol[row] == Protocol.RTU and not foreign[row]]
+
+
+def answered_alike(function: int) -> bool:
+    """Whether a right answer of a function is its request once more."""
+    return any(isinstance(relation, Echo) for relation in relations(function))
+
+
+def _echo(row: EarlierRow, pending: EarlierRow) -> Explanation | None:
+    """That what a log marks as received is what it marks as sent just before, but for a byte or two.
+
+    Not so of what is answered by its like: there it is an answer that came damaged.
+    """
+    if (pending.row.mark, row.row.mark) != (Mark.TX, Mark.RX) or answered_alike(pending.row.function):
+        return None
+    same, sent = shared(row.captured, pending.captured), len(pending.captured)
+    if same - max(0, len(row.captured) - sent) < sent - ALIKE:
+        return None
+    return Explanation("echo", 0.0, 1.0, repaired=pending.captured, length=sent, lost=sent - same)
 
 
 def _overlaid(row: Row, before: _Open) -> bool:

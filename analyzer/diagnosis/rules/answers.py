@@ -14,14 +14,13 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dissectors.lengths import relations
-from dissectors.limits import Echo
+from captures import Mark
 
 from ...deframing.tap_clock import FIRST, UNKNOWN
 from ...tables.findings import Findings, Rule, looks_for
 from ...tables.schema import Protocol
 from ...tables.transactions import NEVER, Status, TransactionRows
-from ..damage.triage import HASTE_NS
+from ..damage.triage import HASTE_NS, answered_alike
 from ..view import DiagnosisStep, where
 from .outcomes import BROADCAST_ANSWERED, DUPLICATE, ECHO, LATE, MISMATCH, NO_RESPONSE, RETRY, said
 
@@ -56,6 +55,7 @@ class TransactionColumns(NamedTuple):
     response_port: int
     protocol: int
     unsure: bool
+    mark: int
     number: int
 
     @property
@@ -76,7 +76,12 @@ def by_tap(view: DiagnosisStep, index: int, after_ns: int) -> bool:
 def shown_twice(before: TransactionColumns | None, this: TransactionColumns) -> bool:
     """Whether this is a write's true echo, on a bus where the tap's copy of the write was taken for it."""
     same = before is not None and before.shape == this.shape and before.response == this.request - 1
-    return same and echoes(this.function)
+    return same and answered_alike(this.function)
+
+
+def heard_back(before: TransactionColumns, this: TransactionColumns) -> bool:
+    """Whether a log marks the first of two requests as sent, and the second as received."""
+    return (before.mark, this.mark) == (Mark.TX, Mark.RX)
 
 
 def asks_again(before: TransactionColumns, this: TransactionColumns) -> bool:
@@ -113,12 +118,7 @@ def answers_broadcast(before: TransactionColumns | None, this: TransactionColumn
     if before is None or not quick or before.unit or before.shape[1:] != this.shape[1:]:
         return False
     soon = this.t_start_ns - before.t_request_ns < HASTE_NS
-    return soon and this.request == before.request + 1 and echoes(this.function)
-
-
-def echoes(function: int) -> bool:
-    """Whether a right answer of a function is its request once more."""
-    return any(isinstance(relation, Echo) for relation in relations(function))
+    return soon and this.request == before.request + 1 and answered_alike(this.function)
 
 
 _STRAY: Final = 4  # bytes that may have been an answer
@@ -243,6 +243,10 @@ class Outcomes:
         echoes = self._echoes + bisect_left(self._echoes_at, requests)
         return echoes >= _SURE_ECHOES and echoes >= _ECHOING * requests
 
+    def _repeats_all(self, before: TransactionColumns, this: TransactionColumns, *, quick: bool) -> bool:
+        """Whether it is the tap that shows a request again: its log says so, or it does so with nearly all."""
+        return heard_back(before, this) or (not quick and self._echoing(this.number))
+
     def _outcome(
         self, view: DiagnosisStep, transactions: Sequence[TransactionColumns], i: int, *, quick: bool
     ) -> Rule | None:
@@ -263,8 +267,8 @@ class Outcomes:
                 return DUPLICATE if soon else self._silence(view, transactions, i, quick=quick)
         if this.retry and before is not None:
             again = asks_again(before, this)
-            if (hasty and at_once(view, before, this)) or (again and not quick and self._echoing(this.number)):
-                twice = echoes(this.function) and this.status == _ANSWERED and not self._echoing(this.number)
+            if (hasty and at_once(view, before, this)) or (again and self._repeats_all(before, this, quick=quick)):
+                twice = answered_alike(this.function) and this.status == _ANSWERED and not self._echoing(this.number)
                 twice = twice and not by_tap(view, this.request, this.t_start_ns - before.t_request_ns)
                 return DUPLICATE if twice else ECHO  # thrice the same at once: a write and two echoes of it
         if this.status != _UNANSWERED:
@@ -272,7 +276,7 @@ class Outcomes:
         if answers_broadcast(before, this, quick=quick):
             return BROADCAST_ANSWERED
         differs = hasty if quick else self._differs(before, this)
-        if differs and not this.retry and echoes(this.function):
+        if differs and not this.retry and answered_alike(this.function):
             return MISMATCH
         return self._silence(view, transactions, i, quick=quick)
 
@@ -308,15 +312,17 @@ class Outcomes:
         """Whether something else explains that this request has no answer."""
         if this.t_next_ns == NEVER or this.garbage >= _STRAY or this.request in view.explained:
             return True
-        if behind is not None and is_hasty(this, behind, quick=quick):
+        echoing = self._echoing(this.number)
+        if behind is None:
+            return echoing and shown_twice(before, this)
+        if is_hasty(this, behind, quick=quick):
             if behind.retry:
                 return at_once(view, this, behind)  # this one, shown again
-            return behind.status == _UNANSWERED and echoes(behind.function)
-        echoing = self._echoing(this.number)
-        if behind is not None and echoing and behind.retry and asks_again(this, behind):
+            return behind.status == _UNANSWERED and answered_alike(behind.function)
+        if behind.retry and asks_again(this, behind) and (echoing or heard_back(this, behind)):
             return True
-        if behind is not None and not quick and self._differs(this, behind):
-            return echoes(this.function)
+        if not quick and self._differs(this, behind):
+            return answered_alike(this.function)
         return echoing and shown_twice(before, this)
 
     def _differs(self, before: TransactionColumns | None, this: TransactionColumns) -> bool:

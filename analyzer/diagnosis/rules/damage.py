@@ -22,6 +22,7 @@ from ...tables.schema import Kind, Protocol, Row, Rows
 from ..damage import DividedFrame, Explanation
 from ..damage.triage import VAGUE
 from ..view import DiagnosisStep, where
+from .outcomes import ECHO
 
 _NOISY_LINE: Final = "interference, a missing or doubled termination, a loose screw, or two drivers at once"
 _LINE: Final = "check termination at both ends, shield and common; lower the baud rate to see whether it helps"
@@ -231,7 +232,7 @@ def _crc(numbers: Mapping[str, float], name: str) -> str:
     return int(numbers[name]).to_bytes(2, "little").hex(" ").upper()
 
 
-_RULES: Final = {r.code: r for r in (BIT_FLIP, MISSING, EXTRA, TRUNCATED, VARIANT, REPEATED, FLOW, COLLISION)}
+_RULES: Final = {r.code: r for r in (BIT_FLIP, MISSING, EXTRA, TRUNCATED, VARIANT, REPEATED, FLOW, COLLISION, ECHO)}
 
 
 @looks_for(LRC_ERROR)
@@ -379,6 +380,8 @@ def _numbers(verdict: Explanation, data: bytes) -> tuple[float, ...]:
             return len(data), _or_nan(verdict.length), sure
         case "bytes-repeated":
             return _or_nan(verdict.byte), _or_nan(verdict.length), sure
+        case "echo":
+            return nan, _or_nan(verdict.lost), _or_nan(verdict.length)
         case "flow-control-loss":
             return _or_nan(verdict.lost), sure
         case _:

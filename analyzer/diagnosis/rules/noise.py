@@ -26,6 +26,7 @@ from ...deframing.rules import crc_windows
 from ...languages import counted, phrase
 from ...tables.findings import About, Findings, Rule, Severity, looks_for
 from ...tables.schema import GLITCHES, NO_GAP, Kind, Protocol, Rows
+from ...tables.taps import TapKind, tap_kind
 from ..view import DiagnosisStep, where
 
 OTHER: Final = Rule(
@@ -54,6 +55,7 @@ def other_protocols(view: DiagnosisStep) -> Iterator[Findings]:
 
 
 _GLITCH_RUN: Final = 6  # bytes
+_LINE_ENDS: Final = (b"\r", b"\n", b"\r\n")
 _HARD: Final = 2.5  # characters: what stands closer belongs together
 _USUAL_CHARACTER_NS: Final = 11e9 / 9600  # where nobody said how fast the line is
 
@@ -65,6 +67,8 @@ class Pattern(IntEnum):
     BEFORE = 1  # 00 or FF hard before a frame
     AFTER = 2  # hard after one
     IDLE = 3  # by itself on an idle line
+    LINE_END = 4  # CR, LF or both right behind a frame
+    QUOTED = 5  # among the frames of a text's few lines
 
 
 def _sender(numbers: Mapping[str, float]) -> str:
@@ -85,18 +89,24 @@ _TEXTS: Final = {
     Pattern.BEFORE: "{bytes} of 00 or FF right before the frame of {sender}",
     Pattern.AFTER: "{bytes} of 00 or FF right after the frame of {sender}",
     Pattern.IDLE: "{bytes} outside any frame on an idle line",
+    Pattern.LINE_END: "{bytes}, a line's end (0D, 0A), right after the frame of {sender}",
+    Pattern.QUOTED: "{bytes} outside any frame",
 }
 _CAUSES: Final = {
     Pattern.STRAY: "interference, bytes of a damaged frame, or a device that speaks another protocol",
     Pattern.BEFORE: "the driver of {sender} is enabled too early or too late, and the line floats while it switches",
     Pattern.AFTER: "the driver of {sender} is disabled too late or too early, and the line floats while it switches",
     Pattern.IDLE: "the idle line floats: bias resistors are missing or too weak, or there is interference",
+    Pattern.LINE_END: "the frame of {sender} ends like a line of text; a strict unit drops it or answers into them",
+    Pattern.QUOTED: "the envelope or the frames of another protocol; part of a frame; or interference",
 }
 _REMEDIES: Final = {
     Pattern.STRAY: "look at what comes before and after; check wiring, shield and termination",
     Pattern.BEFORE: "correct the driver-enable timing of {sender}; add bias resistors",
     Pattern.AFTER: "correct the driver-enable timing of {sender}; add bias resistors",
     Pattern.IDLE: "bias the line at one end (some 560 ohms to each rail), check termination and shield",
+    Pattern.LINE_END: "send the bytes of the frame alone: write, not println; no line ending in a terminal",
+    Pattern.QUOTED: "compare how these bytes begin and end: what is the same each time is an envelope, and no fault",
 }
 NOISE: Final = Rule(
     "noise",
@@ -116,8 +126,12 @@ class _OpenStretch(NamedTuple):
 
     row: Rows  # one
     before: Rows  # one
-    glitch: bool
+    captured: bytes
     known: bool  # frames came before it
+
+    @property
+    def glitch(self) -> bool:
+        return GLITCHES.issuperset(self.captured)
 
 
 @looks_for(NOISE)
@@ -156,8 +170,8 @@ class NoiseStretches:
             )
             if explained_before and _hard(rows.gap_before_ns[number], view):
                 continue
-            glitch = GLITCHES.issuperset(view.bytes_of(number))
-            stretch = _OpenStretch(rows[number : number + 1], before, glitch, self._frames > 0 or number > first)
+            known = self._frames > 0 or number > first
+            stretch = _OpenStretch(rows[number : number + 1], before, view.bytes_of(number), known)
             if number + 1 < len(rows):
                 yield from self._judge(
                     view, stretch, rows[number + 1 : number + 2], explained=number + 1 in view.verdicts
@@ -170,7 +184,7 @@ class NoiseStretches:
 
     def close(self, view: DiagnosisStep) -> Iterator[Findings]:
         """Nothing comes after the last stretch, which may be the beginning of a frame that the capture's end cut."""
-        if self._waiting is not None and self._waiting.glitch:
+        if self._waiting is not None and (self._waiting.glitch or self._waiting.captured in _LINE_ENDS):
             yield from self._judge(view, self._waiting, Rows.zeros(1), explained=False)
 
     def _judge(self, view: DiagnosisStep, stretch: _OpenStretch, after: Rows, *, explained: bool) -> Iterator[Findings]:
@@ -188,6 +202,10 @@ class NoiseStretches:
         if stretch.glitch and row.length[0] <= _GLITCH_RUN and (close_before or close_after):
             nearer = close_after and (not close_before or after.gap_before_ns[0] < row.gap_before_ns[0])
             pattern, sender = (Pattern.BEFORE, after) if nearer else (Pattern.AFTER, before)
+        elif close_before and stretch.captured in _LINE_ENDS:
+            pattern, sender = Pattern.LINE_END, before
+        elif tap_kind(view.line) is TapKind.EXCERPT:
+            pattern = Pattern.QUOTED
         elif not close_before and not close_after:
             pattern = Pattern.IDLE
         unit = nan

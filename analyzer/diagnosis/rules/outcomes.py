@@ -304,12 +304,17 @@ ECHO: Final = Rule(
     Severity.NOTE,
     About.TRANSACTION,
     when="the tap shows each sent frame twice",
-    numbers=("after_ms",),
+    numbers=("after_ms", "other", "sent", "unit"),
     text=lambda numbers: (
         phrase("the same frame once more")
+        + (phrase(" but for {other:.0f} of its {sent:.0f} bytes", numbers) if "other" in numbers else "")
         + (phrase(", {after_ms:ms} after itself", numbers) if "after_ms" in numbers else "")
     ),
-    cause="the tap or a converter with local echo shows each sent frame twice",
+    cause=lambda numbers: (
+        phrase("a local echo, or the frame as the other end heard it: its settings, or the line, change or lose bytes")
+        if "other" in numbers
+        else phrase("the tap or a converter with local echo shows each sent frame twice")
+    ),
     remedy="switch the converter's local echo off, or tap the line behind it",
 )
 
@@ -348,5 +353,5 @@ def said(rule: Rule, transactions: TransactionRows, which: NDArray[np.intp], tim
         return rule.at(*columns, these.unit, np.where(failed, (these.t_start_ns - before.t_start_ns) / 1e6, np.nan))
     if rule is ECHO:
         later = np.maximum(these.t_start_ns - before.t_request_ns, 0) / 1e6
-        return rule.at(*columns, np.where(timed, later, np.nan))
+        return rule.at(*columns, np.where(timed, later, np.nan), np.nan, np.nan, these.unit)
     return rule.at(*columns, these.unit, these.function)
