@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from contextlib import suppress
+from itertools import count
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import event, given
 from hypothesis import strategies as st
 from rich.console import Console
 from rich.segment import Segment
@@ -63,6 +64,31 @@ def test_the_terminal_shows_what_is_drawn_however_it_was_sent(updates: list[tupl
                 assert thin.looks[y][x][1] == whole.looks[y][x][1], (x, y)
 
 
+_shapes = st.lists(st.sampled_from(["{} ─▲ b", "漢字 {}", "{}é", "", "x" * _COLUMNS]), min_size=8, max_size=8)
+
+
+@given(st.lists(st.tuples(st.integers(-8, 8), st.integers(0, 3), st.integers(8, 16), _shapes), min_size=1, max_size=6))
+def test_lines_that_move_are_moved_and_stand_where_they_should(moves: list[tuple[int, int, int, list[str]]]) -> None:
+    """A list that scrolls between a head and a foot, and its cursor is on another line then."""
+    size, shown = Size(_COLUMNS, 16), list(map(str, range(1000, 1016)))
+    console = Console(width=2, height=1, color_system="256", force_terminal=True)
+    wire, thin, whole = ThinWire(), Picture(*size), Picture(*size)
+    scrolls, number = 0, (f"{i * 2654435761 % 2**32:08x}" for i in count())
+    for by, top, bottom, shapes in [(0, 0, 16, []), *moves]:
+        band, fresh = shown[top:bottom], [shape.format(next(number)) for shape in shapes[: abs(by)]]
+        shown[top:bottom] = [*band[by:], *fresh] if by > 0 else [*fresh, *band][: len(band)]
+        lines = [Segment(line.ljust(_COLUMNS), _STYLES[5 if y == top else 2]) for y, line in enumerate(shown)]
+        update = LayoutUpdate([[Strip([line]).crop(0, _COLUMNS)] for line in lines], Region(0, 0, *size))
+        text = wire.thin(update, console, size).text
+        scrolls += text.count("\x1b[r")
+        thin.feed(text)
+        whole.feed(update.render_segments(console))
+        assert thin.lines() == whole.lines() and (thin.top, thin.bottom) == (0, 16)
+        for ours, theirs in zip(thin.looks, whole.looks, strict=True):
+            assert [look[1] for look in ours] == [look[1] for look in theirs]
+    event(f"{min(scrolls, 3)} scrolls")
+
+
 def _halved(cells: list[str], x: int) -> bool:
     from rich.cells import cell_len
 
@@ -93,8 +119,12 @@ def cost(terminal: Watched, keys: str, times: int = 1, quiet: float = 0.5) -> fl
 
 
 def test_a_key_costs_little(terminal: Watched) -> None:
-    """At 80x24 in 256 colours: arrow under 1 kB, page under 4 kB, another view under 12 kB, idle nothing."""
+    """At 80x24 in 256 colours: arrow under 1 kB also where a list scrolls, page
+    under 4 kB, another view under 12 kB, idle nothing."""
     assert 100 < cost(terminal, "\x1b[B", 8) < 1000
+    for view in "21":
+        terminal.press(view + "\x1b[H" + "\x1b[B" * 26)
+        assert 100 < cost(terminal, "\x1b[B", 8) < 1000, f"{view}: the list scrolls"
     assert 100 < cost(terminal, "\x1b[6~", 4) < 4000
     assert cost(terminal, "\t", 3) < 4000
     for view in "2345678":

@@ -13,13 +13,13 @@ from ..model.thenandnow import Change, Compared, changes, read_side, span_side, 
 from ..model.times import GotoError, span
 from .filterbar import FilterBar
 from .items import NOTHING, FrameDetail, Item
+from .keyqueue import ASKING
 from .lines import Lines
 from .openfiles import no_capture
 from .paint import StyledText, fitted
 from .places import OF_FIGURES, Place, RegisterPlace, UnitPlace
 from .prompts import Ask
 from .view import DoorCell, View, cells_of_units
-from .wire import ASKING
 
 if TYPE_CHECKING:
     from textual.widget import Widget

@@ -33,13 +33,14 @@ from ..model.source import CaptureSource
 from ..usernotes import Notes, NotesError
 from .desk import Preferences, ViewState
 from .filterbar import rules_of
+from .keyqueue import ASKING, KeyQueue
 from .keys import command_name, commands, key_name, keys_written
 from .openfiles import NextFile
 from .paint import DARK, DARK_16, HARMLESS, LIGHT, LIGHT_16, Colourless
 from .prompts import Choose
 from .screen import BusScreen
 from .viewer import ending_with_its_server
-from .wire import ASKING, KeyQueue, ThinWire
+from .wire import ThinWire
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

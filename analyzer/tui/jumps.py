@@ -15,9 +15,9 @@ from ..model.times import FORMS, SPANS, GotoError, span
 from ..words import is_clock, zone_name
 from .frames import FrameList
 from .jobs import Stop
+from .keyqueue import FINDING
 from .prompts import Ask
 from .view import LISTS, value_name
-from .wire import FINDING
 
 if TYPE_CHECKING:
     from ..causes.registry import Cause

@@ -15,12 +15,12 @@ from ..languages import error_words, tr
 from ..model.meanings import BIT_AREAS, CHOICES, Meaning
 from ..model.registers import AREA_WORDS
 from ..words import short
+from .keyqueue import ASKING
 from .lines import Lines
 from .paint import StyledText, fitted
 from .plot import Plot, trend
 from .prompts import Ask
 from .view import DoorCell, named_cells
-from .wire import ASKING
 
 if TYPE_CHECKING:
     from ..model.registers import RegisterLog, Spot, WatchedRegister

@@ -25,6 +25,7 @@ from .filterbar import FilterBar, KeptFilters
 from .frames import FrameList, ShownColumns
 from .jobs import Jobs
 from .jumps import Jumps
+from .keyqueue import ASKING
 from .keys import BINDINGS
 from .lines import Lines
 from .look import at_row
@@ -45,7 +46,6 @@ from .places import OFFERED, Place, RowPlace, Trail, Visited
 from .transactions import TransactionList
 from .view import LISTS, View
 from .views import BY_NAME, VIEWS
-from .wire import ASKING
 
 if TYPE_CHECKING:
     from .desk import ViewState

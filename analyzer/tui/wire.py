@@ -1,9 +1,4 @@
-"""What goes between the interface and its terminal: keys in, in their order; out, only the cells that changed.
-
-Textual hands a key to the widget in focus and takes the next at once. Typed fast, or sent by a script, a key then
-finds the cursor, the view or the question of some keys ago. Here a key waits for the one before it: for the widget
-that got it, for whoever is told by it, for a question that it brings up to have the keys, and for a list to show other
-rows. With Cyrillic on, a letter key gives the letter that stands on it; it means the same key.
+"""What goes to the terminal: only the cells that changed, and lines that moved as a scroll.
 
 Textual draws whole lines of widgets again, each piece with all of its colours. Here a shadow of the terminal knows what
 stands in every cell; an update becomes the shortest way from there. On a slow line (SSH over a modem, a console server
@@ -12,141 +7,20 @@ at 115200 baud) an arrow key costs some hundred bytes so.
 
 from __future__ import annotations
 
-import asyncio
 import time
-from collections import deque
-from collections.abc import Awaitable, Callable, Iterable, Iterator, Sequence
-from contextlib import suppress
+from collections import Counter, deque
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from rich.cells import cell_len, get_character_cell_size
 from textual._compositor import ChopsUpdate, CompositorUpdate, LayoutUpdate
-from textual.app import ScreenStackError
-from textual.events import Key
-from textual.keys import _character_to_key
-from textual.screen import ModalScreen
-from textual.widgets import Input, TextArea
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.segment import Segment
     from rich.style import Style
-    from textual.app import App
-    from textual.dom import DOMNode
     from textual.geometry import Size
-
-_LATIN: Final = "qwertyuiop[]asdfghjkl;'zxcvbnm,./`"
-_CYRILLIC: Final = "йцукенгшщзхъфывапролджэячсмитьбю.ё"
-_UPPER: Final = 'QWERTYUIOP{}ASDFGHJKL:"ZXCVBNM<>?~'
-TWINS: Final = {
-    **{own: latin for own, latin in zip(_CYRILLIC, _LATIN, strict=True) if own != "."},
-    **{own.upper(): latin for own, latin in zip(_CYRILLIC, _UPPER, strict=True) if own != "."},
-}
-
-
-def latin(event: Key) -> Key:
-    """The key as the Latin layout has it; itself where it is no Cyrillic letter."""
-    twin = TWINS.get(event.character or "")
-    return event if twin is None else Key(twin if twin.isalpha() else _character_to_key(twin), twin)
-
-
-ASKING: Final = "ask"  # group of the workers that put questions
-FINDING: Final = "find"  # and of those that look for the next hit
-_LONGEST_S: Final = 2.0  # a laptop that is busy with something else needs one
-
-
-class KeyQueue:
-    """The keys that wait for their turn."""
-
-    def __init__(self, app: App[Any], dispatch: Callable[[Key], Awaitable[None]]) -> None:
-        self._app, self._dispatch = app, dispatch
-        self._waiting: deque[Key] = deque()
-        self._task: asyncio.Task[None] | None = None
-        self.closed = False  # the application is ending
-        self.taken = 0  # keys so far
-        self.patience_s = _LONGEST_S  # nothing holds keys back for longer
-
-    @property
-    def busy(self) -> bool:
-        """Whether a key has not had its effect yet."""
-        return self._task is not None
-
-    @property
-    def waiting(self) -> int:
-        """Keys that were typed ahead."""
-        return len(self._waiting)
-
-    def close(self) -> None:
-        """The application ends: keys that wait have no effect any more."""
-        self.closed = True
-        self._waiting.clear()
-        if self._task is not None:
-            self._task.cancel()
-
-    async def take(self, event: Key) -> None:
-        """A key was pressed: it is handed on at once where none is before it."""
-        if self.closed:
-            return
-        self.taken += 1
-        if self._task is not None:
-            self._waiting.append(event)
-            return
-        target = self._app.focused or self._app.screen
-        await self._dispatch(self._meant(event))
-        self._task = asyncio.create_task(self._go_on(target))
-
-    def _meant(self, event: Key) -> Key:
-        """Letters are letters where text is typed, else keys, whatever the layout."""
-        return event if isinstance(self._app.focused, Input | TextArea) else latin(event)
-
-    async def _go_on(self, target: DOMNode) -> None:
-        """Wait for the key that `target` was handed, then hand on those that came meanwhile."""
-        try:
-            while True:
-                await handled(self._app, target, self.patience_s)
-                if not self._waiting:
-                    return
-                target = self._app.focused or self._app.screen
-                await self._dispatch(self._meant(self._waiting.popleft()))
-        except ScreenStackError:  # the application is ending, and has no screen any more
-            self._waiting.clear()
-        finally:
-            self._task = None
-
-
-async def handled(app: App[Any], target: DOMNode, patience_s: float = _LONGEST_S) -> None:
-    """Return once a key that `target` was handed has had its effect, or after so long."""
-    with suppress(TimeoutError):
-        async with asyncio.timeout(patience_s):
-            await _notified(target)  # it, and whatever has a binding for the key
-            await _notified(app.focused or app.screen)  # who was told of what that did
-            await _question_settled(app)
-
-
-async def _notified(target: DOMNode) -> None:
-    """The widget, then each of those around it: what one posts to the next is in the queue before this."""
-    for node in target.ancestors_with_self:
-        handled = asyncio.Event()
-        if node.is_running and node.call_later(handled.set):
-            await handled.wait()
-
-
-async def _question_settled(app: App[Any]) -> None:
-    """A question that is on its way is there and has the keys; one that was answered is done with."""
-    while _coming(app):
-        await asyncio.sleep(0.001)
-
-
-def _coming(app: App[Any]) -> bool:
-    top = app.screen
-    if isinstance(top, ModalScreen):
-        return not top.is_running or (top.focused is None and top.AUTO_FOCUS != "")
-    jobs = getattr(top, "jobs", None)
-    if jobs is not None and (jobs.unsettled or jobs.is_filling):
-        return True
-    return any(worker.group in (ASKING, FINDING) and not worker.is_finished for worker in app.workers)
-
 
 Stretch = tuple[int, int, "Iterable[Segment]"]  # line, column, what stands there
 
@@ -154,6 +28,10 @@ _OFF: Final = {1: 22, 2: 22, 3: 23, 4: 24, 5: 25, 6: 25, 7: 27, 8: 28, 9: 29, 21
 _MARKS_ON_BLANKS: Final = frozenset({4, 7, 9, 21, 53})
 _FEW: Final = 4  # cells: writing so many again is shorter than to jump over them
 _LOOKS: Final = 1 << 12
+
+
+_SCROLLED: Final = 4  # lines that must have moved together, or they are drawn again
+_WORTH: Final = 40  # cells that moving them spares: its codes take some 20 bytes
 
 
 class Look(NamedTuple):
@@ -165,6 +43,13 @@ class Look(NamedTuple):
 
 
 _PLAIN: Final = Look("39", "49", frozenset())
+
+
+class _Line(NamedTuple):
+    """A line of the terminal: what stands in each cell, and how it looks."""
+
+    texts: list[str]
+    looks: list[Look | None]
 
 
 class ThinWire:
@@ -205,14 +90,25 @@ class ThinWire:
 
     def difference(self, stretches: Iterable[Stretch], console: Console) -> str:
         """What to write so that these pieces stand on the terminal."""
+        before: dict[int, _Line] = {}
+        changed: dict[int, set[int]] = {}
+        for y, x, segments in stretches:
+            if 0 <= y < self._size[1]:
+                before.setdefault(y, _Line(self._texts[y].copy(), self._looks[y].copy()))
+                changed.setdefault(y, set()).update(self._changes(y, x, segments, console))
+        scroll = self._scroll(before, changed)
+        text = scroll + self._written(changed)
+        self._sent.append((time.monotonic(), len(text)))
+        return text
+
+    def _written(self, changed: Mapping[int, set[int]]) -> str:
+        """The cells that changed, by line."""
         out: list[str] = []
         at: tuple[int, int] | None = None  # the cursor: line, column
         now = _PLAIN
-        for y, x, segments in stretches:
-            if not 0 <= y < self._size[1]:
-                continue
+        for y, columns in changed.items():
             texts, looks = self._texts[y], self._looks[y]
-            for first, last in _runs(self._changes(y, x, segments, console), looks, texts):
+            for first, last in _runs(sorted(columns), looks, texts):
                 if at != (y, first):
                     ahead = at is not None and at[0] == y and at[1] < first
                     out.append(f"\x1b[{first - at[1]}C" if ahead and at else f"\x1b[{y + 1};{first + 1}H")
@@ -229,9 +125,40 @@ class ThinWire:
                 at = None if last >= self._size[0] else (y, last)
         if now != _PLAIN:
             out.append("\x1b[m")
-        text = "".join(out)
-        self._sent.append((time.monotonic(), len(text)))
-        return text
+        return "".join(out)
+
+    def _scroll(self, before: Mapping[int, _Line], changed: dict[int, set[int]]) -> str:
+        """The code that moves lines to where they stand now; `changed` is then what is left to write.
+
+        Lines are deleted and inserted between two margins: every terminal since the VT102 does that, the console of
+        Linux too, which has no code for scrolling alone.
+        """
+        drawn = [y for y in sorted(before) if len(changed[y]) > _FEW]
+        if len(drawn) < _SCROLLED:
+            return ""
+        stood = {tuple(before[y].texts): y for y in drawn}
+        moves = Counter(stood[key] - y for y in drawn if (key := tuple(self._texts[y])) in stood)
+        by, lines = max(moves.items(), key=lambda move: move[1], default=(0, 0))
+        if not by or lines < _SCROLLED:
+            return ""
+        moved = [y for y in drawn if stood.get(tuple(self._texts[y])) == y + by]
+        top, bottom = min(moved[0], moved[0] + by), max(moved[-1], moved[-1] + by)
+        left = {y: self._left(y, before, y + by if top <= y + by <= bottom else -1) for y in range(top, bottom + 1)}
+        spared = sum(len(changed.get(y, ())) - len(columns) for y, columns in left.items())
+        if spared < _WORTH:
+            return ""
+        changed |= left
+        at = top + 1
+        return f"\x1b[{at};{bottom + 1}r\x1b[{at}H\x1b[{abs(by)}{'M' if by > 0 else 'L'}\x1b[r"
+
+    def _left(self, y: int, before: Mapping[int, _Line], source: int) -> set[int]:
+        """Columns of a line that are others than in the line that has moved there; all where none has (-1)."""
+        texts, looks, width = self._texts[y], self._looks[y], self._size[0]
+        if source < 0:
+            return set(range(width))
+        old = before.get(source) or _Line(self._texts[source], self._looks[source])
+        others = {i for i in range(width) if texts[i] != old.texts[i] or looks[i] is not old.looks[i]}
+        return others | {i - 1 for i in others if i and not texts[i]}
 
     def _fit(self, size: Size) -> None:
         width, height = size

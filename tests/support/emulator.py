@@ -32,6 +32,7 @@ class Picture:
         self.cells = [[" "] * columns for _ in range(rows)]
         self.looks: list[list[tuple[str, ...]]] = [[()] * columns for _ in range(rows)]
         self.x = self.y = 0
+        self.top, self.bottom = 0, rows  # the margins
         self._front, self._back, self._marks = "39", "49", set[str]()
         self._rest = ""
 
@@ -46,10 +47,24 @@ class Picture:
             elif final == "H":
                 y, _, x = numbers.partition(";")
                 self.y, self.x = int(y or 1) - 1, int(x or 1) - 1
+            elif final == "r" and not private:
+                top, _, bottom = numbers.partition(";")
+                self.top, self.bottom = int(top or 1) - 1, int(bottom or self.rows)
+                self.x = self.y = 0
+            elif final in "LM" and self.top <= self.y < self.bottom:
+                self._move_lines(int(numbers or 1), down=final == "L")
             elif final == "C":
                 self.x += int(numbers or 1)
             elif final == "m" and not private:
                 self._turn(numbers.split(";") if numbers else ["0"])
+
+    def _move_lines(self, count: int, *, down: bool) -> None:
+        """Insert lines at the cursor, or delete them there, up to the lower margin."""
+        for _ in range(min(count, self.bottom - self.y)):
+            out, into = (self.bottom - 1, self.y) if down else (self.y, self.bottom - 1)
+            del self.cells[out], self.looks[out]
+            self.cells.insert(into, [" "] * self.columns)
+            self.looks.insert(into, [(self._front, self._back, *sorted(self._marks))] * self.columns)
 
     def _turn(self, codes: list[str]) -> None:
         i = 0
