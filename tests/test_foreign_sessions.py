@@ -102,3 +102,17 @@ def test_modbus_with_a_vendors_functions_is_modbus() -> None:
         session += [crc(b"\x11", bytes((65 if number % 3 else 0x5A,)), random.randbytes(6)), crc(b"\x11\x41\0")]
     assert not summarize(heard(session)).not_modbus
     assert "not Modbus" not in paste.read("\n".join(octets.hex(" ") for octets in session)).why
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("function", [0x41, 0x5A])
+def test_a_bus_of_one_vendor_in_noise_keeps_its_frames(function: int, seed: int) -> None:
+    """All but the first of a unit, which might be chance."""
+    random = Random(f"{function} {seed}")
+    t_ns, chunks = 10**18, []
+    for _ in range(60):
+        for octets in (random.randbytes(80), crc(bytes((5, function)), random.randbytes(random.randrange(2, 40)))):
+            t_ns += 100_000_000
+            chunks.append(Chunk(t_ns, octets))
+    report = summarize(Capture.of(LineSettings(9600, 10), chunks))
+    assert report.frames >= 0.9 * 60

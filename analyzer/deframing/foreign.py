@@ -37,6 +37,7 @@ _NEARLY_ALL: Final = 0.9  # of a frame: one run of messages, as MIDI's
 _MANY: Final = 4  # frames with the CRC of Modbus that are none,
 _TIMES: Final = 2  # and so many times as many as those that are
 _CHANCE: Final = 1 << 12  # bytes in which one of a declared function may be chance
+_AHEAD: Final = 16  # frames of one unit and function that are kept beyond those that bytes ask for
 _SEVERAL_FRAMES: Final = 128  # bytes in no frame, among which a frame is none
 _NUMBER: Final = {name: number for number, name in enumerate(NAMES)}
 _DIAGNOSTICS: Final = 8
@@ -58,11 +59,14 @@ class _PortSoFar(NamedTuple):
     octets: int
     framed: int
 
-    @property
-    def is_chance(self) -> bool:
-        """Whether a frame that nothing but its check value shows is chance, as now and then among bytes of anything."""
+    def is_chance(self, kin: int) -> bool:
+        """Whether a frame that nothing but its check value shows is chance, as now and then among bytes of anything.
+
+        `kin`: how many frames of its unit and function were right before. Chance seldom gives two of one.
+        """
         loose = self.octets - self.framed
-        return self.legal <= self.octets // _CHANCE and loose > max(_SEVERAL_FRAMES, _PART * self.octets)
+        may_be = max(self.legal, kin) <= self.octets // _CHANCE
+        return may_be and loose > max(_SEVERAL_FRAMES, _PART * self.octets)
 
 
 class ForeignTalk:
@@ -74,6 +78,7 @@ class ForeignTalk:
     _octets: Counter[int]
     _framed: Counter[int]
     _named: dict[int, str]
+    _kin: dict[tuple[int, int, int], set[bytes]]
     _odd: Counter[int]
     _odd_octets: Counter[int]
     _loose: Counter[int]
@@ -85,6 +90,7 @@ class ForeignTalk:
         self._octets = Counter[int]()  # bytes,
         self._framed = Counter[int]()  # and those in frames of whatever function
         self._named = {}  # the protocol that noise of a port was last
+        self._kin = {}  # right frames that may be chance, by port, unit and function
         self._odd = Counter[int]()  # frames with its CRC that are none,
         self._odd_octets = Counter[int]()
         self._loose = Counter[int]()  # and noise that may be a protocol of which a few frames are chance
@@ -117,13 +123,22 @@ class ForeignTalk:
                     self._named[port] = NAMES[rows.foreign[row]]
             elif name := self._of_meter(adu, port, so_far) if odd[row] else "":
                 _make_foreign(rows, row, name)
-            elif so_far.is_chance:
+            elif so_far.is_chance(self._kin_of(adu, port, so_far.octets, right=bool(odd[row]))):
                 _make_foreign(rows, row, self._named.get(port, ""))
         for port, sums in heard.items():
             self._legal[port], self._octets[port], self._framed[port] = sums[:, -1].tolist()
         self._shared |= since.keys()
         if since:
             self._mark_spanned(rows, data, since)
+
+    def _kin_of(self, adu: bytes, port: int, octets: int, *, right: bool) -> int:
+        """How many different frames of its unit and function were right before, as far as that tells them from chance;
+        `right`: this one is, too."""
+        kin = self._kin.setdefault((port, adu[0], adu[1] & ~EXCEPTION), set())
+        count = len(kin) - (adu in kin)
+        if right and count <= octets // _CHANCE + _AHEAD:
+            kin.add(adu)
+        return count
 
     def _sums(self, rows: Rows, port: int, legal: Mask) -> NDArray[np.int64]:
         """What `_PortSoFar` has of a port, (3, rows): up to each row and with it."""
