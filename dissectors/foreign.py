@@ -222,11 +222,6 @@ _SHORTEST: Final = 3  # a byte less than a frame has
 _LONGEST: Final = 260
 _DIAGNOSTICS, _DIAGNOSTICS_ADU, _LAST_DIAGNOSTIC = 8, 8, 0x14  # a function, bytes, a subfunction
 _FEW, _SEVERAL = 2, 3  # frames that tell a session
-_PIECES: Final = 8  # of a line that tell a protocol of its own,
-_LENGTHS: Final = 3  # and different lengths among them
-_PLACES, _MORE = range(7), range(-1, 13)  # where a frame says its length, and what that leaves out
-_DMX_BAUD: Final = 250_000  # bit/s (ANSI E1.11)
-_NEARLY_ALL: Final = 0.9
 _CHANNEL: Final = 11  # bytes that open a session, of a Mercury 230 and of a Milur
 
 
@@ -328,34 +323,6 @@ def is_undeclared(function: int) -> bool:
     """Whether nobody has declared a function byte, which is not free for users either."""
     code = function & ~EXCEPTION
     return code not in USER_DEFINED and (function > EXCEPTION or rule(function, Role.REQUEST) is None)
-
-
-def is_of_its_own(pieces: Sequence[bytes], baud: int | None) -> bool:
-    """Whether pieces of a line are whole frames of some protocol that nobody knows.
-
-    Each begins with the same byte, says how long it is, in one place, and is so long; or the line, at `baud` bit/s, is
-    as fast as DMX512 alone is, and begins as its packets do. What a UART makes that is set wrongly does neither.
-    """
-    if baud == _DMX_BAUD and pieces and pieces[0][:1] == b"\0":
-        return True
-    return any(_says_lengths(pieces, place, more) for place in _PLACES for more in _MORE)
-
-
-def _says_lengths(pieces: Sequence[bytes], place: int, more: int) -> bool:
-    """Whether the byte at a place of each frame is its length, less so many bytes, frames end to end in a piece."""
-    lengths: list[int] = []
-    marks = Counter[int]()
-    covered = 0
-    for piece in pieces:
-        at = 0
-        while at + place < len(piece) and place < (size := piece[at + place] + more) <= len(piece) - at:
-            lengths.append(size)
-            marks[piece[at]] += 1
-            at += size
-        covered += at
-    several = len(lengths) >= _PIECES and len(set(lengths)) >= _LENGTHS
-    marked = bool(marks) and max(marks.values()) >= _NEARLY_ALL * len(lengths)
-    return several and marked and covered >= _NEARLY_ALL * sum(map(len, pieces))
 
 
 def _checked(data: bytes, at: int) -> int:

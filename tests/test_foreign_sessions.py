@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from random import Random
 
 import pytest
+from scripts import package
 
 from analyzer import paste
+from analyzer.deframing.protocols import Deframer
 from analyzer.reports.page import text
 from analyzer.reports.summary import summarize
 from captures.chunks import Capture, Chunk
@@ -16,7 +17,7 @@ from dissectors.crc import crc_bytes
 
 SEEDS = range(4)
 _ADVICE = ("wiring", "termination", "connect A to A", "two transmitters", "broadcast-answered")
-Session = list[bytes]
+talks = package("foreign_talks")
 
 
 def crc(*parts: bytes) -> bytes:
@@ -24,72 +25,7 @@ def crc(*parts: bytes) -> bytes:
     return body + crc_bytes(body)
 
 
-def mercury_206(random: Random) -> Session:
-    """Address of four bytes, command; the answer repeats both before its data."""
-    address = random.randrange(10**6, 10**8).to_bytes(4, "big")
-    data = {0x20: 4, 0x21: 7, 0x22: 2, 0x26: 2, 0x27: 16, 0x28: 6, 0x2F: 4, 0x63: 7}
-    asked = random.choices(list(data), k=random.randrange(4, 12))
-    return [
-        each
-        for command in asked
-        for each in (
-            crc(address, bytes((command,))),
-            crc(address, bytes((command,)), random.randbytes(data[command])),
-        )
-    ]
-
-
-def mercury_230(random: Random) -> Session:
-    """Address, command, parameters; the answer is address and data alone."""
-    unit = bytes((random.randrange(1, 240),))
-    session = [crc(unit, b"\0"), crc(unit, b"\0"), crc(unit, b"\x01\x01", bytes([1]) * 6), crc(unit, b"\0")]
-    for _ in range(random.randrange(4, 12)):
-        asked, size = random.choice(((b"\x05\x00\x00", 16), (b"\x08\x11\x11", 3), (b"\x08\x05", 2), (b"\x04\x00", 8)))
-        session += [crc(unit, asked), crc(unit, random.randbytes(size))]
-    return session
-
-
-def milur(random: Random) -> Session:
-    """Address, command, parameter; the answer repeats them before a length and the data."""
-    unit = bytes((random.randrange(1, 255),))
-    session = [crc(unit, b"\x08\x00", b"\xff" * 6), crc(unit, b"\x08\x01")]
-    for _ in range(random.randrange(4, 12)):
-        parameter = bytes((1, random.choice((1, 2, 3, 4, 118))))
-        session += [crc(unit, parameter), crc(unit, parameter, b"\x04", random.randbytes(4))]
-    return session
-
-
-def pulsar(random: Random) -> Session:
-    """Address of eight digits, function, length of all, data, number of the request."""
-    address = bytes(random.randrange(10) << 4 | random.randrange(10) for _ in range(4))
-    session = []
-    for _ in range(random.randrange(3, 10)):
-        number = random.randbytes(2)
-        for data in (b"\x01\0\0\0", random.randbytes(random.choice((4, 8)))):
-            session.append(crc(address, bytes((1, 10 + len(data))), data, number))
-    return session
-
-
-def of_nobody(random: Random) -> Session:
-    """A meter that nobody has described: address, command, data; answers without a command."""
-    unit = bytes((random.randrange(1, 240),))
-    session = []
-    for _ in range(random.randrange(7, 16)):
-        session.append(crc(unit, bytes((random.choice((0x33, 0x70, 0x05, 0x08, 0x01)),)), random.randbytes(2)))
-        session.append(crc(unit, random.randbytes(random.randrange(1, 20))))
-    return session
-
-
-METERS: dict[str, Callable[[Random], Session]] = {
-    "Mercury 200": mercury_206,
-    "Mercury 230": mercury_230,
-    "Milur": milur,
-    "Pulsar": pulsar,
-    "CRC of Modbus": of_nobody,
-}
-
-
-def heard(session: Session) -> Capture:
+def heard(session: list[bytes]) -> Capture:
     t_ns, chunks = 10**18, []
     for number, octets in enumerate(session):
         t_ns += 200_000_000 if number % 2 == 0 else 30_000_000
@@ -98,11 +34,12 @@ def heard(session: Session) -> Capture:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("name", METERS)
+@pytest.mark.parametrize("name", talks.METERS)
 def test_meters_with_the_crc_of_modbus_are_named(name: str, seed: int) -> None:
-    session = METERS[name](Random(f"{name} {seed}"))
-    read = paste.read("\n".join(octets.hex(" ") for octets in session))
-    report = summarize(heard(session))
+    random = Random(f"{name} {seed}")
+    talk = talks.METERS[name](random)
+    read = paste.read(talks.pasted(talk))
+    report = summarize(talks.heard(talk, random))
     page = " ".join(text(report).split())
     assert read.why.startswith("not Modbus, but") and name in read.why
     assert "not Modbus, but" in page and name in report.not_modbus
@@ -110,56 +47,27 @@ def test_meters_with_the_crc_of_modbus_are_named(name: str, seed: int) -> None:
     assert not [word for word in _ADVICE if word in page]
 
 
-def lengths(random: Random) -> Session:
-    """A protocol of somebody: a mark, a length, data, a sum."""
-    made = []
-    for _ in range(60):
-        data = random.randbytes(random.randrange(1, 20))
-        made.append(bytes((0xAA, len(data))) + data + bytes((sum(data) & 0xFF,)))
-    return made
-
-
-def lin(random: Random) -> Session:
-    made = []
-    for _ in range(60):
-        number, data = random.randrange(60), random.randbytes(random.choice((2, 4, 8)))
-        one = (number ^ number >> 1 ^ number >> 2 ^ number >> 4) & 1
-        two = ~(number >> 1 ^ number >> 3 ^ number >> 4 ^ number >> 5) & 1
-        identifier = number | one << 6 | two << 7
-        total = identifier + sum(data)
-        while total > 0xFF:
-            total = (total & 0xFF) + (total >> 8)
-        made.append(b"\0\x55" + bytes((identifier,)) + data + bytes((~total & 0xFF,)))
-    return made
-
-
-def midi(random: Random) -> Session:
-    return [bytes((random.choice((0x90, 0x80, 0xB0)), random.randrange(128), random.randrange(128))) for _ in range(99)]
-
-
-def dmx(random: Random) -> Session:
-    levels = bytearray(128)
-    packets = []
-    for _ in range(12):
-        levels[random.randrange(128)] = random.randrange(256)
-        packets.append(b"\0" + bytes(levels))
-    return packets
-
-
-LINES = {"lengths": (lengths, 57600), "LIN": (lin, 19200), "MIDI": (midi, 31250), "DMX": (dmx, 250_000)}
+@pytest.mark.parametrize("seed", range(100, 106))
+@pytest.mark.parametrize("name", talks.TALKS)
+def test_a_line_of_something_else_has_no_frame_and_no_cause(name: str, seed: int) -> None:
+    """A few drawn sessions of each; `benchmarks/score_foreign.py` goes through many."""
+    random = Random(f"{name} {seed}")
+    report = summarize(talks.heard(talks.TALKS[name](random), random))
+    assert (report.frames, report.causes) == (0, ())
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("name", LINES)
-def test_a_line_of_something_else_has_no_frame_and_no_cause(name: str, seed: int) -> None:
-    made, baud = LINES[name]
-    t_ns, chunks = 10**18, []
-    random = Random(f"{name} {seed}")
-    for octets in made(random):
-        t_ns += len(octets) * 10**10 // baud + random.randrange(1_000_000, 30_000_000)
-        chunks.append(Chunk(t_ns, octets))
-    report = summarize(Capture.of(LineSettings(baud=baud, char_bits=10), chunks))
-    assert (report.frames, report.causes) == (0, ())
+@pytest.mark.parametrize("name", ["UART", "MIDI", "marked", "records"])
+def test_chance_among_other_bytes_is_the_same_read_by_read(name: str, seed: int) -> None:
+    random = Random(f"{name} {130 + seed}")
+    capture = talks.heard(talks.TALKS[name](random), random)
+    chunks = list(capture.chunks())
+    one, many = Deframer(capture.line), Deframer(capture.line)
+    at_once, by_reads = [one.feed(chunks), one.close()], [*(many.feed(chunk) for chunk in chunks), many.close()]
+    rows = [
+        [(r.start, r.length, r.kind, r.foreign) for part in parts for r in part.rows] for parts in (at_once, by_reads)
+    ]
+    assert rows[0] == rows[1]
 
 
 _RUNS = [0x00, 0x0C, 0x0F, 0x18, 0x1C, 0x30, 0x3C, 0x60, 0x78, 0x80, 0xC0, 0xE0, 0xF8, 0xFE]
@@ -194,3 +102,17 @@ def test_modbus_with_a_vendors_functions_is_modbus() -> None:
         session += [crc(b"\x11", bytes((65 if number % 3 else 0x5A,)), random.randbytes(6)), crc(b"\x11\x41\0")]
     assert not summarize(heard(session)).not_modbus
     assert "not Modbus" not in paste.read("\n".join(octets.hex(" ") for octets in session)).why
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("function", [0x41, 0x5A])
+def test_a_bus_of_one_vendor_in_noise_keeps_its_frames(function: int, seed: int) -> None:
+    """All but the first of a unit, which might be chance."""
+    random = Random(f"{function} {seed}")
+    t_ns, chunks = 10**18, []
+    for _ in range(60):
+        for octets in (random.randbytes(80), crc(bytes((5, function)), random.randbytes(random.randrange(2, 40)))):
+            t_ns += 100_000_000
+            chunks.append(Chunk(t_ns, octets))
+    report = summarize(Capture.of(LineSettings(9600, 10), chunks))
+    assert report.frames >= 0.9 * 60

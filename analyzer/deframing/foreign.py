@@ -27,6 +27,7 @@ from dissectors.limits import EXCEPTION
 
 from ..tables.schema import Kind, Protocol, Rows
 from .rules import Bytes, Index, Mask, lengths_fit
+from .unpredicted import open_length
 
 _LEAST: Final = 4  # bytes of noise that may be a frame of something
 _PART: Final = 0.5  # of a row's bytes that must be
@@ -35,6 +36,9 @@ _SEVERAL: Final = 2
 _NEARLY_ALL: Final = 0.9  # of a frame: one run of messages, as MIDI's
 _MANY: Final = 4  # frames with the CRC of Modbus that are none,
 _TIMES: Final = 2  # and so many times as many as those that are
+_CHANCE: Final = 1 << 12  # bytes in which one of a declared function may be chance
+_AHEAD: Final = 16  # frames of one unit and function that are kept beyond those that bytes ask for
+_SEVERAL_FRAMES: Final = 128  # bytes in no frame, among which a frame is none
 _NUMBER: Final = {name: number for number, name in enumerate(NAMES)}
 _DIAGNOSTICS: Final = 8
 _FIXED, _READ, _BLOCK = 1, 2, 4  # what the commonest functions' frames are as long as
@@ -49,10 +53,20 @@ _NOISE: Final = int(Kind.NOISE)
 
 
 class _PortSoFar(NamedTuple):
-    """Of a port up to a row: frames of Modbus, and bytes."""
+    """Of a port up to a row and with it: frames of Modbus, bytes, and how many of these are in any frames."""
 
     legal: int
     octets: int
+    framed: int
+
+    def is_chance(self, kin: int) -> bool:
+        """Whether a frame that nothing but its check value shows is chance, as now and then among bytes of anything.
+
+        `kin`: how many frames of its unit and function were right before. Chance seldom gives two of one.
+        """
+        loose = self.octets - self.framed
+        may_be = max(self.legal, kin) <= self.octets // _CHANCE
+        return may_be and loose > max(_SEVERAL_FRAMES, _PART * self.octets)
 
 
 class ForeignTalk:
@@ -62,6 +76,9 @@ class ForeignTalk:
     _shared: set[int]
     _legal: Counter[int]
     _octets: Counter[int]
+    _framed: Counter[int]
+    _named: dict[int, str]
+    _kin: dict[tuple[int, int, int], set[bytes]]
     _odd: Counter[int]
     _odd_octets: Counter[int]
     _loose: Counter[int]
@@ -70,7 +87,10 @@ class ForeignTalk:
         self._talks = {}  # by port
         self._shared = set()  # ports on which another protocol was heard
         self._legal = Counter[int]()  # frames of Modbus, by port,
-        self._octets = Counter[int]()  # and all that was heard
+        self._octets = Counter[int]()  # bytes,
+        self._framed = Counter[int]()  # and those in frames of whatever function
+        self._named = {}  # the protocol that noise of a port was last
+        self._kin = {}  # right frames that may be chance, by port, unit and function
         self._odd = Counter[int]()  # frames with its CRC that are none,
         self._odd_octets = Counter[int]()
         self._loose = Counter[int]()  # and noise that may be a protocol of which a few frames are chance
@@ -81,6 +101,7 @@ class ForeignTalk:
             self._legal.update(rows.port.tolist())
             for port, octets in zip(rows.port.tolist(), rows.length.tolist(), strict=True):
                 self._octets[port] += octets
+                self._framed[port] += octets
             return
         kind = rows.kind.copy()
         plain = rows.protocol == Protocol.RTU
@@ -89,24 +110,43 @@ class ForeignTalk:
         odd[odd] = _unusual(rows, data, odd.nonzero()[0])
         if odd.any():
             odd[odd] = ~_sound(rows, data, odd.nonzero()[0])
-        heard = _heard(rows, (kind != Kind.NOISE) & rows.check & ~odd)
+        wrong = (kind != Kind.NOISE) & plain & ~rows.check
+        heard = {port: self._sums(rows, port, ~odd) for port in np.unique(rows.port).tolist()}
         since = dict.fromkeys(self._shared, -1)
-        for row in (noise | odd).nonzero()[0].tolist():
+        for row in (noise | odd | wrong).nonzero()[0].tolist():
             adu, port = _bytes(rows, data, row), int(rows.port[row])
-            legal, octets = heard[port]
-            so_far = _PortSoFar(self._legal[port] + int(legal[row]), self._octets[port] + int(octets[row]))
+            so_far = _PortSoFar(*heard[port][:, row].tolist())
             if noise[row]:
                 rows.foreign[row] = self._of_noise(adu, port, so_far)
                 if rows.foreign[row]:
                     since.setdefault(port, row)
-            elif name := self._of_meter(adu, port, so_far):
+                    self._named[port] = NAMES[rows.foreign[row]]
+            elif name := self._of_meter(adu, port, so_far) if odd[row] else "":
                 _make_foreign(rows, row, name)
-        for port, (legal, octets) in heard.items():
-            self._legal[port] += int(legal[-1])
-            self._octets[port] += int(octets[-1])
+            elif so_far.is_chance(self._kin_of(adu, port, so_far.octets, right=bool(odd[row]))):
+                _make_foreign(rows, row, self._named.get(port, ""))
+        for port, sums in heard.items():
+            self._legal[port], self._octets[port], self._framed[port] = sums[:, -1].tolist()
         self._shared |= since.keys()
         if since:
             self._mark_spanned(rows, data, since)
+
+    def _kin_of(self, adu: bytes, port: int, octets: int, *, right: bool) -> int:
+        """How many different frames of its unit and function were right before, as far as that tells them from chance;
+        `right`: this one is, too."""
+        kin = self._kin.setdefault((port, adu[0], adu[1] & ~EXCEPTION), set())
+        count = len(kin) - (adu in kin)
+        if right and count <= octets // _CHANCE + _AHEAD:
+            kin.add(adu)
+        return count
+
+    def _sums(self, rows: Rows, port: int, legal: Mask) -> NDArray[np.int64]:
+        """What `_PortSoFar` has of a port, (3, rows): up to each row and with it."""
+        mine = rows.port == port
+        framed = mine & (rows.kind != Kind.NOISE)
+        each = framed & rows.check & legal, np.where(mine, rows.length, 0), np.where(framed, rows.length, 0)
+        before = self._legal[port], self._octets[port], self._framed[port]
+        return np.array([np.cumsum(column, dtype=np.int64) + sum_ for column, sum_ in zip(each, before, strict=True)])
 
     def _mark_spanned(self, rows: Rows, data: Bytes, since: Mapping[int, int]) -> None:
         """Mark frames that are chance over several frames of another protocol, behind the first of it on a port.
@@ -156,15 +196,6 @@ class ForeignTalk:
         return SAME_CRC if many and self._odd_octets[port] >= _PART * so_far.octets else ""
 
 
-def _heard(rows: Rows, legal: Mask) -> dict[int, tuple[NDArray[np.int64], NDArray[np.int64]]]:
-    """By port, up to each row and with it: frames of Modbus, and bytes."""
-    found = {}
-    for port in np.unique(rows.port).tolist():
-        mine = rows.port == port
-        found[port] = np.cumsum(legal & mine, dtype=np.int64), np.cumsum(np.where(mine, rows.length, 0), dtype=np.int64)
-    return found
-
-
 def _make_foreign(rows: Rows, row: int, name: str) -> None:
     rows.foreign[row], rows.kind[row] = _NUMBER[name], Kind.NOISE
     rows.unit[row] = rows.function[row] = rows.exception[row] = rows.check[row] = 0
@@ -190,8 +221,8 @@ def _unusual(rows: Rows, data: Bytes, which: Index) -> Mask:
 
 
 def _all_usual(rows: Rows, data: Bytes) -> bool:
-    """Whether all of a few rows are frames that `_unusual` would not name: one by one, as on a healthy line."""
-    if np.count_nonzero(rows.protocol):
+    """Whether all of a few rows are right frames that `_unusual` would not name: one by one, as on a healthy line."""
+    if np.count_nonzero(rows.protocol) or not rows.check.all():
         return False
     octets = data.tobytes()
     for kind, at, length in zip(rows.kind.tolist(), rows.at.tolist(), rows.length.tolist(), strict=True):
@@ -210,14 +241,14 @@ def _all_usual(rows: Rows, data: Bytes) -> bool:
 def _sound(rows: Rows, data: Bytes, which: Index) -> Mask:
     """Which of these frames are of a declared function, in a role of which they are as long as that predicts.
 
-    A frame of function 8, which is of any length, is not among them.
+    A frame that may be of any length, as one of function 8, is not among them.
     """
     at, length = rows.at[which], rows.length[which]
     function = data.take(at + 1)
     sound = np.zeros(len(which), np.bool_)
     for code in np.bincount(function).nonzero()[0].tolist():
         mine = (function == code).nonzero()[0]
-        if code != _DIAGNOSTICS:
-            for role in Role:
+        for role in Role:
+            if not open_length(code, role):
                 sound[mine] |= lengths_fit(data, at.take(mine), length.take(mine), code, role)
     return sound

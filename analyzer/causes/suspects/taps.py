@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dissectors.crc import crc_ok
-from dissectors.foreign import is_of_its_own
 from dissectors.lengths import Role, pdu_length
 from dissectors.limits import OVERHEAD
+from dissectors.unnamed import is_of_its_own
 
 from ...deframing.directions import port_role
 from ...tables.findings import Severity
