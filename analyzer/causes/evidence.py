@@ -11,7 +11,6 @@ from typing import Final, NamedTuple, TypeVar
 import numpy as np
 
 from dissectors.declaration import USER_DEFINED
-from dissectors.foreign import NAMES, UNCHECKED
 from dissectors.lengths import Role, rule
 from dissectors.limits import EXCEPTION, MAX_ADU
 
@@ -22,12 +21,14 @@ from .contrasts import HITS_OF, NO_CONTRAST, Contrast, Family, contrasts
 from .exchanges import Ending
 from .exchangetable import AskedRows
 from .flatmemory import Spells, densest
+from .foreignframes import foreign_frames
 from .ledger import Ledger
 from .polls import Poll
 from .rawbytes import LOW_ONCE, KnownRequests, is_in_ascii, is_of_line
 from .registry import Explained, Symptom
+from .samples import Sample
 from .signatures import LONG, AnswerDamage, Behind, Signature, held_ns, is_like_request, signature
-from .unitledger import AT_ONCE_NS, PROTOCOLS, Sample, UnitLedger, rtu_frames
+from .unitledger import AT_ONCE_NS, UnitLedger
 
 HEALTHY: Final = 0.004  # damaged exchanges of a line on which nothing is wrong
 _WAITS: Final = 3  # that tell a timeout, or how long a tap holds bytes back
@@ -47,10 +48,6 @@ _MOSTLY: Final = 0.6
 _SOON_CHARS: Final = 2.5  # nobody answers sooner
 _STRAYED: Final = 2  # bytes
 _FEW_STRAYS: Final = 4  # bytes
-_RTU: Final = "Modbus RTU"
-_FOREIGN: Final = 0.02  # of all bytes
-_FOREIGN_FRAMES: Final = 3
-_FOREIGN_SURE: Final = 10  # rows marked so
 _BY_CHANCE: Final = 0.01  # of all bytes
 
 
@@ -378,24 +375,8 @@ class Evidence:
 
     @cached_property
     def foreign(self) -> tuple[str, int]:
-        """The protocol whose frames stand among the bytes in no frame, and how many of those looked at; ("", 0).
-
-        The one that rows are marked with comes first, so that the page and its causes name the same. What only characters
-        tell is none on a line in ASCII mode, where nothing is marked so.
-        """
-        sure = int(self.ledger.foreign[1:].max())
-        if self.ledger.noise_bytes <= _FOREIGN * self.ledger.bytes and sure < _FOREIGN_SURE:
-            return "", 0  # so little may be anything
-        data = b"".join(octets for _, _, octets in self.ledger.noise)
-        in_ascii = any(map(is_in_ascii, self.ledger.polls.sure_requests))  # of such a line damage leaves lines as well
-        among = {name: count for name, count in PROTOCOLS.items() if not (in_ascii and name in UNCHECKED)}
-        frames = Counter({name: count(data) for name, count in among.items()})
-        if in_ascii:
-            frames[_RTU] = rtu_frames(octets for _, _, octets in self.ledger.noise)
-        marked = NAMES[1 + int(self.ledger.foreign[1:].argmax())]
-        frames[marked] = max(frames[marked], sure)
-        name = marked if frames[marked] >= _FOREIGN_FRAMES else max(frames, key=frames.__getitem__)
-        return (name, frames[name]) if frames[name] >= _FOREIGN_FRAMES else ("", 0)
+        """The protocol whose frames stand among the bytes in no frame, and how many of those looked at; ("", 0)."""
+        return foreign_frames(self.ledger, in_ascii=any(map(is_in_ascii, self.ledger.polls.sure_requests)))
 
     @cached_property
     def declared_bytes(self) -> int:

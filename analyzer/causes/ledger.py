@@ -27,14 +27,16 @@ from ..tables.batch import Batch
 from ..tables.schema import NO_GAP, Kind, Protocol
 from ..tables.transactions import ECHOED, NEVER, Status, TransactionRows
 from ..tables.verdict import ModbusVerdict
-from .exchanges import ANSWERED, Ending, ExchangeBuilder, Exchanges, RowColumns, Stretch, Unowned
+from .exchanges import Ending, ExchangeBuilder, Exchanges, RowColumns, Stretch, Unowned
 from .exchangetable import ExchangeTable
 from .flatmemory import CrowdedTimes, Thinned, TimeGrid
 from .polls import PollTable, SuccessorTable
 from .registerstates import StateTable, ValueTable
 from .requestledger import enter_requests
+from .samples import READ_REQUEST, sampled
 from .shifts import ShiftLedger
-from .unitledger import READ_REQUEST, UnitLedger, asked_in_pieces, sampled
+from .strayanswers import count_others
+from .unitledger import UnitLedger
 
 if TYPE_CHECKING:
     from ..registers.checking import LimitBreach
@@ -45,7 +47,6 @@ _CHAR_NS: Final = 1e6  # where the line's speed is not known
 _NOISE_SAMPLES: Final = 64
 _NOISE_BYTES: Final = 512
 _EXAMPLES: Final = 3
-_BACK: Final = 2  # exchanges
 STRAY: Final = 3  # bytes that one spike makes
 _OF_EIGHT: Final = np.isin(np.arange(256), (1, 2, 3, 4, 5, 6))  # whose requests have so many bytes
 _COUNTED: Final = np.isin(np.arange(256), (1, 2, 3, 4))  # whose answers have a byte count,
@@ -289,7 +290,7 @@ class Ledger:
         self.values.add(part, times)
         self._count_bus(exchanges, odd, times)
         self._count_units(exchanges, times)
-        self._count_others(part)
+        count_others(part, self.unit, timed=self.timed)
 
     def _count_unowned(self, part: Unowned) -> None:
         rows = part.table.rows
@@ -387,36 +388,6 @@ class Ledger:
         off = self.clock.newest().wait_ns if wait is not None and wait > _ECHO_NS else 0.0
         return wait is None or wait <= _ECHO_NS + (off if np.isfinite(off) else 0.0)
 
-    def _count_others(self, part: Stretch) -> None:
-        """Right answers behind a request that are not its."""
-        exchanges = part.exchanges
-        if not (exchanges.strays.any() or exchanges.late.any()):
-            return
-        for i in np.flatnonzero((exchanges.strays > 0) | (exchanges.late > 0)).tolist():
-            rows, own = part.table.rows, int(exchanges.answer[i])
-            to_all = exchanges.outcome[i] == _BROADCAST
-            for row in part.rows_of(i):
-                number = int(rows.unit[row])
-                if row == own or rows.kind[row] != _RESPONSE or not rows.check[row] or not number:
-                    continue
-                if not ANSWERED[rows.function[row]] or _is_asked_in_pieces(part, i, row):
-                    continue
-                if ECHOED[rows.function[row]] and not rows.exception[row]:
-                    waited = self.timed and own < 0
-                    self.unit(number).add_echo(int(rows.t_start_ns[row] - exchanges.t_asked[i]) if waited else -1)
-                if to_all and rows.request[row] < 0 and rows.function[row] == exchanges.function[i]:
-                    self.unit(number).called += 1
-                elif 0 <= own < row and number == exchanges.unit[i]:
-                    self.unit(number).doubles += 1
-                elif rows.request[row] >= 0:
-                    self.unit(number).late += 1
-                elif number == exchanges.unit[i]:
-                    self.unit(number).unfit += own < 0
-                elif _was_answered(exchanges, i, number):
-                    self.unit(number).doubles += 1
-                else:
-                    self.unit(number).strays += 1
-
     def _sample(self, part: Stretch, odd: NDArray[np.bool_]) -> None:
         exchanges = part.exchanges
         if not odd.any():
@@ -434,22 +405,6 @@ class Ledger:
         if len(before):
             return part.table.bytes_of(int(part.exchanges.answer[before[-1]]))
         return self.polls.usual.get(int(polls[i]))
-
-
-def _is_asked_in_pieces(part: Stretch, i: int, row: int) -> bool:
-    """Whether the damaged rows right before an answer, behind the request of exchange i, are the request that it answers."""
-    first, table = row, part.table
-    while first - 1 in part.rows_of(i) and not table.rows.check[first - 1]:
-        first -= 1
-    return asked_in_pieces(b"".join(map(table.bytes_of, range(first, row))), table.bytes_of(row))
-
-
-def _was_answered(exchanges: Exchanges, i: int, unit: int) -> bool:
-    """Whether the newest request to a unit before exchange i was answered, not long before."""
-    for before in range(i - 1, max(i - 1 - _BACK, -1), -1):
-        if exchanges.unit[before] == unit:
-            return bool(exchanges.answer[before] >= 0)
-    return False
 
 
 def ledger_of(parts: Iterable[tuple[Batch, Any]], line: LineSettings) -> Ledger:

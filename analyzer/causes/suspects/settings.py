@@ -21,8 +21,9 @@ from ..polls import Poll
 from ..rawbytes import CharacterFormat, drifts, formats_of, misread, other_formats, samples, whole_by_another_clock
 from ..registry import Suspicion, Symptom, suspect
 from ..repeats import waits_longer
+from ..samples import READ_REQUEST
 from ..signatures import Signature, known_header
-from ..unitledger import READ_REQUEST, UnitLedger
+from ..unitledger import UnitLedger
 from .senders import beginnings, damage_suspicion
 
 _LEAST: Final = 3
