@@ -117,9 +117,9 @@ def deaf_after_write(random: Random, bench: Bench) -> None:
 def wakes_slowly(random: Random, bench: Bench) -> None:
     """A unit sleeps after a rest; the request that wakes it gets no answer."""
     unit, last = bench.unit(), [0.0]
-    bench.master.manners.cycle_ms = random.choice((1000.0, 2000.0))
-    bench.master.manners.retries = random.choice((0, 1, 2))
-    rest = random.uniform(0.2, 0.6) * SECOND
+    bench.master.manners.retries = random.choice((1, 2))  # or it would never be heard
+    rest = random.uniform(1.3, 2.0) * bench.master.manners.timeout_ms * MS
+    bench.master.manners.cycle_ms = random.uniform(2, 4) * rest / MS
 
     def wakes(_request: bytes, t: float) -> bool:
         slept, last[0] = t - last[0] > rest, t
@@ -338,7 +338,7 @@ def client_sends_twice(random: Random, bench: Bench) -> tuple[str, ...]:
     bench.master.envelope = WireEnvelope(lambda data: data * (1 + (random.random() < share)), lambda data: data)
     for unit in bench.units.values():
         unit.lenient = random.random() < 0.7
-    return ("local-echo", "request-flaw")
+    return ("local-echo", "request-flaw", "absent-units", "dead-unit")
 
 
 @nameless("tap-repeats", LOCAL)

@@ -286,9 +286,9 @@ def score_hidden(names: Sequence[str], taps: Sequence[str], seeds: range, *, mis
 
 
 def verdict_on(story: Story, also: Sequence[str]) -> str:
-    """Of a fault without a word."""
-    sure = [c for c in story.causes[:_LOOKED_AT] if c.confidence >= _SURE and c.cause not in also]
-    if sure:
+    """Of a fault without a word; a note accuses nobody."""
+    accused = [c for c in story.causes[:_LOOKED_AT] if c.severity != "note" and c.cause not in also]
+    if any(c.confidence >= _SURE for c in accused):
         return "wrong"
     return "honest" if story.causes or story.not_explained else "mute"
 
