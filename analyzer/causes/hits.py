@@ -249,7 +249,14 @@ def cut_short(evidence: Evidence, unit: UnitLedger) -> int:
     if len(waits) >= _TOLD:
         error = 3 * off / (12 * len(waits)) ** 0.5  # of the mean of times that are wrong by up to so much
         early = 1.0 if waits.mean() + error < _SOONER * float(np.quantile(delays, 0.25)) else early
-    return round(early * len(unit.quiet_waits))
+    return round(early * len(unit.quiet_waits) * by_another(unit, float(np.quantile(delays, _SOONEST))))
+
+
+def by_another(unit: UnitLedger, before: float) -> float:
+    """Of the requests without a byte behind which another came so soon (ns), the part that another client may have sent:
+    nobody but the one who asked asks the very same again."""
+    soon, again = (int(np.count_nonzero(each.numbers < before)) for each in (unit.quiet_waits, unit.quiet_again))
+    return max(soon - again, 0) / soon if soon else 1.0
 
 
 def _met_by_requests(evidence: Evidence, unit: UnitLedger, before: float) -> int:

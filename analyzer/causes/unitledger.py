@@ -59,6 +59,7 @@ class UnitLedger:
     waits: Thinned
     plain_waits: Thinned
     quiet_waits: Thinned
+    quiet_again: Thinned
     garbage_waits: Thinned
     garbage_again: Thinned
     gaps: Thinned
@@ -109,6 +110,7 @@ class UnitLedger:
         self.waits = Thinned()  # ns, of requests that stayed without an answer, to the next request
         self.plain_waits = Thinned()  # and of those that cannot have been answered by the next one
         self.quiet_waits = Thinned()  # and of those behind which nothing at all came
+        self.quiet_again = Thinned()  # and of those that the next request repeats
         self.garbage_waits = Thinned()
         self.garbage_again = Thinned()  # and of those whose request the master repeats next
         self.gaps = Thinned()  # ns, silence between a request and its answer by the reads
@@ -202,7 +204,9 @@ class UnitLedger:
             silent = known & (outcome == _SILENT)
             self.waits.add(waits[silent])
             echo = mine.next_echoed | (ECHOED[mine.function] & mine.repeats)  # one of the two may be an answer, late
-            self.quiet_waits.add(waits[silent & (mine.late + mine.strays + mine.noise == 0) & ~echo])
+            quiet = silent & (mine.late + mine.strays + mine.noise == 0) & ~echo
+            self.quiet_waits.add(waits[quiet])
+            self.quiet_again.add(waits[quiet & mine.next_same])
             again = silent & ECHOED[mine.function] & mine.next_same
             self.echo_waits.add(waits[again])
             self.plain_waits.add(waits[silent & ~again])
