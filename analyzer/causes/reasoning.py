@@ -32,7 +32,7 @@ THRESHOLD: Final = 24.0  # bits under which nothing is said
 _LEFT_OVER: Final = 0.06  # of what is explained: so much may be left because no explanation is perfect,
 _LEFT_OVER_MOST: Final = 100.0  # and a cause of its own weighs more
 _CAUSES_MOST: Final = 8
-TOLD: Final = 0.12  # of certainty: what is less sure accuses nobody, and its exchanges stay unexplained
+TOLD: Final = 0.05  # of certainty: what is less sure accuses nobody, and its exchanges stay unexplained
 _OF_NO_FRAME: Final = frozenset(("request-flaw",))
 
 

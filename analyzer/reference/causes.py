@@ -6,7 +6,6 @@ import re
 from typing import Final
 
 from ..causes.certainty import calibration
-from ..causes.reasoning import TOLD
 from ..causes.registry import Suspect, suspects
 from ..languages import CLAUSE
 
@@ -27,7 +26,7 @@ what was counted.
 Certainty is *certain* from 0.9 on, *most likely* from 0.6 on, *perhaps* below. It is fitted on simulated buses, of
 which each fifth of the causes was hidden in turn, and on faults for which this page has no word. It goes by how like
 the outcomes of the exchanges are to those of the cause elsewhere, by the next best cause, and by what the cause leaves
-unsaid. What is less sure than {least} is not told as a cause; its exchanges are listed as not explained. What came
+unsaid. What came
 of it on buses, and kinds of faults without a word, that nothing was fitted to:
 
 {calibration}
@@ -51,7 +50,7 @@ def markdown() -> str:
         f"| [`{one.cause}`](#{one.cause}) | {one.severity.name.lower()} | {_BLAMED[one.blame]} |\n"
         for one in suspects()
     )
-    head = _HEAD.replace("{calibration}", _calibration()).replace("{least}", f"{TOLD:.0%}")
+    head = _HEAD.replace("{calibration}", _calibration())
     return head + "".join(rows) + "".join(map(_section, suspects()))
 
 

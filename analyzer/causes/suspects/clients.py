@@ -192,7 +192,7 @@ def _hasty(evidence: Evidence, unit: UnitLedger) -> int:
     waits = unit.quiet_waits.numbers  # what a master hears, though it is another answer, ends its waiting
     if not len(waits) or (evidence.verdict.wait_ns > _AT_ONCE * timeout and (waits <= 0).mean() > _OFTEN):
         return 0  # a tap that passes several requests on at once tells nothing of their waits
-    hasty = float((waits < _HASTY * timeout).mean()) * by_another(unit, _HASTY * timeout)
+    hasty = float((waits < _HASTY * timeout).mean()) * by_another(evidence, unit, _HASTY * timeout)
     return round(len(unit.quiet_waits) * hasty)
 
 
