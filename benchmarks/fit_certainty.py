@@ -28,6 +28,7 @@ from score_causes import NEAREST, Calibration, is_right
 
 import analyzer.causes
 from analyzer.causes.certainty import Clues, Outcomes, certainty, typical
+from analyzer.causes.evidence import Evidence
 from analyzer.causes.ledger import Ledger
 from analyzer.causes.reasoning import CauseClaim, claims_of
 from analyzer.causes.registry import suspects
@@ -79,7 +80,7 @@ def claims(cases: list[str], seeds: range, taps: list[str], *, told: bool) -> It
         for tap in (tap for tap in taps if tap in case.taps and (name not in fitted()) == told):
             for seed in seeds:
                 made = heard(case, tap, seed)
-                for claim in claims_of(made.ledger())[:_LOOKED_AT]:
+                for claim in claims_of(Evidence(made.ledger()))[:_LOOKED_AT]:
                     if claim.cause.severity != "note":
                         true = claim.cause.cause in made.expected.also
                         yield Claim.of(claim, seed, right=true, weight=_HIDDEN_WEIGHT)
@@ -88,7 +89,7 @@ def claims(cases: list[str], seeds: range, taps: list[str], *, told: bool) -> It
 def _claims(made: HeardCase, ledger: Ledger, names: list[str]) -> Iterator[Claim]:
     expected = made.expected
     faults = [expected, *([expected.beside] if expected.beside else [])]
-    for claim in claims_of(ledger)[:_LOOKED_AT]:
+    for claim in claims_of(Evidence(ledger))[:_LOOKED_AT]:
         if claim.cause.severity != "note" or expected.cause is not None:
             true = any(is_right(claim.cause, fault) for fault in faults) or claim.cause.cause in expected.also
             yield Claim.of(claim, made.seed, right=true, weight=1.0)
@@ -96,7 +97,7 @@ def _claims(made: HeardCase, ledger: Ledger, names: list[str]) -> Iterator[Claim
         return
     turn = names.index(expected.cause) % _TURNS
     among = [suspect for i, suspect in enumerate(suspects()) if i % _TURNS != turn]
-    for claim in claims_of(ledger, among)[:_LOOKED_AT]:
+    for claim in claims_of(Evidence(ledger), among)[:_LOOKED_AT]:
         near = claim.cause.cause in (*expected.also, *NEAREST.get(expected.cause, ()))
         yield Claim.of(claim, made.seed, right=near, weight=_HIDDEN_WEIGHT)
 

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from captures.line import LineSettings
 from dissectors.foreign import NAMES
 
-from ..deframing.directions import either_way
 from ..deframing.tap_clock import TapClock
 from ..diagnosis.damage.flow_control import IS_FLOW
 from ..options import Options
@@ -27,13 +26,15 @@ from ..tables.batch import Batch
 from ..tables.schema import NO_GAP, Kind, Protocol
 from ..tables.transactions import ECHOED, NEVER, Status, TransactionRows
 from ..tables.verdict import ModbusVerdict
-from .exchanges import Ending, ExchangeBuilder, Exchanges, RowColumns, Stretch, Unowned
+from .exchanges import Ending, ExchangeBuilder, Exchanges, Stretch, Unowned
 from .exchangetable import ExchangeTable
 from .flatmemory import CrowdedTimes, Thinned, TimeGrid
 from .polls import PollTable, SuccessorTable
+from .portcounts import count_by_port
 from .registerstates import StateTable, ValueTable
 from .requestledger import enter_requests
-from .samples import READ_REQUEST, sampled
+from .rowcolumns import RowColumns
+from .samples import sampled
 from .shifts import ShiftLedger
 from .strayanswers import count_others
 from .unitledger import UnitLedger
@@ -48,10 +49,6 @@ _NOISE_SAMPLES: Final = 64
 _NOISE_BYTES: Final = 512
 _EXAMPLES: Final = 3
 STRAY: Final = 3  # bytes that one spike makes
-_OF_EIGHT: Final = np.isin(np.arange(256), (1, 2, 3, 4, 5, 6))  # whose requests have so many bytes
-_COUNTED: Final = np.isin(np.arange(256), (1, 2, 3, 4))  # whose answers have a byte count,
-_REGISTERS: Final = np.isin(np.arange(256), (3, 4))
-_AROUND: Final = 5  # and so many bytes besides
 _HOLE: Final = 1.5  # characters
 _ECHOES: Final = 5
 _OF_ALL: Final = 0.48
@@ -238,26 +235,7 @@ class Ledger:
             self._count_spoilt(table, (framed & ~check & asks).nonzero()[0])
         if len(frames) < len(rows):
             self._count_noise(table, (~framed).nonzero()[0])
-        port = rows.port
-        misshapen, alike = self._misshapen(table, right), either_way(rows)
-        for number in np.flatnonzero(np.bincount(port)).tolist():
-            here = port == number
-            tally = self.ports[number]
-            tally["requests"] += int(np.count_nonzero(here & right & asks))
-            tally["responses"] += int(np.count_nonzero(here & right & ~asks))
-            tally["misshapen"] += int(np.count_nonzero(here & misshapen))
-            tally["alike"] += int(np.count_nonzero(here & alike))
-
-    @staticmethod
-    def _misshapen(table: RowColumns, right: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Right frames that are not as long as what they are said to be, and read like the other kind."""
-        rows, asks = table.rows, table.rows.kind == _REQUEST
-        of_eight = right & (rows.protocol == Protocol.RTU) & _OF_EIGHT[rows.function]
-        misshapen: NDArray[np.bool_] = of_eight & asks & (rows.length != READ_REQUEST)
-        counted = (of_eight & ~asks & _COUNTED[rows.function] & (rows.length == READ_REQUEST)).nonzero()[0]
-        odd = _REGISTERS[rows.function[counted]]  # three bytes of data are no registers, whatever the count says
-        misshapen[counted] = odd | (table.data[rows.at[counted] + 2] + _AROUND != READ_REQUEST)
-        return misshapen
+        count_by_port(self.ports, table)
 
     def _count_noise(self, table: RowColumns, noise: NDArray[np.intp]) -> None:
         length, begins = table.rows.length[noise], table.rows.t_start_ns[noise]

@@ -82,17 +82,18 @@ def causes_of(ledger: Ledger) -> list[Cause]:
 
 def story_of(ledger: Ledger, among: Sequence[Suspect] | None = None) -> Story:
     """The causes that a ledger shows, and what is left; `among`: the suspects looked at (all)."""
+    evidence = Evidence(ledger)
     if ledger.verdict.foreign:  # nothing is told of frames where none is, but of what spoils all of them
         among = [each for each in (suspects() if among is None else among) if each.cause in _OF_NO_FRAME]
-        return Story([claim.cause for claim in claims_of(ledger, among)], [])
-    told = [claim for claim in claims_of(ledger, among) if claim.cause.confidence >= TOLD]
+        return Story([claim.cause for claim in claims_of(evidence, among)], [])
+    told = [claim for claim in claims_of(evidence, among) if claim.cause.confidence >= TOLD]
     explained = frozenset[tuple[Symptom, int | None]]().union(*(claim.struck for claim in told))
-    return Story([claim.cause for claim in told], left_over(Evidence(ledger).without(explained)))
+    return Story([claim.cause for claim in told], left_over(evidence.without(explained)))
 
 
-def claims_of(ledger: Ledger, among: Sequence[Suspect] | None = None) -> list[CauseClaim]:
+def claims_of(evidence: Evidence, among: Sequence[Suspect] | None = None) -> list[CauseClaim]:
     """The best suspicions, one after the other, each with what its certainty goes by; those too that are not told."""
-    evidence, claims, least = Evidence(ledger), list[CauseClaim](), THRESHOLD
+    claims, least = list[CauseClaim](), THRESHOLD
     for _ in range(_CAUSES_MOST):
         found = weigh(evidence, among)
         if not found or found[0].suspicion.bits < least:
