@@ -146,7 +146,7 @@ def enter(tally: CaseTally, calibration: Calibration, made: HeardCase, story: St
 
 def _enter_nameless(tally: CaseTally, calibration: Calibration, made: HeardCase, story: Story) -> None:
     """A fault without a word: honest is as good as it gets."""
-    verdict = _verdict(story, made.expected.also)
+    verdict = verdict_on(story, made.expected.also)
     tally.first += verdict == "honest"
     tally.named += verdict == "honest"
     tally.wrong += verdict == "wrong"
@@ -274,7 +274,7 @@ def score_hidden(names: Sequence[str], taps: Sequence[str], seeds: range, *, mis
                         continue
                     story = story_of(made.ledger(), among)
                     also = (*made.expected.also, *NEAREST.get(made.expected.cause, ()))
-                    verdict = _verdict(story, also)
+                    verdict = verdict_on(story, also)
                     counts[verdict] += 1
                     calibration.add(story.causes, (), also)
                     if misses and verdict in ("wrong", "mute"):
@@ -285,10 +285,10 @@ def score_hidden(names: Sequence[str], taps: Sequence[str], seeds: range, *, mis
     return 0
 
 
-def _verdict(story: Story, also: Sequence[str]) -> str:
-    """Of a fault without a word."""
-    sure = [c for c in story.causes[:_LOOKED_AT] if c.confidence >= _SURE and c.cause not in also]
-    if sure:
+def verdict_on(story: Story, also: Sequence[str]) -> str:
+    """Of a fault without a word; a note accuses nobody."""
+    accused = [c for c in story.causes[:_LOOKED_AT] if c.severity != "note" and c.cause not in also]
+    if any(c.confidence >= _SURE for c in accused):
         return "wrong"
     return "honest" if story.causes or story.not_explained else "mute"
 

@@ -6,8 +6,8 @@ from bursts import causes, named
 
 from analyzer.causes.exchanges import Ending
 from analyzer.causes.rawbytes import KnownRequests, is_in_ascii
+from analyzer.causes.samples import Sample, SampleRow
 from analyzer.causes.signatures import AnswerDamage, known_header, signature
-from analyzer.causes.unitledger import Sample, SampleRow
 from analyzer.tables.schema import Kind
 from dissectors.crc import crc_bytes, lrc
 

@@ -9,15 +9,16 @@ import pytest
 from buses import SHARED
 from hypothesis import given
 from hypothesis import strategies as st
+from scripts import package
 
 import captures
-from analyzer.causes.certainty import LEAST, MOST, Clues, certainty, in_words
+from analyzer.causes.certainty import CALIBRATED, LEAST, MOST, Clues, certainty, in_words
 from analyzer.causes.contrasts import Family, contrasts
 from analyzer.causes.exchanges import Exchanges
 from analyzer.causes.exchangetable import AskedRows, ExchangeTable
 from analyzer.causes.ledger import ledger_of
 from analyzer.causes.leftovers import TEMPLATES
-from analyzer.causes.reasoning import Story, story_of
+from analyzer.causes.reasoning import TOLD, Story, story_of
 from analyzer.causes.registry import suspects
 from analyzer.core import analyse
 from analyzer.languages import catalogue
@@ -73,8 +74,11 @@ def test_what_the_table_remembers_hangs_on_the_exchanges_alone(portion: int) -> 
     assert len(set(np.bincount(whole.rows.unit)[1:] // 1000)) == 1
 
 
+nameless = package("nameless")
+
+
 def _story(name: str, seed: int = 3) -> Story:
-    made = field_cases()[name].capture("precise", seed)
+    made = (field_cases().get(name) or nameless.nameless_cases()[name]).capture("precise", seed)
     capture = Capture.of(made.line, made.chunks)
     return story_of(ledger_of(((part.batch, part.transactions) for part in analyse(capture)), capture.line))
 
@@ -98,6 +102,25 @@ def test_what_no_cause_takes_is_told_all_the_same(name: str) -> None:
     assert all(left.exchanges > 0 and left.like for left in story.not_explained)
 
 
+def test_answers_that_the_client_does_not_take_are_told() -> None:
+    story = _story("client-deaf", 2)
+    assert not story.causes
+    assert all("the client asks again" in left.like for left in story.not_explained) and story.not_explained
+
+
+@pytest.mark.parametrize("seed", [1, 3])
+def test_a_client_that_sends_twice_is_no_second_client(seed: int) -> None:
+    story = _story("client-sends-twice", seed)
+    assert "two-masters" not in [cause.cause for cause in story.causes]
+    assert story.not_explained
+
+
+def test_bits_that_turn_in_values_alone_are_hardly_a_lines_doing() -> None:
+    story = _story("two-faults-without", 3)
+    assert story.not_explained
+    assert all(TOLD <= cause.confidence < CALIBRATED for cause in story.causes)
+
+
 @pytest.mark.parametrize("name", ["healthy", "healthy-rare-errors", "healthy-event-log", "healthy-slow-unit"])
 def test_nothing_is_left_of_a_bus_that_is_well(name: str) -> None:
     assert not _story(name).not_explained
@@ -109,7 +132,7 @@ def test_what_is_left_is_told_in_russian_too() -> None:
 
 @given(st.sampled_from([each.cause for each in suspects()]), st.tuples(*[st.floats(0, 12)] * len(Clues._fields)))
 def test_certainty_is_never_beyond_what_was_seen(cause: str, numbers: tuple[float, ...]) -> None:
-    share = certainty(cause, Clues(*numbers))
+    share = certainty(cause, Clues(*numbers), {})
     assert LEAST <= share <= MOST
     assert in_words(share) in ("certain", "most likely", "perhaps")
 

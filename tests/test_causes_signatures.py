@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from analyzer.causes.exchanges import Ending
 from analyzer.causes.rawbytes import KnownRequests
+from analyzer.causes.samples import Sample, SampleRow
 from analyzer.causes.signatures import AnswerDamage, Behind, Signature, signature
-from analyzer.causes.unitledger import Sample, SampleRow
 from analyzer.tables.schema import Kind
 
 COILS = frame(32, 1, 0, 0, 0, 24)

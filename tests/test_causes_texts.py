@@ -8,10 +8,10 @@ from collections.abc import Iterator
 import pytest
 
 from analyzer import languages
+from analyzer.causes.foreignframes import PROTOCOLS
 from analyzer.causes.ledger import ledger_of
 from analyzer.causes.reasoning import causes_of
 from analyzer.causes.registry import Cause, suspects
-from analyzer.causes.unitledger import PROTOCOLS
 from analyzer.core import analyse
 from analyzer.languages import CLAUSE, fill
 from analyzer.simulation.field.cases.registry import field_cases

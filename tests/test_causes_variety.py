@@ -8,9 +8,9 @@ from random import Random
 
 import pytest
 
+from analyzer.causes.foreignframes import PROTOCOLS, rtu_frames
 from analyzer.causes.ledger import ledger_of
 from analyzer.causes.reasoning import causes_of
-from analyzer.causes.unitledger import PROTOCOLS, rtu_frames
 from analyzer.core import analyse
 from analyzer.simulation.field.bench import Bench, Expected, FieldCapture, read_pdu, site, write_pdu
 from analyzer.simulation.field.cases.drivers import duplicated

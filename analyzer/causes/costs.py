@@ -15,8 +15,9 @@ from .evidence import Evidence
 from .exchanges import Ending
 from .hits import given_up_by_timer
 from .registry import Explained, Symptom
+from .samples import READ_REQUEST, Sample
 from .signatures import AnswerDamage, Behind, Signature, is_like_request
-from .unitledger import READ_REQUEST, Sample, UnitLedger
+from .unitledger import UnitLedger
 
 _PATIENT: Final = 1.3  # times a timeout
 _SEVERAL: Final = 5

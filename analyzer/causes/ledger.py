@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from captures.line import LineSettings
 from dissectors.foreign import NAMES
 
-from ..deframing.directions import either_way
 from ..deframing.tap_clock import TapClock
 from ..diagnosis.damage.flow_control import IS_FLOW
 from ..options import Options
@@ -27,14 +26,18 @@ from ..tables.batch import Batch
 from ..tables.schema import NO_GAP, Kind, Protocol
 from ..tables.transactions import ECHOED, NEVER, Status, TransactionRows
 from ..tables.verdict import ModbusVerdict
-from .exchanges import ANSWERED, Ending, ExchangeBuilder, Exchanges, RowColumns, Stretch, Unowned
+from .exchanges import Ending, ExchangeBuilder, Exchanges, Stretch, Unowned
 from .exchangetable import ExchangeTable
 from .flatmemory import CrowdedTimes, Thinned, TimeGrid
 from .polls import PollTable, SuccessorTable
+from .portcounts import count_by_port
 from .registerstates import StateTable, ValueTable
 from .requestledger import enter_requests
+from .rowcolumns import RowColumns
+from .samples import sampled
 from .shifts import ShiftLedger
-from .unitledger import READ_REQUEST, UnitLedger, asked_in_pieces, sampled
+from .strayanswers import count_others
+from .unitledger import UnitLedger
 
 if TYPE_CHECKING:
     from ..registers.checking import LimitBreach
@@ -45,12 +48,7 @@ _CHAR_NS: Final = 1e6  # where the line's speed is not known
 _NOISE_SAMPLES: Final = 64
 _NOISE_BYTES: Final = 512
 _EXAMPLES: Final = 3
-_BACK: Final = 2  # exchanges
 STRAY: Final = 3  # bytes that one spike makes
-_OF_EIGHT: Final = np.isin(np.arange(256), (1, 2, 3, 4, 5, 6))  # whose requests have so many bytes
-_COUNTED: Final = np.isin(np.arange(256), (1, 2, 3, 4))  # whose answers have a byte count,
-_REGISTERS: Final = np.isin(np.arange(256), (3, 4))
-_AROUND: Final = 5  # and so many bytes besides
 _HOLE: Final = 1.5  # characters
 _ECHOES: Final = 5
 _OF_ALL: Final = 0.48
@@ -237,26 +235,7 @@ class Ledger:
             self._count_spoilt(table, (framed & ~check & asks).nonzero()[0])
         if len(frames) < len(rows):
             self._count_noise(table, (~framed).nonzero()[0])
-        port = rows.port
-        misshapen, alike = self._misshapen(table, right), either_way(rows)
-        for number in np.flatnonzero(np.bincount(port)).tolist():
-            here = port == number
-            tally = self.ports[number]
-            tally["requests"] += int(np.count_nonzero(here & right & asks))
-            tally["responses"] += int(np.count_nonzero(here & right & ~asks))
-            tally["misshapen"] += int(np.count_nonzero(here & misshapen))
-            tally["alike"] += int(np.count_nonzero(here & alike))
-
-    @staticmethod
-    def _misshapen(table: RowColumns, right: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Right frames that are not as long as what they are said to be, and read like the other kind."""
-        rows, asks = table.rows, table.rows.kind == _REQUEST
-        of_eight = right & (rows.protocol == Protocol.RTU) & _OF_EIGHT[rows.function]
-        misshapen: NDArray[np.bool_] = of_eight & asks & (rows.length != READ_REQUEST)
-        counted = (of_eight & ~asks & _COUNTED[rows.function] & (rows.length == READ_REQUEST)).nonzero()[0]
-        odd = _REGISTERS[rows.function[counted]]  # three bytes of data are no registers, whatever the count says
-        misshapen[counted] = odd | (table.data[rows.at[counted] + 2] + _AROUND != READ_REQUEST)
-        return misshapen
+        count_by_port(self.ports, table)
 
     def _count_noise(self, table: RowColumns, noise: NDArray[np.intp]) -> None:
         length, begins = table.rows.length[noise], table.rows.t_start_ns[noise]
@@ -289,7 +268,7 @@ class Ledger:
         self.values.add(part, times)
         self._count_bus(exchanges, odd, times)
         self._count_units(exchanges, times)
-        self._count_others(part)
+        count_others(part, self.unit, timed=self.timed)
 
     def _count_unowned(self, part: Unowned) -> None:
         rows = part.table.rows
@@ -387,36 +366,6 @@ class Ledger:
         off = self.clock.newest().wait_ns if wait is not None and wait > _ECHO_NS else 0.0
         return wait is None or wait <= _ECHO_NS + (off if np.isfinite(off) else 0.0)
 
-    def _count_others(self, part: Stretch) -> None:
-        """Right answers behind a request that are not its."""
-        exchanges = part.exchanges
-        if not (exchanges.strays.any() or exchanges.late.any()):
-            return
-        for i in np.flatnonzero((exchanges.strays > 0) | (exchanges.late > 0)).tolist():
-            rows, own = part.table.rows, int(exchanges.answer[i])
-            to_all = exchanges.outcome[i] == _BROADCAST
-            for row in part.rows_of(i):
-                number = int(rows.unit[row])
-                if row == own or rows.kind[row] != _RESPONSE or not rows.check[row] or not number:
-                    continue
-                if not ANSWERED[rows.function[row]] or _is_asked_in_pieces(part, i, row):
-                    continue
-                if ECHOED[rows.function[row]] and not rows.exception[row]:
-                    waited = self.timed and own < 0
-                    self.unit(number).add_echo(int(rows.t_start_ns[row] - exchanges.t_asked[i]) if waited else -1)
-                if to_all and rows.request[row] < 0 and rows.function[row] == exchanges.function[i]:
-                    self.unit(number).called += 1
-                elif 0 <= own < row and number == exchanges.unit[i]:
-                    self.unit(number).doubles += 1
-                elif rows.request[row] >= 0:
-                    self.unit(number).late += 1
-                elif number == exchanges.unit[i]:
-                    self.unit(number).unfit += own < 0
-                elif _was_answered(exchanges, i, number):
-                    self.unit(number).doubles += 1
-                else:
-                    self.unit(number).strays += 1
-
     def _sample(self, part: Stretch, odd: NDArray[np.bool_]) -> None:
         exchanges = part.exchanges
         if not odd.any():
@@ -434,22 +383,6 @@ class Ledger:
         if len(before):
             return part.table.bytes_of(int(part.exchanges.answer[before[-1]]))
         return self.polls.usual.get(int(polls[i]))
-
-
-def _is_asked_in_pieces(part: Stretch, i: int, row: int) -> bool:
-    """Whether the damaged rows right before an answer, behind the request of exchange i, are the request that it answers."""
-    first, table = row, part.table
-    while first - 1 in part.rows_of(i) and not table.rows.check[first - 1]:
-        first -= 1
-    return asked_in_pieces(b"".join(map(table.bytes_of, range(first, row))), table.bytes_of(row))
-
-
-def _was_answered(exchanges: Exchanges, i: int, unit: int) -> bool:
-    """Whether the newest request to a unit before exchange i was answered, not long before."""
-    for before in range(i - 1, max(i - 1 - _BACK, -1), -1):
-        if exchanges.unit[before] == unit:
-            return bool(exchanges.answer[before] >= 0)
-    return False
 
 
 def ledger_of(parts: Iterable[tuple[Batch, Any]], line: LineSettings) -> Ledger:

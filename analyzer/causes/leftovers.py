@@ -26,6 +26,10 @@ _BACKGROUND: Final = {Symptom.SILENCE: 0.01, Symptom.DAMAGE: HEALTHY, Symptom.RE
 _TOLD_BITS: Final = 6.0  # of a contrast that is told
 _OF_REQUEST: Final = frozenset((1, 2, 3))
 _ALWAYS: Final = 0.9
+_USUAL: Final = 0.25  # of the pauses behind good answers
+_SOONEST: Final = 0.1
+_MOST_AGAIN: Final = 0.6  # of them: a list of one request repeats it all the time
+_FAR_LONGER: Final = 3.0
 _NOISE: Final = 0.02  # of the bytes
 _NOISE_BYTES: Final = 40
 _SYMPTOMS: Final = {
@@ -36,6 +40,7 @@ _SYMPTOMS: Final = {
     Symptom.DOUBLES: "{exchanges} answers too many",
     Symptom.BEHIND: "bytes behind {exchanges} of {asked} good answers",
     Symptom.FRAMING: "{exchanges} bytes in no frame",
+    Symptom.REQUESTS: "{exchanges} of {asked} answers are whole, and the client asks again",
 }
 _LIKE: Final = {
     "function": ", nearly all by function {value:02X}",
@@ -72,7 +77,7 @@ class Left:
 
 def left_over(evidence: Evidence) -> list[Left]:
     """What is left of the evidence, most exchanges first."""
-    found = [left for unit in evidence.units for left in _of_unit(evidence, unit)]
+    found = [left for unit in evidence.units for left in (*_of_unit(evidence, unit), *_unheeded(evidence, unit))]
     return sorted([*found, *_of_bus(evidence)], key=lambda left: -left.exchanges)
 
 
@@ -88,6 +93,20 @@ def _of_unit(evidence: Evidence, unit: UnitLedger) -> Iterator[Left]:
         if more + best.bits >= _SURE_BITS and not _is_fact(evidence, unit, symptom, best):
             numbers = {"exchanges": count, "asked": of, "code": _codes(evidence, unit)}
             yield Left(unit.unit, count, _said(symptom.value, numbers) + _like(evidence, unit, symptom, best))
+
+
+def _unheeded(evidence: Evidence, unit: UnitLedger) -> Iterator[Left]:
+    """Good answers that the client did not take, as its next move shows: it waits for longer than behind others, as it
+    does in vain, and asks the same again."""
+    again, answered = len(unit.redundant), len(unit.redundant) + len(unit.heeded)
+    usual, waited = unit.pauses.quantile(_USUAL), unit.redundant_pauses.quantile(_SOONEST)
+    if again < _LEAST or again > _MOST_AGAIN * answered or usual is None or waited is None:
+        return
+    off = evidence.verdict.wait_ns
+    if waited <= _FAR_LONGER * usual + off or any(number == unit.unit for _, number in evidence.explained):
+        return
+    numbers = {"exchanges": again, "asked": answered}
+    yield Left(unit.unit, again, _said(Symptom.REQUESTS.value, numbers))
 
 
 def _counts(evidence: Evidence, unit: UnitLedger) -> Mapping[Symptom, tuple[int, int]]:

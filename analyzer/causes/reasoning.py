@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from concurrent.futures import Future
 from contextvars import copy_context
 from dataclasses import dataclass, replace
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 
@@ -20,18 +20,19 @@ from ..options import Options
 from ..tables.batch import Batch, join_batches
 from ..tables.taps import may_speak_of
 from ..tables.transactions import TransactionRows
-from .certainty import Clues, certainty, clues
+from .certainty import Clues, Outcomes, certainty, clues, outcomes
 from .evidence import Evidence
 from .exchanges import asking
 from .foretold import against_bits, struck
 from .ledger import Ledger
 from .leftovers import Left, left_over
-from .registry import Cause, Suspect, Suspicion, suspects, words_of
+from .registry import Cause, Explained, Suspect, Suspicion, Symptom, suspects, words_of
 
 THRESHOLD: Final = 24.0  # bits under which nothing is said
 _LEFT_OVER: Final = 0.06  # of what is explained: so much may be left because no explanation is perfect,
 _LEFT_OVER_MOST: Final = 100.0  # and a cause of its own weighs more
 _CAUSES_MOST: Final = 8
+TOLD: Final = 0.05  # of certainty: what is less sure accuses nobody, and its exchanges stay unexplained
 _OF_NO_FRAME: Final = frozenset(("request-flaw",))
 
 
@@ -57,6 +58,15 @@ def weigh(evidence: Evidence, among: Sequence[Suspect] | None = None) -> list[We
     return sorted(fresh, key=lambda weighed: -weighed.suspicion.bits)
 
 
+class CauseClaim(NamedTuple):
+    """A cause with what its certainty goes by."""
+
+    cause: Cause
+    clues: Clues
+    outcomes: Outcomes
+    struck: Explained  # what it explains of what was open
+
+
 @dataclass(frozen=True, slots=True)
 class Story:
     """What a ledger shows: causes, best first, and what none of them takes."""
@@ -72,21 +82,18 @@ def causes_of(ledger: Ledger) -> list[Cause]:
 
 def story_of(ledger: Ledger, among: Sequence[Suspect] | None = None) -> Story:
     """The causes that a ledger shows, and what is left; `among`: the suspects looked at (all)."""
+    evidence = Evidence(ledger)
     if ledger.verdict.foreign:  # nothing is told of frames where none is, but of what spoils all of them
         among = [each for each in (suspects() if among is None else among) if each.cause in _OF_NO_FRAME]
-        return Story([cause for cause, _ in _explained(ledger, among)[1]], [])
-    evidence, claims = _explained(ledger, among)
-    return Story([cause for cause, _ in claims], left_over(evidence))
+        return Story([claim.cause for claim in claims_of(evidence, among)], [])
+    told = [claim for claim in claims_of(evidence, among) if claim.cause.confidence >= TOLD]
+    explained = frozenset[tuple[Symptom, int | None]]().union(*(claim.struck for claim in told))
+    return Story([claim.cause for claim in told], left_over(evidence.without(explained)))
 
 
-def claims_of(ledger: Ledger, among: Sequence[Suspect] | None = None) -> list[tuple[Cause, Clues]]:
-    """The causes, each with what its certainty goes by, for who fits that."""
-    return _explained(ledger, among)[1]
-
-
-def _explained(ledger: Ledger, among: Sequence[Suspect] | None) -> tuple[Evidence, list[tuple[Cause, Clues]]]:
-    """What is left of the evidence, and the causes, best first."""
-    evidence, claims, least = Evidence(ledger), list[tuple[Cause, Clues]](), THRESHOLD
+def claims_of(evidence: Evidence, among: Sequence[Suspect] | None = None) -> list[CauseClaim]:
+    """The best suspicions, one after the other, each with what its certainty goes by; those too that are not told."""
+    claims, least = list[CauseClaim](), THRESHOLD
     for _ in range(_CAUSES_MOST):
         found = weigh(evidence, among)
         if not found or found[0].suspicion.bits < least:
@@ -94,12 +101,12 @@ def _explained(ledger: Ledger, among: Sequence[Suspect] | None) -> tuple[Evidenc
         best = found[0]
         least = max(least, min(_LEFT_OVER * best.suspicion.bits, _LEFT_OVER_MOST))
         rivals = [each for each in found[1:] if each.suspicion.explains & best.suspicion.explains]
-        claims.append(_cause(best, rivals[0] if rivals else None, evidence))
-        evidence = evidence.without(struck(evidence, best.suspect.foretold, best.suspicion))
-    return evidence, sorted(claims, key=lambda claim: -claim[0].bits)
+        claims.append(_claim(best, rivals[0] if rivals else None, evidence))
+        evidence = evidence.without(claims[-1].struck)
+    return sorted(claims, key=lambda claim: -claim.cause.bits)
 
 
-def _cause(best: Weighed, rival: Weighed | None, evidence: Evidence) -> tuple[Cause, Clues]:
+def _claim(best: Weighed, rival: Weighed | None, evidence: Evidence) -> CauseClaim:
     suspect, found, ledger = best.suspect, best.suspicion, evidence.ledger
     timed = ledger.timed
     goes_by = clues(
@@ -108,6 +115,7 @@ def _cause(best: Weighed, rival: Weighed | None, evidence: Evidence) -> tuple[Ca
         suspect.foretold,
         rival_bits=rival.suspicion.bits if rival is not None else 0.0,
     )
+    became = outcomes(evidence, found)
     words = words_of(suspect, found.numbers)
     cause = Cause(
         cause=suspect.cause,
@@ -119,7 +127,7 @@ def _cause(best: Weighed, rival: Weighed | None, evidence: Evidence) -> tuple[Ca
         since_ns=found.since if timed else None,
         until_ns=found.until if timed else None,
         period_s=found.period_s if timed else None,
-        confidence=round(certainty(suspect.cause, goes_by), 3),
+        confidence=round(certainty(suspect.cause, goes_by, became), 3),
         runner_up=rival.suspect.cause if rival else None,
         deciding_test=words.deciding_test,
         remedy=words.remedy,
@@ -130,7 +138,7 @@ def _cause(best: Weighed, rival: Weighed | None, evidence: Evidence) -> tuple[Ca
         explains=found.explains,
         numbers=found.numbers,
     )
-    return cause, goes_by
+    return CauseClaim(cause, goes_by, became, struck(evidence, suspect.foretold, found))
 
 
 _FIRST: Final = 40  # exchanges before anything is said

@@ -22,7 +22,7 @@ from dissectors.limits import EXCEPTION, EXCEPTION_ADU
 from ..tables.schema import Kind
 from .exchanges import Ending
 from .rawbytes import COLON, KnownRequests, ascii_due, is_in_ascii, read_ascii
-from .unitledger import Sample, SampleRow, asked_in_pieces
+from .samples import Sample, SampleRow, asked_in_pieces
 
 _HEAD_MOST: Final = 12  # bytes that may be put right
 _LEAST: Final = 4

@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .bits import likelihood_bits, strays
-from .evidence import Evidence, Move
+from .evidence import Evidence
 from .exchanges import Ending
 from .exchangetable import AskedRows
+from .ledgerview import Move
 
 _WELL: Final = 5  # good answers by which its usual wait is known
 _RANGE: Final = (0.03, 0.97)

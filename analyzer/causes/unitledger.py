@@ -1,30 +1,18 @@
-"""What happened to the exchanges of one unit: counters, spells, a few samples with their bytes.
-
-Samples are of exchanges that went otherwise than they should, evenly over the time; what of their bytes is another
-protocol's is counted by its frames.
-"""
+"""What happened to the exchanges of one unit: counters, spells, a few samples with their bytes."""
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Final, NamedTuple
+from collections import Counter
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dissectors.crc import crc16, crc_ok
-from dissectors.foreign import IN_ANY_BYTES, LOOSE
-from dissectors.lengths import Role, pdu_length
-from dissectors.limits import EXCEPTION, OVERHEAD
-
-from ..deframing.rules import crc_windows
-from ..tables.schema import NO_GAP, Kind
+from ..tables.schema import NO_GAP
 from ..tables.transactions import ECHOED, NEVER
-from .exchanges import Ending, Exchanges, Stretch
+from .exchanges import Ending, Exchanges
 from .flatmemory import Spells, Thinned
-from .rawbytes import is_in_ascii
+from .samples import Samples
 
 _EXAMPLES: Final = 3
 _SEVERAL: Final = 5
@@ -71,6 +59,7 @@ class UnitLedger:
     waits: Thinned
     plain_waits: Thinned
     quiet_waits: Thinned
+    quiet_again: Thinned
     garbage_waits: Thinned
     garbage_again: Thinned
     gaps: Thinned
@@ -121,6 +110,7 @@ class UnitLedger:
         self.waits = Thinned()  # ns, of requests that stayed without an answer, to the next request
         self.plain_waits = Thinned()  # and of those that cannot have been answered by the next one
         self.quiet_waits = Thinned()  # and of those behind which nothing at all came
+        self.quiet_again = Thinned()  # and of those that the next request repeats
         self.garbage_waits = Thinned()
         self.garbage_again = Thinned()  # and of those whose request the master repeats next
         self.gaps = Thinned()  # ns, silence between a request and its answer by the reads
@@ -214,7 +204,9 @@ class UnitLedger:
             silent = known & (outcome == _SILENT)
             self.waits.add(waits[silent])
             echo = mine.next_echoed | (ECHOED[mine.function] & mine.repeats)  # one of the two may be an answer, late
-            self.quiet_waits.add(waits[silent & (mine.late + mine.strays + mine.noise == 0) & ~echo])
+            quiet = silent & (mine.late + mine.strays + mine.noise == 0) & ~echo
+            self.quiet_waits.add(waits[quiet])
+            self.quiet_again.add(waits[quiet & mine.next_same])
             again = silent & ECHOED[mine.function] & mine.next_same
             self.echo_waits.add(waits[again])
             self.plain_waits.add(waits[silent & ~again])
@@ -276,178 +268,3 @@ def _count_silences(spells: Spells, mine: Exchanges, times: NDArray[np.int64], c
     """Those of these exchanges that count, into spells of silence."""
     outcome = mine.outcome[counted]
     spells.add(outcome == _SILENT, times[counted], outcome == _GARBAGE, mine.repeats[counted])
-
-
-_MOST: Final = 96  # of a unit
-_PIECES: Final = 12  # of a sample
-_BYTES: Final = 600
-READ_REQUEST: Final = 8  # bytes of a request to read, or to write one value: the shortest
-
-
-class SampleRow(NamedTuple):
-    """A row behind a request: what the deframer took it for, and whether the exchange's good answer is it."""
-
-    kind: int
-    check: bool
-    answers: bool
-    unit: int
-    t_start: int
-    t_end: int
-    marks: int
-    data: bytes
-
-
-@dataclass(frozen=True, slots=True)
-class Sample:
-    """One exchange. `index` is that of the request's frame, `usual` a good answer to the same poll from before, or None;
-    `next_same`: the master repeated its request; `t_next` as in `Exchanges`."""
-
-    unit: int
-    function: int
-    request: bytes
-    poll: int
-    outcome: Ending
-    due: int
-    index: int
-    t_asked: int
-    t_next: int
-    place: int
-    pieces: tuple[SampleRow, ...]
-    usual: bytes | None
-    next_same: bool
-    next_unit: int
-
-
-@dataclass(slots=True)
-class Samples:
-    """Some of the exchanges offered, spread evenly; `offered` counts all of them."""
-
-    kept: list[Sample] = field(default_factory=list)
-    offered: int = 0
-    _stride: int = 1
-
-    def wants(self) -> bool:
-        """Whether the next one offered is to be kept; counts it."""
-        self.offered += 1
-        return (self.offered - 1) % self._stride == 0
-
-    def keep(self, sample: Sample) -> None:
-        """Keep one that was wanted."""
-        self.kept.append(sample)
-        if len(self.kept) > _MOST:
-            self.kept = self.kept[::2]
-            self._stride *= 2
-
-    @property
-    def weight(self) -> float:
-        """How many of those offered each kept one stands for."""
-        return self.offered / len(self.kept) if self.kept else 0.0
-
-
-def asked_in_pieces(between: bytes, answer: bytes) -> bool:
-    """Whether the bytes between two answers end with a whole request that the second one may answer: a tap held a part
-    of it back, and no silence that long is inside a frame."""
-    if len(answer) < 2:  # a sample's bytes end here
-        return False
-    header = bytes((answer[0], answer[1] & ~EXCEPTION))
-    at = between.find(header)
-    while 0 <= at <= len(between) - READ_REQUEST:
-        if crc16(between[at:]) == 0:
-            return True
-        at = between.find(header, at + 1)
-    return False
-
-
-def _told_length(request: bytes, usual: bytes | None, pieces: Sequence[SampleRow]) -> int:
-    """The bytes of an answer whose length its request does not tell: those of a good one before, or by its own first
-    bytes; 0 where nobody knows."""
-    if is_in_ascii(request):
-        return 0
-    if usual is not None:
-        return len(usual)
-    data = b"".join(piece.data for piece in pieces)
-    length = pdu_length(data[1:], Role.RESPONSE) if data[:2] == request[:2] else None
-    return length + OVERHEAD if length is not None and length > 0 else 0
-
-
-def sampled(stretch: Stretch, i: int, usual: bytes | None) -> Sample:
-    """The sample of one exchange of a stretch."""
-    exchanges, table = stretch.exchanges, stretch.table
-    rows, pieces, room = table.rows, [], _BYTES
-    for row in stretch.rows_of(i)[:_PIECES]:
-        if room <= 0:
-            break
-        data = table.bytes_of(row)[:room]
-        room -= len(data)
-        kind = int(rows.kind[row])
-        pieces.append(
-            SampleRow(
-                kind,
-                bool(rows.check[row]) and kind != Kind.NOISE,
-                row == exchanges.answer[i],
-                int(rows.unit[row]),
-                int(rows.t_start_ns[row]),
-                int(rows.t_end_ns[row]),
-                int(rows.errors[row]),
-                data,
-            )
-        )
-    request = table.bytes_of(int(exchanges.row[i]))
-    return Sample(
-        int(exchanges.unit[i]),
-        int(exchanges.function[i]),
-        request,
-        int(exchanges.poll[i]),
-        Ending(int(exchanges.outcome[i])),
-        int(exchanges.due[i]) or _told_length(request, usual, pieces),
-        int(exchanges.request[i]),
-        int(exchanges.t_asked[i]),
-        int(exchanges.t_next[i]),
-        int(exchanges.place[i]),
-        tuple(pieces),
-        usual,
-        bool(exchanges.next_same[i]),
-        int(exchanges.next_unit[i]),
-    )
-
-
-_LENGTHS: Final = (7, 8, 9, 10, 11, 14, 22)  # bytes of a meter's frames
-_SHORTEST: Final = _LENGTHS[0]
-_SHARE: Final = 0.05  # of the bytes, at the least
-_READS: Final = (1, 2, 3, 4)
-_MODBUS: Final = (1, 2, 3, 4, 5, 6, 7, 8, 15, 16, 17, 22, 23, 43)
-
-
-def _serial_number(data: bytes) -> int:
-    """Meters with an address of four bytes, a command, and the CRC of Modbus: the same first four bytes, and it checks,
-    of frames that differ: garbage that comes again and again checks as often as once."""
-    heads: defaultdict[bytes, Counter[bytes]] = defaultdict(Counter)
-    crc = crc_windows(np.frombuffer(data, np.uint8))
-    for length in _LENGTHS:
-        if length <= len(data):
-            for at in np.flatnonzero(crc.heads[:-length] == crc.tails[length:]).tolist():
-                frame = data[at : at + length]
-                if any(frame[-2:]):  # FF FF and zeros check, as long as they last
-                    heads[frame[:4]][frame] += 1
-    counts = (found.total() for head, found in heads.items() if head[1] & 0x7F not in _MODBUS and len(found) > 1)
-    return max((count for count in counts if count >= max(4, _SHARE * len(data) / _SHORTEST)), default=0)
-
-
-def rtu_frames(stretches: Iterable[bytes]) -> int:
-    """Right requests of Modbus RTU to read, where a line is in ASCII mode."""
-    return sum(
-        stretch[at + 1] in _READS and not any(stretch[at + 4 : at + 5]) and crc_ok(stretch[at : at + READ_REQUEST])
-        for stretch in stretches
-        for at in range(len(stretch) - READ_REQUEST + 1)
-    )
-
-
-def _counted(name: str) -> Callable[[bytes], int]:
-    find = IN_ANY_BYTES[name]
-    return lambda data: sum(1 for _ in find(data))
-
-
-PROTOCOLS: Final[Mapping[str, Callable[[bytes], int]]] = {
-    **{name: _counted(name) for name in IN_ANY_BYTES if name not in LOOSE},
-    "a meter's own protocol with the CRC of Modbus": _serial_number,
-}

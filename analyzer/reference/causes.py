@@ -24,8 +24,10 @@ what was counted.
 ## How sure
 
 Certainty is *certain* from 0.9 on, *most likely* from 0.6 on, *perhaps* below. It is fitted on simulated buses, of
-which each fifth of the causes was hidden in turn, so that it counts faults for which this page has no word. What came
-of it on buses that nothing was fitted to:
+which each fifth of the causes was hidden in turn, and on faults for which this page has no word. It goes by how like
+the outcomes of the exchanges are to those of the cause elsewhere, by the next best cause, and by what the cause leaves
+unsaid. What came
+of it on buses, and kinds of faults without a word, that nothing was fitted to:
 
 {calibration}
 Exchanges that went wrong and that no cause takes are listed as *not explained* (`not_explained` in JSON: unit,
@@ -48,7 +50,8 @@ def markdown() -> str:
         f"| [`{one.cause}`](#{one.cause}) | {one.severity.name.lower()} | {_BLAMED[one.blame]} |\n"
         for one in suspects()
     )
-    return _HEAD.replace("{calibration}", _calibration()) + "".join(rows) + "".join(map(_section, suspects()))
+    head = _HEAD.replace("{calibration}", _calibration())
+    return head + "".join(rows) + "".join(map(_section, suspects()))
 
 
 def _calibration() -> str:

@@ -14,6 +14,7 @@ from ..evidence import HEALTHY, Evidence
 from ..exchanges import Ending
 from ..hits import (
     answers_too_many,
+    by_another,
     evenness_bits,
     given_up_by_timer,
     interrupted,
@@ -191,7 +192,8 @@ def _hasty(evidence: Evidence, unit: UnitLedger) -> int:
     waits = unit.quiet_waits.numbers  # what a master hears, though it is another answer, ends its waiting
     if not len(waits) or (evidence.verdict.wait_ns > _AT_ONCE * timeout and (waits <= 0).mean() > _OFTEN):
         return 0  # a tap that passes several requests on at once tells nothing of their waits
-    return round(len(unit.quiet_waits) * float((waits < _HASTY * timeout).mean()))
+    hasty = float((waits < _HASTY * timeout).mean()) * by_another(evidence, unit, _HASTY * timeout)
+    return round(len(unit.quiet_waits) * hasty)
 
 
 @suspect(

@@ -16,14 +16,16 @@ from ..bits import surplus_bits
 from ..costs import kind_bits, share_of
 from ..evidence import HEALTHY, Evidence
 from ..exchanges import Ending
+from ..heads import beginnings
 from ..ledger import ASKED, BAD
 from ..polls import Poll
 from ..rawbytes import CharacterFormat, drifts, formats_of, misread, other_formats, samples, whole_by_another_clock
 from ..registry import Suspicion, Symptom, suspect
 from ..repeats import waits_longer
+from ..samples import READ_REQUEST
 from ..signatures import Signature, known_header
-from ..unitledger import READ_REQUEST, UnitLedger
-from .senders import beginnings, damage_suspicion
+from ..unitledger import UnitLedger
+from .senders import damage_suspicion
 
 _LEAST: Final = 3
 _BYTE: Final = 8.0

@@ -12,11 +12,12 @@ from ..bits import surplus_bits
 from ..costs import cost_of, kind_bits
 from ..evidence import HEALTHY, Evidence
 from ..exchanges import Ending
+from ..heads import begun_before
 from ..hits import answers_too_many
 from ..registry import OF_A_LINE, Suspicion, Symptom, suspect
 from ..signatures import Behind, Signature, known_header
 from ..unitledger import UnitLedger
-from .senders import SHARE, begun_before, damage_suspicion
+from .senders import SHARE, damage_suspicion
 
 _LEAST: Final = 3
 _MOSTLY: Final = 0.5

@@ -1,0 +1,304 @@
+"""What a ledger shows, whatever explains it: its clock, the master's habits, signatures, answers that read like requests."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cached_property
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from dissectors.declaration import USER_DEFINED
+from dissectors.lengths import Role, rule
+from dissectors.limits import EXCEPTION
+
+from ..deframing.tap_clock import UNKNOWN, TimeTrust, silences
+from ..tables.transactions import ECHOED
+from .contrasts import HITS_OF, NO_CONTRAST, Contrast, Family, contrasts
+from .exchanges import Ending
+from .exchangetable import AskedRows
+from .flatmemory import Spells, densest
+from .foreignframes import foreign_frames
+from .ledger import Ledger
+from .polls import Poll
+from .rawbytes import LOW_ONCE, KnownRequests, is_in_ascii, is_of_line
+from .registry import Symptom
+from .samples import Sample
+from .signatures import AnswerDamage, Behind, Signature, held_ns, signature
+from .unitledger import AT_ONCE_NS, UnitLedger
+
+_WAITS: Final = 3  # that tell a timeout, or how long a tap holds bytes back
+_MOST_HELD: Final = 0.9
+_DELAYS: Final = 20
+_TIMED: Final = 6  # waits
+_TIMER: Final = 0.015  # of a time, by which a timer's strays,
+_COARSEST: Final = 0.2  # or what shows it
+_HALF: Final = 0.5
+_AS_LATE: Final = 0.95
+_UNPAIRED: Final = 0.25  # of the times that a poll comes
+_MOSTLY: Final = 0.6
+_FEW_STRAYS: Final = 4  # bytes
+_BY_CHANCE: Final = 0.01  # of all bytes
+
+
+class Move(NamedTuple):
+    """Damaged answers whose client's next move tells something, how many it seems to have taken, and bits for that it took
+    them all (below 0: for that it took none)."""
+
+    told: int = 0
+    taken: int = 0
+    bits: float = 0.0
+
+
+class LedgerView:
+    """A ledger, read: each thing once, for it is asked for by many suspects and again when some of it is explained."""
+
+    ledger: Ledger
+    moves: dict[int, Move]
+    _garbage: dict[int, list[Signature]]
+    _trailed: dict[int, list[Signature]]
+    _contrasts: dict[tuple[Symptom, int], list[Contrast]]
+    _rows: dict[int, AskedRows]
+    _surely_silent: dict[int, int]
+
+    def __init__(self, ledger: Ledger) -> None:
+        self.ledger = ledger
+        self.moves = {}  # by unit, once somebody asks (`analyzer.causes.taken`)
+        self._garbage, self._trailed, self._contrasts = {}, {}, {}
+        self._rows, self._surely_silent = {}, {}
+
+    @cached_property
+    def units(self) -> list[UnitLedger]:
+        """Units that are polled; none where next to nothing is a frame, for chance makes right check values."""
+        ledger = self.ledger
+        return ledger.polled if ledger.right_bytes > _BY_CHANCE * ledger.bytes else []
+
+    @cached_property
+    def verdict(self) -> TimeTrust:
+        """What the tap's times can carry; not so much where it was seen to hold parts of frames back for longer than that,
+        as a converter does that waits for a full packet."""
+        if not self.ledger.timed:
+            return TimeTrust()
+        found = self.ledger.clock.newest()
+        samples = [] if found.fine else [each for unit in self.ledger.polled for each in unit.samples.kept]
+        held = [ns for each in samples if (ns := held_ns(each, self.requests)) > found.wait_ns]
+        return replace(found, wait_ns=float(np.quantile(held, _MOST_HELD))) if len(held) >= _WAITS else found
+
+    @cached_property
+    def t35_ns(self) -> float | None:
+        """The silence between frames; None where the line's speed is not known."""
+        found = silences(self.ledger.line, self.ledger.options)[1]
+        return None if found == UNKNOWN else found
+
+    @cached_property
+    def load(self) -> float | None:
+        """Share of the time that bytes take; None where nobody knows."""
+        if not self.ledger.line.baud or not self.ledger.span_ns:
+            return None
+        return self.ledger.bytes * self.ledger.char_ns / self.ledger.span_ns
+
+    def rows(self, unit: int) -> AskedRows:
+        """The exchanges of a unit, or an even part of them."""
+        if unit not in self._rows:
+            every = self.ledger.table.rows
+            self._rows[unit] = every[every.unit == unit]
+        return self._rows[unit]
+
+    def contrasts(self, symptom: Symptom, unit: int) -> list[Contrast]:
+        """What a symptom of a unit hangs on, the best first."""
+        if (symptom, unit) not in self._contrasts:
+            rows = self.rows(unit)
+            hits, of = HITS_OF[symptom](rows)
+            self._contrasts[symptom, unit] = contrasts(rows[of], hits[of])
+        return self._contrasts[symptom, unit]
+
+    def best_contrast(self, symptom: Symptom, unit: int, *families: Family) -> Contrast:
+        """The best of them, of these families (all)."""
+        fit = (each for each in self.contrasts(symptom, unit) if not families or each.family in families)
+        return next(fit, NO_CONTRAST)
+
+    def known(self, unit: UnitLedger) -> int:
+        """Requests to a unit of which it is known whether they were answered."""
+        return unit.asked - unit.count(Ending.SILENT) + self.surely_silent(unit)
+
+    def surely_silent(self, unit: UnitLedger) -> int:
+        """Requests without an answer, those apart that may have had one which reads like the next request."""
+        if unit.unit not in self._surely_silent:
+            doubtful = sum(poll.count(Ending.SILENT) for poll in self._in_pairs(unit))
+            silent = unit.count(Ending.SILENT) - max(doubtful, self.echoed_again(unit))
+            self._surely_silent[unit.unit] = silent + self.silent_but_for(unit, Behind.NOISE)
+        return self._surely_silent[unit.unit]
+
+    def _comes_again_soon(self, unit: UnitLedger) -> bool:
+        """Whether what reads like requests of a unit that come again does so far sooner than the master gives up."""
+        waits, timeout = unit.echo_waits.quantile(0.9), self.timeout_ns
+        soon = self._tells_haste and waits is not None and timeout is not None and waits < _HALF * timeout
+        return soon or unit.echoes_itself
+
+    def _echoes_itself(self, unit: UnitLedger) -> bool:
+        return unit.echoes_itself and self.verdict.wait_ns < AT_ONCE_NS
+
+    def echoed_again(self, unit: UnitLedger) -> int:
+        """What reads like requests without an answer that come again far sooner than the master gives up: answers more
+        than one, each of which reads like the request."""
+        if not self.ordered or self._in_pairs(unit):
+            return 0
+        if self._echoes_itself(unit):
+            return len(unit.echo_waits)
+        waits, timeout = unit.echo_waits.numbers, self.timeout_ns
+        if not len(waits) or timeout is None or not self._tells_haste:
+            return 0
+        return round(len(unit.echo_waits) * float((waits < _HALF * timeout).mean()))
+
+    def _in_pairs(self, unit: UnitLedger) -> list[Poll]:
+        """Polls that come twice each time, sooner than any master gives up or by a clock that does not tell, and whose
+        answer is the request once more: the second is the answer, or nobody knows."""
+        if not unit.repeats or (self._tells_haste and not self._comes_again_soon(unit)):
+            return []
+        echoing = [poll for poll in self.polls_of(unit.unit) if ECHOED[poll.function]]
+        return [
+            poll
+            for poll in echoing
+            if poll.repeats
+            and abs(poll.asked + poll.count(Ending.OK) - 2 * (groups := poll.asked - poll.repeats))
+            <= _UNPAIRED * groups
+        ]
+
+    @cached_property
+    def _tells_haste(self) -> bool:
+        """Whether the clock tells what comes at once from what comes when the master has given up; what it may hold back
+        for nobody knows how long is not, where no answer takes nearly so long."""
+        timeout = self.timeout_ns
+        if self.verdict.fine or timeout is None:
+            return self.verdict.fine
+        if self.verdict.wait_ns < UNKNOWN:
+            return self.verdict.wait_ns < _HALF * timeout
+        delays = np.concatenate([unit.delays.numbers for unit in self.units])
+        return len(delays) >= _DELAYS and float(np.quantile(delays, _MOST_HELD)) < _HALF * timeout
+
+    def silences(self, unit: UnitLedger) -> Spells:
+        """When a unit was silent. Where the clock does not tell how soon an answer came, one that is its request once more
+        may be that request, asked again: it ends no silence of a unit that answers otherwise, nor among several tries."""
+        if self._in_pairs(unit):
+            return unit.silences_of_others
+        if self._tells_haste:
+            repeats = unit.answered > unit.echoes and self._answers_as_late_as_repeats(unit)
+        else:
+            repeats = unit.answered >= 2 * unit.echoes
+        if repeats:
+            return unit.silences_but_echoes
+        return unit.silences if self.verdict.fine else unit.silences_but_tried
+
+    def _answers_as_late_as_repeats(self, unit: UnitLedger) -> bool:
+        """Whether some answers of a unit that read like their requests come when the master repeats what it asked."""
+        timeout = self.timeout_ns
+        return timeout is not None and bool((unit.echo_delays.numbers > _AS_LATE * timeout).any())
+
+    def unanswered(self, unit: UnitLedger) -> int:
+        """Requests without a byte of an answer, but for those whose answer is the request once more: two answers to one of
+        them read like a request that stayed without and another that did not."""
+        silent = sum(poll.count(Ending.SILENT) for poll in self.polls_of(unit.unit) if not ECHOED[poll.function])
+        return silent + self.silent_but_for(unit, Behind.NOISE)
+
+    def garbage(self, unit: UnitLedger) -> list[Signature]:
+        """Samples of requests behind which bytes came and no answer, read."""
+        if unit.unit not in self._garbage:
+            samples = [sample for sample in unit.samples.kept if sample.outcome == Ending.GARBAGE]
+            self._garbage[unit.unit] = [self._read(sample) for sample in samples]
+        return self._garbage[unit.unit]
+
+    def trailed(self, unit: UnitLedger) -> list[Signature]:
+        """Samples of good answers with something behind them, read."""
+        if unit.unit not in self._trailed:
+            self._trailed[unit.unit] = [self._read(sample) for sample in unit.followed.kept]
+        return self._trailed[unit.unit]
+
+    def silent_but_for(self, unit: UnitLedger, kind: Behind) -> int:
+        """About how many requests to a unit were not answered, though something came: another request, which a tap handed
+        over in pieces, or noise, what a line makes that nobody drives."""
+        garbage = self.garbage(unit)
+        found = sum(each.damage is AnswerDamage.NONE and each.behind is kind for each in garbage)
+        return round(unit.count(Ending.GARBAGE) * found / max(len(garbage), 1)) if self.ordered else 0
+
+    def _read(self, sample: Sample) -> Signature:
+        off = self.verdict.wait_ns if self.ledger.timed else UNKNOWN
+        found = signature(sample, self.ledger.char_ns, self.requests, off_ns=off)
+        strays = found.damage is AnswerDamage.WHOLE and found.length <= _MOSTLY * found.due
+        if strays and (LOW_ONCE.issuperset(found.heard) or self._is_noise_where_nobody_answers(sample, found)):
+            return replace(found, damage=AnswerDamage.NONE, behind=Behind.NOISE)
+        return found
+
+    def _is_noise_where_nobody_answers(self, sample: Sample, found: Signature) -> bool:
+        """Whether a few bytes stand now and then where a unit that was never heard should answer: one that sends by other
+        settings does so each time, and about as long as an answer."""
+        unit = self.ledger.units[sample.unit]
+        seldom = unit.count(Ending.GARBAGE) <= _HALF * unit.asked and not unit.answered
+        return seldom and (is_of_line(found.heard) or found.length <= min(_FEW_STRAYS, _HALF * found.due))
+
+    @cached_property
+    def requests(self) -> KnownRequests:
+        """What is asked on this bus, by which a request that collides with something is known again."""
+        return KnownRequests.of(self.ledger.polls.sure_requests)
+
+    @cached_property
+    def polls(self) -> list[Poll]:
+        """What is asked for, by unit, function and address."""
+        return self.ledger.polls.polls()
+
+    def polls_of(self, unit: int) -> list[Poll]:
+        """What one unit is asked for."""
+        return self._polls_by_unit.get(unit, [])
+
+    @cached_property
+    def _polls_by_unit(self) -> dict[int, list[Poll]]:
+        found: dict[int, list[Poll]] = {}
+        for poll in self.polls:
+            found.setdefault(poll.unit, []).append(poll)
+        return found
+
+    @cached_property
+    def foreign(self) -> tuple[str, int]:
+        """The protocol whose frames stand among the bytes in no frame, and how many of those looked at; ("", 0)."""
+        return foreign_frames(self.ledger, in_ascii=any(map(is_in_ascii, self.ledger.polls.sure_requests)))
+
+    @cached_property
+    def declared_bytes(self) -> int:
+        """Bytes in right frames of functions whose lengths are known: those of others chance makes of any bytes."""
+        sizes = enumerate(self.ledger.function_bytes.tolist())
+        return sum(size for code, size in sizes if size and rule(code & ~EXCEPTION, Role.REQUEST) is not None)
+
+    @cached_property
+    def odd(self) -> int:
+        """Right frames of functions that nobody has declared and that are not free for users."""
+        functions = enumerate(self.ledger.functions.tolist())
+        return sum(n for code, n in functions if code not in USER_DEFINED and rule(code, Role.REQUEST) is None)
+
+    @property
+    def ordered(self) -> bool:
+        """Whether the order of frames is the line's: two taps are two clocks."""
+        return len(self.ledger.ports) < 2 or self.verdict.fine
+
+    @cached_property
+    def timeout_ns(self) -> float | None:
+        """What the master waits for an answer, to its next request: the densest of the waits that ended in silence, and
+        no less than it does wait for answers."""
+        told = [u.plain_waits if self._echoes_itself(u) else u.waits for u in self.ledger.units.values()]
+        waits = [each.numbers for each in told if len(each)]
+        numbers = np.concatenate(waits) if waits else np.zeros(0)
+        if np.count_nonzero(numbers > 0) < _WAITS or not self.ledger.timed:
+            return None
+        usual = densest(numbers)
+        reach = max(_TIMER * usual, min(self.verdict.wait_ns, _COARSEST * usual))
+        if np.count_nonzero(np.abs(numbers - usual) < reach) >= max(_TIMED, _MOSTLY * len(numbers)):
+            return usual  # a timer's: what comes later than it is no answer that anybody waits for
+        patient = numbers[numbers > self.patience_ns]
+        if np.count_nonzero(patient > 0) >= _WAITS:
+            return densest(patient)
+        found = densest(numbers)
+        return found if found >= _HALF * self.patience_ns else None  # or it would hardly ever get an answer
+
+    @cached_property
+    def patience_ns(self) -> float:
+        """What the master is seen to wait for answers that come; 0 where nobody knows."""
+        known = [unit for unit in self.units if unit.answered > unit.echoes or unit.count(Ending.SILENT) <= unit.echoes]
+        return max((unit.delays.quantile(0.9) or 0.0 for unit in known), default=0.0)
