@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from contextlib import suppress
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -18,7 +19,7 @@ import captures
 from captures.chunks import Block, Chunk
 from captures.errors import CaptureError
 from captures.line import LineSettings
-from captures.recording import mcapfile
+from captures.recording import mcapfile, ringlist
 from captures.recording import recorder as recorder_module
 from captures.recording import ring as ring_module
 from captures.recording.mcapfile import PART
@@ -93,6 +94,37 @@ def test_a_ring_gives_up_files_of_its_own_port_only(tmp_path):
     assert len(said) == 1 and "files with names of this ring that are not its own: 3" in said[0]
     recorded(tmp_path, "/dev/ttyA", [7, 8], least, said.append)  # goes on where it was
     assert kept(tmp_path) == [4, 5, 6]
+
+
+@posix
+@pytest.mark.parametrize("fails", ["", "write", "replace"])
+def test_a_list_of_files_long_gone_is_written_anew_or_stays_as_it_was(tmp_path, monkeypatch, fails):
+    monkeypatch.setattr(ringlist, "_GONE", 2)
+    told: list[str] = []
+    least = RingLimits(size=1, keep_bytes=1)
+    recorded(tmp_path, "/dev/ttyB", [9])
+    recorded(tmp_path, "/dev/ttyA", [1, 2, 3], least, told.append)
+    before = (tmp_path / "bus.ring").read_bytes()
+    with monkeypatch.context() as patch:
+        if fails == "write":
+            patch.setattr(ringlist, "part_of", lambda _: (os.open("/dev/full", os.O_WRONLY), spare(tmp_path)))
+        elif fails == "replace":
+            patch.setattr(ringlist, "put_in_place", full)
+        recorded(tmp_path, "/dev/ttyA", [4], RING, told.append)
+    assert (tmp_path / "bus.ring").read_bytes().startswith(before) == bool(fails)
+    recorded(tmp_path, "/dev/ttyA", [5, 6], least, told.append)
+    assert kept(tmp_path) == [9]  # of the other ring, which this list still knows
+    assert {path.suffix for path in tmp_path.iterdir()} == {".mcap", ".ring"}
+
+
+def spare(folder: Path) -> Path:
+    path = folder / ".bus.ring.part"
+    path.touch()
+    return path
+
+
+def full(*_: object) -> None:
+    raise OSError(errno.ENOSPC, "no space left on device")
 
 
 @pytest.mark.parametrize("change", ["copied", "rewritten", "linked", "without list", "another's list", "of before"])

@@ -20,12 +20,13 @@ from uuid import uuid4
 
 import orjson
 
-from ..disposal import cut_back, move_to_free_name, part_of, put_in_place
+from ..disposal import cut_back, made, move_to_free_name, part_of, put_in_place, remove_made
 from ..locks import LockedElsewhereError, lock, opened_and_locked
 
 SUFFIX: Final = ".ring"
 _HEAD: Final = {"format": "rtuscope-ring", "version": 1}
 _GONE: Final = 2000  # names of files that are there no more: beyond that the list is written anew
+_OPEN_STAYS: Final = os.name == "nt"  # a file that is open can be neither renamed nor replaced
 
 
 class RingList:
@@ -59,9 +60,7 @@ class RingList:
         self._descriptor = self._locked()
         try:
             if not self._load():
-                aside = move_to_free_name(self.path, (self.path.with_name(f"{self.path.name}.{n}") for n in count(1)))
-                tell(f"recording: {self.path} is no list of a ring: set aside as {aside}")
-                os.close(self._descriptor)
+                tell(f"recording: {self.path} is no list of a ring: set aside as {self._set_aside()}")
                 self._descriptor = self._locked()
                 self._load()
             cut_back(self._descriptor, self._size)
@@ -75,6 +74,19 @@ class RingList:
             self.save()
         self._compact()
         return True
+
+    def _set_aside(self) -> Path:
+        """Give the file another name, and let its lock go."""
+        if _OPEN_STAYS:  # and no other recorder has it open, or it would not be renamed
+            self._release()
+        aside = move_to_free_name(self.path, (self.path.with_name(f"{self.path.name}.{n}") for n in count(1)))
+        self._release()
+        return aside
+
+    def _release(self) -> None:
+        descriptor, self._descriptor = self._descriptor, -1
+        if descriptor >= 0:
+            os.close(descriptor)
 
     def _locked(self) -> int:
         try:
@@ -95,10 +107,7 @@ class RingList:
         self._renew()
         try:
             os.lseek(self._descriptor, self._size, os.SEEK_SET)
-            view = memoryview(self._waiting)
-            while view:
-                view = view[os.write(self._descriptor, view) :]
-            os.fsync(self._descriptor)
+            _write(self._descriptor, self._waiting)
         except OSError:
             with suppress(OSError):
                 cut_back(self._descriptor, self._size)
@@ -110,9 +119,7 @@ class RingList:
         """Let the ring go."""
         with suppress(OSError):
             self.save()
-        descriptor, self._descriptor = self._descriptor, -1
-        if descriptor >= 0:
-            os.close(descriptor)
+        self._release()
 
     def _renew(self) -> None:
         """A list that someone has taken away is made again of what is known."""
@@ -133,7 +140,7 @@ class RingList:
         """Without the names of files that are there no more, where there are very many."""
         folder = self.path.parent
         there = {ring: {name for name in names if (folder / name).exists()} for ring, names in self._files.items()}
-        if sum(map(len, self._files.values())) - sum(map(len, there.values())) < _GONE:
+        if _OPEN_STAYS or sum(map(len, self._files.values())) - sum(map(len, there.values())) < _GONE:
             return
         lines = [_line(_HEAD)]
         for ring, names in there.items():
@@ -141,13 +148,18 @@ class RingList:
                 lines.append(_line({"ring": ring, "ports": self._rings[ring]}))
                 lines += [_line({"file": name}) for name in sorted(names)]
         text = b"".join([*lines, self._told(there[self.id])])
-        with suppress(OSError, LockedElsewhereError):  # on Windows a file that is open is not replaced
+        with suppress(OSError):  # a full disk: the next recorder tries it again
             descriptor, part = part_of(self.path)
-            lock(descriptor)
-            os.write(descriptor, text)
-            os.fsync(descriptor)
-            put_in_place(part, self.path)
-            os.close(self._descriptor)
+            mine = made(part)
+            try:
+                lock(descriptor)
+                _write(descriptor, text)
+                put_in_place(part, self.path)
+            except (OSError, LockedElsewhereError):
+                os.close(descriptor)
+                remove_made(part, mine)
+                return
+            self._release()
             self._descriptor, self._size = descriptor, len(text)
             self._files = defaultdict(set, there)
 
@@ -172,6 +184,14 @@ class RingList:
                 self._files[ring].add(name)
         self.id = next((ring for ring, ports in self._rings.items() if ports == self.ports), self.id)
         return True
+
+
+def _write(descriptor: int, data: bytes) -> None:
+    """All of it, on the disk. OSError passes, and part of it may be there then."""
+    view = memoryview(data)
+    while view:
+        view = view[os.write(descriptor, view) :]
+    os.fsync(descriptor)
 
 
 def _line(entry: dict[str, Any]) -> bytes:
