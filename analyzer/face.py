@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 def parse(
     text: str,
     *,
-    envelope: Literal["auto", "rtu", "ascii", "tcp"] = "auto",
+    envelope: Literal["auto", "rtu", "ascii", "tcp", "pdu"] = "auto",
     role: Literal["auto", "request", "response"] = "auto",
     zone: tzinfo | None = None,
 ) -> Paste:

@@ -25,7 +25,7 @@ from .tracing import record
 
 __all__ = ["Context", "Field", "annotate", "summary"]
 
-_CHECK_WIDTH: Final = {"rtu": CRC_SIZE, "ascii": 1, "tcp": 0}
+_CHECK_WIDTH: Final = {"rtu": CRC_SIZE, "ascii": 1, "tcp": 0, "pdu": 0}
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +52,7 @@ def summary(adu: Adu, role: Role, context: Context = Context(), wording: Wording
     """A frame in words, on one line: `read 3 holding registers from 107 (40108)`; the check value apart."""
     say = wording.say
     data = adu.data
-    at = MBAP if adu.protocol == "tcp" else 1
+    at = adu.pdu_at
     end = at + len(adu.pdu)
     if at >= end:
         return say("no function code")
@@ -80,7 +80,7 @@ def header_fields(adu: Adu, wording: Wording = ENGLISH) -> tuple[Field, ...]:
     """What stands before the PDU."""
     data = adu.data
     if adu.protocol != "tcp":
-        return (_unit(data, 0, wording, serial=True),) if data else ()
+        return (_unit(data, 0, wording, serial=True),) if data[: adu.pdu_at] else ()
     fields: list[Field] = []
     for name, at, end in (("transaction", 0, 2), ("protocol_id", 2, 4), ("length", 4, 6)):
         part = data[at:end]

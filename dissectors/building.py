@@ -16,7 +16,6 @@ import construct
 from .blocks import Bits, Counted
 from .crc import crc_bytes, lrc
 from .declaration import DeclarationError, Function, Quantity
-from .envelopes import Protocol
 from .registry import function, functions
 
 _UNFIT: Final = (construct.ConstructError, struct.error, AttributeError, LookupError, TypeError, ValueError)
@@ -43,7 +42,7 @@ def build(
     *,
     unit: int,
     role: Literal["request", "response"] = "request",
-    envelope: Protocol = "rtu",
+    envelope: Literal["rtu", "ascii", "tcp"] = "rtu",
     transaction: int = 0,
     **fields: Any,
 ) -> bytes:

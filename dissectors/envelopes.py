@@ -11,7 +11,7 @@ from typing import Final, Literal
 
 from .crc import crc16, lrc
 
-Protocol = Literal["rtu", "ascii", "tcp"]
+Protocol = Literal["rtu", "ascii", "tcp", "pdu"]  # the last: a PDU by itself, as documents show them
 
 MBAP: Final = 7  # bytes from transaction to unit
 _HEX: Final = {ord(digit): value for value, digit in enumerate("0123456789abcdef")} | {
@@ -23,13 +23,16 @@ _LF: Final = 0x0A
 _LEAST_ASCII: Final = 3  # unit, function, LRC
 
 
+_BEFORE: Final[dict[Protocol, int]] = {"rtu": 1, "ascii": 1, "tcp": MBAP, "pdu": 0}  # bytes before the PDU
+
+
 @dataclass(frozen=True, slots=True)
 class Adu:
     """One frame, taken apart as far as its envelope goes.
 
     `data`: RTU the whole frame, ASCII the decoded bytes from unit to LRC, TCP MBAP and PDU. `start` and `length` are
-    its extent in the bytes it was found in. `check_ok` is None for TCP, which has no check value; False where a frame
-    is too short to hold one. Check values are numbers (a CRC sent as `84 0A` is 0A84).
+    its extent in the bytes it was found in. `check_ok` is None for TCP and a PDU alone, which have no check
+    value; False where a frame is too short to hold one. Check values are numbers (a CRC sent as `84 0A` is 0A84).
     """
 
     protocol: Protocol
@@ -41,6 +44,11 @@ class Adu:
     check_computed: int | None
     start: int
     length: int
+
+    @property
+    def pdu_at(self) -> int:
+        """Where the PDU begins in `data`."""
+        return _BEFORE[self.protocol]
 
 
 def rtu(data: bytes) -> Adu:
@@ -88,6 +96,11 @@ def ascii_frames(raw: bytes) -> list[Adu]:
             frames.append(ascii_adu(data, at, end - at))
         at = end
     return frames
+
+
+def bare(data: bytes, start: int = 0) -> Adu:
+    """These bytes as a PDU alone, without unit and check value."""
+    return Adu("pdu", data, None, data, None, None, None, start, len(data))
 
 
 def tcp(data: bytes, start: int = 0) -> Adu:

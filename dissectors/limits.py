@@ -12,6 +12,7 @@ structure is hard. Numbers are big-endian.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import log2
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from .fields import ENGLISH, Wording
@@ -52,6 +53,11 @@ class Bound:
     high: int
     soft: bool = True
 
+    @property
+    def bits(self) -> float:
+        """How seldom chance fulfils it: minus the binary logarithm."""
+        return 8 * self.width - log2(self.high - self.low + 1)
+
     def broken(self, value: int, wording: Wording = ENGLISH) -> str | None:
         """What is wrong with this value, or None."""
         if self.low <= value <= self.high:
@@ -67,6 +73,11 @@ class Choice:
     width: int
     values: tuple[int, ...]
     soft: bool = True
+
+    @property
+    def bits(self) -> float:
+        """As of `Bound`."""
+        return 8 * self.width - log2(len(self.values))
 
     def broken(self, value: int, wording: Wording = ENGLISH) -> str | None:
         """What is wrong with this value, or None."""
@@ -88,6 +99,11 @@ class Multiple:
     width: int
     n: int
     soft: bool = False
+
+    @property
+    def bits(self) -> float:
+        """As of `Bound`."""
+        return log2(self.n)
 
     def broken(self, value: int, wording: Wording = ENGLISH) -> str | None:
         """What is wrong with this value, or None."""

@@ -85,6 +85,34 @@ def test_mbap_request_and_answer_are_paired_by_transaction():
     assert [frame.request_start for frame in paste.frames()] == [None, None, 0]
 
 
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("03 00 00 00 0A", ["read 10 holding registers from 0 (40001)"]),
+        ("03 00 6B 00 02\n03 04 02 2B 00 64", ["read 2 holding registers from 107 (40108)", "2 registers: 555 100"]),
+        ("10 00 01 00 02 04 00 0A 01 02", ["write 2 registers from 1 (40002): 10 258"]),
+    ],
+)
+def test_a_pdu_alone_as_documents_show_it(text, said):
+    paste = read(text)
+    assert paste.protocol == "pdu" and [frame.summary() for frame in paste.frames()] == said
+    frame = next(paste.frames())
+    line = frame.to_json(0)
+    assert (line["protocol"], line["unit"], line["crc_ok"]) == ("pdu", None, None)
+    assert str(tree(paste)).splitlines()[2] == f"request   {said[0]}"
+
+
+def test_what_lacks_only_its_crc_is_no_pdu_alone():
+    assert read("11 03 00 6B 00 03").protocol == "rtu"
+
+
+@given(st.binary(min_size=1, max_size=60))
+def test_any_bytes_as_a_pdu_are_covered_by_fields(data):
+    (frame,) = read(data.hex(" "), "pdu").frames()
+    assert frame.adu.pdu == data and sum(field.length for field in frame.fields()) == len(data)
+    assert frame.summary() and "unit" not in {field.name for field in frame.fields()}
+
+
 def test_request_with_its_answer():
     paste = read(f"{REQUEST} {ANSWER}")
     request, answer = paste.frames()

@@ -37,7 +37,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("-f", "--file", metavar="FILE", help="read the text from a file; - is standard input")
     parser.add_argument(
-        "--as", dest="envelope", choices=("auto", "rtu", "ascii", "tcp"), default="auto", help="envelope"
+        "--as", dest="envelope", choices=("auto", "rtu", "ascii", "tcp", "pdu"), default="auto", help="envelope"
     )
     parser.add_argument(
         "--role", choices=("auto", "request", "response"), default="auto", help="direction, if you know it"

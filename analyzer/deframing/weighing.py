@@ -16,9 +16,9 @@ from typing import Final, NamedTuple
 from dissectors.crc import crc16, crc_bytes, crc_ok
 from dissectors.declaration import USER_DEFINED
 from dissectors.envelopes import MBAP, ascii_frames
-from dissectors.length_rules import Role
+from dissectors.length_rules import LengthRule, Role
 from dissectors.lengths import Expectation, expectation, pdu_length, plausibility, rule, sound_roles
-from dissectors.limits import BROADCAST, CRC_SIZE, EXCEPTION, LAST_UNIT, MAX_ADU, MIN_ADU
+from dissectors.limits import BROADCAST, CRC_SIZE, EXCEPTION, LAST_UNIT, MAX_ADU, MIN_ADU, Sized
 
 _CRC_BITS: Final = 18.0  # a right check value, 16, and a function in use, of which there are a score of 128
 _TURNED: Final = 1.0  # less, where its bytes are the wrong way round: one firmware in some
@@ -32,6 +32,8 @@ _COUNTED: Final = 10.0  # as long as a byte count says
 _FIXED: Final = 5.0  # as long as its function always is
 _SERIAL_ONLY: Final = frozenset((7, 8, 11, 12, 17))  # [1] 6.7 to 6.13: nobody asks a network for them
 _READS: Final = range(1, 5)
+_FUNCTION_BITS: Final = 4.0  # a score of 256
+_COUNT_BITS: Final = 8.0  # a byte that counts the rest
 _UNDECLARED: Final = -4.0
 _FREE: Final = -2.0  # undeclared, but free for users
 _UNSOUND: Final = -8.0  # another length than its function predicts
@@ -81,6 +83,17 @@ def pdu_bits(pdu: bytes) -> float:
         return 0.0
     counted = any((one := rule(code, role)) is not None and one.count is not None for role in roles)
     return (_COUNTED if counted else _FIXED) + _ILLEGAL * min(len(plausibility(pdu, role)) for role in roles)
+
+
+def bare_bits(pdu: bytes) -> float:
+    """How seldom chance gives bytes that are all of a PDU and break no rule of it, the binary logarithm; else 0."""
+    sound = (role for role in sound_roles(pdu) if not plausibility(pdu, role))
+    return max((_rarity(declared) for role in sound if (declared := rule(pdu[0], role))), default=0.0)
+
+
+def _rarity(declared: LengthRule) -> float:
+    limits = sum(check.bits for check in declared.checks if not isinstance(check, Sized))
+    return _FUNCTION_BITS + limits + _COUNT_BITS * (declared.count is not None)
 
 
 def tcp_bits(data: bytes) -> float:

@@ -14,7 +14,7 @@ from typing import Final, Literal, NamedTuple
 
 from .model import Paste, PastedFrame, PastedNoise, PastePart, Piece
 
-Envelope = Literal["auto", "rtu", "ascii", "tcp"]
+Envelope = Literal["auto", "rtu", "ascii", "tcp", "pdu"]
 Reading = Callable[[Sequence[PastePart], Envelope], Paste]
 _REASONS: Final = 3  # of the readings of stretches that are told
 
@@ -56,8 +56,9 @@ def mixed(parts: Sequence[PastePart], kinds: Sequence[Envelope], read: Reading) 
         for stretch, paste in zip(stretches, alone, strict=True):
             pieces += _placed(paste.pieces, [stretch._replace(begin=0)])
     first = max(dict.fromkeys(kinds), key=kinds.count)
-    protocol: Literal["rtu", "ascii", "tcp"] = "rtu" if first == "auto" else first
-    return Paste(protocol, "; ".join(why), tuple(sorted(pieces, key=lambda piece: piece.start)))
+    return Paste(
+        "rtu" if first == "auto" else first, "; ".join(why), tuple(sorted(pieces, key=lambda piece: piece.start))
+    )
 
 
 def _stretches(parts: Sequence[PastePart], kinds: Sequence[Envelope], kind: Envelope) -> Iterator[_EnvelopeStretch]:

@@ -185,7 +185,7 @@ class Unread(NamedTuple):
 class Paste:
     """A paste with its reading: the envelope that was taken, why, the pieces, and the lines that were not read."""
 
-    protocol: str  # rtu, ascii or tcp; of several the one of most lines
+    protocol: str  # rtu, ascii, tcp or pdu; of several the one of most lines
     why: str
     pieces: tuple[Piece, ...]
     unread: tuple[Unread, ...] = ()

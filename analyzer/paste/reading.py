@@ -16,13 +16,13 @@ from dataclasses import replace
 from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING, Final, Literal
 
-from dissectors.envelopes import MBAP, Adu, ascii_frames, tcp
+from dissectors.envelopes import MBAP, Adu, ascii_frames, bare, tcp
 from dissectors.functions import function_class
 from dissectors.length_rules import Role
 from dissectors.lengths import pdu_length, plausibility, rule, sound_roles
 from dissectors.limits import LAST_UNIT, MAX_ADU
 
-from ..deframing.weighing import rtu_bits, rtu_head_bits, tcp_bits, tcp_head_bits
+from ..deframing.weighing import bare_bits, rtu_bits, rtu_head_bits, tcp_bits, tcp_head_bits
 from ..errors import RtuscopeError
 from ..languages import counted, tr
 from . import rtu
@@ -43,6 +43,7 @@ _LENGTH_END: Final = 6  # bytes of an MBAP header, up to its length
 _MOST_TCP: Final = 254  # what the length in an MBAP header can be
 _CRC: Final = 2  # bytes
 _SENT, _RECEIVED = 1, 2  # marks
+_SURELY_BARE: Final = 12.0  # bits
 
 
 class PasteError(RtuscopeError):
@@ -161,6 +162,8 @@ def _alike(parts: Sequence[PastePart], envelope: Envelope, roles: Sequence[Role]
         return Paste("ascii", _why_ascii(frames := _ascii(data, roles)), _tiled(data, frames))
     if envelope == "tcp":
         return Paste("tcp", tr("TCP: MBAP headers (protocol 0, a length)"), _tcp(data, parts, roles))
+    if envelope == "pdu":
+        return _bare(parts, roles)
     if envelope == "auto":
         frames = _ascii(data, roles)
         if frames and (any(frame.check_ok for frame in frames) or _shows_ascii(parts)):
@@ -225,9 +228,38 @@ def _inexact(data: bytes, parts: Sequence[PastePart], envelope: Envelope, roles:
         framed = any(isinstance(piece, PastedFrame) for piece in alone)
         if heads and (_begins_tcp(parts[0].data) or not (framed or _left_over(mbap))):
             return Paste("tcp", tr("TCP: begins with an MBAP header (protocol 0, a length); no CRC is right"), mbap)
+    return _likely(data, parts, envelope, roles, alone)
+
+
+def _likely(
+    data: bytes, parts: Sequence[PastePart], envelope: Envelope, roles: Sequence[Role], alone: Sequence[Piece]
+) -> Paste:
+    """A paste without any right check value or header; `alone`: its pieces as RTU."""
+    if envelope == "auto" and any(isinstance(piece, PastedNoise) for piece in alone) and _are_bare(parts):
+        return _bare(parts, roles)
     if any(isinstance(piece, PastedFrame) for piece in alone):
         return Paste("rtu", _why_likely(data), tuple(alone))
     return Paste("rtu", tr("no frame: no right CRC, no MBAP header, no ASCII frame"), tuple(alone))
+
+
+def _are_bare(parts: Sequence[PastePart]) -> bool:
+    """Whether parts are whole PDUs, rarer than chance gives them; lines of a log, which shows a line, never are."""
+    if any(part.mark or part.t_ns is not None for part in parts):
+        return False
+    weights = [bare_bits(part.data) for part in parts]
+    return all(weights) and sum(weights) >= _SURELY_BARE
+
+
+def _bare(parts: Sequence[PastePart], roles: Sequence[Role]) -> Paste:
+    """A PDU a part."""
+    starts = accumulate((len(part.data) for part in parts), initial=0)
+    frames = turns(
+        [
+            Turn(bare(part.data, at), at, possible(part.data, roles), mark=part.mark)
+            for at, part in zip(starts, parts, strict=False)
+        ]
+    )
+    return Paste("pdu", tr("PDU: function code and data alone, without unit and check value"), tuple(frames))
 
 
 def _left_over(pieces: Sequence[Piece]) -> bool:
@@ -345,7 +377,11 @@ _CONVERSATION = 2  # frames, beyond which somebody may have gone unanswered
 def with_findings(paste: Paste) -> Paste:
     """The paste, its frames with what is wrong with them."""
     frames = list(paste.frames())
-    if not frames or not (len(frames) > _CONVERSATION or any(map(_suspicious, frames)) or _heard_back(frames)):
+    if (
+        not frames
+        or paste.protocol == "pdu"
+        or not (len(frames) > _CONVERSATION or any(map(_suspicious, frames)) or _heard_back(frames))
+    ):
         return paste
     from .deframed import findings
 

@@ -233,9 +233,13 @@ def _answers(request: Adu, response: Adu) -> bool:
     """Whether one frame can be the answer to another: unit, transaction (TCP), and what the function echoes."""
     if request.protocol == "tcp" and request.data[:2] != response.data[:2]:
         return False
-    if request.unit is None or response.unit is None or not request.pdu:
+    if "pdu" in (request.protocol, response.protocol):
+        unit = other = 0
+    elif request.unit is None or response.unit is None:
         return False
-    return expectation(bytes([request.unit]) + request.pdu).fits(bytes([response.unit]) + response.pdu)
+    else:
+        unit, other = request.unit, response.unit
+    return bool(request.pdu) and expectation(bytes([unit]) + request.pdu).fits(bytes([other]) + response.pdu)
 
 
 def exact(data: bytes, parts: Sequence[PastePart], roles: Sequence[Role]) -> list[PastedFrame] | None:

@@ -114,6 +114,8 @@ def _frame(frame: PastedFrame, style: Style, values: bool, *, advised: bool) -> 
 def heading(frame: PastedFrame, role: Role | None = None) -> str:
     """A frame in one line: direction, unit, and what it says."""
     direction = tr((frame.role if role is None else role).name.lower())
+    if frame.adu.protocol == "pdu":
+        return f"{direction:<8}  {frame.summary(role, wording())}"
     unit = tr("unit {unit}", unit="?" if frame.adu.unit is None else frame.adu.unit)
     return f"{direction:<8}  {unit}: {frame.summary(role, wording())}"
 
