@@ -45,7 +45,7 @@ class Look(NamedTuple):
 _PLAIN: Final = Look("39", "49", frozenset())
 
 
-class _TerminalLine(NamedTuple):
+class _CellLine(NamedTuple):
     """A line of the terminal: what stands in each cell, and how it looks."""
 
     texts: list[str]
@@ -90,11 +90,11 @@ class ThinWire:
 
     def difference(self, stretches: Iterable[Stretch], console: Console) -> str:
         """What to write so that these pieces stand on the terminal."""
-        before: dict[int, _TerminalLine] = {}
+        before: dict[int, _CellLine] = {}
         changed: dict[int, set[int]] = {}
         for y, x, segments in stretches:
             if 0 <= y < self._size[1]:
-                before.setdefault(y, _TerminalLine(self._texts[y].copy(), self._looks[y].copy()))
+                before.setdefault(y, _CellLine(self._texts[y].copy(), self._looks[y].copy()))
                 changed.setdefault(y, set()).update(self._changes(y, x, segments, console))
         scroll = self._scroll(before, changed)
         text = scroll + self._written(changed)
@@ -127,7 +127,7 @@ class ThinWire:
             out.append("\x1b[m")
         return "".join(out)
 
-    def _scroll(self, before: Mapping[int, _TerminalLine], changed: dict[int, set[int]]) -> str:
+    def _scroll(self, before: Mapping[int, _CellLine], changed: dict[int, set[int]]) -> str:
         """The code that moves lines to where they stand now; `changed` is then what is left to write.
 
         Lines are deleted and inserted between two margins: every terminal since the VT102 does that, the console of
@@ -151,12 +151,12 @@ class ThinWire:
         at = top + 1
         return f"\x1b[{at};{bottom + 1}r\x1b[{at}H\x1b[{abs(by)}{'M' if by > 0 else 'L'}\x1b[r"
 
-    def _left(self, y: int, before: Mapping[int, _TerminalLine], source: int) -> set[int]:
+    def _left(self, y: int, before: Mapping[int, _CellLine], source: int) -> set[int]:
         """Columns of a line that are others than in the line that has moved there; all where none has (-1)."""
         texts, looks, width = self._texts[y], self._looks[y], self._size[0]
         if source < 0:
             return set(range(width))
-        old = before.get(source) or _TerminalLine(self._texts[source], self._looks[source])
+        old = before.get(source) or _CellLine(self._texts[source], self._looks[source])
         others = {i for i in range(width) if texts[i] != old.texts[i] or looks[i] is not old.looks[i]}
         return others | {i - 1 for i in others if i and not texts[i]}
 
