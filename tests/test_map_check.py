@@ -153,7 +153,7 @@ def test_what_a_device_lacks_contradicts_no_map(kind: str, words: tuple[int, ...
 def test_numbers_out_of_a_maps_limits(maximum: float, said: str | None) -> None:
     volts = (230 + np.arange(120) % 7).astype(">f4").view(">u2").reshape(-1, 2).astype(np.uint16)
     readings = RegisterReadings()
-    readings.put(1, "input", 100, volts, np.arange(120) * 1_000_000_000)
+    readings.put(1, "input", 100, volts, np.arange(120, dtype=np.int64) * 1_000_000_000)
     row = MappedValue("input", 100, "Voltage", "f32", length=2, unit="V", maximum=maximum)
     found = limit_breaches(readings, {1: RegisterMap("x", (row,))})
     assert [breach.unit for breach in found] == ([1] if said else [])

@@ -123,7 +123,7 @@ def test_bits_states_and_clocks() -> None:
     readings = RegisterReadings()
     columns = [words_of(flags, ">u2"), words_of(states, ">u2"), words_of(clock, ">u4")]
     table = np.concatenate(columns, axis=1)
-    readings.put(1, "holding", 10, table, np.arange(200) * 1_000_000_000)
+    readings.put(1, "holding", 10, table, np.arange(200, dtype=np.int64) * 1_000_000_000)
     values = {v.address: v for v in infer(readings)}
     assert values[10].kind == "bits"
     assert values[11].kind == "enum"
@@ -173,7 +173,7 @@ def test_a_register_is_found_by_its_value_and_by_a_table() -> None:
     readings = RegisterReadings(1 << 14)
     other = words_of(walk(8, 500, 9), ">u2")
     table = np.concatenate([other, words_of(np.round(volts * 10), ">u2")], axis=1)
-    readings.put(1, "input", 40, table, np.arange(POLLS) * 1_000_000_000)
+    readings.put(1, "input", 40, table, np.arange(POLLS, dtype=np.int64) * 1_000_000_000)
     values = infer(readings)
     best = matches_of_value(readings, f"{volts[30]:.1f}", values)[0]
     assert (best.address, best.words, best.scale) == (41, 1, 0.1)

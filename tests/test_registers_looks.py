@@ -213,7 +213,7 @@ def texts_of(still):
     moving = volts.astype(">f4").view(">u2").astype(np.uint16)
     words = np.tile(np.frombuffer(still, ">u2").astype(np.uint16), (POLLS, 1))
     readings = RegisterReadings()
-    readings.put(1, "input", 0, np.hstack((moving, words)), np.arange(POLLS) * 1_000_000_000)
+    readings.put(1, "input", 0, np.hstack((moving, words)), np.arange(POLLS, dtype=np.int64) * 1_000_000_000)
     return [value.last for value in infer(readings) if value.kind == "text"]
 
 
