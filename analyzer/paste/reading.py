@@ -196,13 +196,17 @@ def _shows_ascii(parts: Sequence[PastePart]) -> bool:
 
 def _inexact(data: bytes, parts: Sequence[PastePart], envelope: Envelope, roles: Sequence[Role]) -> Paste:
     """A paste that no envelope explains whole."""
-    alone = rtu.lone(data, parts, roles)
+    from .foreign import are_no_headers, without_chance
+
+    alone, checked = rtu.lone(data, parts, roles), 0
     if alone is None:
         from .deframed import weighed
 
         pieces = completed(rtu.mended(weighed(parts), parts), parts, roles)
-        right = sum(1 for piece in pieces if isinstance(piece, PastedFrame) and piece.check_ok)
-        if right:
+        checked = _right(pieces)
+        if envelope == "auto":
+            pieces = without_chance(pieces, parts)
+        if right := _right(pieces):
             rest = sum(piece.length for piece in pieces if not isinstance(piece, PastedFrame) or not piece.check_ok)
             frames, octets = counted(right, "frame", "frames"), _octets(data)
             why = (
@@ -212,7 +216,7 @@ def _inexact(data: bytes, parts: Sequence[PastePart], envelope: Envelope, roles:
             )
             return Paste("rtu", why, tuple(pieces))
         alone = pieces
-    if any(isinstance(piece, PastedFrame) and piece.check_ok for piece in alone):
+    if _right(alone):
         return Paste("rtu", tr("RTU: a right CRC, though not at the length that its function predicts"), tuple(alone))
     if envelope == "auto" and len(data) >= _LENGTH_END:
         mbap = _tcp(data, parts, roles)
@@ -221,13 +225,20 @@ def _inexact(data: bytes, parts: Sequence[PastePart], envelope: Envelope, roles:
             frames = counted(len(whole), "frame", "frames")
             why = tr("TCP: MBAP headers (protocol 0, right length) in {frames}; no CRC is right", frames=frames)
             return Paste("tcp", why, mbap)
-        heads = isinstance(mbap[0], PastedFrame)
+        heads = isinstance(mbap[0], PastedFrame) and not are_no_headers(mbap)
         framed = any(isinstance(piece, PastedFrame) for piece in alone)
         if heads and (_begins_tcp(parts[0].data) or not (framed or _left_over(mbap))):
             return Paste("tcp", tr("TCP: begins with an MBAP header (protocol 0, a length); no CRC is right"), mbap)
     if any(isinstance(piece, PastedFrame) for piece in alone):
         return Paste("rtu", _why_likely(data), tuple(alone))
+    if checked:
+        return Paste("rtu", tr("no frame: a right CRC among so many other bytes is chance"), tuple(alone))
     return Paste("rtu", tr("no frame: no right CRC, no MBAP header, no ASCII frame"), tuple(alone))
+
+
+def _right(pieces: Sequence[Piece]) -> int:
+    """How many frames have a right CRC."""
+    return sum(1 for piece in pieces if isinstance(piece, PastedFrame) and piece.check_ok)
 
 
 def _left_over(pieces: Sequence[Piece]) -> bool:
