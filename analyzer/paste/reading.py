@@ -230,9 +230,12 @@ def _inexact(data: bytes, parts: Sequence[PastePart], envelope: Envelope, roles:
         if heads and (_begins_tcp(parts[0].data) or not (framed or _left_over(mbap))):
             return Paste("tcp", tr("TCP: begins with an MBAP header (protocol 0, a length); no CRC is right"), mbap)
     if any(isinstance(piece, PastedFrame) for piece in alone):
-        return Paste("rtu", _why_likely(data), tuple(alone))
+        return Paste("rtu", _why_likely(parts), tuple(alone))
     if checked:
         return Paste("rtu", tr("no frame: a right CRC among so many other bytes is chance"), tuple(alone))
+    if _may_show_headers(parts):
+        why = tr("no frame: no right CRC, no ASCII frame, and what may be an MBAP header does not fit")
+        return Paste("rtu", why, tuple(alone))
     return Paste("rtu", tr("no frame: no right CRC, no MBAP header, no ASCII frame"), tuple(alone))
 
 
@@ -257,11 +260,16 @@ def _begins_tcp(data: bytes) -> bool:
     return tcp_head_bits(data) > rtu_head_bits(data)
 
 
-def _why_likely(data: bytes) -> str:
+def _why_likely(parts: Sequence[PastePart]) -> str:
     """Why bytes are taken for RTU that have no right CRC."""
-    if _begins_mbap(data[:MBAP]) and len(data) >= _LENGTH_END:
+    if _may_show_headers(parts):
         return tr("RTU: reads like it by its header; no CRC is right, and what may be an MBAP header does not fit")
     return tr("RTU: reads like it by its header; no CRC is right, and there is no MBAP header")
+
+
+def _may_show_headers(parts: Sequence[PastePart]) -> bool:
+    """Whether any part begins as an MBAP header does."""
+    return any(len(part.data) >= _LENGTH_END and _begins_mbap(part.data) for part in parts)
 
 
 def _why_ascii(frames: Sequence[PastedFrame]) -> str:
