@@ -155,6 +155,12 @@ def sound_roles(pdu: bytes) -> tuple[Role, ...]:
     )
 
 
+def is_open(function: int, role: Role) -> bool:
+    """Whether nothing says how long a frame of this function is."""
+    declared = rule(function, role)
+    return declared is None or declared.variable or (declared.base is None and declared.walk is None)
+
+
 def plausibility(pdu: bytes, role: Role) -> list[str]:
     """The checks that a PDU breaks, in words; checks of fields that it does not reach are left out."""
     length_rule = rule(pdu[0], role) if pdu else None

@@ -1,15 +1,19 @@
-"""Whether bytes that are frames of nothing known are frames all the same, of a protocol that nobody has described."""
+"""Bytes that are frames of nothing known: whether they are those of a protocol that nobody has described, and whether a
+frame of Modbus among them is chance."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import reduce
-from typing import Final
+from typing import Final, NamedTuple
 
 from .crc import ALGORITHMS, Algorithm
 from .limits import CRC_SIZE
 
+CHANCE: Final = 1 << 12  # bytes in which one frame of a predicted length may be chance
+_SEVERAL_FRAMES: Final = 128  # bytes in no frame, among which a frame is none
+_MOSTLY: Final = 0.5
 _PIECES: Final = 8  # of a line that tell a protocol of its own,
 _LENGTHS: Final = 3  # and different lengths among them
 _MARKS: Final = 3  # the commonest bytes, any of which may begin frames
@@ -21,6 +25,23 @@ _PLACES, _MORE = range(7), range(-1, 13)  # where a frame says its length, and w
 _CRCS: Final = tuple(
     {(one.polynomial, one.reflected): one for one in ALGORITHMS if isinstance(one, Algorithm)}.values()
 )
+
+
+class TrafficSoFar(NamedTuple):
+    """What was heard: frames of predicted lengths, bytes, and how many of these are in frames."""
+
+    legal: int
+    octets: int
+    framed: int
+
+    def is_chance(self, kin: int) -> bool:
+        """Whether a frame that nothing but its check value shows is chance, as now and then among bytes of anything.
+
+        `kin`: how many more frames of its unit and function are right. Chance seldom gives two of one.
+        """
+        loose = self.octets - self.framed
+        may_be = max(self.legal, kin) <= self.octets // CHANCE
+        return may_be and loose > max(_SEVERAL_FRAMES, _MOSTLY * self.octets)
 
 
 def is_of_its_own(pieces: Sequence[bytes], baud: int | None) -> bool:

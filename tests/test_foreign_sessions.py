@@ -52,8 +52,10 @@ def test_meters_with_the_crc_of_modbus_are_named(name: str, seed: int) -> None:
 def test_a_line_of_something_else_has_no_frame_and_no_cause(name: str, seed: int) -> None:
     """A few drawn sessions of each; `benchmarks/score_foreign.py` goes through many."""
     random = Random(f"{name} {seed}")
-    report = summarize(talks.heard(talks.TALKS[name](random), random))
+    talk = talks.TALKS[name](random)
+    report = summarize(talks.heard(talk, random))
     assert (report.frames, report.causes) == (0, ())
+    assert not list(paste.read(talks.pasted(talk)[:20000].rpartition("\n")[0]).frames())
 
 
 @pytest.mark.parametrize("seed", SEEDS)

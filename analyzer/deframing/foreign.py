@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,11 +23,12 @@ from dissectors.foreign import (
     is_undeclared,
 )
 from dissectors.length_rules import Role
+from dissectors.lengths import is_open
 from dissectors.limits import EXCEPTION
+from dissectors.unnamed import CHANCE, TrafficSoFar
 
 from ..tables.schema import Kind, Protocol, Rows
 from .rules import Bytes, Index, Mask, lengths_fit
-from .unpredicted import open_length
 
 _LEAST: Final = 4  # bytes of noise that may be a frame of something
 _PART: Final = 0.5  # of a row's bytes that must be
@@ -36,9 +37,7 @@ _SEVERAL: Final = 2
 _NEARLY_ALL: Final = 0.9  # of a frame: one run of messages, as MIDI's
 _MANY: Final = 4  # frames with the CRC of Modbus that are none,
 _TIMES: Final = 2  # and so many times as many as those that are
-_CHANCE: Final = 1 << 12  # bytes in which one of a declared function may be chance
 _AHEAD: Final = 16  # frames of one unit and function that are kept beyond those that bytes ask for
-_SEVERAL_FRAMES: Final = 128  # bytes in no frame, among which a frame is none
 _NUMBER: Final = {name: number for number, name in enumerate(NAMES)}
 _DIAGNOSTICS: Final = 8
 _FIXED, _READ, _BLOCK = 1, 2, 4  # what the commonest functions' frames are as long as
@@ -50,23 +49,6 @@ _COMMON[[5, 6, _DIAGNOSTICS]] = _FIXED
 _COMMON_OCTETS: Final = _COMMON.tobytes()
 _FEW: Final = 48  # rows
 _NOISE: Final = int(Kind.NOISE)
-
-
-class _PortSoFar(NamedTuple):
-    """Of a port up to a row and with it: frames of Modbus, bytes, and how many of these are in any frames."""
-
-    legal: int
-    octets: int
-    framed: int
-
-    def is_chance(self, kin: int) -> bool:
-        """Whether a frame that nothing but its check value shows is chance, as now and then among bytes of anything.
-
-        `kin`: how many frames of its unit and function were right before. Chance seldom gives two of one.
-        """
-        loose = self.octets - self.framed
-        may_be = max(self.legal, kin) <= self.octets // _CHANCE
-        return may_be and loose > max(_SEVERAL_FRAMES, _PART * self.octets)
 
 
 class ForeignTalk:
@@ -115,7 +97,7 @@ class ForeignTalk:
         since = dict.fromkeys(self._shared, -1)
         for row in (noise | odd | wrong).nonzero()[0].tolist():
             adu, port = _bytes(rows, data, row), int(rows.port[row])
-            so_far = _PortSoFar(*heard[port][:, row].tolist())
+            so_far = TrafficSoFar(*heard[port][:, row].tolist())
             if noise[row]:
                 rows.foreign[row] = self._of_noise(adu, port, so_far)
                 if rows.foreign[row]:
@@ -136,12 +118,12 @@ class ForeignTalk:
         `right`: this one is, too."""
         kin = self._kin.setdefault((port, adu[0], adu[1] & ~EXCEPTION), set())
         count = len(kin) - (adu in kin)
-        if right and count <= octets // _CHANCE + _AHEAD:
+        if right and count <= octets // CHANCE + _AHEAD:
             kin.add(adu)
         return count
 
     def _sums(self, rows: Rows, port: int, legal: Mask) -> NDArray[np.int64]:
-        """What `_PortSoFar` has of a port, (3, rows): up to each row and with it."""
+        """What `TrafficSoFar` has of a port, (3, rows): up to each row and with it."""
         mine = rows.port == port
         framed = mine & (rows.kind != Kind.NOISE)
         each = framed & rows.check & legal, np.where(mine, rows.length, 0), np.where(framed, rows.length, 0)
@@ -163,7 +145,7 @@ class ForeignTalk:
                 if several and covered >= _PART * len(adu):
                     _make_foreign(rows, row, name)
 
-    def _of_noise(self, octets: bytes, port: int, so_far: _PortSoFar) -> int:
+    def _of_noise(self, octets: bytes, port: int, so_far: TrafficSoFar) -> int:
         name, _, covered = foreign_bytes(octets)
         if covered >= _PART * len(octets) and self._is_believed(name, port, so_far):
             return _NUMBER[name]
@@ -175,19 +157,19 @@ class ForeignTalk:
             return _NUMBER[name] if covered >= _PART * len(octets) else 0
         return _NUMBER[max(names)] if max(names) else _NUMBER[self._of_nobody(port, len(names), len(octets), so_far)]
 
-    def _is_believed(self, name: str, port: int, so_far: _PortSoFar) -> bool:
+    def _is_believed(self, name: str, port: int, so_far: TrafficSoFar) -> bool:
         """Whether such noise is that protocol: bytes of registers make messages of MIDI, too."""
         if name not in LOOSE:
             return True
         self._loose[port] += 1
         return self._loose[port] > so_far.legal
 
-    def _of_meter(self, adu: bytes, port: int, so_far: _PortSoFar) -> str:
+    def _of_meter(self, adu: bytes, port: int, so_far: TrafficSoFar) -> str:
         talk = self._talks.setdefault(port, MeterTalk())
         name = talk.name(adu, undeclared=is_undeclared(adu[1]))
         return name or ("" if is_legal(adu) else self._of_nobody(port, 1, len(adu), so_far))
 
-    def _of_nobody(self, port: int, count: int, octets: int, so_far: _PortSoFar) -> str:
+    def _of_nobody(self, port: int, count: int, octets: int, so_far: TrafficSoFar) -> str:
         """What frames are that have the CRC of Modbus and nothing else of it: another protocol where most are so, and
         the port speaks little else; among many bytes of anything a few are chance."""
         self._odd[port] += count
@@ -249,6 +231,6 @@ def _sound(rows: Rows, data: Bytes, which: Index) -> Mask:
     for code in np.bincount(function).nonzero()[0].tolist():
         mine = (function == code).nonzero()[0]
         for role in Role:
-            if not open_length(code, role):
+            if not is_open(code, role):
                 sound[mine] |= lengths_fit(data, at.take(mine), length.take(mine), code, role)
     return sound

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from dissectors.declaration import USER_DEFINED
 from dissectors.length_rules import Role
-from dissectors.lengths import rule
+from dissectors.lengths import is_open
 from dissectors.limits import EXCEPTION, MAX_ADU, MIN_ADU
 
 from ..tables.schema import GLITCHES
@@ -94,12 +94,6 @@ _ENDS: Final = 6  # of them at one place
 _USER_BITS: Final = 3.0
 
 
-def open_length(function: int, role: Role) -> bool:
-    """Whether nothing says how long a frame of this function is."""
-    declared = rule(function, role)
-    return declared is None or declared.variable or (declared.base is None and declared.walk is None)
-
-
 def unknown_windows(
     data: bytes,
     crc: CrcWindows,
@@ -139,7 +133,7 @@ def unknown_windows(
         result += [
             Candidate(begin, end, role, bits, declared=False, doubtful=doubtful)
             for role in Role
-            if open_length(function, role)
+            if is_open(function, role)
         ]
     return result
 
@@ -188,7 +182,7 @@ def _is_loose(function: int, heard: Set[int]) -> bool:
 
 def _is_open(function: int) -> bool:
     """Whether frames of this function may have any length."""
-    return 0 < function < EXCEPTION and any(open_length(function, role) for role in Role)
+    return 0 < function < EXCEPTION and any(is_open(function, role) for role in Role)
 
 
 def _starts_behind(data: bytes, end: int) -> range:

@@ -199,13 +199,17 @@ def _shows_ascii(parts: Sequence[PastePart]) -> bool:
 
 def _inexact(data: bytes, parts: Sequence[PastePart], envelope: Envelope, roles: Sequence[Role]) -> Paste:
     """A paste that no envelope explains whole."""
-    alone = rtu.lone(data, parts, roles)
+    from .foreign import are_no_headers, without_chance
+
+    alone, checked = rtu.lone(data, parts, roles), 0
     if alone is None:
         from .deframed import weighed
 
         pieces = completed(rtu.mended(weighed(parts), parts), parts, roles)
-        right = sum(1 for piece in pieces if isinstance(piece, PastedFrame) and piece.check_ok)
-        if right:
+        checked = _right(pieces)
+        if envelope == "auto":
+            pieces = without_chance(pieces, parts)
+        if right := _right(pieces):
             rest = sum(piece.length for piece in pieces if not isinstance(piece, PastedFrame) or not piece.check_ok)
             frames, octets = counted(right, "frame", "frames"), _octets(data)
             why = (
@@ -215,7 +219,7 @@ def _inexact(data: bytes, parts: Sequence[PastePart], envelope: Envelope, roles:
             )
             return Paste("rtu", why, tuple(pieces))
         alone = pieces
-    if any(isinstance(piece, PastedFrame) and piece.check_ok for piece in alone):
+    if _right(alone):
         return Paste("rtu", tr("RTU: a right CRC, though not at the length that its function predicts"), tuple(alone))
     if envelope == "auto" and len(data) >= _LENGTH_END:
         mbap = _tcp(data, parts, roles)
@@ -224,22 +228,24 @@ def _inexact(data: bytes, parts: Sequence[PastePart], envelope: Envelope, roles:
             frames = counted(len(whole), "frame", "frames")
             why = tr("TCP: MBAP headers (protocol 0, right length) in {frames}; no CRC is right", frames=frames)
             return Paste("tcp", why, mbap)
-        heads = isinstance(mbap[0], PastedFrame)
+        heads = isinstance(mbap[0], PastedFrame) and not are_no_headers(mbap)
         framed = any(isinstance(piece, PastedFrame) for piece in alone)
         if heads and (_begins_tcp(parts[0].data) or not (framed or _left_over(mbap))):
             return Paste("tcp", tr("TCP: begins with an MBAP header (protocol 0, a length); no CRC is right"), mbap)
-    return _likely(data, parts, envelope, roles, alone)
-
-
-def _likely(
-    data: bytes, parts: Sequence[PastePart], envelope: Envelope, roles: Sequence[Role], alone: Sequence[Piece]
-) -> Paste:
-    """A paste without any right check value or header; `alone`: its pieces as RTU."""
     if envelope == "auto" and any(isinstance(piece, PastedNoise) for piece in alone) and _are_bare(parts):
         return _bare(parts, roles)
-    if any(isinstance(piece, PastedFrame) for piece in alone):
-        return Paste("rtu", _why_likely(data), tuple(alone))
-    return Paste("rtu", tr("no frame: no right CRC, no MBAP header, no ASCII frame"), tuple(alone))
+    return Paste("rtu", _why_unchecked(parts, alone, checked=bool(checked)), tuple(alone))
+
+
+def _why_unchecked(parts: Sequence[PastePart], pieces: Sequence[Piece], *, checked: bool) -> str:
+    """Why these pieces, in which no check value is right; `checked`: one was, and is chance."""
+    if any(isinstance(piece, PastedFrame) for piece in pieces):
+        return _why_likely(parts)
+    if checked:
+        return tr("no frame: a right CRC among so many other bytes is chance")
+    if _may_show_headers(parts):
+        return tr("no frame: no right CRC, no ASCII frame, and what may be an MBAP header does not fit")
+    return tr("no frame: no right CRC, no MBAP header, no ASCII frame")
 
 
 def _are_bare(parts: Sequence[PastePart]) -> bool:
@@ -262,6 +268,11 @@ def _bare(parts: Sequence[PastePart], roles: Sequence[Role]) -> Paste:
     return Paste("pdu", tr("PDU: function code and data alone, without unit and check value"), tuple(frames))
 
 
+def _right(pieces: Sequence[Piece]) -> int:
+    """How many frames have a right CRC."""
+    return sum(1 for piece in pieces if isinstance(piece, PastedFrame) and piece.check_ok)
+
+
 def _left_over(pieces: Sequence[Piece]) -> bool:
     """Whether headers leave bytes over, or announce some that are not there."""
     return any(not isinstance(piece, PastedFrame) or piece.missing for piece in pieces)
@@ -278,11 +289,16 @@ def _begins_tcp(data: bytes) -> bool:
     return tcp_head_bits(data) > rtu_head_bits(data)
 
 
-def _why_likely(data: bytes) -> str:
+def _why_likely(parts: Sequence[PastePart]) -> str:
     """Why bytes are taken for RTU that have no right CRC."""
-    if _begins_mbap(data[:MBAP]) and len(data) >= _LENGTH_END:
+    if _may_show_headers(parts):
         return tr("RTU: reads like it by its header; no CRC is right, and what may be an MBAP header does not fit")
     return tr("RTU: reads like it by its header; no CRC is right, and there is no MBAP header")
+
+
+def _may_show_headers(parts: Sequence[PastePart]) -> bool:
+    """Whether any part begins as an MBAP header does."""
+    return any(len(part.data) >= _LENGTH_END and _begins_mbap(part.data) for part in parts)
 
 
 def _why_ascii(frames: Sequence[PastedFrame]) -> str:

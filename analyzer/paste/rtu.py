@@ -26,6 +26,7 @@ from dissectors.limits import CRC_SIZE, EXCEPTION, MAX_ADU, MIN_ADU, OVERHEAD
 from .model import PastedFrame, PastedNoise, PastePart, Piece
 
 LIMIT: Final = 1024  # bytes; a longer paste is the deframer's
+_WINDOWS: Final = 1 << 12  # from edge to edge: of so many one in sixteen times has a right CRC by chance
 
 
 class Window(NamedTuple):
@@ -324,10 +325,11 @@ def _mended(noise: PastedNoise, edges: Sequence[int]) -> list[Piece]:
     data, at = noise.data, 0
     split: list[Piece] = []
     inner = [edge - noise.start for edge in edges if 0 < edge - noise.start < noise.length]
+    reach = max(_WINDOWS // (len(inner) + 1), 1)
     while len(data) - at >= MIN_ADU:
         right = crc_ends(data, at, MAX_ADU)
         ahead = bisect_right(inner, at)
-        shown = {*inner[ahead : ahead + MAX_ADU], len(data)}
+        shown = {*inner[ahead : ahead + reach], len(data)}
         end = next((end for end in right if end in shown), None)
         if end is None and right and function(data[at + 1]) is not None:
             end = right[0]  # an end that nothing shows needs a function that is in use
