@@ -61,7 +61,7 @@ def read(
     parts, unread = _parts(text, zone)
     size = sum(len(part.data) for part in parts)
     if size > LONGEST:
-        raise PasteError(f"{size:,} bytes are too many to annotate; save them to a file and use rtuscope export")
+        raise PasteError(f"{size:,} bytes is too much to annotate; save them to a file and use rtuscope export")
     paste = read_parts(parts, envelope, _ROLES[role])
     if envelope == "auto" and not all(isinstance(piece, PastedFrame) and _is_plain(piece) for piece in paste.pieces):
         from .foreign import as_foreign

@@ -60,7 +60,7 @@ class RingList:
         try:
             if not self._load():
                 aside = move_to_free_name(self.path, (self.path.with_name(f"{self.path.name}.{n}") for n in count(1)))
-                tell(f"recording: {self.path} is no list of a ring: set aside as {aside}")
+                tell(f"recording: {self.path} is not the list of a ring: set aside as {aside}")
                 os.close(self._descriptor)
                 self._descriptor = self._locked()
                 self._load()
