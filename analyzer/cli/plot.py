@@ -149,7 +149,7 @@ def _area(area: str | None, readings: dict[str, Reading], unit: int, address: in
 def _draw(title: str, times: NDArray[np.int64], numbers: NDArray[np.float64]) -> None:
     """The curve in braille, the ends of its scale beside it, the ends of its time below."""
     from ..tui.plot import Series, dots, told_apart
-    from ..words import is_clock, moment, seconds
+    from ..words import is_clock, moment, seconds, unit_word
 
     columns = max(_NARROWEST, shutil.get_terminal_size().columns - _LABEL - 2)
     series = Series(title, times, numbers)
@@ -161,5 +161,5 @@ def _draw(title: str, times: NDArray[np.int64], numbers: NDArray[np.float64]) ->
         label = high if row == 0 else low if row == lines - 1 else ""
         text = "".join(chr(0x2800 + cell) if cell else " " for cell in cells)
         print(f"{label:>{_LABEL}} {text}".rstrip())
-    first, last = (moment(t_ns) if is_clock(t_ns) else f"{seconds(t_ns)} s" for t_ns in span)
+    first, last = (moment(t_ns) if is_clock(t_ns) else f"{seconds(t_ns)} {unit_word('s')}" for t_ns in span)
     print(" " * (_LABEL + 1) + first + " " * max(2, columns - len(first) - len(last)) + last)

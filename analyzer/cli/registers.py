@@ -246,7 +246,7 @@ def _table_text(name: str) -> str:
 def _matches_text(matches: list[Match], wanted: str) -> str:
     from ..registers.panel import HALF_HOUR_S
     from ..registers.telling import unit_place
-    from ..words import duration
+    from ..words import decimal, duration, unit_word
 
     if not matches:
         return f"{register_words('no register showed {wanted}', wanted=wanted)}\n"
@@ -265,7 +265,7 @@ def _matches_text(matches: list[Match], wanted: str) -> str:
         order = f" {match.order}" if match.order else ""
         scale = f" x{match.scale:g}" if match.scale != 1 else ""
         offset = f" {match.offset:+g}" if match.offset else ""
-        lag = f", {match.lag_s:+.1f} s" if match.lag_s is not None else ""
+        lag = f", {decimal(f'{match.lag_s:+.1f}')} {unit_word('s')}" if match.lag_s is not None else ""
         words = "{where}: {reading} showed {value:g}{lag} ({score:.2f})"
         reading = f"{match.type}{order}{scale}{offset}"
         lines.append(register_words(words, where=where, reading=reading, value=match.value, lag=lag, score=match.score))
