@@ -75,7 +75,7 @@ class Analyzer:
     """The analysis of one line. Frames are numbered on where it has to begin anew (`restart`).
 
     `feed` blocks as they come, `tick` when the line is quiet (live), `close` at the end: each gives what is settled by
-    then, in wire order. `outages` are times in which nothing was heard; nobody is blamed for what is missing then.
+    then, in wire order. `outages` are times in which nothing was received; nobody is blamed for what is missing then.
     `settles`: False where `latest` alone is looked at; then these give nothing, and no row is kept for them.
     """
 
@@ -142,7 +142,7 @@ class Analyzer:
         self._outages[:] = self._deafness.times
 
     def deafen(self, outages: Sequence[Deaf]) -> None:
-        """Times in which nothing was heard, all of them, where more have become known."""
+        """Times in which nothing was received, all of them, where more have become known."""
         self._outages[:] = outages
 
     def restart(self, line: LineSettings, missed: Mapping[int, int] | None = None) -> list[Analysed]:

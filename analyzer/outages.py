@@ -49,7 +49,7 @@ def notes_of(capture: Capture) -> list[Note]:
 
 @dataclass(slots=True)
 class Deafness:
-    """Times in which nothing was heard, note by note: from the loss of an adapter to its return, and lost bytes."""
+    """Times in which nothing was received, note by note: from the loss of an adapter to its return, and lost bytes."""
 
     over: list[Deaf] = field(default_factory=list)
     away: dict[str, Note] = field(default_factory=dict)  # since when, by the port, which a note begins with
@@ -81,7 +81,7 @@ def deaf_times(notes: Iterable[Note]) -> list[Deaf]:
 
 
 def with_unheard(settled: TransactionRows, times: Sequence[Deaf], *, last: bool = False) -> TransactionRows:
-    """Transactions, with those UNHEARD that wait for an answer which may have come while nothing was heard.
+    """Transactions, with those UNHEARD that wait for an answer which may have come while nothing was received.
 
     `last`: the recording is over; else a wait of which no request shows the end was over when it was settled.
     """
@@ -114,7 +114,7 @@ def excused(findings: Findings, times: Sequence[Deaf]) -> Findings:
 
 
 def _meets(begin: NDArray[np.int64], end: NDArray[np.int64], times: Sequence[Deaf]) -> NDArray[np.bool_]:
-    """Which of these spans, ns, have a moment in common with a time in which nothing was heard."""
+    """Which of these spans, ns, have a moment in common with a time in which nothing was received."""
     meets = np.zeros(len(begin), np.bool_)
     for time in times:
         meets |= time.from_ns <= end if time.to_ns is None else (time.from_ns <= end) & (begin <= time.to_ns)

@@ -115,7 +115,7 @@ def _read(file: str, *, project: bool) -> Iterator[SetValue]:
         table = key.partition(".")[0]
         if table in TABLES and "." in key:
             if not isinstance(value, str):
-                raise SettingsError(f"{at.where}: {key} is no text")
+                raise SettingsError(f"{at.where}: {key} is not text")
             if table == "colours" and key.partition(".")[2] not in COLOURS:
                 raise SettingsError(f"{at.where}: no colour {key.partition('.')[2]!r}: {', '.join(COLOURS)}")
             if project and table == "maps":
@@ -128,17 +128,17 @@ def _read(file: str, *, project: bool) -> Iterator[SetValue]:
                 f"{at.where}: no setting {key!r}{did_you_mean(key, [*known, *TABLES])} (rtuscope help settings)"
             )
         if project and setting.personal:
-            raise SettingsError(f"{at.where}: {key} are code, which a project's file cannot name: put them into "
+            raise SettingsError(f"{at.where}: {key} are code, so a project's file cannot set them: put them into "
                                 f"{user_file()}, or give --{key}")  # fmt: skip
         if not isinstance(value, setting.kind) or isinstance(value, bool):
             raise SettingsError(f"{at.where}: {key} is {value!r}: {setting.words}")
         if setting.key == "theme" and value not in ("light", "dark"):
-            raise SettingsError(f"{at.where}: theme is {value!r}: light or dark")
+            raise SettingsError(f"{at.where}: theme is {value!r}: use light or dark")
         if isinstance(value, list):
             value = [_resolved(file, str(item)) for item in value]
         if project and setting.key == "port" and not _LOCAL_PORT.fullmatch(str(value)):
-            raise SettingsError(f"{at.where}: port {value!r} is none of this machine's, which a project's file cannot "
-                                f"name: put it into {user_file()}, or give it to the command")  # fmt: skip
+            raise SettingsError(f"{at.where}: port {value!r} is not on this machine, so a project's file cannot set "
+                                f"it: put it into {user_file()}, or give it to the command")  # fmt: skip
         yield SetValue(key, value, file, at.line)
 
 
@@ -175,8 +175,8 @@ def _refuse_outside(at: SetValue) -> None:
     except (OSError, ValueError):  # with a NUL
         inside = False
     if not inside:
-        raise SettingsError(f"{at.where}: the map {at.value!r} is not in the folder of the project, whose file cannot "
-                            f"name others: put it into {user_file()}, or give --map")  # fmt: skip
+        raise SettingsError(f"{at.where}: the map {at.value!r} is outside the project's folder, so a project's file "
+                            f"cannot set it: put it into {user_file()}, or give --map")  # fmt: skip
 
 
 def _is_below(path: str, folder: str) -> bool:

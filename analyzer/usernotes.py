@@ -59,13 +59,13 @@ class Notes:
             document = json.loads(text)
             if document["version"] != _VERSION:
                 version = str(document["version"])[:20]
-                raise NotesError(f"{path}: version {version} of the notes is not known here: left alone")
+                raise NotesError(f"{path}: notes version {version} is not supported: left unchanged")
             comments = {_note_place(note): str(note.get("comment", "")) for note in document["bookmarks"]}
             reference = document.get("time_reference")
             types = {_register(text): str(words) for text, words in dict(document.get("types", {})).items()}
             return cls(path, comments, None if reference is None else _note_place(reference), types)
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
-            raise NotesError(f"{path}: holds no notes of this program: left alone") from error
+            raise NotesError(f"{path}: holds no notes of this program: left unchanged") from error
 
     @classmethod
     def of_capture(cls, capture: Path | None) -> Notes:

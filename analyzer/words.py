@@ -1,9 +1,15 @@
-"""Times in words: absolute, since the start, since the row before, since a reference; and the units they are in."""
+"""Times in words: absolute, since the start, since the row before, since a reference; and the units they are in.
+
+What people read has its units and its decimal mark as the language in use writes them (`analyzer.languages.use` says
+which); clocks, and `seconds`, which may be typed in again, are the same in all.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Mapping
+from contextvars import ContextVar
 from datetime import UTC, datetime, timedelta, tzinfo
 from enum import Enum
 from typing import TYPE_CHECKING, Final, overload
@@ -16,6 +22,9 @@ CLOCK_FROM_NS: Final = 10**17  # times after 1973 are taken for a clock's, other
 UNITS_NS: Final = {"ns": 1, "us": 10**3, "ms": 10**6, "s": 10**9, "min": 60 * 10**9, "h": 3600 * 10**9}
 HOUR_NS: Final = UNITS_NS["h"]
 DAY_NS: Final = 24 * HOUR_NS
+_ENGLISH_UNITS: Final[Mapping[str, str]] = {}
+_units: ContextVar[Mapping[str, str]] = ContextVar("units", default=_ENGLISH_UNITS)
+_POINT: Final = re.compile(r"(?<=\d)\.(?=\d)")
 _EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 
 
@@ -26,6 +35,22 @@ class TimeBase(Enum):
     ABSOLUTE = "UTC"
     PREVIOUS = "since previous"
     REFERENCE = "since reference"
+
+
+def write_units(units: Mapping[str, str]) -> None:
+    """Units by their English from now on (in this thread, or whatever context it is), decimals with a comma; none of
+    them: as in English."""
+    _units.set(units or _ENGLISH_UNITS)
+
+
+def unit_word(unit: str) -> str:
+    """A unit as the language in use writes it: `ms`, `bit/s`, `kB`."""
+    return _units.get().get(unit, unit)
+
+
+def decimal(text: str) -> str:
+    """A number, or two, with the decimal mark of the language in use."""
+    return _POINT.sub(",", text) if _units.get() else text
 
 
 @overload
@@ -65,7 +90,7 @@ def clock_text(t_ns: int) -> str:
 def date_and_time(t_ns: int, zone: tzinfo = UTC) -> str:
     """`2026-11-21 08:29:51.123456 UTC`, or seconds on the capture's own clock."""
     if not is_clock(t_ns):
-        return f"{seconds(t_ns)} s on the capture's clock"
+        return " ".join((seconds(t_ns), unit_word("s on the capture's clock")))
     moment = moment_of(t_ns // 1_000_000_000, zone)
     return f"{moment:%Y-%m-%d} {time_of_day(t_ns, zone)} {zone_name(t_ns, zone)}"
 
@@ -82,18 +107,18 @@ def short(ns: int | None) -> str:
     if ns < 0:
         return "-" + short(-ns)
     if ns < 999_500:
-        return f"{ns / 1e3:.0f}us"
+        return f"{ns / 1e3:.0f}{unit_word('us')}"
     if ns < 999_500_000:
-        return f"{ns / 1e6:.3g}ms"
+        return decimal(f"{ns / 1e6:.3g}") + unit_word("ms")
     if ns < 99_950_000_000:
-        return f"{ns / 1e9:.3g}s"
+        return decimal(f"{ns / 1e9:.3g}") + unit_word("s")
     minutes, rest = divmod(ns // 1_000_000_000, 60)
     if minutes < 100:
-        return f"{minutes}m{rest:02d}s"
+        return f"{minutes}{unit_word('m')}{rest:02d}{unit_word('s')}"
     hours, minutes = divmod(minutes, 60)
     if hours < 100:
-        return f"{hours}h{minutes:02d}m"
-    return f"{hours // 24}d" if hours < 24_000 else ">999d"
+        return f"{hours}{unit_word('h')}{minutes:02d}{unit_word('m')}"
+    return f"{hours // 24 if hours < 24_000 else '>999'}{unit_word('d')}"
 
 
 def pointed_ms(low_ns: int, high_ns: int) -> str:
@@ -103,11 +128,11 @@ def pointed_ms(low_ns: int, high_ns: int) -> str:
         digits = 2 if low_ns < 950_000 and high_ns < 9_950_000 else 1 if high_ns < 99_500_000 else 0
         scale = 10**digits / 1e6
         low, high = math.floor(low_ns * scale) / 10**digits, math.ceil(high_ns * scale) / 10**digits
-        return f"{low:.{digits}f}..{high:.{digits}f}".rjust(10)
+        return decimal(f"{low:.{digits}f}..{high:.{digits}f}").rjust(10)
     ns = low_ns
     ms = ns / 1e6
     whole, _, rest = f"{ms:.{3 if ms < 1 else 2 if ms < 10 else 1 if ms < 100 else 0}f}".partition(".")
-    return f"{whole:>5}{'.' if rest else ' '}{rest:<3}"
+    return f"{whole:>5}{decimal(f'0.{rest}')[1] if rest else ' '}{rest:<3}"
 
 
 def short_bound(bounds: tuple[int, int] | None) -> str:
@@ -130,18 +155,20 @@ def moment(t_ns: int) -> str:
 def duration(ns: int) -> str:
     """A time in its natural unit, three or four digits: `870 us`, `12.3 ms`, `4.2 s`, `3 h 12 min`."""
     if ns < 999_500:
-        return f"{ns / 1e3:.0f} us"
+        return f"{ns / 1e3:.0f} {unit_word('us')}"
     if ns < 999_500_000:
-        return f"{ns / 1e6:.3g} ms"
+        return f"{decimal(f'{ns / 1e6:.3g}')} {unit_word('ms')}"
     seconds = ns / 1e9
     if seconds < 99.95:
-        return f"{seconds:.3g} s"
+        return f"{decimal(f'{seconds:.3g}')} {unit_word('s')}"
     minutes, seconds = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     days, hours = divmod(hours, 24)
     if days:
-        return f"{days} d {hours} h"
-    return f"{hours} h {minutes} min" if hours else f"{minutes} min {seconds} s"
+        return f"{days} {unit_word('d')} {hours} {unit_word('h')}"
+    if hours:
+        return f"{hours} {unit_word('h')} {minutes} {unit_word('min')}"
+    return f"{minutes} {unit_word('min')} {seconds} {unit_word('s')}"
 
 
 def between(low_ns: int, high_ns: int) -> str:
@@ -150,7 +177,8 @@ def between(low_ns: int, high_ns: int) -> str:
         return duration(low_ns)
     for scale, unit in ((1e3, "us"), (1e6, "ms"), (1e9, "s")):
         if high_ns < 999.5 * scale or unit == "s":
-            return f"{_rounded(low_ns / scale, math.floor)}..{_rounded(high_ns / scale, math.ceil)} {unit}"
+            span = f"{_rounded(low_ns / scale, math.floor)}..{_rounded(high_ns / scale, math.ceil)}"
+            return f"{decimal(span)} {unit_word(unit)}"
     return duration(high_ns)
 
 
@@ -169,15 +197,16 @@ def compact(number: int) -> str:
         return str(number)
     for scale, letter in ((1e3, "k"), (1e6, "M"), (1e9, "G"), (1e12, "T")):
         if number < 999.5 * scale:
-            return f"{number / scale:.{2 if number < 9.995 * scale else 1 if number < 99.95 * scale else 0}f}{letter}"
-    return ">999T"
+            digits = 2 if number < 9.995 * scale else 1 if number < 99.95 * scale else 0
+            return decimal(f"{number / scale:.{digits}f}") + unit_word(letter)
+    return ">999" + unit_word("T")
 
 
 def percent(share: float) -> str:
     """A share in at most five characters; one that is not nothing is never called `0%`: `12%`, `0.4%`, `<0.1%`."""
     if share >= 0.0995 or share <= 0:
         return f"{share:.0%}"
-    return f"{share:.1%}" if share >= 0.0005 else "<0.1%"
+    return decimal(f"{share:.1%}" if share >= 0.0005 else "<0.1%")
 
 
 def plural(number: int, one: str, many: str) -> str:
@@ -188,9 +217,9 @@ def plural(number: int, one: str, many: str) -> str:
 def data_size(octets: int) -> str:
     """A number of bytes as people read it: `812 B`, `5.2 kB`, `1.2 MB`, `3.4 GB`."""
     if octets < 1000:
-        return f"{octets} B"
+        return f"{octets} {unit_word('B')}"
     for unit in ("kB", "MB"):
         octets_of = octets / (1e3 if unit == "kB" else 1e6)
         if octets_of < 999.95:
-            return f"{octets_of:.1f} {unit}"
-    return f"{octets / 1e9:.1f} GB"
+            return f"{decimal(f'{octets_of:.1f}')} {unit_word(unit)}"
+    return f"{decimal(f'{octets / 1e9:.1f}')} {unit_word('GB')}"

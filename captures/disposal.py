@@ -64,7 +64,7 @@ def remove_listed(root: Path, names: Iterable[str]) -> dict[str, str]:
 def _remove_below(root: Path, name: str) -> None:
     *folders, last = parts = name.split("/")
     if any(part in ("", ".", "..") or "\\" in part for part in parts):
-        raise OSError(errno.EINVAL, "not a name below the folder")
+        raise OSError(errno.EINVAL, "not a path inside the folder")
     if _BELOW:
         with _opened_folder(root, folders) as folder:
             _refuse_unless_regular(os.stat(last, dir_fd=folder, follow_symlinks=False))
@@ -74,7 +74,7 @@ def _remove_below(root: Path, name: str) -> None:
     for part in folders:  # Windows
         path /= part
         if path.is_symlink() or getattr(path, "is_junction", bool)():
-            raise OSError(errno.ELOOP, "behind a link")
+            raise OSError(errno.ELOOP, "reached through a link")
     _refuse_unless_regular((path / last).lstat())
     (path / last).unlink()
 
@@ -107,7 +107,7 @@ def _opened_folder(root: Path, folders: Iterable[str]) -> Iterator[int]:
                 inner = os.open(folder, os.O_RDONLY | _FOLDER, dir_fd=descriptor)
             except OSError as error:
                 if error.errno in (errno.ELOOP, errno.ENOTDIR):
-                    raise OSError(errno.ELOOP, "behind a link") from error
+                    raise OSError(errno.ELOOP, "reached through a link") from error
                 raise
             os.close(descriptor)
             descriptor = inner

@@ -36,7 +36,7 @@ def cut_to_spans(capture: Capture, spans: Spans) -> Capture:
 def cut_to_times(capture: Capture, times: Times) -> Capture:
     """The reads that returned in these times; CaptureError where the capture has no times."""
     if not capture.timed:
-        raise CaptureError(f"{capture.path or 'the capture'}: has no times to cut by: give --frames")
+        raise CaptureError(f"{capture.path or 'the capture'}: has no timestamps to cut by: use --frames")
     return _made(_CutToTimes(capture, capture.line, capture.timed, times), capture)
 
 
@@ -50,10 +50,10 @@ def merged(captures: Sequence[Capture], names: Sequence[str] = ()) -> Capture:
         return captures[0]
     for capture in captures if len(captures) > 1 else ():
         if not capture.timed:
-            raise CaptureError(f"{capture.path or 'a capture'}: has no times, by which captures are merged")
+            raise CaptureError(f"{capture.path or 'a capture'}: has no timestamps to merge by")
     counts = [_port_count(capture) for capture in captures]
     if sum(counts) > _PORTS:
-        raise CaptureError(f"{sum(counts)} ports are more than the {_PORTS} that a capture can have")
+        raise CaptureError(f"{sum(counts)} ports: a capture can have at most {_PORTS}")
     firsts = [sum(counts[:i]) for i in range(len(counts))]
     line = _common_line(captures, firsts, counts, names)
     return Capture(_Merged(tuple(captures), tuple(firsts), line, captures[0].timed))

@@ -32,7 +32,7 @@ def os_reason(error: OSError) -> str:
     if distrust := getattr(error, "verify_message", ""):  # of TLS, as those below; `ssl` is not imported for that
         return f"its certificate is not trusted: {distrust.lower()}"
     if type(error).__name__ == "SSLEOFError":
-        return "closed at its other end"
+        return "closed by the other end"
     if getattr(error, "library", None) and (said := getattr(error, "reason", None)):
         return f"TLS: {str(said).replace('_', ' ').lower()}"
     return (error.strerror or str(error) or type(error).__name__).lower()

@@ -24,7 +24,7 @@ _HEADER_LIMIT = 1 << 20
 PRIVATE: Final = 0o600  # the mode of new files whose content is their owner's alone: recordings, settings
 _DEVICES: Final = "\\\\.\\"  # how Windows' whole paths of devices begin
 _PIECE = 1 << 16
-_SOURCE = "open the capture that it was made from"
+_SOURCE = "open the capture it was made from"
 
 # What people hand over by mistake: how such a file begins, what it is, what to do.
 _OTHER_KINDS = (
@@ -38,12 +38,12 @@ _OTHER_KINDS = (
     (b"%PDF-", "a PDF document"),
     (b"SQLite format 3\x00", "an SQLite database"),
     (b"PAR1", f"a Parquet table: {_SOURCE}"),
-    (b"snoop\0\0\0", "a file of snoop: convert it, as with `tshark -r FILE -w FILE.pcapng`"),
-    (b"GMBU", "a file of Network Monitor: convert it, as with `tshark -r FILE -w FILE.pcapng`"),
-    (b"RTSS", "a file of Network Monitor 1: convert it, as with `tshark -r FILE -w FILE.pcapng`"),
+    (b"snoop\0\0\0", "a snoop file: convert it, for example with `tshark -r FILE -w FILE.pcapng`"),
+    (b"GMBU", "a Network Monitor file: convert it, for example with `tshark -r FILE -w FILE.pcapng`"),
+    (b"RTSS", "a Network Monitor 1 file: convert it, for example with `tshark -r FILE -w FILE.pcapng`"),
     (b"<!DOCTYPE html", f"an HTML page: {_SOURCE}"),
 )
-EXPORTED: Final = f"a table that this tool exported: {_SOURCE}"
+EXPORTED: Final = f"a table exported by rtuscope: {_SOURCE}"
 _XML: Final = b"<?xml"
 _TAR = (257, b"ustar")  # offset and what stands there
 _OWN_COLUMNS = {"index", "unit", "function", "severity", "address"}  # beside one with a time in ns
@@ -86,7 +86,7 @@ def other_kind(head: bytes, *, log: bool = False) -> str | None:
     if _OWN_COLUMNS.intersection(columns) and any(column.endswith("_ns") for column in columns):
         return EXPORTED
     if _OWN_KEYS.match(head):
-        return f"a report of this tool: {_SOURCE}"
+        return f"a report made by rtuscope: {_SOURCE}"
     return None
 
 
@@ -121,7 +121,7 @@ def opened(path: Path) -> Iterator[BinaryIO]:
         if stat.S_ISDIR(mode):
             raise CaptureError(f"{path}: is a directory: name a capture file in it")
         if not stat.S_ISREG(mode):  # opening a device could wait, or read, for ever (for pipes: `captures.packed`)
-            raise CaptureError(f"{path}: not a file but a device: save what it gives to a file first")
+            raise CaptureError(f"{path}: a device, not a file: save its data to a file first")
         with path.open("rb") as file:
             _READ.append(file)
             try:
@@ -193,7 +193,7 @@ def replacing(path: Path | str, *, private: bool = False) -> Iterator[BinaryIO]:
         there = target.exists()
         if there and not target.is_file():
             if target.is_dir():
-                raise CaptureError(f"{path}: is a directory: give the name of a file to write")
+                raise CaptureError(f"{path}: is a directory: give a file name")
             with device_stream(target) as file:
                 yield file
             return
@@ -213,7 +213,7 @@ def replacing(path: Path | str, *, private: bool = False) -> Iterator[BinaryIO]:
                 remove_made(part, mine)
             raise
     except FileNotFoundError as error:
-        raise CaptureError(f"{path}: cannot be written: no such folder as {path.parent}") from error
+        raise CaptureError(f"{path}: cannot be written: no folder {path.parent}") from error
     except OSError as error:
         raise CaptureError(f"{path}: cannot be written: {os_reason(error)}") from error
 
@@ -223,7 +223,7 @@ def _settle(part: Path, target: Path) -> None:
     names = (target.with_name(f"{target.stem}-{number}{target.suffix}") for number in range(2, 1000))
     taken = move_to_free_name(part, chain((target,), names))
     if taken != target:
-        raise CaptureError(f"{target}: another program has made it meanwhile: what was to be there is {taken}")
+        raise CaptureError(f"{target}: another program created it meanwhile; the output is in {taken}")
 
 
 def refuse_device_name(path: Path) -> None:
@@ -231,7 +231,7 @@ def refuse_device_name(path: Path) -> None:
     device = os.path.abspath(path).rstrip("\\")  # noqa: PTH100 - pathlib leaves it as it is
     if os.name == "nt" and device.startswith(_DEVICES) and path.name.lower() != "nul":
         device = device.removeprefix(_DEVICES).upper()
-        raise CaptureError(f"{path}: by that name Windows means the device {device}: give another")
+        raise CaptureError(f"{path}: on Windows this name means the device {device}: give another")
 
 
 def _umask() -> int:

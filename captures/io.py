@@ -55,7 +55,7 @@ def open(
     chosen = None if format is None else by_name(format)
     settings = {"baud": baud, "parity": parity, "bits": bits, "stop": stop, "polarity": polarity, "tz": zone}
     if polarity not in (None, *POLARITIES):
-        raise CaptureError(f"polarity {polarity!r} is none: give {' or '.join(POLARITIES)}")
+        raise CaptureError(f"unknown polarity {polarity!r}: use {' or '.join(POLARITIES)}")
     try:
         LineSettings().with_settings(baud, parity, bits, stop)
     except ValueError as error:
@@ -93,7 +93,8 @@ def time_zone(text: str) -> tzinfo:
         return ZoneInfo(text)
     except Exception as error:  # ValueError, KeyError, OSError: hostile names reach the file system
         raise CaptureError(
-            f"no time zone {text[:40]!r}: give a name such as Europe/Berlin, an offset such as +03:00, UTC or local"
+            f"unknown time zone {text[:40]!r}: give a name such as Europe/Berlin, an offset such as +03:00, UTC or "
+            "local"
         ) from error
 
 
@@ -192,7 +193,7 @@ def write(
 
 def _put(chosen: Format, file: BinaryIO, line: LineSettings, capture: Capture) -> None:
     if chosen.write is None:
-        raise CaptureError(f"captures in the format {chosen.name!r} can be read, but not written")
+        raise CaptureError(f"the format {chosen.name!r} can be read, but not written")
     notes = {"notes": capture.notes()} if keeps_notes(chosen) else {}
     chosen.write(file, line, capture.blocks(), capture.timed, **notes)
 

@@ -66,7 +66,7 @@ class LineSettings:
                 settings[key] = value
             else:
                 notes[key] = _note_text(value)
-                complaints.append(f"{key} is {_note_text(value)[:40]}, which no line can have: not used")
+                complaints.append(f"{key} is {_note_text(value)[:40]}, impossible for a line: ignored")
         return cls(**settings, notes=notes), complaints  # type: ignore[arg-type]
 
     def to_header(self) -> dict[str, object]:
@@ -89,7 +89,7 @@ class LineSettings:
         settings = {"baud": baud, "parity": parity, "stop_bits": stop}
         for name, value in settings.items():
             if value is not None and not _RULES[name](value):
-                raise ValueError(f"{name.partition('_')[0]} {value!r} is a setting that no line can have")
+                raise ValueError(f"{name.partition('_')[0]} {value!r} is impossible for a line")
         if bits is not None and not _whole(bits, 5, 8):
             raise ValueError(f"{bits!r} data bits are a setting that no line can have: 5 to 8")
         line = replace(self, baud=baud or self.baud, parity=parity or self.parity, stop_bits=stop or self.stop_bits)

@@ -90,7 +90,7 @@ def _spooled(stream: IO[bytes], name: str, base: str) -> LocalFile:
             _copied(stream, out, name, limit=None)
     except OSError as error:
         folder.remove()
-        raise CaptureError(f"{name}: cannot be kept in {folder.path.parent}: {os_reason(error)}") from error
+        raise CaptureError(f"{name}: cannot be stored in {folder.path.parent}: {os_reason(error)}") from error
     except BaseException:
         folder.remove()
         raise
@@ -142,7 +142,9 @@ def _copied(source: IO[bytes], out: IO[bytes], name: str, *, limit: int | None) 
             return None
         size += len(piece)
         if limit is not None and size > limit:
-            raise CaptureError(f"{name}: holds over {limit >> 20:,} MiB, {_GROWTH} times its size: unpack it first")
+            raise CaptureError(
+                f"{name}: unpacks to over {limit >> 20:,} MiB, {_GROWTH} times its size: unpack it first"
+            )
         if size % (_PIECE << 6) < len(piece) and shutil.disk_usage(tempfile.gettempdir()).free < _ROOM:
             raise CaptureError(f"{name}: too large for {tempfile.gettempdir()}: set TMPDIR to a larger disk")
         out.write(piece)
@@ -182,8 +184,8 @@ def _put(stream: IO[bytes], target: Path, file: LocalFile, packing: str) -> Loca
     if cut is None:
         return replace(file, path=target)
     if not target.stat().st_size:
-        raise CaptureError(f"{file.name}: packed with {packing}, {cut}: nothing can be read of it")
-    return replace(file, path=target, cut=f"the {packing} file is {cut}: what came before was read")
+        raise CaptureError(f"{file.name}: packed with {packing}, {cut}: nothing can be read")
+    return replace(file, path=target, cut=f"the {packing} file is {cut}: everything before it was read")
 
 
 class _Zip(_Packing):

@@ -75,9 +75,9 @@ class TimeOrder:
             yield f"chunk {late.chunk}", f"time goes back {late.times} by {late.back_ns / 1e6:.3f} ms: held"
         if steps.count:
             back = f"{steps.back_ns / 1e9:.3f} s"
-            yield f"chunk {steps.chunk}", f"clock set back {steps.times} by {back}: what follows is shifted on"
+            yield f"chunk {steps.chunk}", f"clock set back {steps.times} by {back}: later times are shifted forward"
         if self._beyond.count:
-            yield f"chunk {self._beyond.chunk}", "shifted on beyond the last time that there is: held there"
+            yield f"chunk {self._beyond.chunk}", "shifted beyond the last possible time: held there"
 
     def _in_order(
         self, port: int, raw: NDArray[np.int64], change: NDArray[np.int64], chunk: NDArray[np.int64]

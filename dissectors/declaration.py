@@ -329,7 +329,7 @@ class Function:
 
     def __post_init__(self) -> None:
         if not isinstance(self.code, int) or not 1 <= self.code <= 127:
-            raise DeclarationError(f"function {self.name!r}: the code is {self.code!r}, codes are 1 to 127")
+            raise DeclarationError(f"function {self.name!r}: the code is {self.code!r}, but codes run from 1 to 127")
         for side in ("request", "response"):
             if not isinstance(getattr(self, side), construct.Construct):
                 raise DeclarationError(f"function {self.code} {self.name!r}: the {side} is not a construct")

@@ -119,7 +119,7 @@ def load_entry_points(tell: Callable[[str], object] = warnings.warn) -> list[Fun
         except BaseException as error:
             if isinstance(error, KeyboardInterrupt):
                 raise
-            tell(f"plug-in {point.name} ({point.value}) is left out: {_error_line(error)}")
+            tell(f"plug-in {point.name} ({point.value}) is skipped: {_error_line(error)}")
     return loaded
 
 
@@ -163,7 +163,7 @@ def _check(function: Function) -> None:
     names = (*field_names(function.request), *field_names(function.response))
     for text in (function.name, *function.words("request"), *function.words("response"), *names):
         if not isinstance(text, str) or not text.isprintable():
-            raise DeclarationError(f"function {function.code}: {text!r} is no text that can be shown")
+            raise DeclarationError(f"function {function.code}: {text!r} cannot be shown as text")
     for role in Role:
         try:
             compiled(function, role)

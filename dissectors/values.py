@@ -155,14 +155,14 @@ def physical(logical_address: str) -> tuple[Area, int]:
             return area, _from_one(text[2:], 0x10000, logical_address)
         if text[:1] == area[0] and len(text) in (5, 6):
             return area, _from_one(text[1:], _SHORT_LAST if len(text) == 5 else 0x10000, logical_address)
-    raise ValueFormError(f"{logical_address!r} is no logical address: 40108, 400108 or 4x108, areas 0, 1, 3, 4")
+    raise ValueFormError(f"{logical_address!r} is not a logical address: use 40108, 400108 or 4x108, areas 0, 1, 3, 4")
 
 
 def _from_one(digits: str, last: int, whole: str) -> int:
     if not (digits.isascii() and digits.isdigit()):
-        raise ValueFormError(f"{whole!r} is no logical address: digits must follow the area")
+        raise ValueFormError(f"{whole!r} is not a logical address: digits must follow the area")
     if not 1 <= int(digits) <= last:
-        raise ValueFormError(f"{whole!r} is no logical address: {int(digits)} is outside 1 to {last}")
+        raise ValueFormError(f"{whole!r} is not a logical address: {int(digits)} is outside 1 to {last}")
     return int(digits) - 1
 
 

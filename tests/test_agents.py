@@ -225,7 +225,7 @@ def test_a_lake_answers_with_its_hash_and_one_with_a_link_outside_is_refused(tmp
     assert statement["cite"] == f"{answer['sha256'][:12]}:r0"
     assert told(tools, "ask", lake="lake", question="worst-units")["statements"]
     assert "disabled" in refusal(tools, f"SELECT * FROM read_csv('{tmp_path / 'bus.mcap'}')")
-    assert "nothing but queries" in refusal(tools, "DROP VIEW frames")
+    assert "only SELECT" in refusal(tools, "DROP VIEW frames")
     if os.name == "posix":
         (tmp_path / "root" / "lake" / "frames" / "out.parquet").symlink_to(tmp_path / "bus.mcap")
         with pytest.raises(AgentError, match="link"):

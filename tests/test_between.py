@@ -286,9 +286,9 @@ def test_a_gateway_that_is_not_there_is_told_and_ends_the_connection():
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["between"], "between what?"),
-        (["between", "x", "--to", "1.2.3.4:502", "--listen", "0"], "between what?"),
-        (["between", "--listen", "0"], "--listen and --to go together"),
+        (["between"], "no port given"),
+        (["between", "x", "--to", "1.2.3.4:502", "--listen", "0"], "no port given"),
+        (["between", "--listen", "0"], "use --listen and --to together"),
         (["between", "--listen", "0", "--to", "h:1", "--baud", "9600"], "its own line settings"),
         (["between", "/dev/nowhere"], "no such port"),
         (["between", "rfc2217://host:1"], "passed on to serial devices"),

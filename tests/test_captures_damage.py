@@ -172,8 +172,8 @@ def test_what_is_missing_is_told_from_when_to_when(tmp_path: Path, whole: bool) 
     assert [number for number, _ in parts(capture)] == [i for i in range(24) if i not in (5, 6, 20)]
     lost = [str(damage) for damage in capture.damage if "lost" in damage.what]
     assert len(lost) == 2
-    assert "and 1 more: what was heard between 2027-01-15T08:00:02.000Z and 2027-01-15T08:00:03.500Z is lost" in lost[0]
-    assert "what was heard between 2027-01-15T08:00:09.500Z and 2027-01-15T08:00:10.500Z is lost" in lost[1]
+    assert "and 1 more: data received between 2027-01-15T08:00:02.000Z and 2027-01-15T08:00:03.500Z is lost" in lost[0]
+    assert "data received between 2027-01-15T08:00:09.500Z and 2027-01-15T08:00:10.500Z is lost" in lost[1]
     assert lost[0].startswith(f"byte {places(recording())[5][0]}: a damaged chunk (")
 
 
@@ -186,7 +186,7 @@ def test_settings_of_the_line_are_found_after_damage_at_the_beginning(tmp_path: 
     cut = opened(tmp_path, hit + recording(whole=False)[begin:])
     assert parts(cut) == whole_parts()[1:]
     assert cut.line == LineSettings()
-    assert "the settings of the line are damaged: not known" in cut.damage[0].what
+    assert "the line settings are damaged and unknown" in cut.damage[0].what
 
 
 def test_notes_survive_damage_elsewhere(tmp_path: Path) -> None:
@@ -217,7 +217,7 @@ def test_messages_that_the_summary_counts_and_nobody_finds_are_told(tmp_path: Pa
     writer.finish()
     capture = opened(tmp_path, out.getvalue())
     assert parts(capture) == whole_parts()
-    assert [damage.what for damage in capture.damage] == [f"2 of 26 messages on {TOPIC} are not there"]
+    assert [damage.what for damage in capture.damage] == [f"2 of 26 messages on {TOPIC} are missing"]
 
 
 class BadSector(io.BytesIO):
@@ -299,7 +299,7 @@ def test_the_limit_of_a_chunk_is_a_setting(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.setenv("RTUSCOPE_CHUNK_MIB", "2")
     capture = opened(tmp_path, file.getvalue())
     assert list(capture.chunks()) == []
-    assert "4 MiB unpacked are more than 2: RTUSCOPE_CHUNK_MIB=4 allows it" in capture.damage[0].what
+    assert "it unpacks to 4 MiB, over 2: RTUSCOPE_CHUNK_MIB=4 allows it" in capture.damage[0].what
     with pytest.raises(CaptureError, match="too large for an MCAP file"):
         captures.write(io.BytesIO(), [chunk], line=LINE, format="mcap")
     monkeypatch.setenv("RTUSCOPE_CHUNK_MIB", "4")

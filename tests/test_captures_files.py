@@ -45,9 +45,9 @@ def refused(path: Path, format: str | None = None) -> str:
         (b"PK\x03\x04....", "zip archive"),
         (b"Rar!\x1a\x07", "rar archive"),
         (b"PAR1....", "Parquet table"),
-        (b"kind,index,port,start,length,seconds,t_start_ns\nframe,0,0,0,8,0.0,1\n", "a table that this tool exported"),
-        (b"\xef\xbb\xbfindex;unit;t_start_ns\r\n", "open the capture that it was made from"),
-        (b'{\n  "source": "bus.jsonl",\n  "frames": 12\n}\n', "a report of this tool"),
+        (b"kind,index,port,start,length,seconds,t_start_ns\nframe,0,0,0,8,0.0,1\n", "a table exported by rtuscope"),
+        (b"\xef\xbb\xbfindex;unit;t_start_ns\r\n", "open the capture it was made from"),
+        (b'{\n  "source": "bus.jsonl",\n  "frames": 12\n}\n', "a report made by rtuscope"),
         (b"\x7fELF\x02\x01", "ELF program"),
         (b"%PDF-1.7", "PDF document"),
         (b"<?xml version='1.0'?>\n<map>\n<title>Holding registers</title>\n</map>\n", "XML document"),
@@ -69,7 +69,7 @@ def test_a_table_of_frames_is_one_whatever_its_numbers_look_like(
     """A logic analyser's samples, by their numbers."""
     path = tmp_path / "frames.csv"
     assert ran(capsys, "export", samples.path("troubled.jsonl"), "-o", path).status == 0
-    assert "a table that this tool exported" in refused(path)
+    assert "a table exported by rtuscope" in refused(path)
 
 
 def test_missing_files_and_folders(tmp_path: Path) -> None:
@@ -120,7 +120,7 @@ def test_an_unknown_suffix_with_unknown_content_lists_the_formats(tmp_path: Path
     text = refused(path)
     assert "mcap" in text
     assert "serial-chunks" in text
-    assert "no capture format named 'nonsense'" in refused(path, format="nonsense")
+    assert "no capture format 'nonsense'" in refused(path, format="nonsense")
 
 
 def test_content_outweighs_the_suffix(tmp_path: Path) -> None:
@@ -198,9 +198,9 @@ def test_a_full_disk_leaves_nothing_behind(tmp_path: Path) -> None:
 
 def test_where_nothing_can_be_written_is_said(tmp_path: Path) -> None:
     for path, said in (
-        (tmp_path / "absent" / "out.jsonl", "no such folder"),
-        (tmp_path / "out.nothing", "no format to write"),
-        (tmp_path / "out.csv", "no format to write"),
+        (tmp_path / "absent" / "out.jsonl", "no folder"),
+        (tmp_path / "out.nothing", "no format writes"),
+        (tmp_path / "out.csv", "no format writes"),
     ):
         with pytest.raises(CaptureError, match=said):
             captures.write(path, READS)
@@ -323,7 +323,7 @@ def test_what_comes_before_a_cut_is_read(suffix: str, lines: int, tmp_path: Path
     left, damage = _octets(path)
     assert data.startswith(left[: len(left) - 24])  # of its last line there may be half
     assert len(left) > 0.5 * len(data)
-    assert "cut" in damage[-1] and "what came before was read" in damage[-1]
+    assert "cut" in damage[-1] and "everything before it was read" in damage[-1]
 
 
 @pytest.mark.parametrize("suffix", PACK)

@@ -150,7 +150,7 @@ def test_settings_survive_the_loss_of_the_metadata_record(tmp_path: Path) -> Non
 @pytest.mark.parametrize("cut", [0, 40])
 def test_an_mcap_of_another_origin_is_refused_in_a_line(tmp_path: Path, cut: int) -> None:
     content = shared_file(some_blocks(1), metadata=False)
-    with pytest.raises(CaptureError, match="without raw chunks"):
+    with pytest.raises(CaptureError, match="without raw bytes"):
         opened(tmp_path / "foreign.mcap", content[: len(content) - cut])
 
 

@@ -298,7 +298,7 @@ def test_other_formats_can_be_added(monkeypatch: pytest.MonkeyPatch, tmp_path: P
     monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: offered.get(group, []))
     formats.foreign_formats.cache_clear()
     try:
-        with pytest.warns(UserWarning, match=r"plug-in broken \(broken:FORMAT\) is left out: ImportError: missing"):
+        with pytest.warns(UserWarning, match=r"plug-in broken \(broken:FORMAT\) is skipped: ImportError: missing"):
             assert log(tmp_path, "VENDOR\x00", "capture.vnd").format == "vendor"
         assert captures.open(tmp_path / "capture.vnd", format="vendor").format == "vendor"
     finally:

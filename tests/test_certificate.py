@@ -196,7 +196,7 @@ def test_the_page_is_whole_and_a_hostile_name_is_text(tmp_path: Path, capsys: py
     assert ran(capsys, "certify", str(path), "--html", str(out)).status == 0
     page = out.read_text(encoding="utf-8")
     assert "size: A4" in page and "a|&lt;b&gt;x.jsonl" in page and "<b>x" not in page and "<script" not in page
-    assert "is there already" in refused(capsys, "certify", str(path), "--html", str(out))
+    assert "already exists" in refused(capsys, "certify", str(path), "--html", str(out))
     assert r"a\|\<b\>x.jsonl" in ran(capsys, "certify", str(path)).out
 
 
@@ -214,14 +214,14 @@ def test_a_capture_without_times_has_no_response_times(tmp_path: Path, capsys: p
     [
         ("[lots]\npass = 1", "did you mean lost?"),
         ("[lost]\npas = 1", "no key 'pas'"),
-        ("[lost]\npass = 2", "is a number from"),
-        ("[lost]\npass = true", "is a number from"),
-        ("lost = 1", "is a table"),
-        ("[lost]\npass = 0.1\nfail = 0.01", "fails below what passes"),
-        ("[unit.300.lost]\npass = 0.1", "a unit is a number"),
-        ("[unit.1.load]\npass = 0.1", "the load is the line's"),
-        ("unit = 3", "holds a table for each unit"),
-        ("confidence = 2", "is a number from"),
+        ("[lost]\npass = 2", "must be a number from"),
+        ("[lost]\npass = true", "must be a number from"),
+        ("lost = 1", "must be a table"),
+        ("[lost]\npass = 0.1\nfail = 0.01", "fail is lower than pass"),
+        ("[unit.300.lost]\npass = 0.1", "a unit must be a number"),
+        ("[unit.1.load]\npass = 0.1", "the load belongs to the line"),
+        ("unit = 3", "must hold a table for each unit"),
+        ("confidence = 2", "must be a number from"),
         ("[[", "is no TOML"),
     ],
 )

@@ -149,14 +149,14 @@ def test_the_load() -> None:
         ("none where unt == 3", 12, "did you mean unit?"),
         ("all where request: quantity == x", 32, "number"),
         ("none where text == 'a", 20, "quote"),
-        ("no writes outside 4x100-50", 19, "upwards"),
-        ("no writes outside 4x1-3x5", 19, "one area"),
+        ("no writes outside 4x100-50", 19, "backwards"),
+        ("no writes outside 4x1-3x5", 19, "same area"),
         ("no writes outside 4x0-70000", 19, "65535"),
-        ("no writes outside 100", 19, "no logical address"),
+        ("no writes outside 100", 19, "not a logical address"),
         ("units are 1, 256", 14, "255"),
         ("at most 1.5 retries", 9, "whole number"),
         ("load < 200 %", 8, "100 %"),
-        ("no crc errors please or else", 4, "nothing is called"),
+        ("no crc errors please or else", 4, "is unknown"),
         ("", 1, "expected"),
     ],
 )
@@ -287,7 +287,7 @@ def test_limits_are_taken_and_refused(capsys: pytest.CaptureFixture[str], comman
     healthy = samples.path("healthy.jsonl")
     flags = ["--t15-ms", "0.75", "--t35-ms", "1.75", "--turnaround-ms", "200", "--idle-ms", "5"]
     assert ran(capsys, command, healthy, *flags).status == 0
-    assert "from 5 to 5000 ms" in refused(capsys, command, healthy, "--idle-ms", "4")
+    assert "between 5 and 5000 ms" in refused(capsys, command, healthy, "--idle-ms", "4")
     assert "'nan'" in refused(capsys, command, healthy, "--t15-ms", "nan")
     assert "longer" in refused(capsys, command, healthy, "--t15-ms", "2", "--t35-ms", "1")
 

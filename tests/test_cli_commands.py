@@ -84,11 +84,11 @@ def test_the_example_of_the_first_help_works(capsys):
     [
         (["frobnicate"], "no command 'frobnicate'"),
         (["--frobnicate"], "unrecognized arguments"),
-        (["--baud", "9600", "export", "x"], "--baud stands behind the command: rtuscope export --baud ..."),
+        (["--baud", "9600", "export", "x"], "--baud goes after the command: rtuscope export --baud ..."),
         (["sniff", "x", "--tui"], "--tui needs a terminal"),
-        (["sniff", "x", "--tui", "--trigger", "unit == 3"], "--trigger is for lines"),
-        (["sniff", "x", "--tui", "--json"], "--format is for lines"),
-        (["sniff", "x", "--rotate-every", "1h"], "--rotate-every goes with -o FILE"),
+        (["sniff", "x", "--tui", "--trigger", "unit == 3"], "--trigger is for output by line"),
+        (["sniff", "x", "--tui", "--json"], "--format is for output by line"),
+        (["sniff", "x", "--rotate-every", "1h"], "--rotate-every needs -o FILE"),
         (["export"], "required: CAPTURE"),
         (["report", "a.jsonl", "b.json"], "unrecognized arguments: b.json (see"),
         (["parse", "--as", "canbus", "11"], "invalid choice: 'canbus'"),
@@ -259,15 +259,15 @@ def test_a_broken_plug_in_is_named_and_left_out_and_the_others_are_not(tmp_path:
         assert done.status == status, done
         vendor, *formats = done.err.splitlines()
         assert vendor == (
-            "rtuscope: plug-in broken_vendor (broken_vendor:OFFERED) is left out: ZeroDivisionError: division by zero"
+            "rtuscope: plug-in broken_vendor (broken_vendor:OFFERED) is skipped: ZeroDivisionError: division by zero"
         )
-        assert all("plug-in broken_format (broken_format:OFFERED) is left out: " in line for line in formats)
+        assert all("plug-in broken_format (broken_format:OFFERED) is skipped: " in line for line in formats)
         assert bool(formats) == (arguments[0] == "report")  # formats of others are asked before our own
     assert "FC 101 (0x65) Good" in spawned("parse", "11 65 0B 1B", PYTHONPATH=paths).out
     (tmp_path / "what.xyz").write_bytes(b"\x00\x01")
     done = spawned("export", tmp_path / "what.xyz", PYTHONPATH=paths)
     assert done.status == 2 and len(done.err.splitlines()) == 3, done
-    assert "plug-in broken_format (broken_format:OFFERED) is left out: SystemExit: no license found" in done.err
+    assert "plug-in broken_format (broken_format:OFFERED) is skipped: SystemExit: no license found" in done.err
 
 
 def test_the_manual_page_is_the_parser_s():

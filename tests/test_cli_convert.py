@@ -81,7 +81,7 @@ def test_the_same_file_comes_back(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.usefixtures("folder")
 def test_hex_text_keeps_bytes_times_and_marks_and_says_what_it_lacks(capsys: pytest.CaptureFixture[str]) -> None:
     run = ran(capsys, "convert", "bus.jsonl", "-o", "bus.txt")
-    assert "no room for the line's settings" in run.err
+    assert "cannot store the line's settings" in run.err
     assert (
         Path("bus.txt").read_text(encoding="utf-8").splitlines()[0]
         == f"2023-11-14T22:13:20.000000000Z TX {ASK.hex(' ')}"
@@ -188,21 +188,21 @@ def test_notes_go_along_and_are_shifted(tmp_path: Path, capsys: pytest.CaptureFi
     assert ran(capsys, "convert", str(source), "-o", str(out), "--shift=-1s").status == 0
     assert captures.open(out).notes() == [Note(BEGIN, "lost", "unplugged")]
     run = ran(capsys, "convert", str(source), "-o", str(tmp_path / "out.jsonl"))
-    assert "no room for 1 note" in run.err
+    assert "cannot store 1 note" in run.err
 
 
 @pytest.mark.usefixtures("folder")
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["bus.jsonl", "-o", "bus.jsonl"], "is the capture that is being read"),
-        (["bus.jsonl", "-o", "there.jsonl"], "is there already"),
-        (["bus.jsonl", "-o", "x.csv"], "no format to write"),
+        (["bus.jsonl", "-o", "bus.jsonl"], "is the capture being read"),
+        (["bus.jsonl", "-o", "there.jsonl"], "already exists"),
+        (["bus.jsonl", "-o", "x.csv"], "no format writes"),
         (["bus.jsonl", "-o", "x.jsonl", "--frames", "9..3"], "--frames 9..3"),
         (["bus.jsonl", "-o", "x.jsonl", "--from", "yesterday"], "--start yesterday"),
         (["bus.jsonl", "-o", "x.jsonl", "--from", "5s", "--to", "2s"], "is later than"),
-        (["bus.jsonl", "-o", "x.jsonl", "--shift", "3=1s"], "number of an IN"),
-        (["bus.jsonl", "-o", "x.jsonl", "--seconds", "3"], "goes with --around"),
+        (["bus.jsonl", "-o", "x.jsonl", "--shift", "3=1s"], "that of an IN"),
+        (["bus.jsonl", "-o", "x.jsonl", "--seconds", "3"], "needs --around"),
         (["bus.jsonl", "-o", "x.jsonl", "--around", "nonsense =="], "--around"),
         (["bus.jsonl", "-o", "-", "--to-format", "pcap"], "can be read, but not written"),
         (["raw.bin", "-o", "x.jsonl", "--from", "1s"], "has no times"),

@@ -34,7 +34,7 @@ def test_a_file_that_is_there_needs_a_word(name: str, folder: Path, capsys: pyte
     if name == "out.truth.jsonl":
         command = ["simulate", "--transactions", "20", "out.jsonl"]  # whose truth has that name
     (folder / name).write_text("precious")
-    assert refused(capsys, *command).startswith(f"{name}: is there already: give another name, or --overwrite")
+    assert refused(capsys, *command).startswith(f"{name}: already exists: give another name, or --overwrite")
     assert [file.name for file in folder.iterdir()] == [name]
     assert (folder / name).read_text() == "precious"
     assert ran(capsys, *command, "--overwrite").status == 0
@@ -44,7 +44,7 @@ def test_a_file_that_is_there_needs_a_word(name: str, folder: Path, capsys: pyte
 @pytest.mark.parametrize("port", ["sniff", "record"])
 def test_a_recording_that_is_there_needs_a_word(port: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "bus.mcap").write_text("precious")
-    assert "bus.mcap: is there already" in refused(capsys, port, "/dev/nowhere", "-o", "bus.mcap")
+    assert "bus.mcap: already exists" in refused(capsys, port, "/dev/nowhere", "-o", "bus.mcap")
     assert (folder / "bus.mcap").read_text() == "precious"
 
 
@@ -58,7 +58,7 @@ def test_on_a_terminal_it_is_asked(answer: str, kept: bool, folder: Path) -> Non
     terminal.until(b"out.csv is there already: overwrite it? [y/N]")
     terminal.press(answer)
     assert terminal.status() == (2 if kept else 0)
-    assert (b"left as it was" in terminal.seen) == kept
+    assert (b"left unchanged" in terminal.seen) == kept
     assert ((folder / "out.csv").read_text() == "precious") == kept
 
 
@@ -83,6 +83,6 @@ def test_what_is_no_file_is_not_asked_about_and_the_capture_itself_is_never_writ
         ("report", "bus.jsonl", "--html"),
         ("check", "bus.jsonl", "--junit"),
     ):
-        assert "is the capture that is being read" in refused(capsys, *command, "./bus.jsonl", "--overwrite")
+        assert "is the capture being read" in refused(capsys, *command, "./bus.jsonl", "--overwrite")
     assert spawned("export", "bus.jsonl", "-o", "-", stdin=b"y\n", cwd=folder).status == 0
     assert (folder / "bus.jsonl").read_bytes() == HEALTHY.read_bytes()

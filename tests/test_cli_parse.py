@@ -81,7 +81,7 @@ def test_the_status_says_whether_there_is_a_frame(capsys, text, status):
     [
         (["hello"], "no hex bytes found in 'hello'"),
         (["11", "03", "0"], "odd number of hex digits"),
-        ([REQUEST, "-f", "x"], "not from both"),
+        ([REQUEST, "-f", "x"], "not both"),
         (["-f", "no-such-file"], "no-such-file: no such file"),
         (["-f", "."], "directory"),
         (["--functions", "no-such.py", REQUEST], "no-such.py"),
@@ -217,13 +217,13 @@ def test_times_of_a_log_are_of_the_zone_that_is_named(capsys, tmp_path, zone, ho
     path.write_text(LOG, encoding="utf-8")
     frame = json.loads(ran(capsys, "parse", "--json", "--tz", zone, "-f", path).out)
     assert frame["t_start_ns"] == 1_795_219_200 * 10**9 + 100_000_000 + hour * 3600 * 10**9
-    assert "no time zone" in refused(capsys, "parse", "--tz", "Nowhere/else", "-f", path)
+    assert "unknown time zone" in refused(capsys, "parse", "--tz", "Nowhere/else", "-f", path)
 
 
 def test_a_file_in_place_of_bytes_is_told_how_to_be_read(capsys, tmp_path):
     path = tmp_path / "bus.log"
     path.write_text(LOG, encoding="utf-8")
-    assert f"rtuscope parse -f {shell_word(str(path))} reads it" in refused(capsys, "parse", path)
+    assert f"read it with rtuscope parse -f {shell_word(str(path))}" in refused(capsys, "parse", path)
 
 
 def test_a_name_that_a_shell_would_take_apart_is_told_between_quotes():

@@ -79,12 +79,12 @@ _PORT = PortInfo("/dev/ttyUSB0", link="/dev/serial/by-id/x", latency_ms=16, used
         ),
         *(f"/dev/ttyUSB0: {words}" for high in (None, ["RTS"], ["RTS", "DTR"]) for words in high_line_words(high)),
         "/dev/ttyUSB0: no permission: `sudo usermod -aG dialout $USER`, then log in again",
-        "/dev/ttyUSB0: the adapter holds bytes back for 16 ms, so that silences cannot be told: `echo 1`",
+        "/dev/ttyUSB0: the adapter delays bytes by 16 ms, which hides gaps between frames: `echo 1`",
         "/dev/ttyUSB0: parity and framing errors cannot be seen here (x)",
         "listening: no rate to set",
         *map(str.strip, port_lines(_PORT)[1:]),
         "listening: 19200 8E1, as the port server is set",
-        "the computer's clock was set, or it slept: now +3600.000 s against the recorded times",
+        "the computer's clock was changed, or it slept: now +3600.000 s off the recorded times",
     ],
 )
 def test_what_a_port_is_told_of_is_whole_in_russian(line: str) -> None:
@@ -111,18 +111,19 @@ _EVENTS = (
     "analyzer/live/tapsource.py", "analyzer/live/session.py",
 )  # fmt: skip
 _LAST_LINES = (
-    "recorded 12 bytes of the line", "/dev/ttyX: no such port; "
-    "`rtuscope ports` lists those that are there", "recorded 12 bytes of the line, 3 taken away by someone, LOST 4",
+    "recorded 12 bytes of the line", "/dev/ttyX: no such port; `rtuscope ports` lists the ports", "recorded 12 bytes "
+                                                                                                  "of the line, 3 "
+                                                                                                  "deleted by someone, "
+                                                                                                  "LOST 4",
     "mqtt: broker:1883: connected again", "/dev/ttyX: open", "/dev/ttyX: is back",
-    "COM3: lost (closed at its other end)",
-    "mqtt: broker:1883: connection lost; states wait, their newest goes out when it is back",
-    "mqtt: broker:1883: cannot be reached (connection refused); states wait, their newest goes out when it is back",
-    "mqtt: broker:1883: closed before it answered; with TLS it is mqtts://; states wait, their newest goes out when it "
-    "is back",
+    "COM3: lost (closed by the other end)",
+    "mqtt: broker:1883: connection lost; the latest states go out when it is back",
+    "mqtt: broker:1883: cannot be reached (connection refused); the latest states go out when it is back",
+    "mqtt: broker:1883: closed before it answered; with TLS it is mqtts://; the latest states go out when it is back",
     "mqtt: broker:8883: cannot be reached (its certificate is not trusted: self-signed certificate); "
-    "SSL_CERT_FILE=FILE trusts one; states wait, their newest goes out when it is back",
+    "SSL_CERT_FILE=FILE adds one to trust; the latest states go out when it is back",
     "mqtt: broker:1883: connected again; 27 older messages were dropped",
-    "mqtt: broker:1883: away at the end, 4 messages did not go out; 6 older messages were dropped",
+    "mqtt: broker:1883: not connected at the end, 4 messages were not sent; 6 older messages were dropped",
     "2 lines could not be shown",
 )  # fmt: skip
 
@@ -265,7 +266,7 @@ def test_what_a_batch_came_to_is_told_in_russian(capsys: pytest.CaptureFixture[s
     tell_result(BatchResult(packed=LakePacking(12, 2)))
     said = capsys.readouterr().out.splitlines()
     assert (
-        said[0] == "принято: 3 записи, 2 линии, из них порченых: 2, уже были: 1; 1 200 кадров, с линии 9.6 MB за 0.5 s"
+        said[0] == "принято: 3 записи, 2 линии, из них порченых: 2, уже были: 1; 1 200 кадров, с линии 9,6 МБ за 0,5 с"
     )
     assert said[2] == "малых файлов хранилища было 12, стало 2"
 
@@ -275,15 +276,15 @@ def test_lines_of_several_templates_are_told_by_the_one_that_says_all() -> None:
     for english, russian in (
         ("/tmp/a.mcap: not a capture but an ELF program", "/tmp/a.mcap: не запись, а программа (ELF)"),
         (
-            "x: not a capture but a Parquet table: open the capture that it was made from",
+            "x: not a capture but a Parquet table: open the capture it was made from",
             "x: не запись, а таблица Parquet: откройте запись, из которой она сделана",
         ),
         (
-            "nothing is called 'foo'; rtuscope help findings has all codes",
-            "ничто не называется 'foo'; все коды: rtuscope help findings",
+            "'foo' is unknown; rtuscope help findings lists all codes",
+            "неизвестно, что такое 'foo'; все коды: rtuscope help findings",
         ),
         (
-            "no format 'foo'; formats are csv, jsonl (by suffix or --format)",
+            "no format 'foo'; formats: csv, jsonl (by suffix or --format)",
             "нет формата 'foo'; форматы: csv, jsonl (по расширению или --format)",
         ),
         ("/dev/null: not a serial port", "/dev/null: не последовательный порт"),

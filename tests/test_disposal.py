@@ -227,7 +227,7 @@ def test_a_capture_inside_the_lake_is_refused(source, tmp_path, capsys):
     link.symlink_to(inside)
     for place in (inside, link, lake):
         assert main(["batch", str(place), "-o", str(lake), "--resume"]) == 2
-        assert "lies inside the lake" in capsys.readouterr().err
+        assert "is inside the lake" in capsys.readouterr().err
     assert main(["watch", str(lake), "--from", str(inside), "--once"]) == 2
     assert inside.read_bytes() == source.read_bytes()
 
@@ -240,7 +240,8 @@ def test_what_a_lake_does_not_know_is_told_and_stays(source, tmp_path):
     result = batch(lake, source)
     assert mine.read_bytes() == b"mine"
     assert any(
-        "files that no batch of this lake wrote stay: 1 (the first: frames/mine.parquet)" in t for t in result.troubles
+        "kept files that were not written by this lake: 1 (the first: frames/mine.parquet)" in t
+        for t in result.troubles
     )
 
 
@@ -361,7 +362,7 @@ def test_files_of_an_account_go_and_none_behind_a_link(tmp_path):
     (root / "out").symlink_to(outside)
     kept = remove_listed(root, ["in/ours", "in/link", "out/mine", "../outside/mine", "in", "gone/too", "/in/ours"])
     assert set(kept) == {"in/link", "out/mine", "../outside/mine", "in", "/in/ours"}
-    assert kept["out/mine"] == "behind a link"
+    assert kept["out/mine"] == "reached through a link"
     assert (outside / "mine").read_text() == "mine" and not (root / "in" / "ours").exists()
 
 
@@ -393,7 +394,9 @@ def test_a_temporary_folder_leaves_what_links_lead_to(tmp_path):
 
 def test_what_appears_under_the_name_meanwhile_is_not_written_over(tmp_path):
     path = tmp_path / "out.csv"
-    told = pytest.raises(captures.CaptureError, match=r"another program has made it meanwhile: .*out-2\.csv")
+    told = pytest.raises(
+        captures.CaptureError, match=r"another program created it meanwhile; the output is in .*out-2\.csv"
+    )
     with told, captures.replacing(path) as out:
         out.write(b"an hour of work")
         path.write_bytes(b"mine")
@@ -414,7 +417,7 @@ def test_wireshark_remove_takes_only_our_script_away(content, tmp_path, capsys):
     script.write_text(content)
     for action in ("install", "remove"):
         assert main(["wireshark", action, "--folder", str(tmp_path)]) == 2
-        assert "not ours" in capsys.readouterr().err and script.read_text() == content
+        assert "not made by rtuscope" in capsys.readouterr().err and script.read_text() == content
     script.unlink()
     assert main(["wireshark", "install", "--folder", str(tmp_path)]) == 0
     assert main(["wireshark", "install", "--folder", str(tmp_path)]) == 0

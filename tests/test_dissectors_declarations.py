@@ -227,7 +227,7 @@ def test_a_file_of_functions(tmp_path: Path) -> None:
         ("\0", r"vendor\.py"),
         (
             "from dissectors import Function\nFunction(200, 'Two hundred', None, None)\n",
-            r"vendor\.py:2: function 'Two hundred': the code is 200, codes are 1 to 127",
+            r"vendor\.py:2: function 'Two hundred': the code is 200, but codes run from 1 to 127",
         ),
         (
             "from dissectors import Function\nFunction(70, 'X', None, None)\n",
@@ -247,7 +247,7 @@ def test_a_file_of_functions(tmp_path: Path) -> None:
         ("(" * 5000, r"vendor\.py"),
         (
             "from construct import Struct\nfrom dissectors import Function\nA = Function(70, 5, Struct(), Struct())\n",
-            r"vendor\.py: function 70: 5 is no text",
+            r"vendor\.py: function 70: 5 cannot be shown as text",
         ),
         (
             "from construct import Struct\nfrom dissectors import Function\n"
@@ -293,5 +293,5 @@ def test_entry_points(monkeypatch: pytest.MonkeyPatch) -> None:
     for broken in (3, Function(CODE, "\x1b[2J", c.Struct(), c.Struct())):
         offer(broken)
         assert load_entry_points(told.append) == []
-    assert told[0] == "plug-in vendor (vendor:FUNCTIONS) is left out: holds no Function"
-    assert told[1].startswith("plug-in vendor (vendor:FUNCTIONS) is left out: function 101: ")
+    assert told[0] == "plug-in vendor (vendor:FUNCTIONS) is skipped: holds no Function"
+    assert told[1].startswith("plug-in vendor (vendor:FUNCTIONS) is skipped: function 101: ")

@@ -254,7 +254,7 @@ def counted() -> dict[str, bytes]:
 
 @pytest.mark.parametrize("name", sorted(counted()))
 def test_a_rate_that_nobody_says_is_asked_for(tmp_path: Path, name: str) -> None:
-    with pytest.raises(CaptureError, match="nothing says their rate: give it with --sample-rate"):
+    with pytest.raises(CaptureError, match="without a sample rate: give it with --sample-rate"):
         opened(tmp_path, counted()[name], "table.csv")
     capture = opened(tmp_path, counted()[name], "table.csv", sample_rate=200_000 if "scope" in name else 1_000_000)
     assert whole(capture) == (BRIEF if "scope" in name else SENT)
@@ -331,7 +331,7 @@ def test_a_transmitter_heard_by_its_own_receiver_is_left_out(tmp_path: Path) -> 
     capture = opened(tmp_path, edge_table(channels), "table.csv")
     assert whole(capture) == b"".join(frames)
     assert {chunk.port for chunk in capture.chunks()} == {0}
-    assert "what TX carries is heard on RO, too: left out" in capture.notices[0]
+    assert "what TX carries also appears on RO: skipped" in capture.notices[0]
 
 
 def test_rows_that_are_none_are_said(tmp_path: Path) -> None:
@@ -339,7 +339,7 @@ def test_rows_that_are_none_are_said(tmp_path: Path) -> None:
     lines.insert(50, b"-\n")
     capture = opened(tmp_path, b"".join(lines), "table.csv")
     assert whole(capture) == SENT
-    assert [damage.what for damage in capture.damage] == ["1 rows that are none: left out"]
+    assert [damage.what for damage in capture.damage] == ["1 invalid rows: skipped"]
 
 
 def test_bytes_of_an_analyser_are_no_levels(tmp_path: Path) -> None:
@@ -418,7 +418,7 @@ def test_settings_that_are_given_are_not_inferred(tmp_path: Path) -> None:
         ("rate.sr", sr(bytes(9), "fast"), "sample rate"),
         ("endless.sr", sr(bytes(9), "9" * 400), "out of range"),
         ("lines.sr", sr(bytes([0, 1]) * 10_000, names=("RO\n named",)), "RO named change"),
-        ("no.vcd", b"$timescale 1 ns $end\n$var real 64 ! volts $end\n$enddefinitions $end\n", "no variable of bits"),
+        ("no.vcd", b"$timescale 1 ns $end\n$var real 64 ! volts $end\n$enddefinitions $end\n", "no bit signals"),
         ("cut.bin", b"<SALEAE>\0\0\0\0", "Saleae Logic 2"),
         ("new.bin", b"<SALEAE>" + struct.pack("<ii", 7, 0) + bytes(40), "version 7"),
         ("analog.bin", b"<SALEAE>" + struct.pack("<ii", 0, 1) + bytes(40), "analog"),

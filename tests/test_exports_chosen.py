@@ -123,13 +123,13 @@ def test_a_count_is_of_what_passes(capsys: pytest.CaptureFixture[str]) -> None:
     ("options", "words"),
     [
         (("--fields", "unti"), "did you mean unit?"),
-        (("--fields", "colour"), "there are kind, index, port"),
+        (("--fields", "colour"), "choose from kind, index, port"),
         (("--fields", ","), "name a column"),
-        (("-c", "0"), "not a number from 1"),
-        (("-c", "many"), "not a number from 1"),
+        (("-c", "0"), "not a number of at least 1"),
+        (("-c", "many"), "not a number of at least 1"),
         (("--fields", "unit", "--format", "pcapng", "-o", "x.pcapng"), "csv, jsonl and parquet"),
-        (("-c", "3", "--format", "mcap", "-o", "x.mcap"), "cannot hold a part"),
-        (("--table", "findings", "--fields", "unit"), "there are code, severity"),
+        (("-c", "3", "--format", "mcap", "-o", "x.mcap"), "cannot store a part"),
+        (("--table", "findings", "--fields", "unit"), "choose from code, severity"),
     ],
 )
 def test_what_cannot_be_is_refused_in_a_line(

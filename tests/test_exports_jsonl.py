@@ -103,10 +103,10 @@ def test_damage_is_said_and_the_rest_is_there(capsys, bus):
 def test_unusable_places_to_write_to_are_one_line(capsys, bus, tmp_path):
     before = bus.read_bytes()
     for out, words in (
-        (bus, "is the capture that is being read"),
+        (bus, "is the capture being read"),
         (tmp_path / "x.weird", "no format 'weird'"),
         (tmp_path / "x", "no suffix"),
-        (tmp_path / "no" / "folder" / "x.csv", "no such folder"),
+        (tmp_path / "no" / "folder" / "x.csv", "no folder"),
         (tmp_path, "no suffix"),
     ):
         assert words in refused(capsys, "export", bus, "-o", out)

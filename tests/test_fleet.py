@@ -213,7 +213,7 @@ def test_answers_are_json_and_csv_as_exports_are(made, capsys):
         (["worst-unit"], "did you mean worst-units?"),
         (["silent", "--site", "site"], "did you mean site"),
         (["compare", "site0", "sit1"], "no site 'sit1' in the lake: did you mean site1?"),
-        (["silent", "--limit", "many"], "'many' is no number of rows, from 1"),
+        (["silent", "--limit", "many"], "'many' is not a number of rows (at least 1)"),
         ([], "are required: QUESTION (see"),
     ],
 )
@@ -385,7 +385,7 @@ def test_batch_will_not_mix_into_a_lake_unasked(sources, lake_path, capsys):
     assert "--resume" in capsys.readouterr().err
     assert main([*command, "--resume"]) == 0
     assert main(["ask", str(sources), "worst-units"]) == 2
-    assert "is no lake" in capsys.readouterr().err
+    assert "is not a lake" in capsys.readouterr().err
 
 
 def test_sites_and_lines_by_a_pattern(tmp_path):
@@ -438,8 +438,8 @@ def test_a_register_is_drawn(made, tmp_path, ending):
 
 def test_what_cannot_be_drawn_is_told(made, tmp_path, capsys):
     for words, told in (
-        (["register", "1", "0", "--plot", "x.txt"], "ending"),
-        (["register", "200", "65000", "--plot", str(tmp_path / "x.png")], "nothing is known"),
+        (["register", "1", "0", "--plot", "x.txt"], "must end in"),
+        (["register", "200", "65000", "--plot", str(tmp_path / "x.png")], "there is no data on"),
         (["worst-units", "--plot", str(tmp_path / "x.png")], "register"),
     ):
         assert main(["ask", str(made), *words]) == 2

@@ -129,7 +129,7 @@ def test_a_scheduler_that_goes_away_is_told(folder, tmp_path):
                     local.sync(local.scheduler.close)
                 yield outcome
 
-        with pytest.raises(FleetError, match="the Dask scheduler is there no more"):
+        with pytest.raises(FleetError, match="the Dask scheduler is gone"):
             batch(tmp_path / "lake", folder, runner=runs_and_leaves)
     assert len(Lake(str(tmp_path / "lake")).manifest.lines) >= 1
     assert batch(tmp_path / "lake", folder).failed == 0

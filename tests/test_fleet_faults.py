@@ -192,7 +192,7 @@ def test_no_worker_outlives_its_batch(sources, tmp_path):
         told = process.stderr.read().decode()  # until nobody has it open any more
         assert process.wait() == (-signal.SIGKILL if way == signal.SIGKILL else 130)
         if way != signal.SIGKILL:
-            assert told == "rtuscope: ended at once; partial output is kept: continue with --resume\n"
+            assert told == "rtuscope: stopped at once; partial output is kept: continue with --resume\n"
 
 
 @pytest.mark.skipif(os.name != "posix", reason="ends by a signal")

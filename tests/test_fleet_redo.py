@@ -104,7 +104,7 @@ def test_a_ring_that_gave_up_old_files_is_left_as_it_is(tmp_path, monkeypatch):
     changed(monkeypatch, "causes")
     result = batch(tmp_path / "lake", tmp_path / "ring", redo=True)
     assert (result.captures, result.outdated) == (0, 1)
-    assert "1 of its captures are there no more" in result.troubles[0]
+    assert "1 of its captures are gone" in result.troubles[0]
     assert rows(tmp_path / "lake", "frames") == before
 
 

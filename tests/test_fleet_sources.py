@@ -56,9 +56,9 @@ def test_what_has_a_captures_name_and_is_none_is_told(whole, tmp_path):
     result = batch(tmp_path / "lake", tmp_path / "src")
     assert (result.captures, result.damaged, result.failed, len(result.troubles)) == (5, 4, 0, 4)
     told = states(tmp_path / "lake")
-    assert told["gone.mcap"] == told["loop.mcap"] == ("unreadable", ["is a link to what is not there"])
-    assert told["folder.mcap"] == ("unreadable", ["is a folder, and no capture in it"])
-    assert told["pipe.mcap"] == ("unreadable", ["is a pipe, a socket or a device and no file"])
+    assert told["gone.mcap"] == told["loop.mcap"] == ("unreadable", ["is a broken link"])
+    assert told["folder.mcap"] == ("unreadable", ["is a folder without captures"])
+    assert told["pipe.mcap"] == ("unreadable", ["is a pipe, a socket or a device, not a file"])
     assert told["bus.mcap"] == ("whole", [])
     assert batch(tmp_path / "lake", tmp_path / "src").captures == 0
     (whole.parent / "gone.mcap").unlink()
@@ -225,7 +225,7 @@ def test_a_line_whose_state_is_of_no_use_is_read_anew_while_its_captures_are_the
     capsys.readouterr()
     assert main(command) == 1
     told = capsys.readouterr()
-    assert "state" in told.err and told.err.count("all captures of the line were read anew") == 1
+    assert "state" in told.err and told.err.count("all captures of the line were read again") == 1
     batch(tmp_path / "whole", *paths)
     assert same(tmp_path / "lake", tmp_path / "whole")
     assert main(command) == 0
@@ -272,14 +272,14 @@ def test_watch_tells_of_changed_rules_and_redoes_when_asked(tmp_path, monkeypatc
     monkeypatch.setitem(version.RULES, "causes", version.RULES["causes"] + 1)
     capsys.readouterr()
     assert main(command) == 0
-    assert "lines made by other rules or options: 1; --redo" in capsys.readouterr().err
+    assert "lines made with other rules or options: 1; --redo" in capsys.readouterr().err
     assert main([*command, "--redo"]) == 0
     assert "3 captures of 1 bus line" in capsys.readouterr().out
     assert main([*command, "--redo"]) == 0
     assert "0 captures of 0 bus lines" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("back_s", [0, 100], ids=["an overlap", "a clock set back"])
+@pytest.mark.parametrize("back_s", [0, 100], ids=["an overlap", "clock set back"])
 def test_slices_whose_times_do_not_follow_are_told(tmp_path, back_s):
     capture, paths = ring(tmp_path)
     chunks = list(capture.chunks())
@@ -290,7 +290,7 @@ def test_slices_whose_times_do_not_follow_are_told(tmp_path, back_s):
     paths[2].unlink()
     result = batch(tmp_path / "lake", *paths[:2])
     (text,) = states(tmp_path / "lake")[paths[1].name][1]
-    assert "before the slice before it ends" in text and "the line begins anew here" in text
+    assert "before the previous slice ends" in text and "the line starts afresh here" in text
     assert result.damaged == 1 and text in result.troubles[0]
     assert states(tmp_path / "lake")[paths[0].name] == ("whole", [])
     with telling("ru"):

@@ -162,7 +162,7 @@ def test_a_pickle_is_refused_unread_and_in_one_line():
             return pytest.fail, ("called",)
 
     for protocol in range(2, 6):
-        with pytest.raises(FleetError, match="pickle of an older rtuscope") as told:
+        with pytest.raises(FleetError, match="pickle from an older rtuscope") as told:
             resumed(pickle.dumps([Evil()], protocol))
         assert "\n" not in str(told.value)
 

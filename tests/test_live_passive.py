@@ -131,14 +131,14 @@ def test_a_line_that_stays_high_is_told_once(monkeypatch, stuck, words):
     uart = Uart(monkeypatch, stuck=stuck)
     device = DeviceTap(PortSettings(uart.name, 9600))
     device.change(PortSettings(uart.name, 19200))
-    assert [words in notice and "HOLDS THE BUS" in notice for notice in device.notices] == [True]
+    assert [words in notice and "BLOCKS THE BUS" in notice for notice in device.notices] == [True]
     device.close()
 
 
 def test_lines_that_cannot_be_read_back_are_told(monkeypatch):
     uart = Uart(monkeypatch, refuses=True)
     device = DeviceTap(PortSettings(uart.name, 9600))
-    assert ["cannot be read" in notice for notice in device.notices] == [True]
+    assert ["cannot check that RTS and DTR are low" in notice for notice in device.notices] == [True]
     device.close()
 
 
@@ -159,7 +159,7 @@ def test_a_port_that_a_program_has_open_is_not_even_opened(monkeypatch):
     with subprocess.Popen([sys.executable, "-c", code, uart.name], stdout=subprocess.PIPE) as other:
         assert other.stdout is not None
         other.stdout.readline()
-        with pytest.raises(PortError, match=rf"in use by python[\d.]* \({other.pid}\): end that first"):
+        with pytest.raises(PortError, match=rf"in use by python[\d.]* \({other.pid}\): close it first"):
             DeviceTap(PortSettings(uart.name, 9600))
         other.kill()
     assert uart.calls == []

@@ -187,7 +187,7 @@ def test_a_server_that_goes_away_is_a_port_that_is_gone(server):
 def test_a_server_that_hangs_up_while_it_is_asked_is_told_in_one_line():
     listener = socket.create_server(("127.0.0.1", 0))
     threading.Thread(target=lambda: listener.accept()[0].close(), daemon=True).start()
-    with pytest.raises(PortError, match="went away"):
+    with pytest.raises(PortError, match="disconnected"):
         PortServerTap(PortSettings(f"rfc2217://127.0.0.1:{listener.getsockname()[1]}"))
     listener.close()
 

@@ -252,10 +252,10 @@ def test_a_gateways_socket_is_a_tap():
     ("url", "words"),
     [
         ("/dev/no-such-port", "no such port"),
-        (__file__, "a file, not a serial port: `rtuscope open`"),
-        ("nothing://here", "no way to listen by nothing://"),
-        ("loop://", "no way to listen by loop://"),
-        ("socket://127.0.0.1", "socket://HOST:PORT is wanted"),
+        (__file__, "a file, not a serial port: view a capture with `rtuscope open`"),
+        ("nothing://here", "cannot listen to nothing://"),
+        ("loop://", "cannot listen to loop://"),
+        ("socket://127.0.0.1", "expected socket://HOST:PORT"),
         ("socket://127.0.0.1:1", "refused"),
     ],
 )

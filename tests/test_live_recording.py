@@ -64,7 +64,7 @@ def test_a_recording_is_readable_while_it_is_made_and_whole_when_it_is_closed(tm
 def test_a_recording_never_takes_the_place_of_another(tmp_path):
     path = tmp_path / "bus.mcap"
     path.write_bytes(b"yesterday's")
-    with pytest.raises(CaptureError, match="is there already"):
+    with pytest.raises(CaptureError, match="already exists"):
         Recorder(path, LINE)
     recorder = Recorder(path, LINE, overwrite=True)
     recorder.write(block(1))
@@ -169,7 +169,7 @@ def test_what_a_killed_recorder_left_is_made_whole_by_the_next_one(tmp_path):
     recorder = Recorder(path, LINE, limits=RingLimits(size=10**6), tell=said.append)
     recorder.close()
     (whole,) = tmp_path.glob("*.mcap*")
-    assert "is whole again" in said[0]
+    assert "is now repaired" in said[0]
     assert not captures.open(whole).damage
     assert read(whole) in ([], [Note(10**18, "clock", "the clock was set")])
 
@@ -235,7 +235,7 @@ def test_a_full_disk_pauses_the_recording_and_loses_nothing(tmp_path):
         assert held(folder / "bus.mcap") == b"".join(sent)
         assert not captures.open(folder / "bus.mcap").damage
     assert "no space left on device: paused" in said[0]
-    assert said[1] == "recording: goes on"
+    assert said[1] == "recording: resumed"
 
 
 @posix
@@ -251,7 +251,7 @@ def test_a_disk_that_stays_full_leaves_a_file_that_opens(tmp_path):
         recorder.close()
         assert held(folder / "bus.mcap.part") == block(1).data.tobytes()
     assert "left without its index" in said[-2]
-    assert "9,000 bytes of the line that waited for the disk are lost" in said[-1]
+    assert "9,000 bytes of the line that were waiting for the disk are lost" in said[-1]
     assert recorder.lost == 9000
     assert recorder.result == "recorded 100 bytes of the line, LOST 9,000"
 
@@ -271,7 +271,7 @@ def test_a_full_disk_costs_a_ring_its_oldest_file(tmp_path):
         kept = b"".join(map(held, Ring(folder / "bus.mcap", RingLimits()).files()))
         assert b"".join(sent).endswith(kept)
         assert len(kept) > 60_000
-    assert "gave up the oldest file" in said[0]
+    assert "deleted the oldest file" in said[0]
 
 
 def test_memory_is_bounded_while_the_disk_takes_nothing(tmp_path, monkeypatch):
@@ -306,7 +306,7 @@ def test_repair_makes_a_whole_file_and_leaves_the_cut_one(capsys, tmp_path):
     cut = part.read_bytes()[:-200]
     recorder.close()
     part.write_bytes(cut)
-    assert "is there already" in refused(capsys, "repair", part)
+    assert "already exists" in refused(capsys, "repair", part)
     done = ran(capsys, "repair", part, "-o", tmp_path / "whole.mcap")
     assert done.status == 0
     assert "without a footer" in done.err

@@ -175,7 +175,7 @@ def test_a_port_that_goes_away_is_told_in_one_line(capsys, tmp_path):
     done = ran(capsys, "replay", path, "--to", name)
     listener.join()
     assert done.status == 2
-    assert done.err.endswith("bytes: closed at its other end, or unplugged\n")
+    assert done.err.endswith("bytes: closed by the other end, or unplugged\n")
 
 
 def test_a_filter_shows_only_what_passes(capsys):
@@ -227,7 +227,7 @@ def test_a_window_keeps_so_much_before_and_after_each_trigger():
     ("arguments", "words"),
     [
         (["--speed", "0"], "neither max nor a number"),
-        (["--only", "requests"], "--only is for --to"),
+        (["--only", "requests"], "--only works with --to"),
         (["--to", "/dev/no-such-port"], "/dev/no-such-port: no such port; `rtuscope ports` lists"),
     ],
 )

@@ -163,7 +163,7 @@ def test_a_silent_bus_holds_no_frame():
     _, name = pty()
     status, out, said = Running("sniff", name, "--duration", "0.3s").ended(None)
     assert (status, out) == (1, b""), said
-    assert "rtuscope: nothing was heard" in said
+    assert "rtuscope: nothing was received" in said
 
 
 @pytest.mark.parametrize("command", ["sniff", "record"])
@@ -339,7 +339,7 @@ def test_a_line_whose_settings_make_no_difference_needs_none():
     ("arguments", "words"),
     [
         (["/dev/no-such-port"], "no such port"),
-        (["/dev/ttyS0", "--idle-ms", "1"], "no time from 5 to 5000 ms"),
+        (["/dev/ttyS0", "--idle-ms", "1"], "not between 5 and 5000 ms"),
         (["/dev/ttyS0", "--baud", "fast"], "--baud: 'fast' is not a rate"),
         (["/dev/ttyS0", "--port2", "/dev/ttyS0"], "the same port"),
         (["/dev/ttyS0", "-o", "bus.jsonl"], "suffix .mcap"),

@@ -69,7 +69,7 @@ def test_a_list_of_adapters_that_fails_ends_nothing(monkeypatch):
 @windows
 @pytest.mark.parametrize("name", ["com1.mcap", "COM3", "nul.mcap", "lpt1.csv"])
 def test_a_file_is_not_named_as_a_port(name, tmp_path):
-    words = f"by that name Windows means the device {name.split('.')[0].upper()}: give another"
+    words = f"on Windows this name means the device {name.split('.')[0].upper()}: give another"
     with pytest.raises(CaptureError, match=words), replacing(tmp_path / name):
         raise AssertionError("it was opened")
     with pytest.raises(CaptureError, match=words):

@@ -119,7 +119,7 @@ def test_what_cannot_be_inferred_is_one_line(tmp_path: Path, capsys: pytest.Capt
     out = tmp_path / "out.csv"
     assert "units with values: 1, 2" in refused(capsys, "map", "infer", bus, "-o", out)
     assert "units with values: 1, 2" in refused(capsys, "map", "infer", bus, "-o", out, "--unit", "9")
-    assert "a map is a .csv or a .yaml file" in refused(capsys, "map", "infer", bus, "-o", tmp_path / "x.xlsx")
+    assert "a map must be a .csv or .yaml file" in refused(capsys, "map", "infer", bus, "-o", tmp_path / "x.xlsx")
     assert not out.exists()
 
 
@@ -166,7 +166,7 @@ def test_a_capture_without_values_is_one_line(tmp_path: Path, capsys: pytest.Cap
     for words in (("check", "xy-md02", log), ("infer", log)):
         done = ran(capsys, "map", *words)
         assert (done.status, done.out) == (NO_FRAME, "")
-        assert done.err == f"rtuscope: {log}: no answer carries a register\n"
+        assert done.err == f"rtuscope: {log}: no response carries register values\n"
 
 
 def test_requests_that_the_device_does_not_take_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -297,7 +297,7 @@ def test_a_workbook(tmp_path: Path) -> None:
 
 
 def test_unknown_files_say_which_formats_there_are() -> None:
-    with pytest.raises(MapError, match="no known form"):
+    with pytest.raises(MapError, match="not a known register map"):
         import_maps("x.bin", b"\0\1\2")
     assert replace(shipped_map("xy-md02"), device="x").device == "x"
 

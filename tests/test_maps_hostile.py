@@ -40,7 +40,7 @@ HARMS = {
     "comments.json": ('{"a":' + "/*" * 1_000_000, "no JSON: line 1"),
     "quotes.json": ('{"a":' + '"\\' * 1_000_000, "no JSON: line 1"),
     "state.csv": ("area,address,name,values\ninput,1,a," + "9" * 30 + "=x\n", "row 2: values is '9+': expected states"),
-    "none.csv": ("modbus register,name\nnothing,Voltage\n", "no register is in it: row 2: 'nothing' is no address"),
+    "none.csv": ("modbus register,name\nnothing,Voltage\n", "it has no registers: row 2: 'nothing' is no address"),
 }  # fmt: skip
 
 
@@ -89,8 +89,8 @@ def test_no_map_is_written_over_unasked(tmp_path: Path, capsys: pytest.CaptureFi
     source.write_text("area,address,name\ninput,1,Voltage\n")
     for command in (("import", source), ("infer", bus)):
         out.write_text("mine")
-        assert "is there already: give another name, or --overwrite" in refused(capsys, "map", *command, "-o", out)
+        assert "already exists: give another name, or --overwrite" in refused(capsys, "map", *command, "-o", out)
         assert out.read_text() == "mine"
-        assert "is being read" in refused(capsys, "map", *command, "-o", command[1], "--overwrite")
+        assert "being read" in refused(capsys, "map", *command, "-o", command[1], "--overwrite")
         done = ran(capsys, "map", *command, "-o", out, "--overwrite")
         assert done.status == 0 and read_map(out).rows, done

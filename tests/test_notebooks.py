@@ -101,7 +101,7 @@ def test_what_a_prompt_shows_is_read_by_people(bus):
 
 def test_a_table_that_is_none_is_named(bus):
     for ask in (bus.records, bus.columns, bus.to_arrow):
-        with pytest.raises(ExportError, match="no table 'polls'; besides frames there are transactions, values"):
+        with pytest.raises(ExportError, match="no table 'polls'; besides frames, available: transactions, values"):
             ask("polls")
 
 

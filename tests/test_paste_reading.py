@@ -317,7 +317,7 @@ def test_a_short_last_row_belongs_to_its_dump():
 
 def test_bytes_beside_others_that_are_not_read_are_told():
     paste = read("TX 11 03 00 6B 00 03 + CRC 1B 0A")
-    assert [(one.line, one.why) for one in paste.unread] == [(1, "'1B 0A' beside the bytes may be bytes, too")]
+    assert [(one.line, one.why) for one in paste.unread] == [(1, "'1B 0A' beside the bytes may also be bytes")]
 
 
 def test_words_are_not_called_bytes():

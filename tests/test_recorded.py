@@ -75,11 +75,11 @@ def test_without_such_a_note_both_silences_are_told(tmp_path: Path) -> None:
 
 
 def test_the_report_says_when_nothing_was_heard(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    clock = Note(START + 6 * SECOND, "clock", "the computer's clock was set, or it slept: now +3.000 s")
+    clock = Note(START + 6 * SECOND, "clock", "the computer's clock was changed, or it slept: now +3.000 s")
     path = recording(tmp_path, [*NOTES, clock], deaf=True)
     page = ran(capsys, "report", path).out
     assert "recorded  nothing heard for 680 ms from 2023-11-14 22:13:24 UTC: /dev/ttyUSB0:\n          lost (" in page
-    assert "the computer's clock was set" in page
+    assert "the computer's clock was changed" in page
     assert all(len(line) <= 80 for line in page.splitlines()[1:]), page
     assert "no unit is blamed" in page
     assert "requests  10: 8 answered, 1 unanswered, 1 not heard\n" in page
@@ -104,7 +104,7 @@ def test_an_export_keeps_the_notes(tmp_path: Path, capsys: pytest.CaptureFixture
 
 def test_a_check_does_not_count_what_was_not_heard(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     done = ran(capsys, "check", recording(tmp_path, NOTES, deaf=True), "--rule", "every poll answered")
-    assert "8 of 9 polls answered; 1 more while nothing was heard" in done.out
+    assert "8 of 9 polls answered; 1 more while nothing was received" in done.out
 
 
 def test_a_frame_cut_off_by_the_loss_is_nobodys_fault(tmp_path: Path) -> None:

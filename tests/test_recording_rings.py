@@ -91,7 +91,7 @@ def test_a_ring_gives_up_files_of_its_own_port_only(tmp_path):
     least = RingLimits(size=1, keep_bytes=1)
     recorded(tmp_path, "/dev/ttyB", [4, 5, 6], RING, said.append)
     assert kept(tmp_path) == [1, 2, 3, 4, 5, 6]
-    assert len(said) == 1 and "files with names of this ring that are not its own: 3" in said[0]
+    assert len(said) == 1 and "files named like this ring's, but not from it: 3" in said[0]
     recorded(tmp_path, "/dev/ttyA", [7, 8], least, said.append)  # goes on where it was
     assert kept(tmp_path) == [4, 5, 6]
 
@@ -157,7 +157,7 @@ def test_what_is_no_ring_file_is_told_and_never_deleted(tmp_path, change):
     said: list[str] = []
     recorded(tmp_path, "/dev/ttyA", [4, 5, 6], RingLimits(size=1, keep_bytes=1), said.append)
     assert mine.read_bytes() == before
-    assert any("not its own" in each for each in said)
+    assert any("not from it" in each for each in said)
     if change == "linked":
         assert (tmp_path / "mine" / "precious").read_bytes() == before
     if change == "another's list":
@@ -182,7 +182,7 @@ def test_a_file_that_changes_hands_while_recording_stays(tmp_path):
         recorder.tick()
     recorder.close()
     assert oldest.read_bytes() == b"mine now"
-    assert len(said) == 1 and "is another file now: old files stay" in said[0]
+    assert len(said) == 1 and "is a different file now: old files are kept" in said[0]
 
 
 @pytest.mark.parametrize(
@@ -308,7 +308,7 @@ def test_a_full_disk_from_the_start_costs_the_oldest_file_and_is_waited_for(tmp_
     said: list[str] = []
     room[0] = 1
     recorder = Recorder(tmp_path / "bus.mcap", LINE, limits=RING, tell=said.append)
-    assert any("gave up the oldest file" in each for each in said)
+    assert any("deleted the oldest file" in each for each in said)
     recorder.close()
     room[0] = -1
     recorder = Recorder(tmp_path / "bus.mcap", LINE, limits=RING, tell=said.append)
@@ -318,7 +318,7 @@ def test_a_full_disk_from_the_start_costs_the_oldest_file_and_is_waited_for(tmp_
     room[0] = 9
     recorder.tick()
     recorder.close()
-    assert said[-1] == "recording: goes on" and recorder.lost == 0 and kept(tmp_path) == [3]
+    assert said[-1] == "recording: resumed" and recorder.lost == 0 and kept(tmp_path) == [3]
 
 
 def test_a_rotation_that_fails_is_told_once_and_recording_goes_on(tmp_path, monkeypatch):
@@ -337,7 +337,7 @@ def test_a_rotation_that_fails_is_told_once_and_recording_goes_on(tmp_path, monk
         recorder.tick()
     recorder.close()
     assert kept(tmp_path) == [1, 2, 3]
-    assert all("operation not permitted: old files stay" in each for each in said) and said
+    assert all("operation not permitted: old files are kept" in each for each in said) and said
 
 
 def test_a_cut_file_goes_only_where_all_of_it_is_in_the_whole_one(tmp_path):
@@ -356,7 +356,7 @@ def test_a_cut_file_goes_only_where_all_of_it_is_in_the_whole_one(tmp_path):
     Recorder(tmp_path / "bus.mcap", LINE, tell=said.append).close()
     assert (tmp_path / "bus.mcap.part.1").read_bytes() == bytes(copy)
     assert (tmp_path / "bus.mcap.part.mending").read_bytes() == b"mine"
-    assert any("holds more than could be read of it: set aside as" in each for each in said)
+    assert any("could be read only in part: set aside as" in each for each in said)
 
 
 @posix

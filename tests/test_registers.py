@@ -309,7 +309,7 @@ def test_the_table_is_none_where_nothing_moved_and_no_text_widens_it(
     still.write_text("\n".join([request.hex(" "), answer.hex(" ")] * 6))
     shown = ran(capsys, "registers", str(still), "--map", "xy-md02@9")
     assert shown.out == "2 registers never moved (--all lists them)\n"
-    assert "has no values of unit 9: units with values: 7" in shown.err
+    assert "has no values for unit 9: units with values: 7" in shown.err
     request, answer = adu(7, b"\x03\x00\x10\x00\x40"), adu(7, b"\x03\x80" + b"Long name " * 12 + b"No 12345")
     texts.write_text("\n".join([request.hex(" "), answer.hex(" ")] * 6))
     assert max(map(len, ran(capsys, "registers", str(texts)).out.splitlines())) < 140
@@ -317,20 +317,20 @@ def test_the_table_is_none_where_nothing_moved_and_no_text_widens_it(
 
 
 WRONG = [
-    (("registers", "BUS", "--unit", "99"), "--unit: no values of it in"),
-    (("registers", "BUS", "--unit", "x"), "'x' is no unit from 0 to 255"),
+    (("registers", "BUS", "--unit", "99"), "has no values for it: units with values"),
+    (("registers", "BUS", "--unit", "x"), "'x' is not a unit address (0 to 255)"),
     (("registers", "BUS", "--like", ""), "--like: expected a number, or a table"),
     (("registers", "BUS", "--like", "nosuch.csv"), "neither a number nor a table"),
-    (("registers", "BUS", "--map", "nosuch"), "no such file, and no shipped map"),
+    (("registers", "BUS", "--map", "nosuch"), "no such file and no shipped map"),
     (("registers", "BUS", "--map", "el-psu@300"), "unit 300"),
-    (("map",), "say what to do: list, show, check, import, infer, diff"),
+    (("map",), "choose an action: list, show, check, import, infer, diff"),
     (("map", "show", "nosuch"), "map list"),
-    (("map", "show", "BUS"), "no table: expected a row of column names"),
-    (("map", "check", "xy-md02", "BUS", "--unit", "9"), "no answer of unit 9"),
+    (("map", "show", "BUS"), "not a table: expected a row of column names"),
+    (("map", "check", "xy-md02", "BUS", "--unit", "9"), "no response from unit 9"),
     (("map", "import", "BUS"), "not records of registers"),
     (("map", "import", "nosuch.csv"), "no such file"),
-    (("map", "infer", "BUS", "--unit", "77"), "no answer of unit 77"),
-    (("map", "infer", "BUS", "-o", "map.txt"), "a map is a .csv or a .yaml file"),
+    (("map", "infer", "BUS", "--unit", "77"), "no response from unit 77"),
+    (("map", "infer", "BUS", "-o", "map.txt"), "a map must be a .csv or .yaml file"),
     (("map", "diff", "xy-md02", "nosuch"), "map list"),
 ]
 

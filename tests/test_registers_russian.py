@@ -132,7 +132,7 @@ def test_commands_speak_russian(bus: Path, capsys: pytest.CaptureFixture[str]) -
     data = {"Eastron", "SDM", "Modbus", "eastron", "sdm", "wrong", "draft"}
     for command, said in (
         (["registers", str(bus), "--all"], "регистр"),
-        (["registers", str(bus), "--like", "225.6"], "показание 225.6"),
+        (["registers", str(bus), "--like", "225.6"], "показание 225,6"),
         (["map", "check", wrong, str(bus)], "1 противоречие у устройства 1"),
         (["map", "check", wrong], "3 значения, карта читается"),
         (["map", "infer", str(bus), "-o", draft], "значени"),

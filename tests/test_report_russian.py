@@ -104,7 +104,7 @@ def test_nouns_agree_with_their_number(capsys: pytest.CaptureFixture[str]) -> No
     page = capsys.readouterr().out
     assert "165: 112 запросов, 53 ответа; с неверной контрольной суммой: 13" in page
     assert "35 повторов" in page
-    assert "потеряно: 3 ответа и 525 ms" in page
+    assert "потеряно: 3 ответа и 525 мс" in page
     assert "и ещё 1 вид или устройство (всё — в --json)" in page
     assert {len(line) for line in page.splitlines()} <= set(range(81))
 

@@ -140,7 +140,7 @@ def test_every_case_has_a_name_to_ask_for() -> None:
         (("--cause", "dead-unt"), "did you mean dead-unit?"),
         (("--cause", "gremlins"), "invalid choice: 'gremlins'"),
         (("--cause", "dead-unit", "--baud", "9600"), "leave out --baud"),
-        (("--cause", "master-too-fast", "--tap", "irq"), "one of precise can"),
+        (("--cause", "master-too-fast", "--tap", "irq"), "use one of precise"),
     ],
 )
 def test_a_cause_that_cannot_be_is_refused_in_one_line(

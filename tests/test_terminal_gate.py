@@ -259,7 +259,7 @@ def test_a_terminal_gets_our_own_sequences_and_no_others(capture: Path, tmp_path
         if "\x1b[0m" in text:
             painted.add(arguments[0])
     assert painted >= {"replay", "parse", "check", "report"}
-    assert "no text to show on a terminal" in Terminal("export", str(capture), "--format", "mcap").whole()
+    assert "cannot be shown on a terminal" in Terminal("export", str(capture), "--format", "mcap").whole()
 
 
 @posix

@@ -42,7 +42,7 @@ def test_milliseconds_without_leading_zeros(tmp_path: Path, form: str) -> None:
     wanted = [step * US for step in STEPS_MS]
     capture = opened(tmp_path, clocks(wanted, US, form))
     assert steps(capture) == wanted
-    assert "fractions of seconds are read as milliseconds without leading zeros" in " ".join(capture.notices)
+    assert "fractions of a second are read as milliseconds without leading zeros" in " ".join(capture.notices)
     assert not capture.damage
 
 

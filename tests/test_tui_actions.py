@@ -276,7 +276,7 @@ def test_exporting_what_is_selected_or_shown(capture: Path, tmp_path: Path) -> N
         await sitting.press("e")
         sitting.app.screen.query_one(Input).value = "frames.xyz"
         await sitting.press("enter")
-        assert "formats are" in sitting.shown()
+        assert "formats: " in sitting.shown()
         await sitting.press("escape", "space", "down")
         assert len(await export("two.jsonl")) == 2
         await sitting.press("escape", "slash")
@@ -297,7 +297,7 @@ def test_an_export_asks_before_it_overwrites(capture: Path, tmp_path: Path) -> N
             await sitting.press("e")
             sitting.app.screen.query_one(Input).value = str(out)
             await sitting.press("enter")
-            assert "out.csv is there already" in sitting.shown()
+            assert "out.csv already exists" in sitting.shown()
             await sitting.press(answer)
 
         for answer in ("n", "escape", "enter"):  # Enter is the first choice
@@ -310,7 +310,7 @@ def test_an_export_asks_before_it_overwrites(capture: Path, tmp_path: Path) -> N
         await sitting.press("e")
         sitting.app.screen.query_one(Input).value = str(capture)
         await sitting.press("enter", "o")
-        await sitting.until(lambda: any("capture that is being read" in notice for notice in sitting.notices()))
+        await sitting.until(lambda: any("capture being read" in notice for notice in sitting.notices()))
 
     using(opened(capture), work)
 

@@ -496,7 +496,7 @@ def test_notes_that_are_no_file_never_keep_a_capture_from_opening(tmp_path: Path
         with pytest.raises(NotesError, match="cannot be read"):
             Notes.beside(tmp_path / ("n" * 250))
         os.mkfifo(tmp_path / "pipe.jsonl.rtuscope.json")
-        with pytest.raises(NotesError, match="not a file but a device"):
+        with pytest.raises(NotesError, match="a device, not a file"):
             Notes.beside(tmp_path / "pipe.jsonl")
 
 

@@ -314,7 +314,7 @@ def test_a_bad_file_of_notes_is_told_left_alone_and_stops_nothing(capture: Path)
     beside.write_text("[" * 100_000)
 
     async def work(sitting: Seat) -> None:
-        assert any("holds no notes of this program: left alone" in notice for notice in sitting.notices())
+        assert any("holds no notes of this program: left unchanged" in notice for notice in sitting.notices())
         await sitting.press("m", "down", "r", "apostrophe")
         assert sitting.row == 0
 

@@ -264,7 +264,7 @@ def test_a_client_on_a_pseudo_terminal_gets_what_was_recorded(capture):
 def test_the_recorded_client_asks_a_unit_and_compares(capture, capsys):
     with twin_of(capture, "--unit", "5", "--unit", "6") as given:
         plain = ("twin", capture, "--unit", "5", given, "--client", "--parity", "N")
-        assert "say so by --transmit" in refused(capsys, *plain)
+        assert "confirm with --transmit" in refused(capsys, *plain)
         done = ran(capsys, *plain, "--transmit")
     assert done.out == "3 requests: 3 answered as recorded, 0 otherwise, 0 not answered\n"
     assert done.status == 0
@@ -274,9 +274,9 @@ def test_the_recorded_client_asks_a_unit_and_compares(capture, capsys):
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (["--unit", "7"], "unit 7 answers nothing"),
+        (["--unit", "7"], "unit 7 answers no request"),
         (["/dev/x", "--listen", "0"], "not both"),
-        (["--transmit"], "goes with --client"),
+        (["--transmit"], "needs --client"),
         (["--client", "--transmit", "/dev/x"], "--client needs"),
         (["/dev/nowhere"], "no such port"),
         (["--unknown", "x"], "neither exception nor a number"),

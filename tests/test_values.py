@@ -131,7 +131,7 @@ def test_addresses_come_back(address: int, area: Area) -> None:
     "text", ["", "4", "20001", "40000", "400000", "465537", "4x0", "4x", "4010a", "4٠١٠٨", "-4010"]
 )
 def test_what_is_no_logical_address(text: str) -> None:
-    with pytest.raises(ValueFormError, match="is no logical address"):
+    with pytest.raises(ValueFormError, match="is not a logical address"):
         physical(text)
 
 

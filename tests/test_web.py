@@ -335,9 +335,9 @@ def test_a_port_that_is_taken_is_one_line(capsys: pytest.CaptureFixture[str]) ->
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = taken.getsockname()[1]
-        assert f"cannot listen at 127.0.0.1:{port}" in refused(capsys, "open", "--web", "--port", str(port))
-    assert "is no port from 0 to 65535" in refused(capsys, "open", "--web", "--port", "70000")
-    assert "cannot listen at no.such.invalid:80" in refused(
+        assert f"cannot listen on 127.0.0.1:{port}" in refused(capsys, "open", "--web", "--port", str(port))
+    assert "is not a port (0 to 65535)" in refused(capsys, "open", "--web", "--port", "70000")
+    assert "cannot listen on no.such.invalid:80" in refused(
         capsys, "open", "--web", "--port", "80", "--host", "no.such.invalid"
     )
 

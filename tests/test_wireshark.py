@@ -125,9 +125,9 @@ def test_what_wireshark_asks_is_answered_in_its_words(capsys):
 
 
 def test_mistakes_get_one_line(capsys, tmp_path):
-    assert "which port?" in refused(capsys, "wireshark", "extcap", "--capture", "--extcap-interface", "rtuscope")
+    assert "no port set" in refused(capsys, "wireshark", "extcap", "--capture", "--extcap-interface", "rtuscope")
     (tmp_path / "rtuscope").write_text("somebody's")
-    assert "not ours" in refused(capsys, "wireshark", "install", "--folder", tmp_path)
+    assert "not made by rtuscope" in refused(capsys, "wireshark", "install", "--folder", tmp_path)
     assert "-o - writes frames" in refused(capsys, "sniff", "/dev/ttyS0", "-o", "-")
     assert "a recording is a file" in refused(capsys, "record", "/dev/ttyS0", "-o", "-")
 

@@ -12,10 +12,12 @@ from pathlib import Path
 
 import pytest
 
+from analyzer import languages
 from analyzer.causes.registry import suspects
 from analyzer.reference.causes import markdown as causes_page
 from analyzer.reference.findings import markdown as findings_page
 from analyzer.tables.findings import rules
+from analyzer.words import between, compact, data_size, duration, percent, pointed_ms, short
 
 ROOT = Path(__file__).resolve().parents[1]
 LANGUAGES = ROOT / "analyzer" / "languages"
@@ -87,3 +89,42 @@ def test_neither_is_one_in_russian(name: str) -> None:
     found = [sentence for _, text in _entries(name) for sentence in _sentences(text)]
     assert found
     assert not [sentence for sentence in found if len(sentence.split()) > LONGEST]
+
+
+def test_numbers_and_units_are_those_of_the_language() -> None:
+    def told() -> list[str]:
+        return [
+            duration(31_300_000_000), duration(870_000), duration(100_000_000_000), between(9_100_000, 17_000_000),
+            short(12_300_000), short(11_520 * 10**9), pointed_ms(4_210_000, 4_210_000), percent(0.004), compact(12_345),
+            data_size(5_200), languages.fill("{load:.1%}, {waited_ms:ms}", {"load": 0.202, "waited_ms": 4.64}),
+        ]  # fmt: skip
+
+    english = told()
+    assert english == [
+        "31.3 s", "870 us", "1 min 40 s", "9.1..17 ms", "12.3ms", "3h12m", "    4.21 ", "0.4%", "12.3k", "5.2 kB",
+        "20.2%, 4.64 ms",
+    ]  # fmt: skip
+    with languages.telling("ru"):
+        assert told()[:-1] == [
+            "31,3 с", "870 мкс", "1 мин 40 с", "9,1..17 мс", "12,3мс", "3ч12м", "    4,21 ", "0,4%", "12,3к", "5,2 кБ",
+        ]  # fmt: skip
+        assert languages.page_words("{share:.1%} of the line's capacity", share=0.202).startswith("20,2%")
+        assert languages.filled("{waited_ms:ms}", {"waited_ms": 4.64}) == "4,64 мс"
+    assert told() == english
+
+
+_LATIN_UNIT = re.compile(r"[}\d] (?:ms|us|s|bit/s|Hz|kB|MB|MiB)(?![\w/-])")
+
+
+def test_no_russian_sentence_has_a_latin_unit() -> None:
+    texts = [words for file in LANGUAGES.glob("ru*.toml") for words in _russian(file) if "50 ms, а" not in words]
+    assert len(texts) > 1500
+    typed = "us, ms, s, min, h"  # what a filter takes
+    assert not [words for words in texts if _LATIN_UNIT.search(words) and typed not in words]
+
+
+def _russian(file: Path) -> Iterator[str]:
+    for table in tomllib.loads(file.read_text(encoding="utf-8")).values():
+        for words in table.values():
+            several = words.values() if isinstance(words, dict) else [words] if isinstance(words, str) else words
+            yield from (each for each in several if isinstance(each, str))

@@ -117,16 +117,16 @@ def load_rules(path: str | Path, line: LineSettings | None = None, charts: UnitM
         raise RulesFileError(f"{path}: nested too deeply") from error
     rules = document.get("rule")
     if set(document) != {"rule"} or not isinstance(rules, list) or not all(isinstance(rule, dict) for rule in rules):
-        raise RulesFileError(f'{path}: holds [[rule]] tables alone, each with check = "no crc errors"')
+        raise RulesFileError(f'{path}: may contain only [[rule]] tables, each with check = "no crc errors"')
     return [_rule(f"{path}: rule {number}", rule, line, charts) for number, rule in enumerate(rules, 1)]
 
 
 def _rule(where: str, rule: dict[str, Any], line: LineSettings | None, charts: UnitMaps | None) -> Check:
     for key, value in rule.items():
         if key not in _KEYS:
-            raise RulesFileError(f"{where}: no key {key!r}; there are {', '.join(_KEYS)}")
+            raise RulesFileError(f"{where}: no key {key!r}: choose from {', '.join(_KEYS)}")
         if not isinstance(value, str):
-            raise RulesFileError(f"{where}: {key} is a text in quotes")
+            raise RulesFileError(f"{where}: {key} must be text in quotes")
     if "check" not in rule:
         raise RulesFileError(f'{where}: needs check = "..."')
     severity = rule.get("severity", "error")

@@ -97,7 +97,7 @@ class Parser(argparse.ArgumentParser):
         message = _NO_NUMBER.sub(lambda no: f"{no[2]} is not a {'whole ' if no[1] == 'int' else ''}number", message)
         if message.endswith(" required: ACTION"):
             actions = (each for each in self._actions if isinstance(each, argparse._SubParsersAction))
-            message = f"say what to do: {', '.join(each for found in actions for each in found.choices)}"
+            message = f"choose an action: {', '.join(each for found in actions for each in found.choices)}"
         message = _ARGUMENTS.sub(lambda named: _placeholders(named[0]), message)
         raise UsageError(f"{retold(message)} {retold(f'(see {self.prog} --help)')}")
 
@@ -255,7 +255,7 @@ def _general(arguments: list[str]) -> int:
     """What is said without a command: help, the version, what is wrong with an option that stands before one."""
     if arguments and arguments[0] not in _OWN and (behind := [word for word in arguments if word in COMMANDS]):
         option = arguments[0].partition("=")[0]
-        raise UsageError(f"{option} stands behind the command: rtuscope {behind[0]} {option} ...")
+        raise UsageError(f"{option} goes after the command: rtuscope {behind[0]} {option} ...")
     parser = command_line(())
     parser.parse_args(arguments)
     parser.print_help()

@@ -66,9 +66,11 @@ def run(arguments: argparse.Namespace) -> int:
 
         if near := meant(arguments.question, QUESTIONS):
             raise UsageError(f"no question {arguments.question!r}: did you mean {near}?")
-        raise UsageError(f"no question {arguments.question!r}: there are {', '.join(QUESTIONS)}, or SQL")
+        raise UsageError(f"no question {arguments.question!r}: choose from {', '.join(QUESTIONS)}, or use SQL")
     elif arguments.words or arguments.since is not None or arguments.site is not None:
-        raise UsageError("further words, --since and --site go with ready questions: SQL says it all by itself")
+        raise UsageError(
+            "extra arguments, --since and --site are for ready-made questions: put the conditions into the SQL itself"
+        )
     else:
         answer = lake.arrow(arguments.question)
     if arguments.plot is not None:
@@ -85,14 +87,14 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _limit(text: str) -> int:
     if not (text.isascii() and text.isdecimal() and len(text) < 19 and int(text)):
-        raise argparse.ArgumentTypeError(f"{text!r} is no number of rows, from 1")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number of rows (at least 1)")
     return int(text)
 
 
 def _picture(text: str) -> Path:
     path = Path(text)
     if path.suffix.lower() not in _PICTURES:
-        raise argparse.ArgumentTypeError(f"{text!r} has no such ending: {', '.join(_PICTURES)}")
+        raise argparse.ArgumentTypeError(f"{text!r} must end in {', '.join(_PICTURES)}")
     return path
 
 
@@ -105,7 +107,7 @@ def _plot(answer: Any, path: Path, title: str) -> None:
     from ..plots import drawn_series
 
     if not len(answer):
-        raise UsageError(f"nothing is known of {title}: no picture of it")
+        raise UsageError(f"there is no data on {title} to plot")
     keys = [
         ", ".join(key)
         for key in zip(*(answer.column(name).to_pylist() for name in ("site", "line", "area")), strict=True)
@@ -113,7 +115,7 @@ def _plot(answer: Any, path: Path, title: str) -> None:
     times, values = answer.column("t_ns").cast(pa.int64()).to_numpy(), answer.column("raw").to_numpy()
     names, which = np.unique(np.array(keys, object).astype(str), return_inverse=True)
     if len(names) > _LINES:
-        raise UsageError(f"{title} is known of {len(names):,} lines and areas: choose by --site or AREA")
+        raise UsageError(f"{title} exists on {len(names):,} lines or areas: choose with --site or AREA")
     series = {str(name): (times[which == i], values[which == i].astype(np.float64)) for i, name in enumerate(names)}
     picture = drawn_series(path.suffix[1:].lower(), series, title)
     with output(path) as file:

@@ -69,7 +69,7 @@ def add_fleet_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _workers(text: str) -> int:
     if not text.isdecimal() or not 1 <= int(text) <= 1024:
-        raise argparse.ArgumentTypeError(f"{text!r} is no number of processes, 1 to 1024")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number of processes (1 to 1024)")
     return int(text)
 
 
@@ -87,7 +87,7 @@ def run(arguments: argparse.Namespace) -> int:
         _tell_packed(compact_lake(lake))
         return DONE
     if not arguments.resume and Manifest(lake).newest:
-        raise UsageError(f"{arguments.output}: is a lake already: go on with it by --resume")
+        raise UsageError(f"{arguments.output}: is a lake already: use --resume to continue it")
     options, refused = batch_options(arguments), list[str]()
     lines = lines_of(found(arguments.source, refused), arguments.site, arguments.site_from, refused)
     try:
@@ -104,7 +104,7 @@ def run(arguments: argparse.Namespace) -> int:
             )
     except KeyboardInterrupt:
         with suppress(OSError):  # the terminal may be gone
-            tell("ended at once; partial output is kept: continue with --resume")
+            tell("stopped at once; partial output is kept: continue with --resume")
         return INTERRUPTED
     result.troubles = [*refused, *result.troubles]
     tell_result(result)
@@ -118,7 +118,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def outdated(result: BatchResult) -> str:
     """What is said of lines that are as other rules or options made them."""
-    return f"lines made by other rules or options: {result.outdated}; --redo makes anew what these touch"
+    return f"lines made with other rules or options: {result.outdated}; --redo recomputes what they affect"
 
 
 def batch_options(arguments: argparse.Namespace) -> BatchOptions:
@@ -168,7 +168,7 @@ def tell_result(result: BatchResult) -> None:
     for trouble in result.troubles[:_TOLD]:
         tell(trouble)
     if len(result.troubles) > _TOLD:
-        tell(f"and {len(result.troubles) - _TOLD:,} more (rtuscope ask LAKE damaged lists captures)")
+        tell(f"and {len(result.troubles) - _TOLD:,} more (list the captures: rtuscope ask LAKE damaged)")
     damaged = tr(", {count:,} of them damaged", count=result.damaged) if result.damaged else ""
     skipped = tr(", {count:,} were there already", count=result.skipped) if result.skipped else ""
     print(

@@ -72,13 +72,13 @@ def run(arguments: argparse.Namespace) -> int:
 def _check(arguments: argparse.Namespace) -> None:
     """UsageError where what is asked for is no relay."""
     if (arguments.listen is None) != (arguments.to is None):
-        raise UsageError("--listen and --to go together: where your program connects, and the gateway")
+        raise UsageError("use --listen and --to together: where your program connects, and the gateway")
     if (arguments.port is None) == (arguments.to is None):
-        raise UsageError("between what? PORT is a serial port; for a gateway: --listen PORT --to HOST:PORT")
+        raise UsageError("no port given: PORT is a serial port; for a gateway, use --listen PORT --to HOST:PORT")
     if arguments.to is not None and (arguments.baud or arguments.parity or arguments.wait):
         raise UsageError("a gateway has its own line settings: --baud, --parity and --wait go with PORT")
     if os.name != "posix":
-        raise UsageError("between needs pseudo-terminals, which this system has not")
+        raise UsageError("between needs pseudo-terminals, which this system lacks")
 
 
 def _begun(arguments: argparse.Namespace) -> BetweenSource:

@@ -96,7 +96,7 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         _show(results)
     if results.partial:
-        tell("stopped by Ctrl-C; what was seen until then was judged")
+        tell("stopped by Ctrl-C; only the part read so far was checked")
         return INTERRUPTED
     if not results.frames:
         tell(f"{source}: no Modbus frame found")

@@ -162,7 +162,9 @@ def _value(parser: argparse.ArgumentParser, action: argparse.Action, setting: Se
     except argparse.ArgumentError as error:
         raise UsageError(f"{value.where}: {setting.key}: {error.message}") from error
     if isinstance(converted, RateWithFormat):
-        raise UsageError(f"{value.where}: {setting.key}: the rate alone: parity and bits have keys of their own")
+        raise UsageError(
+            f"{value.where}: {setting.key}: give only the rate here: parity and bits are separate settings"
+        )
     return converted
 
 

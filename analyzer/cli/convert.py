@@ -98,7 +98,7 @@ def run(arguments: argparse.Namespace) -> int:
     if len(arguments.names) > len(paths):
         raise UsageError(f"--port-name is given {len(arguments.names)} times for {len(paths)} captures")
     if arguments.seconds is not None and arguments.around is None:
-        raise UsageError("--seconds goes with --around")
+        raise UsageError("--seconds needs --around")
     chosen = _format(arguments)
     opened = [opened_capture(path, arguments) for path in paths]
     for capture in opened:
@@ -114,7 +114,7 @@ def run(arguments: argparse.Namespace) -> int:
     for path, capture in zip(paths, opened, strict=True):
         tell_damage(path, capture)
     if lost := _lost(edited, chosen, written):
-        tell(f"{arguments.output}: files of this format have no room for {', '.join(lost)}")
+        tell(f"{arguments.output}: this format cannot store {', '.join(lost)}")
     line = f"{arguments.output}: {captured_words(written.reads, written.bytes)}"
     print(harmless(line), file=sys.stderr if arguments.output == "-" else sys.stdout)
     if stopped:
@@ -154,10 +154,10 @@ def _format(arguments: argparse.Namespace) -> Format:
             near = did_you_mean(path.suffix, written_suffixes())
             if not near:
                 raise
-            raise UsageError(f"{path}: no format to write with suffix {path.suffix!r}{near}") from None
+            raise UsageError(f"{path}: no format writes the suffix {path.suffix!r}{near}") from None
     chosen = by_name(arguments.to_format or "serial-chunks")
     if chosen.write is None:
-        raise UsageError(f"--to-format {chosen.name}: captures in this format can be read, but not written")
+        raise UsageError(f"--to-format {chosen.name}: this format can be read, but not written")
     return chosen
 
 
@@ -184,12 +184,12 @@ def _merged(opened: list[Capture], arguments: argparse.Namespace) -> Capture:
     for text in arguments.shift:
         number, sign, words = text.rpartition("=")
         if sign and not (number.isdecimal() and 1 <= int(number) <= len(opened)):
-            raise UsageError(f"--shift {text}: before the = stands the number of an IN, 1 to {len(opened)}")
+            raise UsageError(f"--shift {text}: the number before = must be that of an IN, 1 to {len(opened)}")
         for i in [int(number) - 1] if sign else range(len(opened)):
             shifts[i] += time_span(words, "--shift")
     for capture, shift in zip(opened, shifts, strict=True):
         if shift and not capture.timed:
-            raise UsageError(f"--shift: {capture.path or 'the capture'} has no times")
+            raise UsageError(f"--shift: {capture.path or 'the capture'} has no timestamps")
     moved = [shifted(capture, shift) if shift else capture for capture, shift in zip(opened, shifts, strict=True)]
     return merged(moved, arguments.names)
 
@@ -226,11 +226,11 @@ def _around(capture: Capture, arguments: argparse.Namespace) -> Capture:
 
     seconds = _SECONDS if arguments.seconds is None else arguments.seconds
     if not 0 <= seconds <= _MOST_SECONDS:
-        raise UsageError(f"--seconds {seconds:g}: give 0 to {_MOST_SECONDS:g}")
+        raise UsageError(f"--seconds {seconds:g}: must be 0 to {_MOST_SECONDS:g}")
     try:
         capture, count = around(capture, compile_filter(arguments.around, capture.line), seconds)
     except FilterError as error:
         raise UsageError(f"--around: {error}") from error
     if not count:
-        tell("--around: nothing passes the filter")
+        tell("--around: nothing matches the filter")
     return capture

@@ -60,7 +60,7 @@ def _bytes(text: str) -> bytes:
         except HexError as error:
             raise UsageError(str(error)) from error
     if not 0 < len(data) <= _LONGEST:
-        raise UsageError(f"{len(data):,} bytes: from 1 to {_LONGEST:,} have a check value here")
+        raise UsageError(f"{len(data):,} bytes: a check value needs 1 to {_LONGEST:,} bytes")
     return data
 
 

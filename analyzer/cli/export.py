@@ -102,7 +102,7 @@ def run(arguments: argparse.Namespace) -> int:
         tell("stopped by Ctrl-C; partial output is kept")
         return INTERRUPTED
     if chosen is not None and not result.bytes:
-        tell(f"{arguments.capture}: nothing passes the filter")
+        tell(f"{arguments.capture}: nothing matches the filter")
         return NO_FRAME
     if not result.frames and not (chosen is not None and "noise" in chosen.fields):
         tell(f"{arguments.capture}: no Modbus frame found in {result.bytes:,} bytes")

@@ -95,11 +95,11 @@ def moment(text: str, flag: str, first_ns: int, zone: tzinfo | None) -> int:
     match = _CLOCK.fullmatch(text.strip())
     if match is None:
         if _SPAN.fullmatch(text.strip()) is None:
-            raise UsageError(f"{flag} {text}: give 12.5s after the first byte, 08:30:00, or 2026-01-31T08:30Z")
+            raise UsageError(f"{flag} {text}: use 12.5s (from the first byte), 08:30:00 or 2026-01-31T08:30Z")
         return first_ns + time_span(text, flag)
     date, hour, minute, second, rest, offset = match.groups()
     if date is None and not is_clock(first_ns):
-        raise UsageError(f"{flag} {text}: this capture's clock has no time of day: give a time such as 12.5s")
+        raise UsageError(f"{flag} {text}: this capture has no time of day: give a time such as 12.5s")
     try:
         if offset is not None:
             zone = UTC if offset == "Z" else datetime.fromisoformat(f"2000-01-01T00:00{offset}").tzinfo
@@ -110,7 +110,7 @@ def moment(text: str, flag: str, first_ns: int, zone: tzinfo | None) -> int:
         if date is None and ns < first_ns - first_ns % _SECOND:
             ns = int((clock + timedelta(days=1)).timestamp()) * _SECOND + ns % _SECOND
     except (ValueError, OverflowError) as error:
-        raise UsageError(f"{flag} {text}: is no time of a day") from error
+        raise UsageError(f"{flag} {text}: is not a time of day") from error
     return ns
 
 
@@ -208,7 +208,7 @@ def zone_name(text: str) -> str:
 def unit_number(text: str) -> int:
     """A unit's number, for argparse."""
     if not text.isdecimal() or int(text) > _LAST_UNIT:
-        raise argparse.ArgumentTypeError(f"{text!r} is no unit from 0 to {_LAST_UNIT}")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a unit address (0 to {_LAST_UNIT})")
     return int(text)
 
 
@@ -248,7 +248,7 @@ def _names(text: str) -> tuple[str, ...]:
 def _count(text: str) -> int:
     """A number of frames, for argparse."""
     if not text.lstrip("0").isdecimal():
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number from 1")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number of at least 1")
     return int(text)
 
 
@@ -290,7 +290,7 @@ def _milliseconds(least: float, most: float) -> Callable[[str], int]:
         except ValueError:
             number = float("nan")
         if not least <= number <= most:
-            raise argparse.ArgumentTypeError(f"{text!r} is no time from {least:g} to {most:g} ms")
+            raise argparse.ArgumentTypeError(f"{text!r} is not between {least:g} and {most:g} ms")
         return round(number * 1e6)
 
     return limit

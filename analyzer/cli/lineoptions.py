@@ -84,7 +84,7 @@ def rate(text: str) -> int | RateWithFormat:
         bits, letter, stop = form[:1], _LETTERS.get(form[1:2].lower()), form[2:]
         if bits in _DATA_BITS and letter is not None and stop in _STOP_BITS:
             return RateWithFormat(int(number), int(bits), letter, float(stop))
-    raise argparse.ArgumentTypeError(f"{text!r} is not a rate in bit/s, nor one such as 19200-8N1")
+    raise argparse.ArgumentTypeError(f"{text!r} is not a rate in bit/s, or settings such as 19200-8N1")
 
 
 def rate_or_auto(text: str) -> int | str | RateWithFormat:
@@ -95,7 +95,7 @@ def rate_or_auto(text: str) -> int | str | RateWithFormat:
         return rate(text)
     except argparse.ArgumentTypeError:
         raise argparse.ArgumentTypeError(
-            f"{text!r} is not a rate in bit/s, nor one such as 19200-8N1, nor auto"
+            f"{text!r} is not a rate in bit/s, settings such as 19200-8N1, or auto"
         ) from None
 
 

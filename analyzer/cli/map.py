@@ -237,7 +237,7 @@ def _traffic(arguments: argparse.Namespace) -> RegisterTraffic:
     capture = open_capture(arguments)
     traffic = gathered(capture, arguments.capture, chosen_limits(arguments), command="map")
     if not traffic.units:
-        what = "no answer carries a register" if traffic.readings.frames else "no Modbus frame found"
+        what = "no response carries register values" if traffic.readings.frames else "no Modbus frame found"
         tell(f"{arguments.capture}: {what}")
     return traffic
 
@@ -250,7 +250,7 @@ def _chart_of(chart: RegisterMap, unit: int | None, traffic: RegisterTraffic) ->
     if unit is not None:
         if unit not in units:
             raise UsageError(
-                f"no answer of unit {unit} carries a value: units with values: {', '.join(map(str, units))}"
+                f"no response from unit {unit} carries a value: units with values: {', '.join(map(str, units))}"
             )
         return {unit: chart}
     if len(units) == 1:
@@ -265,8 +265,8 @@ def _chart_of(chart: RegisterMap, unit: int | None, traffic: RegisterTraffic) ->
     }
     best = max(scores, key=lambda number: scores[number])
     if scores[best] <= 0:
-        raise UsageError(f"which unit is the map of? --unit N: units with values: {', '.join(map(str, units))}")
-    tell(f"taken for the map of unit {best}, which it fits best (--unit N says otherwise)")
+        raise UsageError(f"which unit is this map for? Add --unit N: units with values: {', '.join(map(str, units))}")
+    tell(f"used as the map of unit {best}, the best match (--unit N overrides this)")
     return {best: chart}
 
 
@@ -300,7 +300,7 @@ def _import(arguments: argparse.Namespace) -> int:
             raise UsageError(f"--device {arguments.device!r}: {arguments.file} has {', '.join(map(repr, names))}")
     elif len(imported) > 1:
         others = ", ".join(map(repr, names))
-        tell(f"{arguments.file} has {len(imported)} devices; taken: {names[0]!r}; --device chooses among {others}")
+        tell(f"{arguments.file} has {len(imported)} devices; using {names[0]!r}; --device chooses among {others}")
     chosen = imported[0] if arguments.base is None else moved(imported[0], arguments.base)
     for note in chosen.notes:
         tell(note)
@@ -323,15 +323,17 @@ def _infer(arguments: argparse.Namespace) -> int:
         return NO_FRAME
     unit = arguments.unit
     if unit is None and len(units) > 1:
-        raise UsageError(f"of which unit? --unit N: units with values: {', '.join(map(str, units))}")
+        raise UsageError(f"which unit? Add --unit N: units with values: {', '.join(map(str, units))}")
     unit = units[0] if unit is None else unit
     if unit not in units:
-        raise UsageError(f"no answer of unit {unit} carries a value: units with values: {', '.join(map(str, units))}")
+        raise UsageError(
+            f"no response from unit {unit} carries a value: units with values: {', '.join(map(str, units))}"
+        )
     values = infer(traffic.readings, units=[unit])
     source = register_words("inferred from {file}", file=Path(arguments.capture).name)
     chart = drafted_map(values, register_words("unit {unit}", unit=unit), source)
     if not chart.rows:
-        tell(f"{arguments.capture}: no register of unit {unit} says anything")
+        tell(f"{arguments.capture}: nothing can be inferred from the registers of unit {unit}")
         return NO_FRAME
     _write(chart, arguments.output)
     return INTERRUPTED if traffic.stopped else DONE
@@ -353,7 +355,7 @@ def _check_suffix(path: str) -> None:
     from pathlib import PurePath
 
     if path != "-" and PurePath(path).suffix.lower() not in (".csv", ".yaml", ".yml"):
-        raise UsageError(f"-o {path}: a map is a .csv or a .yaml file")
+        raise UsageError(f"-o {path}: a map must be a .csv or .yaml file")
 
 
 def _write(chart: RegisterMap, path: str) -> None:

@@ -78,13 +78,15 @@ def serve(command: Sequence[str], host: str, port: int) -> None:
     port = sockets[0].getsockname()[1]
     token = secrets.token_urlsafe(24)
     if not is_loopback(host):
-        tell(f"whoever reaches {host}:{port} and knows the address below sees this capture; nothing is encrypted")
+        tell(
+            f"anyone who can reach {host}:{port} and knows the address below can see this capture; nothing is encrypted"
+        )
     shown = socket.gethostname() if is_any(host) else host
     server = Server(shell_command(command), host=host, port=port, title=_TITLE)
     app = guarded(server, host, token)
     with suppress(KeyboardInterrupt):  # pressed before the loop runs, or on Windows
         print(f"http://{f'[{shown}]' if ':' in shown else shown}:{port}/{token}/", flush=True)
-        tell("open this address in a browser; Ctrl-C ends it")
+        tell("open this address in a browser; press Ctrl-C to stop")
         run_app(app, sock=sockets, print=None, access_log=None, shutdown_timeout=_ENDING_S)
 
 
@@ -157,7 +159,7 @@ def _listening(host: str, port: int) -> list[socket.socket]:
     except (OSError, OverflowError, UnicodeError) as error:  # no such name, no such port
         trouble = str(error)
     if not sockets:
-        raise UsageError(f"cannot listen at {host}:{port}: {trouble}: give another --port or --host")
+        raise UsageError(f"cannot listen on {host}:{port}: {trouble}: try another --port or --host")
     return sockets
 
 
@@ -202,7 +204,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def port(text: str) -> int:
     """A TCP port; 0 is any that is free; for argparse."""
     if not text.isdecimal() or int(text) > _MOST_PORT:
-        raise argparse.ArgumentTypeError(f"{text!r} is no port from 0 to {_MOST_PORT}")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a port (0 to {_MOST_PORT})")
     return int(text)
 
 
@@ -242,7 +244,7 @@ def run(arguments: argparse.Namespace) -> int:
 def read_out(arguments: argparse.Namespace, capture: Capture | None, limits: Options, charts: UnitMaps) -> int:
     """The capture in plain lines."""
     if capture is None:
-        raise UsageError("--plain reads out a capture: which one?")
+        raise UsageError("--plain needs a capture: name a FILE")
     from captures.io import time_zone
 
     from ..filters import FilterError
@@ -267,7 +269,7 @@ def read_out(arguments: argparse.Namespace, capture: Capture | None, limits: Opt
 def needs_a_terminal(command: str, instead: str = "use rtuscope report, export or parse") -> None:
     """UsageError where there is none; a browser will do."""
     if "TEXTUAL_DRIVER" not in os.environ and not full_screen():
-        raise UsageError(f"{command} needs a terminal; on a pipe or with TERM=dumb {instead}")
+        raise UsageError(f"{command} needs a terminal; in a pipe or with TERM=dumb, {instead}")
 
 
 def in_a_browser(arguments: argparse.Namespace) -> list[str]:

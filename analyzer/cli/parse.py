@@ -107,7 +107,9 @@ def _named_file(words: list[str]) -> str | None:
     if len(words) != 1 or not os.path.isfile(words[0]):  # noqa: PTH113 - pathlib takes 4 ms to import
         return None
     name = shell_word(words[0])
-    return f"{words[0]!r} is a file, not bytes: rtuscope parse -f {name} reads it, rtuscope open {name} shows it"
+    return (
+        f"{words[0]!r} is a file, not bytes: read it with rtuscope parse -f {name}, view it with rtuscope open {name}"
+    )
 
 
 def _source(arguments: argparse.Namespace) -> str:
@@ -119,7 +121,7 @@ def _pasted_text(arguments: argparse.Namespace) -> str:
     if arguments.hex == ["-"]:
         arguments.hex, arguments.file = [], "-"
     if arguments.hex and arguments.file:
-        raise UsageError("bytes come from the arguments or from -f FILE, not from both")
+        raise UsageError("give bytes as arguments or with -f FILE, not both")
     if arguments.hex:
         words: list[str] = arguments.hex
         return ("\n" if any(" " in word.strip() for word in words) else " ").join(words)
@@ -133,12 +135,14 @@ def _pasted_text(arguments: argparse.Namespace) -> str:
             tell("paste the bytes, then press Ctrl-D (Ctrl-Z Enter on Windows)")
         data = sys.stdin.buffer.read(_LONGEST + 1)
     if len(data) > _LONGEST:
-        raise UsageError(f"over {_LONGEST >> 20} MiB of text is no paste; rtuscope export reads captures of any size")
+        raise UsageError(
+            f"over {_LONGEST >> 20} MiB of text is too long to paste; rtuscope export reads captures of any size"
+        )
     from captures.text import encodings
 
     if encodings.is_binary(data[:_HEAD]):
         raise UsageError(
-            f"{_source(arguments)}: bytes, not text: parse reads hex (xxd -p FILE | rtuscope parse); "
-            "a capture is read by rtuscope export FILE.bin"
+            f"{_source(arguments)}: binary, not text: parse reads hex (xxd -p FILE | rtuscope parse); for a capture "
+            "use rtuscope export FILE.bin"
         )
     return encodings.decoded(data)

@@ -59,7 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
     area, address = place_of(arguments.address)
     capture = open_capture(arguments)
     if not capture.timed:
-        raise UsageError(f"{arguments.capture}: a capture without times has nothing to draw along")
+        raise UsageError(f"{arguments.capture}: a capture without timestamps cannot be plotted")
     bus = Analysis(capture, maps=chosen_charts(arguments) or None)
     readings = _readings(bus, arguments.unit, address)
     tell_damage(arguments.capture, capture)
@@ -94,7 +94,9 @@ def place_of(text: str) -> tuple[str | None, int]:
     try:
         area, address = physical(text)
     except ValueFormError:
-        raise UsageError(f"{text!r} is not an address: give 40108, 400108 or 4x108, or from 0 as on the wire") from None
+        raise UsageError(
+            f"{text!r} is not an address: use 40108, 400108 or 4x108, or count from 0 as on the wire"
+        ) from None
     return AREA_NAMES[AREA_CODES[area]], address
 
 
@@ -103,7 +105,7 @@ def _picture(text: str | None) -> Path | None:
         return None
     path = Path(text)
     if path.suffix.lower() not in _PICTURES:
-        raise UsageError(f"{text}: a picture ends in {', '.join(_PICTURES)}")
+        raise UsageError(f"{text}: a picture's name must end in {', '.join(_PICTURES)}")
     return path
 
 
@@ -134,18 +136,20 @@ def _readings(bus: Analysis, unit: int, address: int) -> dict[str, Reading]:
 def _area(area: str | None, readings: dict[str, Reading], unit: int, address: int) -> str:
     """The area that is meant; UsageError where it has no reading, or where several have."""
     if area is None and len(readings) > 1:
-        raise UsageError(f"unit {unit} has {address} in {' and '.join(readings)}: choose by --area")
+        raise UsageError(f"unit {unit} has {address} in {' and '.join(readings)}: choose with --area")
     if area is None and readings:
         return next(iter(readings))
     if area not in readings:
-        raise UsageError(f"no reading of {area or 'address'} {address} of unit {unit}: rtuscope registers lists them")
+        raise UsageError(
+            f"no readings of {area or 'address'} {address} of unit {unit}: rtuscope registers lists what there is"
+        )
     return area
 
 
 def _draw(title: str, times: NDArray[np.int64], numbers: NDArray[np.float64]) -> None:
     """The curve in braille, the ends of its scale beside it, the ends of its time below."""
     from ..tui.plot import Series, dots, told_apart
-    from ..words import is_clock, moment, seconds
+    from ..words import is_clock, moment, seconds, unit_word
 
     columns = max(_NARROWEST, shutil.get_terminal_size().columns - _LABEL - 2)
     series = Series(title, times, numbers)
@@ -157,5 +161,5 @@ def _draw(title: str, times: NDArray[np.int64], numbers: NDArray[np.float64]) ->
         label = high if row == 0 else low if row == lines - 1 else ""
         text = "".join(chr(0x2800 + cell) if cell else " " for cell in cells)
         print(f"{label:>{_LABEL}} {text}".rstrip())
-    first, last = (moment(t_ns) if is_clock(t_ns) else f"{seconds(t_ns)} s" for t_ns in span)
+    first, last = (moment(t_ns) if is_clock(t_ns) else f"{seconds(t_ns)} {unit_word('s')}" for t_ns in span)
     print(" " * (_LABEL + 1) + first + " " * max(2, columns - len(first) - len(last)) + last)

@@ -34,7 +34,11 @@ def run(arguments: argparse.Namespace) -> int:
         for line in port_lines(port):
             print(harmless(line))
     if not listed:
-        print(retold("no serial port here; others: socket://HOST:PORT of a gateway, rfc2217://HOST:PORT, tap://HOST"))
+        print(
+            retold(
+                "no serial ports found; other sources: socket://HOST:PORT of a gateway, rfc2217://HOST:PORT, tap://HOST"
+            )
+        )
     return DONE
 
 
@@ -44,11 +48,11 @@ def port_lines(port: PortInfo) -> list[str]:
     words = "  ".join(text for text in details if text)
     beneath = []
     if port.link:
-        beneath.append(f"lasting name {port.link}")
+        beneath.append(f"stable name {port.link}")
     if port.latency_ms is not None:
-        beneath.append(f"holds bytes back for up to {port.latency_ms} ms (1 is best)")
+        beneath.append(f"delays bytes by up to {port.latency_ms} ms (1 is best)")
     if port.used_by:
         beneath.append(f"in use by {', '.join(port.used_by)}")
     if port.advice:
-        beneath.append(f"you may not open it: {port.advice}")
+        beneath.append(f"you have no permission to open it: {port.advice}")
     return [f"{port.device:<16}{words}".rstrip(), *(f"{'':16}{retold(line)}" for line in beneath)]

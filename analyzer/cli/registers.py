@@ -76,9 +76,9 @@ def run(arguments: argparse.Namespace) -> int:
     readings, units = traffic.readings, traffic.units
     listed = ", ".join(map(str, units))
     if arguments.unit and units and not set(arguments.unit) & set(units):
-        raise UsageError(f"--unit: no values of it in {arguments.capture}: units with values: {listed}")
+        raise UsageError(f"--unit: {arguments.capture} has no values for it: units with values: {listed}")
     for unit in sorted(set(charts) - set(units) if units else ()):
-        tell(f"--map: {arguments.capture} has no values of unit {unit}: units with values: {listed}")
+        tell(f"--map: {arguments.capture} has no values for unit {unit}: units with values: {listed}")
     named, words = charts.of(units), _own_words(arguments.capture)
     values = infer(readings, units=arguments.unit, charts=with_own_words(named, words))
     devices: list[Recognised] = []
@@ -121,7 +121,7 @@ def _status(arguments: argparse.Namespace, traffic: RegisterTraffic, values: lis
         tell(f"{arguments.capture}: no Modbus frame found")
         return NO_FRAME
     if not values:
-        tell(f"{arguments.capture}: no answer carries a register")
+        tell(f"{arguments.capture}: no response carries register values")
         return NO_FRAME
     return DONE
 
@@ -239,14 +239,14 @@ def _table_text(name: str) -> str:
         raise UsageError(f"--like {name}: neither a number nor a table of times and values: {reason}") from error
     text = decoded(data) if len(data) <= _LONGEST else None
     if text is None:
-        raise UsageError(f"--like {name}: a table of times and values as CSV is expected")
+        raise UsageError(f"--like {name}: expected a CSV table of times and values")
     return text
 
 
 def _matches_text(matches: list[Match], wanted: str) -> str:
     from ..registers.panel import HALF_HOUR_S
     from ..registers.telling import unit_place
-    from ..words import duration
+    from ..words import decimal, duration, unit_word
 
     if not matches:
         return f"{register_words('no register showed {wanted}', wanted=wanted)}\n"
@@ -265,7 +265,7 @@ def _matches_text(matches: list[Match], wanted: str) -> str:
         order = f" {match.order}" if match.order else ""
         scale = f" x{match.scale:g}" if match.scale != 1 else ""
         offset = f" {match.offset:+g}" if match.offset else ""
-        lag = f", {match.lag_s:+.1f} s" if match.lag_s is not None else ""
+        lag = f", {decimal(f'{match.lag_s:+.1f}')} {unit_word('s')}" if match.lag_s is not None else ""
         words = "{where}: {reading} showed {value:g}{lag} ({score:.2f})"
         reading = f"{match.type}{order}{scale}{offset}"
         lines.append(register_words(words, where=where, reading=reading, value=match.value, lag=lag, score=match.score))
@@ -316,5 +316,5 @@ def gathered(
     progress.clear()
     tell_damage(name, capture)
     if stop():
-        tell("stopped by Ctrl-C; what was read until then was used")
+        tell("stopped by Ctrl-C; only the part read so far was used")
     return RegisterTraffic(readings, texts, asked, stop())

@@ -30,7 +30,7 @@ rtuscope simulate bus.jsonl --transactions 20
 rtuscope replay bus.jsonl --speed 10
 rtuscope replay bus.jsonl --speed max --filter 'exception'"""
 
-_KEYS = "keys: space pauses, . steps, + and - change the speed, q ends"
+_KEYS = "keys: space pauses, . steps, + and - change the speed, q quits"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -58,7 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.to is not None:
         return _onto_port(arguments, capture)
     if arguments.only is not None:
-        raise UsageError("--only is for --to PORT; to show one direction: --filter request")
+        raise UsageError("--only works with --to PORT; to show one direction, use --filter request")
     check_interface(arguments)
     from ..live.replaying import Replay
     from ..live.session import Session
@@ -86,7 +86,7 @@ def _onto_port(arguments: argparse.Namespace, capture: Capture) -> int:
 
     line = capture.line
     if (line.parity or "N") not in ("N", "E", "O"):
-        raise UsageError(f"--to cannot send parity {line.parity}: give --parity N, E or O")
+        raise UsageError(f"--to cannot send parity {line.parity}: use --parity N, E or O")
     port = PortSettings(arguments.to, line.baud, line.parity or "N", line.stop_bits or 1, arguments.bits or 8)
     ended: list[bool] = []
 

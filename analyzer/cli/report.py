@@ -110,11 +110,11 @@ def write_fleet(arguments: argparse.Namespace) -> int:
     """The pages of a fleet."""
     lake, page = arguments.capture, arguments.html
     if page is None:
-        raise UsageError(f"{lake}: is a lake: --html FILE writes pages of it, rtuscope ask answers")
+        raise UsageError(f"{lake}: is a lake: --html FILE writes its pages, rtuscope ask queries it")
     if page == "-":
-        raise UsageError(f"{lake}: is a lake, of which there is a page a site as well: --html takes a file's name")
+        raise UsageError(f"{lake}: is a lake, and each of its sites gets a page of its own: give --html a file name")
     if unfit := [f"--{name}" for name in _OF_CAPTURES if getattr(arguments, name, None)]:
-        raise UsageError(f"{lake}: is a lake: {', '.join(unfit)} is for captures; rtuscope ask answers questions")
+        raise UsageError(f"{lake}: is a lake: {', '.join(unfit)} works on captures; for a lake, use rtuscope ask")
     from ..fleet.lake import Lake
     from ..fleet.pages import site_folder, write_pages
 
@@ -122,9 +122,9 @@ def write_fleet(arguments: argparse.Namespace) -> int:
     if not to_be_overwritten(page, overwrite=arguments.overwrite) and not arguments.overwrite:
         folder = site_folder(page)
         if folder.exists():
-            raise UsageError(f"{folder}: is there already: give another name, or --overwrite")
+            raise UsageError(f"{folder}: already exists: give another name, or --overwrite")
     count = write_pages(opened, page)
-    tell(f"{page}: {counted(count, 'site', 'sites')}, a page each in {site_folder(page)}")
+    tell(f"{page}: {counted(count, 'site', 'sites')}, one page each in {site_folder(page)}")
     return DONE
 
 
@@ -207,7 +207,7 @@ def write_page(capture: Capture, source: str, path: str, terms: ReportTerms) -> 
         report = _report(capture, source, terms, [sights.feed])
         file.write(page(report, sights).encode())
     if report.partial:
-        tell("stopped by Ctrl-C; the page covers what was read until then")
+        tell("stopped by Ctrl-C; the report covers only the part read so far")
     return report
 
 

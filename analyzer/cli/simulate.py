@@ -116,4 +116,4 @@ def _refuse_what_is_drawn(arguments: argparse.Namespace) -> None:
     for name in ("wire", "defect", "map", "transactions", "baud", "char_bits", "units", "parity", "bits", "stop"):
         if getattr(arguments, name):
             option = name.replace("_", "-")
-            raise UsageError(f"--cause draws a site of its own: leave out --{option}, or --cause")
+            raise UsageError(f"--cause makes a site of its own: leave out --{option} or --cause")

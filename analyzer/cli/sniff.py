@@ -61,10 +61,10 @@ def run(arguments: argparse.Namespace) -> int:
     check_interface(arguments)
     if arguments.output == "-":
         if arguments.view_format in (None, "text"):
-            raise UsageError("-o - writes frames for another program: say how by --format pcapng, jsonl or influx")
+            raise UsageError("-o - writes frames for another program: choose --format pcapng, jsonl or influx")
         arguments.output = None
     if arguments.view_format == "pcapng" and sys.stdout.isatty():
-        raise UsageError("pcapng is no text to show on a terminal: put it into a pipe, such as | wireshark -k -i -")
+        raise UsageError("pcapng is binary and cannot be shown on a terminal: pipe it, for example | wireshark -k -i -")
     return listen(arguments)
 
 

@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
     from captures.live.tapstream import is_tap_url
 
     if is_tap_url(arguments.port):
-        raise UsageError("a tap of a tap: viewers of this one can listen to that one themselves")
+        raise UsageError("this is a tap already: viewers can connect to it directly")
     load_functions(arguments)
     with Teller() as tell:
         server, address = _server(arguments, tell)
@@ -56,7 +56,7 @@ def run(arguments: argparse.Namespace) -> int:
             heard = _serve(arguments, server, address, tell)
         finally:
             server.close()
-        tell(f"{heard:,} bytes heard")
+        tell(f"{heard:,} bytes received")
     return DONE
 
 
@@ -69,13 +69,13 @@ def _server(arguments: argparse.Namespace, tell: Teller) -> tuple[TapServer, str
     token = token_of(arguments)
     if token is None and not is_local(host):
         raise UsageError(
-            f"--listen {host} is open to other machines: give --token-file FILE "
-            "(`(umask 77; openssl rand -hex 16 > FILE)`), or leave it at 127.0.0.1 and come by ssh -L"
+            f"--listen {host} is open to other machines: give --token-file FILE (`(umask 77; openssl rand -hex 16 > "
+            "FILE)`), or keep 127.0.0.1 and connect through ssh -L"
         )
     if arguments.tls_key and not arguments.tls_cert:
-        raise UsageError("--tls-key is the key of --tls-cert, which is not given")
+        raise UsageError("--tls-key needs --tls-cert")
     if arguments.buffer < _LEAST:
-        raise UsageError("--buffer is 1MB at the least")
+        raise UsageError("--buffer must be at least 1MB")
     tls = serving_context(arguments.tls_cert, arguments.tls_key) if arguments.tls_cert else None
     server = TapServer(host, port, tell=tell, token=token, tls=tls, keep_bytes=arguments.buffer)
     scheme = "tap" if tls is None else "taps"
@@ -95,7 +95,7 @@ def _serve(arguments: argparse.Namespace, server: TapServer, address: str, tell:
         for number, item in enumerate(source.items()):
             begun()
             if not number:  # the port is there, or waited for: who comes will hear something
-                tell(f"viewers: rtuscope sniff {address}")
+                tell(f"to view: rtuscope sniff {address}")
             server.feed(item, source.line)
             if isinstance(item, Block):
                 heard += len(item.data)

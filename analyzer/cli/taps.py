@@ -125,7 +125,7 @@ def _viewer_of(arguments: argparse.Namespace) -> TapViewer:
     from captures.live.tapviewer import TapViewer
 
     if arguments.port2 or arguments.seek_remote:
-        raise UsageError("a tap elsewhere has its own ports and settings: --port2 and --seek-remote are for it")
+        raise UsageError("a remote tap has its own ports and settings: set --port2 and --seek-remote there")
     return TapViewer(arguments.port, token=token_of(arguments), authority=arguments.tls_ca, wait=arguments.wait)
 
 
@@ -149,12 +149,12 @@ def tap_of(arguments: argparse.Namespace, *, watched: bool = True) -> TapSource 
     settings = {name: value for name, value in settings.items() if value is not None}
     urls = [arguments.port, *([arguments.port2] if arguments.port2 else [])]
     if any(map(is_tap_url, urls)):
-        raise UsageError("a tap elsewhere is listened to alone: --port2 is for that tap")
+        raise UsageError("a remote tap cannot be combined with another port: set --port2 there")
     if len(set(urls)) < len(urls):
         raise UsageError("--port2 is the same port as PORT")
     ports = [PortSettings(url, **settings, remote_changes=tuple(settings)) for url in urls]
     if arguments.seek_remote and not ports[0].is_port_server:
-        raise UsageError("--seek-remote is for rfc2217://HOST:PORT; a device's settings are sought anyway")
+        raise UsageError("--seek-remote is for rfc2217://HOST:PORT; settings of local ports are detected anyway")
     return TapSource(
         ports,
         hold_ns=HOLD_NS if watched else RECORD_HOLD_NS,
@@ -168,7 +168,7 @@ def tap_of(arguments: argparse.Namespace, *, watched: bool = True) -> TapSource 
 
 def lost_words(octets: int) -> str:
     """What is said at the end of bytes that were lost between a tap elsewhere and here."""
-    return f"LOST on the way: {octets:,} bytes of the line, which the tap did not keep for so long"
+    return f"LOST on the way: {octets:,} bytes of the line that the tap no longer had"
 
 
 def recorder_of(arguments: argparse.Namespace, tell: Callable[[str], None]) -> Recorder | None:
@@ -176,7 +176,7 @@ def recorder_of(arguments: argparse.Namespace, tell: Callable[[str], None]) -> R
     if arguments.output is None:
         for name in ("rotate_every", "rotate_size", "keep"):
             if getattr(arguments, name):
-                raise UsageError(f"--{name.replace('_', '-')} goes with -o FILE")
+                raise UsageError(f"--{name.replace('_', '-')} needs -o FILE")
         return None
     if arguments.output == "-":
         raise UsageError("a recording is a file; for another program: rtuscope sniff PORT -o - --format pcapng")

@@ -385,15 +385,15 @@ def to_be_overwritten(path: str | Path, *, overwrite: bool, source: Path | None 
     if str(path) == "-" or not Path(path).is_file():  # nothing there, or a pipe, a device, a folder
         return False
     if source is not None and Path(path).samefile(source):
-        raise UsageError(f"{path}: is the capture that is being read; give another name")
+        raise UsageError(f"{path}: is the capture being read: give another name")
     if overwrite:
         return True
     if not (sys.stdin.isatty() and sys.stderr.isatty()):
-        raise UsageError(f"{path}: is there already: give another name, or --overwrite")
+        raise UsageError(f"{path}: already exists: give another name, or --overwrite")
     sys.stderr.write(terminal_text(harmless(f"{path} is there already: overwrite it? [y/N] ")))
     sys.stderr.flush()
     if sys.stdin.readline().strip().lower() not in _YES:
-        raise UsageError(f"{path}: left as it was")
+        raise UsageError(f"{path}: left unchanged")
     return True
 
 

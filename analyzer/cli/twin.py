@@ -102,9 +102,9 @@ def run(arguments: argparse.Namespace) -> int:
     units = twins(capture, arguments.unit, unknown=unknown, options=chosen_limits(arguments))
     tell_damage(arguments.capture, capture)
     if missing := sorted(set(arguments.unit) - units.keys()):
-        raise UsageError(f"unit {missing[0]} answers nothing in {arguments.capture}")
+        raise UsageError(f"unit {missing[0]} answers no request in {arguments.capture}")
     if not units:
-        raise UsageError(f"no unit answers in {arguments.capture}")
+        raise UsageError(f"no unit responds in {arguments.capture}")
     answering = TwinsOnALine(units, FaultyAnswers(arguments.fault))
     ended: list[bool] = []
     with ended_from_outside(lambda: ended.append(True)):
@@ -121,20 +121,20 @@ def run(arguments: argparse.Namespace) -> int:
 def _check(arguments: argparse.Namespace) -> None:
     """UsageError where what is asked for contradicts itself."""
     if arguments.port is not None and arguments.listen is not None:
-        raise UsageError("PORT or --listen, not both")
+        raise UsageError("give PORT or --listen, not both")
     if arguments.fault and arguments.client:
         raise UsageError("--fault goes with a twin, not with --client")
     on_lines = [fault.name for fault in arguments.fault if fault.kind.of_a_line]
     if arguments.listen is not None and on_lines:
         raise UsageError(f"--fault {on_lines[0]} is of a serial line: over Modbus TCP frames come whole")
     if arguments.transmit and not arguments.client:
-        raise UsageError("--transmit goes with --client")
+        raise UsageError("--transmit needs --client")
     if arguments.client and not arguments.transmit:
-        raise UsageError("--client sends the recorded requests, writes among them: say so by --transmit")
+        raise UsageError("--client sends the recorded requests, including writes: confirm with --transmit")
     if arguments.client and (arguments.port is None or not arguments.unit):
         raise UsageError("--client needs a PORT to send to, and the --unit to ask")
     if arguments.port is None and arguments.listen is None and os.name != "posix":
-        raise UsageError("where? PORT is a serial port; over a network: --listen PORT")
+        raise UsageError("no port given: PORT is a serial port; over a network, use --listen PORT")
 
 
 def _settings(arguments: argparse.Namespace, capture: Capture) -> PortSettings:
@@ -142,7 +142,7 @@ def _settings(arguments: argparse.Namespace, capture: Capture) -> PortSettings:
 
     line = capture.line
     if (line.parity or "N") not in ("N", "E", "O"):
-        raise UsageError(f"a port cannot be set to parity {line.parity}: give --parity N, E or O")
+        raise UsageError(f"a port cannot be set to parity {line.parity}: use --parity N, E or O")
     return PortSettings(arguments.port or "", line.baud, line.parity or "N", line.stop_bits or 1, arguments.bits or 8)
 
 
@@ -192,9 +192,12 @@ def _ask(arguments: argparse.Namespace, capture: Capture) -> int:
     script = script_of(capture, arguments.unit, chosen_limits(arguments))
     tell_damage(arguments.capture, capture)
     if not script.requests:
-        raise UsageError(f"nothing is asked of these units in {arguments.capture}")
+        raise UsageError(f"{arguments.capture} has no requests to these units")
     line = SerialLine(settings)
-    tell(f"transmitting on {settings.url}, {settings}: {len(script.requests):,} requests, {script.writes:,} no reads")
+    tell(
+        f"transmitting on {settings.url}, {settings}: {len(script.requests):,} requests, {script.writes:,} of them "
+        "not reads"
+    )
     ended: list[bool] = []
     try:
         with ended_from_outside(lambda: ended.append(True)):

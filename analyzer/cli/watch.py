@@ -57,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
             tell(words)
 
     if not arguments.once:
-        tell(f"looks for new captures every {arguments.every:g} s, until Ctrl-C")
+        tell(f"looking for new captures every {arguments.every:g} s; press Ctrl-C to stop")
     failed = False
     # what a batch began when a signal ends it is left, what it did is kept
     with suppress(KeyboardInterrupt), endable(), interruptible() as stop:

@@ -98,7 +98,7 @@ def check_interface(arguments: argparse.Namespace) -> None:
     }
     for name, given in chosen.items():
         if given:
-            raise UsageError(f"{name} is for lines, and --tui shows none: leave one of them out")
+            raise UsageError(f"{name} is for output by line and does not work with --tui: leave one of them out")
     needs_a_terminal("--tui", "leave it out")
 
 
@@ -191,7 +191,11 @@ class Watch:
         if self.status.frames:
             return DONE
         if self._out is None:
-            tell(f"no Modbus frame in {self.status.bytes:,} bytes heard" if self.status.bytes else "nothing was heard")
+            tell(
+                f"no Modbus frame in {self.status.bytes:,} bytes received"
+                if self.status.bytes
+                else "nothing was received"
+            )
         return NO_FRAME
 
     def _revised(self, step: SessionStep) -> list[Any]:
@@ -261,7 +265,7 @@ def _view(arguments: argparse.Namespace, session: Session, charts: UnitMaps) -> 
         from ..live.chosenlines import ChosenLines
 
         if arguments.view_format not in (None, "text", "jsonl"):
-            raise UsageError("--fields is for text and --json")
+            raise UsageError("--fields works with text and --json")
         return ChosenLines(arguments.fields, text=arguments.view_format != "jsonl", noise=arguments.noise)
     match arguments.view_format:
         case "jsonl":

@@ -43,7 +43,7 @@ def answer(words: Sequence[str]) -> int:
         for name, display in _interfaces():
             _put("interface", value=name, display=display)
     elif request.extcap_interface is None:
-        raise UsageError("this is for Wireshark, which says what it wants: rtuscope wireshark install")
+        raise UsageError("Wireshark itself runs this command; to set it up: rtuscope wireshark install")
     elif request.extcap_dlts:
         _put("dlt", number=str(UPPER_PDU), name="WIRESHARK_UPPER_PDU", display="Modbus RTU frames")
     elif request.extcap_config:
@@ -110,8 +110,8 @@ def _capture(request: argparse.Namespace) -> int:
     """Listen, into the pipe that Wireshark named, until it closes that or ends us."""
     port = request.port if request.extcap_interface == _ANY else request.extcap_interface.removeprefix(_OF_PORT)
     if not port or not request.fifo:
-        raise UsageError("which port? Set it in the dialog of the interface (the wheel before its name), or by "
-                         f"-o extcap.{_ANY}.port:PORT")  # fmt: skip
+        raise UsageError("no port set: use the gear icon beside the interface, or -o "
+                         f"extcap.{_ANY}.port:PORT")  # fmt: skip
     words = [port, "--format", "pcapng", "--wait"]
     for name in _HANDED_ON:
         words += [f"--{name}={value}"] if (value := getattr(request, name)) else []
@@ -122,7 +122,7 @@ def _capture(request: argparse.Namespace) -> int:
     arguments = parser.parse_args(words)
     fifo = Path(request.fifo)
     if os.name == "posix" and not stat.S_ISFIFO(fifo.stat().st_mode):
-        raise UsageError(f"{fifo}: is no pipe")
+        raise UsageError(f"{fifo}: is not a pipe")
     with device_stream(fifo, buffering=0) as out:
         return sniff.listen(arguments, out)
 
@@ -161,11 +161,11 @@ def run(arguments: argparse.Namespace) -> int:
     script = _folder(arguments.folder) / _NAME
     if arguments.action == "remove":
         if not remove_proven(script, _is_ours) and (script.exists() or script.is_symlink()):
-            raise UsageError(f"{script}: is not ours: left as it is")
+            raise UsageError(f"{script}: was not made by rtuscope: left unchanged")
         print(f"{script}: removed")
         return DONE
     if script.is_symlink() or (script.exists() and not (script.is_file() and _is_ours(script.read_bytes()))):
-        raise UsageError(f"{script}: is there already and is not ours: take it away first")
+        raise UsageError(f"{script}: already exists and was not made by rtuscope: remove it first")
     script.parent.mkdir(parents=True, exist_ok=True)
     with replacing(script) as out:
         out.write(_script().encode())
@@ -195,7 +195,7 @@ def _folder(named: str | None) -> Path:
         return Path(folders["Personal Extcap path"])
     if "Personal configuration" in folders:
         return Path(folders["Personal configuration"]) / "extcap"
-    raise UsageError("Wireshark is not found: name its extcap folder by --folder (Help, About Wireshark, Folders)")
+    raise UsageError("Wireshark was not found: give its extcap folder with --folder (Help, About Wireshark, Folders)")
 
 
 def _reported_folders() -> dict[str, str]:

@@ -143,7 +143,7 @@ class Judge:
     _cut: list[tuple[int, Findings]]
 
     def __init__(self, line: LineSettings, options: Options, outages: Sequence[Deaf] = ()) -> None:
-        """`outages`: times in which nothing was heard; nobody is blamed for what is missing then."""
+        """`outages`: times in which nothing was received; nobody is blamed for what is missing then."""
         self.outages = outages
         self._transactions = Transactions()
         self._diagnosis = Diagnosis(line, options)

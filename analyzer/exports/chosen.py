@@ -83,7 +83,7 @@ def _chosen(name: str, known: Sequence[str]) -> str:
             return each
     if near := meant(name, known):
         raise ExportError(f"--fields: no column {name!r}: did you mean {near}?")
-    raise ExportError(f"--fields: no column {name!r}: there are {', '.join(known)}")
+    raise ExportError(f"--fields: no column {name!r}: choose from {', '.join(known)}")
 
 
 class ChosenKeys:

@@ -197,7 +197,7 @@ TABLES: Final[Mapping[str, RecordTable]] = {
 def table_named(name: str, charts: Mapping[int, RegisterMap] | None) -> RecordTable:
     """A table of records, `values` by the register maps of units if there are any. Raises ExportError."""
     if name not in TABLES:
-        raise ExportError(f"no table {name!r}; besides frames there are {', '.join(TABLES)}")
+        raise ExportError(f"no table {name!r}; besides frames, available: {', '.join(TABLES)}")
     return _mapped(charts) if charts and name == "values" else TABLES[name]
 
 

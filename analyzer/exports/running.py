@@ -106,12 +106,12 @@ def _possible(options: ExportOptions, out: str | Path, name: str | None) -> Expo
     """The options, with what follows from them. Raises ExportError where the format cannot have them."""
     module = target(out, name)
     if str(out) == "-" and sys.stdout.isatty() and getattr(module, "BINARY", False):
-        raise ExportError(f"{name} is no text to show on a terminal: name a file with -o, or put it into a pipe")
+        raise ExportError(f"{name} is binary and cannot be shown on a terminal: name a file with -o, or pipe it")
     why = getattr(module, "WHOLE", "")
     if why and (options.filter, options.count) != (None, sys.maxsize):
-        raise ExportError(f"{out}: cannot hold a part: {why}")
+        raise ExportError(f"{out}: cannot store a part of a capture: {why}")
     if options.fields and not getattr(module, "COLUMNAR", False):
-        raise ExportError(f"{out}: --fields is for csv, jsonl and parquet: other formats hold whole frames")
+        raise ExportError(f"{out}: --fields works with csv, jsonl and parquet: other formats store whole frames")
     return replace(options, noise=options.noise or "noise" in getattr(options.filter, "fields", ()))
 
 

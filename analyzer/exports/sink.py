@@ -85,7 +85,7 @@ def output(path: str | Path, *, source: Path | None = None) -> Iterator[OutputSt
             ) from error
         return
     if source is not None and _same(Path(path), source):
-        raise ExportError(f"{path}: is the capture that is being read; give another name")
+        raise ExportError(f"{path}: is the capture being read: give another name")
     with captures.replacing(path) as stream:
         target = OutputStream(stream)
         yield target
@@ -177,7 +177,9 @@ def format_name(path: str | PurePath, name: str | None = None) -> str:
         name = "jsonl" if str(path) == "-" else PurePath(path).suffix.removeprefix(".").lower()
     if name not in formats():
         which = (
-            f"no format {name!r}{did_you_mean(name, formats())}" if name else f"{path}: no suffix to tell the format by"
+            f"no format {name!r}{did_you_mean(name, formats())}"
+            if name
+            else f"{path}: no suffix to tell the format from"
         )
-        raise ExportError(f"{which}; formats are {', '.join(formats())} (by suffix or --format)")
+        raise ExportError(f"{which}; formats: {', '.join(formats())} (by suffix or --format)")
     return name

@@ -101,7 +101,7 @@ class Ordered:
         if high is not None:
             last = self.bound(high)
             if self.area(high) != area:
-                raise FilterError(tr("both ends of a range must be of one area"), high.column)
+                raise FilterError(tr("both ends of a range must be in the same area"), high.column)
             if type(last) is type(number) and _bound_number(last) < _bound_number(number):
                 raise FilterError(tr("a range goes upwards: {low}..{high}", low=high.shown, high=low.shown), low.column)
             return Span(number, last, area=area)
@@ -263,7 +263,9 @@ class Addresses(Ordered):
         try:
             area, address = physical(literal.text)
         except ValueFormError as error:
-            message = tr("{text!r} is no logical address: 40108, 400108 or 4x108, areas 0, 1, 3, 4", text=literal.text)
+            message = tr(
+                "{text!r} is not a logical address: use 40108, 400108 or 4x108, areas 0, 1, 3, 4", text=literal.text
+            )
             raise FilterError(message, literal.column) from error
         if AREA_CODES[area] not in self.areas:
             fit = "bit" if AREA_CODES[area] in BITS else "register"

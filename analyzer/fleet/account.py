@@ -41,7 +41,7 @@ def refuse_unless_lake(store: LakeStore) -> None:
     """Raises FleetError for a place that holds something and is no lake: nothing may be written there."""
     there = [name for name in store.top() if not _BEFORE_MARK.fullmatch(name)]
     if there and not _is_lake(store):
-        raise FleetError(f"{store.root}: is not empty and no lake: give another folder")
+        raise FleetError(f"{store.root}: is neither empty nor a lake: give another folder")
 
 
 def _is_lake(store: LakeStore) -> bool:
@@ -61,7 +61,7 @@ def refuse_sources_inside(store: LakeStore, lines: Iterable[LineFiles]) -> None:
             continue
         place = url if remote else Path(os.path.realpath(url)).as_posix()
         if place.startswith(f"{Path(store.root).as_posix() if not remote else store.root}/"):
-            raise FleetError(f"{readable(url)}: lies inside the lake: take captures from elsewhere")
+            raise FleetError(f"{readable(url)}: is inside the lake: keep captures elsewhere")
 
 
 @contextmanager
@@ -82,7 +82,7 @@ def writing(store: LakeStore) -> Iterator[None]:
         try:
             descriptor = opened_and_locked(folder / _LOCK)
         except LockedElsewhereError:
-            raise FleetError(f"{store.root}: another batch writes this lake now") from None
+            raise FleetError(f"{store.root}: another batch is writing to this lake") from None
     try:
         refuse_unless_lake(store)  # nobody else makes one of it from now on
         if not os.path.lexists(folder / _MARK):
@@ -105,9 +105,9 @@ def remove_waste(manifest: Manifest) -> list[str]:
     kept = store.remove(waste)
     needed = {run for name in kept if (run := _run_of(name))}
     store.remove(name for run, name in runs.items() if run not in needed)
-    told = [f"{readable(store.url(name))}: could not be taken away: {reason}" for name, reason in kept.items()]
+    told = [f"{readable(store.url(name))}: could not be removed: {reason}" for name, reason in kept.items()]
     if others := sorted({*there} - {*waste}):
-        words = f"files that no batch of this lake wrote stay: {len(others):,} (the first: {readable(others[0])})"
+        words = f"kept files that were not written by this lake: {len(others):,} (the first: {readable(others[0])})"
         told.append(f"{store.root}: {words}")
     return told
 

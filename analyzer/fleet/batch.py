@@ -107,8 +107,8 @@ def _further(before: LakeLine, plain: LineTask, *, redo: bool, result: BatchResu
         result.outdated += 1
         if redo:
             result.troubles.append(
-                f"site {plain.site}, line {plain.line}: left as other rules or options made it: "
-                f"{len(gone)} of its captures are there no more"
+                f"site {plain.site}, line {plain.line}: kept as made with other rules or options: {len(gone)} of its "
+                "captures are gone"
             )
     known = {(one["url"], one["size"], one["stamp"]) for one in before.slices()}
     fresh = tuple(file for file in plain.files if (file.url, file.size, file.stamp) not in known)
@@ -159,9 +159,9 @@ def _continued(
             return plain
         for file in fresh:
             if file.url in entered:
-                words = "has changed since, and older slices of its line are there no more: left as it was"
+                words = "has changed since, and older slices of its line are gone: left unchanged"
             elif file.name <= newest:
-                words = "belongs before slices of which some are there no more: taken in behind them"
+                words = "belongs before slices that are partly gone: added after them"
             else:
                 continue
             result.troubles.append(f"{readable(file.url)}: {words}")

@@ -38,7 +38,7 @@ def read_entry(store: LakeStore, name: str) -> dict[str, Any]:
         entry = None
     form = _PACKING if isinstance(entry, dict) and "packs" in entry else _TASK
     if not isinstance(entry, dict) or not _has(entry, form) or not all(map(_in_lake, listed_in(entry))):
-        raise FleetError(f"{store.url(name)}: is damaged, or no entry of a lake's manifest")
+        raise FleetError(f"{store.url(name)}: is damaged or not an entry of a lake's manifest")
     return entry
 
 

@@ -43,7 +43,7 @@ class Lake:
     def files(self, table: str) -> TableFiles:
         """The Parquet files of a table, as paths or URLs. Raises FleetError where there is no such table."""
         if table not in DATASETS:
-            raise FleetError(f"no table {table!r}: there are {', '.join(DATASETS)}")
+            raise FleetError(f"no table {table!r}: choose from {', '.join(DATASETS)}")
         files, url = self.manifest.files(table), self.store.url
         return TableFiles([url(name) for name in files.loose], {url(name): part for name, part in files.packs.items()})
 
@@ -63,7 +63,7 @@ class Lake:
         try:
             statements = connection.extract_statements(text)
             if len(statements) != 1 or not _only_reads(connection, statements[0].query):
-                raise FleetError("only one query at a time, and nothing but queries: SELECT, or WITH ... SELECT")
+                raise FleetError("one query at a time, and only SELECT or WITH ... SELECT")
             return connection.sql(text, params=parameters) if parameters else connection.sql(text)
         except duckdb.Error as error:
             raise FleetError(_sql_error_line(error)) from error

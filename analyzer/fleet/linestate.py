@@ -185,8 +185,8 @@ class LineState:
         back_ns = self._until_ns - int(block.t_ns.min())
         if back_ns > CLOCK_STEP_NS:
             self.steps.append(
-                f"begins {back_ns / 1e9:.3f} s before the slice before it ends (a clock set back, or bytes that both "
-                "hold): the line begins anew here"
+                f"starts {back_ns / 1e9:.3f} s before the previous slice ends (clock set back, or the same bytes in "
+                "both): the line starts afresh here"
             )
             self._restart(self.line, files)
         block = replace(block, t_ns=self.order.mend(block.t_ns, block.port))
@@ -311,7 +311,7 @@ def _schema() -> Schema:
 def resumed(data: bytes) -> LineState:
     """What `kept` gave. Raises FleetError where these bytes are something else, or of another version."""
     if data[:1] == b"\x80":
-        words = "it is a pickle of an older rtuscope, which may run code and is not read"
+        words = "it is a pickle from an older rtuscope, not read because a pickle can run code"
         raise FleetError(f"the state of the line cannot be used: {words}")
     try:
         state = decoded(data, _schema())

@@ -98,7 +98,7 @@ class Manifest:
         """That of a lake. Raises FleetError where there is none."""
         manifest = cls(store)
         if not manifest.newest:
-            raise FleetError(f"{store.root}: is no lake: rtuscope batch makes one")
+            raise FleetError(f"{store.root}: is not a lake: create one with rtuscope batch")
         return manifest
 
     def add(self, entry: dict[str, Any]) -> None:

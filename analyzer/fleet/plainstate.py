@@ -126,7 +126,7 @@ class _StateWriter:
     def _fields(self, thing: Any) -> dict[str, Any]:
         entry = self._classes.get(type(thing))
         if entry is None:
-            raise StateError(f"a {type(thing).__qualname__} has no place in a state")
+            raise StateError(f"a {type(thing).__qualname__} cannot be part of a state")
         if entry.is_enum:
             return {}
         held = thing._asdict() if entry.is_tuple else getattr(thing, "__dict__", {})
@@ -135,7 +135,7 @@ class _StateWriter:
         try:
             return {name: getattr(thing, name) for name in entry.fields}
         except AttributeError as error:
-            raise StateError(f"{entry.name} has not made all that it declares: {error}") from error
+            raise StateError(f"{entry.name} did not make everything it declares: {error}") from error
 
     def _word(self, thing: Any) -> Any:
         if isinstance(thing, np.generic):
@@ -146,7 +146,7 @@ class _StateWriter:
         tag = _TAGS.get(type(thing))
         if tag in _KEYED or tag in _ITEMED:
             if getattr(thing, "maxlen", None) is not None:
-                raise StateError("a deque with a greatest length has no place in a state")
+                raise StateError("a deque with a greatest length cannot be part of a state")
             return [tag, [self._word(part) for part in self._parts(thing)]]
         if tag == "array":
             return [tag, *self._array(thing)]
@@ -162,7 +162,7 @@ class _StateWriter:
     def _array(self, array: NDArray[Any]) -> tuple[str, list[int]]:
         name = array.dtype.name
         if name not in DTYPES:
-            raise StateError(f"an array of {name} has no place in a state")
+            raise StateError(f"an array of {name} cannot be part of a state")
         flat = np.ascontiguousarray(array).reshape(-1)
         self.columns.setdefault(name, []).append(flat.astype(array.dtype.newbyteorder("="), copy=False))
         return name, list(array.shape)

@@ -144,7 +144,7 @@ def _known_site(lake: Lake, site: str) -> None:
     if near := meant(site, lake.sites):
         raise FleetError(f"no site {site!r} in the lake: did you mean {near}?")
     more = f" and {len(lake.sites) - _SITES:,} more" if len(lake.sites) > _SITES else ""
-    raise FleetError(f"no site {site!r} in the lake: there are {', '.join(lake.sites[:_SITES])}{more}")
+    raise FleetError(f"no site {site!r} in the lake: choose from {', '.join(lake.sites[:_SITES])}{more}")
 
 
 def _register(lake: Lake, asked: Asked) -> Any:

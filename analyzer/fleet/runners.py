@@ -188,7 +188,7 @@ def _outcome(future: Future[dict[str, Any]]) -> dict[str, Any] | Exception:
         return error
 
 
-_GONE: Final = "the Dask scheduler is there no more; partial output is kept: continue with --resume"
+_GONE: Final = "the Dask scheduler is gone; partial output is kept: continue with --resume"
 _AHEAD: Final = 2  # tasks handed out for each thread of the cluster
 
 
@@ -206,10 +206,10 @@ class DaskCluster:
         try:
             self.client = Client(address, timeout="10s")
         except (OSError, ValueError, TimeoutError) as error:
-            raise FleetError(f"{address}: no Dask scheduler answers there") from error
+            raise FleetError(f"{address}: no Dask scheduler responds there") from error
 
     def __call__(self, tasks: Iterable[LakeTask]) -> Generator[Outcome, None, None]:
-        """Outcomes as they come. Raises FleetError where the scheduler is there no more."""
+        """Outcomes as they come. Raises FleetError where the scheduler no longer exists."""
         try:
             yield from self._outcomes(tasks)
         except (OSError, CancelledError) as error:

@@ -87,7 +87,7 @@ def found(sources: Iterable[str], refused: list[str] | None = None) -> list[Sour
     for source in sources:
         here = {file.url: file for file in (_remote(source) if is_remote(source) else _local(source, refuse))}
         if not here and not refused:
-            raise FleetError(f"{source}: no capture there")
+            raise FleetError(f"{source}: no captures there")
         files |= here
     return [files[url] for url in sorted(files)]
 
@@ -112,7 +112,7 @@ def lines_of(
     for file in files:
         named = None if expression is None else expression.search(file.url)
         if expression is not None and named is None:
-            troubles.append(f"{readable(file.url)}: --site-from {pattern!r} does not fit it")
+            troubles.append(f"{readable(file.url)}: --site-from {pattern!r} does not match it")
             continue
         own_site, own_line, sliced = _of(file)
         groups: Mapping[str, str | None] = named.groupdict() if named is not None else {}
@@ -187,7 +187,7 @@ def _compiled(pattern: str) -> re.Pattern[str]:
     try:
         expression = re.compile(pattern)
     except re.error as error:
-        raise FleetError(f"--site-from {pattern!r} is no regular expression: {error}") from error
+        raise FleetError(f"--site-from {pattern!r} is not a regular expression: {error}") from error
     if "site" not in expression.groupindex:
         raise FleetError(f"--site-from {pattern!r} has no group (?P<site>...)")
     return expression
@@ -235,7 +235,7 @@ def _inside(folder: Path, refuse: Callable[[OSError], None], seen: set[tuple[int
 
 def as_it_is(file: SourceFile) -> SourceFile:
     """The same as it is now; one of an object store does not change."""
-    return file if is_remote(file.url) else next(_file(Path(file.url)), replace(file, trouble="is there no more"))
+    return file if is_remote(file.url) else next(_file(Path(file.url)), replace(file, trouble="no longer exists"))
 
 
 def _file(path: Path) -> Iterator[SourceFile]:
@@ -244,14 +244,14 @@ def _file(path: Path) -> Iterator[SourceFile]:
         status = path.stat()
     except OSError as error:
         if path.is_symlink():
-            yield SourceFile(_absolute(path), 0, "", "is a link to what is not there")
+            yield SourceFile(_absolute(path), 0, "", "is a broken link")
         elif not isinstance(error, FileNotFoundError):
             yield SourceFile(_absolute(path), 0, "", os_reason(error))
         return
     if stat.S_ISDIR(status.st_mode):
-        yield SourceFile(_absolute(path), 0, "", "is a folder, and no capture in it")
+        yield SourceFile(_absolute(path), 0, "", "is a folder without captures")
     elif not stat.S_ISREG(status.st_mode):
-        yield SourceFile(_absolute(path), 0, "", "is a pipe, a socket or a device and no file")
+        yield SourceFile(_absolute(path), 0, "", "is a pipe, a socket or a device, not a file")
     elif not os.access(path, os.R_OK):
         yield SourceFile(_absolute(path), status.st_size, "", "permission denied")
     else:

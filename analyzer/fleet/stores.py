@@ -84,7 +84,7 @@ def filesystem(url: str) -> tuple[Any, str]:
     except ImportError as error:
         raise FleetError(f"{url}: {error}") from error
     except ValueError as error:
-        raise FleetError(f"{url}: no such kind of store: {error}") from error
+        raise FleetError(f"{url}: unknown kind of store: {error}") from error
     return system, str(path)
 
 

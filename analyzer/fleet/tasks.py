@@ -131,7 +131,7 @@ def _without_state(task: LineTask, words: str) -> dict[str, Any]:
 
 def _done_anew(task: LineTask, words: str) -> dict[str, Any]:
     """The whole line, since all its captures are still there; why is told."""
-    return _entry(task) | {"trouble": f"{words}: all captures of the line were read anew"}
+    return _entry(task) | {"trouble": f"{words}: all captures of the line were read again"}
 
 
 def _as_it_was(task: LineTask) -> dict[str, Any]:
@@ -160,14 +160,14 @@ class _TaskRun:
         self.task = task
         self.store: LakeStore = store(task.lake)
         self.state, self.unusable = self._resumed() if unusable is None else (None, unusable)
-        self.trouble = self.unusable and f"begins anew behind what the lake has: {self.unusable}"
+        self.trouble = self.unusable and f"starts afresh after what the lake already has: {self.unusable}"
         self.goes_on = self.state is not None
         self._before = (self.state.frames + task.tail_frames, self.state.octets) if self.state else (0, 0)
         self.files = LakeFiles(self.store, task.site, task.line, line_key(task.site, task.line))
         self.slices: list[dict[str, Any]] = []
         if left is not None:
             self.slices = [dict(left)]
-            words = "has changed since, and older slices of its line are there no more: left as it was"
+            words = "has changed since, and older slices of its line are gone: left unchanged"
             self.trouble = "; ".join(each for each in (self.trouble, f"{readable(left['url'])}: {words}") if each)
         self._known = set(task.known)
         self._row: Any = None  # of the newest slice, for `captures`
@@ -237,7 +237,7 @@ class _TaskRun:
         try:
             self.store.write(name, state.kept())
         except StateError as error:  # the rows are none the worse for it
-            self.trouble = f"the state of the line cannot be kept: {error}"
+            self.trouble = f"the state of the line cannot be saved: {error}"
             return None
         return name
 
@@ -269,7 +269,7 @@ class _TaskRun:
                     self._known.add(about["sha256"])
             after = as_it_is(file)
             if after != now and after.trouble is None and not (self.task.sliced and after.size > now.size):
-                raise FleetError("changed while it was read")
+                raise FleetError("changed while being read")
         except LakeWriteError:
             raise
         except (CaptureError, FleetError, OSError) as error:

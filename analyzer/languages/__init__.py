@@ -4,8 +4,9 @@ A catalogue is the TOML files of this package that begin with the language's nam
 their English), `fragments` (words that are filled into others), `causes` (by id: text, share, test, remedy), `left`
 (what no cause takes), `findings` (pieces of what findings say, by their English), `frames` (templates of what a frame
 and its fields say), `fields` (names of fields), `errors` (templates of one-line errors), `interface` (words of the
-interface), `registers` (what registers mean, and their maps), `columns` (of maps) and `counted` (nouns behind a
-number, by their English singular, in all their forms). What a catalogue lacks is told in English.
+interface), `registers` (what registers mean, and their maps), `columns` (of maps), `units` (of
+measure) and `counted` (nouns behind a number, by their English singular, in all their forms). What a catalogue lacks
+is told in English.
 
 Templates of sentences have nouns that agree with what stands beside them, and clauses that are left out if they say
 nothing:
@@ -36,7 +37,7 @@ from typing import Any, Final, NamedTuple
 
 from dissectors.fields import ENGLISH, Wording
 
-from ..words import UNITS_NS, duration, plural
+from ..words import UNITS_NS, duration, plural, write_units
 
 APART: Final = " "
 _ENGLISH: Final = re.compile(r"\d{1,3}(,\d{3})+")
@@ -47,6 +48,13 @@ class GroupedInt(int):
 
     def __format__(self, spec: str) -> str:
         return super().__format__(spec).replace(",", APART)
+
+
+class CommaFloat(float):
+    """A number that a template's `{share:.1%}` writes with a decimal comma."""
+
+    def __format__(self, spec: str) -> str:
+        return super().__format__(spec).replace(",", APART).replace(".", ",")
 
 
 def regrouped(text: str) -> str:
@@ -100,7 +108,7 @@ def fill(template: str, numbers: Mapping[str, Any]) -> str:
 
 LANGUAGES: Final = ("en", "ru")
 LETTERS: Final = {"en": "", "ru": "Ж"}  # what a code page must have to carry a language
-_NONE: Final[Mapping[str, object]] = {}
+_NONE: Final[Mapping[str, Any]] = {}
 _language: ContextVar[str] = ContextVar("language", default="en")
 
 
@@ -109,6 +117,7 @@ def use(language: str) -> None:
     if language not in LANGUAGES:
         raise ValueError(f"no such language: {language}; there are {', '.join(LANGUAGES)}")
     _language.set(language)
+    write_units(catalogue(language).get("units", _NONE))
 
 
 @contextmanager
@@ -173,7 +182,13 @@ def _numerals(numbers: Mapping[str, Any]) -> Mapping[str, Any]:
     """Numbers whose thousands a template sets apart as `grouped` does."""
     if _language.get() == "en":
         return numbers
-    return {name: GroupedInt(value) if type(value) is int else value for name, value in numbers.items()}
+    return {name: _numeral(value) for name, value in numbers.items()}
+
+
+def _numeral(value: Any) -> Any:
+    if type(value) is int:
+        return GroupedInt(value)
+    return CommaFloat(value) if isinstance(value, float) else value
 
 
 def counted(number: int, one: str, many: str) -> str:

@@ -45,7 +45,7 @@ class BetweenSource:
                     self._learn(item)
                 yield item
                 if isinstance(item, PortEvent) and item.kind == "opened":  # what the line is stands in the record
-                    words = "as the gateway has its own settings" if self._port is None else str(self._port)
+                    words = "with the gateway's own settings" if self._port is None else str(self._port)
                     yield PortEvent(item.t_ns, item.port, "settled", f"listening: {words}", {})
 
     def judge(self, heard: int, sense: int) -> None:

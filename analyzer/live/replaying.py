@@ -207,7 +207,7 @@ def play(
                 sent += len(read.data)
             out.flush()
         except serial.SerialTimeoutException as error:
-            raise CaptureError(f"{port.url}: after {sent:,} bytes: nobody takes more of them") from error
+            raise CaptureError(f"{port.url}: after {sent:,} bytes: the other end accepts no more") from error
         except _losses() as error:
             raise CaptureError(f"{port.url}: after {sent:,} bytes: {GONE}") from error
     return sent

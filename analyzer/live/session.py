@@ -34,7 +34,7 @@ _LONGEST_S: Final = 0.1  # but no more than this
 _LATELY: Final = 8  # steps, over which that is averaged,
 _ODD: Final = 2  # times the average count of one that takes longer, as now and then a look at all that was heard does
 _USUAL_S: Final = 0.001  # before any
-_DEAF: Final = frozenset({"lost", "opened", "gap"})  # events that tell when nothing was heard
+_DEAF: Final = frozenset({"lost", "opened", "gap"})  # events that tell when nothing was received
 _NOTED: Final = frozenset({"lost", "opened", "clock", "settled", "gap", "notice"})  # events that stand in the record
 
 

@@ -115,7 +115,9 @@ class TapSource:
             self._seek = False
         if self._seek and self._search is None and not event.more["back"]:
             self._begin()
-            yield PortEvent(event.t_ns, 0, "seeking", f"seeking the line's settings, from {self._trying()} on", {})
+            yield PortEvent(
+                event.t_ns, 0, "seeking", f"detecting the line settings, starting with {self._trying()}", {}
+            )
         else:
             yield PortEvent(event.t_ns, 0, "settled", f"listening: {self._words()}", {})
 
@@ -160,9 +162,7 @@ class TapSource:
         if self._search is None:
             now = item.t_ns if isinstance(item, Tick) else int(item.t_ns[-1])
             self._begin()
-            yield PortEvent(
-                now, 0, "seeking", f"{self._words()} makes no sense any more: seeking the settings anew", {}
-            )
+            yield PortEvent(now, 0, "seeking", f"{self._words()} no longer fits: detecting the settings again", {})
         else:
             for each in self._sought(item):
                 if isinstance(each, PortEvent):
@@ -176,7 +176,7 @@ class TapSource:
         self._directions.reverse()
         now = item.t_ns if isinstance(item, Tick) else int(item.t_ns[-1])
         hears = " and ".join(f"{p.url} hears {d}s" for p, d in zip(self._ports, self._directions, strict=True))
-        yield PortEvent(now, 0, "settled", f"that made no sense; the other way round: {hears}", {})
+        yield PortEvent(now, 0, "settled", f"that did not fit; the other way round: {hears}", {})
 
     def _set(self, settings: PortSettings) -> None:
         self._unheard += 1
@@ -193,7 +193,7 @@ class TapSource:
             return (
                 f"{port}, as the port server is set" if port.is_port_server and not self._requested.baud else str(port)
             )
-        return "the port server's settings, which it does not tell" if port.is_port_server else "no rate to set"
+        return "the port server's own settings, which it does not report" if port.is_port_server else "no rate to set"
 
 
 # How much sense bytes make as Modbus: what a search for line settings goes by.

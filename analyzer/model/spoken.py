@@ -12,7 +12,7 @@ from dissectors.values import harmless
 from ..languages import counted, page_words, tr, wording
 from ..tables.schema import Kind, bounds_of
 from ..tables.transactions import Status
-from ..words import between, date_and_time, duration, is_clock, seconds
+from ..words import between, date_and_time, duration, is_clock, seconds, unit_word
 from .bus import Bus
 from .meanings import Meanings
 from .polls import poll_values
@@ -123,7 +123,13 @@ def _transaction(bus: Bus, row: int, zone: tzinfo) -> str:
     frame, answer = bus.frame(row), bus.partner(row)
     t = bus.table.value("t_start_ns", row)
     findings = {f.code: f.text for each in (row, answer) if each is not None for f in bus.findings(each)}
-    when = "" if not bus.timed else date_and_time(t, zone) if is_clock(t) else f"{seconds(t - bus.t_first)} s"
+    when = (
+        ""
+        if not bus.timed
+        else date_and_time(t, zone)
+        if is_clock(t)
+        else f"{seconds(t - bus.t_first)} {unit_word('s')}"
+    )
     parts = [tr("Frame {index}", index=frame.index), *([when] if when else []), tr("unit {unit}", unit=frame.unit)]
     parts.append(frame.summary(wording()))
     if answer is not None and bus.table.value("kind", row) == Kind.REQUEST:

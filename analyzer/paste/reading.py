@@ -63,7 +63,7 @@ def read(
     parts, unread = _parts(text, zone)
     size = sum(len(part.data) for part in parts)
     if size > LONGEST:
-        raise PasteError(f"{size:,} bytes are too many to annotate; save them to a file and use rtuscope export")
+        raise PasteError(f"{size:,} bytes is too much to annotate; save them to a file and use rtuscope export")
     paste = read_parts(parts, envelope, _ROLES[role])
     if envelope == "auto" and not all(isinstance(piece, PastedFrame) and _is_plain(piece) for piece in paste.pieces):
         from .foreign import as_foreign
@@ -232,7 +232,7 @@ def _inexact(data: bytes, parts: Sequence[PastePart], envelope: Envelope, roles:
         framed = any(isinstance(piece, PastedFrame) for piece in alone)
         if heads and (_begins_tcp(parts[0].data) or not (framed or _left_over(mbap))):
             return Paste("tcp", tr("TCP: begins with an MBAP header (protocol 0, a length); no CRC is right"), mbap)
-    if envelope == "auto" and any(isinstance(piece, PastedNoise) for piece in alone) and _are_bare(parts):
+    if envelope == "auto" and any(isinstance(piece, PastedNoise) for piece in alone) and _are_bare(parts, roles):
         return _bare(parts, roles)
     return Paste("rtu", _why_unchecked(parts, alone, checked=bool(checked)), tuple(alone))
 
@@ -248,12 +248,13 @@ def _why_unchecked(parts: Sequence[PastePart], pieces: Sequence[Piece], *, check
     return tr("no frame: no right CRC, no MBAP header, no ASCII frame")
 
 
-def _are_bare(parts: Sequence[PastePart]) -> bool:
-    """Whether parts are whole PDUs, rarer than chance gives them; lines of a log, which shows a line, never are."""
-    if any(part.mark or part.t_ns is not None for part in parts):
+def _are_bare(parts: Sequence[PastePart], roles: Sequence[Role]) -> bool:
+    """Whether parts are a whole PDU, or one and its answer, rarer than chance gives them; lines of a log never are."""
+    if len(parts) > len(BOTH) or any(part.mark or part.t_ns is not None for part in parts):
         return False
     weights = [bare_bits(part.data) for part in parts]
-    return all(weights) and sum(weights) >= _SURELY_BARE
+    tied = [frame.request_start is not None for frame in _bare(parts, roles).frames()]
+    return all(weights) and sum(weights) >= _SURELY_BARE and tied[1:] == [True] * (len(parts) - 1)
 
 
 def _bare(parts: Sequence[PastePart], roles: Sequence[Role]) -> Paste:

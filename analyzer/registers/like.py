@@ -111,7 +111,7 @@ def matches_of_series(
 ) -> list[Match]:
     """Readings that moved as this table did, best first. Where its clock is not the capture's, that is found first."""
     if float(table.values.std()) == 0:
-        raise PanelError("the values of the table never change: --like VALUE finds a number that stands still")
+        raise PanelError("the values of the table never change: use --like VALUE to find a constant")
     agreed = _agreement(inferred)
     begin_s = min((float(block.times[0]) / 1e9 for block in readings if len(block.times)), default=0.0)
     table = table.dated_as(begin_s)

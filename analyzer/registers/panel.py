@@ -150,7 +150,7 @@ def read_panel(text: str, file: str) -> PanelTable:
             best, beginning = matched, since
     if len(best) < 3:
         raise PanelError(
-            f"{file}: {len(best)} rows of a time and a value, such as 12:30:05,23.4: at least 3 are needed"
+            f"{file}: {len(best)} rows with a time and a value, such as 12:30:05,23.4: at least 3 are needed"
         )
     times, values = (np.array(column) for column in zip(*best, strict=True))
     order = np.argsort(times, kind="stable")[:: max(1, len(times) // _POINTS)]

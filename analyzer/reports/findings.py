@@ -10,7 +10,7 @@ from ..causes.certainty import CALIBRATED, in_words
 from ..causes.leftovers import Left
 from ..causes.registry import Cause, cause_of
 from ..languages import counted, grouped, page_words
-from ..words import is_clock, time_of_day
+from ..words import decimal, is_clock, time_of_day, unit_word
 from .model import FindingGroup, FindingRow
 from .paragraphs import PageLine, Paragraph
 
@@ -167,8 +167,9 @@ def _among(row: FindingRow) -> str:
 def seconds(ms: float) -> str:
     """A time that was lost."""
     if ms < 1000:
-        return f"{ms:.3g} ms"
-    return f"{ms / 1000:,.3g} s" if ms < 1e6 else f"{ms / 1000:,.0f} s"
+        return f"{decimal(f'{ms:.3g}')} {unit_word('ms')}"
+    number = decimal(f"{ms / 1000:.3g}") if ms < 1e6 else grouped(round(ms / 1000))
+    return f"{number} {unit_word('s')}"
 
 
 def _labelled(label: str, words: str) -> list[Paragraph]:

@@ -12,7 +12,7 @@ from dissectors.values import harmless
 
 from ..languages import grouped, page_words
 from ..registers.telling import place_cell
-from ..words import between, compact, duration, is_clock, time_of_day
+from ..words import between, compact, decimal, duration, is_clock, time_of_day, unit_word
 from .findings import and_more
 from .model import BookmarkRow, Counts, HourRow, PollRow, Report, Times, UnitCard, UnitChange, UnitRow
 from .paragraphs import WIDTH, PageLine, Paragraph
@@ -125,7 +125,7 @@ def _cell(counts: Counts, times: Times, figure: str) -> str:
     if not counts.answers:
         return "-"
     low, high = times.bounds(figure) or (0, 0)
-    return f"{low / 1e9:.3g} s" if low == high >= _LONG_NS else times.worded(figure)
+    return f"{decimal(f'{low / 1e9:.3g}')} {unit_word('s')}" if low == high >= _LONG_NS else times.worded(figure)
 
 
 def _width(cells: Sequence[str]) -> int:
@@ -196,7 +196,7 @@ def _polls(polls: Sequence[PollRow]) -> Iterator[str]:
         name = f"{page_words('unit {unit}', unit=row.unit)} {poll_words(row)}"
         period = "?" if row.period_ns is None else duration(row.period_ns)
         jitter = "?" if row.jitter_ns is None else duration(row.jitter_ns)
-        joined = "" if row.joins is None else f"{row.joins}, -{row.saves_bytes} B"
+        joined = "" if row.joins is None else f"{row.joins}, -{row.saves_bytes} {unit_word('B')}"
         cells = f"{compact(row.asked):>7}{row.ok / row.asked:>7.0%}{compact(row.wasted) if row.wasted else '-':>8}"
         yield f"{name[:24]:<24}{cells}{period:>9}{jitter:>9}  {joined}".rstrip()[:WIDTH]
     if len(polls) > _POLLS:
@@ -222,7 +222,7 @@ def _hours(hours: Sequence[HourRow]) -> Iterator[str]:
             for number, width in ((counts.requests, 9), (counts.answered, 8), (counts.exceptions, 7),
                                   (counts.unanswered, 7), (counts.damaged, 7), (counts.late, 6))
         )  # fmt: skip
-        load = "?" if row.load is None else f"{row.load:.1%}"
+        load = "?" if row.load is None else decimal(f"{row.load:.1%}")
         yield f"{row.name:<18}{numbers}{load:>7}  {row.finding}".rstrip()[:WIDTH]
     if len(hours) > _HOURS:
         yield and_more(len(hours) - _HOURS, "more hour", "more hours")

@@ -130,30 +130,30 @@ def truth_path(path: str | PathLike[str]) -> Path:
 
 def _check(scenario: Scenario) -> None:
     if scenario.wire is not None and scenario.wire not in WIRES:
-        raise ValueError(f"no wire {scenario.wire!r}: there are {', '.join(WIRES)}")
+        raise ValueError(f"no wire {scenario.wire!r}: choose from {', '.join(WIRES)}")
     if scenario.tap not in TAPS:
-        raise ValueError(f"no tap {scenario.tap!r}: there are {', '.join(TAPS)}")
+        raise ValueError(f"no tap {scenario.tap!r}: choose from {', '.join(TAPS)}")
     if scenario.defect is not None:
         _check_defect(scenario, scenario.defect)
     if scenario.transactions < 1:
         raise ValueError(f"{scenario.transactions} transactions: at least 1 is needed")
     if scenario.baud is not None and not 50 <= scenario.baud <= 10_000_000:
-        raise ValueError(f"{scenario.baud} baud: 50 to 10000000 are possible")
+        raise ValueError(f"{scenario.baud} baud: must be 50 to 10000000")
     if not 7 <= scenario.char_bits <= 13:
-        raise ValueError(f"{scenario.char_bits} bits a character: 7 to 13 are possible")
+        raise ValueError(f"{scenario.char_bits} bits per character: must be 7 to 13")
     if scenario.units is not None and not 1 <= scenario.units <= 39:
-        raise ValueError(f"{scenario.units} units: 1 to 39 are possible")
+        raise ValueError(f"{scenario.units} units: must be 1 to 39")
 
 
 def _check_defect(scenario: Scenario, code: str) -> None:
     declared = defects()
     if code not in declared:
-        raise ValueError(f"no defect {code!r}: there are {', '.join(declared)}")
+        raise ValueError(f"no defect {code!r}: choose from {', '.join(declared)}")
     if scenario.maps:
-        raise ValueError("a defect is put on devices of the simulator's own, without --map")
+        raise ValueError("--defect works on the simulator's own devices: leave out --map")
     if scenario.wire not in (None, "clean"):
-        raise ValueError(f"a defect is put on the wire clean, not on {scenario.wire}")
+        raise ValueError(f"--defect needs the wire clean, not {scenario.wire}")
     if scenario.units is not None and scenario.units < declared[code].units:
         raise ValueError(f"{scenario.units} units: {code} needs at least {declared[code].units}")
     if scenario.tap not in declared[code].taps:
-        raise ValueError(f"a tap {scenario.tap} cannot show {code}: one of {', '.join(declared[code].taps)} can")
+        raise ValueError(f"a tap {scenario.tap} cannot show {code}: use one of {', '.join(declared[code].taps)}")

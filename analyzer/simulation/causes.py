@@ -61,7 +61,7 @@ def write_cause(name: str, path: str | PathLike[str], *, tap: str = "precise", s
     """
     case = case_of(name)
     if tap not in case.taps:
-        raise ValueError(f"a tap {tap} cannot show {name}: one of {', '.join(case.taps)} can")
+        raise ValueError(f"a tap {tap} cannot show {name}: use one of {', '.join(case.taps)}")
     made = case.capture(tap, seed)
     captures.write(Path(path), made.chunks, line=made.line)
     with captures.replacing(truth_path(path)) as file:

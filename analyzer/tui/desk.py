@@ -28,7 +28,7 @@ from ..model.table import PIECE
 from ..settingfiles import user_folder
 from ..settings import COLOURS, SettingsError, read_settings
 from ..usernotes import Notes, Place
-from ..words import TimeBase, date_and_time, is_clock, seconds, short, time_of_day, zone_name
+from ..words import TimeBase, date_and_time, is_clock, seconds, short, time_of_day, unit_word, zone_name
 
 if TYPE_CHECKING:
     from dissectors.maps.model import RegisterMap
@@ -238,7 +238,7 @@ class ViewState:
         """`2026-11-21 14:00–16:00 UTC`; on a capture's own clock `10–25 s`."""
         if not self.bus.timed or not is_clock(self.bus.t_first):
             low, high = ((t - self.bus.t_first) / 1e9 for t in span)
-            return "–".join(f"{since:.9f}".rstrip("0").rstrip(".") for since in (low, high)) + " s"
+            return "–".join(f"{since:.9f}".rstrip("0").rstrip(".") for since in (low, high)) + f" {unit_word('s')}"
         size = 16 if span[1] - span[0] >= _HOUR_NS else 19 if span[1] - span[0] >= _MINUTE_NS else 23
         begin, end = (date_and_time(t, self.zone)[:size] for t in span)
         for zeros in (".000", ":00"):
@@ -254,7 +254,7 @@ class ViewState:
         return (
             date_and_time(t_ns, self.zone)[: 23 if exact else 19]
             if is_clock(self.bus.t_first)
-            else f"{seconds(t_ns - self.bus.t_first)} s"
+            else f"{seconds(t_ns - self.bus.t_first)} {unit_word('s')}"
         )
 
     def place(self, row: int) -> Place:

@@ -52,7 +52,7 @@ class LiveSource:
         self._missed = 0
         self._gone: set[int] = set()  # ports that are away
         self._status = LineStatus(session.line)
-        self._outages: list[Note] = []  # when nothing was heard
+        self._outages: list[Note] = []  # when nothing was received
 
     @property
     def line(self) -> LineSettings:
@@ -89,7 +89,7 @@ class LiveSource:
 
     @property
     def deaf(self) -> Sequence[Deaf]:
-        """Times in which nothing was heard."""
+        """Times in which nothing was received."""
         return deaf_times(self._outages)
 
     def mark(self, text: str) -> bool:

@@ -15,7 +15,7 @@ from ..model.owners import owner
 from ..model.polls import carried_by, changed
 from ..paste.model import PastedFrame, PastedNoise
 from ..tables.schema import Kind
-from ..words import between, date_and_time, seconds, short
+from ..words import between, date_and_time, seconds, short, unit_word
 from .frames import LETTER, SEVERITY
 from .items import NOTHING, FrameDetail, Item, UnopenedItems, chosen
 from .view import value_name
@@ -219,7 +219,7 @@ def _facts(desk: ViewState, row: int, frame: Frame | None = None) -> tuple[Item,
     if bus.timed:
         t = table.value("t_start_ns", row)
         facts.append(("time", date_and_time(t, desk.zone)))
-        facts.append(("since start", f"{seconds(t - bus.t_first)} s"))
+        facts.append(("since start", f"{seconds(t - bus.t_first)} {unit_word('s')}"))
         facts.append(("on the wire", short(table.value("t_end_ns", row) - t)))
         gap = bus.gap_ns(row)
         if gap is not None:

@@ -15,7 +15,7 @@ from textual.strip import Strip
 from ..languages import counted, tr
 from ..model.activity import Band, bands, time_marks
 from ..model.rowstores import rows_of_causes
-from ..words import is_clock, percent, short
+from ..words import is_clock, percent, short, unit_word
 from .filterbar import kept_tests
 from .messages import RowWanted, SpanChosen, SpanSeen
 from .paint import Painted, StyledText, fitted
@@ -175,7 +175,7 @@ class Timeline(Painted, can_focus=True):
         out = [" "] * (self.columns + _LABEL)
         at = math.ceil((self.t_start - first) / 1e9 / step)
         while (column := int((at * step - (self.t_start - first) / 1e9) / size * self.columns)) < self.columns - 10:
-            text = f"|{at * step:.10g} s"
+            text = f"|{at * step:.10g} {unit_word('s')}"
             out[_LABEL + column : _LABEL + column + len(text)] = text
             at += 1
         return "".join(out)
@@ -249,7 +249,11 @@ class Timeline(Painted, can_focus=True):
     def _under_cursor(self, bins: Bins) -> list[StyledText]:
         i = self.cursor
         t_ns = self.time_at(i)
-        at = self.desk.when(t_ns) if self._by_the_clock else f"{(t_ns - self.desk.bus.t_first) / 1e9:.6f} s"
+        at = (
+            self.desk.when(t_ns)
+            if self._by_the_clock
+            else f"{(t_ns - self.desk.bus.t_first) / 1e9:.6f} {unit_word('s')}"
+        )
         load = f", {tr('load {share}', share=percent(self._loads(bins)[i]))}" if self.desk.bus.char_ns else ""
         frames = counted(int(bins.frames[i]), "frame", "frames")
         if self.desk.is_emptied:

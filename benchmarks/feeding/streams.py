@@ -31,7 +31,7 @@ class FedStream:
     line: LineSettings
     chunks: list[Chunk]
     timed: bool = True
-    notes: tuple[Note, ...] = ()  # in order of time: when nothing was heard
+    notes: tuple[Note, ...] = ()  # in order of time: when nothing was received
 
 
 Kind = Callable[[Random], FedStream]

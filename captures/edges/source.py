@@ -169,9 +169,9 @@ def _apart(found: Sequence[_SerialChannel], names: Sequence[str]) -> tuple[list[
                 break
     size = {one.number: len(one.starts) for one in found}
     told = [
-        f"{names[one]} carries the same as {names[other]}: left out"
+        f"{names[one]} carries the same as {names[other]}: skipped"
         if size[one] > _SAME * size[other]
-        else f"what {names[one]} carries is heard on {names[other]}, too: left out"
+        else f"what {names[one]} carries also appears on {names[other]}: skipped"
         for one, other in sorted(left.items())
     ]
     return [one for one in found if one.number not in left], tuple(told)
@@ -195,7 +195,7 @@ def _line_of_channels(file: EdgeFile, channels: Sequence[_Channel], given: Given
         notes = {f"port {one.port}": f"{file.names[one.number]}, {one.settings}" for one in channels}
     if given.baud is None or given.parity is None:
         others = {str(one.settings) for one in channels}
-        notes[INFERRED] = f"{' and '.join(sorted(others))} inferred from the edges (--baud, --parity say otherwise)"
+        notes[INFERRED] = f"{' and '.join(sorted(others))} inferred from the edges (--baud and --parity override this)"
     return LineSettings(round(first.baud), first.char_bits, parity, stop, TAP, notes)
 
 

@@ -71,7 +71,7 @@ def foreign_formats() -> dict[str, Format]:
         except BaseException as error:
             if isinstance(error, KeyboardInterrupt):
                 raise
-            warnings.warn(f"plug-in {entry.name} ({entry.value}) is left out: {_error_line(error)}", stacklevel=2)
+            warnings.warn(f"plug-in {entry.name} ({entry.value}) is skipped: {_error_line(error)}", stacklevel=2)
         else:
             formats_by_name[loaded.name] = loaded
     return formats_by_name
@@ -81,7 +81,7 @@ def by_name(name: str) -> Format:
     """The format of this name; CaptureError lists the names there are."""
     named = formats().get(name) or foreign_formats().get(name)
     if named is None:
-        raise CaptureError(f"no capture format named {name!r}: there are {_listed([*formats(), *foreign_formats()])}")
+        raise CaptureError(f"no capture format {name!r}: choose from {_listed([*formats(), *foreign_formats()])}")
     return named
 
 
@@ -123,7 +123,7 @@ def recognise(head: bytes, suffix: str, name: str) -> RecognisedFormat:
     if max(likely.values()) >= LIKELY:
         return _by_content(likely, suffix)
     raise CaptureError(
-        f"{name}: neither its content nor its suffix {suffix!r} is that of a capture: name it .bin if it is the "
+        f"{name}: neither its content nor its suffix {suffix!r} looks like a capture: rename it to .bin if it holds "
         f"raw bytes of a line, .txt if it is a log (formats: {_listed(list(formats()))})"
     )
 
@@ -153,7 +153,7 @@ def for_writing(path: Path) -> Format:
         for candidate in registry().values():
             if path.suffix.lower() in _written(candidate):
                 return candidate
-    raise CaptureError(f"{path}: no format to write with suffix {path.suffix!r}: use {_listed(written_suffixes())}")
+    raise CaptureError(f"{path}: no format writes the suffix {path.suffix!r}: use {_listed(written_suffixes())}")
 
 
 def written_suffixes() -> list[str]:
@@ -218,7 +218,7 @@ def _score(format: Format, head: bytes) -> float:
     try:
         return float(format.sniff(head))
     except Exception as error:
-        warnings.warn(f"capture format {format.name} is left out: {_error_line(error)}", stacklevel=2)
+        warnings.warn(f"capture format {format.name} is skipped: {_error_line(error)}", stacklevel=2)
         return 0.0
 
 

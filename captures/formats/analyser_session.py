@@ -29,27 +29,26 @@ def _read(path: Path) -> NoReturn:
     suffix, head = path.suffix.lower(), read_head(path)
     if _PRINTED.match(head):
         raise CaptureError(
-            f"{path}: samples as sigrok-cli prints them: have it write them with -o FILE.sr, -O vcd or -O csv; each of "
-            "these can be read"
+            f"{path}: samples as printed by sigrok-cli: write them with -o FILE.sr, -O vcd or -O csv instead"
         )
     if suffix == ".dsl" or _DSVIEW.match(head):
         raise CaptureError(
-            f"{path}: a session of DSView: open it there and export: File > Export, CSV or VCD; the file that this "
-            "gives can be read"
+            f"{path}: a session of DSView: open it there and export: File > Export, CSV or VCD; rtuscope reads the "
+            "result"
         )
     if suffix == ".kvdat":
         raise CaptureError(
-            f"{path}: a session of Kingst's analyser: open it there and export its channels as CSV; the file that this "
-            "gives can be read"
+            f"{path}: a session of Kingst's analyser: open it there and export its channels as CSV; rtuscope reads the "
+            "result"
         )
     if suffix == ".logicdata":
         raise CaptureError(
             f"{path}: a session of Saleae Logic 1: open it there and export: the gear of the Async Serial analyzer > "
-            "Export as text/csv file, or Options > Export data, CSV; the file that this gives can be read"
+            "Export as text/csv file, or Options > Export data, CSV; rtuscope reads the result"
         )
     raise CaptureError(
         f"{path}: a session of Saleae Logic 2: open it there and export: File > Export Data, digital channels as CSV "
-        "or binary; or Analyzers > the three dots beside Data > Export Table; the file that this gives can be read"
+        "or binary; or Analyzers > the three dots beside Data > Export Table; rtuscope reads the result"
     )
 
 

@@ -86,7 +86,7 @@ class _TextReader:
             if read.t_ns is not None:
                 t_ns = read.t_ns
             elif self.timed:
-                note(f"line {read.line}", "has no time: its bytes are given the time before")
+                note(f"line {read.line}", "has no time: its bytes get the previous time")
             envelope = read.envelope or envelope
             who = (read.port, envelope if self.mixed else "")
             port = ports.setdefault(who, min(len(ports), 255)) if any(who) else 0
@@ -99,7 +99,7 @@ def _turned(reads: Iterator[Piece | UnreadLine], note: Note) -> Iterable[Piece |
     more = next(reads, None)
     if more is None:
         return reversed(held)
-    note(f"line {held[0].line}", f"newest first, and too long to be turned round (over {_MOST_TURNED} reads)")
+    note(f"line {held[0].line}", f"newest first, and too long to reverse (over {_MOST_TURNED} reads)")
     return chain(held, (more,), reads)
 
 
@@ -151,7 +151,7 @@ def _read(
     path: Path, *, judge: ByteJudge = no_judge, tz: tzinfo | None = None, sample_rate: float | None = None
 ) -> _TextReader:
     if encodings.is_binary(read_head(path)):
-        raise CaptureError(f"{path}: not text: name it .bin if it is the raw bytes of a line")
+        raise CaptureError(f"{path}: not text: rename it to .bin if it holds raw bytes of a line")
     reader = LogReader(judge, tz, sample_rate)
     with opened(path) as file:
         lines = _text_of(file, _silent)

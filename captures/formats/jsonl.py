@@ -145,7 +145,7 @@ class _JsonlReader:
 def _read(path: Path) -> _JsonlReader:
     head = read_head(path)
     if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        raise CaptureError(f"{path}: UTF-16, as > of PowerShell writes: save it as UTF-8, or give the writer -o FILE")
+        raise CaptureError(f"{path}: UTF-16, as PowerShell's > writes it: save it as UTF-8, or write it with -o FILE")
     first = first_line(path, head)
     try:
         header = orjson.loads(_without_bom(first))
@@ -154,9 +154,9 @@ def _read(path: Path) -> _JsonlReader:
         if any(_usable(line) for line in head.split(b"\n")[1:20]):
             complaint = "the header is damaged: baud rate and character length are not known"
             return _JsonlReader(path, LineSettings(), True, True, (complaint,))
-        raise CaptureError(f"{path}: line 1: not JSON ({error}): a {NAME} capture has its header there") from error
+        raise CaptureError(f"{path}: line 1: not JSON ({error}): a {NAME} capture starts with its header") from error
     if not isinstance(header, dict):
-        raise CaptureError(f"{path}: line 1: not a JSON object: a {NAME} capture has its header there")
+        raise CaptureError(f"{path}: line 1: not a JSON object: a {NAME} capture starts with its header")
     if header.get("format") != NAME:
         if _usable(first):
             complaint = "no header: baud rate and character length are not known"
@@ -164,8 +164,8 @@ def _read(path: Path) -> _JsonlReader:
         raise CaptureError(f"{path}: line 1: {_what_else(header)}")
     if header.get("version") != VERSION:
         raise CaptureError(
-            f"{path}: line 1: {NAME} version {str(header.get('version'))[:20]!r} is not known here: "
-            f"version {VERSION} is (a newer release of this tool may read it)"
+            f"{path}: line 1: {NAME} version {str(header.get('version'))[:20]!r} is not supported, only version "
+            f"{VERSION} (a newer rtuscope may read it)"
         )
     timed = header.get("timed") is not False and header.get("tap") != "untimed"
     settings = {key: value for key, value in header.items() if key not in ("format", "version", "timed")}
@@ -266,7 +266,7 @@ def _slow(lines: list[bytes], number: int, timed: bool, note: Note) -> Block:
         try:
             chunks.append(_chunk(line))
         except ValueError as error:
-            note(f"line {i}", f"{error}: left out")
+            note(f"line {i}", f"{error}: skipped")
     return Block.from_chunks(chunks, timed=timed)
 
 

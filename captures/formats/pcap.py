@@ -60,7 +60,9 @@ class _PcapFile:
                 if len(rest) > LONGEST:
                     break
             if rest:
-                note(f"byte {base}", f"{len(rest):,} bytes that are no whole packet: the rest of the file is left out")
+                note(
+                    f"byte {base}", f"{len(rest):,} bytes that are not a whole packet: the rest of the file is skipped"
+                )
 
     def _columns(self, data: bytes, heads: np.ndarray[tuple[int], np.dtype[np.int64]]) -> Packets:
         octets = np.frombuffer(data, np.uint8)

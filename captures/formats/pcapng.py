@@ -84,7 +84,7 @@ class _PcapngFile:
                 if not readable:
                     return
             if rest:
-                note(f"byte {base}", f"{len(rest):,} bytes that are no whole block: the file was cut")
+                note(f"byte {base}", f"{len(rest):,} bytes that are not a whole block: the file was cut off")
 
     def _walk(self, data: bytes, base: int, note: Note) -> tuple[list[tuple[int, int, int]], int, bool]:
         """Kind, place and length of whole blocks of one byte order, where they end, and whether it goes on there."""
@@ -93,14 +93,14 @@ class _PcapngFile:
         while at + 12 <= len(data):
             if data[at : at + 4] == _MAGIC and (order := _ORDERS.get(data[at + 8 : at + 12])) != self._order:
                 if order is None:
-                    note(f"byte {base + at}", "a section of unknown byte order: the rest of the file is left out")
+                    note(f"byte {base + at}", "a section of unknown byte order: the rest of the file is skipped")
                     return blocks, at, False
                 if blocks:
                     break
                 self._order, head = order, struct.Struct(f"{order}II").unpack_from
             kind, length = head(data, at)
             if not 12 <= length <= LONGEST:
-                note(f"byte {base + at}", f"a block of {length:,} bytes cannot be: the rest of the file is left out")
+                note(f"byte {base + at}", f"a block of {length:,} bytes is impossible: the rest of the file is skipped")
                 return blocks, at, False
             after = at + (length + 3 & ~3)
             if after > len(data):
@@ -117,7 +117,7 @@ class _PcapngFile:
                     try:
                         yield ng.reads_in(data[at + 8 : at + length - 4])
                     except ValueError as error:
-                        note(f"byte {base + at}", f"a block of reads is damaged ({error}): left out")
+                        note(f"byte {base + at}", f"a block of reads is damaged ({error}): skipped")
 
     def _batches(self, data: bytes, blocks: list[tuple[int, int, int]], note: Note) -> Iterator[Packets]:
         """Packets, as many at once as stand between blocks that say how they are to be read."""
@@ -180,7 +180,7 @@ class _PcapngFile:
         valid = (interface < len(self.interfaces)) & (begin + size <= end) & (size >= 0)
         if not valid.all():
             first = int(np.argmin(valid))
-            note(f"packet {first} of {len(at):,}", f"{int((~valid).sum()):,} packets are damaged: left out")
+            note(f"packet {first} of {len(at):,}", f"{int((~valid).sum()):,} packets are damaged: skipped")
             at, begin, size, original, end = at[valid], begin[valid], size[valid], original[valid], end[valid]
             interface, high, low, kind = interface[valid], high[valid], low[valid], kind[valid]
         if not len(at):

@@ -82,7 +82,7 @@ class _SaleaeReader:
                     try:
                         chunk = self._chunk(_split_row(line, self.delimiter), ports)
                     except ValueError as error:
-                        note(f"line {i}", f"{error}: left out")
+                        note(f"line {i}", f"{error}: skipped")
                     else:
                         chunks.extend([chunk] if chunk is not None else [])
                 yield Block.from_chunks(chunks)

@@ -50,7 +50,7 @@ class _DigitalExport:
                     count = count - len(seconds) if len(data) == 8 * min(count, _PIECE) else 0
                     usable = np.isfinite(seconds) & (np.abs(seconds) < _LIMIT_S)
                     if not usable.all():
-                        note(self.path.name, f"{int((~usable).sum()):,} edges without a time: left out")
+                        note(self.path.name, f"{int((~usable).sum()):,} edges without a time: skipped")
                     measured = np.concatenate((edges, np.rint(seconds[usable] * 1e9).astype(np.int64)))
                     level ^= int(usable.sum()) & 1
                     edges = np.maximum.accumulate(np.maximum(measured, newest))
@@ -70,7 +70,7 @@ class _DigitalExport:
         for _ in range(total):
             data = file.read(shape.size)
             if len(data) < shape.size:
-                note(self.path.name, "cut short: what was whole was read")
+                note(self.path.name, "cut short: the complete part was read")
                 return
             state, *_, begin, end, count = shape.unpack(data)
             yield state & 1, _nanoseconds(begin), _nanoseconds(end), count
@@ -88,16 +88,16 @@ def _load(path: Path, _rate: float | None = None) -> _DigitalExport:
     with opened(path) as file:
         head = file.read(_HEADER.size)
         if len(head) < _HEADER.size or not head.startswith(_MAGIC):
-            raise CaptureError(f"{path}: no binary export of Saleae Logic 2")
+            raise CaptureError(f"{path}: not a binary export of Saleae Logic 2")
         _, version, kind = _HEADER.unpack(head)
         if version not in _STRETCH:
-            raise CaptureError(f"{path}: version {version} of Saleae's binary export is not known here: 0 and 1 are")
+            raise CaptureError(f"{path}: version {version} of Saleae's binary export is not supported, only 0 and 1")
         if kind != 0:
             raise CaptureError(f"{path}: an analog channel: export the digital channels, or the analyzer's table")
         export = _DigitalExport(path, [path.stem], [0], version)
         first = next(export._stretches(file, lambda *_: None), None)
     if first is None:
-        raise CaptureError(f"{path}: cut short in its header: nothing can be read of it")
+        raise CaptureError(f"{path}: cut short in its header: nothing can be read")
     return _DigitalExport(path, export.names, [first[0]], version, first[1])
 
 

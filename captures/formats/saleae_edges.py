@@ -86,14 +86,14 @@ class _Table:
             lines = lines_of(text)
             good = [line for line in lines if re.fullmatch(rb"[^,]+(?:,[01X]){%d}" % (width - 1), line)]
             if wrong := sum(bool(line.strip()) for line in lines) - len(good):
-                note(f"lines {number} to {number + len(lines)}", f"{wrong:,} rows that are none: left out")
+                note(f"lines {number} to {number + len(lines)}", f"{wrong:,} invalid rows: skipped")
             cells = _first_cells(b"".join(line + b"\n" for line in good), width)
         if cells is None:
             return np.zeros(0, np.int64), np.zeros((0, width - 1), np.bool_)
         times = _nanoseconds(cells[0], self.head.unit_ns)
         usable = times > -TIME_LIMIT
         if not usable.all():
-            note(f"line {number}", f"{int((~usable).sum()):,} rows without a time from here on: left out")
+            note(f"line {number}", f"{int((~usable).sum()):,} rows without a time from here on: skipped")
         states = cells[1][usable]
         levels = states == ord("1")
         missing = states == ord("X")
@@ -240,7 +240,7 @@ def _load(path: Path, sample_rate: float | None) -> _Table:
     if sample_rate and head.unit_ns == 0:
         head = replace(head, unit_ns=10**9 / sample_rate)
     if not head.unit_ns:
-        raise CaptureError(f"{path}: samples by their numbers, and nothing says their rate: give it with --sample-rate")
+        raise CaptureError(f"{path}: numbered samples without a sample rate: give it with --sample-rate")
     time, *cells = head.plain(text[head.size :].partition(b"\n")[0]).strip().split(b",")
     if len(set(head.names)) < len(head.names):
         head = replace(head, names=[f"channel {i}" for i in range(len(head.names))])

@@ -103,7 +103,7 @@ def _samples(path: Path, head: _ScopeHead, note: Note) -> Iterator[tuple[Times, 
             first = number == 1
             values, wrong = head.values(text[head.size :] if first else text)
             if wrong:
-                note(f"line {number}", f"{wrong:,} rows that are none: left out")
+                note(f"line {number}", f"{wrong:,} invalid rows: skipped")
             seconds = values[:, 0] * head.step
             usable = np.isfinite(values).all(axis=1) & (np.abs(seconds) < TIME_LIMIT / 1e9 - 1)
             if usable.any():
@@ -194,9 +194,9 @@ def _sniff(head: bytes) -> float:
 def _load(path: Path, sample_rate: float | None) -> _ScopeTable:
     head = _head(read_head(path))
     if head is None:
-        raise CaptureError(f"{path}: no table of an oscilloscope: rows of a time that rises evenly, then of voltages")
+        raise CaptureError(f"{path}: not an oscilloscope table: expected rows of an evenly rising time and voltages")
     if head.step == 0 and not sample_rate:
-        raise CaptureError(f"{path}: samples by their numbers, and nothing says their rate: give it with --sample-rate")
+        raise CaptureError(f"{path}: numbered samples without a sample rate: give it with --sample-rate")
     if head.step == 0 and sample_rate:
         head = _ScopeHead(head.names, head.columns, head.lines, head.size, head.sign, 1 / sample_rate)
     bounds, begin, first = [], 0, None

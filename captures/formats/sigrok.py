@@ -70,10 +70,10 @@ class _SigrokSession:
                                 yield _numbers(rest[:size], self.unit, width)
                             rest = rest[size:]
                 except Exception as error:  # zlib.error and what a damaged zip raises have no base of their own
-                    note(part, f"damaged ({str(error)[:80]}): what came before was read")
+                    note(part, f"damaged ({str(error)[:80]}): everything before it was read")
                     return
                 if rest:
-                    note(part, f"{len(rest)} bytes behind the last whole sample: left out")
+                    note(part, f"{len(rest)} bytes after the last whole sample: skipped")
 
 
 def _changes(data: NDArray[np.unsignedinteger], before: int) -> NDArray[np.int64]:
@@ -123,7 +123,7 @@ def _session(path: Path, archive: zipfile.ZipFile) -> _SigrokSession:
         (ini[name] for name in ini.sections() if name.startswith("device") and "capturefile" in ini[name]), None
     )
     if device is None:
-        raise CaptureError(f"{path}: a sigrok session without logic channels: nothing here is a serial line")
+        raise CaptureError(f"{path}: a sigrok session without logic channels: no serial line in it")
     rate = RATE.fullmatch(device.get("samplerate", ""))
     unit, probes = device.get("unitsize", "1"), device.get("total probes", "8")
     if (

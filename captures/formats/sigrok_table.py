@@ -70,7 +70,7 @@ class _SampleTable:
             lines = lines_of(_without_blanks(text))
             good = [line for line in lines if len(line) == 2 * width - 1 and _ROW.fullmatch(line)]
             if wrong := sum(bool(line.strip()) for line in lines) - len(good):
-                note(f"lines {number} to {number + len(lines)}", f"{wrong:,} rows that are none: left out")
+                note(f"lines {number} to {number + len(lines)}", f"{wrong:,} invalid rows: skipped")
             rows = _levels(b"".join(line + b"\n" for line in good), width)
         return np.zeros((0, width), np.uint8) if rows is None else rows
 
@@ -135,7 +135,7 @@ def _load(path: Path, sample_rate: float | None) -> _SampleTable:
         raise CaptureError(f"{path}: no rows of samples of channels, each 0 or 1")
     rate = round(sample_rate) if sample_rate and sample_rate >= 1 else table.rate
     if not rate:
-        raise CaptureError(f"{path}: samples of channels, but nothing says their rate: give it with --sample-rate")
+        raise CaptureError(f"{path}: channel samples without a sample rate: give it with --sample-rate")
     return replace(table, rate=rate)
 
 

@@ -109,7 +109,7 @@ class _WaveDump:
                     text = _COMMENT.sub(b"", text)
                 rest = rest[cut:]
                 if len(rest) > 8 * _PIECE:
-                    note(self.path.name, "a word that does not end: what follows is left out")
+                    note(self.path.name, "a word that never ends: the rest is skipped")
                     return
                 if text:
                     data = np.frombuffer(text, np.uint8)
@@ -118,7 +118,7 @@ class _WaveDump:
                     now = changes.last
                     yield data, changes
         if damaged:
-            note(self.path.name, f"{damaged:,} times that are no numbers, or go back: held at the time before")
+            note(self.path.name, f"{damaged:,} times that are not numbers or go back: held at the previous time")
 
     def _nanoseconds(self, time: NDArray[np.int64]) -> Times:
         if self.scale >= _NS:
@@ -192,14 +192,14 @@ def _load(path: Path, sample_rate: float | None = None) -> _WaveDump:
     end = _END.search(head)
     scale = _SCALE.search(head)
     if end is None:
-        raise CaptureError(f"{path}: no value change dump, or one without $enddefinitions")
+        raise CaptureError(f"{path}: not a value change dump, or one without $enddefinitions")
     if scale is not None:
         unit = int(scale[1]) * _FEMTOSECONDS[scale[2]]
     else:
         unit = _NS if sample_rate is None else max(round(_FEMTOSECONDS[b"s"] / sample_rate), 1)
     wires = _wires(head[: end.start()])
     if not wires:
-        raise CaptureError(f"{path}: no variable of bits in this dump: nothing here is a serial line")
+        raise CaptureError(f"{path}: no bit signals in this dump: no serial line in it")
     supposed = scale is None and sample_rate is None
     dump = _WaveDump(path, wires, [0] * len(wires), end.end(), unit, supposed)
     for data, changes in dump._changes(lambda *_: None):
@@ -233,10 +233,10 @@ def _read(path: Path, **given: Any) -> EdgeSource:
         return source
     if given.get("baud") is None and any(one.settings.baud not in RATES for one in source.channels):
         raise CaptureError(
-            f"{path}: no $timescale, and as nanoseconds its times give no usual rate: give the times a second with "
+            f"{path}: no $timescale, and as nanoseconds its times match no usual rate: give the ticks per second with "
             "--sample-rate"
         )
-    notice = "no $timescale: the times of this dump are read as nanoseconds (--sample-rate says otherwise)"
+    notice = "no $timescale: the times of this dump are read as nanoseconds (--sample-rate overrides this)"
     return replace(source, notices=(notice, *source.notices))
 
 

@@ -222,7 +222,7 @@ class ReadBatching:
         self._last = now_ns
         if self.clock.step() is not None:
             ahead = self.clock.ahead_ns
-            text = f"the computer's clock was set, or it slept: now {ahead / 1e9:+.3f} s against the recorded times"
+            text = f"the computer's clock was changed, or it slept: now {ahead / 1e9:+.3f} s off the recorded times"
             self._held.append(event_record(now_ns, 0, "clock", text, ahead_ns=ahead))
         self._held.append(tick_record(now_ns))
 

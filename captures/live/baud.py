@@ -41,7 +41,7 @@ class Try:
     bytes: int
 
     def __str__(self) -> str:
-        return f"{self.settings}: {self.score:.0%} of {self.bytes} bytes make sense"
+        return f"{self.settings}: {self.score:.0%} of {self.bytes} bytes are readable"
 
 
 class Search:

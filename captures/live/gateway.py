@@ -50,7 +50,7 @@ class SocketTap(Tap):
         except (OSError, ValueError) as error:  # ValueError: closed by another thread
             raise PortGoneError(os_reason(error) if isinstance(error, OSError) else "closed") from error
         if not data:
-            raise PortGoneError("closed at its other end")
+            raise PortGoneError("closed by the other end")
         return data, []
 
     def close(self) -> None:
@@ -67,7 +67,7 @@ def connected(url: str) -> socket.socket:
     except ValueError:
         host = port = None
     if not host or not port:
-        raise PortError(f"{url}: not an address: {url.partition('://')[0]}://HOST:PORT is wanted")
+        raise PortError(f"{url}: not an address: expected {url.partition('://')[0]}://HOST:PORT")
     try:
         connection = socket.create_connection((host, port), timeout=CONNECT_S)
     except (OSError, UnicodeError) as error:
@@ -220,7 +220,9 @@ class PortServerTap(SocketTap):
             self._negotiate(settings)
         except OSError as error:
             self.close()
-            raise PortError(f"{settings.url}: the port server went away while it was asked for its settings") from error
+            raise PortError(
+                f"{settings.url}: the port server disconnected while it was asked for its settings"
+            ) from error
 
     def read(self) -> tuple[bytes, list[int]]:
         """See `Tap`; what came while the server had not taken on changed settings yet is left out."""
@@ -319,7 +321,7 @@ class PortServerTap(SocketTap):
         for setting in settings:
             value = getattr(wanted, setting)
             if reported.get(setting) != value:
-                instead = f"it is {reported[setting]}" if setting in reported else "the server does not answer"
+                instead = f"it is {reported[setting]}" if setting in reported else "the server does not respond"
                 self.notices.append(f"{wanted.url}: {setting} {value} is not set there: {instead}")
 
     def _tell_lines(self) -> None:

@@ -128,7 +128,7 @@ def open_tap(settings: PortSettings, *, blocking: bool = False) -> Tap:
     scheme = settings.url.partition("://")[0].lower()
     if scheme not in kinds:
         schemes = ", ".join(f"{name}://HOST:PORT" for name in kinds)
-        raise PortError(f"{settings.url}: no way to listen by {scheme}://: there are serial devices and {schemes}")
+        raise PortError(f"{settings.url}: cannot listen to {scheme}://: use a serial device or {schemes}")
     return kinds[scheme](settings, blocking=blocking)
 
 

@@ -56,7 +56,7 @@ class ReadOnlyPort(serial.Serial):  # type: ignore[misc] # pyserial is not typed
             except termios.error as error:
                 if self._parity == "N":
                     raise
-                self.complaints.append(f"parity cannot be set here ({error.args[-1]}): listening without")
+                self.complaints.append(f"parity cannot be set here ({error.args[-1]}): listening without it")
                 self._parity = "N"
                 self._reconfigure_port(force_update=True)
             termios.tcflush(self.fd, termios.TCIFLUSH)

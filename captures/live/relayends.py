@@ -148,7 +148,7 @@ class DevicePort(End):
             settings = replace(settings, parity="N")  # there is no line
         elif users := programs_using(settings.url):
             raise PortError(
-                f"{settings.url}: in use by {', '.join(users)}: end that, and give it the port that is named here"
+                f"{settings.url}: in use by {', '.join(users)}: close it, and point it at the port named here"
             )
         self._port = _opened(settings)
         self.descriptor = self._port.fileno()

@@ -216,7 +216,7 @@ class Relay:
         finally:
             self._told(now, port, data)
         if len(kept) > _MOST and not source.pressed:
-            self.desk.event(port, "notice", f"the client takes nothing: {len(kept):,} bytes for it are dropped")
+            self.desk.event(port, "notice", f"the client does not read: {len(kept):,} bytes for it are dropped")
             kept.clear()
 
     @staticmethod

@@ -23,7 +23,7 @@ from .settings import FALLBACK_BAUD, PortSettings
 
 # Groups that distributions made for serial ports. To be in another, as root or disk, gives rights over the machine.
 _GROUPS: Final = frozenset({"dialout", "uucp", "plugdev", "serial"})
-_RULE: Final = "give it to group dialout by a udev rule (docs/live.md, `A device that may not be opened`)"
+_RULE: Final = "assign it to group dialout with a udev rule (docs/live.md, `A device that may not be opened`)"
 
 
 def real_device(device: str) -> str:
@@ -39,10 +39,10 @@ def may_listen(device: str) -> bool:
 def access_advice(device: str) -> str:
     """What someone does who may not open a device."""
     if not sys.platform.startswith("linux"):
-        return "ask whoever administers this computer"
+        return "ask this computer's administrator"
     group = _serial_group(device)
     if group is None:
-        return f"no group that is for serial ports may read it; {_RULE}"
+        return f"no group for serial ports can read it; {_RULE}"
     return f"`sudo usermod -aG {group} $USER`, then log in again"
 
 
@@ -91,8 +91,8 @@ def _open_devices() -> Iterator[tuple[Path, str]]:
 READ_BYTES: Final = 4096
 WAIT_S: Final = 0.2  # of a blocking read, after which it looks whether it should end
 _POSIX: Final = os.name == "posix"
-_IN_USE: Final = "end that first, or listen through a tap of its own"
-GONE: Final = "closed at its other end, or unplugged"
+_IN_USE: Final = "close it first, or listen through a separate adapter"
+GONE: Final = "closed by the other end, or unplugged"
 _TIMED_OUT: Final = re.compile(r"\b1460\b")  # ERROR_TIMEOUT of Windows in pyserial's words: some drivers, and Wine
 
 
@@ -216,15 +216,15 @@ class DeviceTap(Tap):
 
 def high_line_words(high: list[str] | None) -> list[str]:
     """What to say of the lines that are high though a tap wants them low; None: that cannot be read."""
-    use = "use one that switches direction by itself, or leave its transmitter unconnected"
+    use = "use one with automatic direction control, or leave its transmitter unconnected"
     if high is None:
         return [
-            f"whether RTS and DTR are low cannot be read; an adapter that sends while one is high holds the bus: {use}"
+            f"cannot check that RTS and DTR are low; an adapter that transmits on one of them blocks the bus: {use}"
         ]
     if not high:
         return []
-    stay = "stays" if len(high) == 1 else "stay"
-    return [f"{' and '.join(high)} {stay} high; an adapter that sends while it is so HOLDS THE BUS: {use}"]
+    stay, them = ("stays", "it") if len(high) == 1 else ("stay", "them")
+    return [f"{' and '.join(high)} {stay} high; an adapter that transmits on {them} BLOCKS THE BUS: {use}"]
 
 
 def _opened(settings: PortSettings) -> Any:
@@ -258,13 +258,16 @@ def refusal(url: str, error: Exception) -> str:
     """Why a port could not be opened, and what to do."""
     code, text = getattr(error, "errno", None), str(error)
     if code == errno.ENOENT or "FileNotFoundError" in text:
-        return f"{url}: no such port; `rtuscope ports` lists those that are there"
+        return f"{url}: no such port; `rtuscope ports` lists the ports"
     if code in (errno.EAGAIN, errno.EBUSY) or (os.name == "nt" and "PermissionError" in text):
         return f"{url}: in use by another program: {_IN_USE}"
     if code == errno.EACCES:
         return f"{url}: no permission: {access_advice(url)}"
     if Path(url).is_file():
-        return f"{url}: a file, not a serial port: `rtuscope open` looks into a capture, `rtuscope replay` plays it"
+        return (
+            f"{url}: a file, not a serial port: "
+            "view a capture with `rtuscope open`, play it back with `rtuscope replay`"
+        )
     if code == errno.ENOTTY or "Inappropriate ioctl" in text:
         return f"{url}: not a serial port"
     return f"{url}: cannot be opened: {_cause_of_error(error)}"
@@ -363,7 +366,7 @@ def make_prompt(port: Any, device: str) -> list[str]:
             setting.write(b"%d\n" % PROMPT_MS)
     except OSError:
         return [
-            f"{device}: the adapter holds bytes back for {latency_ms(device)} ms, so that silences cannot be told: "
+            f"{device}: the adapter delays bytes by {latency_ms(device)} ms, which hides gaps between frames: "
             f"`echo {PROMPT_MS} | sudo tee {path}`"
         ]
     return []

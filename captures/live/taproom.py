@@ -22,8 +22,8 @@ STRANGERS: Final = 16
 _REPEATED_S: Final = 10.0  # between two lines of the log about the same thing
 _READING: Final = socket.SHUT_RD if os.name == "posix" else socket.SHUT_RDWR  # Windows: else a wait goes on
 
-CROWDED: Final = "too many connections that did not prove anything yet; try again"
-TOO_SLOW: Final = "the token was not proved in time"
+CROWDED: Final = "too many unauthenticated connections; try again"
+TOO_SLOW: Final = "the token was not confirmed in time"
 
 
 @dataclass(eq=False)

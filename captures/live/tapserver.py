@@ -136,7 +136,7 @@ class TapServer:
             self._listener = socket.create_server((host, port), family=family, backlog=PLACES + STRANGERS)
         except (OSError, OverflowError) as error:
             reason = os_reason(error) if isinstance(error, OSError) else str(error)
-            raise TapSetupError(f"cannot listen for viewers at {host} port {port}: {reason}") from error
+            raise TapSetupError(f"cannot listen for viewers on {host} port {port}: {reason}") from error
         self.port: int = self._listener.getsockname()[1]
         self._thread = threading.Thread(target=self._accept, daemon=True)
         self._thread.start()
@@ -188,7 +188,7 @@ class TapServer:
         except (OSError, ValueError, WireError) as error:
             reason = os_reason(error) if isinstance(error, OSError) else str(error)
             if begun:
-                self._tell(f"viewer at {visitor.address}: gone ({reason})")
+                self._tell(f"viewer at {visitor.address}: disconnected ({reason})")
             else:
                 self._turned_away(visitor, visitor.why or reason)
         finally:
@@ -220,12 +220,12 @@ class TapServer:
         asked, _ = hear(connection)
         theirs, session = asked.get("nonce"), asked.get("session", "")
         if not is_nonce(theirs) or not isinstance(session, str):
-            raise WireError("what asks is no viewer of this version")
+            raise WireError("the client is not a viewer of this version")
         proving = Proving(self._token, nonce, theirs)
         if self._token is not None and not proving.proved(asked.get("proof"), "viewer", session):
-            raise WireError("this tap wants a token, and not the one that was given")
+            raise WireError("this tap needs another token than the one given")
         if not self._rooms.admit(visitor):
-            raise WireError(visitor.why or f"all {PLACES} places of this tap are taken")
+            raise WireError(visitor.why or f"all {PLACES} viewer slots of this tap are taken")
         say(connection, {"session": self._session, "proof": proving.proof("tap", self._session)})
         number = None
         if session:  # it comes back: to this tap as it was, or as it began anew

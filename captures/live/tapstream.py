@@ -71,7 +71,7 @@ class TapAddress:
         except ValueError:
             host, port, plain = None, 0, False
         if not host or not plain or parts.path not in ("", "/"):
-            raise PortError(f"{url}: not an address of a tap: tap://HOST[:{PORT}] is wanted, taps:// with TLS")
+            raise PortError(f"{url}: not a tap address: expected tap://HOST[:{PORT}], or taps:// with TLS")
         return cls(url, host, port, parts.scheme == "taps")
 
 
@@ -99,13 +99,15 @@ def refuse_public(file: str, about: os.stat_result) -> None:
     others = 0o077 if about.st_uid == os.getuid() else 0o007
     if stat.S_ISREG(about.st_mode) and about.st_mode & others:
         mode = stat.S_IMODE(about.st_mode)
-        raise TapSetupError(f"{file}: others may read it (mode {mode:04o}), so it is no secret: chmod 600 {file}")
+        raise TapSetupError(f"{file}: others can read it (mode {mode:04o}), so it is not secret: chmod 600 {file}")
 
 
 def checked_token(token: str, where: str) -> str:
     """The token, if it is hard to guess; TapSetupError."""
     if len(token) < TOKEN_LEAST:
-        raise TapSetupError(f"{where}: a token has {TOKEN_LEAST} characters or more: `openssl rand -hex 16` makes one")
+        raise TapSetupError(
+            f"{where}: a token needs at least {TOKEN_LEAST} characters: create one with `openssl rand -hex 16`"
+        )
     return token
 
 
@@ -153,7 +155,7 @@ def serving_context(certificate: str, key: str | None) -> ssl.SSLContext:
     try:
         context.load_cert_chain(certificate, key)
     except (OSError, ssl.SSLError) as error:
-        raise TapSetupError(f"{certificate}: no certificate with its key, in PEM: {_tls_words(error)}") from error
+        raise TapSetupError(f"{certificate}: not a PEM certificate with its key: {_tls_words(error)}") from error
     return context
 
 
@@ -162,7 +164,7 @@ def viewing_context(authority: str | None) -> ssl.SSLContext:
     try:
         return ssl.create_default_context(cafile=authority)
     except (OSError, ssl.SSLError) as error:
-        raise TapSetupError(f"{authority}: no certificate in PEM: {_tls_words(error)}") from error
+        raise TapSetupError(f"{authority}: not a PEM certificate: {_tls_words(error)}") from error
 
 
 def _tls_words(error: OSError) -> str:
@@ -186,7 +188,7 @@ def hear(connection: socket.socket) -> tuple[dict[str, Any], bytes]:
         data += more
         if not more or len(data) > _LINE + len(more):
             if not more:
-                raise NoHelloError("it ends before it said what it is")
-            raise WireError("its first line does not end")
+                raise NoHelloError("it closed before identifying itself")
+            raise WireError("its first line never ends")
     line, _, rest = data.partition(b"\n")
     return json_object(line), rest

@@ -107,7 +107,7 @@ class TapViewer:
         records = Splitter()
         connection.settimeout(WAIT_S)
         silent = time.monotonic() + _SILENT_S
-        reason = "closed at its other end"
+        reason = "closed by the other end"
         try:
             while not self._closing.is_set():
                 for record in records.feed(rest):
@@ -117,7 +117,7 @@ class TapViewer:
                 except (TimeoutError, ssl.SSLWantReadError):
                     rest = b""
                     if time.monotonic() > silent:
-                        reason = "it says nothing any more"
+                        reason = "it stopped sending"
                         break
                     continue
                 silent = time.monotonic() + _SILENT_S
@@ -126,7 +126,7 @@ class TapViewer:
         except OSError as error:
             reason = os_reason(error)
         except WireError as error:
-            reason = f"what it sends is no tap's: {error}"
+            reason = f"its data is not a tap's: {error}"
         if self._closing.is_set():
             return ""
         text = f"{self._address.url}: connection lost ({reason})"
@@ -138,7 +138,7 @@ class TapViewer:
             yield from self._placed(t_ns, json_object(body))
             return
         if self._next is None:
-            raise WireError("it does not say where it begins")
+            raise WireError("it does not give its start position")
         self._next += 1
         item = item_of(kind, port, t_ns, body)
         if isinstance(item, Block):
@@ -177,11 +177,11 @@ class TapViewer:
             yield PortEvent(self._t_ns, 0, "opened", f"{url}: open", {})
         elif anew or missed > 0:
             self.lost += 0 if anew else missed
-            what = "it began anew: what came meanwhile is not known" if anew else f"{missed:,} bytes are lost"
+            what = "it restarted: bytes in between are unknown" if anew else f"{missed:,} bytes are lost"
             yield PortEvent(before, 0, "lost", f"{url}: lost ({what})", {})
             yield PortEvent(self._t_ns, 0, "opened", f"{url}: is back; {what}", {})
         else:
-            yield PortEvent(self._t_ns, 0, "notice", f"{url}: connected again, nothing is lost", {})
+            yield PortEvent(self._t_ns, 0, "notice", f"{url}: connected again, nothing lost", {})
         if self._set(position.get("line")) or first:
             yield PortEvent(self._t_ns, 0, "settled", f"{url}: listening: {self._line_words()}", {})
 
@@ -195,7 +195,7 @@ class TapViewer:
 
     def _line_words(self) -> str:
         line = self.line
-        return f"{line.baud} bit/s, parity {line.parity}" if line.baud else "the tap knows of no rate so far"
+        return f"{line.baud} bit/s, parity {line.parity}" if line.baud else "the tap does not know the rate yet"
 
     def _later(self, t_ns: int) -> None:
         if t_ns < self._t_ns:
@@ -252,7 +252,7 @@ class TapViewer:
     def _remedy(self, error: Exception) -> str:
         """What to say instead, where a connection fails by it."""
         if isinstance(error, ssl.SSLCertVerificationError):
-            return "; `--tls-ca FILE` names one to trust"
+            return "; `--tls-ca FILE` adds one to trust"
         if isinstance(error, ssl.SSLError) and error.reason == "WRONG_VERSION_NUMBER":
             return "; without TLS it is tap://"
         if isinstance(error, NoHelloError) and self._tls is None:
@@ -263,12 +263,12 @@ class TapViewer:
         try:
             greeting, _ = hear(connection)
         except TimeoutError as error:
-            raise NoHelloError("it does not say what it is") from error
+            raise NoHelloError("it does not identify itself") from error
         version, theirs = greeting.get("rtuscope_tap"), greeting.get("nonce")
         if version != VERSION and isinstance(version, int) and 0 < version < 1000:
-            raise WireError(f"a tap of version {version}, and this is version {VERSION}: update the older rtuscope")
+            raise WireError(f"the tap has version {version}, this is version {VERSION}: update the older rtuscope")
         if version != VERSION or not is_nonce(theirs):
-            raise WireError("what answers is no tap of this version")
+            raise WireError("the other end is not a tap of this version")
         proving = Proving(self._token, theirs, new_nonce())
         asked = {"nonce": proving.viewer_nonce, "proof": proving.proof("viewer", self._session)}
         say(connection, {**asked, "session": self._session, "next": self._next})
@@ -279,8 +279,8 @@ class TapViewer:
             raise RefusedError(f"{url}: refused: {str(why)[:_WORDS] if why else 'no reason given'}")
         if not proving.proved(answer.get("proof"), "tap", session):
             raise RefusedError(
-                f"{url}: refused: it does not prove that it knows the token; "
-                "it is another tap, or was begun without --token-file"
+                f"{url}: refused: it failed to prove that it knows the token; it is another tap, or was started "
+                "without --token-file"
             )
         return session, rest
 
@@ -288,4 +288,4 @@ class TapViewer:
 def _count(value: object) -> int:
     if isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 1 << 62:
         return value
-    raise WireError("a place in its stream that is none")
+    raise WireError("an impossible position in its stream")

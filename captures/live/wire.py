@@ -96,7 +96,7 @@ def item_of(kind: int, port: int, t_ns: int, body: bytes) -> Item | None:
         event = json_object(body)
         words = event.pop("kind", None), event.pop("text", None)
         if not all(isinstance(word, str) for word in words):
-            raise WireError("an event without words")
+            raise WireError("an event without text")
         return PortEvent(t_ns, port, str(words[0]), str(words[1]), event)
     return None
 

@@ -129,7 +129,7 @@ def _nothing(survey: _Survey) -> str:
         names = [one.words for one in sorted(survey.groups, key=lambda one: -one.octets)]
         more = f" and {len(names) - _NAMED:,} more" if len(names) > _NAMED else ""
         return f"no Modbus in its {len(names):,} TCP connections: {', '.join(names[:_NAMED])}{more}"
-    return f"no serial line, no TCP data and no Modbus over UDP in it: {', '.join(others) or 'no packets'}"
+    return f"it has no serial line, no TCP data and no Modbus over UDP: {', '.join(others) or 'no packets'}"
 
 
 class _ConnectionSurvey:
@@ -269,9 +269,9 @@ class _PacketSource:
         if out:
             names = ", ".join(one.words for one in out[:_NAMED])
             more = f" and {len(out) - _NAMED:,} more" if len(out) > _NAMED else ""
-            words.append(f"TCP connections without Modbus are left out: {names}{more}")
+            words.append(f"TCP connections without Modbus are skipped: {names}{more}")
         if self.survey.serial or out or self.survey.others.keys() - {_NO_TRANSPORT, _FOREIGN_DATAGRAMS}:
-            words += [f"{count:,} packets of {name} are left out" for name, count in self.survey.others.most_common()]
+            words += [f"{count:,} packets of {name} are skipped" for name, count in self.survey.others.most_common()]
         return words
 
     def notes(self) -> list[LineNote]:

@@ -57,27 +57,27 @@ def _mend(ring: Ring, part: Path, tell: Callable[[str], None]) -> None:
         with suppress(OSError):  # it stays in the list that memory holds, and is written with the next
             ring.listed(finished)
         damaged = f", {repaired.damage_count - 1} damaged places noted" if repaired.damage_count > 1 else ""
-        tell(f"recording: {finished} was cut and is whole again: {repaired.bytes:,} bytes of the line{damaged}")
+        tell(f"recording: {finished} was cut off and is now repaired: {repaired.bytes:,} bytes of the line{damaged}")
     else:
         remove_made(mending, ours)
     if lossless:
         remove_made(part, mine)
     else:
         aside = move_to_free_name(part, _numbered(part))
-        tell(f"recording: {part} holds more than could be read of it: set aside as {aside}")
+        tell(f"recording: {part} could be read only in part: set aside as {aside}")
 
 
 def _not_mended(ring: Ring, part: Path, error: CaptureError | OSError, tell: Callable[[str], None]) -> None:
     reason = os_reason(error) if isinstance(error, OSError) else str(error).removeprefix(f"{part}: ")
     if part.name.removesuffix(PART) != ring.path.name and _is_full(error):  # not in the way, and whole some other day
-        tell(f"recording: {part} was cut and could not be mended: {reason}")
+        tell(f"recording: {part} was cut off and could not be repaired: {reason}")
         return
     try:
         aside = move_to_free_name(part, _numbered(part))
     except OSError:
-        tell(f"recording: {part} was cut and could not be mended: {reason}")
+        tell(f"recording: {part} was cut off and could not be repaired: {reason}")
     else:
-        tell(f"recording: {part} was cut and could not be mended: {reason}: set aside as {aside}")
+        tell(f"recording: {part} was cut off and could not be repaired: {reason}: set aside as {aside}")
 
 
 def _numbered(part: Path, suffix: str = "") -> chain[Path]:

@@ -68,9 +68,9 @@ class Recorder:
             raise CaptureError(f"{path}: a recording is an MCAP file: give it the suffix {SUFFIX}")
         refuse_device_name(path)
         if not path.parent.is_dir():
-            raise CaptureError(f"{path}: cannot be written: no such folder as {path.parent}")
+            raise CaptureError(f"{path}: cannot be written: no folder {path.parent}")
         if path.exists() and not limits.rotates and not overwrite:
-            raise CaptureError(f"{path}: is there already: give another name, or --overwrite")
+            raise CaptureError(f"{path}: already exists: give another name, or --overwrite")
         self.bytes = 0  # of the line, safe on the disk
         self.lost = 0  # of the line, given up for want of room or with a file that could not be kept
         self.taken = 0  # of the line, on the disk until someone took the file away
@@ -113,8 +113,8 @@ class Recorder:
         strangers = self._ring.strangers()
         if strangers and self._ring.limits.ring:
             self._tell(
-                f"recording: files with names of this ring that are not its own: {len(strangers):,} "
-                f"(the first: {strangers[0].name}): they stay, and --keep does not count them"
+                f"recording: files named like this ring's, but not from it: {len(strangers):,} (the first: "
+                f"{strangers[0].name}): they are kept, and --keep does not count them"
             )
 
     @property
@@ -135,7 +135,7 @@ class Recorder:
     @property
     def result(self) -> str:
         """What was recorded, and what not, for a last line."""
-        removed = f", {self.taken:,} taken away by someone" if self.taken else ""
+        removed = f", {self.taken:,} deleted by someone" if self.taken else ""
         lost = f", LOST {self.lost:,}" if self.lost else ""
         return f"recorded {self.bytes:,} bytes of the line{removed}{lost}"
 
@@ -146,7 +146,7 @@ class Recorder:
         if self._memory + memory > _MEMORY:
             if not self._lost_from:
                 self._lost_from = int(block.t_ns[0])
-                self._tell("recording: memory for what the disk does not take is used up: bytes are lost from now on")
+                self._tell("recording: the memory buffer for a stalled disk is full: bytes are being lost")
             self.lost += size
             return
         waiting = self._waiting
@@ -181,7 +181,7 @@ class Recorder:
             return
         if (
             self._file is not None and self._file.empty and not self._waiting.bytes
-        ):  # nothing was heard with the old ones
+        ):  # nothing was received with the old ones
             self._discard(self._file)
             self._file = None
         else:
@@ -198,7 +198,7 @@ class Recorder:
         left = self._waiting.bytes
         if left:
             self.lost += left
-            self._tell(f"recording: {left:,} bytes of the line that waited for the disk are lost")
+            self._tell(f"recording: {left:,} bytes of the line that were waiting for the disk are lost")
         self._ring.release()
 
     def _commit(self) -> None:
@@ -248,7 +248,7 @@ class Recorder:
         self._memory = self._waiting.memory
         if self._complaint:
             self._complaint = ""
-            self._tell("recording: goes on")
+            self._tell("recording: resumed")
 
     def _goes_on(self, error: OSError) -> bool:
         """Whether to try again at once after this error: the oldest file was given up, or this one left for another."""
@@ -260,8 +260,7 @@ class Recorder:
         if not self._complaint:
             self._complaint = os_reason(error)
             self._tell(
-                f"recording: {self._ring.path}: {self._complaint}: paused; what is heard waits in memory and is "
-                "written when there is room"
+                f"recording: {self._ring.path}: {self._complaint}: paused; new bytes wait in memory until there is room"
             )
         return False
 
@@ -271,7 +270,7 @@ class Recorder:
                 for path in self._ring.files()[:1]:
                     if self._ring.give_up(path):
                         return False
-                    self._tell(f"recording: disk full: gave up the oldest file, {path}")
+                    self._tell(f"recording: disk full: deleted the oldest file, {path}")
                     return True
         return False
 
@@ -286,7 +285,7 @@ class Recorder:
                     wrong = f"{path}: {reason}"
         except OSError as error:
             wrong = f"{self._ring.path.parent}: {os_reason(error)}"
-        self._told_upkeep(wrong and f"recording: {wrong}: old files stay")
+        self._told_upkeep(wrong and f"recording: {wrong}: old files are kept")
 
     def _told_upkeep(self, wrong: str) -> None:
         """Tell what is wrong with the ring once."""
@@ -321,10 +320,10 @@ class Recorder:
         try:
             path = file.take_name(self._ring.free_names(time.time()), instead_of=self._replaced)
         except OSError as error:
-            self._tell(f"recording: {file.part}: {os_reason(error)}: it is whole, but keeps this name")
+            self._tell(f"recording: {file.part}: {os_reason(error)}: the file is complete, but keeps this name")
             return
         if path != file.path:
-            self._tell(f"recording: {file.path} is another file now: what was recorded is {path}")
+            self._tell(f"recording: {file.path} is a different file now: the recording is in {path}")
             self._list(path)
         self._ring.ended(path)
 
@@ -333,7 +332,7 @@ class Recorder:
         try:
             self._ring.listed(path)
         except OSError as error:
-            self._tell(f"recording: the list of the ring could not be written: {os_reason(error)}: tried again later")
+            self._tell(f"recording: the list of the ring could not be written: {os_reason(error)}: will retry")
 
     def _leave(self, file: RecordingFile, reason: str) -> None:
         """Give up a file that can no longer be written, which is readable as it is."""
@@ -342,8 +341,8 @@ class Recorder:
         with suppress(OSError):
             file.close()
         self._tell(
-            f"recording: {file.part}: {reason}: left without its index; it opens as it is, and `rtuscope repair` makes "
-            "it whole"
+            f"recording: {file.part}: {reason}: left without its index; it opens as it is, and `rtuscope repair` "
+            "completes it"
         )
 
     def _leave_missing(self, file: RecordingFile) -> None:

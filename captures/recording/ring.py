@@ -182,7 +182,7 @@ class Ring:
         """Take a file of the ring away; why it stays where it does, nothing where it is gone."""
         self._entries.pop(path, None)
         if path.exists() and self._entry(path, self._list.files) is None:
-            return "is another file now"
+            return "is a different file now"
         return remove_listed(path.parent, [path.name]).get(path.name, "")
 
     def cut(self) -> list[Path]:

@@ -60,7 +60,7 @@ class RingList:
         self._descriptor = self._locked()
         try:
             if not self._load():
-                tell(f"recording: {self.path} is no list of a ring: set aside as {self._set_aside()}")
+                tell(f"recording: {self.path} is not the list of a ring: set aside as {self._set_aside()}")
                 self._descriptor = self._locked()
                 self._load()
             cut_back(self._descriptor, self._size)

@@ -105,13 +105,15 @@ class LogReader:
         experience = self._experience
         if experience.fraction:
             unit = _UNITS[experience.fraction]
-            yield f"fractions of seconds are read as {unit} without leading zeros: as decimals they would run back"
+            yield (
+                f"fractions of a second are read as {unit} without leading zeros: as decimals they would run backwards"
+            )
         if experience.steps:
-            yield "times with a plus are read as steps from the one above: as times they would run back"
+            yield "times with a plus are read as steps from the one above: as absolute times they would run backwards"
         if experience.days:
             yield "times are read as days, as spreadsheets count them: as seconds they would be too close together"
         if experience.counters and experience.guessed:
-            yield "numbers before the marks of lines are read as milliseconds"
+            yield "numbers before line marks are read as milliseconds"
 
     @property
     def zoneless(self) -> bool:
@@ -276,7 +278,7 @@ def _contents(line: LogLine, experience: Experience) -> Iterator[Piece | UnreadL
         beside = [run for run in line.runs if _is_left(run) and not _is_check_value(run, chosen)] if chosen else []
         left = [quoted(line.clean[run.start : run.end]) for run in beside]
         if left:
-            yield UnreadLine(line.number, text, f"{', '.join(left)} beside the bytes may be bytes, too")
+            yield UnreadLine(line.number, text, f"{', '.join(left)} beside the bytes may also be bytes")
     if not chosen and line.problem is None and line.runs and not line.quiet:
         yield UnreadLine(line.number, text, *_why(line, experience))
 
@@ -307,7 +309,7 @@ def _why(line: LogLine, experience: Experience) -> tuple[str, bool]:
     other = run.shape == "base64" or _ADDRESS.fullmatch(shown) or is_named_otherwise(line.clean[: run.start])
     if run.level is Writing.NUMBER and (few or other):
         return f"no bytes found in {quoted(line.text)}", True
-    return f"{quoted(shown)} may be anything: no check value says that these are bytes", False
+    return f"{quoted(shown)} may be anything: no check value confirms that these are bytes", False
 
 
 def joined(reads: Iterable[Piece | UnreadLine], limit: int | None = None) -> Iterator[Piece | UnreadLine]:

@@ -119,4 +119,4 @@ def leave_out_computed(lines: Sequence[LogLine]) -> None:
             if before.taken and line.clean[before.end : run.start].removesuffix("0x").rstrip(" [('\"").endswith(
                 _NOT_BUT
             ):
-                run.taken, run.why = False, "what was expected in place of the bytes before"
+                run.taken, run.why = False, "the bytes expected in place of those before"

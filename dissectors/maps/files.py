@@ -66,7 +66,7 @@ def read_map(name: str | os.PathLike[str]) -> RegisterMap:
     data = map_bytes(path)
     text = decoded(data)
     if text is None:
-        raise MapError(f"{path}: bytes, not text: a map is a table in CSV or YAML")
+        raise MapError(f"{path}: binary, not text: a map is a table in CSV or YAML")
     if path.suffix.lower() in _YAML:
         from .yamlform import read_yaml
 
@@ -82,7 +82,7 @@ def map_bytes(path: str | os.PathLike[str]) -> bytes:
     except (OSError, ValueError) as error:
         raise MapError(f"{path}: {(getattr(error, 'strerror', None) or str(error)).lower()}") from error
     if len(data) > _MOST:
-        raise MapError(f"{path}: over {_MOST >> 20} MiB is no register map")
+        raise MapError(f"{path}: over {_MOST >> 20} MiB: too large for a register map")
     return data
 
 
@@ -102,7 +102,7 @@ def map_for_unit(text: str) -> tuple[RegisterMap, int | None]:
         return read_map(text), None
     unit = int(match[2])
     if unit > _LAST_UNIT:
-        raise MapError(f"{text}: unit {unit}: 0 to {_LAST_UNIT} are possible")
+        raise MapError(f"{text}: unit {unit}: must be 0 to {_LAST_UNIT}")
     return read_map(match[1]), unit
 
 
@@ -124,7 +124,7 @@ def _unknown(name: str) -> str:
 
     near = get_close_matches(name, shipped_names(), 1)
     hint = f"did you mean {near[0]}?" if near else "`rtuscope map list` names those that are shipped"
-    return f"{name}: no such file, and no shipped map of that name: {hint}"
+    return f"{name}: no such file and no shipped map of that name: {hint}"
 
 
 def unit_maps(names: Iterable[str]) -> UnitMaps:

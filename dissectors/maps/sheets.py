@@ -83,7 +83,7 @@ def sheets_of(data: bytes, name: str, most_rows: int) -> list[MapSheet]:
             for sheet in shown
         ]
     except Exception as error:  # a damaged workbook raises whatever its parts do
-        raise MapError(f"{name}: no readable workbook: {one_line(error)}") from error
+        raise MapError(f"{name}: not a readable workbook: {one_line(error)}") from error
 
 
 def _merged_cells(text: bytes) -> int:

@@ -59,9 +59,9 @@ def read_table(text: str, file: str) -> RegisterMap:
             begin = number
             break
     if begin == len(lines):
-        raise MapError(f"{file}: no table: expected a row of column names (address, name, type ...)")
+        raise MapError(f"{file}: not a table: expected a row of column names (address, name, type ...)")
     if lines[begin].lstrip()[:1] in ("{", "["):
-        raise MapError(f"{file}: no table: expected a row of column names (address, name, type ...)")
+        raise MapError(f"{file}: not a table: expected a row of column names (address, name, type ...)")
     delimiter = max(",;\t", key=lines[begin].count)
     numbered = ((begin + number, row) for number, row in csv_rows(lines[begin:], delimiter, file))
     _, names = next(numbered)
@@ -69,7 +69,7 @@ def read_table(text: str, file: str) -> RegisterMap:
     for needed in _NEEDED:
         if needed not in columns:
             present = one_line(", ".join(filter(None, columns)))[:200]
-            raise MapError(f"{file}: row {begin + 1}: no column {needed!r}: there are {present}")
+            raise MapError(f"{file}: row {begin + 1}: no column {needed!r}: choose from {present}")
     return assembled(header, _cells_by_column(numbered, columns), file)
 
 
@@ -80,7 +80,7 @@ def csv_rows(lines: Sequence[str], delimiter: str, file: str) -> Iterator[tuple[
         for row in rows:
             yield rows.line_num, row
     except csv.Error as error:
-        raise MapError(f"{file}: row {rows.line_num}: no CSV: {error}") from error
+        raise MapError(f"{file}: row {rows.line_num}: not CSV: {error}") from error
 
 
 def write_table(chart: RegisterMap) -> str:
@@ -160,7 +160,7 @@ def assembled(header: Mapping[str, object], rows: Iterator[tuple[int, Mapping[st
     except CellError as error:
         raise MapError(f"{where}: {error}") from error
     if not values:
-        raise MapError(f"{file}: no rows: expected one a value")
+        raise MapError(f"{file}: no rows: expected one per value")
     return RegisterMap(
         device=device,
         rows=tuple(values),

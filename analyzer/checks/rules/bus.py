@@ -78,7 +78,7 @@ class _Answered:
             )
             first = [breach for breach in first if breach.index != self._silent]
         if counts.unheard:
-            tail += page_words("; {count:,} more while nothing was heard", count=counts.unheard)
+            tail += page_words("; {count:,} more while nothing was received", count=counts.unheard)
         words = page_words("no polls seen")
         if polls:
             words = page_words("{some:,} of {all:,} polls answered", some=polls - count, all=polls) + tail

@@ -99,7 +99,7 @@ def _at_most(words: list[Token], most: int, line: LineSettings) -> Start:
     if name not in codes():
         near = meant(name, [*WORDS, *codes()]).replace("crc-errors", "crc errors")
         raise CheckError(
-            f"nothing is called {' '.join(words)!r}{near or '; rtuscope help findings has all codes'}", at(words[0])
+            f"{' '.join(words)!r} is unknown{near or '; rtuscope help findings lists all codes'}", at(words[0])
         )
     mask = np.array([code == name for code in codes()])
     return lambda: _FindingCount(mask, most)
@@ -110,7 +110,7 @@ def _at_most(words: list[Token], most: int, line: LineSettings) -> Start:
 def no_findings(line: LineSettings, severity: Token | None) -> Start:  # noqa: ARG001
     grades = {grade.name.lower(): grade for grade in Severity}
     if severity is not None and severity.lower() not in grades:
-        raise CheckError(f"severities are {', '.join(grades)}, not {str(severity)!r}", at(severity))
+        raise CheckError(f"severity must be {', '.join(grades)}, not {str(severity)!r}", at(severity))
     least = Severity.NOTE if severity is None else grades[severity.lower()]
     mask = np.array([rule.severity >= least for rule in rules()])
     return lambda: _FindingCount(mask, 0)

@@ -191,16 +191,16 @@ def _range(token: Token) -> _AddressRange:
             area, low = physical(f"{zero[1]}1")
             last = ends[-1].lower().removeprefix(zero[1].lower()) if len(ends) > 1 else "0"
             if "x" in last or int(last) > _LAST:
-                raise ValueFormError(f"{ends[-1]!r} is no address up to {_LAST} of the area {zero[1]}")
+                raise ValueFormError(f"{ends[-1]!r} is not an address up to {_LAST} in area {zero[1]}")
             high = int(last)
         else:
             area, low = physical(ends[0])
             short = "x" in ends[0].lower() and "x" not in ends[-1].lower()
             last_area, high = physical(f"{area}{ends[-1]}" if short else ends[-1])
             if last_area != area:
-                raise ValueFormError("both ends of a range must be of one area")
+                raise ValueFormError("both ends of a range must be in the same area")
     except ValueFormError as error:
         raise CheckError(str(error), at(token)) from error
     if high < low:
-        raise CheckError(f"a range goes upwards: {ends[-1]}-{ends[0]}", at(token))
+        raise CheckError(f"the range runs backwards: {ends[-1]}-{ends[0]}", at(token))
     return _AddressRange(area, low, high)

@@ -159,7 +159,7 @@ def write_pages(lake: Lake, page: str | Path) -> int:
                             file.write(_signed(name, text.encode()))
                 _settle(new, folder, scratch.with_name(f"{scratch.name}.old"))
     except FileNotFoundError as error:
-        raise FleetError(f"{page}: cannot be written: no such folder as {page.parent}") from error
+        raise FleetError(f"{page}: cannot be written: no folder {page.parent}") from error
     except CaptureError as error:
         raise FleetError(str(error)) from error
     except OSError as error:

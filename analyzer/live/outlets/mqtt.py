@@ -77,10 +77,10 @@ class Broker:
         except ValueError as error:
             raise OutletError(f"--mqtt {url}: {error}") from error
         if parts.scheme not in ("mqtt", "mqtts") or not parts.hostname:
-            raise OutletError(f"--mqtt {url}: is no mqtt://[USER:PASSWORD@]HOST[:PORT][/TOPIC], nor mqtts://")
+            raise OutletError(f"--mqtt {url}: is not mqtt://[USER:PASSWORD@]HOST[:PORT][/TOPIC] or mqtts://")
         base = unquote(parts.path).strip("/") or "rtuscope"
         if any(letter in base for letter in "+#\0"):
-            raise OutletError(f"--mqtt {url}: a topic has no + and no #")
+            raise OutletError(f"--mqtt {url}: a topic cannot contain + or #")
         tls = parts.scheme == "mqtts"
         user = None if parts.username is None else unquote(parts.username)
         password = os.environ.get(_PASSWORD) if parts.password is None else unquote(parts.password)
@@ -179,9 +179,9 @@ class Mqtt:
         self._thread.join(_GRACE_S)
         left = len(self._mail)
         if not self._ready.is_set():
-            self._tell(f"mqtt: {self._where}: away at the end, {left:,} messages did not go out{self._loss()}")
+            self._tell(f"mqtt: {self._where}: not connected at the end, {left:,} messages were not sent{self._loss()}")
         elif left or (lost := self._loss()):
-            self._tell(f"mqtt: {left:,} messages did not go out{'' if left else lost}")
+            self._tell(f"mqtt: {left:,} messages were not sent{'' if left else lost}")
         self._client.disconnect()
         self._client.loop_stop()
 
@@ -323,12 +323,12 @@ class Mqtt:
     def _failed(self, *_: Any) -> None:
         error = sys.exc_info()[1]  # the client tells while it handles what the system said
         why = f"cannot be reached ({os_reason(error)})" if isinstance(error, OSError) else "cannot be reached"
-        self._gone(why + ("; SSL_CERT_FILE=FILE trusts one" if hasattr(error, "verify_message") else ""))
+        self._gone(why + ("; SSL_CERT_FILE=FILE adds one to trust" if hasattr(error, "verify_message") else ""))
 
     def _gone(self, why: str) -> None:
         if why != self._away and not self._closing.is_set():
             self._away = why
-            self._tell(f"mqtt: {self._where}: {why}; states wait, their newest goes out when it is back")
+            self._tell(f"mqtt: {self._where}: {why}; the latest states go out when it is back")
 
     # The sending thread:
 

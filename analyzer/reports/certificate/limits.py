@@ -96,14 +96,14 @@ def load_limits(path: str | Path) -> AcceptanceLimits:
 
 def _units(path: str, units: object, claims: Mapping[str, ClaimLimit]) -> dict[int, dict[str, ClaimLimit]]:
     if not isinstance(units, dict):
-        raise LimitsError(f"{path}: unit: holds a table for each unit, such as [unit.17.lost]")
+        raise LimitsError(f"{path}: unit: must hold a table for each unit, such as [unit.17.lost]")
     made = {}
     for name, tables in units.items():
         where = f"{path}: unit.{name}"
         if not (name.isascii() and name.isdecimal() and int(name) <= _LAST_UNIT) or not isinstance(tables, dict):
-            raise LimitsError(f"{where}: a unit is a number from 0 to {_LAST_UNIT}, and holds tables")
+            raise LimitsError(f"{where}: a unit must be a number from 0 to {_LAST_UNIT} and hold tables")
         if _OF_LINE in tables:
-            raise LimitsError(f"{where}: the load is the line's, and not a unit's")
+            raise LimitsError(f"{where}: the load belongs to the line, not to a unit")
         made[int(name)] = _claims(where, tables, claims)
     return made
 
@@ -113,9 +113,9 @@ def _claims(where: str, tables: Mapping[str, Any], bases: Mapping[str, ClaimLimi
     for name, table in tables.items():
         if name not in bases:
             near = did_you_mean(name, bases)
-            raise LimitsError(f"{where}: no claim {name!r}{near}; there are {', '.join(bases)}")
+            raise LimitsError(f"{where}: no claim {name!r}{near}: choose from {', '.join(bases)}")
         if not isinstance(table, dict):
-            raise LimitsError(f"{where}: {name}: is a table, such as [{name}]")
+            raise LimitsError(f"{where}: {name}: must be a table, such as [{name}]")
         made[name] = _limit(f"{where}: {name}", table, bases[name])
     return made
 
@@ -128,7 +128,7 @@ def _limit(where: str, table: Mapping[str, Any], base: ClaimLimit) -> ClaimLimit
     changes: dict[str, Any] = {}
     for key, value in table.items():
         if key not in keys:
-            raise LimitsError(f"{where}: no key {key!r}; there are {', '.join(keys)}")
+            raise LimitsError(f"{where}: no key {key!r}: choose from {', '.join(keys)}")
         if key == "quantile":
             changes["quantile"] = _number(f"{where}: {key}", value, 0.5, 0.9999)
         else:
@@ -137,11 +137,11 @@ def _limit(where: str, table: Mapping[str, Any], base: ClaimLimit) -> ClaimLimit
     if limit.fails < limit.passes and "fails" not in changes:
         limit = replace(limit, fails=limit.passes)
     if limit.fails < limit.passes:
-        raise LimitsError(f"{where}: fails below what passes")
+        raise LimitsError(f"{where}: fail is lower than pass")
     return limit
 
 
 def _number(where: str, value: object, least: float, most: float) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= most:
-        raise LimitsError(f"{where}: is a number from {least:g} to {most:g}")
+        raise LimitsError(f"{where}: must be a number from {least:g} to {most:g}")
     return float(value)

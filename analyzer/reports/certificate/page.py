@@ -9,7 +9,7 @@ from dissectors.values import harmless
 
 from ...languages import grouped, page_words
 from ...version import RULES, __version__
-from ...words import between, duration
+from ...words import between, decimal, duration
 from ..markdown import markdown_table, markdown_text
 from ..model import Report
 from ..page import facts, file_name
@@ -85,7 +85,7 @@ def _figure(claim: Claim, value: float | None) -> str:
 
 
 def _share(value: float | None) -> str:
-    return "?" if value is None else f"{100 * value:.3g} %"
+    return "?" if value is None else f"{decimal(f'{100 * value:.3g}')} %"
 
 
 def certificate_facts(certificate: Certificate) -> Iterator[tuple[str, str]]:

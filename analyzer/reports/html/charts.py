@@ -13,12 +13,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from ...languages import counted, page_words
+from ...languages import counted, grouped, page_words
 from ...outages import Deaf, unheard
 from ...tables.bins import TimeBins
 from ...tables.findings import Findings, Severity, rules
 from ...tables.schema import Rows
-from ...words import duration
+from ...words import duration, unit_word
 from ..model import UnitRow
 
 TROUBLE_BINS: Final = 240
@@ -174,7 +174,7 @@ def time_chart(timeline: TroubleBins, span_ns: int, char_ns: float | None, deaf:
         heights, top = share / ceiling, f"{ceiling:.0%}"
     else:
         most_rate = max(float(rate.max()), 1.0)
-        heights, top = rate / most_rate, f"{most_rate:,.0f} B/s"
+        heights, top = rate / most_rate, f"{grouped(round(most_rate))} {unit_word('B/s')}"
     base, foot = 10.0 + _LOAD, 10.0 + _LOAD + _GAP + _TROUBLE
     area = f"M{_LEFT} {base:g}"
     for i, height in enumerate(heights.tolist()):

@@ -72,15 +72,15 @@ def read_source(path: Path) -> _McapSource:
         settings = _settings(FileBytes(file))
     if settings is None:
         raise CaptureError(
-            f"{path}: an MCAP file without raw chunks (no channel {TOPIC}): only one recorded or exported by "
-            "rtuscope can be read, or it was cut before its settings"
+            f"{path}: an MCAP file without raw bytes (no channel {TOPIC}): it was not recorded or exported by "
+            "rtuscope, or was cut off before its settings"
         )
     try:
         header = orjson.loads(settings.get("line", "{}"))
     except orjson.JSONDecodeError:
         header = None
     if not isinstance(header, dict):
-        return _McapSource(path, LineSettings(), True, ("the settings of the line are damaged: not known",))
+        return _McapSource(path, LineSettings(), True, ("the line settings are damaged and unknown",))
     line, complaints = LineSettings.from_header(header)
     return _McapSource(path, line, settings.get("timed") != "false", tuple(complaints))
 
@@ -172,7 +172,7 @@ def _blocks_and_losses(data: FileBytes, timed: bool, note: Note) -> Iterator[Blo
             whole = False
             yield Loss(item.at, f"a damaged chunk ({error})")
     if whole and summary is not None and summary.messages is not None and messages < summary.messages:
-        note("its summary", f"{summary.messages - messages} of {summary.messages} messages on {TOPIC} are not there")
+        note("its summary", f"{summary.messages - messages} of {summary.messages} messages on {TOPIC} are missing")
 
 
 def _block(message: TopicMessage, timed: bool) -> Block | None:
@@ -224,8 +224,8 @@ class _Losses:
             return f"what it held {lost}"
         if begin is None or end is None:
             bound = f"before {_moment(end)}" if end is not None else f"after {_moment(begin or 0)}"
-            return f"what was heard {bound} {lost}"
-        return f"what was heard between {_moment(begin)} and {_moment(end)} {lost}"
+            return f"data received {bound} {lost}"
+        return f"data received between {_moment(begin)} and {_moment(end)} {lost}"
 
 
 def _moment(t_ns: int) -> str:

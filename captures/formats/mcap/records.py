@@ -105,10 +105,10 @@ class Unpacker:
         if size > self._limit:
             need = -(-size // _MIB)
             raise DamagedRecordError(
-                f"{need} MiB unpacked are more than {self._limit // _MIB}: {_LIMIT_SETTING}={need} allows it"
+                f"it unpacks to {need} MiB, over {self._limit // _MIB}: {_LIMIT_SETTING}={need} allows it"
             )
         if size > self._left:
-            raise DamagedRecordError("all chunks together unpack to more than a file of this size can mean")
+            raise DamagedRecordError("its chunks unpack to more than a file of this size can hold")
         self._left -= size
         try:
             data = self._decompressed(head.compression, content, size)
@@ -117,7 +117,7 @@ class Unpacker:
         except Exception as error:  # of the libraries below, each of its own kind
             raise DamagedRecordError(one_line(error)) from error
         if len(data) != size:
-            raise DamagedRecordError("its size unpacked is not what it says")
+            raise DamagedRecordError("its unpacked size is not the declared one")
         if head.crc and zlib.crc32(data) != head.crc:
             raise DamagedRecordError("its CRC is wrong")
         return data
@@ -151,7 +151,7 @@ def records_in(data: bytes, packed: int) -> Iterator[tuple[int, int, int]]:
         if at + length > size:
             raise DamagedRecordError("a record reaches past the chunk's end")
         if not most:
-            raise DamagedRecordError("more records than so few bytes can mean")
+            raise DamagedRecordError("more records than its bytes can hold")
         if opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE):
             yield opcode, at, at + length
         at, most = at + length, most - 1

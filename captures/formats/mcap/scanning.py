@@ -261,7 +261,7 @@ def _by_index(data: FileBytes, unpacker: Unpacker, summary: TopicSummary) -> Ite
             if head is not None and head.length == summary.lengths[number]:  # whatever its opcode has become
                 yield _chunk(data, unpacker, at, head)
             else:
-                yield Loss(at, "a damaged chunk (its head is not what the index says)", summary.last_ns[number])
+                yield Loss(at, "a damaged chunk (its header does not match the index)", summary.last_ns[number])
         at = max(summary.nexts[number], at + 1)
 
 
@@ -297,7 +297,7 @@ def _by_records(data: FileBytes, unpacker: Unpacker, note: Note) -> Iterator[Sca
             yield item
         at = after
     if (footer := _footer(data)) is None:
-        lost = "all chunks are whole" if complete else "what was complete before is given"
+        lost = "all chunks are whole" if complete else "everything complete before it was read"
         note(f"byte {at}", f"file ends at byte {data.size} without a footer: {lost}")
     elif footer.told_crc and footer.crc != footer.told_crc:
         note(f"byte {footer.start}", "the index at the file's end is damaged: read without it")

@@ -46,7 +46,7 @@ class MapFormat(Protocol):
 def map_format(name: str) -> MapFormat:
     """One format by name."""
     if name not in FORMATS:
-        raise MapError(f"no map format {name!r}: there are {', '.join(FORMATS)}")
+        raise MapError(f"no map format {name!r}: choose from {', '.join(FORMATS)}")
     if (package_files(__package__) / f"{name}.toml").is_file():
         return Program(name)
     return cast(MapFormat, import_module(f"{__package__}.{name}"))
@@ -63,16 +63,18 @@ def import_maps(file: str, data: bytes, *, name: str | None = None) -> list[Impo
             if filled:
                 return [_with_included(filled[0], source), *filled[1:]]
             why = next((f": {one.notes[0]}" for one in read if one.notes), "")
-            raise MapError(f"{file}: read as {form.NAME}, but no register is in it{why}")
+            raise MapError(f"{file}: read as {form.NAME}, but it has no registers{why}")
     if name is not None:
         raise MapError(f"{file}: is not {map_format(name).NAME}")
     if source.problem:
         raise MapError(f"{file}: {source.problem}")
     if source.included:
-        raise MapError(f"{file}: no register is in it, but in what it includes: give {', '.join(source.included)}")
+        raise MapError(
+            f"{file}: it has no registers itself, only the files it includes do: give {', '.join(source.included)}"
+        )
     raise MapError(
-        f"{file}: no known form of a register map: a table needs a row of headings such as address, name, type;"
-        f" --input-format names one of {', '.join(FORMATS)}"
+        f"{file}: not a known register map: a table needs a heading row such as address, name, type; --input-format "
+        f"chooses one of {', '.join(FORMATS)}"
     )
 
 

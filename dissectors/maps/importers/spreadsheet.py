@@ -157,7 +157,7 @@ class _TableRows:
         if not (sheet.hidden and has_heading(replace(sheet, rows=rows))):
             return sheet.rows
         names = ", ".join(map(column_name, sorted(sheet.hidden)))
-        self.builder.note(f"columns that the sheet hides were left out: {names}")
+        self.builder.note(f"hidden columns of the sheet were skipped: {names}")
         return rows
 
     def _heading(self, first: int, last: int) -> int:
