@@ -12,14 +12,14 @@ from hypothesis import strategies as st
 from scripts import package
 
 import captures
-from analyzer.causes.certainty import CALIBRATED, LEAST, MOST, Clues, certainty, in_words
+from analyzer.causes.certainty import LEAST, MOST, Clues, certainty, in_words
 from analyzer.causes.contrasts import Family, contrasts
 from analyzer.causes.exchanges import Exchanges
 from analyzer.causes.exchangetable import AskedRows, ExchangeTable
 from analyzer.causes.ledger import ledger_of
 from analyzer.causes.leftovers import TEMPLATES
 from analyzer.causes.reasoning import TOLD, Story, story_of
-from analyzer.causes.registry import suspects
+from analyzer.causes.registry import CALIBRATED, suspects
 from analyzer.core import analyse
 from analyzer.languages import catalogue
 from analyzer.simulation.field.cases.registry import field_cases

@@ -27,7 +27,6 @@ from .taken import move
 
 MOST: Final = 0.97  # of what was told on held-out buses as surer than that, no more was so
 LEAST: Final = 0.05
-CALIBRATED: Final = 0.5  # a figure is told from here on: so few claims are less sure that theirs may be anything
 _SURELY: Final = 0.9
 _LIKELY: Final = 0.6
 _FEW_BITS: Final = 12.0  # what no rival is taken to have

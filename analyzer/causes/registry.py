@@ -24,7 +24,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 from ..html_text import html_page, html_table
-from ..languages import sentence
+from ..languages import sentence, tr
 from ..registry import Registry
 from ..tables.findings import Severity
 
@@ -86,6 +86,7 @@ class Foretold:
     client_loses: bool = False
 
 
+CALIBRATED: Final = 0.5  # a figure is told from here on: so few claims are less sure that theirs may be anything
 COMES_AND_GOES: Final = frozenset(("spells", "since", "unit-before", "outcome-before"))  # contrasts of time
 LENGTHS: Final = frozenset(("answer-bytes", "quantity"))  # by which more is hit, whatever hits
 ASKED_FOR: Final = frozenset(("function", "quantity", "answer-bytes", "address", "range-end", "poll"))  # of requests
@@ -170,11 +171,17 @@ class Cause:
     explains: frozenset[tuple[Symptom, int | None]] = frozenset()  # which findings point here
     numbers: Mapping[str, Any] = field(default_factory=dict, compare=False)  # that its words are filled with
 
+    @property
+    def sure(self) -> str:
+        """How sure that is, in the words in use: a figure where it means something."""
+        told = self.confidence >= CALIBRATED
+        return tr("{share:.0%} sure", share=self.confidence) if told else tr("perhaps")
+
     def _repr_html_(self) -> str:
         """For notebooks."""
         lines = [
             ("share", self.share),
-            ("likely", f"{self.confidence:.0%}" + (f", else {self.runner_up}" if self.runner_up else "")),
+            ("likely", self.sure + (f", else {self.runner_up}" if self.runner_up else "")),
             ("lost answers", self.lost_answers),
             ("to be sure", self.deciding_test),
             ("remedy", self.remedy),

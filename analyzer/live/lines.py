@@ -193,8 +193,8 @@ class TextLines:
         """What became of a cause."""
         cause, mark = revision.cause, _MARKS[Severity[revision.cause.severity.upper()]]
         head = tr(
-            "cause {cause} ({state}, revision {revision} after {requests}, {share:.0%} sure)",
-            cause=cause.cause, state=tr(revision.state), revision=revision.revision, share=cause.confidence,
+            "cause {cause} ({state}, revision {revision} after {requests}, {sure})",
+            cause=cause.cause, state=tr(revision.state), revision=revision.revision, sure=cause.sure,
             requests=counted(revision.exchanges, "request", "requests"),
         )  # fmt: skip
         text = f"{mark} {head}: {cause.text}"

@@ -57,8 +57,8 @@ def spoken(
         yield f"{counted(len(causes), 'cause', 'causes')}." if causes else tr("No cause of trouble.")
     for number, cause in enumerate(causes, 1):
         yield tr(
-            "Cause {number}, {severity}, {share:.0%} sure: {text}. To do: {remedy}",
-            number=number, severity=tr(cause.severity), share=cause.confidence, text=cause.text, remedy=cause.remedy,
+            "Cause {number}, {severity}, {sure}: {text}. To do: {remedy}",
+            number=number, severity=tr(cause.severity), sure=cause.sure, text=cause.text, remedy=cause.remedy,
         )  # fmt: skip
     if not bus.frames:
         return

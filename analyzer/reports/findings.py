@@ -6,9 +6,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Final
 
-from ..causes.certainty import CALIBRATED, in_words
+from ..causes.certainty import in_words
 from ..causes.leftovers import Left
-from ..causes.registry import Cause, cause_of
+from ..causes.registry import CALIBRATED, Cause, cause_of
 from ..languages import counted, grouped, page_words
 from ..words import decimal, is_clock, time_of_day, unit_word
 from .model import FindingGroup, FindingRow

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple
 import numpy as np
 from textual.binding import Binding, BindingType
 
+from ..causes.registry import CALIBRATED
 from ..languages import counted, grouped, page_words, tr
 from ..reports.findings import left_words
 from ..words import compact, duration, percent, short, short_bound
@@ -259,9 +260,9 @@ def _cause_line(cause: Cause, whom: int, width: int) -> list[StyledText]:
     """`whom`: columns of whose fault it is; where there is little room the cause's own words say it."""
     letter = StyledText(f"{_LETTERS.get(cause.severity, ' ')} ", cause.severity)
     if width < _WIDE:
-        sure = f"{cause.confidence:>4.0%}  "
+        sure = f"{percent(cause.confidence) if cause.confidence >= CALIBRATED else tr('perhaps'):>4}  "
         return [letter, StyledText(sure, "dim"), StyledText(_clauses(cause.text, width - 2 - len(sure)))]
-    sure = f"{tr('{share:.0%} sure', share=cause.confidence):>9}  "
+    sure = f"{cause.sure:>{len(tr('{share:.0%} sure', share=1))}}  "
     room = width - 2 - whom - 1 - len(sure)
     return [
         letter,

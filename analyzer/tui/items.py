@@ -103,7 +103,7 @@ def whose(cause: Cause) -> str:
 
 
 def _cause_items(cause: Cause) -> tuple[Item, ...]:
-    fault = f"{whose(cause)}, {tr('{share:.0%} sure', share=cause.confidence)}"
+    fault = f"{whose(cause)}, {cause.sure}"
     if cause.runner_up:
         fault += tr("; else {name}", name=cause.runner_up)
     lost = "" if not cause.lost_answers else counted(cause.lost_answers, "answer", "answers")

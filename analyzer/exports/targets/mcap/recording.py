@@ -22,6 +22,7 @@ from captures.formats.mcap.writer import ArrayWriter, TopicWriter
 from captures.ragged import Ints
 from captures.recording.notes import NoteChannel
 
+from ....causes.certainty import in_words
 from ....causes.ledger import Ledger
 from ....causes.reasoning import causes_of
 from ....causes.registry import Cause
@@ -238,7 +239,7 @@ class Stories:
     def _tell(self, causes: Sequence[Cause], end_ns: int) -> None:
         channel = self._channel("/causes")
         for cause in causes:
-            text = f"{cause.text} ({cause.confidence:.0%} sure; to be sure: {cause.deciding_test}; do: {cause.remedy})"
+            text = f"{cause.text} ({in_words(cause.confidence)}; to be sure: {cause.deciding_test}; do: {cause.remedy})"
             message = log_message(end_ns, LEVELS[Severity[cause.severity.upper()]], text, cause.cause)
             self._writer.add_message(channel, end_ns, message, end_ns)
         lines = [orjson.dumps(cause.to_json()).decode() for cause in causes]
