@@ -8,14 +8,15 @@ that a stranger can make point here.
 from __future__ import annotations
 
 import ipaddress
-import re
 import socket
 from collections.abc import Collection, Sequence
+from string import ascii_lowercase, digits
 from typing import Final
 from urllib.parse import urlsplit
 
 _LOOPBACK: Final = ("127.0.0.1", "localhost", "::1")
-_UNQUALIFIED: Final = re.compile("[a-z0-9_-]+")  # nobody registers one: it is of this network, or of containers
+# Of a name without a dot: nobody registers one, it is of this network, or of containers.
+_UNQUALIFIED: Final = frozenset(f"{ascii_lowercase}{digits}_-")
 _OF_THE_WEB: Final = ("http", "https", "null", "")  # schemes of origins; others, as file, are of programs
 
 
@@ -59,7 +60,7 @@ def _goes_by(name: str, listening: str) -> bool:
     if is_loopback(listening):
         return name in _LOOPBACK or is_loopback(name)
     own = name in (listening, *_LOOPBACK, socket.gethostname().lower())
-    return own or _is_address(name) or _UNQUALIFIED.fullmatch(name) is not None
+    return own or _is_address(name) or _UNQUALIFIED.issuperset(name or ".")
 
 
 def _is_address(name: str) -> bool:

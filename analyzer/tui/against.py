@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from textual.widget import Widget
 
     from .desk import ViewState
-    from .jobs import Stop
     from .screen import BusScreen
+    from .threads import Stop
 
 _KINDS: Final = {"new": "accent", "worse": "error", "moved": "warning", "better": "good", "gone": "dim"}
 _KIND: Final = 9

@@ -1,4 +1,4 @@
-"""What goes on in threads: reading, testing rows, counting. A thread changes nothing that is shown: it calls back."""
+"""What goes on in threads (`threads`): reading, testing rows, counting."""
 
 from __future__ import annotations
 
@@ -6,18 +6,19 @@ import gc
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Final, TypeVar
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
 from textual.worker import get_current_worker
 
-from ..languages import error_words, in_use, tr, use
+from ..languages import error_words, tr
 from ..model.scope import Scope, ScopedFigures
 from ..model.selection import Everything, ListRows, Selection
 from ..model.source import Grave
 from ..words import data_size
 from . import home
+from .threads import ScreenThreads, Stop
 from .views import BY_NAME
 
 if TYPE_CHECKING:
@@ -34,36 +35,15 @@ _REPORT_S: Final = 1.0
 _FIRST_S: Final = 0.3  # reading waits at most so long for the first rows to be painted
 _SCOPE_S: Final = 2.0  # between two countings of what the scope leaves, live
 _SPARED: Final = 4  # times what a painting took of the processor, until the next
-_AGAIN_S: Final = 2.0  # between two reckonings of one thing, at least
-_SPARE: Final = 12  # times what the last one took of the processor, until the next
-_AWAITED_S: Final = 2.0  # keys typed ahead wait at most so long for the first lines of a view
-
-T = TypeVar("T")
-Stop = Callable[[], bool]
 
 
-def _nothing() -> None:
-    """Nothing is to be done."""
-
-
-class _Reckoning:
-    """When something is to be reckoned again while rows come: the dearer it is, the later."""
-
-    basis: object = None  # what it was reckoned of last
-    next_at = 0.0
-    running = False
-    view = ""  # whose first lines it is to bring; empty once they have come
-    awaited_to = 0.0
-
-
-class Jobs:
+class Jobs(ScreenThreads):
     """The main screen's work. `doing` says what goes on; `selection` are the rows that the scope leaves."""
 
     def __init__(self, screen: BusScreen) -> None:
-        self._screen = screen
+        super().__init__(screen)
         self._bus, self._source = screen.desk.bus, screen.desk.source
         self.doing = ""
-        self._ended = False
         self.scope: Scope = screen.desk.scope
         self.selection: Selection | None = None
         _, self._transactions = self.scope.selections(self._bus)
@@ -72,134 +52,18 @@ class Jobs:
         self._counted_to, self._count_next = -1, 0.0
         self._notices: set[str] = set()
         self._paint_at = 0.0  # not before then
-        self._pending: set[str] = set()  # what waits for the screen's turn
-        self._reckoned: dict[str, _Reckoning] = {}
         self._standing = threading.Event()  # the first rows are on the screen
-        self._wanted: dict[str, object] = {}  # by group, the one work whose outcome is still wanted
 
     @property
     def narrowed(self) -> Selection | None:
         """The rows that filter and span leave; None where neither narrows."""
         return self.selection if self.scope.narrows else None
 
-    def end(self) -> None:
-        """The screen is being left: what threads have to tell finds no widgets any more."""
-        self._ended = True
-
-    def _later(self, callback: Callable[..., object], *arguments: Any, **more: Any) -> None:
-        """Call it in the screen's own turn, from whatever thread, unless the screen was left by then."""
-
-        def unless_left() -> None:
-            if not self._ended:
-                callback(*arguments, **more)
-
-        self._screen.call_later(unless_left)
-
-    def _once(self, name: str, callback: Callable[[], object]) -> None:
-        """The same, where none of that name waits for its turn yet: it discards the name from those that wait."""
-        if name not in self._pending:
-            self._pending.add(name)
-            self._later(callback)
-
     def begin(self) -> None:
         """Read the source."""
         self._screen.transactions.use(self._transactions)
         self._start("load", self._load)
         self._select()
-
-    def run(
-        self,
-        group: str,
-        work: Callable[[Stop], T],
-        then: Callable[[T], object],
-        *,
-        exclusive: bool = True,
-        failed: Callable[[], object] = _nothing,
-    ) -> None:
-        """Work in a thread, and what to do with what it gives; an `exclusive` one takes the place of its group's last.
-
-        `work` is given a function that says when its outcome is not wanted any more. An error in it is told, and then
-        `failed` is called. Whoever was replaced or dropped says nothing more, even where its outcome was on its way.
-        """
-        ticket = object()
-        if exclusive:
-            self._wanted[group] = ticket
-
-        def unless_replaced(what: Callable[[], object]) -> None:
-            if not exclusive or self._wanted.get(group) is ticket:
-                what()
-
-        def thread() -> None:
-            worker = get_current_worker()
-            outcome = work(lambda: worker.is_cancelled)
-            if not worker.is_cancelled:
-                self._later(unless_replaced, lambda: then(outcome))
-
-        self._start(group, thread, exclusive=exclusive, failed=lambda: unless_replaced(failed))
-
-    def reckon(
-        self,
-        name: str,
-        basis: object,
-        work: Callable[[Stop], T],
-        then: Callable[[T], object],
-        *,
-        pause_s: float = 0.0,
-        fills: str = "",
-    ) -> None:
-        """The same of figures that grow with the capture: where `basis` is another one, and of rows that still come
-        only after a pause of many times what the last reckoning took of the processor.
-
-        `fills`: the view that has no line until the first of them come; keys typed ahead wait for those.
-        """
-        pace = self._reckoned.setdefault(name, _Reckoning())
-        if basis == pace.basis or (not self._bus.whole and (pace.running or time.monotonic() < pace.next_at)):
-            return
-        if pace.basis is None:
-            pace.view, pace.awaited_to = fills, time.monotonic() + _AWAITED_S
-        pace.basis, pace.running = basis, True
-
-        def came(outcome: T) -> None:
-            pace.view = ""
-            then(outcome)
-
-        def timed(stop: Stop) -> T:
-            begun = time.thread_time()
-            try:
-                return work(stop)
-            finally:
-                took = time.thread_time() - begun
-                pace.next_at, pace.running = time.monotonic() + max(pause_s or _AGAIN_S, _SPARE * took), False
-
-        self.run(name, timed, came)
-
-    def drop(self, group: str) -> None:
-        """Nobody wants the outcome of a group's work any more."""
-        if self._wanted.pop(group, None) is not None:
-            self._screen.workers.cancel_group(self._screen, group)
-
-    def _start(
-        self,
-        group: str,
-        thread: Callable[[], None],
-        *,
-        exclusive: bool = False,
-        failed: Callable[[], object] = _nothing,
-    ) -> None:
-        """Begin a thread in the language in use; an error in it is told, and then `failed` is called."""
-        language = in_use()
-
-        def told() -> None:
-            use(language)
-            try:
-                thread()
-            except Exception as error:
-                words = tr("this view could not be made: {trouble}", trouble=error_words(error))
-                self._later(self._screen.tell, words, wrong=True)
-                self._later(failed)
-                raise
-
-        self._screen.run_worker(told, thread=True, group=group, exclusive=exclusive, exit_on_error=False)
 
     # Reading
 
@@ -356,12 +220,6 @@ class Jobs:
     def unsettled(self) -> bool:
         """Whether the lists still show the rows of the scope before."""
         return self._waiting is not None
-
-    @property
-    def is_filling(self) -> bool:
-        """Whether the view in sight is empty only because its first lines have not come yet."""
-        view, now = self._screen.view, time.monotonic()
-        return any(pace.view == view and now < pace.awaited_to for pace in self._reckoned.values())
 
     @property
     def _selections(self) -> list[Selection]:

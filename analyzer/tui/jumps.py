@@ -14,9 +14,9 @@ from ..model.rowstores import rows_of_causes
 from ..model.times import FORMS, SPANS, GotoError, span
 from ..words import is_clock, zone_name
 from .frames import FrameList
-from .jobs import Stop
 from .keyqueue import FINDING
 from .prompts import Ask
+from .threads import Stop
 from .view import LISTS, value_name
 
 if TYPE_CHECKING:

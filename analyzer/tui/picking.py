@@ -22,8 +22,8 @@ from ..model.selection import Selection
 from ..model.table import PIECE
 from ..tables.findings import NOTHING
 from ..tables.schema import Kind
-from .jobs import Stop
 from .prompts import Ask, Choose, may_write
+from .threads import Stop
 from .views import BY_NAME
 
 if TYPE_CHECKING:

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from ..model.bus import Bus
     from ..reports.model import Report
     from .desk import ViewState
-    from .jobs import Stop
     from .screen import BusScreen
+    from .threads import Stop
 
 _NARROWEST: Final = 24  # columns: no page is told in fewer
 _SUFFIXES: Final = (".html", ".txt")
