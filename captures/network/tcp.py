@@ -1,8 +1,8 @@
 """TCP connections put together: each direction's bytes in order and once, whatever the capture holds of them.
 
 A segment that was sent again or captured twice counts once. One that came early waits for what is missing before it;
-where the other side acknowledges bytes that the capture does not have, they are given up and counted. The time of bytes
-is that of the packet that made them readable.
+where the other side acknowledges bytes that the capture does not have, they are given up and counted: at once where it
+did so before. The time of bytes is that of the packet that made them readable.
 
 Datagrams of UDP need none of this: they are given as they come, a client and a server's port being one connection.
 
@@ -89,6 +89,7 @@ class Half:
     mark: Mark
     other: Half | None = None
     following: int | None = None
+    acknowledged: int | None = None  # the sequence number up to which the other side has said to have all
     waiting: dict[int, bytes] = field(default_factory=dict)
     run: list[int] = field(default_factory=list)  # segments in turn that nobody was given yet
     port: int = -1  # for the one who takes the bytes: where they go
@@ -192,6 +193,11 @@ class Reassembly:
                     if side is not None:
                         self._take_run(side, segments)
                 half = self._half(key, seq, flags, half)
+            if half.other is not None and flags & _ACK:
+                half.other.acknowledged = ack
+                if half.other.waiting:
+                    self._take_run(half, segments)
+                    self._acknowledged(half.other, i, ack)
             if size and not flags & _SYN:
                 if seq == half.following and not half.waiting:
                     half.following = (seq + size) & _MASK
@@ -209,8 +215,6 @@ class Reassembly:
                 half.group.missing += missing
                 self._take_run(half, segments)
                 self._taker.hole(half, i, missing)
-            if half.other is not None and half.other.waiting and flags & _ACK:
-                self._acknowledged(half.other, i, ack)
             if flags & (_FIN | _RST):
                 half.connection.close()
         for half in runs:
@@ -248,6 +252,8 @@ class Reassembly:
         seq = (half.following + ahead) & _MASK
         if len(octets) > len(half.waiting.get(seq, b"")):
             half.waiting[seq] = octets
+        if half.acknowledged is not None:
+            self._acknowledged(half, i, half.acknowledged)
         if len(half.waiting) > _WAITING:
             self._give_up(half, i)
 
