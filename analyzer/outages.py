@@ -31,6 +31,11 @@ if TYPE_CHECKING:
 _WAIT_NS: Final = 10_000_000_000  # for an answer, at the most
 NOTICED_NS: Final = 500_000_000  # that a frame takes, and the loss of an adapter to be noticed
 _CUT: Final = ("truncated", "byte-missing")
+_OF_TWO: Final = (
+    "unexpected-response",
+    "response-mismatch",
+    "retry",
+)  # what hangs on a frame that is not there
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,20 +101,27 @@ def with_unheard(settled: TransactionRows, times: Sequence[Deaf], *, last: bool 
 
 def excusable(findings: Findings) -> NDArray[np.bool_]:
     """Which findings speak of frames whose end may have been cut off when the recorder went deaf."""
+    return _are(findings, _CUT)
+
+
+def _are(findings: Findings, named: Sequence[str]) -> NDArray[np.bool_]:
     from .tables.findings import codes
 
-    found: NDArray[np.bool_] = np.isin(findings.rule, [codes().index(code) for code in _CUT])
+    found: NDArray[np.bool_] = np.isin(findings.rule, [codes().index(code) for code in named])
     return found
 
 
 def excused(findings: Findings, times: Sequence[Deaf]) -> Findings:
-    """Findings without those of frames whose end was cut off so: no device did that."""
+    """Findings without those of frames whose end was cut off so, or whose request or answer was not heard: no device
+    did that."""
     if not times or not len(findings):
         return findings
     cut = np.flatnonzero(excusable(findings))
     begun = findings.t_ns[cut]
     stays = np.ones(len(findings), np.bool_)
     stays[cut[_meets(begun, begun + NOTICED_NS, times)]] = False
+    alone = np.flatnonzero(_are(findings, _OF_TWO))
+    stays[alone[_meets(findings.t_ns[alone], findings.t_ns[alone], times)]] = False
     return findings[stays]
 
 

@@ -47,6 +47,7 @@ _FOREIGN_DATAGRAMS: Final = "UDP without Modbus"
 _NAMED: Final = 4  # of what is left out, named one by one
 _UNKNOWN: Final = "unknown"  # what a connection may be that is the only one
 _TLS_PORT: Final = 802  # of Modbus/TCP Security
+_LONGEST_HOLE_NS: Final = 10_000_000_000  # what is older is not said to be missing
 _HOLES: Final = 256  # in the capture that are noted one by one
 _LINKS: Final = {
     105: "IEEE 802.11", 127: "IEEE 802.11 with radiotap", 189: "USB (usbmon)", 195: "IEEE 802.15.4",
@@ -64,7 +65,7 @@ class _Judged:
     packets: int = 0  # that carried them
     kind: str | None = None
     neighbour: str = ""  # what it speaks instead, where that is known
-    holes: list[int] = field(default_factory=list)  # ns, at which bytes are missing of which nothing is known
+    holes: list[tuple[int, int]] = field(default_factory=list)  # ns, between which bytes are missing
 
     @property
     def reads(self) -> list[tuple[Mark, bytes]]:
@@ -154,6 +155,7 @@ class _ConnectionSurvey:
             one.sample.append((self.base + i, half.mark, self.data[begin : begin + size]))
         one.octets += int(sizes.sum())
         one.packets += len(which)
+        half.heard_ns = int(self.t_ns[self.segments.packet[which[-1]]])
 
     def piece(self, half: Half, i: int, begin: int, size: int) -> None:
         self.late(half, i, self.data[begin : begin + size])
@@ -164,6 +166,8 @@ class _ConnectionSurvey:
             one.sample.append((self.base + i, half.mark, octets))
         one.octets += len(octets)
         one.packets += 1
+        assert self.segments is not None
+        half.heard_ns = int(self.t_ns[self.segments.packet[i]])
 
     def hole(self, half: Half, i: int, missing: int) -> None:
         """A read is judged as if it were whole; a hole that no header explains is remembered."""
@@ -174,7 +178,10 @@ class _ConnectionSurvey:
         assert self.segments is not None
         begin, size = int(self.segments.begin[i]), int(self.segments.size[i])
         if not (self.segments.missing[i] and size > MBAP and may_begin(self.data[begin : begin + size])):
-            one.holes.append(int(self.t_ns[self.segments.packet[i]]))
+            t_ns = int(self.t_ns[self.segments.packet[i]])
+            if i < 0 and half.heard_ns:  # nothing that came later shows it
+                t_ns = min(t_ns, half.heard_ns + _LONGEST_HOLE_NS)
+            one.holes.append((max(half.heard_ns, t_ns - _LONGEST_HOLE_NS), t_ns))
 
     def ended(self, half: Half) -> None:
         """Nothing is kept back here."""
@@ -413,11 +420,16 @@ def _holes(survey: _Survey) -> Iterator[LineNote]:
         if one.group.number not in survey.ports:
             continue
         words = f"{one.group.name}: bytes of this connection are not in the capture"
-        holes = sorted(set(one.holes))
-        yield from (LineNote(t_ns, "gap", words) for t_ns in holes[:_HOLES])
+        holes: list[tuple[int, int]] = []
+        for begin, end in sorted(one.holes):
+            if holes and begin <= holes[-1][1]:
+                holes[-1] = holes[-1][0], max(end, holes[-1][1])
+            else:
+                holes.append((begin, end))
         if len(holes) > _HOLES:
-            yield LineNote(holes[_HOLES], "lost", words)
-            yield LineNote(holes[-1], "opened", words)
+            holes[_HOLES:] = [(holes[_HOLES][0], holes[-1][1])]
+        for begin, end in holes:
+            yield from (LineNote(begin, "lost", words), LineNote(end, "opened", words))
 
 
 def packet_notes(file: PacketFile) -> list[LineNote]:

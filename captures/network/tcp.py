@@ -1,8 +1,8 @@
 """TCP connections put together: each direction's bytes in order and once, whatever the capture holds of them.
 
 A segment that was sent again or captured twice counts once. One that came early waits for what is missing before it;
-where the other side acknowledges bytes that the capture does not have, they are given up and counted. The time of bytes
-is that of the packet that made them readable.
+where the other side acknowledges bytes that the capture does not have, they are given up and counted: at once where it
+did so before. The time of bytes is that of the packet that made them readable.
 
 Datagrams of UDP need none of this: they are given as they come, a client and a server's port being one connection.
 
@@ -26,6 +26,7 @@ _MASK: Final = (1 << 32) - 1
 _HALF: Final = 1 << 31
 _FIN, _SYN, _RST, _ACK = 1, 2, 4, 16
 _SPECIAL: Final = _FIN | _SYN | _RST
+_ENDS: Final = 1  # that a FIN takes of the sequence numbers
 _RUN: Final = 8  # segments that are worth arrays
 _WAITING: Final = 64  # segments that wait for a missing one, at most
 _HALVES: Final = 1 << 16  # directions that are remembered; of more, the closed and the oldest go
@@ -87,12 +88,14 @@ class Half:
 
     connection: Connection
     mark: Mark
-    other: Half | None = None
+    other: Half = field(init=False)
     following: int | None = None
+    acknowledged: int | None = None  # the sequence number up to which the other side has said to have all
     waiting: dict[int, bytes] = field(default_factory=dict)
     run: list[int] = field(default_factory=list)  # segments in turn that nobody was given yet
     port: int = -1  # for the one who takes the bytes: where they go
-    rest: bytes = b""  # and what it keeps back of them
+    rest: bytes = b""  # what it keeps back of them,
+    heard_ns: int = 0  # and when it heard the last
 
     @property
     def group(self) -> ConnectionGroup:
@@ -150,7 +153,7 @@ class Reassembly:
                 mine = order[bounds[number] : bounds[number + 1]]
                 self._pass_on(half or self._half(key, 0, 0, None), segments, mine[carrying[mine]])
                 continue
-            if slow[number] or half is None or half.waiting or (half.other is not None and half.other.waiting):
+            if slow[number] or half is None or half.waiting or half.other.waiting:
                 slow[number] = True
                 continue
             mine = order[bounds[number] : bounds[number + 1]]
@@ -188,10 +191,14 @@ class Reassembly:
             key = rows[n * KEY : (n + 1) * KEY]
             half = halves.get(key)
             if half is None or flags & _SYN:
-                for side in (half, half and half.other):
-                    if side is not None:
-                        self._take_run(side, segments)
+                for side in (half, half.other) if half is not None else ():
+                    self._take_run(side, segments)
                 half = self._half(key, seq, flags, half)
+            if flags & _ACK:
+                half.other.acknowledged = ack
+                if half.other.waiting:
+                    self._take_run(half, segments)
+                    self._acknowledged(half.other, i, ack)
             if size and not flags & _SYN:
                 if seq == half.following and not half.waiting:
                     half.following = (seq + size) & _MASK
@@ -199,7 +206,8 @@ class Reassembly:
                         runs.append(half)
                     half.run.append(i)
                 else:
-                    self._take_run(half, segments)
+                    for side in (half, half.other):
+                        self._take_run(side, segments)
                     self._out_of_turn(half, i, seq, begin, data[begin : begin + size])
                     gaps = gaps or bool(half.waiting)
             elif not gaps and not flags & _SPECIAL and not missing:
@@ -209,8 +217,6 @@ class Reassembly:
                 half.group.missing += missing
                 self._take_run(half, segments)
                 self._taker.hole(half, i, missing)
-            if half.other is not None and half.other.waiting and flags & _ACK:
-                self._acknowledged(half.other, i, ack)
             if flags & (_FIN | _RST):
                 half.connection.close()
         for half in runs:
@@ -248,6 +254,8 @@ class Reassembly:
         seq = (half.following + ahead) & _MASK
         if len(octets) > len(half.waiting.get(seq, b"")):
             half.waiting[seq] = octets
+        if half.acknowledged is not None:
+            self._acknowledged(half, i, half.acknowledged)
         if len(half.waiting) > _WAITING:
             self._give_up(half, i)
 
@@ -302,8 +310,8 @@ class Reassembly:
         connection = self._opened(self._group(key if from_client else back))
         mine, theirs = (Mark.TX, Mark.RX) if from_client else (Mark.RX, Mark.TX)
         half = Half(connection, mine, following=following)
-        opposite = Half(connection, theirs, half)
-        half.other = opposite
+        opposite = Half(connection, theirs)
+        half.other, opposite.other = opposite, half
         self._halves[key], self._halves[back] = half, opposite
         return half
 
@@ -311,12 +319,16 @@ class Reassembly:
         """A connection that is over: what waits is given."""
         half.connection.close()
         self._finish(half)
-        if half.other is not None:
-            self._finish(half.other)
+        self._finish(half.other)
 
     def _finish(self, half: Half) -> None:
         while half.waiting:
             self._give_up(half, -1)
+        ack, following = half.acknowledged, half.following
+        if ack is not None and following is not None and _ENDS < (ack - following) & _MASK < _HALF:
+            half.following = ack
+            half.group.missing += (ack - following) & _MASK
+            self._taker.hole(half, -1, (ack - following) & _MASK)
         self._taker.ended(half)
 
     def _forget_some(self) -> None:
