@@ -121,6 +121,13 @@ def test_bits_that_turn_in_values_alone_are_hardly_a_lines_doing() -> None:
     assert all(TOLD <= cause.confidence < CALIBRATED for cause in story.causes)
 
 
+@pytest.mark.parametrize("seed", [1, 3])
+def test_a_unit_that_is_deaf_after_a_write_does_not_restart(seed: int) -> None:
+    story = _story("deaf-after-write", seed)
+    assert not story.causes
+    assert all("soon after a write" in left.like for left in story.not_explained) and story.not_explained
+
+
 @pytest.mark.parametrize("name", ["healthy", "healthy-rare-errors", "healthy-event-log", "healthy-slow-unit"])
 def test_nothing_is_left_of_a_bus_that_is_well(name: str) -> None:
     assert not _story(name).not_explained
