@@ -4,9 +4,9 @@
     python benchmarks/fit_certainty.py --told [--seeds N]                            # tells them on seeds held out
 
 A claim is right where it is the cause of its case or one that is true of it besides. With the cause of a case hidden
-each claim is wrong, and so it is of faults that have no word (`nameless`; kinds that are held out are only told); such
-claims weigh as much as faults without a word are among those of the field. How like a claim's outcomes are to those of
-its cause is measured by what other seeds showed.
+each claim is wrong, and so it is of faults that have no word (`nameless`; kinds that are held out are only told). They
+are three captures in ten, as in the field. How like a claim's outcomes are to those of its cause is measured by what
+other seeds showed.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from collections.abc import Iterator
 from math import log
 from pathlib import Path
 from typing import NamedTuple
+from zlib import crc32
 
 import numpy as np
 from heard_cases import HELD_OUT, HeardCase, heard
@@ -37,9 +38,9 @@ from analyzer.simulation.field.cases.registry import field_cases
 _TURNS = 5
 _SHORT = 160  # rows
 _LOOKED_AT = 3
-_HIDDEN_WEIGHT = 0.4  # of faults in the field about three in ten have no word
+_LEFT_OUT = 3  # turns in which some are left out, to see how steep the rest may be
 _RIDGE = 0.05
-_CAUSE_RIDGE = 2.0  # a cause of its own is fitted only as far as its claims carry it
+_CAUSE_RIDGE = 0.2  # a cause of its own is fitted only as far as its claims carry it
 _LEAST = 0.001  # of the outcomes, of one that is written down
 _FILE = Path(analyzer.causes.__file__).parent / "certainty.json"
 
@@ -51,13 +52,13 @@ class Claim(NamedTuple):
     clues: Clues
     outcomes: Outcomes
     right: bool
-    weight: float
+    fault: str  # that no word is left for; "" where the whole vocabulary is
     seed: int
 
     @classmethod
-    def of(cls, claim: CauseClaim, seed: int, *, right: bool, weight: float) -> Claim:
+    def of(cls, claim: CauseClaim, seed: int, *, right: bool, fault: str = "") -> Claim:
         """With what is known of it."""
-        return cls(claim.cause.cause, claim.clues, claim.outcomes, right, weight, seed)
+        return cls(claim.cause.cause, claim.clues, claim.outcomes, right, fault, seed)
 
     @property
     def said(self) -> float:
@@ -83,7 +84,7 @@ def claims(cases: list[str], seeds: range, taps: list[str], *, told: bool) -> It
                 for claim in claims_of(Evidence(made.ledger()))[:_LOOKED_AT]:
                     if claim.cause.severity != "note":
                         true = claim.cause.cause in made.expected.also
-                        yield Claim.of(claim, seed, right=true, weight=_HIDDEN_WEIGHT)
+                        yield Claim.of(claim, seed, right=true, fault=name)
 
 
 def _claims(made: HeardCase, ledger: Ledger, names: list[str]) -> Iterator[Claim]:
@@ -92,14 +93,14 @@ def _claims(made: HeardCase, ledger: Ledger, names: list[str]) -> Iterator[Claim
     for claim in claims_of(Evidence(ledger))[:_LOOKED_AT]:
         if claim.cause.severity != "note" or expected.cause is not None:
             true = any(is_right(claim.cause, fault) for fault in faults) or claim.cause.cause in expected.also
-            yield Claim.of(claim, made.seed, right=true, weight=1.0)
+            yield Claim.of(claim, made.seed, right=true)
     if not expected.cause or expected.beside:
         return
     turn = names.index(expected.cause) % _TURNS
     among = [suspect for i, suspect in enumerate(suspects()) if i % _TURNS != turn]
     for claim in claims_of(Evidence(ledger), among)[:_LOOKED_AT]:
         near = claim.cause.cause in (*expected.also, *NEAREST.get(expected.cause, ()))
-        yield Claim.of(claim, made.seed, right=near, weight=_HIDDEN_WEIGHT)
+        yield Claim.of(claim, made.seed, right=near, fault=expected.cause)
 
 
 Shares = dict[str, dict[str, float]]
@@ -121,26 +122,24 @@ def shares_of(found: list[Claim]) -> Shares:
 
 
 def fit(found: list[Claim]) -> dict[str, object]:
-    """Ridge logistic regression, by Newton's method."""
+    """Ridge logistic regression; how steep it is goes by claims on seeds, and on kinds of faults without a word, that
+    were left out of it in turns."""
     names = sorted({claim.cause for claim in found})
     of = {name: i for i, name in enumerate(names)}
     others = {seed: shares_of([each for each in found if each.seed != seed]) for seed in {each.seed for each in found}}
     clues = np.array([(*claim.clues, typical(others[claim.seed], claim.cause, claim.outcomes)) for claim in found])
     offsets = np.zeros((len(found), len(names)))
     offsets[np.arange(len(found)), [of[claim.cause] for claim in found]] = 1
-    x = np.hstack((np.ones((len(found), 1)), clues, offsets))
-    y, weight = np.array([claim.right for claim in found], float), np.array([claim.weight for claim in found])
+    x, y = np.hstack((np.ones((len(found), 1)), clues, offsets)), np.array([claim.right for claim in found], float)
     ridge = np.concatenate(([1e-3], np.full(clues.shape[1], _RIDGE), np.full(len(names), _CAUSE_RIDGE)))
-    beta = np.zeros(x.shape[1])
-    for _ in range(60):
-        p = 1 / (1 + np.exp(-x @ beta))
-        gradient = x.T @ (weight * (y - p)) - ridge * beta
-        hessian = (x * (weight * p * (1 - p))[:, None]).T @ x + np.diag(ridge)
-        step = np.linalg.solve(hessian, gradient)
-        beta += step
-        if np.abs(step).max() < 1e-8:
-            break
-    beta = _steeper(x @ beta, y, weight) @ np.array((beta, np.eye(1, len(beta))[0]))
+    turns = np.array([(crc32(claim.fault.encode()) if claim.fault else claim.seed) % _LEFT_OUT for claim in found])
+    scores = np.zeros(len(found))
+    for turn in range(_LEFT_OUT):
+        out = turns == turn
+        scores[out] = x[out] @ _regression(x[~out], y[~out], ridge)
+    steepness, level = _regression(np.stack((scores, np.ones(len(found))), axis=1), y, np.full(2, 1e-9))
+    beta = steepness * _regression(x, y, ridge)
+    beta[0] += level
     n, named = clues.shape[1], (*Clues._fields, "typical")
     return {
         "intercept": round(float(beta[0]), 4),
@@ -151,33 +150,37 @@ def fit(found: list[Claim]) -> dict[str, object]:
     }
 
 
-def _steeper(score: NDArray[np.float64], y: NDArray[np.float64], weight: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The factor and the offset that undo what the ridge flattens."""
-    x, beta = np.stack((score, np.ones(len(score))), axis=1), np.array((1.0, 0.0))
-    for _ in range(30):
+def _regression(x: NDArray[np.float64], y: NDArray[np.float64], ridge: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Logistic, by Newton's method."""
+    beta = np.zeros(x.shape[1])
+    for _ in range(60):
         p = 1 / (1 + np.exp(-x @ beta))
-        beta += np.linalg.solve((x * (weight * p * (1 - p))[:, None]).T @ x, x.T @ (weight * (y - p)))
+        step = np.linalg.solve((x * (p * (1 - p))[:, None]).T @ x + np.diag(ridge), x.T @ (y - p) - ridge * beta)
+        beta += step
+        if np.abs(step).max() < 1e-8:
+            break
     return beta
 
 
+def _parts(found: list[Claim]) -> dict[str, Calibration]:
+    parts = {"all": found, "known": [c for c in found if not c.fault], "hidden": [c for c in found if c.fault]}
+    return {name: Calibration([(c.said, c.right) for c in mine]) for name, mine in parts.items()}
+
+
 def tell(found: list[Claim]) -> None:
-    """How sure, and how often right."""
-    for words, mine in (("all", found), ("whole vocabulary", [c for c in found if c.weight == 1]),
-                        ("cause hidden", [c for c in found if c.weight < 1])):  # fmt: skip
-        print(words)
-        Calibration([(c.said, c.right) for c in mine], [c.weight for c in mine]).tell()
-    loss = -sum(c.weight * log(p if c.right else 1 - p) for c in found for p in [c.said])
-    print(f"log loss {loss / sum(c.weight for c in found):.3f} a claim")
+    """How sure, and how often right: of all claims, and of those of faults that have a word, or none."""
+    for name, calibration in _parts(found).items():
+        print(name)
+        calibration.tell()
+    print(f"log loss {-sum(log(p if c.right else 1 - p) for c in found for p in [c.said]) / len(found):.3f} a claim")
 
 
 def keep(found: list[Claim]) -> None:
     """What was told on held-out seeds, beside the weights, for the page that documents the causes."""
-    told = {}
-    for name, mine in (("all", found), ("hidden", [c for c in found if c.weight < 1])):
-        every = Calibration([(c.said, c.right) for c in mine], [c.weight for c in mine])
-        told[name] = [
-            [each.low, each.high, each.claims, round(each.said, 3), round(each.so, 3)] for each in every.bins()
-        ]
+    told = {
+        name: [[e.low, e.high, e.claims, round(e.said, 3), round(e.so, 3)] for e in calibration.bins()]
+        for name, calibration in _parts(found).items()
+    }
     kept = json.loads(_FILE.read_text("utf-8")) | {"told": told}
     _FILE.write_text(json.dumps(kept, indent=1, sort_keys=True) + "\n", encoding="utf-8")
 

@@ -69,12 +69,11 @@ class CaseTally:
 
 
 class Bin(NamedTuple):
-    """Claims about as sure as each other: how many, their weight, how sure, and how many of them were so."""
+    """Claims about as sure as each other: how many, how sure, and which share of them was so."""
 
     low: float
     high: float
     claims: int
-    weight: float
     said: float
     so: float
 
@@ -84,7 +83,6 @@ class Calibration:
     """How sure claims were, and whether they were right."""
 
     claims: list[tuple[float, bool]] = field(default_factory=list)
-    weights: list[float] = field(default_factory=list)  # of each; all alike where there are none
 
     def add(self, causes: Sequence[Cause], right: Sequence[Cause], also: Sequence[str]) -> None:
         """The first causes of a capture."""
@@ -92,31 +90,27 @@ class Calibration:
 
     def bins(self) -> Iterator[Bin]:
         """How sure the claims of each bin were, and how many of them were so."""
-        weights = self.weights or [1.0] * len(self.claims)
         for low, high in pairwise(_BINS):
-            inside = [(*claim, w) for claim, w in zip(self.claims, weights, strict=True) if low <= claim[0] < high]
+            inside = [claim for claim in self.claims if low <= claim[0] < high]
             if inside:
-                part = sum(w for *_, w in inside)
-                said, so = (sum(claim[i] * claim[2] for claim in inside) / part for i in (0, 1))
-                yield Bin(low, min(high, 1.0), len(inside), part, said, so)
+                said, so = (sum(claim[i] for claim in inside) / len(inside) for i in (0, 1))
+                yield Bin(low, min(high, 1.0), len(inside), said, so)
 
     @property
     def error(self) -> float:
         """How far certainty is from what is so, over all claims."""
-        bins = list(self.bins())
-        return sum(abs(each.said - each.so) * each.weight for each in bins) / sum(each.weight for each in bins)
+        return sum(abs(each.said - each.so) * each.claims for each in self.bins()) / len(self.claims)
 
     def tell(self) -> None:
         """A line a bin, then how far certainty is from what is so."""
         if not self.claims:
             return
-        weights = self.weights or [1.0] * len(self.claims)
         for each in self.bins():
             print(
                 f"certainty {each.low:.2f}..{each.high:.2f}: {each.claims:4} claims, {each.said:.3f} said, "
                 f"{each.so:.3f} so"
             )
-        brier = sum(w * (said - so) ** 2 for (said, so), w in zip(self.claims, weights, strict=True)) / sum(weights)
+        brier = sum((said - so) ** 2 for said, so in self.claims) / len(self.claims)
         print(f"calibration error {self.error:.3f}, Brier score {brier:.3f} of {len(self.claims)} claims")
 
 

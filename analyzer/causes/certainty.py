@@ -11,33 +11,32 @@ from __future__ import annotations
 
 import json
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import cache
 from importlib.resources import files
 from math import exp, lgamma, log, log2
-from typing import Any, Final, Literal, NamedTuple
+from typing import Any, Final, NamedTuple
 
+from .bits import surplus_bits
 from .contrasts import HITS_OF, Family
 from .costs import kind_of
 from .evidence import Evidence
 from .exchanges import Ending
-from .foretold import values_alone_bits
+from .foretold import unforetold_bits, values_alone_bits
 from .registry import Foretold, Suspicion, Symptom
-from .taken import move
+from .unitledger import UnitLedger
 
 MOST: Final = 0.97  # of what was told on held-out buses as surer than that, no more was so
 LEAST: Final = 0.05
-_SURELY: Final = 0.9
-_LIKELY: Final = 0.6
 _FEW_BITS: Final = 12.0  # what no rival is taken to have
 _TOLD: Final = 60.0  # exchanges: more of the same tell no more of what is the matter
 _STEADINESS: Final = 8.0  # how much alike the outcomes of one cause are from bus to bus
 _ANY: Final = 0.02
 _UNIT: Final = 8.0  # bits, of that clue
 _MOST_TYPICAL: Final = 4.0
+_DUE: Final = 4.0  # exchanges
+_BACKGROUND: Final = 0.02  # of them
 Outcomes = Mapping[str, float]
-
-Words = Literal["certain", "most likely", "perhaps"]
 
 
 class Clues(NamedTuple):
@@ -46,44 +45,81 @@ class Clues(NamedTuple):
     bits: float  # log2 of all bits
     margin: float  # share of them that the next best cause has not
     unsaid: float  # log2 of the bits of contrasts that the cause says nothing of
-    taken: float  # log2 of the bits for that the client took what is said to be damaged on the line
-    values: float  # and for that values alone are hit, where that is no line's doing
+    values: float  # log2 of the bits for that values alone are hit, where that is no line's doing
+    own: float  # log2 of the bits that are for this cause, and not just for that something is wrong
+    unforetold: float  # log2 of the bits of contrasts that such a cause does not make
+    uneven: float  # of a cause of the bus: the share of units that show none of it, though by its rate they should
+    nobody: float  # 1 where no unit ever answers well: then there is nothing to compare with
 
 
 def clues(evidence: Evidence, found: Suspicion, foretold: Foretold, rival_bits: float) -> Clues:
     """Of one suspicion. `rival_bits`: of the next best cause of the same symptoms, 0 for none."""
     rival = max(rival_bits, _FEW_BITS)
     margin = max(found.bits - rival, 0.0) / max(found.bits, 1.0)
-    unsaid = taken = values = 0.0
+    unsaid = values = 0.0
     for symptom, unit in found.explains:
         if unit is None or (found.units and unit not in found.units):
             continue
         if symptom in HITS_OF and symptom not in foretold.hangs_on:
             unsaid += max(evidence.best_contrast(symptom, unit, Family.ASKED, Family.BEFORE).bits, 0.0)
         if symptom is Symptom.DAMAGE and foretold.client_loses:
-            taken += max(move(evidence, unit).bits, 0.0)
             values += values_alone_bits(evidence, (unit,))
-    return Clues(log2(max(found.bits, 2.0)), margin, log2(1 + unsaid), log2(1 + taken), log2(1 + values))
+    return Clues(
+        log2(max(found.bits, 2.0)),
+        margin,
+        log2(1 + unsaid),
+        log2(1 + values),
+        log2(1 + max(found.bits - _plain(evidence, found), 0.0)),
+        log2(1 + unforetold_bits(evidence, foretold, found)),
+        0.0 if found.units else _uneven(evidence, found),
+        float(not any(unit.answered for unit in evidence.units)),
+    )
+
+
+def _plain(evidence: Evidence, found: Suspicion) -> float:
+    """Bits for that a unit has more of such symptoms than units that are well."""
+    bits = 0.0
+    for symptom, number in found.explains:
+        unit = evidence.ledger.units.get(number) if number is not None else None
+        if unit is not None and (not found.units or number in found.units):
+            hits = sum(n for each, _, n in _sorts(evidence, unit) if each is symptom)
+            bits += surplus_bits(min(hits, unit.asked), unit.asked, _BACKGROUND)
+    return bits
+
+
+def _uneven(evidence: Evidence, found: Suspicion) -> float:
+    symptoms = {symptom for symptom, _ in found.explains}
+    hits = {u: sum(n for symptom, _, n in _sorts(evidence, u) if symptom in symptoms) for u in evidence.units}
+    rate = sum(hits.values()) / max(sum(unit.asked for unit in hits), 1)
+    due = [hit for unit, hit in hits.items() if rate * unit.asked >= _DUE]
+    return sum(not hit for hit in due) / max(len(due), 1)
 
 
 def outcomes(evidence: Evidence, found: Suspicion) -> Outcomes:
-    """What became of the exchanges that a suspicion is about: how many of each sort, at most so many that more of the
-    same tells no more."""
-    units = [unit for unit in evidence.units if not found.units or unit.unit in found.units]
+    """What became of the exchanges that a suspicion is about, but for what is explained otherwise: how many of each sort,
+    at most so many that more of the same tells no more."""
     counts: defaultdict[str, float] = defaultdict(float)
-    for unit in units:
-        readings, followed = evidence.garbage(unit), evidence.followed(unit)
-        counts["well"] += max(unit.answered - unit.count(Ending.EXCEPTION) - unit.behind, 0)
-        counts["silent"] += unit.count(Ending.SILENT)
-        counts["refused"] += unit.count(Ending.EXCEPTION)
-        counts["late"] += unit.late + unit.unfit + unit.strays
-        counts["double"] += unit.doubles
-        for each in readings:
-            counts[kind_of(each)] += unit.count(Ending.GARBAGE) / len(readings)
-        for each in followed:
-            counts[f"behind: {each.behind.value}"] += unit.behind / len(followed)
+    for unit in evidence.units:
+        if not found.units or unit.unit in found.units:
+            for symptom, sort, count in _sorts(evidence, unit):
+                if symptom is None or evidence.is_open(symptom, unit.unit):
+                    counts[sort] += count
     every = sum(counts.values())
     return {name: count * min(_TOLD / every, 1.0) for name, count in counts.items()} if every else {}
+
+
+def _sorts(evidence: Evidence, unit: UnitLedger) -> Iterator[tuple[Symptom | None, str, float]]:
+    readings, followed = evidence.garbage(unit), evidence.followed(unit)
+    behind = unit.behind if followed else 0
+    yield None, "well", max(unit.answered - unit.count(Ending.EXCEPTION) - behind, 0)
+    yield Symptom.SILENCE, "silent", unit.count(Ending.SILENT)
+    yield Symptom.REFUSAL, "refused", unit.count(Ending.EXCEPTION)
+    yield Symptom.LATENESS, "late", unit.late + unit.unfit + unit.strays
+    yield Symptom.DOUBLES, "double", unit.doubles
+    for each in readings:
+        yield Symptom.DAMAGE, kind_of(each), unit.count(Ending.GARBAGE) / len(readings)
+    for each in followed:
+        yield Symptom.BEHIND, f"behind: {each.behind.value}", behind / len(followed)
 
 
 def typical(shares: Mapping[str, Mapping[str, float]], cause: str, found: Outcomes) -> float:
@@ -121,8 +157,3 @@ def calibration() -> list[tuple[float, float, int, float, float]]:
     """What became of claims on buses that nothing was fitted to, a fifth of all causes hidden in turns: from which certainty
     to which, how many claims, how sure they were in the mean, and which share of them was so."""
     return [tuple(each) for each in _weights().get("told", {}).get("all", [])]
-
-
-def in_words(share: float) -> Words:
-    """What certainty is called."""
-    return "certain" if share >= _SURELY else "most likely" if share >= _LIKELY else "perhaps"

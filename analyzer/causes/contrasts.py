@@ -29,6 +29,8 @@ from .registry import Symptom
 
 _LEAST: Final = 4  # hits, and of each side of a threshold
 _UNKNOWN: Final = -1  # of a property: this request has none
+_LONG_AGO: Final = np.iinfo(np.int64).max
+_WRITES: Final = np.isin(np.arange(256), (5, 6, 15, 16, 22, 23))
 
 Hits = NDArray[np.bool_]
 Figures = NDArray[np.int64]
@@ -114,6 +116,16 @@ def _rest(rows: AskedRows) -> Figures:
     return np.where(rows.rest == NO_GAP, _UNKNOWN, np.maximum(rows.rest, 0))
 
 
+def _since_write(rows: AskedRows) -> Figures:
+    """How long ago the unit was written to; as long as anything where it was not."""
+    writes = rows.time[_WRITES[rows.function]]
+    if not len(writes):
+        return np.full(len(rows), _UNKNOWN, np.int64)
+    before = np.searchsorted(writes, rows.time)
+    ago = rows.time - writes[np.maximum(before - 1, 0)]
+    return np.where(before > 0, ago, _LONG_AGO).astype(np.int64)
+
+
 REQUEST_PROPERTIES: Final = (
     Property("function", Family.ASKED, Parting.EACH, lambda rows: rows.function.astype(np.int64)),
     Property("quantity", Family.ASKED, Parting.OVER, lambda rows: rows.quantity.astype(np.int64), 0.5),
@@ -126,6 +138,7 @@ CIRCUMSTANCES: Final = (
     Property("rest", Family.BEFORE, Parting.OVER, _rest, 2.0),
     Property("unit-before", Family.BEFORE, Parting.EACH, lambda rows: rows.before.astype(np.int64), 2.0),
     Property("outcome-before", Family.BEFORE, Parting.EACH, lambda rows: rows.outcome_before.astype(np.int64), 2.0),
+    Property("since-write", Family.BEFORE, Parting.OVER, _since_write, 2.0),
     Property("since", Family.TIME, Parting.OVER, lambda rows: rows.time, 2.0),
 )
 

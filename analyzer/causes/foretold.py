@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import log2
+from math import inf, log2
 from typing import Final
 
 from .contrasts import NO_CONTRAST, Family
@@ -26,15 +26,23 @@ def against_bits(evidence: Evidence, foretold: Foretold, suspicion: Suspicion) -
     By what the symptoms that it explains hang on, where a cause like it lets them hang on less; and by damaged answers
     that the client took all the same, where it should have lost them.
     """
-    bits = 0.0
+    bits = unforetold_bits(evidence, foretold, suspicion)
     for symptom, units in _by_symptom(suspicion).items():
-        if symptom in foretold.hangs_on:
-            bits += sum(_unforetold(evidence, symptom, unit, foretold.hangs_on[symptom]) for unit in units)
         if symptom is Symptom.DAMAGE and foretold.client_loses:
             taken = sum(max(move(evidence, unit).bits, 0.0) for unit in units)
             bits += max(taken + evenness_bits(evidence), 0.0) if taken else 0.0  # of all alike: else no tap's loss
             bits += values_alone_bits(evidence, units)
     return bits
+
+
+def unforetold_bits(evidence: Evidence, foretold: Foretold, suspicion: Suspicion) -> float:
+    """Bits of what the symptoms hang on, where a cause like that lets them hang on less; 0 or more."""
+    return sum(
+        _unforetold(evidence, symptom, unit, foretold.hangs_on[symptom])
+        for symptom, units in _by_symptom(suspicion).items()
+        if symptom in foretold.hangs_on
+        for unit in units
+    )
 
 
 def values_alone_bits(evidence: Evidence, units: Sequence[int]) -> float:
@@ -62,7 +70,10 @@ def _unforetold(evidence: Evidence, symptom: Symptom, unit: int, names: frozense
     if symptom is Symptom.DAMAGE and best.is_sharp and best.family is Family.ASKED and names != ASKED_FOR:
         return best.bits  # more of a long answer is hit than of a short one, but not all of one and none of the other
     own = next((each for each in evidence.contrasts(symptom, unit) if each.name in names), NO_CONTRAST)
-    return max(best.bits - own.bits, 0.0) if best.name not in names else 0.0
+    more = max(best.bits - own.bits, 0.0) if best.name not in names else 0.0
+    if symptom is Symptom.SILENCE and best.is_sharp and more >= _SURE_BITS:
+        return inf  # it decides, and then nothing else does
+    return more
 
 
 _DECIDES: Final = ASKED_FOR | {"rest", "since"}  # of silence: then nothing that strikes a line is why

@@ -1,4 +1,4 @@
-"""What was hit on the line: answers, requests, the idle line; and when."""
+"""What was hit on the line: answers, requests, the idle line."""
 
 from __future__ import annotations
 
@@ -7,9 +7,8 @@ from math import exp, isfinite, log1p, log2
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .bits import likelihood_bits, spells_of, strays, surplus_bits
+from .bits import likelihood_bits, strays, surplus_bits
 from .evidence import Evidence
 from .exchanges import Ending
 from .registry import Symptom
@@ -45,7 +44,6 @@ _SOME: Final = 0.1  # of the requests
 _FAR_MORE: Final = 4.0
 _MANY_STRAYS: Final = 30.0
 _SPARED_SHARE: Final = 0.05
-_SPELLS_BITS: Final = 14.0
 _HEADER: Final = 3  # bytes: unit, function, byte count
 _UNTOLD: Final = 0.5  # of what a clock may be wrong by: a shorter pause than that nobody measures
 
@@ -375,26 +373,3 @@ def _mean_time(evidence: Evidence, unit: UnitLedger) -> float:
     """How long an exchange with a unit takes (ns), about."""
     waits = unit.delays.numbers
     return _mean_due(evidence, unit.unit) * evidence.ledger.char_ns + (float(waits.mean()) if len(waits) else 0.0)
-
-
-def spells_of_hits(evidence: Evidence) -> tuple[float, NDArray[np.bool_]]:
-    """The parts of the time in which the bus is hit, and what they save in bits; 0 where that may be chance."""
-    grid = evidence.ledger.grid
-    found, inside = spells_of(grid.counts("damage"), grid.counts("asked"))
-    return (found if found >= _SPELLS_BITS and evidence.ledger.timed else 0.0), inside
-
-
-def span_of_hits(evidence: Evidence) -> dict[str, Any]:
-    """`since` and `until` of a suspicion, by the parts of the time with hits; nothing where there are none."""
-    grid = evidence.ledger.grid
-    parts = np.flatnonzero(grid.counts("damage"))
-    if grid.begin_ns is None or not len(parts):
-        return {}
-    return {"since": grid.begin_ns + int(parts[0]) * grid.width_ns, "until": end_of_part(evidence, int(parts[-1]) + 1)}
-
-
-def end_of_part(evidence: Evidence, part: int) -> int:
-    """The end of so many parts of the grid, which may reach beyond the capture's."""
-    grid, ledger = evidence.ledger.grid, evidence.ledger
-    reach = (grid.begin_ns or 0) + part * grid.width_ns
-    return min(reach, ledger.end) if ledger.timed else reach

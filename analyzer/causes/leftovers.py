@@ -54,6 +54,8 @@ _LIKE: Final = {
     "rest-over": ", mostly when more than {rest:ms} of silence stand before the request",
     "unit-before": ", mostly right behind requests to unit {value}",
     "outcome-before": ", mostly right behind a request that fared badly itself",
+    "since-write": ", mostly soon after a write to it",
+    "since-write-over": ", mostly long after a write to it",
     "since": ", from some moment on",
     "until": ", until some moment",
     "spells": ", in spells",
@@ -146,8 +148,8 @@ def _like(evidence: Evidence, unit: UnitLedger, symptom: Symptom, best: Contrast
     if symptom not in HITS_OF:
         return ""
     name = best.name
-    if name == "rest" and best.over:
-        name = "rest-over"
+    if name in ("rest", "since-write") and best.over:
+        name += "-over"
     elif name == "since" and not best.over:
         name = "until"
     elif name in ("quantity", "answer-bytes", "address", "range-end") and not best.over:

@@ -6,7 +6,7 @@ While evidence grows they are looked at again each time there is a fair part mor
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import Future
 from contextvars import copy_context
 from dataclasses import dataclass, replace
@@ -32,7 +32,6 @@ THRESHOLD: Final = 24.0  # bits under which nothing is said
 _LEFT_OVER: Final = 0.06  # of what is explained: so much may be left because no explanation is perfect,
 _LEFT_OVER_MOST: Final = 100.0  # and a cause of its own weighs more
 _CAUSES_MOST: Final = 8
-TOLD: Final = 0.05  # of certainty: what is less sure accuses nobody, and its exchanges stay unexplained
 _OF_NO_FRAME: Final = frozenset(("request-flaw",))
 
 
@@ -86,27 +85,42 @@ def story_of(ledger: Ledger, among: Sequence[Suspect] | None = None) -> Story:
     if ledger.verdict.foreign:  # nothing is told of frames where none is, but of what spoils all of them
         among = [each for each in (suspects() if among is None else among) if each.cause in _OF_NO_FRAME]
         return Story([claim.cause for claim in claims_of(evidence, among)], [])
-    told = [claim for claim in claims_of(evidence, among) if claim.cause.confidence >= TOLD]
-    explained = frozenset[tuple[Symptom, int | None]]().union(*(claim.struck for claim in told))
-    return Story([claim.cause for claim in told], left_over(evidence.without(explained)))
+    claims = claims_of(evidence, among)
+    return Story([claim.cause for claim in claims], left_over(evidence.without(_taken(claims))))
 
 
 def claims_of(evidence: Evidence, among: Sequence[Suspect] | None = None) -> list[CauseClaim]:
-    """The best suspicions, one after the other, each with what its certainty goes by; those too that are not told."""
-    claims, least = list[CauseClaim](), THRESHOLD
+    """The best suspicions, one after the other, each with what its certainty goes by."""
+    found, least, left = list[_PickedCause](), THRESHOLD, evidence
     for _ in range(_CAUSES_MOST):
-        found = weigh(evidence, among)
-        if not found or found[0].suspicion.bits < least:
+        weighed = weigh(left, among)
+        if not weighed or weighed[0].suspicion.bits < least:
             break
-        best = found[0]
+        best = weighed[0]
         least = max(least, min(_LEFT_OVER * best.suspicion.bits, _LEFT_OVER_MOST))
-        rivals = [each for each in found[1:] if each.suspicion.explains & best.suspicion.explains]
-        claims.append(_claim(best, rivals[0] if rivals else None, evidence))
-        evidence = evidence.without(claims[-1].struck)
+        rivals = [each for each in weighed[1:] if each.suspicion.explains & best.suspicion.explains]
+        takes = struck(left, best.suspect.foretold, best.suspicion) - left.explained
+        found.append(_PickedCause(best, rivals[0] if rivals else None, left, takes))
+        left = left.without(takes)
+    claims = [_claim(each, evidence.without(_taken(other for other in found if other is not each))) for each in found]
     return sorted(claims, key=lambda claim: -claim.cause.bits)
 
 
-def _claim(best: Weighed, rival: Weighed | None, evidence: Evidence) -> CauseClaim:
+class _PickedCause(NamedTuple):
+    """The heaviest suspicion of what was open, and what it takes of that."""
+
+    best: Weighed
+    rival: Weighed | None
+    evidence: Evidence
+    struck: Explained
+
+
+def _taken(found: Iterable[_PickedCause | CauseClaim]) -> Explained:
+    return frozenset[tuple[Symptom, int | None]]().union(*(each.struck for each in found))
+
+
+def _claim(taken: _PickedCause, but_for_others: Evidence) -> CauseClaim:
+    best, rival, evidence, _ = taken
     suspect, found, ledger = best.suspect, best.suspicion, evidence.ledger
     timed = ledger.timed
     goes_by = clues(
@@ -115,7 +129,7 @@ def _claim(best: Weighed, rival: Weighed | None, evidence: Evidence) -> CauseCla
         suspect.foretold,
         rival_bits=rival.suspicion.bits if rival is not None else 0.0,
     )
-    became = outcomes(evidence, found)
+    became = outcomes(but_for_others, found)
     words = words_of(suspect, found.numbers)
     cause = Cause(
         cause=suspect.cause,
@@ -138,7 +152,7 @@ def _claim(best: Weighed, rival: Weighed | None, evidence: Evidence) -> CauseCla
         explains=found.explains,
         numbers=found.numbers,
     )
-    return CauseClaim(cause, goes_by, became, struck(evidence, suspect.foretold, found))
+    return CauseClaim(cause, goes_by, became, taken.struck)
 
 
 _FIRST: Final = 40  # exchanges before anything is said

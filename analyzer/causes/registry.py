@@ -24,9 +24,10 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 from ..html_text import html_page, html_table
-from ..languages import sentence, tr
+from ..languages import sentence
 from ..registry import Registry
 from ..tables.findings import Severity
+from .sureness import how_sure
 
 if TYPE_CHECKING:
     from .evidence import Evidence
@@ -86,7 +87,6 @@ class Foretold:
     client_loses: bool = False
 
 
-CALIBRATED: Final = 0.5  # a figure is told from here on: so few claims are less sure that theirs may be anything
 COMES_AND_GOES: Final = frozenset(("spells", "since", "unit-before", "outcome-before"))  # contrasts of time
 LENGTHS: Final = frozenset(("answer-bytes", "quantity"))  # by which more is hit, whatever hits
 ASKED_FOR: Final = frozenset(("function", "quantity", "answer-bytes", "address", "range-end", "poll"))  # of requests
@@ -173,9 +173,8 @@ class Cause:
 
     @property
     def sure(self) -> str:
-        """How sure that is, in the words in use: a figure where it means something."""
-        told = self.confidence >= CALIBRATED
-        return tr("{share:.0%} sure", share=self.confidence) if told else tr("perhaps")
+        """How sure that is, in the language in use: a figure where it means something."""
+        return how_sure(self.confidence)
 
     def _repr_html_(self) -> str:
         """For notebooks."""

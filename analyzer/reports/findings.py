@@ -6,9 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Final
 
-from ..causes.certainty import in_words
 from ..causes.leftovers import Left
-from ..causes.registry import CALIBRATED, Cause, cause_of
+from ..causes.registry import Cause, cause_of
 from ..languages import counted, grouped, page_words
 from ..words import decimal, is_clock, time_of_day, unit_word
 from .model import FindingGroup, FindingRow
@@ -30,15 +29,13 @@ def cause_lines(causes: Sequence[Cause], *, shares: bool = True) -> Iterator[Pag
         yield ""
         yield page_words("what is wrong")
     for number, cause in enumerate(causes, 1):
-        told = shares and cause.confidence >= CALIBRATED
         head = "{number}. {cause}, {words}: {text}" if shares else "{number}. {cause}: {text}"
         yield Paragraph(
             page_words(
-                "{number}. {cause}, {words} ({share:.0%}): {text}" if told else head,
+                head,
                 number=number,
                 cause=cause.cause,
-                words=page_words(in_words(cause.confidence)),
-                share=cause.confidence,
+                words=cause.sure,
                 text=cause.text,
             )
         )

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple
 import numpy as np
 from textual.binding import Binding, BindingType
 
-from ..causes.registry import CALIBRATED
 from ..languages import counted, grouped, page_words, tr
 from ..reports.findings import left_words
 from ..words import compact, duration, percent, short, short_bound
@@ -170,7 +169,7 @@ class HomeList(Lines):
         assert self.state is not None
         causes = self.state.causes
         if line < len(causes):
-            return fitted(_cause_line(causes[line], max(len(whose(cause)) for cause in causes), width), width)
+            return fitted(_cause_line(causes[line], causes, width), width)
         return fitted(self._unit_line(self.state.report.units[line - len(causes)], width), width)
 
     def _unit_line(self, unit: UnitRow, width: int) -> list[StyledText]:
@@ -256,19 +255,17 @@ def _bars(octets: np.ndarray[tuple[int], np.dtype[np.int64]], width: int) -> lis
     return [StyledText(f"{sparkline(octets.astype(float), width):<{width}}", "request")]
 
 
-def _cause_line(cause: Cause, whom: int, width: int) -> list[StyledText]:
-    """`whom`: columns of whose fault it is; where there is little room the cause's own words say it."""
+def _cause_line(cause: Cause, causes: Sequence[Cause], width: int) -> list[StyledText]:
+    """One of several, under each other; where there is little room only the cause's own words."""
     letter = StyledText(f"{_LETTERS.get(cause.severity, ' ')} ", cause.severity)
     if width < _WIDE:
-        sure = f"{percent(cause.confidence) if cause.confidence >= CALIBRATED else tr('perhaps'):>4}  "
-        return [letter, StyledText(sure, "dim"), StyledText(_clauses(cause.text, width - 2 - len(sure)))]
-    sure = f"{cause.sure:>{len(tr('{share:.0%} sure', share=1))}}  "
-    room = width - 2 - whom - 1 - len(sure)
+        return [letter, StyledText(_clauses(cause.text, width - 2))]
+    whom, sure = (max(map(len, each)) for each in (map(whose, causes), (one.sure for one in causes)))
     return [
         letter,
         StyledText(f"{whose(cause):<{whom}} "),
-        StyledText(sure, "dim"),
-        StyledText(_clauses(cause.text, room)),
+        StyledText(f"{cause.sure:<{sure}}  ", "dim"),
+        StyledText(_clauses(cause.text, width - 2 - whom - 1 - sure - 2)),
     ]
 
 

@@ -23,9 +23,9 @@ from ..hits import (
     late_of_any,
     requests_evenness_bits,
     requests_part,
-    spells_of_hits,
     timed_by_the_master,
 )
+from ..hittimes import spells_of_hits
 from ..registry import OF_A_LINE, Explained, Suspicion, Symptom, suspect
 from ..repeats import CalledBack, broadcasts_answered, called_back
 from ..signatures import Behind, Signature

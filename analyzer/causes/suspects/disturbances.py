@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 from typing import Any, Final
 
 import numpy as np
 
 from ...tables.findings import Severity
-from ..bits import likelihood_bits, phase_bits, surplus_bits
+from ..bits import Phases, likelihood_bits, phase_bits, surplus_bits
 from ..costs import cost_behind_damage, cost_of, kind_bits, overlaid, share_of, together
 from ..evidence import HEALTHY, Evidence
 from ..exchanges import Ending
@@ -19,16 +20,14 @@ from ..hits import (
     WELL,
     Hits,
     apart_bits,
-    end_of_part,
     evenness_bits,
     is_one_units,
     requests_evenness_bits,
     requests_part,
-    span_of_hits,
     spares_requests,
     spares_units,
-    spells_of_hits,
 )
+from ..hittimes import end_of_part, span_of_hits, spells_of_hits
 from ..registry import OF_A_LINE, Explained, Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage
 
@@ -172,10 +171,16 @@ def emi_mains(evidence: Evidence) -> Iterator[Suspicion]:
         return
     for mains, strays in _MAINS:
         for per_wave in (1, 2):
-            found = phase_bits(times, per_wave * (mains - strays), per_wave * (mains + strays))
+            found = _phases(times.tobytes(), per_wave * (mains - strays), per_wave * (mains + strays))
             if found.bits >= _SURE_BITS:
                 numbers = {"frequency": found.frequency / per_wave, "alike": found.alike}
                 yield _suspicion(evidence, hits, bits + found.bits, numbers, period_s=round(1 / found.frequency, 6))
+
+
+@lru_cache(maxsize=8)
+def _phases(times: bytes, low: float, high: float) -> Phases:
+    """Of the same times it is asked again when another cause is struck."""
+    return phase_bits(np.frombuffer(times), low, high)
 
 
 def _times_of_hits(evidence: Evidence) -> np.ndarray[Any, np.dtype[np.float64]]:

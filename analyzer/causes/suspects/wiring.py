@@ -11,7 +11,8 @@ from ..bits import likelihood_bits, surplus_bits
 from ..costs import cost, kind_bits, kind_of, share_of, together
 from ..evidence import HEALTHY, Evidence
 from ..exchanges import Ending
-from ..hits import ALIKE, WELL, Hits, apart_bits, is_behind_few, span_of_hits, spared_bits, spares_units, spells_of_hits
+from ..hits import ALIKE, WELL, Hits, apart_bits, is_behind_few, spared_bits, spares_units
+from ..hittimes import span_of_hits, spells_of_hits
 from ..registry import OF_A_LINE, Suspicion, Symptom, suspect
 from ..unitledger import UnitLedger
 

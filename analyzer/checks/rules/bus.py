@@ -263,10 +263,7 @@ class _Causes:
         causes = [cause for cause in report.causes if cause.severity != "note"]
         if self.unit is not None:
             causes = [cause for cause in causes if self.unit in cause.units]
-        listed = "; ".join(
-            f"{cause.cause} ({page_words('{share:.0%} sure', share=cause.confidence)}): {cause.text}"
-            for cause in causes
-        )
+        listed = "; ".join(f"{cause.cause} ({cause.sure}): {cause.text}" for cause in causes)
         return RuleResult(not causes, listed or page_words("none"))
 
 

@@ -22,10 +22,10 @@ from captures.formats.mcap.writer import ArrayWriter, TopicWriter
 from captures.ragged import Ints
 from captures.recording.notes import NoteChannel
 
-from ....causes.certainty import in_words
 from ....causes.ledger import Ledger
 from ....causes.reasoning import causes_of
 from ....causes.registry import Cause
+from ....causes.sureness import in_words
 from ....outages import notes_of
 from ....tables.batch import Batch, adu_of, rows_of_findings
 from ....tables.columns import Decoded, decode
