@@ -47,12 +47,14 @@ def are_no_headers(pieces: Sequence[Piece]) -> bool:
 def without_chance(pieces: Sequence[Piece], parts: Sequence[PastePart]) -> list[Piece]:
     """The pieces, frames that are chance among other bytes as noise.
 
-    A whole line, or several, that is a right frame of a predicted length is none.
+    A whole line, or several, that is a right frame of a predicted length is none; of other functions whole lines tell,
+    where there are lines: from one line to a later one too many windows may be right.
     """
     frames = [piece for piece in pieces if isinstance(piece, PastedFrame)]
     right = {frame.adu.data for frame in frames if frame.check_ok}
     legal = {adu for adu in right if _has_its_length(adu)}
-    kin = Counter(adu[:2] for adu in right - legal)
+    alone = right - legal if len(parts) == 1 else (right - legal).intersection(part.data for part in parts)
+    kin = Counter(adu[:2] for adu in alone)
     octets, edges = sum(len(part.data) for part in parts), {*edges_of(parts)}
     heard = TrafficSoFar(len(legal), octets, sum(frame.length for frame in frames))
     kept: list[Piece] = []
@@ -60,7 +62,7 @@ def without_chance(pieces: Sequence[Piece], parts: Sequence[PastePart]) -> list[
         if isinstance(piece, PastedFrame):
             adu = piece.adu.data
             written = adu in legal and {piece.start, piece.start + piece.length} <= edges
-            if not written and heard.is_chance(kin[adu[:2]] - (adu in right)):
+            if not written and heard.is_chance(kin[adu[:2]] - (adu in alone)):
                 piece = PastedNoise(piece.start, adu)
         kept.append(piece)
     return kept
