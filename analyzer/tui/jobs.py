@@ -194,7 +194,7 @@ class Jobs:
             try:
                 thread()
             except Exception as error:
-                words = tr("this view could not be made: {trouble}", trouble=error_words(error))
+                words = tr("this view failed: {trouble}", trouble=error_words(error))
                 self._later(self._screen.tell, words, wrong=True)
                 self._later(failed)
                 raise
@@ -319,7 +319,7 @@ class Jobs:
         self._tell_notices()
         told = self._screen.undecided or self._screen.view in ("home", "paste")
         if not self._bus.frames and not trouble and not told:
-            self._screen.tell(tr("no Modbus frame was found"), wrong=True)
+            self._screen.tell(tr("no Modbus frames found"), wrong=True)
 
     # Testing rows
 
