@@ -14,6 +14,6 @@ class Options:
     cut_ns: int = 3_000_000_000  # no frame has a hole like this
     explain: bool = False  # keep the evidence of each row
     t15_ns: int | None = None  # longest silence inside a frame
-    t35_ns: int | None = None  # least silence between frames
+    t35_ns: int | None = None  # shortest silence between frames
     turnaround_ns: int = 100_000_000  # pause after a broadcast
     protocol: Literal["auto", "rtu", "ascii", "tcp"] = "auto"  # what a line speaks is seen from its first bytes

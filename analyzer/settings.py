@@ -51,19 +51,19 @@ class SetValue:
 _NUMBER: Final = (int, float)
 _LOCAL_PORT: Final = re.compile(r"COM\d{1,4}|/dev/(?!.*\.\.)[\w./:+-]+", re.IGNORECASE)  # no host, no file, no `spy://`
 SETTINGS: Final = (
-    Setting("port", str, ("port",), "the port that sniff, record and tap listen to", taps=True),
+    Setting("port", str, ("port",), "the port for sniff, record and tap", taps=True),
     Setting("tz", str, ("tz",), "time zone for timestamps that carry none"),
     Setting("lang", str, ("lang",), "language of messages: en or ru"),
     Setting("theme", str, ("light",), "light or dark"),
     Setting("functions", list, ("functions",), "files that declare vendor functions", personal=True),
     Setting("line.baud", (int, str), ("baud",), "bit/s of a tap, or auto", taps=True),
-    Setting("line.parity", str, ("parity",), "of a tap: N, E, O or auto", taps=True),
+    Setting("line.parity", str, ("parity",), "parity of a tap: N, E, O or auto", taps=True),
     Setting("line.stop_bits", _NUMBER, ("stop",), "of a tap", taps=True),
     Setting("line.data_bits", int, ("bits",), "of a tap", taps=True),
     Setting("timing.t15_ms", _NUMBER, ("t15_ms",), "longest silence inside a frame"),
-    Setting("timing.t35_ms", _NUMBER, ("t35_ms",), "least silence between frames"),
-    Setting("timing.turnaround_ms", _NUMBER, ("turnaround_ms",), "least pause after a broadcast"),
-    Setting("timing.idle_ms", _NUMBER, ("idle_ms",), "silence after which the line counts as quiet"),
+    Setting("timing.t35_ms", _NUMBER, ("t35_ms",), "shortest silence between frames"),
+    Setting("timing.turnaround_ms", _NUMBER, ("turnaround_ms",), "shortest pause after a broadcast"),
+    Setting("timing.idle_ms", _NUMBER, ("idle_ms",), "silence after which the line counts as idle"),
 )
 COLOURS: Final = ("red", "yellow", "green", "blue", "violet")  # that rows may have in the interface
 TABLES: Final = {  # whose keys are the user's own, those of `colours` apart

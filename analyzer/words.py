@@ -7,7 +7,6 @@ which); clocks, and `seconds`, which may be typed in again, are the same in all.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Mapping
 from contextvars import ContextVar
 from datetime import UTC, datetime, timedelta, tzinfo
@@ -24,7 +23,6 @@ HOUR_NS: Final = UNITS_NS["h"]
 DAY_NS: Final = 24 * HOUR_NS
 _ENGLISH_UNITS: Final[Mapping[str, str]] = {}
 _units: ContextVar[Mapping[str, str]] = ContextVar("units", default=_ENGLISH_UNITS)
-_POINT: Final = re.compile(r"(?<=\d)\.(?=\d)")
 _EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 
 
@@ -50,7 +48,7 @@ def unit_word(unit: str) -> str:
 
 def decimal(text: str) -> str:
     """A number, or two, with the decimal mark of the language in use."""
-    return _POINT.sub(",", text) if _units.get() else text
+    return "..".join(number.replace(".", ",") for number in text.split("..")) if _units.get() else text
 
 
 @overload

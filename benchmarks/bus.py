@@ -150,7 +150,7 @@ class _Plan:
         there[1::2] = ~silent
         body, size, pause = body[there], size[there], pause[there]
         end = now + np.cumsum(pause + size * CHAR_NS)
-        late = random.uniform(2e4, 1.2e5, len(size))  # of the read behind the last stop bit
+        late = random.uniform(2e4, 1.2e5, len(size))  # of the read after the last stop bit
         number = said + np.cumsum(there) - 1
         response = np.zeros(2 * n, np.bool_)
         response[1::2] = True

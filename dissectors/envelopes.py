@@ -112,7 +112,7 @@ def tcp(data: bytes, start: int = 0) -> Adu:
 def tcp_frames(raw: bytes) -> list[Adu]:
     """The ADUs of a TCP stream, one after another, as long as MBAP headers follow (protocol 0, length 2 to 254).
 
-    The last may be cut short. What no header covers is in no frame: see `start` and `length`.
+    The last may be cut short. What no header covers is outside frames: see `start` and `length`.
     """
     frames: list[Adu] = []
     at = 0

@@ -129,7 +129,7 @@ def test_a_unit_of_which_more_answers_come_than_it_was_asked_for_is_two() -> Non
             yield 20.0, _read(2)
             yield 8.0, _answer(2, 500, i)
             yield 6.0, _read(3)
-            yield 5.0 + i % 4, _answer(2, 900, 3 * i)  # the other one, when unit 3 is due
+            yield 5.0 + i % 4, _answer(2, 900, 3 * i)  # the other map, when unit 3 is due
             if i % 3:
                 yield 3.0, _read(3)  # which the master takes for an answer, and asks again
                 yield 5.0, _answer(3, 5, i)

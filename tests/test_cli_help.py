@@ -171,7 +171,7 @@ def all_help_words() -> list[str]:
     around = ["usage: ", "exit status:", "example:", command_line(()).description or ""]
     around.append((command_line(()).epilog or "").splitlines()[-1])
     listed = [*(form.help for form in forms()), *(setting.words for setting in SETTINGS), *TABLES.values()]
-    listed += ["read x.toml", "no settings: neither x.toml nor rtuscope.toml here or above", "from x.toml:1"]
+    listed += ["read x.toml", "no settings found: neither x.toml nor rtuscope.toml here or above", "from x.toml:1"]
     return list(dict.fromkeys([*help_words(command_line(COMMANDS)), *statuses, *around, *listed]))
 
 

@@ -62,7 +62,7 @@ def test_frames_that_end_without_a_line_feed_do_not_wait_for_one() -> None:
 
 
 def test_an_echo_that_is_cut_at_the_very_end_answers_nothing() -> None:
-    """A stream of the campaign: its fields were looked for behind the last byte."""
+    """A stream of the campaign: its fields were looked for after the last byte."""
     deframer = Deframer(LINE, Options(protocol="ascii"))
     found = collect([deframer.feed(Chunk(1, b":110F0013000A02CD01F3\r\n:110F0468\r\n")), deframer.close()])
     assert found.rows.check.tolist() == [True, False]

@@ -16,8 +16,8 @@ from dissectors.lengths import pdu_length
 
 VECTORS = Path(__file__).parents[2] / "shared" / "corpus" / "vectors.jsonl"
 
-# The MBAP length says 2 and 3 bytes follow: a stream is split by that length, so the third is in no frame. Read as one
-# frame, the whole is annotated, with the length's problem.
+# The MBAP length says 2 and 3 bytes follow: a stream is split by that length, so the third is outside frames. Read as
+# one frame, the whole is annotated, with the length's problem.
 WRONG_LENGTH = "pymodbus-tcp-badlen-exception"
 
 pytestmark = pytest.mark.skipif(not VECTORS.exists(), reason="the corpus of byte strings is not beside the project")

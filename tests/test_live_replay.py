@@ -76,7 +76,7 @@ def test_a_line_a_frame_with_what_was_found_below_it(capsys):
     lines = ran(capsys, "replay", TROUBLED, "--speed", "max").out.splitlines()
     refused = next(i for i, line in enumerate(lines) if "exception 02 illegal data address" in line)
     assert lines[refused + 1].strip().startswith("? exception: unit 2 refuses")
-    assert any("in no frame: 00" in line for line in lines)
+    assert any("outside frames: 00" in line for line in lines)
     assert any("WRONG CHECK VALUE" in line for line in lines)
 
 

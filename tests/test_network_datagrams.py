@@ -109,7 +109,7 @@ def test_other_datagrams_are_left_out(tmp_path: Path) -> None:
     capture = opened(tmp_path, sorted(dns.packets + talk.packets, key=lambda packet: packet[0]))
     assert said(capture) == EXPECTED
     assert names(capture) == {"port 0": "10.0.0.1 > 10.0.0.9:502"}
-    with pytest.raises(CaptureError, match=r"no Modbus over UDP in it: 10 packets of UDP without Modbus"):
+    with pytest.raises(CaptureError, match=r"no Modbus over UDP: 10 packets of UDP without Modbus"):
         opened(tmp_path, dns.packets)
 
 

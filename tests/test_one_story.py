@@ -192,7 +192,7 @@ def test_a_load_is_unknown_everywhere_or_nowhere() -> None:
     report = summarize(capture)
     assert report.load.mean is None
     assert "load unknown" in " ".join(text(report).split()) or "load      unknown" in text(report)
-    assert "of the time bytes are on the line" not in text(report)
+    assert "of the time, and the client pauses for only" not in text(report)
 
 
 @pytest.mark.parametrize("filter", ["", "unit == 3"])

@@ -50,7 +50,7 @@ def test_the_page_has_the_facts():
     for fact in (
         "19200 bit/s, 11-bit characters, tap irq",
         "63 s",
-        "12,000, 17 of them in no frame (4 stretches)",
+        "12,000, 17 of them outside frames (4 stretches)",
         "780: 400 requests, 380 responses; 3 with a wrong check value",
         "400: 380 answered, 8 by exception, 7 unanswered, 3 answered by a",
         "\n          damaged frame, 2 broadcast\n",
@@ -80,16 +80,16 @@ def test_the_page_fits_80_columns_whatever_the_numbers():
 
 def test_what_the_tap_cannot_tell_is_said_and_not_shown_as_zero():
     page = text(replace(REPORT, times=Times(), load=Load()))
-    assert "this tap's times cannot tell them" in page
+    assert "this tap's timestamps are too coarse" in page
     nothing = replace(REPORT, load=Load())
     for report, needed in (
-        (nothing, "frames over a span of time"),
+        (nothing, "frames over some time"),
         (replace(nothing, baud=None), "the line's speed (--baud)"),
-        (replace(nothing, char_bits=None), "the length of a character (--parity, --stop)"),
+        (replace(nothing, char_bits=None), "the character length (--parity, --stop)"),
     ):
-        assert f"load      unknown: it needs {needed}" in text(report)
+        assert f"load      unknown: needs {needed}" in text(report)
     network = text(replace(nothing, baud=None, tcp_frames=REPORT.frames))
-    assert "load      unknown: packets of a network" in network and "speed is not known" not in network
+    assert "load      unknown: network packets" in network and "speed is not known" not in network
     assert "the line's speed is not known" in " ".join(text(replace(REPORT, baud=None)).split())
     untimed = text(replace(REPORT, timed=False, times=Times(), load=Load(), t_start_ns=None, t_end_ns=None))
     assert untimed.count("no times in this capture") == 3
@@ -105,7 +105,7 @@ def test_damage_and_partial_are_said():
     page = text(replace(REPORT, damage=("line 7: not JSON",) * 5, damage_count=12, partial=True))
     assert "damaged   line 7: not JSON" in page
     assert "and 9 more such places" in page
-    assert "partial   ended before the capture did" in page
+    assert "partial   reading stopped early" in page
 
 
 def test_many_units_keep_one_page_and_the_troubled_ones():

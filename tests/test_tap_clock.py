@@ -120,7 +120,7 @@ def test_frames_that_share_a_millisecond_tell_no_response_times(
         for i in range(40)
     ]
     path.write_text("\n".join(lines), encoding="utf-8")
-    assert "response  unknown: this tap's times cannot tell them" in ran(capsys, "report", path).out
+    assert "response  unknown: this tap's timestamps are too coarse" in ran(capsys, "report", path).out
 
 
 @pytest.mark.parametrize(("late_ms", "exact"), [(0.0, True), (2.4, False)])

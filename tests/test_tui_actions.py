@@ -224,7 +224,7 @@ def test_times_are_shown_four_ways(capture: Path) -> None:
 def test_bookmarks_and_comments_stay_beside_the_capture(capture: Path) -> None:
     async def work(sitting: Seat) -> None:
         await sitting.press("down", "m")
-        assert any("kept in troubled.jsonl.rtuscope.json" in notice for notice in sitting.notices())
+        assert any("saved in troubled.jsonl.rtuscope.json" in notice for notice in sitting.notices())
         await sitting.press("end", "m", "semicolon")
         await sitting.type("pump [red]off")
         await sitting.press("enter", "home", "apostrophe")
@@ -233,7 +233,7 @@ def test_bookmarks_and_comments_stay_beside_the_capture(capture: Path) -> None:
         assert sitting.row == sitting.bus.count - 1
         assert '"pump [red]off"' in sitting.shown()
         await sitting.press("home", "down", "m")
-        assert "bookmark taken away; u brings it back" in sitting.notices()
+        assert "bookmark removed; u restores it" in sitting.notices()
         await sitting.press("apostrophe", "apostrophe")
         assert sitting.row == sitting.bus.count - 1
 
@@ -303,7 +303,7 @@ def test_an_export_asks_before_it_overwrites(capture: Path, tmp_path: Path) -> N
         for answer in ("n", "escape", "enter"):  # Enter is the first choice
             await export(answer)
             assert out.read_text(encoding="utf-8") == "precious", answer
-            assert sitting.notices()[-1] == "out.csv left as it is"
+            assert sitting.notices()[-1] == "out.csv left unchanged"
         await export("o")
         await sitting.until(lambda: out.read_text(encoding="utf-8") != "precious")
         assert out.read_text(encoding="utf-8").count("\n") == sitting.bus.count + 1
@@ -338,7 +338,7 @@ def test_an_answer_is_compared_with_the_one_that_was_marked(capture: Path) -> No
         await sitting.press("up")
         assert not versus(), "a request is compared with nothing"
         await sitting.press("g", "1", "enter", "r", "g", *str(bus.frame(other).index), "enter")
-        assert "versus R" not in versus(), "taken back"
+        assert "versus R" not in versus(), "undone"
 
     using(opened(capture), work)
 

@@ -116,7 +116,7 @@ def test_escape_leaves_the_filter_in_use_on_its_line(seen: Watched) -> None:
 
 
 def test_a_comment_that_was_deleted_comes_back(seen: Watched, capture: Path) -> None:
-    seen.press(f"{DOWN};valve{ENTER}m").until("u brings")
+    seen.press(f"{DOWN};valve{ENTER}m").until("u restores")
     seen.press("u").until('"valve"')
     assert noted(capture, seen) == [1]
 
@@ -134,7 +134,7 @@ def test_a_float_is_listed_and_plotted_as_a_float(tmp_path: Path) -> None:
     path = tmp_path / "meter.jsonl"
     write_meter(path, values)
     with Watched("open", str(path), columns=120, rows=40, cwd=tmp_path) as terminal:
-        terminal.until("what came of it").settle(1.0)
+        terminal.until("outcome").settle(1.0)
         terminal.press("5").until("f32").until("300 readings").settle(0.5)
         shown = terminal.shown()
         assert "of 40001" in shown and f"{max(values):.6g}" in shown and "16825" not in shown

@@ -191,7 +191,7 @@ def test_a_file_that_is_not_what_it_was_ends_nothing(capture: Path, becomes: str
         await sitting.press("ctrl+r")
         await sitting.until(lambda: sitting.bus is not before or bool(sitting.notices()))
         if sitting.bus is before:
-            assert any("not opened, this stays as it was: " in words for words in sitting.notices()), sitting.notices()
+            assert any("not opened, the view is unchanged: " in words for words in sitting.notices()), sitting.notices()
             assert sitting.bus.count == count
         else:  # it is a capture of some kind: that is shown
             assert becomes not in ("gone", "a folder", "not readable")
@@ -392,7 +392,7 @@ def test_on_forty_columns_help_and_what_an_empty_list_says_can_be_read(capture: 
         sitting.screen.query_one(FilterBar).use("unit == 99 and exception")
         await sitting.settle()
         said = " ".join(sitting.shown().split())
-        assert "nothing here passes unit == 99 and exception; Esc takes it back" in said
+        assert "nothing here matches unit == 99 and exception; Esc removes it" in said
         await sitting.press("question_mark")
         await sitting.until(lambda: isinstance(sitting.app.screen, Help))
         assert "/            the filter; Tab" in sitting.shown(), "words beside the key, not one below the other"

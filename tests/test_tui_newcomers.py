@@ -249,12 +249,14 @@ def test_a_capture_without_a_frame_opens_at_what_it_is_instead(
     async def work(sitting: Seat) -> None:
         await sitting.until(lambda: sitting.screen.view == "home")
         await sitting.settle()
-        assert tr("no Modbus frame was found") in sitting.shown() and told in sitting.shown()
+        assert tr("no Modbus frames found") in sitting.shown() and told in sitting.shown()
         assert f"  {page_words('span')} " in sitting.shown() or sitting.screen.query_one(HomeList).cause is not None
         assert not sitting.notices(), "it is said once"
         for view in "145":
             await sitting.press(view)
-            await sitting.until(lambda: tr("no Modbus frame was found; 0 tells what was captured") in sitting.shown())
+            await sitting.until(
+                lambda: tr("no Modbus frames found; press 0 to see what was captured") in sitting.shown()
+            )
 
     using(opened(path), work, view=None)
     lines = list(spoken(opened(path)))

@@ -125,7 +125,7 @@ def test_every_view_obeys_the_scope_and_says_what_empties_it(capture: Path) -> N
         await sitting.settle()
         for view in "01234567":
             await sitting.press(view)
-            await sitting.until(lambda: "nothing here passes unit == 99; Esc takes it back" in sitting.shown())
+            await sitting.until(lambda: "nothing here matches unit == 99; Esc removes it" in sitting.shown())
         await sitting.press("5")
         await sitting.press("escape")
         assert registers.count() == len(sitting.bus.registers)
@@ -264,6 +264,6 @@ def test_settings_that_cannot_be_read_are_left_alone(tmp_path: Path) -> None:
     ):
         path.write_text(text)
         wishes = Preferences.read(path)
-        assert "left alone" in wishes.trouble
+        assert "left unchanged" in wishes.trouble
         wishes.used("unit == 3")
         assert path.read_text() == text

@@ -320,8 +320,8 @@ def test_nothing_is_called_right_before_it_is_read(monkeypatch: pytest.MonkeyPat
             await sitting.until(lambda: "reading …" in sitting.shown())
             assert "wrong" not in sitting.shown()
             begun.set()
-            await sitting.until(lambda: "Nothing wrong so far" in sitting.shown())
+            await sitting.until(lambda: "No problems so far" in sitting.shown())
             go_on.set()
-            await sitting.until(lambda: "Nothing is wrong" in sitting.shown())
+            await sitting.until(lambda: "No problems found" in sitting.shown())
 
     asyncio.run(main())

@@ -355,7 +355,7 @@ def test_no_capture_no_times_and_no_frames() -> None:
             await sitting.press(key, "down", "enter", "m", "y", "e", "c", "space", "escape")
         assert sitting.bus.count == 0
         await sitting.press("3")
-        assert "nothing captured yet" in sitting.shown() and "good news" not in sitting.shown()
+        assert "nothing captured yet" in sitting.shown() and "all is well" not in sitting.shown()
 
     using(CaptureSource(Capture.of(LineSettings(), []), "empty"), empty)
 

@@ -259,7 +259,7 @@ def test_a_file_that_goes_or_changes_does_not_end_the_page(tmp_path: Path) -> No
         whole = bus.read_text().splitlines(keepends=True)
         bus.unlink()
         await tab.type("\x12")  # Ctrl+R
-        await tab.shows("this stays as it was")
+        await tab.shows("the view is unchanged")
         await tab.type("2")
         await tab.shows("holding registers")
         bus.write_text("".join(whole[: len(whole) // 2]))

@@ -258,7 +258,7 @@ def resolved_lines(root: AgentRoot, text: str) -> tuple[list[str], int]:
             continue
         for octet in cited.octets:
             count = resolver.capture(cited.sha256).noise[octet]
-            told = tr("{name}, bytes in no frame: {count}", name=name, count=count)
+            told = tr("{name}, bytes outside frames: {count}", name=name, count=count)
             lines.append(f"{citation(cited.sha256, (), (octet,))}: {told}")
         for frame in frames:
             told = tr(_TOLD[frame.direction], name=name, unit=frame.unit, summary=frame.summary(wording()))

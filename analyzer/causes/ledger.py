@@ -144,7 +144,7 @@ class Ledger:
         self.repeats_answered = 0  # requests that came twice and were answered then
         self.foreign = np.zeros(len(NAMES), np.int64)  # stretches that are another protocol's, by its number
         self.verdict = ModbusVerdict()
-        self.noise = []  # a few stretches in no frame: time, port, bytes
+        self.noise = []  # a few stretches outside frames: time, port, bytes
         self.spoilt = []  # a few requests whose check value is wrong
         self.spoilt_requests = 0
         self.stray_times = CrowdedTimes()  # ns, of short stretches in no frame

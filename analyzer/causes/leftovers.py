@@ -39,7 +39,7 @@ _SYMPTOMS: Final = {
     Symptom.LATENESS: "{exchanges} answers later than the client waits",
     Symptom.DOUBLES: "{exchanges} answers too many",
     Symptom.BEHIND: "bytes behind {exchanges} of {asked} good answers",
-    Symptom.FRAMING: "{exchanges} bytes in no frame",
+    Symptom.FRAMING: "{exchanges} bytes outside frames",
     Symptom.REQUESTS: "{exchanges} of {asked} answers are whole, and the client asks again",
 }
 _LIKE: Final = {

@@ -2,7 +2,7 @@
 
     @suspect(
         "dead-unit", Severity.ERROR, blame="unit",
-        text="unit {unit} never answers: {silent} of {asked} requests stayed without a byte",
+        text="unit {unit} never answers: {silent} of {asked} requests got no byte back",
         ...
     )
     def dead_unit(evidence: Evidence) -> Iterator[Suspicion]:

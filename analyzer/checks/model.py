@@ -85,7 +85,9 @@ class CheckedBatch:
         if not text:
             noise = values.kind == Kind.NOISE
             findings = self.batch.findings_of(row) if noise else ()
-            text = "; ".join([page_words("bytes in no frame"), *(each.text for each in findings[:1])]) if noise else ""
+            text = (
+                "; ".join([page_words("bytes outside frames"), *(each.text for each in findings[:1])]) if noise else ""
+            )
             text = text or self.batch.frame(row).summary(wording())
         index = values.index
         return Breach(

@@ -30,23 +30,23 @@ _LINES: Final = 20  # that can be told apart in a picture
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
-    parser.add_argument("lake", metavar="LAKE", help="what rtuscope batch made")
+    parser.add_argument("lake", metavar="LAKE", help="a lake made by rtuscope batch")
     parser.add_argument(
         "question",
         metavar="QUESTION",
         help="SQL on frames, transactions, values, findings, causes, captures, hours; or one of worst-units, "
         "new-causes, drift, register UNIT ADDRESS [AREA], silent, compare SITE SITE, damaged",
     )
-    parser.add_argument("words", nargs="*", default=(), metavar="WORD", help="what a ready question takes")
-    parser.add_argument("--since", type=seconds, metavar="TIME", help="of the newest 12h, 7d ... that the lake has")
-    parser.add_argument("--site", metavar="NAME", help="of this site alone (ready questions)")
-    parser.add_argument("--limit", type=_limit, default=20, metavar="N", help="rows of a ready question (20)")
+    parser.add_argument("words", nargs="*", default=(), metavar="WORD", help="arguments of a ready-made question")
+    parser.add_argument("--since", type=seconds, metavar="TIME", help="only the newest 12h, 7d ... in the lake")
+    parser.add_argument("--site", metavar="NAME", help="only this site (ready-made questions)")
+    parser.add_argument(
+        "--limit", type=_limit, default=20, metavar="N", help="number of rows, for a ready-made question (20)"
+    )
     shape = parser.add_mutually_exclusive_group()
     shape.add_argument("--json", action="store_true", help="an array of objects")
     shape.add_argument("--csv", action="store_true", help="comma-separated, with a heading")
-    shape.add_argument(
-        "--plot", metavar="FILE", type=_picture, help="of register: a picture over time, .png, .svg or .pdf"
-    )
+    shape.add_argument("--plot", metavar="FILE", type=_picture, help="for register: plot over time, .png, .svg or .pdf")
     add_overwrite_argument(parser, "FILE")
 
 

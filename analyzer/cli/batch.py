@@ -34,11 +34,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "source", metavar="SOURCE", nargs="*", help="captures: files, folders, globs, s3://, gs:// ... (needs fsspec)"
     )
     parser.add_argument("-o", "--output", metavar="LAKE", required=True, help="the lake: a folder or an object store")
-    parser.add_argument("--resume", action="store_true", help="go on with a lake that is there: nothing is done twice")
+    parser.add_argument("--resume", action="store_true", help="continue an existing lake; nothing is done twice")
     parser.add_argument(
         "--compact",
         action="store_true",
-        help="make all small files of the lake into larger ones, with a SOURCE or none (done unasked where many are)",
+        help="merge the lake's small files into larger ones, with or without SOURCE (automatic when there are many)",
     )
     add_fleet_arguments(parser)
 
@@ -48,9 +48,9 @@ def add_fleet_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--redo",
         action="store_true",
-        help="of a lake that is there: make anew what other options or rules made, and no other tables",
+        help="in an existing lake, recompute what was made with other options or rules",
     )
-    parser.add_argument("--site", metavar="NAME", help="site of all of them; by default the folder that each is in")
+    parser.add_argument("--site", metavar="NAME", help="one site for all captures (default: each capture's folder)")
     parser.add_argument(
         "--site-from",
         metavar="REGEX",

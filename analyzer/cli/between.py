@@ -25,9 +25,9 @@ rtuscope between --listen 5020 --to 192.168.1.7:502"""
 _BAUD: Final = 9600
 _LINE_WORDS: Final = LineWords(
     baud="bit/s, or with its format: 19200-8N1; until your program sets another (9600)",
-    parity="of the line: set your program's own to none for E (N)",
+    parity="parity of the line; for E, set none in your own program (N)",
     bits="7 on some lines in ASCII mode (8)",
-    stop="of the line's characters (1)",
+    stop="stop bits of a character (1)",
     parities=("N", "E", "O"),
 )
 
@@ -38,18 +38,18 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "port",
         metavar="PORT",
         nargs="?",
-        help="the line's serial port, or socket://HOST:PORT; the first line printed names the port for your program",
+        help="the line's serial port, or socket://HOST:PORT; the first line printed gives the port for your program",
     )
-    line = parser.add_argument_group("the line; rate and stop bits are as your program sets them on its port")
+    line = parser.add_argument_group("the line; rate and stop bits follow what your program sets on its port")
     add_line_arguments(line, _LINE_WORDS)
-    line.add_argument("--wait", action="store_true", help="wait for a port that is not there yet")
+    line.add_argument("--wait", action="store_true", help="wait for a port that does not exist yet")
     network = parser.add_argument_group("a gateway or server on a network")
     network.add_argument(
         "--listen", type=address, metavar="[HOST:]PORT", help="take your program's connections here; 0: any free port"
     )
     network.add_argument("--to", type=address, metavar="HOST:PORT", help="pass them on to this gateway")
     parser.add_argument(
-        "--protocol", choices=("auto", "rtu", "ascii"), default="auto", help="what the line speaks (auto)"
+        "--protocol", choices=("auto", "rtu", "ascii"), default="auto", help="protocol on the line (auto)"
     )
     add_view_arguments(parser)
     add_recording_arguments(parser, needed=False)

@@ -31,7 +31,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         html="write one HTML page that prints to A4, with room for signatures",
     )
     parser.add_argument(
-        "--limits", metavar="FILE", help="a TOML file of limits in place of the defaults (rtuscope help certificate)"
+        "--limits", metavar="FILE", help="a TOML file with limits instead of the defaults (rtuscope help certificate)"
     )
     parser.add_argument("--check", action="store_true", help="exit status 1 unless the verdict is pass")
     add_limit_arguments(parser)

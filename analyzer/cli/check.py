@@ -45,12 +45,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="RULE",
         action="append",
         default=[],
-        help="a rule that must hold (--list says which there are); may be given again",
+        help="a rule that must hold (see --list); repeatable",
     )
     parser.add_argument(
         "--rules", metavar="FILE", action="append", default=[], help="a TOML file of rules (rtuscope help checks)"
     )
-    parser.add_argument("--list", action=_List, nargs=0, help="say what rules there are, with examples, and exit")
+    parser.add_argument("--list", action=_List, nargs=0, help="list the rules with examples, and exit")
     parser.add_argument("--junit", metavar="FILE", help="write the results as JUnit XML")
     add_overwrite_argument(parser, "the file of --junit")
     parser.add_argument("--json", action="store_true", help="the results as JSON")

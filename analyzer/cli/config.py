@@ -27,9 +27,9 @@ _UNSET: Final = "-"
 def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     actions = parser.add_subparsers(metavar="ACTION", title="actions", dest="action", required=True)
-    show = actions.add_parser("show", help="every setting, its value, and the file and line that it is from")
+    show = actions.add_parser("show", help="every setting with its value, file and line")
     show.add_argument("--json", action="store_true", help="an object by key")
-    actions.add_parser("path", help="the file of your own settings, there or not")
+    actions.add_parser("path", help="the path of your own settings file, even if it does not exist")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -45,7 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     for file in settings.files:
         print(retold(f"read {file}", "help"))
     if not settings.files:
-        print(retold(f"no settings: neither {user_file()} nor rtuscope.toml here or above", "help"))
+        print(retold(f"no settings found: neither {user_file()} nor rtuscope.toml here or above", "help"))
     lines = [(s.key, settings.values.get(s.key), s.words) for s in SETTINGS]
     for table, words in TABLES.items():
         entries = settings.table(table)

@@ -1,4 +1,4 @@
-"""`rtuscope convert`: captures as another capture: another format, cut, merged, their clocks mended."""
+"""`rtuscope convert`: convert captures: change format, cut, merge, correct clocks."""
 
 from __future__ import annotations
 
@@ -49,9 +49,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--to-format",
         type=capture_format,
         metavar="F",
-        help="serial-chunks, mcap, pcapng, bin or text; by default OUT's suffix tells, else serial-chunks",
+        help="serial-chunks, mcap, pcapng, bin or text; default: from OUT's suffix, else serial-chunks",
     )
-    cut = parser.add_argument_group("what is kept (all, if nothing is given)")
+    cut = parser.add_argument_group("what to keep (default: everything)")
     begin = cut.add_argument(
         "--start",
         dest="begin",
@@ -62,10 +62,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_kept_names(cut, begin, "--from")
     add_kept_names(cut, end, "--to")
     cut.add_argument(
-        "--frames", metavar="A..B", help="these frames, by their numbers in an export, and what is between"
+        "--frames", metavar="A..B", help="these frames, by their numbers in an export, and everything between them"
     )
-    cut.add_argument("--around", metavar="FILTER", help="what is near frames that pass, such as 'exception'")
-    cut.add_argument("--seconds", type=float, metavar="S", help="with --around: so near, before and after (5)")
+    cut.add_argument("--around", metavar="FILTER", help="everything near matching frames, such as 'exception'")
+    cut.add_argument("--seconds", type=float, metavar="S", help="with --around: seconds before and after (5)")
     merge = parser.add_argument_group("merging")
     names = merge.add_argument(
         "--port-name",

@@ -1,4 +1,4 @@
-"""`rtuscope crc`: the check value of bytes, and the whole frame to send."""
+"""`rtuscope crc`: compute the check value of bytes and print the whole frame."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def run(arguments: argparse.Namespace) -> int:
         put_json(made)
         return DONE
     if checked:
-        print(tr("The last two bytes are the right CRC of the bytes before them."))
+        print(tr("The last two bytes are the correct CRC of the bytes before them."))
     print(tr("CRC    {crc}  (low byte first, as it is sent; as a number 0x{number:04X})",
              crc=made["crc"], number=int.from_bytes(crc, "little")))  # fmt: skip
     print(tr("RTU    {frame}", frame=made["rtu"]))

@@ -32,7 +32,7 @@ rtuscope document meter.jsonl --map eastron-sdm630@1 --json"""
 def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     add_capture_arguments(parser)
-    add_page_arguments(parser, json="the same facts as JSON", html="write one HTML page to send on")
+    add_page_arguments(parser, json="the same facts as JSON", html="write one HTML page to send to others")
     add_map_argument(parser)
     add_limit_arguments(parser)
 

@@ -42,7 +42,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--to-format",
         dest="format",
         metavar="F",
-        help="jsonl, csv, mcap, parquet or pcapng; by default OUT's suffix tells, else jsonl",
+        help="jsonl, csv, mcap, parquet or pcapng; default: from OUT's suffix, else jsonl",
     )
     add_filter_argument(parser)
     add_map_argument(parser)
@@ -54,13 +54,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     add_columns_arguments(parser, "written")
     parser.add_argument(
-        "--delimiter", default=",", metavar="C", help="between the cells of CSV: , (default), ; or tab for spreadsheets"
+        "--delimiter", default=",", metavar="C", help="CSV separator: , (default), ; or tab for spreadsheets"
     )
     parser.add_argument(
         "--bom", action="store_true", help="start CSV with a byte-order mark, so that Excel reads UTF-8"
     )
     parser.add_argument("--noise", action="store_true", help="also write the bytes between frames")
-    parser.add_argument("--explain", action="store_true", help="tell why each frame's boundaries stand where they do")
+    parser.add_argument("--explain", action="store_true", help="explain each frame's boundaries")
     add_check_argument(parser)
     add_limit_arguments(parser)
 

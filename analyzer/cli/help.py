@@ -43,7 +43,7 @@ _WIDEST: Final = 120  # columns, of prose that one still reads
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
-    parser.add_argument("topic", nargs="?", metavar="TOPIC", help="page to read; without one, the list of pages")
+    parser.add_argument("topic", nargs="?", metavar="TOPIC", help="page to read (default: the list of pages)")
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -117,9 +117,9 @@ def moment(text: str, flag: str, first_ns: int, zone: tzinfo | None) -> int:
 _GROUP: Final = b"[rtuscope.functions]"
 _LIMITS: Final = (  # flag, option, least and most in ms, help
     ("--t15-ms", "t15_ns", 0.01, 5000.0, "longest silence inside a frame (1.5 characters)"),
-    ("--t35-ms", "t35_ns", 0.01, 5000.0, "least silence between frames (3.5 characters)"),
-    ("--turnaround-ms", "turnaround_ns", 0.0, 60000.0, "least pause after a broadcast, 100 if not given"),
-    ("--idle-ms", "idle_ns", 5.0, 5000.0, "silence after which the line counts as quiet, 50 if not given"),
+    ("--t35-ms", "t35_ns", 0.01, 5000.0, "shortest silence between frames (3.5 characters)"),
+    ("--turnaround-ms", "turnaround_ns", 0.0, 60000.0, "shortest pause after a broadcast, default 100"),
+    ("--idle-ms", "idle_ns", 5.0, 5000.0, "silence after which the line counts as idle, default 50"),
 )
 CAPTURE_HELP: Final = (
     "a capture: .jsonl, .mcap, .pcapng, .sr, .vcd, .csv, .txt, .bin ... (rtuscope help formats); - is standard input; "
@@ -160,10 +160,12 @@ def add_reading_arguments(parser: argparse.ArgumentParser, *, format_flag: bool 
     if format_flag:
         add_kept_names(group, option, "--format")
     add_line_arguments(group, LineWords())
-    group.add_argument("--polarity", choices=POLARITIES, help="of a logic analyser's edges: inverted is low when idle")
+    group.add_argument(
+        "--polarity", choices=POLARITIES, help="for a logic analyser's edges: inverted means low when idle"
+    )
     add_zone_argument(group)
     group.add_argument(
-        "--sample-rate", type=float, metavar="HZ", help="of a log or a table that counts samples (sigrok-cli -A)"
+        "--sample-rate", type=float, metavar="HZ", help="for a log or table with sample numbers (sigrok-cli -A)"
     )
 
 
@@ -385,7 +387,7 @@ def add_map_argument(parser: argparse.ArgumentParser | argparse._ArgumentGroup) 
         metavar="MAP[@UNIT]",
         action="append",
         default=[],
-        help="a register map, a file or one of `rtuscope map list`, for a unit or for all; may be given again",
+        help="a register map, a file or one of `rtuscope map list`, for one unit or for all; repeatable",
     )
 
 

@@ -41,15 +41,15 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     actions = parser.add_subparsers(metavar="ACTION", title="actions", dest="action", required=True)
     listed = actions.add_parser("list", help="list the shipped maps")
-    listed.add_argument("--json", action="store_true", help="an object a line")
+    listed.add_argument("--json", action="store_true", help="one JSON object per line")
     show = actions.add_parser("show", help="print a map as a table")
     show.add_argument("map", metavar="MAP", help="a file, or the name of a shipped map")
     show.add_argument("--format", choices=("table", "csv", "yaml", "schema"), default="table", help="how to print it")
     check = actions.add_parser("check", help="check a map, alone or against a capture; exit status 1 on contradictions")
     check.add_argument("map", metavar="MAP[@UNIT]", help="a file, or the name of a shipped map")
     check.add_argument("capture", metavar="CAPTURE", nargs="?", help="capture to compare it with")
-    check.add_argument("--unit", type=unit_number, metavar="N", help="unit that the map describes")
-    check.add_argument("--json", action="store_true", help="an object a remark, one a line")
+    check.add_argument("--unit", type=unit_number, metavar="N", help="the unit described by the map")
+    check.add_argument("--json", action="store_true", help="one JSON object per remark, one per line")
     _capture_arguments(check)
     importing = actions.add_parser("import", help="import a map from a spreadsheet or another program's file")
     importing.add_argument("file", metavar="FILE", help="a table, or another program's file (rtuscope help registers)")
@@ -58,19 +58,19 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--input-format",
         type=_import_format,
         metavar="NAME",
-        help="the format of FILE, where its content does not tell",
+        help="format of FILE, if its content does not show it",
     )
     add_kept_names(importing, form, "--format")
-    importing.add_argument("--device", metavar="NAME", help="which device, where FILE has several")
+    importing.add_argument("--device", metavar="NAME", help="which device, if FILE has several")
     importing.add_argument("--base", type=int, metavar="N", help="the address where a SunSpec model begins")
     inferring = actions.add_parser("infer", help="infer a map from traffic")
     inferring.add_argument("capture", metavar="CAPTURE", help="a recording; - reads standard input")
     _output_arguments(inferring)
-    inferring.add_argument("--unit", type=unit_number, metavar="N", help="the unit to map, where the bus has several")
+    inferring.add_argument("--unit", type=unit_number, metavar="N", help="the unit to map, if the bus has several")
     _capture_arguments(inferring)
     differ = actions.add_parser("diff", help="compare two maps")
     differ.add_argument("map", metavar="A", help="a file, or the name of a shipped map")
-    differ.add_argument("other", metavar="B", help="the other one")
+    differ.add_argument("other", metavar="B", help="the other map")
 
 
 def run(arguments: argparse.Namespace) -> int:

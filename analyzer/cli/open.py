@@ -187,11 +187,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help=f"{CAPTURE_HELP}; none: paste bytes",
     )
     parser.add_argument("--light", action="store_true", help="dark on light (D switches)")
-    parser.add_argument("--plain", action="store_true", help="read it out in plain lines, for a screen reader")
-    parser.add_argument("-Y", "--filter", metavar="FILTER", default="", help="with --plain: only what passes")
-    parser.add_argument(
-        "--against", metavar="CAPTURE", help="with --plain: tell what is otherwise than in this capture"
-    )
+    parser.add_argument("--plain", action="store_true", help="print plain lines for a screen reader")
+    parser.add_argument("-Y", "--filter", metavar="FILTER", default="", help="with --plain: only matching rows")
+    parser.add_argument("--against", metavar="CAPTURE", help="with --plain: show what differs from this capture")
     parser.add_argument("--web", action="store_true", help="serve it to a browser on this machine instead")
     parser.add_argument("--host", default="127.0.0.1", help="with --web: address to listen at (127.0.0.1)")
     parser.add_argument("--port", type=port, default=_PORT, help=f"with --web: port to listen at ({_PORT})")

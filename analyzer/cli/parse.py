@@ -42,8 +42,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--role", choices=("auto", "request", "response"), default="auto", help="direction, if you know it"
     )
-    parser.add_argument("--json", action="store_true", help="an object a line, with the keys of rtuscope export")
-    parser.add_argument("--noise", action="store_true", help="with --json: lines for the bytes in no frame, too")
+    parser.add_argument(
+        "--json", action="store_true", help="one JSON object per line, with the keys of rtuscope export"
+    )
+    parser.add_argument("--noise", action="store_true", help="with --json: also lines for bytes outside frames")
     parser.add_argument(
         "--values", action="store_true", help="registers as 32- and 64-bit integers and floats in every byte order"
     )

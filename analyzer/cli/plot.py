@@ -39,12 +39,12 @@ _NARROWEST: Final = 20  # columns of the curve
 def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     add_capture_arguments(parser)
-    parser.add_argument("word", metavar="unit", choices=("unit",), help="the word unit, then its number")
+    parser.add_argument("word", metavar="unit", choices=("unit",), help="the word `unit`, followed by its number")
     parser.add_argument("unit", type=unit_number, metavar="N", help="the unit's number")
     parser.add_argument(
         "address", metavar="ADDRESS", help="40108, 400108 or 4x108 as manuals count; below 10000 as on the wire, from 0"
     )
-    parser.add_argument("--area", choices=_AREAS, help="of an address as on the wire, where several areas have it")
+    parser.add_argument("--area", choices=_AREAS, help="the area, if several areas have this wire address")
     parser.add_argument("-o", "--output", metavar="FILE", help="a picture: .png, .svg or .pdf (needs matplotlib)")
     add_overwrite_argument(parser, "FILE")
     add_map_argument(parser)

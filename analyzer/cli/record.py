@@ -117,5 +117,5 @@ def _status(heard: int, recorder: Recorder) -> str:
     from ..languages import counted, grouped, tr
 
     octets = counted(heard, "byte", "bytes")
-    words = tr("{bytes} heard, {kept} on the disk", bytes=octets, kept=grouped(recorder.bytes))
+    words = tr("{bytes} received, {kept} on disk", bytes=octets, kept=grouped(recorder.bytes))
     return f"{words}  {tr('RECORDING PAUSED')}" if recorder.paused else words

@@ -47,16 +47,14 @@ HEADINGS: Final = ("unit", "register", "type", "order", "role", "min", "max", "l
 def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     add_capture_arguments(parser)
-    parser.add_argument(
-        "--unit", type=unit_number, action="append", metavar="N", help="only this unit; may be given again"
-    )
+    parser.add_argument("--unit", type=unit_number, action="append", metavar="N", help="only this unit; repeatable")
     add_map_argument(parser)
-    parser.add_argument("--recognise", action="store_true", help="use the maps of devices that are recognised")
+    parser.add_argument("--recognise", action="store_true", help="use the maps of recognised devices")
     parser.add_argument(
         "--like", metavar="VALUE|FILE", help="find the register that showed this number, or a table of times and values"
     )
-    parser.add_argument("--json", action="store_true", help="an object a line")
-    parser.add_argument("--all", action="store_true", help="list registers that never moved, too")
+    parser.add_argument("--json", action="store_true", help="one JSON object per line")
+    parser.add_argument("--all", action="store_true", help="also list registers that never changed")
     add_limit_arguments(parser)
 
 

@@ -17,7 +17,7 @@ rtuscope repair bus.mcap -o whole.mcap"""
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
-    parser.add_argument("file", metavar="FILE", help="a recording that was cut or damaged; it is left as it is")
+    parser.add_argument("file", metavar="FILE", help="a recording that was cut off or damaged; it is not changed")
     parser.add_argument(
         "-o",
         "-w",

@@ -41,9 +41,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         type=_speed,
         default=1.0,
         metavar="X",
-        help="times as fast as it was, or max (1); on a terminal: " + _KEYS,
+        help="speed factor, or max (1); on a terminal: " + _KEYS,
     )
-    port = parser.add_argument_group("onto a port (this transmits), set as the capture's line, or as --baud says")
+    port = parser.add_argument_group("to a port (this transmits), with the capture's line settings or those given")
     port.add_argument("--to", metavar="PORT", help="send the bytes to this port instead of showing them")
     port.add_argument("--only", choices=("requests", "responses"), help="only frames of this direction")
     add_view_arguments(parser)

@@ -61,13 +61,15 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_filter_argument(parser)
     shape = parser.add_mutually_exclusive_group()
     shape.add_argument("--json", action="store_true", help="the same facts as JSON")
-    shape.add_argument("--html", metavar="FILE", help="write one HTML page to send on, with charts and examples")
+    shape.add_argument("--html", metavar="FILE", help="write one HTML page to send to others, with charts and examples")
     add_overwrite_argument(parser, "FILE")
     add_check_argument(parser)
     add_map_argument(parser)
-    parser.add_argument("--against", metavar="CAPTURE", help="say what is new, gone, worse or better than in this one")
-    parser.add_argument("--by", choices=("hour",), help="count by hour of the clock as well")
-    parser.add_argument("--values", action="store_true", help="list what registers held, as far as inference is sure")
+    parser.add_argument(
+        "--against", metavar="CAPTURE", help="compare with this capture: what is new, gone, worse or better"
+    )
+    parser.add_argument("--by", choices=("hour",), help="also count by hour of the day")
+    parser.add_argument("--values", action="store_true", help="list register values whose meaning is certain")
     add_limit_arguments(parser)
 
 

@@ -19,7 +19,7 @@ rtuscope report silent.jsonl"""
 
 _TRANSACTIONS = 400
 _CHAR_BITS = 11
-_LINE_WORDS = LineWords(baud="bit/s, or with its format: 19200-8N1; drawn by chance if not given")
+_LINE_WORDS = LineWords(baud="bit/s, or with its format: 19200-8N1 (default: random)")
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -35,38 +35,37 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--wire",
         choices=tuple(WIRES),
-        help="a client that asks for everything, and what the wire does to the frames; without it nothing is wrong",
+        help="a client that asks for everything, and what the wire does to the frames (default: a healthy bus)",
     )
     parser.add_argument(
         "--defect",
         choices=tuple(defects()),
         metavar="CODE",
-        help="one thing wrong on a healthy bus, again and again: the code of a finding (%(choices)s)",
+        help="one recurring fault on a healthy bus: the code of a finding (%(choices)s)",
     )
     parser.add_argument(
         "--cause",
         choices=(*cases_by_cause(), *other_cases()),
         metavar="CODE",
-        help="a site of its own, drawn by the seed, where this cause is at work: its code in `rtuscope help causes`, "
-        "or healthy",
+        help="a site chosen by the seed with this cause: a code from `rtuscope help causes`, or healthy",
     )
     parser.add_argument(
         "--map",
         metavar="MAP[@UNIT]",
         action="append",
         default=[],
-        help="a server with this register map, a file or one of `rtuscope map list`; may be given again",
+        help="a server with this register map, a file or one of `rtuscope map list`; repeatable",
     )
-    parser.add_argument("--tap", choices=tuple(TAPS), default="precise", help="how the tap tells times (precise)")
+    parser.add_argument("--tap", choices=tuple(TAPS), default="precise", help="how the tap timestamps bytes (precise)")
     parser.add_argument("--transactions", type=int, metavar="N", help="requests to make (400)")
     add_line_arguments(parser, _LINE_WORDS)
-    parser.add_argument("--char-bits", type=int, help="start, data, parity and stop bits together (11)")
-    parser.add_argument("--units", type=int, help="servers on the bus; drawn by chance if not given")
+    parser.add_argument("--char-bits", type=int, help="bits per character, including start, parity and stop (11)")
+    parser.add_argument("--units", type=int, help="number of servers on the bus (default: random)")
     parser.add_argument(
         "--seed",
         type=int,
         default=0,
-        help="the same seed gives the same bus, whatever goes wrong on it and whoever taps it (0)",
+        help="the same seed gives the same bus, whatever the fault or tap (0)",
     )
 
 

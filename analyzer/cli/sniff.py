@@ -47,7 +47,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_tap_arguments(parser)
     add_viewer_arguments(parser)
     parser.add_argument(
-        "--protocol", choices=("auto", "rtu", "ascii"), default="auto", help="what the line speaks (auto)"
+        "--protocol", choices=("auto", "rtu", "ascii"), default="auto", help="protocol on the line (auto)"
     )
     add_view_arguments(parser, format_flag=True)
     add_recording_arguments(parser, needed=False)

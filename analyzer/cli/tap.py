@@ -26,17 +26,17 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_tap_arguments(parser)
     viewers = parser.add_argument_group("the viewers: `rtuscope sniff tap://HOST`, also record")
     viewers.add_argument(
-        "--listen", metavar="[HOST:]PORT", type=address, default="9616", help="where they are let in (127.0.0.1:9616)"
+        "--listen", metavar="[HOST:]PORT", type=address, default="9616", help="address to listen on (127.0.0.1:9616)"
     )
     add_token_argument(viewers)
     viewers.add_argument("--tls-cert", metavar="FILE", help="serve taps:// with this certificate (PEM)")
-    viewers.add_argument("--tls-key", metavar="FILE", help="its key, where that is not in the same file")
+    viewers.add_argument("--tls-key", metavar="FILE", help="its key, if not in the same file")
     viewers.add_argument(
         "--buffer",
         metavar="SIZE",
         type=size_in_bytes,
         default="64MB",
-        help="memory for what a viewer whose connection broke still gets (64MB: 40 min of a saturated line)",
+        help="memory kept for viewers that reconnect (64MB: 40 min of a saturated line)",
     )
     add_limit_arguments(parser, only="--idle-ms")
     add_functions_argument(parser)
@@ -102,5 +102,5 @@ def _serve(arguments: argparse.Namespace, server: TapServer, address: str, tell:
             elif isinstance(item, PortEvent) and item.kind != "settings":
                 tell(item.text)
             octets = counted(heard, "byte", "bytes")
-            tell.status(tr("{bytes} heard, viewers: {count}", bytes=octets, count=server.viewers))
+            tell.status(tr("{bytes} received, viewers: {count}", bytes=octets, count=server.viewers))
     return heard

@@ -37,10 +37,10 @@ if TYPE_CHECKING:
 
 _TOKEN_VARIABLE: Final = "RTUSCOPE_TAP_TOKEN"
 _TAP_WORDS: Final = LineWords(
-    baud="bit/s, or with its format: 19200-8N1; auto finds it by listening (default)",
-    parity="auto finds it with --baud auto, else N",
+    baud="bit/s, or with its format: 19200-8N1; auto detects it (default)",
+    parity="auto detects it with --baud auto, else N",
     bits="7 on some lines in ASCII mode (8)",
-    stop="of the line's characters (1)",
+    stop="stop bits of a character (1)",
     parities=("N", "E", "O"),
     auto=True,
 )
@@ -51,19 +51,19 @@ def add_tap_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "port",
         metavar="PORT",
-        help="a serial port, or socket://HOST:PORT, rfc2217://HOST:PORT, tap://HOST of `rtuscope tap`; never sent to",
+        help="a serial port, socket://HOST:PORT, rfc2217://HOST:PORT, or tap://HOST of `rtuscope tap`; nothing is sent "
+        "to it",
     )
     taps = parser.add_argument_group("the tap")
     add_line_arguments(taps, _TAP_WORDS)
-    taps.add_argument(
-        "--port2", metavar="PORT", help="a second tap: PORT hears what the client sends, this one what servers answer"
-    )
+    taps.add_argument("--port2", metavar="PORT", help="a second port: PORT hears the client, this one the servers")
     taps.add_argument(
         "--seek-remote",
         action="store_true",
-        help="find the settings of an rfc2217:// port by CHANGING them there; without it the port keeps its settings",
+        help="detect the settings of an rfc2217:// port by CHANGING them there; without it, the port keeps its "
+        "settings",
     )
-    taps.add_argument("--wait", action="store_true", help="wait for a port that is not there yet")
+    taps.add_argument("--wait", action="store_true", help="wait for a port that does not exist yet")
     taps.add_argument("--blocking-read", action="store_true", help=argparse.SUPPRESS)
 
 
@@ -72,17 +72,18 @@ def add_token_argument(parser: argparse._ArgumentGroup) -> None:
     parser.add_argument(
         "--token-file",
         metavar="FILE",
-        help=f"a file with the secret that a tap and its viewers share; else {_TOKEN_VARIABLE} of the environment",
+        help=f"a file with the secret shared by a tap and its viewers (default: {_TOKEN_VARIABLE} from the "
+        "environment)",
     )
 
 
 def add_viewer_arguments(parser: argparse.ArgumentParser) -> None:
     """How to get at a tap elsewhere."""
     group = parser.add_argument_group(
-        "a tap elsewhere (tap://HOST[:PORT], taps:// with TLS); it has its own line settings"
+        "a remote tap (tap://HOST[:PORT], taps:// with TLS); it has its own line settings"
     )
     add_token_argument(group)
-    group.add_argument("--tls-ca", metavar="FILE", help="trust this certificate (PEM), in place of the system's")
+    group.add_argument("--tls-ca", metavar="FILE", help="trust this certificate (PEM) instead of the system's")
 
 
 def add_recording_arguments(parser: argparse.ArgumentParser, *, needed: bool) -> None:
@@ -94,7 +95,7 @@ def add_recording_arguments(parser: argparse.ArgumentParser, *, needed: bool) ->
         "--output",
         metavar="FILE",
         required=needed,
-        help=f"record to this .mcap file{'' if needed else '; - is for --format'}",
+        help=f"record to this .mcap file{'' if needed else '; - needs --format'}",
     )
     add_overwrite_argument(recording, "FILE")
     recording.add_argument("--rotate-every", type=seconds, metavar="TIME", help="start a new file every TIME: 1h, 1d")
@@ -107,7 +108,7 @@ def add_recording_arguments(parser: argparse.ArgumentParser, *, needed: bool) ->
         action="append",
         default=[],
         metavar="TIME|SIZE",
-        help="keep only files newer than this (7d), or this much in all (2GB); delete older ones",
+        help="keep only files newer than this (7d), or this much in total (2GB); delete older ones",
     )
 
 

@@ -371,7 +371,7 @@ _YES: Final = ("y", "yes", "д", "да")
 def add_overwrite_argument(parser: argparse.ArgumentParser | argparse._ArgumentGroup, what: str) -> None:
     """--overwrite, for the file that is called `what` in the help."""
     parser.add_argument(
-        "--overwrite", action="store_true", help=f"even if {what} is there already (on a terminal you are asked)"
+        "--overwrite", action="store_true", help=f"overwrite {what} if it exists (a terminal asks first)"
     )
 
 

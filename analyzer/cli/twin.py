@@ -47,26 +47,26 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "port",
         metavar="PORT",
         nargs="?",
-        help="answer on this serial port; without it on a pseudo-terminal, which the first line printed names",
+        help="answer on this serial port; without it, on a pseudo-terminal named in the first line printed",
     )
-    twin = parser.add_argument_group("the twin, a server of its own port, set as the capture's line")
+    twin = parser.add_argument_group("the twin: a server on a port of its own, with the capture's line settings")
     twin.add_argument(
         "--unit",
         type=unit_number,
         action="append",
         default=[],
         metavar="N",
-        help="answer as this unit; all if not given",
+        help="answer as this unit (default: all units)",
     )
     twin.add_argument(
-        "--listen", type=address, metavar="[HOST:]PORT", help="answer over Modbus TCP here; 0: any free port"
+        "--listen", type=address, metavar="[HOST:]PORT", help="answer over Modbus TCP on this port; 0: any free port"
     )
     twin.add_argument(
         "--unknown",
         type=_unknown,
         default="exception",
         metavar="VALUE",
-        help="what registers hold that the capture does not tell of: a number, or exception for code 02 (exception)",
+        help="value of registers that the capture does not show: a number, or exception for code 02 (exception)",
     )
     twin.add_argument(
         "--fault",
@@ -82,7 +82,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--client", action="store_true", help="ask a real unit at PORT what the recorded client asked, and compare"
     )
     client.add_argument(
-        "--transmit", action="store_true", help="with --client: yes, SEND the recorded requests, writes among them"
+        "--transmit",
+        action="store_true",
+        help="with --client: confirm that the recorded requests, including writes, are sent",
     )
     add_limit_arguments(parser)
 

@@ -31,10 +31,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="SOURCE",
         action="append",
         required=True,
-        help="where captures come: a folder, a glob, s3:// ...; may be given again",
+        help="where captures arrive: a folder, a glob, s3:// ...; repeatable",
     )
     parser.add_argument("--every", type=seconds, default=60.0, metavar="TIME", help="how often to look (60s)")
-    parser.add_argument("--once", action="store_true", help="look once and end")
+    parser.add_argument("--once", action="store_true", help="look once and exit")
     add_fleet_arguments(parser)
 
 

@@ -49,31 +49,31 @@ def add_view_arguments(parser: argparse.ArgumentParser, *, format_flag: bool = F
             "--format",
             dest="view_format",
             choices=("text", "jsonl", "influx", "pcapng"),
-            help="what goes to standard output: text, or for other programs: wireshark -k -i - takes pcapng",
+            help="format of standard output: text, or for other programs (wireshark -k -i - reads pcapng)",
         )
     view.add_argument(
         "--json",
         dest="view_format",
         action="store_const",
         const="jsonl",
-        help="an object a line, as rtuscope export writes them",
+        help="one JSON object per line, as rtuscope export writes them",
     )
     view.add_argument(
         "--influx", dest="view_format", action="store_const", const="influx", help="InfluxDB's line protocol"
     )
-    view.add_argument("--noise", action="store_true", help="with --json and pcapng: the bytes in no frame, too")
-    view.add_argument("-Y", "--filter", metavar="FILTER", help="show only frames that pass, such as 'unit == 17'")
+    view.add_argument("--noise", action="store_true", help="with --json and pcapng: also bytes outside frames")
+    view.add_argument("-Y", "--filter", metavar="FILTER", help="show only matching frames, such as 'unit == 17'")
     add_columns_arguments(view, "shown")
     add_duration_argument(view)
-    view.add_argument("--until", metavar="FILTER", help="stop after a frame that passes: 'finding == \"no-response\"'")
+    view.add_argument("--until", metavar="FILTER", help="stop after a matching frame: 'finding == \"no-response\"'")
     view.add_argument(
-        "--trigger", metavar="FILTER", help="show (and record) only what is around frames that pass; see --before"
+        "--trigger", metavar="FILTER", help="show (and record) only what is around matching frames; see --before"
     )
-    view.add_argument("--before", type=seconds, default=10.0, metavar="TIME", help="before a trigger (10s)")
-    view.add_argument("--after", type=seconds, default=10.0, metavar="TIME", help="after a trigger (10s)")
+    view.add_argument("--before", type=seconds, default=10.0, metavar="TIME", help="time before a trigger (10s)")
+    view.add_argument("--after", type=seconds, default=10.0, metavar="TIME", help="time after a trigger (10s)")
     add_map_argument(view)
     view.add_argument(
-        "--infer", action="store_true", help="infer what registers mean as data arrives, and show values so"
+        "--infer", action="store_true", help="infer register types as data arrives, and show values accordingly"
     )
     view.add_argument("--tui", action="store_true", help="show it in the terminal interface")
 
@@ -380,7 +380,8 @@ def add_outlet_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="ORIGIN",
         action="append",
         default=[],
-        help="let in a page of your own, such as http://localhost:8080 (else app.foxglove.dev and desktop programs)",
+        help="allow a web page of your own, such as http://localhost:8080 (default: app.foxglove.dev and desktop "
+        "programs)",
     )
 
 

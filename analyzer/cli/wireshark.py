@@ -88,7 +88,7 @@ def _settings(interface: str) -> None:
         _put("value", arg=str(number), value=value, display=display)
     _argument(next(numbers), "--port2", "Second tap", "string", tooltip="hears what servers answer, where wires differ")
     _argument(next(numbers), "--filter", "Only frames that pass", "string", tooltip="rtuscope help filters")
-    _argument(next(numbers), "--noise", "Bytes in no frame", "boolflag", default="false", tooltip="as packets, too")
+    _argument(next(numbers), "--noise", "Bytes outside frames", "boolflag", default="false", tooltip="as packets, too")
     tip = "Also record to this .mcap file, which keeps every byte and its time"
     _argument(next(numbers), "--record", "Recording", "fileselect", tooltip=tip, mustexist="false")
 
@@ -142,13 +142,13 @@ _PROGRAMS: Final = ("wireshark", "tshark")  # who tells where its folders are
 def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     actions = parser.add_subparsers(metavar="ACTION", title="actions", dest="action", required=True)
-    install = actions.add_parser("install", help="have Wireshark list this machine's taps among its interfaces")
+    install = actions.add_parser("install", help="add this machine's ports to Wireshark's interfaces")
     remove = actions.add_parser("remove", help="remove what install added")
     for action in (install, remove):
-        action.add_argument("--folder", metavar="DIR", help="Wireshark's extcap folder, where it is not found")
-    actions.add_parser("folder", help="print the folder that install uses")
-    extcap = actions.add_parser("extcap", help="what Wireshark runs", prefix_chars="\0", add_help=False)
-    extcap.add_argument("words", nargs="*", metavar="WORD", help="as Wireshark gives them")
+        action.add_argument("--folder", metavar="DIR", help="Wireshark's extcap folder, if not found automatically")
+    actions.add_parser("folder", help="print the folder used by install")
+    extcap = actions.add_parser("extcap", help="the command that Wireshark runs", prefix_chars="\0", add_help=False)
+    extcap.add_argument("words", nargs="*", metavar="WORD", help="as given by Wireshark")
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -60,7 +60,7 @@ SCHEMA: Final = pa.schema(
         ("crc_ok", pa.bool_()),
         ("request_start", pa.int64()),
         ("taken_for_start", pa.int64()),  # the request that the client takes an answer for, where it is of another
-        ("unsure", pa.bool_()),  # whether nobody can tell which request it answers
+        ("unsure", pa.bool_()),  # whether it is unclear which request it answers
         ("response_time_ns", pa.int64()),  # where the tap's clock carries it; else it lies between the next two
         ("response_time_low_ns", pa.int64()),
         ("response_time_high_ns", pa.int64()),

@@ -45,7 +45,7 @@ FRAME_COLUMNS: Final = (
     "response_time_low_ns",  # between what it lies, both the same where it is exact
     "response_time_high_ns",
     "taken_for_start",  # the request that the client takes an answer for, where it is of another
-    "unsure",  # whether nobody can tell which request it answers
+    "unsure",  # whether it is unclear which request it answers
 )
 _OTHER_NAMES: Final = {  # of Wireshark, and of fields of the filter whose columns have names of their own
     "frame.number": "index",

@@ -205,7 +205,7 @@ FIELDS: Final = (
         "response", Flag(), "a response, an exception too", "response and not exception",
         _flag(lambda section: section.column("kind") == RowKind.RESPONSE),
     ),
-    FilterField("noise", Flag(), "bytes in no frame", "not noise", _flag(lambda section: ~section.frames)),
+    FilterField("noise", Flag(), "bytes outside frames", "not noise", _flag(lambda section: ~section.frames)),
     FilterField(
         "broadcast", Flag(), "a request to all units", "broadcast",
         _flag(lambda section: (section.column("unit") == 0) & (section.column("kind") == RowKind.REQUEST)),

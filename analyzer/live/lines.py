@@ -314,7 +314,7 @@ def _named(frame: Frame, charts: Mapping[int, RegisterMap]) -> str:
 def _noise(batch: Batch, row: int) -> str:
     data = batch.bytes_of(row)
     shown = data[:16].hex(" ").upper() + (" …" if len(data) > 16 else "")
-    words = tr("{bytes} in no frame: {shown}", bytes=counted(len(data), "byte", "bytes"), shown=shown)
+    words = tr("{bytes} outside frames: {shown}", bytes=counted(len(data), "byte", "bytes"), shown=shown)
     return f"{clock_time(int(batch.rows.t_end_ns[row]))} ~ {words}"
 
 

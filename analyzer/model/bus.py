@@ -240,7 +240,7 @@ class Bus:
         return evidence_of(self.table, row)
 
     def gap_ns(self, row: int) -> int | None:
-        """Silence before a row; None before the first one and where the tap cannot tell."""
+        """Silence before a row; None before the first one and where unknown from this tap."""
         gap = self.table.value("gap_before_ns", row)
         return gap if self.timed and row > 0 and gap > NO_GAP else None
 

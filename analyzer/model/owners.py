@@ -15,7 +15,7 @@ def owner(bus: Bus, row: int) -> str:
     table = bus.table
     unsure, displaced = table.value("unsure", row), table.value("taken_for_start", row) >= 0
     if unsure:
-        return tr("nobody can tell which request it answers")
+        return tr("it is unclear which request it answers")
     if not displaced:
         return ""
     request, taken = bus.partner(row), bus.taken_for(row)

@@ -41,17 +41,17 @@ def row_named(text: str, bus: Bus, row: int, zone: tzinfo = UTC) -> int:
     """The row that `text` names, seen from `row`; times of day are those of `zone`. Raises GotoError."""
     text = text.strip().lower()
     if not bus.count:
-        raise GotoError(tr("no frame is there yet"))
+        raise GotoError(tr("no frames yet"))
     if _FRAME.fullmatch(text):
         target = bus.table.row_of_frame(int(text.lstrip("#")))
         if target < 0:
-            words = tr("no frame {text}: they are 0 to {last:,}", text=text, last=bus.frames - 1)
+            words = tr("no frame {text}: frames are 0 to {last:,}", text=text, last=bus.frames - 1)
             raise GotoError(words if bus.whole else tr("{words} so far", words=words))
         return target
     if match := _SHARE.fullmatch(text):
         return min(bus.count - 1, int(bus.count * float(match[1].replace(",", ".")) / 100))
     if not bus.timed:
-        raise GotoError(tr("this capture has no times: go to a frame's number or a share such as 50%"))
+        raise GotoError(tr("this capture has no timestamps: go to a frame number or a share such as 50%"))
     if match := _STEP.fullmatch(text):
         ns = round(float(match[2].replace(",", ".")) * UNITS_NS[match[3]])
         if not match[1]:
@@ -59,7 +59,7 @@ def row_named(text: str, bus: Bus, row: int, zone: tzinfo = UTC) -> int:
         return bus.table.row_at_time(bus.table.value("t_start_ns", row) + (ns if match[1] == "+" else -ns))
     if is_clock_text(text):
         return bus.table.row_at_time(moment(text, bus, zone))
-    raise GotoError(tr("{text!r} is no place: {forms}", text=text[:40], forms=tr(FORMS)))
+    raise GotoError(tr("{text!r} is not a place: {forms}", text=text[:40], forms=tr(FORMS)))
 
 
 _AT_ONCE: Final = 1 << 12  # rows
@@ -171,7 +171,7 @@ def for_bytes(text: str) -> Hits:
 def for_text(text: str) -> Hits:
     """Rows whose bytes, as characters, or whose words in the list hold this text; case does not matter."""
     if not text.strip():
-        raise SearchError(tr("nothing to look for"))
+        raise SearchError(tr("nothing to search for"))
     pattern = re.compile(re.escape(text.encode()), re.IGNORECASE)
     folded, wordings = text.casefold(), {ENGLISH, wording()}
 

@@ -89,7 +89,7 @@ def _polls(now: PollLog, then: PollLog) -> Iterator[Change]:
     new, old = ({poll.key: poll for poll in log if poll.asked >= _FEW} for log in (now, then))
     for kind, words, here, there in (
         ("new", "{poll} is polled now ({requests})", new, old),
-        ("gone", "{poll} is polled no more ({requests} then)", old, new),
+        ("gone", "{poll} is no longer polled ({requests} before)", old, new),
     ):
         for key in sorted(here.keys() - there.keys()):
             requests = counted(here[key].asked, "request", "requests")

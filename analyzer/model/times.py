@@ -45,10 +45,10 @@ def is_clock_text(text: str) -> bool:
 def moment(text: str, bus: Bus, zone: tzinfo = UTC) -> int:
     """The time (ns) that a text like `08:29:51.5` names: without a date on the first day of the capture that has it.
     Raises GotoError."""
-    _with_clock(bus, tr("this capture's clock has no time of day: give a time since its start, such as 12.5s"))
+    _with_clock(bus, tr("this capture has no time of day: give a time since its start, such as 12.5s"))
     match = _CLOCK.fullmatch(text)
     if match is None or match["minute"] is None:
-        raise GotoError(tr("{text!r} is no time of day", text=text[:40]))
+        raise GotoError(tr("{text!r} is not a time of day", text=text[:40]))
     zone = _zone(match, bus, zone, text)
     t_ns = _of_clock(match, moment_of(bus.t_first / 1e9, zone), zone, None, text)
     return t_ns if match["day"] or t_ns + _SECOND_NS >= bus.t_first else t_ns + round(_DAY.total_seconds()) * _SECOND_NS
@@ -70,7 +70,7 @@ def span(text: str, bus: Bus, zone: tzinfo = UTC, now: datetime | None = None) -
         begin, end = _CLOCK.fullmatch(one), _CLOCK.fullmatch(other)
         if begin and end:
             return _of_clocks(begin, end, bus, zone, now, text)
-    raise GotoError(tr("{text!r} is no span: {forms}", text=text[:40], forms=tr(SPANS)))
+    raise GotoError(tr("{text!r} is not a span: {forms}", text=text[:40], forms=tr(SPANS)))
 
 
 def _halves(text: str) -> Iterator[tuple[str, str]]:
@@ -82,7 +82,7 @@ def _halves(text: str) -> Iterator[tuple[str, str]]:
 def _of_clocks(
     begin: re.Match[str], end: re.Match[str], bus: Bus, zone: tzinfo, now: datetime | None, text: str
 ) -> tuple[int, int]:
-    _with_clock(bus, tr("this capture's clock has no time of day: give seconds since its start, such as 10s-25s"))
+    _with_clock(bus, tr("this capture has no time of day: give seconds since its start, such as 10s-25s"))
     zone = _zone(end if end["zone"] else begin, bus, zone, text)
     day = moment_of(bus.t_last // _SECOND_NS, zone)
     low = _of_clock(begin, day, zone, now, text)
@@ -105,7 +105,7 @@ def _zone(match: re.Match[str], bus: Bus, zone: tzinfo, text: str) -> tzinfo:
         return zone
     if written in ("z", "utc", "gmt"):
         return UTC
-    raise GotoError(tr("{text!r} is no time of day", text=text[:40]))
+    raise GotoError(tr("{text!r} is not a time of day", text=text[:40]))
 
 
 def _of_clock(match: re.Match[str], day: datetime, zone: tzinfo, now: datetime | None, text: str) -> int:
@@ -118,7 +118,7 @@ def _of_clock(match: re.Match[str], day: datetime, zone: tzinfo, now: datetime |
         at += _DAY * midnight
         return int(at.timestamp()) * _SECOND_NS + int((match["part"] or "0").ljust(9, "0"))
     except (ValueError, OverflowError) as error:
-        raise GotoError(tr("{text!r} is no time of day", text=text[:40])) from error
+        raise GotoError(tr("{text!r} is not a time of day", text=text[:40])) from error
 
 
 def _named_day(name: str | None, day: datetime, zone: tzinfo, now: datetime | None) -> datetime:

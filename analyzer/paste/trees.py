@@ -58,7 +58,7 @@ def tree(paste: Paste, *, colour: bool = False, values: bool = False) -> Termina
             octets = hex_shown(piece.data, _NOISE_BYTES)
             length = counted(piece.length, "byte", "bytes")
             where = tr("{bytes} at {start}: {octets}", bytes=length, start=piece.start, octets=octets)
-            lines.append(terminal_text(painted(tr("in no frame"), style.bold), f"  {where}"))
+            lines.append(terminal_text(painted(tr("outside frames"), style.bold), f"  {where}"))
         else:
             lines.extend(_frame(piece, style, values, advised=piece.start not in refused))
     if left := left_out(paste):
@@ -104,7 +104,7 @@ def _frame(frame: PastedFrame, style: Style, values: bool, *, advised: bool) -> 
     others = frame.fields(frame.also, wording())
     yield ""
     if others == fields:
-        same = tr("its request and its response look alike: field by field the same")
+        same = tr("its request and its response look alike: all fields equal")
         yield terminal_text(painted(tr("or {name}", name=tr(frame.also.name.lower())), style.bold), f"  {same}")
         return
     yield painted(tr("or {name}", name=heading(frame, frame.also)), style.bold)
@@ -127,11 +127,11 @@ def advice_words(frame: PastedFrame) -> str | None:
         return None
     why = {
         "range-end": tr("address + quantity runs past 65535"),
-        "quantity": tr("the quantity is more than one request may have"),
+        "quantity": tr("the quantity is too large for one request"),
         "register-number": tr("a register number was sent as the address"),
-        "read-function": tr("the unit does not have this function, try the other one that reads"),
-        "write-function": tr("the unit does not have this function, try the other one that writes"),
-        "function": tr("the unit does not have this function"),
+        "read-function": tr("the unit does not support this function, try the other read function"),
+        "write-function": tr("the unit does not support this function, try the other write function"),
+        "function": tr("the unit does not support this function"),
     }[found.reason]
     if not found.ask_instead:
         return why

@@ -67,7 +67,7 @@ def _section(rule: Rule) -> str:
 _ABOUT: Final = {
     "frame": "a frame",
     "transaction": "a request and its answer",
-    "noise": "bytes in no frame",
+    "noise": "bytes outside frames",
     "bus": "the bus as a whole",
 }
 
@@ -95,7 +95,7 @@ def example_of(code: str) -> ReferenceExample:
                 row = int(rows.start.searchsorted(finding.start, side="right")) - 1
                 if rows.index[row] < 0:
                     data = batch.bytes_of(row)
-                    return ReferenceExample(finding, (f"{_hex(data)}  bytes in no frame",))
+                    return ReferenceExample(finding, (f"{_hex(data)}  bytes outside frames",))
                 frame = batch.frame(row)
                 heads = (f"{frame.direction}, {frame.length} bytes: {frame.summary()}",)
                 return ReferenceExample(finding, heads + tuple(_annotated(frame.captured, frame.fields())))

@@ -53,7 +53,7 @@ def _causes(now: Report, before: Report) -> Iterator[Difference]:
             yield Difference("new", "cause", cause.cause, cause.units, cause.text)
     for key, cause in old.items():
         if key not in new:
-            text = page_words("{text} (then; not any more)", text=cause.text)
+            text = page_words("{text} (before; no longer)", text=cause.text)
             yield Difference("gone", "cause", cause.cause, cause.units, text)
 
 

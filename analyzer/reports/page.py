@@ -53,7 +53,7 @@ def facts(report: Report) -> Iterator[tuple[str, str]]:
     named = [part for part in (file_name(report.source), report.format) if part]
     yield "capture", ", ".join(named) or page_words("unnamed")
     if report.filter:
-        yield "filter", page_words("{filter} (what follows covers what passes)", filter=report.filter)
+        yield "filter", page_words("{filter} (the rest of the report covers matching rows only)", filter=report.filter)
     yield "line", _line_words(report)
     yield "span", _span(report)
     label = "skipped" if report.format == "text" else "damaged"  # a log's words between its bytes are no damage
@@ -63,7 +63,7 @@ def facts(report: Report) -> Iterator[tuple[str, str]]:
         yield "", page_words("and {count:,} more such places", count=report.damage_count - _LOSSES)
     yield from _recording(report)
     if report.partial:
-        yield "partial", page_words("ended before the capture did; what follows covers the part read")
+        yield "partial", page_words("reading stopped early; the report covers the part read")
     yield "bytes", _bytes(report)
     if report.tcp_frames and report.baud is not None:
         yield (
@@ -128,7 +128,7 @@ def _line_words(report: Report) -> str:
 
 def _span(report: Report) -> str:
     if report.span_ns is None:
-        nothing = "nothing passes" if report.filter else "nothing captured"
+        nothing = "nothing matches" if report.filter else "nothing captured"
         return unknown("no times in this capture" if not report.timed else nothing)
     words = duration(report.span_ns)
     if report.t_start_ns is not None and is_clock(report.t_start_ns):
@@ -146,12 +146,12 @@ def unknown_load(report: Report) -> str:
     if not report.timed:
         return unknown("no times in this capture")
     if report.tcp_frames == report.frames > 0:
-        return unknown("packets of a network are no load of a line")
+        return unknown("network packets do not load a line")
     if report.baud is None:
-        return unknown("it needs the line's speed (--baud)")
+        return unknown("needs the line's speed (--baud)")
     if report.char_bits is None:
-        return unknown("it needs the length of a character (--parity, --stop)")
-    return unknown("it needs frames over a span of time")
+        return unknown("needs the character length (--parity, --stop)")
+    return unknown("needs frames over some time")
 
 
 def _recording(report: Report) -> Iterator[tuple[str, str]]:
@@ -169,7 +169,7 @@ def _recording(report: Report) -> Iterator[tuple[str, str]]:
     if len(events) > _HAPPENED:
         yield "", and_more(len(events) - _HAPPENED, "more such time", "more such times")
     if report.deaf:
-        yield "", page_words("no unit is blamed for an answer that was missed then")
+        yield "", page_words("answers missed then are not blamed on any unit")
 
 
 def _bytes(report: Report) -> str:
@@ -177,7 +177,7 @@ def _bytes(report: Report) -> str:
     if report.noise_bytes:
         stretches = counted(report.noise_stretches, "stretch", "stretches")
         words += page_words(
-            ", {count:,} of them in no frame ({stretches})", count=report.noise_bytes, stretches=stretches
+            ", {count:,} of them outside frames ({stretches})", count=report.noise_bytes, stretches=stretches
         )
     for name, size in report.foreign.items():
         words += page_words("; {size:,} of another protocol, {name}", size=size, name=phrase("{name}", name=name))
@@ -246,7 +246,7 @@ def _load(report: Report) -> str:
 def _response(report: Report, figures: Sequence[str] = ("p50", "p95", "p99", "max")) -> str:
     times = report.times
     if not times.count or times.off_ns is None:
-        return unknown("no times in this capture" if not report.timed else "this tap's times cannot tell them")
+        return unknown("no times in this capture" if not report.timed else "this tap's timestamps are too coarse")
     words = ", ".join(f"{figure} {times.worded(figure)}" for figure in figures)
     answers = report.transactions.answers
     if times.count < answers:

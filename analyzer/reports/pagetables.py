@@ -60,7 +60,7 @@ def _legend(report: Report) -> Iterator[str]:
     else:
         yield page_words("requests: ok + exc (exceptions) + none (no answer) + bad (damaged) + broadcasts")
     if count := report.transactions.unheard:
-        unheard = page_words("{count:,} not heard: nothing was recorded when an answer was due", count=count)
+        unheard = page_words("{count:,} not recorded: recording was interrupted when the answer was due", count=count)
         yield f"{'':10}+ {unheard}"
 
 
@@ -150,7 +150,7 @@ def _badly(card: UnitCard) -> int:
 
 
 def troubled(cards: Sequence[UnitCard], most: int) -> list[UnitCard]:
-    """Units that did not answer well, the worst of them, by number."""
+    """Units with bad answers, the worst of them, by number."""
     worst = sorted((card for card in cards if _badly(card)), key=lambda card: -_badly(card))[:most]
     return sorted(worst, key=lambda card: card.unit)
 

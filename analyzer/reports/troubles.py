@@ -29,7 +29,7 @@ _SLACK: Final = 1.3  # of the timeout: what a wait is at most
 
 
 def of_echoes(findings: Findings) -> NDArray[np.bool_]:
-    """Which findings speak of a request that stands there twice, one right behind the other."""
+    """Which findings speak of a request that stands there twice, one right after the other."""
     whole: NDArray[np.bool_] = np.isnan(findings.numbers[:, 1]) & (findings.rule == codes().index("echo"))
     return whole
 

@@ -226,7 +226,7 @@ class Rows(Columns):
     foreign: UInt8s  # noise that is another protocol's: its number in `dissectors.foreign.NAMES`, else 0
     # Whose an answer is, where that is not the request that it seems to follow:
     taken_for_start: Int64s  # `start` of the request that the client takes it for, where it answers another; else -1
-    unsure: Bools  # nobody can tell which request it answers
+    unsure: Bools  # it is unclear which request it answers
     mark: UInt8s  # the direction mark that a log gives the read of its first byte: `captures.Mark`
 
     def row(self, number: int) -> Row:

@@ -54,7 +54,7 @@ class ChangeList(Lines):
     def empty(self) -> str:
         if self.changes is None:
             return tr("o chooses what to compare with: another capture, or two spans of this one")
-        return tr("nothing is otherwise")
+        return tr("no differences")
 
     @property
     def change(self) -> Change | None:

@@ -154,7 +154,7 @@ class Rtuscope(App[None]):
 
     def action_help_quit(self) -> None:
         """Ctrl+C: no way out of its own, it names the one there is."""
-        self.notify(tr("q quits; a recording does not end unasked"), markup=False)
+        self.notify(tr("q quits; a running recording asks first"), markup=False)
 
     def leave(self, following: NextFile | None = None) -> None:
         """Quit, or go on to a file. A recording does not end unasked, and what is shown stays where the file cannot be
@@ -170,7 +170,7 @@ class Rtuscope(App[None]):
                 try:
                     source = await asyncio.to_thread(self._opened, following.path)
                 except Exception as error:  # whatever is wrong with a file, what is shown stays
-                    trouble = tr("not opened, this stays as it was: {trouble}", trouble=error_words(error))
+                    trouble = tr("not opened, the view is unchanged: {trouble}", trouble=error_words(error))
                     self.notify(harmless(trouble), severity="error", markup=False, timeout=_LONG_S)
                     return
             if not await self._may_leave():

@@ -173,7 +173,7 @@ class StatusLine(Painted):
         if self.state[0]:
             left.append(StyledText(f"{self.state[0]}  ", self.state[1]))
         if self.desk.paused:
-            left.append(StyledText(f"{tr('PAUSED, P goes on')}  ", "warning"))
+            left.append(StyledText(f"{tr('PAUSED, P resumes')}  ", "warning"))
         if doing := self.doing or self._listening():
             words = self.doing if told else doing  # beside a rate the spin alone says that it listens
             left.append(StyledText(f"{_SPIN[self._turn % len(_SPIN)]} {words}{'  ' if words else ''}", "accent"))

@@ -86,7 +86,7 @@ class Preferences:
                 return cls(path)
             return cls._from(json.loads(path.read_text(encoding="utf-8")), path)
         except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-            return cls(None, trouble=tr("{file} holds no settings of this program: left alone", file=path))
+            return cls(None, trouble=tr("{file} is not an rtuscope settings file: left unchanged", file=path))
 
     @classmethod
     def _from(cls, stored: Mapping[str, Any], path: Path) -> Preferences:
@@ -216,10 +216,10 @@ class ViewState:
     def emptied(self, otherwise: str = "") -> str:
         """Why a view is empty: the scope, or else this."""
         if self.is_foreign and self.source.path is not None:
-            return tr("no Modbus frame was found; 0 tells what was captured")
+            return tr("no Modbus frames found; press 0 to see what was captured")
         if not self.scope.narrows or not self.bus.count:
             return tr(otherwise)
-        return tr("nothing here passes {scope}; Esc takes it back", scope=self.scope_words())
+        return tr("nothing here matches {scope}; Esc removes it", scope=self.scope_words())
 
     def tint(self, row: int) -> str:
         """The kind (`paint.INKS`) of the first colour rule that a row passes."""

@@ -43,7 +43,7 @@ class Details(Lines):
     """The tree of one look. What the user opened or closed stays so on the next frame with the same fields."""
 
     HEAD = 0
-    EMPTY = "no frame chosen"
+    EMPTY = "no frame selected"
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("right,l", "open(True)", "Open", show=False),
         Binding("left,h", "open(False)", "Close", show=False),

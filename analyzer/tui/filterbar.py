@@ -272,10 +272,10 @@ class KeptFilters:
         own = wishes.filters[:_SHOWN]
         shown = [*own, *wishes.presets][: 2 * _SHOWN]
         choices = [(_KEYS[i], _entry_words(entry)) for i, entry in enumerate(shown)]
-        choices += [("k", tr("keep the filter in use: {filter}", filter=bar.text))] if bar.text else []
+        choices += [("k", tr("save the current filter: {filter}", filter=bar.text))] if bar.text else []
         choices += [("d", tr("drop one"))] if own else []
         if not choices:
-            screen.tell(tr("no filter is kept yet: use one, then S keeps it"))
+            screen.tell(tr("no saved filters yet: apply one, then press S"))
             return
         which = await ask(Choose(tr("Kept filters"), choices))
         if which is None:
@@ -291,7 +291,7 @@ class KeptFilters:
         self._again()
 
     async def _keep(self, text: str) -> None:
-        hint = tr("a name; a colour behind it lights its rows: {colours}", colours=", ".join(COLOURS))
+        hint = tr("a name; add a colour to highlight its rows: {colours}", colours=", ".join(COLOURS))
         answer = await self._screen.app.push_screen_wait(Ask(tr("Keep as"), hint, wrong=_no_name))
         if answer is None:
             return

@@ -57,7 +57,7 @@ class FindingList(Lines):
     """By cause, and below each by code, counted and unfolded; or a line a finding, in wire order."""
 
     HEAD = 2
-    EMPTY = "nothing was found; that is good news"
+    EMPTY = "no findings: all is well"
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("right,l", "fold(True)", "Unfold", tooltip="The findings of this code, one by one"),
         Binding("left,h", "fold(False)", "Fold", show=False),
@@ -200,7 +200,7 @@ class FindingList(Lines):
         roomy = width >= _ROOMY
         if y:
             frame, code = (f"{tr('frame'):>8}  ", f"{tr('code'):<20}") if roomy else ("", tr("code"))
-            return fitted([StyledText(f"  {tr('time'):>12} {frame}{code} {tr('what was seen')}")], width)
+            return fitted([StyledText(f"  {tr('time'):>12} {frame}{code} {tr('observed')}")], width)
         counts = [
             counted(self._levels[level], level.name.lower(), f"{level.name.lower()}s")
             if roomy

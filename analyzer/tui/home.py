@@ -88,7 +88,7 @@ class HomeList(Lines):
         if self.state is None and self.desk.bus.count:
             return ""  # it is being reckoned, as the first line says
         if self.desk.is_foreign:
-            return tr("what was captured instead is told below")
+            return tr("what was captured instead is shown below")
         return self.desk.emptied(self.EMPTY)
 
     @property
@@ -146,7 +146,7 @@ class HomeList(Lines):
             shown = tr("{some:,} of {frames}", some=self.desk.figures.frames, frames=frames)
             totals = StyledText(f"   {shown}{span}", "dim")
         if self.desk.is_foreign:
-            return [StyledText(f"  {tr('no Modbus frame was found')}"), totals]
+            return [StyledText(f"  {tr('no Modbus frames found')}"), totals]
         if state is None or not bus.frames:
             return [StyledText(f"  {tr('reading …')}"), totals]
         if self.desk.is_emptied:
@@ -156,14 +156,14 @@ class HomeList(Lines):
             verdict = tr("{things} what is wrong", things=counted(wrong, "thing explains", "things explain"))
             return [StyledText(f"  {verdict}", "error"), totals]
         if self.desk.scope.narrows:
-            return [StyledText(f"  {tr('No cause concerns what is shown')}"), totals]
+            return [StyledText(f"  {tr('No cause affects what is shown')}"), totals]
         if state.not_explained:
             words = tr("Not explained: {words}", words=left_words(state.not_explained[0]))
             return [StyledText(f"  {words}", "warning"), totals]
         grave = sum(count for level, count in bus.found.by_severity.items() if level > 1)
         if grave:
-            return [StyledText(f"  {tr('Single troubles, with no cause behind them')}", "warning"), totals]
-        return [StyledText(f"  {tr('Nothing is wrong') if bus.whole else tr('Nothing wrong so far')}", "good"), totals]
+            return [StyledText(f"  {tr('Isolated problems without a cause')}", "warning"), totals]
+        return [StyledText(f"  {tr('No problems found') if bus.whole else tr('No problems so far')}", "good"), totals]
 
     def pieces(self, line: int, width: int) -> Sequence[StyledText]:
         assert self.state is not None

@@ -183,7 +183,7 @@ class Jobs(ScreenThreads):
         self._tell_notices()
         told = self._screen.undecided or self._screen.view in ("home", "paste")
         if not self._bus.frames and not trouble and not told:
-            self._screen.tell(tr("no Modbus frame was found"), wrong=True)
+            self._screen.tell(tr("no Modbus frames found"), wrong=True)
 
     # Testing rows
 

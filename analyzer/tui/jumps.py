@@ -63,7 +63,7 @@ class Jumps:
         screen = self._screen
         listing = screen.query_one(f"#{view}", FrameList)
         if not listing.go(row):
-            words = "that row is not among those shown (Esc takes the filter back); this one comes before it"
+            words = "that row is filtered out (Esc clears the filter); this is the one before it"
             screen.tell(tr(words))
         listing.focus()
         self._arrived = listing.row, row
@@ -97,7 +97,7 @@ class Jumps:
         """From a request to its answer, from an answer to its request."""
         partner = None if self.here < 0 else self._bus.partner(self.here)
         if partner is None:
-            self._screen.tell(tr("no counterpart is known"))
+            self._screen.tell(tr("no counterpart known"))
         else:
             self.go(partner)
 
@@ -191,7 +191,7 @@ class Jumps:
             rows = np.unique([self._bus.table.row_of_frame(index) for index in cause.frames])
             rows = rows[rows >= 0]
         if not len(rows):
-            self._screen.tell(tr("no frame shows it by itself"))
+            self._screen.tell(tr("no single frame shows it"))
             return
         hits: search.Hits = lambda _, first, last: rows[(rows >= first) & (rows < last)]  # noqa: E731
         self.stop()
@@ -287,7 +287,7 @@ class Jumps:
 
 
 def _no_more(*, back: bool) -> str:
-    return tr("no finding before this") if back else tr("no finding further on")
+    return tr("no findings above") if back else tr("no more findings below")
 
 
 def _names_row(text: str) -> bool:

@@ -137,7 +137,7 @@ def _compared(desk: ViewState, row: int, fields: tuple[Field, ...], other: int, 
     if bus.timed:
         since = bus.table.value("t_start_ns", row) - bus.table.value("t_start_ns", other)
         away = tr(", {time} before", time=short(since)) if since >= 0 else tr(", {time} later", time=short(-since))
-    words = tr("nothing differs from frame {number}", number=frame.index)
+    words = tr("identical to frame {number}", number=frame.index)
     if pairs:
         difference = counted(len(pairs), "value differs", "values differ")
         words = tr("{difference} from frame {number}", difference=difference, number=frame.index)
@@ -175,7 +175,7 @@ def _by_meaning(desk: ViewState, row: int, other: int, fields: tuple[Field, ...]
 def at_piece(pasted: PastedFrame | PastedNoise) -> FrameDetail:
     """A piece of a paste."""
     if isinstance(pasted, PastedNoise):
-        return FrameDetail(tr("in no frame"), pasted.data, (Item("noise", _unexplained(pasted.data),
+        return FrameDetail(tr("outside frames"), pasted.data, (Item("noise", _unexplained(pasted.data),
                                                      0, pasted.length, "noise", label=tr("noise")),))  # fmt: skip
     from ..paste.trees import heading, trouble
 
@@ -189,7 +189,7 @@ def at_piece(pasted: PastedFrame | PastedNoise) -> FrameDetail:
     if pasted.also is not None:
         others = pasted.fields(pasted.also, wording())
         same = others == fields
-        text = tr("field by field the same") if same else heading(pasted, pasted.also)
+        text = tr("all fields equal") if same else heading(pasted, pasted.also)
         name = pasted.also.name.lower()
         items.append(
             Item(
@@ -204,7 +204,7 @@ def at_piece(pasted: PastedFrame | PastedNoise) -> FrameDetail:
 
 
 def _unexplained(data: bytes) -> str:
-    return tr("{bytes} that no frame explains", bytes=counted(len(data), "byte", "bytes"))
+    return tr("{bytes} outside any frame", bytes=counted(len(data), "byte", "bytes"))
 
 
 def _heading(frame: Frame) -> str:

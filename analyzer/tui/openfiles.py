@@ -87,7 +87,7 @@ class OpenFiles:
         if size < 0:
             return tr("the file is gone: shown from memory"), "error"
         if size < self._size:
-            return tr("the file was cut or written anew (Ctrl+R)"), "error"
+            return tr("the file was truncated or rewritten (Ctrl+R)"), "error"
         if size > self._size:
             return tr("grown by {size} (Ctrl+R, F follows)", size=data_size(size - self._size)), "warning"
         return "", ""
@@ -96,7 +96,7 @@ class OpenFiles:
         """Read it anew: the same view, filter and row."""
         screen = self._screen
         if self.path is None:
-            screen.tell(tr("there is no file to read anew"))
+            screen.tell(tr("there is no file to reload"))
             return
         scope = screen.desk.scope
         text = "" if scope.filter is None else scope.filter.text
@@ -118,7 +118,7 @@ def no_capture(text: str) -> str:
 
     path = Path(text).expanduser()
     if not path.is_file():
-        return tr("no such file as {file}", file=text)
+        return tr("no file {file}", file=text)
     try:
         captures.open(path)
     except captures.CaptureError as error:
@@ -144,10 +144,10 @@ class Bookmarks:
             comment = notes.comments.get(spot)
             if notes.toggle(spot):
                 where = tr("until you leave") if notes.path is None else tr("in {file}", file=notes.path.name)
-                screen.tell(tr("bookmark kept {where}; ' goes to the next", where=where))
+                screen.tell(tr("bookmark saved {where}; ' goes to the next", where=where))
             else:
                 gone = tr("bookmark and comment") if comment else tr("bookmark")
-                screen.tell(tr("{gone} taken away; u brings it back", gone=gone))
+                screen.tell(tr("{gone} removed; u restores it", gone=gone))
 
         self._noted(change)
 
@@ -157,7 +157,7 @@ class Bookmarks:
         def change() -> None:
             spot = self._desk.notes.undo()
             row = -1 if spot is None else self._desk.bus.table.row_of_byte(*spot)
-            self._screen.tell(tr("nothing to take back") if spot is None else tr("taken back"))
+            self._screen.tell(tr("nothing to undo") if spot is None else tr("undone"))
             if row >= 0:
                 self._screen.jumps.go(row)
 
@@ -218,7 +218,7 @@ class Bookmarks:
         try:
             change()
         except CaptureError as error:
-            screen.tell(tr("kept until you quit only: {error}", error=error_words(error)), wrong=True)
+            screen.tell(tr("saved only until you quit: {error}", error=error_words(error)), wrong=True)
         for each in screen.query(FrameList):
             each.unpaint()
         if screen.row is not None:

@@ -79,7 +79,7 @@ class PieceList(Lines):
         if isinstance(pasted, PastedNoise):
             length = counted(pasted.length, "byte", "bytes")
             return fitted(
-                [at, StyledText(f"{tr('in no frame')}, {length}: {hex_shown(pasted.data, 12)}", "noise")], width
+                [at, StyledText(f"{tr('outside frames')}, {length}: {hex_shown(pasted.data, 12)}", "noise")], width
             )
         wrong = trouble(pasted)
         parts = [at, StyledText(heading(pasted), pasted.role.name.lower())]

@@ -164,7 +164,7 @@ class PickedRows:
             return
         if len(data) > _COPIED:
             octets = counted(len(data), "byte", "bytes")
-            screen.tell(tr("{bytes} are more than a clipboard takes: e writes them to a file", bytes=octets))
+            screen.tell(tr("{bytes} is too much for the clipboard: e writes them to a file", bytes=octets))
             return
         ways = [(each.key, tr(each.name)) for each in WAYS]
         question = tr("Copy {bytes} as", bytes=counted(len(data), "byte", "bytes"))
@@ -231,7 +231,7 @@ class PickedRows:
             screen.tell(saved.trouble, wrong=True)
         elif saved.file is not None:
             screen.app.deliver_binary(saved.file, save_filename=path.name)
-            screen.tell(tr("{rows} handed to the browser as {file}", rows=rows, file=path.name))
+            screen.tell(tr("{rows} sent to the browser as {file}", rows=rows, file=path.name))
         else:
             screen.tell(tr("{rows} written to {file}", rows=rows, file=path.absolute()))
 
@@ -240,22 +240,20 @@ def _formats() -> str:
     from ..exports.sink import formats, target
 
     of_parts = [name for name in formats() if not hasattr(target("-", name), "WHOLE")]
-    words = tr("a file; its suffix tells the format: {formats}", formats=" ".join(f".{name}" for name in of_parts))
+    words = tr("a file; its suffix sets the format: {formats}", formats=" ".join(f".{name}" for name in of_parts))
     return f"{words}. {tr('A .pcapng opens in Wireshark and here')}"
 
 
 def _no_file(text: str) -> str:
     """Why an export cannot go to a file of that name; empty where it can."""
     path = Path(text).expanduser()
-    return _no_format(path) or (
-        "" if path.parent.is_dir() else tr("no such folder as {folder}", folder=Path(text).parent)
-    )
+    return _no_format(path) or ("" if path.parent.is_dir() else tr("no folder {folder}", folder=Path(text).parent))
 
 
 def _no_download(text: str) -> str:
     """Why a browser cannot be given a file of that name; empty where it can."""
     if not _PLAIN.fullmatch(text):
-        return tr("a plain name, such as frames.csv: where it goes is the browser's business")
+        return tr("a plain name, such as frames.csv: the browser decides where it goes")
     return _no_format(Path(text))
 
 

@@ -122,8 +122,8 @@ async def may_write(screen: BusScreen, path: Path) -> bool:
     """Whether a file may be written: one that is there is asked about. A browser downloads what it gets."""
     if screen.app.is_web or not path.exists():
         return True
-    choices = [("n", tr("leave it as it is")), ("o", tr("overwrite it"))]
-    if await screen.app.push_screen_wait(Choose(tr("{file} is there already", file=path.name), choices)):
+    choices = [("n", tr("keep it")), ("o", tr("overwrite it"))]
+    if await screen.app.push_screen_wait(Choose(tr("{file} already exists", file=path.name), choices)):
         return True
-    screen.tell(tr("{file} left as it is", file=path.name))
+    screen.tell(tr("{file} left unchanged", file=path.name))
     return False

@@ -34,7 +34,7 @@ _SOURCES: Final = {"yours": "!", "map": "=", "told": "~", "plain": " "}
 class RegisterList(Lines):
     """A line a register, coil or input."""
 
-    EMPTY = "no value was read or written yet"
+    EMPTY = "no values read or written yet"
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("v", "type(1)", "Type", tooltip="The next way to read this register: signed, float, …"),
         Binding("V", "type(-1)", "Type back", show=False),
@@ -226,7 +226,7 @@ class RegisterList(Lines):
         try:
             self.desk.notes.choose_type(spot, type_words)
         except CaptureError as error:
-            self.app.notify(tr("kept until you quit only: {error}", error=error_words(error)), markup=False)
+            self.app.notify(tr("saved only until you quit: {error}", error=error_words(error)), markup=False)
         self.desk.meanings.reworded()
         self._lay_out()
         self.move_to(self._line_of.get(spot, self.cursor))
@@ -243,7 +243,7 @@ class RegisterList(Lines):
         elif len(self.pins) < _PINS:
             self.pins.append(spot)
         else:
-            self.app.notify(tr("{count} are pinned already: Space on one of them takes it out", count=_PINS))
+            self.app.notify(tr("{count} are pinned already: press Space on one to unpin it", count=_PINS))
         self.unpaint()
         self._tell()
 
@@ -269,7 +269,7 @@ class RegisterList(Lines):
     def _no_register(self, text: str) -> str:
         if self._numbered(text):
             return ""
-        return tr("no register {number} was seen here", number=text.strip()[:20])
+        return tr("register {number} was not seen here", number=text.strip()[:20])
 
     def go(self, spot: Spot) -> None:
         """Put the cursor on a register, where it was seen."""

@@ -87,7 +87,7 @@ async def _export(screen: BusScreen) -> None:
     if report is None:
         screen.tell(tr("nothing captured yet"))
         return
-    hint = tr("a file; its suffix tells the format: {formats}", formats=" ".join(_SUFFIXES))
+    hint = tr("a file; its suffix sets the format: {formats}", formats=" ".join(_SUFFIXES))
     question = tr("Download the report as") if app.is_web else tr("Write the report to")
     text = await app.push_screen_wait(Ask(question, hint, wrong=_no_page, value="report.html"))
     if not text:
@@ -144,8 +144,8 @@ def _no_page(text: str) -> str:
     """Why a report cannot go to a file of that name; empty where it can."""
     path = Path(text).expanduser()
     if path.suffix.lower() not in _SUFFIXES:
-        return tr("a file; its suffix tells the format: {formats}", formats=" ".join(_SUFFIXES))
-    return "" if path.parent.is_dir() else tr("no such folder as {folder}", folder=path.parent)
+        return tr("a file; its suffix sets the format: {formats}", formats=" ".join(_SUFFIXES))
+    return "" if path.parent.is_dir() else tr("no folder {folder}", folder=path.parent)
 
 
 def _refresh(screen: BusScreen) -> None:

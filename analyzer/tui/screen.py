@@ -311,7 +311,7 @@ class BusScreen(Screen[None]):
     def action_pause(self) -> None:
         """What comes is not shown until the same key again."""
         if not self.desk.source.live or self.desk.bus.whole:
-            self.tell(tr("nothing comes that could be held up"))
+            self.tell(tr("nothing is arriving, so there is nothing to pause"))
             return
         self.desk.paused = not self.desk.paused
         if self.desk.paused:

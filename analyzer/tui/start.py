@@ -86,7 +86,7 @@ class StartScreen(Screen[None]):
         with Vertical(id="start-below"):
             yield Label(Text(tr("At hand (↓, then Enter):")), id="start-hand")
             yield HandList(self._things, id="hand")
-        yield Label(Text(tr("Enter begins · Esc quits · rtuscope --help lists all commands")), id="start-keys")
+        yield Label(Text(tr("Enter starts · Esc quits · rtuscope --help lists all commands")), id="start-keys")
 
     def on_mount(self) -> None:
         self.query_one(NounInput).focus()

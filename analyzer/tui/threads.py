@@ -159,7 +159,7 @@ class ScreenThreads:
             try:
                 thread()
             except Exception as error:
-                words = tr("this view could not be made: {trouble}", trouble=error_words(error))
+                words = tr("this view failed: {trouble}", trouble=error_words(error))
                 self._later(self._screen.tell, words, wrong=True)
                 self._later(failed)
                 raise

@@ -261,7 +261,7 @@ class Timeline(Painted, can_focus=True):
         words = f" {at}: {frames}{load}, {counted(int(bins.troubles[i]), 'trouble', 'troubles')}"
         span = self._span()
         if i in self._deaf_columns():
-            words += tr("; the recorder heard nothing here")
+            words += tr("; nothing was recorded here")
         more = tr("   span {time}, Enter shows it", time=short(span[1] - span[0])) if span else ""
         return [StyledText(words), StyledText(more, "accent")]
 

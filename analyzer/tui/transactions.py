@@ -145,7 +145,7 @@ class TransactionList(FrameList):
     def head(self, width: int) -> Sequence[StyledText]:
         number, time, _ = self.columns(width)
         title = "" if time == 1 else self.time_title()
-        what = tr("what came of it") if width >= _WORDY else tr("what")
+        what = tr("outcome") if width >= _WORDY else tr("what")
         heads = (
             ("", "  "), ("number", f"{'#':>{number}} "), ("time", f"{title:>{time}} "), ("unit", f"{tr('unit'):>4} "),
             ("function", f"{tr('fn'):>3} "), ("register", f"{tr('register'):>8} "),
@@ -191,7 +191,7 @@ class TransactionList(FrameList):
             about = [each for each in about if each.text.strip() != "exception"]
         outcome: list[StyledText] = []
         if answer < 0 and table.value("state", row) & RowState.STATUS == Status.ANSWERED + 1:
-            unsure = StyledText(tr("an answer came, nobody can tell whose it is"), "warning")
+            unsure = StyledText(tr("an answer came; it is unclear to which request"), "warning")
             return beside_content([*row_words(desk, row)[0], StyledText(" → ", "response"), unsure], about, room)
         if answer < 0 and not ended.text and desk.bus.whole:
             return beside_content(row_words(desk, row)[0], about, room)  # nobody can say what became of it

@@ -104,7 +104,7 @@ _SPARKS: Final = 8  # columns from which on a line of answer times says somethin
 class UnitList(Lines):
     """A line a unit; opening one filters the frames by it."""
 
-    EMPTY = "no unit was asked yet"
+    EMPTY = "no unit polled yet"
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("enter", "enter", "Open", tooltip="The rows of this unit alone"),
     ]

@@ -31,7 +31,7 @@ def why(bus: Bus, row: int) -> Iterator[Item]:
     if weighed.margin > 0:
         verdict = tr("{bits:.0f} bits likelier than {rival}", bits=weighed.margin, rival=_rival(bus, row, weighed))
     else:
-        verdict = tr("nothing else was weighed")
+        verdict = tr("no alternative")
     yield Item(
         "why", verdict, kind="dim", label=tr("why"), ready=False,
         children=(*_ruled(bus, row), *_weights(weighed)),
@@ -83,7 +83,7 @@ def _ruled(bus: Bus, row: int) -> Iterator[Item]:
         if gap is None:
             yield Item(
                 name,
-                tr("the tap cannot tell") if name != "after" else tr("nothing follows"),
+                tr("unknown from this tap") if name != "after" else tr("nothing follows"),
                 kind="dim",
                 label=tr(name),
             )

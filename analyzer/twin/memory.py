@@ -30,7 +30,7 @@ Place = tuple[str, int]  # area and address
 
 @dataclass(frozen=True, slots=True)
 class RecordedAnswer:
-    """What came back: the PDU, after how long (ns; None: the tap cannot tell), and when in the record (ns)."""
+    """What came back: the PDU, after how long (ns; None: unknown from this tap), and when in the record (ns)."""
 
     pdu: bytes
     delay_ns: int | None

@@ -132,7 +132,7 @@ def _run(name: str, given: tuple[int, int, int, float], outcome: Outcome) -> dic
 
 
 def work(name: str, seed: int, first: int, count: int, patience: float, place: str) -> None:
-    """What a process of its own does: an object a line for each failure, and one at the end."""
+    """What a process of its own does: one JSON object per line for each failure, and one at the end."""
     target = targets()[name]
     slowest, told = 0.0, 0
     with suppress(Exception):  # what is loaded when it is first used is not the input's

@@ -11,14 +11,14 @@ from ..declaration import Code
 # code: (name, meaning)
 EXCEPTIONS: Final[dict[int, tuple[str, str]]] = {
     0x01: ("illegal function", "the server does not know this function, or not in its present state"),
-    0x02: ("illegal data address", "the server has no such address, or not that many from there"),
-    0x03: ("illegal data value", "a field of the request is malformed (not: a value out of the application's range)"),
+    0x02: ("illegal data address", "the server has no such address, or too few registers from there"),
+    0x03: ("illegal data value", "a field of the request is malformed (this does not mean a value out of range)"),
     0x04: ("server device failure", "the server failed at what was asked for, and cannot recover"),
     0x05: ("acknowledge", "accepted, and will take long: ask for program completion later"),
-    0x06: ("server device busy", "the server is at a long command: ask again later"),
+    0x06: ("server device busy", "the server is busy with a long command: ask again later"),
     0x07: ("negative acknowledge", "the server cannot do this program function (functions 13 and 14)"),
     0x08: ("memory parity error", "the server found its extended memory damaged (functions 20 and 21)"),
-    0x0A: ("gateway path unavailable", "the gateway has no way to that unit: misconfigured or overloaded"),
+    0x0A: ("gateway path unavailable", "the gateway has no path to that unit: misconfigured or overloaded"),
     0x0B: ("gateway target device failed to respond", "the unit behind the gateway does not answer"),
 }
 

@@ -64,7 +64,7 @@ _DISORDER: Final = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.LATENESS, Symptom.SI
     "two-masters",
     Severity.ERROR,
     blame="master",
-    text="Two clients poll on this line and know nothing of each other: {crossed} requests came while an answer was due"
+    text="Two clients poll this line without knowing of each other: {crossed} requests came while an answer was due"
     "[, {damaged:answer|answers} {damaged:|is|are} cut or overlaid by one]",
     share="{hits} of {exchanges} exchanges, of {units_hit:unit|units}",
     deciding_test="Look for a second client: a panel, a service computer, a gateway, a program that was left running; "
@@ -200,11 +200,12 @@ def _hasty(evidence: Evidence, unit: UnitLedger) -> int:
     "broadcast-answered",
     Severity.ERROR,
     blame="unit",
-    text="Broadcasts are answered[: bytes follow {answered} of {broadcasts} requests to unit 0 within the time of an answer]"
+    text="Broadcasts are answered[: bytes follow {answered} of {broadcasts} requests to unit 0 within the time of an "
+    "answer]"
     "[; {met} of {met_of} exchanges right behind broadcasts are hit by what answers them]",
     share="{calls} of {broadcasts} broadcasts",
-    deciding_test="Look at the address that each unit is set to: one at 0 takes broadcasts for its own. Then, with "
-    "the operator's consent, take units off one after the other while the broadcasts go on",
+    deciding_test="Look at the address that each unit is set to: one at 0 takes broadcasts for its own. Then, with the "
+    "operator's consent, disconnect units one by one while the broadcasts go on",
     remedy="Give the device that takes 0 for its own an address from 1 to 247, or update its firmware",
 )
 def broadcast_answered(evidence: Evidence) -> Iterator[Suspicion]:
@@ -244,11 +245,12 @@ def _run_into(evidence: Evidence, back: CalledBack) -> set[tuple[Symptom, int | 
     "broadcast-storm",
     Severity.ERROR,
     blame="master",
-    text="Broadcasts leave no time for anything else: {broadcasts} of {requests} requests go to unit 0, {pause:ms} apart",
+    text="Broadcasts leave no time for anything else: {broadcasts} of {requests} requests go to unit 0, {pause:ms} "
+    "apart",
     share="{broadcasts} of {requests} requests",
     deciding_test="Count the broadcasts here against what the client is set to send; ask the operator before anything "
     "that sends them is stopped",
-    remedy="Broadcast when something changes, not all the time, and leave 100 to 200 ms behind each",
+    remedy="Broadcast on change instead of continuously, and leave 100 to 200 ms after each",
 )
 def broadcast_storm(evidence: Evidence) -> Iterator[Suspicion]:
     """Broadcasts without turnaround, most of all requests."""
@@ -306,7 +308,8 @@ def _mean_pause(evidence: Evidence) -> float | None:
     "radio, modem or converter passes them on so",
     share="{broken} of {answers} answers[ of {units:unit|units}][, {others_broken} of {others_answers} of others]",
     deciding_test="Tap the line on the far side of the converter: there the answers must be in one piece",
-    remedy="Give clients and gateways on the way a longer silence that ends a frame (t3.5 of 50 ms), or a converter that "
+    remedy="Give clients and gateways on the way a longer silence that ends a frame (t3.5 of 50 ms), or a converter "
+    "that "
     "knows Modbus and passes frames on whole",
 )
 def converter_gaps(evidence: Evidence) -> Iterator[Suspicion]:

@@ -128,15 +128,19 @@ def _suspicion(evidence: Evidence, hits: Hits, bits: float, more: Mapping[str, A
     )
 
 
-_SHARE: Final = "{hits} hits in {exchanges} exchanges: {damaged:answer|answers}[, {requests:request|requests}][, {idle} on the idle line]"
+_SHARE: Final = (
+    "{hits} hits in {exchanges} exchanges: {damaged:answer|answers}[, {requests:request|requests}][, "
+    "{idle} on the idle line]"
+)
 
 
 @suspect(
     "interference",
     Severity.ERROR,
     blame="line",
-    text="Something disturbs the line, whoever sends: {damaged:answer|answers}[ and about {requests:request|requests}] of "
-    "{exchanges} exchanges are damaged, at no place and no time in particular",
+    text="Interference on the line, whoever transmits: {damaged:answer|answers}[ and about "
+    "{requests:request|requests}] of "
+    "{exchanges} exchanges are damaged, at no particular place or time",
     share=_SHARE,
     deciding_test="Look at the shield and at loose terminals first; then connect the client and a unit or two by a "
     "short cable of their own: if the damage goes, it comes from the bus cable and what is near it",
@@ -157,7 +161,8 @@ def interference(evidence: Evidence) -> Iterator[Suspicion]:
     text="Interference in step with the mains: {hits} hits, {alike:.0%} of them at one phase of {frequency:.2f} Hz",
     share=_SHARE,
     deciding_test="Look at A against B with an oscilloscope triggered by the mains",
-    remedy="Look for thyristors, dimmers, welding or a soft starter on the same supply; separate the bus cable from power "
+    remedy="Look for thyristors, dimmers, welding or a soft starter on the same supply; separate the bus cable from "
+    "power "
     "cables, earth the shield, use an isolated converter",
     foretold=OF_A_LINE,
 )
@@ -199,12 +204,14 @@ def _times_of_hits(evidence: Evidence) -> np.ndarray[Any, np.dtype[np.float64]]:
     "emi-drive",
     Severity.ERROR,
     blame="line",
-    text="The line is disturbed while {area} {address} of unit {unit} is {value}: {then} of {then_of} exchanges are hit then, {else_} of "
+    text="The line is disturbed while {area} {address} of unit {unit} is {value}: {then} of {then_of} exchanges are "
+    "hit then, {else_} of "
     "{else_of} otherwise",
     share=_SHARE,
-    deciding_test="Hold the times of damaged frames against the times at which this value changes in the plant's own "
-    "log; have nothing switched for the test without the operator",
-    remedy="Lead the bus cable away from the motor cable of this drive; earth the drive's shield on both sides, fit a filter "
+    deciding_test="Compare the times of damaged frames with the changes of this value in the plant's log; switch "
+    "nothing for the test without the operator",
+    remedy="Route the bus cable away from the motor cable of this drive; earth the drive's shield on both sides, fit a "
+    "filter "
     "or a ferrite at its output",
     foretold=OF_A_LINE,
 )
@@ -247,10 +254,12 @@ def _is_told(evidence: Evidence) -> bool:
     "hours",
     Severity.ERROR,
     blame="line",
-    text="Interference at certain times: {inside} of {hits} hits fall into {spells:spell|spells}, {part:.0%} of the time",
+    text="Interference at certain times: {inside} of {hits} hits fall into {spells:spell|spells}, {part:.0%} of the "
+    "time",
     share=_SHARE,
     deciding_test="Ask what runs in the plant at these times, and record over a week",
-    remedy="Find the machine that runs then (shift, pump, charger, lighting) and keep the bus cable away from its cables",
+    remedy="Find the machine that runs then (shift, pump, charger, lighting) and keep the bus cable away from its "
+    "cables",
     foretold=OF_A_LINE,
 )
 def hours(evidence: Evidence) -> Iterator[Suspicion]:

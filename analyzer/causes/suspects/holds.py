@@ -28,13 +28,14 @@ _FEW_BYTES: Final = 0.7  # of the times
     "line-held",
     Severity.ERROR,
     blame="line",
-    text="Something holds the line, {times:time|times}: behind stray bytes nobody gets through for about {length:sec}, while the "
+    text="Something holds the line, {times:time|times}: after stray bytes nothing gets through for about {length:sec}, "
+    "while the "
     "longest usual rest is {usual:sec}",
     share="{times} of {strays} exchanges with stray bytes, {spared} of {spared_of} other exchanges",
     deciding_test="Measure A against B when it happens: a line that is held low or high has a transmitter that is on",
-    remedy="Look which unit restarts then: one whose driver is on while its processor starts holds the line; its "
-    "transceiver or the resistor at its enable pin is at fault. Take units off one after the other only with the "
-    "operator's consent",
+    remedy="Find out which unit restarts then: one whose driver is on while its processor starts holds the line; its "
+    "transceiver or the resistor at its enable pin is at fault. Disconnect units one by one only with the operator's "
+    "consent",
 )
 def line_held(evidence: Evidence) -> Iterator[Suspicion]:
     """Long silences that hang on stray bytes before."""

@@ -57,12 +57,13 @@ _KINDS: Final = {
     "timeout-too-short",
     Severity.ERROR,
     blame="master",
-    text="The client does not wait long enough for {units:unit|units}: {late:answer|answers} came when the client had gone on"
-    "[ (up to {delay:ms} after the request)]; what it takes for an answer to one request may be that of the one before",
+    text="The client does not wait long enough for {units:unit|units}: {late:answer|answers} came after the client had "
+    "moved on"
+    "[ (up to {delay:ms} after the request)]; it may take the answer to one request for the answer to the next",
     share="{late} of {asked} requests to {units:unit|units}[, {others_late} of {others_asked} to others]",
     deciding_test="Set the client's timeout three times as long: no request may stay without an answer then",
-    remedy="Set the response timeout longer than the slowest answer of {units:unit|units}, and let the client drop what "
-    "comes late before it sends again",
+    remedy="Set the response timeout longer than the slowest answer of {units:unit|units}, and let the client discard "
+    "late bytes before it sends again",
 )
 def timeout_too_short(evidence: Evidence) -> Iterator[Suspicion]:
     """Late answers of one unit, or of several where the master's own timer tells that nobody else sends; requests

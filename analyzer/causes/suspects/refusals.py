@@ -32,7 +32,8 @@ _REFUSES: Final = (2, 3, 4)
     "unit-busy",
     Severity.WARNING,
     blame="unit",
-    text="Unit {unit} says that it is busy, in {spells:spell|spells}: {busy} of {asked} requests got exception {code}",
+    text="Unit {unit} reports that it is busy, in {spells:spell|spells}: {busy} of {asked} requests got exception "
+    "{code}",
     share="{busy} of {asked} requests to unit {unit}",
     deciding_test="Compare how often unit {unit} is polled with its manual; polled half as often, the exceptions go "
     "if it cannot keep up",
@@ -152,7 +153,8 @@ _TEST: Final = "Read the registers of unit {unit} one by one around {areas}: it 
     "off-by-one",
     Severity.WARNING,
     blame="master",
-    text="The client's list is off by one for unit {unit}: requests for {areas}[ and {more} more] are refused (exception {codes}, {refused} of {asked}), "
+    text="The client's list is off by one for unit {unit}: requests for {areas}[ and {more} more] are refused "
+    "(exception {codes}, {refused} of {asked}), "
     "while all but one register of it reads well",
     share="{refused} of {asked} such requests to unit {unit}",
     deciding_test=_TEST,
@@ -176,7 +178,8 @@ def off_by_one(evidence: Evidence) -> Iterator[Suspicion]:
     "{refused} of {asked} times (exception {codes})",
     share="{refused} of {asked} such requests to unit {unit}",
     deciding_test=_TEST,
-    remedy="Take these registers off the list, or correct their addresses or function by the device's manual[; ask "
+    remedy="Remove these registers from the list, or correct their addresses or function using the device's manual[; "
+    "ask "
     "instead: {asks}]",
     foretold=Foretold({Symptom.REFUSAL: ASKED_FOR}),
 )
@@ -197,7 +200,7 @@ def missing_registers(evidence: Evidence) -> Iterator[Suspicion]:
     share="{refused} of {asked} such requests to unit {unit}",
     deciding_test="Look in the manual of unit {unit} whether these registers may be written, and in which mode; a "
     "write for a test may start a machine",
-    remedy="Take the writes off the list, or unlock the device for writing (a parameter, a switch, remote mode)",
+    remedy="Remove the writes from the list, or unlock the device for writing (a parameter, a switch, remote mode)",
     foretold=Foretold({Symptom.REFUSAL: ASKED_FOR}),
 )
 def read_only(evidence: Evidence) -> Iterator[Suspicion]:

@@ -26,16 +26,20 @@ _FAILED: Final = (Ending.SILENT, Ending.EXCEPTION, Ending.GARBAGE)
     "cannot-serve",
     Severity.ERROR,
     blame="master",
-    text="Unit {unit} cannot serve some of the client's requests[: it does not have function {lacks}][: it does not answer "
+    text="Unit {unit} cannot serve some of the client's requests[: it does not have function {lacks}][: it does not "
+    "answer "
     "function {other_for} there, ask by function {by}][: it answers for up to {most} at once, and the client asks for "
     "{quantities}][: it answers in frames of up to {longest} bytes, and these need up to {needed}][: the client sends "
-    "register numbers {numbers} as addresses][: the quantities {counted} are counts of bytes][: it does not have {places}]"
-    "[: its registers end inside {ranges}][; of {asked} such requests {silent} stayed without a byte][; of {asked} such "
+    "register numbers {numbers} as addresses][: the quantities {counted} are counts of bytes][: it does not have "
+    "{places}]"
+    "[: its registers end inside {ranges}][; of {asked} such requests {silent} got no byte back][; of {asked} such "
     "requests {refused} were refused (exception {codes})][; of {asked} answers {halved} had half the bytes]",
     share="{failed} of {asked} such requests to unit {unit}[, {others_failed} of {others} others]",
-    deciding_test="[Ask unit {unit} once by hand, this only reads: {reads}][Compare with the manual of unit {unit} first, "
+    deciding_test="[Ask unit {unit} once by hand, this only reads: {reads}][Compare with the manual of unit {unit} "
+    "first, "
     "this writes: {writes}]",
-    remedy="Change this entry in the client's list by the manual of unit {unit}[; ask instead: {asks}][ and {more} more]",
+    remedy="Correct this entry in the client's list using the manual of unit {unit}[; ask instead: {asks}][ and {more} "
+    "more]",
     foretold=Foretold({Symptom.SILENCE: ASKED_FOR, Symptom.REFUSAL: ASKED_FOR}),
 )
 def cannot_serve(evidence: Evidence) -> Iterator[Suspicion]:

@@ -1,4 +1,5 @@
-"""What one unit does wrong when it sends: its driver, its settings, its firmware, and what it leaves behind its answers."""
+"""What one unit does wrong when it sends: its driver, its settings, its firmware, and what it leaves behind its "
+"answers."""
 
 from __future__ import annotations
 
@@ -91,7 +92,7 @@ def _head(_: Evidence, __: UnitLedger, readings: list[Signature]) -> Mapping[str
     deciding_test="Look for a driver delay or a direction setting in unit {unit} or its converter first; then swap "
     "its drop and a good one: the damage goes with the unit if it is its driver",
     remedy="Lengthen the delay between driver enable and first byte in the unit, or use a converter with automatic "
-    "direction; bias resistors do not help, for what is not driven is not sent",
+    "direction; bias resistors do not help, because undriven bits are not sent",
     foretold=OF_A_LINE,
 )
 def driver_enabled_late(evidence: Evidence) -> Iterator[Suspicion]:
@@ -117,12 +118,14 @@ def _tail(_: Evidence, __: UnitLedger, readings: list[Signature]) -> Mapping[str
     "driver-released-early",
     Severity.ERROR,
     blame="unit",
-    text="Unit {unit} releases its driver too early: the end of {damaged} of {answers} answers is cut off or filled with "
+    text="Unit {unit} releases its driver too early: the end of {damaged} of {answers} answers is cut off or filled "
+    "with "
     "ones ({bytes:byte|bytes})",
     share=SHARE,
     deciding_test="Look for a driver delay or a direction setting in unit {unit} or its converter first; then swap "
     "its drop and a good one: the damage goes with the unit if it is its driver",
-    remedy="Let the unit hold its driver until the last stop bit is out (wait for the transmitter to be empty, not for its "
+    remedy="Let the unit hold its driver until the last stop bit is out (wait for the transmitter to be empty, not for "
+    "its "
     "buffer)",
     foretold=OF_A_LINE,
 )
@@ -136,10 +139,10 @@ def driver_released_early(evidence: Evidence) -> Iterator[Suspicion]:
     "crc-convention",
     Severity.ERROR,
     blame="unit",
-    text="Unit {unit} makes its check value by another convention ({variant}): {damaged} of {answers} answers are whole "
-    "by it",
+    text="Unit {unit} computes its check value differently ({variant}): {damaged} of {answers} answers are whole by "
+    "that method",
     share=SHARE,
-    deciding_test="Compute the check value of one answer by both conventions",
+    deciding_test="Compute the check value of one answer by both methods",
     remedy="Update the unit's firmware, or set it to Modbus RTU if it has several protocols",
 )
 def crc_convention(evidence: Evidence) -> Iterator[Suspicion]:
@@ -156,11 +159,12 @@ def crc_convention(evidence: Evidence) -> Iterator[Suspicion]:
     "byte-count",
     Severity.ERROR,
     blame="unit",
-    text="Unit {unit} counts its bytes wrongly: {damaged} of {answers} answers have a right check value and a byte count "
+    text="Unit {unit} counts its bytes wrongly: {damaged} of {answers} answers have a right check value and a byte "
+    "count "
     "that does not fit what was asked",
     share=SHARE,
     deciding_test="Compare the byte count of one answer with its length",
-    remedy="Update the unit's firmware; some clients can be told to pass over the byte count",
+    remedy="Update the unit's firmware; some clients can be set to ignore the byte count",
 )
 def byte_count(evidence: Evidence) -> Iterator[Suspicion]:
     """All frames of one unit with a wrong count."""
@@ -185,11 +189,12 @@ _FAR: Final = 4.0  # times it
     blame="unit",
     text="The driver of {units:unit|units} is held into the next request: {spoilt} requests that came behind "
     "{answers} answers are damaged[, {others_spoilt} behind the {others_answers} of others]",
-    share="{spoilt} of {answers} requests behind answers of {units:unit|units}[, {others_spoilt} of {others_answers} behind others]",
+    share="{spoilt} of {answers} requests behind answers of {units:unit|units}[, {others_spoilt} of {others_answers} "
+    "behind others]",
     deciding_test="Look for a hold time or a direction setting in {units:unit|units} or a converter there; with a "
     "pause of 50 ms before each request the damage must go",
-    remedy="Shorten the time for which {units:unit|units} (or a converter there) {units:|holds its|hold their} driver behind "
-    "the last byte",
+    remedy="Shorten the time for which {units:unit|units} (or a converter there) {units:|holds its|hold their} driver "
+    "after the last byte",
 )
 def driver_held(evidence: Evidence) -> Iterator[Suspicion]:
     """The request behind that unit's answers is damaged; of several units, where others' are well."""
@@ -282,7 +287,8 @@ def _instead_of_requests(evidence: Evidence, unit: UnitLedger) -> int:
     share="{zeros} of {answers} answers of {units:unit|units}[, {others_zeros} of {others_answers} of others]",
     deciding_test="Record right at the terminals of {units:unit|units}: the extra bytes must be there, too, and "
     "behind no other unit's answers",
-    remedy="Update the unit's firmware, or let its driver go sooner behind the last byte; clients that wait for a silence "
+    remedy="Update the unit's firmware, or release its driver sooner after the last byte; clients that wait for a "
+    "silence "
     "take such frames for damaged",
 )
 def null_suffix(evidence: Evidence) -> Iterator[Suspicion]:

@@ -58,11 +58,13 @@ _MOST_REFUSED: Final = 90.0
     "unit-line-settings",
     Severity.ERROR,
     blame="unit",
-    text="Unit {unit} does not send as the line is set ({settings}[ by {drift:+.0%}]): {damaged} of its {answers} answers {how}",
+    text="Unit {unit} does not use the line's settings ({settings}[ by {drift:+.0%}]): {damaged} of its {answers} "
+    "answers {how}",
     share="{damaged} of {answers} answers of unit {unit}[, {others_damaged} of {others_answers} of others]",
-    deciding_test="Listen to unit {unit} alone at other settings ({settings}[ by {drift:+.0%}]): its answers must then read well",
+    deciding_test="Listen to unit {unit} alone at other settings ({settings}[ by {drift:+.0%}]): its answers must then "
+    "read well",
     remedy="Set the unit's baud rate, parity and stop bits to those of the line; a clock that is off by some per cent "
-    "(an RC oscillator) wants another device",
+    "(an RC oscillator) means another device is needed",
 )
 def unit_line_settings(evidence: Evidence) -> Iterator[Suspicion]:
     """Garbage from one unit, or good answers that its parity bits give away."""
@@ -141,7 +143,8 @@ def _seven_bits(readings: Sequence[Signature]) -> float:
 def _match(
     header: bytes, heads: Mapping[bytes, int], sender: CharacterFormat, receiver: CharacterFormat, sample: float
 ) -> float:
-    """Bits for first bytes, each heard so often, that are garbled just so; nothing where they would be as they should."""
+    """Bits for first bytes, each heard so often, that are garbled just so; nothing where they would be as they "
+    "should."""
     garbled = misread(header, sender, receiver, sample)[:_MOST_BYTES]
     if not garbled or header.startswith(garbled):
         return 0.0
@@ -194,7 +197,8 @@ def _marked(evidence: Evidence, unit: UnitLedger) -> Iterator[Suspicion]:
 
 
 def _marks_all(evidence: Evidence, unit: UnitLedger, others: Sequence[UnitLedger]) -> bool:
-    """Whether a tap marks what others send about as often, answers or requests: then it is its own parity that is wrong."""
+    """Whether a tap marks what others send about as often, answers or requests: then it is its own parity that is "
+    "wrong."""
     own = unit.marked / unit.answered
     marked, answered = sum(other.marked for other in others), sum(other.answered for other in others)
     asked = evidence.ledger.marked_bytes - sum(each.marked_bytes for each in evidence.units)

@@ -22,12 +22,13 @@ _NAMED: Final = 6  # places
     blame="master",
     text="The client stores values of unit {unit} under the wrong registers: {displaced:answer|answers} with "
     "{values:value|values} stood under another request, from frame {begun} on. Not to be trusted: {places}"
-    "[, and {more:more place|more places}][. Of {unsure:more answer|more answers} nobody can tell whose they are]",
+    "[, and {more:more place|more places}][. For {unsure:more answer|more answers} it is unclear whose they are]",
     share="{displaced} of {asked:answer|answers} of unit {unit}",
-    deciding_test="Let the client pause between two requests for longer than the slowest answer of unit {unit}: the values "
+    deciding_test="Let the client pause between two requests for longer than the slowest answer of unit {unit}: the "
+    "values "
     "must come right from there on",
-    remedy="A pause longer than the slowest answer ends it. Make the client wait longer for unit {unit}, and let it drop "
-    "what comes late before it asks again",
+    remedy="A pause longer than the slowest answer ends it. Make the client wait longer for unit {unit}, and let it "
+    "discard late bytes before it asks again",
 )
 def values_under_wrong_registers(evidence: Evidence) -> Iterator[Suspicion]:
     """Answers that are certainly of another request than the one that the client takes them for."""

@@ -22,7 +22,7 @@ from ..unitledger import UnitLedger
 from .states import excused
 
 EXCUSED: Final = "got an exception by which a gateway says that its target is silent"
-SILENT: Final = "stayed without a byte"
+SILENT: Final = "got no byte back"
 _LEAST: Final = 5  # requests without an answer
 _LEAST_OF_SEVERAL: Final = 3
 _STRAY_BYTES: Final = 2
@@ -149,8 +149,8 @@ def silence_bits(silent: int, asked: int) -> float:
     deciding_test="Look at the unit's power lamp, its address and its settings first; then connect a client straight "
     "to unit {unit}, without the bus, and read from it: if it stays silent, it is the unit; if it answers, its drop "
     "or the wiring there",
-    remedy="Check the unit's power, its address, and whether A and B are swapped at it; take it off the poll list if it is "
-    "not there",
+    remedy="Check the unit's power, its address, and whether A and B are swapped at it; remove it from the poll list "
+    "if it does not exist",
     foretold=Foretold(hangs_on={Symptom.SILENCE: COMES_AND_GOES}),
 )
 def dead_unit(evidence: Evidence) -> Iterator[Suspicion]:
@@ -233,11 +233,11 @@ def _silence(evidence: Evidence, unit: UnitLedger, since: int | None) -> Suspici
     "absent-units",
     Severity.ERROR,
     blame="master",
-    text="{count} of {polled} polled units never answer ({list}): {silent} requests to them stayed without a byte",
+    text="{count} of {polled} polled units never answer ({list}): {silent} requests to them got no byte back",
     share="{silent} of {asked} requests to units {list}[, {others_silent} of {others_asked} to others]",
-    deciding_test="Look whether these units are there and have power; then read from each of them alone: if one "
-    "answers then, the bus or its drop is at fault, and not the list",
-    remedy="Take units that do not exist off the poll list; check power, address and wiring of those that do",
+    deciding_test="Check that these units exist and have power; then read from each of them alone: if one answers "
+    "then, the bus or its drop is at fault, not the list",
+    remedy="Remove units that do not exist from the poll list; check power, address and wiring of those that do",
 )
 def absent_units(evidence: Evidence) -> Iterator[Suspicion]:
     """Several units, and some that do answer."""
@@ -281,11 +281,12 @@ def _is_looked_for(evidence: Evidence, unit: UnitLedger) -> bool:
     "retry-policy",
     Severity.WARNING,
     blame="master",
-    text="The client asks unit {unit}, which never answers, {tries:.0f} times a poll before it goes on: {silent} requests "
-    "in vain",
+    text="The client asks unit {unit}, which never answers, {tries:.0f} times a poll before it goes on: {silent} "
+    "requests without result",
     share="{silent} of {asked} requests to unit {unit}, {tries:.1f} a poll",
     deciding_test="Look at the client's retries and timeout: their product is what each poll of a silent unit costs",
-    remedy="Let the client give up after one or two retries and ask a silent unit again only now and then; find out why "
+    remedy="Let the client give up after one or two retries and ask a silent unit again only now and then; find out "
+    "why "
     "unit {unit} is silent",
 )
 def retry_policy(evidence: Evidence) -> Iterator[Suspicion]:
@@ -313,11 +314,12 @@ def retry_policy(evidence: Evidence) -> Iterator[Suspicion]:
     "unit-restarts",
     Severity.ERROR,
     blame="unit",
-    text="Unit {unit} goes silent[ for about {length:sec}][, {row:request|requests} in a row], {often}: {silent} requests "
-    "stayed without a byte",
+    text="Unit {unit} goes silent[ for about {length:sec}][, {row:request|requests} in a row], {often}: {silent} "
+    "requests got no byte back",
     share="{silent} of {asked} requests to unit {unit}; spells of silence: {spells}",
     deciding_test="Watch the unit's power and its running light, or its uptime register, when it goes silent next",
-    remedy="Check the unit's supply and its connector; a watchdog that resets it points to its firmware or to interference",
+    remedy="Check the unit's supply and its connector; a watchdog that resets it points to its firmware or to "
+    "interference",
     foretold=Foretold(hangs_on={Symptom.SILENCE: COMES_AND_GOES}),
 )
 def unit_restarts(evidence: Evidence) -> Iterator[Suspicion]:

@@ -68,10 +68,11 @@ def everything(evidence: Evidence) -> Explained:
     "tap-one-direction",
     Severity.WARNING,
     blame="tap",
-    text="The tap hears {heard} only: {frames} of them[, and {others} of the other kind]; nobody need be dead",
+    text="The tap hears {heard} only: {frames} of them[, and {others} of the other kind]; the units may be fine",
     share="{frames} of {all} frames",
     deciding_test="Tap the other pair, or at the other end: the missing half must be there",
-    remedy="On four wires tap both pairs; on two wires check that the tap sees both A and B, and that it does not sit behind "
+    remedy="On four wires tap both pairs; on two wires check that the tap sees both A and B, and that it does not sit "
+    "behind "
     "a converter that passes one direction on",
 )
 def tap_one_direction(evidence: Evidence) -> Iterator[Suspicion]:
@@ -215,7 +216,8 @@ def _are_alike(waits: Sequence[NDArray[np.float64]], strays: float) -> bool | No
     "tap-reversed",
     Severity.WARNING,
     blame="tap",
-    text="The two directions of the tap are exchanged: {frames} frames on ports that are said to carry {said} read as {read}",
+    text="The two directions of the tap are swapped: {frames} frames on ports that are said to carry {said} read as "
+    "{read}",
     share="{frames} frames",
     deciding_test="Exchange the two in the capture's settings: frames must appear",
     remedy="Exchange the two ports, or their directions in the capture (`directions`)",
@@ -265,7 +267,7 @@ def _frames_in(data: bytes, role: Role) -> int:
     "local-echo",
     Severity.NOTE,
     blame="tap",
-    text="The adapter shows what it sends: {echoes} of {requests} requests come twice, one right behind the other",
+    text="The adapter shows what it sends: {echoes} of {requests} requests come twice, one right after the other",
     share="{echoes} of {requests} requests",
     deciding_test="Look for an echo setting of the adapter or its driver; only the adapter's own frames come twice",
     remedy="Switch the adapter's local echo off, or tap the line with a second adapter",
@@ -292,12 +294,14 @@ def local_echo(evidence: Evidence) -> Iterator[Suspicion]:
 
 
 def _has_seven_bits(data: bytes) -> bool:
-    """Whether bytes in no frame never have the highest bit, as a third of them have: the tap takes seven bits of each."""
+    """Whether bytes in no frame never have the highest bit, as a third of them have: the tap takes seven bits of "
+    "each."""
     return len(data) >= _BYTES and max(data) < 0x80
 
 
 def _changes(data: bytes) -> float:
-    """How often bits of a byte change from one to the next, on average: a line at another speed stretches or skips them."""
+    """How often bits of a byte change from one to the next, on average: a line at another speed stretches or skips "
+    "them."""
     octets = np.frombuffer(data, np.uint8)
     turned = ((octets ^ octets >> 1) & 0x7F).astype(np.uint8)
     changes = float(np.unpackbits(turned).sum()) / len(octets)
@@ -333,8 +337,9 @@ _SPREAD: Final = 1.32  # of the changes in a byte
     "tap-line-settings",
     Severity.ERROR,
     blame="tap",
-    text="The tap is set to another speed, parity or polarity than the line[: nearly nothing of what it hears is a frame "
-    "({right} of {bytes} bytes, {loose} in none)][; its UART marks {marks:.0%} of the bytes][: its frames are right, and "
+    text="The tap's speed, parity or polarity differs from the line's[: almost nothing it hears is a frame "
+    "({right} of {bytes} bytes, {loose} in none)][; its UART marks {marks:.0%} of the bytes][: its frames are right, "
+    "and "
     "its UART marks {wrong:.0%} of the bytes, whoever sends them]",
     share="{right} of {bytes} bytes in frames",
     deciding_test="Listen at other speeds and parities (`rtuscope sniff --baud auto`), then with A and B exchanged",

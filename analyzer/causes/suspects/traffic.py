@@ -1,4 +1,5 @@
-"""Traffic that looks odd: long transfers, other protocols, frames too soon after each other, a tap that eats 11 and 13."""
+"""Traffic that looks odd: long transfers, other protocols, frames too soon after each other, a tap that eats 11 and "
+"13."""
 
 from __future__ import annotations
 
@@ -35,11 +36,12 @@ _RIGHT: Final = 0.5  # of all bytes, in frames: of others a few frames with a ri
     "vendor-transfer",
     Severity.NOTE,
     blame="nobody",
-    text="A transfer by function {function}[ ({name})][ with {units:unit|units}]: {frames} frames, {part:.0%} of all bytes; nothing is "
+    text="A transfer by function {function}[ ({name})][ with {units:unit|units}]: {frames} frames, {part:.0%} of all "
+    "bytes; nothing is "
     "wrong with it",
     share="{part:.0%} of the bytes",
     deciding_test="Ask whether firmware, a recipe or a log is being moved",
-    remedy="Nothing to mend; polls come slower while it lasts",
+    remedy="Nothing to fix; polls are slower while it lasts",
 )
 def vendor_transfer(evidence: Evidence) -> Iterator[Suspicion]:
     """Long traffic of a user-defined function."""
@@ -68,14 +70,15 @@ def vendor_transfer(evidence: Evidence) -> Iterator[Suspicion]:
     "other-protocol",
     Severity.NOTE,
     blame="nobody",
-    text="Other traffic is on the pair: {protocol}, {frames} of its frames among the bytes looked at; it is no noise and no "
-    "fault of the wiring",
+    text="Other traffic is on the pair: {protocol}, {frames} of its frames among the bytes examined; this is neither "
+    "noise nor a wiring fault",
     share="[{foreign:,} of {bytes:,} bytes are in no Modbus frame]",
     deciding_test="Ask what else is connected to the pair, and look for its own address and speed settings",
     remedy="Give the other protocol a pair of its own if Modbus devices mind it; many take its frames for their own",
 )
 def other_protocol(evidence: Evidence) -> Iterator[Suspicion]:
-    """Frames of another protocol; a lone talker that no one asks is a line of its own, not a bus with something wrong."""
+    """Frames of another protocol; a lone talker that no one asks is a line of its own, not a bus with something "
+    "wrong."""
     ledger = evidence.ledger
     name, frames = evidence.foreign
     if name in TALKERS and not ledger.frames:
@@ -110,13 +113,12 @@ def _told_t35(evidence: Evidence) -> float | None:
     "master-too-fast",
     Severity.WARNING,
     blame="master",
-    text="The client sends its next request {gap:ms} after an answer (median), where {due:ms} are due: {short} of "
+    text="The client sends its next request {gap:ms} after an answer (median) instead of {due:ms}: {short} of "
     "{requests} requests",
     share="{short} of {requests} requests",
     deciding_test="Look at the client's delay between polls; with 5 ms before each request the units that lost "
     "requests must answer",
-    remedy="Set the client's inter-frame delay to {due:ms} at the least: 3.5 characters, above 19200 bit/s always "
-    "1.75 ms",
+    remedy="Set the client's inter-frame delay to at least {due:ms}: 3.5 characters, above 19200 bit/s always 1.75 ms",
 )
 def master_too_fast(evidence: Evidence) -> Iterator[Suspicion]:
     """Less than t3.5 before requests, where the clock carries it."""
@@ -144,11 +146,11 @@ def master_too_fast(evidence: Evidence) -> Iterator[Suspicion]:
     "unit-too-fast",
     Severity.WARNING,
     blame="unit",
-    text="Answers of {units:unit|units} come {gap:ms} after the request (median), where {due:ms} are due: {short} "
+    text="Answers of {units:unit|units} come {gap:ms} after the request (median) instead of {due:ms}: {short} "
     "of {answers}",
     share="{short} of {answers} answers of {units:unit|units}",
-    deciding_test="Look whether the client, or units that listen, lose frames right behind requests to {units:unit|units}",
-    remedy="Set the unit's response delay to {due:ms} at the least: 3.5 characters, above 19200 bit/s always 1.75 ms",
+    deciding_test="Check whether the client or listening units lose frames right after requests to {units:unit|units}",
+    remedy="Set the unit's response delay to at least {due:ms}: 3.5 characters, above 19200 bit/s always 1.75 ms",
 )
 def unit_too_fast(evidence: Evidence) -> Iterator[Suspicion]:
     """Less than t3.5 before the answers of some units."""
@@ -188,10 +190,12 @@ _ROBBED: Final = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.DOUBLES, Symptom.LATEN
     "tap-flow-control",
     Severity.ERROR,
     blame="tap",
-    text="The tap's port eats every byte 11 and 13 (hex), XON and XOFF of software flow control: none of {bytes:,} bytes is "
+    text="The tap's port swallows every byte 11 and 13 (hex), XON and XOFF of software flow control: none of {bytes:,} "
+    "bytes is "
     "one, and {robbed} of {damaged} damaged frames are whole with them put back; the bus itself may be well",
     share="{robbed} of {damaged} damaged frames",
-    deciding_test="Switch software flow control off on the port that listens (`stty -F PORT -ixon -ixoff`) and listen again",
+    deciding_test="Switch software flow control off on the port that listens (`stty -F PORT -ixon -ixoff`) and listen "
+    "again",
     remedy="Switch XON/XOFF off: on the port, in the program that records and in the converter",
 )
 def tap_flow_control(evidence: Evidence) -> Iterator[Suspicion]:

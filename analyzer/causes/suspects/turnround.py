@@ -27,13 +27,17 @@ _SOME_HEADS: Final = 0.05  # of all: where but the beginning is lost; other sett
     "client-driver-held",
     Severity.ERROR,
     blame="master",
-    text="The client or its converter holds its driver into the answers: those of {units:unit|units}, which come within "
-    "{soon:ms} of the request, lose their beginning ({damaged} of {answers}), those of slower units do not[ ({others_damaged} "
+    text="The client or its converter holds its driver into the answers: those of {units:unit|units}, which come "
+    "within "
+    "{soon:ms} of the request, lose their beginning ({damaged} of {answers}), those of slower units do not[ "
+    "({others_damaged} "
     "of {others_answers})]",
     share="{damaged} of {answers} answers of the quick units[, {others_damaged} of {others_answers} of others]",
-    deciding_test="Look at the direction setting of the client's port or converter: how long it drives behind the last bit; with a "
+    deciding_test="Look at the direction setting of the client's port or converter: how long it drives after the last "
+    "bit; with a "
     "response delay of 20 ms in one of the quick units its damage must go",
-    remedy="Let the client's port release the line at once behind the last stop bit (automatic direction control instead "
+    remedy="Let the client's port release the line at once after the last stop bit (automatic direction control "
+    "instead "
     "of RTS), or give the quick units a longer response delay",
     foretold=OF_A_LINE,
 )

@@ -35,12 +35,13 @@ _BEFORE_BITS: Final = 4.0
     "duplicate-address",
     Severity.ERROR,
     blame="unit",
-    text="Two devices answer to address {unit}[; {doubles:answer|answers} came to requests that had one already][; in {damaged:answer|answers} "
+    text="Two devices answer to address {unit}[; {doubles:answer|answers} came to requests that had one already][; in "
+    "{damaged:answer|answers} "
     "two transmitters mix][; {tails:answer|answers} {tails:|runs|run} on when {tails:|it is|they are} over]"
     "[; {met:exchange|exchanges} right behind {met:|is|are} hit by a second one]",
     share=SHARE,
-    deciding_test="Look at the address that each device is set to; then, with the operator's consent, take the device "
-    "with address {unit} off the bus: if the address still answers, there is another one",
+    deciding_test="Look at the address that each device is set to; then, with the operator's consent, disconnect the "
+    "device with address {unit}: if the address still answers, there is another one",
     remedy="Give one of the two devices an address of its own",
     foretold=OF_A_LINE,
 )
@@ -161,7 +162,8 @@ def _answered_again(evidence: Evidence, unit: UnitLedger) -> Mapping[int, float]
 
 
 def _met(evidence: Evidence, other: int, unit: UnitLedger) -> tuple[int, int]:
-    """How many exchanges of another unit right behind one's were hit, of how many; or two behind, where it is heard there."""
+    """How many exchanges of another unit right behind one's were hit, of how many; or two behind, where it is heard "
+    "there."""
     successors, pair = evidence.ledger.successors, (other, unit.unit)
     if not successors.met[pair] and _is_heard_behind(evidence, evidence.ledger.units[other], unit):
         return successors.near_hit[pair], successors.near[pair]

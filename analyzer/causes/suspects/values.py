@@ -1,4 +1,5 @@
-"""Values that cannot be: by their own past, by sister units that are asked for the same registers, by their register map."""
+"""Values that cannot be: by their own past, by sister units that are asked for the same registers, by their register "
+"map."""
 
 from __future__ import annotations
 
@@ -60,7 +61,8 @@ def _moves(poll: PollValues) -> NDArray[np.float64]:
     "frozen-values",
     Severity.WARNING,
     blame="unit",
-    text="The values of unit {unit} stand still: {registers} registers from {address} on have not changed in {reads} reads, "
+    text="The values of unit {unit} stand still: {registers} registers from {address} on have not changed in {reads} "
+    "reads, "
     "those of its {sisters:sister unit|sister units} did all the time",
     share="{registers} registers of unit {unit}",
     deciding_test="Compare the registers of unit {unit} with its own display; what it measures is changed for a test "
@@ -124,7 +126,8 @@ def _never(others: NDArray[np.float64], frozen: NDArray[np.bool_]) -> bool:
 
 
 def _as_large(poll: PollValues, sisters: list[PollValues], frozen: NDArray[np.bool_]) -> bool:
-    """Whether what stands still is about as large as in the sisters: else it may be another thing, a setting or a state."""
+    """Whether what stands still is about as large as in the sisters: else it may be another thing, a setting or a "
+    "state."""
     words = np.concatenate([each.words[:, frozen] for each in sisters]).astype(np.float64)
     own = poll.words[-1, frozen].astype(np.float64)
     alike = (own >= words.min(axis=0) / _AS_LARGE) & (own <= words.max(axis=0) * _AS_LARGE)
@@ -159,7 +162,8 @@ def _long(poll: PollValues, column: int, *, swapped: bool = False) -> NDArray[np
 
 
 def _counting(poll: PollValues, *, swapped: bool) -> NDArray[np.bool_]:
-    """Which registers may be the first of a counter's two: of all others `_jumps` would say that they are no counter's."""
+    """Which registers may be the first of a counter's two: of all others `_jumps` would say that they are no "
+    "counter's."""
     words = poll.words.astype(np.int64)
     first, second = words[:, :-1], words[:, 1:]
     steps = np.diff(second << 16 | first if swapped else first << 16 | second, axis=0)
@@ -207,7 +211,8 @@ def _is_torn(steps: NDArray[np.int64], jumps: NDArray[np.intp]) -> bool:
 
 
 def _undone(steps: NDArray[np.int64], jumps: NDArray[np.intp], usual: float) -> bool:
-    """Whether each jump by whole high words is undone at one of the next reads: its two words were of different moments."""
+    """Whether each jump by whole high words is undone at one of the next reads: its two words were of different "
+    "moments."""
     left = set(jumps.tolist())
     while left:
         first = min(left)
@@ -227,10 +232,11 @@ def _undone(steps: NDArray[np.int64], jumps: NDArray[np.intp], usual: float) -> 
     "counter-jumps",
     Severity.WARNING,
     blame="unit",
-    text="A counter of unit {unit} (register {address}, 32 bits) jumps: {jumps:time|times} it fell back or leapt, by up to {most:,}",
+    text="A counter of unit {unit} (register {address}, 32 bits) jumps: {jumps:time|times} it fell back or leapt, by "
+    "up to {most:,}",
     share="{jumps} of {reads} reads",
     deciding_test="Record this counter alone for an hour, and compare it with the unit's own display",
-    remedy="Look whether two registers of one counter are read in two requests, or the unit loses it at a restart",
+    remedy="Check whether one counter is read in two requests, or whether the unit loses it at a restart",
 )
 def counter_jumps(evidence: Evidence) -> Iterator[Suspicion]:
     """Counters that do not only count, where those of sister units do."""
@@ -300,8 +306,8 @@ def _spread(values: NDArray[np.float64]) -> float:
     "word-order",
     Severity.WARNING,
     blame="unit",
-    text="Unit {unit} sends its floats with the two words exchanged: {pairs} values from register {address} on read like "
-    "those of its {sisters:sister unit|sister units} only the other way round",
+    text="Unit {unit} sends its floats with the two words swapped: {pairs} values from register {address} on match "
+    "those of its {sisters:sister unit|sister units} only in the other word order",
     share="{pairs} values of unit {unit}",
     deciding_test="Compare one value of unit {unit} with its own display, in both orders",
     remedy="Set the unit's word order, or that of its tags in the client, to that of the others",

@@ -39,11 +39,12 @@ _UNIT_BITS: Final = 6.0  # each unit more that is said to be far
     "bias",
     Severity.WARNING,
     blame="line",
-    text="Nothing holds the line when nobody drives it: {idle} stretches of stray bytes on the idle line, while "
+    text="Nothing holds the line while no driver is on: {idle} stretches of stray bytes on the idle line, while "
     "{well} of {exchanges:exchange|exchanges} {well:|shows|show} no damage",
     share="{idle} stretches in {exchanges} exchanges[, {damaged:damaged answer|damaged answers}]",
     deciding_test="Measure A against B on the idle line: under 200 mV it floats",
-    remedy="Fit bias resistors (pull-up on B, pull-down on A as the Modbus specification names them, 450 to 650 ohm) at one "
+    remedy="Fit bias resistors (pull-up on B, pull-down on A as the Modbus specification names them, 450 to 650 ohm) "
+    "at one "
     "place of the bus, or switch the client's on; many makers print A and B the other way round",
 )
 def bias(evidence: Evidence) -> Iterator[Suspicion]:

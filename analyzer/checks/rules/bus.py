@@ -89,7 +89,7 @@ _FATE: Final = {Status.UNANSWERED: "no answer", Status.DAMAGED: "answered by a d
 
 
 @form("every-poll-answered", '"every"i "poll"i ["of"i "unit"i NUMBER] "answered"i',
-      "each request to a unit gets a whole answer, which an exception is too", "every poll answered",
+      "each request to a unit gets a complete answer (an exception counts)", "every poll answered",
       "every poll of unit 17 answered")  # fmt: skip
 def every_poll(line: LineSettings, unit: Token | None) -> Start:  # noqa: ARG001
     number = None if unit is None else whole(unit, 255)
@@ -129,7 +129,7 @@ class _Soon:
         bounds = times.bounds(self.share)
         if bounds is None:
             return RuleResult(
-                False, page_words("cannot be told: {why}", why=page_words("this tap's times cannot tell them"))
+                False, page_words("cannot be told: {why}", why=page_words("this tap's timestamps are too coarse"))
             )
         words = f"{self.share} {times.worded(self.share)}, {page_words('{count:,} measured', count=times.count)}"
         verdicts = {bool(COMPARE[self.compared](figure, self.bound_ns)) for figure in bounds}
@@ -144,7 +144,7 @@ class _Soon:
 
 
 @form("response-time", 'SHARE "response_time"i ["of"i "unit"i NUMBER] COMPARED NUMBER [UNIT]',
-      "a percentile (good to 0.5 %), the mean or an end of the response times; fails where the tap cannot tell",
+      "a percentile (within 0.5 %), mean, minimum or maximum of response times; fails if the tap cannot measure them",
       "p95 response_time < 80 ms",
       "max response_time of unit 17 <= 0.5 s")  # fmt: skip
 def response_time(
@@ -197,7 +197,12 @@ def load(line: LineSettings, compared: Token, number: Token) -> Start:  # noqa: 
     return lambda: _Summed(verdict)
 
 
-@form("at-least-frames", '"at"i "least"i NUMBER "frames"i', "the capture holds so many frames", "at least 100 frames")
+@form(
+    "at-least-frames",
+    '"at"i "least"i NUMBER "frames"i',
+    "the capture has at least so many frames",
+    "at least 100 frames",
+)
 def at_least_frames(line: LineSettings, number: Token) -> Start:  # noqa: ARG001
     least = whole(number)
     return lambda: _Summed(lambda report: RuleResult(report.frames >= least, counted(report.frames, "frame", "frames")))
@@ -236,7 +241,7 @@ class _UnitsOnBus:
         return RuleResult(not strangers and not absent, "; ".join(parts), tuple(self._breaches.first))
 
 
-@form("units-are", '"units"i "are"i numbers', "these units answer, and no other is asked or answers",
+@form("units-are", '"units"i "are"i numbers', "exactly these units are asked and answer",
       "units are 1, 2, 17")  # fmt: skip
 def units_are(line: LineSettings, numbers: list[Token]) -> Start:  # noqa: ARG001
     allowed = frozenset(whole(number, 255) for number in numbers)
@@ -268,7 +273,7 @@ class _Causes:
 
 
 @form("no-causes", '"no"i ("cause"i | "causes"i) ["of"i "unit"i NUMBER]',
-      "nothing is wrong with the bus, or with one unit: no cause but notes", "no causes",
+      "no cause found for the bus, or for one unit, except notes", "no causes",
       "no cause of unit 7")  # fmt: skip
 def no_causes(line: LineSettings, unit: Token | None) -> Start:  # noqa: ARG001
     number = None if unit is None else whole(unit, 255)

@@ -105,7 +105,7 @@ def _at_most(words: list[Token], most: int, line: LineSettings) -> Start:
     return lambda: _FindingCount(mask, most)
 
 
-@form("no-findings", '"no"i "findings"i ["of"i "severity"i WORD]', "nothing was found; or nothing so grave or graver",
+@form("no-findings", '"no"i "findings"i ["of"i "severity"i WORD]', "no findings, or none of this severity or above",
       "no findings", "no findings of severity warning")  # fmt: skip
 def no_findings(line: LineSettings, severity: Token | None) -> Start:  # noqa: ARG001
     grades = {grade.name.lower(): grade for grade in Severity}
@@ -121,7 +121,7 @@ def none_of(line: LineSettings, thing: list[Token]) -> Start:
     return _at_most(thing, 0, line)
 
 
-@form("at-most", '"at"i "most"i NUMBER thing', "this happens so often at most", "at most 3 retries")
+@form("at-most", '"at"i "most"i NUMBER thing', "this happens at most so many times", "at most 3 retries")
 def at_most(line: LineSettings, number: Token, thing: list[Token]) -> Start:
     return _at_most(thing, whole(number), line)
 
@@ -143,7 +143,7 @@ def _filter(text: Token, line: LineSettings) -> Filter:
 @form(
     "none-where",
     '"none"i "where"i FILTER',
-    "no row passes a display filter",
+    "no row matches a display filter",
     "none where unit == 17 and exception == 4",
 )
 def none_where(line: LineSettings, text: Token) -> Start:
@@ -152,7 +152,7 @@ def none_where(line: LineSettings, text: Token) -> Start:
 
 
 @form("all-where", '"all"i "where"i FILTER ":" FILTER',
-      "all rows that pass the first filter pass the second, and there are some",
+      "every row that matches the first filter matches the second, and there is at least one",
       "all where function == 3 and request: quantity <= 50")  # fmt: skip
 def all_where(line: LineSettings, chosen: Token, due: Token) -> Start:
     first, second = _filter(chosen, line), _filter(due, line)

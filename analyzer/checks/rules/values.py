@@ -71,7 +71,7 @@ class _Limits:
 
 
 @form("values-in-limits", '"values"i "in"i "their"i "limits"i',
-      "every value that has limits in its register map (--map) lies in them", "values in their limits")  # fmt: skip
+      "every value with limits in its register map (--map) is within them", "values in their limits")  # fmt: skip
 def values_in_limits(line: LineSettings) -> Start:  # noqa: ARG001
     charts = CHARTS.get()
     return lambda: _Limits(charts)
@@ -146,7 +146,7 @@ def no_writes(line: LineSettings) -> Start:  # noqa: ARG001
 
 
 @form("no-writes-outside", '"no"i "writes"i "outside"i ranges',
-      "nothing is written but to these addresses; file records have none of them", "no writes outside 4x0-100",
+      "only these addresses are written; file records have no addresses", "no writes outside 4x0-100",
       "no writes outside 40001-40100, 00001-00016")  # fmt: skip
 def no_writes_outside(line: LineSettings, ranges: list[Token]) -> Start:  # noqa: ARG001
     wanted = _disjoint(ranges)

@@ -155,7 +155,7 @@ def repeated(case: DamagedFrame) -> Iterator[Explanation]:
         yield best
 
 
-# crc-variant: the check value is right by another convention: the device's firmware is wrong, the line is not.
+# crc-variant: the check value is correct under another convention: the device's firmware is wrong, the line is not.
 
 
 _PRIOR_VARIANT = -3.0

@@ -24,7 +24,7 @@ from ..damage.triage import VAGUE
 from ..view import DiagnosisStep, where
 from .outcomes import ECHO
 
-_NOISY_LINE: Final = "interference, a missing or doubled termination, a loose screw, or two drivers at once"
+_NOISY_LINE: Final = "interference, missing or double termination, a loose terminal, or two drivers at once"
 _LINE: Final = "check termination at both ends, shield and common; lower the baud rate to see whether it helps"
 
 
@@ -60,19 +60,20 @@ MISSING: Final = Rule(
     "byte-missing",
     Severity.ERROR,
     About.FRAME,
-    when="the frame is one byte shorter than predicted, and with one byte more length and CRC are right",
+    when="the frame is one byte short, and adding a byte makes length and CRC right",
     clause="[2] 2.5.1.2",
     numbers=("first", "last", "value", "places", "certainty", "second_first", "second_last", "unit"),
     loses=True,
-    text=partial(_byte_at, "a byte is missing: {value} as byte {places} makes the CRC right"),
+    text=partial(_byte_at, "a byte is missing: with {value} as byte {places} the CRC matches"),
     cause="the receiver lost a byte: its buffer ran over, or its processor was busy; or the line was disturbed",
-    remedy="see whether it is the tap's receiver or the device's: tap with a logic analyser; else check the line",
+    remedy="find out which receiver loses it, the tap's or the device's (use a logic analyser); otherwise check the "
+    "line",
 )
 EXTRA: Final = Rule(
     "byte-extra",
     Severity.ERROR,
     About.FRAME,
-    when="the frame is one byte longer than predicted, and without one byte length and CRC are right",
+    when="the frame is one byte too long, and removing a byte makes length and CRC right",
     clause="[2] 2.5.1.2",
     numbers=("first", "last", "value", "places", "certainty", "second_first", "second_last", "unit"),
     loses=True,
@@ -84,7 +85,7 @@ TRUNCATED: Final = Rule(
     "truncated",
     Severity.ERROR,
     About.FRAME,
-    when="a frame begins like one of so many bytes and ends early",
+    when="a frame begins like one of a known length and ends early",
     clause="[2] 2.5.1.1",
     numbers=("bytes", "due", "certainty", "unit"),
     loses=True,
@@ -104,26 +105,27 @@ VARIANT: Final = Rule(
     "crc-variant",
     Severity.ERROR,
     About.FRAME,
-    when="the check value is right by another convention",
+    when="the check value is correct under another convention",
     clause="[2] 6.2.2",
     numbers=("variant", "certainty", "unit"),
     varies="variant",
     loses=True,
     text=lambda numbers: phrase(
-        "the check value is right by another convention: {variant}", variant=VARIANTS[int(numbers["variant"])].name
+        "the check value is correct, but computed differently: {variant}",
+        variant=VARIANTS[int(numbers["variant"])].name,
     ),
     cause="the sender's firmware computes or sends its check value wrongly",
-    remedy="the specification's is CRC-16/MODBUS, least significant byte first: have the firmware corrected",
+    remedy="the specification requires CRC-16/MODBUS, least significant byte first: have the firmware corrected",
 )
 REPEATED: Final = Rule(
     "bytes-repeated",
     Severity.ERROR,
     About.FRAME,
-    when="without a doubled slice of it the frame's CRC is right",
+    when="removing a repeated part makes the frame's CRC match",
     numbers=("byte", "length", "certainty", "unit"),
     loses=True,
     text=lambda numbers: phrase(
-        "{bytes} from byte {byte:.0f} on come twice; once, they make the CRC right",
+        "{bytes} from byte {byte:.0f} on appear twice; with one copy the CRC matches",
         numbers,
         bytes=_bytes(numbers["length"]),
     ),
@@ -134,7 +136,7 @@ FLOW: Final = Rule(
     "flow-control-loss",
     Severity.ERROR,
     About.FRAME,
-    when="inserted 11 or 13 bytes, the XON and XOFF characters, are the repair that makes frames right",
+    when="inserting bytes 11 or 13 (XON, XOFF) repairs the frames",
     numbers=("lost", "certainty", "unit"),
     loses=True,
     text=lambda numbers: phrase(
@@ -147,15 +149,15 @@ COLLISION: Final = Rule(
     "collision",
     Severity.ERROR,
     About.FRAME,
-    when="bytes that are no frame stand where an answer was due, longer or otherwise than it could be",
+    when="the bytes where an answer was due form no frame and fit no possible answer",
     clause="[2] 2.4.1",
     numbers=("bytes", "due", "certainty", "unit"),
     loses=True,
     text=lambda numbers: (
-        phrase("{bytes} of no frame where an answer was due", bytes=_bytes(numbers["bytes"]))
+        phrase("{bytes} that form no frame where an answer was due", bytes=_bytes(numbers["bytes"]))
         + (phrase(" of {due:.0f}", numbers) if "due" in numbers else "")
     ),
-    cause="two transmitters at once: two devices share an address, a second client, or a device that sends unasked",
+    cause="two transmitters at once: a shared address, a second client, or a device that sends unprompted",
     remedy="disconnect devices one by one; look for doubled addresses and for a second client",
 )
 CRC_ERROR: Final = Rule(
@@ -167,7 +169,7 @@ CRC_ERROR: Final = Rule(
     numbers=("received", "computed", "unit"),
     loses=True,
     text=lambda numbers: phrase(
-        "the CRC is wrong ({received}, {computed} is right), and nothing simple explains it",
+        "the CRC is wrong ({received} instead of {computed}), with no simple explanation",
         received=_crc(numbers, "received"),
         computed=_crc(numbers, "computed"),
     ),
@@ -185,8 +187,8 @@ def _marked(numbers: Mapping[str, float]) -> str:
         return words
     rule = tuple(_RULES.values())[int(numbers["verdict"])]
     if rule is BIT_FLIP and "byte" in numbers:
-        return words + phrase("; with bit {bit:.0f} of byte {byte:.0f} flipped back the CRC is right", numbers)
-    return words + phrase("; as a frame it is {code}", code=rule.code)
+        return words + phrase("; with bit {bit:.0f} of byte {byte:.0f} flipped back the CRC matches", numbers)
+    return words + phrase("; the frame itself is {code}", code=rule.code)
 
 
 PARITY: Final = Rule(
@@ -213,7 +215,7 @@ LRC_ERROR: Final = Rule(
     loses=True,
     text=lambda numbers: (
         phrase(
-            "the LRC is wrong ({received}, {computed} is right)",
+            "the LRC is wrong ({received} instead of {computed})",
             **{name: f"{int(numbers[name]):02X}" for name in ("received", "computed")},
         )
         if "received" in numbers

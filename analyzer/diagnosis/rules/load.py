@@ -63,7 +63,7 @@ WASTE: Final = Rule(
     "poll-waste",
     Severity.NOTE,
     About.BUS,
-    when="reads repeat or adjoin that one request could do",
+    when="several reads cover addresses that one request could read",
     numbers=("unit", "function", "requests", "first_address", "quantity", "saved_ms"),
     text=lambda numbers: (
         phrase(
@@ -82,10 +82,10 @@ SATURATED: Final = Rule(
     "bus-saturated",
     Severity.WARNING,
     About.BUS,
-    when="the load takes so much of the line that the client has hardly any idle time left",
+    when="the load leaves the client hardly any idle time",
     numbers=("load_percent", "idle_percent"),
-    text="{load_percent:.0f} % of the time bytes are on the line, and the client pauses for {idle_percent:.0f} % only",
-    cause="more is polled than the line can carry at this speed",
+    text="the line carries bytes {load_percent:.0f} % of the time, and the client pauses for only {idle_percent:.0f} %",
+    cause="the client polls more than the line can carry at this speed",
     remedy="raise the baud rate, join polls into blocks, poll slow values less often",
 )
 

@@ -41,7 +41,7 @@ OTHER: Final = Rule(
         protocol=NAMES[int(numbers["protocol"])],
     ),
     cause="devices of another protocol share the pair with Modbus",
-    remedy="leave it, as long as Modbus devices do not take its frames for their own; else give it a pair of its own",
+    remedy="nothing, while Modbus devices ignore its frames; otherwise move it to its own pair",
 )
 
 
@@ -229,14 +229,14 @@ COLLISION: Final = Rule(
     clause="[2] 2.5.1.2",
     numbers=("window_start", "window_length", "windows"),
     text=lambda numbers: phrase(
-        "{bytes} from byte {window_start:.0f} on have a right CRC, but are part of this frame"
+        "{bytes} from byte {window_start:.0f} on also have a matching CRC, but are only part of this frame"
         if numbers["window_start"]
-        else "the first {bytes} have a right CRC, but are part of this frame",
+        else "the first {bytes} also have a matching CRC, but are only part of this frame",
         numbers,
         bytes=counted(int(numbers["window_length"]), "byte", "bytes"),
     ),
     cause="a coincidence (1 window in 65,536), or registers that contain a whole frame",
-    remedy="nothing; it only misleads tools that search for matching CRCs alone",
+    remedy="nothing; it only misleads tools that look for nothing but matching CRCs",
 )
 
 

@@ -37,9 +37,9 @@ DUPLICATE: Final = Rule(
     when="one request is answered twice",
     clause="[2] 2.2",
     numbers=("unit", "after_ms"),
-    text="a second answer of unit {unit:.0f} to the same request",
+    text="unit {unit:.0f} answers the same request twice",
     cause="two devices share an address",
-    remedy="give each device an address of its own: disconnect one and see whether the unit still answers",
+    remedy="give each device its own address: disconnect one and see whether the unit still answers",
 )
 MISMATCH: Final = Rule(
     "response-mismatch",
@@ -49,8 +49,8 @@ MISMATCH: Final = Rule(
     clause="[1] 6",
     numbers=("unit", "function"),
     loses=True,
-    text="the answer of unit {unit:.0f} does not fit its request: byte count or quantity differ, or the echo does",
-    cause="an answer to an earlier request, or a device that answers what it was not asked",
+    text="unit {unit:.0f}'s answer does not fit the request: byte count, quantity or echo differs",
+    cause="an answer to an earlier request, or a device that answers a different request",
     remedy="compare with the previous request; read fewer registers; update the device's firmware",
 )
 BROADCAST_ANSWERED: Final = Rule(
@@ -61,19 +61,19 @@ BROADCAST_ANSWERED: Final = Rule(
     clause="[2] 2.1",
     numbers=("unit", "function"),
     text="unit {unit:.0f} answers a broadcast",
-    cause="a device takes 0 for its own address, or ignores that broadcasts are not answered; several would collide",
+    cause="a device uses 0 as its own address or wrongly answers broadcasts; several such answers would collide",
     remedy="give the device an address from 1 to 247; do not send to unit 0",
 )
 BROADCAST_READ: Final = Rule(
     "broadcast-read",
     Severity.WARNING,
     About.FRAME,
-    when="a read is sent to unit 0, which nobody may answer",
+    when="a read is sent to unit 0, which no unit may answer",
     clause="[2] 2.1",
     numbers=("function",),
-    text="a read is sent to unit 0, which nobody may answer",
-    cause="the unit's address is not set in the client, or it searches for a device; a gateway passes on the unit 0 of "
-    "Modbus TCP so, too",
+    text="a read is sent to unit 0, which no unit may answer",
+    cause="the unit's address is not set in the client, or it searches for a device; a gateway may also pass on unit 0 "
+    "from Modbus TCP",
     remedy="set the unit's address in the client",
 )
 
@@ -220,7 +220,7 @@ NO_RESPONSE: Final = Rule(
     "no-response",
     Severity.ERROR,
     About.TRANSACTION,
-    when="nobody answers a request",
+    when="a request gets no answer",
     clause="[2] 2.4.1",
     numbers=("unit", "waited_ms", "function", "answered_before", "over_tcp"),
     varies="answered_before",
@@ -234,25 +234,26 @@ NO_RESPONSE: Final = Rule(
         if _asks_itself(numbers)
         else "no such unit behind this server, or one that its serial line does not reach"
         if "over_tcp" in numbers
-        else "it has not answered so far: no such unit, or one without power; else a wrong baud rate or parity, "
-        "swapped A and B, or a request that reached it damaged"
+        else "it has never answered: the unit does not exist or has no power; otherwise wrong baud rate or parity, "
+        "swapped A and B, or a damaged request"
     ),
     remedy=lambda numbers: phrase(
         "check when it falls silent: its power, its connector, and what the client asks at that moment"
         if numbers["answered_before"]
         else "set the unit's number in the client, if a unit behind a gateway is meant"
         if _asks_itself(numbers)
-        else "check the unit's number, and the line behind the gateway if it is one; take it off the poll list if it "
-        "is not there"
+        else "check the unit's number and, behind a gateway, its line; remove it from the poll list if it does not "
+        "exist"
         if "over_tcp" in numbers
-        else "check the unit's power, address, line settings and wiring; take it off the poll list if it is not there"
+        else "check the unit's power, address, line settings and wiring; remove it from the poll list if it does not "
+        "exist"
     ),
 )
 RETRY: Final = Rule(
     "retry",
     Severity.NOTE,
     About.TRANSACTION,
-    when="the same request comes again after no answer or a damaged one",
+    when="a request is repeated after no answer or a damaged one",
     clause="[2] 2.4.1",
     numbers=("unit", "after_ms"),
     text=lambda numbers: (
@@ -267,9 +268,9 @@ RETRY: Final = Rule(
 def _came_late(numbers: Mapping[str, float]) -> str:
     words = phrase("unit {unit:.0f} answers frame {request:.0f}", numbers)
     words += phrase(", {late_ms:ms} after it", numbers) if "late_ms" in numbers else ""
-    words += phrase(", when the client has gone on; ")
+    words += phrase(", when the client has moved on; ")
     return words + phrase(
-        "it fits the client's newest request as well, which takes these values one poll too late"
+        "it also fits the client's newest request, so the client takes these values one poll late"
         if numbers["mistaken"]
         else "it does not fit the client's newest request, which can reject it"
     )
@@ -279,7 +280,7 @@ LATE: Final = Rule(
     "late-response",
     Severity.ERROR,
     About.TRANSACTION,
-    when="an answer comes after the client has gone on to its next request",
+    when="an answer comes after the client has moved on to its next request",
     clause="[2] 2.4.1",
     numbers=("unit", "late_ms", "request", "mistaken", "waited_ms"),
     varies="mistaken",
@@ -289,14 +290,14 @@ LATE: Final = Rule(
     cause=lambda numbers: (
         phrase("the unit answers later than the client waits")
         + (
-            phrase("; answers carry no register address, so nobody notices the wrong values")
+            phrase("; answers carry no register address, so the wrong values go unnoticed")
             if numbers["mistaken"]
             else ""
         )
     ),
     remedy=lambda numbers: (
         phrase("make the client's response timeout longer than the unit's longest response time")
-        + (phrase("; do not trust the values of this unit until then") if numbers["mistaken"] else "")
+        + (phrase("; do not trust this unit's values until then") if numbers["mistaken"] else "")
     ),
 )
 ECHO: Final = Rule(

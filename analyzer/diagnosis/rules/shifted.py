@@ -24,10 +24,10 @@ SHIFTED: Final = Rule(
     loses=True,
     text="unit {unit:.0f} answers frame {request:.0f}, and the client takes it for the answer to frame "
     "{taken_for:.0f}: it stores these values under the wrong registers",
-    cause="an answer came after the client had gone on, or came twice; an answer carries no register address, so each "
-    "one behind it is taken for the next request's",
-    remedy="make the client wait longer than the unit's slowest answer, and drop what comes late before it asks again; "
-    "do not trust the values of this unit until then",
+    cause="an answer came late or twice; answers carry no register address, so each following one is taken for the "
+    "next request's answer",
+    remedy="make the client wait longer than the unit's slowest answer and discard late bytes before asking again; do "
+    "not trust this unit's values until then",
 )
 
 

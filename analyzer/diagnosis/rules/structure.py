@@ -30,7 +30,7 @@ from ..view import DiagnosisStep, where
 def _quantity_text(numbers: Mapping[str, float]) -> str:
     function, quantity, low, high = (int(numbers[key]) for key in ("function", "quantity", "low", "high"))
     return phrase(
-        "{name} of {quantity}, allowed are {low} to {high}",
+        "{name} is {quantity}, outside {low} to {high}",
         name=function_name(function), quantity=quantity, low=low, high=high,
     )  # fmt: skip
 
@@ -53,19 +53,20 @@ BYTE_COUNT: Final = Rule(
     when="the byte count does not fit the quantity in the same frame",
     clause="[1] 6",
     numbers=("byte_count", "quantity", "due", "function"),
-    text="the byte count is {byte_count:.0f}, the quantity beside it, {quantity:.0f}, takes {due:.0f} bytes",
+    text="the byte count is {byte_count:.0f}, but a quantity of {quantity:.0f} needs {due:.0f} bytes",
     cause="the sender computes its byte count wrongly: registers counted as bytes, or bits not rounded up",
-    remedy="correct the sender: 2 bytes a register, one byte for 8 bits begun",
+    remedy="correct the sender: 2 bytes per register, one byte per 8 bits or part of them",
 )
 COIL_VALUE: Final = Rule(
     "invalid-coil-value",
     Severity.ERROR,
     About.FRAME,
-    when="function 05 writes other than 0000 or FF00",
+    when="function 05 writes a value other than 0000 or FF00",
     clause="[1] 6.5",
     numbers=("value",),
     text=lambda numbers: phrase(
-        "a coil is written with {value}, allowed are FF00 (on) and 0000 (off)", value=f"{int(numbers['value']):04X}"
+        "a coil is written with {value}; only FF00 (on) and 0000 (off) are allowed",
+        value=f"{int(numbers['value']):04X}",
     ),
     cause="the client writes 1 for on, or swaps the two bytes",
     remedy="send FF00 for on and 0000 for off",
@@ -82,7 +83,7 @@ PADDING: Final = Rule(
         numbers,
         octet=f"{int(numbers['last_byte']):02X}",
     ),
-    cause="the device sends whole bytes of its memory and does not clear the bits that nobody asked for",
+    cause="the device sends whole bytes of its memory without clearing the unused bits",
     remedy="ignore these bits in the client; the device's vendor should clear them",
 )
 _GATEWAY: Final = 0xFF  # the unit of a server that is itself meant, over Modbus TCP ([3] 4.4.2.2)
@@ -93,7 +94,7 @@ RESERVED_UNIT: Final = Rule(
     when="the unit address is 248 to 255",
     clause="[2] 2.2",
     numbers=("unit",),
-    text="unit {unit:.0f} is used, 248 to 255 are reserved",
+    text="unit {unit:.0f} is in use, but 248 to 255 are reserved",
     varies="unit",
     cause=lambda numbers: phrase(
         "a client of Modbus TCP that asks unit FF, which a gateway passes on, or a device's own service address"
@@ -110,11 +111,11 @@ RESERVED_FUNCTION: Final = Rule(
     "reserved-function",
     Severity.NOTE,
     About.FRAME,
-    when="the function code is neither defined nor given to users",
+    when="the function code is neither defined nor in the user ranges",
     clause="[1] 5",
     numbers=("function",),
     text=lambda numbers: phrase(
-        "{code} is neither defined by the specification nor free for users (65-72 and 100-110 are)",
+        "{code} is not in the specification and not in the user ranges (65-72, 100-110)",
         code=function_code(int(numbers["function"])),
     ),
     cause="a vendor's own function outside the ranges for users",
@@ -127,7 +128,7 @@ INVALID_FUNCTION: Final = Rule(
     when="the function code is 0, or a request has an exception's",
     clause="[1] 4.1",
     numbers=("function",),
-    text="a request with function code {function:.0f}, possible are 1 to 127",
+    text="a request with function code {function:.0f}; valid codes are 1 to 127",
     cause="the sender builds its request from the wrong byte, or repeats an exception answer",
     remedy="correct the client's function code",
 )
@@ -140,7 +141,7 @@ TOO_LONG: Final = Rule(
     numbers=("bytes",),
     text=f"the frame has {{bytes:.0f}} bytes, {MAX_ADU} are the most",
     cause="the sender ignores the limit of the serial line; receivers with a 256-byte buffer drop the frame",
-    remedy="ask for less at once, or correct the sender",
+    remedy="ask for less at a time, or correct the sender",
 )
 
 
@@ -278,7 +279,7 @@ _USES: Final[Mapping[int, tuple[str, str]]] = {
         "by the specification a malformed quantity or coil value; many vendors also mean a value out of range",
         "check quantity, byte count and the range of the written value",
     ),
-    0x04: ("the device failed at it: a broken sensor, or a module missing behind it", "read the device's own status"),
+    0x04: ("the device could not do it: a broken sensor or a missing module", "read the device's own status"),
     0x05: ("the device took the command and needs time", "ask for completion later, do not repeat the command"),
     0x06: ("the device is busy, often with its flash memory", "ask again later, poll more slowly"),
     0x07: ("the device cannot run this program function", "look the function up in the device's manual"),
@@ -321,7 +322,7 @@ EXCEPTION_ANSWER: Final = Rule(
     "exception",
     Severity.WARNING,
     About.FRAME,
-    when="a unit answers by an exception",
+    when="a unit answers with an exception",
     clause="[1] 7",
     numbers=("code", "function", "unit"),
     varies="code",

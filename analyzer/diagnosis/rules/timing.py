@@ -30,12 +30,12 @@ GAP_INSIDE: Final = Rule(
     numbers=("gap_ms", "characters", "byte", "t35_ms"),
     text=lambda numbers: (
         phrase(
-            "{gap_ms:ms} of silence ({characters:.1f} characters) inside the frame, before byte {byte:.0f}; a "
-            "receiver that keeps to t1.5 discards the frame",
+            "a gap of {gap_ms:ms} ({characters:.1f} characters) inside the frame, before byte {byte:.0f}; a strict "
+            "t1.5 receiver discards the frame",
             numbers,
         )
         + (
-            phrase(", one that frames by t3.5 takes the rest for another")
+            phrase(", a t3.5 receiver takes the rest for another frame")
             if numbers["gap_ms"] > numbers["t35_ms"]
             else ""
         )
@@ -52,10 +52,10 @@ GAP_SHORT: Final = Rule(
     numbers=("gap_ms", "characters", "due_ms", "is_response"),
     varies="is_response",
     text=lambda numbers: phrase(
-        "the response starts {gap:ms} ({passed:.1f} characters) after the frame before, {due_ms:ms} are due"
+        "the response starts {gap:ms} ({passed:.1f} characters) after the previous frame instead of {due_ms:ms}"
         if numbers["is_response"]
-        else "the client starts its request {gap:ms} ({passed:.1f} characters) after the frame before, "
-        "{due_ms:ms} are due",
+        else "the client starts its request {gap:ms} ({passed:.1f} characters) after the previous frame instead of "
+        "{due_ms:ms}",
         numbers,
         gap=max(numbers["gap_ms"], 0),
         passed=max(numbers["characters"], 0),
@@ -80,7 +80,8 @@ TURNAROUND: Final = Rule(
     when="a request comes sooner than 100 ms after a broadcast",
     clause="[2] 2.4.1",
     numbers=("pause_ms", "due_ms"),
-    text="a request {pause_ms:ms} after a broadcast; {due_ms:.0f} ms are due, as no answer says when all are done",
+    text="a request {pause_ms:ms} after a broadcast instead of {due_ms:.0f} ms; no answer shows when the units are "
+    "done",
     cause="the client does not wait after a broadcast",
     remedy="set the client's turnaround delay to 100 to 200 ms",
 )
@@ -88,15 +89,15 @@ TURNAROUND: Final = Rule(
 
 def _blind(numbers: Mapping[str, float]) -> str:
     if "off_by_ms" not in numbers:
-        return phrase("this capture's times cannot show silences and response times")
+        return phrase("this capture's timestamps are too coarse to show gaps and response times")
     if not numbers["off_by_ms"]:
         return phrase(
-            "a read brings a whole frame, {bytes_a_read:.2g} bytes at once: silences of t1.5 and t3.5 cannot be judged",
+            "each read delivers a whole frame, {bytes_a_read:.2g} bytes at once: t1.5 and t3.5 cannot be checked",
             numbers,
         )
     return phrase(
-        "times are off by up to {off_by_ms:ms}, {bytes_a_read:.2g} bytes come in a read: silences of t1.5 and t3.5 "
-        "cannot be judged",
+        "times are off by up to {off_by_ms:ms}, with {bytes_a_read:.2g} bytes per read: t1.5 and t3.5 cannot be "
+        "checked",
         numbers,
     )
 
@@ -104,7 +105,7 @@ def _blind(numbers: Mapping[str, float]) -> str:
 def _remedy(numbers: Mapping[str, float]) -> str:
     off = numbers.get("off_by_ms", 0.0)
     if "off_by_ms" not in numbers:
-        return phrase("capture with times and the line's settings: baud rate, bits a character")
+        return phrase("capture with timestamps and the line's settings: baud rate, bits per character")
     if off > 25:
         return phrase("tap the serial line itself rather than the network behind a gateway")
     if off > _TIMER_NS / 1e6:

@@ -71,7 +71,7 @@ class Metrics:
         self._findings = counter("findings", "What was found, by kind", "code", "severity", "unit")
         self._frames = counter("frames", "Frames", "direction")
         self._damaged = counter("damaged_frames", "Frames with a wrong check value")
-        self._noise = counter("noise_bytes", "Bytes in no frame")
+        self._noise = counter("noise_bytes", "Bytes outside frames")
         self._heard = counter("heard_bytes", "Bytes of the line")
         self._marked = counter("marked_bytes", "Bytes with a parity or framing error")
         self._missed = counter("not_analysed_bytes", "Bytes that were not analysed live")

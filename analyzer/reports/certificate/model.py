@@ -98,23 +98,23 @@ def not_shown(certificate: Certificate) -> Iterator[str]:
     """What this capture cannot show, in sentences."""
     report = certificate.report
     if report.partial:
-        yield page_words("The reading ended before the capture did: the claims cover the part read.")
+        yield page_words("Reading stopped early: the claims cover the part read.")
     if certificate.sha256 is None:
-        yield page_words("The capture is no file: it has no hash.")
+        yield page_words("The capture is not a file, so it has no hash.")
     if not report.timed:
-        yield page_words("The capture has no times: response times and load are unknown.")
+        yield page_words("The capture has no timestamps: response times and load are unknown.")
     elif report.times.off_ns is None:
-        yield page_words("The tap's times carry no response times.")
+        yield page_words("Response times cannot be derived from this tap's timestamps.")
     elif report.times.off_ns:
         off = duration(report.times.off_ns)
-        yield page_words("The tap's times may be wrong by {time}; the bounds of response times hold that.", time=off)
+        yield page_words("The tap's times may be off by {time}; the response-time bounds include this.", time=off)
     if report.timed and (report.baud is None or report.char_bits is None):
         yield page_words("The line's speed or character length is not known: its load is unknown (--baud, --parity).")
     for time in report.deaf[:_DEAF]:
-        yield page_words("The recorder heard nothing for a time: {what}.", what=unheard(time))
+        yield page_words("Recording was interrupted: {what}.", what=unheard(time))
     if report.transactions.unheard:
         yield page_words(
-            "{requests} may have been answered then; they are in no claim.",
+            "{requests} may have been answered then; no claim counts them.",
             requests=counted(report.transactions.unheard, "request", "requests"),
         )
     if report.damage_count:
@@ -122,9 +122,9 @@ def not_shown(certificate: Certificate) -> Iterator[str]:
     if report.doubtful_frames:
         yield page_words("Frames whose bounds are doubtful: {count:,}.", count=report.doubtful_frames)
     yield from _bursts(certificate)
-    yield page_words("Units that nobody asked are not judged.")
-    yield page_words("A tap of bytes shows no voltages, no reflections, no termination.")
-    yield page_words("The bounds suppose independent exchanges under the conditions of this capture.")
+    yield page_words("Units that were not asked are not judged.")
+    yield page_words("A byte-level tap shows no voltages, reflections or termination.")
+    yield page_words("The bounds assume independent exchanges under the conditions of this capture.")
 
 
 def _bursts(certificate: Certificate) -> Iterator[str]:

@@ -26,10 +26,10 @@ CLAIM_WORDS: Final = {
 }
 VERDICT_WORDS: Final = {PASS: "pass", MARGINAL: "marginal", FAIL: "fail", UNKNOWN: "cannot say"}
 SENTENCES: Final = {
-    PASS: "The line keeps its limits.",
-    MARGINAL: "The line is marginal: it keeps its limits without a margin, or breaks them by little.",
-    FAIL: "The line does not keep its limits.",
-    UNKNOWN: "This capture cannot say whether the line keeps its limits.",
+    PASS: "The line is within its limits.",
+    MARGINAL: "The line is marginal: it just meets its limits or slightly exceeds them.",
+    FAIL: "The line exceeds its limits.",
+    UNKNOWN: "This capture cannot show whether the line is within its limits.",
 }
 HEADS: Final = ("claim", "seen", "confidence bounds", "limit", "needed / seen", "verdict")
 SIGNED: Final = ("name", "role", "date", "signature")

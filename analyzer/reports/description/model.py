@@ -252,24 +252,22 @@ def not_known(description: BusDescription) -> Iterator[str]:
     """What this capture does not tell of the bus, in sentences."""
     report = description.report
     if report.partial:
-        yield page_words("The reading ended before the capture did: what follows covers the part read.")
+        yield page_words("Reading stopped early: this page covers the part read.")
     if report.baud is None:
         yield page_words("The line's speed is not known (--baud).")
     if not report.timed:
         yield page_words("The capture has no times: periods, slots and response times are not known.")
     if description.round is None and report.frames:
-        yield page_words("The client keeps no round that recurs: the order of its polls is not known.")
+        yield page_words("The client has no recurring poll cycle: its poll order is unknown.")
     silent = [str(unit.unit) for unit in description.units if not unit.answered and unit.unit]
     if silent:
-        yield page_words("Units that never answered: {units}. Nothing is known of them.", units=", ".join(silent))
+        yield page_words("Units that never answered: {units}. Nothing is known about them.", units=", ".join(silent))
     unknown = [each for unit in description.units for each in unit.registers if not each.is_known]
     if unknown:
         count = sum(each.value.words for each in unknown)
-        yield page_words("Registers that were seen, and whose type these values do not tell: {count:,}.", count=count)
+        yield page_words("Registers seen whose type cannot be derived from their values: {count:,}.", count=count)
     if any(unit.answered and unit.looks is None and not unit.said for unit in description.units):
-        yield page_words(
-            "Some units say nothing of themselves, and no shipped map fits them: their makers are not known."
-        )
+        yield page_words("Some units do not identify themselves and match no shipped map: their makers are unknown.")
     if description.beyond:
-        yield page_words("The round, first frames and writes are those of the first {count:,} requests.", count=KEPT)
-    yield page_words("Registers that nobody asked for are not known.")
+        yield page_words("The cycle, first frames and writes come from the first {count:,} requests.", count=KEPT)
+    yield page_words("Registers that were never asked for are unknown.")

@@ -76,7 +76,7 @@ def poll_cell(poll: AskedPoll) -> str:
 def _round(turn: BusRound) -> DescriptionPart:
     sentences = []
     if turn.period_ns is not None and turn.jitter_ns is not None:
-        words = "A round takes {period}; nine in ten stray by less than {jitter}."
+        words = "A cycle takes {period}; nine in ten deviate by less than {jitter}."
         sentences.append(page_words(words, period=duration(turn.period_ns), jitter=duration(turn.jitter_ns)))
     words = "{share:.0%} of the requests that recur keep this order, in {rounds:,} rounds."
     sentences.append(page_words(words, share=turn.share, rounds=turn.rounds))
@@ -99,7 +99,7 @@ def _unit(unit: DescribedUnit) -> DescriptionPart:
 
 def _sentences(unit: DescribedUnit) -> Iterator[str]:
     for text, frame in unit.said.items():
-        yield page_words("It says: {text} (frame {frame}).", text=text, frame=frame)
+        yield page_words("It identifies itself as: {text} (frame {frame}).", text=text, frame=frame)
     if unit.looks is not None:
         looks = unit.looks
         words = "It looks like {device} ({sure:.0%}: {why})."

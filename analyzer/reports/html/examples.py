@@ -151,7 +151,7 @@ def example_view(example: FindingExample, origin_ns: int | None) -> ExampleView:
         octets = tuple(Octet(f"{byte:02X}", True) for byte in example.noise)
         cell = FieldCell("", octets, example.length - len(octets), "", "")
         title = " · ".join((page_words("noise"), *_location(finding.start, finding.port, finding.t_ns, origin_ns)))
-        return ExampleView(finding.text, (Strip(title, page_words("bytes in no frame"), (cell,)),))
+        return ExampleView(finding.text, (Strip(title, page_words("bytes outside frames"), (cell,)),))
     strips = []
     if frame.request_bytes is not None:
         request = adu_of(frame.request_bytes, frame.row.protocol)

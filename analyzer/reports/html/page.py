@@ -109,7 +109,7 @@ def cause_bars(cause: Cause, cards: Sequence[UnitCard]) -> tuple[OutcomeBar, ...
         return ()
     bars = [unit_bar(card) for card in mine[:_UNITS_OF_CAUSE]]
     if len(mine) > _UNITS_OF_CAUSE:
-        bars.append(_bar(page_words("further units of it"), mine[_UNITS_OF_CAUSE:]))
+        bars.append(_bar(page_words("its other units"), mine[_UNITS_OF_CAUSE:]))
     return (*bars, _bar(page_words("all others"), others))
 
 
@@ -199,7 +199,7 @@ def _verdict(worst: list[FindingRow]) -> str:
     """The page in one sentence."""
     errors = [row for row in worst if row.severity == "error"]
     if not worst:
-        return page_words("No error and no warning was found.")
+        return page_words("No errors or warnings found.")
     parts = []
     if errors:
         parts.append(counted(sum(row.count for row in errors), "error", "errors"))

@@ -63,7 +63,7 @@ def bus_saturated(stage: Stage, exchanges: int) -> Iterator[None]:
 
 @defect("timing-blind", taps=("ftdi16", "gateway", "untimed"), whole=True)
 def timing_blind(stage: Stage, exchanges: int) -> Iterator[None]:
-    """Nothing is wrong with the bus, but this tap's times cannot show its silences."""
+    """No problems found with the bus, but this tap's times cannot show its silences."""
     yield from stage.healthy(exchanges)
     stage.found_on_bus("timing-blind")
 

@@ -66,7 +66,7 @@ def _line(random: Random) -> tuple[Line, list[int]]:
 
 
 def calm(random: Random) -> tuple[Line, Client]:
-    """Nothing is wrong: everyday functions, some exceptions, a broadcast now and then."""
+    """No problems found: everyday functions, some exceptions, a broadcast now and then."""
     line, units = _line(random)
     refused = random.randrange(8)
     line.units[units[0]].refuses = lambda pdu, _: ILLEGAL_ADDRESS * (pdu[2] % 8 == refused and pdu[0] in (3, 4))

@@ -16,7 +16,7 @@ _TAPS = ("bytes", "fifo", "usb")
 
 
 def healthy(_: Random, __: Line, ___: Client) -> list[int]:
-    """Nothing is wrong."""
+    """No problems found."""
     return []
 
 

@@ -67,7 +67,8 @@ class MapSource:
 
     @cached_property
     def tree(self) -> Any:
-        """The content of JSON (also an object a line), and of YAML, TOML or INI by the file's name; None of another."""
+        """The content of JSON (also one JSON object per line), and of YAML, TOML or INI by the file's name; None of "
+        "another."""
         if self.json is not None or not self.is_text:
             return self.json
         if self.suffix in (".yaml", ".yml"):

@@ -45,7 +45,7 @@ def termination(random: Random, tap: str) -> Site:
 
 @field_case("bias")
 def bias(random: Random, tap: str) -> Site:
-    """Nothing holds the line when nobody drives it: it picks up bytes that nobody sent."""
+    """Nothing holds the line while no driver is on: it picks up bytes that nobody sent."""
     bench = site(random, tap, seconds=(30, 300))
     let_float(random, bench)
     return bench, Expected("bias")

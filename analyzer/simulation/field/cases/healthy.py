@@ -1,4 +1,4 @@
-"""Nothing is wrong."""
+"""No problems found."""
 
 from __future__ import annotations
 
