@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -170,6 +170,20 @@ class PastedNoise:
 
 
 Piece = PastedFrame | PastedNoise
+
+
+def tiled(data: bytes, frames: Sequence[PastedFrame]) -> tuple[Piece, ...]:
+    """The frames with the bytes between them."""
+    pieces: list[Piece] = []
+    at = 0
+    for frame in frames:
+        if frame.start > at:
+            pieces.append(PastedNoise(at, data[at : frame.start]))
+        pieces.append(frame)
+        at = frame.start + frame.length
+    if at < len(data):
+        pieces.append(PastedNoise(at, data[at:]))
+    return tuple(pieces)
 
 
 class Unread(NamedTuple):

@@ -16,18 +16,19 @@ from dataclasses import replace
 from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING, Final, Literal
 
-from dissectors.envelopes import MBAP, Adu, ascii_frames, bare, tcp
+from dissectors.envelopes import ascii_frames, bare
 from dissectors.functions import function_class
 from dissectors.length_rules import Role
 from dissectors.lengths import pdu_length, plausibility, rule, sound_roles
 from dissectors.limits import LAST_UNIT, MAX_ADU
 
-from ..deframing.weighing import bare_bits, rtu_bits, rtu_head_bits, tcp_bits, tcp_head_bits
+from ..deframing.weighing import bare_bits
 from ..errors import RtuscopeError
 from ..languages import counted, tr
 from . import rtu
+from .mbap import LENGTH_END, begins_tcp, is_tcp, left_over, may_show_headers, mbap_frames
 from .mixing import Envelope, kinds_of, mixed
-from .model import Paste, PastedFrame, PastedNoise, PastePart, Piece, Unread
+from .model import Paste, PastedFrame, PastedNoise, PastePart, Piece, Unread, tiled
 from .remnants import completed
 from .rtu import BOTH, Turn, possible, turns
 
@@ -39,8 +40,6 @@ LONGEST: Final = 1 << 20  # bytes
 _PAIR: Final = 2  # hex digits of a byte
 _COARSE_NS: Final = 10**8  # as of captures (`deframing.tap_clock`), which is more than a paste loads
 _LATE_NS: Final = 10**8  # as of captures (`deframing.writes`)
-_LENGTH_END: Final = 6  # bytes of an MBAP header, up to its length
-_MOST_TCP: Final = 254  # what the length in an MBAP header can be
 _CRC: Final = 2  # bytes
 _SENT, _RECEIVED = 1, 2  # marks
 _SURELY_BARE: Final = 12.0  # bits
@@ -159,15 +158,15 @@ def _alike(parts: Sequence[PastePart], envelope: Envelope, roles: Sequence[Role]
     """Parts of one envelope."""
     data = b"".join(part.data for part in parts)
     if envelope == "ascii":
-        return Paste("ascii", _why_ascii(frames := _ascii(data, roles)), _tiled(data, frames))
+        return Paste("ascii", _why_ascii(frames := _ascii(data, roles)), tiled(data, frames))
     if envelope == "tcp":
-        return Paste("tcp", tr("TCP: MBAP headers (protocol 0, a length)"), _tcp(data, parts, roles))
+        return Paste("tcp", tr("TCP: MBAP headers (protocol 0, a length)"), mbap_frames(data, parts, roles))
     if envelope == "pdu":
         return _bare(parts, roles)
     if envelope == "auto":
         frames = _ascii(data, roles)
         if frames and (any(frame.check_ok for frame in frames) or _shows_ascii(parts)):
-            return Paste("ascii", _why_ascii(frames), _tiled(data, frames))
+            return Paste("ascii", _why_ascii(frames), tiled(data, frames))
     exact = rtu.exact(data, parts, roles)
     if exact is not None:
         why = (
@@ -179,9 +178,9 @@ def _alike(parts: Sequence[PastePart], envelope: Envelope, roles: Sequence[Role]
         )
         return Paste("rtu", why, tuple(exact))
     if envelope == "auto":
-        mbap = _tcp(data, parts, roles)
+        mbap = mbap_frames(data, parts, roles)
         whole = all(isinstance(piece, PastedFrame) and not piece.missing and _sound(piece) for piece in mbap)
-        if whole and _is_tcp(data, parts):
+        if whole and is_tcp(data, parts):
             cover = _cover(mbap, data)
             why = tr("TCP: MBAP headers (protocol 0, right length), {cover}; no CRC fits", cover=cover)
             return Paste("tcp", why, mbap)
@@ -221,16 +220,16 @@ def _inexact(data: bytes, parts: Sequence[PastePart], envelope: Envelope, roles:
         alone = pieces
     if _right(alone):
         return Paste("rtu", tr("RTU: a right CRC, though not at the length that its function predicts"), tuple(alone))
-    if envelope == "auto" and len(data) >= _LENGTH_END:
-        mbap = _tcp(data, parts, roles)
+    if envelope == "auto" and len(data) >= LENGTH_END:
+        mbap = mbap_frames(data, parts, roles)
         whole = [piece for piece in mbap if isinstance(piece, PastedFrame) and not piece.missing and _sound(piece)]
-        if whole and 2 * sum(frame.length for frame in whole) > len(data) and _is_tcp(data, parts):
+        if whole and 2 * sum(frame.length for frame in whole) > len(data) and is_tcp(data, parts):
             frames = counted(len(whole), "frame", "frames")
             why = tr("TCP: MBAP headers (protocol 0, right length) in {frames}; no CRC is right", frames=frames)
             return Paste("tcp", why, mbap)
         heads = isinstance(mbap[0], PastedFrame) and not are_no_headers(mbap)
         framed = any(isinstance(piece, PastedFrame) for piece in alone)
-        if heads and (_begins_tcp(parts[0].data) or not (framed or _left_over(mbap))):
+        if heads and (begins_tcp(parts[0].data) or not (framed or left_over(mbap))):
             return Paste("tcp", tr("TCP: begins with an MBAP header (protocol 0, a length); no CRC is right"), mbap)
     if envelope == "auto" and any(isinstance(piece, PastedNoise) for piece in alone) and _are_bare(parts, roles):
         return _bare(parts, roles)
@@ -243,7 +242,7 @@ def _why_unchecked(parts: Sequence[PastePart], pieces: Sequence[Piece], *, check
         return _why_likely(parts)
     if checked:
         return tr("no frame: a right CRC among so many other bytes is chance")
-    if _may_show_headers(parts):
+    if may_show_headers(parts):
         return tr("no frame: no right CRC, no ASCII frame, and what may be an MBAP header does not fit")
     return tr("no frame: no right CRC, no MBAP header, no ASCII frame")
 
@@ -274,32 +273,11 @@ def _right(pieces: Sequence[Piece]) -> int:
     return sum(1 for piece in pieces if isinstance(piece, PastedFrame) and piece.check_ok)
 
 
-def _left_over(pieces: Sequence[Piece]) -> bool:
-    """Whether headers leave bytes over, or announce some that are not there."""
-    return any(not isinstance(piece, PastedFrame) or piece.missing for piece in pieces)
-
-
-def _is_tcp(data: bytes, parts: Sequence[PastePart]) -> bool:
-    """Whether headers speak for these bytes more than their being RTU, damaged, does: at once, or part by part."""
-    rtu_alone = max(rtu_bits(data), sum(rtu_bits(part.data) for part in parts))
-    return max(tcp_bits(data), 0.0) > rtu_alone
-
-
-def _begins_tcp(data: bytes) -> bool:
-    """The same of bytes whose first header announces more of them, or fewer."""
-    return tcp_head_bits(data) > rtu_head_bits(data)
-
-
 def _why_likely(parts: Sequence[PastePart]) -> str:
     """Why bytes are taken for RTU that have no right CRC."""
-    if _may_show_headers(parts):
+    if may_show_headers(parts):
         return tr("RTU: reads like it by its header; no CRC is right, and what may be an MBAP header does not fit")
     return tr("RTU: reads like it by its header; no CRC is right, and there is no MBAP header")
-
-
-def _may_show_headers(parts: Sequence[PastePart]) -> bool:
-    """Whether any part begins as an MBAP header does."""
-    return any(len(part.data) >= _LENGTH_END and _begins_mbap(part.data) for part in parts)
 
 
 def _why_ascii(frames: Sequence[PastedFrame]) -> str:
@@ -315,36 +293,6 @@ def _ascii(data: bytes, roles: Sequence[Role]) -> list[PastedFrame]:
     return turns([Turn(adu, adu.start, possible(adu.pdu, roles)) for adu in ascii_frames(data)])
 
 
-def _tcp(data: bytes, parts: Sequence[PastePart], roles: Sequence[Role]) -> tuple[Piece, ...]:
-    """MBAP frames one after another; where no header stands, or one cannot be whole, it begins anew with a part."""
-    edges = [*accumulate(len(part.data) for part in parts)] or [len(data)]
-    marks = {end - len(part.data): part.mark for end, part in zip(edges, parts, strict=False)}
-    frames: list[Turn] = []
-    at = 0
-    while at < len(data):
-        edge = edges[bisect_right(edges, at)]
-        if not _begins_mbap(data[at : at + MBAP]):
-            at = edge
-            continue
-        end = (
-            at + MBAP - 1 + int.from_bytes(data[at + 4 : at + 6], "big") if len(data) - at >= _LENGTH_END else len(data)
-        )
-        adu = tcp(data[at : min(end, len(data))], at)
-        complete = any(pdu_length(adu.pdu, role) == len(adu.pdu) for role in BOTH)
-        if end > edge and edge < len(data) and not complete:  # a line's end in it
-            adu = tcp(data[at:edge], at)
-        frames.append(Turn(adu, at, possible(adu.pdu, roles), _cut(adu), marks.get(at, 0)))
-        at += len(adu.data)
-    return _tiled(data, turns(frames))
-
-
-def _begins_mbap(data: bytes) -> bool:
-    """Whether a few bytes can be the beginning of an MBAP header: protocol 0, a length of at least 2."""
-    if len(data) < _LENGTH_END:
-        return len(data) > 2 and not any(data[2:4]) and not any(data[4:5])
-    return not any(data[2:5]) and 1 < data[5] <= _MOST_TCP
-
-
 def _sound(frame: PastedFrame) -> bool:
     """Whether a PDU is as long as its function predicts, if it predicts any length."""
     pdu = frame.adu.pdu
@@ -357,27 +305,6 @@ def _is_plain(frame: PastedFrame) -> bool:
     if frame.check_ok is False or frame.missing or not frame.adu.pdu:
         return False
     return function_class(frame.adu.pdu[0]) != "user-defined" and bool(sound_roles(frame.adu.pdu))
-
-
-def _cut(adu: Adu) -> int:
-    """Bytes that an MBAP header announces and that are not there; at least what makes it whole."""
-    if len(adu.data) <= MBAP:
-        return MBAP + 1 - len(adu.data)
-    return int.from_bytes(adu.data[4:6], "big") + MBAP - 1 - len(adu.data)
-
-
-def _tiled(data: bytes, frames: Sequence[PastedFrame]) -> tuple[Piece, ...]:
-    """The frames with the bytes between them."""
-    pieces: list[Piece] = []
-    at = 0
-    for frame in frames:
-        if frame.start > at:
-            pieces.append(PastedNoise(at, data[at : frame.start]))
-        pieces.append(frame)
-        at = frame.start + frame.length
-    if at < len(data):
-        pieces.append(PastedNoise(at, data[at:]))
-    return tuple(pieces)
 
 
 def _cover(frames: Sequence[Piece], data: bytes) -> str:
