@@ -136,7 +136,7 @@ def test_in_commands(bus: Path, tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert ran(capsys, "check", bus, *maps, *rules).status == 0
     assert ran(capsys, "check", bus, *maps, "--rule", 'none where value("Voltage L1") > 1 V').status == 1
     limits = ["--rule", "values in their limits"]
-    assert "unknown: needs a register map" in ran(capsys, "check", bus, *limits).out
+    assert "unknown: it needs a register map" in ran(capsys, "check", bus, *limits).out
     mine = tmp_path / "mine.csv"
     for most, status, text in ((1000, 0, "0 readings outside"), (2, 1, "Voltage is ")):
         mine.write_text(f"area,address,name,type,unit,min,max\ninput,0,Voltage,f32,V,0,{most}\n")

@@ -200,7 +200,7 @@ def test_compact_as_a_user_types_it(loose, tmp_path, capsys):
     assert main(["batch", "--compact", "-o", str(path)]) == 0
     assert "files" in capsys.readouterr().out
     assert main(["batch", "--compact", "-o", str(tmp_path / "none")]) == 2
-    assert "is no lake" in capsys.readouterr().err and not (tmp_path / "none").exists()
+    assert "is not a lake" in capsys.readouterr().err and not (tmp_path / "none").exists()
     assert main(["batch", "-o", str(path)]) == 2
     assert "SOURCE" in capsys.readouterr().err
     captures.write(tmp_path / "new.jsonl", bus("clean", 77, 20))

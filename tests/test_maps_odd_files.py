@@ -343,7 +343,7 @@ REFUSED = {
     "JSON that ends early": ("t.json", '{"device": {\n "channels": [{"name": "x"\n', "line 3"),
     "TOML with a bare variable": ("t.conf", "[[inputs.modbus]]\n  slave_id = $UNIT\n", "line 2"),
     "all of it elsewhere": ("configuration.yaml", "modbus: !include modbus.yaml\n", "modbus.yaml"),
-    "no headings": ("list.csv", "40001,Voltage,V\n40002,Current,A\n", "no known form.*headings"),
+    "no headings": ("list.csv", "40001,Voltage,V\n40002,Current,A\n", "not a known register map.*heading"),
     "a template of templates": ("x.json.jinja", '{% set a = 1 %}\n{"device": {"channels": []}}', "line 1"),
 }  # fmt: skip
 

@@ -68,7 +68,7 @@ BOOKS: dict[str, tuple[Cells, Callable[[Any], object] | None, list[str], str]] =
          [7, 107, "I", "U16", "x_i"]],
         lambda book: [book.active.column_dimensions.group(one, one, hidden=True) for one in "AE"],
         ["holding 105 u16 U", "holding 107 u16 I"],
-        "hides were left out: A, E$",
+        "hidden columns of the sheet were skipped: A, E$",
     ),
     "all that matters is hidden": (
         [["Address", "Name"], [5, "U"], [6, "I"]],

@@ -156,6 +156,30 @@ def test_notes_stand_in_the_report_and_it_is_written(capture: Path) -> None:
     using(opened(capture), work)
 
 
+def test_the_story_of_a_cause_is_written_with_the_users_notes(capture: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        screen, story = sitting.screen, capture.parent / "story.md"
+        await sitting.press("0")
+        await sitting.until(lambda: isinstance(screen.place, CausePlace))
+        cause = sitting.bus.causes()[0]
+        await sitting.press("home", "enter", "semicolon")
+        await sitting.type("pump off here")
+        await sitting.press("enter", "0", "home", "e")
+        line = sitting.app.focused
+        assert line is not None
+        line.value = str(story)  # type: ignore[attr-defined]
+        await sitting.press("enter")
+        await sitting.until(story.exists)
+        head, *lines = story.read_text(encoding="utf-8").splitlines()
+        assert head == f"# {cause.cause}, {cause.sure}" and f"- do: {cause.remedy}" in lines
+        shown = [words for words in lines if words.startswith("- Frame")]
+        frames = [int(words.split(",")[0].removeprefix("- Frame ")) for words in shown]
+        assert frames == sorted(set(frames)) and set(frames) >= set(cause.frames)
+        assert ["note: pump off here" in words for words in shown] == [True] + [False] * (len(shown) - 1)
+
+    using(opened(capture), work)
+
+
 def test_a_cause_is_walked_through_in_wire_order_from_its_line(capture: Path) -> None:
     async def work(sitting: Seat) -> None:
         screen = sitting.screen

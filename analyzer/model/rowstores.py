@@ -302,3 +302,11 @@ def rows_of_causes(bus: Bus, causes: Sequence[Cause]) -> list[NDArray[np.int64]]
             on = np.unique(bus.found.rows_of(numbers).astype(np.int64))
             rows[explained.cause] = on[on >= 0]
     return rows
+
+
+def rows_showing(bus: Bus, cause: Cause) -> NDArray[np.int64]:
+    """The rows that show a cause, in the order of the wire: those of its findings, or else of the frames it names."""
+    (rows,) = rows_of_causes(bus, [cause])
+    if not len(rows):
+        rows = np.unique([bus.table.row_of_frame(index) for index in cause.frames]).astype(np.int64)
+    return rows[rows >= 0]

@@ -71,7 +71,7 @@ def spoken(
     which = tr(" with {filter}", filter=text) if text else ""
     yield f"{counted(transactions.count, 'transaction', 'transactions')}{which}."
     for row in transactions.rows().tolist():
-        yield _transaction(bus, row, zone)
+        yield transaction_words(bus, row, zone)
 
 
 def _instead(bus: Bus, source: ViewSource) -> Iterator[str]:
@@ -119,7 +119,8 @@ def _polls(bus: Bus, meanings: Meanings) -> Iterator[str]:
         yield harmless(", ".join(parts))
 
 
-def _transaction(bus: Bus, row: int, zone: tzinfo) -> str:
+def transaction_words(bus: Bus, row: int, zone: tzinfo) -> str:
+    """A transaction, or a frame by itself, on one line: when, who, what, and what is wrong with it."""
     frame, answer = bus.frame(row), bus.partner(row)
     t = bus.table.value("t_start_ns", row)
     findings = {f.code: f.text for each in (row, answer) if each is not None for f in bus.findings(each)}

@@ -102,7 +102,8 @@ def whose(cause: Cause) -> str:
     return tr(whom.get(cause.blame, cause.blame))
 
 
-def _cause_items(cause: Cause) -> tuple[Item, ...]:
+def cause_facts(cause: Cause) -> dict[str, str]:
+    """What is known of a cause, by what that is called in English."""
     fault = f"{whose(cause)}, {cause.sure}"
     if cause.runner_up:
         fault += tr("; else {name}", name=cause.runner_up)
@@ -110,11 +111,15 @@ def _cause_items(cause: Cause) -> tuple[Item, ...]:
     if cause.lost_ms:
         lost += f"{', ' if lost else ''}{duration(round(cause.lost_ms * 1e6))}"
     again = "" if cause.period_s is None else tr("every {time}", time=duration(round(cause.period_s * 1e9)))
-    facts = (
-        ("what", cause.text), ("fault", fault), ("seen", cause.share), ("again", again), ("lost", lost),
-        ("to be sure", cause.deciding_test), ("do", cause.remedy),
-        ("frames", ", ".join(grouped(index) for index in cause.frames) + tr("   Enter goes there") if cause.frames
-         else ""),
-    )  # fmt: skip
-    kinds = {"what": "strong", "do": "good"}
-    return tuple(Item(name, text, kind=kinds.get(name, ""), label=f"{tr(name):<11}") for name, text in facts if text)
+    facts = {
+        "what": cause.text, "fault": fault, "seen": cause.share, "again": again, "lost": lost,
+        "to be sure": cause.deciding_test, "do": cause.remedy,
+    }  # fmt: skip
+    return {name: words for name, words in facts.items() if words}
+
+
+def _cause_items(cause: Cause) -> tuple[Item, ...]:
+    facts, kinds = cause_facts(cause), {"what": "strong", "do": "good"}
+    if cause.frames:
+        facts["frames"] = ", ".join(grouped(index) for index in cause.frames) + tr("   Enter goes there")
+    return tuple(Item(name, text, kind=kinds.get(name, ""), label=f"{tr(name):<11}") for name, text in facts.items())

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections import deque
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-import numpy as np
-
 from ..languages import tr
 from ..model import search
 from ..model.polls import carried_by
-from ..model.rowstores import rows_of_causes
+from ..model.rowstores import rows_showing
 from ..model.times import FORMS, SPANS, GotoError, span
 from ..words import is_clock, zone_name
 from .frames import FrameList
@@ -185,11 +183,7 @@ class Jumps:
 
     def walk(self, cause: Cause) -> None:
         """Go to the first row that shows a cause; the next hit and the one before are the others, in wire order."""
-        (shown,) = rows_of_causes(self._bus, [cause])
-        rows = np.unique(shown).astype(np.int64)
-        if not len(rows):
-            rows = np.unique([self._bus.table.row_of_frame(index) for index in cause.frames])
-            rows = rows[rows >= 0]
+        rows = rows_showing(self._bus, cause)
         if not len(rows):
             self._screen.tell(tr("no single frame shows it"))
             return

@@ -22,6 +22,8 @@ from ..model.selection import Selection
 from ..model.table import PIECE
 from ..tables.findings import NOTHING
 from ..tables.schema import Kind
+from .pagefiles import write_story
+from .places import CausePlace
 from .prompts import Ask, Choose, may_write
 from .threads import Stop
 from .views import BY_NAME
@@ -185,6 +187,10 @@ class PickedRows:
         other = BY_NAME[screen.view].export
         if other is not None:
             await other(screen)
+            return
+        place = screen.place
+        if isinstance(place, CausePlace):
+            await write_story(screen, place.cause)
             return
         picked = None if self.anchor is None else self.rows()
         count = screen.jobs.shown_count if picked is None else len(picked)

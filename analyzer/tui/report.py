@@ -13,11 +13,11 @@ from textual.containers import VerticalScroll
 from textual.widgets import Static
 
 from ..core import Analysed
-from ..languages import error_words, tr
+from ..languages import tr
 from ..reports.model import BookmarkRow
 from ..tables.findings import NOTHING
 from ..tables.schema import Kind
-from .prompts import Ask, may_write
+from .pagefiles import PageFile, write_page
 from .view import View
 
 if TYPE_CHECKING:
@@ -83,44 +83,12 @@ def _bookmarks(desk: ViewState) -> list[BookmarkRow]:
 
 async def _export(screen: BusScreen) -> None:
     """Ask for a file, and write the report to it as a page: HTML or text."""
-    report, app = screen.query_one(ReportPage).report, screen.app
+    report, bus = screen.query_one(ReportPage).report, screen.desk.bus
     if report is None:
         screen.tell(tr("nothing captured yet"))
         return
-    hint = tr("a file; its suffix sets the format: {formats}", formats=" ".join(_SUFFIXES))
-    question = tr("Download the report as") if app.is_web else tr("Write the report to")
-    text = await app.push_screen_wait(Ask(question, hint, wrong=_no_page, value="report.html"))
-    if not text:
-        return
-    path = Path(text).expanduser()
-    if not await may_write(screen, path):
-        return
-    bus = screen.desk.bus
-
-    def work(stop: Stop) -> tuple[bytes, str]:
-        data = _page(bus, report, path, stop)
-        try:
-            if not app.is_web:
-                from ..exports.sink import output
-
-                with output(path, source=screen.desk.source.path) as file:
-                    file.write(data)
-        except Exception as error:  # told in one line
-            return b"", error_words(error)
-        return data, ""
-
-    def done(written: tuple[bytes, str]) -> None:
-        from io import BytesIO
-
-        data, trouble = written
-        if trouble:
-            screen.tell(trouble, wrong=True)
-        elif app.is_web:
-            app.deliver_binary(BytesIO(data), save_filename=path.name)
-        else:
-            screen.tell(tr("report written to {file}", file=path.absolute()))
-
-    screen.jobs.run("write report", work, done, exclusive=False)
+    kind = PageFile(tr("Write the report to"), tr("Download the report as"), "report.html", _SUFFIXES)
+    await write_page(screen, kind, lambda path, stop: _page(bus, report, path, stop))
 
 
 def _page(bus: Bus, report: Report, path: Path, stop: Stop) -> bytes:
@@ -138,14 +106,6 @@ def _page(bus: Bus, report: Report, path: Path, stop: Stop) -> bytes:
         requests = np.flatnonzero(batch.rows.kind == Kind.REQUEST) + first
         sights.feed(Analysed(batch, bus.transactions(requests), batch.findings or NOTHING))
     return page(report, sights).encode()
-
-
-def _no_page(text: str) -> str:
-    """Why a report cannot go to a file of that name; empty where it can."""
-    path = Path(text).expanduser()
-    if path.suffix.lower() not in _SUFFIXES:
-        return tr("a file; its suffix sets the format: {formats}", formats=" ".join(_SUFFIXES))
-    return "" if path.parent.is_dir() else tr("no folder {folder}", folder=path.parent)
 
 
 def _refresh(screen: BusScreen) -> None:
