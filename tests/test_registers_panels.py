@@ -55,7 +55,7 @@ def test_thousands_with_gaps_and_points() -> None:
 
 @pytest.mark.parametrize("text", ["", "a,b\nc,d\n", "10:00,5\n10:01,6\n", "1;x\n2;y\n3;z\n4;w\n"])
 def test_what_is_no_panel_is_one_line(text: str) -> None:
-    with pytest.raises(PanelError, match=r"rows of a time and a value, such as .*at least 3") as raised:
+    with pytest.raises(PanelError, match=r"rows with a time and a value, such as .*at least 3") as raised:
         read_panel(text, "panel.csv")
     assert "\n" not in str(raised.value)
 
