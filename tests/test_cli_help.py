@@ -42,7 +42,7 @@ def test_without_a_topic_all_pages_are_listed(capsys: pytest.CaptureFixture[str]
 @pytest.mark.parametrize(
     ("topic", "title"),
     [("tutorial", "# Tutorial: read pasted bytes"), ("dead-unit", "# A unit does not answer"), ("paste", "# Tutorial:"),
-     ("howto/crc-errors.md", "# CRC errors"), ("tutorials/live", "# Tutorial: listen"), ("line", "# Rules of a line")],
+     ("howto/crc-errors.md", "# CRC errors"), ("tutorials/live", "# Tutorial: listen"), ("line", "# Line rules")],
 )  # fmt: skip
 def test_tutorials_and_howtos_are_pages_too(topic: str, title: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert ran(capsys, "help", topic).out.startswith(title)
