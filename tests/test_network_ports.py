@@ -199,3 +199,21 @@ def test_a_connection_cut_into_segments_anywhere(seed: int, size: int) -> None:
                 frame = frame[cut:]
     with TemporaryDirectory() as folder:
         assert seen(Path(folder), [talk])[0] == due
+
+
+@given(st.integers(0, 2**32), st.integers(0, 40), st.integers(1, 11))
+@settings(max_examples=40, deadline=None)
+def test_a_connection_that_the_capture_joins_inside_a_frame(seed: int, size: int, lost: int) -> None:
+    """From the first whole exchange on its frames are there, over segments of any size."""
+    random = Random(seed)
+    talk, due = Talk(), []
+    for n in range(12):
+        for frame, say, name in ((read_request(n), talk.ask, "request"), (read_answer(n), talk.answer, "response")):
+            due.append((name, frame.hex()))
+            frame = frame if due[1:] else frame[lost:]
+            while frame:
+                cut = random.randrange(1, size + 2)
+                say(frame[:cut])
+                frame = frame[cut:]
+    with TemporaryDirectory() as folder:
+        assert seen(Path(folder), [talk])[0][-22:] == due[-22:]

@@ -190,23 +190,30 @@ class _PacketBlocks:
         begins, sizes = self._segments.begin[which], self._segments.size[which]
         if (port := self._port(half)) is None:
             return
-        if half.group.number in self._framed and (half.rest or not self._whole[which].all()):
+        whole = bool(self._whole[which].all())
+        if half.group.number in self._framed and (half.rest or not whole):
             for i, begin, size in zip(which.tolist(), begins.tolist(), sizes.tolist(), strict=True):
                 self.piece(half, i, begin, size)
             return
+        half.in_step = half.in_step or whole
         same = np.full((2, len(which)), [[port], [half.mark]])
         self._parts.append(np.concatenate((np.stack((self._packet[which], begins, sizes)), same)))
 
     def piece(self, half: Half, i: int, begin: int, size: int) -> None:
         if (port := self._port(half)) is None:
             return
-        if half.group.number not in self._framed or (not half.rest and self._whole[i]):
-            self._pieces.append((int(self._packet[i]), begin, size, port, half.mark))
-        else:
+        half.in_step = half.in_step or bool(self._whole[i])
+        if self._is_assembled(half) and (half.rest or not self._whole[i]):
             self.late(half, i, self._data[begin : begin + size])
+        else:
+            self._pieces.append((int(self._packet[i]), begin, size, port, half.mark))
+
+    def _is_assembled(self, half: Half) -> bool:
+        """Whether frames are put together from segments: where one begins is known; else bytes go as they came."""
+        return half.in_step and half.group.number in self._framed
 
     def late(self, half: Half, i: int, octets: bytes) -> None:
-        if half.group.number in self._framed:
+        if self._is_assembled(half):
             octets = half.rest + octets
             size = whole_adus(octets)
             if not may_begin(octets[size:]):
@@ -216,7 +223,7 @@ class _PacketBlocks:
 
     def hole(self, half: Half, i: int, missing: int) -> None:  # noqa: ARG002 - the protocol's signature
         """What is kept back of a frame is all that there is of it."""
-        octets, half.rest = half.rest, b""
+        octets, half.rest, half.in_step = half.rest, b"", False
         self._put(half, i, octets)
 
     def ended(self, half: Half) -> None:

@@ -90,6 +90,7 @@ class Half:
     mark: Mark
     other: Half = field(init=False)
     following: int | None = None
+    in_step: bool = False  # whether it is known where what it carries begins: from a SYN on, until bytes are missing
     acknowledged: int | None = None  # the sequence number up to which the other side has said to have all
     waiting: dict[int, bytes] = field(default_factory=dict)
     run: list[int] = field(default_factory=list)  # segments in turn that nobody was given yet
@@ -298,6 +299,7 @@ class Reassembly:
         following = (seq + 1) & _MASK if flags & _SYN else None
         if known is not None:
             if known.following is None or known.following == following or not flags & _SYN:
+                known.in_step = known.in_step or bool(flags & _SYN)
                 known.following = following if known.following is None else known.following
                 return known
             if flags & _ACK and not known.connection.closed:  # a repeated answer to a SYN
@@ -309,7 +311,7 @@ class Reassembly:
         from_client = _from_client(key, flags)
         connection = self._opened(self._group(key if from_client else back))
         mine, theirs = (Mark.TX, Mark.RX) if from_client else (Mark.RX, Mark.TX)
-        half = Half(connection, mine, following=following)
+        half = Half(connection, mine, following=following, in_step=bool(flags & _SYN))
         opposite = Half(connection, theirs)
         half.other, opposite.other = opposite, half
         self._halves[key], self._halves[back] = half, opposite
