@@ -112,6 +112,11 @@ class Rtuscope(App[None]):
             self._cursor_was = self.cursor_position
         super()._display(screen, renderable)
 
+    def clear_selection(self) -> None:
+        """Nothing is selected before there is a screen: from Python 3.12 on a field to type in is made that early."""
+        with suppress(ScreenStackError):
+            super().clear_selection()
+
     async def on_event(self, event: events.Event) -> None:
         """A key's effect is there before the next key is taken up."""
         if isinstance(event, events.Key) and not event.is_forwarded:

@@ -83,7 +83,8 @@ class KeyQueue:
             return
         target = self._app.focused or self._app.screen
         await self._dispatch(self._meant(event))
-        self._task = asyncio.create_task(self._go_on(target))
+        task = asyncio.create_task(self._go_on(target))  # from Python 3.12 on it runs at once, and may have ended
+        self._task = None if task.done() else task
 
     def _meant(self, event: Key) -> Key:
         """Letters are letters where text is typed, else keys, whatever the layout."""
