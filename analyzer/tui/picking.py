@@ -189,7 +189,7 @@ class PickedRows:
             await other(screen)
             return
         place = screen.place
-        if isinstance(place, CausePlace):
+        if isinstance(place, CausePlace) and screen.jobs.narrowed is None:  # else the rows that are left are meant
             await write_story(screen, place.cause)
             return
         picked = None if self.anchor is None else self.rows()
