@@ -62,19 +62,8 @@ class CommittedFile:
         """Put all that is held on the disk; OSError where it could not be, which then can be tried again."""
         if not self._held:
             return
-        written = 0
-        view = memoryview(self._held)
-        try:
-            while written < len(view):
-                written += os.write(self._descriptor, view[written:])
-            os.fsync(self._descriptor)
-        except OSError:
-            with suppress(OSError):
-                cut_back(self._descriptor, self.size)
-            raise
-        finally:
-            view.release()
-        self.size += written
+        write_behind(self._descriptor, self.size, self._held)
+        self.size += len(self._held)
         self._held.clear()
 
     @property
@@ -198,6 +187,21 @@ def is_written(path: Path) -> bool:
         except BlockingIOError:
             return True
     return False
+
+
+def write_behind(descriptor: int, size: int, data: bytes | bytearray) -> None:
+    """Put bytes on the disk behind the `size` that are safe there, or cut the file back to those. OSError passes."""
+    try:
+        os.lseek(descriptor, size, os.SEEK_SET)
+        with memoryview(data) as view:
+            written = 0
+            while written < len(view):
+                written += os.write(descriptor, view[written:])
+        os.fsync(descriptor)
+    except OSError:
+        with suppress(OSError):
+            cut_back(descriptor, size)
+        raise
 
 
 def sync_folder(folder: Path) -> None:

@@ -22,6 +22,7 @@ import orjson
 
 from ..disposal import cut_back, made, move_to_free_name, part_of, put_in_place, remove_made
 from ..locks import LockedElsewhereError, lock, opened_and_locked
+from .mcapfile import write_behind
 
 SUFFIX: Final = ".ring"
 _HEAD: Final = {"format": "rtuscope-ring", "version": 1}
@@ -69,7 +70,7 @@ class RingList:
             raise
         self.id = self.id or uuid4().hex
         self._rings.setdefault(self.id, self.ports)
-        self._waiting = (b"" if self._size else _line(_HEAD)) + _line({"ring": self.id, "ports": self.ports})
+        self._waiting = self._head + _line({"ring": self.id, "ports": self.ports})
         with suppress(OSError):  # a full disk: it goes there with the next file
             self.save()
         self._compact()
@@ -105,13 +106,7 @@ class RingList:
         if self._descriptor < 0 or not self._waiting:
             return
         self._renew()
-        try:
-            os.lseek(self._descriptor, self._size, os.SEEK_SET)
-            _write(self._descriptor, self._waiting)
-        except OSError:
-            with suppress(OSError):
-                cut_back(self._descriptor, self._size)
-            raise
+        write_behind(self._descriptor, self._size, self._waiting)
         self._size += len(self._waiting)
         self._waiting = b""
 
@@ -130,7 +125,12 @@ class RingList:
         os.close(self._descriptor)
         self._descriptor = descriptor
         self._size = os.fstat(descriptor).st_size
-        self._waiting = (b"" if self._size else _line(_HEAD)) + self._told(self._files[self.id])
+        self._waiting = self._head + self._told(self._files[self.id])
+
+    @property
+    def _head(self) -> bytes:
+        """What begins the list, where nothing does yet."""
+        return b"" if self._size else _line(_HEAD)
 
     def _told(self, names: set[str]) -> bytes:
         ring = {"ring": self.id, "ports": self.ports}
@@ -153,7 +153,7 @@ class RingList:
             mine = made(part)
             try:
                 lock(descriptor)
-                _write(descriptor, text)
+                write_behind(descriptor, 0, text)
                 put_in_place(part, self.path)
             except (OSError, LockedElsewhereError):
                 os.close(descriptor)
@@ -184,14 +184,6 @@ class RingList:
                 self._files[ring].add(name)
         self.id = next((ring for ring, ports in self._rings.items() if ports == self.ports), self.id)
         return True
-
-
-def _write(descriptor: int, data: bytes) -> None:
-    """All of it, on the disk. OSError passes, and part of it may be there then."""
-    view = memoryview(data)
-    while view:
-        view = view[os.write(descriptor, view) :]
-    os.fsync(descriptor)
 
 
 def _line(entry: dict[str, Any]) -> bytes:
