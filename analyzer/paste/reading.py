@@ -231,8 +231,10 @@ def _inexact(data: bytes, parts: Sequence[PastePart], envelope: Envelope, roles:
         framed = any(isinstance(piece, PastedFrame) for piece in alone)
         if heads and (begins_tcp(parts[0].data) or not (framed or left_over(mbap))):
             return Paste("tcp", tr("TCP: begins with an MBAP header (protocol 0, a length); no CRC is right"), mbap)
-    if envelope == "auto" and any(isinstance(piece, PastedNoise) for piece in alone) and _are_bare(parts, roles):
-        return _bare(parts, roles)
+    if envelope == "auto" and any(isinstance(piece, PastedNoise) for piece in alone):
+        bare_alone = _surely_bare(parts, roles)
+        if bare_alone is not None:
+            return bare_alone
     return Paste("rtu", _why_unchecked(parts, alone, checked=bool(checked)), tuple(alone))
 
 
@@ -247,13 +249,16 @@ def _why_unchecked(parts: Sequence[PastePart], pieces: Sequence[Piece], *, check
     return tr("no frame: no right CRC, no MBAP header, no ASCII frame")
 
 
-def _are_bare(parts: Sequence[PastePart], roles: Sequence[Role]) -> bool:
-    """Whether parts are a whole PDU, or one and its answer, rarer than chance gives them; lines of a log never are."""
+def _surely_bare(parts: Sequence[PastePart], roles: Sequence[Role]) -> Paste | None:
+    """Parts that are a whole PDU, or one and its answer, rarer than chance gives them; lines of a log never are."""
     if len(parts) > len(BOTH) or any(part.mark or part.t_ns is not None for part in parts):
-        return False
+        return None
     weights = [bare_bits(part.data) for part in parts]
-    tied = [frame.request_start is not None for frame in _bare(parts, roles).frames()]
-    return all(weights) and sum(weights) >= _SURELY_BARE and tied[1:] == [True] * (len(parts) - 1)
+    if not all(weights) or sum(weights) < _SURELY_BARE:
+        return None
+    paste = _bare(parts, roles)
+    _, *answers = paste.frames()
+    return paste if all(frame.request_start is not None for frame in answers) else None
 
 
 def _bare(parts: Sequence[PastePart], roles: Sequence[Role]) -> Paste:
