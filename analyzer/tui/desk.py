@@ -257,6 +257,12 @@ class ViewState:
             else f"{seconds(t_ns - self.bus.t_first)} {unit_word('s')}"
         )
 
+    @property
+    def notes_by_row(self) -> dict[int, str]:
+        """The user's bookmarks and comments, in wire order, of the rows that are there."""
+        found = {self.bus.table.row_of_byte(*place): comment for place, comment in self.notes.comments.items()}
+        return {row: found[row] for row in sorted(found) if row >= 0}
+
     def place(self, row: int) -> Place:
         """What a note about a row is kept under."""
         return self.bus.table.value("port", row), self.bus.table.value("start", row)

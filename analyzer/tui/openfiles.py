@@ -204,8 +204,7 @@ class Bookmarks:
 
     def next(self) -> None:
         """Go to the next bookmark, from the first one on again."""
-        table = self._desk.bus.table
-        rows = sorted(row for row in (table.row_of_byte(*spot) for spot in self._desk.notes.comments) if row >= 0)
+        rows = list(self._desk.notes_by_row)
         if not rows:
             self._screen.tell(tr("no bookmarks yet: m sets one"))
             return

@@ -73,11 +73,10 @@ async def write_page(screen: BusScreen, kind: PageFile, make: Callable[[Path, St
 async def write_story(screen: BusScreen, cause: Cause) -> None:
     """Write the story of a cause: what it is, what shows it, and the user's notes on that."""
     desk = screen.desk
-    bus = desk.bus
-    notes = {bus.table.row_of_byte(*spot): comment for spot, comment in desk.notes.comments.items()}
+    notes = desk.notes_by_row
 
     def make(_: Path, stop: Stop) -> bytes:
-        lines = story(bus, cause, cause_facts(cause), notes, desk.zone, stop)
+        lines = story(desk.bus, cause, cause_facts(cause), notes, desk.zone, stop)
         return "".join(f"{line}\n" for line in lines).encode()
 
     question = tr("Write the story of {cause} to", cause=cause.cause)

@@ -68,16 +68,15 @@ class ReportPage(VerticalScroll):
 
 
 def _bookmarks(desk: ViewState) -> list[BookmarkRow]:
-    """The user's bookmarks and comments, in wire order, of the rows that are there."""
+    """The user's notes as rows of the report."""
     table = desk.bus.table
-    rows = {table.row_of_byte(*spot): comment for spot, comment in desk.notes.comments.items()}
     return [
         BookmarkRow(
             -1 if desk.bus.is_noise(row) else table.value("frame", row), table.value("port", row),
             table.value("start", row), table.value("t_end_ns", row), table.value("unit", row),
-            table.value("function", row), rows[row],
+            table.value("function", row), comment,
         )
-        for row in sorted(rows) if row >= 0
+        for row, comment in desk.notes_by_row.items()
     ]  # fmt: skip
 
 
