@@ -49,7 +49,7 @@ async def write_page(screen: BusScreen, kind: PageFile, make: Callable[[Path, St
     def work(stop: Stop) -> tuple[bytes, str]:
         data = make(path, stop)
         try:
-            if not app.is_web:
+            if not (app.is_web or stop()):  # whose making was stopped is no page
                 from ..exports.sink import output
 
                 with output(path, source=screen.desk.source.path) as file:
