@@ -19,7 +19,7 @@ from scripts import package
 import captures
 from analyzer.cli import main
 from analyzer.core import EvenBlocks
-from analyzer.fleet import FleetError, linestate
+from analyzer.fleet import FleetError, linestate, plainstate
 from analyzer.fleet.datasets import LakeFiles
 from analyzer.fleet.linestate import LineState, resumed
 from analyzer.fleet.stateschema import Schema
@@ -131,6 +131,16 @@ def test_a_state_read_back_is_the_state(tmp_path, name, room):
     assert package("attack.states").packed(tree, columns)
     assert json.dumps(tree)
     assert all(column.dtype.hasobject is False for column in columns.values())
+
+
+def test_a_set_has_one_order_however_it_was_filled():
+    parts = [bytes((i, i * 7 & 255)) for i in range(200)]
+    trees = []
+    for filled in (parts, parts[::-1], sorted(parts, key=hash)):
+        writer = plainstate._StateWriter(linestate._schema())
+        writer.node({"one": set(filled)})
+        trees.append(writer.objects)
+    assert trees[0] == trees[1] == trees[2]
 
 
 @pytest.mark.parametrize("name", ["clean", "noisy", "brutal", "ascii", "tcp", "two ports"])

@@ -42,6 +42,7 @@ _TAGS: Final = {
     bytearray: "bytearray", np.ndarray: "array",
 }  # fmt: skip
 _KEYED: Final = frozenset({"dict", "counter", "defaultdict"})
+_UNORDERED: Final = frozenset({"set", "frozenset"})
 _ITEMED: Final = frozenset({"list", "tuple", "set", "frozenset", "deque"})
 _EMPTY: Final[dict[str, Callable[[], Any]]] = {
     "list": list, "set": set, "deque": deque, "dict": dict, "counter": Counter, "bytearray": bytearray,
@@ -116,6 +117,8 @@ class _StateWriter:
         tag = _TAGS.get(type(thing))
         if tag in _KEYED:
             return [part for pair in thing.items() for part in pair]
+        if tag in _UNORDERED:
+            return sorted(thing, key=repr)  # a set of bytes has another order each time, the same state has one
         if tag in _ITEMED:
             return list(thing)
         return [] if tag or self._is_named(thing) else self._fields(thing).values()
