@@ -137,6 +137,26 @@ def test_keys_typed_ahead_wait_for_the_first_lines_of_a_view(
     using(opened(sample_in(tmp_path)), work)
 
 
+def test_keys_wait_once_for_lines_that_do_not_come(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    comes, whole = threading.Event(), Bus.report
+
+    def late(bus: Bus, source: Any, *, story: bool = False) -> Any:
+        comes.wait()
+        return whole(bus, source, story=story)
+
+    monkeypatch.setattr(Bus, "report", late)
+
+    async def work(sitting: Seat) -> None:
+        sitting.app.keys.patience_s = 0.2
+        for typed in ("9", "down", "2"):
+            sitting.app.post_message(Key(typed, typed if len(typed) == 1 else None))
+        await sitting.until(lambda: sitting.screen.view == "frames" and not sitting.app.keys.busy)
+        assert not sitting.screen.jobs.is_filling
+        comes.set()
+
+    using(opened(sample_in(tmp_path)), work)
+
+
 def test_a_search_that_fails_is_told_and_the_next_hit_is_looked_for(tmp_path: Path) -> None:
     failing = [True]
 

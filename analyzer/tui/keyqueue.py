@@ -12,7 +12,6 @@ from __future__ import annotations
 import asyncio
 from collections import deque
 from collections.abc import Awaitable, Callable
-from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 
 from textual.app import ScreenStackError
@@ -107,11 +106,15 @@ class KeyQueue:
 
 async def handled(app: App[Any], target: DOMNode, patience_s: float = _LONGEST_S) -> None:
     """Return once a key that `target` was handed has had its effect, or after so long."""
-    with suppress(TimeoutError):
+    try:
         async with asyncio.timeout(patience_s):
             await _notified(target)  # it, and whatever has a binding for the key
             await _notified(app.focused or app.screen)  # who was told of what that did
             await _question_settled(app)
+    except TimeoutError:
+        jobs = getattr(app.screen, "jobs", None)
+        if jobs is not None:
+            jobs.wait_no_more()  # or each key would wait as long for the same lines
 
 
 async def _notified(target: DOMNode) -> None:

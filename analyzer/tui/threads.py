@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 
 _AGAIN_S: Final = 2.0  # between two reckonings of one thing, at least
 _SPARE: Final = 12  # times what the last one took of the processor, until the next
-_AWAITED_S: Final = 2.0  # keys typed ahead wait at most so long for the first lines of a view
 
 T = TypeVar("T")
 Stop = Callable[[], bool]
@@ -32,7 +31,6 @@ class _Reckoning:
     next_at = 0.0
     running = False
     view = ""  # whose first lines it is to bring; empty once they have come
-    awaited_to = 0.0
 
 
 class ScreenThreads:
@@ -48,8 +46,12 @@ class ScreenThreads:
     @property
     def is_filling(self) -> bool:
         """Whether the view in sight is empty only because its first lines have not come yet."""
-        view, now = self._screen.view, time.monotonic()
-        return any(pace.view == view and now < pace.awaited_to for pace in self._reckoned.values())
+        return any(pace.view == self._screen.view for pace in self._reckoned.values())
+
+    def wait_no_more(self) -> None:
+        """Whoever waited for first lines has no more patience."""
+        for pace in self._reckoned.values():
+            pace.view = ""
 
     def end(self) -> None:
         """The screen is being left: what threads have to tell finds no widgets any more."""
@@ -116,16 +118,18 @@ class ScreenThreads:
         `fills`: the view that has no line until the first of them come; keys typed ahead wait for those.
         """
         pace = self._reckoned.setdefault(name, _Reckoning())
-        if basis == pace.basis or (
-            not self._screen.desk.bus.whole and (pace.running or time.monotonic() < pace.next_at)
-        ):
+        whole = self._screen.desk.bus.whole
+        if basis == pace.basis or (not whole and (pace.running or time.monotonic() < pace.next_at)):
             return
         if pace.basis is None:
-            pace.view, pace.awaited_to = fills, time.monotonic() + _AWAITED_S
+            pace.view = fills
         pace.basis, pace.running = basis, True
 
-        def came(outcome: T) -> None:
+        def filled() -> None:
             pace.view = ""
+
+        def came(outcome: T) -> None:
+            filled()
             then(outcome)
 
         def timed(stop: Stop) -> T:
@@ -136,7 +140,7 @@ class ScreenThreads:
                 took = time.thread_time() - begun
                 pace.next_at, pace.running = time.monotonic() + max(pause_s or _AGAIN_S, _SPARE * took), False
 
-        self.run(name, timed, came)
+        self.run(name, timed, came, failed=filled)
 
     def drop(self, group: str) -> None:
         """Nobody wants the outcome of a group's work any more."""
