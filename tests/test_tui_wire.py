@@ -89,6 +89,15 @@ def test_lines_that_move_are_moved_and_stand_where_they_should(moves: list[tuple
     event(f"{min(scrolls, 3)} scrolls")
 
 
+@pytest.mark.parametrize("other", ["\x1b]22;default\x07", "\x1b7", "\x1b[?2026l", "\x1b[1 q", "\x1bPq\x1b\\"])
+def test_the_picture_keeps_what_stands_where_a_code_does_not_draw(other: str) -> None:
+    """The pointer's shape (OSC 22) comes whenever a thread has read something; it once took a line away here."""
+    picture = Picture(8, 3)
+    for piece in ("\x1b[1;1Hone\x1b[2;1Htwo", *other):
+        picture.feed(piece)
+    assert picture.lines() == ["one", "two", ""]
+
+
 def _halved(cells: list[str], x: int) -> bool:
     from rich.cells import cell_len
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import os
 import re
 import select
@@ -21,7 +22,7 @@ _TOKEN = re.compile(
     r"|\x1b[\]P][^\x07\x1b]*(?:\x07|\x1b\\)|\x1b.|([^\x1b]+)",
     re.DOTALL,
 )
-_BEGUN = re.compile(r"\x1b(?:\[[?>=<]?[\d;:]*|[\]P][^\x07\x1b]*)?$")
+_BEGUN = re.compile(r"\x1b(?:\[[?>=<]?[\d;:]*[ -/]*|[\]P][^\x07\x1b]*\x1b?)?$")
 
 
 class Picture:
@@ -51,7 +52,7 @@ class Picture:
                 top, _, bottom = numbers.partition(";")
                 self.top, self.bottom = int(top or 1) - 1, int(bottom or self.rows)
                 self.x = self.y = 0
-            elif final in "LM" and self.top <= self.y < self.bottom:
+            elif final in ("L", "M") and self.top <= self.y < self.bottom:
                 self._move_lines(int(numbers or 1), down=final == "L")
             elif final == "C":
                 self.x += int(numbers or 1)
@@ -126,6 +127,7 @@ class Watched:
             os.execv(sys.executable, [sys.executable, "-m", "analyzer.cli", *arguments])
         self.picture = Picture(columns, rows)
         self.raw, self.count = b"", 0
+        self._text = codecs.getincrementaldecoder("utf-8")(errors="replace")  # a read may end inside a character
 
     def press(self, keys: str, quiet: float = 0.4) -> Watched:
         """Type all of it at once; wait until nothing comes any more."""
@@ -162,7 +164,7 @@ class Watched:
             os.write(self.fd, b"\x1b[?2026;2$y")
         self.count += len(data)
         self.raw += data
-        self.picture.feed(data.decode(errors="replace"))
+        self.picture.feed(self._text.decode(data))
         return bool(data)
 
     def close(self) -> None:
