@@ -140,7 +140,8 @@ def _places(data: bytes, mark: bytes, length: int) -> Iterator[int]:
 
 
 def _lin(data: bytes) -> Iterator[ForeignFrame]:
-    """Frames behind a break and the field 55: identifier with its two parities, data, a sum with carries."""
+    """Frames behind a break and the field 55: identifier with its two parities, data, a sum with carries; or none of
+    these, where nobody answers before the next one."""
     for at in _places(data, b"\x55", 4):
         identifier = data[at + 1]
         one, two = (
@@ -150,11 +151,14 @@ def _lin(data: bytes) -> Iterator[ForeignFrame]:
         if identifier >> 6 != (one & 1) | (~two & 1) << 1:
             continue
         begin = at - 1 if at and not data[at - 1] else at
-        for size in range(_LIN_MOST, 0, -1):
-            body = data[at + 2 : at + 3 + size]
-            if len(body) > size and body[-1] in (_lin_check(body[:-1], 0), _lin_check(body[:-1], identifier)):
-                yield ForeignFrame(begin, at + 3 + size)
-                break
+        checked = [
+            end
+            for end in range(at + 4, min(at + 3 + _LIN_MOST, len(data)) + 1)
+            if data[end - 1] in (_lin_check(data[at + 2 : end - 1], 0), _lin_check(data[at + 2 : end - 1], identifier))
+        ]
+        ends = [end for end in (at + 2, *checked) if data[end : end + 2].startswith((b"\x55", b"\0\x55"))] or checked
+        if ends:  # the shortest: with its check value and a break, a frame has a right sum once more
+            yield ForeignFrame(begin, ends[0])
 
 
 def _lin_check(octets: bytes, first: int) -> int:

@@ -34,13 +34,15 @@ class TrafficSoFar(NamedTuple):
     octets: int
     framed: int
 
-    def is_chance(self, kin: int) -> bool:
+    def is_chance(self, size: int, kin: int) -> bool:
         """Whether a frame that nothing but its check value shows is chance, as now and then among bytes of anything.
 
-        `kin`: how many more frames of its unit and function are right. Chance seldom gives two of one.
+        It is one of those heard, of so many bytes. `kin`: how many more of its unit and function are right, of which
+        chance may give one: bytes of anything repeat themselves.
         """
-        loose = self.octets - self.framed
-        may_be = max(self.legal, kin) <= self.octets // CHANCE
+        loose = self.octets - (self.framed - size)
+        chances = self.octets // CHANCE
+        may_be = self.legal <= chances and kin <= chances + 1
         return may_be and loose > max(_SEVERAL_FRAMES, _MOSTLY * self.octets)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from diagnosed import ANSWER, REQUEST, Wire, diagnosed, said, with_crc
 
+from analyzer.core import analyse
 from analyzer.options import Options
 from analyzer.tables.findings import described
 from captures.chunks import Capture, Chunk
@@ -217,10 +218,23 @@ def test_noise_by_its_place(steps: list[bytes | float], words: str) -> None:
 def test_ascii_mode_is_diagnosed_too() -> None:
     lines = [":1103006B007E03\r\n", ":11830369\r\n", ":1103006B00037E\r\n"]
     chunks = [Chunk(i * 10**8, text.encode()) for i, text in enumerate(lines * 3)]
-    from analyzer.core import analyse
-
     found = [
         finding for part in analyse(Capture.of(LineSettings(baud=9600), chunks)) for finding in described(part.findings)
     ]
     codes = [finding.code for finding in found]
     assert codes.count("quantity-out-of-range") == codes.count("exception") == 3
+
+
+@pytest.mark.parametrize(
+    ("line", "cause"),
+    [
+        (LineSettings(baud=9600, tap="irq"), "units on a serial line read RTU"),
+        (LineSettings(tap="network"), "no such unit behind this server"),
+    ],
+)
+def test_silence_over_tcp_is_told_by_where_it_was_tapped(line: LineSettings, cause: str) -> None:
+    """A gateway that passes MBAP on as it is gets no answer from any unit, whatever its power and wiring."""
+    asked = [bytes((0, i, 0, 0, 0, 6, 1 + i % 3, 3, 0, 100, 0, 2)) for i in range(30)]
+    capture = Capture.of(line, [Chunk(10**9 + i * 5 * 10**8, adu) for i, adu in enumerate(asked)])
+    silent = [one for part in analyse(capture) for one in described(part.findings) if one.code == "no-response"]
+    assert silent and all(one.cause.startswith(cause) for one in silent)

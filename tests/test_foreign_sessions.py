@@ -72,6 +72,22 @@ def test_chance_among_other_bytes_is_the_same_read_by_read(name: str, seed: int)
     assert rows[0] == rows[1]
 
 
+def test_a_line_whose_lrc_is_right_by_chance_is_no_ascii_mode() -> None:
+    """DCON: `>0001FF` is unit 0, function 1 and nothing more, with its LRC."""
+    lines = [b"$142\r", b"!14080600\r", *(b"@14\r", b">0001FF\r", b"@14\r", b">0200FE\r") * 6]
+    report = summarize(heard(lines))
+    assert (report.frames, report.causes) == (0, ())
+    assert not list(paste.read("\n".join(line.hex(" ") for line in lines)).frames())
+
+
+@pytest.mark.parametrize("mark", [b":", b">"])
+def test_ascii_mode_is_known_by_either_mark(mark: bytes) -> None:
+    asked = [b":0A03000C0001E6\r\n", b":0A03020001F0\r\n"] * 6
+    lines = [mark + line[1:] for line in asked]
+    assert summarize(heard(lines)).frames == len(lines)
+    assert len(list(paste.read("\n".join(line.hex(" ") for line in lines)).frames())) == len(lines)
+
+
 _RUNS = [0x00, 0x0C, 0x0F, 0x18, 0x1C, 0x30, 0x3C, 0x60, 0x78, 0x80, 0xC0, 0xE0, 0xF8, 0xFE]
 
 

@@ -30,6 +30,7 @@ from dissectors.unnamed import CHANCE, TrafficSoFar
 from ..tables.schema import Kind, Protocol, Rows
 from .rules import Bytes, Index, Mask, lengths_fit
 
+_FRAMED: Final = TrafficSoFar._fields.index("framed")
 _LEAST: Final = 4  # bytes of noise that may be a frame of something
 _PART: Final = 0.5  # of a row's bytes that must be
 _SPANNING: Final = 24  # bytes of a frame that may hold several of another protocol
@@ -105,8 +106,9 @@ class ForeignTalk:
                     self._named[port] = NAMES[rows.foreign[row]]
             elif name := self._of_meter(adu, port, so_far) if odd[row] else "":
                 _make_foreign(rows, row, name)
-            elif so_far.is_chance(self._kin_of(adu, port, so_far.octets, right=bool(odd[row]))):
+            elif so_far.is_chance(len(adu), self._kin_of(adu, port, so_far.octets, right=bool(odd[row]))):
                 _make_foreign(rows, row, self._named.get(port, ""))
+                heard[port][_FRAMED, row:] -= len(adu)
         for port, sums in heard.items():
             self._legal[port], self._octets[port], self._framed[port] = sums[:, -1].tolist()
         self._shared |= since.keys()

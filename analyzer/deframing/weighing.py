@@ -15,13 +15,14 @@ from typing import Final, NamedTuple
 
 from dissectors.crc import crc16, crc_bytes, crc_ok
 from dissectors.declaration import USER_DEFINED
-from dissectors.envelopes import MBAP, ascii_frames
+from dissectors.envelopes import MBAP, Adu, ascii_frames
 from dissectors.length_rules import LengthRule, Role
 from dissectors.lengths import Expectation, expectation, pdu_length, plausibility, rule, sound_roles
 from dissectors.limits import BROADCAST, CRC_SIZE, EXCEPTION, LAST_UNIT, MAX_ADU, MIN_ADU, Sized
 
 _CRC_BITS: Final = 18.0  # a right check value, 16, and a function in use, of which there are a score of 128
 _TURNED: Final = 1.0  # less, where its bytes are the wrong way round: one firmware in some
+_COLON: Final = ord(":")
 _LRC_BITS: Final = 12.0  # a colon, digits alone, an end of a line and a right check value of 8 bits
 _HEADER: Final = 4.0  # three zeros and a length: every request to register 0 has them
 _CHAINED: Final = 12.0  # the same just where the frame before it ended
@@ -342,6 +343,14 @@ class _TcpChain:
         return 0.0
 
 
+def tells_ascii(adu: Adu, data: bytes) -> bool:
+    """Whether a frame in these bytes shows that they are ASCII mode: a right LRC does behind a colon.
+
+    Lines of other protocols begin with `>` too, and one LRC in 256 is right by chance: there its PDU must be sound.
+    """
+    return bool(adu.check_ok) and (data[adu.start] & 0x7F == _COLON or bool(sound_roles(adu.pdu)))
+
+
 class _ColonFrames:
     """Frames in ASCII mode with a right LRC, as the bytes come."""
 
@@ -353,6 +362,6 @@ class _ColonFrames:
     def found(self, data: bytes) -> Iterator[SpokenBits]:
         for match in _COLON_FRAME.finditer(data, self._at):
             self._at = match.end()
-            if any(adu.check_ok for adu in ascii_frames(match[0])[:1]):
+            if any(tells_ascii(adu, match[0]) for adu in ascii_frames(match[0])[:1]):
                 yield SpokenBits(match.end(), "ascii", _LRC_BITS)
         self._at = max(self._at, len(data) - _LONGEST_COLON)

@@ -62,7 +62,7 @@ def without_chance(pieces: Sequence[Piece], parts: Sequence[PastePart]) -> list[
         if isinstance(piece, PastedFrame):
             adu = piece.adu.data
             written = adu in legal and {piece.start, piece.start + piece.length} <= edges
-            if not written and heard.is_chance(kin[adu[:2]] - (adu in alone)):
+            if not written and heard.is_chance(len(adu), kin[adu[:2]] - (adu in alone)):
                 piece = PastedNoise(piece.start, adu)
         kept.append(piece)
     return kept

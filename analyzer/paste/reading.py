@@ -22,7 +22,7 @@ from dissectors.length_rules import Role
 from dissectors.lengths import pdu_length, plausibility, rule, sound_roles
 from dissectors.limits import LAST_UNIT, MAX_ADU
 
-from ..deframing.weighing import bare_bits
+from ..deframing.weighing import bare_bits, tells_ascii
 from ..errors import RtuscopeError
 from ..languages import counted, tr
 from . import rtu
@@ -165,7 +165,7 @@ def _alike(parts: Sequence[PastePart], envelope: Envelope, roles: Sequence[Role]
         return _bare(parts, roles)
     if envelope == "auto":
         frames = _ascii(data, roles)
-        if frames and (any(frame.check_ok for frame in frames) or _shows_ascii(parts)):
+        if frames and (any(tells_ascii(frame.adu, data) for frame in frames) or _shows_ascii(parts)):
             return Paste("ascii", _why_ascii(frames), tiled(data, frames))
     exact = rtu.exact(data, parts, roles)
     if exact is not None:

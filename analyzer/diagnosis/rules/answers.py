@@ -19,6 +19,7 @@ from captures import Mark
 from ...deframing.tap_clock import FIRST, UNKNOWN
 from ...tables.findings import Findings, Rule, looks_for
 from ...tables.schema import Protocol
+from ...tables.taps import tap_kind
 from ...tables.transactions import NEVER, Status, TransactionRows
 from ..damage.triage import HASTE_NS, answered_alike
 from ..view import DiagnosisStep, where
@@ -228,7 +229,9 @@ class Outcomes:
             if which:
                 spoken = self._suspects.response if rule is LATE else self._suspects.request
                 clocked = [view.clock.verdict(index).wait_ns < UNKNOWN for index in spoken[which].tolist()]
-                findings = said(rule, self._suspects, np.array(which), np.array(clocked) & view.timed)
+                findings = said(
+                    rule, self._suspects, np.array(which), np.array(clocked) & view.timed, tap_kind(view.line)
+                )
                 if rule is NO_RESPONSE:
                     began = [
                         self._answering.get(transactions[i].unit, self._requests) < transactions[i].number

@@ -16,6 +16,7 @@ from ...languages import phrase
 from ...tables.batch import adu_of
 from ...tables.findings import About, Findings, Rule, Severity, looks_for
 from ...tables.schema import GLITCHES, Kind, Protocol
+from ...tables.taps import TapKind
 from ...tables.transactions import NEVER, Status, TransactionRows
 from ..view import DiagnosisStep, EarlierRow
 
@@ -211,9 +212,41 @@ def _silent(numbers: Mapping[str, float]) -> str:
     return phrase("unit {unit:.0f} did not answer", numbers)
 
 
-def _asks_itself(numbers: Mapping[str, float]) -> bool:
-    """Whether a request over Modbus TCP is to the server itself ([3] 4.4.2.2)."""
-    return "over_tcp" in numbers and numbers["unit"] in (0, 255)
+class _Asked(NamedTuple):
+    """Why a unit that has never answered may be mute, by how it was asked, and what to do then."""
+
+    cause: str
+    remedy: str
+
+
+_BY_RTU: Final = _Asked(
+    "it has never answered: the unit does not exist or has no power; otherwise wrong baud rate or parity, swapped A "
+    "and B, or a damaged request",
+    "check the unit's power, address, line settings and wiring; remove it from the poll list if it does not exist",
+)
+_BY_TCP: Final = _Asked(
+    "no such unit behind this server, or one that its serial line does not reach",
+    "check the unit's number and, behind a gateway, its line; remove it from the poll list if it does not exist",
+)
+_ITSELF: Final = _Asked(
+    "unit 0 or FF is the server itself: where that is a gateway, no unit behind it is asked",
+    "set the unit's number in the client, if a unit behind a gateway is meant",
+)
+_PASSED_ON: Final = _Asked(
+    "units on a serial line read RTU: they do not understand Modbus TCP that a gateway passes on as it is",
+    "set the gateway to convert Modbus TCP to RTU, or the client to RTU over TCP",
+)
+_NETWORK, _SERIAL_LINE = 1.0, 2.0  # where a request of Modbus TCP was seen: number `over_tcp`
+
+
+def _asked(numbers: Mapping[str, float]) -> _Asked:
+    match numbers.get("over_tcp"):
+        case None:
+            return _BY_RTU
+        case number if number == _SERIAL_LINE:
+            return _PASSED_ON
+        case _:  # [3] 4.4.2.2
+            return _ITSELF if numbers["unit"] in (0, 255) else _BY_TCP
 
 
 NO_RESPONSE: Final = Rule(
@@ -230,23 +263,12 @@ NO_RESPONSE: Final = Rule(
     cause=lambda numbers: phrase(
         "the request arrived damaged, the unit restarted or was busy, or a contact is loose (it answers at other times)"
         if numbers["answered_before"]
-        else "unit 0 or FF is the server itself: where that is a gateway, no unit behind it is asked"
-        if _asks_itself(numbers)
-        else "no such unit behind this server, or one that its serial line does not reach"
-        if "over_tcp" in numbers
-        else "it has never answered: the unit does not exist or has no power; otherwise wrong baud rate or parity, "
-        "swapped A and B, or a damaged request"
+        else _asked(numbers).cause
     ),
     remedy=lambda numbers: phrase(
         "check when it falls silent: its power, its connector, and what the client asks at that moment"
         if numbers["answered_before"]
-        else "set the unit's number in the client, if a unit behind a gateway is meant"
-        if _asks_itself(numbers)
-        else "check the unit's number and, behind a gateway, its line; remove it from the poll list if it does not "
-        "exist"
-        if "over_tcp" in numbers
-        else "check the unit's power, address, line settings and wiring; remove it from the poll list if it does not "
-        "exist"
+        else _asked(numbers).remedy
     ),
 )
 RETRY: Final = Rule(
@@ -320,7 +342,9 @@ ECHO: Final = Rule(
 )
 
 
-def said(rule: Rule, transactions: TransactionRows, which: NDArray[np.intp], timed: NDArray[np.bool_]) -> Findings:
+def said(
+    rule: Rule, transactions: TransactionRows, which: NDArray[np.intp], timed: NDArray[np.bool_], tap: TapKind
+) -> Findings:
     """What a rule says of some transactions; `timed`: whether their times mean anything."""
     these, before = transactions[which], transactions[np.maximum(which - 1, 0)]
     columns = these.request, these.start, these.length, these.port, these.t_start_ns
@@ -347,7 +371,8 @@ def said(rule: Rule, transactions: TransactionRows, which: NDArray[np.intp], tim
         return rule.at(index, start, length, port, t_ns, these.unit, later)
     if rule is NO_RESPONSE:
         waited = np.where(timed, (these.t_next_ns - these.t_request_ns) / 1e6, np.nan)
-        over_tcp = np.where(these.protocol == Protocol.TCP, 1.0, np.nan)
+        where = _SERIAL_LINE if tap in (TapKind.SERIAL, TapKind.EDGES) else _NETWORK
+        over_tcp = np.where(these.protocol == Protocol.TCP, where, np.nan)
         return rule.at(*columns, these.unit, waited, these.function, 0, over_tcp)
     if rule is RETRY:
         failed = (which > 0) & np.isin(before.status, (_UNANSWERED, _DAMAGED)) & timed
