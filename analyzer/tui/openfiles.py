@@ -17,6 +17,7 @@ from captures.recording.notes import MARK
 from ..languages import error_words, tr
 from ..outages import notes_of
 from ..words import TimeBase, data_size
+from .filterbar import FilterBar
 from .frames import FrameList
 from .prompts import Ask
 
@@ -41,8 +42,10 @@ class NextFile:
 class OpenFiles:
     """The main screen's file."""
 
-    def __init__(self, screen: BusScreen) -> None:
+    def __init__(self, screen: BusScreen, resumed: NextFile | None = None) -> None:
+        """`resumed`: what is to be as it was, once all is read."""
         self._screen = screen
+        self._resumed = resumed
         self._size = 0
         self.state: tuple[str, str] = ("", "")  # what became of the file since it was read, and the kind of these words
 
@@ -62,6 +65,21 @@ class OpenFiles:
                 desk.notes.comments.setdefault(desk.place(desk.bus.table.row_at_time(note.t_ns)), note.text)
         self._size = self._now()
         self._screen.set_interval(_CHECK_S, self._check_growth)
+
+    def resume(self) -> None:
+        """The filter and the row as they were before the file was read anew."""
+        resumed, self._resumed = self._resumed, None
+        screen = self._screen
+        if resumed is None or self.path is None:
+            return
+        if resumed.filter:
+            screen.query_one(FilterBar).use(resumed.filter)
+        if resumed.row is None:
+            screen.action_follow()
+        elif 0 < resumed.row < screen.desk.bus.count:
+            screen.studied = resumed.row
+            for each in screen.query(FrameList):
+                each.go(resumed.row)
 
     def _now(self) -> int:
         """Its size; -1 where it is gone."""
