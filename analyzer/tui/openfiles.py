@@ -19,7 +19,7 @@ from ..outages import notes_of
 from ..words import TimeBase, data_size
 from .filterbar import FilterBar
 from .frames import FrameList
-from .prompts import Ask
+from .prompts import Ask, typed_path
 
 if TYPE_CHECKING:
     from ..model.source import ViewSource
@@ -127,14 +127,14 @@ class OpenFiles:
         question = Ask(tr("Open"), tr("a capture of any format"), value=folder, wrong=no_capture, selected=False)
         text = await screen.app.push_screen_wait(question)
         if text is not None:
-            screen.leave(NextFile(Path(text).expanduser()))
+            screen.leave(NextFile(typed_path(text)))
 
 
 def no_capture(text: str) -> str:
     """Why a file cannot be opened; empty where it can."""
     import captures
 
-    path = Path(text).expanduser()
+    path = typed_path(text)
     if not path.is_file():
         return tr("no file {file}", file=text)
     try:
