@@ -7,9 +7,12 @@ from pathlib import Path
 
 import pytest
 from seats import Seat, opened, sample_in, using
+from textual.command import CommandPalette
+from textual.widgets import Input
 
 from analyzer.tui.keys import BINDINGS
 from analyzer.tui.places import OF_ROWS, OFFERED, CausePlace, RegisterPlace, RowPlace, Trail, UnitPlace, Visited
+from analyzer.tui.prompts import Ask
 from analyzer.tui.report import ReportPage
 from analyzer.tui.views import VIEWS
 
@@ -198,3 +201,30 @@ def test_a_cause_is_walked_through_in_wire_order_from_its_line(capture: Path) ->
         assert screen.view == "home", "and back"
 
     using(opened(capture), work, view="transactions")
+
+
+@pytest.mark.parametrize("key", ["ctrl+o", "e", "A"])
+@pytest.mark.parametrize("name", ["~nobody-of-this-name/x.csv", "x" * 300 + ".csv", "я" * 200])
+def test_what_no_file_can_be_called_is_refused_where_it_is_typed(capture: Path, key: str, name: str) -> None:
+    async def work(sitting: Seat) -> None:
+        await sitting.press("home", key)
+        line = sitting.app.focused
+        assert isinstance(line, Input)
+        line.value = name
+        await sitting.press("enter")
+        await sitting.until(lambda: bool(sitting.notices()) or isinstance(sitting.app.screen, Ask))
+        await sitting.press("escape", "end")
+        assert sitting.app.is_running and sitting.screen.view in ("frames", "against")
+        assert {each.name for each in capture.parent.iterdir()} == {capture.name}
+
+    using(opened(capture), work)
+
+
+def test_a_page_in_the_palette_before_its_list_stands(capture: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        await sitting.press("ctrl+p", "pagedown", "pageup")
+        assert isinstance(sitting.app.screen, CommandPalette)
+        await sitting.press("escape", "down")
+        assert sitting.app.is_running and sitting.row == 1
+
+    using(opened(capture), work)

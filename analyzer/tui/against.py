@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Final
 
 from textual.binding import Binding, BindingType
@@ -18,7 +17,7 @@ from .lines import Lines
 from .openfiles import no_capture
 from .paint import StyledText, fitted
 from .places import OF_FIGURES, Place, RegisterPlace, UnitPlace
-from .prompts import Ask
+from .prompts import Ask, typed_path
 from .view import DoorCell, View, cells_of_units
 
 if TYPE_CHECKING:
@@ -137,7 +136,7 @@ def compare(screen: BusScreen, text: str) -> None:
         if _SPANS in text:
             then, now = (span_side(bus, source, each, desk.span_words(each), stop) for each in _spans_of(text, desk))
         else:
-            then, now = read_side(reader(Path(text).expanduser()), stop), whole_side(bus, source)
+            then, now = read_side(reader(typed_path(text)), stop), whole_side(bus, source)
         return then, now, changes(now, then, meanings)
 
     def show(told: tuple[Compared, Compared, list[Change]]) -> None:

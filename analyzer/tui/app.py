@@ -18,7 +18,7 @@ from textual._compositor import CompositorUpdate
 from textual.app import App, ScreenStackError, SystemCommand
 from textual.binding import Binding, BindingType
 from textual.color import Color
-from textual.command import CommandPalette
+from textual.command import CommandList, CommandPalette
 from textual.driver import Driver
 from textual.filter import Monochrome
 from textual.screen import Screen
@@ -52,6 +52,20 @@ _FEW_COLOURS = ("standard", "windows")
 _LONG_S = 8.0  # for words that say why nothing happened
 _NARROW = 70  # columns under which bytes stand below the fields
 _BROAD = 150  # columns from which on bytes stand 16 to a line: fields need the room before
+
+
+class CommandSearch(CommandPalette):
+    """Every command by name."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("pagedown", "page('down')", "Next page", show=False),
+        Binding("pageup", "page('up')", "Previous page", show=False),
+    ]
+
+    def action_page(self, way: str) -> None:
+        """A page further; nowhere while the list has not been laid out, of which Textual's own action knows nothing."""
+        with suppress(LookupError):
+            getattr(self.query_one(CommandList), f"action_page_{way}")()
 
 
 class Rtuscope(App[None]):
@@ -224,7 +238,7 @@ class Rtuscope(App[None]):
     def action_command_palette(self) -> None:
         """Every command by name."""
         if self.use_command_palette and not isinstance(self.screen, CommandPalette):
-            self.push_screen(CommandPalette(placeholder=tr("Search for commands…"), id="--command-palette"))
+            self.push_screen(CommandSearch(placeholder=tr("Search for commands…"), id="--command-palette"))
 
     def get_key_display(self, binding: Binding) -> str:
         """A key in the footer, as it stands on a keyboard."""

@@ -20,12 +20,14 @@ from textual.binding import ActiveBinding, Binding
 from textual.screen import Screen
 from textual.strip import Strip
 from textual.widget import Widget
-from textual.widgets import Input, Static
+from textual.widgets import ContentSwitcher, Input, Static
 
 from dissectors.values import harmless
 
 from ..languages import counted, grouped, tr
 from ..tables.findings import Severity
+from .filterbar import FilterBar
+from .frames import FrameList
 from .messages import ViewWanted
 from .paint import Painted, StyledText, fitted
 from .view import View
@@ -109,6 +111,22 @@ class Panes:
         own = [widget for widget in (part, *part.query("*")) if widget.focusable]
         return [*own, detail.fields, detail.octets] if BY_NAME[screen.view].detail else own
 
+    def arrange(self, view: View) -> None:
+        """A view comes up, with the lines and panes that it has."""
+        screen, detail = self._screen, self._screen.detail
+        screen.query_one("#views", ContentSwitcher).current = view.name
+        screen.query_one(Tabs).choose(view.name)
+        detail.display = view.detail
+        screen.query_one("#views").display = True
+        detail.set_class(False, "-zoomed")
+        screen.query_one(FilterBar).display = view.filtered
+        for name in (
+            "home",
+            "paste",
+            "polls",
+        ):  # of the pane alone: a class of the screen would style every widget anew
+            detail.set_class(view.name == name, f"-{name}")
+
     def step(self, step: int) -> None:
         """From the list to the fields, to the bytes, and round."""
         panes = self.all
@@ -143,8 +161,13 @@ _SPIN = "|/-\\"
 _SLIM = 100  # columns under which not all of a live state has room
 
 
+def _following(listing: FrameList) -> str:
+    waiting = listing.count() - 1 - listing.cursor
+    return tr("following") if listing.following else tr("{count:,} below (F follows)", count=waiting)
+
+
 class StatusLine(Painted):
-    """One line; `say` puts what the list knows into it."""
+    """One line: what is open, what goes on, where one is, what was found."""
 
     def __init__(self, desk: ViewState, *, id: str) -> None:
         super().__init__(id=id)
@@ -155,9 +178,20 @@ class StatusLine(Painted):
         self.state = ("", "")
         self._turn = 0
 
-    def say(self, where: str, doing: str = "", follow: str = "", state: tuple[str, str] = ("", "")) -> None:
+    def tell(self, screen: BusScreen) -> None:
         """Where the cursor is, what goes on, live whether the list follows its end, and what became of the file."""
-        self.where, self.doing, self.follow, self.state = where, doing, follow, state
+        bus, jobs, picked = self.desk.bus, screen.jobs, screen.picked
+        self.where = counted(bus.frames, "frame", "frames")
+        if bus.noise_bytes:
+            self.where += tr(", noise {count:,} B", count=bus.noise_bytes)
+        if jobs.selection is not None:
+            shown, rows = screen.frames.rows.count, counted(bus.count, "row", "rows")
+            self.where = tr("{some:,} of {rows} shown", some=shown, rows=rows)
+        if picked.anchor is not None:
+            self.where += tr(", selected {count:,}", count=len(picked.rows()))
+        listing = screen.query_one(f"#{screen.list_view}", FrameList)
+        self.follow = _following(listing) if listing.live and not bus.whole else ""
+        self.doing, self.state = jobs.doing, screen.files.state
         self._turn += 1
         self.refresh()
 

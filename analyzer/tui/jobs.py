@@ -177,7 +177,7 @@ class Jobs(ScreenThreads):
         home.first(self._screen)
         self.tell_meanings()
         self._screen.files.read(self._source)
-        self._screen.resume()
+        self._screen.files.resume()
         if trouble:
             self._screen.tell(tr("reading ended: {trouble}", trouble=trouble), wrong=True)
         self._tell_notices()

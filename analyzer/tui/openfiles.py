@@ -17,8 +17,9 @@ from captures.recording.notes import MARK
 from ..languages import error_words, tr
 from ..outages import notes_of
 from ..words import TimeBase, data_size
+from .filterbar import FilterBar
 from .frames import FrameList
-from .prompts import Ask
+from .prompts import Ask, typed_path
 
 if TYPE_CHECKING:
     from ..model.source import ViewSource
@@ -41,8 +42,10 @@ class NextFile:
 class OpenFiles:
     """The main screen's file."""
 
-    def __init__(self, screen: BusScreen) -> None:
+    def __init__(self, screen: BusScreen, resumed: NextFile | None = None) -> None:
+        """`resumed`: what is to be as it was, once all is read."""
         self._screen = screen
+        self._resumed = resumed
         self._size = 0
         self.state: tuple[str, str] = ("", "")  # what became of the file since it was read, and the kind of these words
 
@@ -62,6 +65,21 @@ class OpenFiles:
                 desk.notes.comments.setdefault(desk.place(desk.bus.table.row_at_time(note.t_ns)), note.text)
         self._size = self._now()
         self._screen.set_interval(_CHECK_S, self._check_growth)
+
+    def resume(self) -> None:
+        """The filter and the row as they were before the file was read anew."""
+        resumed, self._resumed = self._resumed, None
+        screen = self._screen
+        if resumed is None or self.path is None:
+            return
+        if resumed.filter:
+            screen.query_one(FilterBar).use(resumed.filter)
+        if resumed.row is None:
+            screen.action_follow()
+        elif 0 < resumed.row < screen.desk.bus.count:
+            screen.studied = resumed.row
+            for each in screen.query(FrameList):
+                each.go(resumed.row)
 
     def _now(self) -> int:
         """Its size; -1 where it is gone."""
@@ -109,14 +127,14 @@ class OpenFiles:
         question = Ask(tr("Open"), tr("a capture of any format"), value=folder, wrong=no_capture, selected=False)
         text = await screen.app.push_screen_wait(question)
         if text is not None:
-            screen.leave(NextFile(Path(text).expanduser()))
+            screen.leave(NextFile(typed_path(text)))
 
 
 def no_capture(text: str) -> str:
     """Why a file cannot be opened; empty where it can."""
     import captures
 
-    path = Path(text).expanduser()
+    path = typed_path(text)
     if not path.is_file():
         return tr("no file {file}", file=text)
     try:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from ..languages import error_words, tr
 from ..model.causestory import story
 from .items import cause_facts
-from .prompts import Ask, may_write
+from .prompts import Ask, may_write, typed_path
 
 if TYPE_CHECKING:
     from ..causes.registry import Cause
@@ -33,7 +33,7 @@ async def write_page(screen: BusScreen, kind: PageFile, make: Callable[[Path, St
     forms = tr("a file; its suffix sets the format: {formats}", formats=" ".join(kind.suffixes))
 
     def wrong(text: str) -> str:
-        path = Path(text).expanduser()
+        path = typed_path(text)
         if path.suffix.lower() not in kind.suffixes:
             return forms
         return "" if path.parent.is_dir() else tr("no folder {folder}", folder=path.parent)
@@ -42,7 +42,7 @@ async def write_page(screen: BusScreen, kind: PageFile, make: Callable[[Path, St
     text = await app.push_screen_wait(Ask(question, forms, wrong=wrong, value=kind.name))
     if not text:
         return
-    path = Path(text).expanduser()
+    path = typed_path(text)
     if not await may_write(screen, path):
         return
 

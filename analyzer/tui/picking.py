@@ -24,7 +24,7 @@ from ..tables.findings import NOTHING
 from ..tables.schema import Kind
 from .pagefiles import write_story
 from .places import CausePlace
-from .prompts import Ask, Choose, may_write
+from .prompts import Ask, Choose, may_write, typed_path
 from .threads import Stop
 from .views import BY_NAME
 
@@ -204,7 +204,7 @@ class PickedRows:
         text = await app.push_screen_wait(Ask(question, _formats(), wrong=wrong, value="frames.csv"))
         if not text:
             return
-        path = Path(text).expanduser()
+        path = typed_path(text)
         if not await may_write(screen, path):
             return
         screen.jobs.doing = tr("exporting")
@@ -252,7 +252,7 @@ def _formats() -> str:
 
 def _no_file(text: str) -> str:
     """Why an export cannot go to a file of that name; empty where it can."""
-    path = Path(text).expanduser()
+    path = typed_path(text)
     return _no_format(path) or ("" if path.parent.is_dir() else tr("no folder {folder}", folder=Path(text).parent))
 
 

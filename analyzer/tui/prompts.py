@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
@@ -13,7 +14,7 @@ from textual.containers import Vertical
 from textual.screen import ModalScreen
 from textual.widgets import Input, Label
 
-from ..languages import tr
+from ..languages import error_words, tr
 from .lines import Lines
 from .messages import LineEntered
 from .paint import StyledText, fitted
@@ -55,7 +56,10 @@ class Ask(ModalScreen[str | None]):
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
         event.stop()
-        wrong = self._wrong(event.value)
+        try:
+            wrong = self._wrong(event.value)
+        except (OSError, ValueError) as error:  # no name that a file can have
+            wrong = error_words(error)
         if wrong:
             self._say(wrong)
         else:
@@ -118,9 +122,14 @@ class Choose(ModalScreen[int | None]):
         self.dismiss(event.line)
 
 
+def typed_path(text: str) -> Path:
+    """A path as a user writes it; `~name` of nobody is a name like any other."""
+    return Path(os.path.expanduser(text))  # noqa: PTH111 - pathlib's raises where there is no such user
+
+
 async def may_write(screen: BusScreen, path: Path) -> bool:
     """Whether a file may be written: one that is there is asked about. A browser downloads what it gets."""
-    if screen.app.is_web or not path.exists():
+    if screen.app.is_web or not os.path.lexists(path):  # False where that is no name of a file: writing tells why
         return True
     choices = [("n", tr("keep it")), ("o", tr("overwrite it"))]
     if await screen.app.push_screen_wait(Choose(tr("{file} already exists", file=path.name), choices)):

@@ -18,7 +18,7 @@ from textual.widgets import ContentSwitcher
 
 from dissectors.values import harmless
 
-from ..languages import counted, tr
+from ..languages import tr
 from .bars import KeyLine, Panes, StatusLine, Tabs, fitting
 from .details import DetailPane
 from .filterbar import FilterBar, KeptFilters
@@ -66,7 +66,7 @@ class BusScreen(Screen[None]):
         self.desk = desk
         self.view = view or LISTS[0]
         self.list_view = view if view in LISTS else LISTS[0]  # the list that jumps go to
-        self._resumed = resumed  # what is to be as it was, once all is read
+        self.files = OpenFiles(self, resumed)
         self.undecided = view is None and not desk.source.live  # Home may still come up by itself
         self.lit: tuple[int, int, int] | None = None  # a row, and the bytes of it that were looked for
         self.studied: int | None = None  # the row that was last shown below
@@ -79,7 +79,6 @@ class BusScreen(Screen[None]):
         self.picked = PickedRows(self)
         self.doors = Doors(self)
         self.kept = KeptFilters(self)
-        self.files = OpenFiles(self)
         self.narrowing = Narrowing(self)
         self.panes = Panes(self)
         self.shown_columns = ShownColumns(self)
@@ -101,20 +100,6 @@ class BusScreen(Screen[None]):
         self.action_view(self.view)
         self.came_up = True
         self.jobs.begin()
-
-    def resume(self) -> None:
-        """The filter and the row as they were before the file was read anew."""
-        resumed, self._resumed = self._resumed, None
-        if resumed is None or self.desk.source.path is None:
-            return
-        if resumed.filter:
-            self.query_one(FilterBar).use(resumed.filter)
-        if resumed.row is None:
-            self.action_follow()
-        elif 0 < resumed.row < self.desk.bus.count:
-            self.studied = resumed.row
-            for each in self.query(FrameList):
-                each.go(resumed.row)
 
     # The parts
 
@@ -162,18 +147,7 @@ class BusScreen(Screen[None]):
         self.studied = self.studied if own is None else own
         self.view = view
         self.list_view = view if view in LISTS else self.list_view
-        self.query_one("#views", ContentSwitcher).current = view
-        self.query_one(Tabs).choose(view)
-        self.detail.display = record.detail
-        self.query_one("#views").display = True
-        self.detail.set_class(False, "-zoomed")
-        self.query_one(FilterBar).display = record.filtered
-        for name in (
-            "home",
-            "paste",
-            "polls",
-        ):  # of the pane alone: a class of the screen would style every widget anew
-            self.detail.set_class(view == name, f"-{name}")
+        self.panes.arrange(record)
         record.shown(self)
         self.jobs.count_scope()
         self.refresh_view()
@@ -187,19 +161,7 @@ class BusScreen(Screen[None]):
 
     def say(self) -> None:
         """The status line, as things are."""
-        bus, frames = self.desk.bus, self.frames
-        where = counted(bus.frames, "frame", "frames") + (
-            tr(", noise {count:,} B", count=bus.noise_bytes) if bus.noise_bytes else ""
-        )
-        if self.jobs.selection is not None:
-            where = tr("{some:,} of {rows} shown", some=frames.rows.count, rows=counted(bus.count, "row", "rows"))
-        listing, follow = self.query_one(f"#{self.list_view}", FrameList), ""
-        if listing.live and not bus.whole:
-            waiting = listing.count() - 1 - listing.cursor
-            follow = tr("following") if listing.following else tr("{count:,} below (F follows)", count=waiting)
-        if self.picked.anchor is not None:
-            where += tr(", selected {count:,}", count=len(self.picked.rows()))
-        self.query_one(StatusLine).say(where, self.jobs.doing, follow, self.files.state)
+        self.query_one(StatusLine).tell(self)
 
     def study_row(self, row: int, *, to: tuple[str, ...] = ()) -> None:
         """Show a row's fields and bytes; the cursor of the fields goes to an item."""
