@@ -12,6 +12,7 @@ from ..languages import counted, grouped, page_words
 from ..words import decimal, is_clock, time_of_day, unit_word
 from .model import FindingGroup, FindingRow
 from .paragraphs import PageLine, Paragraph
+from .tabular import PageColumn, PageTable
 
 _WORST: Final = 3
 _WORST_AS: Final = {  # of a handful of frames, and else: their head, and what is told
@@ -91,14 +92,14 @@ def lines(findings: Sequence[FindingRow], *, handful: bool = False) -> Iterator[
         yield from _labelled("explained by", ", ".join(row.explained_by))
         yield from _labelled("rests on", row.clause)
     yield ""
-    finding, severity, count, answers, time = map(
-        page_words, ("finding", "severity", "count", "answers lost", "time lost")
-    )
-    yield f"{finding:<24}{severity:<10}{count:>9}{answers:>14}{time:>12}"
-    for row in findings:
-        lost = grouped(row.lost_answers) if row.lost_answers else "-"
-        time = seconds(row.lost_ms) if row.lost_ms else "-"
-        yield f"{row.code:<24}{page_words(row.severity):<10}{row.count:>9,}{lost:>14}{time:>12}"
+    finding, severity, *figures = map(page_words, ("finding", "severity", "count", "answers lost", "time lost"))
+    words = (PageColumn(finding, is_words=True, is_cut=True), PageColumn(severity, is_words=True))
+    yield PageTable((*words, *map(PageColumn, figures)), [_finding_cells(row) for row in findings])
+
+
+def _finding_cells(row: FindingRow) -> tuple[str, ...]:
+    lost = grouped(row.lost_answers) if row.lost_answers else "-"
+    return row.code, page_words(row.severity), grouped(row.count), lost, seconds(row.lost_ms) if row.lost_ms else "-"
 
 
 def _group_lines(row: FindingRow) -> Iterator[PageLine]:

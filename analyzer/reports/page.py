@@ -1,4 +1,4 @@
-"""The report as one page of text, 80 columns, for reading at a cabinet.
+"""The report as one page of text, for reading at a cabinet.
 
 Facts first, trouble marked by its own lines; what this capture cannot tell is said, never shown as zero.
 """
@@ -25,8 +25,8 @@ _HAPPENED: Final = 4  # of a recording
 
 
 def text(report: Report, width: int = WIDTH) -> str:
-    """The page, newline at the end; names and notes in it are harmless. Paragraphs are `width` wide, tables `WIDTH`."""
-    lines = (line.lines(width) if isinstance(line, Paragraph) else [line] for line in _lines(report))
+    """The page, so many columns wide, newline at the end; names and notes in it are harmless."""
+    lines = ([line] if isinstance(line, str) else line.lines(width) for line in _lines(report))
     return "\n".join(harmless(line.rstrip()) for wrapped in lines for line in wrapped) + "\n"
 
 

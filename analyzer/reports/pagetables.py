@@ -1,4 +1,4 @@
-"""The tables of the text report, each of at most 80 columns: what does not fit is in the JSON.
+"""The tables of the text report, as wide as the page: what does not fit is in the JSON.
 
 And the words for the values of a bus, which the HTML page shares.
 """
@@ -15,7 +15,8 @@ from ..registers.telling import place_cell
 from ..words import between, compact, decimal, duration, is_clock, time_of_day, unit_word
 from .findings import and_more
 from .model import BookmarkRow, Counts, HourRow, PollRow, Report, Times, UnitCard, UnitChange, UnitRow
-from .paragraphs import WIDTH, PageLine, Paragraph
+from .paragraphs import PageLine, Paragraph
+from .tabular import PageColumn, PageTable
 
 if TYPE_CHECKING:
     from ..registers.watch import WatchedValue
@@ -24,15 +25,16 @@ _ROWS: Final = 24  # units on the page; --json has all
 _CARDS: Final = 6
 _POLLS: Final = 12
 _HOURS: Final = 72
+_LAST: Final = 22  # characters of a value
 _NO_ADDRESS: Final = 0xFFFF  # of a request that names none, as `causes.exchanges` has it
 _EXCEPTIONS: Final = 10
 _BOOKMARKS: Final = 50
 _LONG_NS: Final = 99_950_000_000
-_ASKED: Final = (("requests", 9, "requests"), ("ok", 7, "answered"), ("exc", 6, "exceptions"))  # head, width, of Counts
-_REPEATED: Final = (("retry", 6, "retries"), ("late", 6, "late"))
-_UNIT_COLUMNS: Final = (*_ASKED, ("silent", 7, "unanswered"), ("garbage", 8, "damaged"), *_REPEATED)
-_FUNCTION_COLUMNS: Final = (*_ASKED, ("none", 6, "unanswered"), ("bad", 6, "damaged"))
-_FIGURES: Final = ("p50", "p95", "max")  # as they stand in a row
+_ASKED: Final = (("requests", "requests"), ("ok", "answered"), ("exc", "exceptions"))  # head, name in `Counts`
+_REPEATED: Final = (("retry", "retries"), ("late", "late"))
+_UNIT_COLUMNS: Final = (*_ASKED, ("silent", "unanswered"), ("garbage", "damaged"), *_REPEATED)
+_FUNCTION_COLUMNS: Final = (*_ASKED, ("none", "unanswered"), ("bad", "damaged"))
+_SPARE: Final = {"p50": 1, "p95": 3, "max": 2}  # figures of response times: which stay longest
 
 
 def tables(report: Report) -> Iterator[Iterator[PageLine]]:
@@ -64,13 +66,13 @@ def _legend(report: Report) -> Iterator[str]:
         yield f"{'':10}+ {unheard}"
 
 
-def _units(report: Report) -> Iterator[str]:
+def _units(report: Report) -> Iterator[PageLine]:
     shown: Sequence[UnitRow] = report.units_as_heard
     if len(shown) > _ROWS:
         shown = sorted(sorted(shown, key=_trouble)[:_ROWS], key=lambda row: row.unit)
-    rows = [(f"{row.unit:>4}", row.counts, row.times) for row in shown]
     columns = (*_FUNCTION_COLUMNS, *_REPEATED) if not report.cards else _UNIT_COLUMNS
-    yield from _table("unit", 6, columns, ("p50", "max", "p95"), rows)
+    rows = [(str(row.unit), row.counts, row.times) for row in shown]
+    yield _counted(PageColumn(page_words("unit")), columns, ("p50", "p95", "max"), rows)
     if len(shown) < len(report.units):
         yield and_more(len(report.units) - len(shown), "unit with less trouble", "units with less trouble")
 
@@ -80,35 +82,30 @@ def _trouble(row: UnitRow) -> tuple[int, int]:
     return -(counts.unanswered + counts.exceptions + counts.damaged + counts.late), row.unit
 
 
-def _functions(report: Report) -> Iterator[str]:
+def _functions(report: Report) -> Iterator[PageLine]:
     rows = [(f"{row.function:02d} {row.name}", row.counts, row.times) for row in report.functions]
-    yield from _table("function", 30, _FUNCTION_COLUMNS, ("p50", "p95"), rows)
+    name = PageColumn(page_words("function"), is_words=True, is_cut=True)
+    yield _counted(name, _FUNCTION_COLUMNS, ("p50", "p95"), rows)
 
 
-def _table(
-    title: str,
-    width: int,
-    columns: Sequence[tuple[str, int, str]],
+def _counted(
+    name: PageColumn,
+    columns: Sequence[tuple[str, str]],
     figures: Sequence[str],
     rows: Sequence[tuple[str, Counts, Times]],
-) -> Iterator[str]:
-    """Counts, and of the figures of response times as many as there is room for, those named first before others."""
-    cells = {figure: [_cell(counts, times, figure) for _, counts, times in rows] for figure in figures}
-    widths = {figure: _width(cells[figure]) for figure in figures}
-    room, shown = WIDTH - width - sum(w for _, w, _ in columns), []
-    for figure in figures:
-        if widths[figure] <= room:
-            shown.append(figure)
-            room -= widths[figure]
-    shown.sort(key=_FIGURES.index)
-    heads = "".join(f"{page_words(head):>{w}}" for head, w, _ in columns)
-    yield f"{page_words(title):<{width}}{heads}" + "".join(f"{figure:>{widths[figure]}}" for figure in shown)
-    for i, (name, counts, _) in enumerate(rows):
-        short = name if len(name) <= width else name[: width - 2] + ".."
-        numbers = "".join(
-            f"{compact(getattr(counts, key)) if getattr(counts, key) else '-':>{w}}" for _, w, key in columns
-        )
-        yield f"{short:<{width}}{numbers}" + "".join(f"{cells[figure][i]:>{widths[figure]}}" for figure in shown)
+) -> PageTable:
+    """Counts, and figures of response times as many as there is room for."""
+    heads = [PageColumn(page_words(head)) for head, _ in columns]
+    heads += [PageColumn(figure, spare=_SPARE[figure]) for figure in figures]
+    cells = [
+        (own, *(_number(getattr(counts, key)) for _, key in columns), *(_cell(counts, times, one) for one in figures))
+        for own, counts, times in rows
+    ]
+    return PageTable((name, *heads), cells)
+
+
+def _number(count: int) -> str:
+    return compact(count) if count else "-"
 
 
 def _exceptions(report: Report) -> Iterator[str]:
@@ -126,11 +123,6 @@ def _cell(counts: Counts, times: Times, figure: str) -> str:
         return "-"
     low, high = times.bounds(figure) or (0, 0)
     return f"{decimal(f'{low / 1e9:.3g}')} {unit_word('s')}" if low == high >= _LONG_NS else times.worded(figure)
-
-
-def _width(cells: Sequence[str]) -> int:
-    """How wide a column of figures is, the space before it counted: 8, or more where there are intervals."""
-    return max([8, *(len(cell) + 2 for cell in cells if ".." in cell)])
 
 
 def _cards(cards: Sequence[UnitCard]) -> Iterator[PageLine]:
@@ -188,19 +180,29 @@ def _clock(t_ns: int) -> str:
     return time_of_day(t_ns)[:8]
 
 
-def _polls(polls: Sequence[PollRow]) -> Iterator[str]:
+def _polls(polls: Sequence[PollRow]) -> Iterator[PageLine]:
     heads = ("poll", "asked", "ok", "wasted", "period", "jitter", "joins with")
-    poll, asked, ok, wasted, period, jitter, joins = map(page_words, heads)
-    yield f"{poll:<24}{asked:>7}{ok:>7}{wasted:>8}{period:>9}{jitter:>9}  {joins}"
-    for row in polls[:_POLLS]:
-        name = f"{page_words('unit {unit}', unit=row.unit)} {poll_words(row)}"
-        period = "?" if row.period_ns is None else duration(row.period_ns)
-        jitter = "?" if row.jitter_ns is None else duration(row.jitter_ns)
-        joined = "" if row.joins is None else f"{row.joins}, -{row.saves_bytes} {unit_word('B')}"
-        cells = f"{compact(row.asked):>7}{row.ok / row.asked:>7.0%}{compact(row.wasted) if row.wasted else '-':>8}"
-        yield f"{name[:24]:<24}{cells}{period:>9}{jitter:>9}  {joined}".rstrip()[:WIDTH]
+    poll, *figures, joins = map(page_words, heads)
+    columns = (
+        PageColumn(poll, is_words=True),
+        *map(PageColumn, figures),
+        PageColumn(joins, is_words=True, is_cut=True),
+    )
+    yield PageTable(columns, [_poll_cells(row) for row in polls[:_POLLS]])
     if len(polls) > _POLLS:
         yield and_more(len(polls) - _POLLS, "poll that comes less often", "polls that come less often")
+
+
+def _poll_cells(row: PollRow) -> tuple[str, ...]:
+    return (
+        f"{page_words('unit {unit}', unit=row.unit)} {poll_words(row)}",
+        compact(row.asked),
+        f"{row.ok / row.asked:.0%}",
+        _number(row.wasted),
+        "?" if row.period_ns is None else duration(row.period_ns),
+        "?" if row.jitter_ns is None else duration(row.jitter_ns),
+        "" if row.joins is None else f"{row.joins}, -{row.saves_bytes} {unit_word('B')}",
+    )
 
 
 def poll_words(row: PollRow) -> str:
@@ -211,21 +213,24 @@ def poll_words(row: PollRow) -> str:
     return f"{row.function:02d} {row.address}" + ("" if alone else f"..{row.address + row.quantity - 1}")
 
 
-def _hours(hours: Sequence[HourRow]) -> Iterator[str]:
+def _hours(hours: Sequence[HourRow]) -> Iterator[PageLine]:
     heads = ("hour", "requests", "ok", "exc", "none", "bad", "late", "load", "most often")
-    hour, requests, ok, exc, none, bad, late, load, often = map(page_words, heads)
-    yield f"{hour:<18}{requests:>9}{ok:>8}{exc:>7}{none:>7}{bad:>7}{late:>6}{load:>7}  {often}"
-    for row in hours[:_HOURS]:
-        counts = row.counts
-        numbers = "".join(
-            f"{compact(number) if number else '-':>{width}}"
-            for number, width in ((counts.requests, 9), (counts.answered, 8), (counts.exceptions, 7),
-                                  (counts.unanswered, 7), (counts.damaged, 7), (counts.late, 6))
-        )  # fmt: skip
-        load = "?" if row.load is None else decimal(f"{row.load:.1%}")
-        yield f"{row.name:<18}{numbers}{load:>7}  {row.finding}".rstrip()[:WIDTH]
+    hour, *figures, often = map(page_words, heads)
+    columns = (
+        PageColumn(hour, is_words=True),
+        *map(PageColumn, figures),
+        PageColumn(often, is_words=True, is_cut=True),
+    )
+    yield PageTable(columns, [_hour_cells(row) for row in hours[:_HOURS]])
     if len(hours) > _HOURS:
         yield and_more(len(hours) - _HOURS, "more hour", "more hours")
+
+
+def _hour_cells(row: HourRow) -> tuple[str, ...]:
+    counts = row.counts
+    numbers = (counts.requests, counts.answered, counts.exceptions, counts.unanswered, counts.damaged, counts.late)
+    load = "?" if row.load is None else decimal(f"{row.load:.1%}")
+    return (row.name, *map(_number, numbers), load, row.finding)
 
 
 def _bookmarks(rows: Sequence[BookmarkRow]) -> Iterator[PageLine]:
@@ -244,25 +249,35 @@ def _bookmarks(rows: Sequence[BookmarkRow]) -> Iterator[PageLine]:
 
 
 _VALUE_ROWS: Final = 60  # on the page; --json has all
-_NAME, _LAST = 28, 22  # columns
 
 
-def value_lines(values: Sequence[WatchedValue]) -> Iterator[str]:
+def value_lines(values: Sequence[WatchedValue]) -> Iterator[PageLine]:
     """A table of the values, nothing where there are none."""
     if not values:
         return
     yield ""
-    unit, name, last, least, mean, most = map(page_words, ("unit", "value", "last", "min", "mean", "max"))
-    yield f"{unit:>4}  {name:<{_NAME}}{last:<{_LAST}}{least:>8}{mean:>8}{most:>8}"
-    for value in values[:_VALUE_ROWS]:
-        numbers = "".join(f"{short_number(number):>8}" for number in (value.minimum, value.mean, value.maximum))
-        row = f"{value.unit:>4}  {cut(label(value), _NAME - 1):<{_NAME}}{cut(value.last, _LAST - 1):<{_LAST}}{numbers}"
-        yield row.rstrip()
-        if value.outside:
-            outside = "{some:,} of {all:,} readings are outside the limits of the map"
-            yield f"{'':6}{page_words(outside, some=value.outside, all=value.readings)}"
+    shown = values[:_VALUE_ROWS]
+    heads = map(page_words, ("unit", "value", "last", "min", "mean", "max", "outside limits"))
+    unit, name, last, *figures, outside = heads
+    columns = (
+        PageColumn(unit),
+        PageColumn(name, is_words=True, is_cut=True),
+        PageColumn(last, is_words=True),
+        *map(PageColumn, figures),
+    )
+    limited = any(value.outside for value in shown)
+    yield PageTable(
+        (*columns, PageColumn(outside)) if limited else columns,
+        [_value_cells(value)[: len(columns) + limited] for value in shown],
+    )
     if len(values) > _VALUE_ROWS:
         yield and_more(len(values) - _VALUE_ROWS, "more value", "more values")
+
+
+def _value_cells(value: WatchedValue) -> tuple[str, ...]:
+    outside = f"{grouped(value.outside)} / {grouped(value.readings)}" if value.outside else "-"
+    numbers = map(short_number, (value.minimum, value.mean, value.maximum))
+    return (str(value.unit), label(value), cut(value.last, _LAST), *numbers, outside)
 
 
 def label(value: WatchedValue) -> str:

@@ -1,4 +1,4 @@
-"""Lines of the text page: those of tables stand as they are, paragraphs are wrapped to the room there is."""
+"""Lines of the text page: paragraphs are wrapped, and tables laid out, to the room there is."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from textwrap import wrap
 from typing import Final
 
 from ..languages import APART
+from .tabular import PageTable
 
 WIDTH: Final = 80  # columns of the page
 _APART: Final = re.compile(rf"(?<=\d){APART}(?=\d{{3}}\b)")  # thousands, in languages that set them apart by a space
@@ -39,4 +40,4 @@ class Paragraph:
         return [line.replace(_KEPT, APART) for line in lines]
 
 
-PageLine = str | Paragraph
+PageLine = str | Paragraph | PageTable

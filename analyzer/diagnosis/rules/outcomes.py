@@ -212,34 +212,34 @@ def _silent(numbers: Mapping[str, float]) -> str:
     return phrase("unit {unit:.0f} did not answer", numbers)
 
 
-class _Asked(NamedTuple):
+class _NeverAnswers(NamedTuple):
     """Why a unit that has never answered may be mute, by how it was asked, and what to do then."""
 
     cause: str
     remedy: str
 
 
-_BY_RTU: Final = _Asked(
+_BY_RTU: Final = _NeverAnswers(
     "it has never answered: the unit does not exist or has no power; otherwise wrong baud rate or parity, swapped A "
     "and B, or a damaged request",
     "check the unit's power, address, line settings and wiring; remove it from the poll list if it does not exist",
 )
-_BY_TCP: Final = _Asked(
+_BY_TCP: Final = _NeverAnswers(
     "no such unit behind this server, or one that its serial line does not reach",
     "check the unit's number and, behind a gateway, its line; remove it from the poll list if it does not exist",
 )
-_ITSELF: Final = _Asked(
+_ITSELF: Final = _NeverAnswers(
     "unit 0 or FF is the server itself: where that is a gateway, no unit behind it is asked",
     "set the unit's number in the client, if a unit behind a gateway is meant",
 )
-_PASSED_ON: Final = _Asked(
+_PASSED_ON: Final = _NeverAnswers(
     "units on a serial line read RTU: they do not understand Modbus TCP that a gateway passes on as it is",
     "set the gateway to convert Modbus TCP to RTU, or the client to RTU over TCP",
 )
 _NETWORK, _SERIAL_LINE = 1.0, 2.0  # where a request of Modbus TCP was seen: number `over_tcp`
 
 
-def _asked(numbers: Mapping[str, float]) -> _Asked:
+def _why_mute(numbers: Mapping[str, float]) -> _NeverAnswers:
     match numbers.get("over_tcp"):
         case None:
             return _BY_RTU
@@ -263,12 +263,12 @@ NO_RESPONSE: Final = Rule(
     cause=lambda numbers: phrase(
         "the request arrived damaged, the unit restarted or was busy, or a contact is loose (it answers at other times)"
         if numbers["answered_before"]
-        else _asked(numbers).cause
+        else _why_mute(numbers).cause
     ),
     remedy=lambda numbers: phrase(
         "check when it falls silent: its power, its connector, and what the client asks at that moment"
         if numbers["answered_before"]
-        else _asked(numbers).remedy
+        else _why_mute(numbers).remedy
     ),
 )
 RETRY: Final = Rule(
