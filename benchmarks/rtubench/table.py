@@ -67,7 +67,8 @@ def ordered(tools: Sequence[Row]) -> list[Row]:
 
 
 def orders(results: Sequence[Row]) -> str:
-    """The tools of each track by their mean over the runs, and which two change places in how many of them."""
+    """The tools of each track by their mean over the runs: `>` where all runs agree, `=` where two change places
+    or do not differ."""
     return "\n".join(line for track in TRACKS if (line := _order(track, results)))
 
 
@@ -75,12 +76,17 @@ def _order(track: str, results: Sequence[Row]) -> str:
     runs = [{tool["tool"]: tool["tracks"][track]["score"] for tool in one["tools"] if track in tool["tracks"]}
             for one in results]  # fmt: skip
     names = sorted(set.intersection(*map(set, runs)), key=lambda name: (-sum(run[name] for run in runs), name))
-    changes = []
-    for better, worse in combinations(names, 2):
-        turned = sum(run[worse] - run[better] >= _TIE for run in runs)
-        changes += [f"{better} and {worse} in {turned}"] * (turned > 0)
-    told = f"change places: {', '.join(changes)}" if changes else "the same order in each"
-    return f"{track}: {' > '.join(names)}; {len(runs)} runs, {told}" if names else ""
+    turned = {(better, worse): times for better, worse in combinations(names, 2)
+              if (times := sum(run[worse] - run[better] >= _TIE for run in runs))}  # fmt: skip
+    told = ", ".join(f"{better} and {worse} in {times}" for (better, worse), times in turned.items())
+    if not names:
+        return ""
+    line = names[0]
+    for place, name in enumerate(names[1:], 1):
+        on_a_par = any(better in names[:place] and worse in names[place:] for better, worse in turned)
+        on_a_par |= all(abs(run[names[place - 1]] - run[name]) < _TIE for run in runs)
+        line += f" {'=' if on_a_par else '>'} {name}"
+    return f"{track}: {line}; {len(runs)} runs, {f'change places: {told}' if told else 'the same order in each'}"
 
 
 def differences(one: Row, other: Row) -> str:
