@@ -300,7 +300,7 @@ class PollList(Lines):
 def poll_words(key: PollKey) -> str:
     """`unit 1, FC 4 (0x04), 30001 ×88`."""
     parts = [tr("unit {unit}", unit=key.unit), function_code(key.function)]
-    return ", ".join([*parts, f"{key.register} ×{key.quantity}"] if key.register else parts)
+    return ", ".join([*parts, key.registers] if key.register else parts)
 
 
 def _facts(poll: WatchedPoll) -> list[Item]:
