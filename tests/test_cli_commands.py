@@ -86,7 +86,7 @@ def test_the_example_of_the_first_help_works(capsys):
         (["--frobnicate"], "unrecognized arguments"),
         (["--baud", "9600", "export", "x"], "--baud goes after the command: rtuscope export --baud ..."),
         (["sniff", "x", "--tui"], "--tui needs a terminal"),
-        (["sniff", "x", "--tui", "--trigger", "unit == 3"], "--trigger is for output by line"),
+        (["sniff", "x", "--tui", "--until", "unit == 3"], "--until is for output by line"),
         (["sniff", "x", "--tui", "--json"], "--format is for output by line"),
         (["sniff", "x", "--rotate-every", "1h"], "--rotate-every needs -o FILE"),
         (["export"], "required: CAPTURE"),

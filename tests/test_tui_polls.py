@@ -118,3 +118,9 @@ def samples_healthy() -> Capture:
     import captures
 
     return captures.open(samples.path("healthy.jsonl"))
+
+
+def test_a_poll_without_a_quantity_names_its_register_alone() -> None:
+    assert PollKey(1, 22, 3, 4, -1).registers == "40005"
+    assert PollKey(1, 3, 3, 107, 3).registers == "40108 ×3"
+    assert PollKey(17, 43, -1, -1, -1).registers == ""

@@ -30,6 +30,7 @@ from analyzer.tui.unitlist import UnitList
 from captures import samples
 from captures.chunks import Capture, Chunk
 from captures.line import LineSettings
+from dissectors.crc import crc_bytes
 
 
 @pytest.fixture
@@ -446,3 +447,25 @@ def test_forty_columns_show_the_values_of_registers(capture: Path) -> None:
         assert "value" in head and "40002" in first and "564" in first
 
     using(opened(capture), work, size=(40, 24))
+
+
+@pytest.mark.parametrize(
+    ("values", "told"),
+    [
+        ("43 66 40 00", ["f32 ABCD 230.25", "f32 CDAB 2.004114"]),
+        ("40 00 43 66 00 00 42 48", ["f32 CDAB 230.25 50"]),
+        ("00 E6 02 A2", []),
+        ("7F 7F 7F 7F", []),
+        ("00 00 00 00", []),
+    ],
+)
+def test_a_lone_paste_shows_its_floats_at_once_at_80_columns(values: str, told: list[str]) -> None:
+    body = bytes.fromhex(f"01 03 {len(values.split()):02x} {values}")
+
+    async def work(sitting: Seat) -> None:
+        await sitting.type((body + crc_bytes(body)).hex())
+        await sitting.until(lambda: "registers" in sitting.shown())
+        lines = [" ".join(line[:40].split()) for line in sitting.shown().splitlines() if "f32" in line]
+        assert lines == told
+
+    using(Nothing(), work, view="paste", size=(80, 24))

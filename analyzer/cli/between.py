@@ -10,9 +10,10 @@ from . import sniff
 from .commands import UsageError
 from .inputs import add_functions_argument, add_limit_arguments
 from .lineoptions import LineWords, add_line_arguments
+from .livetui import check_interface
 from .taps import add_recording_arguments
 from .terminal import put
-from .watching import add_outlet_arguments, add_view_arguments, address, check_interface, shown_host
+from .watching import add_outlet_arguments, add_view_arguments, address, shown_host
 
 if TYPE_CHECKING:
     from ..live.betweensource import BetweenSource

@@ -11,14 +11,20 @@ from .commands import DONE, NO_FRAME, UsageError
 from .inputs import (
     add_capture_arguments,
     add_limit_arguments,
-    chosen_charts,
     chosen_limits,
     load_functions,
     open_capture,
     tell_damage,
 )
+from .livetui import check_interface, show_interface
 from .terminal import keys, tell
-from .watching import Watch, add_outlet_arguments, add_view_arguments, check_interface, ended_from_outside, outlets_of
+from .watching import (
+    Watch,
+    add_outlet_arguments,
+    add_view_arguments,
+    ended_from_outside,
+    outlets_of,
+)
 
 if TYPE_CHECKING:
     from captures import Capture
@@ -66,9 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
     replay = Replay(capture, arguments.speed)
     session = Session(replay, options=chosen_limits(arguments), outlets=outlets_of(arguments, tell))
     if arguments.tui:
-        from ..tui.live import show
-
-        return show(session, arguments.capture, charts=chosen_charts(arguments))
+        return show_interface(arguments, session, arguments.capture)
     watch = Watch(arguments, session, extra=lambda: _how(replay))
     with keys(lambda key: _press(replay, key)) as keyboard:
         if keyboard:

@@ -10,7 +10,8 @@ from functools import partial
 from typing import TYPE_CHECKING, BinaryIO, Final
 
 from .commands import FAILED, INTERRUPTED, UsageError
-from .inputs import add_functions_argument, add_limit_arguments, chosen_charts, chosen_limits, load_functions
+from .inputs import add_functions_argument, add_limit_arguments, chosen_limits, load_functions
+from .livetui import check_interface, show_interface
 from .taps import (
     Teller,
     add_recording_arguments,
@@ -20,7 +21,13 @@ from .taps import (
     recorder_of,
     tap_of,
 )
-from .watching import Watch, add_outlet_arguments, add_view_arguments, check_interface, ended_from_outside, outlets_of
+from .watching import (
+    Watch,
+    add_outlet_arguments,
+    add_view_arguments,
+    ended_from_outside,
+    outlets_of,
+)
 
 if TYPE_CHECKING:
     from captures.live.tapviewer import TapViewer
@@ -99,9 +106,7 @@ def listen(
                 outlets=outlets,
             )
             if arguments.tui:
-                from ..tui.live import show
-
-                return show(session, arguments.port, recorder, chosen_charts(arguments))
+                return show_interface(arguments, session, arguments.port, recorder, fire)
             watch = Watch(arguments, session, extra=lambda: _recorded(recorder), fire=fire, out=out)
             abandon = partial(_abandon, session, recorder, tell)
             with session, ended_from_outside(session.stop, arguments.duration, abandon=abandon) as begun:

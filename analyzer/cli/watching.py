@@ -78,30 +78,6 @@ def add_view_arguments(parser: argparse.ArgumentParser, *, format_flag: bool = F
     view.add_argument("--tui", action="store_true", help="show it in the terminal interface")
 
 
-def check_interface(arguments: argparse.Namespace) -> None:
-    """UsageError where --tui is given and there is no terminal, or beside it what only lines know: left out of account,
-    a --trigger or --duration would be a recording that is not what was asked for."""
-    if not arguments.tui:
-        return
-    from .open import needs_a_terminal
-
-    chosen = {
-        "--format": arguments.view_format not in (None, "text"),
-        "--trigger": arguments.trigger is not None,
-        "--until": arguments.until is not None,
-        "--count": arguments.count < sys.maxsize,
-        "--fields": bool(arguments.fields),
-        "--duration": arguments.duration is not None,
-        "--filter": arguments.filter is not None,
-        "--infer": arguments.infer,
-        "--noise": arguments.noise,
-    }
-    for name, given in chosen.items():
-        if given:
-            raise UsageError(f"{name} is for output by line and does not work with --tui: leave one of them out")
-    needs_a_terminal("--tui", "leave it out")
-
-
 class _ViewLines(Protocol):
     """What makes lines, or packets, of rows."""
 

@@ -1,14 +1,15 @@
 """Conditions on a bus that goes on: a filter asked row by row, and what was around the moment at which one came true.
 
 A condition says what to show, when to stop, what triggers. Around a trigger only so many seconds before it and after it
-are kept, of lines or of blocks to record.
+are kept, of lines or of blocks to record. `LiveTrigger` watches a bus for rows, or for causes of trouble.
 """
 
 from __future__ import annotations
 
 import threading
 from collections import deque
-from typing import Final, Generic, TypeVar
+from collections.abc import Callable, Iterator
+from typing import Final, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -17,9 +18,12 @@ from captures.line import LineSettings
 from captures.recording.notes import Note
 from dissectors.maps.files import UnitMaps
 
-from ..filters import compile_filter
+from ..causes.reasoning import RunningStory
+from ..causes.registry import suspects
+from ..filters import FilterError, compile_filter, meant
 from ..filters.table import BatchTable
-from .lines import ShownRow
+from ..languages import tr
+from .lines import Recent, ShownRow
 from .session import RecordingSink, SessionStep
 
 
@@ -120,3 +124,73 @@ class TriggeredSink:
         """No more comes."""
         self.tick()
         self._recorder.close()
+
+
+class Fired(NamedTuple):
+    """What a trigger waits for has come: when, in words, and the row's first byte of its port; -1: it is no row."""
+
+    t_ns: int
+    text: str
+    port: int = -1
+    start: int = -1
+
+
+class LiveTrigger:
+    """What a live bus is watched for: rows that pass a filter, or a new cause (`cause`, `cause all-silent`).
+
+    What comes again before it has rested for a while is the same trouble: it is told once. `count` of those so far.
+    """
+
+    def __init__(
+        self,
+        text: str,
+        charts: UnitMaps | None = None,
+        *,
+        rest_ns: int = 0,
+        hit: Callable[[int], object] = bool,
+    ) -> None:
+        """FilterError says what is wrong with `text`. `hit` is called with the time of everything that comes."""
+        self.text, self.count = text, 0
+        self._cause = _cause_in(text)
+        self._condition = Condition(text, charts) if self._cause is None else None
+        self._rest_ns, self._hit = rest_ns, hit
+        self._recent = Recent()
+        self._story = RunningStory(LineSettings(), aside=True)
+        self._until: int | None = None
+
+    def feed(self, step: SessionStep, line: LineSettings) -> list[Fired]:
+        """What the next step brings of it, but for what only goes on."""
+        fired = []
+        for each in self._causes(step, line) if self._condition is None else self._rows(self._condition, step, line):
+            self._hit(each.t_ns)
+            if self._until is None or each.t_ns > self._until:
+                fired.append(each)
+            self._until = max(self._until or 0, each.t_ns + self._rest_ns)
+        self.count += len(fired)
+        return fired
+
+    def _rows(self, condition: Condition, step: SessionStep, line: LineSettings) -> Iterator[Fired]:
+        for shown in self._recent.feed(step):
+            if condition.holds(shown, step, line):
+                yield Fired(shown.values.t_end_ns, self.text, shown.values.port, shown.values.start)
+
+    def _causes(self, step: SessionStep, line: LineSettings) -> Iterator[Fired]:
+        for revision in self._story.feed(step.batch, step.analysed.transactions, line):
+            if revision.state == "new" and self._cause in ("", revision.cause.cause):
+                yield Fired(step.t_ns, revision.cause.text)
+
+
+_CAUSE: Final = "cause"
+
+
+def _cause_in(text: str) -> str | None:
+    """The cause that `cause NAME` names, empty for any; None where that is a filter."""
+    words = text.split()
+    if words[:1] != [_CAUSE] or len(words) > 2:
+        return None
+    names = {suspect.cause for suspect in suspects()}
+    for name in words[1:]:
+        if name not in names:
+            told = tr("no cause is called {name}{meant}", name=name, meant=meant(name, names))
+            raise FilterError(told, text.index(name))
+    return "".join(words[1:])

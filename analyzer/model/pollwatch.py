@@ -29,7 +29,7 @@ _Ints = NDArray[np.int64]
 
 
 class PollKey(NamedTuple):
-    """What is asked: of a unit, by a function; `area` is an AreaCode less 1, and it and the address -1 for none."""
+    """What is asked: of a unit, by a function; `area` is an AreaCode less 1, it, address and quantity -1 for none."""
 
     unit: int
     function: int
@@ -41,6 +41,11 @@ class PollKey(NamedTuple):
     def register(self) -> str:
         """The logical number of the first; empty for none."""
         return logical(self.address, _AREA_NAMES[self.area]) if self.area >= 0 <= self.address else ""
+
+    @property
+    def registers(self) -> str:
+        """`40108 ×3`; the first alone where no quantity is told; empty for none."""
+        return f"{self.register} ×{self.quantity}" if self.register and self.quantity >= 0 else self.register
 
 
 @dataclass(slots=True, eq=False)

@@ -103,7 +103,7 @@ def _polls(bus: Bus, meanings: Meanings) -> Iterator[str]:
     for poll in polls:
         key = poll.key
         parts = [tr("Poll"), tr("unit {unit}", unit=key.unit), tr("function {function}", function=key.function)]
-        parts += [f"{key.register} ×{key.quantity}"] if key.register else []
+        parts += [key.registers] if key.register else []
         parts.append(tr("asked {count:,}", count=poll.asked))
         if bus.timed and poll.every_ns:
             parts.append(tr("every {time}", time=duration(poll.every_ns)))

@@ -163,7 +163,7 @@ def _reading(spot: Spot, words: list[int], meanings: Meanings) -> NamedReading:
 
 def _called(key: PollKey) -> str:
     told = tr("unit {unit}, function {function}", unit=key.unit, function=key.function)
-    return f"{told}, {key.register} ×{key.quantity}" if key.register else told
+    return f"{told}, {key.registers}" if key.register else told
 
 
 def _time(ns: int) -> str:

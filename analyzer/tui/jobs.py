@@ -98,6 +98,7 @@ class Jobs(ScreenThreads):
         self._first_row()
         if live:
             self._tell_notices()
+            self._screen.triggers.tell()
         self._paint()
 
     def _paint(self) -> None:

@@ -102,6 +102,7 @@ GROUPS: Final[tuple[KeyGroup, ...]] = (
         key("F", "follow", "Follow", "the newest row, of a file that grows too"),
         key("P", "pause", "Pause", "what comes is read and recorded, but not shown"),
         key("M", "mark_recording", "Mark it", "a note into the recording, at this moment"),
+        key("W", "trigger", "Trigger", "live: ring, mark and bookmark when a filter or a cause comes true"),
         key("ctrl+r", "again", "Read anew", "the file, as it is now", as_="Ctrl+R"),
         key("ctrl+o", "open", "Open", "another file", as_="Ctrl+O"),
         key("question_mark,f1", "help", "Help", "this page", shown=True, as_="?"),

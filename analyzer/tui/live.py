@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Protocol
@@ -11,6 +12,7 @@ from captures.recording.notes import Note
 
 from ..core import Analysed
 from ..languages import counted, retold, tr
+from ..live.conditions import Fired, LiveTrigger
 from ..live.session import Session
 from ..live.status import LineStatus, recording_words
 from ..model.source import Grave
@@ -20,7 +22,10 @@ from ..words import percent
 if TYPE_CHECKING:
     from dissectors.maps.files import UnitMaps
 
+    from ..live.session import SessionStep
+
 _NOTICES: Final = 5  # the newest
+_TRIGGER: Final = 24  # columns of what the bus is watched for
 _BAD: Final = frozenset({"lost", "failed", "gap"})  # events that mean a loss
 
 
@@ -43,8 +48,16 @@ class LiveSource:
     live = True
     timed = True
     path: Path | None = None
+    trigger: LiveTrigger | None = None
 
-    def __init__(self, session: Session, name: str, recording: RecordingState | None = None) -> None:
+    def __init__(
+        self,
+        session: Session,
+        name: str,
+        recording: RecordingState | None = None,
+        trigger: Callable[[str, UnitMaps | None], LiveTrigger] = LiveTrigger,
+    ) -> None:
+        """`trigger` makes what the bus is watched for."""
         self.name = name
         self.recording = recording
         self._session = session
@@ -53,6 +66,8 @@ class LiveSource:
         self._gone: set[int] = set()  # ports that are away
         self._status = LineStatus(session.line)
         self._outages: list[Note] = []  # when nothing was received
+        self._new_trigger = trigger
+        self._fired: deque[Fired] = deque()  # triggers that were not told yet
 
     @property
     def line(self) -> LineSettings:
@@ -76,9 +91,24 @@ class LiveSource:
                 self._missed += step.missed
                 self._status.line = session.line
                 self._status.feed(step)
+                self._watch(step)
                 if stop():
                     session.stop()
                 yield step.analysed
+
+    def watch(self, text: str, charts: UnitMaps | None = None) -> None:
+        """What to watch the bus for from now on, nothing where that is empty. FilterError."""
+        self.trigger = self._new_trigger(text, charts) if text else None
+
+    def _watch(self, step: SessionStep) -> None:
+        for fired in self.trigger.feed(step, self._session.line) if self.trigger is not None else ():
+            self._session.mark(tr("trigger: {words}", words=fired.text))
+            self._fired.append(fired)
+
+    def fired(self) -> Iterator[Fired]:
+        """What triggered since this was asked last."""
+        while self._fired:
+            yield self._fired.popleft()
 
     def notices(self) -> Sequence[str]:
         """The newest events, and bytes that were not analysed."""
@@ -116,15 +146,19 @@ class LiveSource:
                 words.append((tr("LOST {bytes}", bytes=counted(record.lost, "byte", "bytes")), "error"))
         if self._missed:
             words.append((tr("{bytes} not analysed", bytes=counted(self._missed, "byte", "bytes")), "error"))
+        if (trigger := self.trigger) is not None:
+            text = trigger.text if len(trigger.text) <= _TRIGGER else trigger.text[: _TRIGGER - 1] + "…"
+            told = tr("trigger {words}: {count}", words=text, count=trigger.count)
+            words.append((told, "warning" if trigger.count else "dim"))
         load = self._status.load
         rate = tr("{rate:.0f} frames/s", rate=self._status.frames_per_s)
         words.append((rate + ("" if load is None else f", {tr('load {share}', share=percent(load))}"), ""))
         return words
 
 
-def show(session: Session, name: str, recording: RecordingState | None = None, charts: UnitMaps | None = None) -> int:
+def show(source: LiveSource, charts: UnitMaps | None = None) -> int:
     """Show a session until the user quits; the exit status. `charts`: what registers are called."""
     from . import run
 
-    run(LiveSource(session, name, recording), view="polls", charts=None if charts is None else charts.of)
+    run(source, view="polls", charts=None if charts is None else charts.of)
     return 0

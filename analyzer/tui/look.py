@@ -8,7 +8,7 @@ from itertools import chain
 from typing import TYPE_CHECKING, Final
 
 from dissectors.fields import Field
-from dissectors.values import harmless, readings
+from dissectors.values import ORDERS, harmless, readings
 
 from ..languages import counted, field_name, tr, wording
 from ..model.owners import owner
@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 _PAIR: Final = 2
 _DIFFERENT: Final = 64  # differences listed
+_FLOATS: Final = 12  # registers that are read as floats before anybody asks
+_LEAST, _MOST = 1e-3, 1e7  # of what a plant measures, but for 0
 
 
 def at_row(desk: ViewState, row: int) -> FrameDetail:
@@ -185,6 +187,7 @@ def at_piece(pasted: PastedFrame | PastedNoise) -> FrameDetail:
     if problem:
         items.append(Item("trouble", problem, kind="error", label="!"))
     items.extend(_finding_items(getattr(pasted, "findings", ())))
+    items.extend(_float_items(fields))
     items.extend(_fields(fields))
     if pasted.also is not None:
         others = pasted.fields(pasted.also, wording())
@@ -291,6 +294,22 @@ def _registers(fields: Sequence[Field]) -> Iterator[Field]:
             yield field
         else:
             yield from _registers(field.fields)
+
+
+def _float_items(fields: Sequence[Field]) -> Iterator[Item]:
+    """Registers as floats, two by two, in each word order in which all of them are such as a plant measures."""
+    members = list(_registers(fields))
+    if len(members) % _PAIR or not 0 < len(members) <= _FLOATS:
+        return
+    words = [int(field.value or 0) for field in members]
+    told = [reading for i in range(0, len(words), _PAIR) for reading in readings(words[i : i + _PAIR])]
+    for order in ORDERS:
+        floats = [each for each in told if each.kind == "f32" and each.order == order]
+        sizes = {abs(float(each.value)) for each in floats} - {0.0}
+        if sizes and all(_LEAST <= size < _MOST for size in sizes):
+            text = "  ".join(each.text for each in floats)
+            start, length = members[0].start, _PAIR * len(members)
+            yield Item(f"f32 {order}", text, start, length, kind="accent", label=f"f32 {order}")
 
 
 def _is_register(field: Field) -> bool:

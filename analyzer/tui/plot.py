@@ -19,6 +19,7 @@ from textual.strip import Strip
 
 from ..languages import tr
 from .paint import Painted, StyledText, fitted
+from .plotwindow import PlotWindow
 
 EIGHTHS: Final = " ▁▂▃▄▅▆▇█"  # of a cell, from none to all
 
@@ -175,17 +176,38 @@ class Plot(Painted):
         self.series: Sequence[Series] = ()
         self.ticks: NDArray[np.int64] = np.zeros(0, np.int64)
         self.cursor: float | None = None  # share of the span
+        self.window = PlotWindow()
+        self._all: Sequence[Series] = ()  # what was given: `series` are cut to the window
+        self._now: int | None = None
         self._when = when
         self._cells: list[NDArray[np.int64] | None] = []
         self._drawn = (0, 0)
 
-    def show(self, title: str, series: Sequence[Series], ticks: NDArray[np.int64] | None = None) -> None:
-        """Other series; `ticks` are times of findings."""
-        self.title, self.series = title, series
+    def show(
+        self, title: str, series: Sequence[Series], ticks: NDArray[np.int64] | None = None, now: int | None = None
+    ) -> None:
+        """Other series; `ticks` are times of findings, `now` is the newest time heard, read or not."""
+        self.title, self._all, self._now = title, series, now
         self.ticks = np.zeros(0, np.int64) if ticks is None else ticks
-        self._cells, self._drawn = [], (0, 0)
         self.styles.min_height = max(_LEAST_HEIGHT, _BORDER + _AROUND + _LEAST_BAND * len(series))
+        self._cut()
+
+    def _cut(self) -> None:
+        reach = self.reach
+        self.series = [] if reach is None else self.window.cut(self._all, reach)
+        self._cells, self._drawn = [], (0, 0)
         self.refresh()
+
+    def zoom(self, *, whole: bool = False) -> None:
+        """A shorter time: around the cursor, without one the newest; or all of it again."""
+        reach, span = self.reach, self.span
+        if reach is None or span is None:
+            return
+        at = None if self.cursor is None else self._time(span)
+        self.window = PlotWindow() if whole else self.window.shorter(reach, at)
+        begin, end = self.window.of(reach)
+        self.cursor = None if at is None else min(1.0, max(0.0, (at - begin) / max(1, end - begin)))
+        self._cut()
 
     @property
     def _label(self) -> int:
@@ -206,11 +228,19 @@ class Plot(Painted):
 
     @property
     def span(self) -> tuple[int, int] | None:
-        """From the first reading to the last; None where there is none."""
-        some = [series for series in self.series if len(series.t_ns)]
+        """The time in sight; None where there is no reading."""
+        reach = self.reach
+        return None if reach is None else self.window.of(reach)
+
+    @property
+    def reach(self) -> tuple[int, int] | None:
+        """From the first reading to the last, in a window up to now; None where there is none."""
+        some = [series for series in self._all if len(series.t_ns)]
         if not some:
             return None
-        return min(int(s.t_ns[0]) for s in some), max(int(s.t_ns[-1]) for s in some)
+        last = max(int(s.t_ns[-1]) for s in some)
+        newest = last if self._now is None or not self.window.length_ns else max(last, self._now)
+        return min(int(s.t_ns[0]) for s in some), newest
 
     def render_line(self, y: int) -> Strip:
         width, height = self.content_size.width, self.content_size.height
@@ -220,7 +250,8 @@ class Plot(Painted):
         span = self.span
         if y == 0 or span is None:
             far = _far_off(self.series[0]) if y == 0 and len(self.series) == 1 else ""
-            return [StyledText(self.title if y == 0 else "", "strong"), StyledText(far, "warning")]
+            title = f"{self.title}{self.window.words}" if y == 0 else ""
+            return [StyledText(title, "strong"), StyledText(far, "warning")]
         columns, room = self._columns, height - _AROUND
         if room < len(self.series):
             return []

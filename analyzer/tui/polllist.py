@@ -300,7 +300,7 @@ class PollList(Lines):
 def poll_words(key: PollKey) -> str:
     """`unit 1, FC 4 (0x04), 30001 ×88`."""
     parts = [tr("unit {unit}", unit=key.unit), function_code(key.function)]
-    return ", ".join([*parts, f"{key.register} ×{key.quantity}"] if key.register else parts)
+    return ", ".join([*parts, key.registers] if key.register else parts)
 
 
 def _facts(poll: WatchedPoll) -> list[Item]:
@@ -311,7 +311,8 @@ def _facts(poll: WatchedPoll) -> list[Item]:
     words = [f"{tr(word)} {grouped(int(poll.ended[status]))}" for status, word in ended if poll.ended[status]]
     if poll.late:
         words.append(f"{tr('late')} {grouped(poll.late)}")
-    items = [Item("asked", f"{grouped(poll.asked)}: {', '.join(words)}", label=f"{tr('asked'):<11}", kind="strong")]
+    asked = ": ".join(filter(None, (grouped(poll.asked), ", ".join(words))))
+    items = [Item("asked", asked, label=f"{tr('asked'):<11}", kind="strong")]
     moved = int(poll.moved.sum())
     if len(poll.moved):
         text = tr("{some} of {all} moved", some=moved, all=counted(len(poll.moved), "register", "registers"))

@@ -40,6 +40,8 @@ class RegisterList(Lines):
         Binding("V", "type(-1)", "Type back", show=False),
         Binding("x", "told", "As told", tooltip="Read it as its map or its values tell", show=False),
         Binding("space", "pin", "Pin", tooltip="Keep this register in the plot, or take it out"),
+        Binding("plus", "zoom(False)", "Zoom in", tooltip="A shorter time in the plot: around its cursor or newest"),
+        Binding("a", "zoom(True)", "All", show=False, tooltip="The whole time in the plot again"),
         Binding("g,ctrl+g", "place", "Go to", tooltip="A register by its number"),
         Binding("left", "cursor(-1)", "Earlier", show=False),
         Binding("right", "cursor(1)", "Later", show=False),
@@ -275,6 +277,10 @@ class RegisterList(Lines):
         """Put the cursor on a register, where it was seen."""
         self._lay_out()
         self.move_to(self._line_of.get(spot, self.cursor), middle=True)
+
+    def action_zoom(self, whole: bool) -> None:
+        if self.desk.bus.timed:
+            self.screen.query_one(Plot).zoom(whole=whole)
 
     def action_cursor(self, step: int) -> None:
         self.screen.query_one(Plot).move(step)

@@ -80,6 +80,7 @@ def _plotted(screen: BusScreen) -> None:
             f" {listing.label(own)}: {counted(count, 'reading', 'readings')}{span}",
             series,
             bus.found.times(bus.table, own[0]),
+            bus.t_last if bus.timed else None,
         )
 
     screen.jobs.run("history", lambda stop: [each.extend(bus, stop) for each in wanted], show)

@@ -44,6 +44,7 @@ from .openfiles import Bookmarks, NextFile, OpenFiles
 from .picking import PickedRows
 from .places import OFFERED, Place, RowPlace, Trail, Visited
 from .transactions import TransactionList
+from .triggers import Triggers
 from .view import LISTS, View
 from .views import BY_NAME, VIEWS
 
@@ -80,6 +81,7 @@ class BusScreen(Screen[None]):
         self.doors = Doors(self)
         self.kept = KeptFilters(self)
         self.narrowing = Narrowing(self)
+        self.triggers = Triggers(self)
         self.panes = Panes(self)
         self.shown_columns = ShownColumns(self)
 
@@ -227,7 +229,7 @@ class BusScreen(Screen[None]):
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """An action is there where the view offers it."""
         view = BY_NAME[self.view]
-        if action in OFFERED and action not in view.offers:
+        if (action in OFFERED and action not in view.offers) or (action == "trigger" and self.triggers.source is None):
             return False
         if (action == "span" and self.desk.is_untimed) or (action in ("filter", "span", "kept") and not view.filtered):
             return False
@@ -283,6 +285,9 @@ class BusScreen(Screen[None]):
 
     def action_mark_recording(self) -> None:
         self.run_worker(self.bookmarks.ask_mark(), group=ASKING)
+
+    def action_trigger(self) -> None:
+        self.run_worker(self.triggers.ask(), group=ASKING)
 
     def action_again(self) -> None:
         self.files.again()
