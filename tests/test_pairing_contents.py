@@ -101,6 +101,42 @@ def test_a_series_of_answers_each_behind_the_next_request_stands_under_its_own(t
     assert not any(unsure for _, _, unsure in found.values())
 
 
+@pytest.mark.parametrize("timed", [True, False])
+def test_a_unit_that_falls_behind_ever_further_is_followed(timed: bool) -> None:
+    """Each fifth request waits in vain, and the unit queues them all: at the end it is 40 requests and 30 s behind."""
+    talk = Talk()
+    talk.rounds(5)
+    polls: dict[int, int] = {}
+    waiting: list[tuple[int, int]] = []
+    for i in range(200):
+        waiting.append(talk.ask(i % 4, 500))
+        polls[waiting[-1][1]] = i % 4
+        if i % 5:
+            talk.answer(waiting.pop(0))
+    behind = {start: request for start, request in talk.truth.items() if request in polls}
+    found = answers(told(talk.chunks, timed=timed))
+    assert all(polls[found[start][0]] == polls[request] for start, request in behind.items())
+
+
+def test_of_a_unit_that_answered_twice_before_nobody_is_certain_that_it_does_not() -> None:
+    """All polls hold the same: an answer right behind a request may be to that, or to the one before once more."""
+    talk = Talk(alike=True)
+    talk.rounds(4)
+    asked = talk.ask(0)
+    talk.answer(asked)
+    talk.answer(asked)  # in a gap: certain
+    del talk.truth[max(talk.truth)]
+    talk.rounds(2)
+    lost = talk.ask(0)
+    talk.now += 300 * MS
+    displaced = talk.answer(talk.ask(1), 0.5)
+    talk.answer(lost)
+    talk.rounds(1)
+    _, taken, unsure = answers(told(talk.chunks, timed=False))[displaced]
+    assert unsure
+    assert taken >= 0, "the client goes on with it all the same"
+
+
 def test_a_request_that_was_lost_moves_nothing() -> None:
     talk = Talk()
     talk.rounds(4)

@@ -16,7 +16,7 @@ from ..tables.transactions import LONGEST_NS
 from .contents import KnownPolls, words_of
 from .oddities import HISTORY
 from .pairedrows import Lane, PairedRows, lanes_of
-from .queues import AskedRequest, PendingAnswer, SettledAnswer, UnitQueue
+from .queues import AskedRequest, PendingAnswer, SettledAnswer, UnitHabit, UnitQueue
 from .rules import Index
 
 _HOLD_FRAMES: Final = 128
@@ -40,8 +40,10 @@ class Doubt:
 class DoubtWalk:
     """One pass over rows: frames of units in doubt, one by one, and those that begin a doubt."""
 
-    def __init__(self, work: PairedRows, doubts: dict[Lane, Doubt], *, timed: bool, latest_ns: int) -> None:
-        self._work, self._doubts, self._timed = work, doubts, timed
+    def __init__(
+        self, work: PairedRows, doubts: dict[Lane, Doubt], habits: dict[Lane, UnitHabit], *, timed: bool, latest_ns: int
+    ) -> None:
+        self._work, self._doubts, self._habits, self._timed = work, doubts, habits, timed
         self._rows, self._lane = work.loose.rows, lanes_of(work)
         self._frames = self._rows.kind.nonzero()[0]
         self._index = self._rows.index[self._frames]
@@ -115,7 +117,7 @@ class DoubtWalk:
 
     def _begun(self, row: int, lane: Lane) -> Doubt | None:
         """A doubt that begins with an odd answer; None where there is none: what was not answered came damaged."""
-        doubt, queue = Doubt(), UnitQueue()
+        doubt, queue = Doubt(), UnitQueue(habit=self._habits.setdefault(lane, UnitHabit()))
         own = self._before(row, lane)[-_ASKS:]
         newest = -1
         for k, each in enumerate(own.tolist()):
@@ -228,6 +230,7 @@ class DoubtWalk:
             ask = next((each for each in doubt.queue.asks if each.adu == ask.adu and not each.answered), ask)
         again, ask.answered = ask.answered, True
         if again and answer.taken_for < 0:
+            doubt.queue.habit.doubles = True
             return  # nobody waits for it, and it has stood there already
         rows.request[row], rows.request_start[row] = ask.number, ask.start
         if int(self._work.loose.head[row]) != ask.read:

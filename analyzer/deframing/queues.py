@@ -23,7 +23,8 @@ from .contents import MOST_BITS
 
 LEAD_BITS: Final = 6.0
 _HOPELESS_BITS: Final = 24.0
-_TWICE_BITS: Final = 10.0  # an answer to a request that was answered
+_TWICE_BITS: Final = 10.0  # an answer to a request that was answered,
+_TWICE_AGAIN_BITS: Final = 5.0  # from a unit that did so before: too little to be certain by
 _ALIEN_BITS: Final = 20.0  # one to none that is known
 _FORGOTTEN_BITS: Final = 3.0  # one to a request that is too long ago, where such may be open
 _LOST_BITS: Final = 8.0  # requests lost that the client took for answered, some in a row
@@ -37,7 +38,8 @@ _UNSTEADY_MOST: Final = 8.0  # bits
 _LONG_AGO: Final = -(1 << 62)
 _OVER_BITS: Final = 14.0  # a path so far behind is no doubt: each answer begins one by which it is of nobody
 _PATHS: Final = 16
-ASKS: Final = 24  # requests back that an answer may be of
+ASKS: Final = 64  # requests back that an answer may be of
+_SAME: Final = 24  # requests for one poll alone: then it matters no more which of them an answer is of
 _NONE: Final = -1
 
 
@@ -55,6 +57,13 @@ class AskedRequest:
     taken: bool = False  # an answer came that the client takes for its own
     damaged: bool = False  # it was answered by something that came damaged
     answered: bool = False  # an answer is settled to be its own
+
+
+@dataclass(slots=True)
+class UnitHabit:
+    """What a unit was seen to do, from one doubt to the next."""
+
+    doubles: bool = False  # it gave an answer twice, for certain
 
 
 @dataclass(slots=True)
@@ -79,6 +88,7 @@ class AnswerPath(NamedTuple):
     free_ns: int = _LONG_AGO  # when the last of them ended
     services: tuple[int, ...] = ()  # ns that each took of late, from its request or the answer before it
     is_behind: bool = False  # an answer is not of the newest request
+    waited_ns: int = 0  # from its request to the last answer
 
     @property
     def spread(self) -> float:
@@ -111,6 +121,7 @@ class UnitQueue:
     behind: list[float] = field(default_factory=lambda: [0.0])  # bits by which each path is worse than the first
     pending: list[PendingAnswer] = field(default_factory=list)
     forgotten: int = _NONE  # number of the newest request that is too long ago to be looked at
+    habit: UnitHabit = field(default_factory=UnitHabit)
 
     def ask(self, ask: AskedRequest) -> None:
         """Another request."""
@@ -123,23 +134,27 @@ class UnitQueue:
         """An answer: every path goes on to each request that it may be of."""
         asks = self.asks
         oldest = min(path.newest for path in self.paths)
+        latest = max(path.waited_ns for path in self.paths)
         fitting = [
-            (place, ask)
-            for place, ask in enumerate(asks)
-            if ask.number >= oldest and ask.expects.fits(answer.adu) and (not timed or self._in_time(place, answer))
+            ask
+            for ask in asks
+            if ask.number >= oldest
+            and ask.expects.fits(answer.adu)
+            and (not timed or self._in_time(ask, answer, latest))
         ]
-        alike = len({ask.adu for _, ask in fitting}) < 2
-        bits = {place: 0.0 if alike else strangeness(ask, answer.adu) for place, ask in fitting}
+        polls = {ask.adu: ask for ask in fitting}
+        bits = {adu: strangeness(ask, answer.adu) if len(polls) > 1 else 0.0 for adu, ask in polls.items()}
         least = min(bits.values(), default=0.0)
         stranger = (
             least if least >= MOST_BITS else _ALIEN_BITS
         )  # what is strange for all may be of one that is not here
         paths: dict[tuple[int, tuple[int, ...]], AnswerPath] = {}
         for path in self.paths:
-            for place, ask in fitting:
-                if ask.number >= path.newest:
+            lost = next((ask.number for ask in asks if ask.taken and ask.number > path.newest), answer.number)
+            for ask in fitting:
+                if ask.number >= path.newest and (not timed or self._in_time(ask, answer, path.waited_ns)):
                     waited = answer.t_start_ns - ask.t_end_ns
-                    cost = path.cost + bits[place] + self._step(path, place)
+                    cost = path.cost + bits[ask.adu] + self._step(path, ask, lost)
                     if timed and ask is not asks[-1] and 0 < _OVERDUE * path.slowest_ns + _SLACK_NS < waited:
                         cost += _OVERDUE_BITS * (path.slowest_ns > 0)
                     slowest = max(path.slowest_ns, waited)
@@ -147,25 +162,26 @@ class UnitQueue:
                     services = (*path.services[1 - _SERVICES :], took) if timed and answer.measured else path.services
                     chosen = (*path.chosen, ask.number)
                     is_behind = path.is_behind or ask is not asks[-1]
-                    _put(paths, AnswerPath(ask.number, cost, slowest, chosen, answer.t_end_ns, services, is_behind))
+                    ended = answer.t_end_ns
+                    _put(paths, AnswerPath(ask.number, cost, slowest, chosen, ended, services, is_behind, waited))
             unknown = _FORGOTTEN_BITS if path.newest < self.forgotten else stranger
             _put(paths, path._replace(cost=path.cost + unknown, chosen=(*path.chosen, _NONE)))
         self.pending.append(answer)
         self._keep(paths)
 
-    def _in_time(self, place: int, answer: PendingAnswer) -> bool:
-        """Whether an answer may still be of a request: soon enough after the client went on, if it did."""
-        ask = self.asks[place]
+    @staticmethod
+    def _in_time(ask: AskedRequest, answer: PendingAnswer, waited_ns: int) -> bool:
+        """Whether an answer may still be of a request: soon enough after the client went on, if it did. Behind answers
+        that waited so long, it may come later by as much: a unit that falls behind answers ever later."""
         waits = LONGEST_NS if ask.t_next_ns is None else max(LATE_NS, LATE_WAITS * (ask.t_next_ns - ask.t_end_ns))
-        return answer.t_start_ns - ask.t_end_ns <= min(waits, LONGEST_NS)
+        return answer.t_start_ns - ask.t_end_ns <= min(waits + waited_ns, LONGEST_NS)
 
-    def _step(self, path: AnswerPath, place: int) -> float:
-        """What it costs to go on from the newest request that was answered to this one."""
-        asks = self.asks
-        if asks[place].number == path.newest:
-            return _TWICE_BITS
-        lost = any(ask.taken and path.newest < ask.number for ask in asks[:place])
-        return _LOST_BITS * lost
+    def _step(self, path: AnswerPath, ask: AskedRequest, lost: int) -> float:
+        """What it costs to go on from the newest request that was answered to this one; `lost`: number of the first
+        behind it that the client took for answered."""
+        if ask.number == path.newest:
+            return _TWICE_AGAIN_BITS if self.habit.doubles else _TWICE_BITS
+        return _LOST_BITS * (lost < ask.number)
 
     def _keep(self, paths: dict[tuple[int, tuple[int, ...]], AnswerPath]) -> None:
         """The few of these that are worth going on with, the best first: of equal ones that of newer requests."""
@@ -208,7 +224,8 @@ class UnitQueue:
     @property
     def _one_poll(self) -> bool:
         """Whether the unit was asked nothing else for long: then paths tell no more than which time of the same."""
-        return len(self.asks) >= ASKS and all(ask.adu == self.asks[0].adu for ask in self.asks)
+        recent = self.asks[-_SAME:]
+        return len(recent) == _SAME and all(ask.adu == recent[0].adu for ask in recent)
 
     def _known(self, number: int) -> AskedRequest | None:
         return next((ask for ask in self.asks if ask.number == number), None)
