@@ -137,6 +137,41 @@ def test_of_a_unit_that_answered_twice_before_nobody_is_certain_that_it_does_not
     assert taken >= 0, "the client goes on with it all the same"
 
 
+@pytest.mark.parametrize("held", [False, True])
+def test_a_shift_goes_on_behind_a_request_that_came_broken_and_a_long_hold(held: bool) -> None:
+    """The tap gives a request in two pieces, or holds back everything for seconds; the unit heard it all."""
+    talk = Talk()
+    talk.rounds(8)
+    open_one = talk.ask(0)
+    talk.now += 300 * MS
+    for i in range(1, 40):
+        following = talk.ask(i % 4)
+        if i % 20 == 10 and held:
+            talk.now += 6_000 * MS
+        elif i % 20 == 10:
+            chunk = talk.chunks.pop()
+            talk.chunks += [Chunk(chunk.t_ns, chunk.data[:3]), Chunk(chunk.t_ns + 6_000 * MS, chunk.data[3:])]
+            talk.now += 6_000 * MS
+        talk.answer(open_one)
+        open_one = following
+    stream = b"".join(chunk.data for chunk in talk.chunks)
+    found = answers(told(talk.chunks))
+    shown = {start: found[start][0] for start in talk.truth if start in found and not found[start][2]}
+    assert len(shown) > 0.9 * len(talk.truth)
+    assert all(stream[request + 3] == stream[talk.truth[start] + 3] for start, request in shown.items() if request >= 0)
+
+
+def test_no_answer_is_of_a_later_request() -> None:
+    talk = Talk()
+    talk.rounds(3)
+    talk.shifted(9)
+    asked = talk.ask(1)
+    talk.answer(asked)
+    talk.answer(asked)
+    talk.shifted(9)
+    assert all(request < start for start, (request, *_) in answers(told(talk.chunks)).items())
+
+
 def test_a_request_that_was_lost_moves_nothing() -> None:
     talk = Talk()
     talk.rounds(4)

@@ -102,6 +102,7 @@ class DoubtWalk:
             self._doubts[lane] = doubt
         index = int(self._rows.index[row])
         self._expire(doubt, int(self._latest[row]), index)
+        self._look_for_broken(doubt.queue, row, lane)
         if self._rows.kind[row] == _REQUEST:
             doubt.queue.ask(self._ask(row))
         else:
@@ -157,6 +158,18 @@ class DoubtWalk:
             else:
                 return False
         return False
+
+    def _look_for_broken(self, queue: UnitQueue, row: int, lane: Lane) -> None:
+        """Whether a request of the unit came broken since its last frame, by its first byte and its length."""
+        own = self._of(lane)
+        before = int(own[max(int(own.searchsorted(row)) - 1, 0)])
+        between = slice(before + 1, row)
+        broken = np.flatnonzero((self._rows.kind[between] == _NOISE) | ~self._rows.check[between]) + between.start
+        if not len(broken):
+            return
+        captured = b"".join(self._work.loose.bytes_of(each) for each in broken.tolist())
+        if captured[0] == lane & 0xFF and abs(len(captured) - len(queue.asks[-1].adu)) < _DAMAGED:
+            queue.broken.append(int(self._rows.index[before]))
 
     def _answer(self, doubt: Doubt, row: int, lane: Lane) -> None:
         adu, asks = self._adu(row), doubt.queue.asks
@@ -226,8 +239,8 @@ class DoubtWalk:
             rows.taken_for_start[row] = taken.start
         if ask is None:
             return
-        if ask.answered:  # then it is of a request like it that was not, if there is one
-            ask = next((each for each in doubt.queue.asks if each.adu == ask.adu and not each.answered), ask)
+        like = (each for each in [ask, *doubt.queue.asks] if each.adu == ask.adu and each.number < answer.number)
+        ask = next((each for each in like if not each.answered), ask)  # of one like it that was not answered, if it was
         again, ask.answered = ask.answered, True
         if again and answer.taken_for < 0:
             doubt.queue.habit.doubles = True

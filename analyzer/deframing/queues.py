@@ -27,6 +27,9 @@ _TWICE_BITS: Final = 10.0  # an answer to a request that was answered,
 _TWICE_AGAIN_BITS: Final = 5.0  # from a unit that did so before: too little to be certain by
 _ALIEN_BITS: Final = 20.0  # one to none that is known
 _FORGOTTEN_BITS: Final = 3.0  # one to a request that is too long ago, where such may be open
+_TOO_LATE_BITS: Final = 10.0  # one that the client would long have given up: it was away, or the tap held bytes back
+_NEVER_BITS: Final = 1e6
+_BROKEN_BITS: Final = 8.0  # one to a request that came broken, where something like it was
 _LOST_BITS: Final = 8.0  # requests lost that the client took for answered, some in a row
 _OVERDUE_BITS: Final = 4.0  # an answer that took much longer than any on its path
 _OVERDUE: Final = 3  # times as long,
@@ -121,6 +124,7 @@ class UnitQueue:
     behind: list[float] = field(default_factory=lambda: [0.0])  # bits by which each path is worse than the first
     pending: list[PendingAnswer] = field(default_factory=list)
     forgotten: int = _NONE  # number of the newest request that is too long ago to be looked at
+    broken: list[int] = field(default_factory=list)  # numbers of frames behind which a request may have come broken
     habit: UnitHabit = field(default_factory=UnitHabit)
 
     def ask(self, ask: AskedRequest) -> None:
@@ -129,34 +133,25 @@ class UnitQueue:
         chosen = {number for path in self.paths for number in path.chosen}
         while len(self.asks) > ASKS and self.asks[0].number not in chosen:
             self.forgotten = self.asks.pop(0).number
+            self.broken = [number for number in self.broken if number > self.forgotten]
 
     def answer(self, answer: PendingAnswer, strangeness: Strangeness, *, timed: bool) -> None:
         """An answer: every path goes on to each request that it may be of."""
         asks = self.asks
         oldest = min(path.newest for path in self.paths)
-        latest = max(path.waited_ns for path in self.paths)
-        fitting = [
-            ask
-            for ask in asks
-            if ask.number >= oldest
-            and ask.expects.fits(answer.adu)
-            and (not timed or self._in_time(ask, answer, latest))
-        ]
+        fitting = [ask for ask in asks if ask.number >= oldest and ask.expects.fits(answer.adu)]
         polls = {ask.adu: ask for ask in fitting}
         bits = {adu: strangeness(ask, answer.adu) if len(polls) > 1 else 0.0 for adu, ask in polls.items()}
         least = min(bits.values(), default=0.0)
-        stranger = (
-            least if least >= MOST_BITS else _ALIEN_BITS
-        )  # what is strange for all may be of one that is not here
+        stranger = least if least >= MOST_BITS else _ALIEN_BITS  # if strange for all, it may be of one not here
         paths: dict[tuple[int, tuple[int, ...]], AnswerPath] = {}
         for path in self.paths:
             lost = next((ask.number for ask in asks if ask.taken and ask.number > path.newest), answer.number)
             for ask in fitting:
-                if ask.number >= path.newest and (not timed or self._in_time(ask, answer, path.waited_ns)):
+                if ask.number >= path.newest:
                     waited = answer.t_start_ns - ask.t_end_ns
                     cost = path.cost + bits[ask.adu] + self._step(path, ask, lost)
-                    if timed and ask is not asks[-1] and 0 < _OVERDUE * path.slowest_ns + _SLACK_NS < waited:
-                        cost += _OVERDUE_BITS * (path.slowest_ns > 0)
+                    cost += self._lateness(path, ask, waited) if timed else 0.0
                     slowest = max(path.slowest_ns, waited)
                     took = answer.t_start_ns - max(ask.t_end_ns, path.free_ns)
                     services = (*path.services[1 - _SERVICES :], took) if timed and answer.measured else path.services
@@ -164,17 +159,22 @@ class UnitQueue:
                     is_behind = path.is_behind or ask is not asks[-1]
                     ended = answer.t_end_ns
                     _put(paths, AnswerPath(ask.number, cost, slowest, chosen, ended, services, is_behind, waited))
-            unknown = _FORGOTTEN_BITS if path.newest < self.forgotten else stranger
-            _put(paths, path._replace(cost=path.cost + unknown, chosen=(*path.chosen, _NONE)))
+            broken = next((number for number in self.broken if number > path.newest), _NONE)
+            missed = _BROKEN_BITS if broken > path.newest else stranger
+            unknown = _FORGOTTEN_BITS if path.newest < self.forgotten else missed
+            newest, chosen = max(path.newest, broken), (*path.chosen, _NONE)
+            _put(paths, path._replace(newest=newest, cost=path.cost + unknown, chosen=chosen))
         self.pending.append(answer)
         self._keep(paths)
 
-    @staticmethod
-    def _in_time(ask: AskedRequest, answer: PendingAnswer, waited_ns: int) -> bool:
-        """Whether an answer may still be of a request: soon enough after the client went on, if it did. Behind answers
-        that waited so long, it may come later by as much: a unit that falls behind answers ever later."""
+    def _lateness(self, path: AnswerPath, ask: AskedRequest, waited_ns: int) -> float:
+        """What it costs that an answer is of a request after so long. In time is what comes soon enough after the
+        client went on, if it did; behind an answer that waited it may be later by as much: units fall ever further
+        behind."""
         waits = LONGEST_NS if ask.t_next_ns is None else max(LATE_NS, LATE_WAITS * (ask.t_next_ns - ask.t_end_ns))
-        return answer.t_start_ns - ask.t_end_ns <= min(waits + waited_ns, LONGEST_NS)
+        longer = path.slowest_ns > 0 and waited_ns > _OVERDUE * path.slowest_ns + _SLACK_NS
+        overdue = _OVERDUE_BITS * (longer and ask is not self.asks[-1])
+        return overdue + _TOO_LATE_BITS * (waited_ns > waits + path.waited_ns) + _NEVER_BITS * (waited_ns > LONGEST_NS)
 
     def _step(self, path: AnswerPath, ask: AskedRequest, lost: int) -> float:
         """What it costs to go on from the newest request that was answered to this one; `lost`: number of the first
