@@ -13,7 +13,7 @@ from dissectors.lengths import expectation
 from ..tables.batch import adu_of
 from ..tables.schema import GLITCHES, Kind, Protocol
 from ..tables.transactions import LONGEST_NS
-from .contents import KnownPolls, words_of
+from .contents import MOST_BITS, REPEATED_BITS, KnownPolls, telling, words_of
 from .oddities import HISTORY
 from .pairedrows import Lane, PairedRows, lanes_of
 from .queues import AskedRequest, PendingAnswer, SettledAnswer, UnitHabit, UnitQueue
@@ -182,7 +182,7 @@ class DoubtWalk:
         newest.taken |= taken
         answer = PendingAnswer(
             int(self._rows.index[row]), began, int(self._rows.t_end_ns[row]), adu, newest.number if taken else -1,
-            int(self._work.loose.head[row]) != newest.read,
+            int(self._work.loose.head[row]) != newest.read, self._repeats(row, self._before(row, lane)),
         )  # fmt: skip
         doubt.queue.answer(answer, partial(self._strangeness, doubt, row, lane), timed=self._timed)
 
@@ -212,7 +212,11 @@ class DoubtWalk:
         poll = doubt.known.polls.get(ask.adu)
         if poll is None:
             poll = doubt.known.begin(ask.adu, self._answers_before(row, lane, ask.adu))
-        return poll.strangeness(words_of(adu))
+        words = words_of(adu)
+        strange = poll.strangeness(words)
+        if poll.held(words) or not telling(words) or not self._repeats(row, self._before(row, lane)):
+            return strange
+        return min(strange + REPEATED_BITS, MOST_BITS)
 
     def _answers_before(self, row: int, lane: Lane, request: bytes) -> list[bytes]:
         """The last certain answers of a poll before a row, the newest last."""

@@ -79,6 +79,7 @@ class PendingAnswer:
     adu: bytes
     taken_for: int  # number of the request that the client takes it for, or -1
     measured: bool = True  # it began in another read than the newest request ended in: its time is its own
+    again: bool = False  # it is the unit's answer before once more
 
 
 class AnswerPath(NamedTuple):
@@ -150,7 +151,7 @@ class UnitQueue:
             for ask in fitting:
                 if ask.number >= path.newest:
                     waited = answer.t_start_ns - ask.t_end_ns
-                    cost = path.cost + bits[ask.adu] + self._step(path, ask, lost)
+                    cost = path.cost + self._step(path, ask, lost, bits[ask.adu], again=answer.again)
                     cost += self._lateness(path, ask, waited) if timed else 0.0
                     slowest = max(path.slowest_ns, waited)
                     took = answer.t_start_ns - max(ask.t_end_ns, path.free_ns)
@@ -176,12 +177,12 @@ class UnitQueue:
         overdue = _OVERDUE_BITS * (longer and ask is not self.asks[-1])
         return overdue + _TOO_LATE_BITS * (waited_ns > waits + path.waited_ns) + _NEVER_BITS * (waited_ns > LONGEST_NS)
 
-    def _step(self, path: AnswerPath, ask: AskedRequest, lost: int) -> float:
-        """What it costs to go on from the newest request that was answered to this one; `lost`: number of the first
-        behind it that the client took for answered."""
+    def _step(self, path: AnswerPath, ask: AskedRequest, lost: int, strange: float, *, again: bool) -> float:
+        """What it costs to go on from the newest request that was answered to this one, with an answer that is so
+        strange for it; `lost`: number of the first behind it that the client took for answered."""
         if ask.number == path.newest:
-            return _TWICE_AGAIN_BITS if self.habit.doubles else _TWICE_BITS
-        return _LOST_BITS * (lost < ask.number)
+            return (_TWICE_AGAIN_BITS if self.habit.doubles else _TWICE_BITS) + strange * (not again)
+        return strange + _LOST_BITS * (lost < ask.number)
 
     def _keep(self, paths: dict[tuple[int, tuple[int, ...]], AnswerPath]) -> None:
         """The few of these that are worth going on with, the best first: of equal ones that of newer requests."""
