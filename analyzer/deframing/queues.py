@@ -11,9 +11,11 @@ compared over some answers; where none leads by `LEAD_BITS`, nobody can tell.
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from math import log2
+from operator import itemgetter
 from typing import Final, NamedTuple
 
 from dissectors.lengths import Expectation
@@ -186,10 +188,10 @@ class UnitQueue:
 
     def _keep(self, paths: dict[tuple[int, tuple[int, ...]], AnswerPath]) -> None:
         """The few of these that are worth going on with, the best first: of equal ones that of newer requests."""
-        total = _totals(paths.values())
+        ranked = sorted(zip(_totals(paths.values()), paths.values(), strict=True), key=itemgetter(0))
+        equal = bisect_right(ranked, ranked[:_PATHS][-1][0], key=itemgetter(0))  # with the last one that may stay
         ranked = sorted(
-            zip(total, paths.values(), strict=True),
-            key=lambda pair: (pair[0], [-number for number in pair[1].chosen], -pair[1].newest),
+            ranked[:equal], key=lambda pair: (pair[0], [-number for number in pair[1].chosen], -pair[1].newest)
         )[:_PATHS]
         least = ranked[0][0]
         kept = [(bits - least, path) for bits, path in ranked if bits - least <= _HOPELESS_BITS]
