@@ -101,6 +101,83 @@ def test_a_series_of_answers_each_behind_the_next_request_stands_under_its_own(t
     assert not any(unsure for _, _, unsure in found.values())
 
 
+@pytest.mark.parametrize("timed", [True, False])
+def test_a_unit_that_falls_behind_ever_further_is_followed(timed: bool) -> None:
+    """Each fifth request waits in vain, and the unit queues them all: at the end it is 40 requests and 30 s behind."""
+    talk = Talk()
+    talk.rounds(5)
+    polls: dict[int, int] = {}
+    waiting: list[tuple[int, int]] = []
+    for i in range(200):
+        waiting.append(talk.ask(i % 4, 500))
+        polls[waiting[-1][1]] = i % 4
+        if i % 5:
+            talk.answer(waiting.pop(0))
+    behind = {start: request for start, request in talk.truth.items() if request in polls}
+    found = answers(told(talk.chunks, timed=timed))
+    assert all(polls[found[start][0]] == polls[request] for start, request in behind.items())
+
+
+def test_of_a_unit_that_answered_twice_before_nobody_is_certain_that_it_does_not() -> None:
+    """All polls hold the same: an answer right behind a request may be to that, or to the one before once more."""
+    talk = Talk(alike=True)
+    talk.rounds(4)
+    asked = talk.ask(0)
+    talk.answer(asked)
+    talk.answer(asked)  # in a gap: certain
+    del talk.truth[max(talk.truth)]
+    talk.rounds(2)
+    lost = talk.ask(0)
+    talk.now += 300 * MS
+    displaced = talk.answer(talk.ask(1), 0.5)
+    talk.answer(lost)
+    talk.rounds(1)
+    _, taken, unsure = answers(told(talk.chunks, timed=False))[displaced]
+    assert unsure
+    assert taken >= 0, "the client goes on with it all the same"
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_a_shift_goes_on_behind_a_request_that_came_broken_and_a_long_hold(held: bool) -> None:
+    """The tap gives a request in two pieces, or holds back everything for seconds; the unit heard it all."""
+    talk = Talk()
+    talk.rounds(8)
+    open_one = talk.ask(0)
+    talk.now += 300 * MS
+    for i in range(1, 40):
+        following = talk.ask(i % 4)
+        if i % 20 == 10 and held:
+            talk.now += 6_000 * MS
+        elif i % 20 == 10:
+            chunk = talk.chunks.pop()
+            talk.chunks += [Chunk(chunk.t_ns, chunk.data[:3]), Chunk(chunk.t_ns + 6_000 * MS, chunk.data[3:])]
+            talk.now += 6_000 * MS
+        talk.answer(open_one)
+        open_one = following
+    stream = b"".join(chunk.data for chunk in talk.chunks)
+    found = answers(told(talk.chunks))
+    shown = {start: found[start][0] for start in talk.truth if start in found and not found[start][2]}
+    assert len(shown) > 0.9 * len(talk.truth)
+    assert all(stream[request + 3] == stream[talk.truth[start] + 3] for start, request in shown.items() if request >= 0)
+
+
+@pytest.mark.parametrize("small", [False, True])
+def test_an_answer_given_twice_in_the_first_round_shifts_what_follows(small: bool) -> None:
+    """Nothing is known yet of the polls, but two of them hardly hold the same words; small numbers they may well."""
+    talk, words = Talk(), (1, 0, 3, 0) if small else (40123, 5821, 312, 9044)
+    polls = [bytes((9, 3, 0, 16 * i, 0, 4)) for i in range(8)]
+    asked, taken = [], []
+    for i in range(40):
+        asked.append(talk.send(adu(polls[i % 8])))
+        mine = i if small else max(i - 1, 0)  # the second answer is the first one once more
+        data = b"".join((word + (0 if small else 7 * (mine % 8) + mine)).to_bytes(2) for word in words)
+        taken.append((talk.send(adu(bytes((9, 3, 8)) + data), 15), mine))
+    found = answers(told(talk.chunks))
+    said = [(found[start][0], mine) for start, mine in taken if not found[start][2]]
+    assert all(request == asked[mine] for request, mine in said)
+    assert len(said) == len(taken) if small else len(said) > len(taken) / 2
+
+
 def test_a_request_that_was_lost_moves_nothing() -> None:
     talk = Talk()
     talk.rounds(4)
@@ -207,6 +284,7 @@ def test_whose_an_answer_is_does_not_hang_on_how_it_is_read(events: list[str], a
     assert len(once) == len(parts)
     for name in ("start", "kind", "request", "request_start", "response_ns", "taken_for_start", "unsure"):
         assert np.array_equal(once.column(name), parts.column(name)), name
+    assert (once.request_start < once.start).all(), "no answer is of a later request"
     early, seen = Analyzer(LINE, settles=False), []
     for chunk in talk.chunks:
         early.feed(Block.from_chunks([chunk]))

@@ -19,6 +19,9 @@ from dissectors.limits import RequestedByteCount
 
 MOST_BITS: Final = 12.0
 _UNKNOWN_BITS: Final = 3.0  # of an answer to a poll of which too little is known
+REPEATED_BITS: Final = 8.0  # of one that is the answer before once more, which was another poll's
+_TELLING: Final = 4  # different words that are no small numbers: two polls hardly hold the same ones
+_SMALL: Final = 0x100
 _KEPT: Final = 8  # answers of a poll
 _SHARE: Final = 0.02  # of itself that a word may move of which no step is known
 _STEP_BITS: Final = 3.0  # what such a step costs
@@ -44,6 +47,11 @@ def words_of(adu: bytes) -> Words:
     return np.frombuffer(data, ">u2").astype(np.int32)
 
 
+def telling(words: Words) -> bool:
+    """Whether an answer holds so much that another poll's would hardly be the same by chance."""
+    return len(np.unique(words[words >= _SMALL])) >= _TELLING
+
+
 @dataclass(slots=True)
 class PollContents:
     """The last answers of one poll, the newest last."""
@@ -55,6 +63,10 @@ class PollContents:
         if self.answers and len(self.answers[-1]) != len(words):
             self.answers.clear()
         self.answers = [*self.answers[1 - _KEPT :], words]
+
+    def held(self, words: Words) -> bool:
+        """Whether its last answer was the same."""
+        return len(self.answers) > 0 and np.array_equal(self.answers[-1], words)
 
     def strangeness(self, words: Words) -> float:
         """How much stranger an answer of these words would be than this poll's own, in bits: 0 to `MOST_BITS`."""

@@ -13,10 +13,10 @@ from dissectors.lengths import expectation
 from ..tables.batch import adu_of
 from ..tables.schema import GLITCHES, Kind, Protocol
 from ..tables.transactions import LONGEST_NS
-from .contents import KnownPolls, words_of
+from .contents import MOST_BITS, REPEATED_BITS, KnownPolls, telling, words_of
 from .oddities import HISTORY
 from .pairedrows import Lane, PairedRows, lanes_of
-from .queues import AskedRequest, PendingAnswer, SettledAnswer, UnitQueue
+from .queues import AskedRequest, PendingAnswer, SettledAnswer, UnitHabit, UnitQueue
 from .rules import Index
 
 _HOLD_FRAMES: Final = 128
@@ -40,8 +40,10 @@ class Doubt:
 class DoubtWalk:
     """One pass over rows: frames of units in doubt, one by one, and those that begin a doubt."""
 
-    def __init__(self, work: PairedRows, doubts: dict[Lane, Doubt], *, timed: bool, latest_ns: int) -> None:
-        self._work, self._doubts, self._timed = work, doubts, timed
+    def __init__(
+        self, work: PairedRows, doubts: dict[Lane, Doubt], habits: dict[Lane, UnitHabit], *, timed: bool, latest_ns: int
+    ) -> None:
+        self._work, self._doubts, self._habits, self._timed = work, doubts, habits, timed
         self._rows, self._lane = work.loose.rows, lanes_of(work)
         self._frames = self._rows.kind.nonzero()[0]
         self._index = self._rows.index[self._frames]
@@ -100,6 +102,7 @@ class DoubtWalk:
             self._doubts[lane] = doubt
         index = int(self._rows.index[row])
         self._expire(doubt, int(self._latest[row]), index)
+        self._look_for_broken(doubt.queue, row, lane)
         if self._rows.kind[row] == _REQUEST:
             doubt.queue.ask(self._ask(row))
         else:
@@ -115,7 +118,7 @@ class DoubtWalk:
 
     def _begun(self, row: int, lane: Lane) -> Doubt | None:
         """A doubt that begins with an odd answer; None where there is none: what was not answered came damaged."""
-        doubt, queue = Doubt(), UnitQueue()
+        doubt, queue = Doubt(), UnitQueue(habit=self._habits.setdefault(lane, UnitHabit()))
         own = self._before(row, lane)[-_ASKS:]
         newest = -1
         for k, each in enumerate(own.tolist()):
@@ -156,6 +159,18 @@ class DoubtWalk:
                 return False
         return False
 
+    def _look_for_broken(self, queue: UnitQueue, row: int, lane: Lane) -> None:
+        """Whether a request of the unit came broken since its last frame, by its first byte and its length."""
+        own = self._of(lane)
+        before = int(own[max(int(own.searchsorted(row)) - 1, 0)])
+        between = slice(before + 1, row)
+        broken = np.flatnonzero((self._rows.kind[between] == _NOISE) | ~self._rows.check[between]) + between.start
+        if not len(broken):
+            return
+        captured = b"".join(self._work.loose.bytes_of(each) for each in broken.tolist())
+        if captured[0] == lane & 0xFF and abs(len(captured) - len(queue.asks[-1].adu)) < _DAMAGED:
+            queue.broken.append(int(self._rows.index[before]))
+
     def _answer(self, doubt: Doubt, row: int, lane: Lane) -> None:
         adu, asks = self._adu(row), doubt.queue.asks
         newest = asks[-1]
@@ -167,7 +182,7 @@ class DoubtWalk:
         newest.taken |= taken
         answer = PendingAnswer(
             int(self._rows.index[row]), began, int(self._rows.t_end_ns[row]), adu, newest.number if taken else -1,
-            int(self._work.loose.head[row]) != newest.read,
+            int(self._work.loose.head[row]) != newest.read, self._repeats(row, self._before(row, lane)),
         )  # fmt: skip
         doubt.queue.answer(answer, partial(self._strangeness, doubt, row, lane), timed=self._timed)
 
@@ -197,7 +212,11 @@ class DoubtWalk:
         poll = doubt.known.polls.get(ask.adu)
         if poll is None:
             poll = doubt.known.begin(ask.adu, self._answers_before(row, lane, ask.adu))
-        return poll.strangeness(words_of(adu))
+        words = words_of(adu)
+        strange = poll.strangeness(words)
+        if poll.held(words) or not telling(words) or not self._repeats(row, self._before(row, lane)):
+            return strange
+        return min(strange + REPEATED_BITS, MOST_BITS)
 
     def _answers_before(self, row: int, lane: Lane, request: bytes) -> list[bytes]:
         """The last certain answers of a poll before a row, the newest last."""
@@ -224,10 +243,11 @@ class DoubtWalk:
             rows.taken_for_start[row] = taken.start
         if ask is None:
             return
-        if ask.answered:  # then it is of a request like it that was not, if there is one
-            ask = next((each for each in doubt.queue.asks if each.adu == ask.adu and not each.answered), ask)
+        like = (each for each in [ask, *doubt.queue.asks] if each.adu == ask.adu and each.number < answer.number)
+        ask = next((each for each in like if not each.answered), ask)  # of one like it that was not answered, if it was
         again, ask.answered = ask.answered, True
         if again and answer.taken_for < 0:
+            doubt.queue.habit.doubles = True
             return  # nobody waits for it, and it has stood there already
         rows.request[row], rows.request_start[row] = ask.number, ask.start
         if int(self._work.loose.head[row]) != ask.read:

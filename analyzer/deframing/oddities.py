@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..tables.schema import Int64s, Kind, Protocol
+from .contents import telling, words_of
 from .pairedrows import NO_LANE, Lane, PairedRows, lanes_of, marks_of
 from .rules import Index
 
@@ -132,7 +133,8 @@ class Oddities:
 
 
 def _moved(new: PairedRows, same: Index, past: list[PairedRows]) -> Index:
-    """Of answers that are the one before once more, to another request: those whose polls held something else."""
+    """Of answers that are the one before once more, to another request: those whose polls held something else, and
+    telling ones to polls of which nothing is known."""
     before = sum(len(part.asker) for part in past)
     every = PairedRows.joined([*past, new])
     rows = every.loose.rows
@@ -147,4 +149,5 @@ def _moved(new: PairedRows, same: Index, past: list[PairedRows]) -> Index:
     moved = (polls[1:] == polls[:-1]) & (marks[answers[1:]] != marks[answers[:-1]])
     moved &= answers[1:] - answers[:-1] < HISTORY
     found: Index = np.intersect1d(answers[1:][moved] - before, same)
-    return found
+    first = np.intersect1d(answers[np.append(True, polls[1:] != polls[:-1])] - before, same)
+    return np.union1d(found, first[[telling(words_of(new.loose.bytes_of(row))) for row in first.tolist()]])

@@ -11,9 +11,11 @@ compared over some answers; where none leads by `LEAD_BITS`, nobody can tell.
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from math import log2
+from operator import itemgetter
 from typing import Final, NamedTuple
 
 from dissectors.lengths import Expectation
@@ -23,9 +25,13 @@ from .contents import MOST_BITS
 
 LEAD_BITS: Final = 6.0
 _HOPELESS_BITS: Final = 24.0
-_TWICE_BITS: Final = 10.0  # an answer to a request that was answered
+_TWICE_BITS: Final = 10.0  # an answer to a request that was answered,
+_TWICE_AGAIN_BITS: Final = 5.0  # from a unit that did so before: too little to be certain by
 _ALIEN_BITS: Final = 20.0  # one to none that is known
 _FORGOTTEN_BITS: Final = 3.0  # one to a request that is too long ago, where such may be open
+_TOO_LATE_BITS: Final = 10.0  # one that the client would long have given up: it was away, or the tap held bytes back
+_NEVER_BITS: Final = 1e6
+_BROKEN_BITS: Final = 8.0  # one to a request that came broken, where something like it was
 _LOST_BITS: Final = 8.0  # requests lost that the client took for answered, some in a row
 _OVERDUE_BITS: Final = 4.0  # an answer that took much longer than any on its path
 _OVERDUE: Final = 3  # times as long,
@@ -37,7 +43,8 @@ _UNSTEADY_MOST: Final = 8.0  # bits
 _LONG_AGO: Final = -(1 << 62)
 _OVER_BITS: Final = 14.0  # a path so far behind is no doubt: each answer begins one by which it is of nobody
 _PATHS: Final = 16
-ASKS: Final = 24  # requests back that an answer may be of
+ASKS: Final = 64  # requests back that an answer may be of
+_SAME: Final = 24  # requests for one poll alone: then it matters no more which of them an answer is of
 _NONE: Final = -1
 
 
@@ -58,6 +65,13 @@ class AskedRequest:
 
 
 @dataclass(slots=True)
+class UnitHabit:
+    """What a unit was seen to do, from one doubt to the next."""
+
+    doubles: bool = False  # it gave an answer twice, for certain
+
+
+@dataclass(slots=True)
 class PendingAnswer:
     """An answer of which it is not settled yet whose it is."""
 
@@ -67,6 +81,7 @@ class PendingAnswer:
     adu: bytes
     taken_for: int  # number of the request that the client takes it for, or -1
     measured: bool = True  # it began in another read than the newest request ended in: its time is its own
+    again: bool = False  # it is the unit's answer before once more
 
 
 class AnswerPath(NamedTuple):
@@ -79,6 +94,7 @@ class AnswerPath(NamedTuple):
     free_ns: int = _LONG_AGO  # when the last of them ended
     services: tuple[int, ...] = ()  # ns that each took of late, from its request or the answer before it
     is_behind: bool = False  # an answer is not of the newest request
+    waited_ns: int = 0  # from its request to the last answer
 
     @property
     def spread(self) -> float:
@@ -111,6 +127,8 @@ class UnitQueue:
     behind: list[float] = field(default_factory=lambda: [0.0])  # bits by which each path is worse than the first
     pending: list[PendingAnswer] = field(default_factory=list)
     forgotten: int = _NONE  # number of the newest request that is too long ago to be looked at
+    broken: list[int] = field(default_factory=list)  # numbers of frames behind which a request may have come broken
+    habit: UnitHabit = field(default_factory=UnitHabit)
 
     def ask(self, ask: AskedRequest) -> None:
         """Another request."""
@@ -118,61 +136,62 @@ class UnitQueue:
         chosen = {number for path in self.paths for number in path.chosen}
         while len(self.asks) > ASKS and self.asks[0].number not in chosen:
             self.forgotten = self.asks.pop(0).number
+            self.broken = [number for number in self.broken if number > self.forgotten]
 
     def answer(self, answer: PendingAnswer, strangeness: Strangeness, *, timed: bool) -> None:
         """An answer: every path goes on to each request that it may be of."""
         asks = self.asks
         oldest = min(path.newest for path in self.paths)
-        fitting = [
-            (place, ask)
-            for place, ask in enumerate(asks)
-            if ask.number >= oldest and ask.expects.fits(answer.adu) and (not timed or self._in_time(place, answer))
-        ]
-        alike = len({ask.adu for _, ask in fitting}) < 2
-        bits = {place: 0.0 if alike else strangeness(ask, answer.adu) for place, ask in fitting}
+        fitting = [ask for ask in asks if ask.number >= oldest and ask.expects.fits(answer.adu)]
+        polls = {ask.adu: ask for ask in fitting}
+        bits = {adu: strangeness(ask, answer.adu) if len(polls) > 1 else 0.0 for adu, ask in polls.items()}
         least = min(bits.values(), default=0.0)
-        stranger = (
-            least if least >= MOST_BITS else _ALIEN_BITS
-        )  # what is strange for all may be of one that is not here
+        stranger = least if least >= MOST_BITS else _ALIEN_BITS  # if strange for all, it may be of one not here
         paths: dict[tuple[int, tuple[int, ...]], AnswerPath] = {}
         for path in self.paths:
-            for place, ask in fitting:
+            lost = next((ask.number for ask in asks if ask.taken and ask.number > path.newest), answer.number)
+            for ask in fitting:
                 if ask.number >= path.newest:
                     waited = answer.t_start_ns - ask.t_end_ns
-                    cost = path.cost + bits[place] + self._step(path, place)
-                    if timed and ask is not asks[-1] and 0 < _OVERDUE * path.slowest_ns + _SLACK_NS < waited:
-                        cost += _OVERDUE_BITS * (path.slowest_ns > 0)
+                    cost = path.cost + self._step(path, ask, lost, bits[ask.adu], again=answer.again)
+                    cost += self._lateness(path, ask, waited) if timed else 0.0
                     slowest = max(path.slowest_ns, waited)
                     took = answer.t_start_ns - max(ask.t_end_ns, path.free_ns)
                     services = (*path.services[1 - _SERVICES :], took) if timed and answer.measured else path.services
                     chosen = (*path.chosen, ask.number)
                     is_behind = path.is_behind or ask is not asks[-1]
-                    _put(paths, AnswerPath(ask.number, cost, slowest, chosen, answer.t_end_ns, services, is_behind))
-            unknown = _FORGOTTEN_BITS if path.newest < self.forgotten else stranger
-            _put(paths, path._replace(cost=path.cost + unknown, chosen=(*path.chosen, _NONE)))
+                    ended = answer.t_end_ns
+                    _put(paths, AnswerPath(ask.number, cost, slowest, chosen, ended, services, is_behind, waited))
+            broken = next((number for number in self.broken if number > path.newest), _NONE)
+            missed = _BROKEN_BITS if broken > path.newest else stranger
+            unknown = _FORGOTTEN_BITS if path.newest < self.forgotten else missed
+            newest, chosen = max(path.newest, broken), (*path.chosen, _NONE)
+            _put(paths, path._replace(newest=newest, cost=path.cost + unknown, chosen=chosen))
         self.pending.append(answer)
         self._keep(paths)
 
-    def _in_time(self, place: int, answer: PendingAnswer) -> bool:
-        """Whether an answer may still be of a request: soon enough after the client went on, if it did."""
-        ask = self.asks[place]
+    def _lateness(self, path: AnswerPath, ask: AskedRequest, waited_ns: int) -> float:
+        """What it costs that an answer is of a request after so long. In time is what comes soon enough after the
+        client went on, if it did; behind an answer that waited it may be later by as much: units fall ever further
+        behind."""
         waits = LONGEST_NS if ask.t_next_ns is None else max(LATE_NS, LATE_WAITS * (ask.t_next_ns - ask.t_end_ns))
-        return answer.t_start_ns - ask.t_end_ns <= min(waits, LONGEST_NS)
+        longer = path.slowest_ns > 0 and waited_ns > _OVERDUE * path.slowest_ns + _SLACK_NS
+        overdue = _OVERDUE_BITS * (longer and ask is not self.asks[-1])
+        return overdue + _TOO_LATE_BITS * (waited_ns > waits + path.waited_ns) + _NEVER_BITS * (waited_ns > LONGEST_NS)
 
-    def _step(self, path: AnswerPath, place: int) -> float:
-        """What it costs to go on from the newest request that was answered to this one."""
-        asks = self.asks
-        if asks[place].number == path.newest:
-            return _TWICE_BITS
-        lost = any(ask.taken and path.newest < ask.number for ask in asks[:place])
-        return _LOST_BITS * lost
+    def _step(self, path: AnswerPath, ask: AskedRequest, lost: int, strange: float, *, again: bool) -> float:
+        """What it costs to go on from the newest request that was answered to this one, with an answer that is so
+        strange for it; `lost`: number of the first behind it that the client took for answered."""
+        if ask.number == path.newest:
+            return (_TWICE_AGAIN_BITS if self.habit.doubles else _TWICE_BITS) + strange * (not again)
+        return strange + _LOST_BITS * (lost < ask.number)
 
     def _keep(self, paths: dict[tuple[int, tuple[int, ...]], AnswerPath]) -> None:
         """The few of these that are worth going on with, the best first: of equal ones that of newer requests."""
-        total = _totals(paths.values())
+        ranked = sorted(zip(_totals(paths.values()), paths.values(), strict=True), key=itemgetter(0))
+        equal = bisect_right(ranked, ranked[:_PATHS][-1][0], key=itemgetter(0))  # with the last one that may stay
         ranked = sorted(
-            zip(total, paths.values(), strict=True),
-            key=lambda pair: (pair[0], [-number for number in pair[1].chosen], -pair[1].newest),
+            ranked[:equal], key=lambda pair: (pair[0], [-number for number in pair[1].chosen], -pair[1].newest)
         )[:_PATHS]
         least = ranked[0][0]
         kept = [(bits - least, path) for bits, path in ranked if bits - least <= _HOPELESS_BITS]
@@ -208,7 +227,8 @@ class UnitQueue:
     @property
     def _one_poll(self) -> bool:
         """Whether the unit was asked nothing else for long: then paths tell no more than which time of the same."""
-        return len(self.asks) >= ASKS and all(ask.adu == self.asks[0].adu for ask in self.asks)
+        recent = self.asks[-_SAME:]
+        return len(recent) == _SAME and all(ask.adu == recent[0].adu for ask in recent)
 
     def _known(self, number: int) -> AskedRequest | None:
         return next((ask for ask in self.asks if ask.number == number), None)

@@ -16,6 +16,7 @@ import numpy as np
 from .doubts import Doubt, DoubtWalk
 from .oddities import HISTORY, Oddities
 from .pairedrows import Lane, PairedRows
+from .queues import UnitHabit
 from .segments import UnorderedRows
 from .wireorder import Across
 
@@ -26,6 +27,7 @@ class AnswerWitness:
     _history: list[PairedRows]
     _held: PairedRows
     _doubts: dict[Lane, Doubt]
+    _habits: dict[Lane, UnitHabit]
     _oddities: Oddities
     _earlier: dict[int, bytes]
     _latest_ns: int
@@ -34,6 +36,7 @@ class AnswerWitness:
         self._history = []  # rows that were given, the last of them
         self._held = PairedRows.of(UnorderedRows.nothing(), None)
         self._doubts = {}
+        self._habits = {}
         self._oddities = Oddities()
         self._earlier = {}
         self._latest_ns = -(1 << 62)
@@ -57,7 +60,7 @@ class AnswerWitness:
         past = self._past()
         work = PairedRows.joined([*past, self._held, new])
         before = sum(len(part.asker) for part in past)
-        walk = DoubtWalk(work, self._doubts, timed=timed, latest_ns=self._latest_ns)
+        walk = DoubtWalk(work, self._doubts, self._habits, timed=timed, latest_ns=self._latest_ns)
         begin = before + len(self._held.asker)
         walk.go(odd + begin, begin)
         self._latest_ns = walk.latest_ns
