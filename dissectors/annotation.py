@@ -217,5 +217,5 @@ def check_fields(adu: Adu, at: int, wording: Wording = ENGLISH) -> tuple[Field, 
         return (Field(name, at, width, adu.check_received, raw, say("ok")),)
     due = adu.check_computed.to_bytes(width, "little").hex(" ").upper()
     there = adu.data[at:].hex(" ").upper()
-    text = wording.tell("wrong: {due} is right, {there} is there", due=due, there=there)
+    text = wording.tell("wrong: {there}, should be {due}", due=due, there=there)
     return (Field(name, at, width, adu.check_received, raw, text, problem=wording.tell("{due} is right", due=due)),)

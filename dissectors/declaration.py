@@ -53,8 +53,8 @@ class Short(construct.StreamError):
     def told(self, wording: Wording) -> str:
         """How many bytes are missing."""
         if self.wanted == 1:
-            return wording.say("1 byte is due, none is there")
-        words = "{wanted} are due, 1 is there" if self.there == 1 else "{wanted} are due, {there} are there"
+            return wording.say("1 byte expected, none found")
+        words = "{wanted} expected, 1 found" if self.there == 1 else "{wanted} expected, {there} found"
         return wording.tell(words, wanted=wording.count(self.wanted, "byte"), there=self.there)
 
 

@@ -21,7 +21,7 @@ def hexed(text: str) -> bytes:
 def test_bytes_behind_those_that_are_left_out_are_read() -> None:
     text = f"TX: {ASKS}\nRX: 01 03 14 00 00 00 01 ... 00 02 ... C4 20"
     assert bytes_read(text) == hexed(ASKS + "01 03 14 00 00 00 01 00 02 C4 20")
-    assert [one.why for one in read(text).unread] == ["the text leaves bytes out behind the first 7"]
+    assert [one.why for one in read(text).unread] == ["the text omits bytes after the first 7"]
     assert bytes_read(f"TX: {ASKS}\nRX: 01 03 14 00 00 … C4 20") == hexed(ASKS + "01 03 14 00 00 C4 20")
     assert bytes_read(f"TX: {ASKS}\nRX: 01 03 14 00 00 ... 20 more bytes") == hexed(ASKS + "01 03 14 00 00")
 

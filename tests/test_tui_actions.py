@@ -148,7 +148,7 @@ def test_find_bytes_text_and_values(capture: Path) -> None:
         before = sitting.row
         rows = [row for row in range(sitting.bus.count) if b"\x83\x02" in sitting.bus.captured(row)]
         await sitting.press(*"n" * len(rows))
-        assert sitting.row == before and any("from the beginning again" in said for said in sitting.notices())
+        assert sitting.row == before and any("wrapped to the beginning" in said for said in sitting.notices())
         await sitting.press("f")
         sitting.app.screen.query_one(Input).value = "50%"
         await sitting.press("enter")

@@ -29,7 +29,7 @@ def capture(tmp_path: Path) -> Path:
 @pytest.fixture
 def seen(capture: Path) -> Iterator[Watched]:
     with Watched("open", str(capture), columns=100, rows=30, cwd=capture.parent) as terminal:
-        terminal.until("things explain").settle(1.0)
+        terminal.until("causes explain").settle(1.0)
         terminal.press("2\x1b[H").until("registers from 107").settle(0.5)
         yield terminal
 
@@ -122,7 +122,7 @@ def test_a_comment_that_was_deleted_comes_back(seen: Watched, capture: Path) -> 
 
 
 def test_home_says_whose_fault_and_the_cause_is_gone_to(seen: Watched, capture: Path) -> None:
-    seen.press("0").until("things explain what is wrong").until("to be sure").until("do ")
+    seen.press("0").until("causes explain what is wrong").until("to confirm").until("do ")
     causes = bus_of(capture).causes()
     assert seen.shown().index(causes[0].text[:40]) < seen.shown().index("unit   1")
     seen.press(f"{ENTER}m")

@@ -40,7 +40,7 @@ def test_help_names_every_binding_and_each_has_an_id_of_its_own(capture: Path) -
         await sitting.press("question_mark")
         assert isinstance(sitting.app.screen, Help)
         shown = sitting.shown()
-        for words in ("filter to what stands under the cursor", "the newest row", "only a span of time"):
+        for words in ("filter by the value under the cursor", "the newest row", "only a span of time"):
             assert words in shown, words
 
     using(opened(capture), work, size=(120, 140))

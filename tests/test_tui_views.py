@@ -165,7 +165,7 @@ def test_pasting_reads_what_parse_reads_and_remembers() -> None:
 def test_help_palette_themes_and_quit(capture: Path) -> None:
     async def work(sitting: Seat) -> None:
         await sitting.press("question_mark")
-        assert isinstance(sitting.app.screen, Help) and "filter to what stands under the cursor" in sitting.shown()
+        assert isinstance(sitting.app.screen, Help) and "filter by the value under the cursor" in sitting.shown()
         await sitting.press("down", "escape")
         dark = sitting.app.theme
         await sitting.press("D")

@@ -108,7 +108,7 @@ def _halved(cells: list[str], x: int) -> bool:
 @pytest.fixture
 def terminal(tmp_path: Path) -> Iterator[Watched]:
     with Watched("open", str(sample_in(tmp_path)), cwd=tmp_path) as terminal:
-        terminal.until("things explain").settle(1.5)
+        terminal.until("causes explain").settle(1.5)
         terminal.press("1")
         yield terminal
 

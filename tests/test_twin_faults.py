@@ -244,7 +244,7 @@ def test_pymodbus_meets_a_delay_over_tcp(capture):
         (["--fault", "silence@120%"], "a percentage up to 100 %"),
         (["--fault", "300:silence"], "unit takes 0 to 247, not 300"),
         (["--fault", "silence@1/0"], "1/N takes 1 to 999999, not 0"),
-        (["--fault", "corruption", "--listen", "0"], "is of a serial line"),
+        (["--fault", "corruption", "--listen", "0"], "needs a serial line"),
         (["--fault", "silence", "--client", "--transmit", "/dev/x"], "goes with a twin"),
     ],
 )

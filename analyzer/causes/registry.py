@@ -182,7 +182,7 @@ class Cause:
             ("share", self.share),
             ("likely", self.sure + (f", else {self.runner_up}" if self.runner_up else "")),
             ("lost answers", self.lost_answers),
-            ("to be sure", self.deciding_test),
+            ("to confirm", self.deciding_test),
             ("remedy", self.remedy),
             ("frames", ", ".join(map(str, self.frames))),
         ]

@@ -189,6 +189,6 @@ def tell_result(result: BatchResult) -> None:
 
 def _tell_packed(packed: LakePacking) -> None:
     if packed.before:
-        print(tr("{before:,} small files of the lake are {after:,} now", before=packed.before, after=packed.after))
+        print(tr("{before:,} small files merged into {after:,}", before=packed.before, after=packed.after))
     else:
         print(tr("no small files to be made into larger ones"))

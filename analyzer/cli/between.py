@@ -28,7 +28,7 @@ _LINE_WORDS: Final = LineWords(
     baud="bit/s, or with its format: 19200-8N1; until your program sets another (9600)",
     parity="parity of the line; for E, set none in your own program (N)",
     bits="7 on some lines in ASCII mode (8)",
-    stop="stop bits of a character (1)",
+    stop="stop bits per character (1)",
     parities=("N", "E", "O"),
 )
 

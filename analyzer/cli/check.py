@@ -118,7 +118,7 @@ def _checks(arguments: argparse.Namespace, capture: Capture) -> list[Check]:
         checks += load_rules(path, capture.line, charts)
     if not checks:
         if not arguments.json:
-            print(page_words("no rules given (--rule, --rules): {rule} is asserted", rule=repr(_DEFAULT)))
+            print(page_words("no rules given (--rule, --rules): checking {rule}", rule=repr(_DEFAULT)))
         checks.append(compile_check(_DEFAULT, capture.line))
     return checks
 

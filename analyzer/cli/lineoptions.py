@@ -40,8 +40,8 @@ class LineWords:
 
     baud: str = "bit/s of the line, or with its format: 19200-8N1"
     parity: str = "none, even, odd, mark, space"
-    bits: str = "data bits of a character"
-    stop: str = "stop bits of a character"
+    bits: str = "data bits per character"
+    stop: str = "stop bits per character"
     parities: tuple[str, ...] = ("N", "E", "O", "M", "S")
     auto: bool = False
 

@@ -25,12 +25,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--root",
         metavar="FOLDER",
         required=True,
-        help="the folder of captures and lakes that may be read; nothing outside of it is",
+        help="folder of captures and lakes to serve; nothing outside it is read",
     )
     parser.add_argument(
         "--verify",
         metavar="FILE",
-        help="serve nobody: resolve each citation in this text of an agent's and list the frames; - is standard input",
+        help="do not serve; resolve each citation in this agent's text and list the frames; - is standard input",
     )
 
 

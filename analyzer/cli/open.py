@@ -186,7 +186,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="CAPTURE",
         help=f"{CAPTURE_HELP}; none: paste bytes",
     )
-    parser.add_argument("--light", action="store_true", help="dark on light (D switches)")
+    parser.add_argument("--light", action="store_true", help="light theme (D toggles)")
     parser.add_argument("--plain", action="store_true", help="print plain lines for a screen reader")
     parser.add_argument("-Y", "--filter", metavar="FILTER", default="", help="with --plain: only matching rows")
     parser.add_argument("--against", metavar="CAPTURE", help="with --plain: show what differs from this capture")

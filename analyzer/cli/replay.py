@@ -47,7 +47,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         type=_speed,
         default=1.0,
         metavar="X",
-        help="speed factor, or max (1); on a terminal: " + _KEYS,
+        help="speed factor, or max (1); on a terminal, " + _KEYS.removeprefix("keys: "),
     )
     port = parser.add_argument_group("to a port (this transmits), with the capture's line settings or those given")
     port.add_argument("--to", metavar="PORT", help="send the bytes to this port instead of showing them")

@@ -40,7 +40,7 @@ _TAP_WORDS: Final = LineWords(
     baud="bit/s, or with its format: 19200-8N1; auto detects it (default)",
     parity="auto detects it with --baud auto, else N",
     bits="7 on some lines in ASCII mode (8)",
-    stop="stop bits of a character (1)",
+    stop="stop bits per character (1)",
     parities=("N", "E", "O"),
     auto=True,
 )

@@ -120,7 +120,7 @@ _PAGE_STYLES = (  # of a line of a report page, by how it begins: its graphic re
     (re.compile(r"(new|worse|новое|хуже): "), "31"),
     (re.compile(r"(gone|better|ушло|лучше): "), "32"),
     (re.compile(r"(unit|function|poll|hour|finding|устр|функция|опрос|час|находка)  "), "4"),
-    (re.compile(r"   (seen|rests on|explained by|видно|основание|объясняет): "), "2"),
+    (re.compile(r"   (seen|source|explained by|видно|основание|объясняет): "), "2"),
     (re.compile(r"\w[^\d.:]*$"), "1"),  # a heading
 )
 

@@ -74,8 +74,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="FAULT",
-        help="what goes wrong on purpose, [UNIT:]NAME[=VALUE][@SHARE]: silence, delay=250@10%%, 17:exception=6@1/5, "
-        "wrong-unit, duplicate, corruption, truncation, stray; may be given again (rtuscope help twin)",
+        help="inject a fault, [UNIT:]NAME[=VALUE][@SHARE]: silence, delay=250@10%%, 17:exception=6@1/5, "
+        "wrong-unit, duplicate, corruption, truncation, stray; repeatable (rtuscope help twin)",
     )
     client = parser.add_argument_group("the other side")
     client.add_argument(
@@ -128,7 +128,7 @@ def _check(arguments: argparse.Namespace) -> None:
         raise UsageError("--fault goes with a twin, not with --client")
     on_lines = [fault.name for fault in arguments.fault if fault.kind.of_a_line]
     if arguments.listen is not None and on_lines:
-        raise UsageError(f"--fault {on_lines[0]} is of a serial line: over Modbus TCP frames come whole")
+        raise UsageError(f"--fault {on_lines[0]} needs a serial line: Modbus TCP frames arrive whole")
     if arguments.transmit and not arguments.client:
         raise UsageError("--transmit needs --client")
     if arguments.client and not arguments.transmit:

@@ -240,7 +240,7 @@ FIELDS: Final = (
         _flag(lambda section: section.column("taken_for_start") >= 0),
     ),
     FilterField(
-        "unsure", Flag(), "an answer of which nobody can tell whose it is", "not unsure",
+        "unsure", Flag(), "an answer whose request is unclear", "not unsure",
         _flag(lambda section: section.column("unsure")),
     ),
     FilterField(
@@ -320,7 +320,7 @@ FIELDS: Final = (
         "protocol", Named("protocol", _protocols), "envelope of the frame", "protocol == ascii", _column("protocol"),
     ),
     FilterField(
-        "uart_errors", NumberKind(1, 0xFFFF), "bytes that the UART marked for parity or framing", "uart_errors > 0",
+        "uart_errors", NumberKind(1, 0xFFFF), "bytes with a UART parity or framing error", "uart_errors > 0",
         _where("errors", lambda errors: errors.values > 0), aliases=("parity_errors",),
     ),
 )  # fmt: skip

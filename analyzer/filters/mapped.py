@@ -31,7 +31,7 @@ _MOST_SHOWN: Final = 6
 def named_value(name: str, column: int, charts: UnitMaps | None) -> FilterField:
     """The field `value("NAME")`; * and ? in the name stand for any characters and for one. Raises FilterError."""
     if not charts:
-        raise FilterError(tr("which register is {name!r}? a map says so: --map MAP[@UNIT]", name=name), column)
+        raise FilterError(tr("{name!r} needs a register map: --map MAP[@UNIT]", name=name), column)
     rows = [row for chart in charts.all for row in chart.rows if _is_called(row, name)]
     if not rows:
         names = {row.name.casefold(): None for chart in charts.all for row in chart.rows}

@@ -106,7 +106,7 @@ def _slower(now: PollLog, then: PollLog) -> Iterator[Change]:
             continue
         if max(every, was) > _SLOWER * min(every, was):
             text = tr(
-                "{poll} is asked every {now}, then {then}", poll=_called(poll.key), now=_time(every), then=_time(was)
+                "{poll} is asked every {now}, was {then}", poll=_called(poll.key), now=_time(every), then=_time(was)
             )
             yield Change("worse" if every > was else "better", "poll", text, (poll.key.unit,))
 
@@ -126,7 +126,7 @@ def _moved(now: RegisterLog, then: RegisterLog, meanings: Meanings) -> Iterator[
             continue
         reading, was = (_reading(spot, side[-1].tolist(), meanings) for side in sides)
         name = f"{reading.register} {reading.meaning.name}".rstrip()
-        text = tr("unit {unit}, {name}: {then} then, {now} now", unit=unit, name=name, then=was.text, now=reading.text)
+        text = tr("unit {unit}, {name}: was {then}, now {now}", unit=unit, name=name, then=was.text, now=reading.text)
         yield Change("moved", "value", text, (unit,), spot)
 
 

@@ -281,8 +281,8 @@ def _right(pieces: Sequence[Piece]) -> int:
 def _why_likely(parts: Sequence[PastePart]) -> str:
     """Why bytes are taken for RTU that have no right CRC."""
     if may_show_headers(parts):
-        return tr("RTU: reads like it by its header; no CRC is right, and what may be an MBAP header does not fit")
-    return tr("RTU: reads like it by its header; no CRC is right, and there is no MBAP header")
+        return tr("RTU: the header fits, but no CRC does, and what may be an MBAP header does not fit")
+    return tr("RTU: the header fits, but no CRC does, and there is no MBAP header")
 
 
 def _why_ascii(frames: Sequence[PastedFrame]) -> str:

@@ -17,7 +17,7 @@ sure, how to be certain, what to do. This page is made from the declarations of 
 (`python -m analyzer.reference.causes`); a test holds it true.
 
 A cause explains findings, and each finding is explained once: by the cause for which the evidence of the whole capture
-speaks most. What speaks for it is weighed in bits against a healthy bus; below a limit nothing is said, and a healthy
+is strongest. It is weighed in bits against a healthy bus; below a limit no cause is named, and a healthy
 bus has no cause. In Python `Analysis.causes()`, in `report --json` the key `causes`. Words in ⟨brackets⟩ stand for
 what was counted.
 
@@ -25,8 +25,8 @@ what was counted.
 
 Certainty is *certain* from 0.9 on, where a report gives the figure, *most likely* from 0.7 on, *perhaps* below. It is
 fitted on simulated buses, of which each fifth of the causes was hidden in turn, and on faults for which this page has
-no word. It goes by how like the outcomes of the exchanges are to those of the cause elsewhere, by the next best cause,
-and by what the cause leaves unsaid. What came of it on buses, and kinds of faults without a word, that nothing was
+no name. It depends on how closely the outcomes match those of the cause elsewhere, on the next best cause,
+and on what the cause leaves unexplained. Results on buses, and on faults without a name, that nothing was
 fitted to:
 
 {calibration}
@@ -60,11 +60,11 @@ def _calibration() -> str:
         f"| {low:.2f} to {high:.2f} | {claims} | {said:.2f} | {so:.2f} |\n"
         for low, high, claims, said, so in calibration()
     )
-    return "| certainty | claims | said, in the mean | so |\n| --- | ---: | ---: | ---: |\n" + rows
+    return "| certainty | claims | mean stated | true |\n| --- | ---: | ---: | ---: |\n" + rows
 
 
 def _section(one: Suspect) -> str:
-    lines = (("Said", one.text), ("Seen", one.share), ("To be sure", one.deciding_test), ("Do", one.remedy))
+    lines = (("Said", one.text), ("Seen", one.share), ("To confirm", one.deciding_test), ("Do", one.remedy))
     told = "".join(f"- **{name}:** {_plain(text)}.\n" for name, text in lines if text)
     return f"\n## {one.cause}\n\n{told}"
 

@@ -17,7 +17,7 @@ from ..tables.findings import Finding, Rule, codes, described, rules, titled
 _HEAD: Final = """\
 # Findings
 
-What `rtuscope` says is wrong with a bus: every code, when it is said, and an example. This page is made from the
+Every finding of `rtuscope`: its code, when it appears, and an example. This page is made from the
 declarations of the rules (`python -m analyzer.reference.findings`); a test holds it true.
 
 Each example comes from a capture with this one defect; `rtuscope simulate bus.jsonl --defect CODE` makes one like it.

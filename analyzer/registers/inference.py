@@ -235,7 +235,7 @@ def _claimed(value: RegisterValue, run: Run, mixed: Container[tuple[int, str, in
     own = (block for block in run.blocks if block.address <= value.address < block.address + block.quantity)
     why = None
     if any(block.key in mixed for block in own):
-        why = register_words("these registers hold values of several: answers came in each other's places")
+        why = register_words("values of several registers are mixed here: answers were swapped")
     elif value.readings < SHORT:
         why = register_words("too few readings to tell")
     if why is None:

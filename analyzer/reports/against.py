@@ -81,7 +81,8 @@ def _answers(now: Report, before: Report) -> Iterator[Difference]:
         change = _changed(bad, requests, bad_then, requests_then)
         if change is not None:
             text = page_words(
-                "unit {unit}: {bad:,} of {requests:,} requests without a good answer, before {bad_then:,} of {then:,}",
+                "unit {unit}: {bad:,} of {requests:,} requests without a good answer, was {bad_then:,} of "
+                "{then:,}",
                 unit=row.unit, bad=bad, requests=requests, bad_then=bad_then, then=requests_then,
             )  # fmt: skip
             yield Difference(change, "unit", str(row.unit), (row.unit,), text)
@@ -113,7 +114,7 @@ def _times(now: Report, before: Report) -> Iterator[Difference]:
             change = _slower(row.times, old[row.unit], figure)
             if change is not None:
                 text = page_words(
-                    "unit {unit} answers after {now} ({figure}), before {then}",
+                    "unit {unit} answers after {now} ({figure}), was {then}",
                     unit=row.unit, now=row.times.worded(figure), figure=figure, then=old[row.unit].worded(figure),
                 )  # fmt: skip
                 yield Difference(change, "response", str(row.unit), (row.unit,), text)
@@ -176,7 +177,7 @@ def _load(now: Report, before: Report) -> Iterator[Difference]:
     if max(now.load.mean, before.load.mean) >= _TWICE * min(now.load.mean, before.load.mean) + 0.01:
         change: Change = "worse" if now.load.mean > before.load.mean else "better"
         text = page_words(
-            "load {now:.1%} of the line's capacity, before {then:.1%}", now=now.load.mean, then=before.load.mean
+            "load {now:.1%} of the line's capacity, was {then:.1%}", now=now.load.mean, then=before.load.mean
         )
         yield Difference(change, "load", "load", (), text)
 
@@ -185,7 +186,7 @@ def lines(changes: tuple[Difference, ...], before: str) -> Iterator[PageLine]:
     """For the text page."""
     yield Paragraph(page_words("against {name}").format(name=before), others="")
     if not changes:
-        yield page_words("nothing that chance would not explain is new, gone, worse or better")
+        yield page_words("nothing is significantly new, gone, worse or better")
     for change in _ORDER:
         mine = [each for each in changes if each.change == change]
         for each in mine[:_SHOWN]:

@@ -109,7 +109,7 @@ def _changes(ledger: Ledger, unit: UnitLedger) -> list[UnitChange]:
     if slower is not None:
         at, before, after = slower
         words = page_words(
-            "answers after {before} before, {after} from then on (mean)",
+            "mean response {before} before, {after} from then on",
             before=between(before, before), after=between(after, after),
         )  # fmt: skip
         changes.append(UnitChange(grid.begin_ns + at * grid.width_ns, ledger.end, words))

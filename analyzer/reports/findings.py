@@ -41,7 +41,7 @@ def cause_lines(causes: Sequence[Cause], *, shares: bool = True) -> Iterator[Pag
             )
         )
         yield from _labelled("seen", cause.share)
-        yield from _labelled("to be sure", cause.deciding_test)
+        yield from _labelled("to confirm", cause.deciding_test)
         yield from _labelled("do", cause.remedy)
 
 
@@ -90,7 +90,7 @@ def lines(findings: Sequence[FindingRow], *, handful: bool = False) -> Iterator[
         yield Paragraph(f"{number}. {row.code}, {cost(row)}")
         yield from _group_lines(row)
         yield from _labelled("explained by", ", ".join(row.explained_by))
-        yield from _labelled("rests on", row.clause)
+        yield from _labelled("source", row.clause)
     yield ""
     finding, severity, *figures = map(page_words, ("finding", "severity", "count", "answers lost", "time lost"))
     words = (PageColumn(finding, is_words=True, is_cut=True), PageColumn(severity, is_words=True))

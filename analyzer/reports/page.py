@@ -151,7 +151,7 @@ def unknown_load(report: Report) -> str:
         return unknown("needs the line's speed (--baud)")
     if report.char_bits is None:
         return unknown("needs the character length (--parity, --stop)")
-    return unknown("needs frames over some time")
+    return unknown("needs a longer capture")
 
 
 def _recording(report: Report) -> Iterator[tuple[str, str]]:

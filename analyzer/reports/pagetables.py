@@ -126,7 +126,7 @@ def _cell(counts: Counts, times: Times, figure: str) -> str:
 
 
 def _cards(cards: Sequence[UnitCard]) -> Iterator[PageLine]:
-    yield page_words("units that did not answer well")
+    yield page_words("units with bad answers")
     for card in troubled(cards, _CARDS):
         outcomes = ", ".join(outcome_words(card))
         yield Paragraph(f"{page_words('unit {unit}', unit=card.unit)}: {outcomes}")
@@ -173,7 +173,7 @@ def outcome_words(card: UnitCard, *, damage: bool = True) -> Iterator[str]:
         if number:
             yield page_words(words, number=number)
     if card.delay_ns is not None:
-        yield page_words("95% of answers after {time}", time=between(*card.delay_ns))
+        yield page_words("p95 {time}", time=between(*card.delay_ns))
 
 
 def _clock(t_ns: int) -> str:

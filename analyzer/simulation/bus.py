@@ -152,7 +152,7 @@ def _check_defect(scenario: Scenario, code: str) -> None:
     if scenario.maps:
         raise ValueError("--defect works on the simulator's own devices: leave out --map")
     if scenario.wire not in (None, "clean"):
-        raise ValueError(f"--defect needs the wire clean, not {scenario.wire}")
+        raise ValueError(f"--defect needs --wire clean, not {scenario.wire}")
     if scenario.units is not None and scenario.units < declared[code].units:
         raise ValueError(f"{scenario.units} units: {code} needs at least {declared[code].units}")
     if scenario.tap not in declared[code].taps:

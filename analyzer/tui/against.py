@@ -39,7 +39,7 @@ class ChangeList(Lines):
 
     HEAD = 1
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("enter", "enter", "Open", tooltip="Of a value its register; of a unit its rows alone"),
+        Binding("enter", "enter", "Open", tooltip="A value: its register; a unit: only its rows"),
         Binding("o", "choose", "Compare with", tooltip="Another capture, or two spans of this one: 0s-10s | 10s-20s"),
     ]
 

@@ -213,7 +213,7 @@ class Rtuscope(App[None]):
         if record is None or self.desk.bus.whole:
             return True
         name = "" if record.path is None else f" {harmless(record.path.name)}"
-        choices = [("s", tr("stay, it goes on")), ("q", tr("end it and quit"))]
+        choices = [("s", tr("keep recording")), ("q", tr("end it and quit"))]
         chosen = await self.push_screen_wait(Choose(tr("The recording{name} would end", name=name), choices))
         return bool(chosen)
 

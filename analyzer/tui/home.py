@@ -57,7 +57,7 @@ class HomeList(Lines):
     HEAD = 3
     EMPTY = "nothing captured yet"
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("enter", "enter", "Open", tooltip="Of a cause the first frame that shows it; of a unit its rows alone"),
+        Binding("enter", "enter", "Open", tooltip="A cause: the first frame that shows it; a unit: only its rows"),
     ]
 
     def __init__(self, desk: ViewState, *, id: str) -> None:
@@ -153,7 +153,7 @@ class HomeList(Lines):
             return [StyledText(f"  {self.desk.emptied()}", "dim")]
         wrong = len(state.causes)
         if wrong:
-            verdict = tr("{things} what is wrong", things=counted(wrong, "thing explains", "things explain"))
+            verdict = tr("{things} what is wrong", things=counted(wrong, "cause explains", "causes explain"))
             return [StyledText(f"  {verdict}", "error"), totals]
         if self.desk.scope.narrows:
             return [StyledText(f"  {tr('No cause affects what is shown')}"), totals]
@@ -295,7 +295,7 @@ def _unit_items(unit: UnitRow, state: BusState, *, heard: bool) -> tuple[Item, .
     ]
     if times.count:
         shares = tr(
-            "half within {half}, 95% within {most}, {all} at most",
+            "p50 {half}, p95 {most}, max {all}",
             half=times.worded("p50"), most=times.worded("p95"), all=times.worded("max"),
         )  # fmt: skip
         items.append(Item("answers", shares, label=f"{tr('answers'):<11}"))

@@ -113,7 +113,7 @@ def cause_facts(cause: Cause) -> dict[str, str]:
     again = "" if cause.period_s is None else tr("every {time}", time=duration(round(cause.period_s * 1e9)))
     facts = {
         "what": cause.text, "fault": fault, "seen": cause.share, "again": again, "lost": lost,
-        "to be sure": cause.deciding_test, "do": cause.remedy,
+        "to confirm": cause.deciding_test, "do": cause.remedy,
     }  # fmt: skip
     return {name: words for name, words in facts.items() if words}
 

@@ -246,10 +246,10 @@ class Jumps:
         wanted, back, from_anew = self._waiting.popleft()
         if row is None:
             self._waiting.clear()
-            screen.tell(tr("{what}: nowhere here", what=wanted.words[:50]) if from_anew else _no_more(back=back))
+            screen.tell(tr("{what}: not found", what=wanted.words[:50]) if from_anew else _no_more(back=back))
         else:
             if wrapped:
-                screen.tell(tr("from the end again") if back else tr("from the beginning again"))
+                screen.tell(tr("wrapped to the end") if back else tr("wrapped to the beginning"))
             self._light(row, wanted.data)
             self.go(row)
             if wanted.value:

@@ -51,7 +51,7 @@ GROUPS: Final[tuple[KeyGroup, ...]] = (
     ("Narrow", (
         key("slash", "filter", "Filter", "the filter; Tab completes, Enter uses it, Up: past ones", shown=True,
             as_="/"),
-        key("equals_sign", "door('=')", "Filter to", "filter to what stands under the cursor", shown=True, as_="=",
+        key("equals_sign", "door('=')", "Filter to", "filter by the value under the cursor", shown=True, as_="=",
             id="door.to"),
         key("exclamation_mark", "door('!')", "Filter out", "filter it out", as_="!", id="door.out"),
         key("ampersand", "door('&')", "And", "put it into the filter's line, joined by and", as_="&", id="door.and"),
@@ -90,7 +90,7 @@ GROUPS: Final[tuple[KeyGroup, ...]] = (
         key("D", "app.theme_flip", "Dark or light", "dark or light"),
     )),
     ("Keep", (
-        key("m", "bookmark", "Mark", "a bookmark, or none any more"),
+        key("m", "bookmark", "Mark", "set or remove a bookmark"),
         key("apostrophe", "next_bookmark", "Next mark", "the next bookmark", as_="'"),
         key("semicolon", "comment", "Comment", "a comment on a row", as_=";"),
         key("u", "undo", "Undo", "take back the last change of a bookmark or comment"),

@@ -208,7 +208,7 @@ class Bookmarks:
         screen, bus = self._screen, self._desk.bus
         mark = getattr(self._desk.source, "mark", None)
         if mark is None or bus.whole:
-            screen.tell(tr("marks go into a recording, while it runs; ; comments a row"))
+            screen.tell(tr("marks need a running recording; press ; to comment a row"))
             return
         row = bus.count - 1
         text = await screen.app.push_screen_wait(Ask(tr("Mark this moment in the recording"), tr("what happens now")))

@@ -75,7 +75,7 @@ class PollList(Lines):
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("enter", "enter", "Open", tooltip="The transactions of this poll alone"),
         Binding("s", "sort(1)", "Sort", tooltip="By the next column; a click on a head sorts by it"),
-        Binding("n", "notch(True)", "Notch", tooltip="Leave out what moved so far: what moves next stands out"),
+        Binding("n", "notch(True)", "Notch", tooltip="Ignore changes so far, to highlight the next ones"),
         Binding("N", "notch(False)", "No notch", show=False, tooltip="All that moves stands out again"),
         Binding("d", "moving", "Moving", tooltip="Only polls in which something moves"),
         Binding("space", "pin", "Pin", tooltip="Keep this poll on top, or let it go"),

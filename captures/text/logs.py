@@ -270,7 +270,7 @@ def _contents(line: LogLine, experience: Experience) -> Iterator[Piece | UnreadL
     for i, run in enumerate(chosen):
         if run.cut and line.problem is None and not (i and chosen[i - 1].cut):
             more = i + 1 < len(chosen)
-            why = "leaves bytes out behind the first {}" if more else "shows the first {} bytes only"
+            why = "omits bytes after the first {}" if more else "shows the first {} bytes only"
             yield UnreadLine(line.number, text, f"the text {why.format(len(run.data))}")
     if any(run.halved and not run.checked for run in chosen):
         yield UnreadLine(line.number, text, halves(line.clean) or "half a byte")

@@ -210,7 +210,7 @@ def _times_of_hits(evidence: Evidence) -> np.ndarray[Any, np.dtype[np.float64]]:
     share=_SHARE,
     deciding_test="Compare the times of damaged frames with the changes of this value in the plant's log; switch "
     "nothing for the test without the operator",
-    remedy="Route the bus cable away from the motor cable of this drive; earth the drive's shield on both sides, fit a "
+    remedy="Route the bus cable away from the motor cable of this drive; earth that cable's shield at both ends, fit a "
     "filter "
     "or a ferrite at its output",
     foretold=OF_A_LINE,

@@ -289,7 +289,7 @@ def _instead_of_requests(evidence: Evidence, unit: UnitLedger) -> int:
     "behind no other unit's answers",
     remedy="Update the unit's firmware, or release its driver sooner after the last byte; clients that wait for a "
     "silence "
-    "take such frames for damaged",
+    "treat such frames as damaged",
 )
 def null_suffix(evidence: Evidence) -> Iterator[Suspicion]:
     """A zero right behind nearly every frame of one sender, or behind many and nothing else behind any."""

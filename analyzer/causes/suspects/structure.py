@@ -119,7 +119,7 @@ _TAP_TAKES: Final = (
     blame="tap",
     text="The tap loses bytes, the bus does not: {damaged} answers came to it damaged; the client took {taken} of "
     "{told} whose "
-    "next request tells, for it went on as soon as behind good answers",
+    "next request shows it, as it came as soon as after good answers",
     share="{damaged} of {answers} answers, of {units:unit|units}",
     deciding_test="Compare the client's own error counters with this capture: they must not rise with the damage here",
     remedy="Relieve the computer that listens: a port with a deeper FIFO or an adapter with a shorter latency, no "

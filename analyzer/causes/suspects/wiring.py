@@ -39,7 +39,7 @@ _UNIT_BITS: Final = 6.0  # each unit more that is said to be far
     "bias",
     Severity.WARNING,
     blame="line",
-    text="Nothing holds the line while no driver is on: {idle} stretches of stray bytes on the idle line, while "
+    text="The idle line is not biased: {idle} stretches of stray bytes on the idle line, while "
     "{well} of {exchanges:exchange|exchanges} {well:|shows|show} no damage",
     share="{idle} stretches in {exchanges} exchanges[, {damaged:damaged answer|damaged answers}]",
     deciding_test="Measure A against B on the idle line: under 200 mV it floats",
@@ -156,7 +156,7 @@ def termination(evidence: Evidence) -> Iterator[Suspicion]:
     "{others_damaged} of {others_answers}]",
     share="{damaged} of {answers} answers of unit {unit}[, {others_damaged} of {others_answers} of others]",
     deciding_test="Look at the terminals, the shield and the stub of this drop first; then swap the drops of unit "
-    "{unit} and a good one: does the damage stay with the unit or with the drop?",
+    "{unit} and a good one: see if the damage stays with the unit or the drop",
     remedy="Check the terminals, the stub and the shield of this drop, then the unit's line driver",
     foretold=OF_A_LINE,
 )

@@ -200,7 +200,7 @@ def load(line: LineSettings, compared: Token, number: Token) -> Start:  # noqa: 
 @form(
     "at-least-frames",
     '"at"i "least"i NUMBER "frames"i',
-    "the capture has at least so many frames",
+    "the capture has at least N frames",
     "at least 100 frames",
 )
 def at_least_frames(line: LineSettings, number: Token) -> Start:  # noqa: ARG001

@@ -82,7 +82,7 @@ class PassingCount:
         count, first = self._breaches.count, tuple(self._breaches.first)
         if self.due is None:
             return RuleResult(count <= (self.most or 0), page_words("{count:,} found", count=count), first)
-        words = page_words("{some:,} of {all:,} are so", some=self._chosen - count, all=self._chosen)
+        words = page_words("{some:,} of {all:,} match", some=self._chosen - count, all=self._chosen)
         return RuleResult(
             not count and self._chosen > 0, words if self._chosen else page_words("none passes the first filter"), first
         )
@@ -121,7 +121,7 @@ def none_of(line: LineSettings, thing: list[Token]) -> Start:
     return _at_most(thing, 0, line)
 
 
-@form("at-most", '"at"i "most"i NUMBER thing', "this happens at most so many times", "at most 3 retries")
+@form("at-most", '"at"i "most"i NUMBER thing', "this happens at most N times", "at most 3 retries")
 def at_most(line: LineSettings, number: Token, thing: list[Token]) -> Start:
     return _at_most(thing, whole(number), line)
 

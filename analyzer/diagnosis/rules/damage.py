@@ -154,11 +154,11 @@ COLLISION: Final = Rule(
     numbers=("bytes", "due", "certainty", "unit"),
     loses=True,
     text=lambda numbers: (
-        phrase("{bytes} that form no frame where an answer was due", bytes=_bytes(numbers["bytes"]))
+        phrase("{bytes} that form no frame instead of an answer", bytes=_bytes(numbers["bytes"]))
         + (phrase(" of {due:.0f}", numbers) if "due" in numbers else "")
     ),
     cause="two transmitters at once: a shared address, a second client, or a device that sends unprompted",
-    remedy="disconnect devices one by one; look for doubled addresses and for a second client",
+    remedy="disconnect devices one by one; look for duplicate addresses and a second client",
 )
 CRC_ERROR: Final = Rule(
     "crc-error",
@@ -200,7 +200,7 @@ PARITY: Final = Rule(
     numbers=("marked_bytes", "bytes", "unit", "verdict", "byte", "bit", "certainty"),
     loses=True,
     text=_marked,
-    cause="the line is disturbed; where it is most frames, another baud rate or parity than the sender's",
+    cause="the line is disturbed; if most frames are hit, baud rate or parity differs from the sender's",
     remedy="compare baud rate, parity and stop bits of tap and devices; then check the line",
 )
 

@@ -73,7 +73,7 @@ WASTE: Final = Rule(
             name=function_name(int(numbers["function"])),
             last=numbers["first_address"] + numbers["quantity"] - 1,
         )
-        + (phrase(", and save {saved_ms:ms} a round", numbers) if "saved_ms" in numbers else "")
+        + (phrase(", saving {saved_ms:ms} a cycle", numbers) if "saved_ms" in numbers else "")
     ),
     cause="the client polls each value separately",
     remedy="read the block in one request",

@@ -89,7 +89,7 @@ _TEXTS: Final = {
     Pattern.BEFORE: "{bytes} of 00 or FF right before the frame of {sender}",
     Pattern.AFTER: "{bytes} of 00 or FF right after the frame of {sender}",
     Pattern.IDLE: "{bytes} outside any frame on an idle line",
-    Pattern.LINE_END: "{bytes}, a line's end (0D, 0A), right after the frame of {sender}",
+    Pattern.LINE_END: "{bytes}, a newline (0D, 0A), right after the frame of {sender}",
     Pattern.QUOTED: "{bytes} outside any frame",
 }
 _CAUSES: Final = {

@@ -331,7 +331,7 @@ ECHO: Final = Rule(
     text=lambda numbers: (
         phrase("the same frame once more")
         + (phrase(" but for {other:.0f} of its {sent:.0f} bytes", numbers) if "other" in numbers else "")
-        + (phrase(", {after_ms:ms} after itself", numbers) if "after_ms" in numbers else "")
+        + (phrase(", {after_ms:ms} later", numbers) if "after_ms" in numbers else "")
     ),
     cause=lambda numbers: (
         phrase("a local echo, or the frame as the other end heard it: its settings, or the line, change or lose bytes")

@@ -30,7 +30,7 @@ from ..view import DiagnosisStep, where
 def _quantity_text(numbers: Mapping[str, float]) -> str:
     function, quantity, low, high = (int(numbers[key]) for key in ("function", "quantity", "low", "high"))
     return phrase(
-        "{name} is {quantity}, outside {low} to {high}",
+        "{name}: {quantity} is outside {low} to {high}",
         name=function_name(function), quantity=quantity, low=low, high=high,
     )  # fmt: skip
 
@@ -272,7 +272,7 @@ def _reserved(code: int, _revision: int) -> bool:
 _USES: Final[Mapping[int, tuple[str, str]]] = {
     0x01: ("the device does not have this function", "look the function up in the device's manual"),
     0x02: (
-        "an address that the device does not have, often one off (40108 is address 107), or 03 and 04 mixed up",
+        "an address the device lacks, often off by one (40108 is address 107), or 03 and 04 mixed up",
         "check the starting address and the quantity against the register map; try one register",
     ),
     0x03: (
@@ -315,7 +315,7 @@ _ITSELF: Final = (
 def _use(numbers: Mapping[str, float]) -> tuple[str, str]:
     if int(numbers["code"]) in _OF_GATEWAYS and int(numbers["unit"]) in (0, _GATEWAY):
         return _ITSELF
-    return _USES.get(int(numbers["code"]), ("a code of the vendor's own", "look the code up in the device's manual"))
+    return _USES.get(int(numbers["code"]), ("a vendor-specific code", "look the code up in the device's manual"))
 
 
 EXCEPTION_ANSWER: Final = Rule(

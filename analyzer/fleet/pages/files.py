@@ -83,7 +83,7 @@ def _verdict(sites: list[SiteHealth]) -> str:
         )
     if ill:
         told = counted(ill, "recorded site", "recorded sites")
-        words += page_words("; errors in the last two days of {sites}", sites=told)
+        words += page_words("; errors at {sites} in the last two days", sites=told)
     return f"{words}."
 
 

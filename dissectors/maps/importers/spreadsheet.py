@@ -308,7 +308,7 @@ class _TableRows:
 
 
 _GAINS: Final = frozenset({"ga", "sc", "fa", "增益", "系数", "倍率"})
-_AS_DIVISOR: Final = "gains from 1 up were taken for what raw values are divided by"
+_AS_DIVISOR: Final = "gains of 1 or more were taken as divisors of raw values"
 _BIT: Final = rf"0?\d|1[0-{_LAST_BIT % 10}]"
 
 

@@ -25,7 +25,7 @@ def adapted(source: MapSource, records: Iterator[dict[str, Any]]) -> Iterator[di
     base = _BASES.get(number, _AFTER_COMMON)
     for group in records:
         device = {"device": f"SunSpec model {number}: {group.get('label') or group.get('name', '')}"}
-        words = f"put at {base}: where a device has the model is said by the chain that begins with SunS"
+        words = f"placed at {base}: the device's SunS chain gives the actual address"
         points: list[dict[str, Any]] = []
         _group(points, group, base, "")
         for at, point in enumerate(points):

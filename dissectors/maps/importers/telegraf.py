@@ -19,7 +19,7 @@ def adapted(_: MapSource, records: Iterator[dict[str, Any]]) -> Iterator[dict[st
             first = min(places, default=0)
             rising = list(range(first, first + len(listed)))
             if places not in (rising, rising[::-1]) or not places:
-                record |= {"notes": [f"address {listed!r} does not lie side by side"], "skipped": True}
+                record |= {"notes": [f"address {listed!r} is not contiguous"], "skipped": True}
             record |= {"first": first, "count": len(listed)}
             record["fixed"] = f"{record.get('data_type')} {len(listed)}" if "data_type" in record else None
             if places != rising:  # the last word is listed first

@@ -239,7 +239,7 @@ class Stories:
     def _tell(self, causes: Sequence[Cause], end_ns: int) -> None:
         channel = self._channel("/causes")
         for cause in causes:
-            text = f"{cause.text} ({in_words(cause.confidence)}; to be sure: {cause.deciding_test}; do: {cause.remedy})"
+            text = f"{cause.text} ({in_words(cause.confidence)}; to confirm: {cause.deciding_test}; do: {cause.remedy})"
             message = log_message(end_ns, LEVELS[Severity[cause.severity.upper()]], text, cause.cause)
             self._writer.add_message(channel, end_ns, message, end_ns)
         lines = [orjson.dumps(cause.to_json()).decode() for cause in causes]
