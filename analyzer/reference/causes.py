@@ -26,8 +26,8 @@ what was counted.
 Certainty is *certain* from 0.9 on, where a report gives the figure, *most likely* from 0.7 on, *perhaps* below. It is
 fitted on simulated buses, of which each fifth of the causes was hidden in turn, and on faults for which this page has
 no word. It goes by how like the outcomes of the exchanges are to those of the cause elsewhere, by the next best cause,
-and by what the cause leaves unsaid. What came of it on buses, and kinds of faults without a word, that nothing was
-fitted to:
+by what the cause leaves unsaid, and by how many exchanges no cause explains. What came of it on buses, and kinds of
+faults without a word, that nothing was fitted to:
 
 {calibration}
 Exchanges that went wrong and that no cause takes are listed as *not explained* (`not_explained` in JSON: unit,
