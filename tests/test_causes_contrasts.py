@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scripts import package
 
 import captures
-from analyzer.causes.certainty import LEAST, MOST, Clues, certainty
+from analyzer.causes.certainty import LEAST, MOST, Clues, certainty, typical
 from analyzer.causes.contrasts import Family, contrasts
 from analyzer.causes.exchanges import Exchanges
 from analyzer.causes.exchangetable import AskedRows, ExchangeTable
@@ -109,6 +109,22 @@ def test_answers_that_the_client_does_not_take_are_told() -> None:
     assert all("the client asks again" in left.like for left in story.not_explained) and story.not_explained
 
 
+def test_values_that_a_program_writes_in_vain_are_told() -> None:
+    story = _story("refuses-by-value", 1)
+    assert any("refused" in left.like for left in story.not_explained)
+
+
+def test_a_scan_that_asks_each_address_several_times_leaves_nothing_unexplained() -> None:
+    assert _story("healthy-scan", 1001).not_explained == []
+
+
+@pytest.mark.parametrize("seed", [1003, 1005])
+def test_interference_is_told_as_such_and_not_as_a_guess(seed: int) -> None:
+    first = _story("interference", seed).causes[0]
+    assert first.cause == "interference"
+    assert in_words(first.confidence) != "perhaps"
+
+
 @pytest.mark.parametrize("seed", [1, 3])
 def test_a_client_that_sends_twice_is_no_second_client(seed: int) -> None:
     story = _story("client-sends-twice", seed)
@@ -144,6 +160,14 @@ def test_certainty_is_never_beyond_what_was_seen(cause: str, numbers: tuple[floa
     assert LEAST <= share <= MOST
     assert in_words(share) in ("certain", "most likely", "perhaps")
     assert (f"({share:.0%})" in how_sure(share)) == (share >= CALIBRATED)
+
+
+def test_outcomes_are_typical_of_their_own_cause_or_of_none() -> None:
+    shares = {"mute": {"silent": 0.9, "well": 0.1}, "late": {"head": 0.5, "well": 0.5}}
+    mute, late, odd = {"silent": 36.0, "well": 4.0}, {"head": 20.0, "well": 20.0}, {"cut": 40.0}
+    assert typical(shares, "mute", mute) > 0 > typical(shares, "mute", late)
+    assert typical(shares, "late", late) > 0 > typical(shares, "late", mute)
+    assert all(typical(shares, cause, odd) < 0 for cause in shares)
 
 
 _UNSAFE = re.compile(r"(?i)^(write|switch|stop|broadcast|restart)\b")

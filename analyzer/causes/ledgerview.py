@@ -55,6 +55,7 @@ class LedgerView:
 
     ledger: Ledger
     moves: dict[int, Move]
+    went_on: dict[int, float]
     _garbage: dict[int, list[Signature]]
     _trailed: dict[int, list[Signature]]
     _contrasts: dict[tuple[Symptom, int], list[Contrast]]
@@ -63,7 +64,7 @@ class LedgerView:
 
     def __init__(self, ledger: Ledger) -> None:
         self.ledger = ledger
-        self.moves = {}  # by unit, once somebody asks (`analyzer.causes.taken`)
+        self.moves, self.went_on = {}, {}  # by unit, once somebody asks (`analyzer.causes.taken`)
         self._garbage, self._trailed, self._contrasts = {}, {}, {}
         self._rows, self._surely_silent = {}, {}
 

@@ -10,13 +10,17 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
+import numpy as np
+
 from ..languages import left_sentence
 from .bits import surplus_bits
 from .contrasts import HITS_OF, NO_CONTRAST, Contrast, Family
 from .evidence import HEALTHY, Evidence
 from .exchanges import Ending
 from .registry import Symptom
-from .suspects.refusals import areas_of
+from .samples import READ_REQUEST
+from .suspects.refusals import WRITES, areas_of
+from .suspects.silence import scanned
 from .unitledger import UnitLedger
 
 _LEAST: Final = 4  # exchanges
@@ -26,10 +30,12 @@ _BACKGROUND: Final = {Symptom.SILENCE: 0.01, Symptom.DAMAGE: HEALTHY, Symptom.RE
 _TOLD_BITS: Final = 6.0  # of a contrast that is told
 _OF_REQUEST: Final = frozenset((1, 2, 3))
 _ALWAYS: Final = 0.9
+_BY_HAND_NS: Final = 3e9  # from one to the next: nobody enters values sooner, again and again
 _USUAL: Final = 0.25  # of the pauses behind good answers
 _SOONEST: Final = 0.1
 _MOST_AGAIN: Final = 0.6  # of them: a list of one request repeats it all the time
 _FAR_LONGER: Final = 3.0
+_IN_STEP: Final = 0.1
 _NOISE: Final = 0.02  # of the bytes
 _NOISE_BYTES: Final = 40
 _SYMPTOMS: Final = {
@@ -79,7 +85,9 @@ class Left:
 
 def left_over(evidence: Evidence) -> list[Left]:
     """What is left of the evidence, most exchanges first."""
-    found = [left for unit in evidence.units for left in (*_of_unit(evidence, unit), *_unheeded(evidence, unit))]
+    looked_for = scanned(evidence)
+    units = [unit for unit in evidence.units if unit.unit not in looked_for]
+    found = [left for unit in units for left in (*_of_unit(evidence, unit), *_unheeded(evidence, unit))]
     return sorted([*found, *_of_bus(evidence)], key=lambda left: -left.exchanges)
 
 
@@ -107,6 +115,10 @@ def _unheeded(evidence: Evidence, unit: UnitLedger) -> Iterator[Left]:
     off = evidence.verdict.wait_ns
     if waited <= _FAR_LONGER * usual + off or any(number == unit.unit for _, number in evidence.explained):
         return
+    turn = (unit.redundant_turns.quantile(0.5) or 0.0) + READ_REQUEST * evidence.ledger.char_ns
+    polls = [poll for poll in evidence.polls_of(unit.unit) if poll.repeats and len(poll.intervals)]
+    if any(abs(float(np.median(poll.intervals)) - turn) <= _IN_STEP * turn + off for poll in polls):
+        return  # they come by timers of their own
     numbers = {"exchanges": again, "asked": answered}
     yield Left(unit.unit, again, _said(Symptom.REQUESTS.value, numbers))
 
@@ -126,7 +138,7 @@ def _counts(evidence: Evidence, unit: UnitLedger) -> Mapping[Symptom, tuple[int,
 
 def _is_fact(evidence: Evidence, unit: UnitLedger, symptom: Symptom, best: Contrast) -> bool:
     """Whether that is how some device works: it refuses one request now and then, an empty log or a value beyond its
-    limits, and answers all others."""
+    limits that somebody enters, and answers all others."""
     if symptom is not Symptom.REFUSAL:
         return False
     refused = [poll for poll in evidence.polls_of(unit.unit) if poll.exceptions.total()]
@@ -134,6 +146,9 @@ def _is_fact(evidence: Evidence, unit: UnitLedger, symptom: Symptom, best: Contr
     refused_of = {code for poll in refused for code in poll.exceptions}
     if refused_of & _OF_REQUEST and any(poll.count(Ending.EXCEPTION) >= _ALWAYS * poll.asked for poll in refused):
         return False  # what is never answered is asked in vain
+    times = sum(poll.count(Ending.EXCEPTION) for poll in refused)
+    if all(poll.function in WRITES for poll in refused) and 0 < evidence.ledger.span_ns < _BY_HAND_NS * times:
+        return False  # a program's doing
     one = best.family in (Family.ASKED, Family.NOTHING) and len({(p.function, p.address) for p in refused}) == 1
     return one and any(poll.count(Ending.OK) for poll in (*others, *refused))
 

@@ -85,12 +85,17 @@ def story_of(ledger: Ledger, among: Sequence[Suspect] | None = None) -> Story:
     if ledger.verdict.foreign:  # nothing is told of frames where none is, but of what spoils all of them
         among = [each for each in (suspects() if among is None else among) if each.cause in _OF_NO_FRAME]
         return Story([claim.cause for claim in claims_of(evidence, among)], [])
-    claims = claims_of(evidence, among)
-    return Story([claim.cause for claim in claims], left_over(evidence.without(_taken(claims))))
+    claims, left = _told(evidence, among)
+    return Story([claim.cause for claim in claims], left)
 
 
 def claims_of(evidence: Evidence, among: Sequence[Suspect] | None = None) -> list[CauseClaim]:
-    """The best suspicions, one after the other, each with what its certainty goes by."""
+    """The best suspicions, each with what its certainty goes by."""
+    return _told(evidence, among)[0]
+
+
+def _told(evidence: Evidence, among: Sequence[Suspect] | None) -> tuple[list[CauseClaim], list[Left]]:
+    """The best suspicions, one after the other, and what none of them takes."""
     found, least, left = list[_PickedCause](), THRESHOLD, evidence
     for _ in range(_CAUSES_MOST):
         weighed = weigh(left, among)
@@ -102,8 +107,11 @@ def claims_of(evidence: Evidence, among: Sequence[Suspect] | None = None) -> lis
         takes = struck(left, best.suspect.foretold, best.suspicion) - left.explained
         found.append(_PickedCause(best, rivals[0] if rivals else None, left, takes))
         left = left.without(takes)
-    claims = [_claim(each, evidence.without(_taken(other for other in found if other is not each))) for each in found]
-    return sorted(claims, key=lambda claim: -claim.cause.bits)
+    rest = left_over(left)
+    exchanges = sum(each.exchanges for each in rest if each.unit is not None)
+    but_for_others = [evidence.without(_taken(other for other in found if other is not each)) for each in found]
+    claims = [_claim(each, but, exchanges) for each, but in zip(found, but_for_others, strict=True)]
+    return sorted(claims, key=lambda claim: -claim.cause.bits), rest
 
 
 class _PickedCause(NamedTuple):
@@ -115,11 +123,11 @@ class _PickedCause(NamedTuple):
     struck: Explained
 
 
-def _taken(found: Iterable[_PickedCause | CauseClaim]) -> Explained:
+def _taken(found: Iterable[_PickedCause]) -> Explained:
     return frozenset[tuple[Symptom, int | None]]().union(*(each.struck for each in found))
 
 
-def _claim(taken: _PickedCause, but_for_others: Evidence) -> CauseClaim:
+def _claim(taken: _PickedCause, but_for_others: Evidence, left: int) -> CauseClaim:
     best, rival, evidence, _ = taken
     suspect, found, ledger = best.suspect, best.suspicion, evidence.ledger
     timed = ledger.timed
@@ -128,6 +136,7 @@ def _claim(taken: _PickedCause, but_for_others: Evidence) -> CauseClaim:
         found,
         suspect.foretold,
         rival_bits=rival.suspicion.bits if rival is not None else 0.0,
+        left=left,
     )
     became = outcomes(but_for_others, found)
     words = words_of(suspect, found.numbers)

@@ -57,29 +57,49 @@ def _move(evidence: Evidence, unit: int) -> Move:
     return Move(count, taken, bits)
 
 
+def share_that_went_on(evidence: Evidence, unit: int) -> float:
+    """The share of the silent requests to a unit behind which the client went on as soon as behind good answers: it got
+    an answer, and the tap did not. 0 where that is not known."""
+    if unit not in evidence.went_on:
+        rows = evidence.rows(unit)
+        silent = rows[rows.outcome == Ending.SILENT]
+        usual, told = _as_behind_good(evidence, rows, silent)
+        went_on = int(np.count_nonzero(usual & told & ~silent.next_same))
+        evidence.went_on[unit] = went_on / max(int(np.count_nonzero(told)), 1)
+    return evidence.went_on[unit]
+
+
 def _usual(evidence: Evidence, rows: AskedRows, damaged: AskedRows) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Of each damaged answer: whether the wait for the next request is as behind good ones to the same, and whether that
-    is known."""
-    usual, told = np.zeros(len(damaged), np.bool_), np.zeros(len(damaged), np.bool_)
+    is known: not where the client rests as long behind answers as its timer waits in vain."""
+    usual, told = _as_behind_good(evidence, rows, damaged)
+    good = rows[(rows.outcome == Ending.OK) & (rows.wait >= 0)]
+    in_vain = rows.wait[(rows.outcome == Ending.SILENT) & (rows.wait >= 0)]
+    usual_vain = float(np.median(in_vain)) if len(in_vain) >= _KNOWN and len(good) else float("inf")
+    by_timer = np.isfinite(usual_vain) and strays(in_vain) < _TIMER * usual_vain
+    if by_timer and float(np.quantile(good.wait, _RANGE[1])) + evidence.verdict.wait_ns > usual_vain:
+        told[:] = False
+    return usual, told
+
+
+def _as_behind_good(evidence: Evidence, rows: AskedRows, bad: AskedRows) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Of each of these: whether the wait for the next request is as behind good answers to the same, and whether enough
+    of those are known."""
+    usual, told = np.zeros(len(bad), np.bool_), np.zeros(len(bad), np.bool_)
     off = evidence.verdict.wait_ns if evidence.ledger.timed else float("inf")
     if not np.isfinite(off):
         return usual, told
     good = rows[(rows.outcome == Ending.OK) & (rows.wait >= 0)]
-    for due in np.unique(damaged.due).tolist():
+    for due in np.unique(bad.due).tolist():
         waits = good.wait[good.due == due]
-        mine = (damaged.due == due) & (damaged.wait >= 0)
+        mine = (bad.due == due) & (bad.wait >= 0)
         if len(waits) < _WELL or not mine.any():
             continue
         low, high = np.quantile(waits, _RANGE)
         if off > max(high, _TIMEOUT_NS):
             continue  # the tap may be wrong by more than what sets them apart
-        usual |= mine & (damaged.wait >= low - _SLACK_NS) & (damaged.wait <= high + _SLACK_NS)
+        usual |= mine & (bad.wait >= low - _SLACK_NS) & (bad.wait <= high + _SLACK_NS)
         told |= mine
-    in_vain = rows.wait[(rows.outcome == Ending.SILENT) & (rows.wait >= 0)]
-    usual_vain = float(np.median(in_vain)) if len(in_vain) >= _KNOWN and len(good) else float("inf")
-    by_timer = np.isfinite(usual_vain) and strays(in_vain) < _TIMER * usual_vain
-    if by_timer and float(np.quantile(good.wait, _RANGE[1])) + off > usual_vain:
-        told[:] = False  # a client that rests as long behind answers as its timer waits in vain shows nothing
     return usual, told
 
 

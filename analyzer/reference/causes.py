@@ -25,9 +25,9 @@ what was counted.
 
 Certainty is *certain* from 0.9 on, where a report gives the figure, *most likely* from 0.7 on, *perhaps* below. It is
 fitted on simulated buses, of which each fifth of the causes was hidden in turn, and on faults for which this page has
-no name. It depends on how closely the outcomes match those of the cause elsewhere, on the next best cause,
-and on what the cause leaves unexplained. Results on buses, and on faults without a name, that nothing was
-fitted to:
+no name. It depends on how closely the outcomes match those of the cause elsewhere, on the next best cause, on what the
+cause leaves unexplained, and on how many exchanges no cause explains. Results on buses, and on faults without a name,
+that nothing was fitted to:
 
 {calibration}
 Exchanges that went wrong and that no cause takes are listed as *not explained* (`not_explained` in JSON: unit,

@@ -20,7 +20,7 @@ _BACKGROUND: Final = 0.02  # of requests that a healthy unit refuses,
 _BUSY_BACKGROUND: Final = 0.004  # and of those for which it has no time: hardly any
 _ALWAYS: Final = 0.9
 _AREAS: Final = 4  # that are named
-_WRITES: Final = (5, 6, 15, 16, 22, 23)
+WRITES: Final = (5, 6, 15, 16, 22, 23)
 _READ_BY: Final = {5: (1,), 15: (1,), 6: (3, 4), 16: (3, 4), 22: (3,), 23: (3,)}
 _ILLEGAL_ADDRESS: Final = 2
 _ILLEGAL: Final = (2, 3)  # address, quantity
@@ -165,7 +165,7 @@ _TEST: Final = "Read the registers of unit {unit} one by one around {areas}: it 
 def off_by_one(evidence: Evidence) -> Iterator[Suspicion]:
     """Reads that reach one register too far."""
     for unit in evidence.units:
-        refused = [p for p in _refused(evidence, unit.unit, (_ILLEGAL_ADDRESS,)) if p.function not in _WRITES]
+        refused = [p for p in _refused(evidence, unit.unit, (_ILLEGAL_ADDRESS,)) if p.function not in WRITES]
         if refused and all(_beside(poll, _well(evidence, unit.unit, (poll.function,))) for poll in refused):
             yield _suspicion(evidence, unit.unit, refused, 1.1)
 
@@ -186,7 +186,7 @@ def off_by_one(evidence: Evidence) -> Iterator[Suspicion]:
 def missing_registers(evidence: Evidence) -> Iterator[Suspicion]:
     """Reads that are always refused."""
     for unit in evidence.units:
-        refused = [p for p in _refused(evidence, unit.unit, _ILLEGAL) if p.function not in _WRITES]
+        refused = [p for p in _refused(evidence, unit.unit, _ILLEGAL) if p.function not in WRITES]
         if refused:
             yield _suspicion(evidence, unit.unit, refused, 1.0)
 
@@ -213,7 +213,7 @@ def read_only(evidence: Evidence) -> Iterator[Suspicion]:
 
 def _writes(evidence: Evidence, unit: int) -> list[Poll]:
     """Refused writes of addresses that read well; one poll an address, whatever the values."""
-    refused = [poll for poll in _refused(evidence, unit, _REFUSES) if poll.function in _WRITES]
+    refused = [poll for poll in _refused(evidence, unit, _REFUSES) if poll.function in WRITES]
     return [
         poll
         for poll in refused

@@ -51,12 +51,12 @@ _DENSE: Final = 0.8  # of all numbers from the first to the last
 
 def _never(evidence: Evidence) -> list[UnitLedger]:
     """Units of which nothing was ever heard, those apart that somebody looked for once."""
-    scanned = _scanned(evidence)
+    looked_for = scanned(evidence)
     found = [
         unit
         for unit in evidence.units
         if _surely_in_vain(evidence, unit) >= _LEAST_OF_SEVERAL
-        and unit.unit not in scanned
+        and unit.unit not in looked_for
         and (not unit.answered + unit.strays + unit.late or only_repeats(evidence, unit))
         and _answering(evidence, unit) <= max(_STRAYS, evidence.elsewhere(unit)) * unit.asked
     ]
@@ -93,7 +93,7 @@ def _answering(evidence: Evidence, unit: UnitLedger) -> float:
     return unit.count(Ending.GARBAGE) * (len(own) / len(every) if every else 1)
 
 
-def _scanned(evidence: Evidence) -> frozenset[int]:
+def scanned(evidence: Evidence) -> frozenset[int]:
     """Units that were asked once or twice, one behind the other in the order of their numbers: a search for those that
     are there, not a list of those that should be."""
     ledger = evidence.ledger

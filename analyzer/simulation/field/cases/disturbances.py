@@ -73,6 +73,14 @@ def _spikes(random: Random, bench: Bench, times: list[float]) -> None:
     bench.pulses([Pulse(t, t + width * random.uniform(0.7, 1.3), "flip") for t in times])
 
 
+@field_case("interference", TIMED)
+def interference(random: Random, tap: str) -> Site:
+    """Spikes at any time, few or many, on whatever is on the line."""
+    bench = site(random, tap, seconds=(60, 300), bauds=(2400, 4800, 9600, 9600, 19200))
+    _spikes(random, bench, _poisson(random, 0.0, bench.duration_ns, random.choice((1.0, 3.0, 10.0))))
+    return bench, Expected("interference")
+
+
 @field_case("emi-mains", BYTES)
 def emi_mains(random: Random, tap: str) -> Site:
     """Spikes in step with the mains."""
