@@ -129,7 +129,7 @@ def test_the_pages_are_made_in_both_languages(tmp_path: Path, capsys: pytest.Cap
     assert "## the poll round" in page and "f32 ABCD" in page and r"a\|b.jsonl" in page
     assert ran(capsys, "document", str(path), "--lang", "ru", "--html", str(out)).status == 0
     text = out.read_text(encoding="utf-8")
-    assert "круг опроса" in text and "ACME" in text and "<script" not in text
+    assert "цикл опроса" in text and "ACME" in text and "<script" not in text
 
 
 def _sequence(polls: list[int]) -> PollSequence:
