@@ -121,7 +121,7 @@ class Schema:
         return kind
 
     def _tags(self, hint: Any, kind: StateKind) -> Iterable[tuple[str, tuple[Any, ...]]]:
-        hint = type(None) if hint is None else hint
+        hint = type(None) if hint is None else _written_out(hint)
         origin, arguments = typing.get_origin(hint), typing.get_args(hint)
         if hint in _SCALARS or hint in _OCTETS:
             return [(tag, ()) for tag in _SCALARS.get(hint, (_OCTETS.get(hint, ""),))]
@@ -193,3 +193,12 @@ def _as_they_come(classes: Mapping[str, StateClass]) -> Iterator[StateClass]:
     while done < len(classes):
         yield list(classes.values())[done]
         done += 1
+
+
+def _written_out(hint: Any) -> Any:
+    """What an alias of a type statement stands for: numpy's `NDArray` is one from Python 3.12 on."""
+    origin = typing.get_origin(hint) or hint
+    if not hasattr(origin, "__value__"):
+        return hint
+    arguments = typing.get_args(hint)
+    return origin.__value__[arguments] if arguments else origin.__value__
