@@ -226,6 +226,7 @@ _SHORTEST: Final = 3  # a byte less than a frame has
 _LONGEST: Final = 260
 _DIAGNOSTICS, _DIAGNOSTICS_ADU, _LAST_DIAGNOSTIC = 8, 8, 0x14  # a function, bytes, a subfunction
 _FEW, _SEVERAL = 2, 3  # frames that tell a session
+_ECHOED: Final = 8  # one frame in so many repeats the head of the one before
 _CHANNEL: Final = 11  # bytes that open a session, of a Mercury 230 and of a Milur
 
 
@@ -278,18 +279,47 @@ class MeterTalk:
         return name, at
 
 
+class FunctionEchoes:
+    """Whether answers repeat the unit and the function of the frame before them, as Modbus has it and a meter with its
+    CRC hardly does that nobody has described."""
+
+    _asked: bytes
+    _frames: int
+    _echoes: int
+
+    def __init__(self) -> None:
+        self._asked = b""
+        self._frames = self._echoes = 0
+
+    def heard(self, adu: bytes) -> None:
+        """The next frame. One that is sent once more is no answer."""
+        asked, head = self._asked, bytes((adu[0], adu[1] & ~EXCEPTION))
+        answers = asked[:2] == head and asked[2:] != adu[2:]
+        self._asked = b"" if answers else head + adu[2:]
+        self._echoes += answers
+        self._frames += 1
+
+    @property
+    def are_many(self) -> bool:
+        """Half of the frames are broadcasts, perhaps, or answers did not come."""
+        return _ECHOED * self._echoes >= self._frames > 0
+
+
 def checked_frames(data: bytes) -> list[bytes]:
     """The frames with a right CRC of Modbus, of whatever length, that are all of these bytes; none where some are left.
 
     The shortest each: one that ends sooner by chance is one in 65,536.
     """
-    frames, at = [], 0
+    frames, at = list[bytes](), 0
     while at < min(len(data), _MOST):
         size = _checked(data, at)
-        if not size:
+        if not size and (data[at] or not frames):
             return []
-        frames.append(data[at : at + size])
-        at += size
+        if size:
+            frames.append(data[at : at + size])
+        else:  # of a check value whose last byte is 0 the byte before was right already
+            frames[-1] += data[at : at + 1]
+        at += max(size, 1)
     return frames
 
 
@@ -306,15 +336,18 @@ def is_legal(adu: bytes) -> bool:
 def session_of(frames: Sequence[bytes]) -> str:
     """The other protocol with the CRC of Modbus that these frames are of, each with a right CRC; nothing where most are
     of Modbus, or too few of anything."""
-    talk, names = MeterTalk(), Counter[str]()
+    talk, names, echoes = MeterTalk(), Counter[str](), FunctionEchoes()
     for adu in frames:
         free = adu[1] & ~EXCEPTION in USER_DEFINED
         name = "" if is_legal(adu) and not free else talk.name(adu, undeclared=is_undeclared(adu[1]))
         if name or not is_legal(adu):
             names[name or SAME_CRC] += 1
+            echoes.heard(adu)
     known = names.total() - names[SAME_CRC]
     legal = len(frames) - names.total()
     if names.total() < (_FEW if known else _SEVERAL) or names.total() <= 2 * legal:
+        return ""
+    if not known and echoes.are_many:
         return ""
     return (
         max(names, key=lambda name: (names[name], name))

@@ -266,7 +266,8 @@ def test_what_a_batch_came_to_is_told_in_russian(capsys: pytest.CaptureFixture[s
     tell_result(BatchResult(packed=LakePacking(12, 2)))
     said = capsys.readouterr().out.splitlines()
     assert (
-        said[0] == "принято: 3 записи, 2 линии, из них повреждённых: 2, уже были: 1; 1 200 кадров, с линии 9,6 МБ за 0,5 с"
+        said[0]
+        == "принято: 3 записи, 2 линии, из них повреждённых: 2, уже были: 1; 1 200 кадров, с линии 9,6 МБ за 0,5 с"
     )
     assert said[2] == "малых файлов хранилища было 12, стало 2"
 

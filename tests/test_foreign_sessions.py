@@ -80,6 +80,21 @@ def test_a_line_whose_lrc_is_right_by_chance_is_no_ascii_mode() -> None:
     assert not list(paste.read("\n".join(line.hex(" ") for line in lines)).frames())
 
 
+@pytest.mark.parametrize("function", [0x29, 0x50])
+def test_functions_that_nobody_declared_are_modbus_where_answers_repeat_them(function: int) -> None:
+    """A vendor's own, with a few reads between; a meter's answer has data where Modbus repeats the function."""
+    random, vendor, meter = Random(3), list[bytes](), list[bytes]()
+    for number in range(30):
+        asked = crc(bytes((7, function)), random.randbytes(3))
+        vendor += [asked, crc(bytes((7, function)), random.randbytes(9))]
+        meter += [asked, crc(b"\7\xe1", random.randbytes(9))]
+        vendor += [] if number % 8 else [crc(b"\x11\3\0\0\0\2"), crc(b"\x11\3\4", random.randbytes(4))]
+    assert not summarize(heard(vendor)).not_modbus and summarize(heard(vendor)).frames == len(vendor)
+    assert summarize(heard(meter)).not_modbus
+    assert "not Modbus" not in paste.read("\n".join(octets.hex(" ") for octets in vendor)).why
+    assert "not Modbus" in paste.read("\n".join(octets.hex(" ") for octets in meter)).why
+
+
 @pytest.mark.parametrize("mark", [b":", b">"])
 def test_ascii_mode_is_known_by_either_mark(mark: bytes) -> None:
     asked = [b":0A03000C0001E6\r\n", b":0A03020001F0\r\n"] * 6

@@ -6,7 +6,7 @@ What a row is hangs on it and on the rows before it on its port, never on how th
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -16,6 +16,7 @@ from dissectors.foreign import (
     LOOSE,
     NAMES,
     SAME_CRC,
+    FunctionEchoes,
     MeterTalk,
     checked_frames,
     foreign_bytes,
@@ -62,6 +63,7 @@ class ForeignTalk:
     _framed: Counter[int]
     _named: dict[int, str]
     _kin: dict[tuple[int, int, int], set[bytes]]
+    _echoes: dict[int, FunctionEchoes]
     _odd: Counter[int]
     _odd_octets: Counter[int]
     _loose: Counter[int]
@@ -74,6 +76,7 @@ class ForeignTalk:
         self._framed = Counter[int]()  # and those in frames of whatever function
         self._named = {}  # the protocol that noise of a port was last
         self._kin = {}  # right frames that may be chance, by port, unit and function
+        self._echoes = {}  # of odd frames, by port
         self._odd = Counter[int]()  # frames with its CRC that are none,
         self._odd_octets = Counter[int]()
         self._loose = Counter[int]()  # and noise that may be a protocol of which a few frames are chance
@@ -153,11 +156,12 @@ class ForeignTalk:
             return _NUMBER[name]
         talk = self._talks.setdefault(port, MeterTalk())
         frames = checked_frames(octets)
-        names = [talk.name(adu, undeclared=is_undeclared(adu[1])) for adu in frames if not is_legal(adu)]
+        odd = [adu for adu in frames if not is_legal(adu)]
+        names = [talk.name(adu, undeclared=is_undeclared(adu[1])) for adu in odd]
         if not names:
             name, covered = talk.in_noise(octets)
             return _NUMBER[name] if covered >= _PART * len(octets) else 0
-        return _NUMBER[max(names)] if max(names) else _NUMBER[self._of_nobody(port, len(names), len(octets), so_far)]
+        return _NUMBER[max(names)] if max(names) else _NUMBER[self._of_nobody(port, odd, so_far)]
 
     def _is_believed(self, name: str, port: int, so_far: TrafficSoFar) -> bool:
         """Whether such noise is that protocol: bytes of registers make messages of MIDI, too."""
@@ -169,14 +173,17 @@ class ForeignTalk:
     def _of_meter(self, adu: bytes, port: int, so_far: TrafficSoFar) -> str:
         talk = self._talks.setdefault(port, MeterTalk())
         name = talk.name(adu, undeclared=is_undeclared(adu[1]))
-        return name or ("" if is_legal(adu) else self._of_nobody(port, 1, len(adu), so_far))
+        return name or ("" if is_legal(adu) else self._of_nobody(port, [adu], so_far))
 
-    def _of_nobody(self, port: int, count: int, octets: int, so_far: TrafficSoFar) -> str:
+    def _of_nobody(self, port: int, frames: Sequence[bytes], so_far: TrafficSoFar) -> str:
         """What frames are that have the CRC of Modbus and nothing else of it: another protocol where most are so, and
         the port speaks little else; among many bytes of anything a few are chance."""
-        self._odd[port] += count
-        self._odd_octets[port] += octets
-        many = self._odd[port] >= max(_MANY, _TIMES * so_far.legal)
+        echoes = self._echoes.setdefault(port, FunctionEchoes())
+        for adu in frames:
+            echoes.heard(adu)
+        self._odd[port] += len(frames)
+        self._odd_octets[port] += sum(map(len, frames))
+        many = self._odd[port] >= max(_MANY, _TIMES * so_far.legal) and not echoes.are_many
         return SAME_CRC if many and self._odd_octets[port] >= _PART * so_far.octets else ""
 
 

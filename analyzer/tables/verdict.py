@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dissectors.declaration import USER_DEFINED
-from dissectors.foreign import MERCURY_200, NAMES, SAME_CRC
+from dissectors.foreign import MERCURY_200, NAMES
 from dissectors.length_rules import Role
 from dissectors.lengths import revision, rule
 
@@ -58,14 +58,14 @@ class ModbusVerdict:
     @property
     def foreign(self) -> str:
         """The other protocol, where this is no Modbus; nothing where it is, or where nobody knows."""
-        same, others = int(self._foreign[_SAME:].sum()) + self._odd, int(self._foreign[1:_SAME].sum())
+        same, others = int(self._foreign[_SAME:].sum()), int(self._foreign[1:_SAME].sum())
+        same += self._odd if same else 0  # without, the deframer took them for a vendor's own
         least = max(_LEAST, _SHARE * self._bytes)
         if others >= least and self._frames <= 1 + self._bytes // _CHANCE:
             return NAMES[1 + int(self._foreign[1:_SAME].argmax())]
         if same < max(least, _TIMES * self._legal):
             return ""
-        named = self._foreign[_SAME:]
-        return NAMES[_SAME + int(named.argmax())] if named.any() else SAME_CRC
+        return NAMES[_SAME + int(self._foreign[_SAME:].argmax())]
 
 
 def _functions(codes: Iterable[int]) -> NDArray[np.bool_]:
