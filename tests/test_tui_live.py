@@ -6,6 +6,7 @@ import asyncio
 import os
 import re
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -36,6 +37,7 @@ class Quiet(LiveSource):
         self.name, self.recording = "/dev/ttyUSB0", recording
         self._notices, self._missed, self._gone = [], 0, set()
         self._status = LineStatus(self.line)
+        self._fired = deque()
 
     line = LineSettings(baud=19200, char_bits=10)
     over = False
