@@ -197,8 +197,5 @@ def _as_they_come(classes: Mapping[str, StateClass]) -> Iterator[StateClass]:
 
 def _written_out(hint: Any) -> Any:
     """What an alias of a type statement stands for: numpy's `NDArray` is one from Python 3.12 on."""
-    origin = typing.get_origin(hint) or hint
-    if not hasattr(origin, "__value__"):
-        return hint
-    arguments = typing.get_args(hint)
-    return origin.__value__[arguments] if arguments else origin.__value__
+    alias = typing.get_origin(hint)
+    return alias.__value__[typing.get_args(hint)] if hasattr(alias, "__value__") else hint
