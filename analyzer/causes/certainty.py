@@ -3,8 +3,9 @@
 Bits settle which of two causes it is; they do not settle whether it is one that nobody thought of, and more of the same
 data never does. So certainty is fitted: by the margin over the next best cause, by how like the outcomes of the exchanges
 that it claims are to those where it is so, by what the symptoms hang on that the cause says nothing of, by how much no
-cause at all explains, and by how often the cause was named where its bus had another fault. The weights stand in `certainty.json`, which `benchmarks/fit_certainty.py` makes; docs/causes.md has what
-came of it on seeds that were held out.
+cause at all explains, and by how often the cause was named where its bus had another fault. The weights stand in
+`certainty.json`, which `benchmarks/fit_certainty.py` makes; docs/causes.md has what came of it on seeds that were held
+out.
 """
 
 from __future__ import annotations
