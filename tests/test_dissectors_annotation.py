@@ -92,7 +92,7 @@ def test_any_bytes_give_a_tree_that_tiles_them(pdu: bytes, role: Role, request: 
         ("01 2B 0E 01 00", REQUEST, "", "read device identification: basic, stream, from VendorName"),
         ("01 41 0102", REQUEST, "", "user-defined function 65, 2 bytes of data"),
         ("01 5A 01", REQUEST, "", "reserved function 90, 1 byte of data"),
-        ("01 03 006B", REQUEST, "", "Read Holding Registers request: 2 bytes are due, 0 are there"),
+        ("01 03 006B", REQUEST, "", "Read Holding Registers request: 2 bytes expected, 0 found"),
     ],
 )
 def test_in_one_line(text: str, role: Role, request_text: str, line: str) -> None:
@@ -141,9 +141,9 @@ def test_unused_bits_must_be_zero() -> None:
         ("11 05 0000 0001", REQUEST, "output_value", "0001 should be FF00 or 0000"),
         ("11 10 0000 0002 06 000000000000", REQUEST, "byte_count", "the quantity, 2, takes 4 bytes, not 6"),
         ("11 03 03 000102", RESPONSE, "byte_count", "3 is no multiple of 2"),
-        ("11 03 06 00010002", RESPONSE, "registers", "6 bytes are due, 4 are there"),
+        ("11 03 06 00010002", RESPONSE, "registers", "6 bytes expected, 4 found"),
         ("11 03 02 00010002", RESPONSE, "surplus", "2 bytes more than the frame's fields take"),
-        ("11 03 00", REQUEST, "starting_address", "2 bytes are due, 1 is there"),
+        ("11 03 00", REQUEST, "starting_address", "2 bytes expected, 1 found"),
         ("11 83", REQUEST, "function", "function codes of requests are 1 to 127"),
         ("11 00 01", REQUEST, "function", "function codes are 1 to 127"),
         ("F8 03 0000 0001", REQUEST, "unit", "units 248 to 255 are reserved"),
@@ -179,7 +179,7 @@ def test_the_request_of_another_function_says_nothing() -> None:
 def test_a_wrong_check_value_says_what_is_right() -> None:
     (*_, crc) = annotate(rtu(bytes.fromhex("1103006B00037688")), REQUEST)
     assert (crc.name, crc.value, crc.problem) == ("crc", 0x8876, "76 87 is right")
-    assert crc.text == "wrong: 76 87 is right, 76 88 is there"
+    assert crc.text == "wrong: 76 88, should be 76 87"
     (*_, lrc) = annotate(ascii_adu(bytes.fromhex("0A03000C0001E7")), REQUEST)
     assert (lrc.name, lrc.problem) == ("lrc", "E6 is right")
 
@@ -187,7 +187,7 @@ def test_a_wrong_check_value_says_what_is_right() -> None:
 def test_a_frame_too_short_for_a_check_value() -> None:
     fields = annotate(rtu(bytes.fromhex("1103")), REQUEST)
     assert [(field.name, field.length) for field in fields] == [("unit", 1), ("function", 1), ("crc", 0)]
-    assert fields[1].problem == "after this, 2 bytes are due, 0 are there"
+    assert fields[1].problem == "after this, 2 bytes expected, 0 found"
     assert fields[-1].problem == "2 bytes can't hold a frame"
     assert annotate(rtu(b""), REQUEST) == ()
 

@@ -103,7 +103,7 @@ def test_what_declarations_say_is_in_the_catalogue() -> None:
 def test_json_and_python_stay_english() -> None:
     line = next(paste.read("11 03 00 6B 00 03 76 88").to_json())
     assert [field["name"] for field in line["fields"]] == ["unit", "function", "starting_address", "quantity", "crc"]
-    assert line["fields"][-1]["text"] == "wrong: 76 87 is right, 76 88 is there"
+    assert line["fields"][-1]["text"] == "wrong: 76 88, should be 76 87"
     assert line["fields"][-1]["problem"] == "76 87 is right"
 
 

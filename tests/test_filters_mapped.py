@@ -131,7 +131,7 @@ def test_in_commands(bus: Path, tmp_path: Path, capsys: pytest.CaptureFixture[st
     maps = [part for text in MAPS for part in ("--map", text)]
     done = ran(capsys, "export", bus, *maps, "--filter", 'value("Voltage L1")', "-o", "-")
     assert done.status == 0 and len(done.out.splitlines()) == len(told(bus, "Voltage L1"))
-    assert "a map says so: --map" in refused(capsys, "export", bus, "--filter", "value(x) > 3", "-o", "-")
+    assert "needs a register map: --map" in refused(capsys, "export", bus, "--filter", "value(x) > 3", "-o", "-")
     rules = ["--rule", 'all where value("Voltage L1"): value("Voltage L1") in 1..1000 V']
     assert ran(capsys, "check", bus, *maps, *rules).status == 0
     assert ran(capsys, "check", bus, *maps, "--rule", 'none where value("Voltage L1") > 1 V').status == 1

@@ -62,7 +62,7 @@ def test_without_marks_a_request_that_comes_again_is_no_echo(tmp_path: Path) -> 
 def test_a_line_end_behind_frames_is_named(tmp_path: Path) -> None:
     asked = [adu(f"0903001{i}0002") + b"\r\n" for i in range(4)]
     report = reported(tmp_path, [f"TX: {each.hex(' ')}" for each in asked])
-    assert told(report) == {"noise": 4} and "line's end" in report.findings[0].text
+    assert told(report) == {"noise": 4} and "newline" in report.findings[0].text
     assert not report.causes
 
 

@@ -53,7 +53,7 @@ def test_gains_from_one_up_divide() -> None:
     table = "Register\tName\tType\tGain\tUnit\n32064\tInput power\tint32\t1000\tkW\n32085\tFrequency\tuint16\t100\tHz\n"
     (imported,) = import_maps("gains.tsv", table.encode("utf-16"))
     assert [row.scale for row in imported.chart.rows] == [0.001, 0.01]
-    assert any("divided" in note for note in imported.notes)
+    assert any("divisors" in note for note in imported.notes)
     assert [r[4] for r in rows_of(b"Register;Name;Type;Gain\n1;A;u16;0,1\n2;B;u16;10\n")] == [0.1, 10.0]
 
 

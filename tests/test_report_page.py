@@ -83,7 +83,7 @@ def test_what_the_tap_cannot_tell_is_said_and_not_shown_as_zero():
     assert "this tap's timestamps are too coarse" in page
     nothing = replace(REPORT, load=Load())
     for report, needed in (
-        (nothing, "frames over some time"),
+        (nothing, "a longer capture"),
         (replace(nothing, baud=None), "the line's speed (--baud)"),
         (replace(nothing, char_bits=None), "the character length (--parity, --stop)"),
     ):
