@@ -34,7 +34,7 @@ def test_the_same_capture_is_in_nothing_otherwise() -> None:
 
 def test_a_value_has_moved_where_all_of_it_lies_elsewhere() -> None:
     told = _changes(moving([100, 101, 102]), moving([5, 6, 7]))
-    assert told == [("moved", "value", "unit 1, 40002: 7 then, 102 now")]
+    assert told == [("moved", "value", "unit 1, 40002: was 7, now 102")]
     assert _changes(moving([6, 7, 101]), moving([5, 6, 7])) == [], "what varies is no news"
 
 
