@@ -27,6 +27,7 @@ class TerminalText(str):
         return self
 
 
+READABLE: Final = 120  # columns of a line that one still reads
 ERASE_LINE: Final = TerminalText("\r\x1b[K")
 
 

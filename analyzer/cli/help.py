@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 from ..languages import in_use
 from ..meant import did_you_mean
-from ..terminal_text import trusted
+from ..terminal_text import READABLE, trusted
 from .app import main
 from .commands import COMMANDS, DONE, UsageError, pages
 from .terminal import coloured, places
@@ -38,7 +38,6 @@ _ALIASES: Final = {
     "termination": "line",
     "commands": "recipes",
 }  # words by which pages are asked for
-_WIDEST: Final = 120  # columns, of prose that one still reads
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -86,7 +85,7 @@ def rendered(markdown: str, columns: int, *, colour: bool) -> str:
             token.children = list(_without_files(token.children))
     shown = StringIO()
     console = Console(
-        file=shown, width=min(columns, _WIDEST), force_terminal=colour, color_system="standard" if colour else None
+        file=shown, width=min(columns, READABLE), force_terminal=colour, color_system="standard" if colour else None
     )
     console.print(page)
     return "\n".join(line.rstrip() for line in shown.getvalue().splitlines()) + "\n"

@@ -24,7 +24,7 @@ from typing import IO, TYPE_CHECKING, Any, BinaryIO, Final
 from dissectors.values import harmless
 
 from ..languages import counted, tr
-from ..terminal_text import ERASE_LINE, TerminalText, painted, terminal_text, trusted
+from ..terminal_text import ERASE_LINE, READABLE, TerminalText, painted, terminal_text, trusted
 from .commands import UsageError
 from .twins import TWINS
 
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from threading import Event
 
 _NARROWEST: Final = 40  # columns of a paragraph
-_WIDEST: Final = 120
 _VIRTUAL_TERMINAL: Final = 1 | 4  # ENABLE_PROCESSED_OUTPUT, ENABLE_VIRTUAL_TERMINAL_PROCESSING
 
 
@@ -127,7 +126,7 @@ _PAGE_STYLES = (  # of a line of a report page, by how it begins: its graphic re
 
 def page_width(usual: int) -> int:
     """Columns of a page's paragraphs: the terminal's, as far as lines stay readable; `usual` on a pipe."""
-    return min(max(shutil.get_terminal_size().columns, _NARROWEST), _WIDEST) if sys.stdout.isatty() else usual
+    return min(max(shutil.get_terminal_size().columns, _NARROWEST), READABLE) if sys.stdout.isatty() else usual
 
 
 def put_page(text: str) -> None:

@@ -1,6 +1,6 @@
 """Tables of the text page: columns as wide as what stands in them, laid out by `rich`.
 
-Where they have no room beside one another, those that tell least go first, then the column of names is cut.
+Where they have no room beside one another, those that tell least go first; names are cut before the last of these goes.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from io import StringIO
 from typing import Final, NamedTuple
 
 _GAP: Final = 2  # blanks between columns
-_SHORTEST: Final = 10  # characters of a name that is cut
+_SHORT, _SHORTEST = 24, 10  # characters of a name that is cut: rather than that a column goes, and at least
 
 
 class PageColumn(NamedTuple):
@@ -20,7 +20,7 @@ class PageColumn(NamedTuple):
     head: str
     is_words: bool = False  # set to the left; else figures, to the right
     spare: int = 0  # what there is no room for: those of the highest number go first, those of 0 stay
-    is_cut: bool = False  # the column that gives way once none is spare
+    is_cut: bool = False  # the column that gives way before the one of number 1, and once none is spare
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,11 +44,13 @@ class PageTable:
         ]
         room = width - self.indent
         shown = list(range(len(self.columns)))
-        while _taken(widths, shown) > room and (spare := max(shown, key=lambda one: self.columns[one].spare)) >= 0:
-            if not self.columns[spare].spare:
+        while (over := _taken(widths, shown) - room) > 0:
+            spare = max(shown, key=lambda one: self.columns[one].spare)
+            slack = sum(max(widths[one] - _SHORT, 0) for one in shown if self.columns[one].is_cut)
+            if over <= slack * (self.columns[spare].spare <= 1) or not self.columns[spare].spare:
                 break
             shown.remove(spare)
-        over = max(_taken(widths, shown) - room, 0)
+        over = max(over, 0)
         table = Table(box=None, pad_edge=False, padding=(0, _GAP, 0, 0), header_style="", show_edge=False)
         for number in shown:
             column, own = self.columns[number], widths[number]

@@ -17,6 +17,7 @@ from ..languages import tr
 from ..reports.model import BookmarkRow
 from ..tables.findings import NOTHING
 from ..tables.schema import Kind
+from ..terminal_text import READABLE
 from .pagefiles import PageFile, write_page
 from .view import View
 
@@ -57,9 +58,8 @@ class ReportPage(VerticalScroll):
     def text(self) -> str:
         """The page as it stands."""
         from ..reports import text
-        from ..reports.paragraphs import WIDTH
 
-        width = max(_NARROWEST, min(WIDTH, self.scrollable_content_region.width))
+        width = max(_NARROWEST, min(READABLE, self.scrollable_content_region.width))
         return "" if self.report is None else text(self.report, width)
 
     def on_resize(self) -> None:
