@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 from dissectors.values import harmless
 
-from ..languages import grouped, page_words
+from ..languages import grouped, page_words, phrase
 from ..registers.telling import place_cell
 from ..words import between, compact, decimal, duration, is_clock, time_of_day, unit_word
 from .findings import and_more
@@ -112,7 +112,8 @@ def _exceptions(report: Report) -> Iterator[str]:
     yield page_words("exceptions")
     for row in report.exceptions[:_EXCEPTIONS]:
         asked = page_words("unit {unit}, function {function:02d}", unit=row.unit, function=row.function)
-        yield f"{grouped(row.count):>9} x {asked}: {row.exception:02X} {row.name}"
+        name = phrase("{name}", name=row.name)
+        yield f"{grouped(row.count):>9} x {asked}: {row.exception:02X} {name}"
     if len(report.exceptions) > _EXCEPTIONS:
         yield f"{'':>9}   {and_more(len(report.exceptions) - _EXCEPTIONS, 'other kind', 'other kinds')}"
 
