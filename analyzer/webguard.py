@@ -49,9 +49,10 @@ def is_any(host: str) -> bool:
 
 
 def _name(host: str) -> str:
-    """The name or address in a Host header, without its port."""
+    """The name or address in a Host header, without its port; empty where a bracket is never closed."""
     if host.startswith("["):
-        return host[1:].partition("]")[0].lower()
+        address, closed, _ = host[1:].partition("]")
+        return address.lower() if closed else ""
     return host.rpartition(":")[0].lower() if host.count(":") == 1 else host.lower()
 
 

@@ -190,7 +190,8 @@ def test_without_the_token_there_is_nothing(address: str, folder: Path) -> None:
     "headers",
     [{"Origin": "http://evil.example"}, {"Origin": "null"}, {"Origin": "http://127.0.0.1:1"}, {"Host": "evil.example"},
      {"Origin": "https://{host}"}, {"Host": "evil.example", "Origin": "http://evil.example"}, {"Host": "192.0.2.1"},
-     {"Host": "127.0.0.1.evil.example"}, {"Host": "[::ffff:7f00:1"}, {"Host": "localhost.evil"}, {"Host": ""}],
+     {"Host": "127.0.0.1.evil.example"}, {"Host": "[::ffff:7f00:1"}, {"Host": "[::1"}, {"Host": "localhost.evil"},
+     {"Host": ""}],
 )  # fmt: skip
 def test_pages_and_names_of_others_are_refused(address: str, headers: dict[str, str]) -> None:
     host = address.split("/")[2]
