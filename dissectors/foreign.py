@@ -280,16 +280,16 @@ class MeterTalk:
 
 
 class FunctionEchoes:
-    """Whether answers repeat the unit and the function of the frame before them, as Modbus has it and a meter with its
-    CRC hardly does that nobody has described."""
+    """Frames, and whether answers repeat the unit and the function of the one before them, as Modbus has it and a meter
+    with its CRC hardly does that nobody has described."""
 
+    frames: int
     _asked: bytes
-    _frames: int
     _echoes: int
 
     def __init__(self) -> None:
         self._asked = b""
-        self._frames = self._echoes = 0
+        self.frames = self._echoes = 0
 
     def heard(self, adu: bytes) -> None:
         """The next frame. One that is sent once more is no answer."""
@@ -297,12 +297,12 @@ class FunctionEchoes:
         answers = asked[:2] == head and asked[2:] != adu[2:]
         self._asked = b"" if answers else head + adu[2:]
         self._echoes += answers
-        self._frames += 1
+        self.frames += 1
 
     @property
     def are_many(self) -> bool:
         """Half of the frames are broadcasts, perhaps, or answers did not come."""
-        return _ECHOED * self._echoes >= self._frames > 0
+        return _ECHOED * self._echoes >= self.frames > 0
 
 
 def checked_frames(data: bytes) -> list[bytes]:

@@ -64,7 +64,6 @@ class ForeignTalk:
     _named: dict[int, str]
     _kin: dict[tuple[int, int, int], set[bytes]]
     _echoes: dict[int, FunctionEchoes]
-    _odd: Counter[int]
     _odd_octets: Counter[int]
     _loose: Counter[int]
 
@@ -76,9 +75,8 @@ class ForeignTalk:
         self._framed = Counter[int]()  # and those in frames of whatever function
         self._named = {}  # the protocol that noise of a port was last
         self._kin = {}  # right frames that may be chance, by port, unit and function
-        self._echoes = {}  # of odd frames, by port
-        self._odd = Counter[int]()  # frames with its CRC that are none,
-        self._odd_octets = Counter[int]()
+        self._echoes = {}  # frames with its CRC that are none, by port,
+        self._odd_octets = Counter[int]()  # and their bytes,
         self._loose = Counter[int]()  # and noise that may be a protocol of which a few frames are chance
 
     def mark(self, rows: Rows, data: Bytes) -> None:
@@ -181,9 +179,8 @@ class ForeignTalk:
         echoes = self._echoes.setdefault(port, FunctionEchoes())
         for adu in frames:
             echoes.heard(adu)
-        self._odd[port] += len(frames)
         self._odd_octets[port] += sum(map(len, frames))
-        many = self._odd[port] >= max(_MANY, _TIMES * so_far.legal) and not echoes.are_many
+        many = echoes.frames >= max(_MANY, _TIMES * so_far.legal) and not echoes.are_many
         return SAME_CRC if many and self._odd_octets[port] >= _PART * so_far.octets else ""
 
 

@@ -16,6 +16,7 @@ from dissectors.envelopes import MBAP, ascii_frames, tcp_frames
 from dissectors.lengths import Role, expectation, pdu_length, plausibility, rule, sound_roles
 from dissectors.limits import CRC_SIZE, EXCEPTION, LAST_UNIT, MAX_ADU, MIN_ADU
 
+from ..deframing.weighing import tells_ascii
 from .rtu import predicted
 
 _REACH: Final = 20  # places, behind the last right frame, at which another may begin
@@ -93,7 +94,7 @@ def envelope_of(data: bytes) -> Literal["rtu", "ascii", "tcp"] | None:
     """The envelope in which these bytes have a right check value; None where there is none."""
     if any(_rtu(data)):
         return "rtu"
-    if any(adu.check_ok for adu in ascii_frames(data)):
+    if any(tells_ascii(adu, data) for adu in ascii_frames(data)):
         return "ascii"
     return "tcp" if any(_tcp(data)) else None
 
