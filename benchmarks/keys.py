@@ -10,11 +10,9 @@ would draw otherwise, and an exit status or words left behind on the terminal wh
 from __future__ import annotations
 
 import argparse
-import codecs
 import fcntl
 import os
 import random
-import select
 import shutil
 import signal
 import struct
@@ -46,27 +44,6 @@ _TRIES: Final = 2  # keys that are not answered
 _NOTICE: Final = "▌"  # at the left of each
 
 
-class Seen(Watched):
-    """Characters that come in two parts are put together."""
-
-    def __init__(self, *arguments: str, columns: int, rows: int, cwd: Path, **env: str) -> None:
-        self._decoder = codecs.getincrementaldecoder("utf-8")(errors="replace")
-        super().__init__(*arguments, columns=columns, rows=rows, cwd=cwd, **env)
-
-    def _read(self, seconds: float) -> bool:
-        if not select.select([self.fd], [], [], seconds)[0]:
-            return False
-        try:
-            data = os.read(self.fd, 1 << 16)
-        except OSError:
-            return False
-        if b"\x1b[?2026$p" in data:
-            os.write(self.fd, b"\x1b[?2026;2$y")
-        self.raw += data
-        self.picture.feed(self._decoder.decode(data))
-        return bool(data)
-
-
 class Round:
     """One stay in the interface."""
 
@@ -81,7 +58,7 @@ class Round:
         self.wrong: list[str] = []
         size = {"columns": self.columns, "rows": self.rows}
         places = {"XDG_CONFIG_HOME": str(folder), "COLUMNS": "", "LINES": ""}
-        self._terminal = Seen(*how, "--lang", language, cwd=folder, **size, **places)  # type: ignore[arg-type]
+        self._terminal = Watched(*how, "--lang", language, cwd=folder, **size, **places)  # type: ignore[arg-type]
 
     def play(self, seconds: float) -> None:
         """Type at random, then leave."""

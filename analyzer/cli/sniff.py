@@ -21,13 +21,7 @@ from .taps import (
     recorder_of,
     tap_of,
 )
-from .watching import (
-    Watch,
-    add_outlet_arguments,
-    add_view_arguments,
-    ended_from_outside,
-    outlets_of,
-)
+from .watching import Watch, add_outlet_arguments, add_view_arguments, ended_from_outside, outlets_of
 
 if TYPE_CHECKING:
     from captures.live.tapviewer import TapViewer

@@ -120,11 +120,7 @@ class Panes:
         screen.query_one("#views").display = True
         detail.set_class(False, "-zoomed")
         screen.query_one(FilterBar).display = view.filtered
-        for name in (
-            "home",
-            "paste",
-            "polls",
-        ):  # of the pane alone: a class of the screen would style every widget anew
+        for name in ("home", "paste", "polls"):  # of the pane alone: one of the screen would style every widget anew
             detail.set_class(view.name == name, f"-{name}")
 
     def step(self, step: int) -> None:
