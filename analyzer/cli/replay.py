@@ -30,7 +30,7 @@ rtuscope simulate bus.jsonl --transactions 20
 rtuscope replay bus.jsonl --speed 10
 rtuscope replay bus.jsonl --speed max --filter 'exception'"""
 
-_KEYS = "space pauses, . steps, + and - change the speed, q quits"
+_KEYS = "keys: space pauses, . steps, + and - change the speed, q quits"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -41,7 +41,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         type=_speed,
         default=1.0,
         metavar="X",
-        help="speed factor, or max (1); on a terminal, " + _KEYS,
+        help="speed factor, or max (1); on a terminal, " + _KEYS.partition(": ")[2],
     )
     port = parser.add_argument_group("to a port (this transmits), with the capture's line settings or those given")
     port.add_argument("--to", metavar="PORT", help="send the bytes to this port instead of showing them")
@@ -70,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
     watch = Watch(arguments, session, extra=lambda: _how(replay))
     with keys(lambda key: _press(replay, key)) as keyboard:
         if keyboard:
-            tell(f"keys: {_KEYS}")
+            tell(_KEYS)
         with session, ended_from_outside(session.stop, arguments.duration) as begun:
             status = watch.run(begun)
     tell_damage(arguments.capture, capture)
