@@ -201,6 +201,11 @@ def test_words_in_windows_1251_are_read_in_notes_and_marks(tmp_path: Path) -> No
     assert "привет" in capture.damage[0].what
 
 
+def test_a_word_behind_much_of_a_long_line_still_tells_its_code_page(tmp_path: Path) -> None:
+    capture = log(tmp_path, f"{'-' * 5000} Ответ\nПринято: {SPACED}\n".encode("cp866"))
+    assert [(chunk.data, chunk.mark) for chunk in capture.chunks()] == [(REQUEST, Mark.RX)]
+
+
 @pytest.mark.parametrize(
     ("page", "words", "mark"),
     [

@@ -59,8 +59,8 @@ def _not_utf8(lines: Iterable[bytes]) -> Iterator[bytes]:
     for line in lines:
         try:
             line.decode()
-        except UnicodeDecodeError:
-            yield line[:_LOOK]
+        except UnicodeDecodeError as fault:
+            yield line[max(fault.start - _LOOK, 0) : fault.start + _LOOK]
             size += len(line)
             if size > _LOOK:
                 return
