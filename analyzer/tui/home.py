@@ -381,7 +381,7 @@ def _cells(screen: BusScreen) -> list[DoorCell]:
         unit, times = home.unit.unit, home.unit.times
         cells = [DoorCell("u", tr("unit {unit}", unit=unit), f"unit == {unit}")]
         if times.p95_ns:
-            slow = f"unit == {unit} and response_time >= {times.p95_ns / 1e6:.6g}ms"
+            slow = f"unit == {unit} and response_time >= {times.p95_ns // 1000 / 1000}ms"  # never above the slowest
             cells.append(DoorCell("s", _slow(times), slow))
         return cells
     return [] if home.cause is None else cells_of_units(home.cause.units)
