@@ -355,3 +355,11 @@ def path_of(folder: Path, text: str, name: str = "table.txt") -> Path:
 def test_digits_of_another_script_are_read_as_digits(tmp_path: Path, zero: str) -> None:
     path = path_of(tmp_path, f"{zero}0 00 00 0A\n{REQUEST.hex(' ').replace('0', zero)}", "a.log")
     assert b"".join(chunk.data for chunk in captures.open(path).chunks()).endswith(REQUEST)
+
+
+def test_a_time_that_no_capture_can_hold_is_none() -> None:
+    from analyzer.paste.reading import read
+
+    rows = "".join(f"000602500000000,0x{byte:02X},,\n" for byte in bytes.fromhex("110300 6B0003 0000 0102"))
+    paste = read(f"Time [s],Value,Parity Error,Framing Error\n{rows}")
+    assert paste.pieces

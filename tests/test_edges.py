@@ -286,6 +286,14 @@ def test_voltages_of_oscilloscopes(tmp_path: Path, name: str) -> None:
     assert abs(next(capture.chunks()).t_ns - SHORT[0] - 11e9 / 19200) < 10_000
 
 
+def test_a_row_of_an_oscilloscope_that_is_broken_costs_no_other(tmp_path: Path) -> None:
+    lines = scope_table(SHORT, 5000).split(b"\n")
+    lines[500:501] = [b"\xff,?", lines[500] + b",a\rb"]  # a CR within a line: not a line's end
+    capture = opened(tmp_path, b"\n".join(lines), "scope.csv")
+    assert capture.format == "scope-table" and whole(capture) == BRIEF
+    assert any("1 invalid rows" in damage.what for damage in capture.damage)
+
+
 def test_values_polled_now_and_then_are_no_oscilloscope() -> None:
     rows = "".join(f"{i * 1.0:.1f},{20 + i % 7 / 10:.1f},{5 + i % 3 / 10:.1f}\n" for i in range(200))
     assert formats()["scope-table"].sniff(f"time,temperature,pressure\n{rows}".encode()) == 0

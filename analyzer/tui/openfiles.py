@@ -19,7 +19,7 @@ from ..outages import notes_of
 from ..words import TimeBase, data_size
 from .filterbar import FilterBar
 from .frames import FrameList
-from .prompts import Ask, typed_path
+from .prompts import Ask, names_file, typed_path
 
 if TYPE_CHECKING:
     from ..model.source import ViewSource
@@ -135,7 +135,7 @@ def no_capture(text: str) -> str:
     import captures
 
     path = typed_path(text)
-    if not path.is_file():
+    if not names_file(path):
         return tr("no file {file}", file=text)
     try:
         captures.open(path)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from ..languages import error_words, tr
 from ..model.causestory import story
 from .items import cause_facts
-from .prompts import Ask, may_write, typed_path
+from .prompts import Ask, may_write, names_folder, typed_path
 
 if TYPE_CHECKING:
     from ..causes.registry import Cause
@@ -36,7 +36,7 @@ async def write_page(screen: BusScreen, kind: PageFile, make: Callable[[Path, St
         path = typed_path(text)
         if path.suffix.lower() not in kind.suffixes:
             return forms
-        return "" if path.parent.is_dir() else tr("no folder {folder}", folder=path.parent)
+        return "" if names_folder(path.parent) else tr("no folder {folder}", folder=path.parent)
 
     question = kind.web_question if app.is_web else kind.question
     text = await app.push_screen_wait(Ask(question, forms, wrong=wrong, value=kind.name))

@@ -24,7 +24,7 @@ from ..tables.findings import NOTHING
 from ..tables.schema import Kind
 from .pagefiles import write_story
 from .places import CausePlace
-from .prompts import Ask, Choose, may_write, typed_path
+from .prompts import Ask, Choose, may_write, names_folder, typed_path
 from .threads import Stop
 from .views import BY_NAME
 
@@ -253,7 +253,7 @@ def _formats() -> str:
 def _no_file(text: str) -> str:
     """Why an export cannot go to a file of that name; empty where it can."""
     path = typed_path(text)
-    return _no_format(path) or ("" if path.parent.is_dir() else tr("no folder {folder}", folder=Path(text).parent))
+    return _no_format(path) or ("" if names_folder(path.parent) else tr("no folder {folder}", folder=Path(text).parent))
 
 
 def _no_download(text: str) -> str:

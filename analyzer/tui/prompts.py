@@ -127,6 +127,16 @@ def typed_path(text: str) -> Path:
     return Path(os.path.expanduser(text))  # noqa: PTH111 - pathlib's raises where there is no such user
 
 
+def names_file(path: Path) -> bool:
+    """Whether a file is there; not where a path cannot be one: too long, with a NUL."""
+    return os.path.isfile(path)  # noqa: PTH113 - pathlib's raises then
+
+
+def names_folder(path: Path) -> bool:
+    """The same of a folder."""
+    return os.path.isdir(path)  # noqa: PTH112
+
+
 async def may_write(screen: BusScreen, path: Path) -> bool:
     """Whether a file may be written: one that is there is asked about. A browser downloads what it gets."""
     if screen.app.is_web or not os.path.lexists(path):  # False where that is no name of a file: writing tells why

@@ -62,9 +62,11 @@ class _ScopeHead:
         try:
             return self._loaded(text), 0
         except ValueError:
-            lines = [line for line in lines_of(text) if line.strip()]
-            rows = [line for line in lines if _numbers(line.split(b","), self.columns)]
-            return self._loaded(b"\n".join(rows)), len(lines) - len(rows)
+            lines = [line.split(b",") for line in lines_of(text) if line.strip()]
+            rows = [
+                [float(cells[column]) for column in self.columns] for cells in lines if _numbers(cells, self.columns)
+            ]
+            return np.array(rows).reshape(-1, len(self.columns)), len(lines) - len(rows)
 
     def _loaded(self, text: bytes) -> NDArray[np.float64]:
         if not text.strip():

@@ -212,9 +212,9 @@ class LineReader:
         stamp = stamps.find(_short_fraction(groups.get("time") or ""), self.zone)[0]
         t_ns, fine = self._time(stamp), stamp is not None and stamp.fine
         if groups.get("sample") and self.sample_rate:
-            t_ns, fine = round(int(groups["sample"]) / self.sample_rate * 1e9), True
+            t_ns, fine = stamps.in_range(round(int(groups["sample"]) / self.sample_rate * 1e9)), True
         if groups.get("us"):
-            t_ns, fine = int(groups["us"]) * 1000, True
+            t_ns, fine = stamps.in_range(int(groups["us"]) * 1000), True
         length = int(groups["length"]) if groups.get("length") else None
         if shape.role is LineRole.HEADER:
             above = self._heading
@@ -382,9 +382,10 @@ class LineReader:
         return line
 
     def _time(self, stamp: Stamp | None) -> int | None:
-        """Nanoseconds that go on past midnight."""
-        if stamp is None:
-            return None
+        """Nanoseconds that go on past midnight; None also where no capture holds such a time."""
+        return None if stamp is None else stamps.in_range(self._counted_on(stamp))
+
+    def _counted_on(self, stamp: Stamp) -> int:
         self.fractions.note(stamp)
         t_ns = counted(stamp, self.experience.fraction)
         if stamp.fine and (stamp.of_day or t_ns > _DATED_NS) and not (stamp.signed or stamp.counter):

@@ -122,9 +122,14 @@ def find(text: str, zone: tzinfo | None = UTC) -> tuple[Stamp | None, str]:
             text = blanked(text, match)
     if stamp is None:
         stamp, text = count_anywhere(text)
-    if stamp is not None and abs(stamp.t_ns) >= TIME_LIMIT:
+    if stamp is not None and in_range(stamp.t_ns) is None:
         stamp = None
     return stamp, text
+
+
+def in_range(t_ns: int) -> int | None:
+    """A time that a capture can hold; None where it is none."""
+    return t_ns if abs(t_ns) < TIME_LIMIT else None
 
 
 def _finer(stamp: Stamp, clock: Stamp) -> Stamp:
