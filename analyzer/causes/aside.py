@@ -12,22 +12,28 @@ from captures.line import LineSettings
 from ..options import Options
 from ..tables.batch import Batch
 from ..tables.transactions import TransactionRows
+from .gathered import GATHERED, GatheredRows
 from .ledger import Ledger
 
 
 class SharedLedger:
-    """What comes while it is looked at waits, and goes in before the next look or with the next rows."""
+    """What comes waits, and goes in before the next look or once it is enough."""
+
+    _came: int
+    _entered: int
 
     def __init__(self, line: LineSettings, options: Options = Options()) -> None:  # noqa: B008 - frozen
         self._options = options
         self._ledger = Ledger(line, options)
         self._waiting: deque[tuple[LineSettings, Batch, TransactionRows]] = deque()
         self._lock = threading.Lock()
+        self._came = self._entered = 0  # rows
 
     def feed(self, line: LineSettings, batch: Batch, transactions: TransactionRows) -> None:
         """The next rows, of a line of these settings; waits for nobody."""
         self._waiting.append((line, batch, transactions))
-        if self._lock.acquire(blocking=False):
+        self._came += len(batch)
+        if self._came - self._entered >= GATHERED and self._lock.acquire(blocking=False):
             try:
                 self._enter()
             finally:
@@ -46,8 +52,11 @@ class SharedLedger:
             yield self._ledger
 
     def _enter(self) -> None:
+        gathered = GatheredRows()
         while self._waiting:
             line, batch, transactions = self._waiting.popleft()
             if self._ledger.line != line:  # a tap found it out: what was counted before was of another one
-                self._ledger = Ledger(line, self._options)
-            self._ledger.feed(batch, transactions)
+                self._ledger, gathered = Ledger(line, self._options), GatheredRows()
+            gathered.add(batch, transactions)
+            self._entered += len(batch)
+        gathered.enter(self._ledger)

@@ -17,13 +17,14 @@ import numpy as np
 from captures.line import LineSettings
 
 from ..options import Options
-from ..tables.batch import Batch, join_batches
+from ..tables.batch import Batch
 from ..tables.taps import may_speak_of
 from ..tables.transactions import TransactionRows
 from .certainty import Clues, Outcomes, certainty, clues, outcomes
 from .evidence import Evidence
 from .exchanges import asking
 from .foretold import against_bits, struck
+from .gathered import GATHERED, GatheredRows
 from .ledger import Ledger
 from .leftovers import Left, left_over
 from .registry import Cause, Explained, Suspect, Suspicion, Symptom, suspects, words_of
@@ -168,7 +169,6 @@ _FIRST: Final = 40  # exchanges before anything is said
 _GROWTH: Final = 1.3  # of what was looked at last
 _LOOK_EVERY: Final = 5000  # exchanges from one look to the next
 _SURER: Final = 0.1  # of confidence, that is worth telling
-_GATHERED: Final = 4096  # rows that wait at most: what a ledger costs goes by the call more than by the row
 
 State = Literal["new", "revised", "withdrawn"]
 
@@ -215,9 +215,7 @@ class RunningStory:
 
     def _begin(self, line: LineSettings) -> None:
         self._ledger, self._next = Ledger(line, self._options), _FIRST
-        self._batches: list[Batch] = []  # not in the ledger yet
-        self._transactions: list[TransactionRows] = []
-        self._rows = 0  # of those batches
+        self._waiting = GatheredRows()  # not in the ledger yet
         self._counted = self._requests = 0  # batches whose right requests are counted, and these
         self._going: Future[list[Cause]] | None = None  # a look of the ledger, to which nothing is added meanwhile
 
@@ -225,13 +223,10 @@ class RunningStory:
         """The next rows, of a line of these settings; where those are others than before, all begins anew."""
         if line != self._ledger.line:
             self._begin(line)
-        if len(batch) or len(transactions):
-            self._batches.append(batch)
-            self._transactions.append(transactions)
-            self._rows += len(batch)
+        self._waiting.add(batch, transactions)
         if self._going is not None:
             return self._told(self._going.result()) if self._going.done() else []
-        if self._rows < _GATHERED and not self._may_look():
+        if self._waiting.rows < GATHERED and not self._may_look():
             return []
         self._enter()
         if self._ledger.exchanges < self._next:
@@ -245,9 +240,10 @@ class RunningStory:
     def _may_look(self) -> bool:
         """Whether what waits may be enough for a look: an exchange begins with a request."""
         least = self._next - self._ledger.exchanges
-        if self._rows < least:  # nor are there so many requests among them
+        if self._waiting.rows < least:  # nor are there so many requests among them
             return False
-        uncounted, self._counted = self._batches[self._counted :], len(self._batches)
+        batches = self._waiting.batches
+        uncounted, self._counted = batches[self._counted :], len(batches)
         self._requests += sum(int(np.count_nonzero(asking(batch.rows))) for batch in uncounted)
         return self._requests >= least
 
@@ -260,10 +256,8 @@ class RunningStory:
 
     def _enter(self) -> None:
         """What waits, into the ledger."""
-        if self._batches:
-            self._ledger.feed(join_batches(self._batches), TransactionRows.joined(self._transactions))
-            self._batches, self._transactions = [], []
-            self._rows = self._counted = self._requests = 0
+        self._waiting.enter(self._ledger)
+        self._counted = self._requests = 0
 
     def _told(self, causes: list[Cause]) -> list[CauseRevision]:
         """What a look shows that the one before did not."""
