@@ -80,10 +80,13 @@ def packed(tree: Any, columns: dict[str, Any]) -> bytes:
 
 
 def _places(word: Any) -> Iterator[tuple[Any, Any]]:
-    """All lists and dicts in a tree with each of their keys."""
-    waiting = [word]
+    """All lists and dicts in a tree with each of their keys; one that holds itself once."""
+    waiting, seen = [word], set[int]()
     while waiting:
         thing = waiting.pop()
+        if id(thing) in seen:
+            continue
+        seen.add(id(thing))
         for key in list(thing) if isinstance(thing, dict) else range(len(thing)):
             yield thing, key
             if isinstance(thing[key], (dict, list)):
