@@ -4,9 +4,11 @@
 
 Buses are made of devices from layouts (`register_series`) at moved addresses, polled in a drawn order; one unit never
 answers, one poll is refused, the fastest unit's setpoint is never written. A fact is a slot of the round in its place,
-the refusal, the silent unit, or a register that moved: integer or float, width and word order. Invented is what is said
-otherwise than it is; what is said to be not known is missed, and not invented. Types are told with how sure they are:
-beside the wrong ones stands how many these confidences foretell. Beside what is told stands what is called likely, and
+the refusal, the silent unit, or a register that moved: integer or float, width and word order. A number whose width the
+description leaves open (the register beside it was always zero) is right where its own reading is among those told; how
+many are so only by the less likely one is counted. Invented is what is said otherwise than it is; what is said to be
+not known is missed, and not invented. Numbers are told with how sure they are: beside the wrong ones stands how many
+these confidences foretell. Beside what is told stands what is called likely, and
 what nobody can tell: numbers whose first register never moved. A manual with one planted contradiction is held against
 each bus.
 """
@@ -16,6 +18,7 @@ from __future__ import annotations
 import argparse
 import json
 import tempfile
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from random import Random
@@ -35,6 +38,7 @@ from dissectors.maps.model import MapArea, MappedValue
 _READ = {"holding": 3, "input": 4}
 _CHARACTER_NS = 286_458  # 38400 bit/s, 11 bits
 _DEAD, _REFUSED = 246, 60_000
+_WIDEST = 4  # registers of a number
 
 
 @dataclass(slots=True)
@@ -49,6 +53,7 @@ class Score:
     foretold: float = 0.0  # wrong types, by their own confidences
     likely: int = 0  # types called likely
     likely_right: int = 0
+    by_number: int = 0  # right as a number, and told with the width that it has as the less likely one
     still: int = 0  # numbers whose first register never moved
 
     def add(self, right: bool, invented: bool = False) -> None:
@@ -136,7 +141,7 @@ def scored(bus: WrittenBus, told: BusDescription, score: Score) -> None:
     for device in bus.devices:
         registers = {(each.value.area, each.value.address): each for each in units[device.unit].registers}
         for row in bus.moved_rows(device):
-            answer = registers.get((row.area, row.address))
+            answer = _answer(row, registers)
             score.still += len(set(bus.seen[device.unit, row.area, row.address])) == 1
             if answer is None or not answer.is_known:
                 score.add(right=False)
@@ -144,15 +149,35 @@ def scored(bus: WrittenBus, told: BusDescription, score: Score) -> None:
                     score.likely += 1
                     score.likely_right += _is_right(row, answer)
             else:
-                score.foretold += 1 - answer.value.confidence
-                right = _is_right(row, answer)
+                score.foretold += 1 - answer.value.number_confidence
+                exact = _is_right(row, answer)
+                right = exact or _is_among(row, answer)
                 score.add(right, not right)
+                score.by_number += right and not exact
+
+
+def _answer(row: MappedValue, registers: Mapping[tuple[MapArea, int], DescribedRegister]) -> DescribedRegister | None:
+    """What is said at the place of a number, or of that place as another reading of a number that is known."""
+    here = registers.get((row.area, row.address))
+    if here is None or not here.is_known:
+        near = (registers.get((row.area, at)) for at in range(row.address - _WIDEST + 1, row.end))
+        return next((each for each in near if each and each.is_known and _is_among(row, each)), here)
+    return here
 
 
 def _is_right(row: MappedValue, answer: DescribedRegister) -> bool:
     value = answer.value
+    if row.type == "bits" and value.kind == "bits":
+        return True  # each flag has its register and its bit, however many registers are called one field
     order = row.order if row.length > 1 else None
     return (value.words, value.order, value.kind == "float") == (row.length, order, row.is_float)
+
+
+def _is_among(row: MappedValue, answer: DescribedRegister) -> bool:
+    """Whether it is one of the readings that are told to give the same number."""
+    order = row.order if row.length > 1 else None
+    return any((each.address, each.words, each.order) == (row.address, row.length, order) and not row.is_float
+               for each in answer.value.same_number)  # fmt: skip
 
 
 def planted(bus: WrittenBus, random: Random) -> UnitMaps | None:
@@ -195,7 +220,8 @@ def main() -> None:
                 found += any(each.frames for each in held)
             path.unlink()
     print(f"facts: {score.right} of {score.due} right ({score.right / score.due:.3f}), {score.invented} invented")
-    print(f"wrong types that their confidences foretell: {score.foretold:.1f}")
+    print(f"of them right as numbers, of which the width is the less likely of those told: {score.by_number}")
+    print(f"wrong ones that their confidences foretell: {score.foretold:.1f}")
     told = score.right + score.likely_right
     likely = f"{score.likely_right} of {score.likely} right"
     print(f"types called likely: {likely}; with them {told / score.due:.3f} of the facts")

@@ -107,6 +107,35 @@ def test_registers_have_what_their_values_carry_and_no_more(described: dict[str,
     assert any("30" in sentence for sentence in described["not_known"])
 
 
+def test_a_number_beside_a_zero_is_told_whatever_its_width(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    line, random, count = Line(), Random(7), 4000
+    for _ in range(60):
+        count += random.randint(0, 9)
+        line.exchange(_frame(5, 3, 0, 20, 0, 2), _frame(5, 3, 4, 0, 0, *count.to_bytes(2)))
+        line.t_ns += 400_000_000
+    path = line.write(tmp_path / "bus.jsonl")
+    told = json.loads(ran(capsys, "document", str(path), "--json").out)
+    known = [each for each in told["units"][0]["registers"] if each["type"]]
+    assert [(each["min"] >= 4000, each["max"]) for each in known] == [(True, count)]
+    widths = {(known[0]["address"], known[0]["words"])}
+    widths |= {(other["address"], other["words"]) for other in known[0]["same_number"]}
+    assert widths == {(20, 2), (21, 1)}
+    assert known[0]["confidence"] < known[0]["number_confidence"] >= 0.9
+    for language, words in (("en", "or the same number as u"), ("ru", "или то же число как u")):
+        assert words in ran(capsys, "document", str(path), "--lang", language).out
+
+
+def test_a_word_that_was_no_zero_or_may_be_a_sign_leaves_no_same_number(tmp_path: Path) -> None:
+    line, random = Line(), Random(7)
+    for _ in range(60):
+        low, signed = 4000 + random.randint(0, 99), random.randint(-9, 9) & 0xFFFF
+        line.exchange(_frame(5, 3, 0, 20, 0, 2), _frame(5, 3, 4, 0, 3, *low.to_bytes(2)))
+        line.exchange(_frame(5, 3, 0, 40, 0, 2), _frame(5, 3, 4, 0, 0, *signed.to_bytes(2)))
+    registers = describe(captures.open(str(line.write(tmp_path / "bus.jsonl")))).units[0].registers
+    assert {each.value.address for each in registers} >= {40}
+    assert not any(each.value.same_number for each in registers)
+
+
 def test_a_manual_that_is_wrong_is_contradicted_with_frames(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = bus(tmp_path / "bus.jsonl")
     manual = tmp_path / "manual.csv"

@@ -169,3 +169,13 @@ def test_no_healthy_device_is_accused(first: int, tmp_path: Path) -> None:
     path = tmp_path / "bus.jsonl"
     write(Scenario("clean", "precise", transactions=700, seed=first, maps=maps), path)
     assert [cause.text for cause in analyzer.open(path).causes()] == [], maps
+
+
+@pytest.mark.parametrize(("low", "contradicted"), [(range(28_000, 28_060), True), ([0xFFFF] * 60, False)])
+def test_no_number_is_absent_in_one_way_only(low, contradicted):
+    readings = RegisterReadings()
+    words = np.array([[0xFFFF, word, number % 7] for number, word in enumerate(low)], np.uint16)
+    readings.put(1, "holding", 40, words)
+    chart = RegisterMap("a manual", (MappedValue("holding", 40, "Power", "f32", order="ABCD", length=2),))
+    texts = [remark.text for remark in check_map(readings, {1: chart}) if remark.kind == "contradiction"]
+    assert any("no number in 60 ways" in text for text in texts) == contradicted == bool(texts)

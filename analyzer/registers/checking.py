@@ -201,6 +201,10 @@ def _absurd(row: MappedValue, mine: Words) -> Iterator[str]:
         if absurd.mean() > 0.2:
             words = "a float {order}, but it would be {value:.3g}"
             yield register_words(words, order=row.order, value=values[absurd][0])
+        ways = len(np.unique(patterns(mine, order)[np.isnan(values)]))
+        if ways >= _STEPS:  # a device that has no value says so in one way
+            words = "a float {order}, but it would be no number in {ways} ways"
+            yield register_words(words, order=row.order, ways=ways)
     elif row.length > 1:
         low = patterns(mine, order) & np.uint64(0xFFFF)
         if len(np.unique(patterns(mine, order))) >= _STEPS and (low == low[0]).all():

@@ -34,7 +34,7 @@ from .mixed import SHORT, UNSURE_AT_MOST, mixed_blocks
 from .outsiders import bit_values, exclude, swapped_floats, text_value, texts_in
 from .readings import BlockReadings, RegisterReadings, Words
 from .roles import Number, OtherReading, RegisterValue, SeriesKey, reasons, with_relations
-from .runs import Cut, Run, cut_of, run_posteriors, runs_of
+from .runs import LEAST_TOLD, Cut, Run, cut_of, run_posteriors, runs_of
 
 _CLOCK_S: Final = 5.0  # seconds, before a clock is told
 _PAIRS: Final = [n for n, hypothesis in enumerate(HYPOTHESES) if hypothesis.family == "i32"]
@@ -240,7 +240,7 @@ def _claimed(value: RegisterValue, run: Run, mixed: Container[tuple[int, str, in
         why = register_words("too few readings to tell")
     if why is None:
         return value
-    return replace(value, confidence=UNSURE_AT_MOST, bits=0.0, why=why)
+    return replace(value, confidence=UNSURE_AT_MOST, bits=0.0, why=why, same_number=())
 
 
 def _value(run: Run, cut: Cut, row: MappedValue | None, order: str | None, sisters: Sequence[int]) -> RegisterValue:
@@ -290,6 +290,7 @@ def _value(run: Run, cut: Cut, row: MappedValue | None, order: str | None, siste
         maximum=high,
         last=_last(block.last[columns], device_order, is_float=hypothesis.is_float, signed=signed),
         runner_up=second,
+        same_number=_same_number(run, cut, signed=signed),
         name=(row.name or None) if row is not None else None,
         scale=row.scale if row is not None else None,
         unit_of_measure=row.unit if row is not None else None,
@@ -363,12 +364,27 @@ def _changes(block: BlockReadings, words: Words) -> int:
 
 
 def _runner_up(run: Run, cut: Cut) -> OtherReading | None:
-    if cut.second is None or cut.second[2] < 0.005:
+    if cut.second is None or cut.second[2] < LEAST_TOLD:
         return None
-    at, number, share = cut.second
+    return _reading(run, *cut.second)
+
+
+def _reading(run: Run, at: int, number: int, share: float) -> OtherReading:
     hypothesis = HYPOTHESES[number]
     kind = "float" if hypothesis.is_float else "int"
     return OtherReading(run.address + at, hypothesis.words, kind, hypothesis.order, round(share, 4))
+
+
+def _same_number(run: Run, cut: Cut, *, signed: bool) -> tuple[OtherReading, ...]:
+    """The readings of another width that give the same numbers: none is negative at its own width."""
+    return tuple(_reading(run, *other) for other in cut.alike if signed is _is_negative(run, *other[:2]) is False)
+
+
+def _is_negative(run: Run, at: int, number: int) -> bool:
+    hypothesis = HYPOTHESES[number]
+    block, columns = run.source_of(at, hypothesis.words, number)
+    words = next(series for source, series in zip(run.blocks, run.series, strict=True) if source is block)[0]
+    return roles.is_signed(patterns(words[:, columns], hypothesis.order or "ABCD"), hypothesis.words)
 
 
 def _odds(confidence: float, rival: float) -> float:

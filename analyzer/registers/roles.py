@@ -34,6 +34,11 @@ class OtherReading:
     order: str | None
     confidence: float
 
+    @property
+    def called(self) -> str:
+        """Type and order, as `u32 ABCD`; of an integer the unsigned type."""
+        return f"{'f' if self.kind == 'float' else 'u'}{16 * self.words} {self.order or ''}".strip()
+
     def to_json(self) -> dict[str, Any]:
         return {name: json_number(getattr(self, name)) for name in self.__slots__}
 
@@ -45,7 +50,8 @@ class RegisterValue:
     `kind` is int, float, bits, enum, text, time, bcd, constant or unknown; `order` None of one register; `confidence`
     from 0 to 1; `bits` the log2 odds over `runner_up`; `minimum`, `maximum` and `last` are numbers as the registers
     hold them, or a text. `name`, `scale` and `unit_of_measure` come from a map. `related` are the addresses of those
-    whose sum or product it is; `why` says which of the two.
+    whose sum or product it is; `why` says which of the two. `same_number` are readings of another width that give the
+    same numbers, likeliest first: their further high words have always been zero.
     """
 
     unit: int
@@ -69,6 +75,12 @@ class RegisterValue:
     scale: float | None = None
     unit_of_measure: str | None = None
     related: tuple[int, ...] = ()
+    same_number: tuple[OtherReading, ...] = ()
+
+    @property
+    def number_confidence(self) -> float:
+        """How sure its numbers are, whatever its width is."""
+        return min(1.0, self.confidence + sum(other.confidence for other in self.same_number))
 
     @property
     def type(self) -> str:
@@ -98,6 +110,8 @@ class RegisterValue:
             value = getattr(self, slot)
             if isinstance(value, OtherReading):
                 value = value.to_json()
+            elif slot == "same_number":
+                value = [other.to_json() for other in self.same_number]
             line[{"minimum": "min", "maximum": "max"}.get(slot, slot)] = json_number(value)
         return line
 

@@ -202,6 +202,8 @@ def _alike(runs: Sequence[Run]) -> list[list[int]]:
     return list(groups.values())
 
 
+LEAST_TOLD: Final = 0.005  # the least share of another reading that is spoken of
+_WHOLE: Final = frozenset(number for number, hypothesis in enumerate(HYPOTHESES) if not hypothesis.is_float)
 _QUIET = 0.02  # what a register that never moved counts beside one that did
 _LONE = 0.85  # and a moving one beside a quiet one as one value: in doubt it stands alone, which gives the same number
 
@@ -209,7 +211,7 @@ _LONE = 0.85  # and a moving one beside a quiet one as one value: in doubt it st
 @dataclass(frozen=True, slots=True, eq=False)
 class Cut:
     """A value at register `at` of a run under hypothesis `number`; `second` is (register, hypothesis, share) of the
-    likeliest segment that this one excludes."""
+    likeliest segment that this one excludes, `alike` those in which it is the same whole number, likeliest first."""
 
     run: Run
     at: int
@@ -217,6 +219,7 @@ class Cut:
     confidence: float
     moved: bool
     second: tuple[int, int, float] | None
+    alike: tuple[tuple[int, int, float], ...] = ()
 
 
 def cut_of(run: Run, posterior: NDArray[np.float64]) -> list[Cut]:
@@ -236,6 +239,7 @@ def cut_of(run: Run, posterior: NDArray[np.float64]) -> list[Cut]:
                 float(np.clip(posterior[at, number], 0.0, 1.0)),
                 bool(moves[at, number]),
                 _second(posterior, moves, at, number),
+                _alike_numbers(run, posterior, at, number) if moves[at, number] and number in _WHOLE else (),
             )
         )
     return cuts
@@ -255,3 +259,25 @@ def _second(
             if best is None or share > best[2]:
                 best = (begin, rival, share)
     return best
+
+
+def _alike_numbers(
+    run: Run, posterior: NDArray[np.float64], at: int, number: int
+) -> tuple[tuple[int, int, float], ...]:
+    """The other segments that give the same whole number: of another width, their further high words always zero."""
+    core = _core(run, at, number)
+    alike = [
+        (begin, rival, float(posterior[begin, rival]))
+        for rival in _WHOLE - {number}
+        for begin in range(max(0, min(core) - int(WORDS[rival]) + 1), min(core) + 1)
+        if posterior[begin, rival] >= LEAST_TOLD and _core(run, begin, rival) == core
+    ]
+    return tuple(sorted(alike, key=lambda each: -each[2]))
+
+
+def _core(run: Run, at: int, number: int) -> list[int]:
+    """The registers that make the number of a segment of integers, high word first, without those that are always zero
+    before them."""
+    registers = np.arange(at, at + WORDS[number])[:: -1 if HYPOTHESES[number].order == "CDAB" else 1]
+    speaking = run.moved[registers] | (run.words[registers] != 0)
+    return [int(register) for register in registers[int(speaking.argmax()) :]]

@@ -37,8 +37,8 @@ _READINGS: Final = 12  # of a register, before its type is told
 
 @dataclass(frozen=True, slots=True)
 class DescribedRegister:
-    """A value of a unit. `is_known`: its type, order and role are; else its registers were only seen, and `is_likely`
-    says whether a type is likelier than not by much.
+    """A value of a unit. `is_known`: its numbers, type and role are, but for its width where others give the same
+    numbers; else its registers were only seen, and `is_likely` says whether a type is likelier than not by much.
 
     `written_by`: functions by which the client writes it, so many times, first in frame `written_in`.
     """
@@ -53,7 +53,7 @@ class DescribedRegister:
     def to_json(self) -> dict[str, Any]:
         """As plain values; what is not known is null."""
         line = self.value.to_json()
-        known = ("kind", "signed", "order", "role", "related")
+        known = ("kind", "signed", "order", "role", "related", "same_number")
         if not self.is_known:
             line.update(dict.fromkeys(known))
         if not self.is_known and self.value.words > 1:
@@ -62,8 +62,15 @@ class DescribedRegister:
             del line[name]
         type_name = self.value.type if self.is_known else None
         likely = {"type": self.value.type, "order": self.value.order} if self.is_likely else None
-        return {**line, "type": type_name, "likely": likely, "written_by": list(self.written_by), "writes": self.writes,
-                "written_in": self.written_in}  # fmt: skip
+        return {
+            **line,
+            "number_confidence": round(self.value.number_confidence, 4),
+            "type": type_name,
+            "likely": likely,
+            "written_by": list(self.written_by),
+            "writes": self.writes,
+            "written_in": self.written_in,
+        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,7 +244,8 @@ def _register(value: RegisterValue, sequence: PollSequence) -> DescribedRegister
     functions, count, first = sequence.writes_of(value.unit, value.area, value.address, value.words)
     moved = value.changes > 0 and value.readings >= _READINGS and value.kind not in ("constant", "unknown")
     known = value.name is not None or value.area in ("coil", "discrete") or moved or value.kind == "text"
-    sure, likely = known and value.confidence >= _SURE, known and _LIKELY <= value.confidence < _SURE
+    sure = known and value.number_confidence >= _SURE
+    likely = known and not sure and value.confidence >= _LIKELY
     return DescribedRegister(value, sure, likely, tuple(functions), count, first)
 
 
@@ -262,12 +270,22 @@ def not_known(description: BusDescription) -> Iterator[str]:
     silent = [str(unit.unit) for unit in description.units if not unit.answered and unit.unit]
     if silent:
         yield page_words("Units that never answered: {units}. Nothing is known about them.", units=", ".join(silent))
-    unknown = [each for unit in description.units for each in unit.registers if not each.is_known]
-    if unknown:
-        count = sum(each.value.words for each in unknown)
-        yield page_words("Registers seen whose type cannot be derived from their values: {count:,}.", count=count)
+    yield from _untold([register for unit in description.units for register in unit.registers])
     if any(unit.answered and unit.looks is None and not unit.said for unit in description.units):
         yield page_words("Some units do not identify themselves and match no shipped map: their makers are unknown.")
     if description.beyond:
         yield page_words("The cycle, first frames and writes come from the first {count:,} requests.", count=KEPT)
     yield page_words("Registers that were never asked for are unknown.")
+
+
+def _untold(registers: list[DescribedRegister]) -> Iterator[str]:
+    """Of how many registers the type is not known, and of how many numbers the width."""
+    told = {
+        "Registers seen whose type cannot be derived from their values: {count:,}.": sum(
+            each.value.words for each in registers if not each.is_known
+        ),
+        "Numbers with a neighbour that has always been 0 and may be their high word: {count:,}.": sum(
+            bool(each.is_known and each.value.same_number) for each in registers
+        ),
+    }
+    yield from (page_words(words, count=count) for words, count in told.items() if count)

@@ -10,7 +10,7 @@ from dissectors.functions import exception_name
 from dissectors.values import harmless
 
 from ...languages import counted, grouped, page_words, register_words
-from ...registers.telling import place_cell, unit_place
+from ...registers.telling import place_cell, span, unit_place
 from ...version import __version__
 from ...words import duration
 from ..markdown import markdown_table, markdown_text
@@ -21,6 +21,7 @@ from .sequence import AskedPoll
 
 _FACTS: Final = ("line", "span", "frames")
 _OTHERS: Final = 60
+_WORTH_TELLING: Final = 0.05  # share of another width, which --json tells from a two-hundredth
 _FIGURES: Final = ("p50", "p95", "max")
 _ROUND_HEADS: Final = ("slot", "unit", "function, addresses", "at", "every", "requests", "first frame")
 _OTHER_HEADS: Final = ("unit", "function, addresses", "requests", "first frame")
@@ -119,7 +120,12 @@ def _sentences(unit: DescribedUnit) -> Iterator[str]:
 def _register_row(register: DescribedRegister) -> tuple[str, ...]:
     value, known = register.value, register.is_known
     kind = f"{register_words(value.type)} {value.order or ''}".strip()
-    if not known:
+    others = [other for other in value.same_number if known and other.confidence >= _WORTH_TELLING]
+    sure = value.confidence + sum(other.confidence for other in others)
+    if others:
+        same = ", ".join(f"{other.called} {span(other.address, other.words)}" for other in others)
+        kind = page_words("{type}, or the same number as {others}", type=kind, others=same)
+    elif not known:
         kind = page_words("not known; likely {type}", type=kind) if register.is_likely else page_words("not known")
     numbers = (value.minimum, value.maximum, value.last) if known or value.words == 1 else (None, None, None)
     scale = "" if value.scale in (None, 1) else f"x{value.scale:g}"
@@ -129,9 +135,9 @@ def _register_row(register: DescribedRegister) -> tuple[str, ...]:
         functions = ", ".join(f"{function:02d}" for function in register.written_by)
         words = "by the client, {functions}, {count:,} times, frame {frame}"
         written = page_words(words, functions=functions, count=register.writes, frame=register.written_in)
-    sure = f"{value.confidence:.0%}" if known or register.is_likely else ""
+    share = f"{min(sure, 1):.0%}" if known or register.is_likely else ""
     place = place_cell(value.area, value.address, value.words)
-    return place, value.name or "", kind, *map(_number, numbers), scale, sure, written
+    return place, value.name or "", kind, *map(_number, numbers), scale, share, written
 
 
 def _number(value: object) -> str:
