@@ -97,6 +97,35 @@ def test_what_happened_before_the_settings_were_known_is_in_the_record(tmp_path)
     assert read(tmp_path / "bus.mcap") == [Note(10**18, "opened", "open")]
 
 
+def test_settings_with_which_nothing_was_received_leave_no_file_of_their_own(tmp_path):
+    recorder = Recorder(tmp_path / "bus.mcap", LINE, tell=pytest.fail)
+    notes = [Note(10**18 + n, "settled", f"the client sets it, {n}") for n in range(3)]
+    for number, note in enumerate(notes):
+        recorder.note(note)
+        recorder._commit()
+        recorder.settings(LineSettings(baud=9600 << number))
+    recorder.write(block(1))
+    recorder.close()
+    assert [file.name for file in tmp_path.iterdir()] == ["bus.mcap"]
+    assert captures.open(tmp_path / "bus.mcap").line == LineSettings(baud=38400)
+    assert held(tmp_path / "bus.mcap") == block(1).data.tobytes()
+    assert read(tmp_path / "bus.mcap") == notes
+
+
+def test_a_port_that_is_set_back_and_set_again_begins_no_file(tmp_path):
+    recorder = Recorder(tmp_path / "bus.mcap", LINE, tell=pytest.fail)
+    for number in range(3):
+        recorder.write(block(number))
+        recorder.settings(LineSettings(baud=9600))  # as libmodbus does when it closes its port
+        recorder._commit()
+        recorder.settings(LINE)
+    recorder.settings(LineSettings(baud=9600))
+    recorder.close()
+    assert [file.name for file in tmp_path.iterdir()] == ["bus.mcap"]
+    assert captures.open(tmp_path / "bus.mcap").line == LINE
+    assert held(tmp_path / "bus.mcap") == b"".join(block(number).data.tobytes() for number in range(3))
+
+
 def test_other_settings_of_the_line_begin_another_file(tmp_path):
     recorder = Recorder(tmp_path / "bus.mcap", LineSettings(), tell=pytest.fail)
     recorder.settings(LINE)  # found before anything was heard

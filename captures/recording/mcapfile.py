@@ -102,6 +102,7 @@ class RecordingFile:
         self._notes = NoteChannel(self._writer)
         self._finished = False
         self.empty = True  # but for settings
+        self.notes: list[Note] = []  # since the last bytes of the line
         try:
             self._file.commit()
         except OSError:
@@ -127,7 +128,9 @@ class RecordingFile:
     def write(self, blocks: Sequence[Block], notes: Sequence[Note]) -> None:
         """Takes blocks and notes, which `commit` makes safe."""
         self.empty = False
+        self.notes += notes
         if blocks:
+            self.notes.clear()
             self._chunks.write(Block.joined(blocks))
         for note in notes:
             self._notes.write(note)

@@ -75,6 +75,7 @@ class Recorder:
         self.lost = 0  # of the line, given up for want of room or with a file that could not be kept
         self.taken = 0  # of the line, on the disk until someone took the file away
         self._line, self._about, self._tell = line, dict(about or {}), tell
+        self._line_due = line  # what it is by now
         self._line_known = line != LineSettings()  # until then the file may have to begin anew
         self._replaced: FileIdentity = file_identity(path) if overwrite else ()
         self._file: RecordingFile | None = None
@@ -141,6 +142,7 @@ class Recorder:
 
     def write(self, block: Block) -> None:
         """Take a block; not while so much waits for a full disk that memory would run out."""
+        self._take_settings()
         size = len(block.data)
         memory = size + _READ_BYTES * len(block)
         if self._memory + memory > _MEMORY:
@@ -175,24 +177,28 @@ class Recorder:
                 self._next()
 
     def settings(self, line: LineSettings) -> None:
-        """The line is another from now on: that begins another file."""
+        """The line is another from now on. The first bytes begin another file: a client that sets its port and sets it
+        back says nothing meanwhile."""
         self._line_known = True
-        if line == self._line:
+        self._line_due = line
+
+    def _take_settings(self) -> None:
+        if self._line_due == self._line:
             return
-        if (
-            self._file is not None and self._file.empty and not self._waiting.bytes
-        ):  # nothing was received with the old ones
+        if self._file is not None and not (self._file.bytes or self._waiting.bytes or self._handed):
+            self._waiting.notes[:0] = self._file.notes  # nothing was received with the old ones
             self._discard(self._file)
             self._file = None
         else:
             self._commit()
             self._finish()
-        self._line = line
+        self._line = self._line_due
         self._commit()
 
     def close(self) -> None:
         """Put all on the disk and finish the file. What a full disk keeps from it is told, and the file is readable."""
         self._line_known = True
+        self._take_settings()
         self._commit()
         self._finish()
         left = self._waiting.bytes
