@@ -3,15 +3,16 @@
     python benchmarks/between_delay.py [--exchanges N] [--pause-ms MS]
 
 A request of eight bytes goes from a client's port to a device's, an answer of 25 comes back, at the pace of a bus. Each
-way is timed from before the write to after the read, by one process that waits for it: first on a pseudo-terminal, or a
-connection, alone, then with the relay between. The analyzer's side takes what the relay tells, as `between` does. What
-the relay adds is the difference of the quantiles. On a busy machine the figures are of its scheduler: the load average
-stands beside them.
+way is timed from before the write to after the read, by one process that waits for it: on a pseudo-terminal, or a
+connection, alone, and with the relay between, in turn. The analyzer's side takes what the relay tells, as `between`
+does. What the relay adds is the difference of the quantiles. On a busy machine the figures are of its scheduler: the
+load average stands beside them.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import select
 import socket
@@ -19,7 +20,7 @@ import sys
 import threading
 import time
 import tty
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -50,55 +51,66 @@ def timed(sender: int, receiver: int, data: bytes) -> float:
     return time.perf_counter() - begun
 
 
-def exchanges(client: int, device: int, count: int, pause_s: float) -> NDArray[np.float64]:
-    """The times of so many requests and answers, one way each."""
-    times = []
+Pair = tuple[int, int]  # a client's descriptor and a device's
+Times = list[NDArray[np.float64]]
+
+
+def exchanges(pairs: Sequence[Pair], count: int, pause_s: float) -> Times:
+    """The times of so many requests and answers, one way each; the pairs take turns, so that what else the machine does
+    meets them alike."""
+    times: list[list[float]] = [[] for _ in pairs]
     for _ in range(count):
-        time.sleep(pause_s)
-        times.append(timed(client, device, _REQUEST))
-        time.sleep(pause_s / 4)
-        times.append(timed(device, client, _ANSWER))
-    return np.array(times[20:])
+        for (client, device), mine in zip(pairs, times, strict=True):
+            time.sleep(pause_s)
+            mine.append(timed(client, device, _REQUEST))
+            time.sleep(pause_s / 4)
+            mine.append(timed(device, client, _ANSWER))
+    return [np.array(each[20:]) for each in times]
 
 
-def on_terminals(measure: Callable[[int, int], NDArray[np.float64]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def on_terminals(measure: Callable[[Sequence[Pair]], Times]) -> Times:
     """Alone, and with the relay between."""
-    device, slave = os.openpty()
-    tty.setraw(slave)
-    alone = measure(slave, device)
-    with Relaying(PortSettings(os.ttyname(slave), 115_200)) as relay:
-        taking = threading.Thread(target=lambda: [None for _ in relay.items()], daemon=True)
-        taking.start()
-        client = os.open(relay.given, os.O_RDWR | os.O_NOCTTY)
-        between = measure(client, device)
-        os.close(client)
+    with contextlib.ExitStack() as ends:
+        alone, far = (_terminal(ends) for _ in range(2))
+        with taken(Relaying(PortSettings(os.ttyname(far[0]), 115_200))) as relay:
+            client = os.open(relay.given, os.O_RDWR | os.O_NOCTTY)
+            times = measure((alone, (client, far[1])))
+            os.close(client)
+    return times
+
+
+def _terminal(ends: contextlib.ExitStack) -> Pair:
+    far, near = os.openpty()
+    tty.setraw(near)
+    for each in (far, near):
+        ends.callback(os.close, each)
+    return near, far
+
+
+@contextlib.contextmanager
+def taken(relaying: Relaying) -> Iterator[Relaying]:
+    """A relay of which all that it tells is taken, as `between` does."""
+    with relaying as relay:
+        threading.Thread(target=lambda: [None for _ in relay.items()], daemon=True).start()
+        yield relay
         relay.close()
-    os.close(device)
-    os.close(slave)
-    return alone, between
 
 
-def on_sockets(measure: Callable[[int, int], NDArray[np.float64]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def on_sockets(measure: Callable[[Sequence[Pair]], Times]) -> Times:
     """The same of Modbus TCP."""
-    server = socket.create_server(("127.0.0.1", 0))
-    address = server.getsockname()[:2]
-    client = socket.create_connection(address)
-    device, _ = server.accept()
-    for each in (client, device):
-        each.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    alone = measure(client.fileno(), device.fileno())
-    with Relaying(listen=("127.0.0.1", 0), to=address) as relay:
-        taking = threading.Thread(target=lambda: [None for _ in relay.items()], daemon=True)
-        taking.start()
+    with contextlib.ExitStack() as ends:
+        server = ends.enter_context(socket.create_server(("127.0.0.1", 0)))
+        address = server.getsockname()[:2]
+        relay = ends.enter_context(taken(Relaying(listen=("127.0.0.1", 0), to=address)))
         host, _, port = relay.given.rpartition(":")
-        client = socket.create_connection((host, int(port)))
-        device, _ = server.accept()
-        for each in (client, device):
-            each.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        between = measure(client.fileno(), device.fileno())
-        client.close()
-        relay.close()
-    return alone, between
+        pairs = []
+        for to in (address, (host, int(port))):
+            client = ends.enter_context(socket.create_connection(to))
+            device = ends.enter_context(server.accept()[0])
+            for each in (client, device):
+                each.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            pairs.append((client.fileno(), device.fileno()))
+        return measure(pairs)
 
 
 def main() -> None:
@@ -109,7 +121,7 @@ def main() -> None:
     given = parser.parse_args()
     print(f"load average {os.getloadavg()[0]:.1f}, {os.cpu_count()} cores")
     for name, ways in (("terminal", on_terminals), ("TCP", on_sockets)):
-        alone, between = ways(lambda a, b: exchanges(a, b, given.exchanges, given.pause_ms / 1e3))
+        alone, between = ways(lambda pairs: exchanges(pairs, given.exchanges, given.pause_ms / 1e3))
         rows = [1e6 * np.percentile(each, [50, 90, 99, 99.9]) for each in (alone, between)]
         for words, row in (("alone", rows[0]), ("through between", rows[1]), ("added", rows[1] - rows[0])):
             figures = ", ".join(f"{q} {us:.0f} us" for q, us in zip(("p50", "p90", "p99", "p99.9"), row, strict=True))
