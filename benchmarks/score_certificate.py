@@ -17,7 +17,7 @@ from random import Random
 
 import captures
 from analyzer.reports.certificate import certify, default_limits
-from analyzer.reports.certificate.bounds import quantile_ranks, share_bounds
+from analyzer.reports.certificate.bounds import quantile_ranks, share_bounds, trials_for_share
 from analyzer.reports.certificate.claims import FAIL, PASS, Claim
 from analyzer.reports.certificate.limits import DEFAULTS
 from dissectors.crc import crc_bytes
@@ -55,13 +55,14 @@ def coverage(random: Random, lines: int, expected: tuple[float, float]) -> tuple
 def drawn_verdicts(random: Random, lines: int) -> tuple[float, float]:
     """Marginal lines that did not pass, healthy lines that failed: shares of them, by their counts alone."""
     found = failed = 0
+    needed = trials_for_share(_LIMIT.passes, _CONFIDENCE)
     for number in range(lines):
         marginal = number % 2 == 1
         of = round(10 ** random.uniform(3.6, 5))
         share = random.uniform(2, 8) * _LIMIT.passes if marginal else random.uniform(0, 0.1) * _LIMIT.passes
         hits = binomial(random, of, share)
         low, high = share_bounds(hits, of, _CONFIDENCE)
-        verdict = Claim("lost", 1, _LIMIT, hits / of, low, high, 3688, of, hits).verdict
+        verdict = Claim("lost", 1, _LIMIT, hits / of, low, high, needed, of, hits).verdict
         found += marginal and verdict != PASS
         failed += not marginal and verdict == FAIL
     return found / (lines // 2), failed / (lines - lines // 2)
