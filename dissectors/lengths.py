@@ -14,8 +14,22 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final
 
+from .crc import crc_ends
 from .length_rules import DeclarationShape, LengthRule, Role, broken_value, compiled, relations_of, shape
-from .limits import EXCEPTION, Bound, Choice, Count, Echo, Multiple, RequestedByteCount, Sized, taken
+from .limits import (
+    CRC_SIZE,
+    EXCEPTION,
+    MAX_ADU,
+    OVERHEAD,
+    Bound,
+    Choice,
+    Count,
+    Echo,
+    Multiple,
+    RequestedByteCount,
+    Sized,
+    taken,
+)
 from .registry import functions, revision
 
 __all__ = [
@@ -29,6 +43,7 @@ __all__ = [
     "RequestedByteCount",
     "Role",
     "Sized",
+    "adu_end",
     "compiled",
     "layout",
     "pdu_length",
@@ -153,6 +168,20 @@ def sound_roles(pdu: bytes) -> tuple[Role, ...]:
         if (length_rule := rules.get((code, role))) is not None
         and (length_rule.variable or _length_by(length_rule, pdu) == size)
     )
+
+
+def adu_end(data: bytes, role: Role) -> int | None:
+    """Where the RTU ADU ends with which `data` begin, one of this role if it may be; None: it is not whole yet.
+
+    A right CRC alone does not tell: of 256 ADUs one ends in 00, and is right a byte before its end already.
+    """
+    ends = crc_ends(data, 0, MAX_ADU)
+    sound = {end: sound_roles(data[1 : end - CRC_SIZE]) for end in ends}
+    likely = [end for end in ends if role in sound[end]]
+    predicted = pdu_length(data[1:], role) or 0
+    if not likely and OVERHEAD + predicted <= len(data):
+        likely = [end for end in ends if sound[end]] or ends
+    return likely[0] if likely else None
 
 
 def is_open(function: int, role: Role) -> bool:

@@ -19,6 +19,7 @@ from analyzer.twin.memory import RecordedAnswer, TwinUnit
 from analyzer.twin.record import RecordedReply, recorded, twins
 from analyzer.twin.serving import TwinsOnALine, serve_line
 from dissectors.crc import crc_bytes
+from dissectors.lengths import Role, adu_end, sound_roles
 
 _MS = 1_000_000
 
@@ -171,6 +172,9 @@ class EchoingLine:
         if self.echoes:
             self.waiting.insert(0, data)
 
+    def is_heard(self) -> bool:
+        return not self.waiting
+
 
 @pytest.mark.parametrize("echoes", [False, True])
 def test_its_own_echo_is_no_request(echoes):
@@ -188,6 +192,38 @@ def test_the_echo_of_a_write_ends():
     line = EchoingLine(rtu(write(0, 5)), echoes=True)
     serve_line(TwinsOnALine({9: twin}), line, lambda: not line.waiting)
     assert line.sent == [rtu(write(0, 5))]
+
+
+ZERO_ENDED = [address for address in range(4000) if not crc_bytes(b"\x09" + read(address, 1))[-1]]
+
+
+@pytest.mark.parametrize("split", [8, 7, 1])
+def test_a_frame_that_ends_in_zero_is_whole_with_its_zero(split):
+    """Its CRC is right a byte before its end too: one request of 256 was cut there."""
+    assert len(ZERO_ENDED) > 8
+    for address in ZERO_ENDED[:8]:
+        twin, asked = TwinUnit(9), rtu(read(address, 1))
+        twin.learn(read(address, 1), RecordedAnswer(words(1), 0, 0))
+        pieces = [asked[at : at + split] for at in range(0, len(asked), split)]
+        line = EchoingLine(*pieces, rtu(read(address, 1)), echoes=False)
+        serve_line(TwinsOnALine({9: twin}), line, line.is_heard)
+        assert line.sent == [rtu(words(1))] * 2
+
+
+@pytest.mark.parametrize("role", Role)
+def test_an_adu_ends_where_its_function_says(role):
+    bodies = [bytes((function, *rest)) for function in (3, 16) for rest in ((0, 9, 0, 2), (4, 0, 1, 2, 3))]
+    told = 0
+    for body in bodies:
+        if role not in sound_roles(body):
+            continue
+        for unit in range(256):
+            adu = bytes((unit,)) + body + crc_bytes(bytes((unit,)) + body)
+            assert adu_end(adu, role) == len(adu)
+            assert adu_end(adu[:-1], role) is None
+            assert adu_end(adu + b"\x07\x03", role) == len(adu)
+            told += 1
+    assert told
 
 
 def rtu(pdu: bytes) -> bytes:

@@ -10,8 +10,9 @@ from typing import Final
 
 from captures.chunks import Capture
 from captures.live.pace import sleep_until
-from dissectors.crc import crc_bytes, crc_ends
-from dissectors.limits import BROADCAST, MAX_ADU
+from dissectors.crc import crc_bytes
+from dissectors.lengths import Role, adu_end
+from dissectors.limits import BROADCAST
 
 from ..options import Options
 from .record import RecordedReply, RecordedRequest, recorded
@@ -89,7 +90,7 @@ def _answer(line: TwinLine, unit: int, stop: Callable[[], bool]) -> bytes | None
     held, until = b"", time.monotonic_ns() + _PATIENCE_NS
     while time.monotonic_ns() < until and not stop():
         held += line.read(0.05)
-        ends = crc_ends(held, 0, MAX_ADU)
-        if ends and held[0] == unit:
-            return held[1 : ends[0] - 2]
+        end = adu_end(held, Role.RESPONSE)
+        if end and held[0] == unit:
+            return held[1 : end - 2]
     return None

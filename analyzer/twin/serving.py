@@ -15,7 +15,8 @@ from captures.errors import CaptureError, os_reason
 from captures.live.pace import sleep_until
 from captures.live.settings import FALLBACK_BAUD, PortSettings
 from captures.live.tap import GONE, refusal
-from dissectors.crc import crc_bytes, crc_ends
+from dissectors.crc import crc_bytes
+from dissectors.lengths import Role, adu_end
 from dissectors.limits import BROADCAST, MAX_ADU
 
 from .faults import FaultyAnswers
@@ -107,8 +108,8 @@ def serve_line(twins: TwinsOnALine, line: TwinLine, stop: Callable[[], bool]) ->
         if not data:
             continue
         held, last = held + data, now
-        while ends := crc_ends(held, 0, MAX_ADU):
-            frame, held = held[: ends[0]], held[ends[0] :]
+        while end := adu_end(held, Role.REQUEST):
+            frame, held = held[:end], held[end:]
             answer = None if echo.heard(frame, now) else twins.answer(frame[0], frame[1:-2])
             if answer is not None:
                 body = _named(answer, frame[:1]) + answer.pdu
