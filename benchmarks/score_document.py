@@ -7,10 +7,10 @@ answers, one poll is refused, the fastest unit's setpoint is never written. A fa
 the refusal, the silent unit, or a register that moved: integer or float, width and word order. A number whose width the
 description leaves open (the register beside it was always zero) is right where its own reading is among those told; how
 many are so only by the less likely one is counted. Invented is what is said otherwise than it is; what is said to be
-not known is missed, and not invented. Numbers are told with how sure they are: beside the wrong ones stands how many
-these confidences foretell. Beside what is told stands what is called likely, and
-what nobody can tell: numbers whose first register never moved. A manual with one planted contradiction is held against
-each bus.
+not known is missed, and not invented. Ranges and the round's period are counted beside the facts. Numbers are told with
+how sure they are: beside the wrong ones stands how many these confidences foretell. Beside what is told stands what is
+called likely, and what nobody can tell: numbers whose first register never moved. A manual with one planted
+contradiction is held against each bus.
 """
 
 from __future__ import annotations
@@ -22,10 +22,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from random import Random
+from typing import cast
 
+import numpy as np
 from register_series import layouts, moved
 
 import captures
+from analyzer.registers.hypotheses import numbers
 from analyzer.reports.description import BusDescription, describe
 from analyzer.reports.description.model import DescribedRegister
 from analyzer.simulation.mapped.client import MappedClient
@@ -34,10 +37,12 @@ from dissectors.crc import crc_bytes
 from dissectors.maps import RegisterMap
 from dissectors.maps.files import UnitMaps
 from dissectors.maps.model import MapArea, MappedValue
+from dissectors.values import Order
 
 _READ = {"holding": 3, "input": 4}
 _CHARACTER_NS = 286_458  # 38400 bit/s, 11 bits
 _DEAD, _REFUSED = 246, 60_000
+_BEGUN_NS = 10**18
 _WIDEST = 4  # registers of a number
 
 
@@ -54,6 +59,9 @@ class Score:
     likely: int = 0  # types called likely
     likely_right: int = 0
     by_number: int = 0  # right as a number, and told with the width that it has as the less likely one
+    ranges: int = 0  # least, greatest and last readings of numbers that are told
+    ranges_right: int = 0
+    periods_right: int = 0  # within a hundredth
     still: int = 0  # numbers whose first register never moved
 
     def add(self, right: bool, invented: bool = False) -> None:
@@ -85,7 +93,7 @@ class WrittenBus:
         random.shuffle(self.polls)
         self.seen: dict[tuple[int, str, int], list[int]] = {}
         self.lines = [json.dumps({"format": "serial-chunks", "version": 1, "baud": 38400, "char_bits": 11})]
-        self._t_ns = 10**18
+        self.t_ns, self.rounds = _BEGUN_NS, rounds
         for _ in range(rounds):
             self._round(random)
 
@@ -95,7 +103,7 @@ class WrittenBus:
         for device, unit, function, address, quantity in self.polls:
             self._put(bytes((unit, function)) + address.to_bytes(2) + quantity.to_bytes(2), random.randrange(5, 8))
             if unit == _DEAD:
-                self._t_ns += 200_000_000
+                self.t_ns += 200_000_000
             elif device is None:
                 self._put(bytes((unit, function | 0x80, 2)), 4)
             else:
@@ -105,12 +113,12 @@ class WrittenBus:
                     self.seen.setdefault((unit, area, address + at), []).append(word)
                 octets = b"".join(word.to_bytes(2) for word in words)
                 self._put(bytes((unit, function, len(octets))) + octets, random.randrange(3, 12))
-        self._t_ns += 500_000_000
+        self.t_ns += 500_000_000
 
     def _put(self, body: bytes, pause_ms: int) -> None:
         frame = body + crc_bytes(body)
-        self._t_ns += pause_ms * 1_000_000 + len(frame) * _CHARACTER_NS
-        self.lines.append(json.dumps({"t_ns": self._t_ns, "hex": frame.hex()}))
+        self.t_ns += pause_ms * 1_000_000 + len(frame) * _CHARACTER_NS
+        self.lines.append(json.dumps({"t_ns": self.t_ns, "hex": frame.hex()}))
 
     def moved_rows(self, device: MappedDevice) -> list[MappedValue]:
         """The numbers of a device that were asked for whole, and of which a word moved."""
@@ -134,12 +142,17 @@ def scored(bus: WrittenBus, told: BusDescription, score: Score) -> None:
     for at, poll in enumerate(turned):
         said = tuple(slots[at]) if at < len(slots) else None
         score.add(said == poll, said is not None and said != poll)
+    period_ns = (bus.t_ns - _BEGUN_NS) / bus.rounds
+    score.periods_right += told.round is not None and abs((told.round.period_ns or 0) / period_ns - 1) < 0.01
     units = {unit.unit: unit for unit in told.units}
     score.add(not units[_DEAD].answered and not units[_DEAD].registers, bool(units[_DEAD].registers))
     refused = [unit.unit for unit in told.units if any(code == 2 for _, code, *_ in unit.exceptions)]
     score.add(refused == [bus.devices[0].unit], bool(set(refused) - {bus.devices[0].unit}))
     for device in bus.devices:
         registers = {(each.value.area, each.value.address): each for each in units[device.unit].registers}
+        held = [_is_in_range(bus, each) for each in units[device.unit].registers if each.is_known]
+        score.ranges += sum(right is not None for right in held)
+        score.ranges_right += sum(right is True for right in held)
         for row in bus.moved_rows(device):
             answer = _answer(row, registers)
             score.still += len(set(bus.seen[device.unit, row.area, row.address])) == 1
@@ -154,6 +167,19 @@ def scored(bus: WrittenBus, told: BusDescription, score: Score) -> None:
                 right = exact or _is_among(row, answer)
                 score.add(right, not right)
                 score.by_number += right and not exact
+
+
+def _is_in_range(bus: WrittenBus, register: DescribedRegister) -> bool | None:
+    """Whether what is told of the readings of a number is so; None where requests that overlap read its registers."""
+    value = register.value
+    series = [bus.seen[value.unit, value.area, value.address + n] for n in range(value.words)]
+    if len(set(map(len, series))) > 1 or value.kind == "text":
+        return None
+    order = cast(Order, value.order or "ABCD")
+    words = np.array(series, np.uint16).T
+    read = numbers(words, order, is_float=value.kind == "float", signed=value.signed)
+    told = np.array((value.minimum, value.maximum, value.last), np.float64)
+    return bool(np.allclose(told, (np.nanmin(read), np.nanmax(read), read[-1]), rtol=1e-6, atol=1e-6, equal_nan=True))
 
 
 def _answer(row: MappedValue, registers: Mapping[tuple[MapArea, int], DescribedRegister]) -> DescribedRegister | None:
@@ -226,6 +252,8 @@ def main() -> None:
     likely = f"{score.likely_right} of {score.likely} right"
     print(f"types called likely: {likely}; with them {told / score.due:.3f} of the facts")
     print(f"numbers whose first register never moved: {score.still}")
+    print(f"ranges of numbers that are told: {score.ranges_right} of {score.ranges} right")
+    print(f"periods: {score.periods_right} of {arguments.buses} right within a hundredth")
     print(f"slots of the round: {score.slots_right} of {score.slots} in their place")
     print(f"planted contradictions: {found} of {manuals} found with frames")
 
