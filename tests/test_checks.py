@@ -155,7 +155,7 @@ def test_the_load() -> None:
         ("no writes outside 100", 19, "not a logical address"),
         ("units are 1, 256", 14, "255"),
         ("at most 1.5 retries", 9, "whole number"),
-        ("load < 200 %", 8, "100 %"),
+        ("load < 200 %", 8, "100%"),
         ("no crc errors please or else", 4, "is unknown"),
         ("", 1, "expected"),
     ],
