@@ -18,12 +18,11 @@ import shlex
 import shutil
 import subprocess
 import sys
-import threading
-import time
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from livebus import busy_port
 from running import ROOT, spawned
 
 from analyzer.cli import main
@@ -38,7 +37,6 @@ ENGLISH = sorted(page for folder in ("tutorials", "howto") for page in (DOCS / f
 PAGES = [*ENGLISH, *(DOCS / "ru" / page.relative_to(DOCS) for page in ENGLISH)]
 PORT = "/dev/ttyUSB0"
 _BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
-_REQUEST, _ANSWER = bytes.fromhex("1103006b00037687"), bytes.fromhex("110306ae415652434049ad")
 
 
 @dataclass(frozen=True)
@@ -58,32 +56,6 @@ def steps(page: Path) -> list[Step]:
             shown = blocks[at + 1] if at + 1 < len(blocks) and blocks[at + 1][0] in ("text", "console") else ("", "")
             found.append(Step([line.partition("  #")[0] for line in text.splitlines() if line], *shown))
     return found
-
-
-@contextlib.contextmanager
-def busy_port():
-    """A pseudo-terminal at which a client asks a unit again and again."""
-    from livebus import pty
-
-    master, name = pty()
-    over = threading.Event()
-
-    def talk():
-        while not over.is_set():
-            for data in (_REQUEST, _ANSWER):
-                os.write(master, data)
-                time.sleep(0.02)
-            time.sleep(0.1)
-
-    os.set_blocking(master, False)
-    thread = threading.Thread(target=talk)
-    with contextlib.suppress(BlockingIOError):
-        thread.start()
-    try:
-        yield name
-    finally:
-        over.set()
-        thread.join()
 
 
 def digits_apart(text: str) -> set[str]:

@@ -125,7 +125,9 @@ def test_numbers_and_units_are_those_of_the_language() -> None:
 
 def test_a_russian_sentence_has_the_words_of_the_usage_line() -> None:
     """What stands for a value is `ФАЙЛ` in both; names of variables of the environment are names."""
-    placeholders = [english for name in ("help", "agents", "twin") for english, _ in _entries(name) if english.isupper()]
+    placeholders = [
+        english for name in ("help", "agents", "twin") for english, _ in _entries(name) if english.isupper()
+    ]
     assert {"FILE", "HOST", "PORT", "LAKE"} < {*placeholders}
     left = re.compile(rf"(?<![$\w])(?:{'|'.join(placeholders)})(?![\w=])")
     texts = [words for file in LANGUAGES.glob("ru*.toml") for words in _russian(file)]

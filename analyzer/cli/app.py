@@ -106,7 +106,9 @@ def _near_option(option: str, known: Iterable[str]) -> str:
     """What was meant by an option that is not known: that of another tool, or one mistyped."""
     known = list(known)
     instead = instead_of(option, known)
-    return did_you_mean(option, known) if instead is None else f": did you mean {instead}?"
+    if instead is None:
+        return did_you_mean(option, known)
+    return f": did you mean {_placeholders(instead)}?" if instead.startswith("-") else f": {instead}"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
