@@ -220,7 +220,7 @@ def test_a_file_of_rules_and_the_results_for_ci(capsys: pytest.CaptureFixture[st
     ("text", "words"),
     [
         ("rule = 3", "[[rule]]"),
-        ("[[rule", "no TOML"),
+        ("[[rule", "not a TOML file"),
         ("rule = " + "[" * 5000, "nested too deeply"),
         ("[[rule]]\nname = 'x'", "needs check"),
         ("[[rule]]\nchek = 'x'", "no key 'chek'"),

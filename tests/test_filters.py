@@ -232,7 +232,7 @@ def test_ascii_mode_is_read_by_what_its_digits_stand_for() -> None:
         ("response_time > 50", 16, "needs a unit"),
         ("response_time > fast", 16, "50 ms"),
         ("time > 3 chars", 7, "us, ms, s"),
-        ('time > "soon"', 7, "is no time"),
+        ('time > "soon"', 7, "is not a time"),
         ("gap > 3.5 foo", 10, "a unit such as ms"),
         ('finding == "late', 11, "the quote is not closed"),
         ('hex contains "0"', 13, "two hexadecimal digits each"),

@@ -200,7 +200,7 @@ def _is_signed(name: str, page: bytes) -> bool:
 
 
 def _foreign(path: Path, folder: Path) -> FleetError:
-    return FleetError(f"{path}: is no page of a site: empty {folder.name}, or give another name")
+    return FleetError(f"{path}: is not a page of a site: empty {folder.name}, or give another name")
 
 
 def foreign_file(folder: Path) -> Path | None:
