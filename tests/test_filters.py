@@ -357,7 +357,8 @@ def test_the_reference_is_of_this_table() -> None:
     page = Path(__file__).resolve().parents[1] / "docs" / "filters.md"
     made = markdown()
     assert page.read_text(encoding="utf-8") == made, "write it anew: python -m analyzer.reference.filters"
-    for block in made.split("```text\n")[1:]:
+    pages = [made, page.with_name("interface.md").read_text(encoding="utf-8")]
+    for block in [block for each in pages for block in each.split("```text\n")[1:]]:
         for line in block.split("```")[0].splitlines():
             assert check(line, charts=CHARTS) is None, line
     for quoted in re.findall(r"`([a-z_]+ (?:==|!=|in|>|<) [^`]+)`", made):
