@@ -203,4 +203,4 @@ def test_plot_draws_a_register_in_the_terminal_and_as_a_picture(capsys: pytest.C
     pytest.importorskip("matplotlib")
     assert ran(capsys, "plot", "bus.jsonl", "unit", *place, "-o", "one.svg").status == 0
     assert Path("one.svg").read_bytes().startswith(b"<?xml")
-    assert "no readings of holding 9998 of unit" in refused(capsys, "plot", "bus.jsonl", "unit", place[0], "49999")
+    assert "has no readings of holding 9998" in refused(capsys, "plot", "bus.jsonl", "unit", place[0], "49999")
