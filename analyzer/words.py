@@ -47,8 +47,10 @@ def unit_word(unit: str) -> str:
 
 
 def decimal(text: str) -> str:
-    """A number, or two, with the decimal mark of the language in use."""
-    return "..".join(number.replace(".", ",") for number in text.split("..")) if _units.get() else text
+    """A number, or two, or a percentage, as the language in use writes it: `4.5%`, in Russian `4,5 %`."""
+    if not _units.get():
+        return text
+    return "..".join(number.replace(".", ",") for number in text.split("..")).replace("%", " %")
 
 
 @overload
@@ -202,9 +204,13 @@ def compact(number: int) -> str:
 
 def percent(share: float) -> str:
     """A share in at most five characters; one that is not nothing is never called `0%`: `12%`, `0.4%`, `<0.1%`."""
-    if share >= 0.0995 or share <= 0:
-        return f"{share:.0%}"
-    return decimal(f"{share:.1%}" if share >= 0.0005 else "<0.1%")
+    whole = share >= 0.0995 or share <= 0
+    return decimal(f"{share:.0%}" if whole else f"{share:.1%}" if share >= 0.0005 else "<0.1%")
+
+
+def rough_percent(share: float) -> str:
+    """A share as a whole number: `12%`, and `<1%` for one that is next to nothing."""
+    return decimal(f"{share:.0%}" if share >= 0.005 or share <= 0 else "<1%")
 
 
 def plural(number: int, one: str, many: str) -> str:

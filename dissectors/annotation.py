@@ -218,4 +218,4 @@ def check_fields(adu: Adu, at: int, wording: Wording = ENGLISH) -> tuple[Field, 
     due = adu.check_computed.to_bytes(width, "little").hex(" ").upper()
     there = adu.data[at:].hex(" ").upper()
     text = wording.tell("wrong: {there}, should be {due}", due=due, there=there)
-    return (Field(name, at, width, adu.check_received, raw, text, problem=wording.tell("{due} is right", due=due)),)
+    return (Field(name, at, width, adu.check_received, raw, text, problem=wording.tell("{due} is correct", due=due)),)

@@ -107,7 +107,7 @@ class Multiple:
 
     def broken(self, value: int, wording: Wording = ENGLISH) -> str | None:
         """What is wrong with this value, or None."""
-        return wording.tell("{value} is no multiple of {n}", value=value, n=self.n) if value % self.n else None
+        return wording.tell("{value} is not a multiple of {n}", value=value, n=self.n) if value % self.n else None
 
 
 @dataclass(frozen=True, slots=True)

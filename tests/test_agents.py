@@ -282,4 +282,4 @@ def test_what_is_missing_is_said_in_a_line(folder, capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "mcp.server.mcpserver", None)
     assert "a server for agents needs mcp: " in refused(capsys, "mcp", "--root", folder)
     assert "no such folder" in refused(capsys, "mcp", "--root", folder / "none")
-    assert "is no folder" in refused(capsys, "mcp", "--root", folder / "hostile.jsonl")
+    assert "is not a folder" in refused(capsys, "mcp", "--root", folder / "hostile.jsonl")

@@ -243,7 +243,7 @@ def test_a_capture_without_times_has_no_response_times(tmp_path: Path, capsys: p
         ("[unit.1.load]\npass = 0.1", "the load belongs to the line"),
         ("unit = 3", "must hold a table for each unit"),
         ("confidence = 2", "must be a number from"),
-        ("[[", "is no TOML"),
+        ("[[", "is not a TOML file"),
     ],
 )
 def test_limits_that_cannot_be_are_refused_in_one_line(

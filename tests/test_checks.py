@@ -155,7 +155,7 @@ def test_the_load() -> None:
         ("no writes outside 100", 19, "not a logical address"),
         ("units are 1, 256", 14, "255"),
         ("at most 1.5 retries", 9, "whole number"),
-        ("load < 200 %", 8, "100 %"),
+        ("load < 200 %", 8, "100%"),
         ("no crc errors please or else", 4, "is unknown"),
         ("", 1, "expected"),
     ],
@@ -220,7 +220,7 @@ def test_a_file_of_rules_and_the_results_for_ci(capsys: pytest.CaptureFixture[st
     ("text", "words"),
     [
         ("rule = 3", "[[rule]]"),
-        ("[[rule", "no TOML"),
+        ("[[rule", "not a TOML file"),
         ("rule = " + "[" * 5000, "nested too deeply"),
         ("[[rule]]\nname = 'x'", "needs check"),
         ("[[rule]]\nchek = 'x'", "no key 'chek'"),

@@ -198,7 +198,10 @@ def test_ctrl_c_keeps_what_was_done(tmp_path, capsys):
 
 
 @pytest.mark.skipif(os.name != "posix" or not os.path.exists("/dev/full"), reason="no /dev/full here")  # noqa: PTH110
-@pytest.mark.parametrize("arguments", [["parse", "11 03 00 6B 00 03 76 87"], ["demo"], ["completion", "bash"]])
+@pytest.mark.parametrize(
+    "arguments",
+    [["parse", "11 03 00 6B 00 03 76 87"], ["demo"], ["completion", "bash"], ["--help"], ["demo", "--help"]],
+)
 def test_a_full_disk_behind_standard_output_is_one_line(arguments):
     with open("/dev/full", "wb") as full:  # noqa: PTH123
         done = subprocess.run(

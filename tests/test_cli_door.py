@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 from pathlib import Path
 
 import pytest
+from livebus import busy_port
 from running import ran, refused, spawned
 from terminals import Terminal, posix
 
@@ -43,6 +45,8 @@ def bus(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (["live", "COM3"], ["sniff", "COM3"]),
         ([REQUEST], ["parse", REQUEST]),
         (REQUEST.split(), ["parse", *REQUEST.split()]),
+        ([*REQUEST.split(), "--lang", "en"], ["parse", *REQUEST.split(), "--lang", "en"]),
+        (["capture", "COM3"], ["sniff", "COM3"]),
         (["1103006B00037687"], ["parse", "1103006B00037687"]),
         ([":1103006B00037E"], ["parse", ":1103006B00037E"]),
         (["0x11,0x03,0x00,0x6B,0x00,0x03,0x76,0x87"], ["parse", "0x11,0x03,0x00,0x6B,0x00,0x03,0x76,0x87"]),
@@ -96,12 +100,58 @@ def test_what_cannot_be_used_is_one_line(capsys: pytest.CaptureFixture[str]) -> 
     assert "did you mean" not in refused(capsys, "parse", "--foo", "11")
 
 
+_PORTS = "no serial ports found|/dev/"
+_AS_TYPED = [  # what is shown on a pipe and on a terminal; a screen of its own ends by `q`
+    ("bus.jsonl", "requests", "Transactions"),
+    ("read bus.jsonl", "requests", "Transactions"),
+    ("view bus.jsonl", "requests", "Transactions"),
+    ("stats bus.jsonl", "requests", "requests"),
+    ("analyze bus.jsonl", "requests", "requests"),
+    (REQUEST, "unit 17: read", "unit 17: read"),
+    (f"decode {REQUEST}", "unit 17: read", "unit 17: read"),
+    ("list", _PORTS, _PORTS),
+    ("devices", _PORTS, _PORTS),
+    ("-D", _PORTS, _PORTS),
+    ("-V", "^rtuscope [0-9]", "^rtuscope [0-9]"),
+    ("info bus.jsonl", "serial-chunks", "serial-chunks"),
+    ("crc 11 03 00 6B 00 03", "76 87", "76 87"),
+    ("parse 11 03 00 6B 00 03", f"the whole frame: {REQUEST}", f"the whole frame: {REQUEST}"),
+    ("COM3", "COM3: no such port", "COM3: no such port"),
+    ("tap://127.0.0.1:9", "tap://127.0.0.1:9: ", "tap://127.0.0.1:9: "),
+]
+_NAMES = [typed for typed, *_ in _AS_TYPED]
+
+
+@pytest.mark.parametrize(("typed", "shown", "_"), _AS_TYPED, ids=_NAMES)
+def test_the_front_door_as_typed_on_a_pipe(bus: Path, typed: str, shown: str, _: str) -> None:
+    done = spawned(*typed.split(), cwd=bus.parent)
+    assert re.search(shown, done.out + done.err) and "no command" not in done.err
+
+
 @posix
-def test_a_file_opens_on_a_terminal() -> None:
-    terminal = Terminal("bus.jsonl")
-    terminal.until(b"Transactions")
-    os.write(terminal.fd, b"q")
-    assert terminal.status() == 0
+@pytest.mark.parametrize(("typed", "_", "shown"), _AS_TYPED, ids=_NAMES)
+def test_the_front_door_as_typed_on_a_terminal(typed: str, _: str, shown: str) -> None:
+    terminal = Terminal(*typed.split())
+    if shown == "Transactions":
+        terminal.until(shown.encode())
+        os.write(terminal.fd, b"q")
+        assert terminal.status() == 0
+    else:
+        assert re.search(shown, terminal.whole())
+
+
+@posix
+@pytest.mark.parametrize("verb", [(), ("monitor",), ("live",)], ids=["port", "monitor", "live"])
+@pytest.mark.parametrize("on_terminal", [False, True], ids=["pipe", "terminal"])
+def test_a_port_is_listened_to(verb: tuple[str, ...], on_terminal: bool) -> None:
+    with busy_port() as port:
+        if on_terminal:
+            terminal = Terminal(*verb, port, "-b", "19200")
+            terminal.until(b"read 3 holding registers")
+            os.write(terminal.fd, b"\x03")
+            terminal.status()
+        else:
+            assert "read 3 holding registers" in spawned(*verb, port, "-b", "19200", "--count", "2").out
 
 
 @posix
@@ -153,4 +203,4 @@ def test_plot_draws_a_register_in_the_terminal_and_as_a_picture(capsys: pytest.C
     pytest.importorskip("matplotlib")
     assert ran(capsys, "plot", "bus.jsonl", "unit", *place, "-o", "one.svg").status == 0
     assert Path("one.svg").read_bytes().startswith(b"<?xml")
-    assert "no readings of holding 9998 of unit" in refused(capsys, "plot", "bus.jsonl", "unit", place[0], "49999")
+    assert "has no readings of holding 9998" in refused(capsys, "plot", "bus.jsonl", "unit", place[0], "49999")

@@ -22,7 +22,7 @@ def test_a_frame_as_arguments(capsys):
     done = ran(capsys, "parse", *REQUEST.split())
     assert (done.status, done.err) == (0, "")
     lines = done.out.splitlines()
-    assert lines[0] == "RTU: right CRC at the predicted length, 1 frame over all 8 bytes"
+    assert lines[0] == "RTU: correct CRC at the predicted length, 1 frame over all 8 bytes"
     assert lines[2] == "request   unit 17: read 3 holding registers from 107 (40108)"
     assert lines[3:] == [
         "   0  11     unit              17",

@@ -140,7 +140,7 @@ def test_unused_bits_must_be_zero() -> None:
         ("11 01 0000 0000", REQUEST, "quantity", "0 is outside 1 to 2000"),
         ("11 05 0000 0001", REQUEST, "output_value", "0001 should be FF00 or 0000"),
         ("11 10 0000 0002 06 000000000000", REQUEST, "byte_count", "the quantity, 2, takes 4 bytes, not 6"),
-        ("11 03 03 000102", RESPONSE, "byte_count", "3 is no multiple of 2"),
+        ("11 03 03 000102", RESPONSE, "byte_count", "3 is not a multiple of 2"),
         ("11 03 06 00010002", RESPONSE, "registers", "6 bytes expected, 4 found"),
         ("11 03 02 00010002", RESPONSE, "surplus", "2 bytes more than the frame's fields take"),
         ("11 03 00", REQUEST, "starting_address", "2 bytes expected, 1 found"),
@@ -150,7 +150,7 @@ def test_unused_bits_must_be_zero() -> None:
         ("11 83 0C", RESPONSE, "exception_code", "0C is not defined"),
         ("01 08 0055 0000", REQUEST, "sub_function", "0055 is not defined"),
         ("01 0F 0000 000A 01 CD", REQUEST, "byte_count", "the quantity, 10, takes 2 bytes, not 1"),
-        ("01 14 08 060004000100020A", REQUEST, "byte_count", "8 is no multiple of 7"),
+        ("01 14 08 060004000100020A", REQUEST, "byte_count", "8 is not a multiple of 7"),
     ],
 )
 def test_what_breaks_the_specification_is_said_where_it_is(text: str, role: Role, name: str, problem: str) -> None:
@@ -178,10 +178,10 @@ def test_the_request_of_another_function_says_nothing() -> None:
 
 def test_a_wrong_check_value_says_what_is_right() -> None:
     (*_, crc) = annotate(rtu(bytes.fromhex("1103006B00037688")), REQUEST)
-    assert (crc.name, crc.value, crc.problem) == ("crc", 0x8876, "76 87 is right")
+    assert (crc.name, crc.value, crc.problem) == ("crc", 0x8876, "76 87 is correct")
     assert crc.text == "wrong: 76 88, should be 76 87"
     (*_, lrc) = annotate(ascii_adu(bytes.fromhex("0A03000C0001E7")), REQUEST)
-    assert (lrc.name, lrc.problem) == ("lrc", "E6 is right")
+    assert (lrc.name, lrc.problem) == ("lrc", "E6 is correct")
 
 
 def test_a_frame_too_short_for_a_check_value() -> None:

@@ -104,7 +104,7 @@ def test_json_and_python_stay_english() -> None:
     line = next(paste.read("11 03 00 6B 00 03 76 88").to_json())
     assert [field["name"] for field in line["fields"]] == ["unit", "function", "starting_address", "quantity", "crc"]
     assert line["fields"][-1]["text"] == "wrong: 76 88, should be 76 87"
-    assert line["fields"][-1]["problem"] == "76 87 is right"
+    assert line["fields"][-1]["problem"] == "76 87 is correct"
 
 
 def test_a_paste_s_fields_are_told_in_russian() -> None:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import importlib.util
+import itertools
 import json
 import os
 import re
@@ -18,27 +19,27 @@ import shlex
 import shutil
 import subprocess
 import sys
-import threading
-import time
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from livebus import busy_port
 from running import ROOT, spawned
 
 from analyzer.cli import main
 from analyzer.cli.app import Parser
+from analyzer.cli.commands import COMMANDS as CLI
 from analyzer.cli.commands import NO_FRAME, add_arguments
 from analyzer.reference.causes import markdown as causes_page
 from analyzer.reference.findings import markdown
 from analyzer.tables.findings import rules
+from captures import samples
 
 DOCS = ROOT / "docs"
 ENGLISH = sorted(page for folder in ("tutorials", "howto") for page in (DOCS / folder).glob("*.md"))
 PAGES = [*ENGLISH, *(DOCS / "ru" / page.relative_to(DOCS) for page in ENGLISH)]
 PORT = "/dev/ttyUSB0"
 _BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
-_REQUEST, _ANSWER = bytes.fromhex("1103006b00037687"), bytes.fromhex("110306ae415652434049ad")
 
 
 @dataclass(frozen=True)
@@ -58,32 +59,6 @@ def steps(page: Path) -> list[Step]:
             shown = blocks[at + 1] if at + 1 < len(blocks) and blocks[at + 1][0] in ("text", "console") else ("", "")
             found.append(Step([line.partition("  #")[0] for line in text.splitlines() if line], *shown))
     return found
-
-
-@contextlib.contextmanager
-def busy_port():
-    """A pseudo-terminal at which a client asks a unit again and again."""
-    from livebus import pty
-
-    master, name = pty()
-    over = threading.Event()
-
-    def talk():
-        while not over.is_set():
-            for data in (_REQUEST, _ANSWER):
-                os.write(master, data)
-                time.sleep(0.02)
-            time.sleep(0.1)
-
-    os.set_blocking(master, False)
-    thread = threading.Thread(target=talk)
-    with contextlib.suppress(BlockingIOError):
-        thread.start()
-    try:
-        yield name
-    finally:
-        over.set()
-        thread.join()
 
 
 def digits_apart(text: str) -> set[str]:
@@ -115,6 +90,17 @@ def test_every_command_of_a_page_does_what_stands_there(page, tmp_path):
             for part in re.split(r"^\.\.\.\n", step.text, flags=re.MULTILINE) if step.kind == "text" else ():
                 assert part in done.out[at:], (line, part, done.out)
                 at = done.out.index(part, at) + len(part)
+
+
+def test_the_view_of_a_running_bus_is_what_a_replay_of_the_sample_shows():
+    told = spawned("replay", samples.path("troubled.jsonl"), "--speed", "max", "--tz", "UTC").out
+    blocks = [text for _, text in _BLOCK.findall((DOCS / "live.md").read_text(encoding="utf-8"))]
+    (shown,) = (text for text in blocks if text.startswith("08:29"))
+    at = 0
+    for line in shown.splitlines():
+        if line != "...":
+            assert line.rstrip("…") in told[at:], line
+            at = told.index(line.rstrip("…"), at)
 
 
 def locale_of(page):
@@ -159,7 +145,16 @@ def test_the_site_builds(tmp_path):
 
 
 RUSSIAN = (DOCS / "ru.md").read_text(encoding="utf-8")
-COMMANDS = re.findall(r"^rtuscope (.+?)(?: {2,}#.*)?$", RUSSIAN, re.MULTILINE)
+ENDS = {"|", ">", ">>", "<", "&&", ";"}  # of a command, as a shell reads it
+COMMANDS = sorted(
+    {
+        line
+        for page in (ROOT / "README.md", *DOCS.rglob("*.md"))
+        for text in commands_of(page)
+        for line in re.findall(r"(?:^|[|;&] )rtuscope (.+)$", text.replace("\\\n", " "), re.MULTILINE)
+        if line.split()[0] in CLI  # else tests/test_cli_door.py
+    }
+)
 
 
 def test_every_finding_stands_there_with_its_severity() -> None:
@@ -169,7 +164,7 @@ def test_every_finding_stands_there_with_its_severity() -> None:
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_is_one(command: str) -> None:
-    name, *given = shlex.split(command)
+    name, *given = itertools.takewhile(lambda word: word not in ENDS, shlex.split(command, comments=True))
     parser = Parser(prog=name)
     add_arguments(parser, name)
     assert parser.parse_args(given)

@@ -232,7 +232,7 @@ def test_ascii_mode_is_read_by_what_its_digits_stand_for() -> None:
         ("response_time > 50", 16, "needs a unit"),
         ("response_time > fast", 16, "50 ms"),
         ("time > 3 chars", 7, "us, ms, s"),
-        ('time > "soon"', 7, "is no time"),
+        ('time > "soon"', 7, "is not a time"),
         ("gap > 3.5 foo", 10, "a unit such as ms"),
         ('finding == "late', 11, "the quote is not closed"),
         ('hex contains "0"', 13, "two hexadecimal digits each"),
@@ -357,7 +357,8 @@ def test_the_reference_is_of_this_table() -> None:
     page = Path(__file__).resolve().parents[1] / "docs" / "filters.md"
     made = markdown()
     assert page.read_text(encoding="utf-8") == made, "write it anew: python -m analyzer.reference.filters"
-    for block in made.split("```text\n")[1:]:
+    pages = [made, page.with_name("interface.md").read_text(encoding="utf-8")]
+    for block in [block for each in pages for block in each.split("```text\n")[1:]]:
         for line in block.split("```")[0].splitlines():
             assert check(line, charts=CHARTS) is None, line
     for quoted in re.findall(r"`([a-z_]+ (?:==|!=|in|>|<) [^`]+)`", made):

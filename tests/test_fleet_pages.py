@@ -154,9 +154,7 @@ def test_figures_are_those_of_the_lake(lake, pages):
     (row,) = lake.arrow(
         "SELECT sum(requests - broadcast - unheard) AS asked, sum(exception + unanswered + damaged) AS bad FROM hours"
     ).to_pylist()
-    said = (
-        f"{100 * float(row['bad']) / int(row['asked']):.3g} % of {int(row['asked']):,} requests without a good answer"
-    )
+    said = f"{100 * float(row['bad']) / int(row['asked']):.3g}% of {int(row['asked']):,} requests without a good answer"
     assert f"{len(SITES)} sites; {said}" in Page(fleet).text
 
 

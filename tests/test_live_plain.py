@@ -97,7 +97,7 @@ def test_frames_are_told_in_russian():
     ("language", "words"),
     [
         ("en", "0:00:00  1 byte with a parity or framing error  1 error  load 0.9%  2 frames/s  1 frame"),
-        ("ru", "0:00:00  с ошибкой чётности или стопового бита: 1 байт  1 ошибка  загрузка 0,9%  2 кадр/с  1 кадр"),
+        ("ru", "0:00:00  с ошибкой чётности или стопового бита: 1 байт  1 ошибка  загрузка 0,9 %  2 кадр/с  1 кадр"),
     ],
 )
 def test_the_status_line_agrees_with_its_numbers(language, words):

@@ -40,7 +40,7 @@ HARMS = {
     "comments.json": ('{"a":' + "/*" * 1_000_000, "no JSON: line 1"),
     "quotes.json": ('{"a":' + '"\\' * 1_000_000, "no JSON: line 1"),
     "state.csv": ("area,address,name,values\ninput,1,a," + "9" * 30 + "=x\n", "row 2: values is '9+': expected states"),
-    "none.csv": ("modbus register,name\nnothing,Voltage\n", "it has no registers: row 2: 'nothing' is no address"),
+    "none.csv": ("modbus register,name\nnothing,Voltage\n", "it has no registers: row 2: 'nothing' is not an address"),
 }  # fmt: skip
 
 

@@ -263,7 +263,7 @@ text_sensor:
 """,
         ["input 0 u16 x0.1 u", "holding 5 u32 DCBA e", "coil 3 bool c", "holding 10 text txt",
          "holding 20 bits {3=b; 5=b2} Bits of 20"],
-        "^half: type 'INT8H' is no type of a map",
+        "^half: type 'INT8H' is not a type that maps have",
     ),
     "modbus_exporter: labels, six figures, a text": (
         "modbus.yml",
@@ -278,7 +278,7 @@ text_sensor:
 """,
         ["input 22 s16 power 1", "input 23 s16 x3.1415 power 2", "holding 110 u64 CDAB e",
          "input 24 bits {4=bit} Bits of 24"],
-        "^str: data type 'string' is no type of a map",
+        "^str: data type 'string' is not a type that maps have",
     ),
     "modpoll: registers from 40000 on, which are no logical numbers": (
         "inverter.csv",

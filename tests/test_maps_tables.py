@@ -185,7 +185,7 @@ TABLES: dict[str, OddFile] = {
         b"Meter 7,,,\n,,,\nAddress,Name,Type,Unit\n,,,\n1,U,u16,V\n,,,\nPage 2,,,\nAddress,Name,Type,Unit\n"
         b"2,I,u16,A\n,,,\nNote:,all values read only,,\n",
         ["holding 1 u16 V U", "holding 2 u16 A I"],
-        "row 11: 'Note:' is no address",
+        "row 11: 'Note:' is not an address",
     ),
     "a logical and a protocol address side by side": (
         "list.csv",

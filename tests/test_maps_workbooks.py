@@ -97,7 +97,7 @@ BOOKS: dict[str, tuple[Cells, Callable[[Any], object] | None, list[str], str]] =
         [HEADINGS, [10, "U", "U16", "V"], [datetime.datetime(2024, 11, 12), "E", "U32", "kWh"]],
         None,
         ["holding 10 u16 V U"],
-        "row 3: '\\(a date\\)' is no address",
+        "row 3: '\\(a date\\)' is not an address",
     ),
     "a title merged over the table, groups merged over rows": (
         [["Device", None, None, None], HEADINGS, ["Measured", None, None, None], [0, "U", "f32", "V"],

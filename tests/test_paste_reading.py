@@ -54,7 +54,7 @@ def test_one_request_however_it_is_written(text):
 def test_ascii_mode():
     paste = read(":1103006B00037E")
     assert paste.protocol == "ascii"
-    assert paste.why == "ASCII: 1 frame between colon and line end, LRC right"
+    assert paste.why == "ASCII: 1 frame between colon and line end, LRC correct"
     assert [frame.adu.data.hex() for frame in paste.frames()] == ["1103006b00037e"]
     first = paste.pieces[0]
     assert isinstance(first, PastedFrame) and not first.also

@@ -123,9 +123,9 @@ def test_a_paste_is_told_in_russian(asked: _Asked) -> None:
     languages.use("ru")
     cut = tree(paste.read("11 03 00 6B 00 03"))
     assert "запрос    устройство 17: читать 3 регистра хранения с 107 (40108)" in cut
-    assert cut.splitlines()[0] == "RTU: похоже по заголовку; CRC не сходится, заголовка MBAP нет"
+    assert cut.splitlines()[0] == "RTU: похоже по заголовку; CRC неверна, заголовка MBAP нет"
     whole = tree(paste.read(_PASTED)).splitlines()[0]
-    assert whole == "RTU: CRC сходится на ожидаемой длине, 1 кадр на все 8 байтов"
+    assert whole == "RTU: CRC верна на ожидаемой длине, 1 кадр на все 8 байтов"
     assert "! обрезан: не хватает 2 байтов, это CRC; кадр целиком: 11 03 00 6B 00 03 76 87" in cut
     wrong = tree(paste.read("11 03 00 6B 00 03 76 87 11 03 06 AE 41 56 52 43 40 49 AE"))
     assert "CRC неверна: принята 49 AE, вычислена 49 AD" in wrong and "\n  вероятно: " in wrong

@@ -241,7 +241,7 @@ def test_pymodbus_meets_a_delay_over_tcp(capture):
         (["--fault", "silent"], "no fault 'silent'"),
         (["--fault", "exception=300"], "exception takes 1 to 255, not 300"),
         (["--fault", "silence=3"], "silence takes 0 to 0, not 3"),
-        (["--fault", "silence@120%"], "a percentage up to 100 %"),
+        (["--fault", "silence@120%"], "a percentage up to 100%"),
         (["--fault", "300:silence"], "unit takes 0 to 247, not 300"),
         (["--fault", "silence@1/0"], "1/N takes 1 to 999999, not 0"),
         (["--fault", "corruption", "--listen", "0"], "needs a serial line"),

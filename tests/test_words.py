@@ -17,11 +17,11 @@ from analyzer.causes.registry import suspects
 from analyzer.reference.causes import markdown as causes_page
 from analyzer.reference.findings import markdown as findings_page
 from analyzer.tables.findings import rules
-from analyzer.words import between, compact, data_size, duration, percent, pointed_ms, short
+from analyzer.words import between, compact, data_size, duration, percent, pointed_ms, rough_percent, short
 
 ROOT = Path(__file__).resolve().parents[1]
 LANGUAGES = ROOT / "analyzer" / "languages"
-CATALOGUES = ("help", "errors", "findings", "report", "interface")
+CATALOGUES = tuple(sorted(file.name[3:-5] or "ru" for file in LANGUAGES.glob("ru*.toml")))
 LONGEST = 30  # words of a sentence
 _SENTENCE = re.compile(r"(?<=[.;?!])\s+|:\s+")
 _PLACE = re.compile(r"\{[^}]*\}")
@@ -50,10 +50,10 @@ OLD_TURNS_RU = (
 def _entries(name: str) -> Iterator[tuple[str, str]]:
     """English and Russian of a catalogue's entries whose key is the English text."""
     file = LANGUAGES / ("ru.toml" if name == "ru" else f"ru.{name}.toml")
-    for table in tomllib.loads(file.read_text(encoding="utf-8")).values():
-        for english, russian in table.items():
+    for table, entries in tomllib.loads(file.read_text(encoding="utf-8")).items():
+        for english, russian in entries.items():
             if isinstance(russian, str):
-                yield english, russian
+                yield "" if table == "left" else english, russian
             elif isinstance(russian, dict):
                 yield from (("", each) for each in russian.values() if isinstance(each, str))
 
@@ -80,7 +80,7 @@ def test_old_turns_are_gone_in_english() -> None:
 
 def test_old_turns_are_gone_in_russian() -> None:
     pages = [page.read_text(encoding="utf-8") for page in (ROOT / "docs" / "ru").rglob("*.md")]
-    texts = [russian for name in (*CATALOGUES, "ru") for _, russian in _entries(name)]
+    texts = [russian for name in CATALOGUES for _, russian in _entries(name)]
     texts += [*pages, (ROOT / "docs" / "ru.md").read_text(encoding="utf-8")]
     assert len(texts) > 900
     assert not [(turn, text[:200]) for turn in OLD_TURNS_RU for text in texts if turn in text.replace("отводит", "")]
@@ -113,11 +113,25 @@ def test_numbers_and_units_are_those_of_the_language() -> None:
     ]  # fmt: skip
     with languages.telling("ru"):
         assert told()[:-1] == [
-            "31,3 с", "870 мкс", "1 мин 40 с", "9,1..17 мс", "12,3мс", "3ч12м", "    4,21 ", "0,4%", "12,3к", "5,2 кБ",
+            "31,3 с", "870 мкс", "1 мин 40 с", "9,1..17 мс", "12,3мс", "3ч12м", "    4,21 ", "0,4 %", "12,3к", "5,2 кБ",
         ]  # fmt: skip
-        assert languages.page_words("{share:.1%} of the line's capacity", share=0.202).startswith("20,2%")
+        assert languages.page_words("{share:.1%} of the line's capacity", share=0.202).startswith("20,2 %")
         assert languages.filled("{waited_ms:ms}", {"waited_ms": 4.64}) == "4,64 мс"
+        assert [percent(each) for each in (0, 0.0001, 0.123, 1)] == ["0 %", "<0,1 %", "12 %", "100 %"]
+        assert [rough_percent(each) for each in (0, 0.001, 0.5)] == ["0 %", "<1 %", "50 %"]
+        assert languages.page_words("{share:.0%} sure", share=1).endswith(" 100 %")  # of an integer, too
     assert told() == english
+
+
+def test_a_russian_sentence_has_the_words_of_the_usage_line() -> None:
+    """What stands for a value is `ФАЙЛ` in both; names of variables of the environment are names."""
+    placeholders = [
+        english for name in ("help", "agents", "twin") for english, _ in _entries(name) if english.isupper()
+    ]
+    assert {"FILE", "HOST", "PORT", "LAKE"} < {*placeholders}
+    left = re.compile(rf"(?<![$\w])(?:{'|'.join(placeholders)})(?![\w=])")
+    texts = [words for file in LANGUAGES.glob("ru*.toml") for words in _russian(file)]
+    assert not [words for words in texts if left.search(words)]
 
 
 _LATIN_UNIT = re.compile(r"[}\d] (?:ms|us|s|bit/s|Hz|kB|MB|MiB)(?![\w/-])")
@@ -128,6 +142,14 @@ def test_no_russian_sentence_has_a_latin_unit() -> None:
     assert len(texts) > 1500
     typed = "us, ms, s, min, h"  # what a filter takes
     assert not [words for words in texts if _LATIN_UNIT.search(words) and typed not in words]
+
+
+def test_a_percent_sign_stands_as_each_language_has_it() -> None:
+    """`20%`, and in Russian `20 %`; but for what one may type: `50%`, `silence@10%%`."""
+    assert not [words for words in _english() if re.search(r"(?<!load < )[\d}] %(?!\w)", words)]
+    texts = [words for file in LANGUAGES.glob("ru*.toml") for words in _russian(file)]
+    tight = [words for words in texts if re.search(r"(?:\d|:g\}|:\.3g\}|\{\d\})%(?!%)(?![^{}]*\})", words)]
+    assert all(re.search(r"\+200ms|например 50%", words) for words in tight) and tight
 
 
 def _russian(file: Path) -> Iterator[str]:

@@ -25,7 +25,7 @@ class AgentRoot:
         except (OSError, RuntimeError, ValueError) as error:
             raise AgentError(f"{os.fspath(folder)}: no such folder") from error
         if not self.path.is_dir():
-            raise AgentError(f"{os.fspath(folder)}: is no folder")
+            raise AgentError(f"{os.fspath(folder)}: is not a folder")
 
     def file(self, name: str) -> Path:
         """Where a file of this name really lies. AgentError where it is not inside, or no plain file."""

@@ -201,7 +201,7 @@ class AgentTools:
         from ..paste import read
 
         if len(text) > _CHARACTERS:
-            raise AgentError(f"over {_CHARACTERS:,} characters are no paste: put them into a file under the root")
+            raise AgentError(f"over {_CHARACTERS:,} characters are too many: put them into a file under the root")
         paste = read(text, "auto", "auto", None)
         sha256 = hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
         frames = list(paste.frames())

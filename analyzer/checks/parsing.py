@@ -112,7 +112,7 @@ def load_rules(path: str | Path, line: LineSettings | None = None, charts: UnitM
     try:
         document = tomllib.loads(Path(path).read_bytes().decode())
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise RulesFileError(f"{path}: is no TOML: {error}") from error
+        raise RulesFileError(f"{path}: is not a TOML file: {error}") from error
     except RecursionError as error:
         raise RulesFileError(f"{path}: nested too deeply") from error
     rules = document.get("rule")

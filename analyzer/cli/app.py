@@ -68,6 +68,11 @@ class Parser(argparse.ArgumentParser):
         _tell_arguments(self)
         return super().format_help()
 
+    def _print_message(self, message: str, file: Any = None) -> None:
+        """argparse's, which would hide that nothing could be written."""
+        if message:
+            (file or sys.stderr).write(message)
+
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
         """argparse's, but an option that is not known is told with the one that was meant."""
         words = list(sys.argv[1:] if args is None else args)
@@ -106,7 +111,9 @@ def _near_option(option: str, known: Iterable[str]) -> str:
     """What was meant by an option that is not known: that of another tool, or one mistyped."""
     known = list(known)
     instead = instead_of(option, known)
-    return did_you_mean(option, known) if instead is None else f": did you mean {instead}?"
+    if instead is None:
+        return did_you_mean(option, known)
+    return f": did you mean {_placeholders(instead)}?" if instead.startswith("-") else f": {instead}"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -122,13 +129,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _status_of(arguments: list[str]) -> int:
     """Run a command; every trouble becomes a line and a status."""
     try:
-        status = _run(arguments)
+        status = _ended(arguments)
         sys.stdout.flush()
-    except SystemExit as stop:  # --help and --version; with words it is a declaration's, while it was used
-        if isinstance(stop.code, str):
-            tell(stop.code)
-            return UNUSABLE
-        return stop.code or DONE
     except KeyboardInterrupt:
         return INTERRUPTED
     except BrokenPipeError:  # the reader, such as head, has had enough
@@ -142,6 +144,17 @@ def _status_of(arguments: list[str]) -> int:
         _settle_stdout()
         return UNUSABLE
     return status
+
+
+def _ended(arguments: list[str]) -> int:
+    """The status of a command that may end the program: --help and --version; or words of a declaration in use."""
+    try:
+        return _run(arguments)
+    except SystemExit as stop:
+        if isinstance(stop.code, str):
+            tell(stop.code)
+            return UNUSABLE
+        return stop.code or DONE
 
 
 def _with_settings(parser: argparse.ArgumentParser, arguments: list[str]) -> argparse.Namespace:

@@ -75,7 +75,7 @@ def add_language(parser: argparse.ArgumentParser, default: str | None = None) ->
         "--lang",
         choices=("en", "ru"),
         default=default,
-        help="language of the interface, reports, causes, findings and help (en)",
+        help="language of the interface, reports, causes, findings and help (default: the system's)",
     )
 
 

@@ -12,6 +12,7 @@ import stat
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
+from itertools import takewhile
 from typing import Final
 
 from .commands import COMMANDS, UsageError
@@ -62,7 +63,7 @@ def _of_noun(first: str, rest: list[str]) -> list[str] | None:
         raise UsageError(f"{first}: is a directory: rtuscope batch {name} -o LAKE reads all captures in it")
     if os.path.isfile(first):  # noqa: PTH113
         return [_to_see(rest), first, *rest]
-    words = [word for word in (first, *rest) if not word.startswith("--")]
+    words = [first, *takewhile(lambda word: not word.startswith("-"), rest)]  # behind an option its value may stand
     if _BYTES.fullmatch(" ".join(words)) or any(character.isspace() for character in first):
         return ["parse", first, *rest]
     if _FILE.search(first):

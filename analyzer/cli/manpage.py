@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
+from pathlib import Path
+from textwrap import wrap
 
+from ..version import __version__
 from .app import command_line
 from .commands import COMMANDS, MEANINGS, load
 
@@ -23,11 +26,12 @@ _ENVIRONMENT = (
 def man_page() -> str:
     """The page, in roff."""
     parser = command_line(COMMANDS)
-    lines = ['.TH RTUSCOPE 1 "" "rtuscope" "User Commands"', ".SH NAME", _roff_text(f"rtuscope - {parser.description}")]
+    lines = [f'.TH RTUSCOPE 1 "{_released()}" "rtuscope {__version__}" "User Commands"', ".SH NAME"]
+    lines += _filled(f"rtuscope - {parser.description}")
     lines += [".SH SYNOPSIS", ".B rtuscope", r"\fICOMMAND\fR [\fIOPTION\fR ...]", ".SH COMMANDS"]
     commands = next(action for action in parser._actions if isinstance(action, argparse._SubParsersAction))
     for name, words in COMMANDS.items():
-        lines += [".SS " + _roff_text(f"rtuscope {name}"), _roff_text(f"{words[0].upper()}{words[1:]}.")]
+        lines += [".SS " + _roff_text(f"rtuscope {name}"), *_filled(f"{words[0].upper()}{words[1:]}.")]
         lines += _arguments(commands.choices[name])
         lines += [".P", "Example:", ".nf"]
         lines += [rf"\&    {_roff_text(line)}" for line in load(name).EXAMPLE.splitlines()]
@@ -36,11 +40,9 @@ def man_page() -> str:
     for title, entries in (("EXIT STATUS", exits), ("FILES", _FILES), ("ENVIRONMENT", _ENVIRONMENT)):
         lines.append(f".SH {title}")
         for term, words in entries:
-            lines += [".TP", f".B {_roff_text(term)}", _roff_text(words)]
-    lines += [
-        ".SH SEE ALSO",
-        "rtuscope help, which prints the documentation: formats, filters, checks, findings, causes",
-    ]
+            lines += [".TP", f".B {_roff_text(term)}", *_filled(words)]
+    told = "rtuscope help, which prints the documentation: formats, filters, checks, findings, causes"
+    lines += [".SH SEE ALSO", *_filled(told)]
     return "\n".join(lines) + "\n"
 
 
@@ -49,10 +51,10 @@ def _arguments(parser: argparse.ArgumentParser, begin: str = "") -> Iterator[str
         if isinstance(action, argparse._SubParsersAction):
             helps = {choice.dest: choice.help or "" for choice in action._choices_actions}
             for name, inner in action.choices.items():
-                yield from (".TP", rf".B {_roff_text(f'{begin}{name}')}", _roff_text(helps.get(name, "")))
+                yield from (".TP", rf".B {_roff_text(f'{begin}{name}')}", *_filled(helps.get(name, "")))
                 yield from (".RS", *_arguments(inner), ".RE")
         elif action.help not in (None, argparse.SUPPRESS) and action.dest != "help":
-            yield from (".TP", _term(action), _roff_text((action.help or "").replace("%%", "%")))
+            yield from (".TP", _term(action), *_filled((action.help or "").replace("%%", "%")))
 
 
 def _term(action: argparse.Action) -> str:
@@ -61,6 +63,19 @@ def _term(action: argparse.Action) -> str:
     if not action.option_strings:
         return value.strip()
     return ", ".join(rf"\fB{_roff_text(flag)}\fR" for flag in action.option_strings) + value
+
+
+def _released() -> str:
+    """The day of this version."""
+    head = f"## {__version__} - "
+    changes = (Path(__file__).parents[2] / "CHANGELOG.md").read_text(encoding="utf-8").splitlines()
+    return next((line.removeprefix(head) for line in changes if line.startswith(head)), "")
+
+
+def _filled(text: str) -> list[str]:
+    """Lines of text, short enough for editors: roff fills them again."""
+    lines = wrap(_roff_text(text), 78, break_long_words=False, break_on_hyphens=False)
+    return [rf"\&{line}" if line[:1] in (".", "'") else line for line in lines]
 
 
 def _roff_text(text: str) -> str:

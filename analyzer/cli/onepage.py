@@ -1,4 +1,4 @@
-"""What the commands that make one page of a capture have in common: `certify`, `document`.
+"""What `certify` and `document`, which make one page of a capture, have in common; `report` takes its arguments.
 
 As text (Markdown) on standard output, as JSON, or as one HTML page in a file.
 """

@@ -7,7 +7,7 @@ import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from ..languages import tr
+from ..languages import register_words, tr
 from .commands import DONE, UsageError
 from .inputs import (
     add_capture_arguments,
@@ -53,6 +53,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Draw it."""
     from ..analysis import Analysis
+    from ..registers.telling import place_words
 
     picture = _picture(arguments.output)
     load_functions(arguments)
@@ -65,7 +66,8 @@ def run(arguments: argparse.Namespace) -> int:
     tell_damage(arguments.capture, capture)
     area = _area(area or arguments.area, readings, arguments.unit, address)
     times, numbers, name = readings[area]
-    title = f"unit {arguments.unit}, {name or f'{area} {address}'}"
+    place = name or place_words(area, address)
+    title = register_words("unit {unit} {place}", unit=arguments.unit, place=place)
     if picture is None:
         _draw(title, times, numbers)
         return DONE
@@ -140,9 +142,10 @@ def _area(area: str | None, readings: dict[str, Reading], unit: int, address: in
     if area is None and readings:
         return next(iter(readings))
     if area not in readings:
-        raise UsageError(
-            f"no readings of {area or 'address'} {address} of unit {unit}: rtuscope registers lists what there is"
-        )
+        from ..registers.telling import place_words
+
+        place = place_words(area, address) if area else f"address {address}"
+        raise UsageError(f"unit {unit} has no readings of {place}: rtuscope registers lists what there is")
     return area
 
 

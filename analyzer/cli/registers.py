@@ -164,6 +164,7 @@ def _devices(devices: list[Recognised], *, used: bool) -> str:
 
 def _table_row(value: RegisterValue) -> tuple[str, ...]:
     from ..registers.telling import place_cell
+    from ..words import decimal
 
     kind = value.type if value.changes or value.name else value.kind
     why = f"{value.name}: {value.why}" if value.name else value.why
@@ -177,7 +178,7 @@ def _table_row(value: RegisterValue) -> tuple[str, ...]:
         _value_cell(value.minimum),
         _value_cell(value.maximum),
         _value_cell(value.last) + scale + (f" {value.unit_of_measure}" if value.unit_of_measure else ""),
-        f"{value.confidence:.0%}",
+        decimal(f"{value.confidence:.0%}"),
         why,
     )
 

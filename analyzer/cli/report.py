@@ -22,9 +22,9 @@ from .inputs import (
     open_capture,
     opened_capture,
 )
+from .onepage import add_page_arguments
 from .terminal import (
     Progress,
-    add_overwrite_argument,
     interruptible,
     page_width,
     put_json,
@@ -59,10 +59,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     add_capture_arguments(parser)
     add_filter_argument(parser)
-    shape = parser.add_mutually_exclusive_group()
-    shape.add_argument("--json", action="store_true", help="the same facts as JSON")
-    shape.add_argument("--html", metavar="FILE", help="write one HTML page to send to others, with charts and examples")
-    add_overwrite_argument(parser, "FILE")
+    sent = "write one HTML page to send to others, with charts and examples"
+    add_page_arguments(parser, json="the same facts as JSON", html=sent)
     add_check_argument(parser)
     add_map_argument(parser)
     parser.add_argument(

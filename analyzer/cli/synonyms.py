@@ -47,7 +47,7 @@ OPTIONS: Final[dict[str, str]] = {  # first words that are options of other tool
     "-r": NOUN,
     "-i": NOUN,
 }
-INSTEAD: Final[dict[str, tuple[tuple[str, str], ...]]] = {  # an option: where this is known, that is meant
+INSTEAD: Final[dict[str, tuple[tuple[str, str], ...]]] = {  # an option: where this is known, that is meant; or words
     "--unit": (("--filter", "--filter 'unit == N'"), ("--map", "--map MAP@N")),
     "--slave": (("--filter", "--filter 'unit == N'"),),
     "-a": (("--filter", "--filter 'unit == N'"), ("--duration", "--duration TIME")),
@@ -55,7 +55,7 @@ INSTEAD: Final[dict[str, tuple[tuple[str, str], ...]]] = {  # an option: where t
     "--function": (("--filter", "--filter 'function == N'"),),
     "--errors": (("--filter", "--filter 'exception or crc_ok == false'"),),
     "--from": (("--as", "--as tcp"), ("--input-format", "--input-format NAME")),
-    "--hex": (("--as", "the bytes alone: rtuscope parse 11 03 00 6B 00 03 76 87"),),
+    "--hex": (("--as", "bytes need no option, as in rtuscope parse 11 03 00 6B 00 03 76 87"),),
     "--baudrate": (("--baud", "--baud N"),),
     "--bytesize": (("--bits", "--bits N"),),
     "--stopbits": (("--stop", "--stop N"),),
@@ -63,10 +63,10 @@ INSTEAD: Final[dict[str, tuple[tuple[str, str], ...]]] = {  # an option: where t
     "--columns": (("--fields", "--fields NAME,NAME"),),
     "-T": (("--fields", "--fields NAME,NAME"),),
     "-e": (("--fields", "--fields NAME,NAME"),),
-    "-z": (("--html", "the report as it is: units, polls, causes"),),
+    "-z": (("--html", "a report has units, polls and causes without an option"),),
     "-n": (("--count", "--count N"),),
-    "-q": (("--json", "> FILE: what is shown goes to standard output"),),
-    "--quiet": (("--json", "> FILE: what is shown goes to standard output"),),
+    "-q": (("--json", "> FILE behind the command keeps the terminal quiet"),),
+    "--quiet": (("--json", "> FILE behind the command keeps the terminal quiet"),),
 }
 
 

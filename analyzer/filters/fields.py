@@ -216,7 +216,7 @@ FIELDS: Final = (
         _where("exception", lambda exceptions: exceptions.values > 0), aliases=("modbus.exception_code",),
     ),
     FilterField(
-        "crc_ok", Flag(), "the check value (CRC, or LRC in ASCII mode) is right", "crc_ok == false",
+        "crc_ok", Flag(), "the check value (CRC, or LRC in ASCII mode) is correct", "crc_ok == false",
         _flag(lambda section: section.column("check"), all_rows=False), aliases=("crc", "check"),
     ),
     FilterField(

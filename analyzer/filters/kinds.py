@@ -373,7 +373,7 @@ def _literal_bytes(literal: Literal) -> bytes:
         message = tr('bytes in quotes are needed, such as "03 02", not {this}', this=literal.shown)
         raise FilterError(message, literal.column)
     if not bare or re.search(r"[^0-9a-f]", bare) or len(bare) % 2:
-        message = tr('{text!r} is no row of bytes, two hexadecimal digits each: "03 02"', text=text)
+        message = tr('{text!r} is not a row of bytes, two hexadecimal digits each: "03 02"', text=text)
         raise FilterError(message, literal.column)
     if len(bare) > 2 * _LONGEST:
         raise FilterError(tr("at most {most} bytes can be looked for", most=_LONGEST), literal.column)
@@ -386,7 +386,7 @@ def _absolute(literal: Literal) -> int:
     try:
         moment = datetime.fromisoformat(literal.text.strip())
     except ValueError as error:
-        message = tr('{text!r} is no time: write "2026-11-21 08:29:51", UTC', text=literal.text)
+        message = tr('{text!r} is not a time: write "2026-11-21 08:29:51", UTC', text=literal.text)
         raise FilterError(message, literal.column) from error
     if moment.tzinfo is None:
         moment = moment.replace(tzinfo=UTC)

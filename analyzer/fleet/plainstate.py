@@ -190,7 +190,7 @@ class _CheckedTree:
             place, tag, held = self._thing(word, where)
             inside = () if self._is_number(tag, kind) else kind.inside.get(tag)
             if inside is None or (tag == "str" and inside and held not in inside):
-                raise _damaged(f"{where} is no {tag}")
+                raise _damaged(f"{where} is not a {tag}")
             if place is None or (place, id(kind)) in seen:
                 continue
             seen.add((place, id(kind)))
@@ -236,17 +236,17 @@ class _CheckedTree:
                 raise _damaged(f"{where} holds nothing")
             return zip(first, self._kinds_of(tag, first, inside, where), repeat(where))
         elif type(first) is not (type(None) if tag in self._named else str):
-            raise _damaged(f"{where} is no {tag}")
+            raise _damaged(f"{where} is not a {tag}")
         return ()
 
     def _fields(self, tag: str, held: Any, where: str) -> Iterable[tuple[Any, StateKind, str]]:
         entry = self._classes[tag]
         if entry.is_enum:
             if type(held) not in _PLAIN or held not in [member.value for member in entry.members]:
-                raise _damaged(f"{where} is no {tag}")
+                raise _damaged(f"{where} is not a {tag}")
             return ()
         if type(held) is not dict or held.keys() != entry.fields.keys():
-            raise _damaged(f"{where} is no {tag}")
+            raise _damaged(f"{where} is not a {tag}")
         name = entry.cls.__qualname__
         return [(held[field], kind, f"{name}.{field}") for field, kind in entry.fields.items()]
 
@@ -254,7 +254,7 @@ class _CheckedTree:
     def _check_array(held: list[Any], inside: tuple[Any, ...], where: str) -> None:
         fits = len(held) == 2 and held[0] in inside and type(held[1]) is list and len(held[1]) <= _AXES
         if not fits or not all(type(size) is int and 0 <= size < _MOST for size in held[1]):
-            raise _damaged(f"{where} is no such array")
+            raise _damaged(f"{where} is not such an array")
 
     @staticmethod
     def _kinds_of(tag: str, items: list[Any], inside: tuple[Any, ...], where: str) -> Iterable[StateKind]:

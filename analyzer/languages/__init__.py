@@ -37,7 +37,7 @@ from typing import Any, Final, NamedTuple
 
 from dissectors.fields import ENGLISH, Wording
 
-from ..words import UNITS_NS, duration, plural, write_units
+from ..words import UNITS_NS, decimal, duration, plural, write_units
 
 APART: Final = " "
 _ENGLISH: Final = re.compile(r"\d{1,3}(,\d{3})+")
@@ -47,14 +47,14 @@ class GroupedInt(int):
     """An integer that a template's `{count:,}` writes so."""
 
     def __format__(self, spec: str) -> str:
-        return super().__format__(spec).replace(",", APART)
+        return decimal(super().__format__(spec).replace(",", APART))
 
 
 class CommaFloat(float):
-    """A number that a template's `{share:.1%}` writes with a decimal comma."""
+    """A number that a template's `{share:.1%}` writes with a decimal comma, and a space before the sign."""
 
     def __format__(self, spec: str) -> str:
-        return super().__format__(spec).replace(",", APART).replace(".", ",")
+        return decimal(super().__format__(spec).replace(",", APART))
 
 
 def regrouped(text: str) -> str:

@@ -203,7 +203,8 @@ def _for_register(number: int, *, may_be_wider: bool) -> Hits:
     if not -0x8000 <= number <= 0xFFFF:
         if may_be_wider:
             return lambda *_: np.zeros(0, np.int64)
-        raise SearchError(f"{number} fits in no register: -32768 to 65535, or a float such as 230.5")
+        words = "{number} does not fit into a register: give -32768 to 65535, or a float such as 230.5"
+        raise SearchError(tr(words, number=str(number)))
     return lambda bus, first, last: _with_values(bus, first, last, lambda values: values == number & 0xFFFF)
 
 
@@ -224,9 +225,9 @@ def _for_float(text: str) -> Hits:
     try:
         number = float(text)
     except ValueError as error:
-        raise SearchError(f"{text!r} is no number") from error
+        raise SearchError(tr("{text!r} is not a number", text=text)) from error
     if not math.isfinite(number):
-        raise SearchError(f"{text!r} is no finite number")
+        raise SearchError(tr("{text!r} is not a finite number", text=text))
     low, high = sorted((number * (1 - _CLOSE), number * (1 + _CLOSE)))
 
     def test(values: NDArray[np.uint16]) -> NDArray[np.bool_]:

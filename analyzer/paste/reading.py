@@ -170,10 +170,10 @@ def _alike(parts: Sequence[PastePart], envelope: Envelope, roles: Sequence[Role]
     exact = rtu.exact(data, parts, roles)
     if exact is not None:
         why = (
-            tr("RTU: right CRC at the predicted length, {cover}", cover=_cover(exact, data))
+            tr("RTU: correct CRC at the predicted length, {cover}", cover=_cover(exact, data))
             if all(map(_sound, exact))
             else tr(
-                "RTU: right CRC though not at the length that its function predicts, {cover}", cover=_cover(exact, data)
+                "RTU: correct CRC, but not at the length that its function predicts, {cover}", cover=_cover(exact, data)
             )
         )
         return Paste("rtu", why, tuple(exact))
@@ -182,7 +182,7 @@ def _alike(parts: Sequence[PastePart], envelope: Envelope, roles: Sequence[Role]
         whole = all(isinstance(piece, PastedFrame) and not piece.missing and _sound(piece) for piece in mbap)
         if whole and is_tcp(data, parts):
             cover = _cover(mbap, data)
-            why = tr("TCP: MBAP headers (protocol 0, right length), {cover}; no CRC fits", cover=cover)
+            why = tr("TCP: MBAP headers (protocol 0, correct length), {cover}; no CRC matches", cover=cover)
             return Paste("tcp", why, mbap)
     return _inexact(data, parts, envelope, roles)
 
@@ -212,25 +212,30 @@ def _inexact(data: bytes, parts: Sequence[PastePart], envelope: Envelope, roles:
             rest = sum(piece.length for piece in pieces if not isinstance(piece, PastedFrame) or not piece.check_ok)
             frames, octets = counted(right, "frame", "frames"), _octets(data)
             why = (
-                tr("RTU: right CRC in {frames}, which leaves {rest} of {bytes}", frames=frames, rest=rest, bytes=octets)
+                tr(
+                    "RTU: correct CRC in {frames}, which leaves {rest} of {bytes}",
+                    frames=frames,
+                    rest=rest,
+                    bytes=octets,
+                )
                 if rest
-                else tr("RTU: right CRC in {frames}, over all {bytes}", frames=frames, bytes=octets)
+                else tr("RTU: correct CRC in {frames}, over all {bytes}", frames=frames, bytes=octets)
             )
             return Paste("rtu", why, tuple(pieces))
         alone = pieces
     if _right(alone):
-        return Paste("rtu", tr("RTU: a right CRC, though not at the length that its function predicts"), tuple(alone))
+        return Paste("rtu", tr("RTU: a correct CRC, but not at the length that its function predicts"), tuple(alone))
     if envelope == "auto" and len(data) >= LENGTH_END:
         mbap = mbap_frames(data, parts, roles)
         whole = [piece for piece in mbap if isinstance(piece, PastedFrame) and not piece.missing and _sound(piece)]
         if whole and 2 * sum(frame.length for frame in whole) > len(data) and is_tcp(data, parts):
             frames = counted(len(whole), "frame", "frames")
-            why = tr("TCP: MBAP headers (protocol 0, right length) in {frames}; no CRC is right", frames=frames)
+            why = tr("TCP: MBAP headers (protocol 0, correct length) in {frames}; no CRC matches", frames=frames)
             return Paste("tcp", why, mbap)
         heads = isinstance(mbap[0], PastedFrame) and not are_no_headers(mbap)
         framed = any(isinstance(piece, PastedFrame) for piece in alone)
         if heads and (begins_tcp(parts[0].data) or not (framed or left_over(mbap))):
-            return Paste("tcp", tr("TCP: begins with an MBAP header (protocol 0, a length); no CRC is right"), mbap)
+            return Paste("tcp", tr("TCP: begins with an MBAP header (protocol 0, a length); no CRC matches"), mbap)
     if envelope == "auto" and any(isinstance(piece, PastedNoise) for piece in alone):
         bare_alone = _surely_bare(parts, roles)
         if bare_alone is not None:
@@ -243,10 +248,10 @@ def _why_unchecked(parts: Sequence[PastePart], pieces: Sequence[Piece], *, check
     if any(isinstance(piece, PastedFrame) for piece in pieces):
         return _why_likely(parts)
     if checked:
-        return tr("no frame: a right CRC among so many other bytes is chance")
+        return tr("no frame: a correct CRC among so many other bytes is chance")
     if may_show_headers(parts):
-        return tr("no frame: no right CRC, no ASCII frame, and what may be an MBAP header does not fit")
-    return tr("no frame: no right CRC, no MBAP header, no ASCII frame")
+        return tr("no frame: no correct CRC, no ASCII frame, and what may be an MBAP header does not fit")
+    return tr("no frame: no correct CRC, no MBAP header, no ASCII frame")
 
 
 def _surely_bare(parts: Sequence[PastePart], roles: Sequence[Role]) -> Paste | None:
@@ -281,8 +286,8 @@ def _right(pieces: Sequence[Piece]) -> int:
 def _why_likely(parts: Sequence[PastePart]) -> str:
     """Why bytes are taken for RTU that have no right CRC."""
     if may_show_headers(parts):
-        return tr("RTU: the header fits, but no CRC does, and what may be an MBAP header does not fit")
-    return tr("RTU: the header fits, but no CRC does, and there is no MBAP header")
+        return tr("RTU: the header fits, but no CRC matches, and what may be an MBAP header does not fit")
+    return tr("RTU: the header fits, but no CRC matches, and there is no MBAP header")
 
 
 def _why_ascii(frames: Sequence[PastedFrame]) -> str:
@@ -290,8 +295,8 @@ def _why_ascii(frames: Sequence[PastedFrame]) -> str:
     if not right:
         return tr("ASCII: {frames} between colon and line end, LRC wrong", frames=number)
     if right == len(frames):
-        return tr("ASCII: {frames} between colon and line end, LRC right", frames=number)
-    return tr("ASCII: {frames} between colon and line end, LRC right in {right}", frames=number, right=right)
+        return tr("ASCII: {frames} between colon and line end, LRC correct", frames=number)
+    return tr("ASCII: {frames} between colon and line end, LRC correct in {right}", frames=number, right=right)
 
 
 def _ascii(data: bytes, roles: Sequence[Role]) -> list[PastedFrame]:

@@ -22,7 +22,7 @@ declarations of the rules (`python -m analyzer.reference.findings`); a test hold
 
 Each example comes from a capture with this one defect; `rtuscope simulate bus.jsonl --defect CODE` makes one like it.
 A finding tells first what was seen and measured, then the likely cause, then what to do. Timing is only judged where
-the tap's times can carry it. [1] is the MODBUS Application Protocol V1.1b3, [2] MODBUS over Serial Line V1.02.
+the tap's times can carry it.
 
 | code | severity | when |
 | --- | --- | --- |

@@ -11,7 +11,7 @@ from ..languages import APART
 from .tabular import PageTable
 
 WIDTH: Final = 80  # columns of the page
-_APART: Final = re.compile(rf"(?<=\d){APART}(?=\d{{3}}\b)")  # thousands, in languages that set them apart by a space
+_APART: Final = re.compile(rf"(?<=\d){APART}(?=\d{{3}}\b|%)")  # in languages that set thousands, or %, apart by a space
 _KEPT: Final = "\N{NO-BREAK SPACE}"  # no line ends at it
 
 

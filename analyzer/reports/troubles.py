@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..causes.flatmemory import Thinned, densest
-from ..tables.findings import Findings, Rule, codes, describe, rules, titled
+from ..tables.findings import Findings, Rule, codes, describe, rules
 from ..tables.schema import Kind, Rows
 from ..tables.transactions import NEVER, Status, TransactionRows
 from .model import Counts, FindingGroup, FindingRow
@@ -161,7 +161,7 @@ class Troubles:
             text=example.text,
             cause=example.cause,
             remedy=example.remedy,
-            clause=titled(first.clause),
+            clause=first.clause,
             index=example.index,
             start=example.start,
             port=example.port,

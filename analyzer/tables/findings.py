@@ -3,8 +3,7 @@
 Findings travel as rows of `Findings`, a few numbers each, and become words (`Finding`) only where somebody reads them.
 Observation is not root cause: `text` says what was seen, `cause` what it likely comes from.
 
-The clauses that findings rest on have their titles here: [1] MODBUS Application Protocol Specification V1.1b3, [2]
-MODBUS over Serial Line Specification and Implementation Guide V1.02.
+The clauses that findings rest on have their documents and titles here.
 """
 
 from __future__ import annotations
@@ -59,8 +58,8 @@ class Finding:
     """A finding in words.
 
     `numbers` is the evidence by name (the name's end is its unit: `_ms`, `_bytes`), unknown ones left out; `clause` is
-    what of the specification it rests on, or empty. `index` is None where no frame is meant, `start` and `length` are
-    -1 and 0 where the whole bus is.
+    what of the specification it rests on (`titled`), or empty. `index` is None where no frame is meant, `start` and
+    `length` are -1 and 0 where the whole bus is.
     """
 
     code: str
@@ -114,7 +113,7 @@ def describe(findings: Findings, row: int) -> Finding:
         text=rule.words(rule.text, numbers),
         cause=rule.words(rule.cause, numbers),
         remedy=rule.words(rule.remedy, numbers),
-        clause=rule.clause,
+        clause=titled(rule.clause),
         numbers=numbers,
         index=None if index < 0 else index,
         start=int(findings.start[row]),
@@ -253,6 +252,10 @@ def fresh_looks() -> list[FindingLook]:
     return [look() if isinstance(look, type) else look for look in all_looks()]
 
 
+_DOCUMENTS: Final[Mapping[str, str]] = {  # the numbers that they have in comments, too
+    "[1]": "MODBUS Application Protocol V1.1b3",
+    "[2]": "MODBUS over Serial Line V1.02",
+}
 _TITLES: Final[Mapping[str, str]] = {
     "[1] 4.1": "Protocol description",
     "[1] 5": "Function Code Categories",
@@ -266,11 +269,14 @@ _TITLES: Final[Mapping[str, str]] = {
     "[2] 2.5.1": "RTU Transmission Mode",
     "[2] 2.5.1.1": "MODBUS Message RTU Framing",
     "[2] 2.5.1.2": "CRC Checking",
+    "[2] 2.5.2.2": "LRC Checking",
     "[2] 6.2.2": "CRC Generation",
 }
 
 
 def titled(clause: str) -> str:
-    """A clause's number with its title: `[2] 2.5.1.2 (CRC Checking)`."""
-    title = _TITLES.get(clause)
-    return f"{clause} ({title})" if title else clause
+    """A clause with its document and title: `MODBUS over Serial Line V1.02, 2.5.1.2 (CRC Checking)`; none, empty."""
+    if not clause:
+        return ""
+    document, number = clause.split()
+    return f"{_DOCUMENTS[document]}, {number} ({_TITLES[clause]})"

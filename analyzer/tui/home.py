@@ -13,7 +13,7 @@ from textual.binding import Binding, BindingType
 
 from ..languages import counted, grouped, page_words, tr
 from ..reports.findings import left_words
-from ..words import compact, duration, percent, short, short_bound
+from ..words import compact, decimal, duration, percent, rough_percent, short, short_bound
 from .filterbar import FilterBar
 from .items import FrameDetail, Item, of_cause, whose
 from .lines import Lines
@@ -188,11 +188,11 @@ class HomeList(Lines):
         health = tr("slow" if slow else "sound") if _is_due(counts) else ""
         if bad or late:
             worse = max(bad, late)
-            share = f"{worse:.0%}" if worse >= 0.005 else "<1%"
+            share = rough_percent(worse)
             health = tr("{share:>4} bad", share=share) if bad >= late else tr("{share:>3} late", share=share)
         whom = [StyledText(tr("  unit {unit:>3} ", unit=unit.unit)), StyledText(f"{health:>8} ", kind)]
         if width < _NARROW:
-            return [*whom, StyledText("" if most is None else f"  95% {short_bound(most)}")]
+            return [*whom, StyledText("" if most is None else f"  {decimal('95%')} {short_bound(most)}")]
         parts = [
             *whom,
             StyledText(tr("{asked:>6} asked  ", asked=compact(counts.requests))),

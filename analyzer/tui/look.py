@@ -264,7 +264,7 @@ def _finding_items(findings: Iterable[Finding]) -> Iterator[Item]:
     for i, finding in enumerate(findings):
         name = finding_name(finding) if finding.code not in codes else f"{finding_name(finding)} {i}"
         codes.add(finding.code)
-        more = (("likely", finding.cause), ("remedy", finding.remedy), ("clause", finding.clause))
+        more = (("likely", finding.cause), ("remedy", finding.remedy), ("source", finding.clause))
         yield Item(
             name, finding.text, kind=SEVERITY[finding.severity],
             label=f"{LETTER[finding.severity]} {finding.code}",

@@ -19,7 +19,7 @@ from ..model.polls import TransactionValues, poll_values
 from ..model.pollwatch import PollKey, WatchedPoll
 from ..tables.schema import bounds_of
 from ..tables.transactions import Status
-from ..words import compact, short, short_bound
+from ..words import compact, rough_percent, short, short_bound
 from .filterbar import FilterBar
 from .items import NOTHING, FrameDetail, Item
 from .lines import Lines
@@ -45,7 +45,6 @@ _LEAST_VALUES: Final = 24  # columns that the newest values have, at least
 _AGE: Final = 8
 _PICTURE: Final = 8
 _MANY: Final = 0.05
-_FEW: Final = 0.005
 _NARROW: Final = 56
 _LISTED: Final = 48  # values that are told below
 
@@ -233,7 +232,7 @@ class PollList(Lines):
     def _bad(self, poll: WatchedPoll, room: int) -> StyledText:
         rate = poll.bad / max(1, poll.asked)
         if poll.bad:
-            text = f"{rate:.0%}" if rate >= _FEW else "<1%"
+            text = rough_percent(rate)
             return StyledText(f"{text:>{room}}", "error" if rate > _MANY else "warning")
         late = tr("{count} late", count=compact(poll.late)) if poll.late else "-"
         return StyledText(f"{late:>{room}}", "warning" if poll.late else "dim")

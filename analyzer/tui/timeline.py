@@ -192,7 +192,7 @@ class Timeline(Painted, can_focus=True):
         top = max(float(load.max()), _LEAST)
         level = np.clip(np.round(load / top * plot * 8).astype(int), (load > 0).astype(int), None)
         cells = np.clip(level - (plot - 1 - y) * 8, 0, 8)
-        label = percent(top) if y == 0 else "0%" if y == plot - 1 else ""
+        label = percent(top) if y == 0 else percent(0) if y == plot - 1 else ""
         if not self.desk.bus.char_ns:
             label = ""
         span, deaf = self._span_columns(), self._deaf_columns()

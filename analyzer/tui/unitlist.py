@@ -12,7 +12,7 @@ from textual.strip import Strip
 
 from ..languages import tr
 from ..tables.schema import bounds_of
-from ..words import compact, percent, short_bound
+from ..words import compact, percent, rough_percent, short_bound
 from .filterbar import FilterBar
 from .lines import Lines
 from .paint import Painted, StyledText, fitted
@@ -92,10 +92,9 @@ class History(Painted):
 
 
 _MANY = 0.05  # of the requests without a good answer
-_FEW = 0.005
 _NONE: Final = {"none": 6, "bad": 6}  # columns of no answer and a damaged one, and their widths
 _HEARD: Final = {"silent": 7, "garbage": 8}  # where one is told from the other
-_BEFORE: Final = {"unit": 5, "load": 6, "asked": 6, "ok": 6, "exc": 6}
+_BEFORE: Final = {"unit": 5, "load": 7, "asked": 6, "ok": 6, "exc": 6}
 _BEHIND: Final = {"late": 6, "err": 6, "p50": 8, "p95": 8, "max": 8}
 _DROPPED: Final = ("ok", "load", "p50", "late", "exc", "bad", "garbage", "none", "silent", "max")  # for want of room
 _SPARKS: Final = 8  # columns from which on a line of answer times says something
@@ -181,7 +180,7 @@ class UnitList(Lines):
             return StyledText(f"{self._load(unit.unit):>{room}}", "dim")
         if name == "err":
             rate = (counts.unanswered + counts.exceptions + counts.damaged) / max(1, counts.requests)
-            share = f"{rate:.0%}" if rate >= _FEW else "<1%" if rate else "-"
+            share = rough_percent(rate) if rate else "-"
             return StyledText(f"{share:>{room}}", "error" if rate > _MANY else "warning" if rate else "dim")
         number, kind = {
             "asked": (counts.requests, ""),

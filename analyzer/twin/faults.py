@@ -132,7 +132,7 @@ def _share(text: str) -> tuple[int, float | None]:
     known = text.endswith("%") and percent.isdecimal() and percent.isascii()
     share = float(text[:-1]) / 100 if known else 0.0
     if not 0 < share <= 1:
-        raise FaultError(f"share {text}: a percentage up to 100 %, or 1/N")
+        raise FaultError(f"share {text}: a percentage up to 100%, or 1/N")
     return 1, share
 
 

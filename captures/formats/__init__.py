@@ -67,7 +67,7 @@ def foreign_formats() -> dict[str, Format]:
         try:
             loaded = entry.load()
             if not isinstance(loaded, Format):
-                raise TypeError("is no captures.formats.Format")
+                raise TypeError("is not a captures.formats.Format")
         except BaseException as error:
             if isinstance(error, KeyboardInterrupt):
                 raise

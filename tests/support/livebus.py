@@ -38,6 +38,30 @@ def pty() -> tuple[int, str]:
 _SLAVES: list[int] = []
 
 
+@contextlib.contextmanager
+def busy_port() -> Iterator[str]:
+    """The name of a pseudo-terminal at which a client asks a unit again and again."""
+    master, name = pty()
+    over = threading.Event()
+
+    def talk() -> None:
+        while not over.is_set():
+            for octets in ("1103006b00037687", "110306ae415652434049ad"):
+                with contextlib.suppress(BlockingIOError):  # nobody listens yet
+                    os.write(master, bytes.fromhex(octets))
+                time.sleep(0.02)
+            time.sleep(0.1)
+
+    os.set_blocking(master, False)
+    thread = threading.Thread(target=talk)
+    thread.start()
+    try:
+        yield name
+    finally:
+        over.set()
+        thread.join()
+
+
 @dataclass
 class TeeBus:
     """A client's port, a server's port, and a tap that hears both at the pace of the line.

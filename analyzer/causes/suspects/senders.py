@@ -159,7 +159,7 @@ def crc_convention(evidence: Evidence) -> Iterator[Suspicion]:
     "byte-count",
     Severity.ERROR,
     blame="unit",
-    text="Unit {unit} counts its bytes wrongly: {damaged} of {answers} answers have a right check value and a byte "
+    text="Unit {unit} counts its bytes wrongly: {damaged} of {answers} answers have a correct check value and a byte "
     "count "
     "that does not fit what was asked",
     share=SHARE,

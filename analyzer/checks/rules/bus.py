@@ -21,6 +21,7 @@ from ...reports.page import unknown, unknown_load
 from ...reports.troubles import of_echoes
 from ...tables.schema import Kind
 from ...tables.transactions import Status, TransactionRows
+from ...words import decimal
 from ...words import duration as worded
 from .. import CheckError
 from ..model import Breach, Breaches, CheckedBatch, RuleResult, Start, comma_separated, form
@@ -144,7 +145,7 @@ class _Soon:
 
 
 @form("response-time", 'SHARE "response_time"i ["of"i "unit"i NUMBER] COMPARED NUMBER [UNIT]',
-      "a percentile (within 0.5 %), mean, minimum or maximum of response times; fails if the tap cannot measure them",
+      "a percentile (within 0.5%), mean, minimum or maximum of response times; fails if the tap cannot measure them",
       "p95 response_time < 80 ms",
       "max response_time of unit 17 <= 0.5 s")  # fmt: skip
 def response_time(
@@ -186,13 +187,13 @@ class _Summed:
 def load(line: LineSettings, compared: Token, number: Token) -> Start:  # noqa: ARG001
     bound = float(number) / 100
     if bound > 1:
-        raise CheckError("a load is at most 100 %", at(number))
+        raise CheckError("a load is at most 100%", at(number))
 
     def verdict(report: Report) -> RuleResult:
         mean = report.load.mean
         if mean is None:
             return RuleResult(False, unknown_load(report))
-        return RuleResult(bool(COMPARE[compared](mean, bound)), f"{mean:.1%}")
+        return RuleResult(bool(COMPARE[compared](mean, bound)), decimal(f"{mean:.1%}"))
 
     return lambda: _Summed(verdict)
 

@@ -81,7 +81,7 @@ def flipped(case: DamagedFrame) -> Iterator[Explanation]:
 
 
 def missing(case: DamagedFrame) -> Iterator[Explanation]:
-    """One byte put in, wherever that makes length and CRC right."""
+    """One byte put in, wherever that makes length and CRC match."""
     data = case.data
     if len(data) >= MAX_ADU:
         return
@@ -107,7 +107,7 @@ _PRIOR_BYTE_EXTRA = -1.0
 
 
 def extra(case: DamagedFrame) -> Iterator[Explanation]:
-    """One byte taken out, wherever that makes length and CRC right."""
+    """One byte taken out, wherever that makes length and CRC match."""
     data, before, needed = case.data, case.before, case.needed
     if len(data) > MAX_ADU + 1:
         return

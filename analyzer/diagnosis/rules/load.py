@@ -50,9 +50,9 @@ SLOW: Final = Rule(
     numbers=("unit", "p50_ms", "p95_ms", "usual_ms", "own_past"),
     varies="own_past",
     text=lambda numbers: phrase(
-        "unit {unit:.0f} answers in {p50_ms:ms} (median; 95 % within {p95_ms:ms}), at first it took {usual_ms:ms}"
+        "unit {unit:.0f} answers in {p50_ms:ms} (median; 95% within {p95_ms:ms}), at first it took {usual_ms:ms}"
         if numbers["own_past"]
-        else "unit {unit:.0f} answers in {p50_ms:ms} (median; 95 % within {p95_ms:ms}), the other units take "
+        else "unit {unit:.0f} answers in {p50_ms:ms} (median; 95% within {p95_ms:ms}), the other units take "
         "{usual_ms:ms}",
         numbers,
     ),
@@ -84,7 +84,7 @@ SATURATED: Final = Rule(
     About.BUS,
     when="the load leaves the client hardly any idle time",
     numbers=("load_percent", "idle_percent"),
-    text="the line carries bytes {load_percent:.0f} % of the time, and the client pauses for only {idle_percent:.0f} %",
+    text="the line carries bytes {load_percent:.0f}% of the time, and the client pauses for only {idle_percent:.0f}%",
     cause="the client polls more than the line can carry at this speed",
     remedy="raise the baud rate, join polls into blocks, poll slow values less often",
 )

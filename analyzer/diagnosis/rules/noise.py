@@ -225,7 +225,7 @@ COLLISION: Final = Rule(
     "crc-collision",
     Severity.NOTE,
     About.FRAME,
-    when="a window of bytes has a right CRC, but a better explanation covers it",
+    when="a window of bytes has a correct CRC, but a better explanation covers it",
     clause="[2] 2.5.1.2",
     numbers=("window_start", "window_length", "windows"),
     text=lambda numbers: phrase(

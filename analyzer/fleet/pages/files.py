@@ -79,7 +79,7 @@ def _verdict(sites: list[SiteHealth]) -> str:
     if asked:
         bad = sum(site.sums.exceptions + site.sums.unanswered + site.sums.damaged for site in sites)
         words += page_words(
-            "; {bad:.3g} % of {asked:,} requests without a good answer", bad=100 * bad / asked, asked=asked
+            "; {bad:.3g}% of {asked:,} requests without a good answer", bad=100 * bad / asked, asked=asked
         )
     if ill:
         told = counted(ill, "recorded site", "recorded sites")
@@ -200,7 +200,7 @@ def _is_signed(name: str, page: bytes) -> bool:
 
 
 def _foreign(path: Path, folder: Path) -> FleetError:
-    return FleetError(f"{path}: is no page of a site: empty {folder.name}, or give another name")
+    return FleetError(f"{path}: is not a page of a site: empty {folder.name}, or give another name")
 
 
 def foreign_file(folder: Path) -> Path | None:

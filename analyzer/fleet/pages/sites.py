@@ -230,7 +230,7 @@ def _strip(days: Sequence[int], rows: Iterable[LakeRow]) -> HealthStrip:
 
 def level_words() -> dict[str, str]:
     """What each level means."""
-    words = {level: page_words("up to {most:g} %", most=most) for most, level in _LEVELS}
+    words = {level: page_words("up to {most:g}%", most=most) for most, level in _LEVELS}
     return {**words, _WORST: page_words("more"), _NONE: page_words("nothing asked")}
 
 
@@ -239,7 +239,7 @@ def _cell(day: int, row: LakeRow | None) -> DayCell:
         return DayCell(_NONE, page_words("{day}: nothing asked", day=_date(day)))
     bad = row["bad_percent"]
     level = next((name for most, name in _LEVELS if bad <= most), _WORST)
-    words = "{day}: {bad:.3g} % of {asked:,} requests without a good answer"
+    words = "{day}: {bad:.3g}% of {asked:,} requests without a good answer"
     return DayCell(level, page_words(words, day=_date(day), bad=bad, asked=int(row["asked"])))
 
 

@@ -85,7 +85,7 @@ def load_limits(path: str | Path) -> AcceptanceLimits:
     try:
         document = tomllib.loads(Path(path).read_bytes().decode())
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise LimitsError(f"{path}: is no TOML: {error}") from error
+        raise LimitsError(f"{path}: is not a TOML file: {error}") from error
     except RecursionError as error:
         raise LimitsError(f"{path}: nested too deeply") from error
     confidence = _number(f"{path}: confidence", document.pop("confidence", CONFIDENCE), 0.5, 0.999999)

@@ -21,8 +21,8 @@ CLAIM_WORDS: Final = {
     "damaged": "frames with a wrong check value",
     "exceptions": "answers by exception",
     "retries": "repeated requests",
-    "response": "response time, {quantile:g} % of answers within",
-    "load": "load, {quantile:g} % of seconds within",
+    "response": "response time, {quantile:g}% of answers within",
+    "load": "load, {quantile:g}% of seconds within",
 }
 VERDICT_WORDS: Final = {PASS: "pass", MARGINAL: "marginal", FAIL: "fail", UNKNOWN: "cannot say"}
 SENTENCES: Final = {
@@ -85,7 +85,7 @@ def _figure(claim: Claim, value: float | None) -> str:
 
 
 def _share(value: float | None) -> str:
-    return "?" if value is None else f"{decimal(f'{100 * value:.3g}')} %"
+    return "?" if value is None else decimal(f"{100 * value:.3g}%")
 
 
 def certificate_facts(certificate: Certificate) -> Iterator[tuple[str, str]]:
@@ -99,7 +99,7 @@ def certificate_facts(certificate: Certificate) -> Iterator[tuple[str, str]]:
             yield page_words(label), known[label]
     yield (
         page_words("confidence"),
-        page_words("{share:g} % for each bound pair", share=100 * certificate.limits.confidence),
+        page_words("{share:g}% for each bound pair", share=100 * certificate.limits.confidence),
     )
     rules = ", ".join(f"{name} {number}" for name, number in RULES.items())
     yield page_words("made by"), page_words("rtuscope {version}; rules: {rules}", version=__version__, rules=rules)

@@ -12,7 +12,7 @@ from dissectors.values import harmless
 from ...languages import counted, grouped, page_words, register_words
 from ...registers.telling import place_cell, span, unit_place
 from ...version import __version__
-from ...words import duration
+from ...words import decimal, duration
 from ..markdown import markdown_table, markdown_text
 from ..page import facts, file_name
 from .model import BusDescription, DescribedRegister, DescribedUnit, not_known
@@ -135,7 +135,7 @@ def _register_row(register: DescribedRegister) -> tuple[str, ...]:
         functions = ", ".join(f"{function:02d}" for function in register.written_by)
         words = "by the client, {functions}, {count:,} times, frame {frame}"
         written = page_words(words, functions=functions, count=register.writes, frame=register.written_in)
-    share = f"{min(sure, 1):.0%}" if known or register.is_likely else ""
+    share = decimal(f"{min(sure, 1):.0%}") if known or register.is_likely else ""
     place = place_cell(value.area, value.address, value.words)
     return place, value.name or "", kind, *map(_number, numbers), scale, share, written
 

@@ -18,7 +18,7 @@ from ...outages import Deaf, unheard
 from ...tables.bins import TimeBins
 from ...tables.findings import Findings, Severity, rules
 from ...tables.schema import Rows
-from ...words import duration, unit_word
+from ...words import decimal, duration, unit_word
 from ..model import UnitRow
 
 TROUBLE_BINS: Final = 240
@@ -171,7 +171,7 @@ def time_chart(timeline: TroubleBins, span_ns: int, char_ns: float | None, deaf:
     if char_ns:
         share = np.minimum(rate * char_ns / 1e9, 1.0)
         ceiling = next(limit for limit in (0.05, 0.1, 0.25, 0.5, 1.0) if limit >= share.max() or limit == 1.0)
-        heights, top = share / ceiling, f"{ceiling:.0%}"
+        heights, top = share / ceiling, decimal(f"{ceiling:.0%}")
     else:
         most_rate = max(float(rate.max()), 1.0)
         heights, top = rate / most_rate, f"{grouped(round(most_rate))} {unit_word('B/s')}"

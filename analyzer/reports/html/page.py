@@ -20,7 +20,7 @@ from ...causes.registry import Cause
 from ...languages import counted, grouped, in_use, page_words, tr
 from ...registers.telling import place_cell
 from ...version import __version__
-from ...words import duration, is_clock, moment
+from ...words import decimal, duration, is_clock, moment
 from .. import findings, pagetables
 from ..model import FindingRow, Report, UnitCard
 from ..page import facts, file_name, nothing
@@ -41,7 +41,7 @@ def page_environment(package: str | None = None) -> Environment:
         lstrip_blocks=True,
         finalize=lambda value: harmless(value) if type(value) is str else value,
     )
-    environment.filters["grouped"] = grouped
+    environment.filters.update(grouped=grouped, decimal=decimal)
     environment.globals.update(w=page_words, grade=tr, counted=counted, language=in_use(), version=__version__)
     return environment
 

@@ -227,7 +227,7 @@ def _from_protobuf(payload: bytes | memoryview) -> Mapping[str, Any]:
         elif number in _BYTES:
             message[name] = np.frombuffer(value, np.uint8)
         else:
-            raise ValueError(f"{name} is no number")
+            raise ValueError(f"{name} is not a number")
     return message
 
 

@@ -173,7 +173,7 @@ class _ProgramRow:
         elif bit is not None and area not in _BITS:
             self.builder.add_bits(area, address, bit, whole_in(self.said("width")) or 1, self.name)
         elif kind is None and area not in _BITS:
-            self.note(f"{self.data.get('types_are', 'type')} {type_word!r} is no type of a map")
+            self.note(f"{self.data.get('types_are', 'type')} {type_word!r} is not a type that maps have")
         else:
             self.builder.add(self._cells(area, address, "bool" if area in _BITS else kind or ""), self.what)
 

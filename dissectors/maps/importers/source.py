@@ -166,7 +166,7 @@ class MapBuilder:
     def add(self, cells: Mapping[str, object], what: object) -> None:
         """A row of these cells; `what` names it in a note."""
         if len(self.rows) >= _MOST_ROWS:
-            self.note(f"{what}: over {_MOST_ROWS:,} values are no map of a device")
+            self.note(f"{what}: over {_MOST_ROWS:,} values are not the map of one device")
             return
         try:
             row = value_of(_fitting(cells), order=self.order)

@@ -231,7 +231,7 @@ class _TableRows:
         here = area_of_cell(self.above, function=heading.of_functions) or self.area
         address = address_of(named.get("address", ""), heading.form)
         if address is None:
-            self.builder.note(f"row {number}: {named.get('address', '')[:30]!r} is no address")
+            self.builder.note(f"row {number}: {named.get('address', '')[:30]!r} is not an address")
             return
         self.register = self._value(named, address, here, f"row {number}") or self.register
 
