@@ -84,6 +84,27 @@ def test_of_a_unit_that_answered_twice_before_nobody_is_certain_that_it_does_not
     assert taken >= 0, "the client goes on with it all the same"
 
 
+@pytest.mark.parametrize("doubles", [False, True])
+def test_of_a_unit_that_answers_twice_an_answer_once_more_may_be_the_one_before(doubles: bool) -> None:
+    """All polls hold the same; the second answer to one comes behind the next request, whose own comes in a gap."""
+    talk = Talk(alike=True)
+    talk.rounds(4)
+    asked = talk.ask(0)
+    talk.answer(asked)
+    if doubles:
+        del talk.truth[talk.answer(asked)]  # in a gap: certain
+    talk.rounds(2)
+    first = talk.ask(0)
+    talk.answer(first)
+    second = talk.ask(1)
+    again = talk.answer(first)
+    talk.answer(second)
+    talk.rounds(2)
+    request, taken, unsure = answers(told(talk.chunks, timed=False))[again]
+    assert taken == (second[1] if unsure else -1)
+    assert unsure == doubles and request == (-1 if doubles else second[1])
+
+
 @pytest.mark.parametrize("held", [False, True])
 def test_a_shift_goes_on_behind_a_request_that_came_broken_and_a_long_hold(held: bool) -> None:
     """The tap gives a request in two pieces, or holds back everything for seconds; the unit heard it all."""

@@ -163,14 +163,11 @@ class UnitQueue:
                     cost = strange + _LOST_BITS * (lost < number)
                 cost += path.cost + _TOO_LATE_BITS * (waited > latest_ns + path.waited_ns) + never
                 cost += _OVERDUE_BITS * (is_behind & (waited > overdue_ns))
-                key = number, (*path.chosen, number)
-                if key in paths and cost >= paths[key].cost:  # of paths that say the same the one that costs least
-                    continue
                 took = answer.t_start_ns - max(ask.t_end_ns, path.free_ns)
-                paths[key] = AnswerPath(
-                    number, cost, max(path.slowest_ns, waited), key[1], answer.t_end_ns,
+                _put(paths, AnswerPath(
+                    number, cost, max(path.slowest_ns, waited), (*path.chosen, number), answer.t_end_ns,
                     (*services, took) if measured else path.services, path.is_behind | is_behind, waited,
-                )  # fmt: skip
+                ))  # fmt: skip
             broken = next((number for number in self.broken if number > path.newest), _NONE)
             missed = _BROKEN_BITS if broken > path.newest else stranger
             unknown = _FORGOTTEN_BITS if path.newest < self.forgotten else missed
