@@ -20,16 +20,18 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from register_habits import habit_devices
+from register_habits import habit_device, habit_devices
 from register_makers import physical_devices, physical_layouts
 from register_scores import Tally, tallied
 from register_series import MadeDevice, composed_devices, devices, family, layouts, true_cut
+from register_strangers import strangers
 
 from analyzer.registers.evidence import DEVICE_ORDERS, TABLES, Weights, neighbour_codes, order_codes
 from analyzer.registers.hypotheses import FAMILY_OF, HYPOTHESES, ChainSums, chain_sums
 from analyzer.registers.runs import Run, run_pass, runs_of, second_codes
 
 Floats = NDArray[np.float64]
+Learnt = NDArray[np.bool_]
 OUT = Path(__file__).resolve().parents[1] / "analyzer" / "registers" / "weights.json"
 STARTS = dict(zip(TABLES, np.cumsum([0, *TABLES.values()])[:-1].tolist(), strict=True))
 TOTAL = sum(TABLES.values())
@@ -145,15 +147,17 @@ class Fit:
             found += bucket.expected(both, shares[bucket.devices])
         return found
 
-    def run(self, rounds: int, start: Floats | None = None) -> Floats:
-        """Weights after so many rounds of Adam."""
-        held = held_weights()
+    def run(self, rounds: int, start: Floats | None = None, learnt: Learnt | None = None) -> Floats:
+        """Weights after so many rounds of Adam; where some tables alone are `learnt` the others stay as they are."""
+        held = held_weights() if learnt is None or start is None else start
         weights = held.copy() if start is None else start.copy()
         mean, spread = np.zeros_like(weights), np.zeros_like(weights)
         for step in range(1, rounds + 1):
             expected = self.expected(weights)
             gradient = (self.true - expected) - self.strength * (weights - held)
             gradient[TOTAL] = 0
+            if learnt is not None:
+                gradient[~learnt] = 0
             mean = 0.9 * mean + 0.1 * gradient
             spread = 0.98 * spread + 0.02 * gradient**2
             rate = 0.12 * min(1.0, 4 * (1 - step / (rounds + 1)))
@@ -225,13 +229,16 @@ def tables_of(weights: Floats) -> dict[str, Floats]:
     return {name: weights[STARTS[name] : STARTS[name] + size] for name, size in TABLES.items()}
 
 
-def fitted(made: list[tuple[MadeDevice, list[Run]]], rounds: int, strength: float) -> Weights:
-    """Both passes, fitted on these devices."""
+def fitted(
+    made: list[tuple[MadeDevice, list[Run]]], rounds: int, strength: float, known: KnownTables | None = None
+) -> Weights:
+    """Both passes, fitted on these devices; beside what is `known`, if anything is."""
+    starts, learnt = (known.passes, known.learnt) if known is not None else ([None, None], None)
     groups = [
         [e for run in runs if (e := example(run, device, number)) is not None]
         for number, (device, runs) in enumerate(made)
     ]
-    first = Fit([e for group in groups for e in group], strength).run(rounds)
+    first = Fit([e for group in groups for e in group], strength).run(rounds, starts[0], learnt)
     halfway = Weights((tables_of(first), tables_of(first)), 1.0, {})
     second = []
     for (_, runs), group in zip(made, groups, strict=True):
@@ -240,7 +247,7 @@ def fitted(made: list[tuple[MadeDevice, list[Run]]], rounds: int, strength: floa
         for e in group:
             entries = entries_of(codes[id(e.run)], e.run.length)
             second.append(Example(e.run, e.cut, entries, e.device, e.order))
-    last = Fit(second, strength).run(rounds, first)
+    last = Fit(second, strength).run(rounds, first if starts[1] is None else starts[1], learnt)
     return Weights((tables_of(first), tables_of(last)), 1.0, {})
 
 
@@ -254,7 +261,31 @@ def shy(weights: Weights, lone: float) -> Weights:
     return Weights((first, last), weights.temperature, weights.provenance)
 
 
-def training(seeds: int) -> list[tuple[MadeDevice, list[Run]]]:
+@dataclass(frozen=True, slots=True, eq=False)
+class KnownTables:
+    """Weights of each pass as they were fitted before, and which of them are learnt anew."""
+
+    passes: Sequence[Floats | None]
+    learnt: Learnt
+
+    @classmethod
+    def of(cls, path: Path, lone: float, names: Sequence[str]) -> KnownTables:
+        """Those of a file that was written here, less what `shy` added; tables that it lacks are as held."""
+        passes = []
+        for number, tables in enumerate(json.loads(path.read_text())["passes"]):
+            weights = held_weights()
+            for name, values in tables.items():
+                weights[STARTS[name] : STARTS[name] + TABLES[name]] = np.array(values) - FIRM.get(name, 0.0)
+            weights[STARTS["device order"] : STARTS["device order"] + 2] = 0.0
+            weights[STARTS["i32"] : STARTS["i32"] + 4] += number * lone * np.array([0, 1, 1, 0])
+            passes.append(weights)
+        learnt = np.zeros(TOTAL + 1, np.bool_)
+        for name in names:
+            learnt[STARTS[name] : STARTS[name] + TABLES[name]] = True
+        return cls(passes, learnt)
+
+
+def training(seeds: int, thin: int = 1) -> list[tuple[MadeDevice, list[Run]]]:
     """Devices of all layouts, as they are, in finer steps and stirred up, and those of a third hand, with runs."""
     kinds: tuple[tuple[int, range, dict[str, Any]], ...] = (  # polls, seeds, chances
         (60, range(seeds), {"refine": 0.0}),
@@ -264,8 +295,10 @@ def training(seeds: int) -> list[tuple[MadeDevice, list[Run]]]:
         (60, range(500, 502), {"another": 0.5, "sisters": 2}),
         (150, range(100, 101), {"refine": 0.0}),
     )
-    made = [device for polls, numbers, chances in kinds for device in devices(numbers, polls, widen=0.15, **chances)]
-    made += physical_devices(range(500, 506), flip=0.4)
+    made = [
+        device for polls, numbers, chances in kinds for device in devices(numbers, polls, thin, widen=0.15, **chances)
+    ]
+    made += list(physical_devices(range(500, 506), flip=0.4, thin=thin))
     return [(device, runs_of(device.readings)) for device in made]
 
 
@@ -281,18 +314,27 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--rounds", type=int, default=60)
     parser.add_argument("--strength", type=float, default=3.0)
-    parser.add_argument("--temperature", type=float, default=0.9)
+    parser.add_argument("--temperature", type=float, default=0.95)
     parser.add_argument("--lone", type=float, default=0.1, help="nats against 32 bits where one word moved")
     parser.add_argument("--composed", type=int, default=800, help="devices made of parts of several others")
     parser.add_argument("--habits", type=int, default=2500, help="devices of makers that are drawn")
+    parser.add_argument("--strangers", type=int, default=600, help="devices of which no two registers are one value")
+    parser.add_argument("--few", type=int, default=400, help="devices of makers that are drawn, polled a few times")
     parser.add_argument("--misses", action="store_true", help="print each miss of a held-out family")
     parser.add_argument("--only-fold", type=int)
+    parser.add_argument("--beside", type=Path, metavar="FILE", help="tables that stay as they are, but for --learn")
+    parser.add_argument("--learn", nargs="+", choices=TABLES, default=[], metavar="TABLE")
+    parser.add_argument("--thin", type=int, default=1, help="each so many-th layout only")
     parser.add_argument("-o", default=str(OUT))
     parser.add_argument("--dry", action="store_true", help="write nothing")
     options = parser.parse_args(arguments)
     begin = time.perf_counter()
-    made = training(options.seeds)
+    made = training(options.seeds, options.thin)
     made += [(device, runs_of(device.readings)) for device in habit_devices(range(options.habits))]
+    made += [(device, runs_of(device.readings)) for device in strangers(range(options.strangers))]
+    for number in range(options.habits, options.habits + options.few):
+        device = habit_device(number, 4 + number % 13)
+        made.append((device, runs_of(device.readings)))
     print(f"{len(made)} devices, {time.perf_counter() - begin:.1f} s", file=sys.stderr)
     if options.folds:
         everything = Tally()
@@ -315,19 +357,19 @@ def main(arguments: list[str]) -> int:
         print(f"all held out\n  {everything}\n{everything.calibration()}")
     if not options.dry:
         made += [(d, runs_of(d.readings)) for d in composed_devices(options.composed)]
-        weights = shy(fitted(made, options.rounds, options.strength), options.lone)
+        known = KnownTables.of(options.beside, options.lone, options.learn) if options.beside else None
+        weights = shy(fitted(made, options.rounds, options.strength, known), options.lone)
+        names = ("seeds", "rounds", "strength", "lone", "composed", "habits", "strangers", "few", "thin")
+        provenance = {
+            "made_by": "benchmarks/fit_registers.py",
+            "layouts": sorted({*layouts(), *(f"physics {name}" for name in physical_layouts())}),
+            "devices": len(made),
+            **{name: getattr(options, name) for name in names},
+        }
+        if options.beside:
+            provenance |= {"learnt": options.learn, "beside": json.loads(options.beside.read_text())["provenance"]}
         content = {
-            "provenance": {
-                "made_by": "benchmarks/fit_registers.py",
-                "layouts": sorted({*layouts(), *(f"physics {name}" for name in physical_layouts())}),
-                "seeds": options.seeds,
-                "devices": len(made),
-                "rounds": options.rounds,
-                "strength": options.strength,
-                "lone": options.lone,
-                "composed": options.composed,
-                "habits": options.habits,
-            },
+            "provenance": provenance,
             "temperature": options.temperature,
             "passes": [{n: np.round(t, 3).tolist() for n, t in tables.items()} for tables in weights.passes],
         }

@@ -32,9 +32,9 @@ def physical_layouts() -> dict[str, DeviceLayout]:
     return listed_layouts("physics")
 
 
-def physical_devices(seeds: range, polls: int = 60, flip: float = 0.0) -> Iterator[MadeDevice]:
-    """Devices of all layouts, once a seed; of chance `flip` with the other word order."""
-    for layout in physical_layouts().values():
+def physical_devices(seeds: range, polls: int = 60, flip: float = 0.0, thin: int = 1) -> Iterator[MadeDevice]:
+    """Devices of all layouts, or of each `thin`-th, once a seed; of chance `flip` with the other word order."""
+    for layout in list(physical_layouts().values())[::thin]:
         for seed in seeds:
             yield physical_device(layout, seed, polls, flip)
 

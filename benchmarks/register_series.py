@@ -265,10 +265,10 @@ def true_cut(address: int, quantity: int, rows: tuple[MappedValue, ...]) -> NDAr
     return np.array(cut)
 
 
-def devices(seeds: range, polls: int, **chances: Any) -> Iterator[MadeDevice]:
-    """Devices of all layouts, once a seed; `chances` are those of `made_device`, `flip` 0.3 unless told."""
+def devices(seeds: range, polls: int, thin: int = 1, **chances: Any) -> Iterator[MadeDevice]:
+    """Devices of all layouts, or of each `thin`-th, once a seed; `chances` are those of `made_device`, `flip` 0.3."""
     chances = {"flip": 0.3, **chances}
-    for name, chart in layouts().items():
+    for name, chart in list(layouts().items())[::thin]:
         for seed in seeds:
             yield made_device(name, chart, Random(f"{name} {seed}"), polls, **chances)
 

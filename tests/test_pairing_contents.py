@@ -9,66 +9,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from queuing import LINE, MS, Talk, adu
 
 from analyzer.core import Analysed, Analyzer
 from analyzer.deframing.queues import PendingAnswer, Strangeness, UnitQueue
 from analyzer.tables.schema import Kind, Rows
 from captures import Chunk, LineSettings
 from captures.chunks import Block
-from dissectors.crc import crc_bytes
-
-MS = 1_000_000
-LINE = LineSettings(baud=9600, char_bits=11)
-POLLS = [bytes((9, 3, 0, 16 * i, 0, 2)) for i in range(4)]
-
-
-def adu(body: bytes) -> bytes:
-    return body + crc_bytes(body)
-
-
-class Talk:
-    """Frames one after the other, each as one read at its end; where each began."""
-
-    def __init__(self, seed: int = 1, *, alike: bool = False) -> None:
-        self.random, self.alike = Random(seed), alike
-        self.now, self.offset = 1000 * MS, 0
-        self.chunks: list[Chunk] = []
-        self.truth: dict[int, int] = {}  # start of an answer: that of its request
-
-    def send(self, frame: bytes, pause_ms: float = 20) -> int:
-        start = self.offset
-        self.now += round((pause_ms + len(frame) * 1.15) * MS)
-        self.chunks.append(Chunk(self.now, frame))
-        self.offset += len(frame)
-        return start
-
-    def ask(self, poll: int, pause_ms: float = 20) -> tuple[int, int]:
-        return poll, self.send(adu(POLLS[poll]), pause_ms)
-
-    def answer(self, asked: tuple[int, int], pause_ms: float = 15) -> int:
-        poll, request = asked
-        level = 0 if self.alike else 7000 * poll + self.random.randrange(40)
-        words = level.to_bytes(2) + (0 if self.alike else 30000 + 900 * poll).to_bytes(2)
-        start = self.send(adu(bytes((9, 3, 4)) + words), pause_ms)
-        self.truth[start] = request
-        return start
-
-    def rounds(self, count: int) -> None:
-        for i in range(4 * count):
-            self.answer(self.ask(i % 4))
-
-    def shifted(self, count: int, *, ends: bool = True) -> list[int]:
-        """A silence, and from then on each answer comes behind the next request; it ends by one in a gap, or not."""
-        displaced, open_one = [], self.ask(0)
-        self.now += 300 * MS
-        for i in range(1, count + 1):
-            following = self.ask(i % 4)
-            displaced.append(self.answer(open_one))
-            open_one = following
-        if ends:
-            self.now += 200 * MS
-            self.answer(open_one)
-        return displaced
 
 
 def told(chunks: Sequence[Chunk], *, line: LineSettings = LINE, size: int = 1 << 30, timed: bool = True) -> Rows:
@@ -135,6 +82,27 @@ def test_of_a_unit_that_answered_twice_before_nobody_is_certain_that_it_does_not
     _, taken, unsure = answers(told(talk.chunks, timed=False))[displaced]
     assert unsure
     assert taken >= 0, "the client goes on with it all the same"
+
+
+@pytest.mark.parametrize("doubles", [False, True])
+def test_of_a_unit_that_answers_twice_an_answer_once_more_may_be_the_one_before(doubles: bool) -> None:
+    """All polls hold the same; the second answer to one comes behind the next request, whose own comes in a gap."""
+    talk = Talk(alike=True)
+    talk.rounds(4)
+    asked = talk.ask(0)
+    talk.answer(asked)
+    if doubles:
+        del talk.truth[talk.answer(asked)]  # in a gap: certain
+    talk.rounds(2)
+    first = talk.ask(0)
+    talk.answer(first)
+    second = talk.ask(1)
+    again = talk.answer(first)
+    talk.answer(second)
+    talk.rounds(2)
+    request, taken, unsure = answers(told(talk.chunks, timed=False))[again]
+    assert taken == (second[1] if unsure else -1)
+    assert unsure == doubles and request == (-1 if doubles else second[1])
 
 
 @pytest.mark.parametrize("held", [False, True])

@@ -6,6 +6,9 @@ import math
 from collections.abc import Sequence
 from random import Random
 
+import numpy as np
+import pytest
+
 from analyzer.core import analyse
 from analyzer.registers.inference import infer
 from analyzer.registers.mixed import UNSURE_AT_MOST
@@ -67,5 +70,32 @@ def test_the_same_readings_in_their_places_give_types() -> None:
     assert sum(value.confidence > UNSURE_AT_MOST for value in values_of(series(80))) > POLLS
 
 
-def test_two_readings_make_nothing_sure() -> None:
-    assert all(value.confidence <= UNSURE_AT_MOST for value in values_of(series(2)))
+@pytest.mark.parametrize("count", [2, 6])
+def test_a_few_readings_make_nothing_sure(count: int) -> None:
+    assert all(value.confidence <= UNSURE_AT_MOST for value in values_of(series(count)))
+
+
+@pytest.mark.parametrize("whole", [True, False])
+def test_readings_in_no_order_of_time_give_no_type_above_a_half(whole: bool) -> None:
+    """Each poll's answers shuffled in time, as a whole or register by register."""
+    rng, found = np.random.default_rng(7), RegisterReadings()
+    for poll, answers in enumerate(series(80)):
+        words = np.array([np.frombuffer(data, ">u2") for data in answers]).astype(np.uint16)
+        found.put(7, "holding", 16 * poll, rng.permutation(words) if whole else rng.permuted(words, axis=0))
+    values = infer(found)
+    assert max(value.confidence for value in values) <= UNSURE_AT_MOST
+
+
+def test_what_never_moved_is_no_type() -> None:
+    readings = RegisterReadings()
+    readings.put(7, "holding", 0, np.tile(np.array([0, 230, 0, 17000, 65535], np.uint16), (60, 1)))
+    values = infer(readings)
+    assert len(values) == 5
+    assert max(value.confidence for value in values) <= UNSURE_AT_MOST
+
+
+def test_two_counters_side_by_side_are_two() -> None:
+    rng, readings = np.random.default_rng(3), RegisterReadings()
+    counted = [start + np.cumsum(rng.poisson(pace, 80)) for start, pace in ((61_000, 40), (1200, 130), (30_000, 9))]
+    readings.put(7, "holding", 0, np.stack(counted, axis=1).astype(np.uint16))
+    assert [value.words for value in infer(readings)] == [1, 1, 1]

@@ -9,6 +9,7 @@ many words say no more than some, and one answer no more than `MOST_BITS`.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -35,6 +36,7 @@ _NOTHING: Final = np.zeros(0, np.int32)
 Words = NDArray[np.int32]
 
 
+@lru_cache(maxsize=64)  # an answer is held against each poll that it may be of
 def words_of(adu: bytes) -> Words:
     """What an answer to a read holds: registers, or bytes of coils; nothing of any other answer."""
     counted = [rule for rule in relations(adu[1]) if isinstance(rule, RequestedByteCount)] if adu[1] < 0x80 else []

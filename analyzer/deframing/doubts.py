@@ -48,16 +48,19 @@ class DoubtWalk:
         self._frames = self._rows.kind.nonzero()[0]
         self._index = self._rows.index[self._frames]
         self._own: dict[Lane, Index] = {}
+        self._only_same: frozenset[int] = frozenset()
         self.latest_ns = latest_ns
 
-    def go(self, odd: Index, first: int) -> None:
-        """Go through rows from one on; `odd` ones begin a doubt."""
+    def go(self, odd: Index, same: Index, first: int) -> None:
+        """Go through rows from one on; `odd` ones begin a doubt, those that are the `same` as the answer before do
+        where their unit answers twice."""
         rows = self._rows
         starts = np.where(rows.kind != _NOISE, rows.t_start_ns, self.latest_ns)
         starts[:first] = self.latest_ns
         self._latest = np.maximum(np.maximum.accumulate(starts), self.latest_ns) if len(starts) else starts
         at = first
-        upcoming = odd.tolist()
+        upcoming = np.union1d(odd, same).tolist()
+        self._only_same = frozenset(np.setdiff1d(same, odd).tolist())
         place = 0
         while True:
             while place < len(upcoming) and upcoming[place] < at:
@@ -118,7 +121,10 @@ class DoubtWalk:
 
     def _begun(self, row: int, lane: Lane) -> Doubt | None:
         """A doubt that begins with an odd answer; None where there is none: what was not answered came damaged."""
-        doubt, queue = Doubt(), UnitQueue(habit=self._habits.setdefault(lane, UnitHabit()))
+        habit = self._habits.setdefault(lane, UnitHabit())
+        if row in self._only_same and not habit.doubles:
+            return None
+        doubt, queue = Doubt(), UnitQueue(habit=habit)
         own = self._before(row, lane)[-_ASKS:]
         newest = -1
         for k, each in enumerate(own.tolist()):

@@ -11,7 +11,7 @@ compared over some answers; where none leads by `LEAD_BITS`, nobody can tell.
 
 from __future__ import annotations
 
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from math import log2
@@ -41,6 +41,7 @@ _SERVICES_LEAST: Final = 4
 _STEADY_NS: Final = 4_000_000  # nothing is steadier than this: adapters hold reads back
 _UNSTEADY_MOST: Final = 8.0  # bits
 _LONG_AGO: Final = -(1 << 62)
+_FOREVER: Final = 1 << 62  # ns
 _OVER_BITS: Final = 14.0  # a path so far behind is no doubt: each answer begins one by which it is of nobody
 _PATHS: Final = 16
 ASKS: Final = 64  # requests back that an answer may be of
@@ -147,21 +148,26 @@ class UnitQueue:
         bits = {adu: strangeness(ask, answer.adu) if len(polls) > 1 else 0.0 for adu, ask in polls.items()}
         least = min(bits.values(), default=0.0)
         stranger = least if least >= MOST_BITS else _ALIEN_BITS  # if strange for all, it may be of one not here
+        ways = [(ask, bits[ask.adu], *_waited(ask, answer, timed=timed)) for ask in fitting]
+        numbers, measured = [ask.number for ask in fitting], timed and answer.measured
         paths: dict[tuple[int, tuple[int, ...]], AnswerPath] = {}
         for path in self.paths:
             lost = next((ask.number for ask in asks if ask.taken and ask.number > path.newest), answer.number)
-            for ask in fitting:
-                if ask.number >= path.newest:
-                    waited = answer.t_start_ns - ask.t_end_ns
-                    cost = path.cost + self._step(path, ask, lost, bits[ask.adu], again=answer.again)
-                    cost += self._lateness(path, ask, waited) if timed else 0.0
-                    slowest = max(path.slowest_ns, waited)
-                    took = answer.t_start_ns - max(ask.t_end_ns, path.free_ns)
-                    services = (*path.services[1 - _SERVICES :], took) if timed and answer.measured else path.services
-                    chosen = (*path.chosen, ask.number)
-                    is_behind = path.is_behind or ask is not asks[-1]
-                    ended = answer.t_end_ns
-                    _put(paths, AnswerPath(ask.number, cost, slowest, chosen, ended, services, is_behind, waited))
+            overdue_ns = _OVERDUE * path.slowest_ns + _SLACK_NS if timed and path.slowest_ns > 0 else _FOREVER
+            services = path.services[1 - _SERVICES :]
+            for ask, strange, waited, latest_ns, never in ways[bisect_left(numbers, path.newest) :]:
+                number, is_behind = ask.number, ask is not asks[-1]
+                if number == path.newest:
+                    cost = (_TWICE_AGAIN_BITS if self.habit.doubles else _TWICE_BITS) + strange * (not answer.again)
+                else:
+                    cost = strange + _LOST_BITS * (lost < number)
+                cost += path.cost + _TOO_LATE_BITS * (waited > latest_ns + path.waited_ns) + never
+                cost += _OVERDUE_BITS * (is_behind & (waited > overdue_ns))
+                took = answer.t_start_ns - max(ask.t_end_ns, path.free_ns)
+                _put(paths, AnswerPath(
+                    number, cost, max(path.slowest_ns, waited), (*path.chosen, number), answer.t_end_ns,
+                    (*services, took) if measured else path.services, path.is_behind | is_behind, waited,
+                ))  # fmt: skip
             broken = next((number for number in self.broken if number > path.newest), _NONE)
             missed = _BROKEN_BITS if broken > path.newest else stranger
             unknown = _FORGOTTEN_BITS if path.newest < self.forgotten else missed
@@ -170,29 +176,12 @@ class UnitQueue:
         self.pending.append(answer)
         self._keep(paths)
 
-    def _lateness(self, path: AnswerPath, ask: AskedRequest, waited_ns: int) -> float:
-        """What it costs that an answer is of a request after so long. In time is what comes soon enough after the
-        client went on, if it did; behind an answer that waited it may be later by as much: units fall ever further
-        behind."""
-        waits = LONGEST_NS if ask.t_next_ns is None else max(LATE_NS, LATE_WAITS * (ask.t_next_ns - ask.t_end_ns))
-        longer = path.slowest_ns > 0 and waited_ns > _OVERDUE * path.slowest_ns + _SLACK_NS
-        overdue = _OVERDUE_BITS * (longer and ask is not self.asks[-1])
-        return overdue + _TOO_LATE_BITS * (waited_ns > waits + path.waited_ns) + _NEVER_BITS * (waited_ns > LONGEST_NS)
-
-    def _step(self, path: AnswerPath, ask: AskedRequest, lost: int, strange: float, *, again: bool) -> float:
-        """What it costs to go on from the newest request that was answered to this one, with an answer that is so
-        strange for it; `lost`: number of the first behind it that the client took for answered."""
-        if ask.number == path.newest:
-            return (_TWICE_AGAIN_BITS if self.habit.doubles else _TWICE_BITS) + strange * (not again)
-        return strange + _LOST_BITS * (lost < ask.number)
-
     def _keep(self, paths: dict[tuple[int, tuple[int, ...]], AnswerPath]) -> None:
         """The few of these that are worth going on with, the best first: of equal ones that of newer requests."""
         ranked = sorted(zip(_totals(paths.values()), paths.values(), strict=True), key=itemgetter(0))
         equal = bisect_right(ranked, ranked[:_PATHS][-1][0], key=itemgetter(0))  # with the last one that may stay
-        ranked = sorted(
-            ranked[:equal], key=lambda pair: (pair[0], [-number for number in pair[1].chosen], -pair[1].newest)
-        )[:_PATHS]
+        ranked = sorted(ranked[:equal], key=lambda pair: (pair[1].chosen, pair[1].newest), reverse=True)
+        ranked = sorted(ranked, key=itemgetter(0))[:_PATHS]
         least = ranked[0][0]
         kept = [(bits - least, path) for bits, path in ranked if bits - least <= _HOPELESS_BITS]
         lowest = min(path.cost for _, path in kept)
@@ -240,6 +229,17 @@ class UnitQueue:
             _put(paths, path._replace(chosen=path.chosen[1:]))
         self._keep(paths)
         return SettledAnswer(answer, ask, unsure)
+
+
+def _waited(ask: AskedRequest, answer: PendingAnswer, *, timed: bool) -> tuple[int, int, float]:
+    """How long an answer would have waited (ns), how long it may without a cost, and what it costs that it is far too
+    late, in bits. In time is what comes soon enough after the client went on, if it did; behind an answer that waited
+    it may be later by as much: units fall ever further behind."""
+    waited = answer.t_start_ns - ask.t_end_ns
+    if not timed:
+        return waited, _FOREVER, 0.0
+    waits = LONGEST_NS if ask.t_next_ns is None else max(LATE_NS, LATE_WAITS * (ask.t_next_ns - ask.t_end_ns))
+    return waited, waits, _NEVER_BITS * (waited > LONGEST_NS)
 
 
 def _totals(paths: Iterable[AnswerPath]) -> list[float]:

@@ -17,6 +17,7 @@ from .doubts import Doubt, DoubtWalk
 from .oddities import HISTORY, Oddities
 from .pairedrows import Lane, PairedRows
 from .queues import UnitHabit
+from .rules import Index
 from .segments import UnorderedRows
 from .wireorder import Across
 
@@ -52,8 +53,8 @@ class AnswerWitness:
         held = len(self._held.asker) > 0
         if not len(new.asker) and not held:
             return loose, earlier
-        odd = self._oddities.found(new, lambda: [*self._past(), self._held])
-        if not len(odd) and not self._doubts and not held:
+        odd, same = self._oddities.found(new, lambda: [*self._past(), self._held])
+        if not len(odd) and not self._doubts and not held and not self._may_double(same):
             self._remember(new)
             return loose, earlier
         self._earlier |= earlier
@@ -62,7 +63,7 @@ class AnswerWitness:
         before = sum(len(part.asker) for part in past)
         walk = DoubtWalk(work, self._doubts, self._habits, timed=timed, latest_ns=self._latest_ns)
         begin = before + len(self._held.asker)
-        walk.go(odd + begin, begin)
+        walk.go(odd + begin, same + begin, begin)
         self._latest_ns = walk.latest_ns
         walk.close(until)
         certain = walk.certain(before)
@@ -73,6 +74,10 @@ class AnswerWitness:
         if not len(self._held.asker):
             self._earlier = {}
         return given.loose, bytes_before
+
+    def _may_double(self, same: Index) -> bool:
+        """Whether answers that are the ones before once more may have been given twice."""
+        return len(same) > 0 and any(habit.doubles for habit in self._habits.values())
 
     def _past(self) -> list[PairedRows]:
         """Rows that were given, those that may be looked at."""

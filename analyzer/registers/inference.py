@@ -14,7 +14,7 @@ under each reading, tables learnt on open layouts, and a second pass in the ligh
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Final, cast
 
@@ -30,11 +30,12 @@ from .company import asked_alike
 from .drafting import SAID
 from .evidence import Weights, shipped_weights
 from .hypotheses import HYPOTHESES, numbers, patterns
-from .mixed import SHORT, UNSURE_AT_MOST, mixed_blocks
+from .mixed import SHORT, UNSURE_AT_MOST, Block, doubtful_blocks
 from .outsiders import bit_values, exclude, swapped_floats, text_value, texts_in
 from .readings import BlockReadings, RegisterReadings, Words
 from .roles import Number, OtherReading, RegisterValue, SeriesKey, reasons, with_relations
 from .runs import LEAST_TOLD, Cut, Run, cut_of, run_posteriors, runs_of
+from .telling import STILL
 
 _CLOCK_S: Final = 5.0  # seconds, before a clock is told
 _PAIRS: Final = [n for n, hypothesis in enumerate(HYPOTHESES) if hypothesis.family == "i32"]
@@ -103,7 +104,7 @@ def _as_they_stand(
         _settle_clocks(run)
         if run.unit in charts:
             _settle_mapped(run, charts[run.unit])
-    mixed = mixed_blocks(runs)
+    doubts = doubtful_blocks(runs)
     cuts: dict[int, list[tuple[Run, list[Cut]]]] = {}
     for run, posterior in zip(runs, run_posteriors(runs, weights), strict=True):
         cuts.setdefault(run.unit, []).append((run, cut_of(run, posterior)))
@@ -113,7 +114,7 @@ def _as_they_stand(
         order = _device_order([cut for _, cut_list in cuts.get(unit, []) for cut in cut_list])
         for run, cut_list in cuts.get(unit, []):
             sisters = sorted({runs[number].unit for number, _ in run.sisters})
-            values += (_claimed(value, run, mixed) for value in _values(run, cut_list, chart, order, sisters))
+            values += (_claimed(value, run, chart, doubts) for value in _values(run, cut_list, chart, order, sisters))
         values += bit_values([block for block in blocks if block.unit == unit], chart)
     return values, runs
 
@@ -228,19 +229,17 @@ def _values(
                 yield _value(run, lone, None, order, sisters)
 
 
-def _claimed(value: RegisterValue, run: Run, mixed: Container[tuple[int, str, int, int]]) -> RegisterValue:
+def _claimed(value: RegisterValue, run: Run, chart: RegisterMap | None, doubts: Mapping[Block, str]) -> RegisterValue:
     """A value whose type is no surer than its readings can make it; a map needs none."""
-    if value.confidence <= UNSURE_AT_MOST or value.confidence == 1.0:
+    if value.confidence <= UNSURE_AT_MOST or (chart is not None and chart.at(value.area, value.address) is not None):
         return value
     own = (block for block in run.blocks if block.address <= value.address < block.address + block.quantity)
-    why = None
-    if any(block.key in mixed for block in own):
-        why = register_words("values of several registers are mixed here: answers were swapped")
-    elif value.readings < SHORT:
+    why = next(filter(None, (doubts.get(block.key) for block in own)), "")
+    if not why and value.readings < SHORT:
         why = register_words("too few readings to tell")
-    if why is None:
+    if not why and value.kind not in STILL:
         return value
-    return replace(value, confidence=UNSURE_AT_MOST, bits=0.0, why=why, same_number=())
+    return replace(value, confidence=UNSURE_AT_MOST, bits=0.0, why=why or value.why, same_number=())
 
 
 def _value(run: Run, cut: Cut, row: MappedValue | None, order: str | None, sisters: Sequence[int]) -> RegisterValue:
