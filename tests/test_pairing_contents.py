@@ -189,6 +189,20 @@ def test_a_doubt_ends_when_all_is_as_it_should_be(polls: int, most: int, monkeyp
     assert 0 < len(weighed) <= most, "the rest of 400 answers follow their requests"
 
 
+@pytest.mark.parametrize("size", [1, 7, 1 << 30])
+def test_polls_that_move_as_one_are_no_doubt_where_nothing_is_odd(size: int) -> None:
+    """Four blocks of one unit hold the same, another thing each round: as clocks do, or a program on trial."""
+    talk = Talk()
+    for turn in range(40):
+        words = b"".join((3000 + 700 * k + turn * (k % 3 == 0)).to_bytes(2, "big") for k in range(6))
+        for first in range(0, 64, 16):
+            request = talk.send(adu(bytes((9, 3, 0, first, 0, 6))))
+            talk.truth[talk.send(adu(bytes((9, 3, 12)) + words), 15)] = request
+    found = answers(told(talk.chunks, size=size))
+    assert {start: asked for start, (asked, _, unsure) in found.items() if not unsure}.items() <= talk.truth.items()
+    assert sum(unsure for _, _, unsure in found.values()) <= 8, "in the first rounds, at most"
+
+
 def test_of_polls_that_hold_the_same_nobody_can_tell() -> None:
     talk = Talk(alike=True)
     talk.rounds(4)

@@ -14,7 +14,7 @@ from ..tables.batch import adu_of
 from ..tables.schema import GLITCHES, Kind, Protocol
 from ..tables.transactions import LONGEST_NS
 from .contents import MOST_BITS, REPEATED_BITS, KnownPolls, telling, words_of
-from .oddities import HISTORY
+from .oddities import HISTORY, OddRows
 from .pairedrows import Lane, PairedRows, lanes_of
 from .queues import AskedRequest, PendingAnswer, SettledAnswer, UnitHabit, UnitQueue
 from .rules import Index
@@ -25,6 +25,8 @@ _LATENCY_NS: Final = 2_000_000_000  # by which a read may come late: what began 
 _ANSWERS: Final = 8  # of a poll
 _ASKS: Final = 24  # frames of a unit that are looked back on when a doubt begins
 _DAMAGED: Final = 3  # bytes that may have been an answer
+_ALIKE: Final = 4  # repeats that are as expected,
+_AS_EXPECTED: Final = 1.0  # bits: by so much an answer may be stranger than its poll's own
 _BETWEEN: Final = 3  # rows behind a request in which its damaged answer may stand
 _REQUEST, _RESPONSE, _NOISE = int(Kind.REQUEST), int(Kind.RESPONSE), int(Kind.NOISE)
 
@@ -35,6 +37,9 @@ class Doubt:
 
     queue: UnitQueue = field(default_factory=UnitQueue)
     known: KnownPolls = field(default_factory=KnownPolls)
+    of_repeat: bool = False  # nothing was odd yet but that answers are the ones before once more
+    apparent: KnownPolls = field(default_factory=KnownPolls)  # then: what polls hold, if all is as it seems
+    alike: int = 0  # and the repeats that are as each poll's own answers are
 
 
 class DoubtWalk:
@@ -48,19 +53,21 @@ class DoubtWalk:
         self._frames = self._rows.kind.nonzero()[0]
         self._index = self._rows.index[self._frames]
         self._own: dict[Lane, Index] = {}
-        self._only_same: frozenset[int] = frozenset()
+        self._only_same, self._only_moved = frozenset[int](), frozenset[int]()
         self.latest_ns = latest_ns
 
-    def go(self, odd: Index, same: Index, first: int) -> None:
-        """Go through rows from one on; `odd` ones begin a doubt, those that are the `same` as the answer before do
-        where their unit answers twice."""
+    def go(self, found: OddRows, first: int) -> None:
+        """Go through rows from one on, which these are counted from; odd ones begin a doubt, those that are the same
+        as the answer before where their unit answers twice."""
         rows = self._rows
         starts = np.where(rows.kind != _NOISE, rows.t_start_ns, self.latest_ns)
         starts[:first] = self.latest_ns
         self._latest = np.maximum(np.maximum.accumulate(starts), self.latest_ns) if len(starts) else starts
         at = first
+        odd, same, moved = (each + first for each in found)
         upcoming = np.union1d(odd, same).tolist()
-        self._only_same = frozenset(np.setdiff1d(same, odd).tolist())
+        self._only_moved = frozenset(np.setdiff1d(moved, odd).tolist())
+        self._only_same = frozenset(np.setdiff1d(same, np.union1d(odd, moved)).tolist())
         place = 0
         while True:
             while place < len(upcoming) and upcoming[place] < at:
@@ -122,9 +129,10 @@ class DoubtWalk:
     def _begun(self, row: int, lane: Lane) -> Doubt | None:
         """A doubt that begins with an odd answer; None where there is none: what was not answered came damaged."""
         habit = self._habits.setdefault(lane, UnitHabit())
-        if row in self._only_same and not habit.doubles:
+        if (row in self._only_same and not habit.doubles) or (row in self._only_moved and habit.alike):
             return None
-        doubt, queue = Doubt(), UnitQueue(habit=habit)
+        doubt, queue = Doubt(of_repeat=row in self._only_moved), UnitQueue(habit=habit)
+        habit.alike = False
         own = self._before(row, lane)[-_ASKS:]
         newest = -1
         for k, each in enumerate(own.tolist()):
@@ -191,6 +199,21 @@ class DoubtWalk:
             int(self._work.loose.head[row]) != newest.read, self._repeats(row, self._before(row, lane)),
         )  # fmt: skip
         doubt.queue.answer(answer, partial(self._strangeness, doubt, row, lane), timed=self._timed)
+        if doubt.of_repeat:
+            self._weigh_repeat(doubt, answer)
+
+    def _weigh_repeat(self, doubt: Doubt, answer: PendingAnswer) -> None:
+        """Ends a doubt that repeats alone began, where all polls of the unit hold the same: a copy of another poll's
+        answer would hardly be, again and again, what this poll's next one should be."""
+        asks = doubt.queue.asks
+        doubt.of_repeat = answer.taken_for >= 0 and all(ask.taken for ask in asks[-2:])
+        words, request = words_of(answer.adu), asks[-1].adu
+        poll = doubt.apparent.of(request) or doubt.apparent.begin(request, [])
+        if answer.again and len(asks) > 1 and asks[-2].adu != request and poll.answers:
+            doubt.alike += poll.strangeness(words) <= _AS_EXPECTED
+        poll.add(words)
+        if doubt.of_repeat and doubt.alike >= _ALIKE:
+            doubt.queue.take_as_they_seem()
 
     def _went_on(self, asks: list[AskedRequest], row: int, lane: Lane) -> None:
         """When the client went on to its next request, whichever unit that was to."""

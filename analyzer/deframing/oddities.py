@@ -37,6 +37,14 @@ class _LaneEnd(NamedTuple):
 _NOTHING: Final = _LaneEnd(-1, -1, -1, -1, -1)
 
 
+class OddRows(NamedTuple):
+    """Rows with answers that may begin a doubt, each in order."""
+
+    odd: Index  # that do not simply follow the only request of their unit that is open
+    same: Index  # that are the answer before once more, to another request: odd of a unit that answers twice
+    moved: Index  # those of `same` whose polls held something else before, or may well have
+
+
 class Oddities:
     """How lanes ended, and what is odd in what comes next."""
 
@@ -45,16 +53,12 @@ class Oddities:
     def __init__(self) -> None:
         self._asked = {}
 
-    def found(self, new: PairedRows, past: Callable[[], list[PairedRows]]) -> tuple[Index, Index]:
-        """Rows of `new` with answers that do not simply follow the only request of their unit that is open; and those
-        that are the answer before once more, to another request: odd of a unit that answers twice.
-
-        `past` gives the rows before them that may be looked at.
-        """
+    def found(self, new: PairedRows, past: Callable[[], list[PairedRows]]) -> OddRows:
+        """Those of `new`; `past` gives the rows before them that may be looked at."""
         if not len(new.asker):
-            return np.zeros(0, np.intp), np.zeros(0, np.intp)
+            return OddRows(*[np.zeros(0, np.intp)] * 3)
         odd, same = self._odd_of_few(new) if len(new.asker) <= _FEW else self._odd_of_many(new)
-        return np.union1d(odd, _moved(new, same, past())) if len(same) else odd, same
+        return OddRows(odd, same, _moved(new, same, past()) if len(same) else same)
 
     def _odd_of_few(self, new: PairedRows) -> tuple[Index, Index]:
         """The same row by row, for arrays of so few take longer; and answers that are the one before once more."""

@@ -70,6 +70,7 @@ class UnitHabit:
     """What a unit was seen to do, from one doubt to the next."""
 
     doubles: bool = False  # it gave an answer twice, for certain
+    alike: bool = False  # its polls hold the same: an answer that is the one before once more is none
 
 
 @dataclass(slots=True)
@@ -201,6 +202,12 @@ class UnitQueue:
                         return found
             found.append(self._settle(mine, unsure=mine is None and self.pending[0].taken_for >= 0))
         return found
+
+    def take_as_they_seem(self) -> None:
+        """Every pending answer is of the request that the client takes it for: the unit's polls hold the same."""
+        chosen = tuple(answer.taken_for for answer in self.pending)
+        self.paths, self.behind = [AnswerPath(chosen[-1], 0.0, 0, chosen)], [0.0]
+        self.habit.alike = True
 
     def give_up(self) -> SettledAnswer:
         """Nobody can tell whose the oldest answer is."""

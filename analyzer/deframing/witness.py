@@ -14,10 +14,9 @@ from __future__ import annotations
 import numpy as np
 
 from .doubts import Doubt, DoubtWalk
-from .oddities import HISTORY, Oddities
-from .pairedrows import Lane, PairedRows
+from .oddities import HISTORY, Oddities, OddRows
+from .pairedrows import Lane, PairedRows, lanes_of
 from .queues import UnitHabit
-from .rules import Index
 from .segments import UnorderedRows
 from .wireorder import Across
 
@@ -53,8 +52,8 @@ class AnswerWitness:
         held = len(self._held.asker) > 0
         if not len(new.asker) and not held:
             return loose, earlier
-        odd, same = self._oddities.found(new, lambda: [*self._past(), self._held])
-        if not len(odd) and not self._doubts and not held and not self._may_double(same):
+        odd = self._oddities.found(new, lambda: [*self._past(), self._held])
+        if not len(odd.odd) and not self._doubts and not held and not self._may_repeat(new, odd):
             self._remember(new)
             return loose, earlier
         self._earlier |= earlier
@@ -63,7 +62,7 @@ class AnswerWitness:
         before = sum(len(part.asker) for part in past)
         walk = DoubtWalk(work, self._doubts, self._habits, timed=timed, latest_ns=self._latest_ns)
         begin = before + len(self._held.asker)
-        walk.go(odd + begin, same + begin, begin)
+        walk.go(odd, begin)
         self._latest_ns = walk.latest_ns
         walk.close(until)
         certain = walk.certain(before)
@@ -75,9 +74,12 @@ class AnswerWitness:
             self._earlier = {}
         return given.loose, bytes_before
 
-    def _may_double(self, same: Index) -> bool:
-        """Whether answers that are the ones before once more may have been given twice."""
-        return len(same) > 0 and any(habit.doubles for habit in self._habits.values())
+    def _may_repeat(self, new: PairedRows, odd: OddRows) -> bool:
+        """Whether answers that are the ones before once more may be no answers to their requests."""
+        if len(odd.same) and any(habit.doubles for habit in self._habits.values()):
+            return True
+        lanes = np.unique(lanes_of(new)[odd.moved]).tolist()
+        return not all(lane in self._habits and self._habits[lane].alike for lane in lanes)
 
     def _past(self) -> list[PairedRows]:
         """Rows that were given, those that may be looked at."""
