@@ -66,3 +66,11 @@ def sums(counts: Ints) -> Ints:
     ends = np.zeros(len(counts) + 1, np.int64)
     np.cumsum(counts, out=ends[1:])
     return ends
+
+
+def counted_on(counts: Ints) -> Ints:
+    """0, 1, 2 … of each of some counts, end to end."""
+    ends = np.cumsum(counts)
+    indices: Ints = np.arange(int(ends[-1]) if len(ends) else 0)
+    indices -= np.repeat(ends - counts, counts)
+    return indices

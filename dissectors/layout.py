@@ -21,7 +21,6 @@ from .functions.exceptions import RESPONSE as EXCEPTION_RESPONSE
 from .length_rules import DeclarationShape, Role, rebuilt, shape
 from .lengths import layout
 from .limits import Count
-from .listing import Lister, lister
 from .registry import functions, revision
 from .tracing import echoed
 from .values import Area
@@ -218,7 +217,7 @@ class Contents:
     quantity: NumberRef | None
     held: ValueRun | None
     listed: frozenset[str]  # names of the fields that are values, where those have no fixed place
-    lister: Lister | None  # what gives these values without annotation, where something can
+    declaration: AnyConstruct
 
 
 def contents() -> dict[tuple[int, Role], Contents]:
@@ -255,8 +254,8 @@ def _contents(
         _first(own, Address) or _first(request, Address, asked=True),
         _first(own, Quantity),
         run,
-        listed := frozenset() if run else _names(declaration),
-        lister(declaration) if listed else None,
+        frozenset() if run else _names(declaration),
+        declaration,
     )
 
 

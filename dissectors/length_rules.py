@@ -163,12 +163,12 @@ def _foreign(con: Any, name: str | None, declared: DeclarationShape, at: int | N
             declared.layout[name] = (at, size)
         return _fixed(size, declared, at)
     if isinstance(con, construct.Bytes):
-        _walk_counted(_path_name(con.length), 1, declared)
+        _walk_counted(path_name(con.length), 1, declared)
         return None
     if isinstance(con, construct.Array):
         each = _size(con.subcon)
         if each is not None:
-            _walk_counted(_path_name(con.count), each, declared)
+            _walk_counted(path_name(con.count), each, declared)
             return None
     if isinstance(con, construct.Prefixed) and not con.includelength and at is not None:
         width = _size(con.lengthfield)
@@ -206,7 +206,7 @@ def _is_big_endian(con: Any) -> bool:
     return isinstance(con, construct.BytesInteger) and not con.signed and not con.swapped
 
 
-def _path_name(path: object) -> str | None:
+def path_name(path: object) -> str | None:
     """`byte_count` of `this.byte_count`; None for anything more involved."""
     parts = repr(path)
     if parts.startswith("this['") and parts.endswith("']") and parts.count("[") == 1:
@@ -318,15 +318,16 @@ class LengthRule:
     base: int | None
     count: Count | None
     checks: tuple[Bound | Choice | Multiple | Sized, ...]
-    walk: Callable[[bytes], int | None] | None
+    walk: PduWalk | None
     variable: bool
 
 
-class _Walk:
+class PduWalk:
     """PDU length by reading the declared part."""
 
-    def __init__(self, declared: AnyConstruct, checks: tuple[Bound | Choice | Multiple | Sized, ...]) -> None:
-        self.declared = declared
+    def __init__(self, declaration: AnyConstruct, checks: tuple[Bound | Choice | Multiple | Sized, ...]) -> None:
+        self.declaration = declaration
+        self._measured = measuring(declaration)
         self.checks = tuple(check for check in checks if not check.soft)
 
     def __call__(self, pdu: bytes) -> int | None:
@@ -334,7 +335,7 @@ class _Walk:
             return -1
         stream = io.BytesIO(pdu[1:])
         try:
-            self.declared.parse_stream(stream)
+            self._measured.parse_stream(stream)
         except Unknowable:
             return None
         except construct.StreamError:
@@ -354,7 +355,7 @@ def compiled(function: Function, role: Role) -> tuple[LengthRule, DeclarationSha
     checks = tuple(declared.checks)
     base, count, walk = None if declared.bare else declared.size, declared.count, None
     if declared.stepped:
-        base, count, walk = None, None, _Walk(measuring(declaration), checks)
+        base, count, walk = None, None, PduWalk(declaration, checks)
     return LengthRule(function.code, role, function.name, base, count, checks, walk, declared.open_ended), declared
 
 

@@ -12,7 +12,9 @@ structure is hard. Numbers are big-endian.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import reduce
 from math import log2
+from operator import or_
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from .fields import ENGLISH, Wording
@@ -32,6 +34,7 @@ EXCEPTION_ADU: Final = MIN_ADU + 1  # bytes of an exception response: its code b
 
 
 _LISTED: Final = 6  # values that a message names
+_Q = TypeVar("_Q", int, "NDArray[Any]")
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +61,10 @@ class Bound:
         """How seldom chance fulfils it: minus the binary logarithm."""
         return 8 * self.width - log2(self.high - self.low + 1)
 
+    def fits(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Which of these values it lets pass."""
+        return (values >= self.low) & (values <= self.high)
+
     def broken(self, value: int, wording: Wording = ENGLISH) -> str | None:
         """What is wrong with this value, or None."""
         if self.low <= value <= self.high:
@@ -78,6 +85,10 @@ class Choice:
     def bits(self) -> float:
         """As of `Bound`."""
         return 8 * self.width - log2(len(self.values))
+
+    def fits(self, values: NDArray[Any]) -> NDArray[Any]:
+        """As of `Bound`."""
+        return reduce(or_, (values == value for value in self.values), values != values)
 
     def broken(self, value: int, wording: Wording = ENGLISH) -> str | None:
         """What is wrong with this value, or None."""
@@ -104,6 +115,11 @@ class Multiple:
     def bits(self) -> float:
         """As of `Bound`."""
         return log2(self.n)
+
+    def fits(self, values: NDArray[Any]) -> NDArray[Any]:
+        """As of `Bound`."""
+        fitting: NDArray[Any] = values % self.n == 0
+        return fitting
 
     def broken(self, value: int, wording: Wording = ENGLISH) -> str | None:
         """What is wrong with this value, or None."""
@@ -139,9 +155,6 @@ class RequestedByteCount:
 
 
 Check = Bound | Choice | Multiple
-
-
-_Q = TypeVar("_Q", int, "NDArray[Any]")
 
 
 def taken(quantity: _Q, bits: bool) -> _Q:

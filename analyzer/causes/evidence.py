@@ -53,7 +53,7 @@ class Evidence(LedgerView):
 
     def is_open(self, symptom: Symptom, unit: int | None) -> bool:
         """Whether nothing has explained this symptom of a unit yet."""
-        return (symptom, unit) not in self.explained
+        return not self.explained or (symptom, unit) not in self.explained
 
     def silent(self, unit: UnitLedger) -> int:
         """Requests without an answer that nothing explains; of two clocks only those of a unit that is never heard."""

@@ -15,8 +15,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dissectors.columnar import pdu_ends
 from dissectors.length_rules import Role, broken_value
-from dissectors.limits import MAX_ADU, MIN_ADU, OVERHEAD
+from dissectors.limits import MAX_ADU, MAX_PDU, MIN_ADU, OVERHEAD
 
 from ..tables.schema import GLITCHES
 from .rules import (
@@ -281,19 +282,22 @@ def _counted(data: Bytes, crc: CrcWindows, start: Index, group: CountedLengths) 
 def _walked(
     data: Bytes, crc: CrcWindows, start: Index, group: WalkedLengths, rules: LengthTables
 ) -> tuple[Index, Index]:
-    """Of a function that takes a walk, which is slow: first what arrays can rule out."""
+    """Of a function that takes a walk: in arrays where its declaration has steps, else one by one, which is slow."""
     n = len(data)
     start = start[: int(np.searchsorted(start, n - group.reach, side="right"))]
     checks = rules.checks[256 * group.role + group.function]
     for test in checks.hard if checks is not None else ():
         start = start[test(data, start)]
-    ends = [crc.tails[i + MIN_ADU : i + MAX_ADU + 1] == crc.heads[i] for i in start.tolist()]
-    start = start[[bool(right.any()) for right in ends]] if ends else start
-    walks = [(i, group.length(data[i + 1 : i + MAX_ADU].tobytes())) for i in start.tolist()]
-    pairs = [(i, i + k + OVERHEAD) for i, k in walks if k is not None and k > 0 and i + k + OVERHEAD <= n]
-    found = np.array(pairs, np.intp).reshape(-1, 2)
-    right = crc.heads.take(found[:, 0]) == crc.tails.take(found[:, 1])
-    return found[right, 0], found[right, 1]
+    if (ends := pdu_ends(group.length.declaration)) is None:
+        windows = (data[i + 1 : i + MAX_ADU].tobytes() for i in start.tolist())
+        size = np.fromiter((group.length(window) or -1 for window in windows), np.intp)
+    else:
+        size = ends(data, start + 2, np.minimum(start + MAX_ADU, n)) - (start + 1)
+    end = start + size + OVERHEAD
+    fits = (size > 0) & (size <= MAX_PDU) & (end <= n)
+    start, end = start[fits], end[fits]
+    right = crc.heads.take(start) == crc.tails.take(end)
+    return start[right], end[right]
 
 
 def _weigh(

@@ -18,7 +18,7 @@ logarithm, and a table of 32767 powers does the rest.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from typing import Final, NamedTuple, overload
@@ -26,10 +26,11 @@ from typing import Final, NamedTuple, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from dissectors.columnar import pdu_ends
 from dissectors.crc import CRC_TABLE
-from dissectors.length_rules import LengthRule, Role
+from dissectors.length_rules import LengthRule, PduWalk, Role
 from dissectors.lengths import RULES, pdu_length
-from dissectors.limits import MIN_ADU, OVERHEAD, Bound, Choice, Multiple, Sized, taken
+from dissectors.limits import CRC_SIZE, MIN_ADU, OVERHEAD, Bound, Choice, Multiple, Sized, taken
 from dissectors.registry import revision
 
 Bytes = NDArray[np.uint8]
@@ -70,7 +71,7 @@ class WalkedLengths:
 
     role: Role
     function: int
-    length: Callable[[bytes], int | None]  # of a PDU
+    length: PduWalk
     reach: int  # bytes that the checks look at
 
 
@@ -125,41 +126,29 @@ def big_endian_at(data: Bytes, at: Index, width: int) -> Index:
 
 def _check(check: Bound | Choice | Multiple | Sized) -> tuple[Callable[[Bytes, Index], Mask], float]:
     """A check as a function of (bytes, starts of ADUs), and the bits that passing it is worth."""
-    if isinstance(check, Bound):
-        span = 1 << (8 * check.width)
-        return (
-            lambda data, at: _in_range(big_endian_at(data, at + check.offset + 1, check.width), check.low, check.high),
-            exact_bits(math.log2(span / (min(check.high, span - 1) - check.low + 1))),
-        )
-    if isinstance(check, Choice):
-        return (
-            lambda data, at: _among(big_endian_at(data, at + check.offset + 1, check.width), check.values),
-            exact_bits(8 * check.width - math.log2(len(check.values))),
-        )
-    if isinstance(check, Multiple):
-        return (
-            lambda data, at: big_endian_at(data, at + check.offset + 1, check.width) % check.n == 0,
-            exact_bits(math.log2(check.n)),
-        )
+    if not isinstance(check, Sized):
+        kept = check
+
+        def fits(data: Bytes, at: Index) -> Mask:
+            right: Mask = kept.fits(big_endian_at(data, at + kept.offset + 1, kept.width))
+            return right
+
+        return fits, exact_bits(_bits(check))
 
     def sized(data: Bytes, at: Index) -> Mask:
         quantity = big_endian_at(data, at + check.quantity_offset + 1, 2)
-        fits: Mask = big_endian_at(data, at + check.count_offset + 1, 1) == taken(quantity, check.bits)
-        return fits
+        right: Mask = big_endian_at(data, at + check.count_offset + 1, 1) == taken(quantity, check.bits)
+        return right
 
     return sized, 8.0
 
 
-def _in_range(value: Index, low: int, high: int) -> Mask:
-    inside: Mask = (value >= low) & (value <= high)
-    return inside
-
-
-def _among(value: Index, values: Sequence[int]) -> Mask:
-    found = np.zeros(len(value), np.bool_)
-    for one in values:
-        found |= value == one
-    return found
+def _bits(check: Bound | Choice | Multiple) -> float:
+    """How seldom chance fulfils a check; a bound may reach beyond what its field holds."""
+    if isinstance(check, Bound):
+        span = 1 << (8 * check.width)
+        return math.log2(span / (min(check.high, span - 1) - check.low + 1))
+    return check.bits
 
 
 def _reach(check: Bound | Choice | Multiple | Sized) -> int:
@@ -187,17 +176,24 @@ def lengths_fit(data: Bytes, at: Index, length: Index, function: int, role: Role
         return np.zeros(len(at), np.bool_)
     if rule.variable:
         return np.ones(len(at), np.bool_)
-    if rule.base is None or max(map(_reach, rule.checks), default=0) > rule.base + 1:
-        windows = zip((at + 1).tolist(), (length - OVERHEAD).tolist(), strict=True)
-        return np.array([pdu_length(data[i : i + n].tobytes(), role) == n for i, n in windows], np.bool_)
-    due: int | Index = rule.base + OVERHEAD
-    if rule.count is not None:
-        place = np.minimum(at + (rule.count.offset + 1), len(data) - rule.count.width)
-        due = big_endian_at(data, place, rule.count.width) * rule.count.scale + due
-    fits = (length == due).nonzero()[0]
-    checks = length_tables().checks[256 * role + function]
-    for test in checks.hard if checks is not None else ():
-        fits = fits[test(data, at.take(fits))]
+    if rule.base is None:
+        end = at + length - CRC_SIZE
+        found = None if rule.walk is None else pdu_ends(rule.walk.declaration)
+        if found is None:
+            windows = zip((at + 1).tolist(), end.tolist(), strict=True)
+            return np.array([pdu_length(data[i:j].tobytes(), role) == j - i for i, j in windows], np.bool_)
+        fits = (found(data, at + 2, end) == end).nonzero()[0]
+    else:
+        due: int | Index = rule.base + OVERHEAD
+        if rule.count is not None:
+            place = np.minimum(at + (rule.count.offset + 1), len(data) - rule.count.width)
+            due = big_endian_at(data, place, rule.count.width) * rule.count.scale + due
+        fits = (length == due).nonzero()[0]
+    for check in rule.checks:
+        if not check.soft:
+            passed = length.take(fits) < _reach(check) + CRC_SIZE  # it ends before that field
+            passed[~passed] = _check(check)[0](data, at.take(fits[~passed]))
+            fits = fits[passed]
     sound = np.zeros(len(at), np.bool_)
     sound[fits] = True
     return sound

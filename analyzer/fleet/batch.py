@@ -91,10 +91,14 @@ class _Taken:
             if one["state"] in _HAVE_ROWS:
                 entered.setdefault(one["sha256"], set()).add(line)
 
-    def elsewhere(self, site: str, line: str) -> frozenset[str]:
-        """What another line of the site has; where this one has it as well, it is the first one's by name."""
+    def elsewhere(self, site: str, line: str, among: Iterable[str] | None = None) -> frozenset[str]:
+        """What another line of the site has, of all or `among` these; where this one has it as well, it is the first
+        one's by name."""
+        entered = self._lines.get(site, {})
         return frozenset(
-            sha for sha, lines in self._lines.get(site, {}).items() if (min(lines) < line if line in lines else lines)
+            sha
+            for sha in (entered if among is None else among)
+            if (lines := entered.get(sha)) and (min(lines) < line if line in lines else lines)
         )
 
 
@@ -210,7 +214,7 @@ def run_batch(
         result.troubles += remove_waste(manifest)
         tasks = planned(manifest, lines, options, redo=redo, result=result)
         total, done, unwritten = sum(_size(task) for task in tasks), 0, 0
-        entered, full = _Taken(manifest), FullPacks(manifest)
+        entered, full = _Taken(manifest), FullPacks(store.root)
         while tasks:
             again: list[LineTask] = []
             wanted = takewhile(lambda _: stop is None or not stop(), _beside(tasks, full))
@@ -245,8 +249,8 @@ def _copies(entered: _Taken, task: LineTask, outcome: dict[str, Any] | Exception
     """What a task took though another line of the site has it since: two copies of a capture, in one batch."""
     if isinstance(outcome, Exception):
         return frozenset()
-    own = {one["sha256"] for one in outcome["slices"] if one["state"] in _HAVE_ROWS}
-    return entered.elsewhere(task.site, task.line) & own
+    own = [one["sha256"] for one in outcome["slices"] if one["state"] in _HAVE_ROWS]
+    return entered.elsewhere(task.site, task.line, own)
 
 
 def _enter(manifest: Manifest, task: LineTask, outcome: dict[str, Any] | Exception, result: BatchResult) -> None:
@@ -290,7 +294,7 @@ def _beside(tasks: Iterable[LineTask], full: FullPacks) -> Iterator[LakeTask]:
 def _pack(manifest: Manifest, runner: Runner, least: int | None, stop: Callable[[], bool] | None) -> LakePacking:
     """Make small files into larger ones; what was packed is kept, whatever comes then. Raises FleetError."""
     packing, tasks = LakePacking(), list(pack_tasks(manifest, least))
-    if len(tasks) < 2 or sum(task.rows for task in tasks) < FULL:
+    if len(tasks) < 2 or sum(task.price for task in tasks) < FULL:
         runner = in_this_process  # done before others would have begun
     wanted = takewhile(lambda _: stop is None or not stop(), tasks)
     with closing(runner(wanted)) as outcomes:

@@ -7,8 +7,10 @@ in one line, and nothing is read or taken away by it.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import Any, Final
+
+import orjson
 
 from captures.errors import os_reason
 
@@ -17,6 +19,8 @@ from .stores import LakeStore
 
 FOLDER: Final = "manifest"
 _ENDING: Final = ".json"
+_NO_PART: Final = frozenset(("", ".", ".."))  # of a name below a lake
+_NO_LETTER: Final = frozenset(("\\", "\0"))
 _Check = Callable[[Any], bool]
 
 
@@ -31,15 +35,23 @@ def entry_names(store: LakeStore) -> Iterator[tuple[int, str]]:
 def read_entry(store: LakeStore, name: str) -> dict[str, Any]:
     """An entry, of which all is there and of its kind. Raises FleetError."""
     try:
-        entry = json.loads(store.read(name))
+        entry = _parsed(store.read(name))
     except OSError as error:
         raise FleetError(f"{store.url(name)}: {os_reason(error)}") from error
     except (ValueError, RecursionError):
         entry = None
-    form = _PACKING if isinstance(entry, dict) and "packs" in entry else _TASK
-    if not isinstance(entry, dict) or not _has(entry, form) or not all(map(_in_lake, listed_in(entry))):
+    check = _PACKING if isinstance(entry, dict) and "packs" in entry else _TASK
+    if not check(entry) or not _in_lake(listed_in(entry)):
         raise FleetError(f"{store.url(name)}: is damaged or not an entry of a lake's manifest")
-    return entry
+    whole: dict[str, Any] = entry
+    return whole
+
+
+def _parsed(data: bytes) -> Any:
+    try:
+        return orjson.loads(data)
+    except orjson.JSONDecodeError:
+        return json.loads(data)  # which reads names of files that are no UTF-8, too
 
 
 def listed_in(entry: Mapping[str, Any]) -> set[str]:
@@ -50,16 +62,10 @@ def listed_in(entry: Mapping[str, Any]) -> set[str]:
     return {name for files in tables for name, _ in files} | ({entry["state"]} if entry["state"] else set())
 
 
-def _in_lake(name: str) -> bool:
-    """Whether it can only be a file below the lake."""
-    return not any(part in ("", ".", "..") for part in name.split("/")) and not set(name) & {"\\", "\0"}
-
-
-def _has(entry: Any, form: Mapping[str, _Check]) -> bool:
-    """Whether what must be there is, and what is there is of its kind; `?` marks what entries of before lack."""
-    return isinstance(entry, dict) and all(
-        check(entry[key.rstrip("?")]) if key.rstrip("?") in entry else key.endswith("?") for key, check in form.items()
-    )
+def _in_lake(names: Collection[str]) -> bool:
+    """Whether they can only be files below the lake."""
+    joined = "/".join(names)
+    return not names or (_NO_PART.isdisjoint(joined.split("/")) and _NO_LETTER.isdisjoint(joined))
 
 
 def _of(*kinds: type) -> _Check:
@@ -71,7 +77,12 @@ def _list(check: _Check) -> _Check:
 
 
 def _form(form: Mapping[str, _Check]) -> _Check:
-    return lambda value: _has(value, form)
+    """Whether what must be there is, and what is there is of its kind; `?` marks what entries of before lack."""
+    checks = [(key.rstrip("?"), check, key.endswith("?")) for key, check in form.items()]
+    return lambda value: (
+        isinstance(value, dict)
+        and all(check(value[key]) if key in value else optional for key, check, optional in checks)
+    )
 
 
 def _optional(check: _Check) -> _Check:
@@ -84,7 +95,7 @@ def _file(value: Any) -> bool:
 
 
 def _tables(value: Any) -> bool:
-    return isinstance(value, dict) and all(_list(_file)(files) for files in value.values())
+    return isinstance(value, dict) and all(map(_FILES, value.values()))
 
 
 def _count(value: Any) -> bool:
@@ -96,32 +107,36 @@ def _span(value: Any) -> bool:
 
 
 _text: Final = _of(str)
-_SLICE: Final[Mapping[str, _Check]] = {
-    "url": _text,
-    "size": _count,
-    "stamp": _text,
-    "sha256": _optional(_text),
-    "state": _text,
-    "damage": _list(_text),
-    "bytes": _count,
-    "span": _span,
-    "steps": _list(_text),
-    "chunks?": _count,
-    "chunk_digest?": _text,
-}
-_TASK: Final[Mapping[str, _Check]] = {
-    "site": _text,
-    "line": _text,
-    "version": _text,
-    "options": _text,
-    "after": _optional(_count),
-    "slices": _list(_form(_SLICE)),
-    "files": _tables,
-    "tail": _tables,
-    "state": _optional(_text),
-    "rules?": lambda value: isinstance(value, dict) and all(map(_count, value.values())),
-    "tail_frames?": _count,
-    "trouble?": _optional(_text),
-}
-_PACK: Final[Mapping[str, _Check]] = {"table": _text, "name": _text, "members": _list(_file)}
-_PACKING: Final[Mapping[str, _Check]] = {"packs": _list(_form(_PACK))}
+_FILES: Final = _list(_file)
+_SLICE: Final = _form(
+    {
+        "url": _text,
+        "size": _count,
+        "stamp": _text,
+        "sha256": _optional(_text),
+        "state": _text,
+        "damage": _list(_text),
+        "bytes": _count,
+        "span": _span,
+        "steps": _list(_text),
+        "chunks?": _count,
+        "chunk_digest?": _text,
+    }
+)
+_TASK: Final = _form(
+    {
+        "site": _text,
+        "line": _text,
+        "version": _text,
+        "options": _text,
+        "after": _optional(_count),
+        "slices": _list(_SLICE),
+        "files": _tables,
+        "tail": _tables,
+        "state": _optional(_text),
+        "rules?": lambda value: isinstance(value, dict) and all(map(_count, value.values())),
+        "tail_frames?": _count,
+        "trouble?": _optional(_text),
+    }
+)
+_PACKING: Final = _form({"packs": _list(_form({"table": _text, "name": _text, "members": _FILES}))})

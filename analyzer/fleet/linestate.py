@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from captures.line import LineSettings
@@ -59,7 +58,8 @@ if TYPE_CHECKING:
 
 _STATUSES: Final = tuple(status.name.lower() for status in Status)
 _UNITS: Final = 256
-_COUNTS: Final = tuple(HOURS.names[2:])  # of them the last is a greatest, the others are sums
+_COUNTS: Final = tuple(HOURS.names[2:])  # sums, but for
+_LONGEST: Final = _COUNTS.index("response_time_high_max_ns")  # which is a greatest
 
 
 class UnitHours:
@@ -74,20 +74,24 @@ class UnitHours:
         self._open = {}  # by the hour since the epoch: a row a unit, echoes last
         self._requests = self._echoes = 0  # of the line so far
 
-    def feed(self, transactions: Any, settled: TransactionRows, findings: Findings) -> Any:
-        """Take in a RecordBatch of the table `transactions`, which tells of these, and what was said of them; the rows
-        of hours that are over, as one of `HOURS`."""
-        if not len(transactions):
+    def feed(self, settled: TransactionRows, findings: Findings, off_ns: float) -> Any:
+        """Take in transactions, what was said of them, and by how much their times may be wrong; the rows of hours that
+        are over, as one of `HOURS`."""
+        if not len(settled):
             return _hours_table({})
         hours = settled.t_start_ns // HOUR_NS
         echoes = np.isin(settled.request, findings.index[of_echoes(findings)])
         self._requests += len(settled)
         self._echoes += int(np.count_nonzero(echoes))
+        counts = _counts(settled, echoes, off_ns)
         for hour in np.unique(hours).tolist():
             table = self._open.setdefault(hour, np.zeros((_UNITS, len(_COUNTS) + 1), np.int64))
-            these = hours == hour
-            _count(table, transactions.filter(pa.array(these)))
-            np.add.at(table[:, -1], settled.unit[these], echoes[these])
+            these = np.flatnonzero(hours == hour)
+            units, mine = settled.unit[these], counts[these]
+            longest = table[:, _LONGEST].copy()
+            np.maximum.at(longest, units, mine[:, _LONGEST])
+            np.add.at(table, units, mine)
+            table[:, _LONGEST] = longest
         newest = max(self._open)
         return self._told([hour for hour in sorted(self._open) if hour < newest - 1])
 
@@ -108,24 +112,20 @@ def _counted(table: NDArray[np.int64], *, shown_twice: bool) -> NDArray[np.int64
     return counts
 
 
-def _count(table: NDArray[np.int64], part: Any) -> None:
-    units = part.column("unit").to_numpy().astype(np.intp)
-
-    def add(name: str, which: NDArray[Any]) -> None:
-        np.add.at(table[:, _COUNTS.index(name)], units, which)
-
-    add("requests", np.ones(len(units), np.int64))
-    status = part.column("status")
-    for name in _STATUSES:
-        add(name, pc.equal(status, name).to_numpy(zero_copy_only=False).astype(np.int64))
-    for name, column in (("retries", "retry"), ("late", "late")):
-        add(name, part.column(column).to_numpy(zero_copy_only=False).astype(np.int64))
-    low, high = part.column("response_time_low_ns"), part.column("response_time_high_ns")
-    add("timed", pc.is_valid(low).to_numpy(zero_copy_only=False).astype(np.int64))
-    highs = pc.fill_null(high, 0).to_numpy()
-    add("response_time_low_sum_ns", pc.fill_null(low, 0).to_numpy())
-    add("response_time_high_sum_ns", highs)
-    np.maximum.at(table[:, _COUNTS.index("response_time_high_max_ns")], units, highs)
+def _counts(settled: TransactionRows, echoes: NDArray[np.bool_], off_ns: float) -> NDArray[np.int64]:
+    """What each transaction adds to `_COUNTS`, and whether it is an echo."""
+    _, low, high = settled.response_times(off_ns)
+    columns = {
+        "requests": np.ones(len(settled), np.bool_),
+        **{name: settled.status == code for code, name in enumerate(_STATUSES)},
+        "retries": settled.retry,
+        "late": settled.late,
+        "timed": low >= 0,
+        "response_time_low_sum_ns": np.maximum(low, 0),
+        "response_time_high_sum_ns": np.maximum(high, 0),
+        "response_time_high_max_ns": np.maximum(high, 0),
+    }
+    return np.column_stack([columns[name] for name in _COUNTS] + [echoes]).astype(np.int64)
 
 
 def _hours_table(hours: dict[int, NDArray[np.int64]]) -> Any:
@@ -224,7 +224,7 @@ class LineState:
                 records = record_arrow(record_schema(table), table.columns(analysed))
                 files.add(name, records)
                 if name == "transactions":
-                    files.add("hours", self.hours.feed(records, analysed.transactions, analysed.findings))
+                    files.add("hours", self.hours.feed(analysed.transactions, analysed.findings, analysed.off_ns))
             for batch, transactions in _days(analysed):
                 self._explain(batch, transactions, files)
 

@@ -12,10 +12,11 @@ A pack is a task like those that take in captures, for whatever runs them: full 
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Callable, Collection, Iterator
+from collections import Counter, defaultdict
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass
 from datetime import date
+from operator import attrgetter
 from typing import Any, Final
 from urllib.parse import unquote
 
@@ -37,6 +38,7 @@ from .stores import LakeStore, PackMember, fetched, store
 FULL: Final = 1 << 20  # rows of a pack: what memory holds and sorts at once
 SMALL: Final = FULL // 2  # files of fewer rows are packed
 MANY: Final = 64  # small files of a table that are worth it
+A_FILE: Final = FULL // 256  # rows that cost as much as to open a file
 _STALE: Final = 0.25  # share of a pack's rows that are the lake's no more: it is made anew
 
 
@@ -55,6 +57,11 @@ class SmallFile:
     @property
     def rows(self) -> int:
         return sum(rows for _, rows in self.members)
+
+    @property
+    def price(self) -> int:
+        """What packing it costs, in rows."""
+        return self.rows + A_FILE
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,9 +89,9 @@ class PackTask:
         return self.table, self.group[0].file
 
     @property
-    def rows(self) -> int:
-        """How many it will have."""
-        return sum(small.rows for small in self.group)
+    def price(self) -> int:
+        """What it costs, in rows."""
+        return sum(small.price for small in self.group)
 
     def run(self) -> dict[str, Any]:
         """Do it; what the manifest is to say."""
@@ -105,36 +112,35 @@ def pack_tasks(manifest: Manifest, least: int | None = None) -> Iterator[PackTas
     for table in DATASETS:
         smalls, settled = _small(manifest, table)
         if len(settled) >= least:
-            for group in _groups(smalls):
+            for group in _groups(smalls, attrgetter("rows")):
                 if len(group) > 1 or group[0].stale:
                     yield PackTask(manifest.store.root, table, tuple(group))
 
 
 class FullPacks:
-    """Packs that are full already while more is being taken in."""
+    """Packs of new files that are full already while more is being taken in: the price goes by what is new alone."""
 
-    def __init__(self, manifest: Manifest) -> None:
-        self._manifest = manifest
-        self._new: Counter[str] = Counter()  # rows of each table since it was looked through
-        self._begun: set[str] = set()  # files that are being packed
+    def __init__(self, lake: str) -> None:
+        self._lake = lake
+        self._new: dict[str, list[SmallFile]] = defaultdict(list)  # not handed out yet, by table
+        self._price = Counter[str]()  # of these
 
     def entered(self, entry: dict[str, Any]) -> None:
         """What a task has made; of a line that goes on the tail is soon replaced."""
         for part in ("files",) if entry["state"] else ("files", "tail"):
             for table, files in entry[part].items():
-                self._new[table] += sum(rows for _, rows in files)
+                smalls = [SmallFile(name, ((name, rows),)) for name, rows in files if rows < SMALL]
+                self._new[table] += smalls
+                self._price[table] += sum(small.price for small in smalls)
 
     def tasks(self) -> Iterator[PackTask]:
         """Those that are full now, each once."""
-        for table in [table for table, rows in self._new.items() if rows >= FULL]:
-            self._new[table] = 0
-            smalls, settled = _small(self._manifest, table)
-            if len(settled) < MANY:
-                continue
-            loose = [small for small in smalls if small.file in settled and small.file not in self._begun]
-            for group in list(_groups(loose))[:-1]:  # the last one has room
-                self._begun.update(small.file for small in group)
-                yield PackTask(self._manifest.store.root, table, tuple(group))
+        for table, new in self._new.items():
+            if len(new) >= MANY and self._price[table] > FULL:
+                *full, rest = _groups(sorted(new, key=lambda small: small.file), attrgetter("price"))
+                self._new[table] = rest  # it has room
+                self._price[table] = sum(small.price for small in rest)
+                yield from (PackTask(self._lake, table, tuple(group)) for group in full)
 
 
 def _small(manifest: Manifest, table: str) -> tuple[list[SmallFile], set[str]]:
@@ -154,16 +160,16 @@ def _small(manifest: Manifest, table: str) -> tuple[list[SmallFile], set[str]]:
     return sorted(smalls, key=lambda small: min(small.members)), settled  # names begin with site and day
 
 
-def _groups(smalls: list[SmallFile]) -> Iterator[list[SmallFile]]:
-    """Those that make a pack together."""
+def _groups(smalls: Iterable[SmallFile], size: Callable[[SmallFile], int]) -> Iterator[list[SmallFile]]:
+    """Those that make a pack together: `FULL` by their size at most."""
     group: list[SmallFile] = []
-    rows = 0
+    whole = 0
     for small in smalls:
-        if group and rows + small.rows > FULL:
+        if group and whole + size(small) > FULL:
             yield group
-            group, rows = [], 0
+            group, whole = [], 0
         group.append(small)
-        rows += small.rows
+        whole += size(small)
     if group:
         yield group
 

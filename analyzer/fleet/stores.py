@@ -121,11 +121,11 @@ class FolderStore:
         self.fresh = self._names.fresh
 
     def names(self, folder: str) -> list[str]:
-        files = (path for path in (self._folder / folder).rglob("*") if path.is_file())
-        return sorted(path.relative_to(self._folder).as_posix() for path in files)
+        return sorted(_names_below(os.path.join(self.root, folder), folder))  # noqa: PTH118 - 10 times as fast
 
     def read(self, name: str) -> bytes:
-        return (self._folder / name).read_bytes()
+        with open(os.path.join(self.root, name), "rb", buffering=0) as file:  # noqa: PTH118, PTH123 - a third of its time
+            return file.read()
 
     def write(self, name: str, data: bytes) -> None:
         path = self.scratch()
@@ -168,6 +168,16 @@ class FolderStore:
         with as_fleet_error(path.parent):
             path.parent.mkdir(parents=True, exist_ok=True)
         return path
+
+
+def _names_below(path: str, name: str) -> Iterator[str]:
+    """The names of the files below a folder that has this name; none where it is not there."""
+    with suppress(FileNotFoundError, NotADirectoryError, PermissionError), os.scandir(path) as found:
+        for each in found:
+            if each.is_dir(follow_symlinks=False):
+                yield from _names_below(each.path, f"{name}/{each.name}")
+            elif each.is_file():
+                yield f"{name}/{each.name}"
 
 
 class ObjectStore:

@@ -20,7 +20,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from captures.ragged import copy_pieces
+from captures.ragged import copy_pieces, counted_on
+from dissectors.columnar import register_runs
 from dissectors.envelopes import MBAP
 from dissectors.layout import Contents, NumberRef, ValueRun, contents, values_listed
 from dissectors.length_rules import Role
@@ -194,9 +195,7 @@ class ValueSpans:
     def each(self, pdus: Pdus) -> tuple[_Ints, _Ints, NDArray[np.uint16]]:
         """Value by value: which of `rows` it is of, its number there, itself. Not of registers."""
         assert self.read is not None
-        ends = np.cumsum(self.counts)
-        within = np.arange(int(ends[-1]) if len(ends) else 0)
-        within -= np.repeat(ends - self.counts, self.counts)
+        within = counted_on(self.counts)
         return (
             np.repeat(np.arange(len(self.rows)), self.counts),
             within,
@@ -322,16 +321,17 @@ class _Decoding:
         self.blocks.append(ValueSpans(rows, begins, counts, read, area))
 
     def _listed(self, content: Contents, rows: _Ints) -> None:
-        """Values that have no fixed place, frame by frame: functions that do this are rare on a bus."""
-        if content.lister is None:
+        """Values that have no fixed place: found in arrays, or frame by frame where only annotation can."""
+        if (runs := register_runs(content.declaration)) is None:
             frames = map(self.batch.frame, rows.tolist())
             listings = [list(values_listed(frame.fields(), content.listed)) for frame in frames]
+            counts = np.array([len(values) for values in listings], np.int64)
+            flat = np.array([value for values in listings for value in values], np.uint16)
         else:
-            octets, pdus = self.pdus.data.tobytes(), self.pdus
-            spans = zip(pdus.begins[rows].tolist(), pdus.ends[rows].tolist(), strict=True)
-            listings = [content.lister(octets[begin + 1 : max(end, begin + 1)]) for begin, end in spans]
-        counts = np.array([len(values) for values in listings], np.int64)
-        flat = np.array([value for values in listings for value in values], np.uint16)
+            pdus = self.pdus
+            pdu, begins, lengths = runs(pdus.data, pdus.begins[rows] + 1, pdus.ends[rows])
+            counts = np.bincount(pdu, lengths, len(rows)).astype(np.int64)
+            flat = pdus.words.take(np.repeat(begins, lengths) + 2 * counted_on(lengths))
         self.counts[rows] = counts
         begins = np.cumsum(counts) - counts
         area = AREA_CODES[content.area]

@@ -105,6 +105,8 @@ _DISORDER: Final = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.LATENESS, Symptom.SI
 def _of_the_poll_before(evidence: Evidence, unit: UnitLedger) -> int:
     """About how many exchanges of a unit hold what begins as its answers to other polls do: answered once more, when
     something else was asked."""
+    if not (evidence.readings(unit) or evidence.followed(unit)):
+        return 0
     headers = {
         known_header(request)[:_BEGINNING] for request in evidence.ledger.polls.requests if request[0] == unit.unit
     }

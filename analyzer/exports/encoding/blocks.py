@@ -11,12 +11,13 @@ from typing import Final
 
 import numpy as np
 
+from captures.ragged import counted_on
 from dissectors.blocks import Bits, Registers
 from dissectors.layout import CountedBlock, Slot, Slots
 from dissectors.length_rules import Role
 
 from .forms import BatchBytes, FormBlocks, FormPart, FormRows, looked
-from .sheet import Cursor, Ints, Store, counted_on, encoded, inside, insides, middle, parted, without
+from .sheet import Cursor, Ints, Store, encoded, inside, insides, middle, parted, without
 
 _FIELDS: Final = b'","fields":['
 _VALUE: Final = b'%d,"raw":"%04x","text":"'  # `middle` of a register

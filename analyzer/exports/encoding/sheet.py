@@ -350,11 +350,3 @@ class Cursor:
             self.sheet.pieces[at] = column
             at += 1
         self._at += width * counts
-
-
-def counted_on(counts: Ints) -> Ints:
-    """0, 1, 2 … of each of some counts, end to end."""
-    ends = np.cumsum(counts)
-    indices: Ints = np.arange(int(ends[-1]) if len(ends) else 0)
-    indices -= np.repeat(ends - counts, counts)
-    return indices

@@ -7,12 +7,14 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from captures.ragged import counted_on
+
 from ...tables.batch import Batch
 from ...tables.columns import Decoded, Pdus, decode
 from ...tables.schema import Kind, Rows
 from ...words import is_clock
 from .forms import BatchBytes, Forms, Group, Whole
-from .sheet import Cursor, Ints, Pieces, Sheet, Store, TextTable, counted_on, inside, without
+from .sheet import Cursor, Ints, Pieces, Sheet, Store, TextTable, inside, without
 from .summaries import summary_pieces
 
 

@@ -1,0 +1,263 @@
+"""A declaration read over many PDUs at once, in arrays: where each ends, and where its registers lie.
+
+Nothing is stated here: a declaration is walked once, for steps that move the cursors of all PDUs over one part each.
+There are steps for what the specification's functions are made of: numbers, counted blocks, lists of them and
+alternatives. A declaration with any other part has none, and only reading its PDUs one by one tells.
+
+Everything is as reading one by one has it: a name is looked up in the innermost struct, and a cut PDU is read as far as
+it goes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any, Final
+
+import construct
+import numpy as np
+from numpy.typing import NDArray
+
+from .blocks import Bits, Counted, Items, Registers, Rest
+from .declaration import AnyConstruct, Number
+from .length_rules import field_names, path_name, rebuilt
+
+Octets = NDArray[np.uint8]
+Places = NDArray[np.intp]
+Runs = tuple[Places, Places, Places]
+Ends = Callable[[Octets, Places, Places], Places]
+_NO_PLACES: Final = np.zeros(0, np.intp)
+
+
+@dataclass(slots=True, eq=False)
+class Cursors:
+    """Where reading is in each of n PDUs. `right` (n): all so far was there and broke no hard check.
+
+    `runs`: registers that were read, of all parts of the same reading: the numbers of PDUs, where the first one's
+    bytes begin, how many.
+    """
+
+    data: Octets
+    pdu: Places
+    at: Places
+    end: Places
+    right: NDArray[np.bool_]
+    runs: list[Runs] = field(default_factory=list)
+
+    @classmethod
+    def begun(cls, data: Octets, at: Places, end: Places) -> Cursors:
+        """At the first byte of each."""
+        return cls(data, np.arange(len(at)), at.copy(), end, np.ones(len(at), np.bool_))
+
+    def part(self, some: Places) -> Cursors:
+        """Some of them, by place, to be read alone."""
+        return Cursors(self.data, self.pdu[some], self.at[some], self.end[some], self.right[some], self.runs)
+
+    def put_back(self, some: Places, read: Cursors) -> None:
+        """What reading them alone came to."""
+        self.at[some], self.right[some] = read.at, read.right
+
+    def number(self, width: int) -> Places:
+        """A number of 1 or 2 bytes of each, which stands there if it is still `right` behind it."""
+        self.right &= self.at + width <= self.end
+        place = np.where(self.right, self.at, 0)
+        value = self.data.take(place).astype(np.intp)
+        if width > 1:
+            value = value << 8 | self.data.take(np.where(self.right, place + 1, 0))
+        self.at += self.right * width
+        return value
+
+    def octets(self, wanted: Places) -> tuple[Places, Places]:
+        """So many bytes of each: where they begin, and how many are there."""
+        begins = self.at.copy()
+        there = np.where(self.right, np.clip(self.end - begins, 0, np.maximum(wanted, 0)), 0)
+        self.right &= there >= wanted
+        self.at += there
+        return begins, there
+
+
+Scope = dict[str, Places]  # the numbers of one struct by name, each of all PDUs
+Step = Callable[[Cursors, Scope], Places | None]
+
+
+class _NoStepsError(Exception):
+    """A part that nothing here reads."""
+
+
+@lru_cache(maxsize=256)
+def pdu_ends(declaration: AnyConstruct) -> Ends | None:
+    """What finds where PDUs end, from (bytes, where each begins behind its function code, where its bytes end at most).
+
+    -1: it is cut, breaks a hard check, or nothing says where it ends. None for a declaration that has no steps.
+    """
+    try:
+        step = _step(declaration, set(), strict=True)
+    except _NoStepsError:
+        return None
+
+    def ends(data: Octets, at: Places, end: Places) -> Places:
+        cursors = Cursors.begun(data, at, end)
+        if len(at):
+            step(cursors, {})
+        return np.where(cursors.right, cursors.at, -1)
+
+    return ends
+
+
+@lru_cache(maxsize=256)
+def register_runs(declaration: AnyConstruct) -> Callable[[Octets, Places, Places], Runs] | None:
+    """What finds the registers of PDUs, from the same: runs of them in wire order, PDU by PDU, as in `Cursors`.
+
+    None where only annotation can: for a declaration that has no steps, or in which other fields have the same name.
+    """
+    names: set[str] = set()
+
+    def note(part: AnyConstruct) -> None:
+        if isinstance(part, Registers):
+            names.add(part.each)
+
+    rebuilt(declaration, note)
+    if names.intersection(field_names(declaration)):
+        return None
+    try:
+        step = _step(declaration, set(), strict=False)
+    except _NoStepsError:
+        return None
+
+    def runs(data: Octets, at: Places, end: Places) -> Runs:
+        cursors = Cursors.begun(data, at, end)
+        if len(at):
+            step(cursors, {})
+        columns = zip(*cursors.runs, strict=True) if cursors.runs else (((_NO_PLACES,),) * 3)
+        pdu, begins, counts = (np.concatenate(column) for column in columns)
+        order = np.lexsort((begins, pdu))
+        return pdu[order], begins[order], counts[order]
+
+    return runs
+
+
+def _step(con: AnyConstruct, scope: set[str], *, strict: bool) -> Step:
+    """What reads a part; `scope`: the numbers before it in its struct. `strict` holds numbers to their hard checks.
+
+    Raises _NoStepsError.
+    """
+    while isinstance(con, construct.Renamed):
+        con = con.subcon
+    if con is construct.Pass:
+        return lambda cursors, scope: None  # noqa: ARG005
+    if isinstance(con, construct.Struct):
+        return _struct(con, strict=strict)
+    if isinstance(con, construct.Switch):
+        return _switch(con, scope, strict=strict)
+    for kind, make in ((Number, _number), (Counted, _counted), (Items, _items), (Rest, _rest)):
+        if isinstance(con, kind) and type(con)._parse is kind._parse:  # a user's own may read otherwise
+            return make(con, scope, strict)
+    raise _NoStepsError
+
+
+def _struct(con: Any, *, strict: bool) -> Step:
+    own: set[str] = set()
+    steps: list[tuple[str | None, Step]] = []
+    if type(con)._parse is not construct.Struct._parse:
+        raise _NoStepsError
+    for part in con.subcons:
+        steps.append((part.name, _step(part, own, strict=strict)))
+        inner = part
+        while isinstance(inner, construct.Renamed):
+            inner = inner.subcon
+        own.discard(part.name)
+        if part.name and isinstance(inner, Number):
+            own.add(part.name)
+
+    def read(cursors: Cursors, _scope: Scope) -> None:
+        numbers: Scope = {}
+        for name, step in steps:
+            value = step(cursors, numbers)
+            if name is not None and value is not None:
+                numbers[name] = value
+
+    return read
+
+
+def _number(con: Any, scope: set[str], strict: bool) -> Step:  # noqa: ARG001
+    hard = [check for check in con.checks if not check.soft] if strict else []
+    width: int = con.width
+
+    def read(cursors: Cursors, _scope: Scope) -> Places:
+        value = cursors.number(width)
+        for check in hard:
+            cursors.right &= check.fits(value)
+        return value
+
+    return read
+
+
+def _counted(con: Any, scope: set[str], strict: bool) -> Step:
+    name, scale, less = con.count, con.scale, con.less
+    listed = isinstance(con, Registers) and not strict
+    if name not in scope or (not strict and isinstance(con, Bits)):
+        raise _NoStepsError
+    if listed and type(con).decoded is not Registers.decoded:
+        raise _NoStepsError
+
+    def read(cursors: Cursors, scope: Scope) -> None:
+        begins, there = cursors.octets(scope[name] * scale - less)
+        if listed and len(some := np.flatnonzero(there > 1)):
+            cursors.runs.append((cursors.pdu[some], begins[some], there[some] // 2))
+
+    return read
+
+
+def _items(con: Any, scope: set[str], strict: bool) -> Step:
+    name = con.octets if con.number is None else con.number
+    element = _step(con.subcon, scope, strict=strict)
+    if name not in scope:
+        raise _NoStepsError
+
+    def read(cursors: Cursors, scope: Scope) -> None:
+        left = scope[name].copy() if con.number is not None else cursors.at + scope[name]
+        while True:
+            more = left > 0 if con.number is not None else cursors.at < left
+            some = np.flatnonzero(more & cursors.right)
+            if not len(some):
+                return
+            part = cursors.part(some)
+            element(part, {key: numbers[some] for key, numbers in scope.items()})
+            if con.number is not None:
+                left[some] -= 1
+            else:
+                left[some[part.at == cursors.at[some]]] = 0  # an element of no bytes would go on for ever
+            cursors.put_back(some, part)
+
+    return read
+
+
+def _switch(con: Any, scope: set[str], *, strict: bool) -> Step:
+    name = path_name(con.keyfunc)
+    if name not in scope or type(con)._parse is not construct.Switch._parse:
+        raise _NoStepsError
+    steps = {value: _step(case, scope, strict=strict) for value, case in con.cases.items()}
+    otherwise = _step(con.default, scope, strict=strict)
+
+    def read(cursors: Cursors, scope: Scope) -> None:
+        values = scope[name]
+        for value in np.unique(values[cursors.right]).tolist():
+            some = np.flatnonzero(cursors.right & (values == value))
+            part = cursors.part(some)
+            steps.get(value, otherwise)(part, {key: numbers[some] for key, numbers in scope.items()})
+            cursors.put_back(some, part)
+
+    return read
+
+
+def _rest(con: Any, scope: set[str], strict: bool) -> Step:  # noqa: ARG001
+    usual: int = con.usual
+
+    def read(cursors: Cursors, _scope: Scope) -> None:
+        if strict:  # nothing says where it ends
+            cursors.right[:] = False
+            return
+        cursors.octets(np.maximum(cursors.end - cursors.at, usual))
+
+    return read
