@@ -107,6 +107,7 @@ class Experience:
 
     met: dict[tuple[str, str], int] = field(default_factory=dict)
     reports: set[tuple[str, ...]] = field(default_factory=set)  # labels and shapes of two reports of the same bytes
+    voices: set[tuple[str, str]] = field(default_factory=set)  # labels and shapes that say what none above them says
     plainest: float = 0.0  # bits of what looks most like bytes
     proven: set[tuple[str, str]] = field(default_factory=set)  # labels and shapes of right check values
     doubled: set[tuple[str, str]] = field(default_factory=set)  # of lines that each stand there several times

@@ -6,6 +6,7 @@ A buffer and its JSON, `recv` and `Processing`, a packet with and without its ch
 from __future__ import annotations
 
 import re
+from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby, pairwise
@@ -17,6 +18,7 @@ from .columns import COLUMN_SHAPE
 from .judging import ByteJudge
 from .loglines import LogLine
 
+_REMEMBERED: Final = 4  # entries of which one may be said again
 _LEAST_COPY: Final = 3  # bytes: fewer are alike by chance
 _FIELD: Final = 2  # bytes
 _CRC: Final = 2  # bytes
@@ -92,8 +94,10 @@ def _entries(lines: Sequence[LogLine]) -> Iterator[_Entry]:
 def settle_copies(lines: Sequence[LogLine], experience: Experience) -> None:
     """Leave out what was said before: by another handler of the same event, or in other words."""
     _leave_out_doubles(lines, experience)
+    entries = list(_entries(lines))
+    _note_voices(entries, experience)
     recent: list[_Entry] = []
-    for entry in _entries(lines):
+    for entry in entries:
         turned, others = False, 0  # the other side spoke in between; whole frames that stand there
         for earlier in reversed(recent):
             apart = int(earlier.checked and earlier.last is not entry.first)
@@ -117,7 +121,16 @@ def settle_copies(lines: Sequence[LogLine], experience: Experience) -> None:
                 recent.remove(earlier)
         else:
             recent.append(entry)
-        del recent[:-4]
+        del recent[:-_REMEMBERED]
+
+
+def _note_voices(entries: Sequence[_Entry], experience: Experience) -> None:
+    """Who says right frames that nobody has just said: what they say again are answers that repeat a request."""
+    said: deque[bytes] = deque(maxlen=_REMEMBERED)
+    for entry in entries:
+        if entry.checked and entry.template[0] and not any(entry.data in data for data in said):
+            experience.voices.add(entry.template)
+        said.append(entry.data)
 
 
 def _leave_out_doubles(lines: Sequence[LogLine], experience: Experience) -> None:
@@ -178,6 +191,8 @@ def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience, *, turn
         return earlier
     if _is_pdu_of(entry, earlier) or _explains(entry, earlier):
         return entry
+    if not same_line and _is_own_voice(earlier, entry, experience):
+        return None
     pair = (*earlier.template, *entry.template)
     if min(len(earlier.data), len(entry.data)) < _LEAST_COPY and pair not in experience.reports:
         return None
@@ -203,6 +218,13 @@ def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience, *, turn
         experience.reports.add(pair)
         return earlier
     return None
+
+
+def _is_own_voice(earlier: _Entry, entry: _Entry, experience: Experience) -> bool:
+    """Whether an answer repeats the request above, all of it or as far as it came: both speak for themselves."""
+    if earlier.template == entry.template or not {earlier.template, entry.template} <= experience.voices:
+        return False
+    return earlier.mark != entry.mark or not entry.mark
 
 
 def _is_said_again(earlier: _Entry, entry: _Entry, pair: tuple[str, ...], experience: Experience) -> bool:

@@ -28,7 +28,7 @@ _WORDS: Final = {
     "enviado enviada envío enviando enviar solicitud petición consulta envio requisição pedido pergunta solicitação "
     "inviato inviata invio inviati richiesta wysłano wysłane wysyłam zapytanie żądanie nadano "
     "gönderilen gönderildi gönder istek sorgu odesláno dotaz verzonden verzoek skickat",
-    RX: "rx rxd recv rcv rcvd receive receives receiving received response resp responds responded responding "
+    RX: "rx rxd recv rcv rcvd rsp receive receives receiving received response resp responds responded responding "
     "reply replies replied replying answer answers answered answering incoming got returns returned "
     "ответ приём прием принят принято принял принимаю получено получен получил получаю получили приходит пришло "
     "отвечает ответил ответила ответило присылает прислал возвращает вернул вернула отдаёт отдает "
