@@ -18,7 +18,7 @@ from typing import Final
 from .candidates import Writing, halves, is_named_otherwise
 from .choosing import MOST_JUDGED, ByteRun, Experience
 from .entries import entries_of, payload_of, whole_entries, whole_words, with_repeats
-from .judging import ByteJudge, lenient, no_judge
+from .judging import ByteJudge, lenient, no_judge, remembered
 from .loglines import LineReader, LogLine
 from .plain import entries_in, is_of_mail, quoted, turns_in, unfolded, unquoted, unwrapped
 from .settling import only_bytes, settle
@@ -89,7 +89,7 @@ class LogReader:
         sample_rate: float | None = None,
         experience: Experience | None = None,
     ) -> None:
-        self._judge, self._zone, self._sample_rate = judge, zone, sample_rate
+        self._judge, self._zone, self._sample_rate = remembered(judge), zone, sample_rate
         self._experience = Experience() if experience is None else experience
         self._lines = self._line_reader()
         self._waiting: list[LogLine] = []

@@ -256,9 +256,14 @@ def turns_in(line: str) -> list[str]:
     if line.count(":") < _SIGNS_OF_CLOCKS:
         return [line]
     heads = [head.start() for head in _TURN.finditer(line)]
-    ends = pairwise((0, *heads[1:], len(line)))
-    parts = [_NO_SIGN_OF_CELLS.sub(" ", line[:start]) + line[start:end] for start, end in ends]
-    return parts if len(parts) > 1 and all(map(_TURN_BYTES.search, parts)) else [line]
+    ends = [*pairwise((0, *heads[1:], len(line)))]
+    if len(ends) < 2 or not all(_TURN_BYTES.search(line, *end) for end in ends):
+        return [line]
+    turns, signs = [], ""
+    for start, end in ends:
+        turns.append(signs + line[start:end])
+        signs += _NO_SIGN_OF_CELLS.sub("", line[start:end])
+    return turns
 
 
 def unfolded(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
