@@ -299,26 +299,7 @@ def mended(pieces: Sequence[Piece], parts: Sequence[PastePart]) -> list[Piece]:
         repaired.extend(_mended(piece, edges) if isinstance(piece, PastedNoise) else [piece])
     marks = dict(zip(edges, (part.mark for part in parts), strict=False))
     frames = iter(by_marks([piece for piece in repaired if isinstance(piece, PastedFrame)], marks))
-    return _answering([next(frames) if isinstance(piece, PastedFrame) else piece for piece in repaired])
-
-
-def _answering(pieces: Sequence[Piece]) -> list[Piece]:
-    """The pieces, those of either direction as answers where they follow the request of their unit and function."""
-    directed: list[Piece] = []
-    pending: PastedFrame | None = None
-    for piece in pieces:
-        if isinstance(piece, PastedFrame):
-            if piece.also is not None and pending is not None and _same(pending, piece) and len(piece.adu.pdu) > 1:
-                piece = replace(
-                    piece, role=Role.RESPONSE, also=None, request=pending.adu.pdu, request_start=pending.start
-                )
-            pending = piece if piece.role is Role.REQUEST else None
-        directed.append(piece)
-    return directed
-
-
-def _same(request: PastedFrame, piece: PastedFrame) -> bool:
-    return (request.adu.unit, request.function) == (piece.adu.unit, piece.function)
+    return [next(frames) if isinstance(piece, PastedFrame) else piece for piece in repaired]
 
 
 def _mended(noise: PastedNoise, edges: Sequence[int]) -> list[Piece]:

@@ -20,7 +20,6 @@ from .loglines import LogLine
 
 _REMEMBERED: Final = 4  # entries of which one may be said again
 _LEAST_COPY: Final = 3  # bytes: fewer are alike by chance
-_FIELD: Final = 2  # bytes
 _CRC: Final = 2  # bytes
 _MBAP: Final = 7  # bytes before a PDU
 _NAMED_ALIKE: Final = 8  # characters
@@ -189,7 +188,7 @@ def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience, *, turn
     same_line = earlier.last is entry.first
     if not turned and _has_grown(earlier, entry, experience):
         return earlier
-    if _is_pdu_of(entry, earlier) or _explains(entry, earlier):
+    if _is_pdu_of(entry, earlier):
         return entry
     if not same_line and _is_own_voice(earlier, entry, experience):
         return None
@@ -204,11 +203,6 @@ def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience, *, turn
         return None  # several turns in one line
     if entry.data in (earlier.data, earlier.decoded):
         return entry if _is_said_again(earlier, entry, pair, experience) else None
-    if same_line and len(entry.data) == len(earlier.data):  # a string and its hex, in another encoding
-        strings = [one for one in (earlier, entry) if one.runs[0].shape == "\\x"]
-        same = sum(a == b for a, b in zip(earlier.data, entry.data, strict=True))
-        if len(strings) == 1 and 2 * same >= len(entry.data) and not strings[0].checked:
-            return strings[0]
     bytewise = earlier.template[1] == COLUMN_SHAPE
     if (bytewise or not entry.checked) and (entry.data in earlier.data or entry.data in earlier.decoded):
         if earlier.checked and not earlier.repeats:
@@ -230,7 +224,7 @@ def _is_own_voice(earlier: _Entry, entry: _Entry, experience: Experience) -> boo
 def _is_said_again(earlier: _Entry, entry: _Entry, pair: tuple[str, ...], experience: Experience) -> bool:
     """Whether the same bytes behind other words are one report more of the same."""
     same_line = earlier.last is entry.first
-    marked = earlier.mark == entry.mark != 0 and not (earlier.runs[0].arrow and entry.runs[0].arrow)
+    marked = earlier.mark == entry.mark != 0
     timed = earlier.last.t_ns is not None and entry.first.t_ns is not None
     if entry.template[1] == COLUMN_SHAPE:
         return True  # field by field what the line above says
@@ -246,10 +240,7 @@ def _is_said_again(earlier: _Entry, entry: _Entry, pair: tuple[str, ...], experi
         return elsewise or (entry.template[1] == "\\x" and not earlier.checked)  # one string, said twice
     below = entry.first.number == earlier.last.number + 1
     dumped = below and earlier.runs[0].sure and not entry.mark
-    buffered = timed and not earlier.checked  # what was read, and the buffer that holds it
-    return (
-        marked or (elsewise and (dumped or buffered)) or pair in experience.reports or _is_named_alike(earlier, entry)
-    )
+    return marked or (elsewise and dumped) or pair in experience.reports or _is_named_alike(earlier, entry)
 
 
 def _is_pdu_of(entry: _Entry, earlier: _Entry) -> bool:
@@ -257,15 +248,8 @@ def _is_pdu_of(entry: _Entry, earlier: _Entry) -> bool:
     if entry.checked or not earlier.checked or entry.template == earlier.template:
         return False
     if len(entry.data) >= _LEAST_COPY and entry.data == earlier.data[:-_CRC]:
-        return earlier.mark != 0 and not entry.mark and entry.first.number == earlier.last.number + 1
+        return not entry.mark and entry.first.number == earlier.last.number + 1
     return len(entry.data) > 1 and entry.data in (earlier.data[1:-_CRC], earlier.data[_MBAP:])
-
-
-def _explains(entry: _Entry, earlier: _Entry) -> bool:
-    """Whether two bytes are a field of the frame above, in a row below words."""
-    if entry.checked or not earlier.checked or not entry.runs[0].heading or entry.first.t_ns is not None:
-        return False
-    return len(entry.data) == _FIELD and entry.data in earlier.data
 
 
 def _is_named_alike(earlier: _Entry, entry: _Entry) -> bool:
@@ -273,7 +257,7 @@ def _is_named_alike(earlier: _Entry, entry: _Entry) -> bool:
     first, second = earlier.template, entry.template
     if entry.first.number - earlier.last.number != 1 or first[1] != second[1] or earlier.mark != entry.mark:
         return False
-    return first[0] != second[0] and first[0][:_NAMED_ALIKE] == second[0][:_NAMED_ALIKE] != ""
+    return first[0][:_NAMED_ALIKE] == second[0][:_NAMED_ALIKE] != ""
 
 
 def _is_logged_twice(earlier: _Entry, entry: _Entry) -> bool:
@@ -310,9 +294,7 @@ def _begins(earlier: _Entry, entry: _Entry) -> bool:
 
 _NUMBER: Final = re.compile(r"\s*(\d{1,6})(?=[\s:.)|])")
 _SHORT_OFFSET: Final = re.compile(r"\W*+(?:0[xX])?([0-9A-Fa-f]{2})[hH]?[ \t]?[:\])|]")
-_LIKE_A_BYTE: Final = re.compile(r"\s*0\d\s")
 _COUNTING: Final = 2  # lines
-_WORD_BEHIND: Final = re.compile(r"\s*[^\W\d]")
 _LEAST_ROWS: Final = 4  # of one byte each that can be a frame
 
 
@@ -337,8 +319,6 @@ def _leave_out(counting: Sequence[LogLine]) -> None:
     runs = [line.runs[0] for line in counting if line.runs and not line.clean[: line.runs[0].start].strip()]
     pairs = [run for run in runs if run.shape == "pairs" and len(run.data) > 1]
     if len(counting) < _COUNTING or {run.checked[0].start for run in pairs if run.checked} != {1}:
-        return
-    if any(_LIKE_A_BYTE.match(line.clean) and not line.runs[0].checked for line in counting if line.runs):
         return
     starts = {id(line.runs[0]): line for line in counting if line.runs}
     for run in pairs:
@@ -369,11 +349,11 @@ def leave_out_short_offsets(lines: Sequence[LogLine]) -> None:
             at += len(run.data) - inside
         else:
             at = 0
-    right = all(run.checked and not inside for rows in dumps for _, run, inside in rows)  # without the digits
+    right = all(run.checked for rows in dumps for _, run, _ in rows)  # without the digits
     for rows in dumps if right or any(len(rows) > 1 for rows in dumps) else ():
         for i, (line, run, inside) in enumerate(rows):
             run.data, run.offset, run.shape = run.data[inside:], f"{i:04x}", rows[0][1].shape
-            run.sure = run.sure or len(rows) > 1
+            run.sure = len(rows) > 1
             line.runs = line.runs[line.runs.index(run) :]
             line.continues = i > 0
 
@@ -384,7 +364,7 @@ def leave_out_counts(lines: Sequence[LogLine]) -> None:
         for before, run in pairwise(line.runs):
             shown = line.clean[before.start : before.end]
             apart = line.clean[before.end : run.start]
-            if shown.isdigit() and len(before.data) == 1 and int(shown) == len(run.data) and not apart.isspace():
+            if shown.isdigit() and len(before.data) == 1 and int(shown) == len(run.data):
                 before.taken = before.taken and apart.strip("])}>:;,|= \t") != ""
 
 
@@ -392,10 +372,8 @@ def settle_behind_cuts(lines: Sequence[LogLine]) -> None:
     """`01 03 14 00 … C4 20`: bytes written as those before, behind a sign that some between are left out."""
     for line in lines:
         for before, run in pairwise(line.runs):
-            if not (before.taken and before.cut) or run.taken or run.why or run.shape != before.shape:
-                continue
-            several = len(run.data) > 1 or not _WORD_BEHIND.match(line.clean, run.end)  # `... 14 more bytes`
-            run.taken = several and line.clean[before.end : run.start].strip(" \t,") in LEFT_OUT
+            if before.taken and before.cut and line.clean[before.end : run.start].strip(" \t,") in LEFT_OUT:
+                run.taken = len(run.data) > 1
 
 
 def settle_single_bytes(lines: Sequence[LogLine]) -> None:

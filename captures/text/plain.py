@@ -273,7 +273,7 @@ def unfolded(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
     for number, line in lines:
         text = line.rstrip("\r\n")
         first = first if held else number
-        if text.endswith("=") and _FOLDED[0] <= len(text) <= _FOLDED[1] and " " in text and len(held) < _MOST_FOLDED:
+        if text.endswith("=") and _FOLDED[0] <= len(text) <= _FOLDED[1] and len(held) < _MOST_FOLDED:
             held.append(text[:-1])
         elif held:
             yield first, "".join((*held, text))
