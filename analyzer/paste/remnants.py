@@ -55,7 +55,7 @@ def _is_raw(piece: Piece, edges: Sequence[int]) -> bool:
     """Whether a piece is no frame, or one with a wrong CRC that another reading may beat."""
     if isinstance(piece, PastedNoise):
         return True
-    if piece.check_ok is not False or piece.missing or not piece.adu.pdu:
+    if piece.check_ok is not False or not piece.adu.pdu:
         return False
     crosses = bool(edges) and edges[bisect_right(edges, piece.start)] < piece.start + piece.length
     length = predicted(piece.adu.data, piece.role)

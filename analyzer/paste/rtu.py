@@ -88,7 +88,7 @@ def tiling(windows: Sequence[Window], length: int) -> list[Window] | None:
         if onward := ways.get(window.end, 0):
             ways[window.start] = ways.get(window.start, 0) + onward
             following[window.start] = window
-    if ways.get(0, 0) != 1 or not length:
+    if ways.get(0, 0) != 1:
         return None
     path = []
     at = 0
@@ -134,7 +134,7 @@ def turns(frames: Sequence[Turn]) -> list[PastedFrame]:
             role = roles[0]
         elif request is not None:
             role = Role.RESPONSE
-        elif marked is not None and marked in roles:
+        elif marked is not None:
             role = marked
         else:
             role = _likelier(adu.pdu, roles)
@@ -227,7 +227,7 @@ def _telling_marks(frames: Sequence[Turn]) -> frozenset[int]:
 
 def _echoed(first: Turn, second: Turn) -> bool:
     """Whether one side of a marked log says the same bytes right behind the other."""
-    return first.mark + second.mark == TX + RX and 0 < first.mark < TX + RX and first.adu.data == second.adu.data
+    return first.mark + second.mark == TX + RX and first.adu.data == second.adu.data
 
 
 def _answers(request: Adu, response: Adu) -> bool:
@@ -335,7 +335,7 @@ def unchecked(data: bytes, start: int, role: Role, missing: int) -> PastedFrame:
     adu = _placed(data, start)
     predictable = predicted(data, role) is not None
     if missing:  # its last two bytes are no check value yet
-        half = 1 if missing == 1 and predictable else 0
+        half = int(missing == 1)
         adu = replace(adu, pdu=data[1 : len(data) - half], check_ok=False, check_received=None, check_computed=None)
     return PastedFrame(adu, role, start, len(data), missing=missing, length_known=predictable, confidence=0.5)
 

@@ -193,7 +193,7 @@ def runs_in(line: TextLine, judge: ByteJudge, experience: Experience) -> list[By
             occupied.insert(at, (candidate.lead, candidate.end, _run(candidate, line, checked)))
         elif candidate.start == clash.start:
             clash.others = (*clash.others, candidate)
-            if whole and clash.checked:
+            if whole:
                 clash.rivals = (*clash.rivals, candidate.shape)
     runs = [run for _, _, run in occupied]
     if "\t" in line.text:

@@ -77,7 +77,7 @@ def _leave_out_numbers(lines: Sequence[LogLine]) -> None:
 
 def _is_ruler(line: LogLine) -> bool:
     tokens = tokens_of(line)
-    return is_ruler([token.digits for token in tokens]) and not any(token.signed for token in tokens)
+    return is_ruler([token.digits for token in tokens])
 
 
 def is_right(line: LogLine) -> bool:
@@ -187,7 +187,7 @@ def _take_known(lines: Sequence[LogLine], experience: Experience) -> None:
     known = [experience.numbers.get(name) or experience.named.get(name) for name in names]
     fields = {name for name, way in zip(names, known, strict=True) if way is not None and any(map(str.isalpha, name))}
     ways = {way for way in known if way is not None}
-    if len(ways) == 1 and len(fields) >= FIELDS and 2 * sum(way is not None for way in known) > len(lines):
+    if len(ways) == 1 and len(fields) >= FIELDS:
         inside = [i for i, way in enumerate(known) if way is not None]
         known[inside[0] : inside[-1] + 1] = [*ways] * (inside[-1] + 1 - inside[0])
     named: set[str] = set()

@@ -294,7 +294,8 @@ def _begins(earlier: _Entry, entry: _Entry) -> bool:
 
 _NUMBER: Final = re.compile(r"\s*(\d{1,6})(?=[\s:.)|])")
 _SHORT_OFFSET: Final = re.compile(r"\W*+(?:0[xX])?([0-9A-Fa-f]{2})[hH]?[ \t]?[:\])|]")
-_COUNTING: Final = 2  # lines
+_LIKE_A_BYTE: Final = re.compile(r"\s*0\d\s")
+_COUNTING: Final = 3  # lines
 _LEAST_ROWS: Final = 4  # of one byte each that can be a frame
 
 
@@ -320,6 +321,8 @@ def _leave_out(counting: Sequence[LogLine]) -> None:
     pairs = [run for run in runs if run.shape == "pairs" and len(run.data) > 1]
     if len(counting) < _COUNTING or {run.checked[0].start for run in pairs if run.checked} != {1}:
         return
+    if any(_LIKE_A_BYTE.match(line.clean) and not line.runs[0].checked for line in counting if line.runs):
+        return
     starts = {id(line.runs[0]): line for line in counting if line.runs}
     for run in pairs:
         text = starts[id(run)].clean[run.start + 2 :]
@@ -338,7 +341,7 @@ def leave_out_short_offsets(lines: Sequence[LogLine]) -> None:
     for line in lines:
         match = _SHORT_OFFSET.match(line.clean)
         run = None if match is None else next((run for run in line.runs if run.end > match.end()), None)
-        if match is None or run is None or run.offset is not None:
+        if match is None or run is None:
             at = at if line.quiet else 0
             continue
         inside = int(run.start < match.end())  # `08: 60` as one run

@@ -273,7 +273,7 @@ def _prefixed(line: TextLine) -> Iterator[HexWindow]:
             yield from _prefixed_words(line, match, tokens)
             continue
         level = Writing.NUMBER
-        if sign not in _COMMON_SIGNS or (len(tokens) > 2 and all(len(token) == 2 for token in tokens)):
+        if sign not in _COMMON_SIGNS or len(tokens) > 2:
             some = len(tokens) > 1 or line.alone(start, end)
             level = Writing.BYTES if len(tokens) > 2 else Writing.LIKELY if some else Writing.NUMBER
         yield HexWindow(bytes(int(token, 16) for token in tokens), start, end, "0x", level)

@@ -268,11 +268,11 @@ def _contents(line: LogLine, experience: Experience) -> Iterator[Piece | UnreadL
     if line.problem is not None:
         yield UnreadLine(line.number, text, line.problem, empty=line.problem.startswith("no bytes"))
     for i, run in enumerate(chosen):
-        if run.cut and line.problem is None and not (i and chosen[i - 1].cut):
+        if run.cut and not (i and chosen[i - 1].cut):
             more = i + 1 < len(chosen)
             why = "omits bytes after the first {}" if more else "shows the first {} bytes only"
             yield UnreadLine(line.number, text, f"the text {why.format(len(run.data))}")
-    if any(run.halved and not run.checked for run in chosen):
+    if any(run.halved for run in chosen):
         yield UnreadLine(line.number, text, halves(line.clean) or "half a byte")
     elif line.problem is None:
         beside = [run for run in line.runs if _is_left(run) and not _is_check_value(run, chosen)] if chosen else []
