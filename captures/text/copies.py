@@ -224,7 +224,7 @@ def _is_own_voice(earlier: _Entry, entry: _Entry, experience: Experience) -> boo
 def _is_said_again(earlier: _Entry, entry: _Entry, pair: tuple[str, ...], experience: Experience) -> bool:
     """Whether the same bytes behind other words are one report more of the same."""
     same_line = earlier.last is entry.first
-    marked = earlier.mark == entry.mark != 0
+    marked = earlier.mark == entry.mark != 0 and not (earlier.runs[0].arrow and entry.runs[0].arrow)
     timed = earlier.last.t_ns is not None and entry.first.t_ns is not None
     if entry.template[1] == COLUMN_SHAPE:
         return True  # field by field what the line above says
@@ -352,7 +352,7 @@ def leave_out_short_offsets(lines: Sequence[LogLine]) -> None:
             at += len(run.data) - inside
         else:
             at = 0
-    right = all(run.checked for rows in dumps for _, run, _ in rows)  # without the digits
+    right = all(run.checked and not inside for rows in dumps for _, run, inside in rows)  # without the digits
     for rows in dumps if right or any(len(rows) > 1 for rows in dumps) else ():
         for i, (line, run, inside) in enumerate(rows):
             run.data, run.offset, run.shape = run.data[inside:], f"{i:04x}", rows[0][1].shape

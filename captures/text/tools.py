@@ -102,7 +102,7 @@ _CANDIDATE: Final = re.compile(
     r"(?<![^\W_])(?P<word>[^\W\d_]{1,16})(?![^\W\d_])"
     r"(?P<sign>\s*[:\]>|)](?!\s*(?:0x)?\d+\s*(?:[,;)\]/]|$))|\s+\d+\s*(?:$|[Bb]ytes?\b)|"
     r"(?=\s+(?:(?:[0-9A-F]{2} ){2}[0-9A-F]{2}|(?:(?:0[xX]|16#|\$)[0-9A-Fa-f]{1,2}[ ,]{1,2}){3}|<Buffer |to\s)))?|"
-    r"(?P<arrow>-{1,3}>|=+>|>{2,3}|<-{1,3}|<=+|<{2,3}|[→⇒▶←⇐◀]|^\s*(?:>\s+)?[<>](?=\s))"  # a quoted line's own
+    r"(?P<arrow>-{1,3}>|=+>|>{2,3}|<-{1,3}|<=+|<{2,3}|[→⇒▶←⇐◀]|^\s*(?:>\s+)?(?!<\s+>)[<>](?=\s))"  # a quoted line's
 )
 _NAME: Final = r"(?![0-9A-Fa-f]{2}(?!\w))[^\W\d_][^\W_]{0,15}"
 _NAMES: Final = re.compile(  # `Master -> Slave`: who says it to whom
