@@ -151,7 +151,7 @@ EVERYDAY: Final[dict[str, Callable[[Random], str]]] = {
 }
 
 
-class Style(NamedTuple):
+class LineStyle(NamedTuple):
     """Names of rows."""
 
     stamp: str
@@ -160,15 +160,15 @@ class Style(NamedTuple):
     tail: str
 
 
-def style(rng: Random, which: str) -> Style:
+def style(rng: Random, which: str) -> LineStyle:
     """A style drawn from half of the tables' rows, or from all."""
     stamp, speaker, writing, tail = (rng.choice(half([*table], which)) for table in (STAMPS, SPEAKERS, WRITINGS, TAILS))
     if speaker == "json":
         writing, tail = rng.choice(("pairs", "low pairs", "solid low")), "none"
-    return Style(stamp, speaker, writing, tail)
+    return LineStyle(stamp, speaker, writing, tail)
 
 
-def styled(said: Sequence[Said], way: Style, rng: Random) -> list[str]:
+def styled(said: Sequence[Said], way: LineStyle, rng: Random) -> list[str]:
     """A line a frame."""
     lines = []
     for one in said:
