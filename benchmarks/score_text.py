@@ -1,13 +1,14 @@
 """Scores the reading of text: how many texts are read wholly right, frame by frame, in their roles, with nothing lost.
 
-    python benchmarks/score_text.py styles [--half fit|held|all] [--count N] [-v]
+    python benchmarks/score_text.py styles|second [--half fit|held|all] [--count N] [--first-seed N] [-v]
     python benchmarks/score_text.py pastes FOLDER [-v]
     python benchmarks/score_text.py law FOLDER [-v]
 
 `styles` are texts of `textstyles`, drawn from the rows of its tables that nothing is fitted on (`held`) or from the
-others; wrong ones are counted by the row that they were drawn from. `pastes` are texts of people with their truth
-(`truth.jsonl`, as `score_pastes.py` of the corpus reads it). `law`: one more everyday line behind a paste that is read
-right changes no frame. `--reader NAME` takes another reader of lines, `module:function`, in place of the product's.
+others; wrong ones are counted by the row that they were drawn from. `second` are those of `textstyles_second`.
+`pastes` are texts of people with their truth (`truth.jsonl`, as `score_pastes.py` of the corpus reads it). `law`: one
+more everyday line behind a paste that is read right changes no frame. `--reader NAME` takes another reader of lines,
+`module:function`, in place of the product's.
 """
 
 from __future__ import annotations
@@ -17,13 +18,15 @@ import json
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from importlib import import_module
 from pathlib import Path
 from random import Random
 from typing import Any
 
-from textstyles import EVERYDAY, Drawn, drawn
+import textstyles
+import textstyles_second
+from textstyles import EVERYDAY, Drawn
 
 from analyzer.paste import PastedFrame, PasteError, read
 from captures import hexwords
@@ -78,11 +81,11 @@ def truth_of(one: Drawn) -> tuple[list[Piece], str]:
     return frames, rest
 
 
-def styles(half: str, count: int, verbose: bool) -> None:
+def styles(drawn: Callable[[int, str], Drawn], half: str, seeds: range, verbose: bool) -> None:
     """How many drawn texts are right, and what the wrong ones have in common."""
     right, met, failed, size = 0, Counter[str](), Counter[str](), 0
     begun = time.process_time()
-    for seed in range(count):
+    for seed in seeds:
         one = drawn(seed, half)
         size += len(one.text)
         names = [
@@ -100,7 +103,7 @@ def styles(half: str, count: int, verbose: bool) -> None:
     spent = time.process_time() - begun
     worst = sorted(failed, key=lambda name: failed[name] / met[name], reverse=True)[:12]
     print("; ".join(f"{name} {failed[name]} of {met[name]}" for name in worst))
-    print(f"{half}: {right} of {count} right ({right / count:.3f}), {spent / size * 1e6:.1f} us a byte")
+    print(f"{half}: {right} of {len(seeds)} right ({right / len(seeds):.3f}), {spent / size * 1e6:.1f} us a byte")
 
 
 def truths(folder: Path) -> Iterable[tuple[dict[str, Any], str, list[Piece], str | None]]:
@@ -143,18 +146,21 @@ def law(folder: Path, verbose: bool) -> None:
 
 def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("what", choices=("styles", "pastes", "law"))
+    parser.add_argument("what", choices=("styles", "second", "pastes", "law"))
     parser.add_argument("folder", type=Path, nargs="?")
     parser.add_argument("--half", choices=("fit", "held", "all"), default="held")
     parser.add_argument("--count", type=int, default=300)
+    parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--reader", help="module:function that reads lines in place of the product's")
     parser.add_argument("-v", action="store_true")
     given = parser.parse_args(arguments)
     if given.reader:
         module, _, name = given.reader.partition(":")
         setattr(hexwords, "read_lines", getattr(import_module(module), name))  # noqa: B010 - a name that it imports
-    if given.what == "styles":
-        styles(given.half, given.count, given.v)
+    seeds = range(given.first_seed, given.first_seed + given.count)
+    if given.what in ("styles", "second"):
+        drawn = textstyles.drawn if given.what == "styles" else textstyles_second.drawn
+        styles(drawn, given.half, seeds, given.v)
     else:
         {"pastes": pastes, "law": law}[given.what](given.folder, given.v)
     return 0

@@ -49,30 +49,30 @@ def _clock(ms: int) -> tuple[int, int, int, int]:
     return seconds // 3600 % 24, seconds // 60 % 60, seconds % 60, milli
 
 
-def _hms(ms: int, sign: str = ".") -> str:
+def hms(ms: int, sign: str = ".") -> str:
     hour, minute, second, milli = _clock(ms)
     return f"{hour:02}:{minute:02}:{second:02}{sign}{milli:03}"
 
 
 STAMPS: Final[dict[str, Callable[[int], str]]] = {
     "none": lambda ms: "",
-    "clock": lambda ms: f"{_hms(ms)} ",
-    "brackets": lambda ms: f"[{_hms(ms)}] ",
-    "iso": lambda ms: f"2026-03-14T{_hms(ms)}Z ",
+    "clock": lambda ms: f"{hms(ms)} ",
+    "brackets": lambda ms: f"[{hms(ms)}] ",
+    "iso": lambda ms: f"2026-03-14T{hms(ms)}Z ",
     "nothing": lambda ms: "",
-    "comma": lambda ms: f"2026-03-14 {_hms(ms, ',')} ",
-    "day first": lambda ms: f"14.03.2026 {_hms(ms)} ",
+    "comma": lambda ms: f"2026-03-14 {hms(ms, ',')} ",
+    "day first": lambda ms: f"14.03.2026 {hms(ms)} ",
     "epoch": lambda ms: f"{1773482400 + ms // 1000}.{ms % 1000:03}000: ",
     "ticks": lambda ms: f"I ({ms}) ",
-    "colon ms": lambda ms: f"{_hms(ms, ':')} | ",
+    "colon ms": lambda ms: f"{hms(ms, ':')} | ",
     "elapsed": lambda ms: f"[{ms / 1000:12.6f}] ",
-    "paren": lambda ms: f"({_hms(ms)}) ",
-    "slashes": lambda ms: f"2026/03/14 {_hms(ms)}412 ",
+    "paren": lambda ms: f"({hms(ms)}) ",
+    "slashes": lambda ms: f"2026/03/14 {hms(ms)}412 ",
     "with ms": lambda ms: f"{ms} ms: ",
-    "zone": lambda ms: f"2026-03-14 {_hms(ms)}+0200 ",
+    "zone": lambda ms: f"2026-03-14 {hms(ms)}+0200 ",
     "tick bar": lambda ms: f"[V] {ms}| ",
-    "seconds": lambda ms: f"{_hms(ms)[:8]} ",
-    "arrow": lambda ms: f"{_hms(ms)} -> ",
+    "seconds": lambda ms: f"{hms(ms)[:8]} ",
+    "arrow": lambda ms: f"{hms(ms)} -> ",
 }  # fmt: skip
 UNTIMED: Final = ("none", "nothing", "seconds")
 
@@ -106,39 +106,39 @@ def _escaped(data: bytes) -> str:
     return "".join(chr(b) if 0x20 < b < 0x7F and b not in b"\\'\"" else f"\\x{b:02x}" for b in data)
 
 
-def _each(form: str, between: str = " ") -> Callable[[bytes], str]:
+def each(form: str, between: str = " ") -> Callable[[bytes], str]:
     return lambda data: between.join(form.format(b) for b in data)
 
 
 WRITINGS: Final[dict[str, Callable[[bytes], str]]] = {
-    "pairs": _each("{:02X}"),
-    "low pairs": _each("{:02x}"),
-    "0x": _each("0x{:02x}"),
+    "pairs": each("{:02X}"),
+    "low pairs": each("{:02x}"),
+    "0x": each("0x{:02x}"),
     "solid": lambda data: data.hex().upper(),
-    "dashes": _each("{:02X}", "-"),
-    "colons": _each("{:02x}", ":"),
-    "short 0x": _each("0x{:x}"),
-    "brackets": _each("[{:02X}]", ""),
-    "0x commas": _each("0x{:02X}", ", "),
-    "dots": _each("{:02X}", "."),
+    "dashes": each("{:02X}", "-"),
+    "colons": each("{:02x}", ":"),
+    "short 0x": each("0x{:x}"),
+    "brackets": each("[{:02X}]", ""),
+    "0x commas": each("0x{:02X}", ", "),
+    "dots": each("{:02X}", "."),
     "decimals": lambda data: f"[{', '.join(map(str, data))}]",
-    "bare decimals": _each("{}"),
+    "bare decimals": each("{}"),
     "escapes": lambda data: "b'" + "".join(f"\\x{b:02x}" for b in data) + "'",
     "repr": lambda data: f"b'{_escaped(data)}'",
-    "one digit": _each("{:X}"),
+    "one digit": each("{:X}"),
     "buffer": lambda data: f"<Buffer {data.hex(' ')}>",
-    "h behind": _each("{:02X}h"),
-    "dollars": _each("${:02X}"),
+    "h behind": each("{:02X}h"),
+    "dollars": each("${:02X}"),
     "quotes": lambda data: "[" + ", ".join(f"'{b:02x}'" for b in data) + "]",
-    "angles": _each("<{:02X}>", ""),
+    "angles": each("<{:02X}>", ""),
     "fours": lambda data: " ".join(data.hex()[i : i + 4] for i in range(0, 2 * len(data), 4)),
-    "commas": _each("{:02X}", ","),
+    "commas": each("{:02X}", ","),
     "quoted solid": lambda data: f'"{data.hex()}"',
-    "two blanks": _each("{:02X}", "  "),
-    "16#": _each("16#{:02X}", ", "),
-    "bars": _each("{:02X}", " | "),
-    "base 10 of three": _each("{:03d}"),
-    "semicolons": _each("{:02x}", ";"),
+    "two blanks": each("{:02X}", "  "),
+    "16#": each("16#{:02X}", ", "),
+    "bars": each("{:02X}", " | "),
+    "base 10 of three": each("{:03d}"),
+    "semicolons": each("{:02x}", ";"),
 }  # fmt: skip
 
 TAILS: Final[dict[str, Callable[[Said, Random], str]]] = {
@@ -242,7 +242,7 @@ def conversation(rng: Random, envelope: str) -> list[Said]:
     return said
 
 
-def _damaged(said: list[Said], how: str, rng: Random) -> list[Said]:
+def damaged(said: list[Said], how: str, rng: Random) -> list[Said]:
     """One answer of it damaged, but for the first two frames."""
     i = 3
     one = said[i]
@@ -296,7 +296,7 @@ def drawn(seed: int, which: str = "all") -> Drawn:
     everyday = [rng.choice(half([*EVERYDAY], which)) for _ in range(rng.randrange(4))]
     join, copy = rng.choice(JOINS), rng.choice(COPIES)
     damage = rng.choice(DAMAGES) if envelope == "rtu" else "none"
-    said = _damaged(said, damage, rng)
+    said = damaged(said, damage, rng)
     if join in ("rows of 8", "rows of 16"):
         writing, tail = "pairs", "none"
     if join == "byte a line":

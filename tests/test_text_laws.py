@@ -12,7 +12,7 @@ from scripts import script
 
 import analyzer
 
-styles, score = script("textstyles"), script("score_text")
+styles, second, score = script("textstyles"), script("textstyles_second"), script("score_text")
 SEEDS = st.integers(0, 400)
 PLAIN_WIDTHS = st.integers(40, 110)
 
@@ -27,6 +27,30 @@ def test_one_more_everyday_line_changes_no_frame(seed: int, name: str) -> None:
     text = styles.drawn(seed).text
     more = f"{text}{styles.EVERYDAY[name](Random(f'{name} {seed}'))}\n"
     assert score.pieces_of(more)[0] == score.pieces_of(text)[0]
+
+
+@settings(max_examples=40, derandomize=True)
+@given(SEEDS, st.sampled_from(sorted(second.EVERYDAY)), st.booleans())
+def test_an_everyday_line_of_another_hand_changes_no_byte(seed: int, name: str, before: bool) -> None:
+    text = second.drawn(seed).text
+    line = f"{second.EVERYDAY[name](Random(f'{name} {seed}'))}\n"
+    assert score.pieces_of(line + text if before else text + line) == score.pieces_of(text)
+
+
+@settings(max_examples=60, derandomize=True)
+@given(SEEDS, SEEDS)
+def test_a_conversation_in_any_style_has_the_same_frames(seed: int, way: int) -> None:
+    said = styles.conversation(Random(f"restyled {seed}"), "rtu")
+    text = "\n".join(second.styled(said, second.style(Random(way), "all"), Random(seed)))
+    assert score.pieces_of(text) == ([(one.role, one.data.hex()) for one in said], ""), text
+
+
+@settings(max_examples=20, derandomize=True)
+@given(SEEDS, st.sampled_from(["    {}", "{}  ", "\t{}", "{}\r"]))
+def test_blanks_around_the_lines_of_a_text_change_no_frame(seed: int, around: str) -> None:
+    text = styles.drawn(seed).text
+    framed = "\n".join(around.format(line) for line in text.splitlines())
+    assert score.pieces_of(framed)[0] == score.pieces_of(text)[0]
 
 
 @settings(max_examples=30, derandomize=True)

@@ -66,7 +66,7 @@ def _end_to_end(data: bytes, behind: int) -> list[Checked]:
             continue
         for role in Role:
             length = pdu_length(data[at + 1 : at + MAX_ADU], role)
-            if length is None or length < 2 or rule(data[at + 1], role) is None:
+            if length is None or length < 2:
                 continue
             end = at + 1 + length + behind
             if end <= len(data) and not plausibility(data[at + 1 : at + 1 + length], role):

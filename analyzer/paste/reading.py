@@ -312,7 +312,7 @@ def _sound(frame: PastedFrame) -> bool:
 
 def _is_plain(frame: PastedFrame) -> bool:
     """Whether nothing of a frame speaks for its being no Modbus."""
-    if frame.check_ok is False or frame.missing or not frame.adu.pdu:
+    if frame.check_ok is False:
         return False
     return function_class(frame.adu.pdu[0]) != "user-defined" and bool(sound_roles(frame.adu.pdu))
 

@@ -34,10 +34,9 @@ def completed(pieces: Sequence[Piece], parts: Sequence[PastePart], roles: Sequen
     edges = edges_of(parts) if _are_divided(pieces, parts) else []
     done: list[Piece] = []
     last: PastedFrame | None = None
-    groups = [(raw, list(group)) for raw, group in groupby(pieces, lambda piece: _is_raw(piece, edges))]
-    for number, (raw, group) in enumerate(groups):
-        following = groups[number + 1][1][0] if number + 1 < len(groups) else None
-        read = _reread(group, edges, last, following, roles) if raw else group
+    for raw, neighbours in groupby(pieces, lambda piece: _is_raw(piece, edges)):
+        group = list(neighbours)
+        read = _reread(group, edges, last, roles) if raw else group
         done.extend(read)
         last = _last_frame(read, last)
     return _tied([*done[:-1], _cut(done[-1], roles)]) if done else done
@@ -56,7 +55,7 @@ def _is_raw(piece: Piece, edges: Sequence[int]) -> bool:
     """Whether a piece is no frame, or one with a wrong CRC that another reading may beat."""
     if isinstance(piece, PastedNoise):
         return True
-    if piece.check_ok is not False or piece.missing or not piece.adu.pdu:
+    if piece.check_ok is not False or not piece.adu.pdu:
         return False
     crosses = bool(edges) and edges[bisect_right(edges, piece.start)] < piece.start + piece.length
     length = predicted(piece.adu.data, piece.role)
@@ -67,16 +66,13 @@ def _reread(
     group: Sequence[Piece],
     edges: Sequence[int],
     last: PastedFrame | None,
-    following: Piece | None,
     roles: Sequence[Role],
 ) -> Sequence[Piece]:
     """Neighbouring pieces that are no right frames, as what they are left of; `last`: the frame before them."""
     read: list[Piece] = []
     told = any(isinstance(piece, PastedFrame) for piece in group)
-    end = group[-1].start + group[-1].length
     for stretch, own, whole in _stretches(group, edges):
-        behind = following if stretch.start + stretch.length == end else None
-        answer = _reading(stretch, _open_request(last), behind, roles, whole)
+        answer = _reading(stretch, _open_request(last), roles, whole)
         told = told or bool(answer)
         read.extend(answer or own)
         last = _last_frame(answer or own, last)
@@ -119,16 +115,14 @@ def _due(request: PastedFrame) -> Expectation:
     return expectation(bytes([request.adu.unit or 0]) + request.adu.pdu)
 
 
-def _reading(
-    stretch: PastedNoise, request: PastedFrame | None, following: Piece | None, roles: Sequence[Role], whole: bool
-) -> list[Piece]:
+def _reading(stretch: PastedNoise, request: PastedFrame | None, roles: Sequence[Role], whole: bool) -> list[Piece]:
     """A stretch as what it is left of; nothing where it may be anything."""
     if request is not None:
         if _LEAST <= stretch.length < request.length and request.adu.data.startswith(stretch.data):
             return [unchecked(stretch.data, stretch.start, Role.REQUEST, request.length - stretch.length)]
         if Role.RESPONSE in roles and (answer := _answer(stretch, request)):
             return answer
-    return _without_crc(stretch, following, roles) if whole else []
+    return _without_crc(stretch, roles) if whole else []
 
 
 def _answer(stretch: PastedNoise, request: PastedFrame) -> list[Piece]:
@@ -153,7 +147,7 @@ def _answer(stretch: PastedNoise, request: PastedFrame) -> list[Piece]:
     return []
 
 
-def _without_crc(part: PastedNoise, following: Piece | None, roles: Sequence[Role]) -> list[Piece]:
+def _without_crc(part: PastedNoise, roles: Sequence[Role]) -> list[Piece]:
     """A part as a frame whose CRC is not shown: a unit and a whole PDU that breaks no rule."""
     data = part.data
     if not len(data) >= _LEAST or not 0 < data[0] <= LAST_UNIT or data[1] & EXCEPTION:
@@ -168,8 +162,6 @@ def _without_crc(part: PastedNoise, following: Piece | None, roles: Sequence[Rol
         return []
     role = can_be[0]
     also = other(role) if len(can_be) > 1 else None
-    if also is not None and isinstance(following, PastedFrame) and expectation(data).fits(following.adu.data):
-        also = None if following.role is Role.RESPONSE else also
     return [replace(unchecked(data, part.start, role, CRC_SIZE), also=also)]
 
 

@@ -88,7 +88,7 @@ def tiling(windows: Sequence[Window], length: int) -> list[Window] | None:
         if onward := ways.get(window.end, 0):
             ways[window.start] = ways.get(window.start, 0) + onward
             following[window.start] = window
-    if ways.get(0, 0) != 1 or not length:
+    if ways.get(0, 0) != 1:
         return None
     path = []
     at = 0
@@ -134,7 +134,7 @@ def turns(frames: Sequence[Turn]) -> list[PastedFrame]:
             role = roles[0]
         elif request is not None:
             role = Role.RESPONSE
-        elif marked is not None and marked in roles:
+        elif marked is not None:
             role = marked
         else:
             role = _likelier(adu.pdu, roles)
@@ -227,7 +227,7 @@ def _telling_marks(frames: Sequence[Turn]) -> frozenset[int]:
 
 def _echoed(first: Turn, second: Turn) -> bool:
     """Whether one side of a marked log says the same bytes right behind the other."""
-    return first.mark + second.mark == TX + RX and 0 < first.mark < TX + RX and first.adu.data == second.adu.data
+    return first.mark + second.mark == TX + RX and first.adu.data == second.adu.data
 
 
 def _answers(request: Adu, response: Adu) -> bool:
@@ -299,26 +299,7 @@ def mended(pieces: Sequence[Piece], parts: Sequence[PastePart]) -> list[Piece]:
         repaired.extend(_mended(piece, edges) if isinstance(piece, PastedNoise) else [piece])
     marks = dict(zip(edges, (part.mark for part in parts), strict=False))
     frames = iter(by_marks([piece for piece in repaired if isinstance(piece, PastedFrame)], marks))
-    return _answering([next(frames) if isinstance(piece, PastedFrame) else piece for piece in repaired])
-
-
-def _answering(pieces: Sequence[Piece]) -> list[Piece]:
-    """The pieces, those of either direction as answers where they follow the request of their unit and function."""
-    directed: list[Piece] = []
-    pending: PastedFrame | None = None
-    for piece in pieces:
-        if isinstance(piece, PastedFrame):
-            if piece.also is not None and pending is not None and _same(pending, piece) and len(piece.adu.pdu) > 1:
-                piece = replace(
-                    piece, role=Role.RESPONSE, also=None, request=pending.adu.pdu, request_start=pending.start
-                )
-            pending = piece if piece.role is Role.REQUEST else None
-        directed.append(piece)
-    return directed
-
-
-def _same(request: PastedFrame, piece: PastedFrame) -> bool:
-    return (request.adu.unit, request.function) == (piece.adu.unit, piece.function)
+    return [next(frames) if isinstance(piece, PastedFrame) else piece for piece in repaired]
 
 
 def _mended(noise: PastedNoise, edges: Sequence[int]) -> list[Piece]:
@@ -354,7 +335,7 @@ def unchecked(data: bytes, start: int, role: Role, missing: int) -> PastedFrame:
     adu = _placed(data, start)
     predictable = predicted(data, role) is not None
     if missing:  # its last two bytes are no check value yet
-        half = 1 if missing == 1 and predictable else 0
+        half = int(missing == 1)
         adu = replace(adu, pdu=data[1 : len(data) - half], check_ok=False, check_received=None, check_computed=None)
     return PastedFrame(adu, role, start, len(data), missing=missing, length_known=predictable, confidence=0.5)
 

@@ -144,14 +144,6 @@ def is_ruler(tokens: Sequence[str]) -> bool:
     return False
 
 
-def before_characters(text: str, start: int, end: int) -> int:
-    """Where the bytes of a viewer's row end, whose characters follow after a gap and may look like bytes, too."""
-    for gap in re.finditer(r"[ \t]{2,}", text[start:end]):
-        if shows(bytes.fromhex(text[start : start + gap.start()]), text[start + gap.end() :]):
-            return start + gap.start()
-    return end
-
-
 def shows(data: bytes, text: str) -> bool:
     """Whether a text is these bytes as characters, with dots or the like for those that have none."""
     text = text.strip("\r\n|<> \t") if len(text.rstrip()) > len(data) else text.rstrip("\r\n")
@@ -281,13 +273,10 @@ _HALVED: Final = (
     (re.compile(r"^\s*(\d{5,})\s*$"), _ODD),
     (re.compile(r"(\\x)(?![0-9A-Fa-f]{2}|\{)"), "{} without two hex digits at column {}"),
 )
-_COLUMN_NAMES: Final = re.compile(r"\b([a-fA-F])0[ ,;\t]+\1?1[ ,;\t]+\1?2\b")  # of columns: `b0,b1,b2,…,b10`
 
 
 def halves(text: str) -> str | None:
     """What is wrong with digits of this text that are meant as bytes and do not come in pairs; None for others."""
-    if _COLUMN_NAMES.search(text):
-        return None
     for pattern, words in _HALVED:
         if (match := pattern.search(text)) is not None and not (words is _ODD and len(match[1]) % 2 == 0):
             return words.format(shortened(match[1]), match.start(1) + 1)

@@ -107,6 +107,7 @@ class Experience:
 
     met: dict[tuple[str, str], int] = field(default_factory=dict)
     reports: set[tuple[str, ...]] = field(default_factory=set)  # labels and shapes of two reports of the same bytes
+    voices: set[tuple[str, str]] = field(default_factory=set)  # labels and shapes that say what none above them says
     plainest: float = 0.0  # bits of what looks most like bytes
     proven: set[tuple[str, str]] = field(default_factory=set)  # labels and shapes of right check values
     doubled: set[tuple[str, str]] = field(default_factory=set)  # of lines that each stand there several times
@@ -192,7 +193,7 @@ def runs_in(line: TextLine, judge: ByteJudge, experience: Experience) -> list[By
             occupied.insert(at, (candidate.lead, candidate.end, _run(candidate, line, checked)))
         elif candidate.start == clash.start:
             clash.others = (*clash.others, candidate)
-            if whole and clash.checked:
+            if whole:
                 clash.rivals = (*clash.rivals, candidate.shape)
     runs = [run for _, _, run in occupied]
     if "\t" in line.text:

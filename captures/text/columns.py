@@ -77,7 +77,7 @@ def _leave_out_numbers(lines: Sequence[LogLine]) -> None:
 
 def _is_ruler(line: LogLine) -> bool:
     tokens = tokens_of(line)
-    return is_ruler([token.digits for token in tokens]) and not any(token.signed for token in tokens)
+    return is_ruler([token.digits for token in tokens])
 
 
 def is_right(line: LogLine) -> bool:
@@ -85,7 +85,7 @@ def is_right(line: LogLine) -> bool:
 
 
 def holds_bytes(line: LogLine) -> bool:
-    return any(run.taken and (len(run.data) > FEW or run.checked or run.sure or run.joined) for run in line.runs)
+    return any(run.taken and (len(run.data) > FEW or run.checked) for run in line.runs)
 
 
 def _fields_of(
@@ -187,7 +187,7 @@ def _take_known(lines: Sequence[LogLine], experience: Experience) -> None:
     known = [experience.numbers.get(name) or experience.named.get(name) for name in names]
     fields = {name for name, way in zip(names, known, strict=True) if way is not None and any(map(str.isalpha, name))}
     ways = {way for way in known if way is not None}
-    if len(ways) == 1 and len(fields) >= FIELDS and 2 * sum(way is not None for way in known) > len(lines):
+    if len(ways) == 1 and len(fields) >= FIELDS:
         inside = [i for i, way in enumerate(known) if way is not None]
         known[inside[0] : inside[-1] + 1] = [*ways] * (inside[-1] + 1 - inside[0])
     named: set[str] = set()
@@ -306,11 +306,11 @@ def settle_unchecked(lines: Sequence[LogLine], experience: Experience) -> None:
     """A byte or a field a line without a check value behind them.
 
     Lines of nothing but one or two hex digits; and, where a text holds nothing that is plainer, bytes beside what each
-    means: `0x01 -> unit`. Numbers that only rise or fall count something, and are none.
+    means: `0x01 -> unit`. Numbers that only rise count something, and are none.
     """
     for twice, same in groupby(lines, _in_two_bases):
         group = list(same)
-        if not twice or len(group) < LEAST_COLUMN or any(map(holds_bytes, group)) or bytes_of_columns(group):
+        if not twice or len(group) < LEAST_COLUMN or any(map(holds_bytes, group)):
             continue
         for line in group:
             token = tokens_of(line)[-1]
@@ -342,7 +342,7 @@ def _in_two_bases(line: LogLine) -> bool:
         return False
     token = tokens[-1]
     said = _SAID_BEFORE.search(line.clean[: token.start])
-    if said is None or not token.signed or len(token.digits) > 2 or not names_a_way(skeleton_of(line)):
+    if said is None or not token.signed or not names_a_way(skeleton_of(line)):
         return False
     return int(token.digits, 16) == (int(said["bits"], 2) if said["bits"] else int(said["decimal"]))
 
@@ -354,7 +354,7 @@ def _are_numbered(table: Sequence[Sequence[NumberToken]]) -> bool:
 
 
 def _are_written_as_bytes(column: Sequence[NumberToken], *, bare: bool) -> bool:
-    if any(token.is_name or len(token.digits) > 2 * FEW for token in column):
+    if any(len(token.digits) > 2 * FEW for token in column):
         return False
     if bare:
         return all(len(token.digits) < 3 for token in column) and any(_plainly_hex(token) for token in column)
@@ -371,4 +371,4 @@ def _plainly_hex(token: NumberToken) -> bool:
 def _counts_on(parts: Sequence[bytes | None]) -> bool:
     values = [int.from_bytes(part or b"", "big") for part in parts]
     steps = [later - earlier for earlier, later in pairwise(values)]
-    return min(steps) >= 0 or max(steps) <= 0
+    return min(steps) >= 0

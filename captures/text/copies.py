@@ -6,6 +6,7 @@ A buffer and its JSON, `recv` and `Processing`, a packet with and without its ch
 from __future__ import annotations
 
 import re
+from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby, pairwise
@@ -17,8 +18,8 @@ from .columns import COLUMN_SHAPE
 from .judging import ByteJudge
 from .loglines import LogLine
 
+_REMEMBERED: Final = 4  # entries of which one may be said again
 _LEAST_COPY: Final = 3  # bytes: fewer are alike by chance
-_FIELD: Final = 2  # bytes
 _CRC: Final = 2  # bytes
 _MBAP: Final = 7  # bytes before a PDU
 _NAMED_ALIKE: Final = 8  # characters
@@ -92,8 +93,10 @@ def _entries(lines: Sequence[LogLine]) -> Iterator[_Entry]:
 def settle_copies(lines: Sequence[LogLine], experience: Experience) -> None:
     """Leave out what was said before: by another handler of the same event, or in other words."""
     _leave_out_doubles(lines, experience)
+    entries = list(_entries(lines))
+    _note_voices(entries, experience)
     recent: list[_Entry] = []
-    for entry in _entries(lines):
+    for entry in entries:
         turned, others = False, 0  # the other side spoke in between; whole frames that stand there
         for earlier in reversed(recent):
             apart = int(earlier.checked and earlier.last is not entry.first)
@@ -117,7 +120,16 @@ def settle_copies(lines: Sequence[LogLine], experience: Experience) -> None:
                 recent.remove(earlier)
         else:
             recent.append(entry)
-        del recent[:-4]
+        del recent[:-_REMEMBERED]
+
+
+def _note_voices(entries: Sequence[_Entry], experience: Experience) -> None:
+    """Who says right frames that nobody has just said: what they say again are answers that repeat a request."""
+    said: deque[bytes] = deque(maxlen=_REMEMBERED)
+    for entry in entries:
+        if entry.checked and entry.template[0] and not any(entry.data in data for data in said):
+            experience.voices.add(entry.template)
+        said.append(entry.data)
 
 
 def _leave_out_doubles(lines: Sequence[LogLine], experience: Experience) -> None:
@@ -176,8 +188,10 @@ def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience, *, turn
     same_line = earlier.last is entry.first
     if not turned and _has_grown(earlier, entry, experience):
         return earlier
-    if _is_pdu_of(entry, earlier) or _explains(entry, earlier):
+    if _is_pdu_of(entry, earlier):
         return entry
+    if not same_line and _is_own_voice(earlier, entry, experience):
+        return None
     pair = (*earlier.template, *entry.template)
     if min(len(earlier.data), len(entry.data)) < _LEAST_COPY and pair not in experience.reports:
         return None
@@ -189,11 +203,6 @@ def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience, *, turn
         return None  # several turns in one line
     if entry.data in (earlier.data, earlier.decoded):
         return entry if _is_said_again(earlier, entry, pair, experience) else None
-    if same_line and len(entry.data) == len(earlier.data):  # a string and its hex, in another encoding
-        strings = [one for one in (earlier, entry) if one.runs[0].shape == "\\x"]
-        same = sum(a == b for a, b in zip(earlier.data, entry.data, strict=True))
-        if len(strings) == 1 and 2 * same >= len(entry.data) and not strings[0].checked:
-            return strings[0]
     bytewise = earlier.template[1] == COLUMN_SHAPE
     if (bytewise or not entry.checked) and (entry.data in earlier.data or entry.data in earlier.decoded):
         if earlier.checked and not earlier.repeats:
@@ -203,6 +212,13 @@ def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience, *, turn
         experience.reports.add(pair)
         return earlier
     return None
+
+
+def _is_own_voice(earlier: _Entry, entry: _Entry, experience: Experience) -> bool:
+    """Whether an answer repeats the request above, all of it or as far as it came: both speak for themselves."""
+    if earlier.template == entry.template or not {earlier.template, entry.template} <= experience.voices:
+        return False
+    return earlier.mark != entry.mark or not entry.mark
 
 
 def _is_said_again(earlier: _Entry, entry: _Entry, pair: tuple[str, ...], experience: Experience) -> bool:
@@ -224,10 +240,7 @@ def _is_said_again(earlier: _Entry, entry: _Entry, pair: tuple[str, ...], experi
         return elsewise or (entry.template[1] == "\\x" and not earlier.checked)  # one string, said twice
     below = entry.first.number == earlier.last.number + 1
     dumped = below and earlier.runs[0].sure and not entry.mark
-    buffered = timed and not earlier.checked  # what was read, and the buffer that holds it
-    return (
-        marked or (elsewise and (dumped or buffered)) or pair in experience.reports or _is_named_alike(earlier, entry)
-    )
+    return marked or (elsewise and dumped) or pair in experience.reports or _is_named_alike(earlier, entry)
 
 
 def _is_pdu_of(entry: _Entry, earlier: _Entry) -> bool:
@@ -235,15 +248,8 @@ def _is_pdu_of(entry: _Entry, earlier: _Entry) -> bool:
     if entry.checked or not earlier.checked or entry.template == earlier.template:
         return False
     if len(entry.data) >= _LEAST_COPY and entry.data == earlier.data[:-_CRC]:
-        return earlier.mark != 0 and not entry.mark and entry.first.number == earlier.last.number + 1
+        return not entry.mark and entry.first.number == earlier.last.number + 1
     return len(entry.data) > 1 and entry.data in (earlier.data[1:-_CRC], earlier.data[_MBAP:])
-
-
-def _explains(entry: _Entry, earlier: _Entry) -> bool:
-    """Whether two bytes are a field of the frame above, in a row below words."""
-    if entry.checked or not earlier.checked or not entry.runs[0].heading or entry.first.t_ns is not None:
-        return False
-    return len(entry.data) == _FIELD and entry.data in earlier.data
 
 
 def _is_named_alike(earlier: _Entry, entry: _Entry) -> bool:
@@ -251,7 +257,7 @@ def _is_named_alike(earlier: _Entry, entry: _Entry) -> bool:
     first, second = earlier.template, entry.template
     if entry.first.number - earlier.last.number != 1 or first[1] != second[1] or earlier.mark != entry.mark:
         return False
-    return first[0] != second[0] and first[0][:_NAMED_ALIKE] == second[0][:_NAMED_ALIKE] != ""
+    return first[0][:_NAMED_ALIKE] == second[0][:_NAMED_ALIKE] != ""
 
 
 def _is_logged_twice(earlier: _Entry, entry: _Entry) -> bool:
@@ -289,8 +295,7 @@ def _begins(earlier: _Entry, entry: _Entry) -> bool:
 _NUMBER: Final = re.compile(r"\s*(\d{1,6})(?=[\s:.)|])")
 _SHORT_OFFSET: Final = re.compile(r"\W*+(?:0[xX])?([0-9A-Fa-f]{2})[hH]?[ \t]?[:\])|]")
 _LIKE_A_BYTE: Final = re.compile(r"\s*0\d\s")
-_COUNTING: Final = 2  # lines
-_WORD_BEHIND: Final = re.compile(r"\s*[^\W\d]")
+_COUNTING: Final = 3  # lines
 _LEAST_ROWS: Final = 4  # of one byte each that can be a frame
 
 
@@ -336,7 +341,7 @@ def leave_out_short_offsets(lines: Sequence[LogLine]) -> None:
     for line in lines:
         match = _SHORT_OFFSET.match(line.clean)
         run = None if match is None else next((run for run in line.runs if run.end > match.end()), None)
-        if match is None or run is None or run.offset is not None:
+        if match is None or run is None:
             at = at if line.quiet else 0
             continue
         inside = int(run.start < match.end())  # `08: 60` as one run
@@ -351,7 +356,7 @@ def leave_out_short_offsets(lines: Sequence[LogLine]) -> None:
     for rows in dumps if right or any(len(rows) > 1 for rows in dumps) else ():
         for i, (line, run, inside) in enumerate(rows):
             run.data, run.offset, run.shape = run.data[inside:], f"{i:04x}", rows[0][1].shape
-            run.sure = run.sure or len(rows) > 1
+            run.sure = len(rows) > 1
             line.runs = line.runs[line.runs.index(run) :]
             line.continues = i > 0
 
@@ -362,7 +367,7 @@ def leave_out_counts(lines: Sequence[LogLine]) -> None:
         for before, run in pairwise(line.runs):
             shown = line.clean[before.start : before.end]
             apart = line.clean[before.end : run.start]
-            if shown.isdigit() and len(before.data) == 1 and int(shown) == len(run.data) and not apart.isspace():
+            if shown.isdigit() and len(before.data) == 1 and int(shown) == len(run.data):
                 before.taken = before.taken and apart.strip("])}>:;,|= \t") != ""
 
 
@@ -370,10 +375,8 @@ def settle_behind_cuts(lines: Sequence[LogLine]) -> None:
     """`01 03 14 00 … C4 20`: bytes written as those before, behind a sign that some between are left out."""
     for line in lines:
         for before, run in pairwise(line.runs):
-            if not (before.taken and before.cut) or run.taken or run.why or run.shape != before.shape:
-                continue
-            several = len(run.data) > 1 or not _WORD_BEHIND.match(line.clean, run.end)  # `... 14 more bytes`
-            run.taken = several and line.clean[before.end : run.start].strip(" \t,") in LEFT_OUT
+            if before.taken and before.cut and line.clean[before.end : run.start].strip(" \t,") in LEFT_OUT:
+                run.taken = len(run.data) > 1
 
 
 def settle_single_bytes(lines: Sequence[LogLine]) -> None:

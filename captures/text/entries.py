@@ -143,7 +143,6 @@ def _number(packet: bytes, at: int) -> int:
 
 
 _ROW: Final = re.compile(r"^(?P<lead>\s*)(?P<offset>[0-9A-Fa-f]{4,8})(?P<rest>:?\s+\S.*)?$")
-_WORDS: Final = re.compile(r"^\s+[0-9A-Fa-f]{4}(?:\s|$)")
 _OCTAL: Final = frozenset("01234567")
 _OD_DIGITS: Final = 7  # of an offset in octal
 _WIDTH: Final = 16  # bytes of a row, unless two rows say otherwise
@@ -207,7 +206,7 @@ def _bases(above: list[_DumpRow], following: str) -> tuple[int, ...]:
         return (16,)
     if len(above) > 1:
         return (16,) if int(offsets[1], 16) - int(offsets[0], 16) == _WIDTH else (8,)
-    return (16, 8) if _WORDS.match(above[0].rest) else (8, 16)
+    return (16, 8)
 
 
 _CHARACTER: Final = re.compile(r"^(?P<head>(?:.{0,60}[\s:>=])?)(?P<quote>['\"]?)(?P<char>[:0-9A-F])(?P=quote)\s*$")

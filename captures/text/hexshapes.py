@@ -23,7 +23,6 @@ from .candidates import (
     HexWindow,
     TextLine,
     Writing,
-    before_characters,
     counts_up,
     is_ruler,
     swapped,
@@ -60,7 +59,6 @@ _SPELLED: Final = re.compile(  # `: 0 1 0 3`, `':' '0' '1'`
     rf"(?P<quote>['\"]?):(?P=quote)(?:[ \t,]{{1,3}}(?P=quote){H}(?P=quote)){{8,512}}(?![\w'\"])"
 )
 _BEFORE_CHECK: Final = re.compile(rf"{CHECK_NAME}\W*$", re.IGNORECASE)
-_ROW_OF_WORDS: Final = re.compile(rf"{H}{{7,8}} +{H}{{4}}\s*$")
 _OF_OD: Final = (
     (re.compile(r"[0-7]{7}\s+(?P<words>[0-7]{6}(?: +[0-7]{6}){0,15})\s*$"), 8),
     (re.compile(r"[0-9a-f]{7}\s+(?P<words>\d{5}(?: +\d{5}){0,15})\s*$"), 10),
@@ -109,8 +107,6 @@ def _pairs(line: TextLine) -> Iterator[HexWindow]:
     text = line.text
     for match in _PAIRS.finditer(text):
         start, end = match.span()
-        if "  " in match[0]:
-            end = before_characters(text, start, end)
         tokens = text[start:end].split()
         if len(tokens) < _SOME and (len(text) > LONG or text[end : end + 1].isalnum()):
             continue  # one number of many, or the beginning of a word
@@ -207,8 +203,6 @@ def _words(line: TextLine) -> Iterator[HexWindow]:
     """`1103006B`, `1103 006B`: digits without signs between the bytes; of 16-bit words the other order, too."""
     for match in _WORDS.finditer(line.text):
         start, end = match.span()
-        if "  " in match[0]:
-            end = before_characters(line.text, start, end)
         tokens = line.text[start:end].split()
         if match[0].upper() in DIGITS_ABOVE:
             continue
@@ -220,10 +214,9 @@ def _words(line: TextLine) -> Iterator[HexWindow]:
             yield HexWindow(data[: -len(tokens[-1]) // 2], start, last, "words", level)
             level = Writing.NUMBER if tokens[-1].isalpha() else level
         yield HexWindow(data, start, end, "words", level)
-        row = len(tokens) > 1 or _ROW_OF_WORDS.match(line.text) is not None
-        if all(len(token) == 4 for token in tokens) and (row or _BEFORE_CHECK.search(line.before(start))):
+        if all(len(token) == 4 for token in tokens) and (len(tokens) > 1 or _BEFORE_CHECK.search(line.before(start))):
             yield HexWindow(swapped(data), start, end, "swapped words", Writing.NUMBER)
-        elif row and len(tokens) > 1 and all(len(token) == 8 for token in tokens[:-1]) and len(tokens[-1]) <= 8:
+        elif len(tokens) > 1 and all(len(token) == 8 for token in tokens[:-1]) and len(tokens[-1]) <= 8:
             parts = (bytes.fromhex(token)[::-1] for token in tokens)
             yield HexWindow(b"".join(parts), start, end, "swapped words", Writing.NUMBER)
 
@@ -237,7 +230,7 @@ def _level_of_words(line: TextLine, start: int, end: int, tokens: list[str]) -> 
     if line.text[start - 1 : start] == "-" or line.text[end : end + 1] == "-":
         return Writing.NUMBER  # part of a UUID
     if digits.isalpha():
-        return Writing.LIKELY if len(tokens) == 1 and size > 4 and alone else Writing.NUMBER
+        return Writing.NUMBER
     if digits.isdigit():
         return Writing.LIKELY if bare else Writing.NUMBER
     if size >= _WORD_LENGTH:
@@ -280,7 +273,7 @@ def _prefixed(line: TextLine) -> Iterator[HexWindow]:
             yield from _prefixed_words(line, match, tokens)
             continue
         level = Writing.NUMBER
-        if sign not in _COMMON_SIGNS or (len(tokens) > 2 and all(len(token) == 2 for token in tokens)):
+        if sign not in _COMMON_SIGNS or len(tokens) > 2:
             some = len(tokens) > 1 or line.alone(start, end)
             level = Writing.BYTES if len(tokens) > 2 else Writing.LIKELY if some else Writing.NUMBER
         yield HexWindow(bytes(int(token, 16) for token in tokens), start, end, "0x", level)

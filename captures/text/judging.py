@@ -6,8 +6,10 @@ Without one the writing alone decides.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
-from typing import NamedTuple, Protocol, cast
+from functools import lru_cache, partial
+from typing import Final, NamedTuple, Protocol, cast
+
+_REMEMBERED: Final = 1024  # stretches of bytes
 
 
 class Checked(NamedTuple):
@@ -37,6 +39,11 @@ class ByteJudge(Protocol):
 def no_judge(data: bytes, *, damaged: bool = False) -> Sequence[Checked]:  # noqa: ARG001 - as judges are called
     """For those who know no protocol."""
     return ()
+
+
+def remembered(judge: ByteJudge) -> ByteJudge:
+    """A judge who is asked once about the same bytes: a text is read again once it is known what it is like."""
+    return cast(ByteJudge, lru_cache(maxsize=_REMEMBERED)(judge))
 
 
 def unturned(judge: ByteJudge) -> ByteJudge:

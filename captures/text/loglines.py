@@ -41,7 +41,6 @@ _QUOTE: Final = re.compile(r"^\s*>(?:\s*>)*\s(?=\s*\S)")
 _JPNEVULATOR: Final = re.compile(r"^\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{6}: (?P<label>\S.*?)\s*$")
 _SOCAT_BYTES: Final = re.compile(r"^ ((?:[0-9a-f]{2} ){0,8191}[0-9a-f]{2})(?:  .*)?$")
 _OCTET: Final = re.compile(r"(?<![0-9A-Za-z])[0-9A-Fa-f]{2}[hH](?![0-9A-Za-z])")
-_SENTENCE_ENDS: Final = re.compile(r"[^\W\d]{3}[.!?…]\s+[^\W\d_]+[,\s]")
 _LABELLED: Final = 56  # characters of a heading that name it
 _REMEMBERED: Final = 2048  # lines
 _SCREEN: Final = 512  # lines that a person copies twice
@@ -147,8 +146,7 @@ class LineReader:
 
     def _says_nothing(self, learnt: int) -> bool:
         """Whether a line that held nothing holds nothing here, either: nothing above waits for it."""
-        waits = self._dump.row is not None or (self._heading is not None and self._heading.left is not None)
-        return not waits and learnt == len(self.experience.right)
+        return self._dump.row is None and learnt == len(self.experience.right)
 
     def _bare_heading(self) -> None:
         """After a line that says nothing of rows below: the time of one above may still be theirs."""
@@ -180,7 +178,7 @@ class LineReader:
             return LogLine(number, text, text, [run], heading.t_ns, heading.fine, heading.port)
         self._heading = None
         parsed = self._tool_line(text, number) or self._any_line(text, number)
-        parsed.problem = parsed.problem or f"{heading.left} bytes that the line above announces are missing here"
+        parsed.problem = f"{heading.left} bytes that the line above announces are missing here"
         return parsed
 
     def _tool_line(self, text: str, number: int) -> LogLine | None:
@@ -207,7 +205,7 @@ class LineReader:
                 self._heading = heading
             return line
         mark = MARK_WORDS.get((groups.get("mark") or "").lower(), shape.mark)
-        if shape.mark and (above := self._heading) is not None and above.joins and not above.rows:
+        if shape.mark and (above := self._heading) is not None and above.joins:
             mark = above.mark or mark  # `Rx` in the line above says more than a layout
         stamp = stamps.find(_short_fraction(groups.get("time") or ""), self.zone)[0]
         t_ns, fine = self._time(stamp), stamp is not None and stamp.fine
@@ -218,7 +216,7 @@ class LineReader:
         length = int(groups["length"]) if groups.get("length") else None
         if shape.role is LineRole.HEADER:
             above = self._heading
-            if t_ns is None and above is not None and not above.rows:
+            if t_ns is None and above is not None:
                 t_ns, fine = above.t_ns, above.fine  # its time stands in a line of its own
             self._heading = Heading(mark, t_ns, fine, shape.tool, left=length, joins=True, exact=True)
             return LogLine(number, text, quiet=True)
@@ -235,7 +233,7 @@ class LineReader:
         self._heading = None
         if run is None:
             return line if not _WORD.search(groups["hex"]) else None
-        if groups.get("cut") or run.cut:
+        if groups.get("cut"):
             shown = f"{len(run.data)} of {length} bytes" if length else f"the first {len(run.data)} bytes"
             line.problem = f"the log shows {shown} only"
         if length is not None:
@@ -320,9 +318,7 @@ class LineReader:
     def _as_heading(self, line: LogLine, rest: str, line_marks: list[LineMark]) -> None:
         """A line of words: what it says of rows below."""
         bare = bool(line_marks) and not _WORD.search(rest[line_marks[-1].end :])
-        said = [  # an arrow between words is none, nor a word of a sentence that has ended
-            one.mark for one in line_marks if bare or not (one.arrow or _SENTENCE_ENDS.search(rest, one.end))
-        ]
+        said = [one.mark for one in line_marks if bare or not one.arrow]  # an arrow between words is none
         mark = said[-1] if len({*said}) == 1 else NONE  # `what I send and what comes`
         above, t_ns, fine = self._heading, line.t_ns, line.fine
         if self._times is not None and self._times.find(line.text) is not None:
@@ -364,11 +360,6 @@ class LineReader:
         if stamp is not None:
             line.continues = goes_on
             return line
-        if heading.left is not None and len(first.data) != heading.left:
-            for candidate in first.others:
-                if len(candidate.data) == heading.left and candidate.shape == first.shape:
-                    first.take(candidate)
-                    break
         size = len(first.data)
         if heading.rows:
             full = heading.width >= _FULL_ROW and size <= heading.width
@@ -377,8 +368,7 @@ class LineReader:
         left = None if heading.left is None else heading.left - size
         self._heading = heading._replace(rows=heading.rows + 1, width=size, left=left)
         line.port = heading.port
-        if line.t_ns is None:
-            line.t_ns, line.fine = heading.t_ns, heading.fine
+        line.t_ns, line.fine = heading.t_ns, heading.fine
         return line
 
     def _time(self, stamp: Stamp | None) -> int | None:

@@ -18,7 +18,7 @@ from typing import Final
 from .candidates import Writing, halves, is_named_otherwise
 from .choosing import MOST_JUDGED, ByteRun, Experience
 from .entries import entries_of, payload_of, whole_entries, whole_words, with_repeats
-from .judging import ByteJudge, lenient, no_judge
+from .judging import ByteJudge, lenient, no_judge, remembered
 from .loglines import LineReader, LogLine
 from .plain import entries_in, is_of_mail, quoted, turns_in, unfolded, unquoted, unwrapped
 from .settling import only_bytes, settle
@@ -89,7 +89,7 @@ class LogReader:
         sample_rate: float | None = None,
         experience: Experience | None = None,
     ) -> None:
-        self._judge, self._zone, self._sample_rate = judge, zone, sample_rate
+        self._judge, self._zone, self._sample_rate = remembered(judge), zone, sample_rate
         self._experience = Experience() if experience is None else experience
         self._lines = self._line_reader()
         self._waiting: list[LogLine] = []
@@ -268,11 +268,11 @@ def _contents(line: LogLine, experience: Experience) -> Iterator[Piece | UnreadL
     if line.problem is not None:
         yield UnreadLine(line.number, text, line.problem, empty=line.problem.startswith("no bytes"))
     for i, run in enumerate(chosen):
-        if run.cut and line.problem is None and not (i and chosen[i - 1].cut):
+        if run.cut and not (i and chosen[i - 1].cut):
             more = i + 1 < len(chosen)
             why = "omits bytes after the first {}" if more else "shows the first {} bytes only"
             yield UnreadLine(line.number, text, f"the text {why.format(len(run.data))}")
-    if any(run.halved and not run.checked for run in chosen):
+    if any(run.halved for run in chosen):
         yield UnreadLine(line.number, text, halves(line.clean) or "half a byte")
     elif line.problem is None:
         beside = [run for run in line.runs if _is_left(run) and not _is_check_value(run, chosen)] if chosen else []

@@ -117,8 +117,7 @@ def _strings(text: str) -> Iterator[HexWindow]:
                 for inner in _INNER.finditer(text, start, end):
                     yield from _string(inner[2], *inner.span(2))
                 for first, last in _quoted(text[start:end]):  # a string in a string
-                    if _ESCAPES.search(text, start + first, start + last) is not None:
-                        yield from _string(text[start + first : start + last], start + first, start + last)
+                    yield from _string(text[start + first : start + last], start + first, start + last)
             at = end
 
 
@@ -248,8 +247,6 @@ def unescape(text: str, escape: re.Pattern[str] = _ESCAPE, base: int = 8) -> byt
             out.append(int(digits or wide or braced, 16))
         elif number:
             out.append(int(number, base) & 0xFF)
-        elif letter == "&" and base != 8:  # Haskell's, which parts an escape from a digit
-            continue
         elif letter in _SIMPLE_ESCAPES:
             out.append(_SIMPLE_ESCAPES[letter])
         else:
@@ -278,7 +275,7 @@ def _decimals(text: str) -> Iterator[HexWindow]:
                 continue
             if max(values) < 256 and min(values) > -129 and not (min(values) < 0 and max(values) > 127):
                 node = _NODE_JSON.search(text, max(match.start() - 40, 0), match.start())
-                padded = _PADDED.fullmatch(text, match.start(), end) and "0" in text[match.start() : end : len("000][")]
+                padded = _PADDED.fullmatch(text, match.start(), end)
                 level = Writing.BYTES if node or padded else Writing.NUMBER
                 if values[0] == len(values) - 1:  # so many bytes
                     second = text.index(str(values[1]), match.start() + len(str(values[0])))

@@ -187,7 +187,6 @@ _TURN: Final = re.compile(  # how one begins that has its time, wherever it stan
 _TURN_BYTES: Final = re.compile(rf"(?:(?<!\w)(?:0[xX])?{H}{{2}}(?!\w)[ ,:.-]{{0,2}}){{4}}|(?<!\w){H}{{8,}}(?!\w)")
 _NO_SIGN_OF_CELLS: Final = re.compile(r"[^;\t|]")
 _SIGNS_OF_CLOCKS: Final = 4  # in a line that has two
-_FOLDED: Final = (60, 76)  # characters of a line that a mail folds
 _MOST_FOLDED: Final = 64  # lines into one
 _STAMP: Final = re.compile(r"[\s\[(<|]*\d{1,4}[-/.:]\d\d?[-/.:]\d\d?")
 _DATE: Final = re.compile(r"\d[-/.]\d\d$")
@@ -256,9 +255,14 @@ def turns_in(line: str) -> list[str]:
     if line.count(":") < _SIGNS_OF_CLOCKS:
         return [line]
     heads = [head.start() for head in _TURN.finditer(line)]
-    ends = pairwise((0, *heads[1:], len(line)))
-    parts = [_NO_SIGN_OF_CELLS.sub(" ", line[:start]) + line[start:end] for start, end in ends]
-    return parts if len(parts) > 1 and all(map(_TURN_BYTES.search, parts)) else [line]
+    ends = [*pairwise((0, *heads[1:], len(line)))]
+    if len(ends) < 2 or not all(_TURN_BYTES.search(line, *end) for end in ends):
+        return [line]
+    turns, signs = [], ""
+    for start, end in ends:
+        turns.append(signs + line[start:end])
+        signs += _NO_SIGN_OF_CELLS.sub("", line[start:end])
+    return turns
 
 
 def unfolded(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
@@ -268,7 +272,7 @@ def unfolded(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
     for number, line in lines:
         text = line.rstrip("\r\n")
         first = first if held else number
-        if text.endswith("=") and _FOLDED[0] <= len(text) <= _FOLDED[1] and " " in text and len(held) < _MOST_FOLDED:
+        if text.endswith("=") and len(held) < _MOST_FOLDED:
             held.append(text[:-1])
         elif held:
             yield first, "".join((*held, text))

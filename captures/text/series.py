@@ -92,7 +92,7 @@ def _edges(pieces: Sequence[_SeriesPiece], judge: ByteJudge) -> Iterator[tuple[C
         right = [
             span
             for span in judge(data[starts[at] : starts[last]])
-            if not (span.odd or span.turned) and {starts[at] + span.start, starts[at] + span.end} <= edges
+            if {starts[at] + span.start, starts[at] + span.end} <= edges
         ]
         for span in right:
             first, end = bisect_left(starts, starts[at] + span.start), bisect_left(starts, starts[at] + span.end)
@@ -120,15 +120,11 @@ def settle_tails(lines: Sequence[LogLine], judge: ByteJudge, experience: Experie
                 whole = bool(run.checked) or _ends_together(open_runs, run, judge, experience)
                 open_runs = [] if whole else [*open_runs[1 - _TAIL_RUNS :], run]
                 since, shape = line.number, run.shape
-            elif open_runs and _may_complete(run, line) and _completes(run, open_runs, judge, experience):
+            elif open_runs and not is_computed(run, line) and _completes(run, open_runs, judge, experience):
                 key = (run.label, run.shape)
                 experience.tails.add(key)
                 experience.right[key] = experience.right.get(key, 0) + 1
                 open_runs = []
-
-
-def _may_complete(run: ByteRun, line: LogLine) -> bool:
-    return len(run.data) <= _TAIL and not is_computed(run, line)
 
 
 def _ends_together(open_runs: Sequence[ByteRun], run: ByteRun, judge: ByteJudge, experience: Experience) -> bool:

@@ -31,7 +31,6 @@ from .weighing import is_counted, is_measured, leave_out_computed, leave_out_uns
 
 _ADDRESS: Final = 4  # numbers of an IP address
 _ROWS: Final = (8, 16, 20, 32)  # bytes of a full row
-_NEAR: Final = 5  # lines between a count and the bytes that it counts
 _SHORT: Final = 3  # bytes: no more where text stands behind them
 _HEADED: Final = 6  # bytes for which the header of a frame speaks
 _CRC: Final = 2  # bytes
@@ -124,9 +123,9 @@ def _counts(lines: Sequence[LogLine]) -> None:
     for line, below in pairwise(filled):
         run = line.runs[-1]
         shown = line.clean[run.start : run.end]
-        if len(run.data) == 1 and shown[0].isdigit() and shown[1:] in ("B", "b") and _ends(line, run):
+        if len(run.data) == 1 and shown[0].isdigit() and shown[1:] in ("B", "b"):
             said = sum(len(one.data) for one in below.runs if one.taken)
-            if 1 < said == int(shown[0]) and run.label and below.number - line.number <= _NEAR:
+            if 1 < said == int(shown[0]):
                 run.taken, line.quiet = False, True
 
 
@@ -153,12 +152,7 @@ def _beside(lines: Sequence[LogLine]) -> None:
             if len(one.runs) == len(neighbour.runs) == 1 and one.runs[0].taken and not neighbour.runs[0].taken:
                 run = neighbour.runs[0]
                 other = run.shape in _WITH_SIGNS and run.shape != one.runs[0].shape  # `10:15`, `11/25`
-                if (
-                    run.level is Writing.LIKELY
-                    and not (run.halved or other)
-                    and _is_all(run, neighbour)
-                    and _is_all(one.runs[0], one)
-                ):
+                if run.level is Writing.LIKELY and not other and _is_all(run, neighbour) and _is_all(one.runs[0], one):
                     run.taken = (
                         len(run.data) > 1 or not neighbour.clean[run.start : run.end].isdigit() or run.data[0] < 0x10
                     )
@@ -220,7 +214,7 @@ def _reread(block: list[tuple[LogLine, ByteRun]], judge: ByteJudge, experience: 
                 continue
             at = 0
             for (line, run), reading in zip(block, readings, strict=True):
-                if at >= checked[-1].end and not _ends(line, run):
+                if at >= checked[-1].end:
                     break  # words behind the array that begin with a number
                 run.take(reading[shape])
                 run.taken = True
@@ -241,7 +235,7 @@ def _covered(checked: Sequence[Checked]) -> int:
 def _rows_of_dumps(lines: Sequence[LogLine], judge: ByteJudge) -> None:
     """The rows of a dump are read as its first one is; of 16-bit words the last may be half filled."""
     for one, below in pairwise(lines):
-        if below.continues and one.runs and below.runs and one.runs[-1].taken:
+        if below.continues and one.runs and one.runs[-1].taken:
             first, row = one.runs[-1], below.runs[0]
             if row.offset is not None and row.shape != first.shape and first.shape in (readings := _readings(row)):
                 row.take(readings[first.shape])
@@ -278,15 +272,15 @@ def _readings(run: ByteRun) -> dict[str, ByteRun | HexWindow]:
 def _ends_of_arrays(lines: Sequence[LogLine]) -> None:
     """The rest of an array behind a comma, or of a dump below a full row, which is too short to speak for itself."""
     for one, below in pairwise(lines):
-        if not one.runs or not below.runs or not one.runs[-1].taken or below.runs[0].taken or below.runs[0].why:
+        if not one.runs or not below.runs or not one.runs[-1].taken or below.runs[0].taken:
             continue
         above, run = one.runs[-1], below.runs[0]
-        if below.number - one.number > 1 or above.checked or not _begins(below, run) or run.halved:
+        if below.number - one.number > 1 or above.checked or not _begins(below, run):
             continue
         behind = below.clean[run.end :].strip(" \t|")
         comma = one.clean[above.end :].strip() == "," and not any(map(str.isalnum, behind))
         row = len(above.data) in _ROWS and above.start == run.start and (not behind or shows(run.data, behind))
-        if comma or (row and above.shape == run.shape and run.offset is None):
+        if comma or row:
             run.taken, below.continues = True, True
 
 
@@ -297,7 +291,7 @@ def _bytes_alone(lines: Sequence[LogLine]) -> None:
             first, run = one.runs[0], below.runs[0]
             alone = len(first.data) == len(run.data) == 1 and first.taken and run.taken
             alike = (first.label, first.shape, first.mark) == (run.label, run.shape, run.mark)
-            if alone and alike and run.shape != COLUMN_SHAPE and not first.checked and not run.checked:
+            if alone and alike and run.shape != COLUMN_SHAPE and not first.checked:
                 below.continues = True
 
 

@@ -135,7 +135,7 @@ def in_range(t_ns: int) -> int | None:
 def _finer(stamp: Stamp, clock: Stamp) -> Stamp:
     """A time to the second with the fraction of the same second that stands elsewhere in its line."""
     fraction = (clock.t_ns - stamp.t_ns) % _MINUTE_NS
-    if stamp.fine or not clock.fine or fraction >= 10**9:
+    if stamp.fine or fraction >= 10**9:
         return stamp
     return replace(stamp, t_ns=stamp.t_ns + fraction, fine=True)
 

@@ -28,7 +28,7 @@ _WORDS: Final = {
     "enviado enviada envío enviando enviar solicitud petición consulta envio requisição pedido pergunta solicitação "
     "inviato inviata invio inviati richiesta wysłano wysłane wysyłam zapytanie żądanie nadano "
     "gönderilen gönderildi gönder istek sorgu odesláno dotaz verzonden verzoek skickat",
-    RX: "rx rxd recv rcv rcvd receive receives receiving received response resp responds responded responding "
+    RX: "rx rxd recv rcv rcvd rsp receive receives receiving received response resp responds responded responding "
     "reply replies replied replying answer answers answered answering incoming got returns returned "
     "ответ приём прием принят принято принял принимаю получено получен получил получаю получили приходит пришло "
     "отвечает ответил ответила ответило присылает прислал возвращает вернул вернула отдаёт отдает "
@@ -102,7 +102,7 @@ _CANDIDATE: Final = re.compile(
     r"(?<![^\W_])(?P<word>[^\W\d_]{1,16})(?![^\W\d_])"
     r"(?P<sign>\s*[:\]>|)](?!\s*(?:0x)?\d+\s*(?:[,;)\]/]|$))|\s+\d+\s*(?:$|[Bb]ytes?\b)|"
     r"(?=\s+(?:(?:[0-9A-F]{2} ){2}[0-9A-F]{2}|(?:(?:0[xX]|16#|\$)[0-9A-Fa-f]{1,2}[ ,]{1,2}){3}|<Buffer |to\s)))?|"
-    r"(?P<arrow>-{1,3}>|=+>|>{2,3}|<-{1,3}|<=+|<{2,3}|[→⇒▶←⇐◀]|^\s*(?:>\s+)?[<>](?=\s))"  # a quoted line's own
+    r"(?P<arrow>-{1,3}>|=+>|>{2,3}|<-{1,3}|<=+|<{2,3}|[→⇒▶←⇐◀]|^\s*(?:>\s+)?(?!<\s+>)[<>](?=\s))"  # a quoted line's
 )
 _NAME: Final = r"(?![0-9A-Fa-f]{2}(?!\w))[^\W\d_][^\W_]{0,15}"
 _NAMES: Final = re.compile(  # `Master -> Slave`: who says it to whom

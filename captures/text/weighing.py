@@ -93,11 +93,18 @@ _UNIT: Final = re.compile(
     r"\.\d|\s?(?:ms|us|µs|ns|мс|мкс|сек|mV|mA|kWh?|Hz|kHz|°|%|bar|baud|bps|[kM]B|RUB|EUR|USD|руб|шт|times|retries)(?!\w)"
 )
 _NEAR: Final = 24  # characters
+_NUMBER: Final = 2  # bytes that may be one number
 
 
 def is_measured(run: ByteRun, line: LogLine) -> bool:
-    """Whether a few digits are a number with a unit, or with a fraction."""
+    """Whether a few digits are a number with a unit or a fraction, or one that a sentence has in parentheses."""
+    if len(run.data) <= _NUMBER and run.level is Writing.NUMBER and _is_in_parentheses(run, line):
+        return True
     return len(run.data) < _HEADED and _UNIT.match(line.clean, run.end) is not None
+
+
+def _is_in_parentheses(run: ByteRun, line: LogLine) -> bool:
+    return line.clean[: run.start].endswith(" (") and line.clean.startswith(")", run.end)
 
 
 def is_counted(run: ByteRun, line: LogLine) -> bool:

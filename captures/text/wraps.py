@@ -91,6 +91,7 @@ class Unwrapper:
 
     def _merged(self, texts: Sequence[str]) -> tuple[str, int] | None:
         """The lines as one, and how many of them, if that reads more than each alone."""
+        texts = _unframed(texts)
         alone = sum(_covered(run) for text in texts for run in self._runs(text))
         for between in ("", " "):
             parts = [texts[0].rstrip() if between else texts[0]]
@@ -122,6 +123,13 @@ class Unwrapper:
         before = next((one for one in self._runs(parts[0]) if one.start == run.start), None)
         at = len(before.data) if before is not None else 1
         return any(span.start < at < span.end for span in run.checked)
+
+
+def _unframed(texts: Sequence[str]) -> list[str]:
+    """Lines without the blanks that all have before them, and all but the last behind them."""
+    before = min(len(text) - len(text.lstrip()) for text in texts)
+    behind = min(len(text) - len(text.rstrip()) for text in texts[:-1])
+    return [*(text[before : len(text) - behind] for text in texts[:-1]), texts[-1][before:].rstrip()]
 
 
 def _covered(run: ByteRun) -> int:
