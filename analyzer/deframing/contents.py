@@ -8,6 +8,7 @@ many words say no more than some, and one answer no more than `MOST_BITS`.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Final
@@ -115,16 +116,14 @@ class KnownPolls:
 
     polls: dict[bytes, PollContents] = field(default_factory=dict)
 
-    def of(self, request: bytes) -> PollContents | None:
-        """Those of a poll, where somebody asked before."""
-        return self.polls.get(request)
-
-    def begin(self, request: bytes, answers: list[bytes]) -> PollContents:
-        """Those of a poll of which nobody asked before, with its last answers, the newest last."""
+    def of(self, request: bytes, before: Callable[[], list[bytes]] = list) -> PollContents:
+        """Those of a poll; where nobody asked before, with the answers that `before` gives, the newest last."""
+        if request in self.polls:
+            return self.polls[request]
         if len(self.polls) >= _POLLS:
             del self.polls[next(iter(self.polls))]
         contents = self.polls[request] = PollContents()
-        for adu in answers:
+        for adu in before():
             contents.add(words_of(adu))
         return contents
 

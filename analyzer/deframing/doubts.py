@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from enum import Enum
 from functools import partial
 from typing import Final
 
@@ -31,6 +32,12 @@ _BETWEEN: Final = 3  # rows behind a request in which its damaged answer may sta
 _REQUEST, _RESPONSE, _NOISE = int(Kind.REQUEST), int(Kind.RESPONSE), int(Kind.NOISE)
 
 
+class Repeat(Enum):
+    """What an answer that may begin a doubt has of the one before (`OddRows`); none where it is odd in itself."""
+
+    NONE, SAME, MOVED = range(3)
+
+
 @dataclass(slots=True)
 class Doubt:
     """A unit whose answers are looked at, and what its polls held."""
@@ -53,7 +60,7 @@ class DoubtWalk:
         self._frames = self._rows.kind.nonzero()[0]
         self._index = self._rows.index[self._frames]
         self._own: dict[Lane, Index] = {}
-        self._only_same, self._only_moved = frozenset[int](), frozenset[int]()
+        self._odd: dict[int, Repeat] = {}
         self.latest_ns = latest_ns
 
     def go(self, found: OddRows, first: int) -> None:
@@ -66,8 +73,8 @@ class DoubtWalk:
         at = first
         odd, same, moved = (each + first for each in found)
         upcoming = np.union1d(odd, same).tolist()
-        self._only_moved = frozenset(np.setdiff1d(moved, odd).tolist())
-        self._only_same = frozenset(np.setdiff1d(same, np.union1d(odd, moved)).tolist())
+        self._odd = dict.fromkeys(same.tolist(), Repeat.SAME) | dict.fromkeys(moved.tolist(), Repeat.MOVED)
+        self._odd |= dict.fromkeys(odd.tolist(), Repeat.NONE)
         place = 0
         while True:
             while place < len(upcoming) and upcoming[place] < at:
@@ -129,9 +136,10 @@ class DoubtWalk:
     def _begun(self, row: int, lane: Lane) -> Doubt | None:
         """A doubt that begins with an odd answer; None where there is none: what was not answered came damaged."""
         habit = self._habits.setdefault(lane, UnitHabit())
-        if (row in self._only_same and not habit.doubles) or (row in self._only_moved and habit.alike):
+        repeat = self._odd[row]
+        if {Repeat.SAME: not habit.doubles, Repeat.MOVED: habit.alike, Repeat.NONE: False}[repeat]:
             return None
-        doubt, queue = Doubt(of_repeat=row in self._only_moved), UnitQueue(habit=habit)
+        doubt, queue = Doubt(of_repeat=repeat == Repeat.MOVED), UnitQueue(habit=habit)
         habit.alike = False
         own = self._before(row, lane)[-_ASKS:]
         newest = -1
@@ -208,8 +216,8 @@ class DoubtWalk:
         asks = doubt.queue.asks
         doubt.of_repeat = answer.taken_for >= 0 and all(ask.taken for ask in asks[-2:])
         words, request = words_of(answer.adu), asks[-1].adu
-        poll = doubt.apparent.of(request) or doubt.apparent.begin(request, [])
-        if answer.again and len(asks) > 1 and asks[-2].adu != request and poll.answers:
+        poll = doubt.apparent.of(request)
+        if answer.again and asks[-2:][0].adu != request:
             doubt.alike += poll.strangeness(words) <= _AS_EXPECTED
         poll.add(words)
         if doubt.of_repeat and doubt.alike >= _ALIKE:
@@ -238,9 +246,7 @@ class DoubtWalk:
         """How strange an answer is for a poll, by what that held before; an exception is never."""
         if adu[1] & 0x80:
             return 0.0
-        poll = doubt.known.polls.get(ask.adu)
-        if poll is None:
-            poll = doubt.known.begin(ask.adu, self._answers_before(row, lane, ask.adu))
+        poll = doubt.known.of(ask.adu, partial(self._answers_before, row, lane, ask.adu))
         words = words_of(adu)
         strange = poll.strangeness(words)
         if poll.held(words) or not telling(words) or not self._repeats(row, self._before(row, lane)):

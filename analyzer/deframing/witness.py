@@ -11,6 +11,8 @@ What is decided hangs on rows and their times alone, not on how they were fed.
 
 from __future__ import annotations
 
+from collections import defaultdict
+
 import numpy as np
 
 from .doubts import Doubt, DoubtWalk
@@ -76,10 +78,9 @@ class AnswerWitness:
 
     def _may_repeat(self, new: PairedRows, odd: OddRows) -> bool:
         """Whether answers that are the ones before once more may be no answers to their requests."""
-        if len(odd.same) and any(habit.doubles for habit in self._habits.values()):
-            return True
-        lanes = np.unique(lanes_of(new)[odd.moved]).tolist()
-        return not all(lane in self._habits and self._habits[lane].alike for lane in lanes)
+        same, moved = (np.unique(lanes_of(new)[rows]).tolist() for rows in (odd.same, odd.moved))
+        habits = defaultdict(UnitHabit, self._habits)
+        return any(habits[lane].doubles for lane in same) or not all(habits[lane].alike for lane in moved)
 
     def _past(self) -> list[PairedRows]:
         """Rows that were given, those that may be looked at."""

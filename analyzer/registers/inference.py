@@ -234,9 +234,8 @@ def _claimed(value: RegisterValue, run: Run, chart: RegisterMap | None, doubts: 
     if value.confidence <= UNSURE_AT_MOST or (chart is not None and chart.at(value.area, value.address) is not None):
         return value
     own = (block for block in run.blocks if block.address <= value.address < block.address + block.quantity)
-    why = next(filter(None, (doubts.get(block.key) for block in own)), "")
-    if not why and value.readings < SHORT:
-        why = register_words("too few readings to tell")
+    short = register_words("too few readings to tell") * (value.readings < SHORT)
+    why = next(filter(None, (*(doubts.get(block.key) for block in own), short)), "")
     if not why and value.kind not in STILL:
         return value
     return replace(value, confidence=UNSURE_AT_MOST, bits=0.0, why=why or value.why, same_number=())
