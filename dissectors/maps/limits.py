@@ -144,9 +144,9 @@ def value_breaches(row: MappedValue, words: Sequence[int]) -> Iterator[MapBreach
     if not isinstance(value, int | float):
         return
     slack = 1e-6 * abs(value) if row.is_float else 0.51 * abs(row.scale)  # a limit may be rounded to a step
-    if row.minimum is not None and value < row.minimum - slack:
-        yield MapBreach("low", value, (row.minimum,), row)
-    if row.maximum is not None and value > row.maximum + slack:
-        yield MapBreach("high", value, (row.maximum,), row)
+    bounds: tuple[tuple[BreachKind, float | None, int], ...] = (("low", row.minimum, -1), ("high", row.maximum, 1))
+    for kind, bound, sign in bounds:
+        if bound is not None and sign * (value - bound) > slack:
+            yield MapBreach(kind, value, (bound,), row)
     if row.type == "enum" and row.values and value not in row.values:
         yield MapBreach("state", value, tuple(row.values), row)
