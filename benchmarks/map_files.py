@@ -79,7 +79,7 @@ def whole_files() -> Iterator[MadeFile]:
             place, name, kind, scale, unit, access = (cell.strip() for cell in row.split("|"))
             area, address = place.split()
             rows.append((area, int(address), name, kind, float(scale), unit, access))
-        fold = "fresh" if number % 2 else "fresh-fit"
+        fold = file.get("fold", "fresh" if number % 2 else "fresh-fit")
         yield MadeFile(file["name"], fold, file["name"], file["text"].lstrip("\n").encode(), rows)
 
 

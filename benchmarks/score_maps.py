@@ -77,7 +77,7 @@ def texts_of(name: str, data: bytes) -> list[str]:
 
 def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--fold", choices=("fit", "held", "new", "late", "fresh-fit", "fresh", "tests"))
+    parser.add_argument("--fold", choices=("fit", "held", "new", "late", "fresh-fit", "fresh", "unseen", "tests"))
     parser.add_argument("--wrong", action="store_true", help="print what is wrong in each file")
     parser.add_argument("--rows", type=Path, metavar="FILE", help="write every row that is read")
     options = parser.parse_args(arguments)

@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import Any, Final
+from unicodedata import category, normalize
 
 from .model import AREA_WORDS
 from .vocabulary import WIDE_SIGNS, expression, form, meaning, roles
@@ -54,7 +55,12 @@ def heading_bits(text: str, role: str) -> float:
 
 @lru_cache(maxsize=256)
 def _any(role: str, kind: str) -> re.Pattern[str]:
-    return expression("|".join(roles()[role].get(kind, ())) or r"(?!)")
+    return expression(_unaccented("|".join(roles()[role].get(kind, ())) or r"(?!)"))
+
+
+def _unaccented(text: str) -> str:
+    """A text without the marks on its letters, which people leave out."""
+    return normalize("NFC", "".join(sign for sign in normalize("NFD", text) if category(sign) != "Mn"))
 
 
 class TableColumn:
@@ -136,8 +142,8 @@ _LOOKS: Final[Mapping[str, Callable[[TableColumn, Mapping[str, Any]], bool]]] = 
 
 
 def plain_heading(cell: str) -> str:
-    """A heading in small letters, its signs those of ASCII."""
-    return " ".join(cell.translate(WIDE_SIGNS).lower().split()).strip(" :.")
+    """A heading in small letters without accents, its signs those of ASCII."""
+    return " ".join(_unaccented(cell.translate(WIDE_SIGNS).lower()).split()).strip(" :.")
 
 
 def assigned(row: Sequence[str], below: Table) -> dict[str, int]:
