@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import cast
 
 import pytest
 from hypothesis import given
@@ -10,7 +11,7 @@ from hypothesis import strategies as st
 
 from dissectors.maps import RegisterMap, shipped_map
 from dissectors.maps.limits import MapRequest, breaches, device_limits
-from dissectors.maps.model import MappedValue
+from dissectors.maps.model import MapArea, MappedValue
 from dissectors.maps.table import read_table, write_table
 
 SUPPLY = shipped_map("el-psu")
@@ -82,7 +83,7 @@ LIMITED = {  # header of the map, function, area, quantity: what is beyond it
 @pytest.mark.parametrize("case", LIMITED)
 def test_limits_of_headers(case: str) -> None:
     other, function, area, quantity, expected = LIMITED[case]
-    request = MapRequest(function, area, 0, quantity)
+    request = MapRequest(function, cast(MapArea, area), 0, quantity)
     found = breaches(RegisterMap("x", (), other=other), request)
     assert [(one.kind, one.asked, one.limit) for one in found] == expected
 
