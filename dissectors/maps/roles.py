@@ -20,7 +20,7 @@ from .vocabulary import WIDE_SIGNS, expression, form, meaning, roles
 from .written import numbers_in
 
 _HEADING: Final = 60  # characters
-_WHOLE, _BEGINS, _ENDS, _MAYBE = 10.0, 6.0, 5.0, 6.0  # bits
+WHOLE, _BEGINS, _ENDS, _MAYBE = 10.0, 6.0, 5.0, 6.0  # bits
 _LEAST: Final = 5.0  # bits for which a column is given a role
 _NEEDED: Final = frozenset({"address", "name"})
 _LEFT_OUT: Final = ((), ("number",), ("description",), ("number", "description"))
@@ -45,7 +45,7 @@ def heading_bits(text: str, role: str) -> float:
         return 0.0
     words, maybe, ends = (_any(role, kind) for kind in ("words", "maybe", "ends"))
     ways = (
-        (_WHOLE, text == role or words.fullmatch(text)),
+        (WHOLE, text == role or words.fullmatch(text)),
         (_BEGINS, re.match(rf"(?:{words.pattern})\b", text)),
         (_MAYBE, maybe.fullmatch(text)),
         (_ENDS, re.search(rf"(?:{ends.pattern})$", text)),
@@ -179,7 +179,7 @@ def _assignment(bits: Mapping[tuple[str, int], float]) -> dict[str, int]:
 
 def known_headings(row: Sequence[str]) -> int:
     """How many cells of a row are headings by all of them."""
-    return sum(any(heading_bits(plain_heading(cell), role) >= _WHOLE for role in roles()) for cell in row)
+    return sum(any(heading_bits(plain_heading(cell), role) >= WHOLE for role in roles()) for cell in row)
 
 
 def is_heading(row: Sequence[str]) -> bool:

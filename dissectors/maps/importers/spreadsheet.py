@@ -15,10 +15,12 @@ from typing import Final
 from ..cells import CellError, area_and_address
 from ..model import DIGIT_OF_AREA, VALUE_TYPES, MapArea, MapError
 from ..roles import (
+    WHOLE,
     Table,
     assigned,
     assignment,
     column_cells,
+    heading_bits,
     is_heading,
     is_unknown_heading,
     known_headings,
@@ -190,7 +192,7 @@ class _TableRows:
             "word order" * ("word" in texts.get("order", "")),
         )
         for holds, note in (
-            ("divisor" in columns and texts["divisor"][:2] in _GAINS, _AS_DIVISOR),
+            ("divisor" in columns and heading_bits(texts["divisor"], "divisor") < WHOLE, _AS_DIVISOR),
             ("power" in columns, "whole factors, some below 0, were taken for powers of ten"),
             (how.is_hex > how.is_said, "addresses were taken for hexadecimal, as some of them have letters"),
         ):
@@ -312,7 +314,6 @@ class _TableRows:
         return order
 
 
-_GAINS: Final = frozenset({"ga", "sc", "fa", "增益", "系数", "倍率"})
 _AS_DIVISOR: Final = "gains of 1 or more were taken as divisors of raw values"
 
 
