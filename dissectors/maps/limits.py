@@ -112,11 +112,14 @@ def breaches(chart: RegisterMap, request: MapRequest) -> Iterator[MapBreach]:
     limits = device_limits(chart)
     if limits.functions and request.function not in limits.functions:
         yield MapBreach("function", request.function, tuple(sorted(limits.functions)))
-    if limits.longest_frame is not None and request.longer_frame > limits.longest_frame:
-        yield MapBreach("frame", request.longer_frame, (limits.longest_frame,))
     most = limits.longest_write if request.function in WRITERS else limits.longest_read
-    if most is not None and request.quantity > most:
-        yield MapBreach("quantity", request.quantity, (most,))
+    sizes: tuple[tuple[BreachKind, int, int | None], ...] = (
+        ("frame", request.longer_frame, limits.longest_frame),
+        ("quantity", request.quantity, most),
+    )
+    for kind, asked, limit in sizes:
+        if limit is not None and asked > limit:
+            yield MapBreach(kind, asked, (limit,))
     if request.function in WRITERS:
         yield from _of_values(chart, request)
 

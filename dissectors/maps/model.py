@@ -145,11 +145,8 @@ class RegisterMap:
 
     def at(self, area: str, address: int) -> MappedValue | None:
         """The value that has this register, if any; of two the one that begins last."""
-        best = None
-        for row in self.rows:
-            if row.area == area and row.address <= address < row.end and (best is None or row.address > best.address):
-                best = row
-        return best
+        there = [row for row in self.rows if row.area == area and row.address <= address < row.end]
+        return max(there, key=lambda row: row.address, default=None)
 
     def within(self, area: str, address: int, quantity: int) -> list[MappedValue]:
         """The values that lie wholly in these addresses, by address."""

@@ -86,12 +86,17 @@ def _has_address(record: Record) -> bool:
 
 def _lists_of_rows(node: Any, depth: int) -> Iterator[Sequence[Sequence[Any]]]:
     """The lists of lists in a tree that are rows of one length."""
-    below = list(node.values()) if isinstance(node, Mapping) else node if isinstance(node, list) else []
-    rows = [row for row in below if isinstance(row, list)]
-    if len(rows) == len(below) > _FEW and len({len(row) for row in rows}) == 1 and len(rows[0]) > _FEW:
-        yield rows
-    for inner in below if depth < _DEPTH else ():
+    below = parts_of(node)
+    widths = {len(row) if isinstance(row, list) else 0 for row in below}
+    if len(below) > _FEW and len(widths) == 1 and min(widths) > _FEW:
+        yield below
+    for inner in below[: _MOST * (depth < _DEPTH)]:
         yield from _lists_of_rows(inner, depth + 1)
+
+
+def parts_of(node: Any) -> list[Any]:
+    """What a mapping or a list of a tree holds; nothing of anything else."""
+    return [*node.values()] if isinstance(node, Mapping) else node if isinstance(node, list) else []
 
 
 def _found(node: Any, path: tuple[str, ...]) -> Iterator[Record]:

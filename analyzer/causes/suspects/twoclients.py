@@ -126,7 +126,7 @@ class _Meetings:
         return [unit for unit in self.units if any(sign(unit) > 0 for sign in signs)]
 
     @cached_property
-    def behind(self) -> int:
+    def behind(self) -> float:
         return sum(self.evidence.behind(unit, Behind.REQUEST, Behind.NOISE) for unit in self.units)
 
     @cached_property

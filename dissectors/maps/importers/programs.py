@@ -18,6 +18,7 @@ from importlib.resources import files as package_files
 from typing import Any, Final, cast
 
 from ..model import VALUE_TYPES
+from ..records import parts_of
 from .source import ImportedMap, MapBuilder, MapSource, mappings, number_in, scaled, whole_in
 
 Record = dict[str, Any]
@@ -124,7 +125,7 @@ def _by_keys(node: Any, steps: Sequence[str]) -> Stepped:
 def _anywhere(node: Any, steps: Sequence[str]) -> Stepped:
     """The node itself for the steps behind `**`, and all that it holds for these."""
     yield node, {}, steps[1:]
-    for below in node.values() if isinstance(node, Mapping) else node if isinstance(node, list) else ():
+    for below in parts_of(node):
         yield below, _plain_values(node), steps
 
 

@@ -30,6 +30,12 @@ _INCLUDED: Final = re.compile(r"^[^#\n]*!include\w*\s+(?:\{?\s*file:\s*)?([^\s,}
 _MOST_INCLUDED: Final = 5
 _DEEPEST: Final = 40  # elements in elements
 _KINDS: Final = {".yaml": "YAML", ".yml": "YAML", ".toml": "TOML", ".conf": "TOML", ".json": "JSON", ".jinja": "JSON"}
+_WAYS: Final = {  # in which a tree is read, by the suffix of its file and by its first sign
+    **dict.fromkeys((".yaml", ".yml"), ("yaml",)),
+    **dict.fromkeys((".toml", ".conf", ".ini", ".cfg"), ("toml", "ini")),
+    "<": ("xml",),
+    "{": ("lines",),
+}
 _TOO_DEEP: Final = "nested too deeply"
 
 
@@ -70,15 +76,13 @@ class MapSource:
     def tree(self) -> Any:
         """The content of JSON (also one JSON object per line), and of YAML, TOML or INI by the file's name; None of "
         "another."""
-        if self.json is not None or not self.is_text:
-            return self.json
-        if self.suffix in (".yaml", ".yml"):
-            return self.yaml
-        if self.suffix in (".toml", ".conf", ".ini", ".cfg"):
-            return self.toml or self.ini
-        if self.text.startswith("<"):
-            return self.xml
-        return json_lines(self.text) if self.text.startswith("{") else None
+        ways = ("json", *_WAYS.get(self.suffix, ()), *_WAYS.get(self.text[:1], ()))
+        return next(filter(None, (getattr(self, way) for way in ways)), None)
+
+    @cached_property
+    def lines(self) -> Any:
+        """The objects of JSON lines."""
+        return json_lines(self.text)
 
     @property
     def rows(self) -> Iterator[dict[str, str]]:
