@@ -210,7 +210,14 @@ COLUMNS = {  # frames: what columns of their transactions hold
         [READ, b"\x99\x88\x77", READ, b"\x00\xff\x99", READ, ANSWER, b"\x12\x34", READ],
         {"garbage": [3, 1, 0, 0], "retry": [0, 1, 1, 0]},
     ),
-    "a late answer": ([READ, READ_2, ANSWER, READ, ANSWER], {"late": [1, 0, 0], "response": [2, -1, 4]}),
+    "a late answer": (
+        [READ, READ_2, ANSWER, READ, ANSWER],
+        {"late": [1, 0, 0], "response": [2, -1, 4], "garbage": [0, 0, 0]},
+    ),
+    "a broadcast again, and nothing behind it": (
+        [READ, ANSWER, BROADCAST, adu("110301000002"), ANSWER, BROADCAST, BROADCAST],
+        {"again": [0, 0, 0, 0, 1]},
+    ),
     "the answer behind a request of its kind": (
         [READ, adu("110300200002"), ANSWER, READ, ANSWER],
         {"late": [0, 0, 0], "response": [-1, 2, 4]},
