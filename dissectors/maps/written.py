@@ -20,11 +20,6 @@ _NUMBER: Final = re.compile(
     r"0[xX][0-9A-Fa-f]+|[0134][xX]\d+|\b[0-9][0-9A-Fa-f]*[hH]\b|\b[A-Fa-f][0-9A-Fa-f]*[hH]\b|\d+"
 )
 _BIT: Final = re.compile(r"(?P<place>.*[0-9A-Fa-f][hH]?)\s*[.:]\s*(?:bit\s*)?(?P<bit>\d|0\d|1[0-5])", re.IGNORECASE)
-_GAPS: Final = (
-    (re.compile("(?<=\\d)[ \u00a0\u202f'](?=\\d{3}(?!\\d))"), ""),  # of thousands
-    (re.compile(r"([0134]) (?=\d{4,5}(?!\d))"), r"\1"),  # 4 0001
-    (re.compile(r"(?<=\b[0-9A-Fa-f]{4}) (?=[hH]\b)"), ""),  # 07D0 H
-)
 _PARTS: Final = re.compile(r"\s*(?:-|–|—|…|\.{2,3}|to|[,;/&])\s*")
 _FUNCTIONS: Final[Mapping[int, MapArea]] = {1: "coil", 5: "coil", 15: "coil", 2: "discrete", 3: "holding", 6: "holding",
                                             16: "holding", 4: "input"}  # fmt: skip
@@ -125,8 +120,8 @@ def numbers_in(cell: str) -> list[int]:
 def together(cell: str) -> str:
     """A cell whose numbers have no gaps at their thousands."""
     cell = cell.strip()
-    for gap, sign in _GAPS:
-        cell = gap.sub(sign, cell)
+    for gap in vocabulary()["gaps"]:
+        cell = expression(gap["like"]).sub(gap["is"], cell)
     return cell
 
 
@@ -175,7 +170,7 @@ def access_of(cells: Mapping[str, str]) -> str | None:
 
 def area_of_cell(text: str, *, function: bool = False) -> MapArea | None:
     """The area that a cell names, by words, by its digit (4 for 4x), or by the code of a `function` that reads it."""
-    word = re.sub(r"\.0$", "", text.strip().lower())
+    word = text.strip().lower().removesuffix(".0")
     if not function or not expression(r"\d?").fullmatch(word):
         try:
             return area_of(word)

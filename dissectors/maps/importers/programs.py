@@ -179,23 +179,21 @@ class _ProgramRow:
             self.builder.note(text)
         for text in self.record.get("notes", ()):
             self.note(text)
+        if "skipped" in self.record:
+            return
         position = self.said("address")
         address = whole_in(position)
         area, area_word = self.meant("area")
-        kind, type_word = self.meant("type")
-        bit = whole_in(self.said("bit"))
-        if kind == "bit":
-            bit = bit or 0
-        if "skipped" in self.record:
-            return
+        kind, type_word = ("bool", "") if area in _BITS else self.meant("type")
+        bit = whole_in(self.said("bit")) if kind != "bit" else whole_in(self.said("bit")) or 0
         if address is None or area is None:
             self.note(f"address {position!r} of {area_word!r} is not known")
-        elif bit is not None and area not in _BITS:
+        elif bit is not None and kind != "bool":
             self.builder.add_bits(area, address, bit, whole_in(self.said("width")) or 1, self.name)
-        elif kind is None and area not in _BITS:
+        elif kind is None:
             self.note(f"{self.data.get('types_are', 'type')} {type_word!r} is not a type that maps have")
         else:
-            self.builder.add(self._cells(area, address, "bool" if area in _BITS else kind or ""), self.what)
+            self.builder.add(self._cells(area, address, kind), self.what)
 
     def _cells(self, area: str, address: int, kind: str) -> dict[str, object]:
         kind, _, own_order = kind.partition(" ")

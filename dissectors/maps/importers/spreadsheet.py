@@ -219,9 +219,8 @@ class _TableRows:
         """Take in what a row without values says of those below."""
         cells = list(filter(None, row))
         title = " ".join(cells)
-        says_order = form("says_order", title.lower())
-        self.order = (says_order and order_of(title)) or self.order
-        self.in_hex = self.in_hex or form("in_hex", title) != {}
+        self.order = order_of(form("says_order", title.lower()).get("", "")) or self.order
+        self.in_hex |= form("in_hex", title) != {}
         self.area = area_words(title) or self.area
         if len(cells) == 1 and (self.heading.columns or title.startswith("#")):
             self.group = _group(title) or self.group
