@@ -3,8 +3,8 @@
     python benchmarks/score_maps.py [--fold NAME] [--wrong] [--rows FILE]
 
 Made-up makers in folds (`map_files.py`): `fit` and `held` may be looked at when words are added, `new` has languages
-and layouts of which nothing speaks; `late` was written last and tells the score. `tests` are the oddities of the tests
-and the other programs' files.
+and layouts of which nothing speaks; `late` tells the score. Whole files, written by hand, are `fresh-fit`, `fresh`,
+`unseen` and `later` (`maps/whole.toml`). `tests` are the oddities of the tests and the other programs' files.
 `--rows FILE` writes every row read, a line each, so that two versions can be compared row by row.
 """
 
@@ -77,7 +77,9 @@ def texts_of(name: str, data: bytes) -> list[str]:
 
 def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--fold", choices=("fit", "held", "new", "late", "fresh-fit", "fresh", "unseen", "tests"))
+    parser.add_argument(
+        "--fold", choices=("fit", "held", "new", "late", "fresh-fit", "fresh", "unseen", "later", "tests")
+    )
     parser.add_argument("--wrong", action="store_true", help="print what is wrong in each file")
     parser.add_argument("--rows", type=Path, metavar="FILE", help="write every row that is read")
     options = parser.parse_args(arguments)
