@@ -144,6 +144,24 @@ def test_only_the_same_write_is_the_same_again_whatever_the_envelope(envelope: s
     assert told.again.tolist() == [False, False, True]
 
 
+@pytest.mark.parametrize("together", [False, True])
+def test_over_tcp_the_same_under_another_number_is_a_retry_where_none_answered(together: bool) -> None:
+    pieces, read, answer = [], READ[:-2], ANSWER[:-2]
+    for number, answered, body in (
+        (1, 1, read),
+        (2, 0, read),
+        (3, 0, read),
+        (4, 1, read),
+        (5, 1, adu("110300200002")[:-2]),
+    ):
+        for frame in (body, answer)[: 1 + answered]:
+            pieces.append(number.to_bytes(2) + b"\0\0" + len(frame).to_bytes(2) + frame)
+    feeds, found, deframer = spaced(pieces), Transactions(), Deframer(LINE)
+    batches = [*map(deframer.feed, [Block.from_chunks(feeds)] if together else feeds), deframer.close()]
+    told = TransactionRows.joined([*map(found.feed, batches), found.close()])
+    assert told.retry.tolist() == [False, False, True, True, False]
+
+
 def test_a_shifted_series_is_put_right_when_an_answer_is_left_over() -> None:
     """One late answer, taken for the next request's, and so on: the one that nobody asked for tells whose all were."""
     asked = [adu(f"1103{address:04x}0002") for address in (0, 16, 32, 48)]
