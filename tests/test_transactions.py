@@ -253,6 +253,15 @@ def test_what_becomes_of_requests(case: str, together: bool) -> None:
     assert {name: found.column(name).tolist() for name in expected} == expected
 
 
+def test_a_late_answer_is_held_against_the_newest_request_and_not_the_one_of_the_batch_before() -> None:
+    deframer, found = rtu_deframer(LINE), Transactions()
+    chunks = spaced([READ, READ_2, ANSWER, READ, ANSWER])  # which asks for more than the answer has
+    batch = join_batches([deframer.feed(Block.from_chunks(chunks)), deframer.close()])
+    parts = [replace(batch, rows=batch.rows[:1]), replace(batch, rows=batch.rows[1:])]
+    told = TransactionRows.joined([*map(found.feed, parts), found.close()])
+    assert (told.late.tolist(), told.mistaken.tolist()) == ([True, False, False], [False, False, False])
+
+
 def test_the_next_request_ends_the_wait_and_nothing_else_does() -> None:
     first, second, last = transactions(spaced([READ, READ_2, READ]))
     assert (first.t_next_ns, second.t_next_ns) == (second.t_start_ns, last.t_start_ns)
