@@ -70,6 +70,19 @@ def made_files(devices: int = 3) -> Iterator[MadeFile]:
             yield _made(style, chart, chance, number)
 
 
+def whole_files() -> Iterator[MadeFile]:
+    """The files that were written whole, by hand; every second one may be looked at."""
+    listed = tomllib.loads((HOME / "maps" / "whole.toml").read_text(encoding="utf-8"))["file"]
+    for number, file in enumerate(listed):
+        rows = []
+        for row in file["rows"]:
+            place, name, kind, scale, unit, access = (cell.strip() for cell in row.split("|"))
+            area, address = place.split()
+            rows.append((area, int(address), name, kind, float(scale), unit, access))
+        fold = file.get("fold", "fresh" if number % 2 else "fresh-fit")
+        yield MadeFile(file["name"], fold, file["name"], file["text"].lstrip("\n").encode(), rows)
+
+
 def _shown_values(chart: RegisterMap) -> list[MappedValue]:
     """The numbers of a device that a file shows: the first of the area that has most, by address."""
     areas = [row.area for row in chart.rows]

@@ -16,7 +16,8 @@ from collections import defaultdict
 from dataclasses import dataclass, field
 from random import Random
 
-from ask_devices import FLAWS, ODD, Drawn, chunks_of, flawed, odd
+from ask_devices import FLAWS, ODD, Drawn, flawed, odd
+from ask_line import chunks_of
 
 from analyzer.causes.ledger import ledger_of
 from analyzer.causes.reasoning import causes_of

@@ -1,4 +1,4 @@
-"""Scores what is said of drawn sessions that are no Modbus (`foreign_talks`).
+"""Scores what is said of drawn sessions that are no Modbus (`foreign_talks`, `foreign_meters`).
 
     python benchmarks/score_foreign.py [--sessions N] [--first SEED] [--misses] [KIND ...]
 
@@ -17,7 +17,8 @@ from random import Random
 
 sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1])]
 
-from foreign_talks import METERS, TALKS, heard, pasted  # noqa: E402
+from foreign_meters import METERS  # noqa: E402
+from foreign_talks import TALKS, heard, pasted  # noqa: E402
 
 from analyzer import paste  # noqa: E402
 from analyzer.paste.model import PastedFrame  # noqa: E402

@@ -1,10 +1,10 @@
 """Scores the import of register maps: how many rows, of which all that the file shows is read rightly.
 
-    python benchmarks/score_maps.py [--fold fit|held|new|late|tests] [--wrong] [--rows FILE]
+    python benchmarks/score_maps.py [--fold NAME] [--wrong] [--rows FILE]
 
 Made-up makers in folds (`map_files.py`): `fit` and `held` may be looked at when words are added, `new` has languages
-and layouts of which nothing speaks; `late` was written last and tells the score. `tests` are the oddities of the tests
-and the other programs' files.
+and layouts of which nothing speaks; `late` tells the score. Whole files, written by hand, are `fresh-fit`, `fresh`,
+`unseen` and `later` (`maps/whole.toml`). `tests` are the oddities of the tests and the other programs' files.
 `--rows FILE` writes every row read, a line each, so that two versions can be compared row by row.
 """
 
@@ -19,7 +19,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
-from map_files import MadeFile, made_files
+from map_files import MadeFile, made_files, whole_files
 
 from dissectors.maps import MapError
 from dissectors.maps.importers import import_maps
@@ -77,13 +77,15 @@ def texts_of(name: str, data: bytes) -> list[str]:
 
 def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--fold", choices=("fit", "held", "new", "late", "tests"))
+    parser.add_argument(
+        "--fold", choices=("fit", "held", "new", "late", "fresh-fit", "fresh", "unseen", "later", "tests")
+    )
     parser.add_argument("--wrong", action="store_true", help="print what is wrong in each file")
     parser.add_argument("--rows", type=Path, metavar="FILE", help="write every row that is read")
     options = parser.parse_args(arguments)
     right: dict[str, list[int]] = defaultdict(lambda: [0, 0])
     lines: list[str] = []
-    for file in made_files():
+    for file in (*made_files(), *whole_files()):
         if options.fold not in (None, file.fold):
             continue
         wrong: Counter[str] = Counter()

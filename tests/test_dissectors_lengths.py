@@ -5,11 +5,28 @@ from __future__ import annotations
 import pickle
 
 import pytest
+from construct import (
+    Array,
+    Bytes,
+    Check,
+    CString,
+    GreedyBytes,
+    Int8ub,
+    Int16ub,
+    Int16ul,
+    Int24ub,
+    Optional,
+    Prefixed,
+    Struct,
+    Switch,
+    this,
+)
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dissectors.declaration import ByteCount, Function, Quantity
 from dissectors.functions import functions
-from dissectors.length_rules import Role
+from dissectors.length_rules import Role, compiled, field_names, rebuilt, shape
 from dissectors.lengths import RULES, pdu_length, plausibility, relations, rule
 from dissectors.limits import MAX_PDU, Bound, Choice, Count, Echo, RequestedByteCount, Sized
 
@@ -168,3 +185,67 @@ def test_plausibility_in_words() -> None:
 def test_rules_are_plain_data() -> None:
     plain = [known for known in RULES.values() if known.walk is None]
     assert pickle.loads(pickle.dumps(plain)) == plain
+
+
+SHAPES = {  # declaration: size, count, layout, (open-ended, bare, stepped)
+    "numbers have a place": (Struct("a" / Int8ub, "b" / Int16ub), 4, None, {"a": (1, 1), "b": (2, 2)}, (0, 0, 0)),
+    "of three bytes none": (Struct("a" / Int24ub, "b" / Int8ub), 5, None, {"b": (4, 1)}, (0, 0, 0)),
+    "of low byte first none": (Struct("a" / Int16ul, "s" / Bytes(this.a)), 3, None, {}, (0, 0, 1)),
+    "bytes that are counted": (Struct("n" / Int8ub, "s" / Bytes(this.n)), 2, Count(1, 1, 1), {"n": (1, 1)}, (0, 0, 0)),
+    "bytes that nothing counts": (Struct("s" / Bytes(lambda c: c.n)), 1, None, {}, (0, 0, 1)),
+    "a size below nothing": (Struct("s" / Bytes(-1)), 1, None, {}, (0, 0, 1)),
+    "elements": (Struct("n" / Int16ub, "s" / Array(this.n, Int16ub)), 3, Count(1, 2, 2), {"n": (1, 2)}, (0, 0, 0)),
+    "of any size": (Struct("n" / Int8ub, "s" / Array(this.n, CString("ascii"))), 2, None, {"n": (1, 1)}, (0, 0, 1)),
+    "behind their number": (Struct("s" / Prefixed(Int8ub, GreedyBytes)), 2, Count(1, 1, 1), {}, (0, 0, 0)),
+    "behind a wide number": (Struct("s" / Prefixed(Int24ub, GreedyBytes)), 1, None, {}, (0, 0, 1)),
+    "behind low byte first": (Struct("s" / Prefixed(Int16ul, GreedyBytes)), 1, None, {}, (0, 0, 1)),
+    "with their number": (Struct("s" / Prefixed(Int8ub, GreedyBytes, includelength=True)), 1, None, {}, (0, 0, 1)),
+    "counted twice": (Struct("n" / Int8ub, Bytes(this.n), Bytes(this.n)), 2, Count(1, 1, 1), {"n": (1, 1)}, (0, 0, 1)),
+    "a text with an end": (Struct("s" / CString("ascii")), 1, None, {}, (0, 0, 1)),
+    "to the end": (Struct("a" / Int8ub, "s" / GreedyBytes), 2, None, {"a": (1, 1)}, (1, 1, 0)),
+    "to the end, within": (Struct("s" / Optional(GreedyBytes)), 1, None, {}, (0, 0, 1)),
+    "of one size": (Struct("k" / Int8ub, Switch(this.k, {1: Int16ub, 2: Bytes(2)})), 4, None, {"k": (1, 1)}, (0, 0, 0)),
+    "of two": (Struct("k" / Int8ub, Switch(this.k, {1: Int16ub, 2: Int8ub})), 2, None, {"k": (1, 1)}, (0, 0, 1)),
+    "nothing": (Struct("k" / Int8ub, Switch(this.k, {})), 2, None, {"k": (1, 1)}, (0, 0, 1)),
+    "behind two sizes no place": (
+        Struct("k" / Int8ub, Switch(this.k, {1: Int16ub, 2: Int8ub}), "z" / Int8ub), 3, None, {"k": (1, 1)}, (0, 0, 1)
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", SHAPES)
+def test_the_shape_of_what_others_declare(case: str) -> None:
+    declaration, size, count, placed, flags = SHAPES[case]
+    found = shape(declaration)
+    assert (found.size, found.count, found.layout) == (size, count, placed)
+    assert (found.open_ended, found.bare, found.stepped) == flags
+
+
+TEXT = CString("ascii")
+WALKS = {  # declaration, bytes behind the function code: the length
+    "a text that ends": (Struct("s" / TEXT), b"abc\0z", 5),
+    "one that does not yet": (Struct("s" / TEXT), b"abc", None),
+    "nor in any PDU": (Struct("s" / TEXT), b"a" * (MAX_PDU - 1), -1),
+    "the longest": (Struct("s" / TEXT), b"a" * (MAX_PDU - 2) + b"\0", MAX_PDU),
+    "longer": (Struct("s" / TEXT), b"a" * (MAX_PDU - 1) + b"\0", -1),
+    "one that fails": (Struct(Check(lambda _: 1 // 0), "s" / TEXT), b"a\0", -1),
+    "a number that cannot be": (Struct("n" / ByteCount(2, 8, multiple=2), "s" / TEXT), b"\3a\0", -1),
+    "a count that does not fit": (Struct("q" / Quantity(1, 9), "n" / ByteCount(1, 9, of="q"), TEXT), b"\0\2\3\0", -1),
+    "one that does": (Struct("q" / Quantity(1, 9), "n" / ByteCount(1, 9, of="q"), TEXT), b"\0\2\4\0", 5),
+    "no end": (Struct("s" / TEXT, "rest" / GreedyBytes), b"a\0z", None),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", WALKS)
+def test_the_length_of_what_others_declare(case: str) -> None:
+    declaration, data, expected = WALKS[case]
+    known, _ = compiled(Function(0x41, "X", declaration, declaration), REQUEST)
+    assert known.walk is not None and known.walk(b"\x41" + data) == expected
+
+
+def test_names_of_fields_and_parts_that_are_replaced() -> None:
+    declared = Struct("a" / Int8ub, "in" / Struct("b" / Int16ub), Switch(this.a, {1: "c" / Int8ub}))
+    assert field_names(declared) == ["a", "in", "b", "c"]
+    assert rebuilt(declared, lambda _: None) is declared
+    wider = rebuilt(declared, lambda part: Int24ub if part is Int16ub else None)
+    assert (shape(wider).layout, shape(declared).layout) == ({"a": (1, 1)}, {"a": (1, 1), "b": (2, 2)})

@@ -18,6 +18,7 @@ from dissectors.crc import crc_bytes
 SEEDS = range(4)
 _ADVICE = ("wiring", "termination", "connect A to A", "two transmitters", "broadcast-answered")
 talks = package("foreign_talks")
+METERS = package("foreign_meters").METERS
 
 
 def crc(*parts: bytes) -> bytes:
@@ -34,10 +35,10 @@ def heard(session: list[bytes]) -> Capture:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("name", talks.METERS)
+@pytest.mark.parametrize("name", METERS)
 def test_meters_with_the_crc_of_modbus_are_named(name: str, seed: int) -> None:
     random = Random(f"{name} {seed}")
-    talk = talks.METERS[name](random)
+    talk = METERS[name](random)
     read = paste.read(talks.pasted(talk))
     report = summarize(talks.heard(talk, random))
     page = " ".join(text(report).split())

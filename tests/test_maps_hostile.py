@@ -39,6 +39,11 @@ HARMS = {
     "nested.yaml": ("registers: [{area: input, address: 1, name: [a, b]}]", "row 1: name is 'list': expected a text"),
     "comments.json": ('{"a":' + "/*" * 1_000_000, "no JSON: line 1"),
     "quotes.json": ('{"a":' + '"\\' * 1_000_000, "no JSON: line 1"),
+    "quotes.py": ('"\\' * 500_000, "no(t a known| JSON)"),
+    "brackets.py": ("([" * 500_000, "not a known register map"),
+    "tabs.txt": (("a" + "\t" * 290 + "\n") * 300, "not a known register map"),
+    "entities.xml": ('<!DOCTYPE a [<!ENTITY b "x">]><a>&b;</a>', "not a known register map"),
+    "deep.xml": ("<a>" * 100_000, "not a known register map"),
     "state.csv": ("area,address,name,values\ninput,1,a," + "9" * 30 + "=x\n", "row 2: values is '9+': expected states"),
     "none.csv": ("modbus register,name\nnothing,Voltage\n", "it has no registers: row 2: 'nothing' is not an address"),
 }  # fmt: skip
@@ -50,7 +55,7 @@ def test_what_would_harm_is_one_line(file: str, tmp_path: Path) -> None:
     path = tmp_path / file
     path.write_text(text, encoding="utf-8")
     with pytest.raises(MapError, match=expected) as raised:
-        if path.suffix in (".json", ".toml") or file == "none.csv":
+        if path.suffix in (".json", ".toml", ".py", ".txt", ".xml") or file == "none.csv":
             import_maps(file, text.encode())
         else:
             read_map(path)

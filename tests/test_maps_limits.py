@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import cast
 
 import pytest
 from hypothesis import given
@@ -10,7 +11,7 @@ from hypothesis import strategies as st
 
 from dissectors.maps import RegisterMap, shipped_map
 from dissectors.maps.limits import MapRequest, breaches, device_limits
-from dissectors.maps.model import MappedValue
+from dissectors.maps.model import MapArea, MappedValue
 from dissectors.maps.table import read_table, write_table
 
 SUPPLY = shipped_map("el-psu")
@@ -43,6 +44,7 @@ REQUESTS = {
         MapRequest(6, "holding", 3, 1, (5,)),
         [("state", 5, "Supply type")],
     ),
+    "its greatest value, and its least": (MapRequest(16, "holding", 4, 1, (1023,)), []),
     "values whose words are not known": (MapRequest(16, "holding", 4, 1), []),
 }  # fmt: skip
 
@@ -64,6 +66,46 @@ def test_longest_requests_and_headers_that_say_nothing() -> None:
     limits = device_limits(chart)
     assert (limits.longest_read, limits.longest_frame, limits.functions) == (10, None, frozenset())
     assert [one.kind for one in breaches(chart, MapRequest(3, "holding", 0, 11))] == ["quantity"]
+
+
+LIMITED = {  # header of the map, function, area, quantity: what is beyond it
+    "as many registers as it reads": ({"longest_read": "10"}, 3, "holding", 10, []),
+    "as many as it writes": ({"longest_write": "4", "longest_read": "1"}, 16, "holding", 4, []),
+    "more than it writes": ({"longest_write": "4", "longest_read": "9"}, 16, "holding", 5, [("quantity", 5.0, (4.0,))]),
+    "functions in hex and decimal": ({"functions": "0x10, 3"}, 4, "input", 1, [("function", 4.0, (3.0, 16.0))]),
+    "a function with a decimal zero": ({"functions": "03 10"}, 10, "holding", 1, []),
+    "coils in whole bytes": ({"longest_frame": "8"}, 1, "coil", 24, []),
+    "one coil more": ({"longest_frame": "8"}, 1, "coil", 25, [("frame", 9.0, (8.0,))]),
+    "a request is eight bytes itself": ({"longest_frame": "7"}, 6, "holding", 1, [("frame", 8.0, (7.0,))]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", LIMITED)
+def test_limits_of_headers(case: str) -> None:
+    other, function, area, quantity, expected = LIMITED[case]
+    request = MapRequest(function, cast(MapArea, area), 0, quantity)
+    found = breaches(RegisterMap("x", (), other=other), request)
+    assert [(one.kind, one.asked, one.limit) for one in found] == expected
+
+
+WIDE = MappedValue("holding", 5, "U", "u32", length=2, scale=0.5, minimum=2.25, maximum=9.25)
+VALUES = {"half a step under": (4, []), "less": (3, ["low"]), "half a step over": (19, []), "more": (20, ["high"])}
+
+
+@pytest.mark.parametrize("case", VALUES)
+def test_values_at_their_bounds(case: str) -> None:
+    raw, expected = VALUES[case]
+    chart = RegisterMap("x", (WIDE,))
+    assert [one.kind for one in breaches(chart, MapRequest(16, "holding", 4, 3, (0, 0, raw)))] == expected
+
+
+@pytest.mark.parametrize(
+    ("address", "quantity", "asked"), [(4, 1, None), (4, 2, 1), (5, 1, 1), (6, 3, 1), (7, 2, None)]
+)
+def test_parts_of_a_value(address: int, quantity: int, asked: int | None) -> None:
+    request = MapRequest(16, "holding", address, quantity, (0,) * quantity)
+    found = [(one.asked, one.limit) for one in breaches(RegisterMap("x", (WIDE,)), request)]
+    assert found == ([(asked, (2,))] if asked else [])
 
 
 def test_writers_survive_the_file_and_wrong_ones_are_an_error() -> None:

@@ -160,7 +160,7 @@ parameters:
 """,
         ["holding 109 u16 x0.1 V PV1 Voltage", "holding 59 enum {0=Standby; 1=Run; 2=Run} State",
          "holding 96 u32 CDAB x0.1 kWh Energy"],
-        "Clock: rule 8",
+        "Clock: rule '8 3' is not a type that maps have",
     ),
     "modbus_exporter: a factor with a comma, an address that is short": (
         "modbus.yml",

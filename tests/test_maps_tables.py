@@ -375,6 +375,95 @@ TABLES: dict[str, OddFile] = {
         ["holding 7 enum {0=off; 1=heat; 2=cool} Mode", "holding 8 bits {0=low; 1=high} Alarm"],
         "",
     ),
+    "XML with attributes": (
+        "dryer.xml",
+        b'<dryer><at reg="20" caption="Inlet" coded="int16" eu="V" slope="0.1"/>'
+        b'<at reg="21" caption="Belt" coded="uint16" eu="A" slope="1"/></dryer>',
+        ["holding 20 s16 x0.1 V Inlet", "holding 21 u16 A Belt"],
+        "",
+    ),
+    "XML with elements": (
+        "tank.xml",
+        b"<t><r><address>5</address><name>Level</name><type>u16</type></r>"
+        b"<r><address>6</address><name>Flow</name><type>f32</type></r></t>",
+        ["holding 5 u16 Level", "holding 6 f32 Flow"],
+        "",
+    ),
+    "items that have names, in a program": (
+        "regs.py",
+        b"REGS = [\n  {'address': 0x10, 'name': 'In', 'type': 'int16', 'of': [1, 2]},  # first\n"
+        b"  {'address': 0x11, 'name': 'It\\'s', 'type': 'uint16'},\n]\nprint(REGS[0], '{')\n",
+        ["holding 16 s16 In", "holding 17 u16 It\\'s"],
+        "",
+    ),
+    "items behind a comment that names them": (
+        "regs.go",
+        b'// address, name, kind\nvar r = []Point{\n\t{7, "In", "int16"},\n\t{8, "Out", "uint16"},\n}\n',
+        ["holding 7 s16 In", "holding 8 u16 Out"],
+        "",
+    ),
+    "items of a structure": (
+        "regs.h",
+        b'typedef struct { uint16_t address; const char *name; char type[8]; } point_t;\n'
+        b'point_t p[2] = { {7, "In", "int16"}, {8, "Out", "uint16"} };\n',
+        ["holding 7 s16 In", "holding 8 u16 Out"],
+        "",
+    ),
+    "rows of SQL": (
+        "regs.sql",
+        b"INSERT INTO p (spot, caption, wire) VALUES (7, 'In', 'int16'), (8, 'Out', 'uint16');",
+        ["holding 7 s16 In", "holding 8 u16 Out"],
+        "",
+    ),
+    "names of addresses with remarks": (
+        "regs.h",
+        b"#ifndef H\n#define H\n#define T_IN 0x10 /* int16, 0.1 V */\n#define P_IN 0x11u // uint16, 1 bar\n#endif\n",
+        ["holding 16 s16 x0.1 V T_IN", "holding 17 u16 bar P_IN"],
+        "",
+    ),
+    "variables of a controller": (
+        "line.st",
+        b"VAR\n  Speed AT %MW5 : UINT; (* V *)\n  Level AT %MW6 : REAL; (* A *)\nEND_VAR\n",
+        ["holding 5 u16 V Speed", "holding 6 f32 A Level"],
+        "",
+    ),
+    "blocks of lines": (
+        "meter.txt",
+        b"Meter\n\naddress: 5\nname: Level\ntype: u16\n\naddress: 6\nname: Flow\ntype: f32\nunit: bar\n",
+        ["holding 5 u16 Level", "holding 6 f32 bar Flow"],
+        "",
+    ),
+    "a table of a wiki": (
+        "page.wiki",
+        b'{| class="wikitable"\n! address !! name !! type\n|-\n| 5 || Level || u16\n|-\n| 6\n| Flow\n| f32\n|}\n',
+        ["holding 5 u16 Level", "holding 6 f32 Flow"],
+        "",
+    ),
+    "a table in drawn lines": (
+        "page.txt",
+        "┌───┬───────┬─────┐\n│ address │ name │ type │\n├───┼───────┼─────┤\n│ 5 │ Level │ u16 │\n│ 6 │ Flow │ f32 │\n"
+        "└───┴───────┴─────┘\n".encode(),
+        ["holding 5 u16 Level", "holding 6 f32 Flow"],
+        "",
+    ),
+    "no headings": (
+        "plain.csv",
+        b"5;Level;UINT16;V;0.1\n6;Flow;FLOAT;A;1\nx;Old;UINT16;V;1\n8;Rest;INT16;V;1\n",
+        ["holding 5 u16 x0.1 V Level", "holding 6 f32 A Flow", "holding 8 s16 V Rest"],
+        "row 3: 'x' is not an address",
+    ),
+    "divisors under a word that nobody knows": (
+        "list.csv",
+        b"address,name,type,foo\n5,A,u16,10\n6,B,u16,100\n7,C,u16,1\n",
+        ["holding 5 u16 x0.1 A", "holding 6 u16 x0.01 B", "holding 7 u16 C"],
+        "",
+    ),
+    "accents left out": (
+        "list.csv",
+        b"Denomination;Acces;Regle;Adresse;Libelle\nx;L;1;5;Niveau\nx;L/E;2;6;Debit\n",
+        ["holding 5 u16 r Niveau", "holding 6 u16 rw Debit"],
+        "",
+    ),
 }  # fmt: skip
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scripts import script
+from scripts import package
 
 from analyzer.causes.ledger import ledger_of
 from analyzer.causes.reasoning import causes_of
@@ -27,8 +27,9 @@ from analyzer.requests.reasons import Unserved, unserved
 from captures.chunks import Capture
 from dissectors.crc import crc_bytes, crc_ok
 
-_BUSES = script("ask_devices")
-FLAWS, ODD, chunks_of, flawed, odd = _BUSES.FLAWS, _BUSES.ODD, _BUSES.chunks_of, _BUSES.flawed, _BUSES.odd
+_BUSES = package("ask_devices")
+FLAWS, ODD, flawed, odd = _BUSES.FLAWS, _BUSES.ODD, _BUSES.flawed, _BUSES.odd
+chunks_of = package("ask_line").chunks_of
 _OK, _SILENT = int(Got.ANSWER), int(Got.SILENCE)
 Answer = Callable[[int, Request], int]  # the number of a round, a request: what it gets
 

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from buses import LINE, adu, rtu_deframer, spaced, streams
 from hypothesis import given
+from hypothesis import strategies as st
 
 from analyzer.deframing.protocols import Deframer
 from analyzer.tables.batch import Batch, join_batches
-from analyzer.tables.transactions import Status, TransactionRows, Transactions
+from analyzer.tables.transactions import NEVER, Status, TransactionRows, Transactions, shared
 from captures.chunks import Block, Chunk
 from dissectors.crc import lrc
 
@@ -143,6 +144,24 @@ def test_only_the_same_write_is_the_same_again_whatever_the_envelope(envelope: s
     assert told.again.tolist() == [False, False, True]
 
 
+@pytest.mark.parametrize("together", [False, True])
+def test_over_tcp_the_same_under_another_number_is_a_retry_where_none_answered(together: bool) -> None:
+    pieces, read, answer = [], READ[:-2], ANSWER[:-2]
+    for number, answered, body in (
+        (1, 1, read),
+        (2, 0, read),
+        (3, 0, read),
+        (4, 1, read),
+        (5, 1, adu("110300200002")[:-2]),
+    ):
+        for frame in (body, answer)[: 1 + answered]:
+            pieces.append(number.to_bytes(2) + b"\0\0" + len(frame).to_bytes(2) + frame)
+    feeds, found, deframer = spaced(pieces), Transactions(), Deframer(LINE)
+    batches = [*map(deframer.feed, [Block.from_chunks(feeds)] if together else feeds), deframer.close()]
+    told = TransactionRows.joined([*map(found.feed, batches), found.close()])
+    assert told.retry.tolist() == [False, False, True, True, False]
+
+
 def test_a_shifted_series_is_put_right_when_an_answer_is_left_over() -> None:
     """One late answer, taken for the next request's, and so on: the one that nobody asked for tells whose all were."""
     asked = [adu(f"1103{address:04x}0002") for address in (0, 16, 32, 48)]
@@ -166,3 +185,92 @@ def test_an_answer_beyond_three_waits_of_the_master_shifts_nothing() -> None:
     assert found.status.tolist()[:2] == [Status.UNANSWERED, Status.ANSWERED]
     assert found.response[1] == 2
     assert not found.late[1]
+
+
+def other_bits(data: bytes, count: int) -> bytes:
+    """The bytes, as many of them damaged from the third on."""
+    return data[:2] + bytes(octet ^ 0x11 for octet in data[2 : 2 + count]) + data[2 + count :]
+
+
+SECOND_TRIES = {  # what stands before the request instead of itself: whether that is a retry of it
+    "one byte is another": (other_bits(READ, 1), True),
+    "two bytes are": (other_bits(READ, 2), True),
+    "three bytes are": (other_bits(READ, 3), False),
+    "the last is cut off": (READ[:-1], True),
+    "the last two are": (READ[:-2], True),
+    "the last three are": (READ[:-3], False),
+    "noise that is as long": (b"\x55" * 8, False),
+    "another request, damaged": (other_bits(adu("110300ff0009"), 1), False),
+}
+
+
+@pytest.mark.parametrize("case", SECOND_TRIES)
+@pytest.mark.parametrize("together", [False, True])
+def test_a_request_behind_itself_damaged_is_a_retry(case: str, together: bool) -> None:
+    before, expected = SECOND_TRIES[case]
+    feeds = spaced([READ, ANSWER, before, READ, ANSWER])
+    found = transactions([Block.from_chunks(feeds)] if together else feeds)
+    assert found.retry.tolist() == [False, expected]
+
+
+WRITE, WRITE_2, READ_2 = adu("110600010002"), adu("110600010003"), adu("110300200003")
+BROADCAST, BROADCAST_2 = adu("000600010002"), adu("000600010003")
+COLUMNS = {  # frames: what columns of their transactions hold
+    "broadcasts again": (
+        [BROADCAST, BROADCAST, BROADCAST_2, BROADCAST_2, READ, ANSWER],
+        {"again": [0, 1, 0, 1, 0], "retry": [0] * 5},
+    ),
+    "writes again": ([WRITE, WRITE, WRITE, WRITE, WRITE_2, WRITE_2], {"again": [0, 1, 0], "response": [1, 3, 5]}),
+    "a write after something else": ([WRITE, WRITE, READ, ANSWER, WRITE, WRITE], {"again": [0, 0, 0]}),
+    "a poll is no write": ([READ, ANSWER, READ, ANSWER], {"again": [0, 0]}),
+    "a retry is none either": ([WRITE, WRITE_2, READ, WRITE, READ], {"again": [0, 0, 0, 0]}),
+    "octets that are lost, glitches apart": (
+        [READ, b"\x99\x88\x77", READ, b"\x00\xff\x99", READ, ANSWER, b"\x12\x34", READ],
+        {"garbage": [3, 1, 0, 0], "retry": [0, 1, 1, 0]},
+    ),
+    "a late answer": (
+        [READ, READ_2, ANSWER, READ, ANSWER],
+        {"late": [1, 0, 0], "response": [2, -1, 4], "garbage": [0, 0, 0]},
+    ),
+    "a broadcast again, and nothing behind it": (
+        [READ, ANSWER, BROADCAST, adu("110301000002"), ANSWER, BROADCAST, BROADCAST],
+        {"again": [0, 0, 0, 0, 1]},
+    ),
+    "the answer behind a request of its kind": (
+        [READ, adu("110300200002"), ANSWER, READ, ANSWER],
+        {"late": [0, 0, 0], "response": [-1, 2, 4]},
+    ),
+    "an exception": ([READ, adu("118304"), READ, ANSWER], {"exception": [4, 0], "status": [1, 0], "retry": [0, 0]}),
+}
+
+
+@pytest.mark.parametrize("case", COLUMNS)
+@pytest.mark.parametrize("together", [False, True])
+def test_what_becomes_of_requests(case: str, together: bool) -> None:
+    pieces, expected = COLUMNS[case]
+    feeds = spaced(pieces)
+    found = transactions([Block.from_chunks(feeds)] if together else feeds)
+    assert {name: found.column(name).tolist() for name in expected} == expected
+
+
+def test_a_late_answer_is_held_against_the_newest_request_and_not_the_one_of_the_batch_before() -> None:
+    deframer, found = rtu_deframer(LINE), Transactions()
+    chunks = spaced([READ, READ_2, ANSWER, READ, ANSWER])  # which asks for more than the answer has
+    batch = join_batches([deframer.feed(Block.from_chunks(chunks)), deframer.close()])
+    parts = [replace(batch, rows=batch.rows[:1]), replace(batch, rows=batch.rows[1:])]
+    told = TransactionRows.joined([*map(found.feed, parts), found.close()])
+    assert (told.late.tolist(), told.mistaken.tolist()) == ([True, False, False], [False, False, False])
+
+
+def test_the_next_request_ends_the_wait_and_nothing_else_does() -> None:
+    first, second, last = transactions(spaced([READ, READ_2, READ]))
+    assert (first.t_next_ns, second.t_next_ns) == (second.t_start_ns, last.t_start_ns)
+    assert last.t_next_ns == NEVER and last.t_request_ns > last.t_start_ns
+
+
+@given(st.binary(max_size=6), st.binary(max_size=3), st.binary(max_size=3), st.binary(max_size=6))
+def test_what_two_share_at_their_ends(head: bytes, one: bytes, two: bytes, tail: bytes) -> None:
+    a, b = head + one + tail, head + two + tail
+    assert len(head + tail) <= shared(a, b) <= min(len(a), len(b)) and shared(a, b) == shared(b, a)
+    assert shared(a, a) == len(a) and shared(a + b"\1", a + b"\2") == len(a)
+    assert shared(b"\1" + a, b"\2" + a) == len(a)

@@ -11,9 +11,10 @@ from .commands import UsageError
 from .inputs import add_functions_argument, add_limit_arguments
 from .lineoptions import LineWords, add_line_arguments
 from .livetui import check_interface
+from .outlets import add_outlet_arguments, address, shown_host
 from .taps import add_recording_arguments
 from .terminal import put
-from .watching import add_outlet_arguments, add_view_arguments, address, shown_host
+from .watching import add_view_arguments
 
 if TYPE_CHECKING:
     from ..live.betweensource import BetweenSource

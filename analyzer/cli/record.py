@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from .commands import DONE, FAILED
 from .inputs import add_functions_argument, add_limit_arguments, add_map_argument, load_functions
+from .outlets import add_outlet_arguments, outlets_of
 from .taps import (
     Teller,
     add_recording_arguments,
@@ -17,7 +18,7 @@ from .taps import (
     recorder_of,
     tap_of,
 )
-from .watching import add_duration_argument, add_outlet_arguments, ended_from_outside, outlets_of
+from .watching import add_duration_argument, ended_from_outside
 
 if TYPE_CHECKING:
     from captures.live.tapviewer import TapViewer

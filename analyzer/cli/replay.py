@@ -17,8 +17,9 @@ from .inputs import (
     tell_damage,
 )
 from .livetui import check_interface, show_interface
+from .outlets import add_outlet_arguments, outlets_of
 from .terminal import keys, tell
-from .watching import Watch, add_outlet_arguments, add_view_arguments, ended_from_outside, outlets_of
+from .watching import Watch, add_view_arguments, ended_from_outside
 
 if TYPE_CHECKING:
     from captures import Capture

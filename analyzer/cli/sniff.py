@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, BinaryIO, Final
 from .commands import FAILED, INTERRUPTED, UsageError
 from .inputs import add_functions_argument, add_limit_arguments, chosen_limits, load_functions
 from .livetui import check_interface, show_interface
+from .outlets import add_outlet_arguments, outlets_of
 from .taps import (
     Teller,
     add_recording_arguments,
@@ -21,7 +22,7 @@ from .taps import (
     recorder_of,
     tap_of,
 )
-from .watching import Watch, add_outlet_arguments, add_view_arguments, ended_from_outside, outlets_of
+from .watching import Watch, add_view_arguments, ended_from_outside
 
 if TYPE_CHECKING:
     from captures.live.tapviewer import TapViewer

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Final
 
 from .commands import DONE, UsageError
 from .inputs import add_functions_argument, add_limit_arguments, load_functions, size_in_bytes
+from .outlets import address, shown_host
 from .taps import Teller, add_tap_arguments, add_token_argument, tap_of, token_of
-from .watching import add_duration_argument, address, ended_from_outside, shown_host
+from .watching import add_duration_argument, ended_from_outside
 
 if TYPE_CHECKING:
     from captures.live.tapserver import TapServer

@@ -17,8 +17,9 @@ from .inputs import (
     tell_damage,
     unit_number,
 )
+from .outlets import address, shown_host
 from .terminal import put, tell
-from .watching import address, ended_from_outside, shown_host
+from .watching import ended_from_outside
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -1,20 +1,18 @@
-"""The tables beside the frames: transactions, values and findings, as columns of plain values, and as files.
+"""The tables beside the frames: transactions, values and findings, as columns of plain values.
 
 A table is an entry of `TABLES`: its columns with their kinds, and a function that makes them of what was analysed. The
-names and units are those of JSON lines, Parquet and Python alike; None is what is not there or not known. Files are
-CSV, JSON lines and Parquet, a writer each.
+names and units are those of JSON lines, Parquet and Python alike; None is what is not there or not known.
+`recordfiles` writes them to files.
 
 Where register maps are given, the table of values has what they say of them, too.
 """
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from operator import itemgetter
-from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 import orjson
@@ -24,7 +22,6 @@ from dissectors.functions import function_name
 from dissectors.maps import RegisterMap
 from dissectors.maps.model import read_mapped
 
-from ..extras import needs
 from ..registers.readings import MappedColumn, mapped_columns
 from ..tables.columns import AreaCode, decode
 from ..tables.findings import described
@@ -32,12 +29,9 @@ from ..tables.transactions import Status
 from ..tables.values import confirmed_values
 from ..words import clock_text
 from .chosen import chosen_names
-from .sink import ExportError, ExportOptions, OutputStream
-from .targets.csv import safe
+from .sink import ExportError
 
 if TYPE_CHECKING:
-    from captures import Block, Capture
-
     from ..core import Analysed
     from ..tables.batch import Batch
 
@@ -258,119 +252,6 @@ def _records(batch: Batch, column: MappedColumn) -> list[tuple[Any, ...]]:
     return records
 
 
-_GROUP: Final = 1 << 16  # rows of a Parquet row group, at least
-
-
-class RecordSink:
-    """A table being written; a subclass says how its columns go into a file, and which it has besides the table's."""
-
-    MORE: ClassVar[tuple[str, ...]] = ()
-
-    def __init__(self, out: OutputStream, table: RecordTable, options: ExportOptions) -> None:
-        self.out, self.options = out, options
-        self.table = table.chosen(options.fields or (*table.kinds, *self.MORE))
-        self._left = options.count
-
-    @property
-    def full(self) -> bool:
-        """Whether as many records are written as were asked for."""
-        return self._left == 0
-
-    def block(self, block: Block) -> None:
-        """Raw chunks are not in a table."""
-
-    def rows(self, batch: Batch, first: int, last: int) -> None:
-        """Records are written with their batch."""
-
-    def batch(self, analysed: Analysed) -> None:
-        """The records of a batch."""
-        columns = self.table.columns(analysed)
-        columns = {name: values[: self._left] for name, values in columns.items()}
-        self._left -= len(next(iter(columns.values())))
-        if next(iter(columns.values())):
-            self.write(columns)
-
-    def write(self, columns: Columns) -> None:
-        """Some records, at least one."""
-        raise NotImplementedError
-
-    def close(self) -> None:
-        """What is left."""
-
-
-class CsvRecords(RecordSink):
-    """A line a record, with its time for people at its end; text that a spreadsheet would run is made harmless."""
-
-    MORE = ("time",)
-
-    def __init__(self, out: OutputStream, table: RecordTable, options: ExportOptions) -> None:
-        super().__init__(out, table, options)
-        self.out.write(b"\xef\xbb\xbf" if options.bom else b"")
-        self._line([list(self.table.kinds)])
-
-    def write(self, columns: Columns) -> None:
-        cells = [
-            list(map(_cell, column)) if kind in ("text", "flag") else column
-            for column, kind in zip(columns.values(), self.table.kinds.values(), strict=True)
-        ]
-        self._line([list(row) for row in zip(*cells, strict=True)])
-
-    def _line(self, rows: list[list[Any]]) -> None:
-        text = io.StringIO()
-        csv.writer(text, delimiter=self.options.delimiter, lineterminator="\n").writerows(rows)
-        self.out.write(text.getvalue().encode())
-
-
-def _cell(value: Any) -> Any:
-    if isinstance(value, str):
-        return safe(value)
-    return str(value).lower() if isinstance(value, bool) else value
-
-
-class JsonRecords(RecordSink):
-    """An object a record."""
-
-    def write(self, columns: Columns) -> None:
-        names = list(columns)
-        self.out.write(
-            b"".join(
-                orjson.dumps(dict(zip(names, row, strict=True))) + b"\n" for row in zip(*columns.values(), strict=True)
-            )
-        )
-
-
-class ParquetRecords(RecordSink):
-    """Typed columns; times are timestamps in UTC."""
-
-    def __init__(self, out: OutputStream, table: RecordTable, options: ExportOptions) -> None:
-        super().__init__(out, table, options)
-        try:
-            import pyarrow as pa
-            from pyarrow.parquet import ParquetWriter
-        except ImportError as error:
-            raise ExportError(needs("parquet", "pyarrow", "columns")) from error
-        self._pa = pa
-        self._schema = record_schema(self.table)
-        self._parts: list[Any] = []
-        self._count = 0
-        self._writer = ParquetWriter(pa.PythonFile(out, mode="w"), self._schema)
-
-    def write(self, columns: Columns) -> None:
-        self._parts.append(record_arrow(self._schema, columns))
-        self._count += len(self._parts[-1])
-        if self._count >= _GROUP:
-            self._flush()
-
-    def close(self) -> None:
-        self._flush()
-        self._writer.close()
-
-    def _flush(self) -> None:
-        if self._parts:
-            self._writer.write_table(self._pa.Table.from_batches(self._parts, self._schema))
-        self._parts, self._count = [], 0
-
-
 def record_schema(table: RecordTable) -> Any:
     """The Arrow schema of a table."""
     import pyarrow as pa
@@ -398,16 +279,3 @@ def records_arrow(table: RecordTable, parts: Iterable[Columns]) -> Any:
 
     schema = record_schema(table)
     return pa.Table.from_batches([record_arrow(schema, columns) for columns in parts], schema)
-
-
-_WRITERS: Final = {"csv": CsvRecords, "jsonl": JsonRecords, "parquet": ParquetRecords}
-
-
-def open_records(out: OutputStream, capture: Capture, options: ExportOptions, name: str) -> RecordSink:  # noqa: ARG001
-    """The sink of a table other than the frames, in the format of that name. Raises ExportError."""
-
-    table = table_named(options.table, options.charts)
-    writer = _WRITERS.get(name)
-    if writer is None:
-        raise ExportError(f"the table {options.table} can be written as {', '.join(_WRITERS)}, not as {name}")
-    return writer(out, table, options)

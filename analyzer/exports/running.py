@@ -97,7 +97,7 @@ def export(
 def _sink(out: OutputStream, capture: Capture, options: ExportOptions, name: str) -> Sink:
     if options.table == "frames":
         return target("", name).open_sink(out, capture, options)
-    from .records import open_records
+    from .recordfiles import open_records
 
     return open_records(out, capture, options, name)
 

@@ -120,28 +120,28 @@ def value_of(cells: Mapping[str, object], *, base: int = 0, order: str = "ABCD")
 
 def cells_of(value: MappedValue, order: str = "ABCD") -> dict[str, str]:
     """The cells of one value, those that say nothing new left empty; addresses count from 0."""
-    length = value.type in ANY_LENGTH and value.length != VALUE_TYPES[value.type]
-    return {
+    cells = {
         "area": value.area,
         "address": str(value.address),
         "name": value.name,
         "type": value.type,
-        "order": "" if value.order == order else value.order,
-        "length": str(value.length) if length else "",
-        "scale": "" if value.scale == 1 else number_text(value.scale),
-        "offset": "" if value.offset == 0 else number_text(value.offset),
-        "scale_register": "" if value.scale_address is None else str(value.scale_address),
+        "order": value.order,
+        "length": str(value.length),
+        "scale": number_text(value.scale),
+        "offset": number_text(value.offset),
+        "scale_register": number_text(value.scale_address),
         "unit": value.unit,
         "values": "; ".join(f"{state}={_escaped(name)}" for state, name in value.values.items()),
         "access": value.access,
         "written_by": " ".join(map(str, value.written_by)),
         "formula": value.formula,
-        "min": "" if value.minimum is None else number_text(value.minimum),
-        "max": "" if value.maximum is None else number_text(value.maximum),
+        "min": number_text(value.minimum),
+        "max": number_text(value.maximum),
         "description": value.description,
         "group": value.group,
-        **value.other,
     }
+    usual = {"order": order, "length": str(VALUE_TYPES[value.type]), "scale": "1", "offset": "0"}
+    return {**{key: "" if cell == usual.get(key) else cell for key, cell in cells.items()}, **value.other}
 
 
 def area_and_address(area: object, address: object, base: int = 0) -> tuple[MapArea, int]:
@@ -252,8 +252,10 @@ def whole_number(column: str, value: object) -> int:
     return number
 
 
-def number_text(number: float) -> str:
-    """A number as a cell has it: the shortest that reads the same."""
+def number_text(number: float | None) -> str:
+    """A number as a cell has it: the shortest that reads the same; nothing for None."""
+    if number is None:
+        return ""
     return str(int(number)) if number == int(number) and abs(number) < 1e15 else repr(float(number))
 
 

@@ -112,11 +112,14 @@ def breaches(chart: RegisterMap, request: MapRequest) -> Iterator[MapBreach]:
     limits = device_limits(chart)
     if limits.functions and request.function not in limits.functions:
         yield MapBreach("function", request.function, tuple(sorted(limits.functions)))
-    if limits.longest_frame is not None and request.longer_frame > limits.longest_frame:
-        yield MapBreach("frame", request.longer_frame, (limits.longest_frame,))
     most = limits.longest_write if request.function in WRITERS else limits.longest_read
-    if most is not None and request.quantity > most:
-        yield MapBreach("quantity", request.quantity, (most,))
+    sizes: tuple[tuple[BreachKind, int, int | None], ...] = (
+        ("frame", request.longer_frame, limits.longest_frame),
+        ("quantity", request.quantity, most),
+    )
+    for kind, asked, limit in sizes:
+        if limit is not None and asked > limit:
+            yield MapBreach(kind, asked, (limit,))
     if request.function in WRITERS:
         yield from _of_values(chart, request)
 
@@ -144,9 +147,9 @@ def value_breaches(row: MappedValue, words: Sequence[int]) -> Iterator[MapBreach
     if not isinstance(value, int | float):
         return
     slack = 1e-6 * abs(value) if row.is_float else 0.51 * abs(row.scale)  # a limit may be rounded to a step
-    if row.minimum is not None and value < row.minimum - slack:
-        yield MapBreach("low", value, (row.minimum,), row)
-    if row.maximum is not None and value > row.maximum + slack:
-        yield MapBreach("high", value, (row.maximum,), row)
+    bounds: tuple[tuple[BreachKind, float | None, int], ...] = (("low", row.minimum, -1), ("high", row.maximum, 1))
+    for kind, bound, sign in bounds:
+        if bound is not None and sign * (value - bound) > slack:
+            yield MapBreach(kind, value, (bound,), row)
     if row.type == "enum" and row.values and value not in row.values:
         yield MapBreach("state", value, tuple(row.values), row)

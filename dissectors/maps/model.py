@@ -11,7 +11,7 @@ another, where prefixes alone make the difference.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from types import MappingProxyType
@@ -145,11 +145,8 @@ class RegisterMap:
 
     def at(self, area: str, address: int) -> MappedValue | None:
         """The value that has this register, if any; of two the one that begins last."""
-        best = None
-        for row in self.rows:
-            if row.area == area and row.address <= address < row.end and (best is None or row.address > best.address):
-                best = row
-        return best
+        there = [row for row in self.rows if row.area == area and row.address <= address < row.end]
+        return max(there, key=lambda row: row.address, default=None)
 
     def within(self, area: str, address: int, quantity: int) -> list[MappedValue]:
         """The values that lie wholly in these addresses, by address."""
@@ -228,40 +225,66 @@ _DEEPEST: Final = 3  # values computed from computed ones
 
 def read_mapped(row: MappedValue, words: Sequence[int], power: int | None = 0) -> MappedReading:
     """One value from its registers; `power` is what its scale register holds, None where that is not known."""
-    order = cast(Order, row.order)
-    if row.area in ("coil", "discrete"):
-        return MappedReading(row, words[0], words[0], row.values.get(words[0], "on" if words[0] else "off"))
-    if row.type == "text":
-        data = ordered(words, "BADC" if order in ("BADC", "DCBA") else "ABCD")
-        text = data.split(b"\0")[0].decode("latin-1").strip()
-        return MappedReading(row, text, text, text)
-    if row.is_float:
-        raw: int | float = floating(words, order)
-        if row.length == 2 and math.isfinite(raw):
-            raw = float(f"{raw:.8g}")
-    else:
-        raw = integer(words, order, signed=row.is_signed)
-    match row.type:
-        case "enum":
-            return MappedReading(row, raw, raw, row.values.get(int(raw), f"{raw} (a state without a name)"))
-        case "bits":
-            return MappedReading(row, raw, raw, _bit_names(row, int(raw)))
-        case "time":
-            moment = datetime.fromtimestamp(raw, UTC).isoformat() if 0 < raw < 1e11 else str(raw)
-            return MappedReading(row, raw, raw, moment)
-        case "bcd16" | "bcd32":
-            digits = f"{int(raw):x}"
-            if not digits.isdigit():
-                return MappedReading(row, raw, None, f"0x{int(raw):X} (no BCD)")
-            raw = int(digits)
-    if row.scale_address is not None:
-        power = None if power is None else power - 0x10000 if power & 0x8000 else power
-        if power is None or abs(power) > 10:
-            return MappedReading(row, raw, None, f"{raw} (its scale, register {row.scale_address}, is not known)")
-        value = _scaled(raw, row.scale * 10.0**power, row.offset)
-    else:
-        value = _scaled(raw, row.scale, row.offset)
+    kind = "bool" if row.area in ("coil", "discrete") else row.type
+    raw = _RAW.get(kind, _whole)(row, words)
+    if kind in _SHOWN:
+        return MappedReading(row, raw, raw, _SHOWN[kind](row, raw))
+    assert not isinstance(raw, str)
+    if kind in ("bcd16", "bcd32"):
+        digits = f"{raw:x}"
+        if not digits.isdigit():
+            return MappedReading(row, raw, None, f"0x{raw:X} (no BCD)")
+        raw = int(digits)
+    factor = _factor(row, power)
+    if factor is None:
+        return MappedReading(row, raw, None, f"{raw} (its scale, register {row.scale_address}, is not known)")
+    value = _scaled(raw, factor, row.offset)
     return MappedReading(row, raw, value, f"{_digits(value)} {row.unit}".rstrip())
+
+
+def _whole(row: MappedValue, words: Sequence[int]) -> int:
+    return integer(words, cast(Order, row.order), signed=row.is_signed)
+
+
+def _float(row: MappedValue, words: Sequence[int]) -> float:
+    number = floating(words, cast(Order, row.order))
+    return float(f"{number:.8g}") if row.type == "f32" and math.isfinite(number) else number
+
+
+def _text(row: MappedValue, words: Sequence[int]) -> str:
+    data = ordered(words, "BADC" if row.order in ("BADC", "DCBA") else "ABCD")
+    return data.split(b"\0")[0].decode("latin-1").strip()
+
+
+def _moment(_: MappedValue, raw: Any) -> str:
+    return datetime.fromtimestamp(raw, UTC).isoformat() if 0 < raw < _LAST_MOMENT else str(raw)
+
+
+_LAST_MOMENT: Final = 1e11  # seconds: those of later years are no times
+_RAW: Final[Mapping[str, Callable[[MappedValue, Sequence[int]], int | float | str]]] = {
+    "bool": lambda _, words: words[0],
+    "text": _text,
+    "f32": _float,
+    "f64": _float,
+}
+_SHOWN: Final[Mapping[str, Callable[[MappedValue, Any], str]]] = {
+    "bool": lambda row, raw: row.values.get(raw, ("off", "on")[raw != 0]),
+    "text": lambda _, raw: str(raw),
+    "enum": lambda row, raw: row.values.get(raw, f"{raw} (a state without a name)"),
+    "bits": lambda row, raw: _bit_names(row, raw),
+    "time": _moment,
+}
+
+
+def _factor(row: MappedValue, power: int | None) -> float | None:
+    """What the raw number is multiplied by; None where its scale register is not known, or holds no power of ten."""
+    if row.scale_address is None:
+        return row.scale
+    signed = _MOST_POWER + 1 if power is None else (power ^ 0x8000) - 0x8000
+    return row.scale * 10.0**signed if abs(signed) <= _MOST_POWER else None
+
+
+_MOST_POWER: Final = 10
 
 
 def _scaled(raw: float, scale: float, offset: float) -> int | float:
@@ -310,13 +333,16 @@ def _spelled(unit: str) -> str:
 
 def _split(unit: str) -> tuple[float, str] | None:
     """The prefix's factor and the unit without it: 1000 and W of kW."""
-    text = unit.strip()
-    for base in sorted(_BASES, key=len, reverse=True):
-        if text.endswith(base) and text[: -len(base)] in _PREFIXES:
-            return _PREFIXES[text[: -len(base)]], _spelled(base) if base in ("Ω", "Ohm") else base.replace("VAr", "var")
-    for base in _BASES:  # kw, KWH: as people type; prefixes m and M are told apart by their case alone
-        if text.casefold() == base.casefold():
-            return 1.0, base
-        if text[:1] in "kK" and text[1:].casefold() == base.casefold():
-            return 1e3, base
-    return None
+    return _MEASURES.get(unit.strip()) or _TYPED.get(unit.strip().casefold())
+
+
+_MEASURES: Final = {
+    f"{prefix}{base}": (factor, _spelled(base) if base in ("Ω", "Ohm") else base.replace("VAr", "var"))
+    for base in sorted(_BASES, key=len)
+    for prefix, factor in _PREFIXES.items()
+}
+_TYPED: Final = {  # kw, KWH: as people type; prefixes m and M are told apart by their case alone
+    f"{prefix}{base.casefold()}": (factor, base)
+    for prefix, factor in (("k", 1e3), ("", 1.0))
+    for base in reversed(_BASES)
+}

@@ -1,5 +1,5 @@
-"""Records of registers in what programs keep: trees of JSON, YAML, TOML and INI, initialisers of C. A sheet is made of
-them whose headings are the keys, so that columns are found as in any table.
+"""Records of registers in what programs keep: trees of JSON, YAML, TOML, INI and XML, data in sources, blocks of lines.
+A sheet is made of them whose headings are the keys, so that columns are found as in any table.
 
 A record is a mapping with plain values; what has no name is named by the key that leads to it, and grouped by what it
 stands in. Records of registers are those that have an address by its name, else the kind that there is most of.
@@ -9,13 +9,15 @@ from __future__ import annotations
 
 import json
 import re
-from collections import defaultdict
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice
 from typing import TYPE_CHECKING, Any, Final
 
+from .literals import tree_of_source
 from .roles import heading_bits
 from .sheets import MapSheet
+from .vocabulary import form
 from .written import numbers_in
 
 if TYPE_CHECKING:
@@ -24,27 +26,57 @@ if TYPE_CHECKING:
 _FEW: Final = 2
 _MOST: Final = 20_000
 _DEPTH: Final = 12
+_SOURCE: Final = 1 << 18  # characters of a source that are read
+_LONGEST: Final = 300  # characters of a line that says one thing
 _INSIDE: Final = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|_+|(?<=[a-z])-(?=[a-z])")
-_INITIALISER: Final = re.compile(r"\{((?:[^{}\"]|\"(?:\\.|[^\"\\])*\")*)\}")
-_C_CELL: Final = re.compile(r"\s*(?:\.(\w+)\s*=\s*)?(?:\"((?:\\.|[^\"\\])*)\"|((?:[^,\"])*))\s*(?:,|$)")
-_C_COMMENT: Final = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
-_C_FIELD: Final = re.compile(r"(\w+)\s*(?:\[[^\]]*\])?\s*;")
+_LINE: Final = re.compile(r"\s*([^\W\d][^:=\t]{0,40})[:=\t](.*)")
 Record = dict[str, str]
 
 
-def record_sheet(source: MapSource) -> MapSheet | None:
-    """The records of a file as a sheet; None where there are none."""
-    rows = next((value for value in _lists_of_rows(source.tree, 0)), None)
-    if rows is not None:
-        return MapSheet("", [[_text(cell) for cell in row] for row in islice(rows, _MOST)])
-    records = list(islice(_records(source), _MOST))
-    by_keys: dict[tuple[str, ...], list[Record]] = defaultdict(list)
-    for record in records:
-        by_keys[tuple(record)].append(record)
+def record_sheets(source: MapSource) -> Iterator[MapSheet]:
+    """The records of a file as sheets, one for each way in which it can be read that gives any."""
+    if not source.is_text:
+        return
+    text = source.text[:_SOURCE]
+    trees = (source.tree,) if source.tree is not None else (tree_of_source(text), list(_blocks(text)))
+    for tree in trees:
+        yield from map(_of_rows, islice(_lists_of_rows(tree, 0), 1))
+        yield from _of_records(list(islice(_found(tree, ()), _MOST)))
+    declared = [[part.strip() for part in parts] for parts in _declared(text)]
+    if len(declared) >= _FEW:
+        width = max(map(len, declared))
+        yield MapSheet("", [["name", "address", *[""] * (width - 2)], *declared])
+
+
+def _of_rows(rows: Sequence[Sequence[Any]]) -> MapSheet:
+    return MapSheet("", [[_text(cell) for cell in row] for row in islice(rows, _MOST)])
+
+
+def _of_records(records: list[Record]) -> Iterator[MapSheet]:
+    """A sheet of the records that have an address by its name, else of those that have keys of most."""
     addressed = [record for record in records if _has_address(record)]
-    chosen = addressed if len(addressed) >= _FEW else max(by_keys.values(), key=len, default=[])
-    keys = list(dict.fromkeys(key for record in chosen for key in record))
-    return MapSheet("", [keys, *([record.get(key, "") for key in keys] for record in chosen)]) if chosen[1:] else None
+    keys = Counter(tuple(record) for record in records)
+    most = {key for common, _ in keys.most_common(1) for key in common}
+    chosen = addressed if len(addressed) >= _FEW else [one for one in records if 2 * len(most & one.keys()) > len(most)]
+    columns = list(dict.fromkeys(key for record in chosen for key in record))
+    if len(chosen) >= _FEW:
+        yield MapSheet("", [columns, *([record.get(key, "") for key in columns] for record in chosen)])
+
+
+def _blocks(text: str) -> Iterator[Record]:
+    """The blocks of a text that empty lines part, where each line of one is a name with what it is."""
+    for block in text.split("\n\n"):
+        lines = [_LINE.fullmatch(line[:_LONGEST]) for line in block.strip().splitlines()]
+        if len(lines) >= _FEW and all(lines):
+            yield {line[1].strip(): line[2].strip() for line in lines if line}
+
+
+def _declared(text: str) -> Iterator[list[str]]:
+    """Lines that give a name to an address: the name, the address, and the parts of the comment behind them."""
+    for line in text.splitlines():
+        if found := form("declared", line[:_LONGEST]):
+            rest = found["rest"].rstrip("*/) ").split(",")
+            yield [found["name"], found["address"], *filter(None, (found["type"], *rest))]
 
 
 def _has_address(record: Record) -> bool:
@@ -52,20 +84,19 @@ def _has_address(record: Record) -> bool:
     return any(heading_bits(key, "address") and numbers_in(cell[:20]) for key, cell in record.items())
 
 
-def _records(source: MapSource) -> Iterator[Record]:
-    if source.tree is None:
-        return _of_c(source.text) if source.is_text else iter(())
-    return _found(source.tree, ())
-
-
 def _lists_of_rows(node: Any, depth: int) -> Iterator[Sequence[Sequence[Any]]]:
     """The lists of lists in a tree that are rows of one length."""
-    below = list(node.values()) if isinstance(node, Mapping) else node if isinstance(node, list) else []
-    rows = [row for row in below if isinstance(row, list)]
-    if len(rows) == len(below) > _FEW and len({len(row) for row in rows}) == 1 and len(rows[0]) > _FEW:
-        yield rows
-    for inner in below if depth < _DEPTH else ():
+    below = parts_of(node)
+    widths = {len(row) if isinstance(row, list) else 0 for row in below}
+    if len(below) > _FEW and len(widths) == 1 and min(widths) > _FEW:
+        yield below
+    for inner in below[: _MOST * (depth < _DEPTH)]:
         yield from _lists_of_rows(inner, depth + 1)
+
+
+def parts_of(node: Any) -> list[Any]:
+    """What a mapping or a list of a tree holds; nothing of anything else."""
+    return [*node.values()] if isinstance(node, Mapping) else node if isinstance(node, list) else []
 
 
 def _found(node: Any, path: tuple[str, ...]) -> Iterator[Record]:
@@ -138,18 +169,6 @@ def _text(value: Any) -> str:
 def _state(name: str | bool) -> str:
     """The name of a state; YAML takes `on` and `off` for truth."""
     return name if isinstance(name, str) else ("off", "on")[name]
-
-
-def _of_c(text: str) -> Iterator[Record]:
-    """The innermost initialisers of a C source, by the names that they give or that the structure above them has."""
-    names: list[str] = []
-    for match in _INITIALISER.finditer(_C_COMMENT.sub(" ", text)):
-        if ";" in match[1]:
-            names = _C_FIELD.findall(match[1])
-            continue
-        cells = [(name, quoted or bare.strip()) for name, quoted, bare in _C_CELL.findall(match[1].strip())]
-        cells = [(_word(name or place), cell) for (name, cell), place in zip(cells, [*names, *[""] * 99], strict=False)]
-        yield {name: cell for name, cell in cells if name}
 
 
 def json_lines(text: str) -> list[Any]:

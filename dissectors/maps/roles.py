@@ -13,13 +13,14 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import Any, Final
+from unicodedata import category, normalize
 
 from .model import AREA_WORDS
 from .vocabulary import WIDE_SIGNS, expression, form, meaning, roles
 from .written import numbers_in
 
 _HEADING: Final = 60  # characters
-_WHOLE, _BEGINS, _ENDS, _MAYBE = 10.0, 6.0, 5.0, 6.0  # bits
+WHOLE, _BEGINS, _ENDS, _MAYBE = 10.0, 6.0, 5.0, 6.0  # bits
 _LEAST: Final = 5.0  # bits for which a column is given a role
 _NEEDED: Final = frozenset({"address", "name"})
 _LEFT_OUT: Final = ((), ("number",), ("description",), ("number", "description"))
@@ -44,7 +45,7 @@ def heading_bits(text: str, role: str) -> float:
         return 0.0
     words, maybe, ends = (_any(role, kind) for kind in ("words", "maybe", "ends"))
     ways = (
-        (_WHOLE, text == role or words.fullmatch(text)),
+        (WHOLE, text == role or words.fullmatch(text)),
         (_BEGINS, re.match(rf"(?:{words.pattern})\b", text)),
         (_MAYBE, maybe.fullmatch(text)),
         (_ENDS, re.search(rf"(?:{ends.pattern})$", text)),
@@ -54,7 +55,12 @@ def heading_bits(text: str, role: str) -> float:
 
 @lru_cache(maxsize=256)
 def _any(role: str, kind: str) -> re.Pattern[str]:
-    return expression("|".join(roles()[role].get(kind, ())) or r"(?!)")
+    return expression(_unaccented("|".join(roles()[role].get(kind, ())) or r"(?!)"))
+
+
+def _unaccented(text: str) -> str:
+    """A text without the marks on its letters, which people leave out."""
+    return normalize("NFC", "".join(sign for sign in normalize("NFD", text) if category(sign) != "Mn"))
 
 
 class TableColumn:
@@ -136,8 +142,8 @@ _LOOKS: Final[Mapping[str, Callable[[TableColumn, Mapping[str, Any]], bool]]] = 
 
 
 def plain_heading(cell: str) -> str:
-    """A heading in small letters, its signs those of ASCII."""
-    return " ".join(cell.translate(WIDE_SIGNS).lower().split()).strip(" :.")
+    """A heading in small letters without accents, its signs those of ASCII."""
+    return " ".join(_unaccented(cell.translate(WIDE_SIGNS).lower()).split()).strip(" :.")
 
 
 def assigned(row: Sequence[str], below: Table) -> dict[str, int]:
@@ -173,7 +179,7 @@ def _assignment(bits: Mapping[tuple[str, int], float]) -> dict[str, int]:
 
 def known_headings(row: Sequence[str]) -> int:
     """How many cells of a row are headings by all of them."""
-    return sum(any(heading_bits(plain_heading(cell), role) >= _WHOLE for role in roles()) for cell in row)
+    return sum(any(heading_bits(plain_heading(cell), role) >= WHOLE for role in roles()) for cell in row)
 
 
 def is_heading(row: Sequence[str]) -> bool:

@@ -7,22 +7,22 @@ import html
 import io
 import re
 import zipfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
 from .cells import one_line
 from .model import MapError, MissingLibraryError
 from .table import csv_rows
+from .vocabulary import expression, vocabulary
 
 ZIP: Final = b"PK\x03\x04"
 _CELL: Final = 1000  # characters
 _MOST_COLUMNS: Final = 100  # of a sheet
 _LOOK: Final = 60  # lines that tell how a text is cut
+_START: Final = 20_000  # characters that do
 _LEAST_CELLS: Final = 3  # that make a row of columns which blanks part
-_HTML_ROW: Final = re.compile(r"<tr\b[^>]{0,200}>(.*?)</tr>", re.IGNORECASE | re.DOTALL)
-_HTML_CELL: Final = re.compile(r"<t[dh]\b[^>]{0,200}>(.*?)</t[dh]>", re.IGNORECASE | re.DOTALL)
-_TAG: Final = re.compile(r"<[^<>]{1,200}>")
+_DRAWN: Final = str.maketrans("│┃║┆┊╎─━═┄┈┌┬┐├┼┤└┴┘╔╦╗╠╬╣╚╩╝╒╤╕╞╪╡╘╧╛╓╥╖╟╫╢╙╨╜", "|" * 6 + "-" * 5 + "+" * 36)
 _LINK: Final = re.compile(r"!?\[([^\[\]]*)\]\([^()\s]*\)")
 _RULE: Final = re.compile(r"[=-]{2,}(?: +[=-]{2,}){1,99}\s*")  # above or below headings
 _GAP: Final = re.compile(r"\t| {2,}")
@@ -145,16 +145,14 @@ def _shown_text(cell: object) -> str:
 
 def rows_of_text(text: str, file: str, most: int) -> list[list[str]]:
     """The rows of a text: of CSV with any sign between cells, or of columns that blanks part, as PDFs are copied."""
+    text = text.translate(_DRAWN)
     lines = text.splitlines()[:most]
     if lines and (named := re.fullmatch(r"\"?sep=(.)\"?", lines[0].strip(), re.IGNORECASE)):  # Excel's own line
         return _cut(["", *lines[1:]], named[1], file)
-    if _HTML_ROW.search(text):
-        return [[html.unescape(_TAG.sub("", cell)).strip()[:_CELL] for cell in _HTML_CELL.findall(row)[:_MOST_COLUMNS]]
-                for row in _HTML_ROW.findall(text)[:most]]  # fmt: skip
+    for layout in vocabulary()["layouts"]:
+        if expression(layout["looks"]).search(text[:_START]):
+            return _laid_out(text, layout)[:most]
     head = lines[:_LOOK]
-    if sum(line.rstrip().endswith("\\\\") for line in head) > _LEAST_CELLS:
-        lines = [re.sub(r"\\\\\s*$|\\hline|\\(?=[%&_#])", "", line) for line in lines]
-        return _cut(lines, "&", file)
     sign = max("\t;,|", key="\n".join(head).count)
     if (rule := next(filter(None, map(_RULE.fullmatch, head)), None)) is not None:
         spans = [mark.span() for mark in re.finditer("[=-]+", rule[0])]
@@ -164,6 +162,15 @@ def rows_of_text(text: str, file: str, most: int) -> list[list[str]]:
     if 2 * wide > len(list(filter(str.strip, head))) and 2 * sum(line.count(sign) > 1 for line in head) < wide:
         return _cut_at_blanks(lines)
     return _cut(lines, sign, file)
+
+
+def _laid_out(text: str, layout: Mapping[str, str]) -> list[list[str]]:
+    """The rows of a text by the patterns of its layout: what parts rows and cells, and what is a mark in them."""
+    row, cell, mark = (expression(layout[part]) for part in ("row", "cell", "marks"))
+    return [
+        [html.unescape(mark.sub("", part)).strip()[:_CELL] for part in cell.findall(line)[:_MOST_COLUMNS]]
+        for line in row.findall(text)
+    ]
 
 
 def _cut(lines: Sequence[str], delimiter: str, file: str) -> list[list[str]]:

@@ -13,18 +13,13 @@ from typing import Final, cast
 
 from .cells import CellError, area_of
 from .model import MapArea
-from .vocabulary import WIDE_SIGNS, expression, form, given, meaning
+from .vocabulary import WIDE_SIGNS, expression, form, given, meaning, vocabulary
 
 _BARE_HEX: Final = re.compile(r"[0-9A-Fa-f]{1,4}([hH])?")
 _NUMBER: Final = re.compile(
     r"0[xX][0-9A-Fa-f]+|[0134][xX]\d+|\b[0-9][0-9A-Fa-f]*[hH]\b|\b[A-Fa-f][0-9A-Fa-f]*[hH]\b|\d+"
 )
 _BIT: Final = re.compile(r"(?P<place>.*[0-9A-Fa-f][hH]?)\s*[.:]\s*(?:bit\s*)?(?P<bit>\d|0\d|1[0-5])", re.IGNORECASE)
-_GAPS: Final = (
-    (re.compile("(?<=\\d)[ \u00a0\u202f'](?=\\d{3}(?!\\d))"), ""),  # of thousands
-    (re.compile(r"([0134]) (?=\d{4,5}(?!\d))"), r"\1"),  # 4 0001
-    (re.compile(r"(?<=\b[0-9A-Fa-f]{4}) (?=[hH]\b)"), ""),  # 07D0 H
-)
 _PARTS: Final = re.compile(r"\s*(?:-|–|—|…|\.{2,3}|to|[,;/&])\s*")
 _FUNCTIONS: Final[Mapping[int, MapArea]] = {1: "coil", 5: "coil", 15: "coil", 2: "discrete", 3: "holding", 6: "holding",
                                             16: "holding", 4: "input"}  # fmt: skip
@@ -32,12 +27,6 @@ _RAISED: Final = re.compile("([⁻-]?)([⁰¹²³⁴⁵⁶⁷⁸⁹]+)")
 _SUPERSCRIPTS: Final = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹", "0123456789")
 _SIGNS: Final = str.maketrans({"\u2212": "-", ",": ".", "×": "x", "*": "x"})
 _LONGER: Final = {("f32", 4): "f64", ("bcd16", 2): "bcd32"}
-_STATES: Final = (
-    re.compile(r"\"b?(\d+)\"\s*:\s*\"([^\"]+)\""),
-    re.compile(r"(\d+)\s*[=:–-]\s*([^;,\n|]+?)\s*(?=[;,\n|]|$|\s\d{1,3}\s*[=:–-]\s*[^\W\d])"),
-    re.compile(r"(?P<name>[^\W\d][^;,\n|()=]*?)\s*\((?P<state>\d+)\)\s*(?=[;,\n|]|$)"),
-)
-_STATE: Final = re.compile(r"(\d+)\s*(?:[=:]\s*\S.*|[–-]\s*[^\W\d].*)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +58,7 @@ class TableAddress:
     text: str
     first: int
     last: int | None = None
-    bit: int | None = None
+    bit: str = ""
     prefixed: bool = False
 
 
@@ -83,21 +72,20 @@ def address_form(heading: str, cells: Sequence[str]) -> AddressForm:
     is_hex = is_said or (bool(letters) and len(bare) > 0.8 * len(parts))
     numbers = list(filter(str.isdecimal, parts))
     bits = [int(match["bit"]) for match in map(_BIT.fullmatch, cells) if match]
-    leads = {number[0] for number in numbers} & {"3", "4"}
     is_plain = _any_like(r"[34]0{4}|[256789]\d{4}", numbers)
     return AddressForm(
         is_hex,
         is_said,
         has_bits=any(bits),
-        is_logical=bool(leads) and _all_like(r"[0134]\d{4,5}", numbers) and not is_hex | is_plain,
+        is_logical=_any_like(r"[34].*", numbers) and _all_like(r"[0134]\d{4,5}", numbers) and not is_hex,
         is_plain=is_plain,
         has_prefixes=_any_like(r"[134][xX]\d+", parts),
-        is_digital=bool(numbers) and _all_like(r"[01](?!0000)\d{4}", numbers) and not is_hex,
+        is_digital=_all_like(r"[01](?!0000)\d{4}", numbers) and not is_hex,
     )
 
 
 def _all_like(pattern: str, texts: Sequence[str]) -> bool:
-    return all(map(expression(pattern).fullmatch, texts))
+    return bool(texts) and all(map(expression(pattern).fullmatch, texts))
 
 
 def _any_like(pattern: str, texts: Sequence[str]) -> bool:
@@ -106,9 +94,9 @@ def _any_like(pattern: str, texts: Sequence[str]) -> bool:
 
 def address_of(cell: str, form_of: AddressForm) -> TableAddress | None:
     """The address in a cell; None where there is none."""
-    cell, bit = together(cell), None
-    if form_of.has_bits and (match := _BIT.fullmatch(cell)):
-        cell, bit = match["place"], int(match["bit"])
+    cell = together(cell)
+    match = _BIT.fullmatch(cell) if form_of.has_bits else None
+    cell, bit = match.groups() if match else (cell, "")
     cell = re.sub(r"(?<=\d)\.0+$", "", cell)
     if form_of.is_hex:
         cell = re.sub(r"(?<![0-9A-Za-z])([0-9A-Fa-f]{1,4})[hH]?(?![0-9A-Za-z])", r"0x\1", cell)
@@ -132,8 +120,8 @@ def numbers_in(cell: str) -> list[int]:
 def together(cell: str) -> str:
     """A cell whose numbers have no gaps at their thousands."""
     cell = cell.strip()
-    for gap, sign in _GAPS:
-        cell = gap.sub(sign, cell)
+    for gap in vocabulary()["gaps"]:
+        cell = expression(gap["like"]).sub(gap["is"], cell)
     return cell
 
 
@@ -182,7 +170,7 @@ def access_of(cells: Mapping[str, str]) -> str | None:
 
 def area_of_cell(text: str, *, function: bool = False) -> MapArea | None:
     """The area that a cell names, by words, by its digit (4 for 4x), or by the code of a `function` that reads it."""
-    word = re.sub(r"\.0$", "", text.strip().lower())
+    word = text.strip().lower().removesuffix(".0")
     if not function or not expression(r"\d?").fullmatch(word):
         try:
             return area_of(word)
@@ -206,29 +194,25 @@ def plain_number(text: str) -> str | None:
 
 def limits_of(cells: Mapping[str, str]) -> tuple[str | None, str | None]:
     """Least and greatest value, from their columns or from one range such as `0...100` or `-10 to 10`."""
-    low, high = plain_number(cells.get("min", "")), plain_number(cells.get("max", ""))
     span = form("span", together(cells.get("range", "").partition("=")[0]))
-    if span and low is high is None:
-        low, high = plain_number(span["low"]), plain_number(span["high"])
-    ordered = None in (low, high) or float(low or 0) <= float(high or 0)
-    return (low, high) if ordered else (None, None)
+    said = next(filter(any, ((cells.get("min"), cells.get("max")), (span.get("low"), span.get("high")))), ("", ""))
+    low, high = (plain_number(text or "") for text in said)
+    return (low, high) if float(low or "-inf") <= float(high or "inf") else (None, None)
 
 
 def values_of(text: str) -> str | None:
     """States with names as a map writes them, where a cell has more than one."""
     text = text.translate(WIDE_SIGNS)
-    for pattern in _STATES:
-        pairs = [sorted(match.groups(), key=lambda part: not part.isdecimal()) for match in pattern.finditer(text)]
-        if pairs:
-            return "; ".join(f"{state}={name.strip()}" for state, name in pairs) if len(pairs) > 1 else None
-    return None
+    ways = (expression(like) for like in vocabulary()["states"])
+    pairs = next(filter(None, ([*like.finditer(text)] for like in ways)), [])
+    return "; ".join(f"{pair['state']}={pair['name'].strip()}" for pair in pairs) if len(pairs) > 1 else None
 
 
 def has_only_states(text: str) -> bool:
     """Whether a remark is a list of states from 0 or 1 on: `0 - off, 1 - on`, `0: 4800, 1: 9600`."""
     parts = list(filter(None, map(str.strip, re.split(r"[;,\n|]", text.translate(WIDE_SIGNS)))))
-    states = [int(match[1]) for match in map(_STATE.fullmatch, parts) if match]
-    return 1 < len(parts) == len(states) and states[0] < 2
+    states = [form("state", part).get("state", "") for part in parts]
+    return len(states) > 1 and states[0] in ("0", "1", "00", "01") and _all_like(r"\d+", states)
 
 
 def states_in(cells: Mapping[str, str], kind: str, name: str) -> tuple[str, str | None]:
@@ -245,35 +229,22 @@ def states_in(cells: Mapping[str, str], kind: str, name: str) -> tuple[str, str 
     return next((way for way in named if way[1]), (name, None))
 
 
-def measured(cells: Mapping[str, str], name: str) -> tuple[str, str | None, str]:
-    """A row's name, scale and unit of measure: from columns of their own, or from behind other words; each is taken
-    from the first place that has it."""
-    kind, remark = cells.get("type", ""), cells.get("description", "")
-    own_scale, unit = scale_of(cells), given(cells.get("unit", ""))
-    step = form("unit_step", unit) if not _SCALES & cells.keys() else {}
-    if step and float(step["step"].replace(",", ".")):
-        own_scale, unit = step["step"], step["unit"]
-    unit = unit or form("scale_unit", cells.get("scale", "")).get("unit", "")
-    held = {} if unit else form("named_measure", name)
-    name, unit = held.get("name", name), unit or held.get("plain", "") or held.get("held", "")
-    named = {} if own_scale else form("named_step", name)
-    shown = form("shown", kind).get("digits")
-    said = form("remark_step", remark.translate(WIDE_SIGNS))
-    said = said if said.get("step") or said.get("word") or form("sure_unit", said.get("unit", "")) else {}
-    ways = (
-        (own_scale, ""),
-        (meaning("behind", kind), ""),
-        (shown and f"1/{10 ** len(shown)}", ""),
-        (named.get("step") or (named.get("times") and f"1/{named['times']}"), named.get("unit") or named.get("of", "")),
-        (meaning("times", remark), ""),
-        (said.get("step"), said.get("unit", "")),
-    )
-    scale, beside = next(((scale, beside) for scale, beside in ways if scale), (None, said.get("unit", "")))
-    name = named.get("name", name) if scale and not (ways[1][0] or ways[2][0]) else name
-    return name, scale.replace(",", ".") if scale else None, unit or beside or ""
-
-
-_SCALES: Final = frozenset({"scale", "divisor", "power", "decimals"})
+def measured(cells: Mapping[str, str], name: str) -> tuple[str, str | None, str, str]:
+    """A row's name, scale and unit of measure: from columns of their own, or from beside other words, which stay; each
+    from the first place that has it. And what stands in place of a unit but is none: a remark."""
+    left = {**cells, "name": name, "unit": given(cells.get("unit", ""))}
+    found: dict[str, str | None] = {"scale": scale_of(cells), "unit": ""}
+    for line in vocabulary()["measures"]:
+        match = expression(line["like"]).fullmatch(left.get(line["of"], "").translate(WIDE_SIGNS))
+        parts = match.groupdict("") if match else {}
+        inverse = parts.get("times", "") or ("digits" in parts and f"1{'0' * len(parts['digits'])}")
+        told = {"scale": parts.get("step") or (inverse and f"1/{inverse}"), "unit": parts.get("unit")}
+        new = {key: value for key, value in told.items() if value and not found[key]}
+        if new:
+            found |= new
+            left[line["of"]] = parts.get("rest", "")
+    scale = found["scale"]
+    return left["name"], scale.replace(",", ".") if scale else None, found["unit"] or "", left["unit"]
 
 
 def scale_of(cells: Mapping[str, str]) -> str | None:

@@ -1,54 +1,23 @@
-"""What masters and the ways to them do wrong: two of them, broadcasts, too much, pieces."""
+"""What clients and the ways to them do wrong: broadcasts that are answered or too many, pieces."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
 
 from ...tables.findings import Severity
-from ..bits import likelihood_bits, surplus_bits
-from ..costs import LostAnswers, cost, cost_of, kind_bits, kind_of, overlaid, share_of, together, twice
-from ..evidence import HEALTHY, Evidence
+from ..bits import surplus_bits
+from ..costs import cost, together
+from ..evidence import Evidence
 from ..exchanges import Ending
-from ..hits import (
-    answers_too_many,
-    by_another,
-    evenness_bits,
-    given_up_by_timer,
-    interrupted,
-    is_about_one,
-    is_one_units,
-    late_of_any,
-    requests_evenness_bits,
-    requests_part,
-    timed_by_the_master,
-)
-from ..hittimes import spells_of_hits
-from ..registry import OF_A_LINE, Explained, Suspicion, Symptom, suspect
+from ..registry import Suspicion, Symptom, suspect
 from ..repeats import CalledBack, broadcasts_answered, called_back
-from ..signatures import Behind, Signature
-from ..unitledger import UnitLedger
+from ..signatures import Behind
 
 _LEAST: Final = 5
-_MET: Final = 3  # times, that two are seen to send at once or to know nothing of each other
-_MANY: Final = 10  # second answers of a unit,
-_SOME: Final = 0.05  # of its requests
-_UNLIKE_BITS: Final = 100.0  # by which the damage of some units is theirs: another master meets all alike
-_SENT_INTO: Final = 0.15  # of damaged answers
-_CROSSED: Final = 0.4  # of what is hit
-_HASTY: Final = 0.35  # of the timeout: nobody gives up so soon
-_CUT_SHORT_BITS: Final = 4.0
-_AT_ONCE: Final = 0.1  # the same, by which times may be wrong
-_COLLIDED: Final = {"crossed": 0.27, "cut": 0.17, "cut-short": 0.15, "whole": 0.22, "long": 0.07, "other": 0.03,
-                    "middle": 0.03, "tail": 0.02, "head": 0.02, "ahead": 0.06, "bits": 0.01}  # fmt: skip
-_RUN_INTO: Final = ("crossed", "cut", "cut-short")  # as a request that is sent into an answer leaves it
-_ON_FRAMES: Final = 0.93  # of what collides
 _MOSTLY: Final = 0.5
-_NEARLY_ALL: Final = 0.8
-_ALONE_BITS: Final = 12.0
-_SEVERAL: Final = 4  # units: of fewer another master may well ask one alone
 _OFTEN: Final = 0.3
 _STORM: Final = 30  # broadcasts
 _STORM_NS: Final = 60e6
@@ -56,144 +25,6 @@ _STORM_LOAD: Final = 0.3  # of the time, that bytes take
 _STARVED: Final = 0.02  # of the requests to units
 _STORM_PAUSES: Final = 2.5  # times t3.5, on slow lines
 _HOLE_CHARS: Final = 1.5
-_DISORDER: Final = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.LATENESS, Symptom.SILENCE, Symptom.DOUBLES, Symptom.MARKS,
-                    Symptom.VALUES)  # fmt: skip
-
-
-@suspect(
-    "two-masters",
-    Severity.ERROR,
-    blame="master",
-    text="Two clients poll this line without knowing of each other: {crossed} requests came while an answer was due"
-    "[, {damaged:answer|answers} {damaged:|is|are} cut or overlaid by one]",
-    share="{hits} of {exchanges} exchanges, of {units_hit:unit|units}",
-    deciding_test="Look for a second client: a panel, a service computer, a gateway, a program that was left running; "
-    "one that controls something is taken off only with the operator's consent",
-    remedy="Let one client poll and the other get its values from it, or put a gateway with several clients between",
-    foretold=OF_A_LINE,
-)
-def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
-    """Requests while an answer is due, and what collides with them, for all units alike."""
-    units = [unit for unit in evidence.units if evidence.is_open(Symptom.DAMAGE, unit.unit)]
-    early = {unit.unit: interrupted(evidence, unit) for unit in units}
-    misled = sum(unit.strayed + evidence.silent_but_for(unit, Behind.NOISE) for unit in units)
-    late = max(late_of_any(evidence) - misled, 0)  # a master that takes noise for an answer goes on before that comes
-    by_timer = [unit for unit in units if unit.late and given_up_by_timer(evidence, unit)]
-    others = [unit for unit in units if unit not in by_timer]  # what is late of these is not the timer's
-    about_one = is_about_one(evidence)
-    spread = sum(early.values()) - max(early.values(), default=0) >= _MET or not (about_one or is_one_units(evidence))
-    sure = sum(early.values()) >= _MET and spread  # two answers to one unit's requests drive a master on as well
-    sure = sure or late - max((unit.late for unit in others), default=0) >= _LEAST
-    if not evidence.ordered or broadcasts_answered(evidence) or (about_one and not sure):
-        return
-    if any(answers_too_many(evidence, unit) for unit in units):
-        return  # where it is sure, it need not meet all alike: slow units are met most
-    hasty = sum(max(_hasty(evidence, unit), early[unit.unit]) for unit in units)
-    late = max(sum(unit.late for unit in others) - misled, 0) if sure else late
-    if hasty + late < _MET and sum(unit.late for unit in by_timer) >= _MET:
-        return  # a master that gives up too soon runs into answers all alone
-    behind = sum(evidence.behind(unit, Behind.REQUEST, Behind.NOISE) for unit in units)
-    own = {unit.unit: timed_by_the_master(evidence, unit) for unit in units}  # what its own requests ran into
-    damaged = sum(round(evidence.damaged(unit) * (1 - _part(evidence, unit, own[unit.unit]))) for unit in units)
-    readings = [each for unit in units for each in evidence.readings(unit) if each not in own[unit.unit]]
-    behind_of = {unit.unit: evidence.requests_behind(unit) for unit in units}
-    hit = [
-        unit for unit in units if evidence.damaged(unit) or unit.late or _hasty(evidence, unit) or behind_of[unit.unit]
-    ]
-    requests = sum(behind_of.values())
-    sent_into = max(
-        share_of(readings, "crossed", "cut", "cut-short", "long"), overlaid(readings) / max(len(readings), 1)
-    )
-    crossed = hasty + late + requests + damaged * sent_into
-    hits = min(hasty + late + behind + damaged, evidence.ledger.exchanges)
-    unlike = min(evenness_bits(evidence), requests_evenness_bits(evidence)) < -_UNLIKE_BITS
-    few = not sure and (len(hit) < min(2, len(units)) or unlike or _twice(evidence) or _is_one_late(evidence))
-    if few or crossed < _LEAST or (not sure and crossed < _CROSSED * hits) or not hasty + late + requests:
-        return
-    met = min(overlaid(readings), sum(kind_of(each) in _RUN_INTO for each in readings))
-    if surplus_bits(requests, damaged + requests, requests_part(evidence)) > _UNLIKE_BITS:
-        met += evidence.requests_overlaid  # what disturbs a line meets answers as well
-    if hasty + late < _MET and met < max(_MET, _SENT_INTO * len(readings)):
-        return  # damage alone: one transmitter and a bad line do as well
-    bits = surplus_bits(hits, evidence.ledger.exchanges, HEALTHY) + kind_bits(readings, _COLLIDED)
-    bits += overlaid(readings) + 2 * (hasty + late) + likelihood_bits(damaged + requests, damaged + behind, _ON_FRAMES)
-    bits -= likelihood_bits(damaged + requests, damaged + behind, 0.5)
-    bits += evenness_bits(evidence) / 2  # two cycles meet where they do, yet not at one unit only
-    spells = spells_of_hits(evidence)[0]
-    bits += (
-        spells if sure else -spells
-    )  # one of them comes later, or goes; of what is not seen two polls go on as they do
-    if sure:  # no single master cuts short what it asked, whatever disturbs the line
-        bits += _CUT_SHORT_BITS * sum(early.values())
-    explains = frozenset((kind, unit.unit) for unit in evidence.units for kind in _DISORDER)
-    lost = _lost_to_each_other(evidence, explains)
-    yield Suspicion(
-        (),
-        bits,
-        explains,
-        {
-            "crossed": round(hasty + late + requests),
-            "damaged": damaged,
-            "hits": round(hits),
-            "exchanges": evidence.ledger.exchanges,
-            "units_hit": len(hit),
-        },
-        lost_answers=lost.answers,
-        lost_ms=lost.ms,
-        frames=tuple(index for unit in hit for index in unit.examples.get(Ending.GARBAGE, []))[:6],
-    )
-
-
-def _lost_to_each_other(evidence: Evidence, explains: Explained) -> LostAnswers:
-    """What meets costs each of two masters a request; what one of them sends while the other waits only makes that one's
-    answer late."""
-    silences = frozenset(each for each in explains if each[0] is Symptom.SILENCE)
-    met, silent = twice(evidence, cost_of(evidence, explains - silences)), cost_of(evidence, silences)
-    lost = max(silent.answers - sum(unit.late for unit in evidence.units), 0)
-    ms = 0.0 if not lost else None if silent.ms is None else silent.ms * lost / silent.answers
-    return together((met, LostAnswers(lost, ms)))
-
-
-def _is_one_late(evidence: Evidence) -> bool:
-    """Whether one unit alone stays silent, more than its share, and what is heard in the place of others' answers and
-    behind them begins as its answers do: it is late. Two masters leave all units silent."""
-    begun = evidence.begun.most_common(1)
-    if not begun or len(evidence.units) < _SEVERAL or begun[0][1] < max(_LEAST, _NEARLY_ALL * evidence.begun.total()):
-        return False
-    late = evidence.ledger.units[begun[0][0]]
-    silent, asked = (
-        sum(unit.count(Ending.SILENT) for unit in evidence.units),
-        sum(unit.asked for unit in evidence.units),
-    )
-    mine = late.count(Ending.SILENT)
-    return mine >= _NEARLY_ALL * silent and surplus_bits(mine, silent, late.asked / asked) >= _ALONE_BITS
-
-
-def _twice(evidence: Evidence) -> bool:
-    """Whether some units often answer one request twice, and rightly, for which no second master is needed."""
-    return any(
-        evidence.is_open(Symptom.DOUBLES, unit.unit)
-        and max(unit.doubles, evidence.behind(unit, Behind.ANSWER), evidence.echoed_again(unit))
-        >= max(_MANY, _SOME * unit.asked)
-        for unit in evidence.units
-    )
-
-
-def _part(evidence: Evidence, unit: UnitLedger, some: Sequence[Signature]) -> float:
-    """The share of a unit's damaged answers that these are."""
-    return len(some) / max(len(evidence.readings(unit)), 1)
-
-
-def _hasty(evidence: Evidence, unit: UnitLedger) -> int:
-    """Requests behind which another one came sooner than a master gives up, who waits longer for answers that come."""
-    timeout = 0.0 if evidence.timeout_ns is None else max(evidence.timeout_ns, evidence.patience_ns)
-    if not timeout or not evidence.is_open(Symptom.SILENCE, unit.unit) or evidence.verdict.wait_ns > _HASTY * timeout:
-        return 0
-    waits = unit.quiet_waits.numbers  # what a master hears, though it is another answer, ends its waiting
-    if not len(waits) or (evidence.verdict.wait_ns > _AT_ONCE * timeout and (waits <= 0).mean() > _OFTEN):
-        return 0  # a tap that passes several requests on at once tells nothing of their waits
-    hasty = float((waits < _HASTY * timeout).mean()) * by_another(evidence, unit, _HASTY * timeout)
-    return round(len(unit.quiet_waits) * hasty)
 
 
 @suspect(

@@ -50,10 +50,11 @@ def _place(record: dict[str, Any]) -> None:
 
 def _mask(record: dict[str, Any]) -> None:
     """Take a mask for the bits that it leaves."""
-    mask = whole_in(record.get("bitmask")) or 0
-    if record["^@"] in _BITS or (mask and mask & (mask - 1) == 0):
-        first = ((mask or 1) & -(mask or 1)).bit_length() - 1
-        record |= {"bit": first, "width": (mask or 1).bit_length() - first}
+    is_bit = record["^@"] in _BITS
+    mask = whole_in(record.get("bitmask")) or int(is_bit)
+    if is_bit or mask.bit_count() == 1:
+        first = (mask & -mask).bit_length() - 1
+        record |= {"bit": first, "width": mask.bit_length() - first}
     elif mask and record["^@"] != "text_sensor":
         record["notes"].append(f"bitmask {mask:#x} is not carried")
 

@@ -15,22 +15,20 @@ def adapted(source: MapSource, records: Iterator[dict[str, Any]]) -> Iterator[di
     """The rows, with areas and addresses apart; logical addresses (40001) name the area, else the file does."""
     named = next((area for word, area in _AREAS if word in source.stem.lower()), None)
     rows = [{key: cell for key, cell in row.items() if cell} for row in records]
-    spots = [_spot(whole_in(row.get("_address")) or 0, named) for row in rows if row.get("_address")]
-    aliases = bool(spots) and None not in spots
+    spots = [_spot(whole_in(row["_address"]) or 0, named) for row in rows if "_address" in row]
+    aliases = all(spots) and bool(spots)
     telling = (
         ("the table does not say its area: where addresses do not either, holding registers are taken", named is None),
         ("addresses were taken for aliases (40001), as all of them could be", aliases),
     )
     words = [text for text, holds in telling if holds]
-    for row in rows:
-        position = row.get("_address") or row.get("address") or ""
-        spot = _spot(whole_in(position) or 0, named) if aliases else None
-        row["area"], row["place"] = spot or (named, position)
-        row["what"] = f"row {row['row']}: {row.get('name') or row.get('description') or f'Register {position}'}"
+    for at, row in enumerate(rows):
+        position = row.get("_address", row.get("address", ""))
+        row["area"], row["place"] = (aliases and _spot(whole_in(position) or 0, named)) or (named, position)
+        row["what"] = f"row {row['row']}: {row.get('name', row.get('description', f'Register {position}'))}"
         formula = row.get("formula", "x")
-        notes = [f"formula {formula[:60]!r} is not carried"] if formula != "x" else []
-        yield {**row, "notes": notes, "of file": words}
-        words = []
+        notes = [f"formula {formula[:60]!r} is not carried"] * (formula != "x")
+        yield {**row, "notes": notes, "of file": words * (at == 0)}
 
 
 def _spot(number: int, named: str | None) -> tuple[str, int] | None:

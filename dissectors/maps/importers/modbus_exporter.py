@@ -22,6 +22,4 @@ def adapted(_: MapSource, records: Iterator[dict[str, Any]]) -> Iterator[dict[st
                 area = ("coil", "discrete")[record["digit"]]
                 words = f"address {number} leads with the digit of {area}s, which hold no {kind}"
                 record |= {"notes": [words], "skipped": True}
-        if kind == "bool":
-            record["bit"] = record.get("bitOffset", 0)
         yield record

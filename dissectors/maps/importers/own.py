@@ -2,31 +2,28 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
+from typing import Final
 
 from ..table import read_table
 from ..yamlform import read_yaml
-from .source import ImportedMap, MapSource
+from .source import ImportedMap, MapSource, mappings
 
 NAME = "a map of our own form"
+_SIGNS: Final = re.compile("[,;\t]")
 
 
 def recognises(source: MapSource) -> bool:
     """A list `registers` in YAML, or a row of our column names."""
-    if not source.is_text:
-        return False
     if isinstance(source.yaml, Mapping):
         rows = source.yaml.get("registers")
-        keys = {key for row in rows if isinstance(row, Mapping) for key in row} if isinstance(rows, list) else set()
+        keys = {key for row in mappings(rows) for key in row}
         own = {"area"} if source.json is not None else {"area", "type"}  # JSON is of other programs
-        return isinstance(rows, list) and (not keys or bool(own & keys))
-    lines = [line.lower() for line in source.text.splitlines() if line.strip() and not line.lstrip('"').startswith("#")]
-    names = (
-        {name.strip().strip('"') for name in lines[0].replace(";", ",").replace("\t", ",").split(",")}
-        if lines
-        else set()
-    )
-    return {"address", "name", "area", "type"} <= names
+        return isinstance(rows, list) and not (keys and keys.isdisjoint(own))
+    lines = filter(str.strip, source.text.lower().splitlines())
+    head = next((line for line in lines if not line.lstrip(' "').startswith("#")), "")
+    return {"address", "name", "area", "type"} <= {name.strip(' "') for name in _SIGNS.split(head)}
 
 
 def read(source: MapSource) -> list[ImportedMap]:

@@ -3,8 +3,9 @@
 `NAME.toml` has `paths` to the records, `fields` (what a map's column is, out of which keys of a record), and the
 program's words for areas, types, orders and rights. A path's steps are keys; `{a,b}` any of these, `*` any, `-` the
 rows of a table, `**` anything between. A key with `^` is one of what a record stands in (`^@`: the key that led to it),
-`=x` is x itself where there is no other, `a+b` both, parted by a blank; the first that is there counts. `NAME.py`,
-where there is one, has `adapted(source, records)`, which puts right what no path can say.
+`a.b` the one under another, `=x` is x itself where there is no other, `a+b` both, parted by a blank; the first that is
+there counts. Addresses that a record lists (`addresses`) become its `first`, their `count` and the way that they go
+(`listed`). `NAME.py`, where there is one, has `adapted(source, records)`, which puts right what no path can say.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from importlib.resources import files as package_files
 from typing import Any, Final, cast
 
 from ..model import VALUE_TYPES
+from ..records import parts_of
 from .source import ImportedMap, MapBuilder, MapSource, mappings, number_in, scaled, whole_in
 
 Record = dict[str, Any]
@@ -49,6 +51,8 @@ class Program:
         """A map a device."""
         builders: dict[str, MapBuilder] = {}
         records = self._found(source, self.data["paths"])
+        if "addresses" in self.data:
+            records = (_in_line(record, record.get(self.data["addresses"])) for record in records)
         for record in records if self._adapted is None else self._adapted(source, records):
             device, vendor = (" ".join(self._texts(record, key)) for key in ("device", "vendor"))
             builder = builders.setdefault(
@@ -65,10 +69,9 @@ class Program:
         tree = getattr(source, self.data["reads"])
         for path in paths:
             for record in _walked(tree, path["to"].split("."), {}):
-                where: Mapping[str, Any] = path.get("where", {})
-                needs: Sequence[str] = path.get("needs", ())
-                there = said(record, needs) is not None or not needs
-                if there and all(record.get(key) == value for key, value in where.items()):
+                where, unless = path.get("where", {}), path.get("unless", {"": ""})
+                there = "needs" not in path or said(record, path["needs"]) is not None
+                if there and where.items() <= record.items() and not unless.items() <= record.items():
                     yield record
 
 
@@ -81,7 +84,21 @@ def _at(record: Mapping[str, Any], key: str) -> Any:
     if "+" in key[1:]:
         parts = [record.get(part) for part in key.split("+")]
         return None if None in parts else " ".join(map(str, parts))
+    if "." in key[1:] and isinstance(inner := record.get(key.partition(".")[0]), Mapping):
+        return inner.get(key.partition(".")[2])
     return key[1:] if key.startswith("=") else record.get(key)
+
+
+def _in_line(record: Record, listed: Any) -> Record:
+    """A record whose listed addresses are told by the first, how many there are, and whether they rise or fall."""
+    if not isinstance(listed, list):
+        return record
+    first = min((place for place in map(whole_in, listed) if place is not None), default=0)
+    rising = [*range(first, first + len(listed))]
+    ways = {"rising": rising, "falling": rising[::-1]}
+    way = next((way for way, places in ways.items() if places == [*map(whole_in, listed)] != []), None)
+    told = {} if way else {"notes": [f"registers {listed} do not lie side by side"], "skipped": True}
+    return {**record, "first": first, "count": len(listed), "listed": way, **told}
 
 
 def _walked(node: Any, steps: Sequence[str], above: Mapping[str, Any]) -> Iterator[Record]:
@@ -108,7 +125,7 @@ def _by_keys(node: Any, steps: Sequence[str]) -> Stepped:
 def _anywhere(node: Any, steps: Sequence[str]) -> Stepped:
     """The node itself for the steps behind `**`, and all that it holds for these."""
     yield node, {}, steps[1:]
-    for below in node.values() if isinstance(node, Mapping) else node if isinstance(node, list) else ():
+    for below in parts_of(node):
         yield below, _plain_values(node), steps
 
 
@@ -126,7 +143,7 @@ _STEPS: Final[Mapping[str, Callable[[Any, Sequence[str]], Stepped]]] = {
 def _plain_values(node: Any) -> Record:
     """What a mapping says itself, for the records within it."""
     plain = node.items() if isinstance(node, Mapping) else ()
-    return {f"^{key}": value for key, value in plain if not isinstance(value, Mapping | list)}
+    return {f"^{key}": value for key, value in plain if not isinstance(value, list)}
 
 
 class _ProgramRow:
@@ -150,7 +167,8 @@ class _ProgramRow:
         given = [str(value).strip() for key, value in values if value is not None and not key.startswith("=")]
         words = given[: 1 if what == "area" else None] or [key[1:] for key in keys if key.startswith("=")]
         table: Mapping[str, str] = self.data.get(_TABLES[what], {})
-        return next((table[word.lower()] for word in words if word.lower() in table), None), next(iter(words), "")
+        known = map(table.get, map(str.lower, words))
+        return next(filter(None, known), None), next(iter(words), "")
 
     def note(self, text: str) -> None:
         self.builder.note(f"{self.what}: {text}")
@@ -161,21 +179,21 @@ class _ProgramRow:
             self.builder.note(text)
         for text in self.record.get("notes", ()):
             self.note(text)
+        if "skipped" in self.record:
+            return
         position = self.said("address")
         address = whole_in(position)
         area, area_word = self.meant("area")
-        kind, type_word = self.meant("type")
-        bit = whole_in(self.said("bit"))
-        if "skipped" in self.record:
-            return
+        kind, type_word = ("bool", "") if area in _BITS else self.meant("type")
+        bit = whole_in(self.said("bit")) if kind != "bit" else whole_in(self.said("bit")) or 0
         if address is None or area is None:
             self.note(f"address {position!r} of {area_word!r} is not known")
-        elif bit is not None and area not in _BITS:
+        elif bit is not None and kind != "bool":
             self.builder.add_bits(area, address, bit, whole_in(self.said("width")) or 1, self.name)
-        elif kind is None and area not in _BITS:
+        elif kind is None:
             self.note(f"{self.data.get('types_are', 'type')} {type_word!r} is not a type that maps have")
         else:
-            self.builder.add(self._cells(area, address, "bool" if area in _BITS else kind or ""), self.what)
+            self.builder.add(self._cells(area, address, kind), self.what)
 
     def _cells(self, area: str, address: int, kind: str) -> dict[str, object]:
         kind, _, own_order = kind.partition(" ")
@@ -205,8 +223,9 @@ class _ProgramRow:
 
     def _factor(self) -> dict[str, object]:
         """Scale and offset; the number that a key divides by counts as its inverse."""
-        scale = self._number("scale") or 1.0
-        return scaled(scale / (self._number("divisor") or 1.0), self._number("offset") or 0.0)
+        scale = (self._number("scale") or 1.0) / (self._number("divisor") or 1.0)
+        raw = self.data.get("offset_of_raw", 0) * scale
+        return scaled(scale, (self._number("offset") or 0.0) * (raw or 1.0))
 
     def _number(self, what: str) -> float | None:
         value = self.said(what)

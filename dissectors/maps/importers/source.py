@@ -28,7 +28,14 @@ _COMMENT: Final = re.compile(r'("(?:\\.|[^"\\])*(?:"|\\?\Z))|//[^\n]*|/\*.*?(?:\
 _LAST_COMMA: Final = re.compile(r'("(?:\\.|[^"\\])*(?:"|\\?\Z))|,(?=\s*[}\]])')
 _INCLUDED: Final = re.compile(r"^[^#\n]*!include\w*\s+(?:\{?\s*file:\s*)?([^\s,}#]{1,100})", re.MULTILINE)
 _MOST_INCLUDED: Final = 5
+_DEEPEST: Final = 40  # elements in elements
 _KINDS: Final = {".yaml": "YAML", ".yml": "YAML", ".toml": "TOML", ".conf": "TOML", ".json": "JSON", ".jinja": "JSON"}
+_WAYS: Final = {  # in which a tree is read, by the suffix of its file and by its first sign
+    **dict.fromkeys((".yaml", ".yml"), ("yaml",)),
+    **dict.fromkeys((".toml", ".conf", ".ini", ".cfg"), ("toml", "ini")),
+    "<": ("xml",),
+    "{": ("lines",),
+}
 _TOO_DEEP: Final = "nested too deeply"
 
 
@@ -69,13 +76,13 @@ class MapSource:
     def tree(self) -> Any:
         """The content of JSON (also one JSON object per line), and of YAML, TOML or INI by the file's name; None of "
         "another."""
-        if self.json is not None or not self.is_text:
-            return self.json
-        if self.suffix in (".yaml", ".yml"):
-            return self.yaml
-        if self.suffix in (".toml", ".conf", ".ini", ".cfg"):
-            return self.toml or self.ini
-        return json_lines(self.text) if self.text.startswith("{") else None
+        ways = ("json", *_WAYS.get(self.suffix, ()), *_WAYS.get(self.text[:1], ()))
+        return next(filter(None, (getattr(self, way) for way in ways)), None)
+
+    @cached_property
+    def lines(self) -> Any:
+        """The objects of JSON lines."""
+        return json_lines(self.text)
 
     @property
     def rows(self) -> Iterator[dict[str, str]]:
@@ -92,6 +99,16 @@ class MapSource:
         rows = self.rows
         head = {at: name.lower() for at, name in next(rows, {"row": ""}).items()} | {"row": "row"}
         return ({head.get(at, at): cell for at, cell in row.items()} for row in rows if any([*row.values()][:-1]))
+
+    @cached_property
+    def xml(self) -> Any:
+        """The elements of an XML file: attributes and texts by their names, others as lists; none with own entities."""
+        from xml.etree import ElementTree
+
+        try:
+            return None if "<!" in self.text else _elements(ElementTree.fromstring(self.text), 0)
+        except (ElementTree.ParseError, ValueError):
+            return None
 
     @cached_property
     def ini(self) -> Any:
@@ -147,6 +164,21 @@ class MapSource:
         except ValueError as error:
             self._problems["YAML"] = one_line(error)[:200]
             return None
+
+
+def _elements(element: Any, depth: int) -> Any:
+    """An element as a mapping, or its text where that is all."""
+    if not (len(element) or element.attrib) or depth > _DEEPEST:
+        return (element.text or "").strip()
+    found: dict[str, Any] = dict(element.attrib)
+    for inner in element:
+        below = _elements(inner, depth + 1)
+        name = inner.tag.rpartition("}")[2] if isinstance(inner.tag, str) else ""
+        if isinstance(below, str):
+            found[name] = below
+        else:
+            found.setdefault(f"{name}:", []).append(below)
+    return found
 
 
 @dataclass(slots=True)

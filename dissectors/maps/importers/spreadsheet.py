@@ -15,10 +15,12 @@ from typing import Final
 from ..cells import CellError, area_and_address
 from ..model import DIGIT_OF_AREA, VALUE_TYPES, MapArea, MapError
 from ..roles import (
+    WHOLE,
     Table,
     assigned,
     assignment,
     column_cells,
+    heading_bits,
     is_heading,
     is_unknown_heading,
     known_headings,
@@ -44,9 +46,8 @@ from ..written import (
 from .source import ImportedMap, MapBuilder, MapSource, refused, whole_in
 
 NAME = "a table"
-_LAST_BIT: Final = 15
+_TOLD: Final = frozenset({"address", "name", "type"})  # columns of a table without a heading
 _LOOK: Final = 60  # rows in which a heading is sought
-_UNIT_WORDS: Final = 3  # at most
 _FIRST_WORD: Final = {"CDAB": "least significant", "DCBA": "least significant"}
 _MOST_ROWS: Final = 70_000
 
@@ -62,8 +63,17 @@ def recognises(source: MapSource) -> bool:
 
 
 def has_heading(sheet: MapSheet) -> bool:
-    """Whether the first rows of a sheet have one."""
-    return next(_headings_in(sheet.rows[:_LOOK]), None) is not None
+    """Whether the first rows of a sheet have one, or what stands in the columns tells as much."""
+    return next(_headings_in(_headed(sheet.rows[:_LOOK])), None) is not None
+
+
+def _headed(rows: Table) -> Table:
+    """The rows, behind a heading where they have none and the cells tell addresses, names and types."""
+    if next(_headings_in(rows[:_LOOK]), None) is not None:
+        return rows
+    width = max(map(len, rows), default=0)
+    columns = {at: role for role, at in assigned([""] * width, _of_values(rows[:_LOOK])).items()}
+    return [[columns.get(at, "") for at in range(width)], *rows] if set(columns.values()) >= _TOLD else rows
 
 
 def chart_of(source: MapSource, sheet: MapSheet) -> ImportedMap | None:
@@ -101,8 +111,8 @@ def _headings_in(rows: Table) -> Iterator[int]:
 
 
 def _of_values(rows: Table) -> Table:
-    """The rows that are no line between others and no title."""
-    return [row for row in rows if not _is_rule(row) and sum(map(bool, row)) > 1]
+    """The rows that may have an address: no title, no line between others, and not the second of a heading."""
+    return [row for row in rows if expression(r".*\d.*").fullmatch(" ".join(row)) and sum(map(bool, row)) > 1]
 
 
 def _is_rule(row: Sequence[str]) -> bool:
@@ -114,8 +124,8 @@ def _is_rule(row: Sequence[str]) -> bool:
 class _TableHeading:
     """What the columns of a table hold, by a row of headings and the rows below it."""
 
-    columns: dict[str, int]
-    form: AddressForm
+    columns: dict[str, int] = field(default_factory=dict)
+    form: AddressForm = field(default_factory=AddressForm)
     addresses: Counter[str] = field(default_factory=Counter)  # how many rows have each
     of_functions: bool = False  # areas are the codes of functions
     order: str = ""  # what the heading of the orders says of them: that they are of words
@@ -126,11 +136,13 @@ class _TableRows:
 
     def __init__(self, source: MapSource, sheet: MapSheet, *, several: bool) -> None:
         self.builder = MapBuilder(source.name, device=f"{source.stem} {sheet.name if several else ''}".strip())
-        self.rows = self._visible(sheet)
+        shown = self._visible(sheet)
+        self.rows = _headed(shown)
+        self.first = 1 - (len(self.rows) - len(shown))  # number of the first row
         for note in sheet.notes:
             self.builder.note(note)
         self.area = area_words(sheet.name)
-        self.heading: _TableHeading | None = None
+        self.heading = _TableHeading()
         self.group = self.above = ""
         self.order: str | None = None  # as a title says
         self.in_hex = False
@@ -146,10 +158,10 @@ class _TableRows:
             if first >= begin:  # else the second row of a heading
                 begin = self._heading(first, next(at for at in headings if at > first + 1 or at == len(self.rows)))
                 for number in range(begin, next(at for at in headings if at >= begin)):
-                    self._row(self.rows[number], number + 1)
+                    self._row(self.rows[number], number + self.first)
         if self.builder.rows or self.builder.bits:
             self.builder.note("columns were told by their headings: look the map over, its address base above all")
-        return self.builder.built() if self.heading is not None else None
+        return self.builder.built() if self.heading.columns else None
 
     def _visible(self, sheet: MapSheet) -> Table:
         """The rows without the columns that the sheet hides, where what is left is a table."""
@@ -180,7 +192,7 @@ class _TableRows:
             "word order" * ("word" in texts.get("order", "")),
         )
         for holds, note in (
-            ("divisor" in columns and texts["divisor"][:2] in _GAINS, _AS_DIVISOR),
+            ("divisor" in columns and heading_bits(texts["divisor"], "divisor") < WHOLE, _AS_DIVISOR),
             ("power" in columns, "whole factors, some below 0, were taken for powers of ten"),
             (how.is_hex > how.is_said, "addresses were taken for hexadecimal, as some of them have letters"),
         ):
@@ -207,20 +219,17 @@ class _TableRows:
         """Take in what a row without values says of those below."""
         cells = list(filter(None, row))
         title = " ".join(cells)
-        says_order = form("says_order", title.lower())
-        self.order = (says_order and order_of(title)) or self.order
-        self.in_hex = self.in_hex or form("in_hex", title) != {}
+        self.order = order_of(form("says_order", title.lower()).get("", "")) or self.order
+        self.in_hex |= form("in_hex", title) != {}
         self.area = area_words(title) or self.area
-        if len(cells) == 1 and (self.heading or title.startswith("#")):
+        if len(cells) == 1 and (self.heading.columns or title.startswith("#")):
             self.group = _group(title) or self.group
 
     def _row(self, row: Sequence[str], number: int) -> None:
         cells = list(filter(None, row))
         heading = self.heading
-        if _is_rule(row) or heading is None:
-            return
         named = {key: row[at].strip() for key, at in heading.columns.items() if at < len(row)}
-        if self._is_bit(named):
+        if _is_rule(row) or self._is_bit(named):
             return
         if len(cells) == 1:
             self._title(row)
@@ -237,19 +246,18 @@ class _TableRows:
 
     def _is_bit(self, cells: dict[str, str]) -> bool:
         """Whether a row names a bit of the register above: it has no address of its own. The bit is added then."""
-        name = cells.get("name") or cells.get("description") or ""
-        spoken = form("spoken_bit", name)
-        number = spoken.get("bit") or cells.get("bit", "").removesuffix(".0").lstrip("bitBIT. ")
-        if self.register is None or cells.get("address") or not name or not expression(_BIT).fullmatch(number):
+        name = cells.get("name") or cells.get("description", "")
+        spoken = form("spoken_bit", name) or {**form("bit_cell", cells.get("bit", "")), "name": name}
+        if self.register is None or cells.get("address") or "bit" not in spoken:
             return False
-        self.builder.add_bits(*self.register, int(number), 1, " ".join(spoken.get("name", name).split()))
+        self.builder.add_bits(*self.register, int(spoken["bit"]), 1, " ".join(spoken["name"].split()))
         return True
 
     def _value(
         self, cells: dict[str, str], position: TableAddress, area: MapArea | None, what: str
     ) -> tuple[MapArea, int] | None:
         """Add what a row says; the register that it is about, whose bits rows below may name."""
-        how = self.heading.form if self.heading else AddressForm()
+        how = self.heading.form
         named, address = _area_and_address(position, area, how)
         kind, length = type_of(_type_said(cells), whole_in(cells.get("length")) or _words(cells, position, how))
         own_name = cells.get("name") or cells.get("description", "")
@@ -259,14 +267,12 @@ class _TableRows:
             register = area_and_address(named, address)
         except CellError:
             register = None  # said when the value is added
-        bit = cells.get("bit", "") if position.bit is None else str(position.bit)
-        if register is not None and expression(_BIT).fullmatch(bit):
+        bit = form("bit_cell", position.bit or cells.get("bit", "")).get("bit")
+        if register is not None and bit:
             self.builder.add_bits(*register, int(bit), 1, " ".join(name.split()))
             return register
         order = self._order(cells, kind, what)
-        if len(cells.get("unit", "").split()) > _UNIT_WORDS:  # of a column for units and remarks
-            cells = {"description": cells["unit"], **cells, "unit": ""}
-        name, scale, unit = measured(cells, " ".join(name.split()))
+        name, scale, unit, remark = measured(cells, " ".join(name.split()))
         name, states = states_in(cells, kind, name)
         low, high = limits_of(cells)
         self.builder.add(
@@ -284,7 +290,7 @@ class _TableRows:
                 "access": access_of(cells),
                 "min": low,
                 "max": high,
-                "description": cells.get("description") if cells.get("name") else None,
+                "description": (cells.get("description") or remark) if cells.get("name") else None,
                 "group": cells.get("group") or self.group,
             },
             f"{what}: {name[:40]}",
@@ -293,29 +299,26 @@ class _TableRows:
 
     def _order(self, cells: dict[str, str], kind: str, what: str) -> str | None:
         """The order of a wide value: as its row says it, else as a title does; a doubtful one is told."""
-        if VALUE_TYPES.get(kind, 0) < 2:
-            return None
         own = cells.get("order", "")
         said = f"{own} {cells.get('type', '')}".strip().lower()
-        ways = (said, f"{self.heading.order if self.heading else ''} {own}", cells.get("description", ""))
+        ways = (said, f"{self.heading.order} {own}", cells.get("description", ""))
         order = next(filter(None, map(order_of, ways)), None if own else self.order)
-        doubtful = (own or form("says_order", said)) and (order is None or form("is_inverse", said))
-        if doubtful:
+        is_said, is_sure = own or form("says_order", said), order and not form("is_inverse", said)
+        if VALUE_TYPES.get(kind, 0) < 2:
+            return None
+        if is_said and not is_sure:
             shown = f"{own} {cells.get('type', '')}".strip()[:30]
             first = _FIRST_WORD.get(order or "", "most significant")
             self.builder.note(f"{what}: order {shown!r} was taken for {order or 'ABCD'}, {first} word first")
         return order
 
 
-_GAINS: Final = frozenset({"ga", "sc", "fa", "增益", "系数", "倍率"})
 _AS_DIVISOR: Final = "gains of 1 or more were taken as divisors of raw values"
-_BIT: Final = rf"0?\d|1[0-{_LAST_BIT % 10}]"
 
 
 def _group(text: str) -> str:
     """The title above rows, as a group; a sentence is none."""
-    title = text.strip("#*: ")
-    return "" if title.endswith(".") and " " in title else title
+    return form("group_title", text.strip("#*: ")).get("", "")
 
 
 def _type_said(cells: dict[str, str]) -> str:
