@@ -39,14 +39,14 @@ _IN_STEP: Final = 0.1
 _NOISE: Final = 0.02  # of the bytes
 _NOISE_BYTES: Final = 40
 _SYMPTOMS: Final = {
-    Symptom.SILENCE: "no answer to {exchanges} of {asked} requests",
-    Symptom.DAMAGE: "{exchanges} of {asked} answers damaged",
-    Symptom.REFUSAL: "{exchanges} of {asked} requests refused (exception {code})",
-    Symptom.LATENESS: "{exchanges} answers later than the client waits",
-    Symptom.DOUBLES: "{exchanges} answers too many",
-    Symptom.BEHIND: "bytes behind {exchanges} of {asked} good answers",
-    Symptom.FRAMING: "{exchanges} bytes outside frames",
-    Symptom.REQUESTS: "{exchanges} of {asked} answers are whole, and the client asks again",
+    Symptom.SILENCE: "no answer to {exchanges:,} of {asked:,} requests",
+    Symptom.DAMAGE: "{exchanges:,} of {asked:,} answers damaged",
+    Symptom.REFUSAL: "{exchanges:,} of {asked:,} requests refused (exception {code})",
+    Symptom.LATENESS: "{exchanges:,} answers later than the client waits",
+    Symptom.DOUBLES: "{exchanges:,} answers too many",
+    Symptom.BEHIND: "bytes behind {exchanges:,} of {asked:,} good answers",
+    Symptom.FRAMING: "{exchanges:,} bytes outside frames",
+    Symptom.REQUESTS: "{exchanges:,} of {asked:,} answers are whole, and the client asks again",
 }
 _LIKE: Final = {
     "function": ", nearly all by function {value:02X}",

@@ -84,13 +84,15 @@ class TemplateFiller(Formatter):
             return duration(round(value * _TIMES[spec]))
         listed = isinstance(value, tuple)
         shown = ", ".join(map(str, value)) if listed else value
+        if spec == "," and isinstance(shown, str):
+            return shown  # words in place of a number: `most`, a list
         noun, *forms = spec.split("|")
         if not forms:
             return str(super().format_field(shown, spec))
         word = form_of(len(value) if listed else round(value), forms if not noun else [noun, *forms])
         if not noun:
             return word
-        return f"{word} {shown}" if listed else f"{round(value)} {word}"
+        return f"{word} {shown}" if listed else f"{grouped(round(value))} {word}"
 
 
 _FILLER: Final = TemplateFiller()

@@ -33,7 +33,7 @@ _TOO_SOON: Final = 0.9  # of t3.5
     Severity.WARNING,
     blame="master",
     text="The client polls more than the line can carry: bytes are on it {load:.0%} of the time and the client never "
-    "rests; a round of its {polls} polls takes {cycle:sec}",
+    "rests; a round of its {polls:,} polls takes {cycle:sec}",
     share="{load:.0%} of the line's time",
     deciding_test="Work out the time of a round from the list: the bytes of all requests and answers at this baud "
     "rate, and the silences between them",

@@ -31,10 +31,10 @@ _HOLE_CHARS: Final = 1.5
     "broadcast-answered",
     Severity.ERROR,
     blame="unit",
-    text="Broadcasts are answered[: bytes follow {answered} of {broadcasts} requests to unit 0 within the time of an "
+    text="Broadcasts are answered[: bytes follow {answered:,} of {broadcasts:,} requests to unit 0 within the time of an "
     "answer]"
-    "[; {met} of {met_of} exchanges right behind broadcasts are hit by what answers them]",
-    share="{calls} of {broadcasts} broadcasts",
+    "[; {met:,} of {met_of:,} exchanges right behind broadcasts are hit by what answers them]",
+    share="{calls:,} of {broadcasts:,} broadcasts",
     deciding_test="Look at the address that each unit is set to: one at 0 takes broadcasts for its own. Then, with the "
     "operator's consent, disconnect units one by one while the broadcasts go on",
     remedy="Give the device that takes 0 for its own an address from 1 to 247, or update its firmware",
@@ -76,9 +76,9 @@ def _run_into(evidence: Evidence, back: CalledBack) -> set[tuple[Symptom, int | 
     "broadcast-storm",
     Severity.ERROR,
     blame="master",
-    text="Broadcasts leave no time for anything else: {broadcasts} of {requests} requests go to unit 0, {pause:ms} "
+    text="Broadcasts leave no time for anything else: {broadcasts:,} of {requests:,} requests go to unit 0, {pause:ms} "
     "apart",
-    share="{broadcasts} of {requests} requests",
+    share="{broadcasts:,} of {requests:,} requests",
     deciding_test="Count the broadcasts here against what the client is set to send; ask the operator before anything "
     "that sends them is stopped",
     remedy="Broadcast on change instead of continuously, and leave 100 to 200 ms after each",
@@ -137,7 +137,7 @@ def _mean_pause(evidence: Evidence) -> float | None:
     blame="line",
     text="Answers[ of {units:unit|units}] come in pieces[ of {size} bytes] with silences of about {hole:ms} inside: a "
     "radio, modem or converter passes them on so",
-    share="{broken} of {answers} answers[ of {units:unit|units}][, {others_broken} of {others_answers} of others]",
+    share="{broken:,} of {answers:,} answers[ of {units:unit|units}][, {others_broken:,} of {others_answers:,} of others]",
     deciding_test="Tap the line on the far side of the converter: there the answers must be in one piece",
     remedy="Give clients and gateways on the way a longer silence that ends a frame (t3.5 of 50 ms), or a converter "
     "that "

@@ -129,7 +129,7 @@ def _suspicion(evidence: Evidence, hits: Hits, bits: float, more: Mapping[str, A
 
 
 _SHARE: Final = (
-    "{hits} hits in {exchanges} exchanges: {damaged:answer|answers}[, {requests:request|requests}][, "
+    "{hits:,} hits in {exchanges:,} exchanges: {damaged:answer|answers}[, {requests:request|requests}][, "
     "{idle} on the idle line]"
 )
 
@@ -140,7 +140,7 @@ _SHARE: Final = (
     blame="line",
     text="Interference on the line, whoever transmits: {damaged:answer|answers}[ and about "
     "{requests:request|requests}] of "
-    "{exchanges} exchanges are damaged, at no particular place or time",
+    "{exchanges:,} exchanges are damaged, at no particular place or time",
     share=_SHARE,
     deciding_test="Look at the shield and at loose terminals first; then connect the client and a unit or two by a "
     "short cable of their own: if the damage goes, it comes from the bus cable and what is near it",
@@ -158,7 +158,7 @@ def interference(evidence: Evidence) -> Iterator[Suspicion]:
     "emi-mains",
     Severity.ERROR,
     blame="line",
-    text="Interference in step with the mains: {hits} hits, {alike:.0%} of them at one phase of {frequency:.2f} Hz",
+    text="Interference in step with the mains: {hits:,} hits, {alike:.0%} of them at one phase of {frequency:.2f} Hz",
     share=_SHARE,
     deciding_test="Look at A against B with an oscilloscope triggered by the mains",
     remedy="Look for thyristors, dimmers, welding or a soft starter on the same supply; separate the bus cable from "
@@ -204,9 +204,9 @@ def _times_of_hits(evidence: Evidence) -> np.ndarray[Any, np.dtype[np.float64]]:
     "emi-drive",
     Severity.ERROR,
     blame="line",
-    text="The line is disturbed while {area} {address} of unit {unit} is {value}: {then} of {then_of} exchanges are "
-    "hit then, {else_} of "
-    "{else_of} otherwise",
+    text="The line is disturbed while {area} {address} of unit {unit} is {value}: {then:,} of {then_of:,} exchanges are "
+    "hit then, {else_:,} of "
+    "{else_of:,} otherwise",
     share=_SHARE,
     deciding_test="Compare the times of damaged frames with the changes of this value in the plant's log; switch "
     "nothing for the test without the operator",
@@ -254,7 +254,7 @@ def _is_told(evidence: Evidence) -> bool:
     "hours",
     Severity.ERROR,
     blame="line",
-    text="Interference at certain times: {inside} of {hits} hits fall into {spells:spell|spells}, {part:.0%} of the "
+    text="Interference at certain times: {inside:,} of {hits:,} hits fall into {spells:spell|spells}, {part:.0%} of the "
     "time",
     share=_SHARE,
     deciding_test="Ask what runs in the plant at these times, and record over a week",

@@ -53,8 +53,8 @@ def edit_of(reading: Signature) -> Edit | None:
     Severity.ERROR,
     blame="unit",
     text="Answers of {units:unit|units} are damaged in always the same way[: bit {bit} of byte {place}][: {added} is added before "
-    "each {before}], in {edited} of {damaged} damaged answers; no line does that",
-    share="{damaged} of {answers} answers of {units:unit|units}",
+    "each {before}], in {edited:,} of {damaged:,} damaged answers; no line does that",
+    share="{damaged:,} of {answers:,} answers of {units:unit|units}",
     deciding_test="Tap the line at the terminals of {units:unit|units}: damaged there too, it is the unit; whole there, a converter "
     "on the way",
     remedy="Look for a converter in text mode (0D 0A for 0A), a program that changes bytes on the way, or a fault in the unit's "

@@ -31,7 +31,7 @@ _FEW_BYTES: Final = 0.7  # of the times
     text="Something holds the line, {times:time|times}: after stray bytes nothing gets through for about {length:sec}, "
     "while the "
     "longest usual rest is {usual:sec}",
-    share="{times} of {strays} exchanges with stray bytes, {spared} of {spared_of} other exchanges",
+    share="{times:,} of {strays:,} exchanges with stray bytes, {spared:,} of {spared_of:,} other exchanges",
     deciding_test="Measure A against B when it happens: a line that is held low or high has a transmitter that is on",
     remedy="Find out which unit restarts then: one whose driver is on while its processor starts holds the line; its "
     "transceiver or the resistor at its enable pin is at fault. Disconnect units one by one only with the operator's "

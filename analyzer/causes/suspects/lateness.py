@@ -60,7 +60,7 @@ _KINDS: Final = {
     text="The client does not wait long enough for {units:unit|units}: {late:answer|answers} came after the client had "
     "moved on"
     "[ (up to {delay:ms} after the request)]; it may take the answer to one request for the answer to the next",
-    share="{late} of {asked} requests to {units:unit|units}[, {others_late} of {others_asked} to others]",
+    share="{late:,} of {asked:,} requests to {units:unit|units}[, {others_late:,} of {others_asked:,} to others]",
     deciding_test="Set the client's timeout three times as long: no request may stay without an answer then",
     remedy="Set the response timeout longer than the slowest answer of {units:unit|units}, and let the client discard "
     "late bytes before it sends again",

@@ -130,8 +130,8 @@ _HARDLY: Final = 0.1
     "all-silent",
     Severity.ERROR,
     blame="line",
-    text="Units {list} fall silent together{again}: {silent} requests to them {how}{others}",
-    share="{silent} of {asked} requests to units {list}[, {others_silent} of {others_asked} to others]",
+    text="Units {list} fall silent together{again}: {silent:,} requests to them {how}{others}",
+    share="{silent:,} of {asked:,} requests to units {list}[, {others_silent:,} of {others_asked:,} to others]",
     deciding_test="Tap the line at the first of these units when it happens next: if requests arrive there, look at what the "
     "units share; if not, at the cable and the converters before it",
     remedy="Check what the silent units have in common: the trunk cable and its terminals, the converter or gateway that "

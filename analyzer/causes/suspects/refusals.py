@@ -32,9 +32,9 @@ _REFUSES: Final = (2, 3, 4)
     "unit-busy",
     Severity.WARNING,
     blame="unit",
-    text="Unit {unit} reports that it is busy, in {spells:spell|spells}: {busy} of {asked} requests got exception "
+    text="Unit {unit} reports that it is busy, in {spells:spell|spells}: {busy:,} of {asked:,} requests got exception "
     "{code}",
-    share="{busy} of {asked} requests to unit {unit}",
+    share="{busy:,} of {asked:,} requests to unit {unit}",
     deciding_test="Compare how often unit {unit} is polled with its manual; polled half as often, the exceptions go "
     "if it cannot keep up",
     remedy="Poll it less often or fewer registers at once, and let the client ask again after a pause when it is busy",
@@ -154,9 +154,9 @@ _TEST: Final = "Read the registers of unit {unit} one by one around {areas}: it 
     Severity.WARNING,
     blame="master",
     text="The client's list is off by one for unit {unit}: requests for {areas}[ and {more} more] are refused "
-    "(exception {codes}, {refused} of {asked}), "
+    "(exception {codes}, {refused:,} of {asked:,}), "
     "while all but one register of it reads well",
-    share="{refused} of {asked} such requests to unit {unit}",
+    share="{refused:,} of {asked:,} such requests to unit {unit}",
     deciding_test=_TEST,
     remedy="Compare the list with the device's manual: does it count registers from 1 (40001) and the wire from 0?[ "
     "Ask instead: {asks}]",
@@ -175,8 +175,8 @@ def off_by_one(evidence: Evidence) -> Iterator[Suspicion]:
     Severity.WARNING,
     blame="master",
     text="The client asks unit {unit} for registers that it does not have: {areas}[ and {more} more], refused "
-    "{refused} of {asked} times (exception {codes})",
-    share="{refused} of {asked} such requests to unit {unit}",
+    "{refused:,} of {asked:,} times (exception {codes})",
+    share="{refused:,} of {asked:,} such requests to unit {unit}",
     deciding_test=_TEST,
     remedy="Remove these registers from the list, or correct their addresses or function using the device's manual[; "
     "ask "
@@ -196,8 +196,8 @@ def missing_registers(evidence: Evidence) -> Iterator[Suspicion]:
     Severity.WARNING,
     blame="master",
     text="The client writes registers of unit {unit} that it may only read: {areas}[ and {more} more], refused "
-    "{refused} of {asked} times (exception {codes}), though they read well",
-    share="{refused} of {asked} such requests to unit {unit}",
+    "{refused:,} of {asked:,} times (exception {codes}), though they read well",
+    share="{refused:,} of {asked:,} such requests to unit {unit}",
     deciding_test="Look in the manual of unit {unit} whether these registers may be written, and in which mode; a "
     "write for a test may start a machine",
     remedy="Remove the writes from the list, or unlock the device for writing (a parameter, a switch, remote mode)",

@@ -32,9 +32,9 @@ _FAILED: Final = (Ending.SILENT, Ending.EXCEPTION, Ending.GARBAGE)
     "{quantities}][: it answers in frames of up to {longest} bytes, and these need up to {needed}][: the client sends "
     "register numbers {numbers} as addresses][: the quantities {counted} are counts of bytes][: it does not have "
     "{places}]"
-    "[: its registers end inside {ranges}][; of {asked} such requests {silent} got no byte back][; of {asked} such "
-    "requests {refused} were refused (exception {codes})][; of {asked} answers {halved} had half the bytes]",
-    share="{failed} of {asked} such requests to unit {unit}[, {others_failed} of {others} others]",
+    "[: its registers end inside {ranges}][; of {asked:,} such requests {silent:,} got no byte back][; of {asked:,} such "
+    "requests {refused:,} were refused (exception {codes})][; of {asked:,} answers {halved:,} had half the bytes]",
+    share="{failed:,} of {asked:,} such requests to unit {unit}[, {others_failed:,} of {others:,} others]",
     deciding_test="[Ask unit {unit} once by hand, this only reads: {reads}][Compare with the manual of unit {unit} "
     "first, "
     "this writes: {writes}]",

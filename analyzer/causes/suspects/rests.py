@@ -19,9 +19,9 @@ _SURE_BITS: Final = 8.0
     "rest-too-short",
     Severity.WARNING,
     blame="master",
-    text="The client pauses too briefly before requests to {units:unit|units}: {silent} of {asked} requests after less "
-    "than {rest:ms} of silence got no byte back, {rested_silent} of {rested} after more",
-    share="{silent} of {asked} requests after less than {rest:ms}, {rested_silent} of {rested} after more",
+    text="The client pauses too briefly before requests to {units:unit|units}: {silent:,} of {asked:,} requests after less "
+    "than {rest:ms} of silence got no byte back, {rested_silent:,} of {rested:,} after more",
+    share="{silent:,} of {asked:,} requests after less than {rest:ms}, {rested_silent:,} of {rested:,} after more",
     deciding_test="Let the client pause twice as long before it asks {units:unit|units}: the silences must disappear",
     remedy="Set the client's delay between polls to more than {rest:ms}; the specification asks for 3.5 characters "
     "only, some "

@@ -71,7 +71,7 @@ def damage_suspicion(evidence: Evidence, unit: UnitLedger, bits: float, more: Ma
     )
 
 
-SHARE: Final = "{damaged} of {answers} answers of unit {unit}[, {others_damaged} of {others_answers} of others]"
+SHARE: Final = "{damaged:,} of {answers:,} answers of unit {unit}[, {others_damaged:,} of {others_answers:,} of others]"
 
 
 _BEFORE_BITS: Final = 4.0
@@ -86,7 +86,7 @@ def _head(_: Evidence, __: UnitLedger, readings: list[Signature]) -> Mapping[str
     "driver-enabled-late",
     Severity.ERROR,
     blame="unit",
-    text="Unit {unit} enables its driver too late: the beginning of {damaged} of {answers} answers is lost or mangled "
+    text="Unit {unit} enables its driver too late: the beginning of {damaged:,} of {answers:,} answers is lost or mangled "
     "({bytes:byte|bytes}; what follows is whole)",
     share=SHARE,
     deciding_test="Look for a driver delay or a direction setting in unit {unit} or its converter first; then swap "
@@ -118,7 +118,7 @@ def _tail(_: Evidence, __: UnitLedger, readings: list[Signature]) -> Mapping[str
     "driver-released-early",
     Severity.ERROR,
     blame="unit",
-    text="Unit {unit} releases its driver too early: the end of {damaged} of {answers} answers is cut off or filled "
+    text="Unit {unit} releases its driver too early: the end of {damaged:,} of {answers:,} answers is cut off or filled "
     "with "
     "ones ({bytes:byte|bytes})",
     share=SHARE,
@@ -139,7 +139,7 @@ def driver_released_early(evidence: Evidence) -> Iterator[Suspicion]:
     "crc-convention",
     Severity.ERROR,
     blame="unit",
-    text="Unit {unit} computes its check value differently ({variant}): {damaged} of {answers} answers are whole by "
+    text="Unit {unit} computes its check value differently ({variant}): {damaged:,} of {answers:,} answers are whole by "
     "that method",
     share=SHARE,
     deciding_test="Compute the check value of one answer by both methods",
@@ -159,7 +159,7 @@ def crc_convention(evidence: Evidence) -> Iterator[Suspicion]:
     "byte-count",
     Severity.ERROR,
     blame="unit",
-    text="Unit {unit} counts its bytes wrongly: {damaged} of {answers} answers have a correct check value and a byte "
+    text="Unit {unit} counts its bytes wrongly: {damaged:,} of {answers:,} answers have a correct check value and a byte "
     "count "
     "that does not fit what was asked",
     share=SHARE,
@@ -187,9 +187,9 @@ _FAR: Final = 4.0  # times it
     "driver-held",
     Severity.ERROR,
     blame="unit",
-    text="The driver of {units:unit|units} is held into the next request: {spoilt} requests that came behind "
-    "{answers} answers are damaged[, {others_spoilt} behind the {others_answers} of others]",
-    share="{spoilt} of {answers} requests behind answers of {units:unit|units}[, {others_spoilt} of {others_answers} "
+    text="The driver of {units:unit|units} is held into the next request: {spoilt:,} requests that came behind "
+    "{answers:,} answers are damaged[, {others_spoilt:,} behind the {others_answers:,} of others]",
+    share="{spoilt:,} of {answers:,} requests behind answers of {units:unit|units}[, {others_spoilt:,} of {others_answers:,} "
     "behind others]",
     deciding_test="Look for a hold time or a direction setting in {units:unit|units} or a converter there; with a "
     "pause of 50 ms before each request the damage must go",
@@ -282,9 +282,9 @@ def _instead_of_requests(evidence: Evidence, unit: UnitLedger) -> int:
     "null-suffix",
     Severity.WARNING,
     blame="unit",
-    text="Zeros follow the frames of {units:unit|units}: behind {zeros} of {answers} answers {length:|comes|come} "
+    text="Zeros follow the frames of {units:unit|units}: behind {zeros:,} of {answers:,} answers {length:|comes|come} "
     "{length:byte|bytes} 00",
-    share="{zeros} of {answers} answers of {units:unit|units}[, {others_zeros} of {others_answers} of others]",
+    share="{zeros:,} of {answers:,} answers of {units:unit|units}[, {others_zeros:,} of {others_answers:,} of others]",
     deciding_test="Record right at the terminals of {units:unit|units}: the extra bytes must be there, too, and "
     "behind no other unit's answers",
     remedy="Update the unit's firmware, or release its driver sooner after the last byte; clients that wait for a "

@@ -58,9 +58,9 @@ _MOST_REFUSED: Final = 90.0
     "unit-line-settings",
     Severity.ERROR,
     blame="unit",
-    text="Unit {unit} does not use the line's settings ({settings}[ by {drift:+.0%}]): {damaged} of its {answers} "
+    text="Unit {unit} does not use the line's settings ({settings}[ by {drift:+.0%}]): {damaged:,} of its {answers:,} "
     "answers {how}",
-    share="{damaged} of {answers} answers of unit {unit}[, {others_damaged} of {others_answers} of others]",
+    share="{damaged:,} of {answers:,} answers of unit {unit}[, {others_damaged:,} of {others_answers:,} of others]",
     deciding_test="Listen to unit {unit} alone at other settings ({settings}[ by {drift:+.0%}]): its answers must then "
     "read well",
     remedy="Set the unit's baud rate, parity and stop bits to those of the line; a clock that is off by some per cent "

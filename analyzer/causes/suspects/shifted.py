@@ -23,7 +23,7 @@ _NAMED: Final = 6  # places
     text="The client stores values of unit {unit} under the wrong registers: {displaced:answer|answers} with "
     "{values:value|values} stood under another request, from frame {begun} on. Not to be trusted: {places}"
     "[, and {more:more place|more places}][. For {unsure:more answer|more answers} it is unclear whose they are]",
-    share="{displaced} of {asked:answer|answers} of unit {unit}",
+    share="{displaced:,} of {asked:answer|answers} of unit {unit}",
     deciding_test="Let the client pause between two requests for longer than the slowest answer of unit {unit}: the "
     "values "
     "must come right from there on",

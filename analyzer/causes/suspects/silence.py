@@ -143,9 +143,9 @@ def silence_bits(silent: int, asked: int) -> float:
     "dead-unit",
     Severity.ERROR,
     blame="unit",
-    text="Unit {unit} {answers}: {silent} of {asked} requests to it {how}[, while {others_answered} of "
-    "{others_asked} to other units were answered]",
-    share="{silent} of {asked} requests to unit {unit}[, {others_silent} of {others_asked} to others]",
+    text="Unit {unit} {answers}: {silent:,} of {asked:,} requests to it {how}[, while {others_answered:,} of "
+    "{others_asked:,} to other units were answered]",
+    share="{silent:,} of {asked:,} requests to unit {unit}[, {others_silent:,} of {others_asked:,} to others]",
     deciding_test="Look at the unit's power lamp, its address and its settings first; then connect a client straight "
     "to unit {unit}, without the bus, and read from it: if it stays silent, it is the unit; if it answers, its drop "
     "or the wiring there",
@@ -233,8 +233,8 @@ def _silence(evidence: Evidence, unit: UnitLedger, since: int | None) -> Suspici
     "absent-units",
     Severity.ERROR,
     blame="master",
-    text="{count} of {polled} polled units never answer ({list}): {silent} requests to them got no byte back",
-    share="{silent} of {asked} requests to units {list}[, {others_silent} of {others_asked} to others]",
+    text="{count:,} of {polled:,} polled units never answer ({list}): {silent:,} requests to them got no byte back",
+    share="{silent:,} of {asked:,} requests to units {list}[, {others_silent:,} of {others_asked:,} to others]",
     deciding_test="Check that these units exist and have power; then read from each of them alone: if one answers "
     "then, the bus or its drop is at fault, not the list",
     remedy="Remove units that do not exist from the poll list; check power, address and wiring of those that do",
@@ -281,9 +281,9 @@ def _is_looked_for(evidence: Evidence, unit: UnitLedger) -> bool:
     "retry-policy",
     Severity.WARNING,
     blame="master",
-    text="The client asks unit {unit}, which never answers, {tries:.0f} times a poll before it goes on: {silent} "
+    text="The client asks unit {unit}, which never answers, {tries:.0f} times a poll before it goes on: {silent:,} "
     "requests without result",
-    share="{silent} of {asked} requests to unit {unit}, {tries:.1f} a poll",
+    share="{silent:,} of {asked:,} requests to unit {unit}, {tries:.1f} a poll",
     deciding_test="Look at the client's retries and timeout: their product is what each poll of a silent unit costs",
     remedy="Let the client give up after one or two retries and ask a silent unit again only now and then; find out "
     "why "
@@ -314,9 +314,9 @@ def retry_policy(evidence: Evidence) -> Iterator[Suspicion]:
     "unit-restarts",
     Severity.ERROR,
     blame="unit",
-    text="Unit {unit} goes silent[ for about {length:sec}][, {row:request|requests} in a row], {often}: {silent} "
+    text="Unit {unit} goes silent[ for about {length:sec}][, {row:request|requests} in a row], {often}: {silent:,} "
     "requests got no byte back",
-    share="{silent} of {asked} requests to unit {unit}; spells of silence: {spells}",
+    share="{silent:,} of {asked:,} requests to unit {unit}; spells of silence: {spells}",
     deciding_test="Watch the unit's power and its running light, or its uptime register, when it goes silent next",
     remedy="Check the unit's supply and its connector; a watchdog that resets it points to its firmware or to "
     "interference",

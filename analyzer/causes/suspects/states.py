@@ -70,9 +70,9 @@ def refusing_since(evidence: Evidence, unit: UnitLedger) -> Refusing | None:
     "unit-fails",
     Severity.ERROR,
     blame="unit",
-    text="Unit {unit} answers every request with exception {code} ({name}){since}: {refused} of {asked} requests"
-    "[; before, {before} of {before_of} were answered well]",
-    share="{refused} of {asked} requests to unit {unit}{since}",
+    text="Unit {unit} answers every request with exception {code} ({name}){since}: {refused:,} of {asked:,} requests"
+    "[; before, {before:,} of {before_of:,} were answered well]",
+    share="{refused:,} of {asked:,} requests to unit {unit}{since}",
     deciding_test="Look at the unit's own display or lamps for a fault, and read its error register by the maker's "
     "tool",
     remedy="Find the unit's own fault (a dead sensor board, a lost parameter set); the bus carries its answers well",

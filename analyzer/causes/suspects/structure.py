@@ -74,7 +74,7 @@ def _whole(evidence: Evidence, unit: UnitLedger) -> set[int]:
     blame="unit",
     text="Answers of {units:unit|units} end at byte {length}: {cut} longer ones are cut off just there, shorter ones "
     "are whole",
-    share="{cut} of {answers} answers of {units:unit|units}",
+    share="{cut:,} of {answers:,} answers of {units:unit|units}",
     deciding_test="Ask {units:unit|units} for fewer registers, so that the answer has at most {length} bytes: it must "
     "arrive whole",
     remedy="Ask for less at a time, at most {length} bytes per answer; a transmit buffer in the unit or in a converter "
@@ -117,10 +117,10 @@ _TAP_TAKES: Final = (
     "tap-loses",
     Severity.WARNING,
     blame="tap",
-    text="The tap loses bytes, the bus does not: {damaged} answers came to it damaged; the client took {taken} of "
+    text="The tap loses bytes, the bus does not: {damaged:,} answers came to it damaged; the client took {taken:,} of "
     "{told} whose "
     "next request shows it, as it came as soon as after good answers",
-    share="{damaged} of {answers} answers, of {units:unit|units}",
+    share="{damaged:,} of {answers:,} answers, of {units:unit|units}",
     deciding_test="Compare the client's own error counters with this capture: they must not rise with the damage here",
     remedy="Relieve the computer that listens: a port with a deeper FIFO or an adapter with a shorter latency, no "
     "other work on "
@@ -194,9 +194,9 @@ def _flaws(data: bytes) -> Iterator[str]:
     "request-flaw",
     Severity.ERROR,
     blame="master",
-    text="The client sends its requests wrongly[: {cut}][: their check value is {flaw}], in {frames} requests among "
+    text="The client sends its requests wrongly[: {cut}][: their check value is {flaw}], in {frames:,} requests among "
     "the bytes examined, and no unit answers such frames",
-    share="{frames} requests with this flaw, {right} right frames",
+    share="{frames:,} requests with this flaw, {right:,} right frames",
     deciding_test="Read from one unit with a program that is known to work: the unit must answer it",
     remedy="Correct the client's program: how it makes the CRC, and how many bytes it writes to the port",
 )
@@ -229,9 +229,9 @@ _ANSWERS_DUE: Final = frozenset((1, 2, 3, 4, 7, 0x11, 0x14, 0x17, 0x18, 0x2B))  
     "unit-0-asked",
     Severity.ERROR,
     blame="master",
-    text="The client reads from unit 0, the broadcast address, which never answers: {asked} requests[, each of which "
+    text="The client reads from unit 0, the broadcast address, which never answers: {asked:,} requests[, each of which "
     "costs about {wait:ms}]",
-    share="{asked} of {requests} requests go to unit 0 and want an answer",
+    share="{asked:,} of {requests:,} requests go to unit 0 and want an answer",
     deciding_test="Look in the client's list for a device whose address was left at 0",
     remedy="Give that device an address from 1 to 247, in the device and in the client's list, or take the entry off "
     "the list",

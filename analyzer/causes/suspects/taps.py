@@ -68,8 +68,8 @@ def everything(evidence: Evidence) -> Explained:
     "tap-one-direction",
     Severity.WARNING,
     blame="tap",
-    text="The tap hears {heard} only: {frames} of them[, and {others} of the other kind]; the units may be fine",
-    share="{frames} of {all} frames",
+    text="The tap hears {heard} only: {frames:,} of them[, and {others} of the other kind]; the units may be fine",
+    share="{frames:,} of {all:,} frames",
     deciding_test="Tap the other pair, or at the other end: the missing half must be there",
     remedy="On four wires tap both pairs; on two wires check that the tap sees both A and B, and that it does not sit "
     "behind "
@@ -216,9 +216,9 @@ def _are_alike(waits: Sequence[NDArray[np.float64]], strays: float) -> bool | No
     "tap-reversed",
     Severity.WARNING,
     blame="tap",
-    text="The two directions of the tap are swapped: {frames} frames on ports that are said to carry {said} read as "
+    text="The two directions of the tap are swapped: {frames:,} frames on ports that are said to carry {said} read as "
     "{read}",
-    share="{frames} frames",
+    share="{frames:,} frames",
     deciding_test="Exchange the two in the capture's settings: frames must appear",
     remedy="Exchange the two ports, or their directions in the capture (`directions`)",
 )
@@ -267,8 +267,8 @@ def _frames_in(data: bytes, role: Role) -> int:
     "local-echo",
     Severity.NOTE,
     blame="tap",
-    text="The adapter shows what it sends: {echoes} of {requests} requests come twice, one right after the other",
-    share="{echoes} of {requests} requests",
+    text="The adapter shows what it sends: {echoes:,} of {requests:,} requests come twice, one right after the other",
+    share="{echoes:,} of {requests:,} requests",
     deciding_test="Look for an echo setting of the adapter or its driver; only the adapter's own frames come twice",
     remedy="Switch the adapter's local echo off, or tap the line with a second adapter",
 )
@@ -338,10 +338,10 @@ _SPREAD: Final = 1.32  # of the changes in a byte
     Severity.ERROR,
     blame="tap",
     text="The tap's speed, parity or polarity differs from the line's[: almost nothing it hears is a frame "
-    "({right} of {bytes} bytes, {loose} in none)][; its UART marks {marks:.0%} of the bytes][: its frames are right, "
+    "({right:,} of {bytes:,} bytes, {loose:,} in none)][; its UART marks {marks:.0%} of the bytes][: its frames are right, "
     "and "
     "its UART marks {wrong:.0%} of the bytes, whoever sends them]",
-    share="{right} of {bytes} bytes in frames",
+    share="{right:,} of {bytes:,} bytes in frames",
     deciding_test="Listen at other speeds and parities (`rtuscope sniff --baud auto`), then with A and B exchanged",
     remedy="Set the tap's baud rate and parity to those of the line[ ({baud} bit/s now)], and connect A to A",
 )

@@ -36,7 +36,7 @@ _RIGHT: Final = 0.5  # of all bytes, in frames: of others a few frames with a ri
     "vendor-transfer",
     Severity.NOTE,
     blame="nobody",
-    text="A transfer by function {function}[ ({name})][ with {units:unit|units}]: {frames} frames, {part:.0%} of all "
+    text="A transfer by function {function}[ ({name})][ with {units:unit|units}]: {frames:,} frames, {part:.0%} of all "
     "bytes; nothing is "
     "wrong with it",
     share="{part:.0%} of the bytes",
@@ -70,7 +70,7 @@ def vendor_transfer(evidence: Evidence) -> Iterator[Suspicion]:
     "other-protocol",
     Severity.NOTE,
     blame="nobody",
-    text="Other traffic is on the pair: {protocol}, {frames} of its frames among the bytes examined; this is neither "
+    text="Other traffic is on the pair: {protocol}, {frames:,} of its frames among the bytes examined; this is neither "
     "noise nor a wiring fault",
     share="[{foreign:,} of {bytes:,} bytes are in no Modbus frame]",
     deciding_test="Ask what else is connected to the pair, and look for its own address and speed settings",
@@ -113,9 +113,9 @@ def _told_t35(evidence: Evidence) -> float | None:
     "master-too-fast",
     Severity.WARNING,
     blame="master",
-    text="The client sends its next request {gap:ms} after an answer (median) instead of {due:ms}: {short} of "
-    "{requests} requests",
-    share="{short} of {requests} requests",
+    text="The client sends its next request {gap:ms} after an answer (median) instead of {due:ms}: {short:,} of "
+    "{requests:,} requests",
+    share="{short:,} of {requests:,} requests",
     deciding_test="Look at the client's delay between polls; with 5 ms before each request the units that lost "
     "requests must answer",
     remedy="Set the client's inter-frame delay to at least {due:ms}: 3.5 characters, above 19200 bit/s always 1.75 ms",
@@ -146,9 +146,9 @@ def master_too_fast(evidence: Evidence) -> Iterator[Suspicion]:
     "unit-too-fast",
     Severity.WARNING,
     blame="unit",
-    text="Answers of {units:unit|units} come {gap:ms} after the request (median) instead of {due:ms}: {short} "
-    "of {answers}",
-    share="{short} of {answers} answers of {units:unit|units}",
+    text="Answers of {units:unit|units} come {gap:ms} after the request (median) instead of {due:ms}: {short:,} "
+    "of {answers:,}",
+    share="{short:,} of {answers:,} answers of {units:unit|units}",
     deciding_test="Check whether the client or listening units lose frames right after requests to {units:unit|units}",
     remedy="Set the unit's response delay to at least {due:ms}: 3.5 characters, above 19200 bit/s always 1.75 ms",
 )
@@ -192,8 +192,8 @@ _ROBBED: Final = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.DOUBLES, Symptom.LATEN
     blame="tap",
     text="The tap's port swallows every byte 11 and 13 (hex), XON and XOFF of software flow control: none of {bytes:,} "
     "bytes is "
-    "one, and {robbed} of {damaged} damaged frames are whole with them put back; the bus itself may be well",
-    share="{robbed} of {damaged} damaged frames",
+    "one, and {robbed:,} of {damaged:,} damaged frames are whole with them put back; the bus itself may be well",
+    share="{robbed:,} of {damaged:,} damaged frames",
     deciding_test="Switch software flow control off on the port that listens (`stty -F PORT -ixon -ixoff`) and listen "
     "again",
     remedy="Switch XON/XOFF off: on the port, in the program that records and in the converter",

@@ -29,10 +29,10 @@ _SOME_HEADS: Final = 0.05  # of all: where but the beginning is lost; other sett
     blame="master",
     text="The client or its converter holds its driver into the answers: those of {units:unit|units}, which come "
     "within "
-    "{soon:ms} of the request, lose their beginning ({damaged} of {answers}), those of slower units do not[ "
-    "({others_damaged} "
-    "of {others_answers})]",
-    share="{damaged} of {answers} answers of the quick units[, {others_damaged} of {others_answers} of others]",
+    "{soon:ms} of the request, lose their beginning ({damaged:,} of {answers:,}), those of slower units do not[ "
+    "({others_damaged:,} "
+    "of {others_answers:,})]",
+    share="{damaged:,} of {answers:,} answers of the quick units[, {others_damaged:,} of {others_answers:,} of others]",
     deciding_test="Look at the direction setting of the client's port or converter: how long it drives after the last "
     "bit; with a "
     "response delay of 20 ms in one of the quick units its damage must go",

@@ -197,9 +197,9 @@ class _Meetings:
     "two-masters",
     Severity.ERROR,
     blame="master",
-    text="Two clients poll this line without knowing of each other: {crossed} requests came while an answer was due"
+    text="Two clients poll this line without knowing of each other: {crossed:,} requests came while an answer was due"
     "[, {damaged:answer|answers} {damaged:|is|are} cut or overlaid by one]",
-    share="{hits} of {exchanges} exchanges, of {units_hit:unit|units}",
+    share="{hits:,} of {exchanges:,} exchanges, of {units_hit:unit|units}",
     deciding_test="Look for a second client: a panel, a service computer, a gateway, a program that was left running; "
     "one that controls something is taken off only with the operator's consent",
     remedy="Let one client poll and the other get its values from it, or put a gateway with several clients between",

@@ -234,7 +234,7 @@ def _undone(steps: NDArray[np.int64], jumps: NDArray[np.intp], usual: float) -> 
     blame="unit",
     text="A counter of unit {unit} (register {address}, 32 bits) jumps: {jumps:time|times} it fell back or leapt, by "
     "up to {most:,}",
-    share="{jumps} of {reads} reads",
+    share="{jumps:,} of {reads} reads",
     deciding_test="Record this counter alone for an hour, and compare it with the unit's own display",
     remedy="Check whether one counter is read in two requests, or whether the unit loses it at a restart",
 )
@@ -306,9 +306,9 @@ def _spread(values: NDArray[np.float64]) -> float:
     "word-order",
     Severity.WARNING,
     blame="unit",
-    text="Unit {unit} sends its floats with the two words swapped: {pairs} values from register {address} on match "
+    text="Unit {unit} sends its floats with the two words swapped: {pairs:,} values from register {address} on match "
     "those of its {sisters:sister unit|sister units} only in the other word order",
-    share="{pairs} values of unit {unit}",
+    share="{pairs:,} values of unit {unit}",
     deciding_test="Compare one value of unit {unit} with its own display, in both orders",
     remedy="Set the unit's word order, or that of its tags in the client, to that of the others",
 )
@@ -373,7 +373,7 @@ _OUTSIDE_BITS = 30.0  # for the first value, and one for each other
     "values-out-of-limits",
     Severity.WARNING,
     blame="unit",
-    text="Unit {unit}: {said}; values out of their map's limits: {values}",
+    text="Unit {unit}: {said}; values out of their map's limits: {values:,}",
     share="{values:value|values}",
     deciding_test="Compare the value with the device's display: it tells a wrong map from a wrong measurement",
     remedy="Check scale, type and limits of the map, then the sensor or the wiring behind unit {unit}",

@@ -40,8 +40,8 @@ _UNIT_BITS: Final = 6.0  # each unit more that is said to be far
     Severity.WARNING,
     blame="line",
     text="The idle line is not biased: {idle} stretches of stray bytes on the idle line, while "
-    "{well} of {exchanges:exchange|exchanges} {well:|shows|show} no damage",
-    share="{idle} stretches in {exchanges} exchanges[, {damaged:damaged answer|damaged answers}]",
+    "{well:,} of {exchanges:exchange|exchanges} {well:|shows|show} no damage",
+    share="{idle} stretches in {exchanges:,} exchanges[, {damaged:damaged answer|damaged answers}]",
     deciding_test="Measure A against B on the idle line: under 200 mV it floats",
     remedy="Fit bias resistors (pull-up on B, pull-down on A as the Modbus specification names them, 450 to 650 ohm) "
     "at one "
@@ -94,9 +94,9 @@ def _run_into(evidence: Evidence, unit: UnitLedger) -> float:
     "termination",
     Severity.ERROR,
     blame="line",
-    text="Answers of {units:unit|units} come with flipped bits ({damaged} of {answers}), requests and what others send "
-    "hardly do: reflections on the way from there{early}",
-    share="{damaged} of {answers} answers of {units:unit|units}[, {others_damaged} of {others_answers} of others]",
+    text="Answers of {units:unit|units} come with flipped bits ({damaged:,} of {answers:,}), requests and what others send "
+    "hardly do: reflections on the way from there{early:,}",
+    share="{damaged:,} of {answers:,} answers of {units:unit|units}[, {others_damaged:,} of {others_answers:,} of others]",
     deciding_test="Measure the resistance between A and B with the supply off: about 60 ohm with both ends "
     "terminated; then put 120 ohm across A and B at the far end: the errors must go",
     remedy="Terminate both ends of the cable with 120 ohm, and nowhere else; shorten stubs; avoid stars",
@@ -152,9 +152,9 @@ def termination(evidence: Evidence) -> Iterator[Suspicion]:
     "bad-drop",
     Severity.ERROR,
     blame="line",
-    text="Answers of unit {unit} are damaged in no particular way: {damaged} of {answers}[, those of others "
-    "{others_damaged} of {others_answers}]",
-    share="{damaged} of {answers} answers of unit {unit}[, {others_damaged} of {others_answers} of others]",
+    text="Answers of unit {unit} are damaged in no particular way: {damaged:,} of {answers:,}[, those of others "
+    "{others_damaged:,} of {others_answers:,}]",
+    share="{damaged:,} of {answers:,} answers of unit {unit}[, {others_damaged:,} of {others_answers:,} of others]",
     deciding_test="Look at the terminals, the shield and the stub of this drop first; then swap the drops of unit "
     "{unit} and a good one: see if the damage stays with the unit or the drop",
     remedy="Check the terminals, the stub and the shield of this drop, then the unit's line driver",
