@@ -225,6 +225,24 @@ def test_another_file_keeps_the_theme_and_its_own_notes(capture: Path, tmp_path:
     using(opened(capture), work)
 
 
+def test_who_leaves_twice_arrives_at_the_second_place(capture: Path, tmp_path: Path) -> None:
+    """A key that quits while a slow file is opened is not lost."""
+    files = [tmp_path / f"{name}.jsonl" for name in "abc"]
+    for file in files:
+        file.write_bytes(capture.read_bytes())
+
+    async def work(sitting: Seat) -> None:
+        for file in files:
+            sitting.app.leave(NextFile(file))
+        await sitting.until(lambda: sitting.app.desk.source.path == files[-1] and sitting.bus.whole)
+        sitting.app.leave(NextFile(files[0]))
+        sitting.app.leave()
+        await sitting.until(lambda: sitting.app._exit)
+        assert sitting.app.desk.source.path == files[0]
+
+    using(opened(capture), work)
+
+
 @pytest.mark.parametrize("pause_s", [0.0, 0.005, 0.02, 0.05])
 @pytest.mark.parametrize("keys", ["jjjj", "ejjj", "/jjj", "1234", "?jjj", "q" + "j" * 50])
 def test_keys_that_wait_when_it_ends_are_nobodys_trouble(capture: Path, keys: str, pause_s: float) -> None:

@@ -93,7 +93,8 @@ class Rtuscope(App[None]):
         self._light = light
         self.theme = self._themes[light].name
         self.reader = reader or capture_source
-        self._leaving = False
+        self._leaving = self._asking = False
+        self._then: list[NextFile | None] = []  # where to once one is there: one place at most
         notes, trouble = _notes_of(source)
         wishes = Preferences.of_user()
         self._trouble = trouble or wishes.trouble
@@ -176,9 +177,11 @@ class Rtuscope(App[None]):
         self.notify(tr("q quits; a running recording asks first"), markup=False)
 
     def leave(self, following: NextFile | None = None) -> None:
-        """Quit, or go on to a file. A recording does not end unasked, and what is shown stays where the file cannot be
-        opened."""
-        if not self._leaving:
+        """Quit, or go on to a file; while one goes somewhere, after that. A recording does not end unasked, and what is
+        shown stays where the file cannot be opened."""
+        if self._leaving:
+            self._then = [] if self._asking else [following]
+        else:
             self._leaving = True
             _: Worker[None] = self.run_worker(partial(self._leave, following), group=ASKING)
 
@@ -200,6 +203,8 @@ class Rtuscope(App[None]):
                 await self._show(source, following)
         finally:
             self._leaving = False
+            while self._then and not self._exit:
+                self.leave(self._then.pop())
 
     def _opened(self, path: Path) -> ViewSource:
         """A file as a source whose first bytes were read: raises what is wrong with it."""
@@ -214,7 +219,11 @@ class Rtuscope(App[None]):
             return True
         name = "" if record.path is None else f" {harmless(record.path.name)}"
         choices = [("s", tr("keep recording")), ("q", tr("end it and quit"))]
-        chosen = await self.push_screen_wait(Choose(tr("The recording{name} would end", name=name), choices))
+        self._asking, self._then = True, []
+        try:
+            chosen = await self.push_screen_wait(Choose(tr("The recording{name} would end", name=name), choices))
+        finally:
+            self._asking = False
         return bool(chosen)
 
     async def _show(self, source: ViewSource, following: NextFile) -> None:
