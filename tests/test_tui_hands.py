@@ -237,7 +237,7 @@ def test_who_leaves_twice_arrives_at_the_second_place(capture: Path, tmp_path: P
         await sitting.until(lambda: sitting.app.desk.source.path == files[-1] and sitting.bus.whole)
         sitting.app.leave(NextFile(files[0]))
         sitting.app.leave()
-        await sitting.until(lambda: sitting.app._exit)
+        await sitting.until(lambda: sitting.app.return_code is not None)
         assert sitting.app.desk.source.path == files[0]
 
     using(opened(capture), work)

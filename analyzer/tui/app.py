@@ -203,7 +203,7 @@ class Rtuscope(App[None]):
                 await self._show(source, following)
         finally:
             self._leaving = False
-            while self._then and not self._exit:
+            while self._then and self.return_code is None:
                 self.leave(self._then.pop())
 
     def _opened(self, path: Path) -> ViewSource:
