@@ -59,8 +59,6 @@ _NARROW: Final = 12.0  # bits
 _SHARES: Final = np.array([0.02, 0.1, 0.3, 0.7, 0.95])
 _SIZES: Final = np.array([1, 4, 7, 9, 11, 13, 15])  # bits
 _RANGES: Final = np.array([1, 3, 5, 7, 9, 11, 13, 15, 15.9])  # bits
-_TOGETHER: Final = np.array([-2, 2, 4, 8, 16])  # standard deviations
-TOGETHER: Final = len(_TOGETHER) + 1
 
 SIZES: Final[Mapping[str, int]] = {
     # of one register
@@ -73,10 +71,10 @@ SIZES: Final[Mapping[str, int]] = {
     "i32 low manner": 6 * MANNERS, "i32 manners": MANNERS * MANNERS, "i32 rhythm": 2 * RHYTHMS,
     "i32 epoch": 4, "i32 negative": 3 * SIGNS,
     "i32 even": 4 * EVEN, "i32 agreed": 5, "i32 in line": 2 * ROWS, "i32 sisters": PAIR_CODES,
-    "i32 around": 2 * AROUND, "i32 kin": 2 * KIN, "i32 way": 4 * 3, "i32 together": 2 * TOGETHER,
+    "i32 around": 2 * AROUND, "i32 kin": 2 * KIN, "i32 way": 4 * 3,
     # of two, as a float
     "f32": 4, "f32 gain": 14 * 2, "f32 value": 4 * 8, "f32 low": 4 * 9, "f32 quiet": 8 * 16, "f32 spread": 4 * 6,
-    "f32 even": 2 * EVEN, "f32 together": 2 * TOGETHER,
+    "f32 even": 2 * EVEN,
     # of four
     "i64": 16, "i64 gain": 14, "i64 top": 16 * 2, "i64 low": 8 * 3, "i64 words": 64 * 2, "i64 in line": FOURS * 2,
     "f64": 16, "f64 gain": 14, "f64 value": 8 * 2,
@@ -154,8 +152,7 @@ class Counting:
         amount = np.abs(changes)
         self._below = sign_classes(words, self.moved)
         self._epoch = is_epoch(words)
-        usual = np.median(changes, axis=0) if len(changes) else np.zeros(words.shape[1])
-        self._smooth = (np.abs(changes - usual) > 0x1000).sum(axis=0) * 8 < np.maximum(count, 1)  # at an even pace too
+        self._smooth = (amount > 0x1000).sum(axis=0) * 8 < np.maximum(count, 1)
         usual = np.median(amount, axis=0) if len(amount) else np.zeros(words.shape[1])
         self._pace = np.where(self.moved, np.digitize(usual, (2, 64)) + 1, 0)
 
@@ -231,7 +228,6 @@ class Counting:
                 "f32 spread": np.where(case > 0, case * 6 + spreads(value), NONE),
                 "f32 decimals": case * 6 + decimals(value),
                 "f32 even": np.where(self.moved[low], both * EVEN + self._even[low], NONE),
-                "f32 together": self._together(high, low),
                 "f32 block": self._edges(2),
             }
         gain = np.digitize(separate - change_lengths(steps, 33), _GAINS)
@@ -257,7 +253,6 @@ class Counting:
             "i32 carries": np.where(both, self._carries(high, steps), NONE),
             "i32 wraps": np.where(low_only | both, self._carried(high, low), NONE),
             "i32 agreed": np.where(both, self._agreed(high, low), NONE),
-            "i32 together": self._together(high, low),
             "i32 rhythm": np.where(low_only, (group == 0) * RHYTHMS + rhythm(self._company, high, low), NONE),
             "i32 in line": np.where(low_only, (group == 0) * ROWS + pairs_in_line(self._company, high, low), NONE),
             "i32 even": np.where(low_only | both, self._pace[high] * EVEN + self._even[low], NONE),
@@ -296,28 +291,6 @@ class Counting:
         agreed, seen = np.where(way == 1, up, down), up + down
         grades = np.where(agreed == seen, np.digitize(seen, (4, 9)) + 1, 4)
         return np.where((way == 0) | (seen < 2), 0, grades)
-
-    def _together(self, high: Ints, low: Ints) -> Ints:
-        """Of two words that both move, whether they do so as one number: how much more its changes take where one word
-        is put against the other of another time (a quarter and a half of all readings apart), in standard deviations.
-        TOGETHER more where the low word is smooth: there chance alone does not hide it. NONE where one stands still."""
-        codes = np.full(len(high), NONE, np.int64)
-        words = self.words[: self._joint].astype(np.int64)
-        both = np.flatnonzero(self.moved[high] & self.moved[low])
-        if not len(both) or len(words) < _BUSY:
-            return codes
-        upper, lower = words[:, high[both]] << 16, words[:, low[both]]
-
-        def bits(apart: int) -> NDArray[np.float32]:
-            number = upper[: len(words) - apart] + lower[apart:]
-            return change_bits((np.diff(number, axis=0) + (1 << 31) & 0xFFFFFFFF) - (1 << 31), 33)
-
-        own = bits(0)
-        others = np.mean([bits(apart).mean(axis=0) for apart in (len(words) // 4, len(words) // 2)], axis=0)
-        spread = (own.std(axis=0) + 1) * np.sqrt(2 / len(own))
-        grades = np.digitize((others - own.mean(axis=0)) / spread, _TOGETHER)
-        codes[both] = grades + TOGETHER * self._smooth[low[both]]
-        return codes
 
     def _carries(self, high: Ints, steps: NDArray[np.int64]) -> Ints:
         """How the high word's changes fit a carry: their number, and the share of which the whole moved little."""
