@@ -83,6 +83,7 @@ def test_the_status_says_whether_there_is_a_frame(capsys, text, status):
         (["11", "03", "0"], "odd number of hex digits"),
         ([REQUEST, "-f", "x"], "not both"),
         (["-f", "no-such-file"], "no-such-file: no such file"),
+        (["nofile.mcap"], "nofile.mcap: no such file"),
         (["-f", "."], "directory"),
         (["--functions", "no-such.py", REQUEST], "no-such.py"),
     ],

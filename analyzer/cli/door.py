@@ -27,7 +27,7 @@ _BYTES: Final = (
 )
 _WINDOWS_PORT: Final = re.compile(r"(?:\\\\\.\\)?COM\d{1,3}", re.IGNORECASE)
 _ADDRESS: Final = re.compile(r"[a-z][a-z0-9+]{1,15}://\S+", re.IGNORECASE)
-_FILE: Final = re.compile(r"[/\\]|\.[A-Za-z][A-Za-z0-9]{0,10}(?:\.[gx]z)?$")
+FILE_NAME: Final = re.compile(r"[/\\]|\.[A-Za-z][A-Za-z0-9]{0,10}(?:\.[gx]z)?$")
 _HEAD: Final = 1 << 16  # bytes by which a text is told from a capture
 _CAPTURE: Final = '"serial-chunks"'  # in the first line of a capture that is text
 
@@ -66,7 +66,7 @@ def _of_noun(first: str, rest: list[str]) -> list[str] | None:
     words = [first, *takewhile(lambda word: not word.startswith("-"), rest)]  # behind an option its value may stand
     if _BYTES.fullmatch(" ".join(words)) or any(character.isspace() for character in first):
         return ["parse", first, *rest]
-    if _FILE.search(first):
+    if FILE_NAME.search(first):
         raise UsageError(f"{first}: no such file")
     return None
 

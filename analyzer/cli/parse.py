@@ -106,8 +106,12 @@ def _zone(name: str | None) -> tzinfo | None:
 
 def _named_file(words: list[str]) -> str | None:
     """What to do where a file was named in place of bytes."""
-    if len(words) != 1 or not os.path.isfile(words[0]):  # noqa: PTH113 - pathlib takes 4 ms to import
+    if len(words) != 1:
         return None
+    if not os.path.isfile(words[0]):  # noqa: PTH113 - pathlib takes 4 ms to import
+        from .door import FILE_NAME
+
+        return f"{words[0]}: no such file" if FILE_NAME.search(words[0]) else None
     name = shell_word(words[0])
     return (
         f"{words[0]!r} is a file, not bytes: read it with rtuscope parse -f {name}, view it with rtuscope open {name}"
