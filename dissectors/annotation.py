@@ -62,7 +62,7 @@ def summary(adu: Adu, role: Role, context: Context = Context(), wording: Wording
         if end - at < 2:
             return say("exception without a code to {name}").format(name=name)
         number = data[at + 1]
-        return say("exception {code:02X} {name}").format(code=number, name=exception_name(number))
+        return say("exception {code:02X} {name}").format(code=number, name=say(exception_name(number)))
     function = declared(code)
     if function is None or code & EXCEPTION:
         return say("{name}, {bytes} of data").format(name=name, bytes=wording.count(end - at - 1, "byte"))

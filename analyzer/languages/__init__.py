@@ -203,9 +203,10 @@ def counted(number: int, one: str, many: str) -> str:
 
 def wording() -> Wording:
     """What frames are told in: templates and words by their English, nouns as `counted` has them."""
-    own = catalogue(_language.get()).get("frames")
-    if own is None:
+    words = catalogue(_language.get())
+    if "frames" not in words:
         return ENGLISH
+    own = words.get("fragments", {}) | words["frames"]  # what exceptions are called is told of causes too
     return Wording(
         lambda english: str(own.get(english, english)), lambda number, noun: counted(number, noun, f"{noun}s")
     )
