@@ -155,9 +155,11 @@ def test_bookmarks_stand_in_every_way_out(tmp_path: Path, capsys: pytest.Capture
 
 
 def _places(template: str) -> set[tuple[str, str]]:
-    """Figures and how each is written, but for a noun that goes with one."""
+    """Figures and how each is written, but for a noun that goes with one, or thousands that are set apart as then."""
     parts = Formatter().parse(template)
-    return {(name, "" if not spec or "|" in spec else spec) for _, name, spec, _ in parts if name is not None}
+    return {
+        (name, "" if not spec or spec == "," or "|" in spec else spec) for _, name, spec, _ in parts if name is not None
+    }
 
 
 @pytest.mark.parametrize("language", [each for each in languages.LANGUAGES if each != "en"])

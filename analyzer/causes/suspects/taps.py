@@ -68,7 +68,7 @@ def everything(evidence: Evidence) -> Explained:
     "tap-one-direction",
     Severity.WARNING,
     blame="tap",
-    text="The tap hears {heard} only: {frames:,} of them[, and {others} of the other kind]; the units may be fine",
+    text="The tap hears {heard} only: {frames:,} of them[, and {others:,} of the other kind]; the units may be fine",
     share="{frames:,} of {all:,} frames",
     deciding_test="Tap the other pair, or at the other end: the missing half must be there",
     remedy="On four wires tap both pairs; on two wires check that the tap sees both A and B, and that it does not sit "
