@@ -84,8 +84,6 @@ class TemplateFiller(Formatter):
             return duration(round(value * _TIMES[spec]))
         listed = isinstance(value, tuple)
         shown = ", ".join(map(str, value)) if listed else value
-        if spec == "," and isinstance(shown, str):
-            return shown  # words in place of a number: `most`, a list
         noun, *forms = spec.split("|")
         if not forms:
             return str(super().format_field(shown, spec))

@@ -72,7 +72,7 @@ def _whole(evidence: Evidence, unit: UnitLedger) -> set[int]:
     "cut-at-length",
     Severity.ERROR,
     blame="unit",
-    text="Answers of {units:unit|units} end at byte {length}: {cut} longer ones are cut off just there, shorter ones "
+    text="Answers of {units:unit|units} end at byte {length}: {cut:,} longer ones are cut off just there, shorter ones "
     "are whole",
     share="{cut:,} of {answers:,} answers of {units:unit|units}",
     deciding_test="Ask {units:unit|units} for fewer registers, so that the answer has at most {length} bytes: it must "

@@ -95,7 +95,7 @@ def _run_into(evidence: Evidence, unit: UnitLedger) -> float:
     Severity.ERROR,
     blame="line",
     text="Answers of {units:unit|units} come with flipped bits ({damaged:,} of {answers:,}), requests and what others send "
-    "hardly do: reflections on the way from there{early:,}",
+    "hardly do: reflections on the way from there{early}",
     share="{damaged:,} of {answers:,} answers of {units:unit|units}[, {others_damaged:,} of {others_answers:,} of others]",
     deciding_test="Measure the resistance between A and B with the supply off: about 60 ohm with both ends "
     "terminated; then put 120 ohm across A and B at the far end: the errors must go",
