@@ -85,21 +85,34 @@ class _NoStepsError(Exception):
     """A part that nothing here reads."""
 
 
+def _reader(declaration: AnyConstruct, *, strict: bool) -> Callable[[Octets, Places, Places], Cursors] | None:
+    """What reads PDUs to where their cursors stand then; None for a declaration that has no steps."""
+    try:
+        step = _step(declaration, set(), strict=strict)
+    except _NoStepsError:
+        return None
+
+    def read(data: Octets, at: Places, end: Places) -> Cursors:
+        cursors = Cursors.begun(data, at, end)
+        if len(at):
+            step(cursors, {})
+        return cursors
+
+    return read
+
+
 @lru_cache(maxsize=256)
 def pdu_ends(declaration: AnyConstruct) -> Ends | None:
     """What finds where PDUs end, from (bytes, where each begins behind its function code, where its bytes end at most).
 
     -1: it is cut, breaks a hard check, or nothing says where it ends. None for a declaration that has no steps.
     """
-    try:
-        step = _step(declaration, set(), strict=True)
-    except _NoStepsError:
+    read = _reader(declaration, strict=True)
+    if read is None:
         return None
 
     def ends(data: Octets, at: Places, end: Places) -> Places:
-        cursors = Cursors.begun(data, at, end)
-        if len(at):
-            step(cursors, {})
+        cursors = read(data, at, end)
         return np.where(cursors.right, cursors.at, -1)
 
     return ends
@@ -120,15 +133,12 @@ def register_runs(declaration: AnyConstruct) -> Callable[[Octets, Places, Places
     rebuilt(declaration, note)
     if names.intersection(field_names(declaration)):
         return None
-    try:
-        step = _step(declaration, set(), strict=False)
-    except _NoStepsError:
+    read = _reader(declaration, strict=False)
+    if read is None:
         return None
 
     def runs(data: Octets, at: Places, end: Places) -> Runs:
-        cursors = Cursors.begun(data, at, end)
-        if len(at):
-            step(cursors, {})
+        cursors = read(data, at, end)
         columns = zip(*cursors.runs, strict=True) if cursors.runs else (((_NO_PLACES,),) * 3)
         pdu, begins, counts = (np.concatenate(column) for column in columns)
         order = np.lexsort((begins, pdu))
