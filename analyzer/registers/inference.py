@@ -235,10 +235,11 @@ def _claimed(value: RegisterValue, run: Run, chart: RegisterMap | None, doubts: 
         return value
     own = (block for block in run.blocks if block.address <= value.address < block.address + block.quantity)
     short = register_words("too few readings to tell") * (value.readings < SHORT)
-    why = next(filter(None, (*(doubts.get(block.key) for block in own), short)), "")
-    if not why and value.kind not in STILL:
+    still = value.why * (value.kind in STILL)
+    why = next(filter(None, (*(doubts.get(block.key) for block in own), short, still)), None)
+    if why is None:
         return value
-    return replace(value, confidence=UNSURE_AT_MOST, bits=0.0, why=why or value.why, same_number=())
+    return replace(value, confidence=UNSURE_AT_MOST, bits=0.0, why=why, same_number=())
 
 
 def _value(run: Run, cut: Cut, row: MappedValue | None, order: str | None, sisters: Sequence[int]) -> RegisterValue:
