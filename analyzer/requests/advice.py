@@ -6,10 +6,14 @@ from typing import Final, NamedTuple
 
 from dissectors.crc import lrc
 
-from .asked import ADDRESSED, ADDRESSES, SWAPPED, Request, request_of
+from .asked import READS, SWAPPED_WRITES, Request, request_of
 from .corrections import Reason, corrected
 
 _UNKNOWN: Final = 1  # exception codes ([1] 7)
+_UNKNOWN_REASONS: Final = {  # why a function that is one of two for the same may be refused
+    **dict.fromkeys(READS, "read-function"),
+    **dict.fromkeys(SWAPPED_WRITES, "write-function"),
+}
 _ADDRESS_OR_VALUE: Final = (2, 3)
 
 
@@ -31,18 +35,10 @@ def advice(unit: int, pdu: bytes, exception: int | None = None) -> Advice | None
 
 
 def _reason(asked: Request, exception: int | None) -> Reason | None:
-    if asked.address is not None and asked.function in ADDRESSED:
-        if asked.end > ADDRESSES:
-            return "range-end"
-        if asked.quantity > asked.most:
-            return "quantity"
     if exception == _UNKNOWN:
-        if asked.function in SWAPPED and asked.address is not None:
-            return "read-function" if asked.is_read else "write-function"
-        return "function"
-    if exception in _ADDRESS_OR_VALUE and asked.numbered is not None:
-        return "register-number"
-    return None
+        return asked.impossible or _UNKNOWN_REASONS.get(asked.function, "function")
+    numbered = exception in _ADDRESS_OR_VALUE and asked.numbered is not None
+    return asked.impossible or ("register-number" if numbered else None)
 
 
 def enveloped(request: Request, protocol: str) -> str:

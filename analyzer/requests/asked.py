@@ -12,14 +12,19 @@ READS: Final = (1, 2, 3, 4)
 WRITES: Final = (5, 6, 15, 16)
 ADDRESSED: Final = (*READS, *WRITES, 22, 23)
 OF_BITS: Final = (1, 2, 5, 15)
-SWAPPED: Final = {1: 2, 2: 1, 3: 4, 4: 3, 5: 15, 15: 5, 6: 16, 16: 6}  # the other function of the same kind
+SWAPPED_WRITES: Final = {5: 15, 15: 5, 6: 16, 16: 6}
+SWAPPED: Final = {1: 2, 2: 1, 3: 4, 4: 3, **SWAPPED_WRITES}  # the other function of the same kind
 ADDRESSES: Final = 1 << 16
-MOST_WORDS: Final = 125  # of one read ([1] 6.3)
-MOST_BITS: Final = 2000  # of one read ([1] 6.1)
-MOST_WRITTEN: Final = 123  # registers of one write ([1] 6.12)
-_NUMBERS: Final = ((3, 40001, 49999), (4, 30001, 39999), (2, 10001, 19999))  # function, first and last logical number
-_BY_NUMBER: Final = {3: 3, 6: 3, 16: 3, 4: 4, 1: 2, 2: 2}  # the area that a function reaches, by the read of it
+_MOST: Final = {1: 2000, 2: 2000, 3: 125, 4: 125, 15: 1968, 16: 123}  # bits or registers of one request ([1] 6)
+_NUMBERS: Final = 10_000  # logical numbers (40001) of one first digit
+_BY_NUMBER: Final = {  # function: by the first digit of a number that it may mean, the function that reads or writes it
+    1: {1: 1}, 2: {1: 2}, 3: {4: 3, 3: 4}, 4: {3: 4, 4: 3}, 6: {4: 6}, 16: {4: 16},
+}  # fmt: skip
 _PAIR: Final = 4  # bytes of address and quantity, or of address and value
+_OF_ONE: Final = (5, 6, 22)  # functions of one address, with a value in the place of a quantity
+_DATA_AT: Final = {5: 2, 6: 2, 22: 2, 23: 2, 15: 5, 16: 5}  # function: where behind it `Request.data` begins
+_COUNTED: Final = (15, 16)  # functions whose data follow their count
+_ANSWERED: Final = (*READS, 23)  # functions whose answers hold what was asked for
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,9 +48,21 @@ class Request:
         return self.function in OF_BITS
 
     @property
+    def begin(self) -> int:
+        """The first address that it asks for; 0 where it has none."""
+        return self.address or 0
+
+    @property
     def end(self) -> int:
         """The address behind the last that it asks for."""
-        return (self.address or 0) + self.quantity
+        return self.begin + self.quantity
+
+    @property
+    def impossible(self) -> str | None:
+        """The reason (`corrections.REASONS`) why no unit may serve it by the specification; None where one may."""
+        if self.end > ADDRESSES:
+            return "range-end"
+        return "quantity" if self.quantity > self.most else None
 
     @property
     def place(self) -> str:
@@ -59,10 +76,9 @@ class Request:
         if self.address is None:
             return head + self.data
         pair = head + self.address.to_bytes(2, "big")
-        if self.function in (5, 6, 22, 23):
-            return pair + self.data
-        pair += self.quantity.to_bytes(2, "big")
-        return pair + bytes((len(self.data),)) + self.data if self.function in (15, 16) else pair
+        if self.function in _COUNTED:
+            return pair + self.quantity.to_bytes(2, "big") + bytes((len(self.data),)) + self.data
+        return pair + (self.data if self.function in _DATA_AT else self.quantity.to_bytes(2, "big"))
 
     @property
     def adu(self) -> bytes:
@@ -73,27 +89,25 @@ class Request:
     @property
     def longest_frame(self) -> int:
         """Bytes of the longer of its RTU frame and that of its answer."""
-        answer = 2 + taken(self.quantity, self.is_bits) if self.is_read or self.function == 23 else 5
+        answer = 2 + taken(self.quantity, self.is_bits) if self.function in _ANSWERED else 5
         return max(answer, len(self.pdu)) + OVERHEAD
 
     @property
     def numbered(self) -> Request | None:
         """The request that is meant where a register number (40001) was sent as an address; None where it is none."""
-        area = _BY_NUMBER.get(self.function)
-        if self.address is None or area is None:
-            return None
-        for read, first, last in _NUMBERS:
-            if first <= self.address <= last and (read == area or (self.is_read and {read, area} == {3, 4})):
-                function = read if self.is_read and self.function != 1 else self.function
-                return replace(self, function=function, address=self.address - first)
-        return None
+        digit, place = divmod(self.begin, _NUMBERS)
+        function = _BY_NUMBER.get(self.function, {}).get(digit)
+        return replace(self, function=function, address=place - 1) if function is not None and place else None
+
+    @property
+    def number_digit(self) -> int | None:
+        """The first digit of the register number that it may mean; None where it is none."""
+        return None if self.numbered is None else self.begin // _NUMBERS
 
     @property
     def most(self) -> int:
         """The quantity that the specification allows a request of its function."""
-        if self.function in READS:
-            return MOST_BITS if self.is_bits else MOST_WORDS
-        return {15: 1968, 16: MOST_WRITTEN}.get(self.function, ADDRESSES)
+        return _MOST.get(self.function, ADDRESSES)
 
     def part(self, address: int, quantity: int) -> Request:
         """Some of what it asks for."""
@@ -118,8 +132,5 @@ def request_of(unit: int, pdu: bytes) -> Request | None:
     if len(body) < _PAIR:
         return None
     address, second = int.from_bytes(body[:2], "big"), int.from_bytes(body[2:4], "big")
-    if function in (5, 6, 22):
-        return Request(unit, function, address, 1, body[2:])
-    if function == 23:
-        return Request(unit, function, address, second, body[2:])
-    return Request(unit, function, address, second, body[5:] if function in (15, 16) else b"")
+    quantity = 1 if function in _OF_ONE else second
+    return Request(unit, function, address, quantity, body[_DATA_AT.get(function, len(body)) :])

@@ -5,11 +5,11 @@ None is ever sent. One that writes is for a person to look at, whose plant it is
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
 
-from .asked import ADDRESSED, ADDRESSES, SWAPPED, Request
+from .asked import ADDRESSED, ADDRESSES, READS, SWAPPED, Request
 
 Reason = str
 _PARTS: Final = 40  # requests that one is split into, at most
@@ -20,29 +20,52 @@ def corrected(reason: Reason, asked: Request, well: Sequence[Request]) -> list[R
     return _CORRECTIONS[reason](asked, well)
 
 
-def areas(well: Sequence[Request], function: int) -> list[tuple[int, int]]:
-    """Addresses [first, end) that these requests read by a function, those that touch put together."""
-    found: list[tuple[int, int]] = []
-    spans = sorted((r.address, r.end) for r in well if r.function == function and r.address is not None)
-    for first, end in spans:
-        if found and first <= found[-1][1]:
-            found[-1] = found[-1][0], max(end, found[-1][1])
-        else:
-            found.append((first, end))
-    return found
+class Areas(NamedTuple):
+    """Addresses [first, end) by address, apart from each other."""
+
+    spans: list[tuple[int, int]]
+
+    @classmethod
+    def of(cls, well: Sequence[Request], function: int) -> Areas:
+        """What these requests reach by a function, those that touch put together."""
+        found: list[tuple[int, int]] = []
+        for first, end in sorted((r.address, r.end) for r in well if r.function == function and r.address is not None):
+            before, behind = found[-1] if found else (first, first)
+            if first <= behind:
+                found[-1:] = [(before, max(behind, end))]
+            else:
+                found.append((first, end))
+        return cls(found)
+
+    def hold(self, asked: Request) -> bool:
+        """Whether a request asks for nothing else."""
+        return any(first <= asked.begin and asked.end <= end for first, end in self.spans)
+
+    def end_within(self, asked: Request) -> int | None:
+        """Where the area ends in which a request begins; None where it begins in none."""
+        return next((end for first, end in self.spans if first <= asked.begin < end), None)
+
+    def part_with(self, asked: Request) -> bool:
+        """Whether a request goes on beyond the end of the area that it begins in."""
+        return any(first <= asked.begin < end < asked.end for first, end in self.spans)
+
+    def shared(self, asked: Request) -> list[tuple[int, int]]:
+        """What a request asks for of each."""
+        both = [(max(first, asked.begin), min(end, asked.end)) for first, end in self.spans]
+        return [(first, end) for first, end in both if first < end]
 
 
 def _split(asked: Request, most: int) -> list[Request]:
     """What was asked for in parts of so many at most."""
-    if asked.address is None or most < 1:
+    if most < 1:
         return []
     end = min(asked.end, ADDRESSES)  # there is nothing to ask for behind the last address
-    begins = range(asked.address, end, most)[:_PARTS]
+    begins = range(asked.begin, end, most)[:_PARTS]
     return [asked.part(begin, min(most, end - begin)) for begin in begins]
 
 
 def _fewer(asked: Request, well: Sequence[Request]) -> list[Request]:
-    same = [r.quantity for r in well if r.is_bits == asked.is_bits and r.is_read == asked.is_read]
+    same = [r.quantity for r in well if (r.is_bits, r.is_read) == (asked.is_bits, asked.is_read)]
     return _split(asked, min(max(same, default=asked.most), asked.most))
 
 
@@ -56,28 +79,26 @@ def _shorter(asked: Request, well: Sequence[Request]) -> list[Request]:
 
 def _served(asked: Request, well: Sequence[Request]) -> list[Request]:
     """The parts of it that are known to read well; else the nearest request that the unit answers."""
+    known = Areas.of(well, asked.function).shared(asked) if asked.is_read else []
+    return [asked.part(first, min(end - first, asked.most)) for first, end in known] or _nearest(asked, well)
+
+
+def _nearest(asked: Request, well: Sequence[Request]) -> list[Request]:
+    """The read that is nearest, by the same function, else of the same kind, if there are any."""
     if asked.address is None:
         return []
-    if asked.is_read:
-        parts = [
-            asked.part(begin, min(last - begin, asked.most))
-            for first, end in areas(well, asked.function)
-            if (begin := max(first, asked.address)) < (last := min(end, asked.end))
-        ]
-        if parts:
-            return parts
-    near = [r for r in well if r.address is not None and r.is_read]
-    same = [r for r in near if r.function == asked.function] or [r for r in near if r.is_bits == asked.is_bits] or near
-    where = asked.address
-    return [min(same, key=lambda r: abs((r.address or 0) - where))] if same else []
+    reads = sorted(
+        (r for r in well if r.is_read),
+        key=lambda r: (r.function != asked.function, r.is_bits != asked.is_bits, abs(r.begin - asked.begin)),
+    )
+    return reads[:1]
 
 
 def _to_the_end(asked: Request, well: Sequence[Request]) -> list[Request]:
-    address = asked.address or 0
-    if asked.end > ADDRESSES:
-        return [asked.part(address, ADDRESSES - address)]
-    inside = [end for first, end in areas(well, asked.function) if first <= address < end]
-    return [asked.part(address, min(inside[0] - address, asked.quantity))] if inside else _served(asked, well)
+    end = ADDRESSES if asked.end > ADDRESSES else Areas.of(well, asked.function).end_within(asked)
+    if end is None:
+        return _served(asked, well)
+    return [asked.part(asked.begin, min(end - asked.begin, asked.quantity))]
 
 
 def _numbered(asked: Request, _well: Sequence[Request]) -> list[Request]:
@@ -87,25 +108,35 @@ def _numbered(asked: Request, _well: Sequence[Request]) -> list[Request]:
 
 def _other_function(asked: Request, _well: Sequence[Request]) -> list[Request]:
     """The same by the other function of its kind."""
-    swapped = SWAPPED.get(asked.function)
-    if swapped is None or asked.address is None:
-        return []
-    if asked.is_read:
-        return [replace(asked, function=swapped)]
-    if asked.function == 6:
-        return [replace(asked, function=16, data=asked.data[:2])]
-    if asked.function == 5:
-        return [replace(asked, function=15, data=bytes((asked.data[:1] == b"\xff",)))]
-    if asked.function == 15:
-        bits = int.from_bytes(asked.data, "little")
-        return [
-            Request(asked.unit, 5, asked.address + i, 1, b"\xff\0" if bits >> i & 1 else b"\0\0")
-            for i in range(min(asked.quantity, _PARTS))
-        ]
-    return [
-        Request(asked.unit, 6, asked.address + i, 1, asked.data[2 * i : 2 * i + 2])
-        for i in range(min(asked.quantity, _PARTS))
-    ]
+    return _BY_OTHER[asked.function](asked) if asked.function in _BY_OTHER else []
+
+
+def _swapped_read(asked: Request) -> list[Request]:
+    return [replace(asked, function=SWAPPED[asked.function])]
+
+
+def _one_by_one(asked: Request, function: int, values: Iterable[bytes]) -> list[Request]:
+    """Writes of one value each."""
+    return [Request(asked.unit, function, asked.begin + at, 1, value) for at, value in enumerate(values)]
+
+
+def _coils_written(asked: Request) -> list[Request]:
+    bits = int.from_bytes(asked.data, "little")
+    return _one_by_one(asked, 5, (_COIL[bits >> at & 1] for at in range(min(asked.quantity, _PARTS))))
+
+
+def _registers_written(asked: Request) -> list[Request]:
+    return _one_by_one(asked, 6, (asked.data[2 * at : 2 * at + 2] for at in range(min(asked.quantity, _PARTS))))
+
+
+_COIL: Final = (b"\0\0", b"\xff\0")
+_BY_OTHER: Final[Mapping[int, Callable[[Request], list[Request]]]] = {
+    **dict.fromkeys(READS, _swapped_read),
+    5: lambda asked: [replace(asked, function=15, data=bytes((asked.data[:1] == b"\xff",)))],
+    6: lambda asked: [replace(asked, function=16, data=asked.data[:2])],
+    15: _coils_written,
+    16: _registers_written,
+}
 
 
 def _has_function(asked: Request, well: Sequence[Request]) -> list[Request]:

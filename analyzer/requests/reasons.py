@@ -11,15 +11,15 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import chain, pairwise
 from math import comb, log2
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .asked import ADDRESSED, ADDRESSES, READS, SWAPPED, Request
-from .corrections import Reason, areas, corrected, in_bytes
+from .asked import ADDRESSES, READS, SWAPPED, SWAPPED_WRITES, Request
+from .corrections import Areas, Reason, corrected, in_bytes
 from .history import Got
 
 LEAST: Final = 3  # failures of a request, each between successes
@@ -36,6 +36,8 @@ _IMPOSSIBLE: Final = 3.0  # bits for a request that no device may serve by the s
 _SAME_BYTE: Final = 5.0  # bits for a byte count that is the quantity, rather than any other wrong one
 _LEAST_BUFFER: Final = 24  # bytes: no device holds less
 _COVERED_BITS: Final = 6.0  # that a request which fails is worth to the property that foretells it
+_OF_WORDS: Final = (3, 4)  # functions that read registers
+_NO_REQUEST_IS: Final = 1 << 32  # so large or so long
 _UNKNOWN, _ADDRESS, _VALUE, _FAILED = 1, 2, 3, 4  # exception codes that may tell of the request ([1] 7)
 _TELLS: Final = (_UNKNOWN, _ADDRESS, _VALUE, _FAILED, int(Got.SILENCE))  # 05, 06, 08, 0A and 0B tell of a state
 
@@ -123,8 +125,9 @@ def _always_fails(poll: _Told) -> bool:
 def _tells_alone(poll: _Told) -> bool:
     """Whether a refusal says enough where the unit serves nothing else: no such function, or no request can be so."""
     asked = poll.request
-    impossible = asked.end > ADDRESSES or asked.quantity > asked.most or asked.numbered is not None
-    return poll.code == _UNKNOWN or (poll.code in (_ADDRESS, _VALUE) and impossible)
+    if asked.impossible is None and asked.numbered is None:
+        return poll.code == _UNKNOWN
+    return poll.code in (_UNKNOWN, _ADDRESS, _VALUE)
 
 
 def _between(
@@ -198,63 +201,93 @@ def _explained(unit: int, failing: list[_Told], well: list[Request], background:
         failing = [poll for poll in failing if poll not in best.covers]
 
 
+@dataclass(frozen=True, slots=True)
+class _Compared:
+    """Requests that fail, beside those that succeed."""
+
+    failing: list[_Told]
+    well: list[Request]
+
+    @property
+    def placed(self) -> _Compared:
+        """Those that have an address."""
+        addressed = [request for request in self.well if request.address is not None]
+        return _Compared([poll for poll in self.failing if poll.request.address is not None], addressed)
+
+    def parts(self, kind: Callable[[Request], Any]) -> list[tuple[Any, _Compared]]:
+        """The same, each kind of request by itself, where any of it fails."""
+        found: dict[Any, _Compared] = {}
+        for poll in self.failing:
+            found.setdefault(kind(poll.request), _Compared([], [])).failing.append(poll)
+        for request in self.well:
+            found.get(kind(request), _Compared([], [])).well.append(request)
+        return sorted(found.items())
+
+    def which(self, is_so: Callable[[Request], bool]) -> list[_Told]:
+        """Those that fail of which this is so."""
+        return [poll for poll in self.failing if is_so(poll.request)]
+
+    def larger(self, measure: Callable[[Request], int], least: int = 0) -> list[_Told]:
+        """Those that fail of which something is more than of any that succeeds, and than so much."""
+        most = max(least, max(map(measure, self.well), default=_NO_REQUEST_IS))
+        return self.which(lambda asked: measure(asked) > most)
+
+
 def _properties(failing: list[_Told], well: list[Request]) -> Iterator[_SharedTrait]:
     """All that could be said of these requests; of each property none that succeeds has it."""
-    for find in (_by_function, _by_other_function, _by_size, _by_place, _by_number, _by_count):
-        yield from (found for found in find(failing, well) if found.covers)
+    every = _Compared(failing, well)
+    kinds = (_by_function, _by_other_function, _by_size, _by_place, _by_number, _by_count)
+    yield from filter(_covers_any, chain.from_iterable(find(every) for find in kinds))
+
+
+def _covers_any(trait: _SharedTrait) -> bool:
+    return bool(trait.covers)
 
 
 _FOREIGN: Final = {_UNKNOWN: 4.0, _ADDRESS: -6.0, _VALUE: -6.0, _FAILED: -4.0}
 _PLACED: Final = {_UNKNOWN: -4.0, _ADDRESS: 1.5, _VALUE: -1.0, _FAILED: -3.0}
 _SIZED: Final = {_UNKNOWN: -4.0, _ADDRESS: -1.0, _VALUE: 2.0, _FAILED: -3.0}
+_TOO_LONG: Final = {_UNKNOWN: -4.0, _ADDRESS: -2.0, _VALUE: 1.0, _FAILED: 1.0}
+_READ_ELSEWHERE: Final = {_UNKNOWN: -4.0, _ADDRESS: 2.0}
 
 
-def _by_function(failing: list[_Told], well: list[Request]) -> Iterator[_SharedTrait]:
-    served = {request.function for request in well}
-    for function in sorted({poll.request.function for poll in failing} - served):
-        mine = [poll for poll in failing if poll.request.function == function]
-        other = SWAPPED.get(function)
-        others = [poll for poll in failing if poll.request.function == other]
-        told = _unlikely(len(mine), len(well))
-        if function in READS or function not in SWAPPED or (others and other not in served):
+def _by_function(every: _Compared) -> Iterator[_SharedTrait]:
+    """Functions of which no request succeeds."""
+    unserved_functions = [(function, part) for function, part in every.parts(_function) if not part.well]
+    missing, served = dict(unserved_functions), {request.function for request in every.well}
+    for function, part in unserved_functions:
+        mine, other = part.failing, SWAPPED.get(function)
+        told = _unlikely(len(mine), len(every.well))
+        if function not in SWAPPED_WRITES or other in missing:
             yield _SharedTrait("function", mine, 2.0 - told, _FOREIGN)
             if function in READS and other in served:
-                yield _SharedTrait("read-function", mine, 2.0 - told, {_UNKNOWN: -4.0, _ADDRESS: 2.0})
-        elif other in served or all(poll.code in (_UNKNOWN, Got.SILENCE) for poll in mine):
-            sure = {} if other in served else _FOREIGN
-            yield _SharedTrait("write-function", mine, 1.0 - told, sure)
+                yield _SharedTrait("read-function", mine, 2.0 - told, _READ_ELSEWHERE)
+        elif other in served:
+            yield _SharedTrait("write-function", mine, 1.0 - told)
+        elif {_UNKNOWN, int(Got.SILENCE)}.issuperset(poll.code for poll in mine):
+            yield _SharedTrait("write-function", mine, 1.0 - told, _FOREIGN)
 
 
-def _by_other_function(failing: list[_Told], well: list[Request]) -> Iterator[_SharedTrait]:
+def _function(asked: Request) -> int:
+    return asked.function
+
+
+def _by_other_function(every: _Compared) -> Iterator[_SharedTrait]:
     """Reads of what the other function reads well."""
-    for function in READS:
-        mine = [poll for poll in failing if poll.request.function == function]
-        held = areas(well, SWAPPED[function])
-        shared = [p for p in mine if any(f <= (p.request.address or 0) and p.request.end <= e for f, e in held)]
-        yield _SharedTrait(
-            "read-function", shared, 1.0 - _unlikely(len(shared), len(well)), {_UNKNOWN: -4.0, _ADDRESS: 2.0}
-        )
+    for function, part in every.parts(_function):
+        shared = part.which(Areas.of(every.well, SWAPPED[function]).hold) if function in READS else []
+        yield _SharedTrait("read-function", shared, 1.0 - _unlikely(len(shared), len(every.well)), _READ_ELSEWHERE)
 
 
-def _by_size(failing: list[_Told], well: list[Request]) -> Iterator[_SharedTrait]:
-    over = [poll for poll in failing if poll.request.address is not None and poll.request.quantity > poll.request.most]
-    yield _SharedTrait("quantity", over, -_IMPOSSIBLE, _SIZED)
-    for bits in (False, True):
-        for read in (True, False):
-            good = [r.quantity for r in well if r.is_bits == bits and r.is_read == read and r.address is not None]
-            mine = [p for p in failing if p.request.is_bits == bits and p.request.is_read == read]
-            over = [p for p in mine if good and p.request.quantity > max(good)]
-            yield _SharedTrait("quantity", over, 3.0 - _unlikely(len(over), len(good)), _SIZED)
-    lengths = [r.longest_frame for r in well if r.address is not None]
-    if lengths:
-        longest = max(*lengths, _LEAST_BUFFER)
-        long = [p for p in failing if p.request.address is not None and p.request.longest_frame > longest]
-        yield _SharedTrait(
-            "answer-too-long",
-            long,
-            3.5 - _unlikely(len(long), len(lengths)),
-            {_UNKNOWN: -4.0, _ADDRESS: -2.0, _VALUE: 1.0, _FAILED: 1.0},
-        )
+def _by_size(every: _Compared) -> Iterator[_SharedTrait]:
+    """Requests of more, or with a longer answer, than any that succeeds, or than any may be."""
+    placed = every.placed
+    yield _SharedTrait("quantity", placed.which(lambda asked: asked.quantity > asked.most), -_IMPOSSIBLE, _SIZED)
+    for _, part in placed.parts(lambda asked: (asked.is_bits, not asked.is_read)):
+        over = part.larger(lambda asked: asked.quantity)
+        yield _SharedTrait("quantity", over, 3.0 - _unlikely(len(over), len(part.well)), _SIZED)
+    long = placed.larger(lambda asked: asked.longest_frame, _LEAST_BUFFER)
+    yield _SharedTrait("answer-too-long", long, 3.5 - _unlikely(len(long), len(placed.well)), _TOO_LONG)
 
 
 def _unlikely(hits: int, others: int) -> float:
@@ -262,72 +295,53 @@ def _unlikely(hits: int, others: int) -> float:
     return min(log2(comb(hits + others, hits)), _COVERED_BITS)
 
 
-def _outside(asked: Request, well: Sequence[Request]) -> float:
-    """Bits by which the place of a request tells that it is the place: it lies apart from all that reads well."""
-    spans = [(r.address, r.end) for r in well if r.address is not None and r.function == asked.function]
-    if not spans or asked.address is None:
+def _outside(asked: Request, same: Sequence[Request]) -> float:
+    """Bits by which the place of a request tells that it is the place: it lies apart from all that the same function
+    reads well."""
+    if not same:
         return 0.0
-    apart = asked.end <= min(first for first, _ in spans) or asked.address >= max(end for _, end in spans)
-    return log2((len(spans) + 1) / 2) if apart else -1.0
+    apart = asked.end <= min(r.begin for r in same) or asked.begin >= max(r.end for r in same)
+    return log2((len(same) + 1) / 2) if apart else -1.0
 
 
-def _by_place(failing: list[_Told], well: list[Request]) -> Iterator[_SharedTrait]:
-    placed = [poll for poll in failing if poll.request.address is not None and poll.request.function in ADDRESSED]
-    yield _SharedTrait("range-end", [poll for poll in placed if poll.request.end > ADDRESSES], -_IMPOSSIBLE)
-    for function in sorted({poll.request.function for poll in placed}):
-        mine = [poll for poll in placed if poll.request.function == function]
-        ends = {end: first for first, end in areas(well, function)}
-        over = [
-            p
-            for p in mine
-            if any(first <= (p.request.address or 0) < end < p.request.end for end, first in ends.items())
-        ]
-        yield _SharedTrait("range-end", over, 3.0, _PLACED)
-    if any(poll.request.is_read for poll in placed) and (well or not placed):
-        reads = [poll for poll in placed if poll.request.is_read and poll.code != _FAILED]
-        told = [_outside(poll.request, well) for poll in reads]
-        cost = 3.0 + 2.0 * max(len(reads) - 1, 0)
-        yield _SharedTrait("address", reads, cost - min(sum(told), _COVERED_BITS), _PLACED)
-        for poll, bits in zip(reads, told, strict=True):
-            yield _SharedTrait("address", [poll], 3.0 - bits, _PLACED)
+def _by_place(every: _Compared) -> Iterator[_SharedTrait]:
+    """Requests beyond the last address, beyond the end of what is served, or somewhere else."""
+    yield _SharedTrait("range-end", every.which(lambda asked: asked.end > ADDRESSES), -_IMPOSSIBLE)
+    parts = dict(every.parts(_function))
+    for function, part in parts.items():
+        yield _SharedTrait("range-end", part.which(Areas.of(part.well, function).part_with), 3.0, _PLACED)
+    if every.well:
+        refused = [poll for poll in every.failing if poll.request.is_read and poll.code != _FAILED]
+        reads = [(poll, _outside(poll.request, parts[poll.request.function].well)) for poll in refused]
+        told_together = min(sum(told for _, told in reads), _COVERED_BITS)
+        yield _SharedTrait("address", refused, 3.0 + 2.0 * max(len(reads) - 1, 0) - told_together, _PLACED)
+        for poll, told in reads:
+            yield _SharedTrait("address", [poll], 3.0 - told, _PLACED)
 
 
-def _by_number(failing: list[_Told], well: list[Request]) -> Iterator[_SharedTrait]:
+def _by_number(every: _Compared) -> Iterator[_SharedTrait]:
     """Register numbers used as addresses, where nothing that is served has an address like one."""
-    real = {_block(request) for request in well if request.numbered}
-    mine = [poll for poll in failing if poll.request.numbered and _block(poll.request) not in real]
-    if mine:
-        yield _SharedTrait("register-number", mine, -1.0 - _unlikely(len(mine), len(well)), {_UNKNOWN: -4.0})
+    real = {None, *(request.number_digit for request in every.well)}
+    mine = every.which(lambda asked: asked.number_digit not in real)
+    yield _SharedTrait("register-number", mine, -1.0 - _unlikely(len(mine), len(every.well)), {_UNKNOWN: -4.0})
 
 
-def _block(request: Request) -> int:
-    """The first digit of a register number."""
-    return (request.address or 0) // 10_000
-
-
-def _by_count(failing: list[_Told], well: list[Request]) -> Iterator[_SharedTrait]:
+def _by_count(every: _Compared) -> Iterator[_SharedTrait]:
     """Quantities that are bytes: half of each reads well, or the list goes on behind half of it."""
-    for function in (3, 4):
-        mine = [poll for poll in failing if poll.request.function == function]
-        begins = Counter(p.request.address for p in mine)
-        begins.update(r.address for r in well if r.function == function)
-        halves = {(r.address, r.quantity) for r in well if r.function == function}
-        even = [p for p in mine if p.request.quantity % 2 == 0]
-
-        def is_half(asked: Request) -> bool:
-            half = asked.quantity // 2
-            return (asked.address, half) in halves or ((asked.address or 0) + half) in begins  # noqa: B023
-
-        found = [poll for poll in even if is_half(poll.request)]
-        if len(found) > 1 and len(even) == len(mine):
-            yield _SharedTrait(
-                "counted-in-bytes", even if 2 * len(found) >= len(even) else found, 2.0, _PLACED | _SIZED
-            )
+    for function, part in every.parts(_function):
+        mine = part.failing if function in _OF_WORDS else []
+        begins = {asked.begin for asked in (*part.well, *(poll.request for poll in mine))}
+        halves = {(asked.begin, asked.quantity) for asked in part.well}
+        counts = [(poll, poll.request.begin, poll.request.quantity // 2) for poll in mine]
+        found = [poll for poll, begin, half in counts if (begin, half) in halves or begin + half in begins]
+        if len(found) > 1 and not any(poll.request.quantity % 2 for poll in mine):
+            covers = mine if 2 * len(found) >= len(mine) else found
+            yield _SharedTrait("counted-in-bytes", covers, 2.0, _PLACED | _SIZED)
 
 
 def _in_bytes(unit: int, polls: list[_Told]) -> Unserved | None:
     """A unit that answers as many bytes as registers were asked for, each time."""
-    words = [poll for poll in polls if poll.request.function in (3, 4)]
+    words = [poll for poll in polls if poll.request.function in _OF_WORDS]
     halved = [poll for poll in words if poll.got[Got.HALF] > _MOSTLY * sum(poll.got.values())]
     count = sum(poll.got[Got.HALF] for poll in halved)
     if count < LEAST or any(poll.got[Got.ANSWER] for poll in words):
