@@ -164,29 +164,41 @@ class Triage:
 
     def _verdict(self, batch: Batch, number: int, row: EarlierRow, recent: RecentTraffic) -> Explanation | None:
         """What happened to a row; None where it is noise that nothing ties to a frame."""
-        pending, request, requests, units = recent
-        role = None
-        if pending is not None and (echo := _echo(row, pending)):
-            return self._explains(pending, echo)
+        if recent.pending is not None and (echo := _echo(row, recent.pending)):
+            return self._explains(recent.pending, echo)
         if row.is_frame:
-            role = Role.REQUEST if row.row.kind == Kind.REQUEST else Role.RESPONSE
-            if row.row.request >= 0:
-                request = batch.request_of(number, row.row.request) or request
-            if role is Role.REQUEST and (self._mends(row.row) or (pending is not None and _soon(row, pending))):
+            return self._verdict_on_frame(batch, number, row, recent)
+        return self._repeated(batch, number, row) or self._verdict_on_noise(row, recent)
+
+    def _verdict_on_frame(self, batch: Batch, number: int, row: EarlierRow, recent: RecentTraffic) -> Explanation:
+        answered = batch.request_of(number, row.row.request) if row.row.request >= 0 else None
+        pending, request = recent.pending, answered or recent.request
+        role: Role | None = Role.RESPONSE
+        if row.row.kind == Kind.REQUEST:
+            if self._mends(row.row) or (pending is not None and _soon(row, pending)):
                 role = None  # no master asks again so soon: this is the answer
-            elif role is Role.REQUEST:
-                pending = request = None
-        elif tail := self._repeated(batch, number, row):
-            return tail
-        elif cut := _beginning(row.captured, request, requests):
+            else:
+                role, pending, request = Role.REQUEST, None, None
+        return self._explains(pending, self._looked_at(row, role, request, recent))
+
+    def _verdict_on_noise(self, row: EarlierRow, recent: RecentTraffic) -> Explanation | None:
+        pending, request, requests, units = recent
+        if cut := _beginning(row.captured, request, requests):
             return self._explains(pending, cut)
-        elif len(row.captured) < _LEAST or not _begins(row.captured, request, units):
+        if len(row.captured) < _LEAST or not _begins(row.captured, request, units):
             return None
-        verdict = _nearest(_autopsy(row.captured, role, request, requests, units, self._flow_free(row.row), revision()))
-        if not row.is_frame and (verdict.code in self._no_word or verdict.certainty < _SURE):
-            like = _request_like(row.captured, requests) if request is None else row.captured[:2] == request[:2]
-            return self._explains(pending, Explanation("crc-error", 0.0, 1.0)) if like else None
-        return self._explains(pending, verdict)
+        verdict = self._looked_at(row, None, request, recent)
+        if verdict.code not in self._no_word and verdict.certainty >= _SURE:
+            return self._explains(pending, verdict)
+        like = _request_like(row.captured, requests) if request is None else row.captured[:2] == request[:2]
+        return self._explains(pending, Explanation("crc-error", 0.0, 1.0)) if like else None
+
+    def _looked_at(
+        self, row: EarlierRow, role: Role | None, request: bytes | None, recent: RecentTraffic
+    ) -> Explanation:
+        """The autopsy's verdict on a row."""
+        free = self._flow_free(row.row)
+        return _nearest(_autopsy(row.captured, role, request, recent.requests, recent.units, free, revision()))
 
     def _repeated(self, batch: Batch, number: int, row: EarlierRow) -> Explanation | None:
         """That noise right behind a frame is the frame's end once more."""
@@ -203,7 +215,7 @@ class Triage:
         at = len(before.captured) - size
         return Explanation("bytes-repeated", 0.0, 1.0, repaired=before.captured, byte=at, length=size)
 
-    def _explains(self, pending: EarlierRow | None, verdict: Explanation | None) -> Explanation | None:
+    def _explains(self, pending: EarlierRow | None, verdict: Explanation) -> Explanation:
         """The verdict on what is, or was, the answer to a request."""
         if pending is not None:
             self.explained[pending.row.index] = None

@@ -8,7 +8,7 @@ like another request. No master repeats itself or goes on so soon.
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -64,6 +64,23 @@ class TransactionColumns(NamedTuple):
         return self.unit, self.function, self.length, self.port
 
 
+_ANSWERED, _UNANSWERED = int(Status.ANSWERED), int(Status.UNANSWERED)
+_NOBODY: Final = TransactionColumns._make([0] * len(TransactionColumns._fields))._replace(
+    request=-2, response=-2, unit=-1, t_request_ns=NEVER, status=_ANSWERED
+)  # stands where no request came before, or none behind: of no shape, at no time
+
+
+class RequestInTurn(NamedTuple):
+    """A request beside its neighbours."""
+
+    view: DiagnosisStep
+    earlier: TransactionColumns  # the one before `before`
+    before: TransactionColumns
+    this: TransactionColumns
+    behind: TransactionColumns
+    quick: bool  # whether the clock shows what is sooner than any master repeats itself
+
+
 def at_once(view: DiagnosisStep, before: TransactionColumns, this: TransactionColumns) -> bool:
     """Whether a request came right behind the one before, as an echo does."""
     return this.t_start_ns - before.t_request_ns < _ECHO_NS + view.clock.verdict(this.request).wait_ns
@@ -74,10 +91,9 @@ def by_tap(view: DiagnosisStep, index: int, after_ns: int) -> bool:
     return view.clock.verdict(index).fine and after_ns < _DEVICE_NS
 
 
-def shown_twice(before: TransactionColumns | None, this: TransactionColumns) -> bool:
+def shown_twice(before: TransactionColumns, this: TransactionColumns) -> bool:
     """Whether this is a write's true echo, on a bus where the tap's copy of the write was taken for it."""
-    same = before is not None and before.shape == this.shape and before.response == this.request - 1
-    return same and answered_alike(this.function)
+    return before.shape == this.shape and before.response == this.request - 1 and answered_alike(this.function)
 
 
 def heard_back(before: TransactionColumns, this: TransactionColumns) -> bool:
@@ -90,42 +106,36 @@ def asks_again(before: TransactionColumns, this: TransactionColumns) -> bool:
     return this.request == before.request + 1 and this.shape == before.shape
 
 
-def is_hasty(before: TransactionColumns | None, this: TransactionColumns, *, quick: bool) -> bool:
-    """Whether a request of the same shape came right behind an unanswered one, sooner than a master gives up."""
-    if before is None or not quick or before.status != _UNANSWERED or not asks_again(before, this):
-        return False
+def soon_behind(before: TransactionColumns, this: TransactionColumns) -> bool:
+    """Whether a request came sooner behind another than any master gives up."""
     return this.t_start_ns - before.t_request_ns < HASTE_NS
 
 
-def echoed(
-    earlier: TransactionColumns | None,
-    before: TransactionColumns,
-    this: TransactionColumns,
-    behind: TransactionColumns | None,
-) -> bool:
+def is_hasty(before: TransactionColumns, this: TransactionColumns) -> bool:
+    """Whether a request of the same shape came right behind an unanswered one, sooner than a master gives up."""
+    return before.status == _UNANSWERED and asks_again(before, this) and soon_behind(before, this)
+
+
+def is_echoed_broadcast(turn: RequestInTurn) -> bool:
     """Whether a broadcast that comes twice came the second time from a device: at once, and neither before nor behind.
 
     Clients repeat broadcasts, though after a pause, and those that make none send more than two.
     """
-    if not (asks_again(before, this) and this.t_start_ns - before.t_request_ns < HASTE_NS):
-        return False
-    if before.again and earlier is not None and before.t_start_ns - earlier.t_request_ns < HASTE_NS:
-        return False
-    return behind is None or not (behind.again and behind.t_start_ns - this.t_request_ns < HASTE_NS)
+    _, earlier, before, this, behind, quick = turn
+    others = (before.again and soon_behind(earlier, before)) or (behind.again and soon_behind(this, behind))
+    return quick and asks_again(before, this) and soon_behind(before, this) and not others
 
 
-def answers_broadcast(before: TransactionColumns | None, this: TransactionColumns, *, quick: bool) -> bool:
+def answers_broadcast(turn: RequestInTurn) -> bool:
     """Whether this is the answer of a device to the broadcast before, which reads like a request to that device."""
-    if before is None or not quick or before.unit or before.shape[1:] != this.shape[1:]:
-        return False
-    soon = this.t_start_ns - before.t_request_ns < HASTE_NS
-    return soon and this.request == before.request + 1 and answered_alike(this.function)
+    before, this = turn.before, turn.this
+    alike = before.unit == 0 and before.shape[1:] == this.shape[1:] and this.request == before.request + 1
+    return turn.quick and alike and soon_behind(before, this) and answered_alike(this.function)
 
 
 _STRAY: Final = 4  # bytes that may have been an answer
 _SURE_ECHOES: Final = 3
 _ECHOING: Final = 0.3  # of all requests
-_ANSWERED, _UNANSWERED = int(Status.ANSWERED), int(Status.UNANSWERED)
 
 _RULES: Final = (NO_RESPONSE, RETRY, LATE, ECHO, MISMATCH, BROADCAST_ANSWERED, DUPLICATE)
 
@@ -213,14 +223,15 @@ class Outcomes:
             for row, number in zip(self._suspects.tolist(), self._numbers.tolist(), strict=True)
         ]
         by_rule: dict[Rule, list[int]] = {rule: [] for rule in _RULES}
+        around = [_NOBODY, _NOBODY, *transactions, _NOBODY]
         for i in range(first, upto):
-            this = transactions[i]
+            earlier, before, this, behind = around[i : i + 4]
             if this.late and this.response >= 0 and this.unit:
                 by_rule[LATE].append(i)
             if this.status != _UNANSWERED and not this.retry and not this.again:
                 continue
             quick = view.timed and view.clock.verdict(this.request).wait_ns < HASTE_NS / 2
-            rule = self._outcome(view, transactions, i, quick=quick)
+            rule = self._outcome(RequestInTurn(view, earlier, before, this, behind, quick))
             if rule is not None:
                 by_rule[rule].append(i)
             if this.retry and rule is not ECHO and rule is not DUPLICATE:
@@ -246,91 +257,85 @@ class Outcomes:
         echoes = self._echoes + bisect_left(self._echoes_at, requests)
         return echoes >= _SURE_ECHOES and echoes >= _ECHOING * requests
 
-    def _repeats_all(self, before: TransactionColumns, this: TransactionColumns, *, quick: bool) -> bool:
-        """Whether it is the tap that shows a request again: its log says so, or it does so with nearly all."""
-        return heard_back(before, this) or (not quick and self._echoing(this.number))
-
-    def _outcome(
-        self, view: DiagnosisStep, transactions: Sequence[TransactionColumns], i: int, *, quick: bool
-    ) -> Rule | None:
+    def _outcome(self, turn: RequestInTurn) -> Rule | None:
         """What became of a request without an answer, or of one that repeats the one before."""
-        this, before = transactions[i], transactions[i - 1] if i else None
+        this = turn.this
         if this.protocol == Protocol.TCP:  # no echoes, no broadcasts
             return NO_RESPONSE if this.status == _UNANSWERED and this.t_next_ns != NEVER else None
-        hasty = is_hasty(before, this, quick=quick)
-        if this.again and before is not None:
-            behind = transactions[i + 1] if i + 1 < len(transactions) else None
-            earlier = transactions[i - 2] if i > 1 else None
-            if this.unit == 0:
-                return BROADCAST_ANSWERED if quick and echoed(earlier, before, this, behind) else None
-            if this.status != _UNANSWERED:
-                self._rewritten.add(this.unit)
-            elif self._second_echo(view, before, this, behind):
-                soon = this.t_start_ns - before.t_response_ns < HASTE_NS if quick else this.unit not in self._rewritten
-                return DUPLICATE if soon else self._silence(view, transactions, i, quick=quick)
-        if this.retry and before is not None:
-            again = asks_again(before, this)
-            if (hasty and at_once(view, before, this)) or (again and self._repeats_all(before, this, quick=quick)):
-                twice = answered_alike(this.function) and this.status == _ANSWERED and not self._echoing(this.number)
-                twice = twice and not by_tap(view, this.request, this.t_start_ns - before.t_request_ns)
-                return DUPLICATE if twice else ECHO  # thrice the same at once: a write and two echoes of it
+        if this.again and this.unit == 0:
+            return BROADCAST_ANSWERED if is_echoed_broadcast(turn) else None
+        if this.again and this.status != _UNANSWERED:
+            self._rewritten.add(this.unit)
+        elif this.again and self._second_echo(turn):
+            return DUPLICATE if self._no_second_write(turn) else self._silence(turn)
+        if this.retry and self._shown_again(turn):
+            return DUPLICATE if self._answered_twice(turn) else ECHO
         if this.status != _UNANSWERED:
             return None
-        if answers_broadcast(before, this, quick=quick):
+        if answers_broadcast(turn):
             return BROADCAST_ANSWERED
-        differs = hasty if quick else self._differs(before, this)
-        if differs and not this.retry and answered_alike(this.function):
-            return MISMATCH
-        return self._silence(view, transactions, i, quick=quick)
+        return MISMATCH if self._echo_differs(turn) else self._silence(turn)
 
-    def _second_echo(
-        self,
-        view: DiagnosisStep,
-        before: TransactionColumns,
-        this: TransactionColumns,
-        behind: TransactionColumns | None,
-    ) -> bool:
+    def _repeats_all(self, before: TransactionColumns, this: TransactionColumns, *, quick: bool) -> bool:
+        """Whether it is the tap that shows a request again: its log says so, or it does so with nearly all."""
+        return asks_again(before, this) and (heard_back(before, this) or (not quick and self._echoing(this.number)))
+
+    def _shown_again(self, turn: RequestInTurn) -> bool:
+        """Whether a repeat is the request before, shown twice by the tap."""
+        view, _, before, this, _, quick = turn
+        hasty = quick and is_hasty(before, this) and at_once(view, before, this)
+        return hasty or self._repeats_all(before, this, quick=quick)
+
+    def _answered_twice(self, turn: RequestInTurn) -> bool:
+        """Whether what comes thrice the same at once is a write and two echoes of it."""
+        this = turn.this
+        if this.status != _ANSWERED or not answered_alike(this.function) or self._echoing(this.number):
+            return False
+        return not by_tap(turn.view, this.request, this.t_start_ns - turn.before.t_request_ns)
+
+    def _second_echo(self, turn: RequestInTurn) -> bool:
         """Whether what reads like a write that nobody answers may be a second echo of the write before."""
+        view, _, before, this, behind, _ = turn
         if this.request != before.response + 1 or self._echoing(this.number):
             return False
-        if behind is not None and behind.retry and at_once(view, this, behind):
+        if behind.retry and at_once(view, this, behind):
             return False  # a request, which the tap shows twice
         return not by_tap(view, before.request, before.t_response_ns - before.t_request_ns)
 
-    def _silence(
-        self, view: DiagnosisStep, transactions: Sequence[TransactionColumns], i: int, *, quick: bool
-    ) -> Rule | None:
-        before, behind = transactions[i - 1] if i else None, transactions[i + 1] if i + 1 < len(transactions) else None
-        return None if self._excused(view, before, transactions[i], behind, quick=quick) else NO_RESPONSE
+    def _no_second_write(self, turn: RequestInTurn) -> bool:
+        """Whether no client writes the same again so: at once, or, where times tell nothing, never on this bus."""
+        if turn.quick:
+            return turn.this.t_start_ns - turn.before.t_response_ns < HASTE_NS
+        return turn.this.unit not in self._rewritten
 
-    def _excused(
-        self,
-        view: DiagnosisStep,
-        before: TransactionColumns | None,
-        this: TransactionColumns,
-        behind: TransactionColumns | None,
-        *,
-        quick: bool,
-    ) -> bool:
+    def _echo_differs(self, turn: RequestInTurn) -> bool:
+        """Whether this is the echo of the write before, with other bytes: it reads like another request."""
+        before, this = turn.before, turn.this
+        differs = is_hasty(before, this) if turn.quick else self._differs(before, this)
+        return differs and not this.retry and answered_alike(this.function)
+
+    def _silence(self, turn: RequestInTurn) -> Rule | None:
+        return None if self._excused(turn) else NO_RESPONSE
+
+    def _excused(self, turn: RequestInTurn) -> bool:
         """Whether something else explains that this request has no answer."""
+        view, _, before, this, behind, quick = turn
         if this.t_next_ns == NEVER or this.garbage >= _STRAY or this.request in view.explained:
             return True
-        echoing = self._echoing(this.number)
-        if behind is None:
-            return echoing and shown_twice(before, this)
-        if is_hasty(this, behind, quick=quick):
+        if quick and is_hasty(this, behind):
             if behind.retry:
                 return at_once(view, this, behind)  # this one, shown again
             return behind.status == _UNANSWERED and answered_alike(behind.function)
+        echoing = self._echoing(this.number)
         if behind.retry and asks_again(this, behind) and (echoing or heard_back(this, behind)):
             return True
         if not quick and self._differs(this, behind):
             return answered_alike(this.function)
         return echoing and shown_twice(before, this)
 
-    def _differs(self, before: TransactionColumns | None, this: TransactionColumns) -> bool:
+    def _differs(self, before: TransactionColumns, this: TransactionColumns) -> bool:
         """Whether two unlike requests of one shape in a row, none answered, went to a unit that answers otherwise."""
-        if before is None or not asks_again(before, this) or this.retry:
+        if not asks_again(before, this) or this.retry:
             return False
         if self._answering.get(this.unit, self._requests) >= max(this.number, self._first_ones):
             return False

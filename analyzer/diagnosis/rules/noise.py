@@ -12,7 +12,7 @@ weigh other explanations can hold any; those are searched again, all at once.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from enum import IntEnum
 from math import nan
 from typing import Final, NamedTuple
@@ -134,6 +134,37 @@ class _OpenStretch(NamedTuple):
         return GLITCHES.issuperset(self.captured)
 
 
+class _Side(NamedTuple):
+    """A row beside a stretch."""
+
+    floats: Pattern  # what a floating line looks like from it
+    row: Rows  # one
+    gap_ns: int  # between both
+    is_frame: bool
+    is_explained: bool = False  # as damage
+
+    @property
+    def is_damaged(self) -> bool:
+        return self.is_explained or not self.row.check[0]
+
+    @property
+    def sender(self) -> float:
+        """The unit that sent it; nan of the client's frames."""
+        return float(self.row.unit[0]) if self.row.kind[0] == Kind.RESPONSE else nan
+
+
+def _pattern(view: DiagnosisStep, stretch: _OpenStretch, close: Sequence[_Side]) -> tuple[Pattern, float]:
+    """Where a stretch stands among the frames close to it, and the unit to whose frame it belongs, or nan."""
+    if close and stretch.glitch and stretch.row.length[0] <= _GLITCH_RUN:
+        nearest = min(close, key=lambda side: side.gap_ns)
+        return nearest.floats, nearest.sender
+    if close and close[0].floats is Pattern.AFTER and stretch.captured in _LINE_ENDS:
+        return Pattern.LINE_END, close[0].sender
+    if tap_kind(view.line) is TapKind.EXCERPT:
+        return Pattern.QUOTED, nan
+    return Pattern.STRAY if close else Pattern.IDLE, nan
+
+
 @looks_for(NOISE)
 class NoiseStretches:
     """Rows in turn; a stretch at the end waits for the next one."""
@@ -159,10 +190,9 @@ class NoiseStretches:
             yield from self._judge(view, self._waiting, rows[:1], explained=0 in view.verdicts)
             self._waiting = None
         first = int(view.frames[0]) if len(view.frames) else len(rows)
-        for number in view.noise.tolist():
-            if number in view.verdicts or rows.errors[number] or rows.protocol[number] == Protocol.TCP:
-                continue
-            if rows.foreign[number]:
+        unknown = (rows.errors == 0) & (rows.foreign == 0) & (rows.protocol != Protocol.TCP)
+        for number in view.noise[unknown[view.noise]].tolist():
+            if number in view.verdicts:
                 continue
             before = rows[number - 1 : number] if number else view.trail.newest
             explained_before = (
@@ -188,30 +218,19 @@ class NoiseStretches:
             yield from self._judge(view, self._waiting, Rows.zeros(1), explained=False)
 
     def _judge(self, view: DiagnosisStep, stretch: _OpenStretch, after: Rows, *, explained: bool) -> Iterator[Findings]:
-        row, before = stretch.row, stretch.before
-        frame_before, frame_after = bool(before.kind[0]), bool(after.kind[0])
-        if not (frame_after or stretch.known):
+        row, is_end = stretch.row, bool(after.kind[0]) or explained
+        if not (after.kind[0] or stretch.known):
             return
-        if not before.length[0] and not stretch.glitch:
+        if not stretch.before.length[0] and not stretch.glitch:
             return  # the capture begins with it: rather the end of a frame
-        close_before = frame_before and _hard(row.gap_before_ns[0], view)
-        close_after = (frame_after or explained) and _hard(after.gap_before_ns[0], view)
-        if (close_before and not before.check[0]) or (close_after and (explained or not after.check[0])):
-            return
-        pattern, sender = Pattern.STRAY, None
-        if stretch.glitch and row.length[0] <= _GLITCH_RUN and (close_before or close_after):
-            nearer = close_after and (not close_before or after.gap_before_ns[0] < row.gap_before_ns[0])
-            pattern, sender = (Pattern.BEFORE, after) if nearer else (Pattern.AFTER, before)
-        elif close_before and stretch.captured in _LINE_ENDS:
-            pattern, sender = Pattern.LINE_END, before
-        elif tap_kind(view.line) is TapKind.EXCERPT:
-            pattern = Pattern.QUOTED
-        elif not close_before and not close_after:
-            pattern = Pattern.IDLE
-        unit = nan
-        if sender is not None and sender.kind[0] == Kind.RESPONSE:
-            unit = float(sender.unit[0])
-        yield NOISE.on(row, float(pattern), row.length, unit)
+        sides = (
+            _Side(Pattern.AFTER, stretch.before, row.gap_before_ns[0], bool(stretch.before.kind[0])),
+            _Side(Pattern.BEFORE, after, after.gap_before_ns[0], is_end, explained),
+        )
+        close = [side for side in sides if side.is_frame and _hard(side.gap_ns, view)]
+        if not any(side.is_damaged for side in close):
+            pattern, sender = _pattern(view, stretch, close)
+            yield NOISE.on(row, float(pattern), row.length, sender)
 
 
 def _hard(gap_ns: int, view: DiagnosisStep) -> bool:
