@@ -144,6 +144,12 @@ _LEAST: Final = 3
 _AS_LONG: Final = 6.0  # a right CRC, and just as many bytes as were asked for
 
 
+def _ends_near(ends: Sequence[int], start: int, length: int, *, sure: bool) -> Sequence[int]:
+    """The edges at which an answer that should be so long may end; `sure`: its beginning tells that it is one."""
+    least, most = (_LEAST, 2 * length + _MORE) if sure else (length, length)
+    return ends[bisect_left(ends, start + least) : bisect_right(ends, start + most)]
+
+
 def damaged_answers(
     data: bytes,
     crc: CrcWindows,
@@ -172,9 +178,7 @@ def damaged_answers(
         for start in starts:
             if data.startswith(header, start):
                 length = predicted_length(data, start, Role.RESPONSE) or MAX_ADU
-                most = start + (2 * length + _MORE if len(header) >= _LEAST else length)
-                least = start + (_LEAST if len(header) >= _LEAST else length)
-                for end in ends[bisect_left(ends, least) : bisect_right(ends, most)]:
+                for end in _ends_near(ends, start, length, sure=len(header) >= _LEAST):
                     if not edges.parted(start, end):
                         bits = _bits(end - start, length)
                         if end - start == length and crc.heads[at + start + 1] == crc.tails[at + end]:

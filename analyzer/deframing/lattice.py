@@ -21,6 +21,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import accumulate
+from math import inf
 
 from dissectors.length_rules import Role
 from dissectors.limits import EXCEPTION
@@ -200,15 +201,22 @@ class Lattice:
         """Whether these bytes are what a switching driver leaves."""
         return end - begin <= GLITCH_RUN and not self._data[begin:end].translate(None, _GLITCHES)
 
+    def _own_bits(self, candidate: Candidate) -> tuple[float, float]:
+        """What a candidate's bytes tell by themselves, and the least that its silence and conversation may: those of
+        a frame that checks, of a known function, tell little against it."""
+        if candidate.damaged:
+            return candidate.structure, -inf
+        if candidate.doubtful:
+            return candidate.structure + CRC_BITS, -inf
+        known = candidate.role == Role.REQUEST or self._certain[self._data[candidate.start + 1] & 0x7F]
+        gain = candidate.structure + (CRC_BITS + self._inside(candidate))
+        return gain, AGAINST_FRAME if candidate.declared and known else -inf
+
     def _taken(self, candidate: Candidate) -> Iterator[Survivor]:
         """From each survivor at its start, the path on which this candidate is a frame."""
         start, end, damaged = candidate.start, candidate.end, candidate.damaged
         adu = self._data[start:end]
-        gain = candidate.structure
-        if not damaged:
-            gain += CRC_BITS + (0.0 if candidate.doubtful else self._inside(candidate))
-        legal = candidate.declared and not damaged and not candidate.doubtful
-        legal = legal and bool(candidate.role == Role.REQUEST or self._certain[adu[1] & 0x7F])
+        gain, least = self._own_bits(candidate)
         request = OpenRequest.of(self.offset + start, adu) if candidate.role == Role.REQUEST else None
         for score, path in self._at(start):
             before, conversation, noise = path.tip, path.conversation, path.end < start
@@ -223,7 +231,7 @@ class Lattice:
                 bits, conversation = self._asks(conversation, request, damaged=damaged, lost=lost)
             else:
                 bits, conversation = self._answers(conversation, candidate, adu, lost=lost)
-            worth = gain + (max(silence + bits, AGAINST_FRAME) if legal else silence + bits)
+            worth = gain + max(silence + bits, least)
             since = 0.0 if damaged else worth if noise else path.since_noise + worth
             if noise:
                 before = PathStep(path.end, start, None, before, score, path.conversation)
@@ -328,7 +336,7 @@ class Lattice:
     def lead(self) -> float:
         """By how much the best path leads the next one, bits."""
         scores = sorted((score for score, _ in self._at(self.position)), reverse=True)
-        return scores[0] - scores[1] if len(scores) > 1 else float("inf")
+        return scores[0] - scores[1] if len(scores) > 1 else inf
 
     def rivals(self) -> Losers:
         """The paths that the best one beats here: by how many bits, and their last steps."""

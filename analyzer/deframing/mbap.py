@@ -148,9 +148,52 @@ class ReadEdges(NamedTuple):
 NO_EDGES: Final = ReadEdges((), ())
 
 
+TcpFrame = tuple[int, int, tuple[Role, ...]]  # where it begins and ends, the roles in which it is as long as predicted
+
+
+class _Onward(NamedTuple):
+    """Where the next frame is looked for; `waits`: only what follows can tell."""
+
+    at: int
+    frame: TcpFrame | None = None
+    waits: bool = False
+
+
+class _StreamBytes(NamedTuple):
+    """Bytes of a stream, and what is known of them besides; see `frames_in`."""
+
+    data: bytes
+    last: bool
+    pauses: Collection[int]
+    edges: ReadEdges
+
+    def beyond_noise(self, at: int) -> _Onward:
+        """To the next byte from `at` on where a frame may begin."""
+        size = len(self.data)
+        at = _next_frame(self.data, at, size, self.edges, last=self.last)
+        return _Onward(at, waits=at < size and not _is_whole(self.data, at) and self.edges.turn(at) is None)
+
+    def beyond_frame(self, at: int) -> _Onward:
+        """Behind the frame that begins here, or to one inside it, if it is none."""
+        data, size, edges = self.data, len(self.data), self.edges
+        end = at + _BEFORE + data[at + 5] if at + _BEFORE <= size else size + 1
+        turn = edges.turn(at) or (size if self.last and edges.starts else end)
+        if turn < end:  # the capture lacks its end
+            return _Onward(turn, (at, turn, ()) if turn - at > MBAP else None)
+        roles = sound_roles(data[at + MBAP : end]) if end <= size else ()
+        if (edges.starts and end <= size) or (roles and end in self.pauses):
+            return _Onward(end, (at, end, roles))
+        if end + _BEFORE > size and not self.last:
+            return _Onward(at, waits=True)  # what follows may tell that it was cut
+        inner = end if roles and _may_begin(data, end) else _next_sound(data, at + 1, size, last=self.last)
+        if inner >= end:
+            return _Onward(end, (at, end, roles))
+        return _Onward(at, waits=True) if inner < size and not _is_whole(data, inner) else _Onward(inner)
+
+
 def frames_in(
     data: bytes, *, astray: bool = False, last: bool, pauses: Collection[int] = (), edges: ReadEdges = NO_EDGES
-) -> tuple[list[tuple[int, int, tuple[Role, ...]]], int]:
+) -> tuple[list[TcpFrame], int]:
     """The frames in bytes of a stream with the roles in which each is as long as its function predicts.
 
     And how many of the bytes are decided: what is in no frame is noise.
@@ -159,37 +202,15 @@ def frames_in(
     nothing came for a while: a frame as long as predicted that ends there needs none behind it. `edges`: of reads that
     are known to begin where frames do; a frame whose header is whole is one, and ends where the other side speaks.
     """
-    frames: list[tuple[int, int, tuple[Role, ...]]] = []
-    at, size = 0, len(data)
-    while at < size:
-        if astray or not _may_begin(data, at):
-            at = _next_frame(data, at if astray else at + 1, size, edges, last=last)
-            if at < size and not _is_whole(data, at) and edges.turn(at) is None:
-                break
-            astray = False
-            continue
-        end = at + _BEFORE + data[at + 5] if at + _BEFORE <= size else size + 1
-        turn = edges.turn(at) or (size if last and edges.starts else None)
-        if turn is not None and turn < end:
-            if turn - at > MBAP:
-                frames.append((at, turn, ()))  # the capture lacks its end
-            at = turn
-            continue
-        roles = sound_roles(data[at + MBAP : end]) if end <= size else ()
-        sure = end in pauses and bool(roles)
-        if end + _BEFORE > size and not last and not (sure or (edges.starts and end <= size)):
-            break  # what follows may tell that it was cut
-        if not sure and not (edges.starts and end <= size) and not (roles and _may_begin(data, end)):
-            inner = _next_sound(data, at + 1, size, last=last)
-            if inner < min(end, size) and not _is_whole(data, inner):
-                break
-            if inner < end:
-                at = inner
-                continue
-        frames.append((at, end, roles))
-        at = end
-    behind = frames[-1][1] if frames else 0
-    return frames, at if at == size else behind + (at - behind) // NOISE_MOST * NOISE_MOST
+    stream = _StreamBytes(data, last, pauses, edges)
+    frames: list[TcpFrame] = []
+    onward = stream.beyond_noise(0) if astray and data else _Onward(0)
+    while onward.at < len(data) and not onward.waits:
+        begins = _may_begin(data, onward.at)
+        onward = stream.beyond_frame(onward.at) if begins else stream.beyond_noise(onward.at + 1)
+        frames += [onward.frame] if onward.frame is not None else []
+    at, behind = onward.at, frames[-1][1] if frames else 0
+    return frames, at if at == len(data) else behind + (at - behind) // NOISE_MOST * NOISE_MOST
 
 
 def _next_frame(data: bytes, at: int, stop: int, edges: ReadEdges, *, last: bool) -> int:

@@ -140,17 +140,22 @@ class UnitQueue:
             self.forgotten = self.asks.pop(0).number
             self.broken = [number for number in self.broken if number > self.forgotten]
 
+    def _strange_bits(self, answer: PendingAnswer, strangeness: Strangeness) -> list[tuple[AskedRequest, float]]:
+        """The requests that an answer may be of, and how strange it would be for each; 0 where there is no choice."""
+        oldest = min(path.newest for path in self.paths)
+        fitting = [ask for ask in self.asks if ask.number >= oldest and ask.expects.fits(answer.adu)]
+        polls = {ask.adu: ask for ask in fitting}
+        bits = {adu: strangeness(ask, answer.adu) if len(polls) > 1 else 0.0 for adu, ask in polls.items()}
+        return [(ask, bits[ask.adu]) for ask in fitting]
+
     def answer(self, answer: PendingAnswer, strangeness: Strangeness, *, timed: bool) -> None:
         """An answer: every path goes on to each request that it may be of."""
         asks = self.asks
-        oldest = min(path.newest for path in self.paths)
-        fitting = [ask for ask in asks if ask.number >= oldest and ask.expects.fits(answer.adu)]
-        polls = {ask.adu: ask for ask in fitting}
-        bits = {adu: strangeness(ask, answer.adu) if len(polls) > 1 else 0.0 for adu, ask in polls.items()}
-        least = min(bits.values(), default=0.0)
+        bits = self._strange_bits(answer, strangeness)
+        least = min((strange for _, strange in bits), default=0.0)
         stranger = least if least >= MOST_BITS else _ALIEN_BITS  # if strange for all, it may be of one not here
-        ways = [(ask, bits[ask.adu], *_waited(ask, answer, timed=timed)) for ask in fitting]
-        numbers, measured = [ask.number for ask in fitting], timed and answer.measured
+        ways = [(ask, strange, *_waited(ask, answer, timed=timed)) for ask, strange in bits]
+        numbers, measured = [ask.number for ask, _ in bits], timed and answer.measured
         paths: dict[tuple[int, tuple[int, ...]], AnswerPath] = {}
         for path in self.paths:
             lost = next((ask.number for ask in asks if ask.taken and ask.number > path.newest), answer.number)
