@@ -29,17 +29,19 @@ from . import roles
 from .company import asked_alike
 from .drafting import SAID
 from .evidence import Weights, shipped_weights
-from .hypotheses import HYPOTHESES, numbers, patterns
+from .hypotheses import HYPOTHESES, patterns
 from .mixed import SHORT, UNSURE_AT_MOST, Block, doubtful_blocks
 from .outsiders import bit_values, exclude, swapped_floats, text_value, texts_in
-from .readings import BlockReadings, RegisterReadings, Words
-from .roles import Number, OtherReading, RegisterValue, SeriesKey, reasons, with_relations
+from .readings import BlockReadings, RegisterReadings
+from .roles import OtherReading, RegisterValue, SeriesKey, reasons, with_relations
 from .runs import LEAST_TOLD, Cut, Run, cut_of, run_posteriors, runs_of
+from .spans import ReadSpan
 from .telling import STILL
 
 _CLOCK_S: Final = 5.0  # seconds, before a clock is told
 _PAIRS: Final = [n for n, hypothesis in enumerate(HYPOTHESES) if hypothesis.family == "i32"]
 _RELATED_BLOCKS: Final = 64  # blocks in which relations are sought
+_MAPPED_KINDS: Final = {"bits": "bits", "enum": "enum", "time": "time"}  # of a map's types; the others are numbers
 _NOTHING: Final = (0x0000, 0xFFFF, 0x7FFF, 0x8000)  # words that say nothing when they never move
 
 
@@ -140,13 +142,9 @@ def _moved_series(
             n for n, h in enumerate(HYPOTHESES)
             if (h.words, h.is_float, h.order) == (value.words, value.kind == "float", plain)
         )  # fmt: skip
-        block, columns = owner.source_of(value.address - owner.address, value.words, number)
-        if id(block) not in moved and len(moved) >= _RELATED_BLOCKS:
-            continue
-        words = next(series for source, series in zip(owner.blocks, owner.series, strict=True) if source is block)[0]
-        mine = words[:, columns[0] : columns[0] + value.words]
-        floats = numbers(mine, order, is_float=value.kind == "float", signed=value.signed)
-        moved.setdefault(id(block), {})[value.key] = floats
+        span = ReadSpan.of(owner, value.address - owner.address, number)
+        if id(span.block) in moved or len(moved) < _RELATED_BLOCKS:
+            moved.setdefault(id(span.block), {})[value.key] = span.numbers(order, signed=value.signed)
     return {
         key: (number, floats) for number, by_key in moved.items() if len(by_key) > 2 for key, floats in by_key.items()
     }
@@ -243,123 +241,75 @@ def _claimed(value: RegisterValue, run: Run, chart: RegisterMap | None, doubts: 
 
 
 def _value(run: Run, cut: Cut, row: MappedValue | None, order: str | None, sisters: Sequence[int]) -> RegisterValue:
-    hypothesis = HYPOTHESES[cut.number]
-    if row is not None and (row.address != run.address + cut.at or row.length != hypothesis.words):
-        row = None
-    block, columns = run.source_of(cut.at, hypothesis.words, cut.number)
-    words, beginning = next(series for source, series in zip(run.blocks, run.series, strict=True) if source is block)
-    mine = words[:, columns[0] : columns[0] + hypothesis.words]
-    device_order: Order = cast(Order, row.order) if row is not None else hypothesis.order or "ABCD"
-    series = patterns(mine, device_order)
-    moved = bool((mine != mine[0]).any())
-    signed = hypothesis.is_float or (row.is_signed if row is not None else roles.is_signed(series, hypothesis.words))
-    floats = numbers(mine, device_order, is_float=hypothesis.is_float, signed=signed)
-    ends = np.array([series[0], patterns(block.last[columns][None], device_order)[0]])
-    clock = hypothesis.family == "i32" and roles.is_clock(ends, block.first_ns, block.last_ns)
-    kind = _kind(hypothesis.is_float, series[:beginning], hypothesis.words, moved, clock, row)
-    written = any(b.written and b.address <= run.address + cut.at < b.address + b.quantity for b in run.blocks)
-    role = roles.role_of(kind, floats[:beginning], moved=moved, written=written or (row is not None and row.writable))
-    low, high = _extremes(block, columns, hypothesis.is_float, device_order, signed, floats)
-    shared = None
-    if order and hypothesis.order == order:
-        shared = register_words("{order} is the order of the other values", order=order)
-    confidence = cut.confidence
-    if row is not None:
-        confidence, why = 1.0, register_words("as you said" if SAID in row.other else "as the map has it")
-    elif moved:
-        why = reasons(cut, [mine[0].tolist(), mine[-1].tolist()], shared=shared, sisters=sisters)
-    else:
-        why = _constant_words(run, cut, int(mine[0, 0]))
-    second = None if row is not None else _runner_up(run, cut)
+    span = ReadSpan.of(run, cut.at, cut.number)
+    hypothesis, block, address = span.hypothesis, span.block, run.address + cut.at
+    mapped = row if row is not None and (row.address, row.length) == (address, hypothesis.words) else None
+    device_order = cast(Order, mapped.order) if mapped is not None else hypothesis.order or "ABCD"
+    series = span.patterns(device_order)
+    told_sign = mapped.is_signed if mapped is not None else roles.is_signed(series, hypothesis.words)
+    signed = hypothesis.is_float or told_sign
+    kind = _kind(span, series[: span.beginning], device_order, mapped)
+    written = any(b.written and b.address <= address < b.address + b.quantity for b in run.blocks)
+    written = written or (mapped is not None and mapped.writable)
+    floats = span.numbers(device_order, signed=signed)[: span.beginning]
+    low, high = span.extremes(device_order, signed=signed)
+    second = None if mapped is not None else _runner_up(run, cut)
+    confidence = cut.confidence if mapped is None else 1.0
     return RegisterValue(
         unit=run.unit,
         area=run.area,
-        address=run.address + cut.at,
+        address=address,
         words=hypothesis.words,
         kind=kind,
         signed=signed,
         order=device_order if hypothesis.words > 1 else None,
-        role=role,
+        role=roles.role_of(kind, floats, moved=span.moved, written=written),
         confidence=round(confidence, 4),
         bits=round(_odds(confidence, second.confidence if second else 1 - confidence), 2),
-        why=why,
+        why=_why(span, cut, mapped, order, sisters),
         readings=block.count,
-        changes=int(block.changes[columns].max()) if len(columns) == 1 else _changes(block, mine),
+        changes=span.changes,
         minimum=low,
         maximum=high,
-        last=_last(block.last[columns], device_order, is_float=hypothesis.is_float, signed=signed),
+        last=span.last(device_order, signed=signed),
         runner_up=second,
         same_number=_same_number(run, cut, signed=signed),
-        name=(row.name or None) if row is not None else None,
-        scale=row.scale if row is not None else None,
-        unit_of_measure=row.unit if row is not None else None,
+        **_mapped_facts(mapped),
     )
 
 
-def _kind(
-    is_float: bool, series: NDArray[np.uint64], words: int, moved: bool, clock: bool, row: MappedValue | None
-) -> str:
-    if is_float:
-        return "float"
-    if row is not None and row.type in ("bits", "enum", "time"):
-        return row.type
+def _mapped_facts(row: MappedValue | None) -> dict[str, Any]:
+    """What only a map says of a value."""
+    return {} if row is None else {"name": row.name or None, "scale": row.scale, "unit_of_measure": row.unit}
+
+
+def _why(span: ReadSpan, cut: Cut, row: MappedValue | None, order: str | None, sisters: Sequence[int]) -> str:
+    """Why a value is what it is said to be, in words."""
     if row is not None:
-        return "bcd" if row.type.startswith("bcd") else "int"
-    if not moved:
+        return register_words("as you said" if SAID in row.other else "as the map has it")
+    if not span.moved:
+        return _constant_words(cut, int(span.words[0, 0]))
+    shared = None
+    if order and span.hypothesis.order == order:
+        shared = register_words("{order} is the order of the other values", order=order)
+    return reasons(cut, [span.words[0].tolist(), span.words[-1].tolist()], shared=shared, sisters=sisters)
+
+
+def _kind(span: ReadSpan, series: NDArray[np.uint64], order: Order, row: MappedValue | None) -> str:
+    words = span.hypothesis.words
+    if span.hypothesis.is_float:
+        return "float"
+    if row is not None:
+        return _MAPPED_KINDS.get(row.type, "bcd" if row.type.startswith("bcd") else "int")
+    if not span.moved:
         return "unknown" if int(series[0]) in _NOTHING else "constant"
     if words == 1 and roles.is_bits(series):
         return "bits"
     if words == 1 and roles.is_enum(series):
         return "enum"
-    if clock:
+    if span.is_clock(order):
         return "time"
-    if words <= 2 and roles.is_bcd(series, words):
-        return "bcd"
-    return "int"
-
-
-def _extremes(
-    block: BlockReadings,
-    columns: NDArray[np.int64],
-    is_float: bool,
-    order: str,
-    signed: bool,
-    floats: NDArray[np.float64],
-) -> tuple[Number, Number]:
-    first = int(columns[0])
-    if len(columns) == 1 and order in ("ABCD", "CDAB"):
-        if not signed:
-            return int(block.least[first]), int(block.greatest[first])
-        low, high = block.extremes["s16"]
-    elif len(columns) == 2 and order in ("ABCD", "CDAB"):
-        low, high = block.extremes[f"{'f' if is_float else 's' if signed else 'u'}32 {order}"]
-    else:
-        least, greatest = float(np.fmin.reduce(floats)), float(np.fmax.reduce(floats))
-        return (least, greatest) if is_float else (int(least), int(greatest))
-    return _float_as_read(low[first]), _float_as_read(high[first])
-
-
-def _float_as_read(number: Any) -> Number:
-    """A number as people read it: of a float of 32 bits the digits that it has."""
-    if isinstance(number, np.floating):
-        return float(f"{float(number):.7g}") if math.isfinite(number) else None
-    return int(number)
-
-
-def _last(words: Words, order: Order, *, is_float: bool, signed: bool) -> Number:
-    number = numbers(words[None], order, is_float=is_float, signed=signed)[0]
-    if is_float:
-        return _float_as_read(np.float32(number)) if len(words) == 2 else _float_as_read(number)
-    pattern = int(patterns(words[None], order)[0])
-    width = 16 * len(words)
-    return pattern - (1 << width) if signed and pattern >> (width - 1) else pattern
-
-
-def _changes(block: BlockReadings, words: Words) -> int:
-    """How often a wide value changed: exactly, where all its readings stay; else at least so often."""
-    if block.stride == 1:
-        return int((words[1:] != words[:-1]).any(axis=1).sum())
-    return int(block.changes.max(initial=0, where=np.ones(len(block.changes), np.bool_)))
+    return "bcd" if words <= 2 and roles.is_bcd(series, words) else "int"
 
 
 def _runner_up(run: Run, cut: Cut) -> OtherReading | None:
@@ -380,24 +330,20 @@ def _same_number(run: Run, cut: Cut, *, signed: bool) -> tuple[OtherReading, ...
 
 
 def _is_negative(run: Run, at: int, number: int) -> bool:
-    hypothesis = HYPOTHESES[number]
-    block, columns = run.source_of(at, hypothesis.words, number)
-    words = next(series for source, series in zip(run.blocks, run.series, strict=True) if source is block)[0]
-    return roles.is_signed(patterns(words[:, columns], hypothesis.order or "ABCD"), hypothesis.words)
+    span = ReadSpan.of(run, at, number)
+    return roles.is_signed(span.patterns(span.hypothesis.order or "ABCD"), span.hypothesis.words)
 
 
 def _odds(confidence: float, rival: float) -> float:
     return max(math.log2(max(confidence, 1e-6) / max(rival, 1e-4)), 0.0)
 
 
-def _constant_words(run: Run, cut: Cut, word: int) -> str:
+def _constant_words(cut: Cut, word: int) -> str:
     text = register_words("has been {word} ({word:04X}) all the time", word=word)
     if cut.second and cut.second[1]:
-        at, number, _ = cut.second
-        hypothesis = HYPOTHESES[number]
-        block, columns = run.source_of(at, hypothesis.words, number)
-        value = _last(block.last[columns], hypothesis.order or "ABCD", is_float=hypothesis.is_float, signed=False)
-        if hypothesis.is_float and isinstance(value, float) and value and 1e-6 < abs(value) < 1e9:
+        span = ReadSpan.of(cut.run, *cut.second[:2])
+        value = span.last(span.hypothesis.order or "ABCD", signed=False)
+        if span.hypothesis.is_float and isinstance(value, float) and 1e-6 < abs(value) < 1e9:
             words = "with its neighbour a float {order} of {value:g}, perhaps"
-            text += f"; {register_words(words, order=hypothesis.order, value=value)}"
+            text += f"; {register_words(words, order=span.hypothesis.order, value=value)}"
     return text
