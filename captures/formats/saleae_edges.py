@@ -19,7 +19,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -190,34 +190,67 @@ def _combined(rows: bytes) -> list[str]:
     return [f"Channel {bit}" for bit in range(4 * max(map(len, layout)))]
 
 
-def _head(head: bytes) -> _TableHead | None:
-    """The head of a table of channels; None of another table."""
+class _Columns(NamedTuple):
+    """Names of channels behind a column of times, whose `unit` is None where its title says none, or of numbers of
+    samples."""
+
+    names: list[str]
+    sign: bytes
+    unit: int | None
+    numbered: bool
+
+    def unit_ns(self, rate: int | None, first: bytes) -> float:
+        """The unit of the first column, by the rate that comments say, and the first row; 0 where nothing tells."""
+        if self.numbered:
+            return 10**9 / rate if rate else 0
+        if self.unit is None and rate and first.partition(b",")[0].isdigit():
+            return next(one for one in _COUNTED if rate * one <= 10**9 or one == 1)
+        return self.unit or 10**9
+
+
+class _NamesLine(NamedTuple):
+    """The line with the names of the columns; `size` bytes go up to its end, `rate` is what comments before it say."""
+
+    text: str
+    number: int
+    size: int
+    rate: int | None
+
+    def columns(self, sign: bytes) -> _Columns | None:
+        """Its columns where this sign parts them; None where the first is neither of times nor of samples."""
+        first, *names = (" ".join(cell.strip().strip('"').split()) for cell in _cells_of(self.text, sign.decode()))
+        unit, numbered = unit_of(first), _SAMPLE.fullmatch(first) is not None
+        timed = _TIME.fullmatch(first) is not None and (sign == b"," or unit is not None)
+        return _Columns(names, sign, unit, numbered) if names and (numbered or timed) else None
+
+
+def _names_line(head: bytes) -> _NamesLine | None:
+    """The first line that is no comment."""
     size, rate = 0, None
     for number, line in enumerate(head.split(b"\n", _COMMENTS)[:_COMMENTS], 1):
         size += len(line) + 1
         text = line.decode("utf-8", "replace").strip("\ufeff\r")
-        if not text.strip() or text.lstrip()[:1] in (";", "#"):
-            rate = rate_said(text) or rate
-            continue
-        for sign in _SIGNS:
-            names = [" ".join(cell.strip().strip('"').split()) for cell in _cells_of(text, sign.decode())]
-            unit = unit_of(names[0])
-            if len(names) > 1 and (sampled := _SAMPLE.fullmatch(names[0]) is not None) | (
-                _TIME.fullmatch(names[0]) is not None and (sign == b"," or unit is not None)
-            ):
-                layout = _TableHead(names[1:], number, size, sign, unit or 10**9)
-                if sign == b"," and len(names) == 2 and (channels := _combined(head[size:])):
-                    layout = replace(layout, names=channels, combined=True)
-                rows = [layout.plain(row) for row in head[size:].split(b"\n", _ROWS)[:-1] if row.strip()]
-                row = rows[0] if rows else layout.plain(head[size:])
-                if sampled:
-                    layout = replace(layout, unit_ns=10**9 / rate if rate else 0)
-                elif unit is None and rate and row.partition(b",")[0].isdigit():
-                    layout = replace(layout, unit_ns=next(one for one in _COUNTED if rate * one <= 10**9 or one == 1))
-                states = sum(_STATES.fullmatch(row) is not None for row in rows or [row] if row.strip())
-                return layout if states >= _SINGLE * len(rows) and (states or not row.strip()) else None
-        return None
+        if text.strip() and text.lstrip()[0] not in ";#":
+            return _NamesLine(text, number, size, rate)
+        rate = rate_said(text) or rate
     return None
+
+
+def _head(head: bytes) -> _TableHead | None:
+    """The head of a table of channels; None of another table."""
+    line = _names_line(head)
+    columns = next(filter(None, map(line.columns, _SIGNS)), None) if line is not None else None
+    if line is None or columns is None:
+        return None
+    body = head[line.size :]
+    channels = _combined(body) if columns.sign == b"," and len(columns.names) == 1 else []
+    layout = _TableHead(channels or columns.names, line.number, line.size, columns.sign, 0, combined=bool(channels))
+    ended = [row for row in body.split(b"\n", _ROWS)[:-1] if row.strip()]
+    rows = [row for row in map(layout.plain, ended or [body]) if row.strip()]
+    states = sum(_STATES.fullmatch(row) is not None for row in rows)
+    if states < _SINGLE * len(ended) or (rows and not states):
+        return None
+    return replace(layout, unit_ns=columns.unit_ns(line.rate, rows[0] if rows else b""))
 
 
 def _cells_of(text: str, sign: str) -> list[str]:

@@ -28,6 +28,7 @@ from .packets import (
 from .tcp import ConnectionGroup, Half, Reassembly
 
 _PORTS: Final = 256
+_PORT_NAMES: Final = {f"port {port}": port for port in range(_PORTS)}  # of interfaces that this tool wrote
 NO_TRANSPORT: Final = "neither TCP nor UDP"
 FOREIGN_DATAGRAMS: Final = "UDP without Modbus"
 NAMED: Final = 4  # of what is left out, named one by one
@@ -184,16 +185,16 @@ def unheard(_where: str, _what: str) -> None:
     """Damage is for the second reading to say."""
 
 
-def _give_ports(survey: PacketSurvey, interfaces: list[Interface], judge: ByteJudge) -> None:
-    """Give ports: serial interfaces first, as they are named by this tool, then connections in order of appearance."""
-    named = {}
-    for interface in survey.serial:
-        word, _, number = (interfaces[interface].name or "").partition(" ")
-        if word == "port" and number.isdecimal() and int(number) < _PORTS:
-            named[interface] = int(number)
-    if len(named) == len(survey.serial) and len(set(named.values())) == len(named):
-        survey.serial = named
-    survey.serial = {interface: port for interface, port in survey.serial.items() if port < _PORTS}
+def _serial_ports(found: dict[int, int], interfaces: list[Interface]) -> dict[int, int]:
+    """The ports of serial interfaces: those in their names where each has one of its own, else by appearance."""
+    named = {interface: _PORT_NAMES.get(interfaces[interface].name or "", _PORTS) for interface in found}
+    if max(named.values(), default=0) < _PORTS and len(set(named.values())) == len(named):
+        return named
+    return {interface: port for interface, port in found.items() if port < _PORTS}
+
+
+def _judge_groups(survey: PacketSurvey, judge: ByteJudge) -> None:
+    """What each connection speaks; datagrams that are no Modbus are counted, and left out."""
     for one in survey.groups:
         reads = one.reads
         one.neighbour = neighbour(reads)
@@ -203,6 +204,12 @@ def _give_ports(survey: PacketSurvey, interfaces: list[Interface], judge: ByteJu
     survey.groups = [one for one in survey.groups if one.kind == "tcp" or not one.group.of_datagrams]
     if not survey.serial and len(survey.groups) == 1 and not survey.groups[0].neighbour:
         survey.groups[0].kind = survey.groups[0].kind or _UNKNOWN  # there is nothing else that could be meant
+
+
+def _give_ports(survey: PacketSurvey, interfaces: list[Interface], judge: ByteJudge) -> None:
+    """Give ports: serial interfaces first, as they are named by this tool, then connections in order of appearance."""
+    survey.serial = _serial_ports(survey.serial, interfaces)
+    _judge_groups(survey, judge)
     following = max(survey.serial.values(), default=-1) + 1
     modbus = [one.group for one in survey.groups if one.kind is not None][: _PORTS - following]
     wanted = sum(group.lanes for group in modbus)
