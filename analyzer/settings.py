@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from .errors import RtuscopeError
@@ -32,6 +32,7 @@ class Setting:
     words: str
     taps: bool = False  # only of commands that listen: elsewhere the capture says it itself
     personal: bool = False  # not a project's to say
+    among: tuple[str, ...] = ()  # the only values, where they are few
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +55,7 @@ SETTINGS: Final = (
     Setting("port", str, ("port",), "the port for sniff, record and tap", taps=True),
     Setting("tz", str, ("tz",), "time zone for timestamps that carry none"),
     Setting("lang", str, ("lang",), "language of messages: en or ru"),
-    Setting("theme", str, ("light",), "light or dark"),
+    Setting("theme", str, ("light",), "light or dark", among=("light", "dark")),
     Setting("functions", list, ("functions",), "files that declare vendor functions", personal=True),
     Setting("line.baud", (int, str), ("baud",), "bit/s of a tap, or auto", taps=True),
     Setting("line.parity", str, ("parity",), "parity of a tap: N, E, O or auto", taps=True),
@@ -65,6 +66,7 @@ SETTINGS: Final = (
     Setting("timing.turnaround_ms", _NUMBER, ("turnaround_ms",), "shortest pause after a broadcast"),
     Setting("timing.idle_ms", _NUMBER, ("idle_ms",), "silence after which the line counts as idle"),
 )
+_SETTINGS_BY_KEY: Final = {setting.key: setting for setting in SETTINGS}
 COLOURS: Final = ("red", "yellow", "green", "blue", "violet")  # that rows may have in the interface
 TABLES: Final = {  # whose keys are the user's own, those of `colours` apart
     "maps": 'register maps by unit, or for `all` others: 17 = "meter.csv"',
@@ -97,49 +99,63 @@ def read_settings() -> Settings:
 
 
 def _read(file: str, *, project: bool) -> Iterator[SetValue]:
+    text, content = _parsed(file)
+    for key, value in _flat(content):
+        at = SetValue(key, value, file, _line_of(text, key))
+        table, dot, name = key.partition(".")
+        setting = _SETTINGS_BY_KEY.get(key)
+        if dot and table in TABLES:
+            yield _table_entry(at, table, name, project=project)
+        elif setting is None:
+            near = did_you_mean(key, [*_SETTINGS_BY_KEY, *TABLES])
+            raise SettingsError(f"{at.where}: no setting {key!r}{near} (rtuscope help settings)")
+        else:
+            yield _checked(at, setting, project=project)
+
+
+def _parsed(file: str) -> tuple[str, dict[str, Any]]:
+    """The text of a file, and what it holds."""
     import tomllib
 
     try:
         with open(file, encoding="utf-8-sig") as stream:  # noqa: PTH123
             text = stream.read()
-        content = tomllib.loads(text)
+        return text, tomllib.loads(text)
     except OSError as error:
         raise SettingsError(f"{file}: {(error.strerror or str(error)).lower()}") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise SettingsError(f"{file}: {error}") from error
     except RecursionError as error:
         raise SettingsError(f"{file}: nested too deeply") from error
-    known = {setting.key: setting for setting in SETTINGS}
-    for key, value in _flat(content):
-        at = SetValue(key, value, file, _line_of(text, key))
-        table = key.partition(".")[0]
-        if table in TABLES and "." in key:
-            if not isinstance(value, str):
-                raise SettingsError(f"{at.where}: {key} is not text")
-            if table == "colours" and key.partition(".")[2] not in COLOURS:
-                raise SettingsError(f"{at.where}: no colour {key.partition('.')[2]!r}: {', '.join(COLOURS)}")
-            if project and table == "maps":
-                _refuse_outside(at)
-            yield SetValue(key, _resolved(file, value) if table == "maps" else value, file, at.line)
-            continue
-        setting = known.get(key)
-        if setting is None:
-            raise SettingsError(
-                f"{at.where}: no setting {key!r}{did_you_mean(key, [*known, *TABLES])} (rtuscope help settings)"
-            )
-        if project and setting.personal:
-            raise SettingsError(f"{at.where}: {key} are code, so a project's file cannot set them: put them into "
-                                f"{user_file()}, or give --{key}")  # fmt: skip
-        if not isinstance(value, setting.kind) or isinstance(value, bool):
-            raise SettingsError(f"{at.where}: {key} is {value!r}: {setting.words}")
-        if setting.key == "theme" and value not in ("light", "dark"):
-            raise SettingsError(f"{at.where}: theme is {value!r}: use light or dark")
-        if isinstance(value, list):
-            value = [_resolved(file, str(item)) for item in value]
-        if project and setting.key == "port" and not _LOCAL_PORT.fullmatch(str(value)):
-            raise SettingsError(f"{at.where}: port {value!r} is not on this machine, so a project's file cannot set "
-                                f"it: put it into {user_file()}, or give it to the command")  # fmt: skip
-        yield SetValue(key, value, file, at.line)
+
+
+def _table_entry(at: SetValue, table: str, name: str, *, project: bool) -> SetValue:
+    """An entry of one of TABLES."""
+    if not isinstance(at.value, str):
+        raise SettingsError(f"{at.where}: {at.key} is not text")
+    if table == "colours" and name not in COLOURS:
+        raise SettingsError(f"{at.where}: no colour {name!r}: {', '.join(COLOURS)}")
+    if table != "maps":
+        return at
+    if project:
+        _refuse_outside(at)
+    return replace(at, value=_resolved(at.file, at.value))
+
+
+def _checked(at: SetValue, setting: Setting, *, project: bool) -> SetValue:
+    """The value of one of SETTINGS."""
+    key, value = at.key, at.value
+    if project and setting.personal:
+        raise SettingsError(f"{at.where}: {key} are code, so a project's file cannot set them: put them into "
+                            f"{user_file()}, or give --{key}")  # fmt: skip
+    if not isinstance(value, setting.kind) or isinstance(value, bool):
+        raise SettingsError(f"{at.where}: {key} is {value!r}: {setting.words}")
+    if setting.among and value not in setting.among:
+        raise SettingsError(f"{at.where}: {key} is {value!r}: use {' or '.join(setting.among)}")
+    if project and key == "port" and not _LOCAL_PORT.fullmatch(str(value)):
+        raise SettingsError(f"{at.where}: port {value!r} is not on this machine, so a project's file cannot set "
+                            f"it: put it into {user_file()}, or give it to the command")  # fmt: skip
+    return replace(at, value=[_resolved(at.file, str(item)) for item in value]) if isinstance(value, list) else at
 
 
 def _flat(content: Mapping[str, Any], begin: str = "") -> Iterator[tuple[str, Any]]:
