@@ -7,6 +7,7 @@ edges included; some masters ask value by value, some for part of the map only. 
 from __future__ import annotations
 
 import struct
+from collections.abc import Sequence
 from dataclasses import dataclass
 from random import Random
 from typing import Final
@@ -106,29 +107,43 @@ def _polls(random: Random, device: MappedDevice, even: float) -> list[PolledBloc
     polls: list[PolledBlock] = []
     for area in READ_FUNCTIONS:
         rows = sorted((row for row in device.chart.rows if row.area == area), key=lambda row: row.address)
-        chosen = [row for row in rows if random.random() < share]
-        rows_of_area, rows = rows, chosen or rows[:1]
-        blocks: list[list[int]] = []
-        for row in rows:
-            near = blocks and row.address - blocks[-1][1] <= reach
-            if near and row.end - blocks[-1][0] <= max(longest, row.length):
-                blocks[-1][1] = max(blocks[-1][1], row.end)
-            else:
-                blocks.append([row.address, row.end])
-        if rows and even and random.random() < even:
-            stretch = random.choice((10, 16, 25, 50, 100))
-            begins = range(rows[0].address, rows[-1].end, stretch)
-            blocks = [[begin, min(begin + stretch, rows[-1].end)] for begin in begins]
-            blocks = [block for block in blocks if any(block[0] <= row.address < block[1] for row in rows)]
-        for begin, end in blocks:
-            first = max(0, begin - (random.randint(0, beyond) if beyond else 0))
-            last = min(_LAST, end + (random.randint(0, beyond) if beyond else 0))
-            if random.random() < 0.15:
-                first -= first % 10
-            if random.random() < _TIDY:  # few masters cut a value in two
-                first = min((row.address for row in rows_of_area if row.address < first < row.end), default=first)
-                last = max((row.end for row in rows_of_area if row.address < last < row.end), default=last)
-            if last - first > _MOST:
-                first, last = begin, end
+        chosen = [row for row in rows if random.random() < share] or rows[:1]
+        blocks = _neighbours(chosen, reach, longest)
+        if chosen and even and random.random() < even:
+            blocks = _even_blocks(chosen, random.choice((10, 16, 25, 50, 100)))
+        for block in blocks:
+            first, last = _asked_for(random, block, rows, beyond)
             polls.append(PolledBlock(device, area, first, last - first))
     return polls
+
+
+def _neighbours(rows: Sequence[MappedValue], reach: int, longest: int) -> list[tuple[int, int]]:
+    """Values by address in blocks [begin, end): with gaps of so many registers, and so long, at most."""
+    blocks: list[tuple[int, int]] = []
+    for row in rows:
+        begin, end = blocks[-1] if blocks else (row.address, row.address)
+        if row.address - end <= reach and row.end - begin <= max(longest, row.length):
+            blocks[-1:] = [(begin, max(end, row.end))]
+        else:
+            blocks.append((row.address, row.end))
+    return blocks
+
+
+def _even_blocks(rows: Sequence[MappedValue], stretch: int) -> list[tuple[int, int]]:
+    """Blocks of so many registers each, from the first value to the last, without those that hold none."""
+    stop = rows[-1].end
+    blocks = [(begin, min(begin + stretch, stop)) for begin in range(rows[0].address, stop, stretch)]
+    return [(begin, end) for begin, end in blocks if any(begin <= row.address < end for row in rows)]
+
+
+def _asked_for(random: Random, block: tuple[int, int], rows: Sequence[MappedValue], beyond: int) -> tuple[int, int]:
+    """A block as a master asks for it: by chance some registers more, from a round number on, with its values whole."""
+    begin, end = block
+    first = max(0, begin - (random.randint(0, beyond) if beyond else 0))
+    last = min(_LAST, end + (random.randint(0, beyond) if beyond else 0))
+    if random.random() < 0.15:
+        first -= first % 10
+    if random.random() < _TIDY:  # few masters cut a value in two
+        first = min((row.address for row in rows if row.address < first < row.end), default=first)
+        last = max((row.end for row in rows if row.address < last < row.end), default=last)
+    return (first, last) if last - first <= _MOST else block
