@@ -9,12 +9,12 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable, Sequence
-from itertools import accumulate, chain, pairwise
+from itertools import accumulate, chain, compress
 from typing import Any
 
 from . import typing as typing
 from .array import asarray as _asarray
-from .array import made, ndarray, spread
+from .array import handed, made, ndarray, spread, typed
 from .elementwise import binary, divided, max_of, min_of, unary
 from .places import broadcast_shape
 from .types import BOOL, FLOAT, INT, together, type_of
@@ -135,11 +135,10 @@ def where(condition: Any, yes: Any = None, no: Any = None) -> Any:
     condition = _asarray(condition)
     if yes is None:
         return condition.nonzero()
-    types = [(each.dtype, False) if isinstance(each, ndarray) else type_of(each) for each in (yes, no)]
     one, two = _asarray(yes), _asarray(no)
     shape = broadcast_shape([condition.shape, one.shape, two.shape])
     columns = zip(spread(condition, shape), spread(one, shape), spread(two, shape), strict=True)
-    return made(together(types), [a if chosen else b for chosen, a, b in columns], shape)
+    return made(together([typed(yes), typed(no)]), [a if chosen else b for chosen, a, b in columns], shape)
 
 
 def broadcast_to(value: Any, shape: Any) -> ndarray:
@@ -196,20 +195,14 @@ def argmin(value: Any, axis: int | None = None) -> Any:
     return _asarray(value).argmin(axis)
 
 
-def cumsum(value: Any, out: ndarray | None = None, dtype: Any = None) -> ndarray:
-    found = _asarray(value).cumsum(dtype)
-    if out is not None:
-        out[...] = found
-    return found if out is None else out
+def cumsum(value: Any, out: ndarray | None = None, dtype: Any = None) -> Any:
+    return handed(_asarray(value).cumsum(dtype), out)
 
 
 def diff(value: Any, prepend: Any = None, append: Any = None) -> ndarray:
-    ends = [None if each is None else _asarray(each).reshape(-1) for each in (prepend, append)]
-    parts = [each for each in (ends[0], _asarray(value), ends[1]) if each is not None]
-    found = concatenate(parts) if len(parts) > 1 else parts[0]
-    if found.dtype.kind == "b":
-        return made(BOOL, [a != b for a, b in pairwise(found.memory.tolist())])
-    return made(found.dtype, [b - a for a, b in pairwise(found.memory.tolist())])
+    found = concatenate([_asarray(each).reshape(-1) for each in (prepend, value, append) if each is not None])
+    flat, step = found.memory.tolist(), operator.ne if found.dtype.kind == "b" else operator.sub
+    return made(found.dtype, list(map(step, flat[1:], flat)))
 
 
 def bincount(values: Any, weights: Any = None, minlength: int = 0) -> ndarray:
@@ -230,30 +223,29 @@ def unique(
     axis: int | None = None,
 ) -> Any:
     found = _asarray(value)
-    items: list[Any] = (
-        found.memory.tolist() if axis is None else [tuple(each) for each in (found.T if axis == 1 else found).tolist()]
-    )
+    items = found.memory.tolist() if axis is None else [tuple(each) for each in (found.T if axis else found).tolist()]
     first: dict[Any, int] = {}
     counts: dict[Any, int] = {}
     for at, item in enumerate(items):
         first.setdefault(item, at)
         counts[item] = counts.get(item, 0) + 1
     ordered = sorted(first)
+    extras: dict[str, Callable[[], list[int]]] = {
+        "index": lambda: [first[item] for item in ordered],
+        "inverse": lambda: list(map({item: at for at, item in enumerate(ordered)}.__getitem__, items)),
+        "counts": lambda: [counts[item] for item in ordered],
+    }
+    asked = compress(extras.values(), (return_index, return_inverse, return_counts))
+    told = (_unique_rows(found, ordered, axis), *(made(INT, column()) for column in asked))
+    return told if len(told) > 1 else told[0]
+
+
+def _unique_rows(found: ndarray, ordered: list[Any], axis: int | None) -> ndarray:
     if axis is None:
-        told = made(found.dtype, ordered)
-    else:
-        width = found.shape[1 - axis] if found.ndim == 2 else 0
-        table = made(found.dtype, list(chain.from_iterable(ordered)), (len(ordered), width))
-        told = table.T if axis == 1 else table
-    if not (return_index or return_inverse or return_counts):
-        return told
-    rank = {item: at for at, item in enumerate(ordered)}
-    extras = [
-        *([made(INT, [first[item] for item in ordered])] if return_index else []),
-        *([made(INT, [rank[item] for item in items])] if return_inverse else []),
-        *([made(INT, [counts[item] for item in ordered])] if return_counts else []),
-    ]
-    return told, *extras
+        return made(found.dtype, ordered)
+    width = found.shape[1 - axis] if found.ndim == 2 else 0
+    table = made(found.dtype, list(chain.from_iterable(ordered)), (len(ordered), width))
+    return table.T if axis == 1 else table
 
 
 def union1d(one: Any, two: Any) -> Any:
@@ -321,17 +313,11 @@ class _TwoPlaced:
         self._op, self._kind = op, kind
 
     def __call__(self, one: Any, two: Any, out: ndarray | None = None) -> Any:
-        found = binary(self._op, one, two, self._kind)
-        if out is not None:
-            out[...] = found
-        return found if out is None else out
+        return handed(binary(self._op, one, two, self._kind), out)
 
-    def accumulate(self, value: Any, out: ndarray | None = None) -> ndarray:
+    def accumulate(self, value: Any, out: ndarray | None = None) -> Any:
         array = _asarray(value)
-        found = made(self._kind or array.dtype, list(accumulate(array.memory.tolist(), self._op)))
-        if out is not None:
-            out[...] = found
-        return found if out is None else out
+        return handed(made(self._kind or array.dtype, list(accumulate(array.memory.tolist(), self._op))), out)
 
     def reduce(self, value: Any) -> Any:
         flat = _asarray(value).memory.tolist()

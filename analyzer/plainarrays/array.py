@@ -10,9 +10,10 @@ from math import prod
 from types import GenericAlias
 from typing import Any
 
-from .places import Shape, grid, listed, stretched, without_ellipsis
+from .folds import extreme, mean_of
+from .places import Shape, grid, lanes, listed, stretched, without_ellipsis
 from .storage import Memory, stored, wrapped
-from .types import BOOL, FLOAT, INT, UINT, bool_, dtype, together, type_of
+from .types import BOOL, FLOAT, INT, UINT, dtype, together, type_of
 from .windows import ByteWindows
 
 
@@ -64,14 +65,11 @@ class ndarray:
 
     def __iter__(self) -> Iterator[Any]:
         if self.ndim == 1:
-            scalar = self.dtype.type
-            return iter(self.memory.tolist()) if scalar is bool_ else map(scalar, self.memory.tolist())
+            return map(self.dtype.scalar, self.memory.tolist())
         return (self[row] for row in range(len(self)))
 
     def __bool__(self) -> bool:
-        if self.size != 1:
-            raise ValueError("the truth value of an array of several elements is ambiguous")
-        return bool(self.memory[0])
+        return bool(self.item())
 
     def __index__(self) -> int:
         if self.size != 1:
@@ -109,9 +107,7 @@ class ndarray:
                 memory = self.memory[key]
                 return ndarray(memory, self.dtype, (len(memory),))
             if isinstance(key, int) and not isinstance(key, bool):
-                scalar = self.dtype.type
-                value = self.memory[key]
-                return value if scalar is bool_ else scalar(value)
+                return self.dtype.scalar(self.memory[key])
             if isinstance(key, (ndarray, list)):
                 return self._picked(key)
         return self._general(key if isinstance(key, tuple) else (key,))
@@ -120,11 +116,9 @@ class ndarray:
         """Rows by a mask or by numbers."""
         key = asarray(key) if isinstance(key, ndarray) or key else made(INT, [])
         if key.dtype.kind == "b":
-            if key.ndim == self.ndim > 1:
-                return made(self.dtype, list(compress(self.memory.tolist(), key.memory.tolist())))
             if len(key) != len(self):
                 raise IndexError(f"a mask of {len(key)} for {len(self)} rows")
-            if self.ndim == 1:
+            if key.ndim == self.ndim:
                 return made(self.dtype, list(compress(self.memory.tolist(), key.memory.tolist())))
             key = key.nonzero()[0]
         rows: ndarray = self.take(key, 0)
@@ -137,8 +131,7 @@ class ndarray:
             return self._by_lists(keys)
         places, shape = grid(keys, self.shape)
         if not shape:
-            value = self.memory[places[0]]
-            return value if self.dtype.type is bool_ else self.dtype.type(value)
+            return self.dtype.scalar(self.memory[places[0]])
         if isinstance(places, range):
             return ndarray(self.memory[places.start : places.stop : places.step], self.dtype, shape)
         return self._at(places, shape)
@@ -245,8 +238,7 @@ class ndarray:
             last = (self.size if axis is None else self.shape[axis]) - 1
             which = made(INT, [min(max(each, 0), last) for each in which.memory.tolist()], which.shape)
         if out is not None:
-            out[...] = self.take(which, axis)
-            return out
+            return handed(self.take(which, axis), out)
         if self.ndim > 1 and axis is None:
             return self.ravel().take(which)
         numbers = which.memory.tolist()
@@ -304,21 +296,16 @@ class ndarray:
 
     def _over(self, axis: int | None, fold: Callable[[list[Any]], Any], kind: dtype) -> Any:
         if axis is None or self.ndim == 1:
-            value = fold(self.memory.tolist())
-            return bool(value) if kind.type is bool_ else kind.type(value)
-        axis %= self.ndim
-        inner, count, flat = prod(self.shape[axis + 1 :]), self.shape[axis], self.memory.tolist()
-        outer = prod(self.shape[:axis])
-        begins = [o * count * inner + i for o in range(outer) for i in range(inner)]
-        values = [fold(flat[at : at + count * inner : inner] if count else []) for at in begins]
-        return made(kind, values, (*self.shape[:axis], *self.shape[axis + 1 :]))
+            return kind.scalar(fold(self.memory.tolist()))
+        along, shape = lanes(self.shape, axis % self.ndim)
+        flat = self.memory.tolist()
+        return made(kind, [fold(flat[lane]) for lane in along], shape)
 
     def sum(self, axis: int | None = None, dtype: Any = None) -> Any:
-        kind = {"b": INT, "i": INT, "u": UINT, "f": self.dtype}[self.dtype.kind]
-        return self._over(axis, sum, kind if dtype is None else _type(dtype))
+        return self._over(axis, sum, self._total(dtype))
 
     def mean(self, axis: int | None = None) -> Any:
-        return self._over(axis, lambda each: sum(each) / len(each) if each else float("nan"), FLOAT)
+        return self._over(axis, mean_of, FLOAT)
 
     def any(self, axis: int | None = None) -> Any:
         return self._over(axis, any, BOOL)
@@ -327,10 +314,10 @@ class ndarray:
         return self._over(axis, all, BOOL)
 
     def max(self, axis: int | None = None, initial: Any = None) -> Any:
-        return self._over(axis, _extreme(max, initial), self.dtype)
+        return self._over(axis, extreme(max, initial), self.dtype)
 
     def min(self, axis: int | None = None, initial: Any = None) -> Any:
-        return self._over(axis, _extreme(min, initial), self.dtype)
+        return self._over(axis, extreme(min, initial), self.dtype)
 
     def argmax(self, axis: int | None = None) -> Any:
         return self._over(axis, lambda each: each.index(max(each)), INT)
@@ -339,10 +326,12 @@ class ndarray:
         return self._over(axis, lambda each: each.index(min(each)), INT)
 
     def cumsum(self, dtype: Any = None) -> ndarray:
-        kind = {"b": INT, "i": INT, "u": UINT, "f": self.dtype}[self.dtype.kind] if dtype is None else _type(dtype)
-        return made(
-            kind, list(accumulate(map(int, self.memory.tolist()) if kind.kind != "f" else self.memory.tolist()))
-        )
+        kind = self._total(dtype)
+        return made(kind, list(accumulate(map(kind.plain, self.memory.tolist()))))
+
+    def _total(self, kind: Any) -> dtype:
+        """The type of a sum, unless told."""
+        return {"b": INT, "i": INT, "u": UINT, "f": self.dtype}[self.dtype.kind] if kind is None else dtype(kind)
 
 
 def _numbered(keys: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -358,22 +347,22 @@ def _numbered(keys: tuple[Any, ...]) -> tuple[Any, ...]:
     return tuple(found)
 
 
-def _type(given: Any) -> dtype:
-    return dtype(given)
-
-
-def _extreme(choose: Callable[..., Any], initial: Any) -> Callable[[list[Any]], Any]:
-    def fold(values: list[Any]) -> Any:
-        if nan := next((each for each in values if each != each), None):
-            return nan
-        return choose([*values, initial]) if initial is not None else choose(values)
-
-    return fold
-
-
 def made(kind: dtype, values: Sequence[Any], shape: Shape | None = None) -> ndarray:
     """A new array."""
     return ndarray(stored(kind, values), kind, (len(values),) if shape is None else shape)
+
+
+def typed(value: Any) -> tuple[dtype, bool]:
+    """The type of what an array is made of, and whether it is weak, as `type_of` has it."""
+    return type_of(value) if isinstance(value, (int, float)) else (asarray(value).dtype, False)
+
+
+def handed(found: Any, out: ndarray | None) -> Any:
+    """What was found, in the array that is given for it, if one is."""
+    if out is None:
+        return found
+    out[...] = found
+    return out
 
 
 def asarray(value: Any, kind: Any = None) -> ndarray:

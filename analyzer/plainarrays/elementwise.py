@@ -6,17 +6,16 @@ import operator
 from collections.abc import Callable
 from typing import Any
 
-from .array import asarray, made, ndarray, spread
+from .array import asarray, made, ndarray, spread, typed
 from .places import broadcast_shape
 from .storage import stored
-from .types import BOOL, FLOAT, INT, bool_, dtype, together, type_of
+from .types import BOOL, FLOAT, INT, dtype, together
 
 
 def binary(op: Callable[[Any, Any], Any], one: Any, two: Any, kind: dtype | None = None) -> Any:
     """A function of two, element by element; the type is that which holds both unless given."""
-    types = [(each.dtype, False) if isinstance(each, ndarray) else type_of(each) for each in (one, two)]
     if kind is None:
-        kind = together(types)
+        kind = together([typed(one), typed(two)])
     a, b = asarray(one), asarray(two)
     if a.shape == b.shape:
         shape, left, right = a.shape, a.memory.tolist(), b.memory.tolist()
@@ -25,8 +24,7 @@ def binary(op: Callable[[Any, Any], Any], one: Any, two: Any, kind: dtype | None
         left, right = spread(a, shape), spread(b, shape)
     values = list(map(op, left, right))
     if not shape:
-        value = stored(kind, values)[0]
-        return value if kind.type is bool_ else kind.type(value)
+        return kind.scalar(stored(kind, values)[0])
     return made(kind, values, shape)
 
 
@@ -63,13 +61,12 @@ def left_over(one: Any, two: Any) -> Any:
     return one % two if two else 0
 
 
+_OPERANDS = (ndarray, int, float, list, tuple)
+
+
 def _arithmetic(name: str, op: Callable[[Any, Any], Any], only: dtype | None = None) -> None:
     def forward(self: ndarray, other: Any) -> Any:
-        return (
-            binary(op, self, other, only)
-            if isinstance(other, (ndarray, int, float))
-            else _listed(op, self, other, only)
-        )
+        return binary(op, self, other, only) if isinstance(other, _OPERANDS) else NotImplemented
 
     def backward(self: ndarray, other: Any) -> Any:
         return binary(op, other, self, only)
@@ -84,15 +81,9 @@ def _arithmetic(name: str, op: Callable[[Any, Any], Any], only: dtype | None = N
         setattr(ndarray, f"__i{name}__", inplace)
 
 
-def _listed(op: Callable[[Any, Any], Any], array: ndarray, other: Any, only: dtype | None) -> Any:
-    return binary(op, array, asarray(other), only) if isinstance(other, (list, tuple)) else NotImplemented
-
-
-def _true_division(one: Any, two: Any, *, swap: bool = False) -> Any:
-    types = [(each.dtype, False) if isinstance(each, ndarray) else type_of(each) for each in (one, two)]
-    kind = together(types)
-    pair = (two, one) if swap else (one, two)
-    return binary(divided, *pair, kind if kind.kind == "f" else FLOAT)
+def _true_division(one: Any, two: Any) -> Any:
+    kind = together([typed(one), typed(two)])
+    return binary(divided, one, two, kind if kind.kind == "f" else FLOAT)
 
 
 for _name, _op in {"add": operator.add, "sub": operator.sub, "mul": operator.mul, "floordiv": floored, "mod": left_over,
@@ -108,7 +99,7 @@ def _truediv(self: ndarray, other: Any) -> Any:
 
 
 def _rtruediv(self: ndarray, other: Any) -> Any:
-    return _true_division(self, other, swap=True)
+    return _true_division(other, self)
 
 
 def _itruediv(self: ndarray, other: Any) -> Any:

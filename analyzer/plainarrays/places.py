@@ -24,6 +24,13 @@ def walked(shape: Sequence[int], steps: Sequence[int], begin: int = 0) -> list[i
     return places
 
 
+def lanes(shape: Shape, axis: int) -> tuple[list[slice], Shape]:
+    """The elements along an axis, for each place on the others, and the shape that these have."""
+    inner, count = prod(shape[axis + 1 :]), shape[axis]
+    begins = [outer * count * inner + at for outer in range(prod(shape[:axis])) for at in range(inner)]
+    return [slice(begin, begin + count * inner, inner) for begin in begins], (*shape[:axis], *shape[axis + 1 :])
+
+
 def without_ellipsis(keys: tuple[Any, ...], ndim: int) -> tuple[Any, ...]:
     """The same key, `...` as the slices that it stands for."""
     at = next((i for i, each in enumerate(keys) if each is Ellipsis), None)

@@ -14,7 +14,7 @@ Memory = Any  # a memoryview of whatever format
 def stored(kind: dtype, values: Sequence[Any]) -> Memory:
     """New memory with these values, integers wrapped as C wraps them."""
     if kind.format == "?":
-        return memoryview(bytearray(map(bool, values))).cast("?") if values else memoryview(bytearray()).cast("?")
+        return memoryview(bytearray(map(bool, values))).cast("?")
     try:
         return memoryview(array.array(kind.format, values))
     except (OverflowError, TypeError, ValueError):
@@ -23,10 +23,8 @@ def stored(kind: dtype, values: Sequence[Any]) -> Memory:
 
 def wrapped(kind: dtype, value: Any) -> Any:
     """A value as this type holds it."""
-    if kind.kind == "f":
-        return float(value)
-    if kind.kind == "b":
-        return bool(value)
+    if kind.kind in "fb":
+        return kind.plain(value)
     if value != value or value in (float("inf"), float("-inf")):
         return 0 if kind.kind == "u" else -(1 << 8 * kind.itemsize - 1)
     bits = 8 * kind.itemsize

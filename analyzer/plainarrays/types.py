@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache, reduce
+from operator import ge
 from types import GenericAlias
 from typing import Any, ClassVar, Final
 
@@ -92,7 +94,10 @@ _KINDS: Final[dict[type, tuple[str, int, str]]] = {
     float64: ("f", 8, "d"),
 }
 _OF_PYTHON: Final = {bool: bool_, int: int64, float: float64}
-_NAMES: Final = {f"{kind}{octets}": scalar for scalar, (kind, octets, _) in _KINDS.items()}
+_NAMES: Final = {f"{kind}{octets}": scalar for scalar, (kind, octets, _) in _KINDS.items()} | {
+    scalar.__name__: scalar for scalar in _KINDS
+}
+_PLAIN: Final[dict[str, type]] = {"b": bool, "i": int, "u": int, "f": float}
 
 
 class dtype:
@@ -105,6 +110,8 @@ class dtype:
     kind: str
     itemsize: int
     format: str
+    plain: Any  # Python's own for its values
+    scalar: Any  # what one element is
     shape: tuple[int, ...]
 
     def __new__(cls, given: Any) -> dtype:
@@ -115,8 +122,6 @@ class dtype:
             made.__dict__.update(dtype(given[0]).__dict__, shape=tuple(given[1]))
             return made
         scalar = _NAMES.get(given.lstrip("<=|").removeprefix(">")) if isinstance(given, str) else given
-        if isinstance(given, str) and scalar is None:
-            scalar = globals().get(given)
         scalar = _OF_PYTHON.get(scalar, scalar)  # type: ignore[arg-type]
         if scalar not in _KINDS:
             raise TypeError(f"no such type here: {given!r}")
@@ -124,6 +129,8 @@ class dtype:
             made = cls._made[scalar] = object.__new__(cls)
             made.type = scalar
             made.kind, made.itemsize, made.format = _KINDS[scalar]
+            made.plain = _PLAIN[made.kind]
+            made.scalar = made.plain if scalar is bool_ else scalar
             made.shape = ()
         return cls._made[scalar]
 
@@ -161,7 +168,6 @@ BOOL: Final = dtype(bool_)
 INT: Final = dtype(int64)
 UINT: Final = dtype(uint64)
 FLOAT: Final = dtype(float64)
-_SIGNED: Final = {1: dtype(int8), 2: dtype(int16), 4: dtype(int32), 8: INT}
 
 
 def type_of(value: Any) -> tuple[dtype, bool]:
@@ -173,21 +179,27 @@ def type_of(value: Any) -> tuple[dtype, bool]:
     return (FLOAT if isinstance(value, float) else INT), True
 
 
+# Of each type, the narrowest first: whether it holds fractions, and a sign, and how many bits of any integer.
+_REACH: Final = {
+    bool_: (0, 0, 1),
+    uint8: (0, 0, 8),
+    int8: (0, 1, 7),
+    uint16: (0, 0, 16),
+    int16: (0, 1, 15),
+    uint32: (0, 0, 32),
+    int32: (0, 1, 31),
+    uint64: (0, 0, 64),
+    int64: (0, 1, 63),
+    float32: (1, 1, 16),
+    float64: (1, 1, 64),
+}
+
+
+@cache
 def promoted(one: dtype, two: dtype) -> dtype:
-    """The type that holds both."""
-    if one is two:
-        return one
-    if one.kind == "b" or two.kind == "b":
-        return two if one.kind == "b" else one
-    if one.kind == two.kind:
-        return one if one.itemsize >= two.itemsize else two
-    if "f" in (one.kind, two.kind):
-        real, whole = (one, two) if one.kind == "f" else (two, one)
-        return real if real.itemsize == 8 or whole.itemsize <= 2 else FLOAT
-    signed, unsigned = (one, two) if one.kind == "i" else (two, one)
-    if signed.itemsize > unsigned.itemsize:
-        return signed
-    return FLOAT if unsigned.itemsize == 8 else _SIGNED[2 * unsigned.itemsize]
+    """The narrowest type that holds both."""
+    needed = tuple(map(max, _REACH[one.type], _REACH[two.type]))
+    return dtype(next(scalar for scalar, reach in _REACH.items() if all(map(ge, reach, needed))))
 
 
 _RANK: Final = {"b": 0, "u": 1, "i": 1, "f": 2}
@@ -197,15 +209,5 @@ def together(types: list[tuple[dtype, bool]]) -> dtype:
     """The type of what is made of arrays and numbers: weak ones only lift the kind."""
     strong = [kind for kind, weak in types if not weak]
     weak = [kind for kind, is_weak in types if is_weak]
-    if not strong:
-        found = weak[0]
-        for kind in weak[1:]:
-            found = promoted(found, kind)
-        return found
-    found = strong[0]
-    for kind in strong[1:]:
-        found = promoted(found, kind)
-    for kind in weak:
-        if _RANK[kind.kind] > _RANK[found.kind]:
-            found = kind
-    return found
+    found = reduce(promoted, strong or weak)
+    return max((found, *weak), key=lambda kind: _RANK[kind.kind])
