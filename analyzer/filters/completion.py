@@ -10,7 +10,8 @@ from typing import Final
 from ..languages import tr
 from ..words import UNITS_NS
 from .fields import FIELDS, FilterField, by_name
-from .kinds import Duration, Moment, Suggestion, spelled
+from .kinds import Duration, Moment, Suggestion
+from .literals import spelled
 
 _WORD: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*\Z")
 _STRINGS: Final = re.compile(r"\"[^\"]*\"|'[^']*'")

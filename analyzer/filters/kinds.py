@@ -5,43 +5,22 @@ A kind turns what stands behind a field's name into something wanted (`tree.Want
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from decimal import Decimal
 from fnmatch import fnmatchcase
 from typing import Final, Protocol
 
-from dissectors.values import harmless
-
 from ..languages import tr
 from ..tables.columns import AREA_CODES, AreaCode
-from ..words import UNITS_NS
 from . import FilterError, meant
+from .literals import Item, Literal, a_text, alone, duration, hex_bytes, moment_ns, plain_number, spelled, typed_name
 from .tree import Bound, BytesWanted, Chars, Since, Span, Spans, TextPart, TextWanted, Wanted
 
 EQUAL: Final = ("==", "!=")
 ORDER: Final = ("<", "<=", ">", ">=")
-_MICRO: Final = {"µs": "us", "μs": "us"}
-_LONGEST: Final = 256  # bytes or characters to look for
 BITS: Final = (AreaCode.COILS, AreaCode.DISCRETE_INPUTS)
 REGISTERS: Final = (AreaCode.INPUT_REGISTERS, AreaCode.HOLDING_REGISTERS)
 _SHOWN: Final = {BITS[-1]: "000017, 10020, 1x20", REGISTERS[-1]: "40108, 400108, 4x108"}
-
-
-@dataclass(frozen=True, slots=True)
-class Literal:
-    """A value as it was written: a `number` (with a unit or without), an `address` (4x108), a `string` or a `word`."""
-
-    form: str
-    text: str
-    column: int
-    unit: str = ""
-
-    @property
-    def shown(self) -> str:
-        """As the user wrote it, nearly: on one line."""
-        return harmless(f"{self.text} {self.unit}".rstrip())
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,9 +29,6 @@ class Suggestion:
 
     text: str
     help: str
-
-
-Item = tuple[Literal, Literal | None]  # a value, or a range of them
 
 
 class FieldKind(Protocol):
@@ -159,7 +135,7 @@ class Moment(Ordered):
 
     def bound(self, literal: Literal, *, exact: bool = True) -> Bound:  # noqa: ARG002 - any time may be
         if literal.form == "string":
-            return _absolute(literal)
+            return moment_ns(literal)
         since = duration(literal)
         if isinstance(since, Chars):
             raise FilterError(tr("a moment is told in us, ms, s, min or h"), literal.column)
@@ -287,7 +263,7 @@ class Hex:
         return ()
 
     def wanted(self, operator: str, items: Sequence[Item]) -> Wanted:
-        wanted = tuple(_literal_bytes(alone(item)) for item in items)
+        wanted = tuple(hex_bytes(alone(item)) for item in items)
         return BytesWanted(wanted, whole=operator != TextPart.WITHIN.value)
 
 
@@ -306,91 +282,8 @@ class Prose:
         return TextWanted(tuple(a_text(alone(item)).casefold() for item in items), part)
 
 
-def plain_number(literal: Literal, noun: str) -> Decimal:
-    """A number without a unit."""
-    if literal.form != "number":
-        raise FilterError(tr("{noun} is needed, not {this!r}", noun=noun, this=literal.shown), literal.column)
-    if literal.unit:
-        raise FilterError(tr("a number without a unit is needed, not {this}", this=literal.shown), literal.column)
-    digits = literal.text.lower().lstrip("-")
-    if digits.startswith("0x"):
-        return Decimal(int(literal.text, 16))
-    return Decimal(literal.text)
-
-
-def duration(literal: Literal) -> Bound:
-    """A number with a unit of time: in ns, or characters."""
-    if literal.form != "number":
-        raise FilterError(tr("a time such as 50 ms is needed, not {this!r}", this=literal.shown), literal.column)
-    unit = literal.unit.lower()
-    number = plain_number(Literal("number", literal.text, literal.column), tr("a time"))
-    if unit in ("char", "chars"):
-        return Chars(float(number), literal.column)
-    if not unit:
-        if number == 0:
-            return 0
-        message = tr("a time needs a unit: {number} us, ms, s, min, h or chars", number=literal.text)
-        raise FilterError(message, literal.column)
-    ns = number * UNITS_NS[_MICRO.get(unit, unit)]
-    return int(ns) if ns == int(ns) else float(ns)
-
-
-def alone(item: Item) -> Literal:
-    """The value of an item that must not be a range."""
-    literal, high = item
-    if high is not None:
-        raise FilterError(tr("a range needs numbers"), literal.column)
-    return literal
-
-
-def a_text(literal: Literal) -> str:
-    """A text to look for."""
-    if literal.form not in ("string", "word"):
-        raise FilterError(tr('a text in quotes is needed: "{this}"', this=literal.shown), literal.column)
-    if not 0 < len(literal.text) <= _LONGEST:
-        raise FilterError(tr("a text of 1 to {most} characters is needed", most=_LONGEST), literal.column)
-    return literal.text
-
-
-def spelled(name: str) -> str:
-    """A name as it is compared: case, spaces, `_` and `-` do not matter."""
-    return re.sub(r"[\s_-]+", "-", name.strip().casefold())
-
-
-def typed_name(name: str) -> str:
-    """A name as it is typed."""
-    return name if re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name) else f'"{name}"'
-
-
 def _integer(literal: Literal, most: int) -> int:
     return int(NumberKind(0, most).bound(literal))  # type: ignore[arg-type]
-
-
-def _literal_bytes(literal: Literal) -> bytes:
-    text = literal.text
-    bare = re.sub(r"0x|[\s,:-]+", "", text.lower())
-    if literal.form == "address" or literal.unit:
-        message = tr('bytes in quotes are needed, such as "03 02", not {this}', this=literal.shown)
-        raise FilterError(message, literal.column)
-    if not bare or re.search(r"[^0-9a-f]", bare) or len(bare) % 2:
-        message = tr('{text!r} is not a row of bytes, two hexadecimal digits each: "03 02"', text=text)
-        raise FilterError(message, literal.column)
-    if len(bare) > 2 * _LONGEST:
-        raise FilterError(tr("at most {most} bytes can be looked for", most=_LONGEST), literal.column)
-    return bytes.fromhex(bare)
-
-
-def _absolute(literal: Literal) -> int:
-    from datetime import UTC, datetime, timedelta
-
-    try:
-        moment = datetime.fromisoformat(literal.text.strip())
-    except ValueError as error:
-        message = tr('{text!r} is not a time: write "2026-11-21 08:29:51", UTC', text=literal.text)
-        raise FilterError(message, literal.column) from error
-    if moment.tzinfo is None:
-        moment = moment.replace(tzinfo=UTC)
-    return (moment - datetime(1970, 1, 1, tzinfo=UTC)) // timedelta(microseconds=1) * 1000
 
 
 def _bound_number(bound: Bound) -> float:

@@ -20,7 +20,8 @@ from ..languages import tr
 from ..registers.readings import MappedColumn, mapped_columns
 from . import FilterError, meant
 from .fields import Cost, FilterField, by_name
-from .kinds import EQUAL, ORDER, Item, Literal, Suggestion, plain_number, spelled, typed_name
+from .kinds import EQUAL, ORDER, Suggestion
+from .literals import Item, Literal, plain_number, spelled, typed_name
 from .slices import FieldSlice, Mask, TableSlice, says
 from .tree import MeasuredSpan, MeasuresWanted, TextWanted, Wanted
 

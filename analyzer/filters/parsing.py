@@ -17,7 +17,8 @@ from lark.visitors import Transformer_NonRecursive, v_args
 from ..languages import tr
 from . import FilterError, meant
 from .fields import FIELDS, FilterField, by_name, cost
-from .kinds import Addresses, Flag, Item, Literal, Named, spelled
+from .kinds import Addresses, Flag, Named
+from .literals import Item, Literal, spelled
 from .tree import And, Node, Not, Or, Same, Span, Spans, Test, parts, tests
 
 if TYPE_CHECKING:

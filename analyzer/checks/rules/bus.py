@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from captures.line import LineSettings
 
-from ...filters.kinds import Literal, duration
+from ...filters.literals import Literal, duration
 from ...languages import counted, page_words
 from ...reports import Report
 from ...reports.model import Counts, Times

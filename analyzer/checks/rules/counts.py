@@ -15,7 +15,7 @@ from captures.line import LineSettings
 from dissectors.values import harmless
 
 from ...filters import Filter, FilterError, compile_filter, meant
-from ...filters.kinds import spelled
+from ...filters.literals import spelled
 from ...languages import counted, page_words
 from ...reports import Report
 from ...tables.findings import Findings, Severity, codes, describe, rules
