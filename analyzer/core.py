@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from captures.chunks import Block, Capture
 from captures.line import LineSettings
 
+from .deframing.clockskew import ClockSkew
 from .deframing.protocols import Deframer
-from .deframing.wireorder import ClockSkew
 from .diagnosis.judge import Judge
 from .options import Options
 from .outages import Deaf, Deafness, deaf_times, notes_of

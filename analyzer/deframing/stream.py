@@ -23,12 +23,13 @@ from ..tables.schema import Kind
 from ..tables.schema import Protocol as Envelope
 from .arrival import ArrivalClock
 from .buffer import CharacterTime
+from .clockskew import ClockSkew
 from .directions import port_role
+from .envelopedpairing import EnvelopedPairer
 from .foreign import ForeignTalk
-from .pairing import EnvelopedPairer
 from .segments import StreamSegments, UnorderedRows
 from .tap_clock import TapClock
-from .wireorder import Across, ClockSkew, WireOrder
+from .wireorder import Across, WireOrder
 from .witness import AnswerWitness
 from .writes import WriteDirections
 

@@ -22,28 +22,16 @@ from captures.line import LineSettings
 from dissectors.lengths import Expectation, expectation
 
 from ..tables.batch import adu_of
-from ..tables.schema import NO_GAP, Kind, Protocol, Row
+from ..tables.schema import Kind, Protocol, Row
+from .clockskew import MOST_NS, ClockSkew, TapClocks
 from .directions import certain_frames, either_way, said_directions, settled_directions
 from .segments import UnorderedRows
 
 _SETTLE_FRAMES: Final = 32  # by which directions are settled
 _SETTLE_NS: Final = 2_000_000_000  # or those heard in this time
-_MOST_NS: Final = 60_000_000  # that two adapters' times may be apart: latency timers, jitter, clocks set by hand
 _AHEAD_NS: Final = 32_000_000  # that an answer may seem to come before its request
-_LEAST_NS: Final = 2_000_000
 _EVER: Final = -(1 << 62)
-_EVERY: Final = 64  # frames, after which the horizon is measured anew
-_BYTE_BY_BYTE: Final = 0.9  # reads a byte
-_STRAYS: Final = 4.0  # horizon for each ns that times stray inside frames
-_FADES: Final = 0.75
 _REQUEST: Final = int(Kind.REQUEST)
-
-
-class ClockSkew(NamedTuple):
-    """By how much the clock of the port of answers is ahead of that of requests: bounds, ns."""
-
-    least: int
-    most: int
 
 
 class Across(NamedTuple):
@@ -171,7 +159,7 @@ class WireOrder:
             return None
         certain = certain_frames(loose.rows) & (loose.rows.port == self._ports[0])
         heard = [loose.heard[certain & (loose.rows.kind == kind)] for kind in (Kind.REQUEST, Kind.RESPONSE)]
-        alone_ns = self._first_ns[0] + _MOST_NS
+        alone_ns = self._first_ns[0] + MOST_NS
         if all(map(len, heard)):
             alone_ns = min(alone_ns, max(int(times[0]) for times in heard))
         return alone_ns if until is None or alone_ns < until else None
@@ -212,68 +200,6 @@ class WireOrder:
             loose.rows.kind[mine] = kind
 
 
-class _Clocks:
-    """What two taps' times are worth, measured every so many frames."""
-
-    horizon_ns: int
-    unsure_ns: int
-    _frames: int
-    _reads: int
-    _octets: int
-    _stray: float
-    _delay: float | None
-    _turn: float | None
-    usual_ns: float
-
-    def __init__(self) -> None:
-        self.horizon_ns = _MOST_NS
-        self.unsure_ns = 0
-        self._frames = self._reads = self._octets = 0
-        self._stray = 0.0
-        self._delay = None  # least wait between a request's end and its answer, by the clocks
-        self._turn = None  # and between an answer's end and the next request
-        self.usual_ns = 0.0  # wait of an answer
-
-    @property
-    def skew(self) -> ClockSkew | None:
-        if self._delay is None or self._turn is None:
-            return None
-        return ClockSkew(*sorted((int(-self._turn), int(self._delay))))
-
-    def frame(self, reads: int, length: int, most: int, least: int) -> None:
-        """One was placed."""
-        self._reads += reads
-        self._octets += length
-        if most != NO_GAP:
-            self._stray = max(self._stray, abs(most), abs(least))
-        self._frames += 1
-        if self._frames % _EVERY == 0:
-            self._measure()
-
-    def answered(self, wait_ns: int) -> None:
-        """A request was answered after so long, by the two clocks."""
-        self._delay = wait_ns if self._delay is None else min(self._delay, wait_ns)
-        self.usual_ns += (wait_ns - self.usual_ns) / 16
-        self.unsure_ns = max(self.unsure_ns, -wait_ns)
-
-    def went_on(self, wait_ns: int) -> None:
-        """The next request came so long after an answer."""
-        self._turn = wait_ns if self._turn is None else min(self._turn, wait_ns)
-        self.unsure_ns = max(self.unsure_ns, -wait_ns)
-
-    def _measure(self) -> None:
-        horizon = float(_MOST_NS)
-        if self._reads >= _BYTE_BY_BYTE * self._octets:
-            horizon = min(horizon, max(_LEAST_NS, _STRAYS * self._stray, _STRAYS * self.unsure_ns))
-        self.horizon_ns = round(horizon)
-        self._stray *= _FADES
-        self.unsure_ns = round(self.unsure_ns * _FADES)
-        self._reads = self._octets = 0
-        if self._delay is not None and self._turn is not None:  # clocks drift: bounds widen until seen again
-            self._delay += 0.05 * abs(self._delay)
-            self._turn += 0.05 * abs(self._turn)
-
-
 class _Head(NamedTuple):
     """The next frame of a port, and where in its list it stands: noise before it goes with it."""
 
@@ -284,7 +210,7 @@ class _Head(NamedTuple):
 class _Merge:
     """Puts the rows of two ports of one direction each, and of any others, in order."""
 
-    clocks: _Clocks
+    clocks: TapClocks
     _asked: Expectation | None
     _asked_ns: tuple[int, int]
     _answered_ns: int | None
@@ -293,7 +219,7 @@ class _Merge:
     _heard: list[int]
 
     def __init__(self) -> None:
-        self.clocks = _Clocks()
+        self.clocks = TapClocks()
         self._asked = None  # the newest request, unless it was answered
         self._asked_ns = (0, 0)  # when it was heard, when it ended
         self._answered_ns = None  # when the newest answer ended

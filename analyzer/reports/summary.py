@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
     from ..causes.ledger import Ledger
     from ..core import Analysed
-    from ..deframing.wireorder import ClockSkew
+    from ..deframing.clockskew import ClockSkew
     from ..filters import Filter
     from ..registers.watch import ValueWatch
 
