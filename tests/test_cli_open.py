@@ -34,8 +34,8 @@ def test_keys_come_from_the_terminal_where_standard_input_gave_the_capture() -> 
     master, slave = os.openpty()
     steps = (
         "import fcntl, termios; fcntl.ioctl(1, termios.TIOCSCTTY, 0)",
-        "from analyzer.cli.terminal import full_screen, take_keys",
-        "before = full_screen(); take_keys(); print(before, full_screen())",
+        "from analyzer.cli.keyboard import keys_from_terminal; from analyzer.cli.terminal import full_screen",
+        "before = full_screen(); keys_from_terminal(); print(before, full_screen())",
     )
     command = [sys.executable, "-c", "\n".join(steps)]
     where = environment(TERM="xterm")

@@ -42,7 +42,8 @@ from .inputs import (
     load_functions,
     open_capture,
 )
-from .terminal import full_screen, take_keys, tell
+from .keyboard import keys_from_terminal
+from .terminal import full_screen, tell
 
 if TYPE_CHECKING:
     from aiohttp import web
@@ -218,7 +219,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.plain:
         return read_out(arguments, capture, limits, charts)
     if arguments.capture == "-":
-        take_keys()
+        keys_from_terminal()
     needs_a_terminal("open")
     from captures.io import time_zone
 

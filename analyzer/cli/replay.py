@@ -16,9 +16,10 @@ from .inputs import (
     open_capture,
     tell_damage,
 )
+from .keyboard import keys
 from .livetui import check_interface, show_interface
 from .outlets import add_outlet_arguments, outlets_of
-from .terminal import keys, tell
+from .terminal import tell
 from .watching import Watch, add_view_arguments, ended_from_outside
 
 if TYPE_CHECKING:

@@ -1,5 +1,5 @@
-"""What commands put out, and what a terminal adds: a line in place, colour, single keys, how far work has come, and
-Ctrl-C that keeps what was done.
+"""What commands put out, and what a terminal adds: a line in place, colour, how far work has come, and Ctrl-C that
+keeps what was done.
 
 Nothing that a terminal adds shows on a pipe. Colour follows the terminal and NO_COLOR. How far long work has come is
 drawn by rich, which is imported when there is something to draw: most work is over before. No file is written over
@@ -16,10 +16,10 @@ import shutil
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
-from typing import IO, TYPE_CHECKING, Any, BinaryIO, Final
+from typing import IO, TYPE_CHECKING, BinaryIO, Final
 
 from dissectors.values import harmless
 
@@ -30,7 +30,6 @@ from .twins import TWINS
 
 if TYPE_CHECKING:
     from pathlib import Path
-    from threading import Event
 
 _NARROWEST: Final = 40  # columns of a paragraph
 _VIRTUAL_TERMINAL: Final = 1 | 4  # ENABLE_PROCESSED_OUTPUT, ENABLE_VIRTUAL_TERMINAL_PROCESSING
@@ -201,15 +200,6 @@ def full_screen() -> bool:
     return sys.stdin.isatty() and places(sys.stdout)
 
 
-def take_keys() -> None:
-    """Keys come from the terminal, where a pipe on standard input has given what it had (POSIX)."""
-    if not sys.stdin.isatty() and places(sys.stdout):
-        with suppress(OSError):  # no terminal of its own: `full_screen` tells
-            descriptor = os.open("/dev/tty", os.O_RDWR)
-            os.dup2(descriptor, sys.stdin.fileno())
-            os.close(descriptor)
-
-
 def coloured(stream: IO[str]) -> bool:
     """Whether escape sequences are welcome there."""
     return not os.environ.get("NO_COLOR") and places(stream)
@@ -302,66 +292,6 @@ class ProgressLine:
         with self._console.capture() as drawn:
             self._console.print(self._progress.get_renderable(), end="")
         return trusted(drawn.get().splitlines()[0])
-
-
-@contextmanager
-def keys(pressed: Callable[[str], None]) -> Iterator[bool]:
-    """Tell each key to `pressed`, from a thread of its own; whether there is a keyboard at all."""
-    if not sys.stdin.isatty():
-        yield False
-        return
-    from threading import Event, Thread
-
-    ended = Event()
-    listen = _windows if os.name == "nt" else _posix
-    thread = Thread(target=listen, args=(pressed, ended), daemon=True)
-    with _raw():
-        thread.start()
-        try:
-            yield True
-        finally:
-            ended.set()
-            thread.join(1)
-
-
-@contextmanager
-def _raw() -> Iterator[None]:
-    """A terminal that gives keys at once, and Ctrl-C as ever."""
-    if os.name == "nt":
-        yield
-        return
-    import termios
-    import tty
-
-    descriptor = sys.stdin.fileno()
-    before = termios.tcgetattr(descriptor)
-    try:
-        tty.setcbreak(descriptor)
-        yield
-    finally:
-        with suppress(termios.error):
-            termios.tcsetattr(descriptor, termios.TCSADRAIN, before)
-
-
-def _posix(pressed: Callable[[str], None], ended: Event) -> None:
-    import select
-
-    while not ended.is_set():
-        ready, _, _ = select.select([sys.stdin.fileno()], [], [], 0.2)
-        if ready:
-            data = os.read(sys.stdin.fileno(), 16)
-            if not data:
-                return
-            pressed(data.decode(errors="replace"))
-
-
-def _windows(pressed: Callable[[str], None], ended: Event) -> None:
-    from importlib import import_module
-
-    console: Any = import_module("msvcrt")
-    while not ended.wait(0.05):
-        while console.kbhit():
-            pressed(console.getwch())
 
 
 _YES: Final = ("y", "yes", "д", "да")
