@@ -299,3 +299,18 @@ def test_a_summary_some_lines_below_repeats_the_answer() -> None:
     summary = "".join(f"[STEP] field {name}\n" for name in "abcdefghij")
     text = f"[STEP] TX (8 bytes): {adu('07040120 0002').hex(' ')}\n[STEP] RX (9 bytes): {answer}\n{summary}"
     assert len(list(read(f"{text}[STEP] Response Hex  : {answer}\n").frames())) == 2
+
+
+def test_numbers_of_bytes_are_none_of_them() -> None:
+    """A driver counts the bytes of a read, a line each: the counts are no bytes where no frame is right, either."""
+    stray = bytes.fromhex("B8001739E33CD7FF")
+    lines = [f"[N] 249{60 + i}| uart.cpp [ 292] receive: {i:3}: {octet:02X}" for i, octet in enumerate(stray, 7)]
+    assert b"".join(data_of(piece) for piece in read("\n".join(lines)).pieces) == stray
+
+
+def test_a_frame_of_ascii_mode_is_found_byte_by_byte_behind_others() -> None:
+    sent = b"\x26\r:0403020004F3\r\n"
+    lines = [f"[N] 719{20 + i}| uart.cpp [ 373] receive: {octet:02X}" for i, octet in enumerate(sent)]
+    again = ["[D] Raw buffer received: @3FFB39A0/6:", "  | 0000: 04 03 02 00 04 F3     |......   |"]
+    paste = read("\n".join([*lines, *again]))
+    assert pieces(paste) == [("noise", "26 0d"), ("response", "04 03 02 00 04 f3")]

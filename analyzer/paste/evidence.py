@@ -82,7 +82,7 @@ def _end_to_end(data: bytes, behind: int) -> list[Checked]:
 def _right(data: bytes) -> list[Checked]:
     if len(data) < MIN_ADU:
         return []
-    if data[:1] in (b":", b">"):
+    if b":" in data[:_REACH] or data[:1] == b">":
         right = [adu for adu in ascii_frames(data) if adu.check_ok and sound_roles(adu.pdu)]
         if right:
             ends = ((adu.start, adu.start + adu.length, _answers_itself(adu.data[:-1])) for adu in right)

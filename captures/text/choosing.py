@@ -1,6 +1,6 @@
 """Which runs of characters in a line are bytes: the check values say, then the writing, then a person's sense.
 
-Here too: whose a direction mark of the line is, and whether the offset before a dump's row goes on with those before.
+Here too: whose a direction mark of the line is.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from .candidates import (
 )
 from .hexshapes import hex_candidates
 from .judging import ByteJudge, Checked
-from .othershapes import LOOK_ALIKES, OD_BELOW, od_bytes, other_candidates, run_together
+from .othershapes import LOOK_ALIKES, other_candidates, run_together
 from .tools import NONE, RX, TX, LineMark, either_way
 
 MOST_JUDGED: Final = 4096  # bytes of one run that a judge is shown
@@ -360,52 +360,3 @@ def with_marks(text: str, runs: Sequence[ByteRun], line_marks: Sequence[LineMark
         behind = [mark for mark in line_marks if mark.start >= runs[0].end and not mark.arrow]
         if len(behind) == 1:
             runs[0].mark = behind[0].mark
-
-
-_DIGITS: Final = re.compile(r"[0-9A-Fa-f]{3,8}")
-
-
-@dataclass(slots=True)
-class Dump:
-    """The rows of a dump so far; none where `row` is None."""
-
-    row: ByteRun | None = None  # the newest
-    length: int = 0  # bytes
-    first: int = 0  # offset of the first row
-    t_ns: int | None = None
-
-    def goes_on(self, row: ByteRun, t_ns: int | None) -> bool:
-        """Take a row of a line with this time; whether it goes on with the dump of the lines before."""
-        if row.offset is None:
-            self.row = None
-            return False
-        goes_on = self.row is not None and self.t_ns == t_ns and self._is_next(row.offset, self.length)
-        if not goes_on:
-            self.length, self.first, self.t_ns = 0, int(row.offset, 16), t_ns
-        self.length += len(row.data)
-        self.row = row
-        return goes_on
-
-    def ends_with(self, rest: str) -> bool:
-        """Whether a line without its time is the length, with which od and hexdump end."""
-        digits = rest.strip().rstrip(":")
-        if self.row is None:
-            return False
-        if "words" in self.row.shape and self._is_next(digits, self.length - 1):
-            self.row.padded = True
-            return True
-        return self._is_next(digits, self.length)
-
-    def shows(self, rest: str) -> bool:
-        """Whether a line without an offset is the newest row as characters, as `od -t x1c` writes it below."""
-        cells = OD_BELOW.match(rest) if self.row is not None else None
-        return cells is not None and self.row is not None and od_bytes(cells["row"]) == self.row.data
-
-    def _is_next(self, digits: str, length: int) -> bool:
-        """Whether these digits are where the dump goes on: in hex, or in octal or decimal as od writes it."""
-        if not _DIGITS.fullmatch(digits):
-            return False
-        bases = [16]
-        if digits.isdigit() and not self.first:
-            bases += [10, 8] if set(digits) <= set("01234567") else [10]
-        return any(int(digits, base) == (self.first if base == 16 else 0) + length for base in bases)

@@ -1,4 +1,4 @@
-"""What stands beside bytes and is none: lines' numbers, offsets, and what tools say twice.
+"""What tools say twice, and bytes that come a line each.
 
 A buffer and its JSON, `recv` and `Processing`, a packet with and without its check value are one frame each.
 """
@@ -60,10 +60,9 @@ class _Entry:
     @property
     def decoded(self) -> bytes:
         """The bytes that an ASCII-mode frame's characters stand for."""
-        if self.data[:1] != b":":
-            return b""
+        _, colon, digits = self.data.partition(b":")
         try:
-            return bytes.fromhex(self.data[1:].decode("ascii").strip())
+            return bytes.fromhex(digits.decode("ascii").strip()) if colon else b""
         except ValueError:
             return b""
 
@@ -292,83 +291,7 @@ def _begins(earlier: _Entry, entry: _Entry) -> bool:
     return len(earlier.data) < len(entry.data) and entry.data.startswith(earlier.data)
 
 
-_NUMBER: Final = re.compile(r"\s*(\d{1,6})(?=[\s:.)|])")
-_SHORT_OFFSET: Final = re.compile(r"\W*+(?:0[xX])?([0-9A-Fa-f]{2})[hH]?[ \t]?[:\])|]")
-_LIKE_A_BYTE: Final = re.compile(r"\s*0\d\s")
-_COUNTING: Final = 3  # lines
 _LEAST_ROWS: Final = 4  # of one byte each that can be a frame
-
-
-def leave_out_line_numbers(lines: Sequence[LogLine]) -> None:
-    """`98 01 03 … 99 01 03 …`: what counts on from line to line before frames is none of their bytes.
-
-    One frame that begins behind its number tells for all; where one begins with it, units are counted.
-    """
-    filled = [line for line in lines if line.clean.strip()]
-    numbers = [-1 if (match := _NUMBER.match(line.clean)) is None else int(match[1]) for line in filled]
-    counting: list[LogLine] = []
-    for i, line in enumerate(filled):
-        if counting and not 0 < numbers[i] == numbers[i - 1] + 1:
-            _leave_out(counting)
-            counting = []
-        if numbers[i] >= 0:
-            counting.append(line)
-    _leave_out(counting)
-
-
-def _leave_out(counting: Sequence[LogLine]) -> None:
-    runs = [line.runs[0] for line in counting if line.runs and not line.clean[: line.runs[0].start].strip()]
-    pairs = [run for run in runs if run.shape == "pairs" and len(run.data) > 1]
-    if len(counting) < _COUNTING or {run.checked[0].start for run in pairs if run.checked} != {1}:
-        return
-    if any(_LIKE_A_BYTE.match(line.clean) and not line.runs[0].checked for line in counting if line.runs):
-        return
-    starts = {id(line.runs[0]): line for line in counting if line.runs}
-    for run in pairs:
-        text = starts[id(run)].clean[run.start + 2 :]
-        run.start += 2 + len(text) - len(text.lstrip())
-        run.data = run.data[1:]
-        run.checked = [span._replace(start=span.start - 1, end=span.end - 1) for span in run.checked]
-
-
-def leave_out_short_offsets(lines: Sequence[LogLine]) -> None:
-    """`00: 01 03 … 08: 76 87`: two digits that count the bytes of the rows above are none of them.
-
-    They are offsets of all rows that begin at 00, if one goes on at the next.
-    """
-    dumps: list[list[tuple[LogLine, ByteRun, int]]] = []
-    at = 0  # bytes of the newest; 0 behind other lines
-    for line in lines:
-        match = _SHORT_OFFSET.match(line.clean)
-        run = None if match is None else next((run for run in line.runs if run.end > match.end()), None)
-        if match is None or run is None:
-            at = at if line.quiet else 0
-            continue
-        inside = int(run.start < match.end())  # `08: 60` as one run
-        here = {int(match[1], base) for base in (10, 16) if base == 16 or match[1].isdigit()}
-        if at in here:
-            dumps = [*dumps, []] if not at else dumps
-            dumps[-1].append((line, run, inside))
-            at += len(run.data) - inside
-        else:
-            at = 0
-    right = all(run.checked and not inside for rows in dumps for _, run, inside in rows)  # without the digits
-    for rows in dumps if right or any(len(rows) > 1 for rows in dumps) else ():
-        for i, (line, run, inside) in enumerate(rows):
-            run.data, run.offset, run.shape = run.data[inside:], f"{i:04x}", rows[0][1].shape
-            run.sure = len(rows) > 1
-            line.runs = line.runs[line.runs.index(run) :]
-            line.continues = i > 0
-
-
-def leave_out_counts(lines: Sequence[LogLine]) -> None:
-    """`[12] F7 0F …`: how many bytes stand behind, in a cell of its own, is none of them."""
-    for line in lines:
-        for before, run in pairwise(line.runs):
-            shown = line.clean[before.start : before.end]
-            apart = line.clean[before.end : run.start]
-            if shown.isdigit() and len(before.data) == 1 and int(shown) == len(run.data):
-                before.taken = before.taken and apart.strip("])}>:;,|= \t") != ""
 
 
 def settle_behind_cuts(lines: Sequence[LogLine]) -> None:

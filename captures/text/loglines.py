@@ -18,8 +18,9 @@ from typing import Final
 from captures.text import stamps
 
 from .candidates import Writing, halves, is_ruler, line_of
-from .choosing import ByteRun, Dump, Experience, label_in, runs_in, with_marks
+from .choosing import ByteRun, Experience, label_in, runs_in, with_marks
 from .counts import Stamp
+from .dumps import Dump
 from .headings import Fractions, Heading, TimeColumn, counted, marks_of_cells, of_days, time_column
 from .judging import ByteJudge, no_judge
 from .othershapes import unescape
@@ -31,7 +32,6 @@ _COMMENT: Final = re.compile(r"^\s*(?:#|//|;|--|/?\*)")
 _WORD: Final = re.compile(r"\w")
 _WORDS: Final = re.compile(r"\w+")
 _SAYS_MORE: Final = re.compile(r"[^\W\d_]|[/<>←→]")
-_LETTER: Final = re.compile(r"[^\W\d_]")
 _BARE_HEX: Final = re.compile(r"[0-9A-Fa-f\s]+")
 _BARE_LEAST: Final = 4096  # characters of a line that is worth a look whether it is nothing but hex digits
 _ANNOUNCED: Final = re.compile(
@@ -207,7 +207,7 @@ class LineReader:
         mark = MARK_WORDS.get((groups.get("mark") or "").lower(), shape.mark)
         if shape.mark and (above := self._heading) is not None and above.joins:
             mark = above.mark or mark  # `Rx` in the line above says more than a layout
-        stamp = stamps.find(_short_fraction(groups.get("time") or ""), self.zone)[0]
+        stamp = stamps.find(stamps.short_fraction(groups.get("time") or ""), self.zone)[0]
         t_ns, fine = self._time(stamp), stamp is not None and stamp.fine
         if groups.get("sample") and self.sample_rate:
             t_ns, fine = stamps.in_range(round(int(groups["sample"]) / self.sample_rate * 1e9)), True
@@ -285,7 +285,7 @@ class LineReader:
             line.quiet = True
         if not line.runs:
             line.quiet = line.quiet or _COMMENT.match(text) is not None
-            line.problem = None if line.quiet else _why_none(text, rest)
+            line.problem = None if line.quiet else halves(rest) or f"no bytes found in {quoted(text)}"
             return line
         return self._placed(line, stamp, line_marks[0].mark if line_marks else NONE)
 
@@ -344,7 +344,7 @@ class LineReader:
         before = line.clean[: first.start]
         if first.offset is not None:
             before = before[: before.rfind(first.offset)].removesuffix("0x")
-        worded = mark or _LETTER.search(before.removesuffix("b'").removesuffix('b"'))
+        worded = mark or any(map(str.isalpha, before.removesuffix("b'").removesuffix('b"')))
         if heading is None or worded:
             if heading is not None and line.t_ns is None and not heading.rows:
                 line.t_ns, line.fine = heading.t_ns, heading.fine
@@ -398,12 +398,3 @@ def _are_rulers(line: LogLine) -> bool:
     if not line.runs or any(run.checked for run in line.runs):
         return False
     return all(is_ruler(_WORDS.findall(line.clean[run.start : run.end])) for run in line.runs)
-
-
-def _why_none(text: str, rest: str) -> str:
-    return halves(rest) or f"no bytes found in {quoted(text)}"
-
-
-def _short_fraction(time: str) -> str:
-    """socat 1.7 writes microseconds as nine digits: `.000394797` is 394797 us."""
-    return re.sub(r"(?<=\d{4}/\d\d/\d\d \d\d:\d\d:\d\d\.)000(?=\d{6}$)", "", time)

@@ -15,17 +15,15 @@ from typing import Final
 from .candidates import CHECK_NAME, HexWindow, Writing, is_ruler, shows
 from .choosing import MOST_JUDGED, ByteRun, Experience
 from .columns import COLUMN_SHAPE, MOST_ROWS, settle_columns, settle_unchecked
-from .copies import (
+from .copies import settle_behind_cuts, settle_copies, settle_narrow_dumps, settle_single_bytes
+from .judging import ByteJudge, Checked, unturned
+from .loglines import LogLine
+from .numbering import (
+    leave_out_byte_numbers,
     leave_out_counts,
     leave_out_line_numbers,
     leave_out_short_offsets,
-    settle_behind_cuts,
-    settle_copies,
-    settle_narrow_dumps,
-    settle_single_bytes,
 )
-from .judging import ByteJudge, Checked, unturned
-from .loglines import LogLine
 from .series import settle_series, settle_tails
 from .weighing import is_counted, is_measured, leave_out_computed, leave_out_unsupported
 
@@ -42,6 +40,7 @@ _CALLED_CRC: Final = re.compile(rf"^\W*{CHECK_NAME}\W*$", re.IGNORECASE)
 def settle(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -> None:
     """Decide for every run of these lines whether it is taken; the others say why not."""
     leave_out_short_offsets(lines)
+    leave_out_byte_numbers(lines)
     for line in lines:
         for run in line.runs:
             run.taken = _speaks_for_itself(run, line, experience)

@@ -243,3 +243,8 @@ def _zone(text: str) -> timezone:
         return UTC
     offset = timedelta(hours=int(text[1:3]), minutes=int(text[-2:]))
     return timezone(-offset if text[0] == "-" else offset)
+
+
+def short_fraction(time: str) -> str:
+    """socat 1.7 writes microseconds as nine digits: `.000394797` is 394797 us."""
+    return re.sub(r"(?<=\d{4}/\d\d/\d\d \d\d:\d\d:\d\d\.)000(?=\d{6}$)", "", time)
