@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import struct
+from collections.abc import Sequence
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -193,7 +194,9 @@ def test_a_client_without_an_order_is_given_none(seed: int) -> None:
     assert bus_round(_sequence([]), timed=True) is None
 
 
-def _shown(rows: list[tuple[int, ...]], at: int, words: int, confidence: float, runner_up: int | None = None) -> bool:
+def _shown(
+    rows: Sequence[tuple[int, ...]], at: int, words: int, confidence: float, runner_up: int | None = None
+) -> bool:
     """Whether an int at a register of a block from 0 on is shown; `runner_up`: where a pair begins that it may be."""
     readings = RegisterReadings()
     readings.put(5, "holding", 0, np.array(rows, np.uint16), np.arange(len(rows)))
