@@ -147,16 +147,15 @@ def is_bits(series: NDArray[np.uint64]) -> bool:
     single = (flips & (flips - np.uint64(1))) == 0
     high = single & (flips >= np.uint64(8))
     states = np.unique(series)
-    if single.mean() < 0.9 or len(states) > 2 * _STATES:
-        return False
-    return bool(high.mean() >= 0.5 or (states[-1] >= 2 * len(states) and _are_combined(states)))
+    apart = high.mean() >= 0.5 or _are_combined(states)
+    return bool(single.mean() >= 0.9 and apart and len(states) <= 2 * _STATES)
 
 
 def _are_combined(states: NDArray[np.uint64]) -> bool:
-    """Whether a state is two others at once."""
+    """Whether a state is two others at once, in states that are no count from 0 on."""
     some = states[states > 0]
-    apart = (some[:, None] & some) == 0
-    return bool(np.isin((some[:, None] | some)[apart], some).any())
+    both = (some[:, None] | some)[(some[:, None] & some) == 0]
+    return bool((states[-1] >= 2 * len(states)) & np.isin(both, some).any())
 
 
 def is_enum(series: NDArray[np.uint64]) -> bool:
