@@ -4,14 +4,20 @@
 
 Lines are drawn as counts (a true share, a number of exchanges); buses as captures that run through the whole program.
 Half of both have one marginal defect: a unit that loses a share between the two limits. Found: the verdict is not pass.
+
+Coverage stands by how many losses are expected, and for lines at which a verdict turns: as many exchanges as a pass
+needs, or more, and a share from the pass limit to thrice the fail limit, which is three losses or more.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import math
 import tempfile
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from random import Random
 
@@ -24,6 +30,7 @@ from dissectors.crc import crc_bytes
 
 _CONFIDENCE = 0.95
 _LIMIT = DEFAULTS["lost"]
+_EXPECTED = (0.1, 1.0, 3.0, 10.0, 50.0, 500.0)
 _CHARACTER_NS = 286_458  # 38400 bit/s, 11 bits
 
 
@@ -38,12 +45,27 @@ def binomial(random: Random, of: int, share: float) -> int:
     return hits
 
 
-def coverage(random: Random, lines: int, expected: tuple[float, float]) -> tuple[float, float]:
-    """How often shares lie in their bounds, and quantiles in theirs; `expected`: hits of a line, from and to."""
+def expecting(random: Random, fewest: float, most: float) -> tuple[int, float]:
+    """A line of which so many hits are expected: its exchanges, its share."""
+    of = round(10 ** random.uniform(3, 5))
+    return of, min(_between(random, fewest, most) / of, 0.5)
+
+
+def at_the_limits(random: Random) -> tuple[int, float]:
+    """A line at which a verdict turns."""
+    of = round(_between(random, trials_for_share(_LIMIT.passes, _CONFIDENCE), 1e5))
+    return of, _between(random, _LIMIT.passes, 3 * _LIMIT.fails)
+
+
+def _between(random: Random, least: float, most: float) -> float:
+    return math.exp(random.uniform(math.log(least), math.log(most)))
+
+
+def coverage(random: Random, lines: int, draw: Callable[[Random], tuple[int, float]]) -> tuple[float, float]:
+    """How often shares lie in their bounds, and quantiles in theirs."""
     shares = ranks = 0
     for _ in range(lines):
-        of = round(10 ** random.uniform(3, 5))
-        share = min(math.exp(random.uniform(*map(math.log, expected))) / of, 0.5)
+        of, share = draw(random)
         low, high = share_bounds(binomial(random, of, share), of, _CONFIDENCE)
         shares += low <= share <= high
         first, last = quantile_ranks(of, 1 - share, _CONFIDENCE)
@@ -109,9 +131,11 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args()
     random = Random(arguments.seed)
-    for expected in ((0.1, 5.0), (5.0, 50.0), (50.0, 500.0)):
-        shares, ranks = coverage(random, arguments.lines, expected)
-        print(f"{expected[0]:g} to {expected[1]:g} hits: shares {shares:.1%}, quantiles {ranks:.1%} in their bounds")
+    for fewest, most in itertools.pairwise(_EXPECTED):
+        shares, ranks = coverage(random, arguments.lines, partial(expecting, fewest=fewest, most=most))
+        print(f"{fewest:g} to {most:g} hits expected: shares {shares:.1%}, quantiles {ranks:.1%} in their bounds")
+    shares, ranks = coverage(random, arguments.lines, at_the_limits)
+    print(f"at the limits: shares {shares:.1%}, quantiles {ranks:.1%} in their bounds")
     found, failed = drawn_verdicts(random, arguments.lines)
     print(f"drawn lines: {found:.1%} of the marginal found, {failed:.1%} of the healthy failed")
     if arguments.buses:

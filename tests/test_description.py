@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import json
 import struct
+from collections.abc import Sequence
 from pathlib import Path
 from random import Random
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from running import ran
 
 import captures
+from analyzer.registers.readings import RegisterReadings
+from analyzer.registers.roles import OtherReading, RegisterValue, is_bits
 from analyzer.reports.description import describe
 from analyzer.reports.description.rounds import bus_round
 from analyzer.reports.description.sequence import AskedPoll, PollFrames, PollSequence
+from analyzer.reports.description.shown import Shown
 from dissectors.crc import crc_bytes
 
 _CHARACTER_NS = 572_917  # 19200 8E1
@@ -187,3 +192,45 @@ def test_a_client_without_an_order_is_given_none(seed: int) -> None:
     random = Random(seed)
     assert bus_round(_sequence([random.randint(1, 6) for _ in range(400)]), timed=True) is None
     assert bus_round(_sequence([]), timed=True) is None
+
+
+def _shown(
+    rows: Sequence[tuple[int, ...]], at: int, words: int, confidence: float, runner_up: int | None = None
+) -> bool:
+    """Whether an int at a register of a block from 0 on is shown; `runner_up`: where a pair begins that it may be."""
+    readings = RegisterReadings()
+    readings.put(5, "holding", 0, np.array(rows, np.uint16), np.arange(len(rows)))
+    value = RegisterValue(
+        unit=5, area="holding", address=at, words=words, kind="int", signed=False, order="ABCD" if words > 1 else None,
+        role=None, confidence=confidence, bits=5.0, why="", readings=len(rows), changes=9, minimum=0, maximum=9, last=9,
+        runner_up=None if runner_up is None else OtherReading(runner_up, 2, "int", "ABCD", 0.04),
+    )  # fmt: skip
+    return Shown(readings)(value)
+
+
+def test_a_register_that_moved_only_as_its_neighbour_fell_to_zero_has_no_type() -> None:
+    off = [(25_329, 800 + n) for n in range(40)] + [(0, 0)]
+    assert not _shown(off, 0, 1, 0.99)
+    assert _shown([(25_330, 801), *off], 0, 1, 0.99)
+
+
+def test_a_high_word_that_moves_alone_makes_no_pair() -> None:
+    states = [(n % 3, 65_535) for n in range(40)]
+    assert not _shown(states, 0, 2, 0.99)
+    assert _shown([(n >> 2, n << 14 & 0xFFFF) for n in range(40)], 0, 2, 0.99)
+
+
+def test_a_neighbour_that_stood_still_asks_for_more_confidence() -> None:
+    beside = [(10_000 + n * n % 97, 3, 7 + n) for n in range(40)]
+    assert not _shown(beside, 0, 1, 0.95, runner_up=0) and _shown(beside, 0, 1, 0.98, runner_up=0)
+    assert _shown(beside, 0, 1, 0.95)
+    assert not _shown([(3, low) for low, _, _ in beside], 0, 2, 0.95)
+    assert _shown([(0, low) for low, _, _ in beside], 0, 2, 0.95)
+
+
+def test_flags_set_by_themselves_are_bits_and_numbered_states_are_none() -> None:
+    def series(states: list[int]) -> np.ndarray[tuple[int], np.dtype[np.uint64]]:
+        return np.repeat(np.array(states * 3, np.uint64), 5)
+
+    assert is_bits(series([0, 2, 18, 16]))
+    assert not is_bits(series([0, 1, 3, 2])) and not is_bits(series([0, 2, 16, 4]))

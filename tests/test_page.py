@@ -6,6 +6,7 @@ folder, or RTUSCOPE_PYODIDE names the package's folder.
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import re
@@ -119,6 +120,13 @@ def test_nothing_of_the_page_is_elsewhere():
     }  # fmt: skip
     for name in ("index.html", "page.css", "page.mjs", "worker.mjs", "rtuscope.mjs"):
         assert "http" not in (OWN / name).read_text(encoding="utf-8").replace("http-equiv", "")
+
+
+@needs_pyodide
+@pytest.mark.skipif(shutil.which("node") is None, reason="node is not here")
+def test_its_python_is_compiled_by_the_one_that_runs_it(page):
+    with zipfile.ZipFile(page / "rtuscope.zip") as packed, zipfile.ZipFile(io.BytesIO(archive())) as sources:
+        assert set(packed.namelist()) == {re.sub(r"\.py$", ".pyc", name) for name in sources.namelist()}
 
 
 @needs_pyodide

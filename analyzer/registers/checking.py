@@ -198,7 +198,7 @@ def _absurd(row: MappedValue, mine: Words) -> Iterator[str]:
     if row.is_float:
         values = np.abs(numbers(mine, order, is_float=True))
         absurd = np.isfinite(values) & (values != 0) & ((values < 1e-15) | (values > 1e20))
-        if absurd.mean() > 0.2:
+        if absurd.sum() > 0.2 * np.count_nonzero(values):  # 0 is any type's
             words = "a float {order}, but it would be {value:.3g}"
             yield register_words(words, order=row.order, value=values[absurd][0])
         ways = len(np.unique(patterns(mine, order)[np.isnan(values)]))

@@ -139,14 +139,23 @@ def is_signed(series: NDArray[np.uint64], words: int) -> bool:
 
 
 def is_bits(series: NDArray[np.uint64]) -> bool:
-    """Whether single bits were set and cleared, high ones among them."""
+    """Whether single bits were set and cleared, high ones among them, or each by itself among states far apart."""
     flips = series[1:] ^ series[:-1]
     flips = flips[flips > 0]
     if len(flips) < 3 or len(flips) > 0.5 * len(series):
         return False
     single = (flips & (flips - np.uint64(1))) == 0
     high = single & (flips >= np.uint64(8))
-    return bool(single.mean() >= 0.9 and high.mean() >= 0.5 and len(np.unique(series)) <= 2 * _STATES)
+    states = np.unique(series)
+    apart = high.mean() >= 0.5 or _are_combined(states)
+    return bool(single.mean() >= 0.9 and apart and len(states) <= 2 * _STATES)
+
+
+def _are_combined(states: NDArray[np.uint64]) -> bool:
+    """Whether a state is two others at once, in states that are no count from 0 on."""
+    some = states[states > 0]
+    both = (some[:, None] | some)[(some[:, None] & some) == 0]
+    return bool((states[-1] >= 2 * len(states)) & np.isin(both, some).any())
 
 
 def is_enum(series: NDArray[np.uint64]) -> bool:

@@ -12,6 +12,7 @@ Its standard output and input are those of `reader`; the command `end` ends it.
 
 from __future__ import annotations
 
+import gc
 import json
 import signal
 from typing import Any, Final
@@ -74,7 +75,7 @@ class TerminalRelay(Relay):
     def before_request(self) -> None:
         """Settings that the client has changed go before its bytes."""
         settings, line = self._client.settings, self._link.line
-        if settings == self._settings:
+        if settings is self._settings or settings == self._settings:
             return
         self._settings = settings
         text = f"{settings.url}: {settings}, as the client sets it"
@@ -207,6 +208,7 @@ def main(arguments: str) -> None:
             relay = TerminalRelay(desk, listener, settings, wait=options["wait"])
         else:
             relay = SocketRelay(desk, listener, tuple(options["listen"]), tuple(options["to"]))
+        gc.freeze()  # what was imported is not looked through between two bytes
         relay.run()
         relay.end()
         desk.event(0, "ended", "")

@@ -5,7 +5,6 @@ Needs POSIX: import it where there are pseudo-terminals.
 
 from __future__ import annotations
 
-import array
 import fcntl
 import os
 import select
@@ -29,6 +28,7 @@ _PIECE: Final = 1 << 16
 _FLUSH_READ: Final = 1  # of a packet's head: what waits for the client is to be forgotten (ioctl_tty(2), TIOCPKT)
 _GET_EXACT: Final = 0x802C542A  # TCGETS2 of Linux: modes, line discipline, control characters, rates as numbers
 _EXACT: Final = struct.Struct("4IB19s2I")
+_EXACT_ROOM: Final = bytes(_EXACT.size)
 _RATES: Final = {
     getattr(termios, name): int(name[1:]) for name in dir(termios) if name[:1] == "B" and name[1:].isdecimal()
 }
@@ -83,12 +83,13 @@ class ClientTerminal(End):
         self.descriptor = self._master
         os.set_blocking(self._master, False)
         fcntl.ioctl(self._master, termios.TIOCPKT, struct.pack("i", 1))
-        self._given = settings
+        self._settings = self._given = settings
         modes = termios.tcgetattr(self._slave)
         modes[4] = modes[5] = getattr(termios, f"B{settings.baud or FALLBACK_BAUD}", termios.B9600)
         modes[2] = modes[2] | termios.CSTOPB if settings.stop_bits > 1 else modes[2] & ~termios.CSTOPB
         termios.tcsetattr(self._slave, termios.TCSANOW, modes)
-        self._first = self._now()
+        self._raw = self._raw_modes()
+        self._first = _line_of(self._raw)
         self.emptied = False  # by the client, since this was last looked at
 
     def read(self) -> bytes:
@@ -101,11 +102,16 @@ class ClientTerminal(End):
 
     @property
     def settings(self) -> PortSettings:
-        """As the client has set it; as given while it has not."""
-        now = self._now()
-        if now == self._first:
+        """As the client has set it; as given while it has not. The same object while nothing changes."""
+        raw = self._raw_modes()
+        if raw != self._raw:
+            self._raw = raw
+            self._settings = self._as_set(*_line_of(raw))
+        return self._settings
+
+    def _as_set(self, baud: int | None, two: bool, odd: bool) -> PortSettings:
+        if (baud, two, odd) == self._first:
             return self._given
-        baud, two, odd = now
         parity = "O" if odd else "N" if self._given.parity == "O" else self._given.parity
         return replace(self._given, baud=baud or self._given.baud, stop_bits=2 if two else 1, parity=parity)
 
@@ -124,17 +130,23 @@ class ClientTerminal(End):
         os.close(self._master)
         os.close(self._slave)
 
-    def _now(self) -> tuple[int | None, bool, bool]:
-        """Rate (bit/s; None: unknown), two stop bits, odd parity."""
+    def _raw_modes(self) -> bytes | list[Any]:
+        """All that the client can set, to be compared."""
         if sys.platform == "linux":
-            room = array.array("B", bytes(_EXACT.size))
-            with suppress(OSError):
-                fcntl.ioctl(self._slave, _GET_EXACT, room)
-                _, _, modes, *_, rate = _EXACT.unpack(room)
-                return rate, bool(modes & termios.CSTOPB), bool(modes & termios.PARODD)
-        modes_now = termios.tcgetattr(self._slave)
-        rate_now, modes = modes_now[5], modes_now[2]
-        return _RATES.get(rate_now), bool(modes & termios.CSTOPB), bool(modes & termios.PARODD)
+            try:
+                return fcntl.ioctl(self._slave, _GET_EXACT, _EXACT_ROOM)
+            except OSError:  # a kernel that lays them out otherwise
+                pass
+        return termios.tcgetattr(self._slave)
+
+
+def _line_of(raw: bytes | list[Any]) -> tuple[int | None, bool, bool]:
+    """Rate (bit/s; None: unknown), two stop bits, odd parity."""
+    if isinstance(raw, bytes):
+        _, _, modes, *_, rate = _EXACT.unpack(raw)
+    else:
+        modes, rate = raw[2], _RATES.get(raw[5])
+    return rate, bool(modes & termios.CSTOPB), bool(modes & termios.PARODD)
 
 
 class DevicePort(End):

@@ -6,7 +6,8 @@ What clients of relays have in common; `relay` knows the two kinds.
 from __future__ import annotations
 
 import os
-import selectors
+import select
+import sys
 from collections import deque
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -18,6 +19,23 @@ from .tap import PortGoneError
 
 REQUESTS: Final = 0
 RESPONSES: Final = 1
+
+if sys.platform == "linux":
+    READ: Final = select.EPOLLIN
+    WRITE: Final = select.EPOLLOUT
+    Waiting = select.epoll  # itself: what `selectors` adds stands between a byte that came and its being passed on
+else:
+    import selectors
+
+    READ: Final = selectors.EVENT_READ
+    WRITE: Final = selectors.EVENT_WRITE
+
+    class Waiting(selectors.DefaultSelector):
+        """As on Linux, as far as it is used here."""
+
+        def poll(self, wait_s: float) -> list[tuple[int, int]]:
+            return [(key.fd, events) for key, events in self.select(wait_s)]
+
 
 _ALONE_NS: Final = 60_000_000_000  # without a listener and a client
 _NEVER: Final = 1 << 62
@@ -86,9 +104,9 @@ class Link:
         for port in (REQUESTS, RESPONSES):
             source, target, kept = self.source(port), self.target(port), self.to[port]
             if source is not None and port not in self.over and (len(kept) < _MOST or not source.pressed):
-                waits[source.descriptor] = waits.get(source.descriptor, 0) | selectors.EVENT_READ
+                waits[source.descriptor] = waits.get(source.descriptor, 0) | READ
             if target is not None and kept:
-                waits[target.descriptor] = waits.get(target.descriptor, 0) | selectors.EVENT_WRITE
+                waits[target.descriptor] = waits.get(target.descriptor, 0) | WRITE
         return waits
 
 
@@ -98,8 +116,9 @@ class Relay:
     def __init__(self, desk: ReadBatching, listener: RecordTaker) -> None:
         self.desk, self._listener, self._commands = desk, listener, Commands()
         self.links: list[Link] = []
-        self._selector = selectors.DefaultSelector()
+        self._waiting = Waiting()
         self._waits: dict[int, int] = {}
+        self._ways: dict[int, tuple[Link, int, End]] = {}  # by descriptor: where bytes come from, and by which port
         self.ended = self._alone = False
         self._sending: deque[tuple[int, bytes]] = deque()  # requests on their way: when they are over
         self._free_ns = 0  # when the line has sent all of them
@@ -111,13 +130,17 @@ class Relay:
             self._wait_for()
             now = self.desk.clock.now()
             due = min(self.desk.deadline, self.next_ns(now), self._sending[0][0] if self._sending else _NEVER)
-            ready = self._selector.select(max(0, due - now) / 1e9)
-            for key, events in ready:
-                self._serve(key.fd, events)
+            ready = self._waiting.poll(max(0, due - now) / 1e9)
+            for descriptor, events in ready:
+                way = self._ways.get(descriptor) if events == READ else None
+                if way is not None:
+                    self._pull(*way)
+                else:
+                    self._serve(descriptor, events)
             now = self.desk.clock.now()
             self._tell_sent(now)
             self.look(now)
-            if self.desk.deadline <= now and not (ready and self._selector.select(0)):
+            if self.desk.deadline <= now and not (ready and self._waiting.poll(0)):
                 self.desk.due(now)
             self.ended = self.ended or (self._alone and now - self._client_ns > _ALONE_NS)
 
@@ -153,30 +176,37 @@ class Relay:
         return ()
 
     def _wait_for(self) -> None:
-        waits = dict.fromkeys(self.also(), selectors.EVENT_READ)
+        waits = dict.fromkeys(self.also(), READ)
         if not self._alone:
-            waits[0] = selectors.EVENT_READ
+            waits[0] = READ
         if self._listener.waiting:
-            waits[1] = selectors.EVENT_WRITE
+            waits[1] = WRITE
         for link in self.links:
             waits.update(link.interests())
         if waits == self._waits:
             return
         for descriptor in self._waits.keys() - waits.keys():
             with suppress(KeyError, ValueError, OSError):
-                self._selector.unregister(descriptor)
+                self._waiting.unregister(descriptor)
         for descriptor, events in waits.items():
             if descriptor not in self._waits:
-                self._selector.register(descriptor, events)
+                self._waiting.register(descriptor, events)
             elif events != self._waits[descriptor]:
-                self._selector.modify(descriptor, events)
+                self._waiting.modify(descriptor, events)
         self._waits = waits
+        self._ways = {
+            source.descriptor: (link, port, source)
+            for link in self.links
+            for port in (REQUESTS, RESPONSES)
+            if (source := link.source(port)) is not None and waits.get(source.descriptor, 0) & READ
+        }
 
     def let_go(self, end: End) -> None:
         """Close an end; its number may be another's soon."""
+        self._ways.pop(end.descriptor, None)
         if self._waits.pop(end.descriptor, 0):
             with suppress(KeyError, ValueError, OSError):
-                self._selector.unregister(end.descriptor)
+                self._waiting.unregister(end.descriptor)
         end.close()
 
     def _serve(self, descriptor: int, events: int) -> None:
@@ -187,37 +217,53 @@ class Relay:
         elif descriptor in self.also():
             self.other(descriptor)
         else:
+            self._serve_links(descriptor, events, self._waits.get(descriptor, 0))
+
+    def _serve_links(self, descriptor: int, events: int, wanted: int) -> None:
+        """Whatever came of an end of a link; what is neither of those two is an end that breaks: told by both."""
+        if wanted & WRITE and events & ~READ:
             for link in list(self.links):
                 for port in (REQUESTS, RESPONSES):
-                    self._pass(link, port, descriptor, events)
+                    target = link.target(port)
+                    if target is not None and target.descriptor == descriptor:
+                        self._push(link, port)
+        way = self._ways.get(descriptor)
+        if way is not None and events & ~WRITE:
+            self._pull(*way)
 
-    def _pass(self, link: Link, port: int, descriptor: int, events: int) -> None:
-        source, target = link.source(port), link.target(port)
+    def _push(self, link: Link, port: int) -> None:
         try:
-            if target is not None and target.descriptor == descriptor and events & selectors.EVENT_WRITE:
-                self.push(link, port)
-            if source is not None and source.descriptor == descriptor and events & selectors.EVENT_READ:
-                self._pull(link, port, source)
+            self.push(link, port)
         except PortGoneError as error:
             self.gone(link, port, error)
 
     def _pull(self, link: Link, port: int, source: End) -> None:
-        """Take what came, pass it on, tell it."""
-        data = source.read()
-        if port == REQUESTS:
-            self.before_request()
-        target, kept = link.target(port), link.to[port]
-        if not data or target is None:
-            return
-        now = self.desk.clock.now()
-        kept += data
+        """Take what came, pass it on, tell it: before the write, nothing that it does not need."""
         try:
-            self.push(link, port)
+            data = source.read()
+            if port == REQUESTS:
+                self.before_request()
+            target = link.target(port)
+            if data and target is not None:
+                self._through(link, port, target, data)
+        except PortGoneError as error:
+            self.gone(link, port, error)
+        if len(link.to[port]) > _MOST and not source.pressed:
+            self.desk.event(
+                port, "notice", f"the client does not read: {len(link.to[port]):,} bytes for it are dropped"
+            )
+            link.to[port].clear()
+
+    def _through(self, link: Link, port: int, target: End, data: bytes) -> None:
+        now, kept = self.desk.clock.now(), link.to[port]
+        try:
+            if kept:
+                kept += data
+                self.push(link, port)
+            elif (written := target.write(data)) < len(data):
+                kept += data[written:]
         finally:
             self._told(now, port, data)
-        if len(kept) > _MOST and not source.pressed:
-            self.desk.event(port, "notice", f"the client does not read: {len(kept):,} bytes for it are dropped")
-            kept.clear()
 
     @staticmethod
     def push(link: Link, port: int) -> None:

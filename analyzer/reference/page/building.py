@@ -1,8 +1,13 @@
-"""The folder of the page: its own files, an archive of the Python that reads, Pyodide's core beside them."""
+"""The folder of the page: its own files, an archive of the Python that reads, Pyodide's core beside them.
+
+Where Node runs, the archive holds what Pyodide's own compiler makes of that Python, which a browser need not do again.
+"""
 
 from __future__ import annotations
 
 import io
+import subprocess
+import tempfile
 import zipfile
 from collections.abc import Iterator
 from itertools import chain
@@ -18,6 +23,7 @@ import dissectors
 from ...errors import RtuscopeError
 
 _OWN: Final = ("index.html", "page.css", "page.mjs", "worker.mjs", "rtuscope.mjs")
+_HERE: Final = Path(__file__).parent
 _ARCHIVE: Final = "rtuscope.zip"
 _PYODIDE: Final = (
     "pyodide.mjs",
@@ -43,8 +49,8 @@ def build(out: str | Path, pyodide: str | Path | None = None) -> int:
     """Make the folder; gives its bytes without Pyodide's. PageError where that cannot be; nothing is written over."""
     folder = Path(out)
     try:
-        core = {} if pyodide is None else _core(Path(pyodide))
-        own = {name: (Path(__file__).parent / name).read_bytes() for name in _OWN} | {_ARCHIVE: archive()}
+        core, packed = ({}, archive()) if pyodide is None else (_core(Path(pyodide)), compiled(Path(pyodide)))
+        own = {name: (_HERE / name).read_bytes() for name in _OWN} | {_ARCHIVE: packed}
         folder.mkdir(parents=True)
         for name, data in (own | core).items():
             (folder / name).parent.mkdir(exist_ok=True)
@@ -71,6 +77,19 @@ def archive() -> bytes:
         for name, path in sorted(_sources()):
             packed.writestr(zipfile.ZipInfo(name, _OLDEST), path.read_bytes(), zipfile.ZIP_DEFLATED)
     return made.getvalue()
+
+
+def compiled(pyodide: Path) -> bytes:
+    """The archive with its Python compiled; as it is where there is no Node, or none that runs this Pyodide."""
+    with tempfile.TemporaryDirectory() as folder:
+        sources, made = Path(folder, "sources.zip"), Path(folder, "compiled.zip")
+        sources.write_bytes(archive())
+        script = _HERE / "compile.mjs"
+        try:
+            subprocess.run(["node", script, pyodide.resolve(), sources, made], capture_output=True, check=True)
+        except (OSError, subprocess.CalledProcessError):
+            return sources.read_bytes()
+        return made.read_bytes()
 
 
 def _sources() -> Iterator[tuple[str, Path]]:

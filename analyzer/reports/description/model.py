@@ -21,6 +21,7 @@ from ..heads import head_json, line_json
 from ..model import Report, UnitRow
 from .rounds import BusRound, RoundSlot, bus_round
 from .sequence import KEPT, PollSequence
+from .shown import Shown
 
 if TYPE_CHECKING:
     from captures import Capture
@@ -193,8 +194,10 @@ def describe(
     remarks = [remark for remark in check_map(readings, named) if remark.kind == "contradiction"]
     looks = {one.unit: one for one in recognised(readings, texts, infer(readings))}
     values = infer(readings, charts=_charts(named, remarks, looks))
+    shown = Shown(readings)
+    registers = [_register(value, sequence, shown) for value in values]
     units = tuple(
-        _unit(row, values, looks.get(row.unit), report, sequence) for row in report.units if row.unit or values
+        _unit(row, registers, looks.get(row.unit), report, sequence) for row in report.units if row.unit or values
     )
     turn = bus_round(sequence, timed=report.timed)
     return BusDescription(
@@ -224,14 +227,18 @@ def _charts(
 
 
 def _unit(
-    row: UnitRow, values: list[RegisterValue], looks: Recognised | None, report: Report, sequence: PollSequence
+    row: UnitRow,
+    registers: list[DescribedRegister],
+    looks: Recognised | None,
+    report: Report,
+    sequence: PollSequence,
 ) -> DescribedUnit:
     raised = [each for each in report.exceptions if each.unit == row.unit]
     return DescribedUnit(
         row,
         sequence.said.get(row.unit, {}),
         looks,
-        tuple(_register(value, sequence) for value in values if value.unit == row.unit),
+        tuple(register for register in registers if register.value.unit == row.unit),
         tuple(
             (each.function, each.exception, each.count, frame)
             for each in raised
@@ -240,11 +247,12 @@ def _unit(
     )
 
 
-def _register(value: RegisterValue, sequence: PollSequence) -> DescribedRegister:
+def _register(value: RegisterValue, sequence: PollSequence, shown: Shown) -> DescribedRegister:
     functions, count, first = sequence.writes_of(value.unit, value.area, value.address, value.words)
     moved = value.changes > 0 and value.readings >= _READINGS and value.kind not in ("constant", "unknown")
-    known = value.name is not None or value.area in ("coil", "discrete") or moved or value.kind == "text"
-    sure = known and value.number_confidence >= _SURE
+    told = value.name is not None or value.area in ("coil", "discrete")
+    known = told or moved or value.kind == "text"
+    sure = known and value.number_confidence >= _SURE and (told or shown(value))
     likely = known and not sure and value.confidence >= _LIKELY
     return DescribedRegister(value, sure, likely, tuple(functions), count, first)
 
