@@ -2,6 +2,7 @@
 
     python benchmarks/fit_certainty.py [--seeds N] [--taps precise,ftdi16]          # fits, and writes the weights
     python benchmarks/fit_certainty.py --told [--seeds N]                            # tells them on seeds held out
+    python benchmarks/fit_certainty.py --add CASE ... [--seeds N]                    # outcomes of causes that have none
 
 A claim is right where it is the cause of its case or one that is true of it besides. With the cause of a case hidden
 each claim is wrong, and so it is of faults that have no word (`nameless`; kinds that are held out are only told). For
@@ -45,6 +46,7 @@ _STRUCK = 4
 _NAMELESS = 1.5  # times the weight of other claims: about three captures in ten, as in the field
 _RIDGE = 0.05
 _CAUSE_RIDGE = 1.0  # a cause of its own is fitted only as far as its claims carry it
+_OTHER = -0.5  # the weight of a cause that is not among those fitted
 _LEAST = 0.001  # of the outcomes, of one that is written down
 _FILE = Path(analyzer.causes.__file__).parent / "certainty.json"
 
@@ -147,13 +149,14 @@ def shares_of(found: list[Claim]) -> Shares:
 def fit(found: list[Claim]) -> dict[str, object]:
     """Ridge logistic regression; how steep it is goes by claims on seeds, and on kinds of faults without a word, that
     were left out of it in turns."""
-    names = sorted({claim.cause for claim in found})
+    names = sorted({claim.cause for claim in found if claim.right})  # one that is never so here may be so elsewhere
     of = {name: i for i, name in enumerate(names)}
     others = {seed: shares_of([each for each in found if each.seed != seed]) for seed in {each.seed for each in found}}
     like = [typical(others[claim.seed], claim.cause, claim.outcomes) for claim in found]
     clues = np.array([(*claim.clues, each, min(each, 0.0)) for claim, each in zip(found, like, strict=True)])
     offsets = np.zeros((len(found), len(names)))
-    offsets[np.arange(len(found)), [of[claim.cause] for claim in found]] = 1
+    own = [(i, of[claim.cause]) for i, claim in enumerate(found) if claim.cause in of]
+    offsets[tuple(np.array(own).T)] = 1
     x, y = np.hstack((np.ones((len(found), 1)), clues, offsets)), np.array([claim.right for claim in found], float)
     weights = np.array([claim.weight for claim in found])
     ridge = np.concatenate(([1e-3], np.full(clues.shape[1], _RIDGE), np.full(len(names), _CAUSE_RIDGE)))
@@ -169,7 +172,7 @@ def fit(found: list[Claim]) -> dict[str, object]:
     return {
         "intercept": round(float(beta[0]), 4),
         "clues": {name: round(float(b), 4) for name, b in zip(named, beta[1 : n + 1], strict=True)},
-        "other": -0.5,
+        "other": _OTHER,
         "causes": {name: round(float(b), 4) for name, b in zip(names, beta[n + 1 :], strict=True)},
         "shares": shares_of(found),
     }
@@ -213,13 +216,29 @@ def keep(found: list[Claim]) -> None:
     _FILE.write_text(json.dumps(kept, indent=1, sort_keys=True) + "\n", encoding="utf-8")
 
 
+def add(found: list[Claim]) -> None:
+    """The outcomes of causes that the weights know none of, which so far weigh as any other; all else stays."""
+    kept = json.loads(_FILE.read_text("utf-8"))
+    new = {cause: shares for cause, shares in shares_of(found).items() if cause not in kept["shares"]}
+    kept["shares"] |= new
+    kept["causes"] = {cause: weight for cause, weight in kept["causes"].items() if cause not in new}
+    _FILE.write_text(json.dumps(kept, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+
+
 def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("cases", nargs="*", metavar="CASE", default=list(field_cases()))
     parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument("--taps", default="precise,ftdi16")
+    parser.add_argument("--add", action="store_true", help="only add the outcomes of causes that have none")
     parser.add_argument("--told", action="store_true", help="tell the weights on seeds that were held out")
     options = parser.parse_args(arguments)
+    if options.add:
+        pairs = [(name, tap) for name in options.cases for tap in options.taps.split(",")]
+        made = [heard(field_cases()[name], tap, seed) for name, tap in pairs for seed in range(options.seeds)]
+        names = [suspect.cause for suspect in suspects()]
+        add([claim for each in made for claim in _claims(each, each.ledger(), names) if not claim.fault])
+        return 0
     first = HELD_OUT if options.told else 0
     found = list(claims(options.cases, range(first, first + options.seeds), options.taps.split(","), told=options.told))
     if not options.told:

@@ -59,9 +59,16 @@ def _since(random: Random, bench: Bench) -> When:
 
 
 def _by_request(random: Random, _bench: Bench) -> When:
-    """Of some requests, and not always."""
+    """Of some requests, the first one among them, and not always."""
     salt, share, own = random.randbytes(2), random.uniform(0.5, 0.95), Random(random.random())
-    return lambda request, _t: crc32(salt + request) % 5 < 2 and own.random() < share
+    first: list[bytes] = []
+
+    def some(request: bytes, _t: float) -> bool:
+        if not first:
+            first.append(request)
+        return (request == first[0] or crc32(salt + request) % 5 < 2) and own.random() < share
+
+    return some
 
 
 def _every_nth(random: Random, _bench: Bench) -> When:

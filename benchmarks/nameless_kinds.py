@@ -327,23 +327,6 @@ def client_sends_twice(random: Random, bench: Bench) -> tuple[str, ...]:
     return ("local-echo", "request-flaw", "absent-units", "dead-unit")
 
 
-@nameless("tap-repeats", LOCAL)
-def tap_repeats(random: Random, bench: Bench) -> tuple[str, ...]:
-    """The tap hands some bytes over twice; on the line all is well."""
-    rate = random.choice((0.0005, 0.001, 0.003))
-
-    def doubled(octets: list[ReceivedOctet]) -> list[ReceivedOctet]:
-        found: list[ReceivedOctet] = []
-        for octet in octets:
-            found.append(octet)
-            if random.random() < rate:
-                found += [each._replace(t_ns=octet.t_ns) for each in found[-random.randint(1, 6) :]]
-        return found
-
-    bench.tapped = doubled
-    return ("tap-loses",)
-
-
 @nameless("tap-flips", LOCAL)
 def tap_flips(random: Random, bench: Bench) -> tuple[str, ...]:
     """The tap's own cable is bad: bits flip there, and the client hears all well."""

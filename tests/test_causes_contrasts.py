@@ -106,7 +106,19 @@ def test_what_no_cause_takes_is_told_all_the_same(name: str) -> None:
 def test_answers_that_the_client_does_not_take_are_told() -> None:
     story = _story("client-deaf", 2)
     assert not story.causes
-    assert all("the client asks again" in left.like for left in story.not_explained) and story.not_explained
+    assert all("the client does not take them" in left.like for left in story.not_explained) and story.not_explained
+
+
+@pytest.mark.parametrize("name", ["tap-repeats", "bad-drop"])
+def test_it_is_the_first_cause(name: str) -> None:
+    made, story = field_cases()[name].capture("precise", 5).expected, _story(name, 5)
+    assert story.causes
+    assert story.causes[0].cause == made.cause
+
+
+def test_answers_that_the_client_waits_on_behind_are_told_though_it_never_asks_again() -> None:
+    story = _story("drawn-client-deaf-nth", 0)
+    assert [left.unit for left in story.not_explained] == [16, 116]
 
 
 def test_values_that_a_program_writes_in_vain_are_told() -> None:

@@ -18,9 +18,11 @@ from .contrasts import HITS_OF, NO_CONTRAST, Contrast, Family
 from .evidence import HEALTHY, Evidence
 from .exchanges import Ending
 from .registry import Symptom
-from .samples import READ_REQUEST
+from .signatures import Behind
 from .suspects.refusals import WRITES, areas_of
 from .suspects.silence import scanned
+from .suspects.states import NO_ANSWER, codes_of
+from .unheeded import unheeded
 from .unitledger import UnitLedger
 
 _LEAST: Final = 4  # exchanges
@@ -31,13 +33,10 @@ _TOLD_BITS: Final = 6.0  # of a contrast that is told
 _OF_REQUEST: Final = frozenset((1, 2, 3))
 _ALWAYS: Final = 0.9
 _BY_HAND_NS: Final = 3e9  # from one to the next: nobody enters values sooner, again and again
-_USUAL: Final = 0.25  # of the pauses behind good answers
-_SOONEST: Final = 0.1
-_MOST_AGAIN: Final = 0.6  # of them: a list of one request repeats it all the time
-_FAR_LONGER: Final = 3.0
-_IN_STEP: Final = 0.1
 _NOISE: Final = 0.02  # of the bytes
 _NOISE_BYTES: Final = 40
+_BESIDES: Final = (Behind.NOISE, Behind.ZEROS, Behind.REQUEST)
+_MOSTLY: Final = 0.5
 _SYMPTOMS: Final = {
     Symptom.SILENCE: "no answer to {exchanges:,} of {asked:,} requests",
     Symptom.DAMAGE: "{exchanges:,} of {asked:,} answers damaged",
@@ -46,7 +45,7 @@ _SYMPTOMS: Final = {
     Symptom.DOUBLES: "{exchanges:,} answers too many",
     Symptom.BEHIND: "bytes behind {exchanges:,} of {asked:,} good answers",
     Symptom.FRAMING: "{exchanges:,} bytes outside frames",
-    Symptom.REQUESTS: "{exchanges:,} of {asked:,} answers are whole, and the client asks again",
+    Symptom.REQUESTS: "{exchanges:,} of {asked:,} answers are whole, and the client does not take them",
 }
 _LIKE: Final = {
     "function": ", nearly all by function {value:02X}",
@@ -65,6 +64,7 @@ _LIKE: Final = {
     "since": ", from some moment on",
     "until": ", until some moment",
     "spells": ", in spells",
+    "requests-behind": ", most of them requests that came damaged",
     "nothing": ", at no time and of no request in particular",
 }
 TEMPLATES: Final = {**{symptom.value: words for symptom, words in _SYMPTOMS.items()}, **_LIKE}
@@ -87,8 +87,8 @@ def left_over(evidence: Evidence) -> list[Left]:
     """What is left of the evidence, most exchanges first."""
     looked_for = scanned(evidence)
     units = [unit for unit in evidence.units if unit.unit not in looked_for]
-    found = [left for unit in units for left in (*_of_unit(evidence, unit), *_unheeded(evidence, unit))]
-    return sorted([*found, *_of_bus(evidence)], key=lambda left: -left.exchanges)
+    found = [left for unit in units for left in _of_unit(evidence, unit)]
+    return sorted([*found, *_not_taken(evidence), *_of_bus(evidence)], key=lambda left: -left.exchanges)
 
 
 def _of_unit(evidence: Evidence, unit: UnitLedger) -> Iterator[Left]:
@@ -105,22 +105,13 @@ def _of_unit(evidence: Evidence, unit: UnitLedger) -> Iterator[Left]:
             yield Left(unit.unit, count, _said(symptom.value, numbers) + _like(evidence, unit, symptom, best))
 
 
-def _unheeded(evidence: Evidence, unit: UnitLedger) -> Iterator[Left]:
-    """Good answers that the client did not take, as its next move shows: it waits for longer than behind others, as it
-    does in vain, and asks the same again."""
-    again, answered = len(unit.redundant), len(unit.redundant) + len(unit.heeded)
-    usual, waited = unit.pauses.quantile(_USUAL), unit.redundant_pauses.quantile(_SOONEST)
-    if again < _LEAST or again > _MOST_AGAIN * answered or usual is None or waited is None:
-        return
-    off = evidence.verdict.wait_ns
-    if waited <= _FAR_LONGER * usual + off or any(number == unit.unit for _, number in evidence.explained):
-        return
-    turn = (unit.redundant_turns.quantile(0.5) or 0.0) + READ_REQUEST * evidence.ledger.char_ns
-    polls = [poll for poll in evidence.polls_of(unit.unit) if poll.repeats and len(poll.intervals)]
-    if any(abs(float(np.median(poll.intervals)) - turn) <= _IN_STEP * turn + off for poll in polls):
-        return  # they come by timers of their own
-    numbers = {"exchanges": again, "asked": answered}
-    yield Left(unit.unit, again, _said(Symptom.REQUESTS.value, numbers))
+def _not_taken(evidence: Evidence) -> Iterator[Left]:
+    """Good answers that the client did not take, of units of which nothing else is explained."""
+    explained = {number for _, number in evidence.explained}
+    for number, count in unheeded(evidence).items():
+        if number not in explained:
+            numbers = {"exchanges": count, "asked": evidence.ledger.units[number].answered}
+            yield Left(number, count, _said(Symptom.REQUESTS.value, numbers))
 
 
 def _counts(evidence: Evidence, unit: UnitLedger) -> Mapping[Symptom, tuple[int, int]]:
@@ -132,14 +123,14 @@ def _counts(evidence: Evidence, unit: UnitLedger) -> Mapping[Symptom, tuple[int,
         Symptom.REFUSAL: (unit.count(Ending.EXCEPTION), max(unit.answered, 1)),
         Symptom.LATENESS: (late, max(unit.asked, late)),
         Symptom.DOUBLES: (unit.doubles, max(unit.asked, unit.doubles)),
-        Symptom.BEHIND: (round(evidence.stray(unit)), max(unit.answered, 1)),
+        Symptom.BEHIND: (round(evidence.behind(unit, *_BESIDES)), max(unit.answered, 1)),
     }
 
 
 def _is_fact(evidence: Evidence, unit: UnitLedger, symptom: Symptom, best: Contrast) -> bool:
     """Whether that is how some device works: it refuses one request now and then, an empty log or a value beyond its
     limits that somebody enters, and answers all others."""
-    if symptom is not Symptom.REFUSAL:
+    if symptom is not Symptom.REFUSAL or codes_of(evidence, unit).keys() & NO_ANSWER:
         return False
     refused = [poll for poll in evidence.polls_of(unit.unit) if poll.exceptions.total()]
     others = [poll for poll in evidence.polls_of(unit.unit) if not poll.exceptions.total()]
@@ -160,6 +151,8 @@ def _codes(evidence: Evidence, unit: UnitLedger) -> str:
 
 def _like(evidence: Evidence, unit: UnitLedger, symptom: Symptom, best: Contrast) -> str:
     """What they have in common."""
+    if symptom is Symptom.BEHIND and evidence.requests_behind(unit) > _MOSTLY * evidence.behind(unit, *_BESIDES):
+        return _said("requests-behind", {})
     if symptom not in HITS_OF:
         return ""
     name = best.name
@@ -178,8 +171,12 @@ def _said(part: str, numbers: Mapping[str, Any]) -> str:
 
 
 def _of_bus(evidence: Evidence) -> Iterator[Left]:
-    ledger = evidence.ledger
+    """Bytes in no frame, but for those of exchanges that are explained."""
+    ledger, rows = evidence.ledger, evidence.ledger.table.rows
     if not evidence.is_open(Symptom.FRAMING, None) or any(each.behind for each in ledger.units.values()):
         return
-    if ledger.noise_bytes >= max(_NOISE_BYTES, _NOISE * ledger.bytes):
-        yield Left(None, ledger.noise_bytes, _said(Symptom.FRAMING.value, {"exchanges": ledger.noise_bytes}))
+    explained = [unit for symptom, unit in evidence.explained if symptom is Symptom.DAMAGE and unit is not None]
+    known = int(rows.heard[np.isin(rows.unit, explained)].sum()) * ledger.table.weight
+    left = round(ledger.noise_bytes - known)
+    if left >= max(_NOISE_BYTES, _NOISE * ledger.bytes):
+        yield Left(None, left, _said(Symptom.FRAMING.value, {"exchanges": left}))

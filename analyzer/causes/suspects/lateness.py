@@ -27,6 +27,7 @@ _LEAST: Final = 3
 _BACKGROUND: Final = 0.003
 _MOSTLY: Final = 0.6  # of all late answers
 _SURE_BITS: Final = 16.0
+_ALONE_BITS: Final = 40.0  # where nothing else tells it
 _RUN_INTO_BITS: Final = 30.0
 _CONTRAST: Final = 8  # exchanges of a unit behind others, or behind answers
 _SOONER: Final = 0.85
@@ -303,24 +304,38 @@ class Slow:
 
 
 def _redundant(evidence: Evidence, unit: UnitLedger) -> Slow:
-    """Good answers whose request the master repeats all the same, where it is the slow ones and it does so by its timer:
-    sooner behind them than it pauses else. A list may hold a request twice, one behind the other."""
-    again, heeded = np.sort(unit.redundant.numbers), np.sort(unit.heeded.numbers)
+    """Good answers whose request the master repeats all the same, where it is the slow ones, of one poll beyond doubt, or
+    it does so by its timer: sooner behind them than it pauses else. A list may hold a request twice, one behind the
+    other, whatever that takes."""
+    if len(unit.redundant) < _LEAST or waits_longer(evidence, unit, 1.0):
+        return Slow()
+    if _sooner(evidence, unit) or _repeated_by_timer(unit):
+        return _slow_ones(unit, unit.redundant.numbers, unit.heeded.numbers, _SURE_BITS)
+    rows = evidence.rows(unit.unit)
+    good = rows[(rows.outcome == Ending.OK) & (rows.delay >= 0)]
+    asked = good.function.astype(np.int64) << 32 | good.address.astype(np.int64) << 16 | good.quantity
+    polls, which = np.unique(asked, return_inverse=True)
+    mine = (
+        which == int(np.argmax(np.bincount(which[good.next_same], minlength=len(polls)))) if len(polls) else which > 0
+    )
+    delays = good.delay.astype(np.float64)
+    return _slow_ones(unit, delays[mine & good.next_same], delays[mine & ~good.next_same], _ALONE_BITS)
+
+
+def _slow_ones(unit: UnitLedger, again: NDArray[np.float64], heeded: NDArray[np.float64], least: float) -> Slow:
+    """The delay from which on a master repeats its requests, where that decides about it by so many bits at the least."""
+    again, heeded = np.sort(again), np.sort(heeded)
     if len(again) < _LEAST or not len(heeded):
         return Slow()
-    if (not _sooner(evidence, unit) and not _repeated_by_timer(unit)) or waits_longer(evidence, unit, 1.0):
-        return Slow()
-    best = Slow()
-    most = _SURE_BITS
+    best, most = Slow(), least
     every = likelihood_bits(len(again), len(again) + len(heeded), len(again) / (len(again) + len(heeded)))
     for bound in np.unique(np.quantile(again, (0.0, 0.05, 0.1, 0.2, 0.3))).tolist():
         slow = len(again) - int(np.searchsorted(again, bound))
         slow_heeded = len(heeded) - int(np.searchsorted(heeded, bound))
         quick, quick_heeded = len(again) - slow, len(heeded) - slow_heeded
         bits = _rate_bits(slow, slow_heeded) + _rate_bits(quick, quick_heeded) - every
-        if bits > most and slow * (quick + quick_heeded) > quick * (slow + slow_heeded):
-            most = bits
-            best = Slow(round(len(unit.redundant) * slow / len(again)), bound)
+        if bits > most and slow * quick_heeded > quick * slow_heeded:
+            most, best = bits, Slow(round(len(unit.redundant) * slow / len(again)), bound)
     return best
 
 

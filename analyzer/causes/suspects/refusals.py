@@ -184,9 +184,12 @@ def off_by_one(evidence: Evidence) -> Iterator[Suspicion]:
     foretold=Foretold({Symptom.REFUSAL: ASKED_FOR}),
 )
 def missing_registers(evidence: Evidence) -> Iterator[Suspicion]:
-    """Reads that are always refused."""
+    """Reads that are always refused, and writes for their address, of what does not read well either."""
     for unit in evidence.units:
+        read_well = _writes(evidence, unit.unit)
         refused = [p for p in _refused(evidence, unit.unit, _ILLEGAL) if p.function not in WRITES]
+        writes = (p for p in _refused(evidence, unit.unit, (_ILLEGAL_ADDRESS,)) if p.function in WRITES)
+        refused += [poll for poll in writes if poll not in read_well]
         if refused:
             yield _suspicion(evidence, unit.unit, refused, 1.0)
 

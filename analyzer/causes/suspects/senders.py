@@ -20,7 +20,7 @@ from ..exchanges import Ending
 from ..heads import begun_before, out_of_step_bits, whole_behind_bits
 from ..ledger import STRAY
 from ..registry import OF_A_LINE, Suspicion, Symptom, suspect
-from ..signatures import AnswerDamage, Behind, Signature
+from ..signatures import AnswerDamage, Behind, Signature, is_like_request
 from ..unitledger import UnitLedger
 
 _LEAST: Final = 3
@@ -221,7 +221,7 @@ def _held(evidence: Evidence, units: list[UnitLedger], totals: Mapping[int, floa
     few = others_spoilt <= _RARELY * others_answered
     if few and all(_always_spoilt(evidence, unit, totals[unit.unit]) for unit in units):
         requests = max(requests, 0.5 * spoilt)  # so damaged that they are not known again
-    if requests < _LEAST or requests < 0.3 * spoilt:
+    if requests < _LEAST or requests < 0.3 * spoilt or _begin_well(evidence, units) > _MOSTLY * spoilt:
         return None
     background = max(HEALTHY, (others_spoilt + 0.5) / (others_answered + 50))
     bits = sum(surplus_bits(totals[unit.unit], max(unit.answered, 1), background) for unit in units)
@@ -248,6 +248,16 @@ def _held(evidence: Evidence, units: list[UnitLedger], totals: Mapping[int, floa
         lost_ms=lost.ms,
         frames=tuple(sample.index for sample in samples[:3]),
     )
+
+
+def _begin_well(evidence: Evidence, units: list[UnitLedger]) -> float:
+    """About how many requests behind answers begin as they should: a driver that is held meets their beginning."""
+    begun = 0.0
+    for unit in units:
+        readings = evidence.followed(unit)
+        well = sum(is_like_request(each) and evidence.requests.begin(each.heard, 0) for each in readings)
+        begun += unit.followed.offered * well / max(len(readings), 1)
+    return begun
 
 
 def _always_spoilt(evidence: Evidence, unit: UnitLedger, spoilt: float) -> bool:

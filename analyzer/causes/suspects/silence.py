@@ -43,6 +43,7 @@ _SPEAKS_NOT: Final = (Symptom.SILENCE, Symptom.DAMAGE, Symptom.MARKS)  # nor is 
 _NEARLY_ALL: Final = 0.95
 _HARDLY: Final = 0.25  # of what would be so by chance
 _SCAN: Final = 8  # units
+_SWEEP: Final = 24  # of them
 _VISITS: Final = 2
 _SELDOM: Final = 0.1  # of how often others are asked
 _VISIT: Final = 0.05  # of the capture
@@ -94,8 +95,8 @@ def _answering(evidence: Evidence, unit: UnitLedger) -> float:
 
 
 def scanned(evidence: Evidence) -> frozenset[int]:
-    """Units that were asked once or twice, one behind the other in the order of their numbers: a search for those that
-    are there, not a list of those that should be."""
+    """Units that were asked once or twice, one behind the other in the order of their numbers, or so many of these that no
+    list would hold them: a search for those that are there, not a list of those that should be."""
     ledger = evidence.ledger
     span = ledger.span_ns if ledger.timed else ledger.bytes
     once = [
@@ -105,6 +106,9 @@ def scanned(evidence: Evidence) -> frozenset[int]:
         and not unit.answered
         and (visits == 1 or unit.last - unit.first <= _VISIT * span)  # what passes it on may hold one try up
     ]
+    never = [unit for unit in evidence.units if not unit.answered]
+    if len(never) >= _SWEEP:  # round after round
+        once = never
     if len(once) < _SCAN:
         return frozenset()
     once.sort(key=lambda unit: unit.first)

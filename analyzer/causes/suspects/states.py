@@ -109,7 +109,7 @@ def unit_fails(evidence: Evidence) -> Iterator[Suspicion]:
         )
 
 
-_NO_ANSWER: Final = frozenset((0x0A, 0x0B))  # of a gateway: it has no way to its target, or that is silent
+NO_ANSWER: Final = frozenset((0x0A, 0x0B))  # of a gateway: it has no way to its target, or that is silent
 
 
 def excused(evidence: Evidence) -> dict[int, Refusing]:
@@ -117,7 +117,7 @@ def excused(evidence: Evidence) -> dict[int, Refusing]:
     found = {}
     for unit in evidence.units:
         codes = codes_of(evidence, unit)
-        theirs = sum(codes[code] for code in _NO_ANSWER)
+        theirs = sum(codes[code] for code in NO_ANSWER)
         if theirs >= _LEAST and theirs >= _ALWAYS * codes.total() and evidence.is_open(Symptom.REFUSAL, unit.unit):
             state = refusing_since(evidence, unit)
             if state is not None:

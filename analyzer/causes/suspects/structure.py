@@ -108,7 +108,7 @@ def cut_at_length(evidence: Evidence) -> Iterator[Suspicion]:
 _SURE_BITS: Final = 8.0
 _MOSTLY_SHORT: Final = 0.7
 _DISPLACED_BITS: Final = 16.0  # an answer that seems to be of another request
-_TAP_TAKES: Final = (
+TAP_TAKES: Final = (
     Symptom.DAMAGE, Symptom.BEHIND, Symptom.LATENESS, Symptom.DOUBLES, Symptom.MARKS, Symptom.SILENCE, Symptom.SHIFT,
 )  # fmt: skip
 
@@ -139,7 +139,7 @@ def tap_loses(evidence: Evidence) -> Iterator[Suspicion]:
         return
     displaced = sum(each.displaced for each in evidence.ledger.shifts.units.values())  # behind requests that it lost
     damaged, answers = sum(map(evidence.damaged, units)), sum(unit.asked for unit in units)
-    explains: Explained = frozenset((kind, unit.unit) for unit in evidence.units for kind in _TAP_TAKES)
+    explains: Explained = frozenset((kind, unit.unit) for unit in evidence.units for kind in TAP_TAKES)
     explains -= {(Symptom.SILENCE, unit.unit) for unit in evidence.units if not may_strike(evidence, unit)}
     yield Suspicion(
         (),

@@ -22,6 +22,7 @@ _COLUMNS: Final = 3  # that stand still together
 _MOST_SISTERS: Final = 0.75
 _EMPTY: Final = (0, 0x7FFF, 0x8000, 0xFFFF)  # what is not connected stands still
 _LEAST_UP: Final = 5
+_CARRY: Final = 8.0  # usual steps
 _WORD: Final = 1 << 16
 _PAIRS: Final = 2
 _PAIRS_OF_TWO: Final = 3  # where there is but one sister, whose registers may hold something else
@@ -194,8 +195,11 @@ def _jumps(values: NDArray[np.int64], times: NDArray[np.int64]) -> NDArray[np.in
     jumps = ((steps < 0) | (steps > _LEAP * usual * longer)).nonzero()[0]
     beside = np.abs(steps[jumps]) % _WORD
     by_words = np.minimum(beside, _WORD - beside) <= 4 * usual * longer[jumps]
-    torn = bool((np.abs(steps[jumps[by_words]]) > _WORD / 2).all()) and _undone(
-        steps, jumps[by_words], usual * float(longer.max())
+    most = usual * float(longer.max())
+    torn = (
+        bool((np.abs(steps[jumps[by_words]]) > _WORD / 2).all())
+        and _undone(steps, jumps[by_words], most)
+        and _at_carry(values, jumps[by_words], most)
     )
     if by_words.any() and not torn:
         return None  # a carry into another register than this one
@@ -208,6 +212,13 @@ def _is_torn(steps: NDArray[np.int64], jumps: NDArray[np.intp]) -> bool:
     sizes = np.abs(steps[jumps])
     usual = float(np.median(np.abs(steps)))
     return bool((np.abs(sizes - _WORD) < _WORD / 4).all()) and _undone(steps, jumps, usual)
+
+
+def _at_carry(values: NDArray[np.int64], jumps: NDArray[np.intp], usual: float) -> bool:
+    """Whether the low word has just carried at each of these jumps, or is about to: only then are two moments told apart
+    by a whole high word. A register of its own changes at any time."""
+    low = values[jumps + 1] % _WORD
+    return bool((np.minimum(low, _WORD - low) <= _CARRY * max(usual, 1.0)).all())
 
 
 def _undone(steps: NDArray[np.int64], jumps: NDArray[np.intp], usual: float) -> bool:

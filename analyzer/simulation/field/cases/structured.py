@@ -49,6 +49,43 @@ def tap_loses(random: Random, tap: str) -> Site:
     return bench, Expected("tap-loses")
 
 
+@field_case("tap-repeats", LOCAL)
+def tap_repeats(random: Random, tap: str) -> Site:
+    """The tap's adapter hands some bytes over twice; on the line all is well."""
+    bench = site(random, tap, seconds=(60, 300))
+    rate, most = random.choice((0.001, 0.002, 0.004)), random.choice((6, 16, 62))
+
+    def doubled(octets: list[ReceivedOctet]) -> list[ReceivedOctet]:
+        found: list[ReceivedOctet] = []
+        for octet in octets:
+            found.append(octet)
+            if random.random() < rate:
+                found += [each._replace(t_ns=octet.t_ns) for each in found[-random.randint(2, most) :]]
+        return found
+
+    bench.tapped = doubled
+    return bench, Expected("tap-repeats")
+
+
+@field_case("bad-drop")
+def bad_drop(random: Random, tap: str) -> Site:
+    """A loose terminal at one unit: some of its answers are hit, anywhere, and it may miss requests."""
+    bench = site(random, tap, units=(3, 9), seconds=(100, 300))
+    unit, share, most = bench.unit(), random.choice((0.1, 0.2, 0.4)), random.choice((1, 4, 12))
+    deaf_to = random.choice((0.0, 0.3)) * share
+    unit.silent = lambda _: random.random() < deaf_to
+
+    def loose(burst: Burst, chance: Random) -> list[Pulse]:
+        if burst.sender is not unit or chance.random() >= share:
+            return []
+        bit = burst.uart.bit_ns
+        begins = (chance.uniform(burst.on, burst.last) for _ in range(chance.randint(1, most)))
+        return [Pulse(t, t + chance.uniform(0.6, 3.0) * bit, "flip") for t in begins]
+
+    bench.wire.bends = loose
+    return bench, Expected("bad-drop", (unit.unit,))
+
+
 @field_case("request-flaw", ANY_TAP)
 def request_flaw(random: Random, tap: str) -> Site:
     """A bug in the client: the last byte of each request is missing, or its CRC is made otherwise."""

@@ -1,0 +1,86 @@
+"""Bytes that a tap hands over twice: what it hears is right but for a stretch that comes once more at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+from dissectors.crc import crc16
+
+from ...tables.findings import Severity
+from ..bits import surplus_bits
+from ..evidence import HEALTHY, Evidence
+from ..foretold import may_strike
+from ..registry import Explained, Suspicion, Symptom, suspect
+from ..samples import READ_REQUEST, Sample, Samples
+from .structure import TAP_TAKES
+
+_LEAST: Final = 2  # bytes: one may be anybody's,
+_BOTH: Final = 2  # and copies of requests and of answers: no sender sends both
+_SHARE: Final = 0.2  # of what was looked at; one stretch may fall into the next
+_BITS: Final = 12.0  # a check value that is right without the copy, less the places where it may stand
+
+
+def copied(sample: Sample) -> tuple[bool, bool]:
+    """Whether the bytes of an exchange are right but for a stretch of them that comes twice, of the request, of an
+    answer; what is a whole frame may have been sent twice."""
+    request, due = sample.request, sample.due
+    heard = request + b"".join(piece.data for piece in sample.pieces)
+    base = len(request) + due
+    for more in (0, READ_REQUEST):
+        size = len(heard) - base - more
+        if due and _LEAST <= size < min(due, base + more - len(request)):
+            for at in range(max(len(request) - size, 1), len(heard) - 2 * size + 1):
+                if heard[at : at + size] == heard[at + size : at + 2 * size] and _are_right(
+                    heard[:at] + heard[at + size :], len(request), base
+                ):
+                    return at < len(request) or at + size > base, len(request) < at + size <= base
+    return False, False
+
+
+def _are_right(frames: bytes, asked: int, base: int) -> bool:
+    """Whether a request, its answer and what is asked next, if it is there, have right check values."""
+    return not (crc16(frames[:asked]) or crc16(frames[asked:base]) or crc16(frames[base:]) * (len(frames) > base))
+
+
+def _counted(samples: Samples) -> tuple[float, float]:
+    """About how many of these exchanges have a copy in a request, and in an answer."""
+    found = [copied(sample) for sample in samples.kept]
+    return samples.weight * sum(asked for asked, _ in found), samples.weight * sum(answered for _, answered in found)
+
+
+@suspect(
+    "tap-repeats",
+    Severity.WARNING,
+    blame="tap",
+    text="The tap hands bytes over twice, the bus does not: {copies:,} frames are right without a stretch that comes once "
+    "more, in requests ({requests:,}) as in answers",
+    share="{copies:,} of {damaged:,} disturbed exchanges",
+    deciding_test="Record with another adapter or driver: the copies must be gone, and the client's own error counters "
+    "must not rise with them",
+    remedy="Update the driver or the firmware of the adapter that listens, or take another one; check a program between "
+    "the port and the recorder that reads again what it has read",
+)
+def tap_repeats(evidence: Evidence) -> Iterator[Suspicion]:
+    """Copies in what the client sends, and in what units do."""
+    requests = answers = damaged = 0.0
+    for unit in evidence.units:
+        for samples, symptom in ((unit.samples, Symptom.DAMAGE), (unit.followed, Symptom.BEHIND)):
+            if evidence.is_open(symptom, unit.unit):
+                asked, answered = _counted(samples)
+                requests, answers, damaged = requests + asked, answers + answered, damaged + samples.offered
+    copies = requests + answers
+    if min(requests, answers) < _BOTH or copies < _SHARE * damaged:
+        return
+    explains: Explained = frozenset((kind, unit.unit) for unit in evidence.units for kind in TAP_TAKES)
+    explains -= {(Symptom.SILENCE, unit.unit) for unit in evidence.units if not may_strike(evidence, unit)}
+    asked = sum(unit.asked for unit in evidence.units)
+    yield Suspicion(
+        (),
+        surplus_bits(min(round(damaged), asked), asked, HEALTHY) + _BITS * copies,
+        explains | {(Symptom.FRAMING, None)},
+        {"copies": round(copies), "requests": round(requests), "damaged": round(damaged)},
+        since=evidence.ledger.begin,
+        until=evidence.ledger.end,
+        lost_answers=0,
+    )

@@ -1,0 +1,107 @@
+"""Whole answers that the client did not take, as its next move shows.
+
+A client in want of an answer goes on when its timer ends, however soon the answer came; and it may ask the same again.
+What goes by a list does neither: its rests hang on the answer, or on when a round began, and what it asks twice it asks
+twice each time.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..tables.schema import Bools
+from .bits import strays
+from .evidence import Evidence
+from .exchanges import Ending
+from .exchangetable import AskedRows
+
+_LEAST: Final = 4
+_USUAL: Final = 0.25  # of the rests behind good answers
+_FAR_LONGER: Final = 3.0
+_ALIKE: Final = 0.1  # of a wait
+_STEADIER: Final = 0.5
+_IN_STEP: Final = 0.1
+_FORESEEN: Final = 0.9  # of how often a list asks the same again
+_OF_READS: Final = 4  # functions up to here
+
+
+def unheeded(evidence: Evidence) -> dict[int, int]:
+    """About how many good answers of each unit the client did not take; units of which none is known are left out."""
+    off = evidence.verdict.wait_ns
+    if not evidence.ledger.timed or not np.isfinite(off):
+        return {}
+    rows, char_ns = evidence.ledger.table.rows, evidence.ledger.char_ns
+    good = (rows.outcome == Ending.OK) & (rows.wait >= 0) & (rows.delay >= 0) & (rows.due > 0)
+    if not good.any():
+        return {}
+    rests = rows.wait - rows.delay - rows.due * char_ns
+    far = good & (rests > _FAR_LONGER * max(float(np.quantile(rests[good], _USUAL)), 0.0) + off)
+    lost = (far & _by_timer(rows, rests, far, off)) | (good & rows.next_same & _again(rows, far, off))
+    count = np.bincount(rows.unit[lost], minlength=256)
+    return {
+        unit: round(int(count[unit]) * evidence.ledger.table.weight)
+        for unit in np.flatnonzero(count >= _LEAST).tolist()
+    }
+
+
+def _by_timer(rows: AskedRows, rests: NDArray[np.float64], far: Bools, off: float) -> Bools:
+    """Those behind which the next request comes as long behind the one before it, whatever its answer took: steadier so
+    than as a rest behind the answer, or as the rest of a round that the exchange before is part of."""
+    found, before = np.zeros(len(rows), np.bool_), np.zeros(len(rows))
+    known = np.zeros(len(rows), np.bool_)
+    before[1:], known[1:] = np.diff(rows.time), (np.diff(rows.number) == 1) & ~far[:-1]
+    for unit in np.unique(rows.unit[far]).tolist():
+        mine = np.flatnonzero(far & known & (rows.unit == unit))
+        waits = rows.wait[mine]
+        mine = mine[np.abs(waits - np.median(waits)) <= _ALIKE * np.median(waits)] if len(mine) else mine
+        if len(mine) < _LEAST:
+            continue
+        wait, others = rows.wait[mine].astype(np.float64), (strays(rests[mine]), strays(rows.wait[mine] + before[mine]))
+        if min(others) > off and strays(wait) < _STEADIER * min(others):
+            found |= far & (rows.unit == unit) & (np.abs(rows.wait - np.median(wait)) <= _ALIKE * np.median(wait))
+    return found
+
+
+def _again(rows: AskedRows, far: Bools, off: float) -> Bools:
+    """Those of polls that read, and that the client asks again after a rest: several, or one now once, now twice. Of a list
+    that begins and ends by the same this is so of that one each time, and of what has a timer of its own in step."""
+    polls = defaultdict[tuple[int, int, int, int], list[int]](list)
+    keys = zip(rows.unit.tolist(), rows.function.tolist(), rows.address.tolist(), rows.quantity.tolist(), strict=True)
+    for i, key in enumerate(keys):
+        polls[key].append(i)
+    found = []
+    for key, places in polls.items():
+        mine = np.array(places)
+        again = rows.next_same[mine]
+        if key[1] > _OF_READS or np.count_nonzero(again & far[mine]) < _LEAST or again.all():
+            continue
+        if not _is_in_step(rows.time[mine], again[:-1], off):
+            found.append(mine)
+    if len(found) == 1 and _is_foreseen(np.diff(np.flatnonzero(~rows.next_same[found[0]]))):
+        found = []
+    which = np.zeros(len(rows), np.bool_)
+    for mine in found:
+        which[mine] = True
+    return which
+
+
+def _is_in_step(times: NDArray[np.int64], again: Bools, off: float) -> bool:
+    """Whether a poll comes back as soon when others are asked between."""
+    apart = np.diff(times)
+    if again.all():
+        return True
+    at_once, between = float(np.median(apart[again])), float(np.median(apart[~again]))
+    return abs(between - at_once) <= _IN_STEP * at_once + off
+
+
+def _is_foreseen(runs: NDArray[np.intp]) -> bool:
+    """Whether how often the same is asked follows from the two times before."""
+    behind = defaultdict[tuple[int, int], Counter[int]](Counter)
+    for one, two, three in zip(runs.tolist(), runs[1:].tolist(), runs[2:].tolist(), strict=False):
+        behind[one, two][three] += 1
+    right = sum(max(each.values()) for each in behind.values())
+    return right >= _FORESEEN * max(len(runs) - 2, 1)
