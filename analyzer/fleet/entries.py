@@ -7,7 +7,7 @@ in one line, and nothing is read or taken away by it.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import Any, Final
 
 import orjson
@@ -54,12 +54,20 @@ def _parsed(data: bytes) -> Any:
         return json.loads(data)  # which reads names of files that are no UTF-8, too
 
 
+def lines_in(entry: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
+    """What an entry says of each line that it is of."""
+    return entry.get("lines", ()) if "packs" in entry else (entry,)
+
+
 def listed_in(entry: Mapping[str, Any]) -> set[str]:
     """The files that an entry names."""
-    if "packs" in entry:
-        return {pack["name"] for pack in entry["packs"]}
-    tables = (*entry["files"].values(), *entry["tail"].values())
-    return {name for files in tables for name, _ in files} | ({entry["state"]} if entry["state"] else set())
+    listed = {pack["name"] for pack in entry.get("packs", ())}
+    for line in lines_in(entry):
+        for files in (*line["files"].values(), *line["tail"].values()):
+            listed |= {name for name, _ in files}
+        if line["state"]:
+            listed.add(line["state"])
+    return listed
 
 
 def _in_lake(names: Collection[str]) -> bool:
@@ -139,4 +147,6 @@ _TASK: Final = _form(
         "trouble?": _optional(_text),
     }
 )
-_PACKING: Final = _form({"packs": _list(_form({"table": _text, "name": _text, "members": _FILES}))})
+_PACKING: Final = _form(
+    {"packs": _list(_form({"table": _text, "name": _text, "members": _FILES})), "lines?": _list(_TASK)}
+)

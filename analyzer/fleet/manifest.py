@@ -1,20 +1,21 @@
 """Which files of a lake count: its manifest.
 
 An entry, one a finished task, is a small JSON file `manifest/NUMBER.json` that is only ever added; it names the task's
-files. Readers take what the entries name and nothing else, so a lake is whole at each moment. An entry that goes on
-from an earlier one (`after`) takes the place of that one's tail, the rows that were not yet certain at the end of its
-last slice; one that does not takes the place of all earlier ones of its line.
+files: those of a line, or under `lines` those of several, and under `packs` the files that hold their rows. Readers
+take what the entries name and nothing else, so a lake is whole at each moment. An entry that goes on from an earlier
+one (`after`) takes the place of that one's tail, the rows that were not yet certain at the end of its last slice; one
+that does not takes the place of all earlier ones of its line.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from . import FleetError
-from .entries import FOLDER, entry_names, listed_in, read_entry
+from .entries import FOLDER, entry_names, lines_in, listed_in, read_entry
 from .stores import LakeStore, PackMember
 
 
@@ -24,11 +25,11 @@ class LakeLine:
 
     site: str
     line: str
-    entries: list[dict[str, Any]] = field(default_factory=list)
+    entries: list[Mapping[str, Any]] = field(default_factory=list)
     numbers: list[int] = field(default_factory=list)
 
     @property
-    def last(self) -> dict[str, Any]:
+    def last(self) -> Mapping[str, Any]:
         """The newest entry."""
         return self.entries[-1]
 
@@ -101,8 +102,9 @@ class Manifest:
             raise FleetError(f"{store.root}: is not a lake: create one with rtuscope batch")
         return manifest
 
-    def add(self, entry: dict[str, Any]) -> None:
-        """One more entry: from now on its files are the lake's."""
+    def add(self, lines: Sequence[dict[str, Any]], packs: Sequence[dict[str, Any]] = ()) -> None:
+        """One more entry, of lines and of packs: from now on their files are the lake's."""
+        entry = lines[0] if len(lines) == 1 and not packs else {"packs": packs} | ({"lines": lines} if lines else {})
         number = self.newest + 1
         name = f"{FOLDER}/{number:08d}.json"
         self.store.write(name, json.dumps(entry, separators=(",", ":")).encode())
@@ -134,10 +136,12 @@ class Manifest:
     def _take(self, number: int, entry: dict[str, Any]) -> None:
         self.newest = max(self.newest, number)
         self._numbers.add(number)
-        if "packs" in entry:
-            self._take_packs(entry["packs"])
-            return
         self.listed |= listed_in(entry)
+        self._take_packs(entry.get("packs", ()))
+        for line in lines_in(entry):
+            self._take_line(number, line)
+
+    def _take_line(self, number: int, entry: Mapping[str, Any]) -> None:
         key, after = (entry["site"], entry["line"]), entry["after"]
         if after is not None and after not in self._numbers:
             raise FleetError(f"{self.store.root}: entry {after} of its manifest is missing")
@@ -147,9 +151,8 @@ class Manifest:
         line.entries.append(entry)
         line.numbers.append(number)
 
-    def _take_packs(self, packs: list[dict[str, Any]]) -> None:
+    def _take_packs(self, packs: Iterable[dict[str, Any]]) -> None:
         for pack in packs:
-            self.listed.add(pack["name"])
             members = tuple((name, rows) for name, rows in pack["members"])
             self.packs[pack["name"]] = Pack(pack["table"], members)
             self._packed |= {name: (pack["name"], part) for part, (name, _) in enumerate(members)}
