@@ -59,11 +59,16 @@ class BatchStep:
 
 
 def planned(
-    manifest: Manifest, lines: Sequence[LineFiles], options: BatchOptions, *, redo: bool, result: BatchResult
+    manifest: Manifest,
+    entered: EnteredCaptures,
+    lines: Sequence[LineFiles],
+    options: BatchOptions,
+    *,
+    redo: bool,
+    result: BatchResult,
 ) -> list[LineTask]:
     """The tasks that are left to do, the largest first. What is not done is counted in `result`."""
     tasks = []
-    entered = _Taken(manifest)
     for line in lines:
         known = entered.elsewhere(line.site, line.line)
         plain = LineTask(
@@ -76,7 +81,7 @@ def planned(
     return sorted(tasks, key=lambda task: (-task.size, task.site, task.line))
 
 
-class _Taken:
+class EnteredCaptures:
     """Whose rows the lake has, by content: the lines of a site that took a capture, by its SHA-256."""
 
     def __init__(self, manifest: Manifest) -> None:
@@ -200,20 +205,23 @@ def run_batch(
     compact: bool = False,
     progress: Callable[[BatchStep], None] | None = None,
     stop: Callable[[], bool] | None = None,
+    manifest: Manifest | None = None,
 ) -> BatchResult:
     """Take into the lake what it does not have. Once `stop` says True what is done is kept and the rest left.
 
     At its end small files are made into larger ones, where there are many, or whatever their count if `compact`.
+    `manifest`: the lake's, as it was read before; only newer entries are read then.
     Raises FleetError where the lake cannot be written, at once or again and again.
     """
     begun, result = time.monotonic(), BatchResult()
     refuse_unless_lake(store)
     refuse_sources_inside(store, lines)
     with writing(store):
-        manifest = Manifest(store)
+        manifest = Manifest(store) if manifest is None else manifest.read_on()
         result.troubles += remove_waste(manifest)
-        left = planned(manifest, lines, options, redo=redo, result=result)
-        total, taking = sum(map(_size, left)), _Taking(manifest, result)
+        entered = EnteredCaptures(manifest)
+        left = planned(manifest, entered, lines, options, redo=redo, result=result)
+        total, taking = sum(map(_size, left)), _Taking(manifest, entered, result)
         tasks = line_tasks_together(left)
         while tasks:
             wanted = takewhile(lambda _: stop is None or not stop(), _beside(tasks, taking.full))
@@ -237,9 +245,9 @@ def run_batch(
 class _Taking:
     """What tasks made, entered in the manifest and counted in a result. `done`: bytes; `full`: packs that are full."""
 
-    def __init__(self, manifest: Manifest, result: BatchResult) -> None:
+    def __init__(self, manifest: Manifest, entered: EnteredCaptures, result: BatchResult) -> None:
         self._manifest, self._result = manifest, result
-        self._entered = _Taken(manifest)
+        self._entered = entered
         self._unwritten = 0  # one after the other
         self._copies: list[LineTask] = []
         self._alone: list[LinesTask] = []

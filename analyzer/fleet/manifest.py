@@ -11,11 +11,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
 from . import FleetError
-from .entries import FOLDER, entry_names, lines_in, listed_in, read_entry
+from .entries import FOLDER, entry_names, lines_in, listed_in, read_entry, reading_many
 from .stores import LakeStore, PackMember
 
 
@@ -81,18 +82,45 @@ class TableFiles:
 
 
 class Manifest:
-    """The entries of a lake, read once; `add` writes one more."""
+    """The entries of a lake, each read once; `add` writes one more."""
 
     def __init__(self, store: LakeStore) -> None:
         self.store = store
+        self._forget()
+        self.read_on()
+
+    def _forget(self) -> None:
         self.lines: dict[tuple[str, str], LakeLine] = {}
         self.packs: dict[str, Pack] = {}
         self._numbers: set[int] = set()
         self._packed: dict[str, tuple[str, int]] = {}  # pack and part that hold a file's rows
         self.listed: set[str] = set()  # all files that an entry ever named
         self.newest = 0
-        for number, name in entry_names(store):
-            self._take(number, read_entry(store, name))
+        self._newest_entry = b""
+
+    def read_on(self) -> Manifest:
+        """The same with the entries that came since it was read; all anew where it is another's by now."""
+        there = dict(entry_names(self.store))
+        if not self._is_that(there):
+            self._forget()
+        try:
+            with reading_many():
+                for number, name in there.items():
+                    if number not in self._numbers:
+                        self._take(number, *read_entry(self.store, name))
+            self._newest_entry = self.store.read(there[self.newest]) if there else b""
+        except BaseException:
+            self._forget()  # half an entry would make its files nobody's
+            raise
+        return self
+
+    def _is_that(self, there: Mapping[int, str]) -> bool:
+        """Whether the entries that were read are among these: the newest holds names that no other lake has."""
+        if not self._numbers <= there.keys():
+            return False
+        with suppress(FleetError, OSError):
+            return not self._numbers or self.store.read(there[self.newest]) == self._newest_entry
+        return False
 
     @classmethod
     def of(cls, store: LakeStore) -> Manifest:
@@ -107,8 +135,10 @@ class Manifest:
         entry = lines[0] if len(lines) == 1 and not packs else {"packs": packs} | ({"lines": lines} if lines else {})
         number = self.newest + 1
         name = f"{FOLDER}/{number:08d}.json"
-        self.store.write(name, json.dumps(entry, separators=(",", ":")).encode())
-        self._take(number, entry)
+        data = json.dumps(entry, separators=(",", ":")).encode()
+        self.store.write(name, data)
+        self._take(number, entry, listed_in(entry))
+        self._newest_entry = data
 
     def rows(self, table: str) -> dict[str, int]:
         """How many rows each file has that was made of a table, in the order of sites, lines and rows."""
@@ -128,15 +158,18 @@ class Manifest:
 
     def named(self) -> set[str]:
         """All files that are the lake's."""
-        named = {line.last["state"] for line in self.lines.values() if line.last["state"]}
-        tables = {table for line in self.lines.values() for entry in line.entries for table in entry["files"]}
-        tables |= {table for line in self.lines.values() for table in line.last["tail"]}
-        return named.union(*(self.files(table).names for table in tables))
+        lines = self.lines.values()
+        named = {line.last["state"] for line in lines if line.last["state"]}
+        for line in lines:
+            for files in (*(entry["files"] for entry in line.entries), line.last["tail"]):
+                named.update([name for members in files.values() for name, _ in members])
+        packed = named & self._packed.keys()
+        return (named - packed) | {self._packed[name][0] for name in packed}
 
-    def _take(self, number: int, entry: dict[str, Any]) -> None:
+    def _take(self, number: int, entry: Mapping[str, Any], listed: set[str]) -> None:
         self.newest = max(self.newest, number)
         self._numbers.add(number)
-        self.listed |= listed_in(entry)
+        self.listed |= listed
         self._take_packs(entry.get("packs", ()))
         for line in lines_in(entry):
             self._take_line(number, line)
