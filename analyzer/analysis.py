@@ -220,7 +220,7 @@ class Analysis:
         from .exports.records import records_arrow, table_named
 
         chosen = table_named(table, self.maps)
-        return records_arrow(chosen, (chosen.columns(part) for part in self.analysed()))
+        return records_arrow(chosen, (chosen.made(part) for part in self.analysed()))
 
     def to_polars(self, *, noise: bool = False) -> Any:
         """The same as a polars DataFrame."""

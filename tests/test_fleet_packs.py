@@ -19,7 +19,7 @@ pytest.importorskip("fsspec", reason="a lake needs fsspec for object stores")
 
 from lakes import DAY_NS, batch, bus, plain, rows, same, sliced, write_fleet
 
-from analyzer.fleet import packs
+from analyzer.fleet import LakeWriteError, datasets, packs, tasks
 from analyzer.fleet.batch import compact_lake
 from analyzer.fleet.datasets import DATASETS
 from analyzer.fleet.lake import Lake
@@ -152,15 +152,77 @@ def test_packs_that_are_full_are_made_while_more_is_taken_in(loose, sources, tmp
     monkeypatch.setattr(packs, "SMALL", 50)
     order, enter = [], Manifest.add
 
-    def entered(manifest, entry):
-        order.append("packs" in entry)
-        enter(manifest, entry)
+    def entered(manifest, lines, packs=()):
+        order.append(bool(packs))
+        enter(manifest, lines, packs)
 
     monkeypatch.setattr(Manifest, "add", entered)
     result = batch(tmp_path / "lake", sources)
     first, last = order.index(True), len(order) - 1 - order[::-1].index(False)
     assert first < last, "a pack before the last capture"
     assert result.packed.after == order.count(True) < result.packed.before
+    assert same(loose, tmp_path / "lake")
+
+
+@pytest.fixture
+def together(monkeypatch):
+    """All small captures of a batch in one task."""
+    monkeypatch.setattr(tasks, "LEAST_TASKS", 1)
+
+
+@pytest.mark.usefixtures("together")
+def test_small_captures_taken_in_together_are_packed_at_once(loose, sources, tmp_path):
+    copied = shutil.copytree(sources, tmp_path / "sources")
+    shutil.copy(copied / "site1" / "bus0.mcap", copied / "site1" / "copy.mcap")
+    result = batch(tmp_path / "lake", copied)
+    assert (result.lines, result.captures, result.failed) == (7, 7, 0)
+    assert len(list((tmp_path / "lake" / "manifest").iterdir())) == 2  # the copy comes once more, known as one
+    manifest = Manifest(store(str(tmp_path / "lake")))
+    assert not manifest.files("frames").loose and len(manifest.files("frames").packs) == 1
+    assert same(loose, tmp_path / "lake", [table for table in DATASETS if table != "captures"])
+    assert sum(row["site"] == "site1" for row in rows(tmp_path / "lake", "captures")) == 3
+    compact_lake(store(str(tmp_path / "lake")))
+    assert not any(Manifest(store(str(tmp_path / "lake"))).files("frames").packs.values())
+    batch(tmp_path / "lake", copied)
+    there, named = files(tmp_path / "lake")
+    assert there == named
+    assert same(loose, tmp_path / "lake", [table for table in DATASETS if table != "captures"])
+
+
+@pytest.mark.usefixtures("together")
+def test_lines_taken_in_together_go_on_as_one_does(tmp_path):
+    capture = bus(transactions=100, span_ns=2 * DAY_NS)
+    paths = [sliced(capture, [0.3, 0.8], tmp_path / "ring" / f"site{number}") for number in range(3)]
+    batch(tmp_path / "whole", tmp_path / "ring")
+    for last in (1, 2, 3):
+        batch(tmp_path / "lake", *(path for line in paths for path in line[:last]))
+    made = Manifest(store(str(tmp_path / "lake")))
+    assert len(made.packs) > sum(len(made.files(table).packs) for table in DATASETS)  # some held tails alone
+    assert same(tmp_path / "lake", tmp_path / "whole", [table for table in DATASETS if table != "captures"])
+
+
+@pytest.mark.usefixtures("together")
+def test_lines_whose_packs_cannot_be_written_are_taken_in_alone(loose, sources, tmp_path, monkeypatch):
+    write = packs.new_packs
+
+    def full(place, new):
+        if new:
+            raise LakeWriteError("no space")
+        return write(place, new)
+
+    monkeypatch.setattr(tasks, "new_packs", full)
+    result = batch(tmp_path / "lake", sources)
+    assert (result.captures, result.failed) == (6, 0)
+    assert not Manifest(store(str(tmp_path / "lake"))).packs
+    assert same(loose, tmp_path / "lake")
+
+
+def test_a_small_file_of_many_rows_writes_its_own(loose, sources, tmp_path, monkeypatch):
+    monkeypatch.setattr(tasks, "LEAST_TASKS", 1)
+    monkeypatch.setattr(datasets, "GROUP", 50)
+    batch(tmp_path / "lake", sources)
+    table = Manifest(store(str(tmp_path / "lake"))).files("frames")
+    assert table.loose and table.packs
     assert same(loose, tmp_path / "lake")
 
 

@@ -12,8 +12,10 @@ pytest.importorskip("fsspec", reason="a lake needs fsspec for object stores")
 from lakes import DAY_NS, batch, bus, rows, same, sliced, write_fleet
 
 from analyzer.causes import reasoning
+from analyzer.fleet import manifest as manifests
 from analyzer.fleet.batch import compact_lake
 from analyzer.fleet.datasets import DATASETS, touched
+from analyzer.fleet.entries import read_entry
 from analyzer.fleet.lake import Lake
 from analyzer.fleet.manifest import Manifest
 from analyzer.fleet.stores import store
@@ -140,3 +142,30 @@ def test_functions_that_are_declared_otherwise_are_other_options(tmp_path):
     before = BatchOptions(functions=(str(path),)).mark()
     path.write_text("A = 2\n")
     assert BatchOptions(functions=(str(path),)).mark() != before
+
+
+def test_of_a_manifest_only_what_is_new_is_read(sources, tmp_path, monkeypatch):
+    """As `watch` reads it; but all of it where the lake is another by now, of which nothing is taken away."""
+    read, lake, first = [], tmp_path / "lake", sorted(sources.iterdir())[0]
+
+    def reading(place, name):
+        read.append(name)
+        return read_entry(place, name)
+
+    monkeypatch.setattr(manifests, "read_entry", reading)
+    batch(lake, first)
+    kept = Manifest(store(str(lake)))
+    assert len(read) == 2
+    batch(lake, sources)
+    read.clear()
+    assert batch(lake, sources, manifest=kept).captures == 0
+    assert len(read) == 4 and kept.lines == Manifest(store(str(lake))).lines
+    read.clear()
+    batch(lake, sources, manifest=kept)
+    assert not read
+    shutil.rmtree(lake)
+    batch(tmp_path / "whole", sources, options=BatchOptions(noise=True))
+    batch(lake, sources, options=BatchOptions(noise=True))
+    read.clear()
+    batch(lake, sources, options=BatchOptions(noise=True), manifest=kept)
+    assert len(read) == 6 and same(lake, tmp_path / "whole")

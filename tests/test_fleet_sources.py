@@ -179,7 +179,7 @@ def test_a_lake_that_cannot_be_written_blames_no_capture(tmp_path, monkeypatch):
     def full(*_):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(datasets, "_flush", full)
+    monkeypatch.setattr(datasets.LakeFiles, "_flush", full)
     result = batch(tmp_path / "lake", tmp_path / "src")
     assert (result.failed, result.captures, result.damaged) == (1, 0, 0)
     assert "the lake cannot be written: no space left on device" in result.troubles[0]

@@ -43,6 +43,7 @@ def run(arguments: argparse.Namespace) -> int:
     from ..fleet import FleetError
     from ..fleet.account import refuse_unless_lake
     from ..fleet.batch import run_batch
+    from ..fleet.manifest import Manifest
     from ..fleet.sources import lines_of, settled
     from ..fleet.stores import is_remote, store
 
@@ -58,7 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     if not arguments.once:
         tell(f"looking for new captures every {arguments.every:g} s; press Ctrl-C to stop")
-    failed = False
+    failed, manifest = False, None
     # what a batch began when a signal ends it is left, what it did is kept
     with suppress(KeyboardInterrupt), endable(), interruptible() as stop:
         while not stop():
@@ -68,7 +69,17 @@ def run(arguments: argparse.Namespace) -> int:
                 files = settled(there, 0.0 if arguments.once else min(arguments.every, 10.0))
                 lines = lines_of(files, arguments.site, arguments.site_from, refused)
                 progress = shown_progress("watch")
-                result = run_batch(lake, lines, options, runner, redo=arguments.redo, progress=progress, stop=stop)
+                manifest = manifest or Manifest(lake)
+                result = run_batch(
+                    lake,
+                    lines,
+                    options,
+                    runner,
+                    redo=arguments.redo,
+                    progress=progress,
+                    stop=stop,
+                    manifest=manifest,
+                )
             except FleetError as error:  # a network that is down now is up again later
                 if arguments.once:
                     raise

@@ -17,7 +17,7 @@ first frames themselves and so is known only when they have passed.
 from __future__ import annotations
 
 from bisect import bisect_right
-from copy import deepcopy
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -123,8 +123,13 @@ class TapClock:
         self._count = len(self._rest[0])
 
     def _taken(self) -> tuple[NDArray[Any], ...]:
-        parts = [self._rest, *map(_columns_of, self._waiting)]
+        columns = self._columns()
         self._waiting, self._rest, self._count = [], _columns_of(Rows.zeros(0)), 0
+        return columns
+
+    def _columns(self) -> tuple[NDArray[Any], ...]:
+        """What waits to be learnt."""
+        parts = [self._rest, *map(_columns_of, self._waiting)]
         return tuple(np.concatenate(column) for column in zip(*parts, strict=True))
 
     def close(self) -> None:
@@ -149,13 +154,20 @@ class TapClock:
         Before the first verdict, by what has passed so far.
         """
         if not self.known and self._count:
-            early = deepcopy(self)
-            early.close()
-            return early.off_ns
+            return self._early().off_ns
         verdict = self.newest()
         if verdict.wait_ns == UNKNOWN:
             return UNKNOWN if self.known else 0.0
         return verdict.step_ns if not verdict.fine and verdict.wait_ns == _USUAL_NS else verdict.wait_ns
+
+    def _early(self) -> TapClock:
+        """The same as if no more frames came; nothing is learnt of any before the first verdict."""
+        early = copy(self)
+        early._in_step, early._heard = np.zeros(len(_STEPS_NS)), {each: _HeardFrames() for each in Protocol}
+        early._since, early._verdicts = [], []
+        early._learn(*self._columns())
+        early._conclude()
+        return early
 
     @property
     def known(self) -> bool:

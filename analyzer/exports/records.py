@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 
 Kind = Literal["integer", "number", "text", "flag", "time"]  # a time is ns since the epoch, or since the capture's zero
 Columns = Mapping[str, list[Any]]
+MadeColumns = Mapping[str, Any]  # lists, or arrays; masked ones where a value may be missing
 
 AREA_NAMES: Final = {
     AreaCode.COILS: "coil",
@@ -48,68 +49,78 @@ AREA_NAMES: Final = {
 
 @dataclass(frozen=True, slots=True)
 class RecordTable:
-    """A table: the kind of each column, in their order, and what makes them, all lists of one length."""
+    """A table: the kind of each column, in their order, and what makes them, all of one length."""
 
     kinds: Mapping[str, Kind]
-    columns: Callable[[Analysed], Columns]
+    made: Callable[[Analysed], MadeColumns]
+
+    def columns(self, analysed: Analysed) -> Columns:
+        """Its columns as lists, None where a value is missing."""
+        return {name: _listed(values) for name, values in self.made(analysed).items()}
 
     def chosen(self, fields: Sequence[str]) -> RecordTable:
         """The same of some columns; `time`, where asked for, puts its times as wall clock. Raises ExportError."""
         names = chosen_names(fields, (*self.kinds, "time"))
         clock = next(name for name, kind in self.kinds.items() if kind == "time")
-        parts: dict[str, Callable[[Columns], list[Any]]] = {name: itemgetter(name) for name in self.kinds}
-        parts["time"] = lambda columns: [clock_text(t_ns) or None for t_ns in columns[clock]]
+        parts: dict[str, Callable[[MadeColumns], Any]] = {name: itemgetter(name) for name in self.kinds}
+        parts["time"] = lambda columns: [clock_text(t_ns) or None for t_ns in _listed(columns[clock])]
 
-        def narrowed(analysed: Analysed) -> Columns:
-            columns = self.columns(analysed)
+        def narrowed(analysed: Analysed) -> MadeColumns:
+            columns = self.made(analysed)
             return {name: parts[name](columns) for name in names}
 
         return RecordTable({name: self.kinds.get(name, "text") for name in names}, narrowed)
 
 
-def _optional(values: NDArray[Any], absent: NDArray[np.bool_]) -> list[Any]:
-    return [None if gone else value for value, gone in zip(values.tolist(), absent.tolist(), strict=True)]
+def _listed(values: Any) -> list[Any]:
+    return values if isinstance(values, list) else values.tolist()
 
 
-def _transactions(analysed: Analysed) -> Columns:
+def _worded(codes: NDArray[Any], word: Callable[[int], str]) -> NDArray[np.object_]:
+    """The word of each code, looked up once."""
+    seen, which = np.unique(codes, return_inverse=True)
+    return np.array([word(code) for code in seen.tolist()], object)[which]
+
+
+def _transactions(analysed: Analysed) -> MadeColumns:
     rows = analysed.transactions
     answered = rows.response >= 0
     exact, low, high = rows.response_times(analysed.off_ns)
     return {
-        "request": rows.request.tolist(),
-        "request_start": rows.start.tolist(),
-        "port": rows.port.tolist(),
-        "t_start_ns": rows.t_start_ns.tolist(),
-        "unit": rows.unit.tolist(),
-        "function": rows.function.tolist(),
-        "name": [function_name(code) for code in rows.function.tolist()],
-        "status": [Status(code).name.lower() for code in rows.status.tolist()],
-        "exception": _optional(rows.exception, rows.exception == 0),
-        "retry": rows.retry.tolist(),
-        "late": rows.late.tolist(),
-        "mistaken": rows.mistaken.tolist(),
-        "unsure": rows.unsure.tolist(),
-        "response": _optional(rows.response, ~answered),
-        "response_start": _optional(rows.response_start, ~answered),
-        "response_time_ns": _optional(exact, exact < 0),
-        "response_time_low_ns": _optional(low, low < 0),
-        "response_time_high_ns": _optional(high, high < 0),
+        "request": rows.request,
+        "request_start": rows.start,
+        "port": rows.port,
+        "t_start_ns": rows.t_start_ns,
+        "unit": rows.unit,
+        "function": rows.function,
+        "name": _worded(rows.function, function_name),
+        "status": _worded(rows.status, lambda code: Status(code).name.lower()),
+        "exception": np.ma.masked_array(rows.exception, rows.exception == 0),
+        "retry": rows.retry,
+        "late": rows.late,
+        "mistaken": rows.mistaken,
+        "unsure": rows.unsure,
+        "response": np.ma.masked_array(rows.response, ~answered),
+        "response_start": np.ma.masked_array(rows.response_start, ~answered),
+        "response_time_ns": np.ma.masked_array(exact, exact < 0),
+        "response_time_low_ns": np.ma.masked_array(low, low < 0),
+        "response_time_high_ns": np.ma.masked_array(high, high < 0),
     }
 
 
-def _values(analysed: Analysed) -> Columns:
+def _values(analysed: Analysed) -> MadeColumns:
     batch = analysed.batch
     confirmed = confirmed_values(batch, decode(batch))
     rows, address, values = confirmed.spread()
     areas = np.array([AREA_NAMES.get(AreaCode(code), "") for code in range(len(AreaCode))], object)
     return {
-        "t_ns": batch.rows.t_end_ns[rows].tolist(),
-        "port": batch.rows.port[rows].tolist(),
-        "unit": batch.rows.unit[rows].tolist(),
-        "area": areas[np.repeat(confirmed.area, confirmed.counts)].tolist(),
-        "address": address.tolist(),
-        "raw": values.tolist(),
-        "index": batch.rows.index[rows].tolist(),
+        "t_ns": batch.rows.t_end_ns[rows],
+        "port": batch.rows.port[rows],
+        "unit": batch.rows.unit[rows],
+        "area": areas[np.repeat(confirmed.area, confirmed.counts)],
+        "address": address,
+        "raw": values,
+        "index": batch.rows.index[rows],
     }
 
 
@@ -266,14 +277,23 @@ def record_schema(table: RecordTable) -> Any:
     return pa.schema([(name, kinds[kind]) for name, kind in table.kinds.items()])
 
 
-def record_arrow(schema: Any, columns: Columns) -> Any:
+def record_arrow(schema: Any, columns: MadeColumns) -> Any:
     """Columns as an Arrow RecordBatch."""
     import pyarrow as pa
 
-    return pa.record_batch([pa.array(columns[field.name], field.type) for field in schema], schema=schema)
+    return pa.record_batch([_arrow(columns[field.name], field.type) for field in schema], schema=schema)
 
 
-def records_arrow(table: RecordTable, parts: Iterable[Columns]) -> Any:
+def _arrow(values: Any, kind: Any) -> Any:
+    import pyarrow as pa
+
+    if isinstance(values, list):
+        return pa.array(values, kind)
+    missing = np.ma.getmaskarray(values) if isinstance(values, np.ma.MaskedArray) else None
+    return pa.array(np.asarray(values), mask=missing).cast(kind)
+
+
+def records_arrow(table: RecordTable, parts: Iterable[MadeColumns]) -> Any:
     """A table in memory, as an Arrow Table."""
     import pyarrow as pa
 

@@ -50,7 +50,7 @@ def _is_lake(store: LakeStore) -> bool:
         if isinstance(mark, dict) and mark.items() >= _MARKED.items():
             return True
     first = next(entry_names(store), None)
-    return first is not None and bool(read_entry(store, first[1]))  # one of before lakes had a mark
+    return first is not None and bool(read_entry(store, first[1])[0])  # one of before lakes had a mark
 
 
 def refuse_sources_inside(store: LakeStore, lines: Iterable[LineFiles]) -> None:

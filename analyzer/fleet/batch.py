@@ -18,7 +18,7 @@ from .packs import FULL, FullPacks, LakePacking, PackTask, pack_tasks
 from .runners import LakeTask, Runner, in_this_process
 from .sources import LineFiles, SourceFile, readable
 from .stores import LakeStore
-from .tasks import BatchOptions, KeptRows, LineTask
+from .tasks import BatchOptions, KeptRows, LinesTask, LineTask, line_tasks_together
 
 _UNWRITTEN: Final = 5  # tasks one after the other that could not write: a full disk, and no fault of theirs
 _HAVE_ROWS: Final = ("whole", "damaged")  # states of captures
@@ -59,11 +59,16 @@ class BatchStep:
 
 
 def planned(
-    manifest: Manifest, lines: Sequence[LineFiles], options: BatchOptions, *, redo: bool, result: BatchResult
+    manifest: Manifest,
+    entered: EnteredCaptures,
+    lines: Sequence[LineFiles],
+    options: BatchOptions,
+    *,
+    redo: bool,
+    result: BatchResult,
 ) -> list[LineTask]:
     """The tasks that are left to do, the largest first. What is not done is counted in `result`."""
     tasks = []
-    entered = _Taken(manifest)
     for line in lines:
         known = entered.elsewhere(line.site, line.line)
         plain = LineTask(
@@ -73,10 +78,10 @@ def planned(
         task = plain if before is None else _further(before, plain, redo=redo, result=result)
         if task is not None:
             tasks.append(task)
-    return sorted(tasks, key=lambda task: (-sum(file.size for file in task.files), task.site, task.line))
+    return sorted(tasks, key=lambda task: (-task.size, task.site, task.line))
 
 
-class _Taken:
+class EnteredCaptures:
     """Whose rows the lake has, by content: the lines of a site that took a capture, by its SHA-256."""
 
     def __init__(self, manifest: Manifest) -> None:
@@ -200,74 +205,118 @@ def run_batch(
     compact: bool = False,
     progress: Callable[[BatchStep], None] | None = None,
     stop: Callable[[], bool] | None = None,
+    manifest: Manifest | None = None,
 ) -> BatchResult:
     """Take into the lake what it does not have. Once `stop` says True what is done is kept and the rest left.
 
     At its end small files are made into larger ones, where there are many, or whatever their count if `compact`.
+    `manifest`: the lake's, as it was read before; only newer entries are read then.
     Raises FleetError where the lake cannot be written, at once or again and again.
     """
     begun, result = time.monotonic(), BatchResult()
     refuse_unless_lake(store)
     refuse_sources_inside(store, lines)
     with writing(store):
-        manifest = Manifest(store)
+        manifest = Manifest(store) if manifest is None else manifest.read_on()
         result.troubles += remove_waste(manifest)
-        tasks = planned(manifest, lines, options, redo=redo, result=result)
-        total, done, unwritten = sum(_size(task) for task in tasks), 0, 0
-        entered, full = _Taken(manifest), FullPacks(store.root)
+        entered = EnteredCaptures(manifest)
+        left = planned(manifest, entered, lines, options, redo=redo, result=result)
+        total, taking = sum(map(_size, left)), _Taking(manifest, entered, result)
+        tasks = line_tasks_together(left)
         while tasks:
-            again: list[LineTask] = []
-            wanted = takewhile(lambda _: stop is None or not stop(), _beside(tasks, full))
+            wanted = takewhile(lambda _: stop is None or not stop(), _beside(tasks, taking.full))
             with closing(runner(wanted)) as outcomes:
                 for task, outcome in outcomes:
                     if isinstance(task, PackTask):
                         result.packed += _packed(manifest, task, outcome)
                         continue
-                    assert isinstance(task, LineTask)
-                    if copies := _copies(entered, task, outcome):
-                        again.append(replace(task, known=task.known | copies))
-                        continue
-                    unwritten = unwritten + 1 if isinstance(outcome, LakeWriteError) else 0
-                    if unwritten == _UNWRITTEN:
-                        raise FleetError(f"{outcome}; partial output is kept: continue with --resume")
-                    done += _size(task)
-                    _enter(manifest, task, outcome, result)
-                    if not isinstance(outcome, Exception):
-                        entered.add(task.site, task.line, outcome["slices"])
-                        full.entered(outcome)
+                    assert isinstance(task, LinesTask)
+                    taking.enter(task, outcome)
                     if progress is not None:
-                        progress(BatchStep(done, total, result.frames, time.monotonic() - begun))
-            tasks = again
-        result.partial = done < total
+                        progress(BatchStep(taking.done, total, result.frames, time.monotonic() - begun))
+            tasks = taking.again()
+        result.partial = taking.done < total
         if not result.partial:
             result.packed += _pack(manifest, runner, 1 if compact else None, stop)
     result.seconds = time.monotonic() - begun
     return result
 
 
-def _copies(entered: _Taken, task: LineTask, outcome: dict[str, Any] | Exception) -> frozenset[str]:
-    """What a task took though another line of the site has it since: two copies of a capture, in one batch."""
-    if isinstance(outcome, Exception):
-        return frozenset()
-    own = [one["sha256"] for one in outcome["slices"] if one["state"] in _HAVE_ROWS]
-    return entered.elsewhere(task.site, task.line, own)
+class _Taking:
+    """What tasks made, entered in the manifest and counted in a result. `done`: bytes; `full`: packs that are full."""
+
+    def __init__(self, manifest: Manifest, entered: EnteredCaptures, result: BatchResult) -> None:
+        self._manifest, self._result = manifest, result
+        self._entered = entered
+        self._unwritten = 0  # one after the other
+        self._copies: list[LineTask] = []
+        self._alone: list[LinesTask] = []
+        self.full = FullPacks(manifest.store.root)
+        self.done = 0
+
+    def enter(self, task: LinesTask, outcome: dict[str, Any] | Exception) -> None:
+        """One task is done. Raises FleetError where the lake cannot be written, again and again."""
+        if not isinstance(outcome, Exception):
+            self._enter(task.lines, outcome["lines"], outcome["packs"])
+        elif len(task.lines) == 1:
+            self._fail(task.lines[0], outcome)
+        else:  # each answers for itself
+            self._count_unwritten(outcome)
+            self._alone += [LinesTask((line,)) for line in task.lines]
+        if self._unwritten >= _UNWRITTEN:
+            raise FleetError(f"{outcome}; partial output is kept: continue with --resume")
+
+    def again(self) -> list[LinesTask]:
+        """What is to be done once more, once."""
+        tasks = [*self._alone, *line_tasks_together(self._copies)]
+        self._alone, self._copies = [], []
+        return tasks
+
+    def _enter(
+        self, lines: Sequence[LineTask], outcomes: Iterable[dict[str, Any] | Exception], packs: list[dict[str, Any]]
+    ) -> None:
+        entries = []
+        for line, outcome in zip(lines, outcomes, strict=True):
+            if isinstance(outcome, Exception):
+                self._fail(line, outcome)
+            elif copies := self._elsewhere(line, outcome):
+                self._copies.append(replace(line, known=line.known | copies))
+            else:
+                self._unwritten = 0
+                self._entered.add(line.site, line.line, outcome["slices"])
+                entries.append(outcome)
+                self.done += _size(line)
+        if entries:
+            self._manifest.add(entries, packs)
+            self.full.entered(entries, packs)
+        for entry in entries:
+            _count(entry, self._result)
+
+    def _elsewhere(self, line: LineTask, entry: dict[str, Any]) -> frozenset[str]:
+        """What a line took though another of the site has it since: two copies of a capture, in one batch."""
+        own = [one["sha256"] for one in entry["slices"] if one["state"] in _HAVE_ROWS]
+        return self._entered.elsewhere(line.site, line.line, own)
+
+    def _fail(self, line: LineTask, error: Exception) -> None:
+        self._count_unwritten(error)
+        self.done += _size(line)
+        words = str(error) if isinstance(error, FleetError) else f"{type(error).__name__}: {error}"
+        self._result.failed += 1
+        self._result.troubles.append(f"site {line.site}, line {line.line}: not done: {' '.join(words.split())}")
+
+    def _count_unwritten(self, error: Exception) -> None:
+        self._unwritten = self._unwritten + 1 if isinstance(error, LakeWriteError) else 0
 
 
-def _enter(manifest: Manifest, task: LineTask, outcome: dict[str, Any] | Exception, result: BatchResult) -> None:
-    if isinstance(outcome, Exception):
-        result.failed += 1
-        words = str(outcome) if isinstance(outcome, FleetError) else f"{type(outcome).__name__}: {outcome}"
-        result.troubles.append(f"site {task.site}, line {task.line}: not done: {' '.join(words.split())}")
-        return
-    manifest.add(outcome)
-    if outcome["trouble"]:
+def _count(entry: dict[str, Any], result: BatchResult) -> None:
+    if entry["trouble"]:
         result.troubled += 1
-        result.troubles.append(f"site {task.site}, line {task.line}: {outcome['trouble']}")
+        result.troubles.append(f"site {entry['site']}, line {entry['line']}: {entry['trouble']}")
     result.lines += 1
-    result.captures += len(outcome["slices"])
-    result.frames += outcome["frames"]
-    result.octets += outcome["bytes"]
-    for one in outcome["slices"]:
+    result.captures += len(entry["slices"])
+    result.frames += entry["frames"]
+    result.octets += entry["bytes"]
+    for one in entry["slices"]:
         if one["state"] in ("damaged", "unreadable"):
             result.damaged += 1
             more = f" (and {len(one['damage']) - 1} more)" if len(one["damage"]) > 1 else ""
@@ -284,7 +333,7 @@ def compact_lake(store: LakeStore) -> LakePacking:
         return _pack(manifest, in_this_process, 1, None)
 
 
-def _beside(tasks: Iterable[LineTask], full: FullPacks) -> Iterator[LakeTask]:
+def _beside(tasks: Iterable[LinesTask], full: FullPacks) -> Iterator[LakeTask]:
     """Tasks, with the packs that are full by then between them."""
     for task in tasks:
         yield from full.tasks()
@@ -311,4 +360,4 @@ def _packed(manifest: Manifest, task: PackTask, outcome: dict[str, Any] | Except
 
 
 def _size(task: LineTask) -> int:
-    return sum(file.size for file in task.files) + 1
+    return task.size + 1

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -161,27 +161,42 @@ def _folder_name(site: str) -> str:
     return "".join(each if ord(each) > 127 and each.isprintable() else quote(each, safe="") for each in site)
 
 
+@dataclass(frozen=True, slots=True)
+class NewRows:
+    """Rows of a line, and a day of a large table, as record batches without the column `line`; they wait to be written
+    with those of others, and `name` is that of the file that they would be alone."""
+
+    table: str
+    name: str
+    line: str
+    parts: list[Any]
+    rows: int
+
+
 @dataclass(slots=True)
 class _DayFile:
-    """A file being written."""
+    """A file to be: its rows, and once they are many what writes them."""
 
-    path: Path
-    writer: Any
-    parts: list[Any]
+    parts: list[Any] = field(default_factory=list)
     waiting: int = 0
     rows: int = 0
+    path: Path | None = None
+    writer: Any = None
 
 
 class LakeFiles:
     """Rows of one line into files of a lake, a file a table and day; memory holds a row group of each.
 
-    `tables`: those that are wanted; rows of others are let go.
+    `tables`: those that are wanted; rows of others are let go. `waiting`: where files so small that they are best
+    written with those of other lines go instead, if given; no more rows than a row group.
     """
 
-    def __init__(self, store: LakeStore, site: str, line: str, prefix: str) -> None:
+    def __init__(
+        self, store: LakeStore, site: str, line: str, prefix: str, waiting: list[NewRows] | None = None
+    ) -> None:
         self.tables = frozenset(DATASETS)
-        self._store, self._site, self._prefix = store, site, prefix
-        self._line = pa.array([line], pa.string())
+        self._store, self._site, self._line, self._prefix = store, site, line, prefix
+        self._waiting, self._room = waiting, GROUP
         self._open: dict[tuple[str, int | None], _DayFile] = {}
         self._days: dict[str, int] = {}  # the newest, by table
         self._done: dict[str, list[tuple[str, int]]] = {}
@@ -190,22 +205,17 @@ class LakeFiles:
         """A RecordBatch of rows of a table, its column `line` left out. Raises LakeWriteError."""
         if not len(part) or table not in self.tables:
             return
-        dataset = DATASETS[table]
-        none = pa.DictionaryArray.from_arrays(pa.array(np.zeros(len(part), np.int8)), self._line)
-        part = pa.record_batch([none, *part.columns], schema=dataset.schema)
-        with _writing():
-            self._add_days(table, part)
-
-    def _add_days(self, table: str, part: Any) -> None:
-        dataset = DATASETS[table]
-        if dataset.time is None:
-            self._add(table, None, part)
-            return
-        times = part.column(dataset.time).view(pa.int64()).to_numpy(zero_copy_only=False)
-        days = times // DAY_NS
-        for day in np.unique(days).tolist():
-            mine = days == day
-            self._add(table, day, part if mine.all() else part.filter(pa.array(mine)))
+        time = DATASETS[table].time
+        with lake_writing():
+            if time is None:
+                self._add(table, None, part)
+                return
+            days = part.column(time).view(pa.int64()).to_numpy(zero_copy_only=False) // DAY_NS
+            if days.min() == days.max():
+                self._add(table, int(days[0]), part)
+                return
+            for day in np.unique(days).tolist():
+                self._add(table, day, part.filter(pa.array(days == day)))
 
     def _add(self, table: str, day: int | None, part: Any) -> None:
         if day is not None:
@@ -214,48 +224,60 @@ class LakeFiles:
                 if of == table and old is not None and old < newest < day:
                     self._close(of, old)  # a line's times hardly ever go back, and no further than a day
             self._days[table] = max(newest, day)
-        file = self._open.get((table, day))
-        if file is None:
-            file = self._open[table, day] = self._begin(table)
+        file = self._open.setdefault((table, day), _DayFile())
         file.parts.append(part)
         file.waiting += len(part)
         if file.waiting >= GROUP:
-            _flush(file, DATASETS[table].schema)
+            self._flush(table, file)
 
-    def _begin(self, table: str) -> _DayFile:
-        path = self._store.scratch()
-        make: Callable[..., Any] = frames_writer if table == "frames" else ParquetWriter
-        return _DayFile(path, make(str(path), DATASETS[table].schema, compression="zstd"), [])
+    def _flush(self, table: str, file: _DayFile) -> None:
+        """Rows into the file, which begins with the first of them."""
+        schema = DATASETS[table].schema
+        if file.writer is None:
+            file.path = self._store.scratch()
+            file.writer = rows_writer(table, file.path, schema)
+        if file.parts:
+            rows = pa.Table.from_batches(file.parts)
+            line = pa.DictionaryArray.from_arrays(pa.array(np.zeros(len(rows), np.int8)), pa.array([self._line]))
+            file.writer.write_table(rows.add_column(0, schema.field(0), line), row_group_size=2 * GROUP)
+        file.rows += file.waiting
+        file.parts, file.waiting = [], 0
 
     def _close(self, table: str, day: int | None) -> None:
         file = self._open.pop((table, day))
-        _flush(file, DATASETS[table].schema)
-        file.writer.close()
         folder = f"{table}/site={_folder_name(self._site)}" + ("" if day is None else f"/day={day_name(day)}")
         name = self._store.fresh(f"{folder}/{self._prefix}", ".parquet")
-        self._store.put(name, file.path)
+        if self._waiting is not None and file.writer is None and file.waiting <= self._room:
+            self._room -= file.waiting
+            self._waiting.append(NewRows(table, name, self._line, file.parts, file.waiting))
+            file.rows = file.waiting
+        else:
+            self._flush(table, file)
+            file.writer.close()
+            assert file.path is not None
+            self._store.put(name, file.path)
         self._done.setdefault(table, []).append((name, file.rows))
 
     def close(self) -> dict[str, list[tuple[str, int]]]:
         """The names of all files by table, each with its count of rows. Raises LakeWriteError."""
-        with _writing():
+        with lake_writing():
             for key in list(self._open):
                 self._close(*key)
         done, self._done, self._days = self._done, {}, {}
         return done
 
 
+def rows_writer(table: str, path: Path, schema: Any) -> Any:
+    """A ParquetWriter of rows of a table."""
+    make: Callable[..., Any] = frames_writer if table == "frames" else ParquetWriter
+    return make(str(path), schema, compression="zstd")
+
+
 @contextmanager
-def _writing() -> Iterator[None]:
+def lake_writing() -> Iterator[None]:
+    """What a disk or a store says of a failure, as a LakeWriteError."""
     try:
         yield
     except (FleetError, OSError) as error:
         words = os_reason(error) if isinstance(error, OSError) else str(error)
         raise LakeWriteError(f"the lake cannot be written: {words}") from error
-
-
-def _flush(file: _DayFile, schema: Any) -> None:
-    if file.parts:
-        file.writer.write_table(pa.Table.from_batches(file.parts, schema), row_group_size=2 * GROUP)
-    file.rows += file.waiting
-    file.parts, file.waiting = [], 0

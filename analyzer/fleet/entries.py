@@ -6,8 +6,10 @@ in one line, and nothing is read or taken away by it.
 
 from __future__ import annotations
 
+import gc
 import json
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any, Final
 
 import orjson
@@ -19,8 +21,7 @@ from .stores import LakeStore
 
 FOLDER: Final = "manifest"
 _ENDING: Final = ".json"
-_NO_PART: Final = frozenset(("", ".", ".."))  # of a name below a lake
-_NO_LETTER: Final = frozenset(("\\", "\0"))
+_OUTSIDE: Final = ("//", "/./", "/../", "\\", "\0")  # in no name below a lake, with a slash on each side
 _Check = Callable[[Any], bool]
 
 
@@ -32,8 +33,8 @@ def entry_names(store: LakeStore) -> Iterator[tuple[int, str]]:
             yield int(stem), name
 
 
-def read_entry(store: LakeStore, name: str) -> dict[str, Any]:
-    """An entry, of which all is there and of its kind. Raises FleetError."""
+def read_entry(store: LakeStore, name: str) -> tuple[dict[str, Any], set[str]]:
+    """An entry, of which all is there and of its kind, and the files that it names. Raises FleetError."""
     try:
         entry = _parsed(store.read(name))
     except OSError as error:
@@ -41,10 +42,21 @@ def read_entry(store: LakeStore, name: str) -> dict[str, Any]:
     except (ValueError, RecursionError):
         entry = None
     check = _PACKING if isinstance(entry, dict) and "packs" in entry else _TASK
-    if not check(entry) or not _in_lake(listed_in(entry)):
+    if not check(entry) or not _in_lake(listed := listed_in(entry)):
         raise FleetError(f"{store.url(name)}: is damaged or not an entry of a lake's manifest")
-    whole: dict[str, Any] = entry
-    return whole
+    return entry, listed
+
+
+@contextmanager
+def reading_many() -> Iterator[None]:
+    """While many entries are read nothing is looked for that could be freed: it would be done again and again."""
+    before = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if before:
+            gc.enable()
 
 
 def _parsed(data: bytes) -> Any:
@@ -54,22 +66,30 @@ def _parsed(data: bytes) -> Any:
         return json.loads(data)  # which reads names of files that are no UTF-8, too
 
 
+def lines_in(entry: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
+    """What an entry says of each line that it is of."""
+    return entry.get("lines", ()) if "packs" in entry else (entry,)
+
+
 def listed_in(entry: Mapping[str, Any]) -> set[str]:
     """The files that an entry names."""
-    if "packs" in entry:
-        return {pack["name"] for pack in entry["packs"]}
-    tables = (*entry["files"].values(), *entry["tail"].values())
-    return {name for files in tables for name, _ in files} | ({entry["state"]} if entry["state"] else set())
+    listed = {pack["name"] for pack in entry.get("packs", ())}
+    for line in lines_in(entry):
+        for files in (*line["files"].values(), *line["tail"].values()):
+            listed.update([name for name, _ in files])
+        if line["state"]:
+            listed.add(line["state"])
+    return listed
 
 
 def _in_lake(names: Collection[str]) -> bool:
     """Whether they can only be files below the lake."""
-    joined = "/".join(names)
-    return not names or (_NO_PART.isdisjoint(joined.split("/")) and _NO_LETTER.isdisjoint(joined))
+    joined = f"/{'/'.join(names)}/"
+    return not names or not any(each in joined for each in _OUTSIDE)
 
 
 def _of(*kinds: type) -> _Check:
-    return lambda value: isinstance(value, kinds) and not (isinstance(value, bool) and bool not in kinds)
+    return lambda value: type(value) in kinds
 
 
 def _list(check: _Check) -> _Check:
@@ -78,36 +98,43 @@ def _list(check: _Check) -> _Check:
 
 def _form(form: Mapping[str, _Check]) -> _Check:
     """Whether what must be there is, and what is there is of its kind; `?` marks what entries of before lack."""
-    checks = [(key.rstrip("?"), check, key.endswith("?")) for key, check in form.items()]
-    return lambda value: (
-        isinstance(value, dict)
-        and all(check(value[key]) if key in value else optional for key, check, optional in checks)
-    )
+    checks = [(key.rstrip("?"), check) for key, check in form.items()]
+    needed = {key for key in form if not key.endswith("?")}
+
+    def fits(value: Any) -> bool:
+        if not isinstance(value, dict) or not needed <= value.keys():
+            return False
+        return all(check(value[key]) for key, check in checks if key in value)
+
+    return fits
 
 
 def _optional(check: _Check) -> _Check:
     return lambda value: value is None or check(value)
 
 
-def _file(value: Any) -> bool:
-    """A name, and how many rows."""
-    return isinstance(value, list) and len(value) == 2 and isinstance(value[0], str) and _count(value[1])
+def _members(value: Any) -> bool:
+    """Names of files, each with how many rows; many of them."""
+    if type(value) is not list or not ({*map(type, value)} <= {list} and {*map(len, value)} <= {2}):
+        return False
+    names, rows = zip(*value, strict=True) if value else ((), ())
+    return {*map(type, names)} <= {str} and {*map(type, rows)} <= {int} and min(rows, default=0) >= 0
 
 
 def _tables(value: Any) -> bool:
-    return isinstance(value, dict) and all(map(_FILES, value.values()))
+    return isinstance(value, dict) and all(map(_members, value.values()))
 
 
 def _count(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and value >= 0
+    return type(value) is int and value >= 0
 
 
 def _span(value: Any) -> bool:
-    return isinstance(value, list) and len(value) == 2 and all(each is None or _of(int)(each) for each in value)
+    return isinstance(value, list) and len(value) == 2 and all(map(_optional_number, value))
 
 
 _text: Final = _of(str)
-_FILES: Final = _list(_file)
+_optional_number: Final = _of(int, type(None))
 _SLICE: Final = _form(
     {
         "url": _text,
@@ -139,4 +166,6 @@ _TASK: Final = _form(
         "trouble?": _optional(_text),
     }
 )
-_PACKING: Final = _form({"packs": _list(_form({"table": _text, "name": _text, "members": _FILES}))})
+_PACKING: Final = _form(
+    {"packs": _list(_form({"table": _text, "name": _text, "members": _members})), "lines?": _list(_TASK)}
+)

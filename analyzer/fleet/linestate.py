@@ -221,7 +221,7 @@ class LineState:
             for name, table in TABLES.items():
                 if name not in files.tables and name != "transactions":  # of these hours are counted on
                     continue
-                records = record_arrow(record_schema(table), table.columns(analysed))
+                records = record_arrow(record_schema(table), table.made(analysed))
                 files.add(name, records)
                 if name == "transactions":
                     files.add("hours", self.hours.feed(analysed.transactions, analysed.findings, analysed.off_ns))

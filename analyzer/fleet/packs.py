@@ -24,14 +24,14 @@ from ..extras import needs
 from . import FleetError
 
 try:
+    import numpy as np
     import pyarrow as pa
     import pyarrow.compute as pc
-    from pyarrow.parquet import ParquetFile, ParquetWriter
+    from pyarrow.parquet import ParquetFile
 except ImportError as error:
     raise FleetError(needs("a lake", "pyarrow", "fleet")) from error
 
-from ..exports.targets.parquet import frames_writer
-from .datasets import DATASETS, GROUP, pack_schema
+from .datasets import DATASETS, GROUP, NewRows, lake_writing, pack_schema, rows_writer
 from .manifest import Manifest
 from .stores import LakeStore, PackMember, fetched, store
 
@@ -99,7 +99,7 @@ class PackTask:
 
     def enter(self, manifest: Manifest, pack: dict[str, Any]) -> LakePacking:
         """From now on the pack takes the place of its files."""
-        manifest.add({"packs": [pack]})
+        manifest.add([], [pack])
         return LakePacking(len(self.group), 1)
 
 
@@ -125,13 +125,27 @@ class FullPacks:
         self._new: dict[str, list[SmallFile]] = defaultdict(list)  # not handed out yet, by table
         self._price = Counter[str]()  # of these
 
-    def entered(self, entry: dict[str, Any]) -> None:
+    def entered(self, entries: Iterable[dict[str, Any]], packs: Iterable[dict[str, Any]]) -> None:
         """What a task has made; of a line that goes on the tail is soon replaced."""
-        for part in ("files",) if entry["state"] else ("files", "tail"):
-            for table, files in entry[part].items():
-                smalls = [SmallFile(name, ((name, rows),)) for name, rows in files if rows < SMALL]
-                self._new[table] += smalls
-                self._price[table] += sum(small.price for small in smalls)
+        alone: list[tuple[str, PackMember]] = []
+        live: set[str] = set()
+        for entry in entries:
+            for part in ("files", "tail"):
+                made = [(table, (name, rows)) for table, files in entry[part].items() for name, rows in files]
+                live |= {name for _, (name, _) in made}
+                alone += made if part == "files" or not entry["state"] else []
+        packed = {name for pack in packs for name, _ in pack["members"]}
+        for table, member in alone:
+            if member[1] < SMALL and member[0] not in packed:
+                self._add(table, SmallFile(member[0], (member,)))
+        for pack in packs:
+            parts = [(number, (name, rows)) for number, (name, rows) in enumerate(pack["members"]) if name in live]
+            numbers, members = zip(*parts, strict=True) if parts else ((), ())
+            self._add(pack["table"], SmallFile(pack["name"], members, numbers))
+
+    def _add(self, table: str, small: SmallFile) -> None:
+        self._new[table].append(small)
+        self._price[table] += small.price
 
     def tasks(self) -> Iterator[PackTask]:
         """Those that are full now, each once."""
@@ -184,10 +198,41 @@ def _write(lake: LakeStore, table: str, group: Collection[SmallFile]) -> dict[st
             rows = file.read()
         parts.append(_own(rows, small, len(members)).select(schema.names).cast(schema))
         members += small.members
+    return _written(lake, table, pa.concat_tables(parts), members)
+
+
+def new_packs(lake: LakeStore, new: Iterable[NewRows]) -> list[dict[str, Any]]:
+    """Packs of rows that are in no file yet; what the manifest is to say of them. Raises LakeWriteError."""
+    tables: dict[str, list[NewRows]] = defaultdict(list)
+    for each in new:
+        tables[each.table].append(each)
+    with lake_writing():
+        return [
+            _written(lake, table, _gathered(table, new), [(each.name, each.rows) for each in new])
+            for table, new in tables.items()
+        ]
+
+
+def _gathered(table: str, new: list[NewRows]) -> Any:
+    """These rows with all columns of a pack."""
+    rows = pa.Table.from_batches([part for each in new for part in each.parts])
+    part = np.repeat(np.arange(len(new), dtype=np.int32), [each.rows for each in new])
+    own = pa.array(part)
+    names = sorted({each.line for each in new})
+    numbers = np.array([names.index(each.line) for each in new], np.int32)
+    lines = pa.DictionaryArray.from_arrays(pa.array(numbers[part]), pa.array(names, pa.string()))
+    places = [_site_and_day(each.name) for each in new]
+    columns = {"line": lines, "part": own}
+    for column in places[0]:
+        columns[column] = pa.array([place[column] for place in places]).take(own)
+    schema = pack_schema(table)
+    return pa.table([columns[name] if name in columns else rows.column(name) for name in schema.names], schema)
+
+
+def _written(lake: LakeStore, table: str, rows: Any, members: list[PackMember]) -> dict[str, Any]:
     path = lake.scratch()
-    make: Callable[..., Any] = frames_writer if table == "frames" else ParquetWriter
-    with make(str(path), schema, compression="zstd") as writer:
-        writer.write_table(_sorted(pa.concat_tables(parts), table), row_group_size=GROUP)
+    with rows_writer(table, path, pack_schema(table)) as writer:
+        writer.write_table(_sorted(rows, table), row_group_size=GROUP)
     name = lake.fresh(f"{table}/packed/rows", ".parquet")
     lake.put(name, path)
     return {"table": table, "name": name, "members": members}
@@ -207,8 +252,8 @@ def _own(rows: Any, small: SmallFile, first: int) -> Any:
 def _site_and_day(name: str) -> dict[str, Any]:
     """Site and day, as the name of a file of one line has them."""
     keys = dict(folder.split("=", 1) for folder in name.split("/")[1:-1])
-    place = {"site": pa.scalar(unquote(keys["site"]))}
-    return place | ({"day": pa.scalar(date.fromisoformat(keys["day"]))} if "day" in keys else {})
+    place: dict[str, Any] = {"site": unquote(keys["site"])}
+    return place | ({"day": date.fromisoformat(keys["day"])} if "day" in keys else {})
 
 
 def _sorted(rows: Any, table: str) -> Any:

@@ -1,4 +1,7 @@
-"""A task: slices of one line into files of a lake. A pure function, so it may run anywhere, and twice.
+"""A task: slices of lines into files of a lake. A pure function, so it may run anywhere, and twice.
+
+Lines with little in them are a task together: what they make is written as packs at once, so that a small capture does
+not pay for files of its own.
 
 Its files have names that no other run gives; until the manifest names them they are nobody's. So a worker that dies, a
 scheduler that tries again and two that do the same leave nothing in the lake but waste, which the next batch removes.
@@ -21,13 +24,17 @@ from ..languages import telling
 from ..options import Options
 from ..version import RULES, __version__
 from . import FleetError, LakeWriteError
-from .datasets import CAPTURES, DATASETS, LakeFiles
+from .datasets import CAPTURES, DATASETS, LakeFiles, NewRows
 from .linestate import ChunkDigest, LineState, NotGrownError, behind, resumed
+from .packs import new_packs
 from .plainstate import StateError
 from .sources import SourceFile, as_it_is, readable
 from .stores import LakeStore, PackMember, fetched, store
 
 _PIECE: Final = 1 << 20
+TOGETHER: Final = 16  # lines with little in them: what a task costs beside them is nothing then
+LEAST_TASKS: Final = 8  # that many small ones are made into
+A_SMALL_LINE: Final = 1 << 17  # bytes of captures
 _SOURCES: Final = "captures"  # the table with a row a source
 
 
@@ -83,14 +90,57 @@ class LineTask:
     anew: LineTask | None = None  # the whole line, should that not be so, or the state be of no use
 
     @property
+    def size(self) -> int:
+        """Bytes of its files."""
+        return sum(file.size for file in self.files)
+
+
+@dataclass(frozen=True, slots=True)
+class LinesTask:
+    """Lines to be taken in together, or one."""
+
+    lines: tuple[LineTask, ...]
+
+    @property
     def key(self) -> tuple[str, str]:
         """What tells it from other tasks."""
-        return self.site, self.line
+        return self.lines[0].site, self.lines[0].line
 
     def run(self) -> dict[str, Any]:
-        """Do it; what the manifest is to say, but for the entry's number. Rows are in English, wherever it runs."""
+        """Do it: what the manifest is to say of each of `lines`, or what was wrong with it, and of their `packs`.
+
+        Rows are in English, wherever it runs. Raises LakeWriteError where no packs can be written.
+        """
+        place = _TaskPlace(store(self.lines[0].lake), [] if len(self.lines) > 1 else None)
         with telling("en"):
-            return _entry(self)
+            outcomes = [_outcome(line, place) for line in self.lines]
+        return {"lines": outcomes, "packs": new_packs(place.store, place.waiting or ())}
+
+
+def line_tasks_together(lines: Sequence[LineTask]) -> list[LinesTask]:
+    """Each of these in one task, small ones together; but tasks enough for as many to be at work."""
+    small = [line for line in lines if line.size <= A_SMALL_LINE]
+    together = min(-(-len(small) // LEAST_TASKS), TOGETHER)
+    groups = [small[first : first + together] for first in range(0, len(small), max(together, 1))]
+    return [LinesTask((line,)) for line in lines if line.size > A_SMALL_LINE] + [LinesTask((*each,)) for each in groups]
+
+
+@dataclass(frozen=True, slots=True)
+class _TaskPlace:
+    """Where a task writes, and the rows of its lines that `waiting` are to be written together."""
+
+    store: LakeStore
+    waiting: list[NewRows] | None
+
+
+def _outcome(task: LineTask, place: _TaskPlace) -> dict[str, Any] | Exception:
+    before = len(place.waiting or ())
+    try:
+        return _entry(task, place)
+    except Exception as error:
+        if place.waiting:
+            del place.waiting[before:]
+        return error
 
 
 def line_key(site: str, line: str) -> str:
@@ -98,40 +148,43 @@ def line_key(site: str, line: str) -> str:
     return hashlib.sha256(f"{site}\0{line}".encode()).hexdigest()[:12]
 
 
-def _entry(task: LineTask) -> dict[str, Any]:
+def _entry(task: LineTask, place: _TaskPlace) -> dict[str, Any]:
     _declare(task.options.functions)
-    run = _TaskRun(task)
+    run = _TaskRun(task, place)
     if run.unusable is not None and task.anew is not None:
-        return _done_anew(task.anew, run.unusable)
+        return _done_anew(task.anew, place, run.unusable)
     try:
         entry = run.entry()
     except NotGrownError:
         if task.anew is not None:
-            return _entry(task.anew)
-        entry = _TaskRun(replace(task, grown=None, files=task.files[1:]), left=_as_it_was(task)).entry()
+            return _entry(task.anew, place)
+        left = _as_it_was(task)
+        entry = _TaskRun(replace(task, grown=None, files=task.files[1:]), place, left=left).entry()
     except (CaptureError, FleetError, OSError):
         raise
     except Exception as error:
         if not run.goes_on:
             raise
-        return _without_state(task, f"the state of the line cannot be used: {type(error).__name__}: {error}")
+        return _without_state(task, place, f"the state of the line cannot be used: {type(error).__name__}: {error}")
     if task.kept is not None and any(
         now[key] != then[key]
         for now, then in zip(entry["slices"], task.kept.slices, strict=False)
         for key in ("sha256", "state")
     ):  # a capture is not what it was: nothing of its rows may stay
-        return _TaskRun(replace(task, kept=None)).entry()
+        return _TaskRun(replace(task, kept=None), place).entry()
     return entry
 
 
-def _without_state(task: LineTask, words: str) -> dict[str, Any]:
+def _without_state(task: LineTask, place: _TaskPlace, words: str) -> dict[str, Any]:
     """The same where the analysis breaks on what the state says: only then is it known to be of no use."""
-    return _TaskRun(task, unusable=words).entry() if task.anew is None else _done_anew(task.anew, words)
+    if task.anew is None:
+        return _TaskRun(task, place, unusable=words).entry()
+    return _done_anew(task.anew, place, words)
 
 
-def _done_anew(task: LineTask, words: str) -> dict[str, Any]:
+def _done_anew(task: LineTask, place: _TaskPlace, words: str) -> dict[str, Any]:
     """The whole line, since all its captures are still there; why is told."""
-    return _entry(task) | {"trouble": f"{words}: all captures of the line were read again"}
+    return _entry(task, place) | {"trouble": f"{words}: all captures of the line were read again"}
 
 
 def _as_it_was(task: LineTask) -> dict[str, Any]:
@@ -152,18 +205,25 @@ def _declare(files: tuple[str, ...]) -> None:
 class _TaskRun:
     """One task on its way."""
 
-    def __init__(self, task: LineTask, *, left: Mapping[str, Any] | None = None, unusable: str | None = None) -> None:
+    def __init__(
+        self,
+        task: LineTask,
+        place: _TaskPlace,
+        *,
+        left: Mapping[str, Any] | None = None,
+        unusable: str | None = None,
+    ) -> None:
         """`left`: what is known of the task's first file where it is no longer what was taken, and stays as it was.
 
         `unusable`: why the line's state cannot be used, where that is known.
         """
         self.task = task
-        self.store: LakeStore = store(task.lake)
+        self.store = place.store
         self.state, self.unusable = self._resumed() if unusable is None else (None, unusable)
         self.trouble = self.unusable and f"starts afresh after what the lake already has: {self.unusable}"
         self.goes_on = self.state is not None
         self._before = (self.state.frames + task.tail_frames, self.state.octets) if self.state else (0, 0)
-        self.files = LakeFiles(self.store, task.site, task.line, line_key(task.site, task.line))
+        self.files = LakeFiles(self.store, task.site, task.line, line_key(task.site, task.line), place.waiting)
         self.slices: list[dict[str, Any]] = []
         if left is not None:
             self.slices = [dict(left)]
