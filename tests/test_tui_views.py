@@ -133,6 +133,19 @@ def test_the_timeline_has_a_row_for_each_cause(capture: Path) -> None:
     using(opened(capture), work, size=(120, 40))
 
 
+def test_esc_leaves_a_paste_however_often_it_is_pressed() -> None:
+    async def work(sitting: Seat) -> None:
+        text = sitting.screen.query_one(PasteText)
+        await sitting.press("z")
+        for _ in range(2):
+            await sitting.press("escape")
+            assert not text.has_focus
+        await sitting.press("2")
+        assert sitting.screen.view == "frames" and text.text == "z"
+
+    using(Nothing(), work, view="paste")
+
+
 def test_pasting_reads_what_parse_reads_and_remembers() -> None:
     async def work(sitting: Seat) -> None:
         text = sitting.screen.query_one(PasteText)

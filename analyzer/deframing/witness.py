@@ -11,7 +11,7 @@ What is decided hangs on rows and their times alone, not on how they were fed.
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import defaultdict, deque
 
 import numpy as np
 
@@ -23,10 +23,40 @@ from .segments import UnorderedRows
 from .wireorder import Across
 
 
+class _GivenRows:
+    """The last of the rows that were given, those that may be looked at: joined only when they are, since live they
+    come by twos."""
+
+    _parts: deque[PairedRows]
+    _count: int
+
+    def __init__(self) -> None:
+        self._parts = deque()
+        self._count = 0
+
+    def add(self, rows: PairedRows) -> None:
+        """More of them; whole parts that lie too far back go."""
+        self._parts.append(rows)
+        self._count += len(rows.asker)
+        while self._count - len(self._parts[0].asker) >= HISTORY:
+            self._count -= len(self._parts.popleft().asker)
+
+    def all(self) -> PairedRows:
+        """As one part."""
+        if len(self._parts) > 1:
+            every = PairedRows.joined([*self._parts])
+            self.restart(every.cut(max(len(every.asker) - HISTORY, 0), len(every.asker)))
+        return self._parts[0] if self._parts else PairedRows.of(UnorderedRows.nothing(), None)
+
+    def restart(self, rows: PairedRows) -> None:
+        """These alone."""
+        self._parts, self._count = deque([rows]), len(rows.asker)
+
+
 class AnswerWitness:
     """Rows paired by header in, and out again as soon as it is settled whose each answer is, or that nobody knows."""
 
-    _history: list[PairedRows]
+    _given: _GivenRows
     _held: PairedRows
     _doubts: dict[Lane, Doubt]
     _habits: dict[Lane, UnitHabit]
@@ -35,7 +65,7 @@ class AnswerWitness:
     _latest_ns: int
 
     def __init__(self) -> None:
-        self._history = []  # rows that were given, the last of them
+        self._given = _GivenRows()
         self._held = PairedRows.of(UnorderedRows.nothing(), None)
         self._doubts = {}
         self._habits = {}
@@ -54,14 +84,14 @@ class AnswerWitness:
         held = len(self._held.asker) > 0
         if not len(new.asker) and not held:
             return loose, earlier
-        odd = self._oddities.found(new, lambda: [*self._past(), self._held])
+        odd = self._oddities.found(new, lambda: [self._given.all(), self._held])
         if not len(odd.odd) and not self._doubts and not held and not self._may_repeat(new, odd):
             self._remember(new)
             return loose, earlier
         self._earlier |= earlier
-        past = self._past()
-        work = PairedRows.joined([*past, self._held, new])
-        before = sum(len(part.asker) for part in past)
+        past = self._given.all()
+        work = PairedRows.joined([past, self._held, new])
+        before = len(past.asker)
         walk = DoubtWalk(work, self._doubts, self._habits, timed=timed, latest_ns=self._latest_ns)
         begin = before + len(self._held.asker)
         walk.go(odd, begin)
@@ -71,7 +101,7 @@ class AnswerWitness:
         given = work.cut(before, certain)
         self._held = work.cut(certain, len(work.asker))
         bytes_before = self._requests_before(given.loose, work)
-        self._history = [work.cut(max(certain - HISTORY, 0), certain)]
+        self._given.restart(work.cut(max(certain - HISTORY, 0), certain))
         if not len(self._held.asker):
             self._earlier = {}
         return given.loose, bytes_before
@@ -82,22 +112,10 @@ class AnswerWitness:
         habits = defaultdict(UnitHabit, self._habits)
         return any(habits[lane].doubles for lane in same) or not all(habits[lane].alike for lane in moved)
 
-    def _past(self) -> list[PairedRows]:
-        """Rows that were given, those that may be looked at."""
-        if len(self._history) > 1:
-            every = PairedRows.joined(self._history)
-            self._history = [every.cut(max(len(every.asker) - HISTORY, 0), len(every.asker))]
-        return self._history
-
     def _remember(self, rows: PairedRows) -> None:
-        count = len(rows.asker)
-        if not count:
+        if not len(rows.asker):
             return
-        self._history.append(rows)
-        kept = sum(len(part.asker) for part in self._history)
-        if kept - len(self._history[0].asker) >= HISTORY or len(self._history) > HISTORY // 8:
-            every = self._history[-1:] if count >= HISTORY else self._past()
-            self._history = every
+        self._given.add(rows)
         frames = rows.loose.rows.kind.nonzero()[0]
         if len(frames):
             self._latest_ns = max(self._latest_ns, int(rows.loose.rows.t_start_ns[frames].max()))

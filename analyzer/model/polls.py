@@ -75,25 +75,24 @@ class PollIndex:
 
     def __init__(self, bus: Bus) -> None:
         self._bus = bus
-        self._cache: dict[int, _Hashes] = {}
+        self._cache: dict[int, tuple[_Hashes, int]] = {}  # by piece, with the rows that are known of it
 
     def _polls(self, number: int) -> _Hashes:
         """The poll, and the length, of each row of a piece that is a good answer; 0 for others."""
         table = self._bus.table
         size = min(PIECE, self._bus.count - number * PIECE)
-        polls = self._cache.pop(number, np.zeros(0, np.uint64))
+        polls, low = self._cache.pop(number, (np.zeros(0, np.uint64), 0))
         if len(polls) < size:
-            low = len(polls)
+            polls = np.concatenate((polls[:low], np.zeros(min(PIECE, 2 * size) - low, np.uint64)))
+        if low < size:
             kind, check, partner = (table.column(number, name)[low:size] for name in ("kind", "check", "partner"))
-            fresh = np.zeros(size - low, np.uint64)
             answers = np.flatnonzero((kind == Kind.RESPONSE) & check & (partner >= 0))
             lengths = table.column(number, "length")[low:size][answers]
-            fresh[answers] = _keyed(hashes(self._bus, partner[answers].astype(np.int64)), lengths)
-            polls = np.concatenate((polls, fresh))
+            polls[low + answers] = _keyed(hashes(self._bus, partner[answers].astype(np.int64)), lengths)
         if len(self._cache) >= _CACHED:
             del self._cache[next(iter(self._cache))]
-        self._cache[number] = polls
-        return polls
+        self._cache[number] = polls, max(low, size)
+        return polls[:size]
 
     def _poll(self, row: int) -> np.uint64:
         """The same of one answer, good or not; 0 where it answers nothing."""
@@ -218,16 +217,29 @@ def poll_values(bus: Bus, rows: Sequence[int]) -> list[TransactionValues]:
 _WRITES: Final = (5, 6, 15, 16)  # functions whose requests carry values
 
 
+def carried_by_each(bus: Bus, rows: Sequence[int]) -> dict[int, TransactionValues | None]:
+    """What each row's transaction carries, where it is this row that carries it and its check value is right."""
+    begins = {row: begin for row in rows if (begin := _begin(bus, row)) is not None}
+    polls = {poll.row: poll for poll in poll_values(bus, list(dict.fromkeys(begins.values())))} if begins else {}
+    carried: dict[int, TransactionValues | None] = dict.fromkeys(rows)
+    for row, begin in begins.items():
+        poll = polls[begin]
+        own = poll.answer == row if begin != row else bus.table.value("function", row) in _WRITES
+        carried[row] = poll if poll.values and own else None
+    return carried
+
+
 def carried_by(bus: Bus, row: int) -> TransactionValues | None:
-    """What a row's transaction carries, where it is this row that carries it and its check value is right."""
-    if bus.is_noise(row) or not bus.table.value("check", row) or bus.table.value("exception", row):
+    """The same of one row."""
+    return carried_by_each(bus, [row])[row]
+
+
+def _begin(bus: Bus, row: int) -> int | None:
+    """The row that begins the transaction of a row that may carry values: itself, or what it answers."""
+    table = bus.table
+    if bus.is_noise(row) or not table.value("check", row) or table.value("exception", row):
         return None
-    answers, partner = bus.table.value("kind", row) == Kind.RESPONSE, bus.partner(row)
-    if answers and partner is None:
-        return None
-    poll = poll_values(bus, [partner if answers and partner is not None else row])[0]
-    own = poll.answer == row if answers else bus.table.value("function", row) in _WRITES
-    return poll if poll.values and own else None
+    return bus.partner(row) if table.value("kind", row) == Kind.RESPONSE else row
 
 
 def _before(bus: Bus, answer: int) -> int:

@@ -37,6 +37,13 @@ class TreeLine(NamedTuple):
     path: Path
     text: str
     first: bool
+    label: int  # columns of the label
+
+    @property
+    def hanging(self) -> int:
+        """Columns before further lines of a text: below its beginning, or less where that is far to the right."""
+        aligned = (self.item.label or self.item.name).endswith(" ")
+        return _INDENT if len(self.path) == 1 and not self.item.length and not aligned else self.label + 1
 
 
 class Details(Lines):
@@ -107,32 +114,14 @@ class Details(Lines):
         item = shown.item
         indent = "  " * (len(shown.path) - 1)
         if not shown.first:
-            return [StyledText(f"{indent}  {' ' * self._hanging(shown)}"), StyledText(shown.text, item.kind)]
+            return [StyledText(f"{indent}  {' ' * shown.hanging}"), StyledText(shown.text, item.kind)]
         sign = " " if not item.children else "-" if self._is_open(item, shown.path) else "+"
         label = item.label or item.name
         return [
             StyledText(f"{indent}{sign} ", "dim"),
-            StyledText(f"{label:<{self._label(shown)}} ", item.kind if label[:1] in "!EWN" and item.kind else "dim"),
+            StyledText(f"{label:<{shown.label}} ", item.kind if label[:1] in "!EWN" and item.kind else "dim"),
             StyledText(shown.text, item.kind),
         ]
-
-    def _label(self, shown: TreeLine) -> int:
-        """Columns of the label: siblings' texts begin below each other."""
-        if len(shown.path) == 1 and not shown.item.length:
-            return len(shown.item.label or shown.item.name)
-        siblings = [item for item in self._siblings(shown.path) if item.length or len(shown.path) > 1]
-        widest = max((len(item.label or item.name) for item in siblings), default=0)
-        own = len(shown.item.label or shown.item.name)
-        return max(own, min(widest, _LABEL))
-
-    def _hanging(self, shown: TreeLine) -> int:
-        """Columns before further lines of a text: below its beginning, or less where that is far to the right."""
-        aligned = (shown.item.label or shown.item.name).endswith(" ")
-        return _INDENT if len(shown.path) == 1 and not shown.item.length and not aligned else self._label(shown) + 1
-
-    def _siblings(self, path: Path) -> Sequence[Item]:
-        parent = chosen(self.look, path[:-1])
-        return self.look.items if parent is None else parent.children
 
     def _is_open(self, item: Item, path: Path) -> bool:
         return self._turned.get(path, item.ready or (self._values and item.values))
@@ -142,14 +131,16 @@ class Details(Lines):
         self._lines = list(self._laid_out(self.look.items, ()))
 
     def _laid_out(self, items: Sequence[Item], above: Path) -> Iterator[TreeLine]:
+        widest = _widest(items, outermost=not above)
         for item in items:
             path = (*above, item.name)
-            first = TreeLine(item, path, item.text, True)
+            own = len(item.label or item.name)
+            first = TreeLine(item, path, item.text, True, own if not above and not item.length else max(own, widest))
             room = max(12, self._broken_at - 2 * len(path))
-            before, below = " " * min(self._label(first) + 1, room - 8), " " * min(self._hanging(first), room - 8)
-            parts = textwrap.wrap(item.text, room, initial_indent=before, subsequent_indent=below) or [before]
+            before, below = " " * min(first.label + 1, room - 8), " " * min(first.hanging, room - 8)
+            parts = _wrapped(item.text, room, before, below) or [before]
             for i, part in enumerate(parts):
-                yield TreeLine(item, path, part[len(below if i else before) :], i == 0)
+                yield first._replace(text=part[len(below if i else before) :], first=i == 0)
             if item.children and self._is_open(item, path):
                 yield from self._laid_out(item.children, path)
 
@@ -203,6 +194,19 @@ class Details(Lines):
         self._turned[path] = wanted
         self._lay_out()
         self.renewed(self._nearest(path))
+
+
+def _widest(items: Sequence[Item], *, outermost: bool) -> int:
+    """Columns of siblings' labels: their texts begin below each other."""
+    labels = [item.label or item.name for item in items if item.length or not outermost]
+    return min(max(map(len, labels), default=0), _LABEL)
+
+
+def _wrapped(text: str, room: int, before: str, below: str) -> list[str]:
+    """The lines of a text; most have room on one, for which nobody has to look for words."""
+    if text and len(before) + len(text) <= room and text.isprintable() and text == text.strip():
+        return [before + text]
+    return textwrap.wrap(text, room, initial_indent=before, subsequent_indent=below)
 
 
 def _values(detail: FrameDetail, path: Path) -> bool:

@@ -14,7 +14,7 @@ from dissectors.values import harmless
 
 from ..languages import counted, tr, wording
 from ..model.owners import owner
-from ..model.polls import carried_by
+from ..model.polls import carried_by_each
 from ..model.selection import Everything, ListRows
 from ..model.table import RowState
 from ..tables.schema import Kind
@@ -32,6 +32,7 @@ from .view import View, cells_of_row, grown
 if TYPE_CHECKING:
     from textual.widget import Widget
 
+    from ..model.polls import TransactionValues
     from ..tables.findings import Finding
     from .desk import ViewState
     from .screen import BusScreen
@@ -184,6 +185,7 @@ class FrameList(Lines):
         self._left: int | None = None  # the row that the cursor was on before a scope emptied the list
         self.pinned: int | None = None  # row from which on rows are selected
         self.pinned_to: int | None = None  # and up to which; None: up to the cursor
+        self._carry: dict[int, TransactionValues | None] = {}  # what rows in sight carry
 
     def use(self, rows: ListRows) -> None:
         """Show other rows; the cursor stays on its row, or on the last one before it."""
@@ -254,6 +256,22 @@ class FrameList(Lines):
         dropped = next((names for least, names in self.DROPPED if width < least), ())
         return [cell for column, cell in cells if f"{self.id}.{column}" not in hidden and column not in dropped]
 
+    def grown(self) -> None:
+        self._carry = {}
+        super().grown()
+
+    def unpaint(self) -> None:
+        self._carry = {}
+        super().unpaint()
+
+    def _carried(self, row: int) -> TransactionValues | None:
+        """What a row carries; that of all rows in sight is read at once."""
+        if row not in self._carry:
+            top = self.scroll_offset.y
+            lines = range(top, min(top + self.room, self.count()))
+            self._carry = carried_by_each(self.desk.bus, list({row, *(self.row_at(line) for line in lines)}))
+        return self._carry[row]
+
     def head(self, width: int) -> Sequence[StyledText]:
         number, time, answer = self.columns(width)
         heads = (
@@ -290,7 +308,8 @@ class FrameList(Lines):
         content, about = row_words(desk, row)
         about += owner_words(desk, row)
         used = sum(len(part.text) for part in parts)
-        content = _by_meaning(desk, row, content, width - used)
+        if not desk.raw:
+            content = _by_meaning(desk, self._carried(row), content, width - used)
         if not answer and ended.text == UNHEARD:
             about.append(StyledText(f"  {tr('answer not heard')}", "dim"))
         elif not answer and ended.kind == "error" and not about:
@@ -299,11 +318,10 @@ class FrameList(Lines):
         return [*parts, *beside_content(content, about, max(0, width - used))]
 
 
-def _by_meaning(desk: ViewState, row: int, content: list[StyledText], room: int) -> list[StyledText]:
+def _by_meaning(
+    desk: ViewState, poll: TransactionValues | None, content: list[StyledText], room: int
+) -> list[StyledText]:
     """The words of a frame with its registers as what they mean, where that is known."""
-    if desk.raw:
-        return content
-    poll = carried_by(desk.bus, row)
     if poll is None or not desk.meanings.means(poll):
         return content
     words = "".join(part.text for part in content).partition(":")[0]

@@ -35,6 +35,9 @@ _REPORT_S: Final = 1.0
 _FIRST_S: Final = 0.3  # reading waits at most so long for the first rows to be painted
 _SCOPE_S: Final = 2.0  # between two countings of what the scope leaves, live
 _SPARED: Final = 4  # times what a painting took of the processor, until the next
+_SPARED_LIVE: Final = 24  # the same of a live view, beside which the capture is recorded: a twenty-fifth of a core
+_LIVE_S: Final = 0.25  # between two paintings of a live view, at least
+_LONGEST_S: Final = 2.0  # and at most, also where keys take the processor
 
 
 class Jobs(ScreenThreads):
@@ -51,7 +54,8 @@ class Jobs(ScreenThreads):
         self._counted: Selection | None = None  # the selection whose figures were asked for, its rows, when again
         self._counted_to, self._count_next = -1, 0.0
         self._notices: set[str] = set()
-        self._paint_at = 0.0  # not before then
+        self._painted_at = -_LONGEST_S  # when the last painting began, and what the screen's thread had taken by then
+        self._painted_cpu = 0.0
         self._standing = threading.Event()  # the first rows are on the screen
 
     @property
@@ -103,33 +107,36 @@ class Jobs(ScreenThreads):
 
     def _paint(self) -> None:
         """The view anew, as often as its painting leaves the keys their time; live, as often as the terminal takes."""
-        now, rate = time.monotonic(), self._screen.wire.rate()
-        if not self._bus.whole and now < self._paint_at:
+        now = time.monotonic()
+        left = 0.0 if self._bus.whole else self._painted_at + self._pause() - now
+        if left > 0:
             if "painting" not in self._pending:
                 self._pending.add("painting")
-                self._screen.set_timer(self._paint_at - now, self._paint_late)
+                self._screen.set_timer(left, self._paint_late)
             return
-        pause = _PERIOD_S * max(1.0, rate / _RATE) if self._source.live else 0.0
-        self._paint_at = now + pause
+        self._painted_at, self._painted_cpu = now, time.thread_time()
         self.tell_meanings()
         if self._screen.desk.paused and not self._bus.whole:
             self._screen.say()
             return
-        begun = time.thread_time()
         self._screen.refresh_view()
         home.first(self._screen)
-        self._rest_from(begun)
-        self._screen.call_after_refresh(self._rest_from, begun)
+
+    def _pause(self) -> float:
+        """Seconds between two paintings, by all that the screen's thread took of the processor since the last began:
+        lists tell others of their cursor, and what these paint comes later.
+        """
+        took = time.thread_time() - self._painted_cpu
+        if not self._source.live:
+            return min(_SPARED * took, _LONGEST_S)
+        for_wire = _LIVE_S * max(1.0, self._screen.wire.rate() / _RATE)
+        return max(for_wire, min(_SPARED_LIVE * took, _LONGEST_S))
 
     def _paint_late(self) -> None:
         """What came while there was a rest from painting."""
         self._pending.discard("painting")
         if not self._ended:
             self._paint()
-
-    def _rest_from(self, begun: float) -> None:
-        """Keys come first: no painting for several times what the last one took of the processor since `begun`."""
-        self._paint_at = max(self._paint_at, time.monotonic() + _SPARED * (time.thread_time() - begun))
 
     def tell_meanings(self) -> None:
         """What values tell of registers, in a thread: when all is read, and live or beside Registers now and then."""

@@ -51,8 +51,10 @@ class Narrowing:
         self._screen.tell(tr("noise hidden; z shows it") if scope.hide_noise else tr("noise shown in place"))
 
     def take_back(self) -> None:
-        """Take back what narrows the list: the selection, then filter and span."""
+        """Take back what narrows the list: the selection, then filter and span; nothing where none of it is shown."""
         screen, scope = self._screen, self._scope
+        if not BY_NAME[screen.view].filtered:
+            return  # keys that leave a field to type in would lead back into it
         if screen.picked.anchor is not None:
             screen.picked.drop()
         elif scope.filter is not None:

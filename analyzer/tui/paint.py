@@ -11,6 +11,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
+from itertools import groupby
+from operator import itemgetter
 from typing import Final, NamedTuple
 
 from rich.cells import cell_len, set_cell_size
@@ -149,6 +151,14 @@ def fitted(parts: Sequence[StyledText], width: int) -> list[StyledText]:
         left -= size
     out.append(StyledText(" " * left))
     return out
+
+
+def in_runs(cells: Iterable[str], kinds: Iterable[str]) -> list[StyledText]:
+    """Single cells as pieces: those of one kind beside each other are one piece, since each costs as much as a line."""
+    return [
+        StyledText("".join(cell for cell, _ in run), kind)
+        for kind, run in groupby(zip(cells, kinds, strict=True), key=itemgetter(1))
+    ]
 
 
 # Colours, dark and light. Nothing is told by colour alone; these only help the eye.

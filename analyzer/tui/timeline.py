@@ -18,7 +18,7 @@ from ..model.rowstores import rows_of_causes
 from ..words import is_clock, percent, short, unit_word
 from .filterbar import kept_tests
 from .messages import RowWanted, SpanChosen, SpanSeen
-from .paint import Painted, StyledText, fitted
+from .paint import Painted, StyledText, fitted, in_runs
 from .places import OF_FIGURES, Place, SpanPlace
 from .plot import EIGHTHS
 from .view import View
@@ -196,15 +196,14 @@ class Timeline(Painted, can_focus=True):
         if not self.desk.bus.char_ns:
             label = ""
         span, deaf = self._span_columns(), self._deaf_columns()
-        parts = [StyledText(f"{label:>{_LABEL - 1}} ", "dim")]
+        texts, kinds = [], []
         for i, cell in enumerate(cells.tolist()):
             inside = span is not None and span[0] <= i <= span[1]
             kind = "accent" if i == self.cursor else "strong" if inside else "request"
-            if i in deaf and not cell:
-                parts.append(StyledText(_DEAF, kind if i == self.cursor else "error"))
-            else:
-                parts.append(StyledText(EIGHTHS[cell] if cell or i != self.cursor else "┊", kind))
-        return parts
+            unheard = i in deaf and not cell
+            texts.append(_DEAF if unheard else EIGHTHS[cell] if cell or i != self.cursor else "┊")
+            kinds.append("error" if unheard and i != self.cursor else kind)
+        return [StyledText(f"{label:>{_LABEL - 1}} ", "dim"), *in_runs(texts, kinds)]
 
     def _deaf_columns(self) -> set[int]:
         """Columns of times in which a recording heard nothing."""
@@ -227,16 +226,13 @@ class Timeline(Painted, can_focus=True):
         """How much there was in each column; `!` where something of it was wrong, as all of a cause's is."""
         wrong = "error" if band.cause is None else self.causes[band.cause].severity
         name = band.name if len(band.name) < _LABEL else band.name[: _LABEL - 2] + "…"
-        parts = [StyledText(f"{name:>{_LABEL - 1}} ", "dim")]
         most = max(1, int(band.counts.max(initial=0)))
+        texts, kinds = [], []
         for i, (count, trouble) in enumerate(zip(band.counts.tolist(), band.troubles.tolist(), strict=True)):
-            cell = "!" if trouble and band.cause is None else EIGHTHS[max(1, round(8 * count / most))] if count else " "
-            kind = "accent" if i == self.cursor else wrong if trouble else "response"
-            if len(parts) > 1 and parts[-1].kind == kind:
-                parts[-1] = StyledText(parts[-1].text + cell, kind)
-            else:
-                parts.append(StyledText(cell, kind))
-        return parts
+            full = EIGHTHS[max(1, round(8 * count / most))] if count else " "
+            texts.append("!" if trouble and band.cause is None else full)
+            kinds.append("accent" if i == self.cursor else wrong if trouble else "response")
+        return [StyledText(f"{name:>{_LABEL - 1}} ", "dim"), *in_runs(texts, kinds)]
 
     def _cause_at_cursor(self, line: int) -> list[StyledText]:
         """One on a line, in words, with the number that its band has."""

@@ -50,7 +50,7 @@ class Picture:
                 self.y, self.x = int(y or 1) - 1, int(x or 1) - 1
             elif final == "r" and not private:
                 top, _, bottom = numbers.partition(";")
-                self.top, self.bottom = int(top or 1) - 1, int(bottom or self.rows)
+                self.top, self.bottom = int(top or 1) - 1, min(int(bottom or self.rows), self.rows)
                 self.x = self.y = 0
             elif final in ("L", "M") and self.top <= self.y < self.bottom:
                 self._move_lines(int(numbers or 1), down=final == "L")
