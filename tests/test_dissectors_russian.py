@@ -36,9 +36,9 @@ _TERMS = re.compile(
 
 @pytest.fixture(autouse=True)
 def _russian() -> Iterator[None]:
-    languages.use("ru")
+    languages.use_language("ru")
     yield
-    languages.use("en")
+    languages.use_language("en")
 
 
 def _walk(fields: tuple[Field, ...]) -> Iterator[Field]:
