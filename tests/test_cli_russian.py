@@ -60,7 +60,7 @@ def _said() -> Iterator[str]:
                 name = str(getattr(node.func, "id", None) or getattr(node.func, "attr", ""))
                 if name == "tell" and "cli" not in path.parts:
                     continue
-                if (name in ("tell", "note") or _RAISED.search(name)) and node.args:
+                if (name in ("tell", "tell_user", "note") or _RAISED.search(name)) and node.args:
                     yield _template(node.args[-1 if "ArgumentType" not in name else 0])
 
 
