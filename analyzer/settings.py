@@ -32,7 +32,6 @@ class Setting:
     words: str
     taps: bool = False  # only of commands that listen: elsewhere the capture says it itself
     personal: bool = False  # not a project's to say
-    among: tuple[str, ...] = ()  # the only values, where they are few
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +54,7 @@ SETTINGS: Final = (
     Setting("port", str, ("port",), "the port for sniff, record and tap", taps=True),
     Setting("tz", str, ("tz",), "time zone for timestamps that carry none"),
     Setting("lang", str, ("lang",), "language of messages: en or ru"),
-    Setting("theme", str, ("light",), "light or dark", among=("light", "dark")),
+    Setting("theme", str, ("light",), "light or dark"),
     Setting("functions", list, ("functions",), "files that declare vendor functions", personal=True),
     Setting("line.baud", (int, str), ("baud",), "bit/s of a tap, or auto", taps=True),
     Setting("line.parity", str, ("parity",), "parity of a tap: N, E, O or auto", taps=True),
@@ -150,8 +149,8 @@ def _checked(at: SetValue, setting: Setting, *, project: bool) -> SetValue:
                             f"{user_file()}, or give --{key}")  # fmt: skip
     if not isinstance(value, setting.kind) or isinstance(value, bool):
         raise SettingsError(f"{at.where}: {key} is {value!r}: {setting.words}")
-    if setting.among and value not in setting.among:
-        raise SettingsError(f"{at.where}: {key} is {value!r}: use {' or '.join(setting.among)}")
+    if key == "theme" and value not in ("light", "dark"):
+        raise SettingsError(f"{at.where}: theme is {value!r}: use light or dark")
     if project and key == "port" and not _LOCAL_PORT.fullmatch(str(value)):
         raise SettingsError(f"{at.where}: port {value!r} is not on this machine, so a project's file cannot set "
                             f"it: put it into {user_file()}, or give it to the command")  # fmt: skip

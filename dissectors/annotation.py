@@ -96,7 +96,7 @@ def header_fields(adu: Adu, wording: Wording = ENGLISH) -> tuple[Field, ...]:
             problem = wording.say("0 is Modbus, anything else is not")
         elif name == "length" and value != len(data) - end:
             due = wording.count(value, "byte")
-            problem = wording.tell("{due} should follow, {there} do", due=due, there=len(data) - end)
+            problem = wording.fill_template("{due} should follow, {there} do", due=due, there=len(data) - end)
         fields.append(Field(name, at, 2, value, part.hex(), str(value), problem=problem or None))
     if len(data) >= MBAP:
         fields.append(_unit(data, MBAP - 1, wording, serial=False))
@@ -124,7 +124,7 @@ def function_field(data: bytes, at: int, role: Role, wording: Wording = ENGLISH)
             Field("exception_flag", at, 1, True, raw, wording.say("exception"), 7, 1),
             Field("function_code", at, 1, code & ~EXCEPTION, raw, text, 0, 7),
         )
-        text = wording.tell("exception to {function}", function=text)
+        text = wording.fill_template("exception to {function}", function=text)
         return Field("function", at, 1, code, raw, text, fields=parts)
     problem = None
     if code & EXCEPTION:
@@ -153,7 +153,7 @@ def _pdu(data: bytes, at: int, end: int, role: Role, context: Context, wording: 
     fields = [head, *_tiled(recorder, begin, begin + reached if problem is None else end, end)]
     if problem is not None and not any(field.problem for field in fields):
         # Nothing of the part that failed is there to carry the problem: the last field that is there does.
-        fields[-1] = replace(fields[-1], problem=wording.tell("after this, {problem}", problem=problem))
+        fields[-1] = replace(fields[-1], problem=wording.fill_template("after this, {problem}", problem=problem))
     return tuple(fields)
 
 
@@ -190,7 +190,7 @@ def _tiled(recorder: FieldTracer, begin: int, reached: int, end: int) -> Iterato
         at = reached
     if at < end:
         left = recorder.wording.count(end - at, "byte")
-        problem = recorder.wording.tell("{bytes} more than the frame's fields take", bytes=left)
+        problem = recorder.wording.fill_template("{bytes} more than the frame's fields take", bytes=left)
         yield _gap("surplus", at, end, recorder, problem)
 
 
@@ -210,12 +210,16 @@ def check_fields(adu: Adu, at: int, wording: Wording = ENGLISH) -> tuple[Field, 
         problem = say("cut: half of it is there")
         return (Field(name, at, len(adu.data) - at, None, raw, f"{raw.upper()} …", problem=problem),)
     if adu.check_received is None or adu.check_computed is None:
-        problem = wording.tell("{bytes} can't hold a frame", bytes=wording.count(at, "byte"))
+        problem = wording.fill_template("{bytes} can't hold a frame", bytes=wording.count(at, "byte"))
         return (Field(name, at, 0, None, "", say("missing"), problem=problem),)
     raw = adu.data[at:].hex()
     if adu.check_ok:
         return (Field(name, at, width, adu.check_received, raw, say("ok")),)
     due = adu.check_computed.to_bytes(width, "little").hex(" ").upper()
     there = adu.data[at:].hex(" ").upper()
-    text = wording.tell("wrong: {there}, should be {due}", due=due, there=there)
-    return (Field(name, at, width, adu.check_received, raw, text, problem=wording.tell("{due} is correct", due=due)),)
+    text = wording.fill_template("wrong: {there}, should be {due}", due=due, there=there)
+    return (
+        Field(
+            name, at, width, adu.check_received, raw, text, problem=wording.fill_template("{due} is correct", due=due)
+        ),
+    )

@@ -308,7 +308,7 @@ class Items(Part):
         counted = tracer.number(self.octets)
         if counted is not None and counted != length:
             words = "the byte count says {counted}, what is in it takes {length}"
-            return tracer.wording.tell(words, counted=counted, length=length)
+            return tracer.wording.fill_template(words, counted=counted, length=length)
         return None
 
 
@@ -326,7 +326,7 @@ class Variant(_Switch):
 
 def _in_all(number: int, wording: Wording) -> str:
     """What stands behind the first of many."""
-    return wording.tell(" … {number} in all", number=number)
+    return wording.fill_template(" … {number} in all", number=number)
 
 
 def _address(first: int | None, i: int) -> int | None:

@@ -55,7 +55,7 @@ class Short(construct.StreamError):
         if self.wanted == 1:
             return wording.say("1 byte expected, none found")
         words = "{wanted} expected, 1 found" if self.there == 1 else "{wanted} expected, {there} found"
-        return wording.tell(words, wanted=wording.count(self.wanted, "byte"), there=self.there)
+        return wording.fill_template(words, wanted=wording.count(self.wanted, "byte"), there=self.there)
 
 
 class Part(AnyConstruct):
@@ -187,7 +187,7 @@ class ByteCount(Number):
             asked = "the quantity of the request, {quantity}, takes {taken}, not {value}"
             due = tracer.wording.count(taken(quantity, self.bits), "byte")
             words = here if self.of in tracer.values else asked
-            return tracer.wording.tell(words, quantity=quantity, taken=due, value=value)
+            return tracer.wording.fill_template(words, quantity=quantity, taken=due, value=value)
         return super().problem(value, length, tracer)
 
 

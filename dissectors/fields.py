@@ -26,7 +26,7 @@ class Wording:
     say: Callable[[str], str] = str
     count: Callable[[int, str], str] = plural
 
-    def tell(self, template: str, /, **numbers: object) -> str:
+    def fill_template(self, template: str, /, **numbers: object) -> str:
         """A template by its English, filled."""
         return self.say(template).format_map(numbers)
 

@@ -69,7 +69,7 @@ class Bound:
         """What is wrong with this value, or None."""
         if self.low <= value <= self.high:
             return None
-        return wording.tell("{value} is outside {low} to {high}", value=value, low=self.low, high=self.high)
+        return wording.fill_template("{value} is outside {low} to {high}", value=value, low=self.low, high=self.high)
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,9 +97,9 @@ class Choice:
         digits = 2 * self.width
         shown = f"{value:0{digits}X}"
         if len(self.values) > _LISTED:
-            return wording.tell("{value} is not defined", value=shown)
+            return wording.fill_template("{value} is not defined", value=shown)
         choices = wording.say(" or ").join(f"{v:0{digits}X}" for v in self.values)
-        return wording.tell("{value} should be {choices}", value=shown, choices=choices)
+        return wording.fill_template("{value} should be {choices}", value=shown, choices=choices)
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +123,9 @@ class Multiple:
 
     def broken(self, value: int, wording: Wording = ENGLISH) -> str | None:
         """What is wrong with this value, or None."""
-        return wording.tell("{value} is not a multiple of {n}", value=value, n=self.n) if value % self.n else None
+        return (
+            wording.fill_template("{value} is not a multiple of {n}", value=value, n=self.n) if value % self.n else None
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,7 +35,7 @@ def record(declaration: AnyConstruct, data: bytes, recorder: FieldTracer) -> tup
         problem = _message(error, recorder.wording)
     except Exception as error:  # a user's declaration may fail in any way on bytes that it was not made for
         why = f"{type(error).__name__}: {error}"
-        problem = recorder.wording.tell("the declaration failed: {why}", why=why)
+        problem = recorder.wording.fill_template("the declaration failed: {why}", why=why)
     return min(stream.tell(), len(data)), problem
 
 
@@ -140,7 +140,7 @@ def echoed(field: Field, part: AnyConstruct, value: Any, tracer: FieldTracer) ->
     if requested is None or requested == value:
         return field
     asked = part.told(requested, tracer.wording) if isinstance(part, Number) else requested
-    return replace(field, problem=tracer.wording.tell("the request has {value}", value=asked))
+    return replace(field, problem=tracer.wording.fill_template("the request has {value}", value=asked))
 
 
 class _Level(AnySubconstruct):

@@ -41,7 +41,7 @@ def pytest_xdist_auto_num_workers() -> int:
 @pytest.fixture(autouse=True)
 def _told_in_english() -> None:
     """Each test begins in English, whatever language one before it chose."""
-    languages.use("en")
+    languages.use_language("en")
 
 
 @pytest.fixture(autouse=True)

@@ -38,7 +38,7 @@ _ENGLISH = re.compile(r"\b(?!Modbus|BACnet|HDLC|DLMS|COSEM|UART|MODBUS|MAXIM|KER
 @pytest.fixture(autouse=True)
 def _english() -> Iterator[None]:
     yield
-    languages.use("en")
+    languages.use_language("en")
 
 
 @pytest.mark.parametrize(
@@ -82,7 +82,7 @@ def test_sentences_of_field_cases(name: str) -> None:
     said = [sentence for cause in causes_of(ledger) for sentence in _sentences(cause)]
     assert said
     assert not [sentence for sentence in said if _SILLY.search(sentence)]
-    languages.use("ru")
+    languages.use_language("ru")
     russian = [sentence for cause in causes_of(ledger) for sentence in (cause.text, cause.share)]
     assert not [sentence for sentence in russian if _SILLY.search(sentence) or _ENGLISH.search(sentence)]
 

@@ -17,7 +17,7 @@ from analyzer.checks.model import forms
 from analyzer.cli.app import command_line
 from analyzer.cli.commands import COMMANDS, meanings, pages
 from analyzer.cli.help import rendered
-from analyzer.languages import catalogue, retold, telling, use
+from analyzer.languages import catalogue, retold, telling, use_language
 from analyzer.reference.causes import markdown
 from analyzer.settings import SETTINGS, TABLES
 from captures.formats import foreign_formats, formats
@@ -223,14 +223,14 @@ def test_the_language_of_the_settings_is_that_of_help_and_of_errors(
 def test_every_command_takes_a_language_before_it_and_behind(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     for words in (("--lang", "ru", command), ("--lang=ru", command), (command, "--lang", "ru")):
         assert ran(capsys, *words, "--help").out.startswith(f"вызов: rtuscope {command}")
-        use("en")
+        use_language("en")
 
 
 def test_a_language_is_taken_without_a_command_and_before_an_action(capsys: pytest.CaptureFixture[str]) -> None:
     assert ran(capsys, "--lang", "ru").out.startswith("вызов: rtuscope")
     assert ran(capsys, "--lang", "ru", "help", "filters").out.startswith("# ")
     assert ran(capsys, "map", "--lang", "ru", "list").status == ran(capsys, "map", "list", "--lang", "ru").status == 0
-    use("en")
+    use_language("en")
     assert "invalid choice: 'fr'" in refused(capsys, "--lang", "fr", "report")
     assert "--lang" in refused(capsys, "--lang")
 

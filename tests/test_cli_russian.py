@@ -33,7 +33,7 @@ _INSIDE = ("fleet", "reference")  # a batch's own business, read by who runs it
 @pytest.fixture(autouse=True)
 def _english() -> Iterator[None]:
     yield
-    languages.use("en")
+    languages.use_language("en")
 
 
 def _template(node: ast.expr) -> str:
@@ -60,7 +60,7 @@ def _said() -> Iterator[str]:
                 name = str(getattr(node.func, "id", None) or getattr(node.func, "attr", ""))
                 if name == "tell" and "cli" not in path.parts:
                     continue
-                if (name in ("tell", "note") or _RAISED.search(name)) and node.args:
+                if (name in ("tell", "tell_user", "note") or _RAISED.search(name)) and node.args:
                     yield _template(node.args[-1 if "ArgumentType" not in name else 0])
 
 
@@ -88,14 +88,14 @@ _PORT = PortInfo("/dev/ttyUSB0", link="/dev/serial/by-id/x", latency_ms=16, used
     ],
 )
 def test_what_a_port_is_told_of_is_whole_in_russian(line: str) -> None:
-    languages.use("ru")
+    languages.use_language("ru")
     left = re.sub(r"`[^`]*`|/\S+|docs/\S+", "", retold(line))
     assert re.search("[а-я]{3}", left), left
     assert not re.search(r"\b(?!RTS|DTR|udev|dialout|rtuscope)[A-Za-z]{3,}", left), left
 
 
 def test_every_error_is_in_the_catalogue() -> None:
-    languages.use("ru")
+    languages.use_language("ru")
     said = {words for words in _said() if re.search("[a-z]{3}.* ", _FLAGS.sub("", words))}
     assert len(said) > 200
     missing = [words for words in said if not re.search("[а-я]{2}", retold(words.replace("⟨⟩", "'x 1'")))]
@@ -142,13 +142,13 @@ def test_what_is_told_while_it_runs_and_at_its_end_is_in_the_catalogue() -> None
                 said += [words.replace("⟨⟩", "x 1") for each in node.args for words in _texts(each)]
     said = [words for words in said if re.search("[a-z]{3}.* ", words)]
     assert len(said) > 30
-    languages.use("ru")
+    languages.use_language("ru")
     missing = [words for words in said if not re.search("[а-я]{2}", retold(words))]
     assert not missing, missing
 
 
 def test_a_session_tells_in_the_language_in_use(capfd: pytest.CaptureFixture[str]) -> None:
-    languages.use("ru")
+    languages.use_language("ru")
     with Teller() as tell:
         tell("/dev/ttyX: open")
         tell("listening: 19200 8N1")
@@ -183,7 +183,7 @@ def _texts(node: ast.AST) -> Iterator[str]:
 def test_notices_of_captures_are_in_the_catalogue() -> None:
     said = {words.replace("⟨⟩", "x 1") for words in _notices() if re.search("[a-z]{3}.* ", words)}
     assert len(said) > 10
-    languages.use("ru")
+    languages.use_language("ru")
     missing = [words for words in said if re.search("[a-z]{3,} [a-z]{3,}", retold(words)) or retold(words) == words]
     assert not missing, missing
 
@@ -247,11 +247,11 @@ def test_the_environment_s_language_tells_errors_too(
 
 
 def test_data_and_names_stay_as_they_are() -> None:
-    languages.use("ru")
+    languages.use_language("ru")
     assert retold("a file: b.csv: no such file") == "a file: b.csv: нет такого файла"
     assert retold("anything else: at all") == "anything else: at all"
     assert retold("x: " * 5000) == "x: " * 5000
-    languages.use("en")
+    languages.use_language("en")
     assert retold("b.csv: no such file") == "b.csv: no such file"
 
 
@@ -261,7 +261,7 @@ def test_what_a_batch_came_to_is_told_in_russian(capsys: pytest.CaptureFixture[s
     from analyzer.fleet.batch import BatchResult
     from analyzer.fleet.packs import LakePacking
 
-    languages.use("ru")
+    languages.use_language("ru")
     tell_result(BatchResult(lines=2, captures=3, frames=1_200, octets=9_600_000, skipped=1, damaged=2, seconds=0.5))
     tell_result(BatchResult(packed=LakePacking(12, 2)))
     said = capsys.readouterr().out.splitlines()
@@ -273,7 +273,7 @@ def test_what_a_batch_came_to_is_told_in_russian(capsys: pytest.CaptureFixture[s
 
 
 def test_lines_of_several_templates_are_told_by_the_one_that_says_all() -> None:
-    languages.use("ru")
+    languages.use_language("ru")
     for english, russian in (
         ("/tmp/a.mcap: not a capture but an ELF program", "/tmp/a.mcap: не запись, а программа (ELF)"),
         (

@@ -104,3 +104,32 @@ def test_a_request_is_heard_before_its_answer_where_the_answer_s_clock_is_an_hou
     rows = Rows.joined([part.batch.rows for part in parts])
     frames = rows[rows.index >= 0]
     assert frames.port.tolist() == [0, 1] * 40
+
+
+@given(READS, st.integers(0, 30))
+def test_what_is_decided_is_forgotten_and_nothing_else(reads: list[tuple[int, int, int]], count: int) -> None:
+    chunks = chunks_of(reads)
+    whole, forgetful = ArrivalClock(), ArrivalClock()
+    for clock in (whole, forgetful):
+        clock.feed(Block.from_chunks(chunks))
+    for port in {chunk.port for chunk in chunks}:
+        forgetful.decided(port, sum(len(chunk.data) for chunk in chunks[:count] if chunk.port == port))
+    assert come(forgetful, chunks)[count:] == come(whole, chunks)[count:]
+
+
+@given(READS, st.integers(-50, 2000).map(lambda ms: ms * MS))
+def test_time_that_passes_without_reads_never_runs_back(reads: list[tuple[int, int, int]], passed_ns: int) -> None:
+    clock, silent = ArrivalClock(), ArrivalClock()
+    clock.feed(Block.from_chunks(chunks_of(reads)))
+    newest = clock.now_ns
+    assert newest is not None
+    clock.passed(passed_ns)
+    silent.passed(passed_ns)
+    assert (clock.now_ns, silent.now_ns) == (max(newest, passed_ns), passed_ns)
+
+
+def test_a_read_that_seems_earlier_comes_just_behind_another_port_s_and_with_its_own() -> None:
+    chunks = [Chunk(t_ms * MS, b"\1", port) for t_ms, port in ((10, 0), (5, 1), (6, 1), (10, 0), (9, 0), (11, 1))]
+    clock = ArrivalClock()
+    clock.feed(Block.from_chunks(chunks))
+    assert [at - 10 * MS for at in come(clock, chunks)] == [0, 1, 1, 2, 2, MS]

@@ -36,9 +36,9 @@ _TERMS = re.compile(
 
 @pytest.fixture(autouse=True)
 def _russian() -> Iterator[None]:
-    languages.use("ru")
+    languages.use_language("ru")
     yield
-    languages.use("en")
+    languages.use_language("en")
 
 
 def _walk(fields: tuple[Field, ...]) -> Iterator[Field]:
@@ -92,7 +92,7 @@ def test_what_declarations_say_is_in_the_catalogue() -> None:
         for path in Path(dissectors.__file__).parent.rglob("*.py")
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
         if isinstance(node, ast.Call)
-        and (getattr(node.func, "attr", None) in ("say", "tell") or getattr(node.func, "id", None) == "say")
+        and (getattr(node.func, "attr", None) in ("say", "fill_template") or getattr(node.func, "id", None) == "say")
         and node.args
         and isinstance(node.args[0], ast.Constant)
     }

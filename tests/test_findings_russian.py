@@ -39,7 +39,7 @@ _TERMS = re.compile(
 @pytest.fixture(autouse=True)
 def _english() -> Iterator[None]:
     yield
-    languages.use("en")
+    languages.use_language("en")
 
 
 def _figures(rule: Rule) -> Iterator[dict[str, float]]:
@@ -64,9 +64,9 @@ def _said(rule: Rule, numbers: Mapping[str, float]) -> list[str]:
 def test_no_finding_is_left_in_english(rule: Rule) -> None:
     heard = 0
     for numbers in _figures(rule):
-        languages.use("en")
+        languages.use_language("en")
         english = _said(rule, numbers)
-        languages.use("ru")
+        languages.use_language("ru")
         russian = _said(rule, numbers)
         assert len(russian) == len(english)
         heard += bool(russian)
@@ -105,7 +105,7 @@ def test_every_piece_is_in_the_catalogue_with_the_same_figures() -> None:
 
 
 def test_nouns_and_senders_agree() -> None:
-    languages.use("ru")
+    languages.use_language("ru")
     by_code = {rule.code: rule for rule in rules()}
     noise = by_code["noise"]
     after = {"pattern": float(Pattern.AFTER), "bytes": 2.0, "unit": 7.0}

@@ -35,7 +35,7 @@ SITES = ("site0", "site1", "site2", HOSTILE, UP, "Насосная", "untimed")
 @pytest.fixture(autouse=True)
 def _english():
     yield
-    languages.use("en")
+    languages.use_language("en")
 
 
 @pytest.fixture(scope="module")
@@ -198,7 +198,7 @@ def test_pages_in_russian_say_the_same(lake, tmp_path, pages):
 
 def test_a_cause_that_cannot_be_retold_is_told_as_it_was_kept():
     suspect = next(each for each in suspects() if "{" in each.text)
-    languages.use("ru")
+    languages.use_language("ru")
     assert told_again("no-such-cause", "{}") is None
     assert (
         told_again(suspect.cause, None)
@@ -223,7 +223,7 @@ def test_causes_are_told_again_from_their_numbers(lake):
 def test_rows_of_a_lake_are_english_whatever_is_spoken(tmp_path):
     captures.write(tmp_path / "bus.mcap", bus("brutal", 3, 300))
     for language in languages.LANGUAGES:
-        languages.use(language)
+        languages.use_language(language)
         batch(tmp_path / language, tmp_path / "bus.mcap")
     one, two = (Lake(str(tmp_path / language)) for language in languages.LANGUAGES)
     for table in ("causes", "findings"):

@@ -36,7 +36,7 @@ from captures.live.tapstream import (
     is_local,
     new_nonce,
     read_token,
-    say,
+    send_line,
     serving_context,
 )
 from captures.live.tapviewer import TapViewer
@@ -344,7 +344,7 @@ def greeted(connection, token=None, session="", **instead):
     greeting, _ = hear(connection)
     proving = Proving(token, greeting["nonce"], new_nonce())
     words = {"nonce": proving.viewer_nonce, "proof": proving.proof("viewer", session), "session": session}
-    say(connection, {**words, "next": None, **instead})
+    send_line(connection, {**words, "next": None, **instead})
     return hear(connection)[0]
 
 
@@ -358,7 +358,7 @@ def test_what_was_overheard_lets_nobody_in():
         with connected(server) as connection:
             greeting, _ = hear(connection)
             words["proof"] = Proving(TOKEN, greeting["nonce"], words["nonce"]).proof("viewer", "")
-            say(connection, words)
+            send_line(connection, words)
             assert "session" in hear(connection)[0]
         with connected(server) as connection:
             assert "refused" in greeted(connection, **words)
@@ -442,7 +442,7 @@ def test_a_tap_or_viewer_of_another_version_is_told_as_that():
     with serving() as server, connected(server) as connection:
         greeting, _ = hear(connection)
         assert greeting["rtuscope_tap"] == VERSION
-        say(connection, {"proof": "", "session": "", "next": None})  # as viewers of version 1 did
+        send_line(connection, {"proof": "", "session": "", "next": None})  # as viewers of version 1 did
         assert "not a viewer of this version" in hear(connection)[0]["refused"]
 
 
@@ -548,12 +548,12 @@ class HostileTap:
                 with connection, contextlib.suppress(OSError, WireError):
                     if self._silent:
                         connection.recv(1)
-                    say(connection, {"rtuscope_tap": self._version, "nonce": "00" * 16})
+                    send_line(connection, {"rtuscope_tap": self._version, "nonce": "00" * 16})
                     asked, _ = hear(connection)
                     right = Proving(self._token, "00" * 16, asked["nonce"]).proof("tap", "x")
                     of_other = Proving(TOKEN, "00" * 16, "11" * 16).proof("tap", "x")
                     instead = {"replayed": of_other, "its own back": asked["proof"]}
-                    say(connection, {"session": "x", "proof": instead.get(self._token, right)})
+                    send_line(connection, {"session": "x", "proof": instead.get(self._token, right)})
                     connection.sendall(self._stream)
                     if self._stays:
                         connection.recv(1)
@@ -610,8 +610,8 @@ def test_the_oldest_is_given_up_and_memory_stays_bounded():
     told = json.loads(record[3])
     assert told["next"] == number > 1500
     assert told["heard"] == number * (2 + len(REQUEST))
-    assert history.take(0, 0) is None
-    assert sum(map(len, history.take(number, 0) or [])) < 50_000
+    assert history.take_records(0, 0) is None
+    assert sum(map(len, history.take_records(number, 0) or [])) < 50_000
 
 
 @pytest.mark.parametrize(

@@ -87,3 +87,11 @@ def test_no_formula_harms(text: str, raw: float) -> None:
 def test_division_by_nothing_is_no_value() -> None:
     assert formula_of("raw / [U]").value(4.0, lambda _: 0.0) is None
     assert formula_of("raw / [U]").value(4.0, lambda _: 8.0) == 0.5
+
+
+def test_a_formula_has_300_characters_at_most() -> None:
+    longest = "raw" + " + 1" * 74 + " "
+    assert len(longest) == 300
+    assert formula_of(longest).value(1.0, lambda _: None) == 75
+    with pytest.raises(FormulaError):
+        formula_of(longest + " ")

@@ -63,11 +63,11 @@ def test_the_users_word_overrules_and_teaches(bus: Path) -> None:
     heard(registers, bus)
     value = next(v for v in registers.values if v.kind == "float" and v.changes)
     place = (value.unit, value.area, value.address)
-    registers.say(place, "u32 CDAB")
+    registers.say_type(place, "u32 CDAB")
     own = next(v for v in registers.values if (v.unit, v.area, v.address) == place)
     assert (own.type, own.order, own.why, own.confidence) == ("u32", "CDAB", "as you said", 1.0)
     assert own.name is None
-    registers.say(place, "")
+    registers.say_type(place, "")
     assert next(v for v in registers.values if (v.unit, v.area, v.address) == place).type == "f32"
 
 

@@ -40,7 +40,7 @@ _TERMS = re.compile(
 @pytest.fixture(autouse=True)
 def _english() -> Iterator[None]:
     yield
-    languages.use("en")
+    languages.use_language("en")
 
 
 def _templates() -> Iterator[str]:
@@ -98,7 +98,7 @@ def test_nouns_agree_with_their_number() -> None:
         "1 value is as it should be",
         "2 values are as they should be",
     ]
-    languages.use("ru")
+    languages.use_language("ru")
     said = [register_words(fits, good=good) for good in (1, 3, 11)]
     assert [words.split(" на")[0] for words in said] == ["1 значение похоже", "3 значения похожи", "11 значений похожи"]
     units = "weighed together with {units:unit|units}, asked the same and answering alike"
@@ -108,7 +108,7 @@ def test_nouns_agree_with_their_number() -> None:
 
 
 def test_made_up_names_are_told_and_others_stay() -> None:
-    languages.use("ru")
+    languages.use_language("ru")
     names = ("measurement r107", "counter b3", "measurement of heat", "Voltage r1", "Напряжение")
     assert [*map(told_name, names)] == ["измерение r107", "счётчик b3", *names[2:]]
 

@@ -35,7 +35,7 @@ SAMPLES = Path(captures.__file__).parent / "samples"
 @pytest.fixture(autouse=True)
 def _english() -> Iterator[None]:
     yield
-    languages.use("en")
+    languages.use_language("en")
 
 
 def report_of(name: str) -> Report:

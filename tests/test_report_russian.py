@@ -26,7 +26,7 @@ _PIECE = re.compile(r"""\bw\((?:"([^"]+)"|'([^']+)')""")
 @pytest.fixture(autouse=True)
 def _english() -> Iterator[None]:
     yield
-    languages.use("en")
+    languages.use_language("en")
 
 
 def _literals(name: str) -> Iterator[str]:
@@ -111,7 +111,7 @@ def test_nouns_agree_with_their_number(capsys: pytest.CaptureFixture[str]) -> No
 
 @pytest.mark.parametrize("suspect", suspects(), ids=lambda suspect: suspect.cause)
 def test_causes_agree_with_their_numbers(suspect: Suspect) -> None:
-    languages.use("ru")
+    languages.use_language("ru")
     for part, english in (("text", suspect.text), ("share", suspect.share), ("remedy", suspect.remedy)):
         for number in (1, 3, 21.0, 112):
             words = fill(cause_words(suspect.cause, part, english), dict.fromkeys(_places(english), number))

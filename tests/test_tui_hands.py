@@ -93,7 +93,7 @@ def test_no_view_is_wider_than_the_terminal(capture: Path, width: int) -> None:
 @pytest.mark.parametrize("language", ["en", "ru"])
 @pytest.mark.parametrize("width", [40, 80, 120])
 def test_the_footer_shows_whole_keys_and_always_help_and_the_way_out(width: int, language: str, capture: Path) -> None:
-    languages.use(language)
+    languages.use_language(language)
     help_, leave = tr("Help"), tr("Quit")
 
     async def work(sitting: Seat) -> None:

@@ -374,10 +374,10 @@ def test_activity_counts_everything_once_near_and_far(troubled: Bus) -> None:
     far = troubled.activity._bins.tables["all"]
     assert far[0].sum() == size
     rows = np.arange(troubled.count)
-    marks = troubled.table.take("mark", rows)
+    marks = troubled.table.take_column("mark", rows)
     silent = marks >= Severity.WARNING  # a request that nobody answers too, as in the report's chart
     assert near.troubles.sum() == far[2].sum() == silent.sum()
-    assert (silent & troubled.table.take("check", rows)).any()
+    assert (silent & troubled.table.take_column("check", rows)).any()
 
 
 def test_units_take_their_bytes(troubled: Bus) -> None:

@@ -241,7 +241,7 @@ def test_the_ends_of_a_scale_are_told_apart_where_there_is_room(
 def test_a_capture_without_a_frame_opens_at_what_it_is_instead(
     said: bytes, told: str | int, language: str, tmp_path: Path
 ) -> None:
-    languages.use(language)
+    languages.use_language(language)
     told = told if isinstance(told, str) else grouped(told)
     path = tmp_path / "other.jsonl"
     chunks = [Chunk(10**18 + second * 10**9, said) for second in range(40)]
@@ -267,7 +267,7 @@ def test_a_capture_without_a_frame_opens_at_what_it_is_instead(
 
 @pytest.mark.parametrize("blame", ["master", "line", "tap", "nobody"])
 def test_whose_fault_it_is_is_said_in_each_language(blame: str) -> None:
-    languages.use("ru")
+    languages.use_language("ru")
     assert not re.search("[a-z]", whose(SimpleNamespace(blame=blame, units=())))  # type: ignore[arg-type]
 
 

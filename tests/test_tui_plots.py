@@ -68,7 +68,7 @@ def test_a_number_stands_with_its_measure_and_one_that_is_none_is_called_so(tmp_
 
 
 def test_on_narrow_terminals_a_name_gives_way_to_the_number(tmp_path: Path) -> None:
-    languages.use("ru")
+    languages.use_language("ru")
 
     async def work(sitting: Seat) -> None:
         plot = sitting.screen.query_one(Plot)

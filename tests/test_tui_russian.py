@@ -52,7 +52,7 @@ _TERMS = re.compile(
 @pytest.fixture(autouse=True)
 def _english() -> Iterator[None]:
     yield
-    languages.use("en")
+    languages.use_language("en")
 
 
 @pytest.fixture
@@ -111,7 +111,7 @@ def test_a_frame_is_told_and_found_in_russian(capture: Path) -> None:
     bus = Bus.of(source := CaptureSource(captures.open(capture), "bus"))
     for analysed in source.steps(bool):
         bus.feed(analysed)
-    languages.use("ru")
+    languages.use_language("ru")
     row = next(row for row in range(bus.count) if bus.frame(row).function == 3)
     assert bus.frame(row).summary(languages.wording()) == "читать 3 регистра хранения с 107 (40108)"
     assert bus.frame(row).summary() == "read 3 holding registers from 107 (40108)", "for scripts it stays English"
@@ -120,7 +120,7 @@ def test_a_frame_is_told_and_found_in_russian(capture: Path) -> None:
 
 
 def test_a_paste_is_told_in_russian(asked: _Asked) -> None:
-    languages.use("ru")
+    languages.use_language("ru")
     cut = tree(paste.read("11 03 00 6B 00 03"))
     assert "запрос    устройство 17: читать 3 регистра хранения с 107 (40108)" in cut
     assert cut.splitlines()[0] == "RTU: похоже по заголовку; CRC неверна, заголовка MBAP нет"
@@ -133,12 +133,12 @@ def test_a_paste_is_told_in_russian(asked: _Asked) -> None:
 
 
 def test_nouns_agree_with_their_number() -> None:
-    languages.use("ru")
+    languages.use_language("ru")
     said = [counted(number, "byte", "bytes") for number in (1, 2, 5, 11, 12, 21, 22, 111, 1_003)]
     assert said == [
         "1 байт", "2 байта", "5 байтов", "11 байтов", "12 байтов", "21 байт", "22 байта", "111 байтов", "1 003 байта",
     ]  # fmt: skip
-    languages.use("en")
+    languages.use_language("en")
     assert (counted(1, "byte", "bytes"), counted(2, "byte", "bytes"), tr("Home")) == ("1 byte", "2 bytes", "Home")
 
 
@@ -197,7 +197,7 @@ _BEGUN = (
 
 @pytest.mark.parametrize("text", _WRONG)
 def test_what_is_wrong_with_a_filter_is_told_in_russian(asked: _Asked, text: str) -> None:
-    languages.use("ru")
+    languages.use_language("ru")
     with pytest.raises(FilterError) as caught:
         compile_filter(text, LineSettings())
     assert re.search("[а-я]{3}", caught.value.message)
@@ -206,7 +206,7 @@ def test_what_is_wrong_with_a_filter_is_told_in_russian(asked: _Asked, text: str
 
 
 def test_what_could_be_typed_next_is_told_in_russian(asked: _Asked) -> None:
-    languages.use("ru")
+    languages.use_language("ru")
     offers = [offer for text in _BEGUN for offer in complete(text, len(text))]
     assert {"unit", "==", "chars", "and", "crc-error"} <= {offer.text.strip('"') for offer in offers}
     assert all(not offer.help or re.search("[а-я]", offer.help) for offer in offers)
@@ -214,7 +214,7 @@ def test_what_could_be_typed_next_is_told_in_russian(asked: _Asked) -> None:
 
 
 def test_a_capture_is_spoken_in_russian(capture: Path, asked: _Asked) -> None:
-    languages.use("ru")
+    languages.use_language("ru")
     lines = list(spoken(CaptureSource(captures.open(capture), "bus"), "unit < 99"))
     assert lines[1] == "3 причины."
     assert any("устройство 2 не ответило за" in line for line in lines)
@@ -225,7 +225,7 @@ _PROMPTS = ("g", "f", "T", "S", "C", "equals_sign", "y", "e", "semicolon", "M", 
 
 
 def test_no_english_is_left_on_a_screen(capture: Path, asked: _Asked) -> None:
-    languages.use("ru")
+    languages.use_language("ru")
 
     def foreign(line: str) -> str:
         """Without what is data or of another layer: the file, filters, findings' own texts, fields' names."""
@@ -272,7 +272,7 @@ def test_no_english_is_left_on_a_screen(capture: Path, asked: _Asked) -> None:
 
 @pytest.mark.parametrize("width", [40, 80, 120])
 def test_russian_fits_where_english_does(capture: Path, width: int) -> None:
-    languages.use("ru")
+    languages.use_language("ru")
 
     async def work(sitting: Seat) -> None:
         for view in "012345678":
@@ -285,7 +285,7 @@ def test_russian_fits_where_english_does(capture: Path, width: int) -> None:
 
 
 def test_home_looks_as_it_did_in_russian(capture: Path) -> None:
-    languages.use("ru")
+    languages.use_language("ru")
 
     async def work(sitting: Seat) -> None:
         await sitting.press("0")

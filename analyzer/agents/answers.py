@@ -84,7 +84,7 @@ class AnswerPage:
         self._room = MOST_TOKENS - _END - token_bound(_compact(self._head))
         self._seen, self._full = 0, False
 
-    def take(self, count: int, make: Callable[[int], Mapping[str, Any]]) -> None:
+    def add_statements(self, count: int, make: Callable[[int], Mapping[str, Any]]) -> None:
         """So many statements more, by their number; those alone are made that may stand here."""
         for number in range(max(self._offset - self._seen, 0), count):
             if self._full:
@@ -109,7 +109,7 @@ class AnswerPage:
 def answered(head: Mapping[str, Any], statements: Iterable[Mapping[str, Any]], offset: int = 0) -> str:
     """An answer of statements that are made already."""
     page, made = AnswerPage(head, offset), list(statements)
-    page.take(len(made), made.__getitem__)
+    page.add_statements(len(made), made.__getitem__)
     return page.text()
 
 

@@ -66,7 +66,7 @@ class AgentTools:
         """List the captures (recordings of a Modbus bus) and lakes (many captures, analysed) under the root."""
         found = [each for name, lake in self._root.names() if (each := self._listed(name, lake)) is not None]
         page = AnswerPage({}, offset)
-        page.take(len(found), lambda number: found[number]())
+        page.add_statements(len(found), lambda number: found[number]())
         return page.text()
 
     def _listed(self, name: str, lake: bool) -> Callable[[], Mapping[str, Any]] | None:
@@ -147,7 +147,7 @@ class AgentTools:
             def statement(number: int, batch: Batch = batch, rows: list[int] = rows) -> Mapping[str, Any]:
                 return _frame(facts, batch.frame(rows[number]), fields=fields)
 
-            page.take(len(rows), statement)
+            page.add_statements(len(rows), statement)
         return page.text()
 
     def registers(self, capture: str, unit: int | None = None, map: str = "", offset: int = 0) -> str:
@@ -190,7 +190,7 @@ class AgentTools:
             return _cited(facts, {"t_ns": t_ns, "value": _value(held, type, order), "raw": held}, (frame,))
 
         page = AnswerPage(_head(facts), offset)
-        page.take(len(told), statement)
+        page.add_statements(len(told), statement)
         return page.text()
 
     def parse(self, text: str, offset: int = 0) -> str:
@@ -206,11 +206,11 @@ class AgentTools:
         sha256 = hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
         frames = list(paste.frames())
         page = AnswerPage({"sha256": sha256, "protocol": paste.protocol}, offset)
-        page.take(len(frames), lambda number: _pasted(sha256, frames[number], number))
+        page.add_statements(len(frames), lambda number: _pasted(sha256, frames[number], number))
         unread = [
             {"not_read": Untrusted(each.text), "line": each.line, "why": Untrusted(each.why)} for each in paste.unread
         ]
-        page.take(len(unread), unread.__getitem__)
+        page.add_statements(len(unread), unread.__getitem__)
         return page.text()
 
     def ask(
@@ -224,7 +224,7 @@ class AgentTools:
 
         sha256, rows = asked_rows(self._root, lake, question, tuple(words or ()), site, _ROWS)
         page = AnswerPage({"lake": Untrusted(lake), "sha256": sha256}, offset)
-        page.take(len(rows), lambda number: {**rows[number], "cite": f"{sha256[:HASH]}:r{number}"})
+        page.add_statements(len(rows), lambda number: {**rows[number], "cite": f"{sha256[:HASH]}:r{number}"})
         return page.text()
 
     def _of(self, capture: str) -> CaptureFacts:

@@ -21,7 +21,7 @@ from ..terminal_text import gated_streams
 from ..version import __version__
 from .commands import COMMANDS, DONE, INTERRUPTED, UNUSABLE, Command, UsageError, add_arguments, add_language, meanings
 from .synonyms import instead_of
-from .terminal import full_screen, tell
+from .terminal import full_screen, tell_user
 from .twins import TWINS
 
 _PLACEHOLDER: Final = re.compile("[A-Z][A-Z_]+")
@@ -122,7 +122,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     _tolerant(sys.stdout)
     _tolerant(sys.stderr)
     with gated_streams(), warnings.catch_warnings():
-        warnings.showwarning = lambda message, *_, **__: tell(" ".join(str(message).split()))
+        warnings.showwarning = lambda message, *_, **__: tell_user(" ".join(str(message).split()))
         return _status_of(list(sys.argv[1:] if argv is None else argv))
 
 
@@ -140,7 +140,7 @@ def _status_of(arguments: list[str]) -> int:
         if os.environ.get("RTUSCOPE_DEBUG"):
             raise
         with suppress(OSError):  # nobody listens on standard error: the status still tells
-            tell(_error_line(error))
+            tell_user(_error_line(error))
         _settle_stdout()
         return UNUSABLE
     return status
@@ -152,7 +152,7 @@ def _ended(arguments: list[str]) -> int:
         return _run(arguments)
     except SystemExit as stop:
         if isinstance(stop.code, str):
-            tell(stop.code)
+            tell_user(stop.code)
             return UNUSABLE
         return stop.code or DONE
 
@@ -167,11 +167,11 @@ def _with_settings(parser: argparse.ArgumentParser, arguments: list[str]) -> arg
         parsed = settled(parser, arguments[0], arguments[1:])
     chosen = getattr(parsed, "lang", None) or os.environ.get("RTUSCOPE_LANG")
     if chosen:
-        from ..languages import LANGUAGES, use
+        from ..languages import LANGUAGES, use_language
 
         if chosen not in LANGUAGES:
             raise UsageError(f"RTUSCOPE_LANG is {chosen!r}: {' or '.join(LANGUAGES)}")
-        use(chosen)
+        use_language(chosen)
     return parsed
 
 
@@ -182,9 +182,9 @@ def _speak(arguments: list[str]) -> None:
         if word == "--lang" or word.startswith("--lang="):
             chosen = _known_language(word.partition("=")[2] or following) or chosen
     if chosen := _known_language(chosen):
-        from ..languages import LETTERS, use
+        from ..languages import LETTERS, use_language
 
-        use(chosen)
+        use_language(chosen)
         _carry(LETTERS[chosen], sys.stdout)
         _carry(LETTERS[chosen], sys.stderr)
 

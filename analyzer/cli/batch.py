@@ -13,7 +13,7 @@ from ..languages import counted, tr
 from ..words import data_size
 from .commands import DONE, FAILED, INTERRUPTED, UsageError
 from .inputs import add_functions_argument, add_limit_arguments, add_reading_arguments, chosen_limits, load_functions
-from .terminal import Progress, endable, interruptible, places, say_in_place, tell
+from .terminal import Progress, endable, interruptible, places, say_in_place, tell_user
 
 if TYPE_CHECKING:
     from ..fleet.batch import BatchResult, BatchStep
@@ -104,14 +104,14 @@ def run(arguments: argparse.Namespace) -> int:
             )
     except KeyboardInterrupt:
         with suppress(OSError):  # the terminal may be gone
-            tell("stopped at once; partial output is kept: continue with --resume")
+            tell_user("stopped at once; partial output is kept: continue with --resume")
         return INTERRUPTED
     result.troubles = [*refused, *result.troubles]
     tell_result(result)
     if not arguments.redo and result.outdated:
-        tell(outdated(result))
+        tell_user(outdated(result))
     if result.partial:
-        tell("stopped by Ctrl-C; partial output is kept: continue with --resume")
+        tell_user("stopped by Ctrl-C; partial output is kept: continue with --resume")
         return INTERRUPTED
     return FAILED if result.is_flawed or refused else DONE
 
@@ -166,9 +166,9 @@ def tell_result(result: BatchResult) -> None:
     if places(sys.stderr):
         say_in_place("")
     for trouble in result.troubles[:_TOLD]:
-        tell(trouble)
+        tell_user(trouble)
     if len(result.troubles) > _TOLD:
-        tell(f"and {len(result.troubles) - _TOLD:,} more (list the captures: rtuscope ask LAKE damaged)")
+        tell_user(f"and {len(result.troubles) - _TOLD:,} more (list the captures: rtuscope ask LAKE damaged)")
     damaged = tr(", {count:,} of them damaged", count=result.damaged) if result.damaged else ""
     skipped = tr(", {count:,} were there already", count=result.skipped) if result.skipped else ""
     print(

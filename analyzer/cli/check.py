@@ -21,7 +21,7 @@ from .inputs import (
     open_capture,
     tell_damage,
 )
-from .terminal import Progress, add_overwrite_argument, coloured, interruptible, put_json, tell, to_be_overwritten
+from .terminal import Progress, add_overwrite_argument, coloured, interruptible, put_json, tell_user, to_be_overwritten
 
 if TYPE_CHECKING:
     from captures import Capture
@@ -96,10 +96,10 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         _show(results)
     if results.partial:
-        tell("stopped by Ctrl-C; only the part read so far was checked")
+        tell_user("stopped by Ctrl-C; only the part read so far was checked")
         return INTERRUPTED
     if not results.frames:
-        tell(f"{source}: no Modbus frame found")
+        tell_user(f"{source}: no Modbus frame found")
         return NO_FRAME
     return DONE if results.passed else FAILED
 

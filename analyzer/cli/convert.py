@@ -22,7 +22,7 @@ from .inputs import (
     time_span,
 )
 from .lineoptions import add_kept_names
-from .terminal import Progress, add_overwrite_argument, captured_words, interruptible, tell, to_be_overwritten
+from .terminal import Progress, add_overwrite_argument, captured_words, interruptible, tell_user, to_be_overwritten
 
 if TYPE_CHECKING:
     from captures import Block, Capture
@@ -114,11 +114,11 @@ def run(arguments: argparse.Namespace) -> int:
     for path, capture in zip(paths, opened, strict=True):
         tell_damage(path, capture)
     if lost := _lost(edited, chosen, written):
-        tell(f"{arguments.output}: this format cannot store {', '.join(lost)}")
+        tell_user(f"{arguments.output}: this format cannot store {', '.join(lost)}")
     line = f"{arguments.output}: {captured_words(written.reads, written.bytes)}"
     print(harmless(line), file=sys.stderr if arguments.output == "-" else sys.stdout)
     if stopped:
-        tell("stopped by Ctrl-C; partial output is kept")
+        tell_user("stopped by Ctrl-C; partial output is kept")
         return INTERRUPTED
     return DONE if written.bytes else NO_FRAME
 
@@ -232,5 +232,5 @@ def _around(capture: Capture, arguments: argparse.Namespace) -> Capture:
     except FilterError as error:
         raise UsageError(f"--around: {error}") from error
     if not count:
-        tell("--around: nothing matches the filter")
+        tell_user("--around: nothing matches the filter")
     return capture

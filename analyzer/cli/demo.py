@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from .commands import DONE
-from .report import exit_status, show
+from .report import exit_status, show_report
 from .terminal import full_screen
 
 SAMPLE = "troubled.jsonl"
@@ -25,7 +25,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     capture = captures.open(samples.path(SAMPLE))
     if arguments.report or arguments.json or not full_screen():
-        return exit_status(show(capture, SAMPLE, as_json=arguments.json))
+        return exit_status(show_report(capture, SAMPLE, as_json=arguments.json))
     from ..model.source import CaptureSource
     from ..tui import run as look
 

@@ -19,7 +19,7 @@ from .inputs import (
     open_capture,
     tell_damage,
 )
-from .terminal import Progress, add_overwrite_argument, interruptible, tell, to_be_overwritten
+from .terminal import Progress, add_overwrite_argument, interruptible, tell_user, to_be_overwritten
 
 EXAMPLE = """\
 rtuscope simulate bus.jsonl --wire noisy
@@ -99,16 +99,16 @@ def run(arguments: argparse.Namespace) -> int:
     progress.clear()
     tell_damage(arguments.capture, capture)
     if result.partial:
-        tell("stopped by Ctrl-C; partial output is kept")
+        tell_user("stopped by Ctrl-C; partial output is kept")
         return INTERRUPTED
     if chosen is not None and not result.bytes:
-        tell(f"{arguments.capture}: nothing matches the filter")
+        tell_user(f"{arguments.capture}: nothing matches the filter")
         return NO_FRAME
     if not result.frames and not (chosen is not None and "noise" in chosen.fields):
-        tell(f"{arguments.capture}: no Modbus frame found in {result.bytes:,} bytes")
+        tell_user(f"{arguments.capture}: no Modbus frame found in {result.bytes:,} bytes")
         return NO_FRAME
     if arguments.check and result.errors:
-        tell(f"{arguments.capture}: {result.errors:,} findings of severity error")
+        tell_user(f"{arguments.capture}: {result.errors:,} findings of severity error")
         return FAILED
     return DONE
 

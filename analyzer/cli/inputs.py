@@ -22,7 +22,7 @@ from ..meant import did_you_mean
 from ..words import UNITS_NS, is_clock, moment_of
 from .commands import UsageError
 from .lineoptions import LineWords, add_kept_names, add_line_arguments
-from .terminal import tell
+from .terminal import tell_user
 
 if TYPE_CHECKING:
     from captures import Capture
@@ -351,7 +351,7 @@ def opened_capture(path: str, arguments: argparse.Namespace) -> Capture:
     """The same of one file among several."""
     capture = capture_as_asked(path, arguments)
     for notice in capture.notices:
-        tell(notice)
+        tell_user(notice)
     return capture
 
 
@@ -375,9 +375,9 @@ def given_reading(arguments: argparse.Namespace) -> list[str]:
 def tell_damage(name: str, capture: Capture) -> None:
     """Say what of the capture could not be read."""
     for loss in capture.damage[:_COMPLAINTS]:
-        tell(f"{name}: {loss}")
+        tell_user(f"{name}: {loss}")
     if capture.damage_count > _COMPLAINTS:
-        tell(f"{name}: and {capture.damage_count - _COMPLAINTS:,} more such places")
+        tell_user(f"{name}: and {capture.damage_count - _COMPLAINTS:,} more such places")
 
 
 def add_map_argument(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:

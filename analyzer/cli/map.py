@@ -21,7 +21,7 @@ from .inputs import (
 )
 from .lineoptions import add_kept_names
 from .registers import RegisterTraffic, gathered
-from .terminal import add_overwrite_argument, put_data, tell, to_be_overwritten
+from .terminal import add_overwrite_argument, put_data, tell_user, to_be_overwritten
 
 if TYPE_CHECKING:
     from dissectors.maps import RegisterMap
@@ -198,7 +198,7 @@ def _check(arguments: argparse.Namespace) -> int:
     unit = arguments.unit if arguments.unit is not None else unit
     for line in overlaps(chart):
         if arguments.json:
-            tell(f"overlap: {line}")
+            tell_user(f"overlap: {line}")
         else:
             print(harmless(register_words("overlap: {words}", words=line)))
     if arguments.capture is None:
@@ -238,7 +238,7 @@ def _traffic(arguments: argparse.Namespace) -> RegisterTraffic:
     traffic = gathered(capture, arguments.capture, chosen_limits(arguments), command="map")
     if not traffic.units:
         what = "no response carries register values" if traffic.readings.frames else "no Modbus frame found"
-        tell(f"{arguments.capture}: {what}")
+        tell_user(f"{arguments.capture}: {what}")
     return traffic
 
 
@@ -266,7 +266,7 @@ def _chart_of(chart: RegisterMap, unit: int | None, traffic: RegisterTraffic) ->
     best = max(scores, key=lambda number: scores[number])
     if scores[best] <= 0:
         raise UsageError(f"which unit is this map for? Add --unit N: units with values: {', '.join(map(str, units))}")
-    tell(f"used as the map of unit {best}, the best match (--unit N overrides this)")
+    tell_user(f"used as the map of unit {best}, the best match (--unit N overrides this)")
     return {best: chart}
 
 
@@ -300,10 +300,10 @@ def _import(arguments: argparse.Namespace) -> int:
             raise UsageError(f"--device {arguments.device!r}: {arguments.file} has {', '.join(map(repr, names))}")
     elif len(imported) > 1:
         others = ", ".join(map(repr, names))
-        tell(f"{arguments.file} has {len(imported)} devices; using {names[0]!r}; --device chooses among {others}")
+        tell_user(f"{arguments.file} has {len(imported)} devices; using {names[0]!r}; --device chooses among {others}")
     chosen = imported[0] if arguments.base is None else moved(imported[0], arguments.base)
     for note in chosen.notes:
-        tell(note)
+        tell_user(note)
     _write(chosen.chart, arguments.output)
     return DONE
 
@@ -333,7 +333,7 @@ def _infer(arguments: argparse.Namespace) -> int:
     source = register_words("inferred from {file}", file=Path(arguments.capture).name)
     chart = drafted_map(values, register_words("unit {unit}", unit=unit), source)
     if not chart.rows:
-        tell(f"{arguments.capture}: nothing can be inferred from the registers of unit {unit}")
+        tell_user(f"{arguments.capture}: nothing can be inferred from the registers of unit {unit}")
         return NO_FRAME
     _write(chart, arguments.output)
     return INTERRUPTED if traffic.stopped else DONE

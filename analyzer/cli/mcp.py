@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from ..languages import counted
 from .commands import DONE, FAILED
-from .terminal import tell
+from .terminal import tell_user
 
 if TYPE_CHECKING:
     from ..agents.root import AgentRoot
@@ -55,7 +55,7 @@ def _verify(root: AgentRoot, name: str) -> int:
     for line in lines:
         print(line)
     if not lines:
-        tell("no citation in this text")
+        tell_user("no citation in this text")
     elif broken:
-        tell(f"{counted(broken, 'citation refers', 'citations refer')} to nothing under the root")
+        tell_user(f"{counted(broken, 'citation refers', 'citations refer')} to nothing under the root")
     return DONE if lines and not broken else FAILED

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from .commands import DONE, INTERRUPTED, NO_FRAME
 from .inputs import tell_damage
-from .terminal import add_overwrite_argument, put_json, tell, to_be_overwritten
+from .terminal import add_overwrite_argument, put_json, tell_user, to_be_overwritten
 
 if TYPE_CHECKING:
     from captures import Capture
@@ -63,7 +63,7 @@ def put_out(
             page = make()
             file.write(html(page).encode())
         if page.report.partial:
-            tell("stopped by Ctrl-C; the report covers only the part read so far")
+            tell_user("stopped by Ctrl-C; the report covers only the part read so far")
     tell_damage(arguments.capture, capture)
     return page
 
@@ -73,6 +73,6 @@ def status_of(page: PageOfCapture) -> int:
     if page.report.partial:
         return INTERRUPTED
     if not page.report.frames:
-        tell(f"{page.report.source}: no Modbus frame found")
+        tell_user(f"{page.report.source}: no Modbus frame found")
         return NO_FRAME
     return DONE

@@ -43,7 +43,7 @@ from .inputs import (
     open_capture,
 )
 from .keyboard import keys_from_terminal
-from .terminal import full_screen, tell
+from .terminal import full_screen, tell_user
 
 if TYPE_CHECKING:
     from aiohttp import web
@@ -79,7 +79,7 @@ def serve(command: Sequence[str], host: str, port: int) -> None:
     port = sockets[0].getsockname()[1]
     token = secrets.token_urlsafe(24)
     if not is_loopback(host):
-        tell(
+        tell_user(
             f"anyone who can reach {host}:{port} and knows the address below can see this capture; nothing is encrypted"
         )
     shown = socket.gethostname() if is_any(host) else host
@@ -87,7 +87,7 @@ def serve(command: Sequence[str], host: str, port: int) -> None:
     app = guarded(server, host, token)
     with suppress(KeyboardInterrupt):  # pressed before the loop runs, or on Windows
         print(f"http://{f'[{shown}]' if ':' in shown else shown}:{port}/{token}/", flush=True)
-        tell("open this address in a browser; press Ctrl-C to stop")
+        tell_user("open this address in a browser; press Ctrl-C to stop")
         run_app(app, sock=sockets, print=None, access_log=None, shutdown_timeout=_ENDING_S)
 
 
@@ -168,7 +168,7 @@ class _TellingHandler(logging.Handler):
     """What goes wrong in the server, in one line."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        tell(record.getMessage())
+        tell_user(record.getMessage())
 
 
 EXAMPLE = """\

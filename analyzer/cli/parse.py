@@ -16,7 +16,7 @@ from .inputs import (
     chosen_charts,
     load_functions,
 )
-from .terminal import coloured, put_json, shell_word, tell
+from .terminal import coloured, put_json, shell_word, tell_user
 
 if TYPE_CHECKING:
     from datetime import tzinfo
@@ -84,7 +84,7 @@ def run(arguments: argparse.Namespace) -> int:
         for line in lines:
             put_json(line)
         for left in left_out(paste):
-            tell(f"not read: {left}")
+            tell_user(f"not read: {left}")
     else:
         sys.stdout.write(tree(paste, colour=coloured(sys.stdout), values=arguments.values))
         if charts:
@@ -138,7 +138,7 @@ def _pasted_text(arguments: argparse.Namespace) -> str:
             data = file.read(_LONGEST + 1)
     else:
         if sys.stdin.isatty():
-            tell("paste the bytes, then press Ctrl-D (Ctrl-Z Enter on Windows)")
+            tell_user("paste the bytes, then press Ctrl-D (Ctrl-Z Enter on Windows)")
         data = sys.stdin.buffer.read(_LONGEST + 1)
     if len(data) > _LONGEST:
         raise UsageError(

@@ -21,7 +21,7 @@ from .inputs import (
     tell_damage,
     unit_number,
 )
-from .terminal import Progress, interruptible, tell
+from .terminal import Progress, interruptible, tell_user
 
 if TYPE_CHECKING:
     from captures import Capture
@@ -76,7 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.unit and units and not set(arguments.unit) & set(units):
         raise UsageError(f"--unit: {arguments.capture} has no values for it: units with values: {listed}")
     for unit in sorted(set(charts) - set(units) if units else ()):
-        tell(f"--map: {arguments.capture} has no values for unit {unit}: units with values: {listed}")
+        tell_user(f"--map: {arguments.capture} has no values for unit {unit}: units with values: {listed}")
     named, words = charts.of(units), _own_words(arguments.capture)
     values = infer(readings, units=arguments.unit, charts=with_own_words(named, words))
     devices: list[Recognised] = []
@@ -108,7 +108,7 @@ def _own_words(capture: str) -> dict[tuple[int, str, int], str]:
     try:
         return own_words(Notes.beside(None if capture == "-" else Path(capture)).types)
     except NotesError as error:
-        tell(str(error))
+        tell_user(str(error))
         return {}
 
 
@@ -116,10 +116,10 @@ def _status(arguments: argparse.Namespace, traffic: RegisterTraffic, values: lis
     if traffic.stopped:
         return INTERRUPTED
     if not traffic.readings.frames:
-        tell(f"{arguments.capture}: no Modbus frame found")
+        tell_user(f"{arguments.capture}: no Modbus frame found")
         return NO_FRAME
     if not values:
-        tell(f"{arguments.capture}: no response carries register values")
+        tell_user(f"{arguments.capture}: no response carries register values")
         return NO_FRAME
     return DONE
 
@@ -315,5 +315,5 @@ def gathered(
     progress.clear()
     tell_damage(name, capture)
     if stop():
-        tell("stopped by Ctrl-C; only the part read so far was used")
+        tell_user("stopped by Ctrl-C; only the part read so far was used")
     return RegisterTraffic(readings, texts, asked, stop())

@@ -8,7 +8,7 @@ from pathlib import Path
 from dissectors.values import harmless
 
 from .commands import DONE, NO_FRAME
-from .terminal import add_overwrite_argument, captured_words, tell, to_be_overwritten
+from .terminal import add_overwrite_argument, captured_words, tell_user, to_be_overwritten
 
 EXAMPLE = """\
 rtuscope simulate bus.mcap --transactions 20
@@ -42,6 +42,6 @@ def run(arguments: argparse.Namespace) -> int:
     to_be_overwritten(target, overwrite=arguments.overwrite, source=source)
     result = repair(source, target)
     for loss in result.damage:
-        tell(f"{source}: {loss}")
+        tell_user(f"{source}: {loss}")
     print(harmless(f"{target}: {captured_words(result.chunks, result.bytes)}"))
     return DONE if result.bytes else NO_FRAME

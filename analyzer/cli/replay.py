@@ -19,7 +19,7 @@ from .inputs import (
 from .keyboard import keys
 from .livetui import check_interface, show_interface
 from .outlets import add_outlet_arguments, outlets_of
-from .terminal import tell
+from .terminal import tell_user
 from .watching import Watch, add_view_arguments, ended_from_outside
 
 if TYPE_CHECKING:
@@ -66,13 +66,13 @@ def run(arguments: argparse.Namespace) -> int:
     from ..live.session import Session
 
     replay = Replay(capture, arguments.speed)
-    session = Session(replay, options=chosen_limits(arguments), outlets=outlets_of(arguments, tell))
+    session = Session(replay, options=chosen_limits(arguments), outlets=outlets_of(arguments, tell_user))
     if arguments.tui:
         return show_interface(arguments, session, arguments.capture)
     watch = Watch(arguments, session, extra=lambda: _how(replay))
     with keys(lambda key: _press(replay, key)) as keyboard:
         if keyboard:
-            tell(_KEYS)
+            tell_user(_KEYS)
         with session, ended_from_outside(session.stop, arguments.duration) as begun:
             status = watch.run(begun)
     tell_damage(arguments.capture, capture)
@@ -91,11 +91,11 @@ def _onto_port(arguments: argparse.Namespace, capture: Capture) -> int:
     ended: list[bool] = []
 
     def opened() -> None:
-        tell(f"transmitting on {port.url}, {port}")
+        tell_user(f"transmitting on {port.url}, {port}")
 
     with ended_from_outside(lambda: ended.append(True), arguments.duration):
         sent = play(capture, port, speed=arguments.speed, only=arguments.only, stop=lambda: bool(ended), opened=opened)
-    tell(f"{sent:,} bytes sent")
+    tell_user(f"{sent:,} bytes sent")
     return DONE if sent else NO_FRAME
 
 

@@ -29,7 +29,7 @@ from .terminal import (
     page_width,
     put_json,
     put_page,
-    tell,
+    tell_user,
     to_be_overwritten,
 )
 
@@ -93,7 +93,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.html is not None:
         report = write_page(capture, source, arguments.html, terms)
     else:
-        report = show(capture, source, terms, as_json=arguments.json)
+        report = show_report(capture, source, terms, as_json=arguments.json)
     return exit_status(report, check=arguments.check)
 
 
@@ -124,7 +124,7 @@ def write_fleet(arguments: argparse.Namespace) -> int:
         if folder.exists():
             raise UsageError(f"{folder}: already exists: give another name, or --overwrite")
     count = write_pages(opened, page)
-    tell(f"{page}: {counted(count, 'site', 'sites')}, one page each in {site_folder(page)}")
+    tell_user(f"{page}: {counted(count, 'site', 'sites')}, one page each in {site_folder(page)}")
     return DONE
 
 
@@ -184,7 +184,7 @@ def _values(charts: UnitMaps, *, inferred: bool) -> ValueWatch | None:
     return ValueWatch(charts, inferred=inferred)
 
 
-def show(capture: Capture, source: str, terms: ReportTerms = ReportTerms(), *, as_json: bool) -> Report:
+def show_report(capture: Capture, source: str, terms: ReportTerms = ReportTerms(), *, as_json: bool) -> Report:
     """Print the report on an open capture."""
     from ..reports import text
     from ..reports.paragraphs import WIDTH
@@ -207,7 +207,7 @@ def write_page(capture: Capture, source: str, path: str, terms: ReportTerms) -> 
         report = _report(capture, source, terms, [sights.feed])
         file.write(page(report, sights).encode())
     if report.partial:
-        tell("stopped by Ctrl-C; the report covers only the part read so far")
+        tell_user("stopped by Ctrl-C; the report covers only the part read so far")
     return report
 
 

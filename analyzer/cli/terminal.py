@@ -91,7 +91,7 @@ def endable() -> Iterator[None]:
             signal.signal(number, old)
 
 
-def tell(text: str) -> None:
+def tell_user(text: str) -> None:
     """A line on standard error, in the language in use, past a status line that may stand there."""
     from ..languages import retold
 

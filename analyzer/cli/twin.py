@@ -18,7 +18,7 @@ from .inputs import (
     unit_number,
 )
 from .outlets import address, shown_host
-from .terminal import put, tell
+from .terminal import put, tell_user
 from .watching import ended_from_outside
 
 if TYPE_CHECKING:
@@ -115,9 +115,9 @@ def run(arguments: argparse.Namespace) -> int:
             _on_network(arguments, answering, units, lambda: bool(ended))
         else:
             _on_line(arguments, answering, units, _settings(arguments, capture), lambda: bool(ended))
-    tell(f"{answering.asked:,} requests, {answering.answered:,} answered")
+    tell_user(f"{answering.asked:,} requests, {answering.answered:,} answered")
     if shown := answering.faults.shown:
-        tell(f"faults on purpose: {', '.join(f'{name} {count:,}' for name, count in sorted(shown.items()))}")
+        tell_user(f"faults on purpose: {', '.join(f'{name} {count:,}' for name, count in sorted(shown.items()))}")
     return DONE
 
 
@@ -197,7 +197,7 @@ def _ask(arguments: argparse.Namespace, capture: Capture) -> int:
     if not script.requests:
         raise UsageError(f"{arguments.capture} has no requests to these units")
     line = SerialLine(settings)
-    tell(
+    tell_user(
         f"transmitting on {settings.url}, {settings}: {len(script.requests):,} requests, {script.writes:,} of them "
         "not reads"
     )
@@ -214,7 +214,7 @@ def _ask(arguments: argparse.Namespace, capture: Capture) -> int:
 
 def _tell_units(units: dict[int, TwinUnit]) -> None:
     for number, unit in units.items():
-        tell(f"unit {number}: {unit.requests:,} different requests, {unit.registers:,} registers and coils")
+        tell_user(f"unit {number}: {unit.requests:,} different requests, {unit.registers:,} registers and coils")
 
 
 def _fault(text: str) -> Fault:

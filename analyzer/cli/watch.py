@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from .batch import add_fleet_arguments, batch_options, chosen_runner, outdated, shown_progress, tell_result
 from .commands import DONE, FAILED, INTERRUPTED
 from .inputs import seconds
-from .terminal import Stop, endable, interruptible, tell
+from .terminal import Stop, endable, interruptible, tell_user
 
 if TYPE_CHECKING:
     from ..fleet.sources import SourceFile
@@ -55,10 +55,10 @@ def run(arguments: argparse.Namespace) -> int:
     def tell_once(words: str) -> None:
         if words not in told:
             told.add(words)
-            tell(words)
+            tell_user(words)
 
     if not arguments.once:
-        tell(f"looking for new captures every {arguments.every:g} s; press Ctrl-C to stop")
+        tell_user(f"looking for new captures every {arguments.every:g} s; press Ctrl-C to stop")
     failed, manifest = False, None
     # what a batch began when a signal ends it is left, what it did is kept
     with suppress(KeyboardInterrupt), endable(), interruptible() as stop:
@@ -110,7 +110,7 @@ def _there(sources: list[str], refused: list[str], tell: Callable[[str], None] |
         try:
             files |= {file.url: file for file in found([source], refused)}
         except FleetError as error:
-            tell(str(error))
+            tell_user(str(error))
     return [files[url] for url in sorted(files)]
 
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Final, Protocol
 from ..terminal_text import terminal_text
 from .commands import DONE, NO_FRAME, UsageError
 from .inputs import add_columns_arguments, add_map_argument, chosen_charts, seconds
-from .terminal import coloured, hung_up, places, put, put_bytes, put_data, say_in_place, tell, told_to_end
+from .terminal import coloured, hung_up, places, put, put_bytes, put_data, say_in_place, tell_user, told_to_end
 
 if TYPE_CHECKING:
     from dissectors.maps.files import UnitMaps
@@ -79,7 +79,7 @@ class _ViewLines(Protocol):
 
     def bus(self, finding: Finding) -> Any: ...
 
-    def use(self, charts: Mapping[int, RegisterMap]) -> None: ...
+    def use_charts(self, charts: Mapping[int, RegisterMap]) -> None: ...
 
     def register(self, revision: Revision) -> Any: ...
 
@@ -141,7 +141,7 @@ class Watch:
             self.status.feed(step)
             for event in step.events:
                 if event.kind not in silent and event.text:
-                    tell(event.text)
+                    tell_user(event.text)
             out: list[Any] = []
             for shown in self._recent.feed(step):
                 out += self._row(shown, step)
@@ -161,7 +161,7 @@ class Watch:
         if self.status.frames:
             return DONE
         if self._out is None:
-            tell(
+            tell_user(
                 f"no Modbus frame in {self.status.bytes:,} bytes received"
                 if self.status.bytes
                 else "nothing was received"
@@ -173,7 +173,7 @@ class Watch:
         revisions = self._registers.feed(step.batch) if self._registers is not None else []
         if not revisions or self._registers is None:
             return []
-        self._lines.use(self._registers.charts)
+        self._lines.use_charts(self._registers.charts)
         return [line for revision in revisions if (line := self._lines.register(revision))]
 
     def _row(self, shown: ShownRow, step: SessionStep) -> list[Any]:

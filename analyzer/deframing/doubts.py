@@ -63,7 +63,7 @@ class DoubtWalk:
         self._odd: dict[int, Repeat] = {}
         self.latest_ns = latest_ns
 
-    def go(self, found: OddRows, first: int) -> None:
+    def go_through_rows(self, found: OddRows, first: int) -> None:
         """Go through rows from one on, which these are counted from; odd ones begin a doubt, those that are the same
         as the answer before where their unit answers twice."""
         rows = self._rows

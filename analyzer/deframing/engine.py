@@ -109,7 +109,7 @@ class Engine:
         self.buffer.close(over=True)
         self._work(len(self.buffer), STAGES)
 
-    def take(self) -> list[StreamSegments]:
+    def take_segments(self) -> list[StreamSegments]:
         """What was decided since the last call."""
         out, self._out = self._out, []
         return out

@@ -148,7 +148,7 @@ class WeighedPort:
                 self._put(self._fit.rest())
                 return
 
-    def take(self) -> list[StreamSegments]:
+    def take_segments(self) -> list[StreamSegments]:
         """What was decided since the last call."""
         while self._taken():
             pass
@@ -159,7 +159,7 @@ class WeighedPort:
         """Take what the engine decided; whether another one has its place now, with what was heard since."""
         if self._engine is None:
             return False
-        parts = self._engine.take()
+        parts = self._engine.take_segments()
         if not self._protocol:
             self._put(parts)
             return False
@@ -213,7 +213,7 @@ class WeighedPort:
         if self._engine is not None and protocol != _UNKNOWN:
             self._engine.close()
         if self._engine is not None:
-            self._put(self._engine.take())
+            self._put(self._engine.take_segments())
         if self._engine is None or protocol != _UNKNOWN:
             self._replace(protocol)
         else:

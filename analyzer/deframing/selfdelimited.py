@@ -52,7 +52,7 @@ class SelfDelimitedEngine(ABC):
         self.buffer.close(over=True)
         self._work(last=True)
 
-    def take(self) -> list[StreamSegments]:
+    def take_segments(self) -> list[StreamSegments]:
         """What was decided since the last call."""
         out, self._out = self._out, []
         return out

@@ -51,7 +51,7 @@ class PortEngine(Protocol):
 
     def close(self) -> None: ...
 
-    def take(self) -> list[StreamSegments]: ...
+    def take_segments(self) -> list[StreamSegments]: ...
 
     @property
     def undecided_ns(self) -> int | None: ...
@@ -148,7 +148,7 @@ class PortsDeframer:
         arrival = self._arrival
         bounds = [] if arrival.now_ns is None else [arrival.now_ns]
         for port, engine in sorted(self._engines.items()):
-            for segments in engine.take():
+            for segments in engine.take_segments():
                 rows = UnorderedRows.of(port, segments)
                 rows.heard = arrival.come(port, rows.rows.start, rows.heard)
                 self._given[port] = segments.offset + len(segments.data)
@@ -158,7 +158,7 @@ class PortsDeframer:
                 bounds.append(arrival.came(port, given, undecided))
                 arrival.decided(port, given)
         until = None if last else min(bounds, default=None)
-        loose, across = self._order.take(taken, until)
+        loose, across = self._order.put_in_order(taken, until)
         since = self._order.since_ns
         if since is None:
             return self._batch(self._writes.settle(loose, until, timed=self._timed), across, until)

@@ -103,7 +103,7 @@ class WireOrder:
         elif self._alone and len(self._ports) == 2:
             self._since = first_ns
 
-    def take(self, parts: Sequence[UnorderedRows], until: int | None) -> tuple[UnorderedRows, Across | None]:
+    def put_in_order(self, parts: Sequence[UnorderedRows], until: int | None) -> tuple[UnorderedRows, Across | None]:
         """Rows whose places are certain, with more of them; all that was heard before `until` is known (None: all)."""
         if self._since is None:
             loose = UnorderedRows.joined([self._held, *parts])

@@ -94,7 +94,7 @@ class AnswerWitness:
         before = len(past.asker)
         walk = DoubtWalk(work, self._doubts, self._habits, timed=timed, latest_ns=self._latest_ns)
         begin = before + len(self._held.asker)
-        walk.go(odd, begin)
+        walk.go_through_rows(odd, begin)
         self._latest_ns = walk.latest_ns
         walk.close(until)
         certain = walk.certain(before)

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 import orjson
 
-from ..extras import needs
 from .records import Columns, RecordTable, record_arrow, record_schema, table_named
+from .rowgroups import RowGroups, arrow_imported
 from .sink import ExportError, ExportOptions, OutputStream
 from .targets.csv import safe
 
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
     from ..core import Analysed
     from ..tables.batch import Batch
-
-_GROUP: Final = 1 << 16  # rows of a Parquet row group, at least
 
 
 class RecordSink:
@@ -105,31 +103,15 @@ class ParquetRecords(RecordSink):
 
     def __init__(self, out: OutputStream, table: RecordTable, options: ExportOptions) -> None:
         super().__init__(out, table, options)
-        try:
-            import pyarrow as pa
-            from pyarrow.parquet import ParquetWriter
-        except ImportError as error:
-            raise ExportError(needs("parquet", "pyarrow", "columns")) from error
-        self._pa = pa
+        arrow = arrow_imported()
         self._schema = record_schema(self.table)
-        self._parts: list[Any] = []
-        self._count = 0
-        self._writer = ParquetWriter(pa.PythonFile(out, mode="w"), self._schema)
+        self._groups = RowGroups(arrow.parquet.ParquetWriter(arrow.PythonFile(out, mode="w"), self._schema))
 
     def write(self, columns: Columns) -> None:
-        self._parts.append(record_arrow(self._schema, columns))
-        self._count += len(self._parts[-1])
-        if self._count >= _GROUP:
-            self._flush()
+        self._groups.add(record_arrow(self._schema, columns))
 
     def close(self) -> None:
-        self._flush()
-        self._writer.close()
-
-    def _flush(self) -> None:
-        if self._parts:
-            self._writer.write_table(self._pa.Table.from_batches(self._parts, self._schema))
-        self._parts, self._count = [], 0
+        self._groups.close()
 
 
 _WRITERS: Final = {"csv": CsvRecords, "jsonl": JsonRecords, "parquet": ParquetRecords}

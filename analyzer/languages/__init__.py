@@ -112,7 +112,7 @@ _NONE: Final[Mapping[str, Any]] = {}
 _language: ContextVar[str] = ContextVar("language", default="en")
 
 
-def use(language: str) -> None:
+def use_language(language: str) -> None:
     """Tell everything in this language from now on (in this thread, or whatever context it is)."""
     if language not in LANGUAGES:
         raise ValueError(f"no such language: {language}; there are {', '.join(LANGUAGES)}")
@@ -124,11 +124,11 @@ def use(language: str) -> None:
 def telling(language: str) -> Iterator[None]:
     """Tell everything in this language within the block, as `use` does."""
     before = in_use()
-    use(language)
+    use_language(language)
     try:
         yield
     finally:
-        use(before)
+        use_language(before)
 
 
 def in_use() -> str:

@@ -24,7 +24,7 @@ class ChosenLines:
     def __init__(self, fields: Sequence[str], *, text: bool, noise: bool) -> None:
         self._narrow, self._text, self._noise = FrameChoice(fields), text, noise
 
-    def use(self, charts: Mapping[int, RegisterMap]) -> None:
+    def use_charts(self, charts: Mapping[int, RegisterMap]) -> None:
         """Columns know no maps."""
 
     def of(self, shown: ShownRow) -> bytes:

@@ -160,9 +160,9 @@ class TextLines:
         """`width`: longer lines are cut; None: none are. `noise`: bytes in no frame are shown, too. `charts`: register
         maps of units, whose names stand in place of the registers."""
         self._colour, self._width, self._noise = colour, width, noise
-        self.use(charts or {})
+        self.use_charts(charts or {})
 
-    def use(self, charts: Mapping[int, RegisterMap]) -> None:
+    def use_charts(self, charts: Mapping[int, RegisterMap]) -> None:
         """From here on values are named and read by these maps."""
         self._summaries = FrameCache(lambda frame: harmless(_named(frame, charts)))
 
@@ -232,9 +232,9 @@ class LiveJsonLines:
     def __init__(self, *, noise: bool = False, charts: Mapping[int, RegisterMap] | None = None) -> None:
         self._noise = noise
         self._fields = FrameCache(_fields)
-        self.use(charts or {})
+        self.use_charts(charts or {})
 
-    def use(self, charts: Mapping[int, RegisterMap]) -> None:
+    def use_charts(self, charts: Mapping[int, RegisterMap]) -> None:
         """From here on frames have the values of these maps."""
         self._charts = charts
         self._values = FrameCache(lambda frame: [reading.to_json() for reading in frame_readings(frame, charts)])

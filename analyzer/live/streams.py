@@ -36,9 +36,9 @@ class InfluxLines:
     """A line a frame, a mapped value, a finding."""
 
     def __init__(self, *, charts: Mapping[int, RegisterMap] | None = None) -> None:
-        self.use(charts or {})
+        self.use_charts(charts or {})
 
-    def use(self, charts: Mapping[int, RegisterMap]) -> None:
+    def use_charts(self, charts: Mapping[int, RegisterMap]) -> None:
         """From here on frames have the values of these maps."""
         self._values = FrameCache(lambda frame: [_value(reading) for reading in confirmed_readings(frame, charts)])
 
@@ -130,7 +130,7 @@ class LivePackets:
         texts = [f"{finding_comment(finding)} {where}" for finding in shown.findings]
         return self._stream.remark(self._now, row.port, line, texts)
 
-    def use(self, _charts: Mapping[int, RegisterMap]) -> None:
+    def use_charts(self, _charts: Mapping[int, RegisterMap]) -> None:
         """Packets are bytes: maps change nothing."""
 
     def register(self, _revision: Revision) -> bytes:

@@ -97,10 +97,10 @@ class Activity:
 def binned(bus: Bus, rows: NDArray[np.int64], t_start: int, t_end: int, bins: int) -> Bins:
     """Some rows alone over a span, in this many bins, where they end."""
     width = max(t_end - t_start, 1) / bins
-    ends = bus.table.take("t_end_ns", rows)
+    ends = bus.table.take_column("t_end_ns", rows)
     slots = ((ends - t_start) // width).astype(np.int64)
     inside = (slots >= 0) & (slots < bins)
-    lengths, kinds, marks = (bus.table.take(name, rows[inside]) for name in ("length", "kind", "mark"))
+    lengths, kinds, marks = (bus.table.take_column(name, rows[inside]) for name in ("length", "kind", "mark"))
     return Bins(t_start, width, *_counted(lengths, kinds, marks, slots[inside], bins))
 
 

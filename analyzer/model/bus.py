@@ -131,11 +131,11 @@ class Bus:
         if len(batch):
             numbers, decoded = np.arange(first, first + len(batch)), decode(batch)
             self.registers.feed(batch, numbers, decoded)
-            self.watched.feed(batch, numbers, decoded, self.table.take("partner", numbers).astype(np.int64))
+            self.watched.feed(batch, numbers, decoded, self.table.take_column("partner", numbers).astype(np.int64))
             self.activity.feed(batch.rows)
             self.units.feed(batch.rows)
         self.watched.settle(self.table.rows_of_frames(analysed.transactions.request), analysed.transactions)
-        self.activity.trouble(self.table.take("t_end_ns", in_trouble))
+        self.activity.trouble(self.table.take_column("t_end_ns", in_trouble))
         with self._lock:
             if self.bits is not None:
                 self.bits.feed(batch.rows)
@@ -182,7 +182,7 @@ class Bus:
         requests = self.table.rows_of_frames(rows.request[answers])
         answers, requests = answers[requests >= 0] + first, requests[requests >= 0]
         self.table.put("partner", answers, requests)
-        new = self.table.take("partner", requests) < 0
+        new = self.table.take_column("partner", requests) < 0
         self.table.put("partner", requests[new][::-1], answers[new][::-1])
 
     def _settle(self, settled: TransactionRows) -> None:
@@ -259,7 +259,7 @@ class Bus:
         out = batch.rows
         out.gap_least_ns[:], out.request_start[:] = NO_GAP, -1
         answers = np.flatnonzero(requests >= 0)
-        out.request_start[answers] = self.table.take("start", requests[answers])
+        out.request_start[answers] = self.table.take_column("start", requests[answers])
         return replace(batch, findings=self.found.on(rows))
 
     def contents(self, rows: NDArray[np.int64]) -> Batch:
@@ -284,7 +284,7 @@ class Bus:
         answers = np.flatnonzero(requests >= 0)
         asked = requests[answers]
         out.request[:] = -1
-        out.request[answers] = self.table.take("frame", asked)
+        out.request[answers] = self.table.take_column("frame", asked)
         away = asked[(asked < rows[0]) | (asked > rows[-1])] if all_between else asked[~np.isin(asked, rows)]
         earlier = {self.table.value("frame", row): self.captured(row) for row in np.unique(away).tolist()}
         data = self.store.get(int(at[0]), int(at[-1]) + int(out.length[-1]) - int(at[0]))
@@ -292,7 +292,7 @@ class Bus:
 
     def transactions(self, requests: NDArray[np.int64]) -> TransactionRows:
         """What became of the requests among these rows, as the pipeline gives it; open ones are left out."""
-        read = self.table.take
+        read = self.table.take_column
         requests = requests[read("state", requests) > 0]
         state = read("state", requests)
         out = TransactionRows.zeros(len(requests))

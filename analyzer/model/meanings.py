@@ -163,7 +163,7 @@ class Meanings:
         self._charts: tuple[int, UnitMaps] | None = None  # for which version
         self.version = 0
 
-    def use(self, told: Mapping[Spot, Meaning]) -> None:
+    def use_meanings(self, told: Mapping[Spot, Meaning]) -> None:
         """What the values tell."""
         if told != self._told:
             self._told = told

@@ -39,8 +39,8 @@ def hashes(bus: Bus, rows: NDArray[np.int64]) -> _Hashes:
     sums: _Hashes = np.zeros(len(rows), np.uint64)
     if not len(rows):
         return sums
-    at = bus.table.take("at", rows).astype(np.int64)
-    length = bus.table.take("length", rows).astype(np.int64)
+    at = bus.table.take_column("at", rows).astype(np.int64)
+    length = bus.table.take_column("length", rows).astype(np.int64)
     low = int(at.min())
     data = bus.store.get(low, int((at + length).max()) - low)
     words = sliding_window_view(np.concatenate((data, np.zeros(_WORD, np.uint8))), _WORD)
@@ -100,7 +100,7 @@ class PollIndex:
         partner = bus.partner(row) if row < bus.count else None
         if partner is None or bus.table.value("kind", row) != Kind.RESPONSE:
             return np.uint64(0)
-        poll: np.uint64 = _keyed(hashes(bus, np.array([partner])), bus.table.take("length", np.array([row])))[0]
+        poll: np.uint64 = _keyed(hashes(bus, np.array([partner])), bus.table.take_column("length", np.array([row])))[0]
         return poll
 
     def before(self, row: int) -> int | None:
@@ -129,7 +129,7 @@ class ChangedAnswers:
         passed = np.zeros(high - low, np.bool_)
         kind, partner = (table.column(number, name)[low:high] for name in ("kind", "partner"))
         requests = np.flatnonzero((kind == Kind.REQUEST) & (partner >= 0))
-        requests = requests[table.take("check", partner[requests].astype(np.int64))]
+        requests = requests[table.take_column("check", partner[requests].astype(np.int64))]
         answers: NDArray[Any] = partner[requests].astype(np.int64)
         polls, contents = hashes(bus, requests + number * PIECE + low), hashes(bus, answers)
         newest = self._newest
@@ -198,7 +198,7 @@ class _CarriedRows:
 
 def poll_values(bus: Bus, rows: Sequence[int]) -> list[TransactionValues]:
     """What the transactions that these rows begin carry."""
-    partners = bus.table.take("partner", np.array(rows, np.int64))
+    partners = bus.table.take_column("partner", np.array(rows, np.int64))
     partners = np.where(partners < bus.count, partners, -1).tolist()  # live: the answer's row may not be whole yet
     before = [-1 if answer < 0 else _before(bus, answer) for answer in partners]
     carried = _CarriedRows(bus, [*rows, *partners, *before])

@@ -146,7 +146,7 @@ class RowBits:
         """An empty table, for some of the rows."""
         return RateTable(self._spans.bauds)
 
-    def take(self, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    def take_bit_times(self, rows: NDArray[np.int64]) -> NDArray[np.int64]:
         """Of these rows as `bit_times` has it."""
         with self._lock:
             if len(self._taken) > 1:
@@ -183,9 +183,9 @@ class FindingLog:
         grave = self._severity[findings.rule]
         order = np.argsort(grave, kind="stable")  # the gravest is written last
         order = order[rows[order] >= 0]
-        marks = np.maximum(table.take("mark", rows[order]), grave[order])
+        marks = np.maximum(table.take_column("mark", rows[order]), grave[order])
         graver = np.unique(rows[order][marks >= Severity.WARNING]).astype(np.int64)
-        graver = graver[table.take("mark", graver) < Severity.WARNING]
+        graver = graver[table.take_column("mark", graver) < Severity.WARNING]
         table.put("mark", rows[order], marks)
         for level in Severity:
             self.by_severity[level] += int((grave == level).sum())
@@ -226,7 +226,7 @@ class FindingLog:
         """When the rows of a unit began that findings stand on, ascending, ns."""
         rows = np.unique(self._rows[: self.count]).astype(np.int64)
         rows = rows[rows >= 0]
-        return np.sort(table.take("t_start_ns", rows[table.take("unit", rows) == unit]))
+        return np.sort(table.take_column("t_start_ns", rows[table.take_column("unit", rows) == unit]))
 
     def rules(self, first: int, last: int) -> tuple[NDArray[np.int64], NDArray[np.int16]]:
         """Rows from `first` to `last` (excluded) that findings stand on, ascending, and the rule of each."""
@@ -273,7 +273,7 @@ def by_cause(bus: Bus, numbers: NDArray[np.int64], causes: Sequence[Cause]) -> l
     """Some findings by cause: of each cause, best first, what it explains of them, then what none explains."""
     log, table, names = bus.found, bus.table, codes()
     rows = log.rows_of(numbers).astype(np.int64)
-    units = np.where(rows >= 0, table.take("unit", np.maximum(rows, 0)).astype(np.int64), -1)
+    units = np.where(rows >= 0, table.take_column("unit", np.maximum(rows, 0)).astype(np.int64), -1)
     keys = log.rules_of(numbers).astype(np.int64) << 16 | units + 1
     groups: dict[int | None, dict[str, list[NDArray[np.int64]]]] = {}
     for key in np.unique(keys).tolist():

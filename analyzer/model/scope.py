@@ -93,12 +93,12 @@ class ScopedFigures:
 
     def __init__(self, bus: Bus, rows: NDArray[np.int64], stop: Callable[[], bool] = bool) -> None:
         self._bus = bus
-        partner = bus.table.take("partner", rows).astype(np.int64)
+        partner = bus.table.take_column("partner", rows).astype(np.int64)
         self.rows = np.union1d(rows, partner[partner >= 0])
         self.registers = RegisterLog()
         self.units = UnitActivity()
         self.watched = PollLog()
-        self.frames = int((bus.table.take("kind", self.rows) != Kind.NOISE).sum())
+        self.frames = int((bus.table.take_column("kind", self.rows) != Kind.NOISE).sum())
         self._complete = bus.whole
         self._summary = Summary(bus.char_ns)
         self._rates = None if bus.bits is None else bus.bits.rates()
@@ -114,10 +114,10 @@ class ScopedFigures:
         findings = NOTHING if batch.findings is None else batch.findings
         self._summary.feed(Analysed(batch, bus.transactions(requests), findings))
         if bus.bits is not None and self._rates is not None:
-            self._rates.feed(batch.rows, bus.bits.take(part))
+            self._rates.feed(batch.rows, bus.bits.take_bit_times(part))
         settled, decoded = bus.transactions(requests), decode(batch)
         self.registers.feed(batch, part, decoded)
-        self.watched.feed(batch, part, decoded, bus.table.take("partner", part).astype(np.int64))
+        self.watched.feed(batch, part, decoded, bus.table.take_column("partner", part).astype(np.int64))
         self.watched.settle(bus.table.rows_of_frames(settled.request), settled)
         self.units.feed(batch.rows)
 

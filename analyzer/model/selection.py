@@ -343,7 +343,7 @@ class PieceTable:
         partner = self._own("partner").astype(np.int64)
         late = np.zeros(len(self), np.bool_)
         answers = np.flatnonzero((partner >= 0) & (self._own("kind") == Kind.RESPONSE))
-        late[answers] = self._bus.table.take("state", partner[answers]) & RowState.LATE != 0
+        late[answers] = self._bus.table.take_column("state", partner[answers]) & RowState.LATE != 0
         return late
 
     def findings(self) -> tuple[NDArray[Any], NDArray[Any]]:

@@ -64,7 +64,7 @@ def spoken(
         return
     meanings = Meanings(bus, dict, lambda: charts.of)
     if meanings.is_due(often=True):
-        meanings.use(meanings.ask(stop))
+        meanings.use_meanings(meanings.ask(stop))
     if then is not None:
         yield from _otherwise(bus, source, then, meanings, stop)
     yield from _polls(bus, meanings)

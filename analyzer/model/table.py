@@ -244,7 +244,7 @@ class RowTable:
         columns, slot = self._pieces[row // PIECE], row % PIECE
         return {name: columns[name][slot].item() for name in BusRows.dtypes()}
 
-    def take(self, name: str, rows: NDArray[np.int64]) -> Column:
+    def take_column(self, name: str, rows: NDArray[np.int64]) -> Column:
         """One column of some rows, in the order given."""
         if not len(rows):
             return np.empty(0, BusRows.dtypes()[name])

@@ -219,7 +219,7 @@ class RevisedRegisters:
         self._readings.feed(batch)
         return self.revise() if is_due(self._revised_at, self._readings.frames) else []
 
-    def say(self, place: Place, type_words: str) -> list[Revision]:
+    def say_type(self, place: Place, type_words: str) -> list[Revision]:
         """The user's own word (empty: taken back), which overrules; what else it changes."""
         if type_words:
             self._words[place] = type_words

@@ -281,7 +281,7 @@ def bit_times(spans: BitSpans, rows: Rows) -> NDArray[np.int64]:
     taken = np.zeros((2, len(rows)), np.int64)
     for port in np.bincount(rows.port).nonzero()[0].tolist():
         of_port = rows.port == port
-        taken[:, of_port] = spans.take(port, rows.start[of_port], rows.length[of_port])
+        taken[:, of_port] = spans.take_stretches(port, rows.start[of_port], rows.length[of_port])
     return taken
 
 

@@ -202,25 +202,25 @@ def _explained(unit: int, failing: list[_Told], well: list[Request], background:
 
 
 @dataclass(frozen=True, slots=True)
-class _Compared:
+class _FailingBesideWell:
     """Requests that fail, beside those that succeed."""
 
     failing: list[_Told]
     well: list[Request]
 
     @property
-    def placed(self) -> _Compared:
+    def placed(self) -> _FailingBesideWell:
         """Those that have an address."""
         addressed = [request for request in self.well if request.address is not None]
-        return _Compared([poll for poll in self.failing if poll.request.address is not None], addressed)
+        return _FailingBesideWell([poll for poll in self.failing if poll.request.address is not None], addressed)
 
-    def parts(self, kind: Callable[[Request], Any]) -> list[tuple[Any, _Compared]]:
+    def parts(self, kind: Callable[[Request], Any]) -> list[tuple[Any, _FailingBesideWell]]:
         """The same, each kind of request by itself, where any of it fails."""
-        found: dict[Any, _Compared] = {}
+        found: dict[Any, _FailingBesideWell] = {}
         for poll in self.failing:
-            found.setdefault(kind(poll.request), _Compared([], [])).failing.append(poll)
+            found.setdefault(kind(poll.request), _FailingBesideWell([], [])).failing.append(poll)
         for request in self.well:
-            found.get(kind(request), _Compared([], [])).well.append(request)
+            found.get(kind(request), _FailingBesideWell([], [])).well.append(request)
         return sorted(found.items())
 
     def which(self, is_so: Callable[[Request], bool]) -> list[_Told]:
@@ -235,7 +235,7 @@ class _Compared:
 
 def _properties(failing: list[_Told], well: list[Request]) -> Iterator[_SharedTrait]:
     """All that could be said of these requests; of each property none that succeeds has it."""
-    every = _Compared(failing, well)
+    every = _FailingBesideWell(failing, well)
     kinds = (_by_function, _by_other_function, _by_size, _by_place, _by_number, _by_count)
     yield from filter(_covers_any, chain.from_iterable(find(every) for find in kinds))
 
@@ -251,7 +251,7 @@ _TOO_LONG: Final = {_UNKNOWN: -4.0, _ADDRESS: -2.0, _VALUE: 1.0, _FAILED: 1.0}
 _READ_ELSEWHERE: Final = {_UNKNOWN: -4.0, _ADDRESS: 2.0}
 
 
-def _by_function(every: _Compared) -> Iterator[_SharedTrait]:
+def _by_function(every: _FailingBesideWell) -> Iterator[_SharedTrait]:
     """Functions of which no request succeeds."""
     unserved_functions = [(function, part) for function, part in every.parts(_function) if not part.well]
     missing, served = dict(unserved_functions), {request.function for request in every.well}
@@ -272,14 +272,14 @@ def _function(asked: Request) -> int:
     return asked.function
 
 
-def _by_other_function(every: _Compared) -> Iterator[_SharedTrait]:
+def _by_other_function(every: _FailingBesideWell) -> Iterator[_SharedTrait]:
     """Reads of what the other function reads well."""
     for function, part in every.parts(_function):
         shared = part.which(Areas.of(every.well, SWAPPED[function]).hold) if function in READS else []
         yield _SharedTrait("read-function", shared, 1.0 - _unlikely(len(shared), len(every.well)), _READ_ELSEWHERE)
 
 
-def _by_size(every: _Compared) -> Iterator[_SharedTrait]:
+def _by_size(every: _FailingBesideWell) -> Iterator[_SharedTrait]:
     """Requests of more, or with a longer answer, than any that succeeds, or than any may be."""
     placed = every.placed
     yield _SharedTrait("quantity", placed.which(lambda asked: asked.quantity > asked.most), -_IMPOSSIBLE, _SIZED)
@@ -304,7 +304,7 @@ def _outside(asked: Request, same: Sequence[Request]) -> float:
     return log2((len(same) + 1) / 2) if apart else -1.0
 
 
-def _by_place(every: _Compared) -> Iterator[_SharedTrait]:
+def _by_place(every: _FailingBesideWell) -> Iterator[_SharedTrait]:
     """Requests beyond the last address, beyond the end of what is served, or somewhere else."""
     yield _SharedTrait("range-end", every.which(lambda asked: asked.end > ADDRESSES), -_IMPOSSIBLE)
     parts = dict(every.parts(_function))
@@ -319,14 +319,14 @@ def _by_place(every: _Compared) -> Iterator[_SharedTrait]:
             yield _SharedTrait("address", [poll], 3.0 - told, _PLACED)
 
 
-def _by_number(every: _Compared) -> Iterator[_SharedTrait]:
+def _by_number(every: _FailingBesideWell) -> Iterator[_SharedTrait]:
     """Register numbers used as addresses, where nothing that is served has an address like one."""
     real = {None, *(request.number_digit for request in every.well)}
     mine = every.which(lambda asked: asked.number_digit not in real)
     yield _SharedTrait("register-number", mine, -1.0 - _unlikely(len(mine), len(every.well)), {_UNKNOWN: -4.0})
 
 
-def _by_count(every: _Compared) -> Iterator[_SharedTrait]:
+def _by_count(every: _FailingBesideWell) -> Iterator[_SharedTrait]:
     """Quantities that are bytes: half of each reads well, or the list goes on behind half of it."""
     for function, part in every.parts(_function):
         mine = part.failing if function in _OF_WORDS else []

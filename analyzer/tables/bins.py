@@ -165,7 +165,7 @@ class ColumnQueue:
             self._parts.append(columns)
             self._rows += len(columns[0])
 
-    def take(self) -> Columns:
+    def take_rows(self) -> Columns:
         """All that waits, which waits no longer; at least one row must."""
         parts, self._parts, self._rows = self._parts, [], 0
         return parts[0] if len(parts) == 1 else tuple(np.concatenate(column) for column in zip(*parts, strict=True))

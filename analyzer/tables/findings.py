@@ -275,8 +275,10 @@ _TITLES: Final[Mapping[str, str]] = {
 
 
 def titled(clause: str) -> str:
-    """A clause with its document and title: `MODBUS over Serial Line V1.02, 2.5.1.2 (CRC Checking)`; none, empty."""
+    """A clause with its document, and its title where the table has it: `MODBUS over Serial Line V1.02, 2.5.1.2 (CRC
+    Checking)`; none, empty."""
     if not clause:
         return ""
     document, number = clause.split()
-    return f"{_DOCUMENTS[document]}, {number} ({_TITLES[clause]})"
+    title = f" ({_TITLES[clause]})" if clause in _TITLES else ""
+    return f"{_DOCUMENTS[document]}, {number}{title}"

@@ -147,7 +147,7 @@ class Jobs(ScreenThreads):
     def _use_meanings(self, told: Mapping[Spot, Meaning]) -> None:
         meanings, screen = self._screen.desk.meanings, self._screen
         before = meanings.version
-        meanings.use(told)
+        meanings.use_meanings(told)
         if meanings.version != before:
             screen.reworded()
 
@@ -254,7 +254,7 @@ class Jobs(ScreenThreads):
         def found(stop: Stop) -> NDArray[np.int64]:
             if of_transactions:
                 begins.extend(stop)
-                partners = self._bus.table.take("partner", begins.rows()).astype(np.int64)
+                partners = self._bus.table.take_column("partner", begins.rows()).astype(np.int64)
                 return np.union1d(begins.rows(), partners[partners >= 0])
             if rows is None:
                 return np.arange(self._bus.count)

@@ -95,8 +95,8 @@ def write(
 
 def _requests(bus: Bus, part: NDArray[np.int64], chosen: NDArray[np.int64]) -> NDArray[np.int64]:
     """The requests in a part of the chosen rows, and those that its answers answer and that were not chosen."""
-    partners = bus.table.take("partner", part).astype(np.int64)
-    kinds = bus.table.take("kind", part)
+    partners = bus.table.take_column("partner", part).astype(np.int64)
+    kinds = bus.table.take_column("kind", part)
     away = partners[(kinds == Kind.RESPONSE) & (partners >= 0)]
     return np.union1d(part[kinds == Kind.REQUEST], away[~np.isin(away, chosen)])
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from textual.worker import get_current_worker
 
-from ..languages import error_words, in_use, tr, use
+from ..languages import error_words, in_use, tr, use_language
 
 if TYPE_CHECKING:
     from .screen import BusScreen
@@ -159,7 +159,7 @@ class ScreenThreads:
         language = in_use()
 
         def told() -> None:
-            use(language)
+            use_language(language)
             try:
                 thread()
             except Exception as error:

@@ -61,7 +61,7 @@ class _KnownRequest:
     asked: int = 0  # in the record, whatever became of it
     next: int = 0
 
-    def take(self) -> RecordedAnswer:
+    def take_answer(self) -> RecordedAnswer:
         answer = self.answers[self.next]
         self.next = (self.next + 1) % len(self.answers)
         return answer
@@ -106,7 +106,7 @@ class TwinUnit:
         """What it says to a request PDU; None where it keeps silent, as it always did to this one."""
         known = self._asked.get(request)
         if known is not None and known.answers:
-            recorded = known.take()
+            recorded = known.take_answer()
             self._keep(written_values(request, recorded.pdu), recorded.t_ns)
             delay = recorded.delay_ns
             return TwinAnswer(self._retold(request, recorded), self._drawn(request[0]) if delay is None else delay)

@@ -24,7 +24,7 @@ from captures.errors import CaptureError
 from captures.live import tapstream
 from captures.live.batching import event_record, position_record, tick_record
 from captures.live.tapserver import TapServer
-from captures.live.tapstream import VERSION, Proving, hear, new_nonce, say
+from captures.live.tapstream import VERSION, Proving, hear, new_nonce, send_line
 from captures.live.tapviewer import TapViewer
 from captures.live.wire import PortEvent, Tick, WireError, records_of
 
@@ -135,7 +135,7 @@ def _asked(chance: Random) -> int:
         with socket.create_connection(("127.0.0.1", server.port), _PATIENCE_S) as connection:
             greeting, _ = hear(connection)
             proving = Proving(token, greeting["nonce"], new_nonce())
-            say(connection, {"nonce": proving.viewer_nonce, "proof": proving.proof("viewer", ""), "session": ""})
+            send_line(connection, {"nonce": proving.viewer_nonce, "proof": proving.proof("viewer", ""), "session": ""})
             answer, _ = hear(connection)
             assert proving.proved(answer.get("proof"), "tap", answer["session"]), "a good viewer is not let in"
     finally:

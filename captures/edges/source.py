@@ -63,7 +63,7 @@ class BitSpans:
             more = sums[:, -1:] + np.cumsum(spans[:, ports == port], axis=1)
             self._sums[port] = np.concatenate((sums, more), axis=1)
 
-    def take(self, port: int, starts: Ints, lengths: Ints) -> tuple[Ints, Ints]:
+    def take_stretches(self, port: int, starts: Ints, lengths: Ints) -> tuple[Ints, Ints]:
         """Time in ns and bits of stretches of a port's stream, in order; bytes before the last one are forgotten."""
         sums, gone = self._sums.get(port, _NONE), self._gone.get(port, 0)
         most = sums.shape[1] - 1

@@ -190,7 +190,7 @@ def _combined(rows: bytes) -> list[str]:
     return [f"Channel {bit}" for bit in range(4 * max(map(len, layout)))]
 
 
-class _Columns(NamedTuple):
+class _ChannelColumns(NamedTuple):
     """Names of channels behind a column of times, whose `unit` is None where its title says none, or of numbers of
     samples."""
 
@@ -216,12 +216,12 @@ class _NamesLine(NamedTuple):
     size: int
     rate: int | None
 
-    def columns(self, sign: bytes) -> _Columns | None:
+    def columns(self, sign: bytes) -> _ChannelColumns | None:
         """Its columns where this sign parts them; None where the first is neither of times nor of samples."""
         first, *names = (" ".join(cell.strip().strip('"').split()) for cell in _cells_of(self.text, sign.decode()))
         unit, numbered = unit_of(first), _SAMPLE.fullmatch(first) is not None
         timed = _TIME.fullmatch(first) is not None and (sign == b"," or unit is not None)
-        return _Columns(names, sign, unit, numbered) if names and (numbered or timed) else None
+        return _ChannelColumns(names, sign, unit, numbered) if names and (numbered or timed) else None
 
 
 def _names_line(head: bytes) -> _NamesLine | None:

@@ -62,7 +62,7 @@ class Commands:
     def __init__(self) -> None:
         self._rest = b""
 
-    def take(self) -> list[dict[str, Any]] | None:
+    def take_commands(self) -> list[dict[str, Any]] | None:
         """The commands that came; None at the end."""
         data = os.read(0, 1 << 16)
         if not data:

@@ -144,7 +144,7 @@ class Attempts:
         """Try to open a port, under the name that its adapter has now."""
         threading.Thread(target=self._try, args=(number, settings, identity), daemon=True).start()
 
-    def take(self) -> list[tuple[int, Tap | PortError]]:
+    def take_opened(self) -> list[tuple[int, Tap | PortError]]:
         """Those that are over, by the number of their port: a tap, or why there is none."""
         over = []
         while not self._over.empty():

@@ -189,7 +189,7 @@ class Ports:
 
     def attempted(self) -> list[Port]:
         """Take the attempts that are over; the ports that are open now. PortError: see `Port.attempted`."""
-        over = self._attempts.take()
+        over = self._attempts.take_opened()
         for number, result in over:
             self.all[number].attempted(result)
             self._try_next()
@@ -271,7 +271,7 @@ def _by_waiting(ports: list[Port], desk: ReadBatching, out: Pipe) -> None:
                 port.read()
                 same = same and port.tap is not None
         if 0 in ready:
-            command = commands.take()
+            command = commands.take_commands()
             if command is None:
                 return
             taps.obey(command)

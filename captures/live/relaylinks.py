@@ -291,7 +291,7 @@ class Relay:
             self.desk.read(self.desk.clock.now(), REQUESTS, self._sending.popleft()[1], ())
 
     def _obey(self) -> None:
-        commands = self._commands.take()
+        commands = self._commands.take_commands()
         if commands is None:
             self._alone = True
             self._client_ns = self.desk.clock.now()

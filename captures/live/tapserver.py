@@ -26,7 +26,7 @@ from ..line import LineSettings
 from .batching import position_record
 from .gateway import keep_alive
 from .taproom import PLACES, STRANGERS, TOO_SLOW, Rooms, SparingLog, Visitor
-from .tapstream import HELLO_S, VERSION, Proving, TapSetupError, hear, is_nonce, new_nonce, say
+from .tapstream import HELLO_S, VERSION, Proving, TapSetupError, hear, is_nonce, new_nonce, send_line
 from .wire import Item, PortEvent, WireError, records_of
 
 KEEP_BYTES: Final = 64 << 20
@@ -100,7 +100,7 @@ class KeptStream:
             heard, t_ns, line = state
         return number, position_record(t_ns, {"next": number, "heard": heard, "line": line})
 
-    def take(self, number: int, wait_s: float) -> list[bytes] | None:
+    def take_records(self, number: int, wait_s: float) -> list[bytes] | None:
         """Some records from this number on, none where none comes in time; None where it is not kept any more."""
         with self._changed:
             if number == self.next and not self.over:
@@ -203,7 +203,7 @@ class TapServer:
         self._complain(visitor.address, f"refused: {why}")
         with suppress(OSError, ValueError):
             visitor.connection.settimeout(HELLO_S)
-            say(visitor.connection, {"refused": why})
+            send_line(visitor.connection, {"refused": why})
 
     def _greeted(self, visitor: Visitor) -> int:
         """Where the viewer begins, who has proved that it may; WireError where it may not."""
@@ -216,7 +216,7 @@ class TapServer:
             if not visitor.why:
                 visitor.connection.do_handshake()
         connection, nonce = visitor.connection, new_nonce()
-        say(connection, {"rtuscope_tap": VERSION, "nonce": nonce})
+        send_line(connection, {"rtuscope_tap": VERSION, "nonce": nonce})
         asked, _ = hear(connection)
         theirs, session = asked.get("nonce"), asked.get("session", "")
         if not is_nonce(theirs) or not isinstance(session, str):
@@ -226,7 +226,7 @@ class TapServer:
             raise WireError("this tap needs another token than the one given")
         if not self._rooms.admit(visitor):
             raise WireError(visitor.why or f"all {PLACES} viewer slots of this tap are taken")
-        say(connection, {"session": self._session, "proof": proving.proof("tap", self._session)})
+        send_line(connection, {"session": self._session, "proof": proving.proof("tap", self._session)})
         number = None
         if session:  # it comes back: to this tap as it was, or as it began anew
             number = _position_asked(asked) if session == self._session else 0
@@ -236,7 +236,7 @@ class TapServer:
 
     def _stream(self, connection: socket.socket, number: int) -> None:
         while True:
-            records = self._history.take(number, _END_S)
+            records = self._history.take_records(number, _END_S)
             if records is None:
                 number, position = self._history.position(number)
                 records = [position]

@@ -171,7 +171,7 @@ def _tls_words(error: OSError) -> str:
     return os_reason(error).partition(" (_ssl.c")[0].partition("] ")[2] or os_reason(error)
 
 
-def say(connection: socket.socket, words: dict[str, Any]) -> None:
+def send_line(connection: socket.socket, words: dict[str, Any]) -> None:
     """A line of JSON."""
     connection.sendall(json.dumps(words).encode() + b"\n")
 

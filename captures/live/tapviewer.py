@@ -32,7 +32,7 @@ from .tapstream import (
     hear,
     is_nonce,
     new_nonce,
-    say,
+    send_line,
     viewing_context,
 )
 from .wire import Item, PortEvent, Splitter, Tick, WireError, item_of, json_object
@@ -271,7 +271,7 @@ class TapViewer:
             raise WireError("the other end is not a tap of this version")
         proving = Proving(self._token, theirs, new_nonce())
         asked = {"nonce": proving.viewer_nonce, "proof": proving.proof("viewer", self._session)}
-        say(connection, {**asked, "session": self._session, "next": self._next})
+        send_line(connection, {**asked, "session": self._session, "next": self._next})
         answer, rest = hear(connection)
         session, url = answer.get("session"), self._address.url
         if not isinstance(session, str) or not 0 < len(session) <= 64:

@@ -66,16 +66,16 @@ class PacketFile(Protocol):
         ...
 
 
-def take(data: Bytes, at: Ints) -> Ints:
+def take_bytes(data: Bytes, at: Ints) -> Ints:
     """The bytes at these places, as numbers; places behind the end give the last byte."""
     return data.take(at, mode="clip").astype(np.int64)
 
 
 def take_number(data: Bytes, at: Ints, width: int) -> Ints:
     """The big-endian numbers of `width` bytes at these places."""
-    value = take(data, at)
+    value = take_bytes(data, at)
     for step in range(1, width):
-        value = value << 8 | take(data, at + step)
+        value = value << 8 | take_bytes(data, at + step)
     return value
 
 
@@ -128,7 +128,7 @@ def serial_reads(packets: Packets, chosen: Ints, link: int) -> SerialReads:
     lost = 0
     if link == RTAC:
         head[:] = _RTAC_HEADER
-        event = take(packets.data, at + 8)
+        event = take_bytes(packets.data, at + 8)
         mark = np.where(np.isin(event, _RTAC_TX), int(Mark.TX), np.where(np.isin(event, _RTAC_RX), int(Mark.RX), 0))
         wrong = np.isin(event, _RTAC_ERRORS)
         lost = int(np.isin(event, _RTAC_LOST).sum())
@@ -198,14 +198,14 @@ def segments_of(packets: Packets, chosen: Ints, link: int) -> Segments:
     data, at = packets.data, packets.at[chosen]
     end = at + packets.size[chosen]
     ip = _ip(data, at, link)
-    version = take(data, ip) >> 4
+    version = take_bytes(data, ip) >> 4
     parts = []
     four = np.flatnonzero((version == 4) & (ip + 20 <= end))
     if len(four):
         begins = ip[four]
-        header = (take(data, begins) & 15) * 4
+        header = (take_bytes(data, begins) & 15) * 4
         total = take_number(data, begins + 2, 2)
-        carried = take(data, begins + 9)
+        carried = take_bytes(data, begins + 9)
         intact = np.isin(carried, (_TCP, UDP)) & (take_number(data, begins + 6, 2) & 0x3FFF == 0) & (header >= 20)
         # a length of 0: the network card was to cut the segment
         length = np.where(total == 0, end[four] - begins, total)
@@ -214,11 +214,11 @@ def segments_of(packets: Packets, chosen: Ints, link: int) -> Segments:
     six = np.flatnonzero((version == 6) & (ip + 40 <= end))
     if len(six):
         begins = ip[six]
-        following, tcp = take(data, begins + 6), begins + 40
+        following, tcp = take_bytes(data, begins + 6), begins + 40
         for _ in range(4):
             extended = np.isin(following, _V6_EXTENSIONS) & (tcp < end[six])
-            following = np.where(extended, take(data, tcp), following)
-            tcp = np.where(extended, tcp + 8 * (take(data, tcp + 1) + 1), tcp)
+            following = np.where(extended, take_bytes(data, tcp), following)
+            tcp = np.where(extended, tcp + 8 * (take_bytes(data, tcp + 1) + 1), tcp)
         intact = np.isin(following, (_TCP, UDP))
         ends = _Ends(tcp, begins + 40 + take_number(data, begins + 4, 2), following, range(8, 40))
         parts.append(_of_version(data, six[intact], begins[intact], ends, intact))
@@ -286,7 +286,7 @@ def _segments_of_all(packets: Packets, chosen: Ints, captured: Ints, parts: list
         which, tcp, end, keys = which[order], tcp[order], end[order], keys[order]
     datagram = keys[:, KEY - 1] == UDP
     header = np.where(datagram, _UDP_HEADER, _TCP_HEADER)
-    begin = tcp + np.where(datagram, header, (take(data, tcp + 12) >> 4) * 4)
+    begin = tcp + np.where(datagram, header, (take_bytes(data, tcp + 12) >> 4) * 4)
     captured_to = captured[which]
     sound = (tcp + header <= captured_to) & (begin >= tcp + header) & (begin <= end)
     if not sound.all():
@@ -300,7 +300,7 @@ def _segments_of_all(packets: Packets, chosen: Ints, captured: Ints, parts: list
         key=keys,
         seq=np.where(datagram, 0, take_number(data, tcp + 4, 4)),
         ack=np.where(datagram, 0, take_number(data, tcp + 8, 4)),
-        flags=np.where(datagram, 0, take(data, tcp + 13)),
+        flags=np.where(datagram, 0, take_bytes(data, tcp + 13)),
         begin=begin,
         size=stop - begin,
         missing=end - stop,

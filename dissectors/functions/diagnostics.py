@@ -93,7 +93,7 @@ def event(byte: int, wording: Wording = ENGLISH) -> str:
     elif byte & 0x40:
         kind, names = "sent", _SENT
     else:
-        return wording.tell("unknown event {code}", code=f"{byte:02X}")
+        return wording.fill_template("unknown event {code}", code=f"{byte:02X}")
     bits = [say(name) for bit, name in names.items() if byte >> bit & 1]
     return f"{say(kind)}: {', '.join(bits)}" if bits else say(kind)
 

@@ -26,7 +26,7 @@ from ...words import duration as worded
 from .. import CheckError
 from ..model import Breach, Breaches, CheckedBatch, RuleResult, Start, comma_separated, form
 from ..parsing import at
-from .counts import whole
+from .counts import whole_number
 
 COMPARE: Final[dict[str, Callable[[Any, Any], Any]]] = {"<": lt, "<=": le, ">": gt, ">=": ge}
 
@@ -93,7 +93,7 @@ _FATE: Final = {Status.UNANSWERED: "no answer", Status.DAMAGED: "answered by a d
       "each request to a unit gets a complete answer (an exception counts)", "every poll answered",
       "every poll of unit 17 answered")  # fmt: skip
 def every_poll(line: LineSettings, unit: Token | None) -> Start:  # noqa: ARG001
-    number = None if unit is None else whole(unit, 255)
+    number = None if unit is None else whole_number(unit, 255)
     return lambda: _Answered(number)
 
 
@@ -158,7 +158,7 @@ def response_time(
 ) -> Start:
     bound = duration(Literal("number", str(number), at(number), str(suffix or "")))
     assert isinstance(bound, int | float)
-    which = None if unit is None else whole(unit, 255)
+    which = None if unit is None else whole_number(unit, 255)
     return lambda: _Soon(share.lower(), which, str(compared), bound, f"{number} {suffix or 'ms'}")
 
 
@@ -205,7 +205,7 @@ def load(line: LineSettings, compared: Token, number: Token) -> Start:  # noqa: 
     "at least 100 frames",
 )
 def at_least_frames(line: LineSettings, number: Token) -> Start:  # noqa: ARG001
-    least = whole(number)
+    least = whole_number(number)
     return lambda: _Summed(lambda report: RuleResult(report.frames >= least, counted(report.frames, "frame", "frames")))
 
 
@@ -245,13 +245,13 @@ class _UnitsOnBus:
 @form("units-are", '"units"i "are"i numbers', "exactly these units are asked and answer",
       "units are 1, 2, 17")  # fmt: skip
 def units_are(line: LineSettings, numbers: list[Token]) -> Start:  # noqa: ARG001
-    allowed = frozenset(whole(number, 255) for number in numbers)
+    allowed = frozenset(whole_number(number, 255) for number in numbers)
     return lambda: _UnitsOnBus(allowed, all_of_them=True)
 
 
 @form("no-units-but", '"no"i "units"i "but"i numbers', "no other unit is asked or answers", "no units but 1, 2")
 def no_units_but(line: LineSettings, numbers: list[Token]) -> Start:  # noqa: ARG001
-    allowed = frozenset(whole(number, 255) for number in numbers)
+    allowed = frozenset(whole_number(number, 255) for number in numbers)
     return lambda: _UnitsOnBus(allowed, all_of_them=False)
 
 
@@ -277,5 +277,5 @@ class _Causes:
       "no cause found for the bus, or for one unit, except notes", "no causes",
       "no cause of unit 7")  # fmt: skip
 def no_causes(line: LineSettings, unit: Token | None) -> Start:  # noqa: ARG001
-    number = None if unit is None else whole(unit, 255)
+    number = None if unit is None else whole_number(unit, 255)
     return lambda: _Causes(number)

@@ -123,10 +123,10 @@ def none_of(line: LineSettings, thing: list[Token]) -> Start:
 
 @form("at-most", '"at"i "most"i NUMBER thing', "this happens at most N times", "at most 3 retries")
 def at_most(line: LineSettings, number: Token, thing: list[Token]) -> Start:
-    return _at_most(thing, whole(number), line)
+    return _at_most(thing, whole_number(number), line)
 
 
-def whole(number: Token, most: int = 1 << 62) -> int:
+def whole_number(number: Token, most: int = 1 << 62) -> int:
     """A terminal as a whole number."""
     if not number.isdigit() or int(number) > most:
         raise CheckError(f"a whole number{'' if most >> 60 else f' up to {most}'} is needed, not {number}", at(number))

@@ -117,7 +117,7 @@ class Pace:
         """Count in what waits."""
         if not len(self._waiting):
             return
-        units, times = self._waiting.take()
+        units, times = self._waiting.take_rows()
         bins = Spread.bins(times)
         for unit in where(np.bincount(units)).tolist():
             own = bins[units == unit]
@@ -187,7 +187,7 @@ class Polls:
         """Count in what waits, of these functions."""
         if not len(waiting):
             return
-        units, codes, addresses, quantities = waiting.take()
+        units, codes, addresses, quantities = waiting.take_rows()
         reading = where(np.isin(codes, list(functions)) & (addresses >= 0) & (quantities >= 0))
         keys = (units.astype(np.int64) << 40 | codes.astype(np.int64) << 32 | addresses << 16 | quantities)[reading]
         for key, count in zip(*(part.tolist() for part in np.unique(keys, return_counts=True)), strict=True):
@@ -296,7 +296,7 @@ class Busy:
     def _count(self) -> None:
         """Count in the pauses between what waits; its last row waits for the next one."""
         if len(self._waiting):
-            kind, unit, starts, ends = self._waiting.take()
+            kind, unit, starts, ends = self._waiting.take_rows()
             ended = (kind[:-1] == Kind.RESPONSE) | ((kind[:-1] == Kind.REQUEST) & (unit[:-1] == 0))  # or sent to all
             asks = where((kind[1:] == Kind.REQUEST) & ended)
             self._paused += int(np.maximum(starts[asks + 1] - ends[asks], 0).sum())

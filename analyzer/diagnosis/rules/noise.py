@@ -134,7 +134,7 @@ class _OpenStretch(NamedTuple):
         return GLITCHES.issuperset(self.captured)
 
 
-class _Side(NamedTuple):
+class _NoiseSide(NamedTuple):
     """A row beside a stretch."""
 
     floats: Pattern  # what a floating line looks like from it
@@ -153,7 +153,7 @@ class _Side(NamedTuple):
         return float(self.row.unit[0]) if self.row.kind[0] == Kind.RESPONSE else nan
 
 
-def _pattern(view: DiagnosisStep, stretch: _OpenStretch, close: Sequence[_Side]) -> tuple[Pattern, float]:
+def _pattern(view: DiagnosisStep, stretch: _OpenStretch, close: Sequence[_NoiseSide]) -> tuple[Pattern, float]:
     """Where a stretch stands among the frames close to it, and the unit to whose frame it belongs, or nan."""
     if close and stretch.glitch and stretch.row.length[0] <= _GLITCH_RUN:
         nearest = min(close, key=lambda side: side.gap_ns)
@@ -224,8 +224,8 @@ class NoiseStretches:
         if not stretch.before.length[0] and not stretch.glitch:
             return  # the capture begins with it: rather the end of a frame
         sides = (
-            _Side(Pattern.AFTER, stretch.before, row.gap_before_ns[0], bool(stretch.before.kind[0])),
-            _Side(Pattern.BEFORE, after, after.gap_before_ns[0], is_end, explained),
+            _NoiseSide(Pattern.AFTER, stretch.before, row.gap_before_ns[0], bool(stretch.before.kind[0])),
+            _NoiseSide(Pattern.BEFORE, after, after.gap_before_ns[0], is_end, explained),
         )
         close = [side for side in sides if side.is_frame and _hard(side.gap_ns, view)]
         if not any(side.is_damaged for side in close):

@@ -38,7 +38,7 @@ class _BlockPieces:
     def put(self, rows: FormRows, source: BatchBytes, cursor: Cursor) -> None:
         """These pieces."""
         blocks = rows.blocks
-        cursor.put(self._head.take(blocks.octets))
+        cursor.put(self._head.take_pieces(blocks.octets))
         cursor.put(source.hex(blocks.begins, blocks.octets, cursor.sheet))
         cursor.put(b'","text":"')
         self._text.put(blocks, source, cursor)
@@ -70,11 +70,11 @@ class RegisterPieces(_BlockPieces):
         addresses = blocks.addresses(i)
         cursor.spread(
             blocks.counts,
-            self._opening.take(i),
-            self._value.take(values),
-            self._before.take(addresses),
-            self._words.take(values),
-            self._behind.take(addresses),
+            self._opening.take_pieces(i),
+            self._value.take_pieces(values),
+            self._before.take_pieces(addresses),
+            self._words.take_pieces(values),
+            self._behind.take_pieces(addresses),
         )
         cursor.put(b"]}")
 
@@ -115,11 +115,11 @@ class BitPieces(_BlockPieces):
         octet, bit = i >> 3, i & 7
         byte = source.octets(np.repeat(blocks.begins, blocks.counts) + octet)
         on = byte >> bit & 1
-        openings = self._opening.take(octet << 12 | byte << 4 | bit << 1 | (i > 0))
-        cursor.spread(blocks.counts, openings, self._rest.take(blocks.addresses(i) << 4 | bit << 1 | on))
+        openings = self._opening.take_pieces(octet << 12 | byte << 4 | bit << 1 | (i > 0))
+        cursor.spread(blocks.counts, openings, self._rest.take_pieces(blocks.addresses(i) << 4 | bit << 1 | on))
         last = blocks.octets - 1
         padding = last << 12 | source.octets(blocks.begins + last) << 4 | (blocks.counts & 7)
-        cursor.put(self._padding.take(np.where(blocks.counts & 7, padding, 0)))
+        cursor.put(self._padding.take_pieces(np.where(blocks.counts & 7, padding, 0)))
         cursor.put(b"]}")
 
     def _placed(self, key: int) -> bytes:
@@ -176,12 +176,12 @@ class NumberJson:
         """The piece of each row."""
         slot, row_numbers = self._slot, rows.here
         number = numbers(slot, row_numbers, source)
-        texts = self._texts.take(number)
+        texts = self._texts.take_pieces(number)
         if slot.echo is not None:
             requested = looked(slot.echo, row_numbers, source)
             value = number & ((1 << self._bits) - 1)
             unlike = np.flatnonzero((requested >= 0) & (requested != value))
-            texts[unlike] = self._unlike.take(number[unlike] << 16 | requested[unlike])
+            texts[unlike] = self._unlike.take_pieces(number[unlike] << 16 | requested[unlike])
         cursor.put(texts)
 
     def _described(self, number: int, requested: int = -1) -> bytes:
@@ -233,9 +233,9 @@ class RegisterText:
         shown = np.minimum(blocks.counts, self._shown)
         i = counted_on(shown)
         values = source.words(np.repeat(blocks.begins, shown) + 2 * i)
-        texts = self._texts.take(values)
+        texts = self._texts.take_pieces(values)
         cursor.spread(shown, np.where(i > 0, texts, without(texts, len(self._between))))
-        cursor.put(self._more.take(np.maximum(blocks.counts, self._shown)))
+        cursor.put(self._more.take_pieces(np.maximum(blocks.counts, self._shown)))
 
     def _digits(self, values: list[int]) -> list[bytes]:
         """Each value as one of a line that is not its first."""
@@ -263,8 +263,8 @@ class BitText:
         i = counted_on(groups)
         bits = np.minimum(np.repeat(shown, groups) - 8 * i, 8)
         byte = source.octets(np.repeat(blocks.begins, groups) + i)
-        cursor.spread(groups, self._texts.take(byte << 5 | bits << 1 | (i > 0)))
-        cursor.put(self._more.take(np.maximum(blocks.counts, self._shown)))
+        cursor.spread(groups, self._texts.take_pieces(byte << 5 | bits << 1 | (i > 0)))
+        cursor.put(self._more.take_pieces(np.maximum(blocks.counts, self._shown)))
 
     def _digits(self, key: int) -> bytes:
         before = [False] * (8 * (key & 1))

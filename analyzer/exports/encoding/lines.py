@@ -52,15 +52,15 @@ class Envelope:
         cursor.put_numbers(rows.index)
         cursor.put(b',"start":')
         cursor.put_numbers(rows.start)
-        cursor.put(self._length.take(rows.length))
+        cursor.put(self._length.take_pieces(rows.length))
         cursor.put_numbers(rows.t_start_ns)
         cursor.put(b',"t_end_ns":')
         cursor.put_numbers(rows.t_end_ns)
         kind, protocol, unit = (rows.column(name).astype(np.int64) for name in ("kind", "protocol", "unit"))
-        cursor.put(self._unit.take(kind << 10 | protocol << 8 | unit))
+        cursor.put(self._unit.take_pieces(kind << 10 | protocol << 8 | unit))
         function, exception, check = (rows.column(name).astype(np.int64) for name in ("function", "exception", "check"))
         check[protocol == Protocol.TCP] = _NO_CHECK
-        cursor.put(self._function.take(function << 10 | exception << 2 | check))
+        cursor.put(self._function.take_pieces(function << 10 | exception << 2 | check))
         cursor.put_known(rows.request_start, b"null")
         self._put_response_times(source.pdus.batch, row_numbers, cursor)
         plain = protocol != Protocol.ASCII
@@ -93,8 +93,8 @@ class Envelope:
 
     def put_tail(self, rows: Rows, row_numbers: Ints, batch: Batch, cursor: Cursor) -> None:
         """`TAIL` pieces of each row: the line's end is the last of them."""
-        cursor.put(self._confidence.take(rows.confidence.view(np.uint32).astype(np.int64)))
-        ends = self._end.take(rows.port.astype(np.int64))
+        cursor.put(self._confidence.take_pieces(rows.confidence.view(np.uint32).astype(np.int64)))
+        ends = self._end.take_pieces(rows.port.astype(np.int64))
         special = np.arange(len(rows)) if self._explain else np.flatnonzero(batch.finding_counts[row_numbers])
         if len(special):
             ends[special] = cursor.sheet.texts([self._special(batch, row) for row in row_numbers[special].tolist()])
@@ -261,13 +261,13 @@ class FrameJsonLines:
         """Unit and function, and the check value, of RTU frames."""
         begins, lengths = rows.at[formed], rows.length[formed]
         head, tail = sheet.at(formed, HEAD), sheet.before_end(formed, TAIL + 2 + behind[formed])
-        head.put(self._unit.take(source.octets(begins)))
+        head.put(self._unit.take_pieces(source.octets(begins)))
         kind = rows.kind[formed].astype(np.int64)
-        head.put(self._function.take(kind << 8 | source.octets(begins + 1)))
+        head.put(self._function.take_pieces(kind << 8 | source.octets(begins + 1)))
         at = lengths - _CHECK
-        tail.put(self._check_offset.take(at))
+        tail.put(self._check_offset.take_pieces(at))
         at += begins
-        checks = self._check_value.take(source.octets(at) | source.octets(at + 1) << 8)
+        checks = self._check_value.take_pieces(source.octets(at) | source.octets(at + 1) << 8)
         wrong = np.flatnonzero(~rows.check[formed])
         if len(wrong):
             spans = zip(begins[wrong].tolist(), lengths[wrong].tolist(), strict=True)

@@ -127,7 +127,7 @@ class TextTable:
         self._near: Pieces = np.empty(0, np.int64)
         self._far: dict[int, int] = {}
 
-    def take(self, numbers: Ints) -> Pieces:
+    def take_pieces(self, numbers: Ints) -> Pieces:
         """The pieces of these numbers."""
         if not len(numbers):
             return np.empty(0, np.int64)

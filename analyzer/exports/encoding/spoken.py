@@ -48,7 +48,7 @@ class Speech:
 
 def separated(words: SpokenWords, values: TextTable) -> Pieces:
     """The pieces of all values; `values` has each behind a separator of one byte, which the first of a row lacks."""
-    numbers = values.take(words.values)
+    numbers = values.take_pieces(words.values)
     return np.where(counted_on(words.counts) > 0, numbers, without(numbers, 1))
 
 
@@ -69,7 +69,7 @@ class ClockPieces:
         clocked = np.flatnonzero(is_clock(t_ns))
         if len(clocked):
             seconds, rest = np.divmod(t_ns[clocked] // 1000, 1_000_000)
-            second[clocked] = self._second.take(seconds)
+            second[clocked] = self._second.take_pieces(seconds)
             fraction[clocked] = without(cursor.sheet.numbers(1_000_000 + rest), 1)
             zone[clocked] = self._store.fixed(self._behind)
         for part in (second, fraction, zone):
@@ -117,8 +117,8 @@ class Speaking:
         """All pieces; `tail` of each line are behind these."""
         frames, words, groups, sizes = spoken
         cursor = sheet.before_end(frames, tail + sizes[frames])
-        cursor.put(self._address.take(words.address + 1))
-        cursor.put(self._quantity.take(words.quantity + 1))
+        cursor.put(self._address.take_pieces(words.address + 1))
+        cursor.put(self._quantity.take_pieces(words.quantity + 1))
         cursor.spread(words.counts, separated(words, self._value))
         cursor.put(b'],"summary":"')
         behind = tail + ClockPieces.PIECES

@@ -52,7 +52,7 @@ class _NumberForm(_Always):
 
     def put(self, rows: FormRows, source: BatchBytes, cursor: Cursor) -> None:
         """The piece of each row."""
-        cursor.put(self._texts.take(numbers(self._slot, rows.here, source)))
+        cursor.put(self._texts.take_pieces(numbers(self._slot, rows.here, source)))
 
 
 class _CountForm(_Always):
@@ -64,7 +64,7 @@ class _CountForm(_Always):
 
     def put(self, rows: FormRows, source: BatchBytes, cursor: Cursor) -> None:  # noqa: ARG002
         """The piece of each row."""
-        cursor.put(self._texts.take(rows.blocks.counts))
+        cursor.put(self._texts.take_pieces(rows.blocks.counts))
 
 
 class _ValuesForm:
@@ -90,7 +90,7 @@ class _Exception(_Always):
 
     def put(self, rows: FormRows, source: BatchBytes, cursor: Cursor) -> None:
         """The piece of each row."""
-        cursor.put(self._texts.take(source.pdus.number(1, 1, rows.here)))
+        cursor.put(self._texts.take_pieces(source.pdus.number(1, 1, rows.here)))
 
 
 def summary_pieces(

@@ -121,20 +121,20 @@ class _CsvTable:
         """Everything before the summary."""
         cursor.put(b"frame,")
         cursor.put_numbers(rows.index)
-        cursor.put(self._cell.take(rows.port.astype(np.int64)))
+        cursor.put(self._cell.take_pieces(rows.port.astype(np.int64)))
         cursor.put_numbers(rows.start)
-        cursor.put(self._cell.take(rows.length))
+        cursor.put(self._cell.take_pieces(rows.length))
         self._put_times(rows, cursor)
         kind, protocol, unit = (rows.column(name).astype(np.int64) for name in ("kind", "protocol", "unit"))
-        cursor.put(self._unit.take(kind << 10 | protocol << 8 | unit))
+        cursor.put(self._unit.take_pieces(kind << 10 | protocol << 8 | unit))
         function, exception, check = (rows.column(name).astype(np.int64) for name in ("function", "exception", "check"))
         check[protocol == Protocol.TCP] = _NO_CHECK
-        cursor.put(self._function.take(function << 10 | exception << 2 | check))
+        cursor.put(self._function.take_pieces(function << 10 | exception << 2 | check))
         cursor.put(b",")
         cursor.put_known(rows.request_start, b"")
         cursor.put(b",")
         cursor.put_known(source.pdus.batch.response_times.exact[row_numbers], b"")
-        cursor.put(self._confidence.take(rows.confidence.view(np.uint32).astype(np.int64)))
+        cursor.put(self._confidence.take_pieces(rows.confidence.view(np.uint32).astype(np.int64)))
         plain = protocol != Protocol.ASCII
         texts = np.empty(len(rows), np.int64)
         texts[plain] = source.spaced(rows.at[plain], rows.length[plain], cursor.sheet)
@@ -167,8 +167,8 @@ class _CsvTable:
         cursor.put(findings)
         if self._timed:
             self._clock.put(rows.t_start_ns, cursor)
-        cursor.put(self._number.take(contents.address + 1))
-        cursor.put(self._number.take(contents.quantity + 1))
+        cursor.put(self._number.take_pieces(contents.address + 1))
+        cursor.put(self._number.take_pieces(contents.quantity + 1))
         cursor.put(b",")
         cursor.spread(contents.counts, separated(contents, self._value))
         for column in (batch.response_times.low, batch.response_times.high):

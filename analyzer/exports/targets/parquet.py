@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final
 
-from ...extras import needs
 from ..chosen import chosen_names
-from ..sink import ExportError, ExportOptions, OutputStream
+from ..rowgroups import GROUP, RowGroups, arrow_imported
+from ..sink import ExportOptions, OutputStream
 
 if TYPE_CHECKING:
     from captures import Block, Capture
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
 BINARY: Final = True
 COLUMNAR: Final = True
-_GROUP: Final = 1 << 16  # rows of a row group, at least: more cost memory
 _GROWING: Final = ("index", "start", "t_start_ns", "t_end_ns", "request_start")  # from row to row
 _INSIDE: Final = {name: f"{name}.list.element" for name in ("values", "findings")}  # what Parquet calls their items
 _VARIED: Final = ("response_time_ns", "bytes", "values")  # of which a dictionary would help nobody
@@ -41,22 +40,15 @@ def frames_writer(out: Any, schema: Any, **settings: Any) -> Any:
 
 class _Groups:
     def __init__(self, out: OutputStream, options: ExportOptions) -> None:
-        try:
-            import pyarrow as pa
-
-            from analyzer.exports import arrow
-        except ImportError as error:
-            raise ExportError(needs("parquet", "pyarrow", "columns")) from error
+        pa = arrow_imported()
+        from analyzer.exports import arrow
 
         self._options = options
         self._record_batch = arrow.record_batch
         self._schema = arrow.schema(explain=options.explain)
         names = chosen_names(options.fields, self._schema.names)
         self._schema = pa.schema([self._schema.field(name) for name in names])
-        self._table = pa.Table.from_batches
-        self._parts: list[Any] = []
-        self._count = 0
-        self._writer = frames_writer(pa.PythonFile(out, mode="w"), self._schema)
+        self._groups = RowGroups(frames_writer(pa.PythonFile(out, mode="w"), self._schema), 2 * GROUP)
 
     def block(self, block: Block) -> None:
         """Raw chunks are not in this format."""
@@ -68,20 +60,11 @@ class _Groups:
         """Its rows in columns, written once there are enough."""
         options = self._options
         part = self._record_batch(analysed.batch, noise=options.noise, explain=options.explain)
-        self._parts.append(part.select(self._schema.names))
-        self._count += len(part)
-        if self._count >= _GROUP:
-            self._write()
+        self._groups.add(part.select(self._schema.names))
 
     def close(self) -> None:
         """The rest, and the file's footer."""
-        self._write()
-        self._writer.close()
-
-    def _write(self) -> None:
-        if self._parts:
-            self._writer.write_table(self._table(self._parts, self._schema), row_group_size=2 * _GROUP)
-        self._parts, self._count = [], 0
+        self._groups.close()
 
 
 def open_sink(out: OutputStream, capture: Capture, options: ExportOptions) -> _Groups:  # noqa: ARG001
