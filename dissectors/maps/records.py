@@ -28,6 +28,7 @@ _MOST: Final = 20_000
 _DEPTH: Final = 12
 _SOURCE: Final = 1 << 18  # characters of a source that are read
 _LONGEST: Final = 300  # characters of a line that says one thing
+_BRACKETS: Final = frozenset("{([")
 _INSIDE: Final = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|_+|(?<=[a-z])-(?=[a-z])")
 _LINE: Final = re.compile(r"\s*([^\W\d][^:=\t]{0,40})[:=\t](.*)")
 Record = dict[str, str]
@@ -38,7 +39,8 @@ def record_sheets(source: MapSource) -> Iterator[MapSheet]:
     if not source.is_text:
         return
     text = source.text[:_SOURCE]
-    trees = (source.tree,) if source.tree is not None else (tree_of_source(text), list(_blocks(text)))
+    is_source = source.tree is None and not _BRACKETS.isdisjoint(text)
+    trees = (tree_of_source(text) if is_source else source.tree, [*_blocks(text)] if source.tree is None else ())
     for tree in trees:
         yield from map(_of_rows, islice(_lists_of_rows(tree, 0), 1))
         yield from _of_records(list(islice(_found(tree, ()), _MOST)))

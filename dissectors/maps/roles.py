@@ -73,6 +73,7 @@ class TableColumn:
 
     @cached_property
     def numbers(self) -> list[int]:
+        """The first number of each cell that has one."""
         return [found[0] for cell in self.cells if (found := numbers_in(cell))]
 
     def bits(self, role: str) -> float:
@@ -141,6 +142,7 @@ _LOOKS: Final[Mapping[str, Callable[[TableColumn, Mapping[str, Any]], bool]]] = 
 }
 
 
+@lru_cache(maxsize=8192)
 def plain_heading(cell: str) -> str:
     """A heading in small letters without accents, its signs those of ASCII."""
     return " ".join(_unaccented(cell.translate(WIDE_SIGNS).lower()).split()).strip(" :.")
@@ -184,15 +186,20 @@ def known_headings(row: Sequence[str]) -> int:
 
 def is_heading(row: Sequence[str]) -> bool:
     """Whether a row is one of headings by its words: two are known, one of addresses among what there is."""
+    if any(cell[:1].isdecimal() for cell in row):
+        return False
     texts = [plain_heading(cell) for cell in row]
     named = any(heading_bits(text, "address") for text in texts)
     return named and known_headings(row) > 1 and not any(text[:1].isdecimal() for text in texts)
 
 
+def may_be_heading(row: Sequence[str]) -> bool:
+    """Whether there are cells enough for a heading, none of which begins as a number."""
+    cells = [cell for cell in row if cell]
+    return len(cells) >= _LEAST_CELLS and not any(cell[:1].isdecimal() for cell in cells)
+
+
 def is_unknown_heading(row: Sequence[str], below: Table) -> bool:
     """Whether a row of words that nobody knows is a heading, by what stands below it: addresses, names and more."""
-    cells = [cell for cell in row if cell]
-    if len(cells) < _LEAST_CELLS or any(cell[:1].isdecimal() for cell in cells) or len(below) < _LEAST_ROWS:
-        return False
-    columns = assigned(row, below)
+    columns = assigned(row, below) if len(below) >= _LEAST_ROWS else {}
     return len(columns) >= _LEAST_CELLS and re.search(r"\d", row[columns["address"]]) is None

@@ -45,6 +45,7 @@ def _lines(kind: str) -> list[tuple[re.Pattern[str], str]]:
     return [(expression(line["like"]), line["is"]) for line in vocabulary()["meanings"][kind]]
 
 
+@lru_cache(maxsize=4096)
 def meaning(kind: str, text: str) -> str | None:
     """What a text means by a list of the file; None where no line is like it."""
     low = text.lower()
@@ -52,7 +53,8 @@ def meaning(kind: str, text: str) -> str | None:
     return found[0].expand(found[1]) if found else None
 
 
-def form(kind: str, text: str) -> dict[str, str]:
+@lru_cache(maxsize=4096)
+def form(kind: str, text: str) -> Mapping[str, str]:
     """The parts of a text that has this form, those that it lacks empty; nothing where it has not."""
     match = expression(vocabulary()["forms"][kind]).fullmatch(text)
     return {"": text, **match.groupdict("")} if match else {}

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final, cast
 
 from .cells import CellError, area_of
@@ -109,7 +110,8 @@ def address_of(cell: str, form_of: AddressForm) -> TableAddress | None:
     return TableAddress(numbers[0].lower(), first, last, bit, prefixed)
 
 
-def numbers_in(cell: str) -> list[int]:
+@lru_cache(maxsize=8192)
+def numbers_in(cell: str) -> Sequence[int]:
     """The numbers of a cell as addresses have them, bare hexadecimal ones too."""
     cell = together(cell)[:40]
     if _BARE_HEX.fullmatch(cell) and not cell.isdecimal():

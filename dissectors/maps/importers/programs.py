@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from importlib import import_module
 from importlib.resources import files as package_files
+from itertools import islice
 from typing import Any, Final, cast
 
 from ..model import VALUE_TYPES
@@ -25,6 +26,7 @@ Record = dict[str, Any]
 Adapter = Callable[[MapSource, Iterator[Record]], Iterator[Record]]
 _TABLES: Final = {"area": "areas", "type": "types", "order": "orders", "access": "rights"}  # of words
 _BITS: Final = ("coil", "discrete")
+_LOOK: Final = 2000  # records among which one of a program tells that a file is its
 
 
 class Program:
@@ -45,7 +47,7 @@ class Program:
 
     def recognises(self, source: MapSource) -> bool:
         """Whether one of the paths leads to a record that has what a register of the program needs."""
-        return next(self._found(source, self.data.get("signature", self.data["paths"])), None) is not None
+        return next(self._found(source, self.data.get("signature", self.data["paths"]), _LOOK), None) is not None
 
     def read(self, source: MapSource) -> list[ImportedMap]:
         """A map a device."""
@@ -65,10 +67,13 @@ class Program:
         for keys in self.data.get(what, ()):
             yield str(said(record, keys) or "")
 
-    def _found(self, source: MapSource, paths: Sequence[Mapping[str, Any]]) -> Iterator[Record]:
+    def _found(
+        self, source: MapSource, paths: Sequence[Mapping[str, Any]], most: int | None = None
+    ) -> Iterator[Record]:
+        """The records that paths lead to, among the first `most` that could be."""
         tree = getattr(source, self.data["reads"])
         for path in paths:
-            for record in _walked(tree, path["to"].split("."), {}):
+            for record in islice(_walked(tree, path["to"].split("."), {}), most):
                 where, unless = path.get("where", {}), path.get("unless", {"": ""})
                 there = "needs" not in path or said(record, path["needs"]) is not None
                 if there and where.items() <= record.items() and not unless.items() <= record.items():
@@ -124,9 +129,13 @@ def _by_keys(node: Any, steps: Sequence[str]) -> Stepped:
 
 def _anywhere(node: Any, steps: Sequence[str]) -> Stepped:
     """The node itself for the steps behind `**`, and all that it holds for these."""
-    yield node, {}, steps[1:]
-    for below in parts_of(node):
-        yield below, _plain_values(node), steps
+    waiting: list[tuple[Any, Record]] = [(node, {})]
+    while waiting:
+        inner, around = waiting.pop()
+        yield from [(inner, around, steps[1:])] * isinstance(inner, dict)
+        below = [one for one in parts_of(inner) if isinstance(one, dict | list)]
+        around = {**around, **_plain_values(inner)} if below else {}
+        waiting += [(one, around) for one in reversed(below)]
 
 
 def _by_rows(node: Any, steps: Sequence[str]) -> Stepped:

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import islice
 from pathlib import PurePath
 from typing import Any, Final
 
@@ -22,6 +23,8 @@ from ..table import csv_rows
 
 _MOST_NOTES: Final = 20
 _MOST_ROWS: Final = 20_000
+_MOST_CELLS: Final = 100  # of a row
+_MOST_UNNAMED: Final = 1 << 18  # characters of a text that is read as what its name does not say
 _LOOK: Final = 60  # lines that tell how a text is cut
 _MOST_TWINS: Final = 64
 _COMMENT: Final = re.compile(r'("(?:\\.|[^"\\])*(?:"|\\?\Z))|//[^\n]*|/\*.*?(?:\*/|\Z)', re.DOTALL)
@@ -90,8 +93,8 @@ class MapSource:
         lines = self.text.splitlines() if self.is_text else []
         delimiter = max("\t;,", key="\n".join(lines[:_LOOK]).count)
         with suppress(MapError):
-            for number, cells in csv_rows(lines, delimiter, self.name):
-                yield {**{str(at): cell.strip() for at, cell in enumerate(cells)}, "row": str(number)}
+            for number, cells in islice(csv_rows(lines, delimiter, self.name), 2 * _MOST_ROWS):
+                yield {**{str(at): cell.strip() for at, cell in enumerate(cells[:_MOST_CELLS])}, "row": str(number)}
 
     @property
     def table(self) -> Iterator[dict[str, str]]:
@@ -142,10 +145,15 @@ class MapSource:
             self._problems["JSON"] = _TOO_DEEP
         return None
 
+    def _may_be(self, kind: str, sign: str) -> bool:
+        """Whether to read the text as what its name says, or a short one as anything that it has the sign of."""
+        is_named = _KINDS.get(self.suffix) == kind or len(self.text) < _MOST_UNNAMED
+        return self.is_text and is_named and sign in self.text
+
     @cached_property
     def toml(self) -> Any:
         try:
-            return tomllib.loads(self.text) if self.is_text and "=" in self.text else None
+            return tomllib.loads(self.text) if self._may_be("TOML", "=") else None
         except ValueError as error:
             self._problems["TOML"] = one_line(error)[:200]
         except RecursionError:
@@ -155,7 +163,9 @@ class MapSource:
     @cached_property
     def yaml(self) -> Any:
         """The YAML content; tags that a program defines for itself stand for their plain values."""
-        if not self.is_text or ":" not in self.text:
+        if self.json is not None:  # which is YAML, too
+            return self.json
+        if not self._may_be("YAML", ":"):
             return None
         from ..yamlform import load_yaml
 

@@ -7,9 +7,11 @@ stand unless all of them are logical (40001 on): which base a manual counts from
 
 from __future__ import annotations
 
+from bisect import bisect, bisect_left
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice, zip_longest
 from typing import Final
 
 from ..cells import CellError, area_and_address
@@ -24,6 +26,7 @@ from ..roles import (
     is_heading,
     is_unknown_heading,
     known_headings,
+    may_be_heading,
     plain_heading,
 )
 from ..sheets import MapSheet, column_name, sheets_in
@@ -50,6 +53,8 @@ _TOLD: Final = frozenset({"address", "name", "type"})  # columns of a table with
 _LOOK: Final = 60  # rows in which a heading is sought
 _FIRST_WORD: Final = {"CDAB": "least significant", "DCBA": "least significant"}
 _MOST_ROWS: Final = 70_000
+_MOST_TRIED: Final = 12  # rows of words that may be a heading
+_MOST_HEADINGS: Final = 200  # of one sheet
 
 
 def recognises(source: MapSource) -> bool:
@@ -104,9 +109,10 @@ def _of_one_device(source: MapSource, parts: Sequence[ImportedMap]) -> ImportedM
 
 def _headings_in(rows: Table) -> Iterator[int]:
     """Where rows of headings are: those of known words, or the first that is one by what stands below it."""
-    known = [at for at, row in enumerate(rows) if is_heading(row)]
-    looked = enumerate(rows[:_LOOK]) if not known else ()
-    first = next((at for at, row in looked if is_unknown_heading(row, _of_values(rows[at + 1 : at + _LOOK]))), None)
+    known = [at for at, (row, after) in enumerate(zip_longest(rows, rows[1:])) if row != after and is_heading(row)]
+    looked = ((at, row) for at, row in enumerate(rows[:_LOOK]) if not known and may_be_heading(row))
+    tried = ((at, row, _of_values(rows[at + 1 : at + _LOOK])) for at, row in islice(looked, _MOST_TRIED))
+    first = next((at for at, row, below in tried if is_unknown_heading(row, below)), None)
     yield from known if first is None else (at for at, row in enumerate(rows) if row == rows[first])
 
 
@@ -150,14 +156,14 @@ class _TableRows:
 
     def chart(self) -> ImportedMap | None:
         """The map; None where no row is a heading."""
-        headings = [*_headings_in(self.rows), len(self.rows)]
+        headings = [*islice(_headings_in(self.rows), _MOST_HEADINGS), len(self.rows)]
         for row in self.rows[: headings[0]]:
             self._title(row)
         begin = 0
         for first in headings[:-1]:
             if first >= begin:  # else the second row of a heading
-                begin = self._heading(first, next(at for at in headings if at > first + 1 or at == len(self.rows)))
-                for number in range(begin, next(at for at in headings if at >= begin)):
+                begin = self._heading(first, headings[min(bisect(headings, first + 1), len(headings) - 1)])
+                for number in range(begin, headings[bisect_left(headings, begin)]):
                     self._row(self.rows[number], number + self.first)
         if self.builder.rows or self.builder.bits:
             self.builder.note("columns were told by their headings: look the map over, its address base above all")
