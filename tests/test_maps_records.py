@@ -126,3 +126,14 @@ def test_areas_under_the_heading_of_types_and_powers_of_ten_beside_none() -> Non
         ("coil", 1, "bool", 1),
         ("holding", 7, "s32", 0.001),
     ]
+
+
+def test_merged_headings_of_html_name_the_columns_below_them() -> None:
+    page = (
+        "<table><tr><th rowspan=2>Address</th><th rowspan=2>Name</th><th colspan=2>Coding</th><th rowspan=2>Unit</th>"
+        "</tr><tr><th>Type</th><th>Factor</th></tr>"
+        "<tr><td>500</td><td>Flow</td><td>UINT32</td><td>0.1</td><td>l/s</td></tr>"
+        "<tr><td>502</td><td>Level</td><td>INT16</td><td>0.01</td><td>m</td></tr></table>"
+    )
+    rows = import_maps("page.html", page.encode())[0].chart.rows
+    assert [(row.type, row.scale, row.unit) for row in rows] == [("u32", 0.1, "l/s"), ("s16", 0.01, "m")]

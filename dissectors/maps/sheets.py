@@ -9,6 +9,7 @@ import re
 import zipfile
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any, Final
 
 from .cells import one_line
@@ -166,11 +167,29 @@ def rows_of_text(text: str, file: str, most: int) -> list[list[str]]:
 
 def _laid_out(text: str, layout: Mapping[str, str]) -> list[list[str]]:
     """The rows of a text by the patterns of its layout: what parts rows and cells, and what is a mark in them."""
-    row, cell, mark = (expression(layout[part]) for part in ("row", "cell", "marks"))
-    return [
-        [html.unescape(mark.sub("", part)).strip()[:_CELL] for part in cell.findall(line)[:_MOST_COLUMNS]]
-        for line in row.findall(text)
-    ]
+    row, cell, mark, span = (expression(layout.get(part, "(?!)")) for part in ("row", "cell", "marks", "span"))
+    above: dict[int, int] = {}  # rows that a column still holds of a cell above
+    rows = []
+    for line in row.findall(text):
+        shown: list[str] = []
+        parts = [*islice(cell.finditer(line), _MOST_COLUMNS)]
+        for part in parts:
+            _pass_spanned(shown, above)
+            spans = {name.lower(): int(count) for name, count in span.findall(part.groupdict().get("spans") or "")}
+            width = max(1, spans.get("colspan", 1)) if len(parts) > 1 else 1  # alone: a title
+            columns = range(len(shown), min(len(shown) + width, _MOST_COLUMNS))
+            above |= dict.fromkeys(columns, spans.get("rowspan", 1) - 1)
+            shown += [html.unescape(mark.sub("", part["cell"])).strip()[:_CELL]] * len(columns)
+        _pass_spanned(shown, above)
+        rows.append(shown)
+    return rows
+
+
+def _pass_spanned(shown: list[str], above: dict[int, int]) -> None:
+    """Nothing in the next columns of a row, as long as a cell above holds them."""
+    while above.get(len(shown), 0) > 0:
+        above[len(shown)] -= 1
+        shown.append("")
 
 
 def _cut(lines: Sequence[str], delimiter: str, file: str) -> list[list[str]]:

@@ -256,7 +256,7 @@ def scale_of(cells: Mapping[str, str]) -> str | None:
     places, divisor, power = (cells.get(key, "").translate(_SIGNS) for key in ("decimals", "divisor", "power"))
     ways = (
         (r"[1-6](?:\.0)?", places, f"1/1{'0' * int(places[0])}" if places[:1].isdecimal() else ""),
-        (r"(?=.*[1-9])\d{1,12}(?:\.\d{1,12})?", divisor, f"1/{divisor}"),
+        (r"x?(?=.*[1-9])\d{1,12}(?:\.\d{1,12})?", divisor, f"1/{divisor.removeprefix('x')}"),
         (r"-?\d", power, f"1e{power}"),
     )
     return next((factor for like, cell, factor in ways if expression(like).fullmatch(cell)), meaning("scale", text))
