@@ -262,8 +262,9 @@ def _prefixed(line: TextLine) -> Iterator[HexWindow]:
     text = line.text
     for match in _PREFIXED.finditer(text):
         sign, start, end = match["sign"], match.start(), match.end()
-        if sign in ("x", "X") and text[start - 1 : start] == "\\" and len(match["first"]) < _BYTEA:
-            continue  # an escape
+        is_escape = sign in ("x", "X") and text[start - 1 : start] == "\\"
+        if is_escape and len(match["first"]) < _BYTEA and not _is_apart(match[0]):
+            continue  # a string's, in which other characters are bytes, too
         tokens = re.findall(rf"{re.escape(sign)}({H}+?)(?={re.escape(sign)}|(?!{H}))", match[0])
         if len(tokens[-1]) > 2 and len(tokens) > 2 and all(len(token) < 3 for token in tokens[:-1]):
             last = start + match[0].rfind(sign) + len(sign)
@@ -277,6 +278,12 @@ def _prefixed(line: TextLine) -> Iterator[HexWindow]:
             some = len(tokens) > 1 or line.alone(start, end)
             level = Writing.BYTES if len(tokens) > 2 else Writing.LIKELY if some else Writing.NUMBER
         yield HexWindow(bytes(int(token, 16) for token in tokens), start, end, "0x", level)
+
+
+def _is_apart(escapes: str) -> bool:
+    r"""Whether something parts all of these escapes, `x11 \x03 \x00`, and always the same."""
+    between = {escape[3:] for escape in escapes.split("\\")[:-1]}
+    return len(between) == 1 and between != {""}
 
 
 def _prefixed_words(line: TextLine, match: re.Match[str], tokens: list[str]) -> Iterator[HexWindow]:
