@@ -167,11 +167,6 @@ def typical(shares: Mapping[str, Mapping[str, float]], cause: str, found: Outcom
     return min(max((bits[cause] - any_way) / _UNIT, -_MOST_TYPICAL), _MOST_TYPICAL)
 
 
-def likeness(cause: str, found: Outcomes) -> float:
-    """How like outcomes are to those where a cause is so, against any cause or none; about -4 to 4, 0 where nobody knows."""
-    return typical(_weights()["shares"], cause, found)
-
-
 def _spread_bits(shares: Mapping[str, float], found: Outcomes) -> float:
     return _dirichlet_bits(
         {name: _STEADINESS * shares.get(name, 0.0) + _ANY for name in shares.keys() | found.keys()}, found
@@ -195,7 +190,7 @@ def certainty(cause: str, clues_of_it: Clues, found: Outcomes) -> float:
     weights = _weights()
     score = weights["intercept"] + weights["causes"].get(cause, weights["other"])
     score += sum(weights["clues"][name] * value for name, value in clues_of_it._asdict().items())
-    like = likeness(cause, found)
+    like = typical(weights["shares"], cause, found)
     score += weights["clues"]["typical"] * like + weights["clues"]["unlike"] * min(like, 0.0)
     return min(max(1 / (1 + exp(-score)), LEAST), MOST)
 

@@ -20,7 +20,7 @@ from ..options import Options
 from ..tables.batch import Batch
 from ..tables.taps import may_speak_of
 from ..tables.transactions import TransactionRows
-from .certainty import Clues, Outcomes, certainty, clues, likeness, outcomes
+from .certainty import Clues, Outcomes, certainty, clues, outcomes
 from .evidence import Evidence
 from .exchanges import asking
 from .foretold import against_bits, struck
@@ -33,9 +33,6 @@ THRESHOLD: Final = 24.0  # bits under which nothing is said
 _LEFT_OVER: Final = 0.06  # of what is explained: so much may be left because no explanation is perfect,
 _LEFT_OVER_MOST: Final = 100.0  # and a cause of its own weighs more
 _CAUSES_MOST: Final = 8
-_RIVAL: Final = 0.4  # of the heaviest suspicion's bits
-_UNLIKE: Final = -1.0
-_FAR_LIKER: Final = 1.5
 _OF_NO_FRAME: Final = frozenset(("request-flaw",))
 
 
@@ -105,9 +102,9 @@ def _told(evidence: Evidence, among: Sequence[Suspect] | None) -> tuple[list[Cau
         weighed = weigh(left, among)
         if not weighed or weighed[0].suspicion.bits < least:
             break
-        best = _most_like(left, weighed)
+        best = weighed[0]
         least = max(least, min(_LEFT_OVER * best.suspicion.bits, _LEFT_OVER_MOST))
-        rivals = [each for each in weighed if each is not best and each.suspicion.explains & best.suspicion.explains]
+        rivals = [each for each in weighed[1:] if each.suspicion.explains & best.suspicion.explains]
         takes = struck(left, best.suspect.foretold, best.suspicion) - left.explained
         found.append(_PickedCause(best, rivals[0] if rivals else None, left, takes))
         left = left.without(takes)
@@ -116,22 +113,6 @@ def _told(evidence: Evidence, among: Sequence[Suspect] | None) -> tuple[list[Cau
     but_for_others = [evidence.without(_taken(other for other in found if other is not each)) for each in found]
     claims = [_claim(each, but, exchanges) for each, but in zip(found, but_for_others, strict=True)]
     return sorted(claims, key=lambda claim: -claim.cause.bits), rest
-
-
-def _most_like(evidence: Evidence, weighed: Sequence[Weighed]) -> Weighed:
-    """The heaviest suspicion; or the heaviest other one of the same symptoms, where the outcomes are far more like those
-    where its cause is so, and far from those of the first."""
-
-    def like(each: Weighed) -> float:
-        return likeness(each.suspect.cause, outcomes(evidence, each.suspicion))
-
-    first = weighed[0]
-    unlike = like(first)
-    if unlike > _UNLIKE:
-        return first
-    least, explains = _RIVAL * first.suspicion.bits, first.suspicion.explains
-    rivals = (each for each in weighed[1:] if each.suspicion.bits >= least and each.suspicion.explains & explains)
-    return next((each for each in rivals if like(each) > unlike + _FAR_LIKER), first)
 
 
 class _PickedCause(NamedTuple):
