@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Sequence
 from copy import copy
 from functools import cached_property
-from operator import eq
 from typing import Final, TypeVar
 
 import numpy as np
@@ -32,7 +31,6 @@ _HALF: Final = 0.5
 _MOSTLY: Final = 0.6
 _SOON_CHARS: Final = 2.5  # nobody answers sooner
 _STRAYED: Final = 2  # bytes
-_FEW_BYTES: Final = 3
 _OF_OPEN: Final = ("begun", "requests_overlaid")  # kept, and another where more is explained
 
 
@@ -135,17 +133,6 @@ class Evidence(LedgerView):
         """About how many good answers have a damaged request behind them, known again or as long as one."""
         readings = self.followed(unit) if self.ordered else []
         return unit.followed.offered * sum(map(is_like_request, readings)) / len(readings) if readings else 0.0
-
-    def requests_as_sent(self, unit: UnitLedger) -> float:
-        """About how many of those are but for a few bytes as the client sends them, alone and of their length: nothing was
-        sent into them."""
-        readings = self.followed(unit) if self.ordered else []
-        few = sum(is_like_request(each) and self._is_as_sent(each.heard) for each in readings)
-        return unit.followed.offered * few / len(readings) if few else 0.0
-
-    def _is_as_sent(self, heard: bytes) -> bool:
-        alike = (r for r in self.ledger.polls.requests if len(r) == len(heard))
-        return any(sum(map(eq, heard, request)) >= len(request) - _FEW_BYTES for request in alike)
 
     @cached_property
     def requests_overlaid(self) -> int:

@@ -107,9 +107,8 @@ class _Meetings:
 
     @cached_property
     def requests_behind(self) -> dict[int, float]:
-        """Requests behind answers, by unit, that something was sent into."""
-        behind, alone = self.evidence.requests_behind, self.evidence.requests_as_sent
-        return {unit.unit: behind(unit) - alone(unit) for unit in self.units}
+        """Requests behind answers, by unit."""
+        return {unit.unit: self.evidence.requests_behind(unit) for unit in self.units}
 
     @cached_property
     def requests(self) -> float:
