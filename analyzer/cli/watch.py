@@ -110,7 +110,7 @@ def _there(sources: list[str], refused: list[str], tell: Callable[[str], None] |
         try:
             files |= {file.url: file for file in found([source], refused)}
         except FleetError as error:
-            tell_user(str(error))
+            tell(str(error))
     return [files[url] for url in sorted(files)]
 
 
