@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import io
 import subprocess
-import tempfile
 import zipfile
 from collections.abc import Iterator
 from itertools import chain
@@ -19,6 +18,7 @@ import construct
 import analyzer
 import captures
 import dissectors
+from captures.disposal import TemporaryFolder
 
 from ...errors import RtuscopeError
 
@@ -81,14 +81,16 @@ def archive() -> bytes:
 
 def compiled(pyodide: Path) -> bytes:
     """The archive with its Python compiled; as it is where there is no Node, or none that runs this Pyodide."""
-    with tempfile.TemporaryDirectory() as folder:
-        sources, made = Path(folder, "sources.zip"), Path(folder, "compiled.zip")
-        sources.write_bytes(archive())
+    packed = archive()
+    with TemporaryFolder("rtuscope-page-") as folder:
+        sources, made = folder / "sources.zip", folder / "compiled.zip"
+        with sources.open("xb") as file:
+            file.write(packed)
         script = _HERE / "compile.mjs"
         try:
             subprocess.run(["node", script, pyodide.resolve(), sources, made], capture_output=True, check=True)
         except (OSError, subprocess.CalledProcessError):
-            return sources.read_bytes()
+            return packed
         return made.read_bytes()
 
 
