@@ -15,8 +15,7 @@ from running import environment, refused
 
 import analyzer
 import captures
-from analyzer.exports import ExportOptions, export
-from analyzer.exports.targets import parquet
+from analyzer.exports import ExportOptions, export, rowgroups
 from captures import Capture
 from captures.samples import path
 from dissectors.crc import lrc
@@ -108,7 +107,7 @@ def test_ascii_bytes_are_what_the_digits_stand_for(tmp_path: Path) -> None:
 
 
 def test_row_groups_end_with_so_many_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(parquet, "_GROUP", 100)
+    monkeypatch.setattr(rowgroups, "GROUP", 100)
     request, answer = adu("1103006b0003"), bytes.fromhex("110306ae415652434049ad")
     chunks = spaced([request, answer] * 40_000)
     export(Capture.of(LINE, chunks), tmp_path / "out.parquet")

@@ -304,9 +304,7 @@ def test_an_adapter_unplugged_while_recording_is_a_gap_in_the_record(tmp_path):
     record = Running("record", link, "--baud", "9600", "-o", tmp_path / "bus.mcap")
     os.write(first[0], REQUEST)
     part = tmp_path / "bus.mcap.part"
-    assert eventually(
-        lambda: part.exists() and b"".join(chunk.data for chunk in captures.open(part).chunks()) == REQUEST
-    )
+    assert eventually(lambda: recorded(part) == REQUEST)
     link.unlink()
     for descriptor in first:
         os.close(descriptor)

@@ -231,6 +231,6 @@ def test_marks_and_a_pause_typed_fast_on_a_live_line(tmp_path: Path) -> None:
         assert listed() == held
         terminal.press("PPP").until(lambda: "PAUSED" not in terminal.shown())
         terminal.press("Mvalve\r\x1b[F").until('"valve"')
-        terminal.press("qq", 1.0)
+        terminal.press("qq").until(lambda: (tmp_path / "bus.mcap").exists())
     notes = [note.text for note in captures.open(tmp_path / "bus.mcap").notes() if note.kind == "mark"]
     assert notes == ["pump on", "pump off", "valve"]

@@ -601,7 +601,7 @@ def test_findings_about_unit_255_are_none_about_the_bus() -> None:
     log = SimpleNamespace(
         rows_of=lambda numbers: np.array([0, -1])[numbers], rules_of=lambda numbers: np.array([silent, silent])[numbers]
     )
-    table = SimpleNamespace(take=lambda _, rows: np.array([255], np.uint8)[rows])
+    table = SimpleNamespace(take_column=lambda _, rows: np.array([255], np.uint8)[rows])
     cause = SimpleNamespace(explains={(SYMPTOM_OF["no-response"], 255)})
     explained, rest = by_cause(cast(Any, SimpleNamespace(found=log, table=table)), np.arange(2), cast(Any, [cause]))
     assert (explained.by_code["no-response"].tolist(), rest.by_code["no-response"].tolist()) == ([0], [1])
