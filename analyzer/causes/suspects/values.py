@@ -222,15 +222,14 @@ def _at_carry(values: NDArray[np.int64], jumps: NDArray[np.intp], usual: float) 
 
 
 def _undone(steps: NDArray[np.int64], jumps: NDArray[np.intp], usual: float) -> bool:
-    """Whether each jump by whole high words is undone at one of the next reads: its two words were of different "
-    "moments."""
-    left = set(jumps.tolist())
+    """Whether each jump by whole high words is undone at one of the next reads: its two words were of different
+    moments."""
+    left, signs = set(jumps.tolist()), np.sign(steps)  # the product of two steps may be beyond 64 bits
     while left:
         first = min(left)
         left.remove(first)
-        back = next(
-            (j for j in range(first + 1, min(first + 1 + _TORN_READS, len(steps))) if steps[j] * steps[first] < 0), None
-        )
+        soon = range(first + 1, min(first + 1 + _TORN_READS, len(steps)))
+        back = next((j for j in soon if signs[j] * signs[first] < 0), None)
         if back is None:
             return bool(first >= len(steps) - _TORN_READS)
         if abs(int(steps[first]) + int(steps[back])) > 8 * usual:
