@@ -108,7 +108,7 @@ def _fields_of(
             return
     elif len(_FIELD.findall(line.clean)) < LEAST_COLUMN and octets < LEAST_COLUMN:
         return
-    plain = [token for token in tokens if not token.is_name]
+    plain = _without_names(tokens, line.clean)
     ways = (tokens, tokens[1:], plain, plain[1:])
     readings = [_in_hex(some) for some in (ways if named else ways[:1])]
     skeleton = _COUNTED if counted is not None else _OCTETS if octets == len(tokens) else skeleton_of(line)
@@ -121,6 +121,19 @@ def _fields_of(
     known = experience.fields.get(skeleton, len(ways))
     if 0 <= known < len(readings) and _LEAST < len(data := readings[known]) <= _FRAME:
         take_tokens(line, ways[known], data, checked=False)
+
+
+def _without_names(tokens: Sequence[NumberToken], text: str) -> Sequence[NumberToken]:
+    """Those that are no names of fields.
+
+    `9e fc 31 5d`: a byte like those on either side is no name, where no other name stands between them: leaving bytes
+    out until a CRC comes out right would find frames in noise.
+    """
+    if tokens and _LETTERS.search(text, tokens[0].end, tokens[-1].start) is None:
+        gaps = ["", *(text[a.end : b.start] for a, b in pairwise(tokens)), ""]
+        beside = [before == after == " " for before, after in pairwise(gaps)]
+        return [token for token, inside in zip(tokens, beside, strict=True) if inside or not token.is_name]
+    return [token for token in tokens if not token.is_name]
 
 
 def _in_hex(tokens: Sequence[NumberToken]) -> bytes:
