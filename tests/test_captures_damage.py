@@ -65,6 +65,11 @@ def places(content: bytes) -> list[tuple[int, int]]:
     ]
 
 
+def capture_end(content: bytes) -> int:
+    """Where the data of a whole recording end and its summary begins."""
+    return int.from_bytes(content[-28:-20], "little")
+
+
 def opened(folder: Path, content: bytes) -> Capture:
     path = folder / "damaged.mcap"
     path.write_bytes(content)
@@ -160,6 +165,19 @@ def test_bytes_that_are_missing_in_the_middle_cost_what_they_held(tmp_path: Path
     at = data.draw(st.integers(first, last - 1))
     size = data.draw(st.integers(1, min(5000, last - at)))
     check(tmp_path, content, content[:at] + content[at + size :], at, at + size)
+
+
+def test_whole_records_that_are_missing_are_told(tmp_path: Path) -> None:
+    """A stretch from the end of one chunk to the beginning of another leaves nothing that looks damaged."""
+    content = recording()
+    (_, end), _, (begin, _), *_ = places(content)
+    check(tmp_path, content, content[:end] + content[begin:], end, begin)
+    capture = opened(tmp_path, content[:end] + content[begin:])
+    assert [number for number, _ in parts(capture)] == [i for i in range(24) if i != 1]
+    assert [str(damage) for damage in capture.damage if "lost" in damage.what] == [
+        f"byte {capture_end(content) - (begin - end)}: {begin - end} bytes are missing before the index: "
+        "what they held is lost"
+    ]
 
 
 @pytest.mark.parametrize("whole", [True, False])

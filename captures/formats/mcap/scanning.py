@@ -171,13 +171,14 @@ class _Footer:
     told_crc: int
 
 
-def _footer(data: FileBytes) -> _Footer | None:
-    """The end of a file; None for one that was cut."""
+def _footer(data: FileBytes, start: int | None = None) -> _Footer | None:
+    """The end of a file; None for one that was cut. `start`: where the summary begins, if not where the footer says."""
     tail = FOOTER.size + len(MAGIC)
     end = data.read(data.size - tail, tail) if data.size >= tail else b""
     if len(end) < tail or end[FOOTER.size :] != MAGIC:
         return None
-    opcode, length, start, _, crc = FOOTER.unpack_from(end)
+    opcode, length, told_start, _, crc = FOOTER.unpack_from(end)
+    start = told_start if start is None else start
     if opcode != Opcode.FOOTER or length != FOOTER.size - RECORD.size:
         return None
     size = data.size - tail - start
@@ -296,10 +297,26 @@ def _by_records(data: FileBytes, unpacker: Unpacker, note: Note) -> Iterator[Sca
         if item is not None:
             yield item
         at = after
-    if (footer := _footer(data)) is None:
+    _check_end(data, at, complete, note)
+
+
+def _check_end(data: FileBytes, at: int, complete: bool, note: Note) -> None:
+    """Tells what is wrong with the end of a file whose records were read up to `at`, `complete` to the end of the data.
+
+    An index that stands earlier than the footer says, and is right, proves that whole records are gone: where these are
+    cut at their ends, nothing else looks damaged.
+    """
+    footer = _footer(data)
+    if footer is None:
         lost = "all chunks are whole" if complete else "everything complete before it was read"
         note(f"byte {at}", f"file ends at byte {data.size} without a footer: {lost}")
-    elif footer.told_crc and footer.crc != footer.told_crc:
+        return
+    if not footer.told_crc or footer.crc == footer.told_crc:
+        return
+    moved = _footer(data, at)
+    if at < footer.start and moved is not None and moved.crc == moved.told_crc:
+        note(f"byte {at}", f"{footer.start - at:,} bytes are missing before the index: what they held is lost")
+    else:
         note(f"byte {footer.start}", "the index at the file's end is damaged: read without it")
 
 
