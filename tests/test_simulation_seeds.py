@@ -63,6 +63,13 @@ def test_defects_that_shape_a_whole_capture_leave_the_units(data: st.DataObject,
     assert made.line.baud == plain.line.baud
 
 
+def test_registers_are_read_one_by_one_of_a_unit_that_is_polled() -> None:
+    """On this bus one device is never asked."""
+    plain = simulate(Scenario(None, "precise", transactions=60, seed=3163))
+    made = simulate(Scenario(None, "ftdi16", transactions=60, seed=3163, defect="poll-waste"))
+    assert {frame.unit for frame in made.truth} <= {frame.unit for frame in plain.truth}
+
+
 @settings(max_examples=30, deadline=None)
 @given(seeds, st.sampled_from(FAULTY), st.sampled_from(sorted(TAPS)), rates)
 def test_wires_spoil_the_same_conversation(seed: int, wire: str, tap: str, baud: int | None) -> None:

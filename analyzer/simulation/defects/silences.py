@@ -42,7 +42,8 @@ def slow_device(stage: Stage, exchanges: int) -> Iterator[None]:
 @defect("poll-waste", whole=True)
 def poll_waste(stage: Stage, exchanges: int) -> Iterator[None]:
     """The master reads adjacent registers of one unit one by one, round after round."""
-    device = stage.random.choice(stage.client.devices)
+    polled = {poll.request[0] for poll in stage.polls}
+    device = stage.random.choice([device for device in stage.client.devices if device.unit in polled])
     first = device.base + stage.random.randrange(30)
     requests = [adu(device.unit, struct.pack(">BHH", 3, first + i, 1)) for i in range(_ADJACENT)]
     others = [poll for poll in stage.polls if poll.request[:2] != requests[0][:2]]
