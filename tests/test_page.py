@@ -161,6 +161,7 @@ def test_a_browser_reads_it_in_both_languages_and_asks_nobody_else(page, tmp_pat
             wanted = json.dumps(printed(hostile, language).text)
             browser.wait_for(f"{shown} === {wanted}")
             assert browser.value("document.documentElement.lang") == language
+        assert browser.value("CSS.highlights.get('wrong').size") >= 1
         browser.picture(tmp_path / "page.png")
         assert (tmp_path / "page.png").stat().st_size > 10_000
         assert browser.value("document.title") == "rtuscope"

@@ -2,36 +2,36 @@
 
 export const WORDS = {
   en: {
-    about: "Modbus bytes, read in your browser. Nothing leaves this machine.",
-    paste: "Paste bytes or lines of a log, or drop a file",
+    about: "Reads Modbus bytes in your browser. Nothing leaves this machine.",
+    paste: "Paste bytes or log lines, or drop a file",
     frames: "Frames",
     file: "Open a file",
     example: "Example",
-    link: "Copy a link to this paste",
+    link: "Copy link",
     clear: "Clear",
-    loading: "Loading the reader: {share} %",
-    reading: "Reading …",
+    loading: "Loading: {share}%",
+    reading: "Reading…",
     took: "Read in {seconds} s",
-    copied: "The link is copied. Who opens it sees this paste; it is in the link itself.",
-    unlinked: "The link could not be copied. It stands in the address line.",
-    failed: "The reader could not be loaded: {why}",
-    large: "Over 8 MiB of text is no paste. The program reads captures of any size.",
+    copied: "Link copied. It contains this paste.",
+    unlinked: "The link could not be copied. It is in the address bar.",
+    failed: "Loading failed: {why}",
+    large: "Over 8 MiB: too large for this page. The program reads captures of any size.",
   },
   ru: {
-    about: "Байты Modbus, прочитанные в вашем браузере. Ничто не покидает этот компьютер.",
-    paste: "Вставьте байты или строки журнала, или перетащите файл",
+    about: "Читает байты Modbus в вашем браузере. Данные не покидают этот компьютер.",
+    paste: "Байты, строки журнала или файл",
     frames: "Кадры",
-    file: "Открыть файл",
+    file: "Файл…",
     example: "Пример",
-    link: "Скопировать ссылку на этот текст",
+    link: "Скопировать ссылку",
     clear: "Очистить",
     loading: "Загружается: {share} %",
     reading: "Читаю…",
     took: "Прочитано за {seconds} с",
-    copied: "Ссылка скопирована. Кто её откроет, увидит этот текст: он в самой ссылке.",
-    unlinked: "Скопировать ссылку не удалось. Она стоит в строке адреса.",
+    copied: "Ссылка скопирована. В ней самой — этот текст.",
+    unlinked: "Скопировать ссылку не удалось. Она в адресной строке.",
     failed: "Загрузить не удалось: {why}",
-    large: "Больше 8 МиБ текста — это не вставка. Записи любого размера читает программа.",
+    large: "Больше 8 МиБ: для страницы это много. Программа читает записи любого размера.",
   },
 };
 const EXAMPLE = "TX: 11 03 00 6B 00 03 76 87\nRX: 11 03 06 AE 41 56 52 43 40 49 AD\n";
@@ -39,6 +39,19 @@ const LONGEST = 8 << 20;
 const PAUSE_MS = 150;
 
 if (typeof document !== "undefined") start();
+
+// Colours lines of the frames, where the browser has highlights: what is wrong ("! ..."), and each frame's first line.
+function colour(node) {
+  if (!globalThis.Highlight) return;
+  const ranges = { wrong: [], head: [] };
+  for (const line of (node?.data ?? "").matchAll(/^\S.*$/gm)) {
+    const range = new Range();
+    range.setStart(node, line.index);
+    range.setEnd(node, line.index + line[0].length);
+    ranges[line[0].startsWith("!") ? "wrong" : "head"].push(range);
+  }
+  for (const name in ranges) CSS.highlights.set(name, new Highlight(...ranges[name]));
+}
 
 function start() {
   const at = (id) => document.getElementById(id);
@@ -66,7 +79,8 @@ function start() {
       ask();
     } else if (data.number === number) {
       at("frames").textContent = data.text;
-      const seconds = ((performance.now() - begun) / 1000).toFixed(2);
+      colour(at("frames").firstChild);
+      const seconds = ((performance.now() - begun) / 1000).toLocaleString(lang, { maximumFractionDigits: 1, minimumFractionDigits: 1 });
       state(data.complaint || say("took", { seconds }), Boolean(data.complaint));
     }
   };

@@ -56,7 +56,7 @@ export async function load({ indexURL = "pyodide/", onProgress = () => {} } = {}
     reader.complaint = complaint;
     return text;
   }
-  reader.parse("11 03 00 6B 00 03 76 87"); // what is needed is loaded now, not with the first paste
+  reader.parse("TX: 11 03 00 6B 00 03 76 87\nRX: 11 83 02 C1 35\n"); // what a log needs is loaded now, not with the first paste
   onProgress(1);
   return reader;
 }
