@@ -53,6 +53,10 @@ class Certificate:
         """The claims about one unit, or about the line (None)."""
         return tuple(claim for claim in self.claims if claim.unit == unit)
 
+    def units_of(self, verdict: str) -> list[int]:
+        """The units whose claims together have this verdict."""
+        return [unit for unit in self.units if worst(claim.verdict for claim in self.of(unit)) == verdict]
+
     def longer_ns(self, claim: Claim) -> int | None:
         """How long a capture must be, at this one's pace, for a claim to be able to pass; None where nobody can say."""
         span = self.report.span_ns

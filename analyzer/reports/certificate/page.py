@@ -9,11 +9,11 @@ from dissectors.values import harmless
 
 from ...languages import grouped, page_words
 from ...version import RULES, __version__
-from ...words import between, decimal, duration
+from ...words import between, decimal, duration, unit_word
 from ..markdown import markdown_table, markdown_text
 from ..model import Report
 from ..page import facts, file_name
-from .claims import FAIL, MARGINAL, PASS, UNKNOWN, Claim
+from .claims import FAIL, MARGINAL, PASS, UNKNOWN, WORST_FIRST, Claim
 from .model import Certificate, not_shown
 
 CLAIM_WORDS: Final = {
@@ -34,6 +34,7 @@ SENTENCES: Final = {
 HEADS: Final = ("claim", "seen", "confidence bounds", "limit", "needed / seen", "verdict")
 SIGNED: Final = ("name", "role", "date", "signature")
 _FACTS: Final = ("line", "span", "frames", "requests")
+_MINUTE_NS: Final = 60 * 10**9
 
 
 def unit_title(unit: int | None) -> str:
@@ -48,7 +49,7 @@ def claim_cells(certificate: Certificate, claim: Claim) -> list[str]:
     verdict = page_words(VERDICT_WORDS[claim.verdict])
     longer = certificate.longer_ns(claim)
     if longer is not None:
-        verdict += page_words(": a capture of {time} could", time=duration(longer))
+        verdict += page_words("; needs {time}", time=_whole_minutes(longer))
     return [
         words,
         _seen(claim),
@@ -57,6 +58,12 @@ def claim_cells(certificate: Certificate, claim: Claim) -> list[str]:
         f"{grouped(claim.needed)} / {grouped(claim.seen)}",
         verdict,
     ]
+
+
+def _whole_minutes(ns: int) -> str:
+    """A duration of minutes rounded up: what a capture must last is no matter of seconds."""
+    minutes = -(-ns // _MINUTE_NS)
+    return f"{minutes} {unit_word('min')}" if 1 < minutes < 60 else duration(ns)
 
 
 def _seen(claim: Claim) -> str:
@@ -97,6 +104,10 @@ def certificate_facts(certificate: Certificate) -> Iterator[tuple[str, str]]:
     for label in _FACTS:
         if label in known:
             yield page_words(label), known[label]
+    by_verdict = {verdict: certificate.units_of(verdict) for verdict in WORST_FIRST}
+    judged = [(page_words(VERDICT_WORDS[verdict]), units) for verdict, units in by_verdict.items() if units]
+    if judged:
+        yield page_words("units"), "; ".join(f"{word}: {', '.join(map(str, units))}" for word, units in judged)
     yield (
         page_words("confidence"),
         page_words("{share:g}% for each bound pair", share=100 * certificate.limits.confidence),
