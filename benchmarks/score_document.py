@@ -1,16 +1,17 @@
 """How much of a bus `document` gets right, and whether it invents anything.
 
-    python benchmarks/score_document.py [--buses 30] [--devices 4] [--rounds 60] [--first-seed 9000]
+    python benchmarks/score_document.py [--buses 30] [--devices 4] [--rounds 60] [--first-seed 9000] [--layouts FOLDER]
 
 Buses are made of devices from layouts (`register_series`) at moved addresses, polled in a drawn order; one unit never
 answers, one poll is refused, the fastest unit's setpoint is never written. A fact is a slot of the round in its place,
 the refusal, the silent unit, or a register that moved: integer or float, width and word order. A number whose width the
 description leaves open (the register beside it was always zero) is right where its own reading is among those told; how
-many are so only by the less likely one is counted. Invented is what is said otherwise than it is; what is said to be
-not known is missed, and not invented. Ranges and the round's period are counted beside the facts. Numbers are told with
-how sure they are: beside the wrong ones stands how many these confidences foretell. Beside what is told stands what is
-called likely, and what nobody can tell: numbers whose first register never moved. A manual with one planted
-contradiction is held against each bus.
+many are so only by the less likely one is counted. So it is where two readings are told because a register never or
+hardly moved, and it is one of them. Invented is what is said otherwise than it is; what is said to be not known is
+missed, and not invented. Ranges and the round's period are counted beside the facts. Numbers are told with how sure
+they are: beside the wrong ones stands how many these confidences foretell. Beside what is told stands what is called
+likely, and what nobody can tell: numbers whose first register never moved. A manual with one planted contradiction is
+held against each bus.
 """
 
 from __future__ import annotations
@@ -29,12 +30,13 @@ from register_series import layouts, moved
 
 import captures
 from analyzer.registers.hypotheses import numbers
+from analyzer.registers.roles import OtherReading, RegisterValue
 from analyzer.reports.description import BusDescription, describe
 from analyzer.reports.description.model import DescribedRegister
 from analyzer.simulation.mapped.client import MappedClient
 from analyzer.simulation.mapped.device import MappedDevice
 from dissectors.crc import crc_bytes
-from dissectors.maps import RegisterMap
+from dissectors.maps import RegisterMap, read_map
 from dissectors.maps.files import UnitMaps
 from dissectors.maps.model import MapArea, MappedValue
 from dissectors.values import Order
@@ -58,6 +60,7 @@ class Score:
     foretold: float = 0.0  # wrong types, by their own confidences
     likely: int = 0  # types called likely
     likely_right: int = 0
+    by_either: int = 0  # right as one of the two readings told
     by_number: int = 0  # right as a number, and told with the width that it has as the less likely one
     ranges: int = 0  # least, greatest and last readings of numbers that are told
     ranges_right: int = 0
@@ -73,8 +76,7 @@ class Score:
 class WrittenBus:
     """Devices, the polls of a round in order, and the capture of so many rounds."""
 
-    def __init__(self, random: Random, devices: int, rounds: int) -> None:
-        charts = layouts()
+    def __init__(self, random: Random, charts: Mapping[str, RegisterMap], devices: int, rounds: int) -> None:
         units = random.sample(range(1, 240), devices)
         self.devices: list[MappedDevice] = []
         self.polls: list[
@@ -156,14 +158,19 @@ def scored(bus: WrittenBus, told: BusDescription, score: Score) -> None:
         for row in bus.moved_rows(device):
             answer = _answer(row, registers)
             score.still += len(set(bus.seen[device.unit, row.area, row.address])) == 1
-            if answer is None or not answer.is_known:
+            if answer is not None and answer.either is not None:
+                right = _is_right(row, answer.value) or _is_right(row, answer.either)
+                score.add(right, not right)
+                score.by_either += right
+                score.foretold += 1 - answer.value.confidence - answer.either.confidence
+            elif answer is None or not answer.is_known:
                 score.add(right=False)
                 if answer is not None and answer.is_likely:
                     score.likely += 1
-                    score.likely_right += _is_right(row, answer)
+                    score.likely_right += _is_right(row, answer.value)
             else:
                 score.foretold += 1 - answer.value.number_confidence
-                exact = _is_right(row, answer)
+                exact = _is_right(row, answer.value)
                 right = exact or _is_among(row, answer)
                 score.add(right, not right)
                 score.by_number += right and not exact
@@ -185,25 +192,33 @@ def _is_in_range(bus: WrittenBus, register: DescribedRegister) -> bool | None:
 def _answer(row: MappedValue, registers: Mapping[tuple[MapArea, int], DescribedRegister]) -> DescribedRegister | None:
     """What is said at the place of a number, or of that place as another reading of a number that is known."""
     here = registers.get((row.area, row.address))
-    if here is None or not here.is_known:
+    if here is None or not (here.is_known or here.either):
         near = (registers.get((row.area, at)) for at in range(row.address - _WIDEST + 1, row.end))
-        return next((each for each in near if each and each.is_known and _is_among(row, each)), here)
+        return next((each for each in near if each and _is_among(row, each)), here)
     return here
 
 
-def _is_right(row: MappedValue, answer: DescribedRegister) -> bool:
-    value = answer.value
+def _is_right(row: MappedValue, value: RegisterValue | OtherReading) -> bool:
     if row.type == "bits" and value.kind == "bits":
         return True  # each flag has its register and its bit, however many registers are called one field
     order = row.order if row.length > 1 else None
-    return (value.words, value.order, value.kind == "float") == (row.length, order, row.is_float)
+    told = value.address, value.words, value.order, value.kind == "float"
+    return told == (row.address, row.length, order, row.is_float)
 
 
 def _is_among(row: MappedValue, answer: DescribedRegister) -> bool:
     """Whether it is one of the readings that are told to give the same number."""
     order = row.order if row.length > 1 else None
-    return any((each.address, each.words, each.order) == (row.address, row.length, order) and not row.is_float
-               for each in answer.value.same_number)  # fmt: skip
+    if answer.either is not None:
+        return _is_right(row, answer.either)
+    return (
+        answer.is_known
+        and not row.is_float
+        and any(
+            (each.address, each.words, each.order) == (row.address, row.length, order)
+            for each in answer.value.same_number
+        )
+    )
 
 
 def planted(bus: WrittenBus, random: Random) -> UnitMaps | None:
@@ -230,12 +245,14 @@ def main() -> None:
     parser.add_argument("--devices", type=int, default=4, help="of a bus, at the most")
     parser.add_argument("--rounds", type=int, default=60)
     parser.add_argument("--first-seed", type=int, default=9000)
+    parser.add_argument("--layouts", type=Path, help="a folder of maps, instead of all that there are")
     arguments = parser.parse_args()
+    charts = layouts() if arguments.layouts is None else {p.stem: read_map(p) for p in arguments.layouts.glob("*.csv")}
     score, manuals, found = Score(), 0, 0
     with tempfile.TemporaryDirectory() as folder:
         for seed in range(arguments.first_seed, arguments.first_seed + arguments.buses):
             random = Random(seed)
-            bus = WrittenBus(random, random.randint(2, arguments.devices), arguments.rounds)
+            bus = WrittenBus(random, charts, random.randint(2, arguments.devices), arguments.rounds)
             path = Path(folder) / f"{seed}.jsonl"
             path.write_text("\n".join(bus.lines) + "\n")
             scored(bus, describe(captures.open(path)), score)
@@ -247,6 +264,7 @@ def main() -> None:
             path.unlink()
     print(f"facts: {score.right} of {score.due} right ({score.right / score.due:.3f}), {score.invented} invented")
     print(f"of them right as numbers, of which the width is the less likely of those told: {score.by_number}")
+    print(f"of them right as one of two readings told: {score.by_either}")
     print(f"wrong ones that their confidences foretell: {score.foretold:.1f}")
     told = score.right + score.likely_right
     likely = f"{score.likely_right} of {score.likely} right"

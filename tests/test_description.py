@@ -141,6 +141,23 @@ def test_a_word_that_was_no_zero_or_may_be_a_sign_leaves_no_same_number(tmp_path
     assert not any(each.value.same_number for each in registers)
 
 
+def test_a_number_beside_a_constant_is_one_of_two(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    line, random, count = Line(), Random(7), 20_000
+    for _ in range(60):
+        count += random.randint(-9, 9)
+        line.exchange(_frame(5, 3, 0, 20, 0, 2), _frame(5, 3, 4, 0, 3, *count.to_bytes(2)))
+        line.t_ns += 400_000_000
+    path = line.write(tmp_path / "bus.jsonl")
+    told = json.loads(ran(capsys, "document", str(path), "--json").out)
+    (either,) = (each["either"] for each in told["units"][0]["registers"] if each["either"])
+    assert {(each["address"], each["words"]) for each in either} == {(20, 2), (21, 1)}
+    assert sum(each["confidence"] for each in either) >= 0.97
+    assert all(each["type"] is None for each in told["units"][0]["registers"])
+    for language, words in (("en", "u32 ABCD or u16 21"), ("ru", "u32 ABCD или u16 21")):
+        page = ran(capsys, "document", str(path), "--lang", language).out
+        assert words in page or words.replace("u32 ABCD", "u16").replace("u16 21", "u32 ABCD 20-21") in page
+
+
 def test_a_manual_that_is_wrong_is_contradicted_with_frames(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = bus(tmp_path / "bus.jsonl")
     manual = tmp_path / "manual.csv"
@@ -210,8 +227,20 @@ def _shown(
 
 def test_a_register_that_moved_only_as_its_neighbour_fell_to_zero_has_no_type() -> None:
     off = [(25_329, 800 + n) for n in range(40)] + [(0, 0)]
-    assert not _shown(off, 0, 1, 0.99)
-    assert _shown([(25_330, 801), *off], 0, 1, 0.99)
+    assert not _shown(off, 0, 1, 0.999)
+    assert _shown([(25_330, 801), *off], 0, 1, 0.999)
+
+
+def test_a_float_that_only_began_with_all_around_it_has_no_type() -> None:
+    begun = [(0, 0, 0)] * 20 + [(0x4120, 0x1234, 0x5678)] * 20
+    assert not _shown(begun, 0, 2, 0.9999)
+    assert _shown([*begun, (0x4121, 0x1234, 0x5678)], 0, 2, 0.9999)
+
+
+def test_a_register_that_hardly_moved_and_never_alone_may_be_a_high_word() -> None:
+    beside = [(5 + (n > 10) + (n > 30), 10_000 + 7 * n) for n in range(40)]
+    assert not _shown(beside, 0, 1, 0.99) and not _shown(beside, 1, 1, 0.99)
+    assert _shown(beside, 0, 1, 0.999) and _shown([*beside, (8, beside[-1][1])], 0, 1, 0.99)
 
 
 def test_a_high_word_that_moves_alone_makes_no_pair() -> None:
@@ -222,7 +251,7 @@ def test_a_high_word_that_moves_alone_makes_no_pair() -> None:
 
 def test_a_neighbour_that_stood_still_asks_for_more_confidence() -> None:
     beside = [(10_000 + n * n % 97, 3, 7 + n) for n in range(40)]
-    assert not _shown(beside, 0, 1, 0.95, runner_up=0) and _shown(beside, 0, 1, 0.98, runner_up=0)
+    assert not _shown(beside, 0, 1, 0.98, runner_up=0) and _shown(beside, 0, 1, 0.992, runner_up=0)
     assert _shown(beside, 0, 1, 0.95)
     assert not _shown([(3, low) for low, _, _ in beside], 0, 2, 0.95)
     assert _shown([(0, low) for low, _, _ in beside], 0, 2, 0.95)

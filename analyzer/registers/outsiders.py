@@ -4,7 +4,7 @@ Texts are told among registers that never move; coils and inputs by the function
 
 Floats of which the bytes within each word are swapped (BADC, DCBA) come from some gateways and bridges. Such a float is
 no number as it stands, and a plausible one swapped; by chance hardly any two registers are. It is believed where
-several agree, and at least twice as many as are floats as they stand.
+several agree, each likelier than what stands there unswapped, and at least twice as many as are floats unswapped.
 """
 
 from __future__ import annotations
@@ -150,10 +150,20 @@ def swapped_floats(
     if sum(map(_candidates, registers)) < max(_LEAST, _MORE * plain):
         return []
     swapped = register_words("the bytes of its words are swapped")
+    stands = {
+        (value.area, value.address + n): value.confidence
+        for value in values
+        if value.changes
+        for n in range(value.words)
+    }
     floats = [
         replace(value, order=_ORDERS[value.order or "ABCD"], why=f"{value.why}; {swapped}")
         for value in inferred([_swapped(block) for block in registers])
-        if value.kind == "float" and value.words == 2 and value.changes and value.confidence >= _LIKELY
+        if value.kind == "float"
+        and value.words == 2
+        and value.changes
+        and value.confidence >= _LIKELY
+        and value.confidence > min(stands.get((value.area, value.address + n), 1.0) for n in range(value.words))
     ]
     return floats if len(floats) >= max(_LEAST, _MORE * plain) else []
 

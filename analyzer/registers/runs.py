@@ -202,7 +202,8 @@ def _alike(runs: Sequence[Run]) -> list[list[int]]:
     return list(groups.values())
 
 
-LEAST_TOLD: Final = 0.005  # the least share of another reading that is spoken of
+LEAST_TOLD: Final = 0.005  # the least share of another reading that is spoken of,
+_LEAST_ALIKE: Final = 0.0001  # and of one that gives the same numbers: no reading can tell its width
 _WHOLE: Final = frozenset(number for number, hypothesis in enumerate(HYPOTHESES) if not hypothesis.is_float)
 _QUIET = 0.02  # what a register that never moved counts beside one that did
 _LONE = 0.85  # and a moving one beside a quiet one as one value: in doubt it stands alone, which gives the same number
@@ -270,7 +271,7 @@ def _alike_numbers(
         (begin, rival, float(posterior[begin, rival]))
         for rival in _WHOLE - {number}
         for begin in range(max(0, min(core) - int(WORDS[rival]) + 1), min(core) + 1)
-        if posterior[begin, rival] >= LEAST_TOLD and _core(run, begin, rival) == core
+        if posterior[begin, rival] >= _LEAST_ALIKE and _core(run, begin, rival) == core
     ]
     return tuple(sorted(alike, key=lambda each: -each[2]))
 

@@ -14,7 +14,7 @@ from ...registers.checking import MapRemark, check_map
 from ...registers.inference import infer
 from ...registers.readings import RegisterReadings
 from ...registers.recognition import Recognised, UnitTexts, recognised
-from ...registers.roles import RegisterValue
+from ...registers.roles import OtherReading, RegisterValue
 from .. import summarize
 from ..hashes import capture_sha256
 from ..heads import head_json, line_json
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from ...core import Analysed
 
-_SURE: Final = 0.9  # confidence below which a type is not known
+_SURE: Final = 0.95  # confidence below which a type is not known
 _LIKELY: Final = 0.6  # and below which it is not even called likely
 _NAMED: Final = 0.95  # confidence of a recognised device whose map may name registers
 _READINGS: Final = 12  # of a register, before its type is told
@@ -39,13 +39,15 @@ _READINGS: Final = 12  # of a register, before its type is told
 @dataclass(frozen=True, slots=True)
 class DescribedRegister:
     """A value of a unit. `is_known`: its numbers, type and role are, but for its width where others give the same
-    numbers; else its registers were only seen, and `is_likely` says whether a type is likelier than not by much.
+    numbers. Else it is as `value` says or as `either` does, where that is all it can be; or its registers were only
+    seen, and `is_likely` says whether a type is likelier than not by much.
 
     `written_by`: functions by which the client writes it, so many times, first in frame `written_in`.
     """
 
     value: RegisterValue
     is_known: bool
+    either: OtherReading | None
     is_likely: bool
     written_by: tuple[int, ...]
     writes: int
@@ -63,15 +65,22 @@ class DescribedRegister:
             del line[name]
         type_name = self.value.type if self.is_known else None
         likely = {"type": self.value.type, "order": self.value.order} if self.is_likely else None
+        either = self.either and [self._reading_json(self.value), self._reading_json(self.either)]
         return {
             **line,
             "number_confidence": round(self.value.number_confidence, 4),
             "type": type_name,
+            "either": either,
             "likely": likely,
             "written_by": list(self.written_by),
             "writes": self.writes,
             "written_in": self.written_in,
         }
+
+    @staticmethod
+    def _reading_json(reading: RegisterValue | OtherReading) -> dict[str, Any]:
+        names = ("address", "words", "kind", "order", "confidence")
+        return {name: getattr(reading, name) for name in names}
 
 
 @dataclass(frozen=True, slots=True)
@@ -253,8 +262,9 @@ def _register(value: RegisterValue, sequence: PollSequence, shown: Shown) -> Des
     told = value.name is not None or value.area in ("coil", "discrete")
     known = told or moved or value.kind == "text"
     sure = known and value.number_confidence >= _SURE and (told or shown(value))
-    likely = known and not sure and value.confidence >= _LIKELY
-    return DescribedRegister(value, sure, likely, tuple(functions), count, first)
+    either = shown.either(value) if known and not sure else None
+    likely = known and not sure and either is None and value.confidence >= _LIKELY
+    return DescribedRegister(value, sure, either, likely, tuple(functions), count, first)
 
 
 def _others(sequence: PollSequence, turn: BusRound | None) -> tuple[RoundSlot, ...]:
@@ -290,7 +300,10 @@ def _untold(registers: list[DescribedRegister]) -> Iterator[str]:
     """Of how many registers the type is not known, and of how many numbers the width."""
     told = {
         "Registers seen whose type cannot be derived from their values: {count:,}.": sum(
-            each.value.words for each in registers if not each.is_known
+            each.value.words for each in registers if not each.is_known and each.either is None
+        ),
+        "Numbers with a neighbour that never changed by itself and may be their high word: {count:,}.": sum(
+            each.either is not None for each in registers
         ),
         "Numbers with a neighbour that has always been 0 and may be their high word: {count:,}.": sum(
             bool(each.is_known and each.value.same_number) for each in registers

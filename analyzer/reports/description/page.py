@@ -10,6 +10,7 @@ from dissectors.functions import exception_name
 from dissectors.values import harmless
 
 from ...languages import counted, grouped, page_words, register_words
+from ...registers.roles import OtherReading
 from ...registers.telling import place_cell, span, unit_place
 from ...version import __version__
 from ...words import decimal, duration
@@ -118,16 +119,9 @@ def _sentences(unit: DescribedUnit) -> Iterator[str]:
 
 
 def _register_row(register: DescribedRegister) -> tuple[str, ...]:
-    value, known = register.value, register.is_known
-    kind = f"{register_words(value.type)} {value.order or ''}".strip()
-    others = [other for other in value.same_number if known and other.confidence >= _WORTH_TELLING]
-    sure = value.confidence + sum(other.confidence for other in others)
-    if others:
-        same = ", ".join(f"{other.called} {span(other.address, other.words)}" for other in others)
-        kind = page_words("{type}, or the same number as {others}", type=kind, others=same)
-    elif not known:
-        kind = page_words("not known; likely {type}", type=kind) if register.is_likely else page_words("not known")
-    numbers = (value.minimum, value.maximum, value.last) if known or value.words == 1 else (None, None, None)
+    value = register.value
+    kind, sure = _type_cells(register)
+    numbers = (value.minimum, value.maximum, value.last) if register.is_known or value.words == 1 else (None,) * 3
     scale = "" if value.scale in (None, 1) else f"x{value.scale:g}"
     scale = f"{scale} {value.unit_of_measure or ''}".strip()
     written = ""
@@ -135,9 +129,33 @@ def _register_row(register: DescribedRegister) -> tuple[str, ...]:
         functions = ", ".join(f"{function:02d}" for function in register.written_by)
         words = "by the client, {functions}, {count:,} times, frame {frame}"
         written = page_words(words, functions=functions, count=register.writes, frame=register.written_in)
-    share = decimal(f"{min(sure, 1):.0%}") if known or register.is_likely else ""
     place = place_cell(value.area, value.address, value.words)
-    return place, value.name or "", kind, *map(_number, numbers), scale, share, written
+    return place, value.name or "", kind, *map(_number, numbers), scale, sure, written
+
+
+def _type_cells(register: DescribedRegister) -> tuple[str, str]:
+    """What type a register has, as far as that is known, and how sure that is."""
+    value, sure = register.value, register.value.confidence
+    kind = f"{register_words(value.type)} {value.order or ''}".strip()
+    if register.is_known:
+        others = [other for other in value.same_number if other.confidence >= _WORTH_TELLING]
+        sure += sum(other.confidence for other in others)
+        if others:
+            kind = page_words(
+                "{type}, or the same number as {others}", type=kind, others=", ".join(map(_other, others))
+            )
+    elif register.either is not None:
+        kind = page_words("{type} or {other}", type=kind, other=_other(register.either))
+        sure += register.either.confidence
+    elif register.is_likely:
+        kind = page_words("not known; likely {type}", type=kind)
+    else:
+        return page_words("not known"), ""
+    return kind, decimal(f"{min(sure, 1):.0%}")
+
+
+def _other(reading: OtherReading) -> str:
+    return f"{reading.called} {span(reading.address, reading.words)}"
 
 
 def _number(value: object) -> str:
