@@ -35,4 +35,5 @@ def os_reason(error: OSError) -> str:
         return "closed by the other end"
     if getattr(error, "library", None) and (said := getattr(error, "reason", None)):
         return f"TLS: {str(said).replace('_', ' ').lower()}"
-    return (error.strerror or str(error) or type(error).__name__).lower()
+    said = (error.strerror or str(error) or type(error).__name__).lower()
+    return said.split(" (while attempting", 1)[0]  # as `socket.create_server` adds the address, in Python's words

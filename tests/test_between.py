@@ -288,6 +288,8 @@ def test_a_gateway_that_is_not_there_is_told_and_ends_the_connection():
     [
         (["between"], "no port given"),
         (["between", "x", "--to", "1.2.3.4:502", "--listen", "0"], "no port given"),
+        (["between", "--listen", "0", "--to", "127.0.0.1:0"], "neither a port nor HOST:PORT"),
+        (["between", "."], ".: not a serial port"),
         (["between", "--listen", "0"], "use --listen and --to together"),
         (["between", "--listen", "0", "--to", "h:1", "--baud", "9600"], "its own line settings"),
         (["between", "/dev/nowhere"], "no such port"),

@@ -307,6 +307,11 @@ def test_the_recorded_client_asks_a_unit_and_compares(capture, capsys):
     assert "transmitting on" in done.err
 
 
+def test_an_address_of_another_machine_is_told_without_python_s_words(capture, capsys):
+    said = refused(capsys, "twin", capture, "--listen", "192.0.2.1:0")
+    assert said.startswith("192.0.2.1:0: ") and "attempting" not in said
+
+
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [

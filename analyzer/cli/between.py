@@ -11,7 +11,7 @@ from .commands import UsageError
 from .inputs import add_functions_argument, add_limit_arguments
 from .lineoptions import LineWords, add_line_arguments
 from .livetui import check_interface
-from .outlets import add_outlet_arguments, address, shown_host
+from .outlets import add_outlet_arguments, address, destination, shown_host
 from .taps import add_recording_arguments
 from .terminal import put
 from .watching import add_view_arguments
@@ -49,7 +49,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     network.add_argument(
         "--listen", type=address, metavar="[HOST:]PORT", help="take your program's connections here; 0: any free port"
     )
-    network.add_argument("--to", type=address, metavar="HOST:PORT", help="pass them on to this gateway")
+    network.add_argument("--to", type=destination, metavar="HOST:PORT", help="pass them on to this gateway")
     parser.add_argument(
         "--protocol", choices=("auto", "rtu", "ascii"), default="auto", help="protocol on the line (auto)"
     )

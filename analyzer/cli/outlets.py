@@ -81,6 +81,14 @@ def address(text: str) -> tuple[str, int]:
     return host.strip("[]") or _LOCAL, int(port)
 
 
+def destination(text: str) -> tuple[str, int]:
+    """As `address`, of something to connect to: no port is 0 there."""
+    host, port = address(text)
+    if not port:
+        raise argparse.ArgumentTypeError(f"{text!r} is neither a port nor HOST:PORT")
+    return host, port
+
+
 def shown_host(host: str) -> str:
     """A host as an URL has it."""
     return f"[{host}]" if ":" in host else host

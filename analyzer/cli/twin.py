@@ -214,7 +214,7 @@ def _ask(arguments: argparse.Namespace, capture: Capture) -> int:
 
 def _tell_units(units: dict[int, TwinUnit]) -> None:
     for number, unit in units.items():
-        tell_user(f"unit {number}: {unit.requests:,} different requests, {unit.registers:,} registers and coils")
+        tell_user(f"unit {number}: different requests {unit.requests:,}, registers and coils {unit.registers:,}")
 
 
 def _fault(text: str) -> Fault:

@@ -268,7 +268,7 @@ def refusal(url: str, error: Exception) -> str:
             f"{url}: a file, not a serial port: "
             "view a capture with `rtuscope open`, play it back with `rtuscope replay`"
         )
-    if code == errno.ENOTTY or "Inappropriate ioctl" in text:
+    if code in (errno.ENOTTY, errno.EISDIR) or "Inappropriate ioctl" in text:
         return f"{url}: not a serial port"
     return f"{url}: cannot be opened: {_cause_of_error(error)}"
 
