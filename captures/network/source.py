@@ -20,7 +20,7 @@ from ..line import LineSettings
 from ..ragged import copy_pieces
 from ..recording.notes import Note as LineNote
 from ..text.judging import ByteJudge, no_judge
-from .blocks import errors_of, note_of
+from .blocks import errors_of
 from .choosing import may_begin, whole_adus
 from .packets import (
     NETWORK,
@@ -42,6 +42,7 @@ from .survey import (
     PacketSurvey,
     by_interface,
     known_of_ports,
+    notes_on,
     nothing_words,
     surveyed,
     unheard,
@@ -97,7 +98,7 @@ class _PacketSource:
         return words
 
     def notes(self) -> list[LineNote]:
-        return sorted([*packet_notes(self.file), *_holes(self.survey)], key=lambda note: note.t_ns)
+        return sorted([*self.survey.notes, *_holes(self.survey)], key=lambda note: note.t_ns)
 
     def blocks(self, max_bytes: int, note: Note) -> Iterator[Block]:  # noqa: ARG002 - as the file comes
         taker = _PacketBlocks(self.survey)
@@ -255,11 +256,8 @@ def _holes(survey: PacketSurvey) -> Iterator[LineNote]:
 
 
 def packet_notes(file: PacketFile) -> list[LineNote]:
-    """Comments on packets, and what this tool noted of a recording, in order of time."""
-    notes = []
-    for packets in file.packets(unheard):
-        for i, comments in packets.comments.items():
-            notes += [note_of(int(packets.t_ns[i]), text) for text in comments if errors_of(text) is None]
+    """What is noted in a file, in order of time."""
+    notes = [note for packets in file.packets(unheard) for note in notes_on(packets)]
     return sorted(notes, key=lambda note: note.t_ns)
 
 

@@ -11,7 +11,9 @@ import numpy as np
 
 from ..chunks import Mark
 from ..line import BY_MARKS, DIRECTIONS_NOTE, PROTOCOLS_NOTE
+from ..recording.notes import Note as LineNote
 from ..text.judging import ByteJudge
+from .blocks import errors_of, note_of
 from .choosing import MBAP, SAMPLE, SAMPLE_BYTES, kind_of, may_begin
 from .neighbours import TLS, neighbour
 from .packets import (
@@ -76,6 +78,7 @@ class PacketSurvey:
     others: Counter[str] = field(default_factory=Counter)  # packets of what is not read, by name
     ports: dict[int, range] = field(default_factory=dict)  # group's number: ports of its lanes
     names: dict[int, str] = field(default_factory=dict)  # port: what it is
+    notes: list[LineNote] = field(default_factory=list)  # in the file's order
 
 
 def known_of_ports(survey: PacketSurvey) -> dict[str, str]:
@@ -159,6 +162,7 @@ def surveyed(file: PacketFile, judge: ByteJudge) -> PacketSurvey:
     reassembly = Reassembly(listener)
     for packets in file.packets(unheard):
         listener.data, listener.t_ns = packets.data.tobytes(), packets.t_ns
+        survey.notes += notes_on(packets)
         for interface, chosen in by_interface(packets):
             link = file.interfaces[interface].link
             if link in SERIAL:
@@ -179,6 +183,12 @@ def surveyed(file: PacketFile, judge: ByteJudge) -> PacketSurvey:
     survey.groups = list(listener.judged.values())
     _give_ports(survey, file.interfaces, judge)
     return survey
+
+
+def notes_on(packets: Packets) -> Iterator[LineNote]:
+    """Comments on packets, and what this tool noted of a recording."""
+    for i, comments in packets.comments.items():
+        yield from (note_of(int(packets.t_ns[i]), text) for text in comments if errors_of(text) is None)
 
 
 def unheard(_where: str, _what: str) -> None:
