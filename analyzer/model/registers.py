@@ -1,7 +1,7 @@
 """The newest value of every register, coil and input that was seen, what it was before that, and how it went so far.
 
-Values come from good answers to reads, and from writes that were answered. Memory grows by pages of 256 addresses of
-one unit and area, where something was seen. What registers mean is told by `meanings`.
+Values come from good answers to reads, and from writes that were answered. Memory grows by the registers that were
+seen; they are found by pages of 256 addresses of one unit and area. What registers mean is told by `meanings`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ from .table import PIECE
 if TYPE_CHECKING:
     from .bus import Bus
 
-_PAGE: Final = 256
+_PAGE_BITS: Final = 8
+_PAGE: Final = 1 << _PAGE_BITS
 _ADDRESSES: Final = 1 << 16
 _PAGES: Final = 1 << 18  # 256 units, 4 areas, 256 pages each
 _AT_ONCE: Final = 1 << 13  # rows
@@ -61,8 +62,9 @@ class RegisterLog:
     """All of them."""
 
     def __init__(self) -> None:
-        self._page_of = np.full(_PAGES, -1, np.int32)
-        self._pages: list[int] = []
+        self._page_of = np.full(_PAGES, -1, np.int32)  # by unit, area and the address's first byte
+        self._slot_of = np.zeros(0, np.int32)  # by page and the address's second byte
+        self._keys = np.zeros(0, np.int64)
         self._value = np.zeros(0, np.uint16)
         self._before = np.zeros(0, np.int32)
         self._t = np.zeros(0, np.int64)
@@ -70,7 +72,7 @@ class RegisterLog:
         self._samples = np.zeros((0, _SAMPLES), np.int32)
         self._first = -1  # the row where the first stretch begins
         self._last = -1  # the newest row
-        self._stretch = 1  # rows in a stretch
+        self._stretch = 1  # rows in a stretch, a power of two
 
     def __len__(self) -> int:
         return int((self._row >= 0).sum())
@@ -110,7 +112,10 @@ class RegisterLog:
             merged = np.where(pairs[..., 1] == _NO_SAMPLE, pairs[..., 0], pairs[..., 1])
             self._samples = np.concatenate((merged, np.full_like(merged, _NO_SAMPLE)), axis=1)
             self._stretch *= 2
-        self._samples[slots, np.maximum(rows - self._first, 0) // self._stretch] = values  # the last of several stays
+        places = np.maximum(rows - self._first, 0)
+        places >>= self._stretch.bit_length() - 1
+        places += slots * _SAMPLES
+        self._samples.reshape(-1)[places] = values  # the last of several stays
 
     def samples(self, unit: int, area: int, address: int, words: int) -> tuple[int, NDArray[np.uint16]]:
         """What so many registers were in each stretch of the capture that one of them was told in, or between such.
@@ -120,11 +125,10 @@ class RegisterLog:
         """
         if address + words > _ADDRESSES:
             return 0, np.zeros((0, words), np.uint16)
-        keys = (unit << 18 | area << 16) + address + np.arange(words)
-        pages = self._page_of[keys // _PAGE].astype(np.int64)
-        if (pages < 0).any():
+        slots = self._known_slots((unit << 18 | area << 16) + address + np.arange(words))
+        if slots.min() < 0:
             return 0, np.zeros((0, words), np.uint16)
-        held = self._samples[pages * _PAGE + keys % _PAGE]
+        held = self._samples[slots]
         told = np.where(held == _NO_SAMPLE, 0, np.arange(_SAMPLES) + 1)
         newest = np.maximum.accumulate(told, axis=1) - 1  # a stretch without one is as the one before it
         end, known = int(told.max()), np.flatnonzero((newest >= 0).all(axis=0))
@@ -139,14 +143,13 @@ class RegisterLog:
 
     def spots(self) -> list[Spot]:
         """Where each of them is, by unit, area and address."""
-        slots = np.flatnonzero(self._row >= 0)
-        keys = np.sort(np.array(self._pages, np.int64)[slots // _PAGE] * _PAGE + slots % _PAGE)
+        keys = np.sort(self._keys[self._row >= 0])
         return list(zip(*((part).tolist() for part in (keys >> 18, keys >> 16 & 3, keys & 0xFFFF)), strict=True))
 
     def at(self, spot: Spot) -> WatchedRegister | None:
         """What is known of one; None where it was not seen."""
         key = (spot[0] << 18 | spot[1] << 16) + spot[2]
-        slot = int(self._page_of[key // _PAGE]) * _PAGE + key % _PAGE
+        slot = int(self._known_slots(np.array([key]))[0])
         row = -1 if slot < 0 else int(self._row[slot])
         if row < 0:
             return None
@@ -159,24 +162,52 @@ class RegisterLog:
         """Every one, by unit, area and address."""
         return [register for spot in self.spots() if (register := self.at(spot)) is not None]
 
+    def _known_slots(self, keys: _Ints) -> _Ints:
+        """Where registers are kept, -1 for those that were not seen."""
+        pages = self._page_of.take(keys >> _PAGE_BITS).astype(np.int64)
+        slots: _Ints = self._slot_of.take(pages << _PAGE_BITS | keys & _PAGE - 1, mode="clip").astype(np.int64)
+        slots[pages < 0] = -1
+        return slots
+
     def _slots(self, keys: _Ints) -> _Ints:
-        pages = keys // _PAGE
-        missing = np.unique(pages[self._page_of[pages] < 0])
-        if len(missing):
-            room = len(missing) * _PAGE
-            self._value = np.concatenate((self._value, np.zeros(room, np.uint16)))
-            self._before = np.concatenate((self._before, np.full(room, -1, np.int32)))
-            self._t = np.concatenate((self._t, np.zeros(room, np.int64)))
-            self._row = np.concatenate((self._row, np.full(room, -1, np.int32)))
-            self._samples = np.concatenate((self._samples, np.full((room, _SAMPLES), _NO_SAMPLE, np.int32)))
-            begin = len(self._pages)
-            self._pages.extend(missing.tolist())
-            self._page_of[missing] = begin + np.arange(len(missing))  # at last: another thread may look
-        return self._page_of[pages].astype(np.int64) * _PAGE + keys % _PAGE
+        """Where registers are kept from now on."""
+        pages = self._page_of.take(keys >> _PAGE_BITS)
+        if pages.min() < 0:
+            self._add_pages(np.unique(keys[pages < 0] >> _PAGE_BITS))
+        slots = self._known_slots(keys)
+        if slots.min() < 0:
+            self._add_registers(np.unique(keys[slots < 0]))
+            slots = self._known_slots(keys)
+        return slots
+
+    def _add_pages(self, missing: _Ints) -> None:
+        begin = len(self._slot_of) >> _PAGE_BITS
+        self._slot_of = np.concatenate((self._slot_of, np.full(len(missing) * _PAGE, -1, np.int32)))
+        self._page_of[missing] = begin + np.arange(len(missing))  # at last: another thread may look
+
+    def _add_registers(self, keys: _Ints) -> None:
+        room, begin = len(keys), len(self._keys)
+        self._value = np.concatenate((self._value, np.zeros(room, np.uint16)))
+        self._before = np.concatenate((self._before, np.full(room, -1, np.int32)))
+        self._t = np.concatenate((self._t, np.zeros(room, np.int64)))
+        self._samples = np.concatenate((self._samples, np.full((room, _SAMPLES), _NO_SAMPLE, np.int32)))
+        self._keys = np.concatenate((self._keys, keys))
+        self._row = np.concatenate((self._row, np.full(room, -1, np.int32)))
+        places = self._page_of.take(keys >> _PAGE_BITS).astype(np.int64) << _PAGE_BITS | keys & _PAGE - 1
+        self._slot_of[places] = begin + np.arange(room)  # at last: another thread may look
 
     @property
     def nbytes(self) -> int:
-        columns = (self._page_of, self._value, self._before, self._t, self._row, self._samples)
+        columns = (
+            self._page_of,
+            self._slot_of,
+            self._keys,
+            self._value,
+            self._before,
+            self._t,
+            self._row,
+            self._samples,
+        )
         return sum(column.nbytes for column in columns)
 
 
