@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar, Final
 
+import numpy as np
 from rich.cells import cell_len
 
 from dissectors.values import harmless
@@ -255,6 +256,20 @@ class FrameList(Lines):
         hidden = self.desk.wishes.hidden
         dropped = next((names for least, names in self.DROPPED if width < least), ())
         return [cell for column, cell in cells if f"{self.id}.{column}" not in hidden and column not in dropped]
+
+    def states(self, lines: range) -> Sequence[object] | None:
+        """Their rows, what was said of these, and of those that they answer or that answer them."""
+        bus = self.desk.bus
+        rows = np.array([self.row_at(line) for line in lines], np.int64)
+        partners = bus.table.take_column("partner", rows).astype(np.int64)
+        partners[partners >= bus.count] = -1
+        beside = np.where(partners < 0, rows, partners)
+        read = bus.table.take_column
+        columns = [rows, partners, read("partner", beside), *(read("state", each) for each in (rows, beside))]
+        marks = [read("mark", each) for each in (rows, beside)]
+        found = np.where(marks[0] | marks[1], bus.found.count, 0)
+        common = bus.t_first, bus.off_ns, bus.whole, self.columns(self.scrollable_content_region.width)
+        return [(common, *each) for each in zip(*(part.tolist() for part in (*columns, *marks, found)), strict=True)]
 
     def grown(self) -> None:
         self._carry = {}

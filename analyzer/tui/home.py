@@ -318,40 +318,39 @@ def _slow(times: Times) -> str:
 
 
 def _refresh(screen: BusScreen) -> None:
-    home, bus = screen.query_one(HomeList), screen.desk.bus
-    figures = screen.desk.figures
-    basis = bus.count, bus.found.count, bus.whole, id(figures)
-    source = screen.desk.source
+    _reckon(screen)
 
-    def reckon(_: object) -> BusState:
+
+def _reckon(screen: BusScreen) -> None:
+    """Newer figures, for whoever asks first: one reckoning serves Home in sight and whether it comes up."""
+    home, bus = screen.query_one(HomeList), screen.desk.bus
+    figures, source = screen.desk.figures, screen.desk.source
+    basis = bus.count, bus.found.count, bus.whole, id(figures)
+
+    def work(_: object) -> BusState:
         whole, story = bus.whole, bus.story()
         return BusState(figures.report(source), story.causes, story.not_explained, whole)
 
-    screen.jobs.reckon("home", basis, reckon, home.use, fills=VIEW.name)
+    def came(state: BusState) -> None:
+        home.use(state)
+        if not screen.undecided or screen.touched:
+            return
+        if state.causes or screen.desk.is_foreign:
+            screen.action_view(VIEW.name)
+        screen.undecided = not bus.whole and not state.causes
+
+    screen.jobs.reckon("home", basis, work, came, fills=VIEW.name)
 
 
 def first(screen: BusScreen) -> None:
     """Come up first where there are causes to tell, or no frame is there, and nobody has pressed a key yet."""
-    home, bus, source = screen.query_one(HomeList), screen.desk.bus, screen.desk.source
+    home, bus = screen.query_one(HomeList), screen.desk.bus
     screen.undecided &= not screen.touched
     if not screen.undecided or not bus.count or (time.monotonic() < home.first_at and not bus.whole):
         return
     home.first_at = time.monotonic() + home.first_pause_s
     home.first_pause_s *= 2  # the longer the capture, the dearer a look, and the less there is to expect of the next
-
-    def decide(state: BusState) -> None:
-        if screen.touched or not screen.undecided:
-            return
-        if state.causes or screen.desk.is_foreign:
-            home.use(state)
-            screen.action_view(VIEW.name)
-        screen.undecided = not bus.whole and not state.causes
-
-    def reckon(_: object) -> BusState:
-        whole = bus.whole
-        return BusState(bus.report(source), bus.causes(), of_all=whole)
-
-    screen.jobs.run("home first", reckon, decide)
+    _reckon(screen)
 
 
 def _chosen(screen: BusScreen, sender: Widget) -> None:

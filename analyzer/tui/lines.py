@@ -51,7 +51,8 @@ class Lines(Painted, ScrollView, can_focus=True):
         super().__init__(id=id, classes=classes)
         self.cursor = 0
         self.following = False
-        self._strips: LRUCache[tuple[int, bool], Strip] = LRUCache(_CACHED)
+        self._strips: LRUCache[tuple[int, bool], tuple[object, Strip]] = LRUCache(_CACHED)
+        self._states: dict[int, object] = {}  # of the lines in sight
         self._shown_count = 0
 
     # What a kind of list says
@@ -81,20 +82,31 @@ class Lines(Painted, ScrollView, can_focus=True):
         """The kind (`paint.INKS`) that the whole line has beneath its pieces'."""
         return ""
 
+    def states(self, lines: range) -> Sequence[object] | None:  # noqa: ARG002 - for lists that know
+        """What the looks of these lines hang on while others come; None: nobody knows, they are painted anew."""
+        return None
+
     # Growing
 
     def grown(self) -> None:
         """Lines came or changed."""
         count = self.count()
         now = time.monotonic()
+        before, self._states = self._states, {}
+        if self.states(range(0)) is not None:
+            self._states = self._states_in_sight(count)
+            if self._states == before and not self.following and self.cursor < count:
+                self._fit(count, quietly=True)
+                return
         below = self.scroll_offset.y + self.room < self._shown_count <= count
         if below and not self.following and now < self._fresh_until:
-            self._fit(count)  # no line in sight is new; what they say may be, and no other call may come
+            self._fit(count, quietly=True)  # no line in sight is new; what they say may be, and no other call may come
             if self._later is None:
                 self._later = self.set_timer(self._fresh_until - now, self._freshen)
             return
         self._fresh_until = now + _FRESH_S
-        self._strips.clear()
+        if not self._states:
+            self._strips.clear()
         self._fit(count)
         if self.following and count:
             self.cursor = count - 1
@@ -109,6 +121,17 @@ class Lines(Painted, ScrollView, can_focus=True):
             self._tell_emptied()
         self.refresh()
 
+    def _states_in_sight(self, count: int) -> dict[int, object]:
+        top = self.scroll_offset.y
+        lines = range(top, min(top + self.room + 1, count))
+        return dict(zip(lines, self.states(lines) or (), strict=False))
+
+    def _state(self, line: int, count: int) -> object:
+        """What the looks of a line in sight hang on; None where nobody knows."""
+        if line not in self._states and self.states(range(0)) is not None:
+            self._states = self._states_in_sight(count)
+        return self._states.get(line)
+
     _fresh_until = 0.0
     _later: Timer | None = None
 
@@ -119,6 +142,7 @@ class Lines(Painted, ScrollView, can_focus=True):
     def renewed(self, cursor: int = 0) -> None:
         """The list is another one now."""
         self._strips.clear()
+        self._states = {}
         count = self.count()
         self._fit(count)
         self.move_to(max(0, min(cursor, count - 1)), middle=True)
@@ -126,7 +150,8 @@ class Lines(Painted, ScrollView, can_focus=True):
 
     _announced = -1  # the cursor as last told
 
-    def _fit(self, count: int) -> None:
+    def _fit(self, count: int, *, quietly: bool = False) -> None:
+        """`quietly`: no line in sight looks otherwise."""
         self._shown_count = count
         size = Size(max(1, self.scrollable_content_region.width), count + self.HEAD)
         if self.styles.auto_dimensions:
@@ -134,7 +159,8 @@ class Lines(Painted, ScrollView, can_focus=True):
         elif size != self.virtual_size:  # as wide and high as before: no other widget has to be laid out or painted
             self.set_reactive(Widget.virtual_size, size)
             self._scroll_update(size)
-            self.refresh()
+            if not quietly:
+                self.refresh()
 
     # Moving
 
@@ -276,7 +302,8 @@ class Lines(Painted, ScrollView, can_focus=True):
             text = f"  {told[y - self.HEAD]}" if y - self.HEAD < len(told) else ""
             return self.strip([StyledText(text, "dim")], width, self.base)
         barred = self.BARRED and line == self.cursor
-        strip = self._strips.get((line, barred))
+        state, kept = self._state(line, count), self._strips.get((line, barred))
+        strip = None if kept is None or kept[0] != state else kept[1]
         if strip is None or strip.cell_length != width:
             base = self.base
             kind = self.kind_of_line(line)
@@ -285,5 +312,5 @@ class Lines(Painted, ScrollView, can_focus=True):
             if barred:
                 base += self.style_of("cursor" if self.has_focus else "cursor-away")
             strip = self.strip(self.pieces(line, width), width, base, over=barred and self.has_focus)
-            self._strips[line, barred] = strip
+            self._strips[line, barred] = state, strip
         return strip
