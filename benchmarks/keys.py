@@ -109,6 +109,9 @@ class Round:
         self.columns, self.rows = columns, rows
         self._terminal.picture = Picture(columns, rows)
         fcntl.ioctl(self._terminal.fd, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
+        self._told_of_size()
+
+    def _told_of_size(self) -> None:
         os.kill(self._terminal.pid, signal.SIGWINCH)
         self._terminal._read(_ANSWER_S)
         self._terminal.settle(1.0, most=5)
@@ -127,11 +130,10 @@ class Round:
         self._answered()
 
     def _compare(self) -> None:
-        """A column more and back again: all is drawn anew. Notices, which go by themselves, do not count."""
+        """Told of its size, the terminal draws all anew. Notices, which go by themselves, do not count."""
         before = self._terminal.picture.lines()
-        size = self.columns, self.rows
-        self._resize(size[0] + 1, size[1])
-        self._resize(*size)
+        self._terminal.picture = Picture(self.columns, self.rows)
+        self._told_of_size()
         after = self._terminal.picture.lines()
         pairs = [(old, new) for old, new in zip(before, after, strict=True) if old != new and _NOTICE not in old]
         if pairs:

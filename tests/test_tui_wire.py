@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Iterator
 from contextlib import suppress
 from itertools import count
@@ -131,9 +132,10 @@ def test_a_key_costs_little(terminal: Watched) -> None:
     """At 80x24 in 256 colours: arrow under 1 kB also where a list scrolls, page
     under 4 kB, another view under 12 kB, idle nothing."""
     assert 100 < cost(terminal, "\x1b[B", 8) < 1000
-    for view in "21":
+    for view in "034567921":
         terminal.press(view + "\x1b[H" + "\x1b[B" * 26)
-        assert 100 < cost(terminal, "\x1b[B", 8) < 1000, f"{view}: the list scrolls"
+        assert cost(terminal, "\x1b[B", 8) < 1000, f"{view}: the list scrolls"
+    assert cost(terminal, "\x1b[B", 8) > 100
     assert 100 < cost(terminal, "\x1b[6~", 4) < 4000
     assert cost(terminal, "\t", 3) < 4000
     for view in "2345678":
@@ -145,3 +147,11 @@ def test_a_key_costs_little(terminal: Watched) -> None:
     terminal.count = 0
     terminal.settle(2.0)
     assert terminal.count == 0
+
+
+def test_a_terminal_that_says_its_size_gets_the_whole_picture_again(terminal: Watched) -> None:
+    """Of another size for a moment, it has shown something else meanwhile; so has one that is attached again."""
+    stood = terminal.shown()
+    terminal.picture = Picture(80, 24)
+    os.kill(terminal.pid, signal.SIGWINCH)
+    terminal.until(lambda: terminal.shown() == stood)

@@ -136,8 +136,16 @@ class Rtuscope(App[None]):
         """A key's effect is there before the next key is taken up."""
         if isinstance(event, events.Key) and not event.is_forwarded:
             await self.keys.take(event)
-        else:
-            await super().on_event(event)
+            return
+        await super().on_event(event)
+        if isinstance(event, events.Resize):
+            self._redraw()
+
+    def _redraw(self) -> None:
+        """The terminal has another size, or had one for a moment: nobody knows what it shows."""
+        self.wire.forget()
+        with suppress(ScreenStackError):
+            self.screen.refresh()
 
     def on_mount(self) -> None:
         sys.setswitchinterval(0.001)  # keys are answered while a thread reads the source

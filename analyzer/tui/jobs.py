@@ -18,7 +18,7 @@ from ..model.selection import Everything, ListRows, Selection
 from ..model.source import Grave
 from ..words import data_size
 from . import home
-from .threads import ScreenThreads, Stop
+from .threads import ScreenThreads, Stop, give_memory_back
 from .views import BY_NAME
 
 if TYPE_CHECKING:
@@ -92,6 +92,7 @@ class Jobs(ScreenThreads):
             trouble = error_words(error)
         try:
             self._bus.close()
+            give_memory_back()
         finally:
             self._later(self._loaded, trouble)
 

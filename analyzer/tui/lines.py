@@ -272,13 +272,16 @@ class Lines(Painted, ScrollView, can_focus=True):
         self.resized()
 
     def resized(self) -> None:
-        """There is more or less room."""
+        """There is more or less room. A cursor that was in sight stays so; where it had been scrolled away, it is."""
         self._strips.clear()
         self._fit(self.count())
+        top, room, self._had_room = self.scroll_offset.y, self._had_room, self.room
         if self.following:
             self._to_end()
-        elif self._shown_count:
+        elif self._shown_count and (not room or top <= self.cursor < top + room):
             self._into_sight(self.cursor, middle=False)
+
+    _had_room = 0  # lines, before it was resized
 
     def on_focus(self) -> None:
         self.unpaint()
