@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple
 
-import numpy as np
 from textual.binding import Binding, BindingType
 
-from ..languages import counted, grouped, page_words, tr
+from ..languages import counted, tr
 from ..reports.findings import left_words
 from ..words import compact, decimal, duration, percent, rough_percent, short, short_bound
 from .filterbar import FilterBar
-from .items import FrameDetail, Item, of_cause, whose
+from .health import bad_count, badness, facts_items, is_due, slow_units, slow_words, unit_items
+from .items import FrameDetail, of_cause, whose
 from .lines import Lines
 from .paint import StyledText, fitted
 from .places import OF_FIGURES, CausePlace, Place, UnitPlace
@@ -27,12 +27,14 @@ if TYPE_CHECKING:
 
     from ..causes.leftovers import Left
     from ..causes.registry import Cause
-    from ..reports.model import Counts, FindingRow, Report, Times, UnitRow
+    from ..reports.model import Report, UnitRow
     from .desk import ViewState
     from .screen import BusScreen
 
 _AGAIN_S: Final = 2.0  # between two reckonings while rows come
 _LABEL: Final = 9
+_HEADS: Final = 3  # lines above, where the load has one of them
+_TALL: Final = 6  # lines of the load, at most
 _WIDE: Final = 100  # columns from which on there is room to say whose fault a cause is
 _NARROW: Final = 60  # and under which there is room for the least of a unit only
 _LETTERS: Final = {"error": "E", "warning": "W", "note": "N"}
@@ -54,7 +56,7 @@ class BusState(NamedTuple):
 class HomeList(Lines):
     """A line a cause, then a line a unit; what the cursor is on is told below."""
 
-    HEAD = 3
+    HEAD = _HEADS
     EMPTY = "nothing captured yet"
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("enter", "enter", "Open", tooltip="A cause: the first frame that shows it; a unit: only its rows"),
@@ -74,14 +76,28 @@ class HomeList(Lines):
             units = {unit.unit for unit in state.report.units}
             own = [cause for cause in state.causes if not cause.units or units.intersection(cause.units)]
             state = BusState(state.report, own, of_all=state.of_all)
-        slow = _slow_units(state.report)
-        sickest = sorted(state.report.units_as_heard, key=lambda row: (*_badness(row), row.unit not in slow, row.unit))
+        slow = slow_units(state.report)
+        sickest = sorted(state.report.units_as_heard, key=lambda row: (*badness(row), row.unit not in slow, row.unit))
         self.state = BusState(replace(state.report, units=tuple(sickest)), state.causes, state.not_explained)
         self.settled = state.of_all
         self._fresh_until = 0.0
         self.grown()
         if self.count() or self.desk.is_foreign:
             self._tell()
+
+    def grown(self) -> None:
+        self._make_heads()
+        super().grown()
+
+    def resized(self) -> None:
+        self._make_heads()
+        super().resized()
+
+    def _make_heads(self) -> None:
+        """The load is as high as half of what the lines leave."""
+        free = self.scrollable_content_region.height - _HEADS - self.count()
+        drawn = self.desk.bus.count and self.desk.bus.timed and not self.desk.is_foreign
+        self.HEAD = _HEADS + (max(0, min(_TALL - 1, free // 2)) if drawn else 0)
 
     @property
     def empty(self) -> str:
@@ -117,15 +133,18 @@ class HomeList(Lines):
             untimed = y == 1 and not bus.timed and not self.desk.is_foreign
             return fitted([StyledText(f"  {tr('no times in this capture')}" if untimed else "")], width)
         bins = self.desk.figures.over(bus.t_first, max(bus.t_last, bus.t_first + 1), room)
-        if y == 1:
+        if y < self.HEAD - 1:
             most = ""
-            if bus.char_ns:
+            if bus.char_ns and y == 1:
                 share = min(1.0, float((bins.octets * bus.char_ns / bins.width_ns).max()))
                 most = tr(" peak {share}", share=percent(share))
                 if width >= _NARROW:
                     most += tr(" in {time}", time=short(round(bins.width_ns)))
+            label = tr("load") if y == 1 else ""
+            bars = sparkline(bins.octets.astype(float), room, y - 1, self.HEAD - 2)
             return fitted(
-                [StyledText(f"{tr('load'):>{_LABEL - 1}} "), *_bars(bins.octets, room), StyledText(most)], width
+                [StyledText(f"{label:>{_LABEL - 1}} "), StyledText(f"{bars:<{room}}", "request"), StyledText(most)],
+                width,
             )
         marks = "".join(
             bar if n else " "
@@ -174,18 +193,18 @@ class HomeList(Lines):
 
     def _unit_line(self, unit: UnitRow, width: int) -> list[StyledText]:
         bus, counts, times = self.desk.bus, unit.counts, unit.times
-        bad, late = (count / max(1, counts.requests) for count in (_bad(counts), counts.late))
-        slow = unit.unit in _slow_units(self.state.report) if self.state is not None else False
+        bad, late = (count / max(1, counts.requests) for count in (bad_count(counts), counts.late))
+        slow = unit.unit in slow_units(self.state.report) if self.state is not None else False
         kind = "error" if bad > _MANY else "warning" if bad or late or slow else "good"
         load = ""
         if bus.char_ns and bus.timed and bus.t_last > bus.t_first:
             share = self.desk.figures.units.octets[unit.unit] * bus.char_ns / (bus.t_last - bus.t_first)
             load = tr("uses {share}", share=percent(share))
-        answers = tr("no answer times") if _is_due(counts) else tr("no answer is due")
+        answers = tr("no answer times") if is_due(counts) else tr("no answer is due")
         half, most = times.bounds("p50"), times.bounds("p95")
         if half is not None and most is not None:
             answers = tr("answers {half}, 95% {most}", half=short_bound(half), most=short_bound(most))
-        health = tr("slow" if slow else "sound") if _is_due(counts) else ""
+        health = tr("slow" if slow else "sound") if is_due(counts) else ""
         if bad or late:
             worse = max(bad, late)
             share = rough_percent(worse)
@@ -213,46 +232,11 @@ class HomeList(Lines):
             return FrameDetail(
                 tr("unit {unit}", unit=unit.unit),
                 b"",
-                _unit_items(unit, self.state, heard=bool(self.state.report.cards)),
+                unit_items(unit, self.state.report, self.state.causes),
             )
         if self.state is not None and self.desk.is_foreign:
-            return FrameDetail(tr("what was captured"), b"", _facts(self.state.report))
+            return FrameDetail(tr("what was captured"), b"", facts_items(self.state.report))
         return FrameDetail("", b"", ())
-
-
-def _facts(report: Report) -> tuple[Item, ...]:
-    """What the report says of a capture in which no frame was found."""
-    from ..reports.page import facts
-
-    return tuple(
-        Item(f"fact {i}", words, label=f"{page_words(label):<11}") for i, (label, words) in enumerate(facts(report))
-    )
-
-
-def _is_due(counts: Counts) -> bool:
-    """Whether an answer was ever due: to broadcasts none is."""
-    return counts.requests > counts.broadcasts
-
-
-def _bad(counts: Counts) -> int:
-    """Requests without a good answer."""
-    return counts.unanswered + counts.exceptions + counts.damaged
-
-
-def _badness(unit: UnitRow) -> tuple[float, float]:
-    """The sickest first: most requests without a good answer, most late answers."""
-    counts = unit.counts
-    asked = max(1, counts.requests)
-    return -_bad(counts) / asked, -counts.late / asked
-
-
-def _slow_units(report: Report) -> Mapping[int, FindingRow]:
-    """Units that are found to be slow, which no answer of theirs shows by itself."""
-    return {unit: row for row in report.findings if row.code == "slow-device" for unit in row.units}
-
-
-def _bars(octets: np.ndarray[tuple[int], np.dtype[np.int64]], width: int) -> list[StyledText]:
-    return [StyledText(f"{sparkline(octets.astype(float), width):<{width}}", "request")]
 
 
 def _cause_line(cause: Cause, causes: Sequence[Cause], width: int) -> list[StyledText]:
@@ -275,46 +259,6 @@ def _clauses(text: str, room: int) -> str:
         return text
     ends = [match.start() for match in re.finditer("[:;,] ", text) if match.start() <= room - 2]
     return f"{text[: ends[-1]]} …" if ends else text
-
-
-def _unit_items(unit: UnitRow, state: BusState, *, heard: bool) -> tuple[Item, ...]:
-    """`heard`: silence is told from garbage."""
-    counts, times = unit.counts, unit.times
-    none, bad = ("silent", "garbage") if heard else ("not answered", "damaged")
-    ended = (
-        (counts.answered, "answered"), (counts.exceptions, "refused"), (counts.unanswered, none),
-        (counts.damaged, bad), (counts.late, "late"), (counts.retries, "asked again"),
-    )  # fmt: skip
-    items = [
-        Item(
-            "asked",
-            f"{grouped(counts.requests)}: "
-            + ", ".join(f"{tr(word)} {grouped(number)}" for number, word in ended if number),
-            label=f"{tr('asked'):<11}",
-        )
-    ]
-    if times.count:
-        shares = tr(
-            "p50 {half}, p95 {most}, max {all}",
-            half=times.worded("p50"), most=times.worded("p95"), all=times.worded("max"),
-        )  # fmt: skip
-        items.append(Item("answers", shares, label=f"{tr('answers'):<11}"))
-    slow = _slow_units(state.report).get(unit.unit)
-    if slow is not None:
-        what = slow.text if len(slow.units) == 1 else slow.code
-        items.append(Item("found", what, kind=slow.severity, label=f"{tr('found'):<11}"))
-    mine = [cause for cause in state.causes if unit.unit in cause.units]
-    items += [
-        Item(f"cause {i}", cause.text, kind=cause.severity, label=f"{tr('cause'):<11}") for i, cause in enumerate(mine)
-    ]
-    items.append(Item("Enter", tr("its rows alone"), kind="dim", label=f"{'Enter':<11}"))
-    if times.p95_ns:
-        items.append(Item("slow", _slow(times), kind="dim", label=f"{'= s 1':<11}"))
-    return tuple(items)
-
-
-def _slow(times: Times) -> str:
-    return tr("its slow answers: {time} and more, one in twenty", time=times.worded("p95"))
 
 
 def _refresh(screen: BusScreen) -> None:
@@ -381,7 +325,7 @@ def _cells(screen: BusScreen) -> list[DoorCell]:
         cells = [DoorCell("u", tr("unit {unit}", unit=unit), f"unit == {unit}")]
         if times.p95_ns:
             slow = f"unit == {unit} and response_time >= {times.p95_ns // 1000 / 1000}ms"  # never above the slowest
-            cells.append(DoorCell("s", _slow(times), slow))
+            cells.append(DoorCell("s", slow_words(times), slow))
         return cells
     return [] if home.cause is None else cells_of_units(home.cause.units)
 

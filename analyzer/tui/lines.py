@@ -43,7 +43,7 @@ class Lines(Painted, ScrollView, can_focus=True):
         Binding("end,G", "edge(1)", "Last", show=False),
         Binding("enter", "enter", "Open", show=False),
     ]
-    HEAD: ClassVar[int] = 1  # fixed lines on top
+    HEAD: int = 1  # fixed lines on top
     EMPTY: ClassVar[str] = "nothing here"
     BARRED: ClassVar[bool] = True  # whether the cursor is a bar over the line
 

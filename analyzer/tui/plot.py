@@ -24,15 +24,17 @@ from .plotwindow import PlotWindow
 EIGHTHS: Final = " ▁▂▃▄▅▆▇█"  # of a cell, from none to all
 
 
-def sparkline(values: NDArray[np.float64], width: int) -> str:
-    """Values as one line of blocks from 0 to the most, joined to fit; a space where there is none."""
+def sparkline(values: NDArray[np.float64], width: int, line: int = 0, lines: int = 1) -> str:
+    """Values as blocks from 0 to the most, joined to fit, a space where there is none; of several lines one."""
     if not len(values) or width < 1 or np.isnan(values).all():
         return ""
     groups = [group[~np.isnan(group)] for group in np.array_split(values, min(width, len(values)))]
     means = [float(group.mean()) if len(group) else None for group in groups]
     high = max(mean for mean in means if mean is not None)
-    scale = (len(EIGHTHS) - 2) / high if high > 0 else 0.0
-    return "".join(" " if mean is None else EIGHTHS[1 + round(max(0.0, mean) * scale)] for mean in means)
+    scale = ((len(EIGHTHS) - 1) * lines - 1) / high if high > 0 else 0.0
+    under = (len(EIGHTHS) - 1) * (lines - 1 - line)
+    levels = (0 if mean is None else 1 + round(max(0.0, mean) * scale) for mean in means)
+    return "".join(EIGHTHS[max(0, min(len(EIGHTHS) - 1, level - under))] for level in levels)
 
 
 def trend(values: NDArray[np.float64], width: int) -> StyledText:

@@ -13,21 +13,16 @@ from textual.binding import Binding, BindingType
 from textual.strip import Strip
 
 from ..languages import counted, tr
-from ..model.activity import Band, bands, time_marks
-from ..model.rowstores import rows_of_causes
+from ..model.activity import time_marks
 from ..words import is_clock, percent, short, unit_word
-from .filterbar import kept_tests
 from .messages import RowWanted, SpanChosen, SpanSeen
 from .paint import Painted, StyledText, fitted, in_runs
-from .places import OF_FIGURES, Place, SpanPlace
 from .plot import EIGHTHS
-from .view import View
 
 if TYPE_CHECKING:
     from ..causes.registry import Cause
-    from ..model.activity import Bins
+    from ..model.activity import Band, Bins
     from .desk import ViewState
-    from .screen import BusScreen
 
 _DEAF: Final = "░"
 _LABEL: Final = 9  # columns left of the plot
@@ -35,6 +30,8 @@ _BELOW: Final = 5  # lines under it
 _LEAST_PLOT: Final = 3  # lines that bands leave to it
 _LOW_PLOT: Final = 8  # lines that it takes before causes in words get more than one below
 _IN_WORDS: Final = 4  # lines for those
+_HIGH_PLOT: Final = 12  # lines that it takes before bands get more than one
+_TALL: Final = 3  # lines of a band, at most
 _ABOVE: Final = 2
 _LEAST_NS: Final = 1_000_000  # no span is shorter
 _LONG_NS: Final = 600 * 10**9  # from which on times of day say more than seconds
@@ -70,6 +67,11 @@ class Timeline(Painted, can_focus=True):
         self.banded: tuple[object, ...] = ()  # what the bands were asked for
         self.causes: Sequence[Cause] = ()  # those that the bands are numbered by
         self.known: Sequence[Cause] = ()  # the newest
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there is nothing to point at."""
+        return self._bins is None
 
     @property
     def columns(self) -> int:
@@ -111,10 +113,20 @@ class Timeline(Painted, can_focus=True):
         if bins is None:
             why = tr("nothing captured yet") if self.desk.bus.timed else tr("no times in this capture")
             return self.strip([StyledText(f"  {why}" if y == 0 else "", "dim")], width, base)
-        room = max(0, height - _ABOVE - _BELOW - _LEAST_PLOT)
-        free = height - _ABOVE - _BELOW - min(len(self.bands), room)
+        free = height - _ABOVE - _BELOW - len(self._shown_bands) * self._tall
         plot = max(1, min(free, max(_LOW_PLOT, free - _IN_WORDS)))
         return self.strip(fitted(self._line(y, plot, bins), width), width, base)
+
+    @property
+    def _shown_bands(self) -> Sequence[Band]:
+        """Those that there is room for."""
+        return self.bands[: max(0, self.content_size.height - _ABOVE - _BELOW - _LEAST_PLOT)]
+
+    @property
+    def _tall(self) -> int:
+        """Lines of each: what the plot of the load needs no more is theirs."""
+        free = self.content_size.height - _ABOVE - _BELOW - _IN_WORDS - _HIGH_PLOT
+        return max(1, min(_TALL, free // max(1, len(self.bands))))
 
     def _line(self, y: int, plot: int, bins: Bins) -> list[StyledText]:
         if y == 0:
@@ -129,11 +141,10 @@ class Timeline(Painted, can_focus=True):
             return [StyledText(f"{tr('trouble') + ' ':>{_LABEL}}", "error"), *self._marks(bins.troubles, "error", "▪█")]
         if y == 1:
             return [StyledText(f"{tr('noise') + ' ':>{_LABEL}}", "noise"), *self._marks(bins.noise, "noise", "·▪")]
-        room = max(0, self.content_size.height - _ABOVE - _BELOW - _LEAST_PLOT)
-        shown = self.bands[:room]
-        if 2 <= y < 2 + len(shown):
-            return self._band(shown[y - 2])
-        y -= len(shown)
+        shown, tall = self._shown_bands, self._tall
+        if 2 <= y < 2 + len(shown) * tall:
+            return self._band(shown[(y - 2) // tall], (y - 2) % tall, tall)
+        y -= len(shown) * tall
         if y == 2:
             span = self._span_columns()
             under = ["─" if span and span[0] <= i <= span[1] else " " for i in range(self.columns)]
@@ -222,17 +233,18 @@ class Timeline(Painted, can_focus=True):
             StyledText("".join(" " if not c else glyphs[0] if c < half else glyphs[1] for c in counts.tolist()), kind)
         ]
 
-    def _band(self, band: Band) -> list[StyledText]:
+    def _band(self, band: Band, y: int, tall: int) -> list[StyledText]:
         """How much there was in each column; `!` where something of it was wrong, as all of a cause's is."""
         wrong = "error" if band.cause is None else self.causes[band.cause].severity
         name = band.name if len(band.name) < _LABEL else band.name[: _LABEL - 2] + "…"
-        most = max(1, int(band.counts.max(initial=0)))
+        most, under = max(1, int(band.counts.max(initial=0))), tall - 1 - y
         texts, kinds = [], []
         for i, (count, trouble) in enumerate(zip(band.counts.tolist(), band.troubles.tolist(), strict=True)):
-            full = EIGHTHS[max(1, round(8 * count / most))] if count else " "
-            texts.append("!" if trouble and band.cause is None else full)
+            level = max(1, round(8 * tall * count / most)) if count else 0
+            marked = trouble and band.cause is None and not under
+            texts.append("!" if marked else EIGHTHS[max(0, min(8, level - 8 * under))])
             kinds.append("accent" if i == self.cursor else wrong if trouble else "response")
-        return [StyledText(f"{name:>{_LABEL - 1}} ", "dim"), *in_runs(texts, kinds)]
+        return [StyledText(f"{'' if under else name:>{_LABEL - 1}} ", "dim"), *in_runs(texts, kinds)]
 
     def _cause_at_cursor(self, line: int) -> list[StyledText]:
         """One on a line, in words, with the number that its band has."""
@@ -350,58 +362,3 @@ class Timeline(Painted, can_focus=True):
 
     def on_mouse_scroll_down(self) -> None:
         self.action_zoom(2)
-
-
-def _refresh(screen: BusScreen) -> None:
-    """With what came since; the bands are counted in a thread."""
-    timeline, desk = screen.query_one(Timeline), screen.desk
-    timeline.grown()
-    bus = desk.bus
-    if not bus.count or not bus.timed:
-        return
-    screen.jobs.reckon(
-        "causes of bands",
-        (bus.found.count, bus.whole),
-        lambda _: bus.causes(),
-        lambda causes: _explained(screen, causes),
-    )
-    _band(screen)
-
-
-def _explained(screen: BusScreen, causes: Sequence[Cause]) -> None:
-    """Newer causes."""
-    screen.query_one(Timeline).known = causes
-    _band(screen)
-
-
-def _band(screen: BusScreen) -> None:
-    """Count the bands of causes, kept filters and units, where those in sight are others."""
-    timeline, desk = screen.query_one(Timeline), screen.desk
-    bus, filters, causes = desk.bus, list(kept_tests(desk)), timeline.known
-    names, told = [name for name, _ in filters], [cause.text for cause in causes]
-    wanted = (timeline.t_start, timeline.t_end, timeline.columns, desk.scope.words(), names, told)
-    if wanted == timeline.banded:
-        return
-    timeline.banded = wanted
-    tests, span, columns = desk.scope.tests(), (timeline.t_start, timeline.t_end), timeline.columns
-
-    def show(counted: list[Band]) -> None:
-        if columns == timeline.columns:
-            timeline.bands, timeline.causes = counted, causes
-            timeline.refresh()
-
-    screen.jobs.run(
-        "bands", lambda stop: bands(bus, tests, span, columns, filters, rows_of_causes(bus, causes), stop), show
-    )
-
-
-def _at(screen: BusScreen) -> Place:
-    timeline = screen.query_one(Timeline)
-    return None if timeline._bins is None else SpanPlace(*timeline.span_under_cursor)
-
-
-VIEW: Final = View(
-    name="timeline", key="6", title="Timeline", short="Time",
-    make=lambda desk: Timeline(desk, id="timeline"), refresh=_refresh,
-    at=_at, offers=OF_FIGURES - {"door"}, figures=True,
-)  # fmt: skip

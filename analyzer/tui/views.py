@@ -13,7 +13,7 @@ from . import (
     polllist,
     registerspane,
     report,
-    timeline,
+    timelinepane,
     transactions,
     unitlist,
 )
@@ -26,7 +26,7 @@ VIEWS: Final[tuple[View, ...]] = (
     findings.VIEW,
     polllist.VIEW,
     registerspane.VIEW,
-    timeline.VIEW,
+    timelinepane.VIEW,
     report.VIEW,
     pastepane.VIEW,
     unitlist.VIEW,
