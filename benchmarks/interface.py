@@ -30,6 +30,7 @@ sys.path.insert(0, str(Path(__file__).parent))  # run as a module too
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "support"))
 
 from emulator import Picture
+from measuring import cpu_s
 
 QUIET_S = 0.06  # no output for so long: the picture is complete
 ROWS, COLUMNS = 50, 160
@@ -119,8 +120,7 @@ class Terminal:
 
     def cpu(self) -> float:
         """Seconds of CPU that the program took so far."""
-        fields = Path(f"/proc/{self.pid}/stat").read_text().rpartition(")")[2].split()
-        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+        return cpu_s(self.pid)
 
     def close(self) -> None:
         os.kill(self.pid, signal.SIGKILL)

@@ -22,9 +22,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
+sys.path.insert(0, str(Path(__file__).parent))  # run as a module too
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "support"))
 
 from emulator import Watched
+from measuring import cpu_s
 
 import captures
 from analyzer.tui.views import VIEWS
@@ -68,12 +70,6 @@ def quota(slower: float) -> Iterator[Path | None]:
         yield _GROUP
     finally:
         _GROUP.rmdir()
-
-
-def cpu_s(pid: int) -> float:
-    """Seconds of CPU that a process and those that it waited for took so far."""
-    fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
-    return sum(map(int, fields[11:15])) / os.sysconf("SC_CLK_TCK")
 
 
 def answered(terminal: Watched, key: str, *, page: bool, most_s: float) -> float:

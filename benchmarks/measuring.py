@@ -102,6 +102,12 @@ def run(command: Command, out: Path) -> Used:
     return Used(usage.ru_utime + usage.ru_stime, wall, usage.ru_maxrss / unit)
 
 
+def cpu_s(pid: int) -> float:
+    """Seconds of CPU that a running process and those that it waited for took so far (Linux)."""
+    fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
+    return sum(map(int, fields[11:15])) / os.sysconf("SC_CLK_TCK")
+
+
 def python(module: str, *arguments: str | Path) -> Command:
     """A module of this folder as a process."""
     return (sys.executable, "-m", module, *arguments)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import chain
@@ -273,15 +274,15 @@ def _finding_items(findings: Iterable[Finding]) -> Iterator[Item]:
 
 
 def _fields(fields: Sequence[Field]) -> Iterator[Item]:
+    named = Counter(field.name for field in fields)
     for i, field in enumerate(fields):
         children: Sequence[Item] = tuple(_fields(field.fields))
         if field.problem:
             children = (Item("problem", field.problem, field.start, field.length, "error", label="!"), *children)
         if _is_register(field):
             children = UnopenedItems(lambda i=i, first=children: chain(first, _readings(fields, i)))  # type: ignore[misc]
-        alone = sum(each.name == field.name for each in fields) == 1
         yield Item(
-            field.name if alone else f"{field.name} {i}",
+            field.name if named[field.name] == 1 else f"{field.name} {i}",
             field.text, field.start, field.length, "error" if field.problem else "",
             label=field_name(field.name), children=children, ready=not _is_register(field), values=_is_register(field),
         )  # fmt: skip
