@@ -24,21 +24,38 @@ from ..words import UNITS_NS
 from .bus import Bus
 from .selection import ListRows, Test
 from .table import PIECE
-from .times import DIGITS, FORMS, GotoError, is_clock_text, moment
+from .times import DIGITS, FORMS, UNIT, GotoError, is_clock_text, moment, time_ns
 
 _FRAME: Final = re.compile(r"#?\d{1,18}")
 _SHARE: Final = re.compile(rf"({DIGITS})\s*%")
-_STEP: Final = re.compile(rf"([+-]?)({DIGITS})\s*(us|ms|s|min|h)")
+_STEP: Final = re.compile(rf"([+-]?)({DIGITS})\s*({UNIT})?")
 
 
 def is_place(text: str) -> bool:
     """Whether a text has the form of a place, wherever that may be."""
     text = text.strip().lower()
-    return any(form.fullmatch(text) for form in (_FRAME, _SHARE, _STEP)) or is_clock_text(text)
+    return bool(_FRAME.fullmatch(text) or _SHARE.fullmatch(text) or _stepped(text)) or is_clock_text(text)
 
 
-def row_named(text: str, bus: Bus, row: int, zone: tzinfo = UTC) -> int:
-    """The row that `text` names, seen from `row`; times of day are those of `zone`. Raises GotoError."""
+def _stepped(text: str) -> tuple[str, int] | None:
+    """The sign and the size (ns) of a step."""
+    match = _STEP.fullmatch(text)
+    ns = None if match is None or match[3] is None else time_ns(match[2], match[3])
+    return None if match is None or ns is None else (match[1], ns)
+
+
+def _in_lists(text: str) -> float | None:
+    """Seconds as lists show them, under whose head the unit stands: with a fraction, or it is a frame's number."""
+    match = _STEP.fullmatch(text)
+    if match is None or match[3] is not None or match[1] == "+" or match[2].isdecimal():
+        return None
+    return float(text.replace(",", "."))
+
+
+def row_named(text: str, bus: Bus, row: int, zone: tzinfo = UTC, zero_ns: int | None = None) -> int:
+    """The row that `text` names, seen from `row`; times of day are those of `zone`, and seconds as lists show them are
+    those since `zero_ns` (None: the start). Raises GotoError.
+    """
     text = text.strip().lower()
     if not bus.count:
         raise GotoError(tr("no frames yet"))
@@ -52,11 +69,13 @@ def row_named(text: str, bus: Bus, row: int, zone: tzinfo = UTC) -> int:
         return min(bus.count - 1, int(bus.count * float(match[1].replace(",", ".")) / 100))
     if not bus.timed:
         raise GotoError(tr("this capture has no timestamps: go to a frame number or a share such as 50%"))
-    if match := _STEP.fullmatch(text):
-        ns = round(float(match[2].replace(",", ".")) * UNITS_NS[match[3]])
-        if not match[1]:
+    if step := _stepped(text):
+        sign, ns = step
+        if not sign:
             return bus.table.row_at_time(bus.t_first + ns)
-        return bus.table.row_at_time(bus.table.value("t_start_ns", row) + (ns if match[1] == "+" else -ns))
+        return bus.table.row_at_time(bus.table.value("t_start_ns", row) + (ns if sign == "+" else -ns))
+    if (since := _in_lists(text)) is not None:
+        return bus.table.row_at_time((bus.t_first if zero_ns is None else zero_ns) + round(since * UNITS_NS["s"]))
     if is_clock_text(text):
         return bus.table.row_at_time(moment(text, bus, zone))
     raise GotoError(tr("{text!r} is not a place: {forms}", text=text[:40], forms=tr(FORMS)))

@@ -13,7 +13,7 @@ from datetime import UTC, datetime, timedelta, tzinfo
 from typing import TYPE_CHECKING, Final
 
 from ..languages import tr
-from ..words import UNITS_NS, is_clock, moment_of, zone_name
+from ..words import UNITS_NS, is_clock, moment_of, unit_word, zone_name
 
 if TYPE_CHECKING:
     from .bus import Bus
@@ -22,7 +22,8 @@ FORMS: Final = "frame 120, time 12.5s, step +200ms or -5s, clock 08:29:51.5 or 2
 SPANS: Final = "14:00-16:00, 08:29:51-08:30:00.5, yesterday 14-16 (or y), 2026-11-21 14-16, 10s-25s"
 DIGITS: Final = r"\d{1,12}(?:[.,]\d{1,12})?"
 _BETWEEN: Final = re.compile(r"\s*(?:[-\u2013\u2014\u2212]|\.\.|\bto\b|\bдо\b)\s*")
-_SINCE: Final = re.compile(rf"({DIGITS})\s*(us|ms|s|min|h)?")
+UNIT: Final = r"[^\W\d_]{1,3}"
+_SINCE: Final = re.compile(rf"({DIGITS})\s*({UNIT})?")
 _CLOCK: Final = re.compile(
     r"(?:(?P<day>y|yesterday|вчера|t|today|сегодня|(?:\d{4}-)?\d{2}-\d{2})[ t]+)?"
     r"(?P<hour>\d{1,2})(?::(?P<minute>\d{2})(?::(?P<second>\d{2})(?:[.,](?P<part>\d{1,9}))?)?)?"
@@ -40,6 +41,12 @@ def is_clock_text(text: str) -> bool:
     """Whether a text has the form of a time of day; an hour alone has not."""
     match = _CLOCK.fullmatch(text)
     return match is not None and match["minute"] is not None
+
+
+def time_ns(number: str, unit: str) -> int | None:
+    """So many of a unit in ns, in the words of the language in use or in English; None where it is no unit of time."""
+    units = {name: ns for known, ns in UNITS_NS.items() for name in (known, unit_word(known))}
+    return round(float(number.replace(",", ".")) * units[unit]) if unit in units else None
 
 
 def moment(text: str, bus: Bus, zone: tzinfo = UTC) -> int:
@@ -63,14 +70,22 @@ def span(text: str, bus: Bus, zone: tzinfo = UTC, now: datetime | None = None) -
     if not bus.timed or not bus.count:
         raise GotoError(tr("no times in this capture"))
     for one, other in _halves(text):
-        low, high = _SINCE.fullmatch(one), _SINCE.fullmatch(other)
-        if low and high and (low[2] or high[2]):
-            since = [round(float(m[1].replace(",", ".")) * UNITS_NS[m[2] or high[2] or low[2]]) for m in (low, high)]
+        if since := _since_start(one, other):
             return _ordered(bus.t_first + since[0], bus.t_first + since[1])
         begin, end = _CLOCK.fullmatch(one), _CLOCK.fullmatch(other)
         if begin and end:
             return _of_clocks(begin, end, bus, zone, now, text)
     raise GotoError(tr("{text!r} is not a span: {forms}", text=text[:40], forms=tr(SPANS)))
+
+
+def _since_start(one: str, other: str) -> tuple[int, int] | None:
+    """Two times since the start, in ns; a unit that one of them lacks it has from the other."""
+    low, high = _SINCE.fullmatch(one), _SINCE.fullmatch(other)
+    unit = (low and low[2]) or (high and high[2])
+    if not (low and high and unit):
+        return None
+    begin, end = time_ns(low[1], low[2] or unit), time_ns(high[1], high[2] or unit)
+    return None if begin is None or end is None else (begin, end)
 
 
 def _halves(text: str) -> Iterator[tuple[str, str]]:

@@ -10,7 +10,7 @@ from ..model import search
 from ..model.polls import carried_by
 from ..model.rowstores import rows_showing
 from ..model.times import FORMS, SPANS, GotoError, span
-from ..words import is_clock, zone_name
+from ..words import TimeBase, is_clock, zone_name
 from .frames import FrameList
 from .keyqueue import FINDING
 from .prompts import Ask
@@ -113,18 +113,19 @@ class Jumps:
 
     async def ask_where(self) -> None:
         """Ask where to go, and go there."""
-        begin = self._screen.row or 0
+        begin, desk = self._screen.row or 0, self._screen.desk
+        zero_ns = desk.reference_ns if desk.base is TimeBase.REFERENCE else None
 
         def wrong(text: str) -> str:
             try:
-                search.row_named(text, self._bus, begin, self._screen.desk.zone)
+                search.row_named(text, self._bus, begin, desk.zone, zero_ns)
             except GotoError as error:
                 return str(error)
             return ""
 
         text = await self._screen.app.push_screen_wait(Ask(self._asks("Go to"), tr(FORMS), wrong=wrong))
         if text is not None:
-            self.go(search.row_named(text, self._bus, begin, self._screen.desk.zone))
+            self.go(search.row_named(text, self._bus, begin, desk.zone, zero_ns))
 
     async def ask_span(self) -> None:
         """Ask for a span of time, and narrow everything to it."""
