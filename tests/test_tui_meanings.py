@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 import struct
 from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -17,6 +19,7 @@ from analyzer.model.polls import poll_values
 from analyzer.model.search import find, wanted
 from analyzer.model.source import CaptureSource
 from analyzer.tui.filterbar import FilterBar
+from analyzer.tui.plot import Plot
 from analyzer.tui.registerlist import RegisterList
 from captures.chunks import Capture, Chunk
 from captures.line import LineSettings
@@ -151,8 +154,31 @@ def test_a_value_is_found_shown_and_filtered_by_name() -> None:
         await sitting.press("tab", "=", "v")
         assert sitting.screen.query_one(FilterBar).text == 'unit == 1 and value("Voltage L1") == 401.75'
         await sitting.until(lambda: sitting.screen.transactions.count() == 2)
+        await sitting.press("4")
+        assert "Voltage L1" in sitting.shown() and "401.75 V" in sitting.shown(), "of the rows that are left"
         await sitting.press("escape", "5", "home", "=", "v")
         assert sitting.screen.query_one(FilterBar).text == 'unit == 1 and value("Voltage L1") == 401.75'
         assert sitting.screen.query_one(RegisterList).register is not None
 
     asyncio.run(_sitting(work, "transactions"))
+
+
+def _heard(sitting: Seat, words: str) -> bool:
+    return any(words in notice for notice in sitting.notices())
+
+
+def test_values_are_plotted_and_exported_by_name(tmp_path: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        await sitting.until(lambda: "Voltage L1" in sitting.screen.query_one(Plot).title)
+        for view in "54":
+            out = tmp_path / f"{view}.csv"
+            await sitting.press(view, "e", "ctrl+u")
+            await sitting.type(str(out))
+            await sitting.press("enter")
+            await sitting.until(partial(_heard, sitting, out.name))
+            lines = out.read_text(encoding="utf-8").splitlines()
+            named = [line for line in lines if "Voltage L1" in line]
+            assert sum("Voltage L2,230.5" in line for line in lines) == 3, "no guess takes a register of the map's"
+            assert len(named) == 3 and "401.75" in named[-1] and any("boost" in line for line in lines)
+
+    asyncio.run(_sitting(work, "registers"))

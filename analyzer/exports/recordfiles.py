@@ -115,6 +115,7 @@ class ParquetRecords(RecordSink):
 
 
 _WRITERS: Final = {"csv": CsvRecords, "jsonl": JsonRecords, "parquet": ParquetRecords}
+TABULAR: Final = tuple(_WRITERS)  # formats that hold them
 
 
 def open_records(out: OutputStream, capture: Capture, options: ExportOptions, name: str) -> RecordSink:  # noqa: ARG001

@@ -69,7 +69,7 @@ def export(
         return stop is not None and stop()
 
     with output(out, source=capture.path) as written:
-        sink = _sink(written, capture, options, name or format_name(out))
+        sink = open_sink(written, capture, options, name or format_name(out))
         stream = analyse(observed(capture, look=sink.block, stop=stopped), replace(limits, explain=options.explain))
         if options.filter is not None:
             from ..filters.evaluation import filtered
@@ -94,7 +94,8 @@ def export(
     return Exported(frames, octets, stopped(), errors)
 
 
-def _sink(out: OutputStream, capture: Capture, options: ExportOptions, name: str) -> Sink:
+def open_sink(out: OutputStream, capture: Capture, options: ExportOptions, name: str) -> Sink:
+    """What writes the frames, or another table, in the format of that name. Raises ExportError."""
     if options.table == "frames":
         return target("", name).open_sink(out, capture, options)
     from .recordfiles import open_records

@@ -242,15 +242,15 @@ class Meanings:
 
     def _as_maps(self) -> dict[int, RegisterMap]:
         charts = dict(self._charts_of()(range(_UNITS)))
-        added: dict[int, list[MappedValue]] = {}
+        added: dict[int, dict[str, list[MappedValue]]] = {}
         for spot in {**self._told, **self._types()}:
             meaning = self.at(spot)
             if meaning.source in ("yours", "told"):
-                added.setdefault(spot[0], []).append(_row_of(spot, meaning))
+                added.setdefault(spot[0], {"yours": [], "told": []})[meaning.source].append(_row_of(spot, meaning))
         for unit, rows in added.items():
             chart = charts.get(unit, RegisterMap("", ()))
-            rest = [row for row in chart.rows if not any(_overlap(row, one) for one in rows)]
-            charts[unit] = replace(chart, rows=(*rest, *rows))
+            kept = [*(row for row in chart.rows if not _meets(row, rows["yours"])), *rows["yours"]]
+            charts[unit] = replace(chart, rows=(*kept, *(row for row in rows["told"] if not _meets(row, kept))))
         return charts
 
 
@@ -277,8 +277,9 @@ def _row_of(spot: Spot, meaning: Meaning) -> MappedValue:
     )  # fmt: skip
 
 
-def _overlap(one: MappedValue, other: MappedValue) -> bool:
-    return one.area == other.area and one.address < other.end and other.address < one.end
+def _meets(one: MappedValue, others: Sequence[MappedValue]) -> bool:
+    """Whether a value has a register in common with others."""
+    return any(one.area == each.area and one.address < each.end and each.address < one.end for each in others)
 
 
 def meanings_of(

@@ -187,6 +187,11 @@ class Lines(Painted, ScrollView, can_focus=True):
         self._announced, self._told = self.cursor, True
         self.post_message(LineChosen(self, self.cursor))
 
+    def tell_again(self) -> None:
+        """What the line under the cursor says may be another thing now: whoever shows more of it shows that."""
+        if self._told:
+            self._tell()
+
     def _tell_emptied(self) -> None:
         """Nothing is chosen any more: what stands below the list goes."""
         if self._told:

@@ -29,6 +29,8 @@ from .threads import Stop
 from .views import BY_NAME
 
 if TYPE_CHECKING:
+    from dissectors.maps.files import UnitMaps
+
     from ..model.source import ViewSource
     from .screen import BusScreen
 
@@ -56,30 +58,36 @@ WAYS: Final = (
 _AT_ONCE: Final = 1 << 12  # rows
 
 
-def save(bus: Bus, source: ViewSource, rows: NDArray[np.int64], path: Path, stop: Stop = bool) -> int:
+def save(
+    bus: Bus, source: ViewSource, rows: NDArray[np.int64], path: Path, stop: Stop = bool, charts: UnitMaps | None = None
+) -> int:
     """Write these rows (ascending), noise among them if it is chosen, to a file; how many were written.
 
     By suffix: jsonl, csv, mcap. A transaction is written with its request or with its answer, whole, so that a request
-    is never called unanswered because its answer was not chosen. The file appears whole or not at all, holding what
-    came before `stop` said True. Raises ExportError and CaptureError.
+    is never called unanswered because its answer was not chosen. With `charts` it is the values that the rows carry,
+    by the names that these give them. The file appears whole or not at all, holding what came before `stop` said True.
+    Raises ExportError and CaptureError.
     """
     from ..exports.sink import output
 
     with output(path, source=source.path) as stream:
-        return write(bus, source, rows, path, stream, stop)
+        return write(bus, source, rows, path, stream, stop, charts)
 
 
 def write(
-    bus: Bus, source: ViewSource, rows: NDArray[np.int64], name: Path, stream: OutputStream, stop: Stop = bool
-) -> int:
+    bus: Bus, source: ViewSource, rows: NDArray[np.int64], name: Path, stream: OutputStream, stop: Stop = bool,
+    charts: UnitMaps | None = None,
+) -> int:  # fmt: skip
     """What `save` puts into a file called `name`, to an open stream."""
     from captures.chunks import Capture
 
     from ..exports import ExportOptions
-    from ..exports.sink import target
+    from ..exports.running import open_sink
+    from ..exports.sink import format_name
 
     capture = Capture.of(source.line, (), timed=source.timed)
-    sink = target(name).open_sink(stream, capture, ExportOptions(noise=True))
+    options = ExportOptions(noise=True) if charts is None else ExportOptions(table="values", charts=charts)
+    sink = open_sink(stream, capture, options, format_name(name))
     first = 0
     while first < len(rows) and not stop():
         last = int(np.searchsorted(rows, (rows[first] // PIECE + 1) * PIECE))
@@ -102,6 +110,7 @@ def _requests(bus: Bus, part: NDArray[np.int64], chosen: NDArray[np.int64]) -> N
 
 
 _PLAIN: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]{0,99}")
+_OF_VALUES: Final = ("registers", "polls")  # views whose export is what registers held, by name
 _COPIED: Final = 1 << 20  # bytes, at most
 
 
@@ -199,9 +208,13 @@ class PickedRows:
             return
         some = tr("the rows") if count is None else counted(count, "row", "rows")
         subject = some + (tr(" shown") if picked is None else tr(" selected"))
+        charts = screen.desk.meanings.charts if screen.view in _OF_VALUES else None
+        if charts is not None:
+            subject = tr("the values of {rows}", rows=subject)
         question = tr("Download {rows} as", rows=subject) if app.is_web else tr("Export {rows} to", rows=subject)
         wrong = _no_download if app.is_web else _no_file
-        text = await app.push_screen_wait(Ask(question, _formats(), wrong=wrong, value="frames.csv"))
+        name = "frames.csv" if charts is None else "values.csv"
+        text = await app.push_screen_wait(Ask(question, _formats(charts is not None), wrong=wrong, value=name))
         if not text:
             return
         path = typed_path(text)
@@ -212,18 +225,18 @@ class PickedRows:
         shown = screen.jobs.shown()
 
         def work(stop: Stop) -> _Saved:
-            return self._save(shown(stop) if picked is None else picked, path, stop)
+            return self._save(shown(stop) if picked is None else picked, path, stop, charts)
 
         screen.jobs.run("export", work, lambda saved: self._saved(path, saved), exclusive=False)
 
-    def _save(self, rows: NDArray[np.int64], path: Path, stop: Stop) -> _Saved:
+    def _save(self, rows: NDArray[np.int64], path: Path, stop: Stop, charts: UnitMaps | None) -> _Saved:
         """Write them: for a browser to a file without a name, since nobody there is to name files of this machine."""
         bus, source = self._screen.desk.bus, self._screen.desk.source
         try:
             if not self._screen.app.is_web:
-                return _Saved(save(bus, source, rows, path, stop))
+                return _Saved(save(bus, source, rows, path, stop, charts))
             nameless = cast(BinaryIO, TemporaryFile())  # noqa: SIM115 - the browser takes it
-            count = write(bus, source, rows, path, OutputStream(nameless), stop)
+            count = write(bus, source, rows, path, OutputStream(nameless), stop, charts)
             nameless.seek(0)
             return _Saved(count, file=nameless)
         except Exception as error:  # told in one line
@@ -242,8 +255,12 @@ class PickedRows:
             screen.tell(tr("{rows} written to {file}", rows=rows, file=path.absolute()))
 
 
-def _formats() -> str:
+def _formats(of_values: bool) -> str:
+    from ..exports.recordfiles import TABULAR
     from ..exports.sink import formats, target
+
+    if of_values:
+        return tr("a file; its suffix sets the format: {formats}", formats=" ".join(f".{name}" for name in TABULAR))
 
     of_parts = [name for name in formats() if not hasattr(target("-", name), "WHOLE")]
     words = tr("a file; its suffix sets the format: {formats}", formats=" ".join(f".{name}" for name in of_parts))

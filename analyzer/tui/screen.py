@@ -319,6 +319,8 @@ class BusScreen(Screen[None]):
         self.repaint_lists()
         if self.studied is not None and self.view in LISTS:
             self.study_row(self.studied)
+        for each in self.query_one(f"#{self.view}").query(Lines):
+            each.tell_again()
 
     def repaint_lists(self) -> None:
         """Every list looks otherwise now."""
