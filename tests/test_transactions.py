@@ -13,7 +13,9 @@ from hypothesis import strategies as st
 
 from analyzer.deframing.protocols import Deframer
 from analyzer.tables.batch import Batch, join_batches
+from analyzer.tables.columns import decode
 from analyzer.tables.transactions import NEVER, Status, TransactionRows, Transactions, shared
+from analyzer.tables.values import confirmed_values
 from captures.chunks import Block, Chunk
 from dissectors.crc import lrc
 
@@ -260,6 +262,14 @@ def test_a_late_answer_is_held_against_the_newest_request_and_not_the_one_of_the
     parts = [replace(batch, rows=batch.rows[:1]), replace(batch, rows=batch.rows[1:])]
     told = TransactionRows.joined([*map(found.feed, parts), found.close()])
     assert (told.late.tolist(), told.mistaken.tolist()) == ([True, False, False], [False, False, False])
+
+
+def test_what_a_write_writes_is_told_once_when_its_batches_are_joined() -> None:
+    deframer = rtu_deframer(LINE)
+    writes = [adu("1110000100020400070008"), adu("111000010002")] * 3
+    batch = join_batches([*map(deframer.feed, spaced(writes)), deframer.close()])
+    confirmed = confirmed_values(batch, decode(batch))
+    assert (confirmed.rows.tolist(), confirmed.address.tolist()) == ([1, 3, 5], [1, 1, 1])
 
 
 def test_the_next_request_ends_the_wait_and_nothing_else_does() -> None:

@@ -359,5 +359,6 @@ def join_batches(batches: Sequence[Batch]) -> Batch:
     rows = Rows.joined([batch.rows for batch in batches])
     sizes = np.cumsum([0, *(len(batch.data) for batch in batches)])
     rows.at[:] += np.repeat(sizes[:-1], [len(batch) for batch in batches])
-    earlier = {index: adu for batch in batches for index, adu in batch.earlier.items()}
+    held = set(rows.index.tolist())  # what one batch asks and the next answers is here by now
+    earlier = {index: adu for batch in batches for index, adu in batch.earlier.items() if index not in held}
     return Batch(rows, np.concatenate([batch.data for batch in batches]), earlier, off_ns=batches[-1].off_ns)
