@@ -45,6 +45,7 @@ __all__ = [
     "Sized",
     "adu_end",
     "compiled",
+    "declared_roles",
     "layout",
     "pdu_length",
     "plausibility",
@@ -63,6 +64,7 @@ class _CompiledRules:
         self.rules: dict[tuple[int, Role], LengthRule] = {}
         self.shapes: dict[tuple[int, Role], DeclarationShape] = {}
         self.relations: dict[int, tuple[Echo | RequestedByteCount, ...]] = {}
+        self.roles: dict[int, tuple[Role, ...]] = {}
 
 
 _ROLES: Final = tuple(Role)
@@ -87,6 +89,8 @@ def _all() -> _CompiledRules:
         current.rules[code, Role.RESPONSE] = LengthRule(
             code, Role.RESPONSE, "Exception", exception.size, None, tuple(exception.checks), None, False
         )
+    for code, role in current.rules:
+        current.roles[code] = (*current.roles.get(code, ()), role)
     _cache[:] = [current]
     return current
 
@@ -110,6 +114,11 @@ RULES: Final[Mapping[tuple[int, Role], LengthRule]] = _Rules()
 def rule(function: int, role: Role) -> LengthRule | None:
     """The rule of a function byte, or None where nobody has declared it."""
     return _all().rules.get((function, role))
+
+
+def declared_roles(function: int) -> tuple[Role, ...]:
+    """The roles in which somebody has declared a function byte, in their order."""
+    return _all().roles.get(function, ())
 
 
 def miscounted_role(function: int) -> Role:

@@ -265,14 +265,16 @@ class LedgerView:
     @cached_property
     def declared_bytes(self) -> int:
         """Bytes in right frames of functions whose lengths are known: those of others chance makes of any bytes."""
-        sizes = enumerate(self.ledger.function_bytes.tolist())
-        return sum(size for code, size in sizes if size and rule(code & ~EXCEPTION, Role.REQUEST) is not None)
+        sizes = self.ledger.function_bytes
+        seen = np.flatnonzero(sizes).tolist()
+        return sum(int(sizes[code]) for code in seen if rule(code & ~EXCEPTION, Role.REQUEST) is not None)
 
     @cached_property
     def odd(self) -> int:
         """Right frames of functions that nobody has declared and that are not free for users."""
-        functions = enumerate(self.ledger.functions.tolist())
-        return sum(n for code, n in functions if code not in USER_DEFINED and rule(code, Role.REQUEST) is None)
+        counts = self.ledger.functions
+        seen = np.flatnonzero(counts).tolist()
+        return sum(int(counts[code]) for code in seen if code not in USER_DEFINED and rule(code, Role.REQUEST) is None)
 
     @property
     def ordered(self) -> bool:

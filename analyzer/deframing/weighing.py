@@ -17,7 +17,7 @@ from dissectors.crc import crc16, crc_bytes, crc_ok
 from dissectors.declaration import USER_DEFINED
 from dissectors.envelopes import MBAP, Adu, ascii_frames
 from dissectors.length_rules import LengthRule, Role
-from dissectors.lengths import Expectation, expectation, pdu_length, plausibility, rule, sound_roles
+from dissectors.lengths import Expectation, declared_roles, expectation, pdu_length, plausibility, rule, sound_roles
 from dissectors.limits import BROADCAST, CRC_SIZE, EXCEPTION, LAST_UNIT, MAX_ADU, MIN_ADU, Sized
 
 _CRC_BITS: Final = 18.0  # a right check value, 16, and a function in use, of which there are a score of 128
@@ -267,7 +267,7 @@ class _RtuFrames:
 
     def found(self, data: bytes) -> Iterator[SpokenBits]:
         for start in range(self._next, max(len(data) - 1, self._next)):
-            self._open += [(start, role) for role in Role if rule(data[start + 1], role) is not None]
+            self._open += [(start, role) for role in declared_roles(data[start + 1])]
         self._next = max(len(data) - 1, self._next)
         still: list[tuple[int, Role]] = []
         for start, role in self._open:

@@ -8,13 +8,14 @@ integers of nanoseconds.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dissectors.functions import function_name
+from dissectors.lengths import revision
 from dissectors.values import AREAS
 
 from ..extras import needs
@@ -30,6 +31,11 @@ except ImportError as error:
 
 _NAMES: Final = 128  # function codes
 _BITS: Final = ("length", "crc", "silence", "conversation")  # evidence, in bits
+
+
+@lru_cache(maxsize=1)
+def _function_names(revision: int) -> tuple[str, ...]:  # noqa: ARG001 - who declares a function names it
+    return tuple(map(function_name, range(_NAMES)))
 
 
 @cache
@@ -130,7 +136,7 @@ def _envelope(rows: Rows, frames: NDArray[np.bool_]) -> dict[str, Any]:
         "direction": _coded(direction, (direction.name for direction in Direction), noise),
         "unit": _array(rows.unit, noise),
         "function": _array(rows.function, noise),
-        "name": _coded(rows.function, map(function_name, range(_NAMES)), noise),
+        "name": _coded(rows.function, _function_names(revision()), noise),
         "exception": _array(rows.exception, rows.exception == 0),
         "crc_ok": _array(rows.check, noise | (rows.protocol == Protocol.TCP)),
         "request_start": _array(rows.request_start, rows.request_start < 0),

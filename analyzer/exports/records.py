@@ -290,7 +290,8 @@ def _arrow(values: Any, kind: Any) -> Any:
     if isinstance(values, list):
         return pa.array(values, kind)
     missing = np.ma.getmaskarray(values) if isinstance(values, np.ma.MaskedArray) else None
-    return pa.array(np.asarray(values), mask=missing).cast(kind)
+    made = pa.array(np.asarray(values), mask=missing)
+    return made if made.type == kind else made.cast(kind)
 
 
 def records_arrow(table: RecordTable, parts: Iterable[MadeColumns]) -> Any:

@@ -41,8 +41,9 @@ from ..options import Options
 from ..outages import deaf_times
 from ..registers.checking import LimitBreach
 from ..reports.troubles import COUNTED_TWICE, is_habit, of_echoes
-from ..tables.findings import FindingLook, all_looks
-from ..tables.transactions import NEVER, Status
+from ..tables.batch import Batch, join_batches
+from ..tables.findings import FindingLook, Findings, all_looks
+from ..tables.transactions import NEVER, Status, TransactionRows
 from ..words import DAY_NS, HOUR_NS
 from . import FleetError
 from .datasets import CAUSES, HOURS, LakeFiles
@@ -51,10 +52,6 @@ from .stateschema import Schema
 
 if TYPE_CHECKING:
     from captures import Block, Capture
-
-    from ..tables.batch import Batch
-    from ..tables.findings import Findings
-    from ..tables.transactions import TransactionRows
 
 _STATUSES: Final = tuple(status.name.lower() for status in Status)
 _UNITS: Final = 256
@@ -138,6 +135,7 @@ def _hours_table(hours: dict[int, NDArray[np.int64]]) -> Any:
     return pa.record_batch(columns, schema=HOURS)
 
 
+_LITTLE: Final = 256  # rows
 _NOTES: Final = 4096  # of a line remembered, the newest
 
 
@@ -209,7 +207,7 @@ class LineState:
         """No more comes, as far as is known: the rest of the rows. The state is of no use any more."""
         for part in self.even.close():
             self._take(self.analyzer.feed(part), files)
-        self._take(self.analyzer.close(), files)
+        self._take(_together(self.analyzer.close()), files)
         self._close_day(files)
         files.add("hours", self.hours.close())
 
@@ -221,7 +219,7 @@ class LineState:
             for name, table in TABLES.items():
                 if name not in files.tables and name != "transactions":  # of these hours are counted on
                     continue
-                records = record_arrow(record_schema(table), table.made(analysed))
+                records = record_arrow(_record_schema(name), table.made(analysed))
                 files.add(name, records)
                 if name == "transactions":
                     files.add("hours", self.hours.feed(analysed.transactions, analysed.findings, analysed.off_ns))
@@ -259,6 +257,21 @@ class LineState:
     def kept(self) -> bytes:
         """The whole of it, to go on from."""
         return encoded(self, _schema())
+
+
+def _together(parts: list[Analysed]) -> list[Analysed]:
+    """The same, as one where they are little: a table of few rows costs as much as one of many."""
+    if sum(len(each.batch) for each in parts) > _LITTLE or len(parts) < 2 or parts[0].batch.evidence is not None:
+        return parts
+    findings = Findings.joined([each.findings for each in parts])
+    transactions = TransactionRows.joined([each.transactions for each in parts])
+    batch = join_batches([each.batch for each in parts]).said(findings)
+    return [Analysed(batch, transactions, findings, parts[-1].skew)]
+
+
+@cache
+def _record_schema(name: str) -> Any:
+    return record_schema(TABLES[name])
 
 
 def _column_of_kind(kind: Any, values: list[Any]) -> Any:
