@@ -22,12 +22,12 @@ from analyzer.fleet.batch import BatchResult, run_batch
 from analyzer.fleet.datasets import DATASETS
 from analyzer.fleet.entries import FOLDER
 from analyzer.fleet.lake import Lake
+from analyzer.fleet.linetask import BatchOptions
 from analyzer.fleet.manifest import Manifest
 from analyzer.fleet.questions import Asked, ready
 from analyzer.fleet.runners import in_this_process
 from analyzer.fleet.sources import found, lines_of
 from analyzer.fleet.stores import store
-from analyzer.fleet.tasks import BatchOptions
 from analyzer.simulation import Scenario, simulate
 
 _LINES_A_SITE = 10

@@ -23,9 +23,9 @@ from lakes import BEGIN_NS, DAY_NS, batch, bus, plain, rows, same, sliced, write
 from analyzer.fleet import FleetError
 from analyzer.fleet.datasets import DATASETS
 from analyzer.fleet.lake import Lake, sql_text
+from analyzer.fleet.linetask import BatchOptions
 from analyzer.fleet.questions import QUESTIONS, Asked, ready
 from analyzer.fleet.sources import found, lines_of
-from analyzer.fleet.tasks import BatchOptions
 from analyzer.reports import summarize
 from analyzer.simulation.field.cases.registry import field_cases
 

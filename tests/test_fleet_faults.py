@@ -30,11 +30,11 @@ from analyzer.fleet import FleetError
 from analyzer.fleet.account import writing
 from analyzer.fleet.entries import FOLDER
 from analyzer.fleet.lake import Lake
+from analyzer.fleet.linetask import BatchOptions
 from analyzer.fleet.manifest import Manifest
 from analyzer.fleet.questions import Asked, ready
 from analyzer.fleet.runners import ProcessPool, in_this_process
 from analyzer.fleet.stores import store
-from analyzer.fleet.tasks import BatchOptions
 
 
 @pytest.fixture(scope="module")

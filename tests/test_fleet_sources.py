@@ -22,7 +22,7 @@ from analyzer import version
 from analyzer.cli import main
 from analyzer.cli.watch import _there
 from analyzer.extras import needs
-from analyzer.fleet import FleetError, LakeWriteError, datasets, tasks
+from analyzer.fleet import FleetError, LakeWriteError, datasets, linetask
 from analyzer.fleet.lake import Lake
 from analyzer.fleet.manifest import Manifest
 from analyzer.fleet.sources import found, lines_of
@@ -143,14 +143,14 @@ def test_a_disk_that_fails_is_told_in_a_line(whole, tmp_path, monkeypatch):
     def broken(_path):
         raise OSError(errno.EIO, os.strerror(errno.EIO), str(whole))
 
-    monkeypatch.setattr(tasks, "_digest", broken)
+    monkeypatch.setattr(linetask, "_digest", broken)
     result = batch(tmp_path / "lake", tmp_path / "src")
     assert result.damaged == 1 and result.troubles == [f"{whole.as_posix()}: input/output error"]
 
 
 @pytest.mark.parametrize("change", ["shrinks", "grows", "goes"])
 def test_a_capture_that_changes_while_it_is_read_is_told(whole, tmp_path, monkeypatch, change):
-    opened = tasks._opened
+    opened = linetask._opened
 
     def open_and_change(path, options):
         capture = opened(path, options)
@@ -162,7 +162,7 @@ def test_a_capture_that_changes_while_it_is_read_is_told(whole, tmp_path, monkey
             os.truncate(path, path.stat().st_size // 2)
         return capture
 
-    monkeypatch.setattr(tasks, "_opened", open_and_change)
+    monkeypatch.setattr(linetask, "_opened", open_and_change)
     result = batch(tmp_path / "lake", tmp_path / "src")
     assert result.failed == 0
     if change != "goes":
@@ -243,7 +243,7 @@ def test_a_ring_whose_state_is_of_no_use_goes_on_and_loses_nothing(tmp_path, mon
     if what == "rules":
         monkeypatch.setitem(version.RULES, "findings", version.RULES["findings"] + 1)
     elif what == "version":
-        for module in ("batch", "tasks"):
+        for module in ("batch", "linetask"):
             monkeypatch.setattr(f"analyzer.fleet.{module}.__version__", "0.0.1")
     elif what == "state":
         state.write_bytes(b"rubbish")

@@ -17,9 +17,9 @@ from .terminal import Progress, endable, interruptible, places, say_in_place, te
 
 if TYPE_CHECKING:
     from ..fleet.batch import BatchResult, BatchStep
+    from ..fleet.linetask import BatchOptions
     from ..fleet.packs import LakePacking
     from ..fleet.runners import Runner
-    from ..fleet.tasks import BatchOptions
 
 EXAMPLE = """\
 rtuscope simulate bus.jsonl --wire noisy
@@ -127,7 +127,7 @@ def batch_options(arguments: argparse.Namespace) -> BatchOptions:
 
     from captures.line import LineSettings
 
-    from ..fleet.tasks import BatchOptions
+    from ..fleet.linetask import BatchOptions
 
     try:
         LineSettings().with_settings(arguments.baud, arguments.parity, arguments.bits, arguments.stop)

@@ -20,18 +20,19 @@ from captures.files import replacing
 from captures.locks import LockedElsewhereError, opened_and_locked
 
 from . import FleetError
+from .checkpoints import FOLDER as CHECKPOINT
 from .datasets import DATASETS
-from .entries import entry_names, read_entry
+from .entries import entries_there, read_entry
 from .manifest import Manifest
 from .sources import LineFiles, readable
 from .stores import ACCOUNT, SCRATCH, FolderStore, LakeStore, as_fleet_error, is_remote
 
-_FOLDERS: Final = (*DATASETS, "state", SCRATCH)
+_FOLDERS: Final = (*DATASETS, "state", CHECKPOINT, SCRATCH)
 _MARK: Final = "lake.json"
 _MARKED: Final = {"format": "rtuscope-lake", "version": 1}
 _LOCK: Final = ".writing"
 _TABLE: Final = rf"(?:{'|'.join(DATASETS)})/(?:site=[^/\\\0]+(?:/day=[^/\\\0]+)?|packed)"
-_OWN: Final = re.compile(rf"(?:{_TABLE}|state|{SCRATCH})/[0-9a-z-]{{12,}}(?:\.[a-z]+)?")
+_OWN: Final = re.compile(rf"(?:{_TABLE}|state|{CHECKPOINT}|{SCRATCH})/[0-9a-z-]{{12,}}(?:\.[a-z]+)?")
 _RUN: Final = re.compile(r"/[0-9a-z]+-(?P<run>[0-9a-f]{32})-\d+(?:\.[a-z]+)?")
 _ACCOUNTED: Final = re.compile(rf"{ACCOUNT}/([0-9a-f]{{32}})\.json")
 _BEFORE_MARK: Final = re.compile(rf"{re.escape(_LOCK)}|\.{re.escape(_MARK)}\.\w+\.part")  # a kill may leave these alone
@@ -49,8 +50,8 @@ def _is_lake(store: LakeStore) -> bool:
         mark = json.loads(store.read(_MARK))
         if isinstance(mark, dict) and mark.items() >= _MARKED.items():
             return True
-    first = next(entry_names(store), None)
-    return first is not None and bool(read_entry(store, first[1])[0])  # one of before lakes had a mark
+    first = next(entries_there(store), None)
+    return first is not None and bool(read_entry(store, first[1][0]))  # one of before lakes had a mark
 
 
 def refuse_sources_inside(store: LakeStore, lines: Iterable[LineFiles]) -> None:
@@ -103,6 +104,7 @@ def remove_waste(manifest: Manifest) -> list[str]:
     there = [name for folder in _FOLDERS for name in store.names(folder) if name not in named]
     waste = [name for name in there if _is_own(name, manifest, runs)]
     kept = store.remove(waste)
+    manifest.catalog.forget_replaced(kept)
     needed = {run for name in kept if (run := _run_of(name))}
     store.remove(name for run, name in runs.items() if run not in needed)
     told = [f"{readable(store.url(name))}: could not be removed: {reason}" for name, reason in kept.items()]
@@ -113,7 +115,7 @@ def remove_waste(manifest: Manifest) -> list[str]:
 
 
 def _is_own(name: str, manifest: Manifest, runs: Iterable[str]) -> bool:
-    return _OWN.fullmatch(name) is not None and (name in manifest.listed or _run_of(name) in {*runs})
+    return _OWN.fullmatch(name) is not None and (_run_of(name) in {*runs} or manifest.catalog.was_named(name))
 
 
 def _run_of(name: str) -> str | None:

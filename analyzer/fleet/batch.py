@@ -3,25 +3,27 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from itertools import takewhile
 from typing import Any, Final
 
-from ..version import __version__
+from ..version import RULES, __version__
 from . import FleetError, LakeWriteError
 from .account import refuse_sources_inside, refuse_unless_lake, remove_waste, writing
+from .catalog import HAVE_ROWS, KnownLine, made_by
 from .datasets import DATASETS, touched
+from .linetask import BatchOptions, KeptRows, LineTask, contents_taken
 from .manifest import LakeLine, Manifest
 from .packs import FULL, FullPacks, LakePacking, PackTask, pack_tasks
 from .runners import LakeTask, Runner, in_this_process
 from .sources import LineFiles, SourceFile, readable
 from .stores import LakeStore
-from .tasks import BatchOptions, KeptRows, LinesTask, LineTask, line_tasks_together
+from .tasks import LinesTask, line_tasks_together
 
 _UNWRITTEN: Final = 5  # tasks one after the other that could not write: a full disk, and no fault of theirs
-_HAVE_ROWS: Final = ("whole", "damaged")  # states of captures
 
 
 @dataclass(slots=True)
@@ -68,43 +70,63 @@ def planned(
     result: BatchResult,
 ) -> list[LineTask]:
     """The tasks that are left to do, the largest first. What is not done is counted in `result`."""
-    tasks = []
+    tasks, asked = [], made_by(options.mark(), RULES)
     for line in lines:
-        known = entered.elsewhere(line.site, line.line)
-        plain = LineTask(
-            manifest.store.root, line.site, line.line, line.files, options, known, None, sliced=line.sliced
-        )
-        before = manifest.lines.get((line.site, line.line))
-        task = plain if before is None else _further(before, plain, redo=redo, result=result)
+        plain = LineTask(manifest.store.root, line.site, line.line, line.files, options, sliced=line.sliced)
+        before = manifest.catalog.known(line.site, line.line)
+        if before is not None and before.made == asked and _has_all(before, line):
+            result.skipped += len(line.files)
+            continue
+        plain = replace(plain, known=entered.of_size(line.site, line.line, {file.size for file in line.files}))
+        whole = manifest.line(line.site, line.line)
+        task = plain if whole is None else _further(whole, plain, redo=redo, result=result)
         if task is not None:
             tasks.append(task)
     return sorted(tasks, key=lambda task: (-task.size, task.site, task.line))
+
+
+def _has_all(known: KnownLine, line: LineFiles) -> bool:
+    return all((file.url, file.size, file.stamp) in known.sources for file in line.files)
 
 
 class EnteredCaptures:
     """Whose rows the lake has, by content: the lines of a site that took a capture, by its SHA-256."""
 
     def __init__(self, manifest: Manifest) -> None:
-        self._lines: dict[str, dict[str, set[str]]] = {}
-        for (site, line), entries in manifest.lines.items():
-            self.add(site, line, entries.slices())
+        self._catalog = manifest.catalog
+        self._new: dict[tuple[str, str], set[str]] = defaultdict(set)  # that the manifest does not name yet
+        self._of_size: dict[tuple[str, int], list[tuple[str, str]]] = {}
 
-    def add(self, site: str, line: str, slices: Iterable[Mapping[str, Any]]) -> None:
+    def add(self, site: str, line: str, entry: Mapping[str, Any]) -> None:
         """What a line has."""
-        entered = self._lines.setdefault(site, {})
-        for one in slices:
-            if one["state"] in _HAVE_ROWS:
-                entered.setdefault(one["sha256"], set()).add(line)
+        for sha256 in contents_taken(entry):
+            self._new[site, sha256].add(line)
 
-    def elsewhere(self, site: str, line: str, among: Iterable[str] | None = None) -> frozenset[str]:
-        """What another line of the site has, of all or `among` these; where this one has it as well, it is the first
-        one's by name."""
-        entered = self._lines.get(site, {})
+    def of_size(self, site: str, line: str, sizes: Iterable[int]) -> frozenset[str]:
+        """What another line of the site has, of captures that have so many bytes: copies of others have not.
+
+        Where this one has it as well, it is the first one's by name.
+        """
+        lines: dict[str, set[str]] = defaultdict(set)
+        for size in sizes:
+            if (found := self._of_size.get((site, size))) is None:
+                found = self._of_size[site, size] = self._catalog.of_size(site, size)
+            for sha256, other in found:
+                lines[sha256].add(other)
+        return frozenset(sha256 for sha256, others in lines.items() if _is_of_another(line, others))
+
+    def elsewhere(self, site: str, line: str, among: Iterable[str]) -> frozenset[str]:
+        """Of these contents those that another line of the site has."""
+        new, catalog = self._new, self._catalog
         return frozenset(
-            sha
-            for sha in (entered if among is None else among)
-            if (lines := entered.get(sha)) and (min(lines) < line if line in lines else lines)
+            sha256
+            for sha256 in among
+            if _is_of_another(line, new.get((site, sha256), set()) | catalog.with_content(site, sha256))
         )
+
+
+def _is_of_another(line: str, lines: Collection[str]) -> bool:
+    return min(lines) < line if line in lines else bool(lines)
 
 
 def _further(before: LakeLine, plain: LineTask, *, redo: bool, result: BatchResult) -> LineTask | None:
@@ -160,7 +182,7 @@ def _continued(
     slices, last = list(before.slices()), before.last
     usable = last["version"] == __version__ and not touched(last.get("rules", {}))
     every_one_there = {one["url"] for one in slices} <= {file.url for file in plain.files}
-    entered = {one["url"] for one in slices if one["state"] in _HAVE_ROWS}
+    entered = {one["url"] for one in slices if one["state"] in HAVE_ROWS}
     newest = max(one["url"].rpartition("/")[2] for one in slices)
     grown = slices[-1] if usable and _may_have_grown(slices[-1], fresh[0], newest) else None
     if grown is None and fresh[0].name <= newest:
@@ -238,6 +260,7 @@ def run_batch(
         result.partial = taking.done < total
         if not result.partial:
             result.packed += _pack(manifest, runner, 1 if compact else None, stop)
+        manifest.checkpoint()
     result.seconds = time.monotonic() - begun
     return result
 
@@ -280,10 +303,10 @@ class _Taking:
             if isinstance(outcome, Exception):
                 self._fail(line, outcome)
             elif copies := self._elsewhere(line, outcome):
-                self._copies.append(replace(line, known=line.known | copies))
+                self._copies.append(line.knowing(copies))
             else:
                 self._unwritten = 0
-                self._entered.add(line.site, line.line, outcome["slices"])
+                self._entered.add(line.site, line.line, outcome)
                 entries.append(outcome)
                 self.done += _size(line)
         if entries:
@@ -294,8 +317,7 @@ class _Taking:
 
     def _elsewhere(self, line: LineTask, entry: dict[str, Any]) -> frozenset[str]:
         """What a line took though another of the site has it since: two copies of a capture, in one batch."""
-        own = [one["sha256"] for one in entry["slices"] if one["state"] in _HAVE_ROWS]
-        return self._entered.elsewhere(line.site, line.line, own)
+        return self._entered.elsewhere(line.site, line.line, contents_taken(entry))
 
     def _fail(self, line: LineTask, error: Exception) -> None:
         self._count_unwritten(error)
@@ -330,7 +352,9 @@ def compact_lake(store: LakeStore) -> LakePacking:
     with writing(store):
         manifest = Manifest(store)
         remove_waste(manifest)
-        return _pack(manifest, in_this_process, 1, None)
+        packing = _pack(manifest, in_this_process, 1, None)
+        manifest.checkpoint()
+        return packing
 
 
 def _beside(tasks: Iterable[LinesTask], full: FullPacks) -> Iterator[LakeTask]:

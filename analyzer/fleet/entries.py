@@ -25,16 +25,16 @@ _OUTSIDE: Final = ("//", "/./", "/../", "\\", "\0")  # in no name below a lake, 
 _Check = Callable[[Any], bool]
 
 
-def entry_names(store: LakeStore) -> Iterator[tuple[int, str]]:
-    """The number and the name of each entry, in order; other files there are none."""
-    for name in store.names(FOLDER):
+def entries_there(store: LakeStore) -> Iterator[tuple[int, tuple[str, str]]]:
+    """The number of each entry, with its name and its stamp, in order; other files there are none."""
+    for name, stamp in store.stamps(FOLDER):
         stem = name.removeprefix(f"{FOLDER}/").removesuffix(_ENDING)
         if name.endswith(_ENDING) and stem.isascii() and stem.isdecimal():
-            yield int(stem), name
+            yield int(stem), (name, stamp)
 
 
-def read_entry(store: LakeStore, name: str) -> tuple[dict[str, Any], set[str]]:
-    """An entry, of which all is there and of its kind, and the files that it names. Raises FleetError."""
+def read_entry(store: LakeStore, name: str) -> dict[str, Any]:
+    """An entry, of which all is there and of its kind. Raises FleetError."""
     try:
         entry = _parsed(store.read(name))
     except OSError as error:
@@ -42,9 +42,9 @@ def read_entry(store: LakeStore, name: str) -> tuple[dict[str, Any], set[str]]:
     except (ValueError, RecursionError):
         entry = None
     check = _PACKING if isinstance(entry, dict) and "packs" in entry else _TASK
-    if not check(entry) or not _in_lake(listed := listed_in(entry)):
+    if not isinstance(entry, dict) or not check(entry) or not in_lake(_listed_in(entry)):
         raise FleetError(f"{store.url(name)}: is damaged or not an entry of a lake's manifest")
-    return entry, listed
+    return entry
 
 
 @contextmanager
@@ -71,9 +71,9 @@ def lines_in(entry: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
     return entry.get("lines", ()) if "packs" in entry else (entry,)
 
 
-def listed_in(entry: Mapping[str, Any]) -> set[str]:
+def _listed_in(entry: Mapping[str, Any]) -> set[str]:
     """The files that an entry names."""
-    listed = {pack["name"] for pack in entry.get("packs", ())}
+    listed = {pack["name"] for pack in entry.get("packs", ())} | {*filter(None, (entry.get("checkpoint"),))}
     for line in lines_in(entry):
         for files in (*line["files"].values(), *line["tail"].values()):
             listed.update([name for name, _ in files])
@@ -82,7 +82,7 @@ def listed_in(entry: Mapping[str, Any]) -> set[str]:
     return listed
 
 
-def _in_lake(names: Collection[str]) -> bool:
+def in_lake(names: Collection[str]) -> bool:
     """Whether they can only be files below the lake."""
     joined = f"/{'/'.join(names)}/"
     return not names or not any(each in joined for each in _OUTSIDE)
@@ -167,5 +167,9 @@ _TASK: Final = _form(
     }
 )
 _PACKING: Final = _form(
-    {"packs": _list(_form({"table": _text, "name": _text, "members": _members})), "lines?": _list(_TASK)}
+    {
+        "packs": _list(_form({"table": _text, "name": _text, "members": _members})),
+        "lines?": _list(_TASK),
+        "checkpoint?": _text,
+    }
 )

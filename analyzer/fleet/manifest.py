@@ -10,14 +10,18 @@ that does not takes the place of all earlier ones of its line.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 from . import FleetError
-from .entries import FOLDER, entry_names, lines_in, listed_in, read_entry, reading_many
+from .catalog import Catalog
+from .checkpoints import NEW_ENTRIES, NEW_SHARE, Entries, newest_checkpoint, write_checkpoint
+from .entries import FOLDER, entries_there, in_lake, lines_in, read_entry, reading_many
 from .stores import LakeStore, PackMember
+
+_RECENT: Final = 64  # entries that are kept as they are, once a line of theirs was asked for
 
 
 @dataclass(slots=True)
@@ -55,14 +59,6 @@ class LakeLine:
 
 
 @dataclass(frozen=True, slots=True)
-class Pack:
-    """A file with the rows of others, its members; a row's `part` is the number of its member."""
-
-    table: str
-    members: tuple[PackMember, ...]
-
-
-@dataclass(frozen=True, slots=True)
 class TableFiles:
     """Where a table's rows lie: files of one line each; packs, with the parts of each that are the lake's no more."""
 
@@ -82,7 +78,10 @@ class TableFiles:
 
 
 class Manifest:
-    """The entries of a lake, each read once; `add` writes one more."""
+    """The entries of a lake; `add` writes one more.
+
+    What they come to is kept in a catalog, of which `checkpoint` writes down what the next reader then need not read.
+    """
 
     def __init__(self, store: LakeStore) -> None:
         self.store = store
@@ -90,36 +89,42 @@ class Manifest:
         self.read_on()
 
     def _forget(self) -> None:
-        self.lines: dict[tuple[str, str], LakeLine] = {}
-        self.packs: dict[str, Pack] = {}
-        self._numbers: set[int] = set()
-        self._packed: dict[str, tuple[str, int]] = {}  # pack and part that hold a file's rows
-        self.listed: set[str] = set()  # all files that an entry ever named
-        self.newest = 0
+        self.catalog = Catalog(self.store.root)
+        self._names: dict[int, str] = {}  # of the entries that were taken
+        self._recent: dict[int, dict[str, Any]] = {}  # of these some, as they are
         self._newest_entry = b""
+        self._held = 0  # entries that a checkpoint holds, by the number of the last
+
+    @property
+    def newest(self) -> int:
+        """The number of the last entry; 0 where there is none."""
+        return max(self._names, default=0)
 
     def read_on(self) -> Manifest:
         """The same with the entries that came since it was read; all anew where it is another's by now."""
-        there = dict(entry_names(self.store))
+        there = dict(entries_there(self.store))
         if not self._is_that(there):
             self._forget()
+        if not self._names and (found := newest_checkpoint(self.store, there)) is not None:
+            self.catalog, self._held = found
+            self._names = {number: name for number, (name, _) in there.items() if number <= self._held}
+        fresh = [(number, name) for number, (name, _) in there.items() if number not in self._names]
         try:
-            with reading_many():
-                for number, name in there.items():
-                    if number not in self._numbers:
-                        self._take(number, *read_entry(self.store, name))
-            self._newest_entry = self.store.read(there[self.newest]) if there else b""
+            with reading_many(), self.catalog.changing():
+                for number, name in fresh:
+                    self._take(number, name, read_entry(self.store, name))
+            self._newest_entry = self.store.read(self._names[self.newest]) if there else b""
         except BaseException:
             self._forget()  # half an entry would make its files nobody's
             raise
         return self
 
-    def _is_that(self, there: Mapping[int, str]) -> bool:
+    def _is_that(self, there: Entries) -> bool:
         """Whether the entries that were read are among these: the newest holds names that no other lake has."""
-        if not self._numbers <= there.keys():
+        if not self._names.keys() <= there.keys():
             return False
         with suppress(FleetError, OSError):
-            return not self._numbers or self.store.read(there[self.newest]) == self._newest_entry
+            return not self._names or self.store.read(self._names[self.newest]) == self._newest_entry
         return False
 
     @classmethod
@@ -132,60 +137,79 @@ class Manifest:
 
     def add(self, lines: Sequence[dict[str, Any]], packs: Sequence[dict[str, Any]] = ()) -> None:
         """One more entry, of lines and of packs: from now on their files are the lake's."""
-        entry = lines[0] if len(lines) == 1 and not packs else {"packs": packs} | ({"lines": lines} if lines else {})
+        self._write(
+            lines[0] if len(lines) == 1 and not packs else {"packs": packs} | ({"lines": lines} if lines else {})
+        )
+
+    def _write(self, entry: dict[str, Any]) -> None:
         number = self.newest + 1
         name = f"{FOLDER}/{number:08d}.json"
         data = json.dumps(entry, separators=(",", ":")).encode()
         self.store.write(name, data)
-        self._take(number, entry, listed_in(entry))
+        with self.catalog.changing():
+            self._take(number, name, entry)
         self._newest_entry = data
+
+    def _take(self, number: int, name: str, entry: Mapping[str, Any]) -> None:
+        for line in lines_in(entry):
+            if line["after"] is not None and line["after"] not in self._names:
+                raise FleetError(f"{self.store.root}: entry {line['after']} of its manifest is missing")
+        self.catalog.take(number, lines_in(entry), entry.get("packs", ()), entry.get("checkpoint"))
+        self._names[number] = name
+
+    def checkpoint(self) -> None:
+        """Write down what the entries come to, where many are new since that was done; none is needed.
+
+        The caller has the lake to itself.
+        """
+        there = dict(entries_there(self.store))
+        fresh = self.newest - self._held
+        if there.keys() != self._names.keys() or fresh < max(NEW_ENTRIES, self.newest // NEW_SHARE):
+            return
+        with suppress(FleetError):
+            name, self._held = write_checkpoint(self.store, self.catalog, there), self.newest
+            self._write({"packs": [], "checkpoint": name})
+
+    @property
+    def lines(self) -> list[tuple[str, str]]:
+        """Site and name of each line, in their order."""
+        return self.catalog.lines()
+
+    def line(self, site: str, line: str) -> LakeLine | None:
+        """A line as its entries have it; None where there is none of this name. Raises FleetError."""
+        numbers = self.catalog.entries(site, line)
+        entries = [
+            next(each for each in self._lines_of(number) if each["site"] == site and each["line"] == line)
+            for number in numbers
+        ]
+        return LakeLine(site, line, entries, numbers) if numbers else None
+
+    def _lines_of(self, number: int) -> Sequence[Mapping[str, Any]]:
+        if number not in self._recent:
+            if len(self._recent) >= _RECENT:
+                self._recent.clear()
+            self._recent[number] = read_entry(self.store, self._names[number])
+        return lines_in(self._recent[number])
 
     def rows(self, table: str) -> dict[str, int]:
         """How many rows each file has that was made of a table, in the order of sites, lines and rows."""
-        return {name: rows for _, line in sorted(self.lines.items()) for name, rows in line.files(table)}
+        return self.catalog.rows(table)
 
     def files(self, table: str) -> TableFiles:
-        """The files to read for a table."""
-        loose: list[str] = []
-        live: dict[str, set[int]] = {}
-        for name in self.rows(table):
-            if (where := self._packed.get(name)) is None:
-                loose.append(name)
-            else:
-                live.setdefault(where[0], set()).add(where[1])
-        stale = {pack: sorted(set(range(len(self.packs[pack].members))) - parts) for pack, parts in live.items()}
-        return TableFiles(loose, stale)
+        """The files to read for a table. Raises FleetError."""
+        loose, packs = [*self.catalog.loose(table)], self.catalog.packs(table)
+        if not in_lake([*loose, *(pack.name for pack in packs)]):
+            raise FleetError(f"{self.store.root}: its manifest is damaged: it names files outside of the lake")
+        return TableFiles(
+            loose,
+            {
+                pack.name: sorted({*range(pack.members)} - self.catalog.members(pack.name).keys())
+                if pack.live < pack.members
+                else []
+                for pack in packs
+            },
+        )
 
     def named(self) -> set[str]:
         """All files that are the lake's."""
-        lines = self.lines.values()
-        named = {line.last["state"] for line in lines if line.last["state"]}
-        for line in lines:
-            for files in (*(entry["files"] for entry in line.entries), line.last["tail"]):
-                named.update([name for members in files.values() for name, _ in members])
-        packed = named & self._packed.keys()
-        return (named - packed) | {self._packed[name][0] for name in packed}
-
-    def _take(self, number: int, entry: Mapping[str, Any], listed: set[str]) -> None:
-        self.newest = max(self.newest, number)
-        self._numbers.add(number)
-        self.listed |= listed
-        self._take_packs(entry.get("packs", ()))
-        for line in lines_in(entry):
-            self._take_line(number, line)
-
-    def _take_line(self, number: int, entry: Mapping[str, Any]) -> None:
-        key, after = (entry["site"], entry["line"]), entry["after"]
-        if after is not None and after not in self._numbers:
-            raise FleetError(f"{self.store.root}: entry {after} of its manifest is missing")
-        line = self.lines.get(key)
-        if line is None or after is None or after != line.numbers[-1]:
-            line = self.lines[key] = LakeLine(*key)
-        line.entries.append(entry)
-        line.numbers.append(number)
-
-    def _take_packs(self, packs: Iterable[dict[str, Any]]) -> None:
-        for pack in packs:
-            members = tuple((name, rows) for name, rows in pack["members"])
-            self.packs[pack["name"]] = Pack(pack["table"], members)
-            self._packed |= {name: (pack["name"], part) for part, (name, _) in enumerate(members)}
+        return self.catalog.named()

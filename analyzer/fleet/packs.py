@@ -159,18 +159,15 @@ class FullPacks:
 
 def _small(manifest: Manifest, table: str) -> tuple[list[SmallFile], set[str]]:
     """What is worth packing, by site and day; and those of it that a line that goes on will not soon replace."""
-    files, rows = manifest.files(table), manifest.rows(table)
-    passing = {name for line in manifest.lines.values() if line.last["state"] for name, _ in line.tail(table)}
-    smalls = [SmallFile(name, ((name, rows[name]),)) for name in files.loose if rows[name] < SMALL]
-    settled = {small.file for small in smalls} - passing
-    for name, stale in files.packs.items():
-        members = manifest.packs[name].members
-        numbers = tuple(number for number in range(len(members)) if number not in stale)
-        dead = sum(members[number][1] for number in stale)
-        live = SmallFile(name, tuple(members[number] for number in numbers), numbers, dead)
-        if live.rows < SMALL or dead > _STALE * live.rows:
-            smalls.append(live)
-            settled.add(name)
+    catalog = manifest.catalog
+    smalls = [SmallFile(name, ((name, rows),)) for name, rows in catalog.loose(table).items() if rows < SMALL]
+    settled = {small.file for small in smalls} - catalog.passing(table)
+    for pack in catalog.packs(table):
+        dead = pack.rows - pack.live_rows
+        if pack.live_rows < SMALL or dead > _STALE * pack.live_rows:
+            members = catalog.members(pack.name)
+            smalls.append(SmallFile(pack.name, tuple(members.values()), tuple(members), dead))
+            settled.add(pack.name)
     return sorted(smalls, key=lambda small: min(small.members)), settled  # names begin with site and day
 
 

@@ -23,7 +23,7 @@ from typing import Any, Final
 from captures.errors import os_reason
 
 from . import FleetError
-from .stores import fetched, filesystem, is_remote
+from .stores import entity_tag, fetched, filesystem, is_remote
 
 _RING: Final = re.compile(r"(?P<line>.+)-\d{8}T\d{6}\.\d{3}Z")
 _PACKED: Final = (".gz", ".bz2", ".xz", ".zst", ".zip")
@@ -276,5 +276,4 @@ def _remote(source: str) -> Iterator[SourceFile]:
         raise FleetError(f"{source}: {' '.join(str(error).split()) or type(error).__name__}") from error
     for name, about in sorted(details.items()):
         if about["type"] == "file" and (named or name == path or _wanted(PurePosixPath(name).name)):
-            stamp = about.get("ETag") or about.get("etag") or about.get("md5Hash") or about.get("mtime") or ""
-            yield SourceFile(f"{scheme}://{name}", int(about["size"] or 0), str(stamp))
+            yield SourceFile(f"{scheme}://{name}", int(about["size"] or 0), entity_tag(about))

@@ -39,10 +39,10 @@ _PLACES: Final = (
 def _lake() -> Path:
     """A small lake, to be copied."""
     from analyzer.fleet.batch import run_batch
+    from analyzer.fleet.linetask import BatchOptions
     from analyzer.fleet.runners import in_this_process
     from analyzer.fleet.sources import found, lines_of
     from analyzer.fleet.stores import store
-    from analyzer.fleet.tasks import BatchOptions
 
     source = folder() / "site" / "bus.jsonl"
     source.parent.mkdir()

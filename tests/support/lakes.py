@@ -10,10 +10,10 @@ import captures
 from analyzer.fleet.batch import run_batch
 from analyzer.fleet.datasets import DATASETS
 from analyzer.fleet.lake import Lake
+from analyzer.fleet.linetask import BatchOptions
 from analyzer.fleet.runners import in_this_process
 from analyzer.fleet.sources import found, lines_of
 from analyzer.fleet.stores import store
-from analyzer.fleet.tasks import BatchOptions
 from analyzer.simulation import Scenario, simulate
 
 DAY_NS = 86_400_000_000_000
