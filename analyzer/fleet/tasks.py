@@ -9,12 +9,13 @@ scheduler that tries again and two that do the same leave nothing in the lake bu
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
 from ..languages import telling
-from .linetask import LineTask, TaskPlace, line_entry
+from .linetask import LineTask, TaskPlace, contents_taken, line_entry
 from .packs import new_packs
 from .stores import store
 
@@ -40,8 +41,14 @@ class LinesTask:
         Rows are in English, wherever it runs. Raises LakeWriteError where no packs can be written.
         """
         place = TaskPlace(store(self.lines[0].lake), [] if len(self.lines) > 1 else None)
+        outcomes: list[dict[str, Any] | Exception] = []
+        taken: dict[str, set[str]] = defaultdict(set)  # contents of captures, by site
         with telling("en"):
-            outcomes = [_outcome(line, place) for line in self.lines]
+            for line in self.lines:
+                outcome = _outcome(line.knowing(taken[line.site]), place)
+                if not isinstance(outcome, Exception):
+                    taken[line.site].update(contents_taken(outcome))
+                outcomes.append(outcome)
         return {"lines": outcomes, "packs": new_packs(place.store, place.waiting or ())}
 
 
