@@ -23,7 +23,11 @@ FOLDER: Final = "checkpoint"
 NEW_ENTRIES: Final = 32  # at least, since the one before
 NEW_SHARE: Final = 8  # and so much of all entries: what is written goes by what is new
 _EXPANDED: Final = 100  # times as large as it is compressed: what says more is no checkpoint
-_ABOUT: Final = {"format": "rtuscope-checkpoint", "schema": hashlib.sha256(SCHEMA.encode()).hexdigest()[:12]}
+_ABOUT: Final = {
+    "format": "rtuscope-checkpoint",
+    "version": 1,  # another where `Catalog.take` makes something else of entries
+    "schema": hashlib.sha256(SCHEMA.encode()).hexdigest()[:12],
+}
 
 Entries = Mapping[int, tuple[str, str]]  # name and stamp of each, by its number
 
