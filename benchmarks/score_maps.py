@@ -4,7 +4,7 @@
 
 Made-up makers in folds (`map_files.py`): `fit` and `held` may be looked at when words are added, `new` has languages
 and layouts of which nothing speaks; `late` tells the score. Whole files, written by hand, are `fresh-fit`, `fresh`,
-`unseen` and `later` (`maps/whole.toml`). `tests` are the oddities of the tests and the other programs' files.
+`unseen`, `later`, `wide` and `aside` (`maps/whole.toml`). `tests` are the oddities of the tests and the other programs' files.
 `--rows FILE` writes every row read, a line each, so that two versions can be compared row by row.
 """
 
@@ -78,7 +78,8 @@ def texts_of(name: str, data: bytes) -> list[str]:
 def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument(
-        "--fold", choices=("fit", "held", "new", "late", "fresh-fit", "fresh", "unseen", "later", "tests")
+        "--fold",
+        choices=("fit", "held", "new", "late", "fresh-fit", "fresh", "unseen", "later", "wide", "aside", "tests"),
     )
     parser.add_argument("--wrong", action="store_true", help="print what is wrong in each file")
     parser.add_argument("--rows", type=Path, metavar="FILE", help="write every row that is read")
