@@ -64,7 +64,8 @@ class _Switch(ast.NodeTransformer):
         for operand in node.values[1:]:
             if self._is(operand):
                 node.values.remove(operand)
-        return self.generic_visit(node)
+        self.generic_visit(node)
+        return node if len(node.values) > 1 else node.values[0]
 
     def visit_comprehension(self, node: ast.comprehension) -> ast.AST:
         node.ifs = [test for test in node.ifs if not self._is(test)]

@@ -4,8 +4,8 @@
 
 Made-up makers in folds (`map_files.py`): `fit` and `held` may be looked at when words are added, `new` has languages
 and layouts of which nothing speaks; `late` tells the score. Whole files, written by hand, are `fresh-fit`, `fresh`,
-`unseen`, `later`, `wide` and `aside` (`maps/whole.toml`). `tests` are the oddities of the tests and the other programs' files.
-`--rows FILE` writes every row read, a line each, so that two versions can be compared row by row.
+`unseen`, `later`, `wide` and `aside` (`maps/whole.toml`). `tests` are the oddities of the tests and the other
+programs' files. `--rows FILE` writes every row read, a line each, so that two versions can be compared row by row.
 """
 
 from __future__ import annotations

@@ -9,6 +9,7 @@ import pytest
 from oddmaps import OddFile, check_import
 from running import refused
 
+from dissectors.maps import MapError
 from dissectors.maps.importers import import_maps
 from dissectors.maps.table import read_table, write_table
 
@@ -458,6 +459,51 @@ TABLES: dict[str, OddFile] = {
         ["holding 5 u16 x0.1 A", "holding 6 u16 x0.01 B", "holding 7 u16 C"],
         "",
     ),
+    "entries, parts in any order, a title with the area": (
+        "gauge.txt",
+        b"Tank gauge, function 04\n\n101: Level (left), uint16, 0.1 cm, R\n102: Total: R, uint32, rpm\n"
+        b"104 - Flow - 1 l - uint16\n",
+        ["input 101 u16 x0.1 cm r Level (left)", "input 102 u32 rpm r Total", "input 104 u16 l Flow"],
+        "",
+    ),
+    "bullets of Markdown": (
+        "chiller.md",
+        "# Chiller\n\n- **0x0010** Supply (int16, 0.1 °C)\n- `0x0011-0x0012` Energy: kWh, RW\n"
+        "* 0x13 Fan [uint16]\n".encode(),
+        ["holding 16 s16 x0.1 °C Supply", "holding 17 u32 kWh rw Energy", "holding 19 u16 Fan"],
+        "",
+    ),
+    "remarks of another order": (
+        "regs.h",
+        b"#define LEVEL 16 /* R, uint16, 0.1 m */\n#define LIMIT 0x20 // RW, 0.5 m, uint16\n",
+        ["holding 16 u16 x0.1 m r LEVEL", "holding 32 u16 x0.5 m rw LIMIT"],
+        "",
+    ),
+    "addresses from 1 on, as the heading says": (
+        "list.csv",
+        b"Register (1-based),Name,Type\n1,A,u16\n2-3,B,u32\n40011,C,u16\n",
+        ["holding 0 u16 A", "holding 1 u32 B", "holding 10 u16 C"],
+        "counted from 1",
+    ),
+    "addresses from 1 on, as a title says; one is 0": (
+        "list.csv",
+        b"Addresses are 1-based\nRegister,Name,Type\n0,A,u16\n2,B,u16\n",
+        ["holding 0 u16 A", "holding 2 u16 B"],
+        "",
+    ),
+    "a table on its side": (
+        "side.csv",
+        b"Meter,,\nRegister,50,52\nName,Energy,Speed\nType,UINT32,UINT16\nUnit,kWh,rpm\n",
+        ["holding 50 u32 kWh Energy", "holding 52 u16 rpm Speed"],
+        "",
+    ),
+    "columns of blanks below two words": (
+        "pdf.txt",
+        b"  METER      page 12\n\n  Register   Name    Type     Unit\n  5          Level   UINT16   V\n"
+        b"  6          Flow    INT16    A\n",
+        ["holding 5 u16 V Level", "holding 6 s16 A Flow"],
+        "",
+    ),
     "accents left out": (
         "list.csv",
         b"Denomination;Acces;Regle;Adresse;Libelle\nx;L;1;5;Niveau\nx;L/E;2;6;Debit\n",
@@ -470,3 +516,20 @@ TABLES: dict[str, OddFile] = {
 @pytest.mark.parametrize("oddity", TABLES)
 def test_a_table_of_people(oddity: str) -> None:
     check_import(TABLES[oddity])
+
+
+def test_what_is_read_in_part_is_told() -> None:
+    rows = "".join(f"{at};Value {at};u16\n" for at in range(25_000))
+    sheets = {
+        "over 20,000 values": "Address;Name;Type\n" + rows,
+        "only the first 200 headings": "Address;Name;Type\n5;A;u16\n" * 300,
+        "only the first 100 columns": "Address;Name;Type" + ";" * 200 + "\n5;A;u16\n",
+        "only the first 40,000 rows": "_address;len;factor\n" + "5;1;1\n" * 45_000,
+        "only the first 20,000 rows": "".join(f"{at % 9}: Value, uint16\n" for at in range(25_000)),
+    }
+    for note, text in sheets.items():
+        (imported,) = import_maps("x.csv", text.encode())
+        assert any(note in said for said in imported.notes), note
+    prose = "A sentence of words.\n" * 70 + "Address;Name;Type\n5;A;u16\n"
+    with pytest.raises(MapError, match="in its first 60 rows"):
+        import_maps("x.csv", prose.encode())

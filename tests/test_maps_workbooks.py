@@ -194,6 +194,6 @@ def test_a_workbook_that_merges_everything_is_read_all_the_same() -> None:
 
 
 def test_a_workbook_without_a_table_is_one_line() -> None:
-    with pytest.raises(MapError, match=r"a row of headings such as") as raised:
+    with pytest.raises(MapError, match=r"a heading row such as") as raised:
         import_maps("x.xlsx", book_of([["nothing"], [1, 2, 3]]))
     assert "\n" not in str(raised.value)

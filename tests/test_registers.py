@@ -327,7 +327,7 @@ WRONG = [
     (("map", "show", "nosuch"), "map list"),
     (("map", "show", "BUS"), "not a table: expected a row of column names"),
     (("map", "check", "xy-md02", "BUS", "--unit", "9"), "no response from unit 9"),
-    (("map", "import", "BUS"), "not records of registers"),
+    (("map", "import", "BUS"), "not a known register map"),
     (("map", "import", "nosuch.csv"), "no such file"),
     (("map", "infer", "BUS", "--unit", "77"), "no response from unit 77"),
     (("map", "infer", "BUS", "-o", "map.txt"), "a map must be a .csv or .yaml file"),

@@ -9,7 +9,7 @@ import math
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, cast
 
 from dissectors.values import ORDERS, ValueFormError, harmless, physical
 
@@ -17,6 +17,7 @@ from .model import (
     ANY_LENGTH,
     AREA_WORDS,
     DIGIT_OF_AREA,
+    READ_FUNCTIONS,
     VALUE_TYPES,
     DeviceSignature,
     MapArea,
@@ -48,104 +49,21 @@ class CellError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column: its JSON Schema and what it means to a reader."""
+    """A column: its JSON Schema, what it means to a reader, and what `MappedValue` holds of it: `attribute`, which
+    `read` makes of a cell that holds something and `written` makes one of; without `read`, others decide with it."""
 
     name: str
     schema: Mapping[str, Any]
     help: str
-
-
-_NUMBER: Final = {"type": ["number", "string"]}
-COLUMNS: Final[tuple[Column, ...]] = (
-    Column("area", {"enum": ["coil", "discrete", "input", "holding"]}, "which of the four tables"),
-    Column("address", {"type": ["integer", "string"]}, "decimal, hex (0x6B), 4x108, or 40108 where area is empty"),
-    Column("name", {"type": "string", "minLength": 1}, "what people call it"),
-    Column("type", {"enum": list(VALUE_TYPES)}, "how the registers are read; u16 if empty, bool in coil and discrete"),
-    Column("order", {"enum": list(ORDERS)}, "where the bytes A (most significant) to D go; the header's if empty"),
-    Column("length", {"type": ["integer", "string"]}, "registers, of a text, an enum, bits or a time"),
-    Column("scale", _NUMBER, "value = raw * scale + offset"),
-    Column("offset", _NUMBER, "value = raw * scale + offset"),
-    Column("scale_register", {"type": ["integer", "string"]}, "address whose signed value is a power of ten"),
-    Column("unit", {"type": "string"}, "unit of measure"),
-    Column("values", {"type": ["object", "string"]}, "names of states or bits: 0=off; 1=on"),
-    Column("access", {"enum": ["r", "w", "rw"]}, "read, write or both"),
-    Column("written_by", {"type": ["integer", "string"]}, "functions that write it, where not all do: 16"),
-    Column("formula", {"type": "string"}, "how it follows from others: [Offset] + raw / 65535 * [Gain]"),
-    Column("min", _NUMBER, "least plausible value, in the unit"),
-    Column("max", _NUMBER, "greatest plausible value, in the unit"),
-    Column("description", {"type": "string"}, "more words"),
-    Column("group", {"type": "string"}, "a heading to list it under"),
-)
-COLUMN_NAMES: Final = tuple(column.name for column in COLUMNS)
-
-
-def value_of(cells: Mapping[str, object], *, base: int = 0, order: str = "ABCD") -> MappedValue:
-    """The value of one row's cells by column name; CellError where one cannot be read."""
-    area, address = area_and_address(cells.get("area"), cells.get("address"), base)
-    name = _text_cell(cells, "name")
-    if not name:
-        raise CellError("name", "", "a name")
-    kind = type_of(cells.get("type"), area)
-    low, high = _fraction(cells, "min"), _fraction(cells, "max")
-    if low is not None and high is not None and low > high:
-        raise CellError("max", cells.get("max"), f"at least min, {low:g}")
-    length = length_of(cells.get("length"), kind)
-    if address + length > _LAST_ADDRESS + 1:
-        raise CellError("address", cells.get("address"), f"that {length} registers end by {_LAST_ADDRESS}")
-    scale = _fraction(cells, "scale")
-    if scale == 0:
-        raise CellError("scale", 0, "a number other than 0")
-    return MappedValue(
-        area=area,
-        address=address,
-        name=name[:_NAME_LENGTH],
-        type=kind,
-        order=order_of(cells.get("order"), order),
-        length=length,
-        scale=1.0 if scale is None else scale,
-        offset=_fraction(cells, "offset") or 0.0,
-        scale_address=_scale_register(cells.get("scale_register"), area, base),
-        unit=_text_cell(cells, "unit"),
-        values=names_of(cells.get("values")),
-        access=_access(cells.get("access")),
-        written_by=_writers(cells.get("written_by")),
-        formula=_formula(cells),
-        minimum=low,
-        maximum=high,
-        description=_text_cell(cells, "description"),
-        group=_text_cell(cells, "group"),
-        other=other_texts(cells, COLUMN_NAMES),
-    )
-
-
-def cells_of(value: MappedValue, order: str = "ABCD") -> dict[str, str]:
-    """The cells of one value, those that say nothing new left empty; addresses count from 0."""
-    cells = {
-        "area": value.area,
-        "address": str(value.address),
-        "name": value.name,
-        "type": value.type,
-        "order": value.order,
-        "length": str(value.length),
-        "scale": number_text(value.scale),
-        "offset": number_text(value.offset),
-        "scale_register": number_text(value.scale_address),
-        "unit": value.unit,
-        "values": "; ".join(f"{state}={_escaped(name)}" for state, name in value.values.items()),
-        "access": value.access,
-        "written_by": " ".join(map(str, value.written_by)),
-        "formula": value.formula,
-        "min": number_text(value.minimum),
-        "max": number_text(value.maximum),
-        "description": value.description,
-        "group": value.group,
-    }
-    usual = {"order": order, "length": str(VALUE_TYPES[value.type]), "scale": "1", "offset": "0"}
-    return {**{key: "" if cell == usual.get(key) else cell for key, cell in cells.items()}, **value.other}
+    attribute: str
+    read: Callable[[str, object], Any] | None = None
+    written: Callable[[Any], str] = str
 
 
 def area_and_address(area: object, address: object, base: int = 0) -> tuple[MapArea, int]:
     """Area and zero-based address. Where `area` is empty the address must be a logical one, which names it."""
+    if area in READ_FUNCTIONS and isinstance(address, int) and base <= address <= _LAST_ADDRESS:
+        return cast(MapArea, area), address - base
     text = _cell(address).replace(" ", "").replace("_", "")
     chosen = area_of(area) if _cell(area) else None
     if not text:
@@ -321,48 +239,48 @@ _READ_AS: Final[Mapping[str, Callable[[str], Any]]] = {
 }
 
 
-def _scale_register(cell: object, area: MapArea, base: int) -> int | None:
-    return area_and_address(area, cell, base)[1] if _cell(cell) else None
-
-
-def _access(cell: object) -> str:
+def _access(column: str, cell: object) -> str:
     word = _cell(cell).lower().replace("/", "")
     word = {"ro": "r", "wo": "w", "read": "r", "write": "w", "readwrite": "rw", "wr": "rw"}.get(word, word)
     if word not in ("", "r", "w", "rw"):
-        raise CellError("access", cell, "r, w or rw")
+        raise CellError(column, cell, "r, w or rw")
     return word
 
 
-def _formula(cells: Mapping[str, object]) -> str:
-    text = _text_cell(cells, "formula")
-    if text:
-        from .formulas import FORMULA_EXPECTED, FormulaError, formula_of
+def _formula(column: str, cell: object) -> str:
+    from .formulas import FORMULA_EXPECTED, FormulaError, formula_of
 
-        try:
-            formula_of(text)
-        except FormulaError:
-            raise CellError("formula", text, FORMULA_EXPECTED) from None
+    text = _text(column, cell)
+    try:
+        formula_of(text)
+    except FormulaError:
+        raise CellError(column, text, FORMULA_EXPECTED) from None
     return text
 
 
-def _writers(cell: object) -> tuple[int, ...]:
-    codes = [whole_number("written_by", part) for part in re.split(r"[\s,;]+", _cell(cell)) if part]
+def _writers(column: str, cell: object) -> tuple[int, ...]:
+    codes = [whole_number(column, part) for part in re.split(r"[\s,;]+", _cell(cell)) if part]
     if wrong := [code for code in codes if not 1 <= code <= _LAST_FUNCTION]:
-        raise CellError("written_by", wrong[0], f"function codes, 1 to {_LAST_FUNCTION}")
+        raise CellError(column, wrong[0], f"function codes, 1 to {_LAST_FUNCTION}")
     return tuple(codes)
 
 
-def _fraction(cells: Mapping[str, object], column: str) -> float | None:
-    text = _cell(cells.get(column))
-    if not text:
-        return None
+def _factor(column: str, cell: object) -> float:
+    factor = _fraction(column, cell)
+    if factor == 0:
+        raise CellError(column, 0, "a number other than 0")
+    return factor
+
+
+def _fraction(column: str, cell: object) -> float:
+    text = _cell(cell)
     above, bar, below = text.replace(",", ".").partition("/")
     try:
         number = float(above) / float(below) if bar else float(above)
     except (ValueError, ZeroDivisionError, OverflowError):
         number = math.nan
     if not math.isfinite(number):
-        raise CellError(column, cells.get(column), "a number")
+        raise CellError(column, cell, "a number")
     return number
 
 
@@ -377,21 +295,100 @@ def one_line(text: object) -> str:
     return harmless(" ".join(str(text).split()))
 
 
-def _text_cell(cells: Mapping[str, object], column: str) -> str:
-    if _nested(value := cells.get(column)):
-        raise CellError(column, type(value).__name__, "a text")
-    return one_line(_cell(value))[:_TEXT_LENGTH]
+def _text(column: str, cell: object) -> str:
+    if _nested(cell):
+        raise CellError(column, type(cell).__name__, "a text")
+    return one_line(_cell(cell))[:_TEXT_LENGTH]
+
+
+def _holds(cell: object) -> bool:
+    return bool(cell.strip()) if isinstance(cell, str) else cell is not None
 
 
 def _nested(value: object) -> bool:
-    return isinstance(value, Mapping | list | tuple | set)
+    return isinstance(value, dict | list | tuple | set)
 
 
 def _cell(value: object) -> str:
+    if isinstance(value, str):
+        return value.strip()
     if value is None or _nested(value):
         return ""
     return hex(value) if isinstance(value, int) and abs(value) >> 64 else str(value).strip()
 
 
+def states_text(values: Mapping[int, str]) -> str:
+    """The cell that `names_of` reads."""
+    return "; ".join(f"{state}={_escaped(name)}" for state, name in values.items())
+
+
 def _escaped(name: str) -> str:
     return re.sub(r"([;|=\\])", r"\\\1", name)
+
+
+_NUMBER: Final = {"type": ["number", "string"]}
+_WHOLE_OR_TEXT: Final = {"type": ["integer", "string"]}
+_TEXT: Final = {"type": "string"}
+COLUMNS: Final[tuple[Column, ...]] = (
+    Column("area", {"enum": ["coil", "discrete", "input", "holding"]}, "which of the four tables", "area"),
+    Column("address", _WHOLE_OR_TEXT, "decimal, hex (0x6B), 4x108, or 40108 where area is empty", "address"),
+    Column("name", {**_TEXT, "minLength": 1}, "what people call it", "name"),
+    Column("type", {"enum": list(VALUE_TYPES)}, "how the registers are read; u16 if empty, bool in coil and discrete",
+           "type"),
+    Column("order", {"enum": list(ORDERS)}, "where the bytes A (most significant) to D go; the header's if empty",
+           "order"),
+    Column("length", _WHOLE_OR_TEXT, "registers, of a text, an enum, bits or a time", "length"),
+    Column("scale", _NUMBER, "value = raw * scale + offset", "scale", _factor, number_text),
+    Column("offset", _NUMBER, "value = raw * scale + offset", "offset", _fraction, number_text),
+    Column("scale_register", _WHOLE_OR_TEXT, "address whose signed value is a power of ten", "scale_address", None,
+           number_text),
+    Column("unit", _TEXT, "unit of measure", "unit", _text),
+    Column("values", {"type": ["object", "string"]}, "names of states or bits: 0=off; 1=on", "values",
+           lambda _, cell: names_of(cell), states_text),
+    Column("access", {"enum": ["r", "w", "rw"]}, "read, write or both", "access", _access),
+    Column("written_by", _WHOLE_OR_TEXT, "functions that write it, where not all do: 16", "written_by", _writers,
+           lambda codes: " ".join(map(str, codes))),
+    Column("formula", _TEXT, "how it follows from others: [Offset] + raw / 65535 * [Gain]", "formula", _formula),
+    Column("min", _NUMBER, "least plausible value, in the unit", "minimum", _fraction, number_text),
+    Column("max", _NUMBER, "greatest plausible value, in the unit", "maximum", _fraction, number_text),
+    Column("description", _TEXT, "more words", "description", _text),
+    Column("group", _TEXT, "a heading to list it under", "group", _text),
+)  # fmt: skip
+COLUMN_NAMES: Final = tuple(column.name for column in COLUMNS)
+
+
+def value_of(cells: Mapping[str, object], *, base: int = 0, order: str = "ABCD") -> MappedValue:
+    """The value of one row's cells by column name; CellError where one cannot be read."""
+    area, address = area_and_address(cells.get("area"), cells.get("address"), base)
+    if not (name := _text("name", cells.get("name"))):
+        raise CellError("name", "", "a name")
+    kind = type_of(cells.get("type"), area)
+    length = length_of(cells.get("length"), kind)
+    if address + length > _LAST_ADDRESS + 1:
+        raise CellError("address", cells.get("address"), f"that {length} registers end by {_LAST_ADDRESS}")
+    scale_cell = cells.get("scale_register")
+    value = MappedValue(
+        area=area,
+        address=address,
+        name=name[:_NAME_LENGTH],
+        type=kind,
+        order=order_of(cells.get("order"), order),
+        length=length,
+        scale_address=area_and_address(area, scale_cell, base)[1] if _cell(scale_cell) else None,
+        other=other_texts(cells, COLUMN_NAMES),
+        **{
+            column.attribute: column.read(column.name, cells[column.name])
+            for column in COLUMNS
+            if column.read is not None and _holds(cells.get(column.name))
+        },
+    )
+    if value.minimum is not None is not value.maximum and value.minimum > value.maximum:
+        raise CellError("max", cells.get("max"), f"at least min, {value.minimum:g}")
+    return value
+
+
+def cells_of(value: MappedValue, order: str = "ABCD") -> dict[str, str]:
+    """The cells of one value, those that say nothing new left empty; addresses count from 0."""
+    usual = {"order": order, "length": str(VALUE_TYPES[value.type]), "scale": "1", "offset": "0"}
+    cells = {column.name: column.written(getattr(value, column.attribute)) for column in COLUMNS}
+    return {**{key: "" if cell == usual.get(key) else cell for key, cell in cells.items()}, **value.other}

@@ -8,7 +8,6 @@ stands in. Records of registers are those that have an address by its name, else
 from __future__ import annotations
 
 import json
-import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice
@@ -16,8 +15,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 from .literals import tree_of_source
 from .roles import heading_bits
-from .sheets import MapSheet
-from .vocabulary import form
+from .sheets import MapSheet, notes_of_cut
+from .vocabulary import expression, form, tidied
 from .written import numbers_in
 
 if TYPE_CHECKING:
@@ -29,32 +28,22 @@ _DEPTH: Final = 12
 _SOURCE: Final = 1 << 18  # characters of a source that are read
 _LONGEST: Final = 300  # characters of a line that says one thing
 _BRACKETS: Final = frozenset("{([")
-_INSIDE: Final = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|_+|(?<=[a-z])-(?=[a-z])")
-_LINE: Final = re.compile(r"\s*([^\W\d][^:=\t]{0,40})[:=\t](.*)")
 Record = dict[str, str]
 
 
 def record_sheets(source: MapSource) -> Iterator[MapSheet]:
     """The records of a file as sheets, one for each way in which it can be read that gives any."""
-    if not source.is_text:
-        return
     text = source.text[:_SOURCE]
+    notes = notes_of_cut(source.tree is None and len(source.text) > _SOURCE, _SOURCE, "characters")
     is_source = source.tree is None and not _BRACKETS.isdisjoint(text)
     trees = (tree_of_source(text) if is_source else source.tree, [*_blocks(text)] if source.tree is None else ())
     for tree in trees:
-        yield from map(_of_rows, islice(_lists_of_rows(tree, 0), 1))
-        yield from _of_records(list(islice(_found(tree, ()), _MOST)))
-    declared = [[part.strip() for part in parts] for parts in _declared(text)]
-    if len(declared) >= _FEW:
-        width = max(map(len, declared))
-        yield MapSheet("", [["name", "address", *[""] * (width - 2)], *declared])
+        yield from (MapSheet("", [[_text(cell) for cell in row] for row in rows[:_MOST]], notes=notes)
+                    for rows in islice(_lists_of_rows(tree, 0), 1))  # fmt: skip
+        yield from _of_records(list(islice(_found(tree, ()), _MOST)), notes)
 
 
-def _of_rows(rows: Sequence[Sequence[Any]]) -> MapSheet:
-    return MapSheet("", [[_text(cell) for cell in row] for row in islice(rows, _MOST)])
-
-
-def _of_records(records: list[Record]) -> Iterator[MapSheet]:
+def _of_records(records: list[Record], notes: tuple[str, ...]) -> Iterator[MapSheet]:
     """A sheet of the records that have an address by its name, else of those that have keys of most."""
     addressed = [record for record in records if _has_address(record)]
     keys = Counter(tuple(record) for record in records)
@@ -62,23 +51,16 @@ def _of_records(records: list[Record]) -> Iterator[MapSheet]:
     chosen = addressed if len(addressed) >= _FEW else [one for one in records if 2 * len(most & one.keys()) > len(most)]
     columns = list(dict.fromkeys(key for record in chosen for key in record))
     if len(chosen) >= _FEW:
-        yield MapSheet("", [columns, *([record.get(key, "") for key in columns] for record in chosen)])
+        rows = [columns, *([record.get(key, "") for key in columns] for record in chosen)]
+        yield MapSheet("", rows, notes=(*notes, *notes_of_cut(len(records) == _MOST, _MOST, "records")))
 
 
 def _blocks(text: str) -> Iterator[Record]:
     """The blocks of a text that empty lines part, where each line of one is a name with what it is."""
     for block in text.split("\n\n"):
-        lines = [_LINE.fullmatch(line[:_LONGEST]) for line in block.strip().splitlines()]
+        lines = [form("named_line", line[:_LONGEST]) for line in block.strip().splitlines()]
         if len(lines) >= _FEW and all(lines):
-            yield {line[1].strip(): line[2].strip() for line in lines if line}
-
-
-def _declared(text: str) -> Iterator[list[str]]:
-    """Lines that give a name to an address: the name, the address, and the parts of the comment behind them."""
-    for line in text.splitlines():
-        if found := form("declared", line[:_LONGEST]):
-            rest = found["rest"].rstrip("*/) ").split(",")
-            yield [found["name"], found["address"], *filter(None, (found["type"], *rest))]
+            yield {line["name"].strip(): line["value"].strip() for line in lines}
 
 
 def _has_address(record: Record) -> bool:
@@ -124,7 +106,7 @@ def _found(node: Any, path: tuple[str, ...]) -> Iterator[Record]:
 def _place(path: tuple[str, ...], cells: Mapping[str, str]) -> Record:
     """What the keys say that lead to a record: its name, or its address where that is a number; and its group."""
     *groups, key = path or ("",)
-    is_number = numbers_in(key[:20]) and not re.search(r"[^\W\d]{2}", key)
+    is_number = numbers_in(key[:20]) and not expression(r"[^\W\d]{2}").search(key)
     kind = "address" if is_number and not _has_address(dict(cells)) else "key"
     named = any(heading_bits(word, "name") >= _NAMED for word in cells)
     if named and kind == "key":
@@ -137,7 +119,7 @@ _NAMED: Final = 10.0  # bits: a name by all of its heading
 
 def _word(key: object) -> str:
     """A key as the words of a heading: `scaleFactor` is `scale factor`."""
-    return " ".join(_INSIDE.sub(" ", str(key)).lower().split())
+    return " ".join(tidied("key", str(key)).lower().split())
 
 
 def _cells(record: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

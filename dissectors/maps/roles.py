@@ -23,6 +23,7 @@ _HEADING: Final = 60  # characters
 WHOLE, _BEGINS, _ENDS, _MAYBE = 10.0, 6.0, 5.0, 6.0  # bits
 _LEAST: Final = 5.0  # bits for which a column is given a role
 _NEEDED: Final = frozenset({"address", "name"})
+_OF_PARTS: Final = ("type", "unit", "scale", "access")
 _LEFT_OUT: Final = ((), ("number",), ("description",), ("number", "description"))
 _SAMPLE: Final = 200  # rows below a heading that are looked at
 _LEAST_CELLS: Final = 3  # of a heading that is known by what stands below it
@@ -43,19 +44,18 @@ def heading_bits(text: str, role: str) -> float:
     """How much a heading, in small letters, speaks for a role; 0 where nothing of it does."""
     if not 0 < len(text) <= _HEADING:
         return 0.0
-    words, maybe, ends = (_any(role, kind) for kind in ("words", "maybe", "ends"))
     ways = (
-        (WHOLE, text == role or words.fullmatch(text)),
-        (_BEGINS, re.match(rf"(?:{words.pattern})\b", text)),
-        (_MAYBE, maybe.fullmatch(text)),
-        (_ENDS, re.search(rf"(?:{ends.pattern})$", text)),
+        (WHOLE, text == role or _any(role, "words").fullmatch(text)),
+        (_BEGINS, _any(role, "words", r"(?:{})\b").match(text)),
+        (_MAYBE, _any(role, "maybe").fullmatch(text)),
+        (_ENDS, _any(role, "ends", "(?:{})$").search(text)),
     )
     return next((bits for bits, found in ways if found), 0.0)
 
 
 @lru_cache(maxsize=256)
-def _any(role: str, kind: str) -> re.Pattern[str]:
-    return expression(_unaccented("|".join(roles()[role].get(kind, ())) or r"(?!)"))
+def _any(role: str, kind: str, where: str = "{}") -> re.Pattern[str]:
+    return expression(where.replace("{}", _unaccented("|".join(roles()[role].get(kind, ())) or r"(?!)")))
 
 
 def _unaccented(text: str) -> str:
@@ -124,11 +124,6 @@ class TableColumn:
         )
 
 
-def _is_area(cell: str) -> bool:
-    """Whether a cell below the heading of areas is one, or the codes of functions."""
-    return cell.lower() in AREA_WORDS or bool(form("codes", cell.lower()) or meaning("area", cell))
-
-
 _AREA_NAMES: Final = frozenset(word for word in AREA_WORDS if not word.isdecimal())
 _LOOKS: Final[Mapping[str, Callable[[TableColumn, Mapping[str, Any]], bool]]] = {
     "like": TableColumn._like,
@@ -171,6 +166,14 @@ def assignment(row: Sequence[str], below: Table) -> tuple[dict[str, int], float]
     return {}, 0.0
 
 
+@lru_cache(maxsize=4096)
+def roles_of_part(text: str) -> Sequence[str]:
+    """Which of type, unit, factor and access a text alone may be, the surest first."""
+    column = TableColumn("", [text], 1)
+    bits = {role: column.bits(role) for role in _OF_PARTS}
+    return sorted((role for role in bits if bits[role] >= _LEAST), key=lambda role: -bits[role])
+
+
 def _assignment(bits: Mapping[tuple[str, int], float]) -> dict[str, int]:
     found: dict[str, int] = {}
     for role, at in sorted(bits, key=lambda pair: -bits[pair]):
@@ -202,4 +205,4 @@ def may_be_heading(row: Sequence[str]) -> bool:
 def is_unknown_heading(row: Sequence[str], below: Table) -> bool:
     """Whether a row of words that nobody knows is a heading, by what stands below it: addresses, names and more."""
     columns = assigned(row, below) if len(below) >= _LEAST_ROWS else {}
-    return len(columns) >= _LEAST_CELLS and re.search(r"\d", row[columns["address"]]) is None
+    return len(columns) >= _LEAST_CELLS and form("words", row[columns["address"]]) != {}

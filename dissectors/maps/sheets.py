@@ -15,7 +15,7 @@ from typing import Any, Final
 from .cells import one_line
 from .model import MapError, MissingLibraryError
 from .table import csv_rows
-from .vocabulary import expression, vocabulary
+from .vocabulary import expression, form, tidied, vocabulary
 
 ZIP: Final = b"PK\x03\x04"
 _CELL: Final = 1000  # characters
@@ -24,8 +24,6 @@ _LOOK: Final = 60  # lines that tell how a text is cut
 _START: Final = 20_000  # characters that do
 _LEAST_CELLS: Final = 3  # that make a row of columns which blanks part
 _DRAWN: Final = str.maketrans("│┃║┆┊╎─━═┄┈┌┬┐├┼┤└┴┘╔╦╗╠╬╣╚╩╝╒╤╕╞╪╡╘╧╛╓╥╖╟╫╢╙╨╜", "|" * 6 + "-" * 5 + "+" * 36)
-_LINK: Final = re.compile(r"!?\[([^\[\]]*)\]\([^()\s]*\)")
-_RULE: Final = re.compile(r"[=-]{2,}(?: +[=-]{2,}){1,99}\s*")  # above or below headings
 _GAP: Final = re.compile(r"\t| {2,}")
 _UNPACKED: Final = 256 << 20  # bytes of a workbook
 _WHOLE: Final = 6 << 20  # bytes up to which it is read at once, with what merges and hides cells
@@ -45,11 +43,19 @@ class MapSheet:
     notes: tuple[str, ...] = ()
 
 
+def notes_of_cut(is_cut: bool, most: int, what: str) -> tuple[str, ...]:
+    """What is said where only so many of a file's rows or other parts are read."""
+    return (f"only the first {most:,} {what} were read",) * is_cut
+
+
 def sheets_in(data: bytes, text: str, name: str, most_rows: int) -> list[MapSheet]:
     """The sheets of a workbook, or the one that a text is; MapError names the file."""
     if data.startswith(ZIP):
         return sheets_of(data, name, most_rows)
-    return [MapSheet("", rows_of_text(text, name, most_rows))]
+    rows = rows_of_text(text, name, most_rows + 1)
+    wide = notes_of_cut(any(len(row) > _MOST_COLUMNS for row in rows), _MOST_COLUMNS, "columns")
+    notes = (*notes_of_cut(len(rows) > most_rows, most_rows, "rows"), *wide)
+    return [MapSheet("", [row[:_MOST_COLUMNS] for row in rows[:most_rows]], notes=notes)]
 
 
 def sheets_of(data: bytes, name: str, most_rows: int) -> list[MapSheet]:
@@ -65,26 +71,30 @@ def sheets_of(data: bytes, name: str, most_rows: int) -> list[MapSheet]:
                 raise MapError("too large once unpacked")
             parts = [part for part in packed.namelist() if part.startswith("xl/worksheets/") and size <= _WHOLE]
             texts = [packed.read(part) for part in parts]
-        whole = size <= _WHOLE and sum(map(_merged_cells, texts)) <= _MERGED
-        notes: tuple[str, ...] = ()
-        if unknown := sum(len(_UNKNOWN.findall(text)) for text in texts):
-            notes = (f"{unknown} formulas have no value yet: open and save the workbook where they are calculated",)
-        book = openpyxl.load_workbook(io.BytesIO(data), read_only=not whole, data_only=True)
-        if whole and any(sheet.max_row * sheet.max_column > _SPREAD for sheet in book.worksheets):
-            whole = False  # a cell far away: read at once, all the cells between would be made
-            book = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=True)
+        book, whole = _book(openpyxl, data, whole=size <= _WHOLE and sum(map(_merged_cells, texts)) <= _MERGED)
+        unknown = sum(len(_UNKNOWN.findall(text)) for text in texts)
+        told = (f"{unknown} formulas have no value yet: open and save the workbook where they are calculated",)
         shown = [sheet for sheet in book.worksheets if sheet.sheet_state == "visible"] or book.worksheets
-        return [
-            MapSheet(
-                sheet.title,
-                _rows_of(sheet, most_rows, merged=whole),
-                _hidden(sheet) if whole else frozenset(),
-                notes,
-            )
-            for sheet in shown
-        ]
+        return [_sheet(sheet, most_rows, told[: min(unknown, 1)], merged=whole) for sheet in shown]
     except Exception as error:  # a damaged workbook raises whatever its parts do
         raise MapError(f"{name}: not a readable workbook: {one_line(error)}") from error
+
+
+def _book(library: Any, data: bytes, *, whole: bool) -> tuple[Any, bool]:
+    """The workbook, and whether it was read at once: a cell far away would make all the cells between."""
+    book = library.load_workbook(io.BytesIO(data), read_only=not whole, data_only=True)
+    if whole and any(sheet.max_row * sheet.max_column > _SPREAD for sheet in book.worksheets):
+        return library.load_workbook(io.BytesIO(data), read_only=True, data_only=True), False
+    return book, whole
+
+
+def _sheet(sheet: Any, most_rows: int, notes: tuple[str, ...], *, merged: bool) -> MapSheet:
+    cut = (
+        *notes_of_cut((sheet.max_row or 0) > most_rows, most_rows, "rows"),
+        *notes_of_cut((sheet.max_column or 0) > _MOST_COLUMNS, _MOST_COLUMNS, "columns"),
+    )
+    rows = _rows_of(sheet, most_rows, merged=merged)
+    return MapSheet(sheet.title, rows, _hidden(sheet) if merged else frozenset(), (*notes, *cut))
 
 
 def _merged_cells(text: bytes) -> int:
@@ -148,15 +158,15 @@ def rows_of_text(text: str, file: str, most: int) -> list[list[str]]:
     """The rows of a text: of CSV with any sign between cells, or of columns that blanks part, as PDFs are copied."""
     text = text.translate(_DRAWN)
     lines = text.splitlines()[:most]
-    if lines and (named := re.fullmatch(r"\"?sep=(.)\"?", lines[0].strip(), re.IGNORECASE)):  # Excel's own line
-        return _cut(["", *lines[1:]], named[1], file)
+    if lines and (named := form("separator", lines[0])):  # Excel's own line
+        return _cut(["", *lines[1:]], named["sign"], file)
     for layout in vocabulary()["layouts"]:
         if expression(layout["looks"]).search(text[:_START]):
             return _laid_out(text, layout)[:most]
     head = lines[:_LOOK]
     sign = max("\t;,|", key="\n".join(head).count)
-    if (rule := next(filter(None, map(_RULE.fullmatch, head)), None)) is not None:
-        spans = [mark.span() for mark in re.finditer("[=-]+", rule[0])]
+    if rule := next((line for line in head if form("rule_above", line)), ""):
+        spans = [mark.span() for mark in expression("[=-]+").finditer(rule)]
         ends = [*(start for start, _ in spans[1:]), None]
         return [[line[a:b].strip()[:_CELL] for (a, _), b in zip(spans, ends, strict=True)] for line in lines]
     wide = sum(len(_GAP.split(line.strip())) >= _LEAST_CELLS for line in head)
@@ -194,13 +204,8 @@ def _pass_spanned(shown: list[str], above: dict[int, int]) -> None:
 
 def _cut(lines: Sequence[str], delimiter: str, file: str) -> list[list[str]]:
     rows = csv_rows(lines, delimiter, file)
-    shown = _unmarked if delimiter == "|" else str.strip
-    return [[shown(cell)[:_CELL] for cell in row[:_MOST_COLUMNS]] for _, row in rows]
-
-
-def _unmarked(cell: str) -> str:
-    """A cell of a Markdown table without its marks: code, bold, links."""
-    return _LINK.sub(r"\1", cell).replace("**", "").replace("`", "").strip()
+    kind = "cell" if delimiter == "|" else "of no marks"
+    return [[tidied(kind, cell)[:_CELL] for cell in row[: _MOST_COLUMNS + 1]] for _, row in rows]
 
 
 def _cut_at_blanks(lines: Sequence[str]) -> list[list[str]]:
@@ -213,7 +218,7 @@ def _cut_at_blanks(lines: Sequence[str]) -> list[list[str]]:
         found = [(at, line[at:end].strip()) for at, end in zip(starts, ends, strict=True) if line[at:end].strip()]
         if len(found) >= max(len(columns), _LEAST_CELLS):
             columns = [at for at, _ in found]
-        row = [""] * max(len(columns), 1)
+        row = [""] * max(len(columns), len(found), 1)
         for i, (at, cell) in enumerate(found):
             whole = len(found) >= len(columns)
             place = i if whole else min(range(len(columns)), key=lambda column: abs(columns[column] - at), default=0)

@@ -1,7 +1,7 @@
 """What people write in tables of registers: `vocabulary.toml`, its expressions compiled as they are asked for.
 
-`meaning` gives what a text means by the first line of a list that is like it; `form` the parts of a text that has a
-form as a whole; `roles` what a column may be.
+`tidied` puts a text right before it is read; `meaning` gives what a text means by the first line of a list that is like
+it; `form` the parts of a text that has a form as a whole; `roles` what a column may be.
 """
 
 from __future__ import annotations
@@ -58,6 +58,14 @@ def form(kind: str, text: str) -> Mapping[str, str]:
     """The parts of a text that has this form, those that it lacks empty; nothing where it has not."""
     match = expression(vocabulary()["forms"][kind]).fullmatch(text)
     return {"": text, **match.groupdict("")} if match else {}
+
+
+@lru_cache(maxsize=8192)
+def tidied(kind: str, text: str) -> str:
+    """A text with what is to be put right in it before it is read as this kind."""
+    for line in vocabulary()["tidy"].get(kind, ()):
+        text = expression(line["like"]).sub(line.get("is", ""), text)
+    return text.strip()
 
 
 def given(text: str) -> str:

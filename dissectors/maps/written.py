@@ -14,19 +14,15 @@ from typing import Final, cast
 
 from .cells import CellError, area_of
 from .model import MapArea
-from .vocabulary import WIDE_SIGNS, expression, form, given, meaning, vocabulary
+from .vocabulary import WIDE_SIGNS, expression, form, given, meaning, tidied, vocabulary
 
-_BARE_HEX: Final = re.compile(r"[0-9A-Fa-f]{1,4}([hH])?")
 _NUMBER: Final = re.compile(
     r"0[xX][0-9A-Fa-f]+|[0134][xX]\d+|\b[0-9][0-9A-Fa-f]*[hH]\b|\b[A-Fa-f][0-9A-Fa-f]*[hH]\b|\d+"
 )
-_BIT: Final = re.compile(r"(?P<place>.*[0-9A-Fa-f][hH]?)\s*[.:]\s*(?:bit\s*)?(?P<bit>\d|0\d|1[0-5])", re.IGNORECASE)
 _PARTS: Final = re.compile(r"\s*(?:-|–|—|…|\.{2,3}|to|[,;/&])\s*")
 _FUNCTIONS: Final[Mapping[int, MapArea]] = {1: "coil", 5: "coil", 15: "coil", 2: "discrete", 3: "holding", 6: "holding",
                                             16: "holding", 4: "input"}  # fmt: skip
-_RAISED: Final = re.compile("([⁻-]?)([⁰¹²³⁴⁵⁶⁷⁸⁹]+)")
-_SUPERSCRIPTS: Final = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹", "0123456789")
-_SIGNS: Final = str.maketrans({"\u2212": "-", ",": ".", "×": "x", "*": "x"})
+_SIGNS: Final = str.maketrans("\u2212⁻,×*⁰¹²³⁴⁵⁶⁷⁸⁹", "--.xx0123456789")
 _LONGER: Final = {("f32", 4): "f64", ("bcd16", 2): "bcd32"}
 
 
@@ -34,7 +30,8 @@ _LONGER: Final = {("f32", 4): "f64", ("bcd16", 2): "bcd32"}
 class AddressForm:
     """How a column of addresses is written: hexadecimal without a mark, which its heading may say; with bits behind a
     point; all as logical numbers (00001, 10001, 30001, 40001), or some as no logical number is (30000, 50001); some
-    with the digit of their area before an x (4x0001), so that 0x0005 is a coil; all of five digits, 0 or 1 first."""
+    with the digit of their area before an x (4x0001), so that 0x0005 is a coil; all of five digits, 0 or 1 first.
+    `base` is what its heading counts plain ones from."""
 
     is_hex: bool = False
     is_said: bool = False
@@ -43,6 +40,7 @@ class AddressForm:
     is_plain: bool = False
     has_prefixes: bool = False
     is_digital: bool = False
+    base: int = 0
 
     def logical_digits(self, area: MapArea | None) -> str:
         """The digits that lead a logical number of an area; none where no number is one."""
@@ -67,12 +65,12 @@ def address_form(heading: str, cells: Sequence[str]) -> AddressForm:
     """The form of a column: by its heading, and by what all of its cells are."""
     cells = list(filter(None, map(together, cells)))
     parts = [part for cell in cells for part in _PARTS.split(cell)]
-    bare = [part for part in parts if _BARE_HEX.fullmatch(part)]
+    bare = [part for part in parts if form("bare_hex", part)]
     letters = [part for part in bare if expression(r"(?=.*\d).*[A-Fa-f].*").fullmatch(part.rstrip("hH"))]
     is_said = bool(form("hex_heading", heading.lower()))
     is_hex = is_said or (bool(letters) and len(bare) > 0.8 * len(parts))
     numbers = list(filter(str.isdecimal, parts))
-    bits = [int(match["bit"]) for match in map(_BIT.fullmatch, cells) if match]
+    bits = [int(behind["bit"]) for cell in cells if (behind := form("bit_behind", cell))]
     is_plain = _any_like(r"[34]0{4}|[256789]\d{4}", numbers)
     return AddressForm(
         is_hex,
@@ -82,6 +80,7 @@ def address_form(heading: str, cells: Sequence[str]) -> AddressForm:
         is_plain=is_plain,
         has_prefixes=_any_like(r"[134][xX]\d+", parts),
         is_digital=_all_like(r"[01](?!0000)\d{4}", numbers) and not is_hex,
+        base=int(bool(form("from_one", heading)) and not _any_like(r"(0x)?0+h?", parts)),
     )
 
 
@@ -93,11 +92,12 @@ def _any_like(pattern: str, texts: Sequence[str]) -> bool:
     return any(map(expression(pattern).fullmatch, texts))
 
 
+@lru_cache(maxsize=4096)
 def address_of(cell: str, form_of: AddressForm) -> TableAddress | None:
     """The address in a cell; None where there is none."""
     cell = together(cell)
-    match = _BIT.fullmatch(cell) if form_of.has_bits else None
-    cell, bit = match.groups() if match else (cell, "")
+    behind = form("bit_behind", cell) if form_of.has_bits else {}
+    cell, bit = behind.get("place", cell), behind.get("bit", "")
     cell = re.sub(r"(?<=\d)\.0+$", "", cell)
     if form_of.is_hex:
         cell = re.sub(r"(?<![0-9A-Za-z])([0-9A-Fa-f]{1,4})[hH]?(?![0-9A-Za-z])", r"0x\1", cell)
@@ -114,17 +114,14 @@ def address_of(cell: str, form_of: AddressForm) -> TableAddress | None:
 def numbers_in(cell: str) -> Sequence[int]:
     """The numbers of a cell as addresses have them, bare hexadecimal ones too."""
     cell = together(cell)[:40]
-    if _BARE_HEX.fullmatch(cell) and not cell.isdecimal():
+    if form("bare_hex", cell) and not cell.isdecimal():
         return [int(cell.rstrip("hH"), 16)]
     return [_whole(number) for number in _NUMBER.findall(cell)]
 
 
 def together(cell: str) -> str:
     """A cell whose numbers have no gaps at their thousands."""
-    cell = cell.strip()
-    for gap in vocabulary()["gaps"]:
-        cell = expression(gap["like"]).sub(gap["is"], cell)
-    return cell
+    return tidied("numbers", cell.strip())
 
 
 def _whole(text: str) -> int:
@@ -133,12 +130,12 @@ def _whole(text: str) -> int:
     return int(text[2:] if text[1:2] in ("x", "X") else text)
 
 
+@lru_cache(maxsize=4096)
 def type_of(text: str, length: int | None) -> tuple[str, int | None]:
     """The type that a cell means, and the registers that it takes, of which another column may speak."""
-    word = " ".join(re.sub(r"[_()\[\],]", " ", text.lower()).split())
-    apart = re.sub(r"(?<=[a-z])(?=\d)", " ", word)
-    width = _product(meaning("bits", apart))
-    held = meaning("type", re.sub(r"(?<![\d.])(?:8|16|24|32|48|64)(?!\d)[ -]?(?:bits?\b|бит\w*)?", " ", word))
+    word = tidied("type", text.lower())
+    width = _product(meaning("bits", tidied("width", word)))
+    held = meaning("type", tidied("held", word))
     words = max(1, width // 16) if width else length or 0
     match held:
         case "text":
@@ -170,6 +167,7 @@ def access_of(cells: Mapping[str, str]) -> str | None:
     return meaning("access", cells.get("access", "")) or meaning("writable", cells.get("writable", ""))
 
 
+@lru_cache(maxsize=4096)
 def area_of_cell(text: str, *, function: bool = False) -> MapArea | None:
     """The area that a cell names, by words, by its digit (4 for 4x), or by the code of a `function` that reads it."""
     word = text.strip().lower().removesuffix(".0")
@@ -188,6 +186,7 @@ def area_words(text: str) -> MapArea | None:
     return named or _FUNCTIONS.get(int(meaning("function", text) or 0))
 
 
+@lru_cache(maxsize=4096)
 def plain_number(text: str) -> str | None:
     """A number of a cell, with decimal comma or gaps at its thousands; None where it is none."""
     text = together(text).replace("\u2212", "-").replace("- ", "-")
@@ -202,6 +201,7 @@ def limits_of(cells: Mapping[str, str]) -> tuple[str | None, str | None]:
     return (low, high) if float(low or "-inf") <= float(high or "inf") else (None, None)
 
 
+@lru_cache(maxsize=4096)
 def values_of(text: str) -> str | None:
     """States with names as a map writes them, where a cell has more than one."""
     text = text.translate(WIDE_SIGNS)
@@ -210,6 +210,7 @@ def values_of(text: str) -> str | None:
     return "; ".join(f"{pair['state']}={pair['name'].strip()}" for pair in pairs) if len(pairs) > 1 else None
 
 
+@lru_cache(maxsize=4096)
 def has_only_states(text: str) -> bool:
     """Whether a remark is a list of states from 0 or 1 on: `0 - off, 1 - on`, `0: 4800, 1: 9600`."""
     parts = list(filter(None, map(str.strip, re.split(r"[;,\n|]", text.translate(WIDE_SIGNS)))))
@@ -235,28 +236,40 @@ def measured(cells: Mapping[str, str], name: str) -> tuple[str, str | None, str,
     """A row's name, scale and unit of measure: from columns of their own, or from beside other words, which stay; each
     from the first place that has it. And what stands in place of a unit but is none: a remark."""
     left = {**cells, "name": name, "unit": given(cells.get("unit", ""))}
-    found: dict[str, str | None] = {"scale": scale_of(cells), "unit": ""}
-    for line in vocabulary()["measures"]:
-        match = expression(line["like"]).fullmatch(left.get(line["of"], "").translate(WIDE_SIGNS))
-        parts = match.groupdict("") if match else {}
-        inverse = parts.get("times", "") or ("digits" in parts and f"1{'0' * len(parts['digits'])}")
-        told = {"scale": parts.get("step") or (inverse and f"1/{inverse}"), "unit": parts.get("unit")}
-        new = {key: value for key, value in told.items() if value and not found[key]}
-        if new:
+    found: dict[str, str | None] = {"scale": scale_of(*(cells.get(column, "") for column in _FACTORS)), "unit": ""}
+    for at, line in enumerate(vocabulary()["measures"]):
+        told = _measure(at, text) if (text := left.get(line["of"])) else None
+        new = {key: told[key] for key in found if told[key] and not found[key]} if told else None
+        if told and new:
             found |= new
-            left[line["of"]] = parts.get("rest", "")
+            left[line["of"]] = told["rest"]
     scale = found["scale"]
     return left["name"], scale.replace(",", ".") if scale else None, found["unit"] or "", left["unit"]
 
 
-def scale_of(cells: Mapping[str, str]) -> str | None:
-    """The factor of a row: `0,1`, `/10`, `x0.1`, `1:10`, `10^-1`; the divisor or the power of ten of another column."""
-    text = re.sub(r"(?<!\d)\.(?=\d)", "0.", cells.get("scale", "").lower().translate(_SIGNS))
-    text = _RAISED.sub(lambda up: f"^{'-' if up[1] else ''}{up[2].translate(_SUPERSCRIPTS)}", text)
-    places, divisor, power = (cells.get(key, "").translate(_SIGNS) for key in ("decimals", "divisor", "power"))
+@lru_cache(maxsize=4096)
+def _measure(at: int, text: str) -> Mapping[str, str] | None:
+    """Scale, unit and the rest that a text tells by a line of the table of measures."""
+    match = expression(vocabulary()["measures"][at]["like"]).fullmatch(text.translate(WIDE_SIGNS))
+    if match is None:
+        return None
+    parts = {"step": "", "times": "", "digits": "", "unit": "", "rest": "", **match.groupdict("")}
+    inverse = parts["times"] or (parts["digits"] and f"1{'0' * len(parts['digits'])}")
+    return {**parts, "scale": parts["step"] or (inverse and f"1/{inverse}")}
+
+
+_FACTORS: Final = ("scale", "decimals", "divisor", "power")
+
+
+@lru_cache(maxsize=4096)
+def scale_of(*cells: str) -> str | None:
+    """The factor that cells of these columns tell: `0,1`, `/10`, `x0.1`, `1:10`, `10^-1`; decimals, a divisor, or the
+    power of ten of another column."""
+    signs = (tidied("scale", cell.lower().replace(",", ".")) for cell in cells)
+    scale, places, divisor, power = (cell.translate(_SIGNS) for cell in signs)
     ways = (
         (r"[1-6](?:\.0)?", places, f"1/1{'0' * int(places[0])}" if places[:1].isdecimal() else ""),
         (r"x?(?=.*[1-9])\d{1,12}(?:\.\d{1,12})?", divisor, f"1/{divisor.removeprefix('x')}"),
         (r"-?\d", power, f"1e{power}"),
     )
-    return next((factor for like, cell, factor in ways if expression(like).fullmatch(cell)), meaning("scale", text))
+    return next((factor for like, cell, factor in ways if expression(like).fullmatch(cell)), meaning("scale", scale))

@@ -1,8 +1,8 @@
 """Register maps out of what other programs and spreadsheets have: one file a format.
 
-A program's format is data, `NAME.toml`, which `programs` reads; any other is a module with `NAME`, `recognises(source)`
-and `read(source)`, which gives a map a device. They are listed in `FORMATS`, the surest first. What a format says and a
-map cannot is told in the notes, never dropped without a word.
+A program's format is data, `NAME.toml`, which `programs` reads; any other is a module with `NAME` and `read(source)`,
+which gives a map a device, or None of a file that is of another format. They are listed in `FORMATS`, the surest first.
+What a format says and a map cannot is told in the notes, never dropped without a word.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import Final, Protocol, cast
 from ..model import MapError
 from .programs import Program
 from .source import ImportedMap, MapSource
+from .tables import HEADING_ROWS
 
 FORMATS: Final = (
     "sunspec",
@@ -30,6 +31,7 @@ FORMATS: Final = (
     "own",
     "records",
     "spreadsheet",
+    "lines",
 )
 
 
@@ -38,9 +40,7 @@ class MapFormat(Protocol):
 
     NAME: str
 
-    def recognises(self, source: MapSource) -> bool: ...
-
-    def read(self, source: MapSource) -> list[ImportedMap]: ...
+    def read(self, source: MapSource) -> list[ImportedMap] | None: ...
 
 
 def map_format(name: str) -> MapFormat:
@@ -57,13 +57,14 @@ def import_maps(file: str, data: bytes, *, name: str | None = None) -> list[Impo
     source = MapSource(file, data)
     for candidate in (name,) if name is not None else FORMATS:
         form = map_format(candidate)
-        if form.recognises(source):
-            read = form.read(source)
-            filled = [one for one in read if one.chart.rows]
-            if filled:
-                return [_with_included(filled[0], source), *filled[1:]]
-            why = next((f": {one.notes[0]}" for one in read if one.notes), "")
-            raise MapError(f"{file}: read as {form.NAME}, but it has no registers{why}")
+        read = form.read(source)
+        if read is None:
+            continue
+        filled = [replace(one, notes=(*one.notes, *source.notes)) for one in read if one.chart.rows]
+        if filled:
+            return filled
+        why = next((f": {one.notes[0]}" for one in read if one.notes), "")
+        raise MapError(f"{file}: read as {form.NAME}, but it has no registers{why}")
     if name is not None:
         raise MapError(f"{file}: is not {map_format(name).NAME}")
     if source.problem:
@@ -73,13 +74,6 @@ def import_maps(file: str, data: bytes, *, name: str | None = None) -> list[Impo
             f"{file}: it has no registers itself, only the files it includes do: give {', '.join(source.included)}"
         )
     raise MapError(
-        f"{file}: not a known register map: a table needs a heading row such as address, name, type; --input-format "
-        f"chooses one of {', '.join(FORMATS)}"
+        f"{file}: not a known register map: a table needs a heading row such as address, name, type in its first "
+        f"{HEADING_ROWS} rows; --input-format chooses one of {', '.join(FORMATS)}"
     )
-
-
-def _with_included(imported: ImportedMap, source: MapSource) -> ImportedMap:
-    """A map with a note of what its file takes from others, which is not read."""
-    if not source.included:
-        return imported
-    return replace(imported, notes=(*imported.notes, f"what it includes is not read: {', '.join(source.included)}"))

@@ -14,19 +14,15 @@ NAME = "a map of our own form"
 _SIGNS: Final = re.compile("[,;\t]")
 
 
-def recognises(source: MapSource) -> bool:
-    """A list `registers` in YAML, or a row of our column names."""
+def read(source: MapSource) -> list[ImportedMap] | None:
+    """The map as it stands, where YAML has a list `registers` or a table a row of our column names."""
     if isinstance(source.yaml, Mapping):
         rows = source.yaml.get("registers")
         keys = {key for row in mappings(rows) for key in row}
         own = {"area"} if source.json is not None else {"area", "type"}  # JSON is of other programs
-        return isinstance(rows, list) and not (keys and keys.isdisjoint(own))
+        is_own = isinstance(rows, list) and not (keys and keys.isdisjoint(own))
+        return [ImportedMap(read_yaml(source.text, source.name))] if is_own else None
     lines = filter(str.strip, source.text.lower().splitlines())
     head = next((line for line in lines if not line.lstrip(' "').startswith("#")), "")
-    return {"address", "name", "area", "type"} <= {name.strip(' "') for name in _SIGNS.split(head)}
-
-
-def read(source: MapSource) -> list[ImportedMap]:
-    """The map as it stands."""
-    is_yaml = isinstance(source.yaml, Mapping) and "registers" in source.yaml
-    return [ImportedMap((read_yaml if is_yaml else read_table)(source.text, source.name))]
+    is_own = {"address", "name", "area", "type"} <= {name.strip(' "') for name in _SIGNS.split(head)}
+    return [ImportedMap(read_table(source.text, source.name))] if is_own else None

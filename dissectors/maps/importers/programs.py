@@ -10,8 +10,9 @@ there counts. Addresses that a record lists (`addresses`) become its `first`, th
 
 from __future__ import annotations
 
+import re
 import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import cached_property
 from importlib import import_module
 from importlib.resources import files as package_files
@@ -38,6 +39,7 @@ class Program:
             (package_files(__package__) / f"{name}.toml").read_text(encoding="utf-8")
         )
         self.NAME: str = self.data["name"]
+        self._above = {name.partition(".")[0] for name in re.findall(r"\^([\w.]+)", str(self.data))}
 
     @cached_property
     def _adapted(self) -> Adapter | None:
@@ -45,12 +47,10 @@ class Program:
             return None
         return cast(Adapter, import_module(f"{__package__}.{self.name}").adapted)
 
-    def recognises(self, source: MapSource) -> bool:
-        """Whether one of the paths leads to a record that has what a register of the program needs."""
-        return next(self._found(source, self.data.get("signature", self.data["paths"]), _LOOK), None) is not None
-
-    def read(self, source: MapSource) -> list[ImportedMap]:
-        """A map a device."""
+    def read(self, source: MapSource) -> list[ImportedMap] | None:
+        """A map a device; None where no path leads to a record that has what a register of the program needs."""
+        if next(self._found(source, self.data.get("signature", self.data["paths"]), _LOOK), None) is None:
+            return None
         builders: dict[str, MapBuilder] = {}
         records = self._found(source, self.data["paths"])
         if "addresses" in self.data:
@@ -71,9 +71,9 @@ class Program:
         self, source: MapSource, paths: Sequence[Mapping[str, Any]], most: int | None = None
     ) -> Iterator[Record]:
         """The records that paths lead to, among the first `most` that could be."""
-        tree = getattr(source, self.data["reads"])
+        tree, walk = getattr(source, self.data["reads"]), _TreeWalk(self._above)
         for path in paths:
-            for record in islice(_walked(tree, path["to"].split("."), {}), most):
+            for record in islice(walk.records(tree, path["to"].split("."), {}), most):
                 where, unless = path.get("where", {}), path.get("unless", {"": ""})
                 there = "needs" not in path or said(record, path["needs"]) is not None
                 if there and where.items() <= record.items() and not unless.items() <= record.items():
@@ -106,53 +106,50 @@ def _in_line(record: Record, listed: Any) -> Record:
     return {**record, "first": first, "count": len(listed), "listed": way, **told}
 
 
-def _walked(node: Any, steps: Sequence[str], above: Mapping[str, Any]) -> Iterator[Record]:
-    """The mappings that steps lead to, each with what it stands in."""
-    if not steps:
-        yield {**above, **node}
-        return
-    for below, around, rest in _STEPS.get(steps[0], _by_keys)(node, steps):
-        yield from _walked(below, rest, {**above, **around})
-
-
 Stepped = Iterator[tuple[Any, Record, Sequence[str]]]
 
 
-def _by_keys(node: Any, steps: Sequence[str]) -> Stepped:
-    """What the keys of a step lead to: `a`, `{a,b}` or `*`."""
-    inner = node if isinstance(node, Mapping) else {}
-    wanted = inner if steps[0] == "*" else steps[0].strip("{}").split(",")
-    for key, value in inner.items():
-        for below in mappings(value) if key in wanted else ():
-            yield below, {**_plain_values(node), "^@": key}, steps[1:]
+class _TreeWalk:
+    """The way down a tree: what `keys` say above a record goes with it, as `^key`."""
 
+    def __init__(self, keys: Collection[str]) -> None:
+        self._keys = keys
 
-def _anywhere(node: Any, steps: Sequence[str]) -> Stepped:
-    """The node itself for the steps behind `**`, and all that it holds for these."""
-    waiting: list[tuple[Any, Record]] = [(node, {})]
-    while waiting:
-        inner, around = waiting.pop()
-        yield from [(inner, around, steps[1:])] * isinstance(inner, dict)
-        below = [one for one in parts_of(inner) if isinstance(one, dict | list)]
-        around = {**around, **_plain_values(inner)} if below else {}
-        waiting += [(one, around) for one in reversed(below)]
+    def records(self, node: Any, steps: Sequence[str], above: Record) -> Iterator[Record]:
+        """The mappings that steps lead to, each with what it stands in."""
+        if not steps:
+            yield {**above, **node}
+            return
+        ways = {"**": self._anywhere, "-": self._rows}
+        for below, around, rest in ways.get(steps[0], self._by_keys)(node, steps):
+            yield from self.records(below, rest, {**above, **around})
 
+    def _by_keys(self, node: Any, steps: Sequence[str]) -> Stepped:
+        """What the keys of a step lead to: `a`, `{a,b}` or `*`."""
+        inner = node if isinstance(node, Mapping) else {}
+        wanted = [*inner] if steps[0] == "*" else steps[0].strip("{}").split(",")
+        around = self._said(inner)
+        for key in filter(inner.__contains__, wanted):
+            for below in mappings(inner[key]):
+                yield below, {**around, "^@": key}, steps[1:]
 
-def _by_rows(node: Any, steps: Sequence[str]) -> Stepped:
-    for below in node or ():
-        yield below, {}, steps[1:]
+    def _anywhere(self, node: Any, steps: Sequence[str]) -> Stepped:
+        """The node itself for the steps behind `**`, and all that it holds for these."""
+        waiting: list[tuple[Any, Record]] = [(node, {})]
+        while waiting:
+            inner, around = waiting.pop()
+            yield from [(inner, around, steps[1:])] * isinstance(inner, dict)
+            around = {**around, **self._said(inner)}
+            waiting += [(one, around) for one in reversed(parts_of(inner)) if isinstance(one, dict | list)]
 
+    def _rows(self, node: Any, steps: Sequence[str]) -> Stepped:
+        for below in node or ():
+            yield below, {}, steps[1:]
 
-_STEPS: Final[Mapping[str, Callable[[Any, Sequence[str]], Stepped]]] = {
-    "**": _anywhere,
-    "-": _by_rows,
-}
-
-
-def _plain_values(node: Any) -> Record:
-    """What a mapping says itself, for the records within it."""
-    plain = node.items() if isinstance(node, Mapping) else ()
-    return {f"^{key}": value for key, value in plain if not isinstance(value, list)}
+    def _said(self, node: Any) -> Record:
+        """What a mapping says itself of the records within it."""
+        there = self._keys if isinstance(node, Mapping) else ()
+        return {f"^{key}": node[key] for key in there if not isinstance(node.get(key, []), list)}
 
 
 class _ProgramRow:
@@ -202,9 +199,9 @@ class _ProgramRow:
         elif kind is None:
             self.note(f"{self.data.get('types_are', 'type')} {type_word!r} is not a type that maps have")
         else:
-            self.builder.add(self._cells(area, address, kind), self.what)
+            self.builder.add(area, address, self._cells(area, kind), self.what)
 
-    def _cells(self, area: str, address: int, kind: str) -> dict[str, object]:
+    def _cells(self, area: str, kind: str) -> dict[str, object]:
         kind, _, own_order = kind.partition(" ")
         states = states_of(self.said("values"))
         length = self.said("length")
@@ -213,8 +210,6 @@ class _ProgramRow:
         is_wide = VALUE_TYPES[kind] > 1 or self.data.get("orders_bytes", False)
         read_only = self.data.get("bits_access") if area in _BITS else None
         return {
-            "area": area,
-            "address": address,
             "name": self.name,
             "type": kind,
             "order": own_order or (self.meant("order")[0] if is_wide and kind != "bool" else None),

@@ -10,19 +10,19 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import islice
 from pathlib import PurePath
 from typing import Any, Final
 
-from ..cells import CellError, area_and_address, one_line, value_of
+from ..cells import CellError, one_line, value_of
 from ..files import decoded
 from ..model import MapError, MappedValue, RegisterMap
 from ..records import json_lines
-from ..sheets import ZIP
+from ..sheets import ZIP, notes_of_cut
 from ..table import csv_rows
 
 _MOST_NOTES: Final = 20
 _MOST_ROWS: Final = 20_000
+_MOST_LINES: Final = 40_000  # of the CSV of a program
 _MOST_CELLS: Final = 100  # of a row
 _MOST_UNNAMED: Final = 1 << 18  # characters of a text that is read as what its name does not say
 _LOOK: Final = 60  # lines that tell how a text is cut
@@ -59,6 +59,7 @@ class MapSource:
         self.suffix = PurePath(name).suffix.lower()
         self.stem = PurePath(name).stem
         self._problems: dict[str, str] = {}
+        self._cut: tuple[str, ...] = ()
 
     @property
     def problem(self) -> str:
@@ -69,7 +70,7 @@ class MapSource:
     @cached_property
     def included(self) -> list[str]:
         """The files that a YAML text takes in, as it names them."""
-        return list(dict.fromkeys(_INCLUDED.findall(self.text)))[:_MOST_INCLUDED] if self.is_text else []
+        return list(dict.fromkeys(_INCLUDED.findall(self.text)))[:_MOST_INCLUDED]
 
     @property
     def is_workbook(self) -> bool:
@@ -88,12 +89,21 @@ class MapSource:
         return json_lines(self.text)
 
     @property
+    def notes(self) -> list[str]:
+        """What is to be said of the file: what it takes in from others, and where it was cut."""
+        included = [f"what it includes is not read: {', '.join(self.included)}"] * bool(self.included)
+        return [*included, *self._cut]
+
+    @property
     def rows(self) -> Iterator[dict[str, str]]:
         """The rows of CSV by the numbers of their cells, their own under `row`; nothing behind one that is none."""
-        lines = self.text.splitlines() if self.is_text else []
+        lines = self.text.splitlines()
         delimiter = max("\t;,", key="\n".join(lines[:_LOOK]).count)
         with suppress(MapError):
-            for number, cells in islice(csv_rows(lines, delimiter, self.name), 2 * _MOST_ROWS):
+            for number, cells in csv_rows(lines, delimiter, self.name):
+                self._cut = notes_of_cut(number > _MOST_LINES, _MOST_LINES, "rows")
+                if self._cut:
+                    break
                 yield {**{str(at): cell.strip() for at, cell in enumerate(cells[:_MOST_CELLS])}, "row": str(number)}
 
     @property
@@ -128,13 +138,9 @@ class MapSource:
         return decoded(self.data) or ""
 
     @cached_property
-    def is_text(self) -> bool:
-        return decoded(self.data[:4096]) is not None
-
-    @cached_property
     def json(self) -> Any:
         """The JSON content; comments and a comma behind the last of a list are no part of it."""
-        if not self.is_text or self.text.lstrip()[:1] not in ("{", "[", "/"):
+        if self.text.lstrip()[:1] not in ("{", "[", "/"):
             return None
         bare = _COMMENT.sub(lambda found: found[1] or re.sub(r"[^\n]", "", found[0]), self.text)
         try:
@@ -148,7 +154,7 @@ class MapSource:
     def _may_be(self, kind: str, sign: str) -> bool:
         """Whether to read the text as what its name says, or a short one as anything that it has the sign of."""
         is_named = _KINDS.get(self.suffix) == kind or len(self.text) < _MOST_UNNAMED
-        return self.is_text and is_named and sign in self.text
+        return is_named and sign in self.text
 
     @cached_property
     def toml(self) -> Any:
@@ -205,13 +211,16 @@ class MapBuilder:
     bits: dict[tuple[str, int], dict[int, str]] = field(default_factory=dict)
     _at: dict[tuple[str, int], dict[str, MappedValue]] = field(default_factory=dict)
 
-    def add(self, cells: Mapping[str, object], what: object) -> None:
-        """A row of these cells; `what` names it in a note."""
-        if len(self.rows) >= _MOST_ROWS:
-            self.note(f"{what}: over {_MOST_ROWS:,} values are not the map of one device")
+    def add(self, area: str, address: int, cells: Mapping[str, object], what: object) -> None:
+        """A row of these cells, at a zero-based address; `what` names it in a note."""
+        if self.is_full:
             return
+        kind = "bool" if area in ("coil", "discrete") else str(cells["type"])
+        fitting = {
+            key: cell for key, cell in cells.items() if cell is not None and key not in _UNFIT.get(kind, _LENGTH)
+        }
         try:
-            row = value_of(_fitting(cells), order=self.order)
+            row = value_of({**fitting, "area": area, "address": address, "type": kind}, order=self.order)
         except CellError as error:
             self.note(f"{what}: {error}")
             return
@@ -234,6 +243,15 @@ class MapBuilder:
             label = name if width == 1 else f"{name} bit {bit - first}"
             names[bit] = f"{names[bit]} / {label}" if bit in names else label
 
+    @property
+    def is_full(self) -> bool:
+        """Whether there are more values than the map of a device has; said once."""
+        full = len(self.rows) >= _MOST_ROWS
+        said = f"over {_MOST_ROWS:,} values are not the map of one device"
+        if full and said not in self.notes:
+            self.notes.insert(0, said)
+        return full
+
     def note(self, text: str) -> None:
         self.notes.append(one_line(text[:400])[:300])
 
@@ -251,8 +269,8 @@ class MapBuilder:
         for (area, address), names in self.bits.items():
             if self._is_of_bits(area, address, names):
                 continue
-            cells = {"area": area, "address": address, "type": "bits", "values": dict(sorted(names.items()))}
-            self.add({**cells, "name": f"Bits of {address}"}, f"register {address}")
+            cells = {"name": f"Bits of {address}", "type": "bits", "values": dict(sorted(names.items()))}
+            self.add(area, address, cells, f"register {address}")
         notes = self.notes[:_MOST_NOTES]
         if len(self.notes) > _MOST_NOTES:
             notes.append(f"and {len(self.notes) - _MOST_NOTES} more such")
@@ -266,18 +284,10 @@ class MapBuilder:
         return ImportedMap(chart, tuple(notes))
 
 
+_LENGTH: Final = ("length",)
 _FACTOR: Final = ("scale", "offset")
-_UNFIT: Final = {"bool": ("length", *_FACTOR), "text": _FACTOR, "bits": _FACTOR, "enum": _FACTOR}
-"""What a type cannot have; others have the length that they have."""
-
-
-def _fitting(cells: Mapping[str, object]) -> dict[str, object]:
-    """The cells that a value of its area and type can have: a coil is a bool, a text has no factor."""
-    area, _ = area_and_address(cells.get("area"), cells.get("address"))
-    kind = "bool" if area in ("coil", "discrete") else str(cells["type"])
-    unfit = _UNFIT.get(kind, ("length",))
-    given = {key: cell for key, cell in cells.items() if cell is not None and key not in unfit}
-    return {**given, "type": kind}
+_UNFIT: Final = {"bool": (*_LENGTH, *_FACTOR), "text": _FACTOR, "bits": _FACTOR, "enum": _FACTOR}
+"""What a type cannot have: a coil is a bool, a text has no factor, others have the length that they have."""
 
 
 def _json_error(error: ValueError) -> str:
@@ -314,8 +324,3 @@ def mappings(content: object) -> Iterable[Mapping[str, Any]]:
     if isinstance(content, Mapping):
         return [content]
     return [item for item in content if isinstance(item, Mapping)] if isinstance(content, list) else []
-
-
-def refused(source: MapSource, form: str, expected: str) -> MapError:
-    """Why a file is not of a format."""
-    return MapError(f"{source.name}: not {form}: expected {expected}")

@@ -1,0 +1,342 @@
+"""Tables of registers, in whatever a sheet comes from: which column holds what is decided by `roles`, what a cell says
+by `written`; here the rows are gone through.
+
+A type that the table does not name follows from the number of registers. Addresses that begin with 1 are left as they
+stand unless all of them are logical (40001 on): which base a manual counts from is for the user to say.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect, bisect_left
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import islice, zip_longest
+from typing import Final
+
+from ..cells import CellError, area_and_address
+from ..model import DIGIT_OF_AREA, VALUE_TYPES, MapArea
+from ..roles import (
+    WHOLE,
+    Table,
+    assigned,
+    assignment,
+    column_cells,
+    heading_bits,
+    is_heading,
+    is_unknown_heading,
+    known_headings,
+    may_be_heading,
+    plain_heading,
+)
+from ..sheets import MapSheet, column_name, notes_of_cut
+from ..vocabulary import expression, form, meaning
+from ..written import (
+    AddressForm,
+    TableAddress,
+    access_of,
+    address_form,
+    address_of,
+    area_of_cell,
+    area_words,
+    limits_of,
+    measured,
+    order_of,
+    plain_number,
+    states_in,
+    type_of,
+)
+from .source import ImportedMap, MapBuilder, MapSource, whole_in
+
+_TOLD: Final = frozenset({"address", "name", "type"})  # columns of a table without a heading
+HEADING_ROWS: Final = 60  # in which a heading is sought
+_FIRST_WORD: Final = {"CDAB": "least significant", "DCBA": "least significant"}
+_MOST_TRIED: Final = 12  # rows of words that may be a heading
+_MOST_TURNED: Final = 24  # rows of a table whose values stand side by side
+_MOST_HEADINGS: Final = 200  # of one sheet
+
+
+def has_heading(sheet: MapSheet) -> bool:
+    """Whether the first rows of a sheet have one, or what stands in the columns tells as much."""
+    return next(_headings_in(_headed(sheet.rows[:HEADING_ROWS])), None) is not None
+
+
+def _headed(rows: Table) -> Table:
+    """The rows as a table below its heading: as they stand, behind a heading that addresses, names and types tell, or
+    with rows and columns exchanged."""
+    if next(_headings_in(rows[:HEADING_ROWS]), None) is not None:
+        return rows
+    width = max(map(len, rows), default=0)
+    columns = {at: role for role, at in assigned([""] * width, _of_values(rows[:HEADING_ROWS])).items()}
+    if set(columns.values()) >= _TOLD:
+        return [[columns.get(at, "") for at in range(width)], *rows]
+    turned = [*map(list, zip_longest(*rows, fillvalue=""))] if len(rows) < _MOST_TURNED else []
+    first = next(_headings_in(turned), None)
+    return turned if first is not None and assigned(turned[first], turned[first + 1 :]).keys() >= _TOLD else rows
+
+
+def chart_of(source: MapSource, sheet: MapSheet, device: str = "") -> ImportedMap | None:
+    """The map of one sheet, of the file's name and `device`; None where it has no heading."""
+    return _TableRows(source, sheet, device).chart()
+
+
+def first_chart(source: MapSource, sheets: Iterable[MapSheet]) -> list[ImportedMap] | None:
+    """The map of the first sheet that has a heading; None where none has."""
+    charts = (chart_of(source, sheet) for sheet in sheets if has_heading(sheet))
+    return [chart for chart in islice(charts, 1) if chart is not None] or None
+
+
+def _headings_in(rows: Table) -> Iterator[int]:
+    """Where rows of headings are: those of known words, or the first that is one by what stands below it."""
+    known = [at for at, (row, after) in enumerate(zip_longest(rows, rows[1:])) if row != after and is_heading(row)]
+    looked = ((at, row) for at, row in enumerate(rows[:HEADING_ROWS]) if not known and may_be_heading(row))
+    tried = ((at, row, _of_values(rows[at + 1 : at + HEADING_ROWS])) for at, row in islice(looked, _MOST_TRIED))
+    first = next((at for at, row, below in tried if is_unknown_heading(row, below)), None)
+    yield from known if first is None else (at for at, row in enumerate(rows) if row == rows[first])
+
+
+def _of_values(rows: Table) -> Table:
+    """The rows that may have an address: no title, no line between others, and not the second of a heading."""
+    return [row for row in rows if expression(r".*\d.*").fullmatch(" ".join(row)) and sum(map(bool, row)) > 1]
+
+
+def _is_rule(row: Sequence[str]) -> bool:
+    """Whether a row is a line between rows, or nothing."""
+    return form("rule", "".join(row)) != {}
+
+
+@dataclass(slots=True)
+class _TableHeading:
+    """What the columns of a table hold, by a row of headings and the rows below it."""
+
+    columns: dict[str, int] = field(default_factory=dict)
+    form: AddressForm = field(default_factory=AddressForm)
+    addresses: Counter[str] = field(default_factory=Counter)  # how many rows have each
+    of_functions: bool = False  # areas are the codes of functions
+    order: str = ""  # what the heading of the orders says of them: that they are of words
+
+
+class _TableRows:
+    """The rows of one sheet; what titles and headings said of those below is kept."""
+
+    def __init__(self, source: MapSource, sheet: MapSheet, device: str) -> None:
+        self.builder = MapBuilder(source.name, device=f"{source.stem} {device}".strip())
+        shown = self._visible(sheet)
+        self.rows = _headed(shown)
+        self.first = 1 - (self.rows[1:] == shown)  # number of the first row
+        for note in sheet.notes:
+            self.builder.note(note)
+        self.area = area_words(sheet.name)
+        self.heading = _TableHeading()
+        self.group = self.above = ""
+        self.order: str | None = None  # as a title says
+        self.numbering = ""  # what titles say of addresses
+        self.register: tuple[MapArea, int] | None = None  # the newest, whose bits rows may name
+
+    def chart(self) -> ImportedMap | None:
+        """The map; None where no row is a heading."""
+        headings = [*islice(_headings_in(self.rows), _MOST_HEADINGS + 1), len(self.rows)]
+        self.builder.notes += notes_of_cut(len(headings) > _MOST_HEADINGS + 1, _MOST_HEADINGS, "headings")
+        del headings[_MOST_HEADINGS:-1]
+        for row in self.rows[: headings[0]]:
+            self._title(row)
+        begin = 0
+        for first in headings[:-1]:
+            if first >= begin:  # else the second row of a heading
+                begin = self._heading(first, headings[min(bisect(headings, first + 1), len(headings) - 1)])
+                for number in range(begin, headings[bisect_left(headings, begin)]):
+                    if not self.builder.is_full:
+                        self._row(self.rows[number], number + self.first)
+        if self.builder.rows or self.builder.bits:
+            self.builder.note("columns were told by their headings: look the map over, its address base above all")
+        return self.builder.built() if self.heading.columns else None
+
+    def _visible(self, sheet: MapSheet) -> Table:
+        """The rows without the columns that the sheet hides, where what is left is a table."""
+        rows = [["" if at in sheet.hidden else cell for at, cell in enumerate(row)] for row in sheet.rows]
+        if not (sheet.hidden and has_heading(replace(sheet, rows=rows))):
+            return sheet.rows
+        names = ", ".join(map(column_name, sorted(sheet.hidden)))
+        self.builder.note(f"hidden columns of the sheet were skipped: {names}")
+        return rows
+
+    def _heading(self, first: int, last: int) -> int:
+        """Take in the heading at a row; where the rows below it begin."""
+        row, begin = self.rows[first], first + 1
+        if begin < last and (joint := self._merged(first, last)):
+            row, begin = joint, first + 2
+        below = _of_values(self.rows[begin:last])
+        columns = assigned(row, below) or assigned(row, ())
+        if not columns:
+            return begin
+        texts = {role: plain_heading(row[at]) for role, at in columns.items()}
+        addresses = column_cells(below, columns["address"])
+        how = address_form(f"{texts['address']}{self.numbering}", addresses)
+        self.heading = _TableHeading(
+            columns,
+            how,
+            Counter(addresses),
+            bool(form("of_functions", texts.get("area", ""))),
+            "word order" * ("word" in texts.get("order", "")),
+        )
+        for holds, note in (
+            ("divisor" in columns and heading_bits(texts["divisor"], "divisor") < WHOLE, _AS_DIVISOR),
+            ("power" in columns, "whole factors, some below 0, were taken for powers of ten"),
+            (how.base > 0, "plain addresses were taken as counted from 1, as a heading says"),
+            (how.is_hex > how.is_said, "addresses were taken for hexadecimal, as some of them have letters"),
+        ):
+            self.builder.notes += [note] * holds
+        self.above, self.register = "", None
+        self.area = ("area" not in columns and area_words(texts["address"])) or self.area
+        return begin
+
+    def _merged(self, first: int, last: int) -> list[str] | None:
+        """The headings of two rows as one: where the second says more of columns that the first has together (`Address`
+        over `Dec` and `Hex`), or what the first leaves out. None where the second is no heading."""
+        row, second = (list(self.rows[at]) for at in (first, first + 1))
+        if known_headings(second) < 2 or expression(r".*\d.*").fullmatch("".join(second)):
+            return None
+        width = max(len(row), len(second))
+        pairs = zip(row + [""] * (width - len(row)), second + [""] * (width - len(second)), strict=True)
+        both = [low if known_headings([low]) and not form("numeral", plain_heading(low)) else f"{high} {low}".strip()
+                for high, low in pairs]  # fmt: skip
+        below = _of_values(self.rows[first + 2 : last])
+        weights = [assignment(one, below)[1] for one in (row, second, both)]
+        return both if weights[2] > max(weights[:2]) else None
+
+    def _title(self, row: Sequence[str]) -> None:
+        """Take in what a row without values says of those below."""
+        cells = list(filter(None, row))
+        title = " ".join(cells)
+        self.order = order_of(form("says_order", title.lower()).get("", "")) or self.order
+        self.numbering += " hex" * (form("in_hex", title) != {}) + " 1-based" * (form("from_one", title) != {})
+        self.area = area_words(title) or self.area
+        if len(cells) == 1 and (self.heading.columns or title.startswith("#")):
+            self.group = _group(title) or self.group
+
+    def _row(self, row: Sequence[str], number: int) -> None:
+        cells = list(filter(None, row))
+        heading = self.heading
+        named = {key: row[at].strip() for key, at in heading.columns.items() if at < len(row)}
+        if _is_rule(row) or self._is_bit(named):
+            return
+        if len(cells) == 1:
+            self._title(row)
+            return
+        self.above = named.get("area") or self.above  # one cell for several rows holds its text once
+        if heading.addresses[named.get("address", "")] == 1:
+            named.pop("bit", None)  # several rows of one register are its bits
+        here = area_of_cell(self.above, function=heading.of_functions) or self.area
+        address = address_of(named.get("address", ""), heading.form)
+        if address is None:
+            self.builder.note(f"row {number}: {named.get('address', '')[:30]!r} is not an address")
+            return
+        self.register = self._value(named, address, here, f"row {number}") or self.register
+
+    def _is_bit(self, cells: dict[str, str]) -> bool:
+        """Whether a row names a bit of the register above: it has no address of its own. The bit is added then."""
+        name = cells.get("name") or cells.get("description", "")
+        spoken = form("spoken_bit", name) or {**form("bit_cell", cells.get("bit", "")), "name": name}
+        if self.register is None or cells.get("address") or "bit" not in spoken:
+            return False
+        self.builder.add_bits(*self.register, int(spoken["bit"]), 1, " ".join(spoken["name"].split()))
+        return True
+
+    def _value(
+        self, cells: dict[str, str], position: TableAddress, area: MapArea | None, what: str
+    ) -> tuple[MapArea, int] | None:
+        """Add what a row says; the register that it is about, whose bits rows below may name."""
+        how = self.heading.form
+        named, address = _area_and_address(position, area, how)
+        kind, length = type_of(_type_said(cells), whole_in(cells.get("length")) or _words(cells, position, how))
+        own_name = cells.get("name") or cells.get("description", "")
+        name = own_name or f"Register {cells.get('address', '')}"
+        self.builder.notes += [f"{what}: no name"] * (not own_name)
+        try:
+            register = area_and_address(named, address)
+        except CellError as error:
+            self.builder.note(f"{what}: {name[:40]}: {error}")
+            return None
+        bit = form("bit_cell", position.bit or cells.get("bit", "")).get("bit")
+        if bit:
+            self.builder.add_bits(*register, int(bit), 1, " ".join(name.split()))
+            return register
+        order = self._order(cells, kind, what)
+        name, scale, unit, remark = measured(cells, " ".join(name.split()))
+        name, states = states_in(cells, kind, name)
+        low, high = limits_of(cells)
+        self.builder.add(
+            *register,
+            {
+                "name": name,
+                "type": kind,
+                "order": order,
+                "length": length,
+                "scale": scale,
+                "offset": plain_number(cells.get("offset", "")),
+                "unit": unit,
+                "values": states,
+                "access": access_of(cells),
+                "min": low,
+                "max": high,
+                "description": (cells.get("description") or remark) if cells.get("name") else None,
+                "group": cells.get("group") or self.group,
+            },
+            f"{what}: {name[:40]}",
+        )
+        return register
+
+    def _order(self, cells: dict[str, str], kind: str, what: str) -> str | None:
+        """The order of a wide value: as its row says it, else as a title does; a doubtful one is told."""
+        own = cells.get("order", "")
+        said = f"{own} {cells.get('type', '')}".strip().lower()
+        ways = (said, f"{self.heading.order} {own}", cells.get("description", ""))
+        order = next(filter(None, map(order_of, ways)), None if own else self.order)
+        is_said, is_sure = own or form("says_order", said), order and not form("is_inverse", said)
+        if VALUE_TYPES.get(kind, 0) < 2:
+            return None
+        if is_said and not is_sure:
+            shown = f"{own} {cells.get('type', '')}".strip()[:30]
+            first = _FIRST_WORD.get(order or "", "most significant")
+            self.builder.note(f"{what}: order {shown!r} was taken for {order or 'ABCD'}, {first} word first")
+        return order
+
+
+_AS_DIVISOR: Final = "gains of 1 or more were taken as divisors of raw values"
+
+
+def _group(text: str) -> str:
+    """The title above rows, as a group; a sentence is none."""
+    return form("group_title", text.strip("#*: ")).get("", "")
+
+
+def _type_said(cells: dict[str, str]) -> str:
+    """What the columns of type, width and sign say together."""
+    width = cells.get("width", "")
+    signed = meaning("signed", cells.get("signed", ""))
+    return " ".join(filter(None, (cells.get("type"), f"{width} bit" if width.isdecimal() else width, signed)))
+
+
+def _words(cells: dict[str, str], position: TableAddress, how: AddressForm) -> int | None:
+    """Registers of a value by its octets, or from its first to its last address."""
+    octets = whole_in(cells.get("octets")) or 1
+    end = address_of(cells.get("end", ""), how)
+    last = position.last or (end.first if end else None)
+    span = last - position.first + 1 if last is not None else 0
+    return octets // 2 if octets % 2 == 0 else span if span > 0 else None
+
+
+def _area_and_address(
+    position: TableAddress, area: MapArea | None, how: AddressForm
+) -> tuple[MapArea | None, int | str]:
+    """Area and address as `area_and_address` takes them: a logical number (40108, 4x108) names its area itself, where
+    the row says nothing else, or the same."""
+    digits = how.logical_digits(area)
+    text = position.text
+    looks = digits and expression(rf"[{digits}](?!0+$)\d{{4,5}}").fullmatch(text)
+    if position.prefixed or (looks and area in (None, _AREA_OF.get(text[0]))):
+        return None, text
+    return area or "holding", position.first - how.base
+
+
+_AREA_OF: Final = {digit: area for area, digit in DIGIT_OF_AREA.items()}
