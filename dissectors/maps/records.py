@@ -72,7 +72,7 @@ def _lists_of_rows(node: Any, depth: int) -> Iterator[Sequence[Sequence[Any]]]:
     """The lists of lists in a tree that are rows of one length."""
     below = parts_of(node)
     widths = {len(row) if isinstance(row, list) else 0 for row in below}
-    if len(below) > _FEW and len(widths) == 1 and min(widths) > _FEW:
+    if len(below) > _FEW and min(widths) > _FEW:
         yield below
     for inner in below[: _MOST * (depth < _DEPTH)]:
         yield from _lists_of_rows(inner, depth + 1)
@@ -107,7 +107,7 @@ def _place(path: tuple[str, ...], cells: Mapping[str, str]) -> Record:
     """What the keys say that lead to a record: its name, or its address where that is a number; and its group."""
     *groups, key = path or ("",)
     is_number = numbers_in(key[:20]) and not expression(r"[^\W\d]{2}").search(key)
-    kind = "address" if is_number and not _has_address(dict(cells)) else "key"
+    kind = "address" if is_number and not _has_address(cells) else "key"
     named = any(heading_bits(word, "name") >= _NAMED for word in cells)
     if named and kind == "key":
         return {"group": " ".join(path)}

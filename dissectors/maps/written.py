@@ -76,10 +76,10 @@ def address_form(heading: str, cells: Sequence[str]) -> AddressForm:
         is_hex,
         is_said,
         has_bits=any(bits),
-        is_logical=_any_like(r"[34].*", numbers) and _all_like(r"[0134]\d{4,5}", numbers) and not is_hex,
+        is_logical=_any_like(r"[34].*", numbers) and _all_like(r"[0134]\d{4,5}", numbers),
         is_plain=is_plain,
         has_prefixes=_any_like(r"[134][xX]\d+", parts),
-        is_digital=_all_like(r"[01](?!0000)\d{4}", numbers) and not is_hex,
+        is_digital=_all_like(r"[01](?!0000)\d{4}", numbers),
         base=int(bool(form("from_one", heading)) and not _any_like(r"(0x)?0+h?", parts)),
     )
 
@@ -114,8 +114,6 @@ def address_of(cell: str, form_of: AddressForm) -> TableAddress | None:
 def numbers_in(cell: str) -> Sequence[int]:
     """The numbers of a cell as addresses have them, bare hexadecimal ones too."""
     cell = together(cell)[:40]
-    if form("bare_hex", cell) and not cell.isdecimal():
-        return [int(cell.rstrip("hH"), 16)]
     return [_whole(number) for number in _NUMBER.findall(cell)]
 
 
@@ -143,7 +141,7 @@ def type_of(text: str, length: int | None) -> tuple[str, int | None]:
         case "bits" | "bool" | "enum":
             return held.replace("bool", "bits"), words if width > 16 else length
         case None:
-            words = words if width else int(meaning("words", word) or words)
+            words = int(meaning("words", word) or words)
             sign = (meaning("sign", word) or "u")[0]
             return f"{sign}{16 * words if words in (2, 4) else 16}", length
         case _:
@@ -171,7 +169,7 @@ def access_of(cells: Mapping[str, str]) -> str | None:
 def area_of_cell(text: str, *, function: bool = False) -> MapArea | None:
     """The area that a cell names, by words, by its digit (4 for 4x), or by the code of a `function` that reads it."""
     word = text.strip().lower().removesuffix(".0")
-    if not function or not expression(r"\d?").fullmatch(word):
+    if not function:
         try:
             return area_of(word)
         except CellError:
@@ -212,10 +210,10 @@ def values_of(text: str) -> str | None:
 
 @lru_cache(maxsize=4096)
 def has_only_states(text: str) -> bool:
-    """Whether a remark is a list of states from 0 or 1 on: `0 - off, 1 - on`, `0: 4800, 1: 9600`."""
+    """Whether a remark is a list of states: `0 - off, 1 - on`, `0: 4800, 1: 9600`."""
     parts = list(filter(None, map(str.strip, re.split(r"[;,\n|]", text.translate(WIDE_SIGNS)))))
     states = [form("state", part).get("state", "") for part in parts]
-    return len(states) > 1 and states[0] in ("0", "1", "00", "01") and _all_like(r"\d+", states)
+    return len(states) > 1 and _all_like(r"\d+", states)
 
 
 def states_in(cells: Mapping[str, str], kind: str, name: str) -> tuple[str, str | None]:
@@ -238,9 +236,9 @@ def measured(cells: Mapping[str, str], name: str) -> tuple[str, str | None, str,
     left = {**cells, "name": name, "unit": given(cells.get("unit", ""))}
     found: dict[str, str | None] = {"scale": scale_of(*(cells.get(column, "") for column in _FACTORS)), "unit": ""}
     for at, line in enumerate(vocabulary()["measures"]):
-        told = _measure(at, text) if (text := left.get(line["of"])) else None
-        new = {key: told[key] for key in found if told[key] and not found[key]} if told else None
-        if told and new:
+        told = _measure(at, left.get(line["of"], ""))
+        new = {key: told[key] for key in found if told.get(key) and not found[key]}
+        if new:
             found |= new
             left[line["of"]] = told["rest"]
     scale = found["scale"]
@@ -248,11 +246,11 @@ def measured(cells: Mapping[str, str], name: str) -> tuple[str, str | None, str,
 
 
 @lru_cache(maxsize=4096)
-def _measure(at: int, text: str) -> Mapping[str, str] | None:
+def _measure(at: int, text: str) -> Mapping[str, str]:
     """Scale, unit and the rest that a text tells by a line of the table of measures."""
     match = expression(vocabulary()["measures"][at]["like"]).fullmatch(text.translate(WIDE_SIGNS))
     if match is None:
-        return None
+        return {}
     parts = {"step": "", "times": "", "digits": "", "unit": "", "rest": "", **match.groupdict("")}
     inverse = parts["times"] or (parts["digits"] and f"1{'0' * len(parts['digits'])}")
     return {**parts, "scale": parts["step"] or (inverse and f"1/{inverse}")}

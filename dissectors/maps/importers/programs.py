@@ -65,7 +65,7 @@ class Program:
 
     def _texts(self, record: Record, what: str) -> Iterator[str]:
         for keys in self.data.get(what, ()):
-            yield str(said(record, keys) or "")
+            yield str(said(record, keys))
 
     def _found(
         self, source: MapSource, paths: Sequence[Mapping[str, Any]], most: int | None = None
@@ -143,7 +143,7 @@ class _TreeWalk:
             waiting += [(one, around) for one in reversed(parts_of(inner)) if isinstance(one, dict | list)]
 
     def _rows(self, node: Any, steps: Sequence[str]) -> Stepped:
-        for below in node or ():
+        for below in node:
             yield below, {}, steps[1:]
 
     def _said(self, node: Any) -> Record:

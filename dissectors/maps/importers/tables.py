@@ -82,8 +82,8 @@ def chart_of(source: MapSource, sheet: MapSheet, device: str = "") -> ImportedMa
 
 def first_chart(source: MapSource, sheets: Iterable[MapSheet]) -> list[ImportedMap] | None:
     """The map of the first sheet that has a heading; None where none has."""
-    charts = (chart_of(source, sheet) for sheet in sheets if has_heading(sheet))
-    return [chart for chart in islice(charts, 1) if chart is not None] or None
+    charts = (chart_of(source, sheet) for sheet in sheets)
+    return next(([chart] for chart in charts if chart is not None), None)
 
 
 def _headings_in(rows: Table) -> Iterator[int]:
@@ -147,7 +147,7 @@ class _TableRows:
                 for number in range(begin, headings[bisect_left(headings, begin)]):
                     if not self.builder.is_full:
                         self._row(self.rows[number], number + self.first)
-        if self.builder.rows or self.builder.bits:
+        if self.builder.rows:
             self.builder.note("columns were told by their headings: look the map over, its address base above all")
         return self.builder.built() if self.heading.columns else None
 
@@ -194,12 +194,9 @@ class _TableRows:
         """The headings of two rows as one: where the second says more of columns that the first has together (`Address`
         over `Dec` and `Hex`), or what the first leaves out. None where the second is no heading."""
         row, second = (list(self.rows[at]) for at in (first, first + 1))
-        if known_headings(second) < 2 or expression(r".*\d.*").fullmatch("".join(second)):
-            return None
         width = max(len(row), len(second))
         pairs = zip(row + [""] * (width - len(row)), second + [""] * (width - len(second)), strict=True)
-        both = [low if known_headings([low]) and not form("numeral", plain_heading(low)) else f"{high} {low}".strip()
-                for high, low in pairs]  # fmt: skip
+        both = [low if known_headings([low]) else f"{high} {low}".strip() for high, low in pairs]
         below = _of_values(self.rows[first + 2 : last])
         weights = [assignment(one, below)[1] for one in (row, second, both)]
         return both if weights[2] > max(weights[:2]) else None
@@ -249,7 +246,7 @@ class _TableRows:
         how = self.heading.form
         named, address = _area_and_address(position, area, how)
         kind, length = type_of(_type_said(cells), whole_in(cells.get("length")) or _words(cells, position, how))
-        own_name = cells.get("name") or cells.get("description", "")
+        own_name = cells.get("name", "")
         name = own_name or f"Register {cells.get('address', '')}"
         self.builder.notes += [f"{what}: no name"] * (not own_name)
         try:
@@ -279,7 +276,7 @@ class _TableRows:
                 "access": access_of(cells),
                 "min": low,
                 "max": high,
-                "description": (cells.get("description") or remark) if cells.get("name") else None,
+                "description": cells.get("description") or remark,
                 "group": cells.get("group") or self.group,
             },
             f"{what}: {name[:40]}",
@@ -291,7 +288,7 @@ class _TableRows:
         own = cells.get("order", "")
         said = f"{own} {cells.get('type', '')}".strip().lower()
         ways = (said, f"{self.heading.order} {own}", cells.get("description", ""))
-        order = next(filter(None, map(order_of, ways)), None if own else self.order)
+        order = next(filter(None, map(order_of, ways)), self.order)
         is_said, is_sure = own or form("says_order", said), order and not form("is_inverse", said)
         if VALUE_TYPES.get(kind, 0) < 2:
             return None
@@ -314,7 +311,7 @@ def _type_said(cells: dict[str, str]) -> str:
     """What the columns of type, width and sign say together."""
     width = cells.get("width", "")
     signed = meaning("signed", cells.get("signed", ""))
-    return " ".join(filter(None, (cells.get("type"), f"{width} bit" if width.isdecimal() else width, signed)))
+    return " ".join(filter(None, (cells.get("type"), width, signed)))
 
 
 def _words(cells: dict[str, str], position: TableAddress, how: AddressForm) -> int | None:
