@@ -63,7 +63,7 @@ def _blocks(text: str) -> Iterator[Record]:
             yield {line["name"].strip(): line["value"].strip() for line in lines}
 
 
-def _has_address(record: Record) -> bool:
+def _has_address(record: Mapping[str, str]) -> bool:
     """Whether a number stands where a key says that the address is."""
     return any(heading_bits(key, "address") and numbers_in(cell[:20]) for key, cell in record.items())
 
