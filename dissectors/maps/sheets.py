@@ -183,6 +183,9 @@ def _laid_out(text: str, layout: Mapping[str, str]) -> list[list[str]]:
     for line in row.findall(text):
         shown: list[str] = []
         parts = [*islice(cell.finditer(line), _MOST_COLUMNS)]
+        if not parts:  # a title
+            rows.append([html.unescape(mark.sub("", line)).strip()[:_CELL]])
+            continue
         for part in parts:
             _pass_spanned(shown, above)
             spans = {name.lower(): int(count) for name, count in span.findall(part.groupdict().get("spans") or "")}

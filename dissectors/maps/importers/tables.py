@@ -68,7 +68,10 @@ def _headed(rows: Table) -> Table:
         return rows
     width = max(map(len, rows), default=0)
     columns = {at: role for role, at in assigned([""] * width, _of_values(rows[:HEADING_ROWS])).items()}
-    if set(columns.values()) >= _TOLD:
+    places = [
+        cell for at, role in columns.items() if role == "address" for cell in column_cells(rows[:HEADING_ROWS], at)
+    ]
+    if set(columns.values()) >= _TOLD and 2 * sum(form("words", cell) != {} for cell in places) < len(places):
         return [[columns.get(at, "") for at in range(width)], *rows]
     turned = [*map(list, zip_longest(*rows, fillvalue=""))] if len(rows) < _MOST_TURNED else []
     first = next(_headings_in(turned), None)
