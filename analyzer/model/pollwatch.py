@@ -151,7 +151,7 @@ class PollLog:
         self.t_answered_ns = _NO_ROWS
         self.slowest = _NO_ROWS
         self.intervals, self.times = _NewestOf(_INTERVALS), _NewestOf(_TIMES)
-        self.held = _HeldValues()
+        self.held = _HeldAnswers()
         self._open_rows, self._open_polls = _NO_ROWS, _NO_ROWS  # requests whose end is not known, ascending
 
     def __len__(self) -> int:
@@ -272,7 +272,7 @@ class _NewestOf:
         return np.roll(self._numbers[poll], -(count % self._most))
 
 
-class _HeldValues:
+class _HeldAnswers:
     """What the newest good answer of each poll holds, and what of it was ever another one; polls end to end."""
 
     def __init__(self) -> None:
