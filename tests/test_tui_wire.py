@@ -115,7 +115,7 @@ def terminal(tmp_path: Path) -> Iterator[Watched]:
 
 
 def cost(terminal: Watched, keys: str, times: int = 1, quiet: float = 0.5, patience: float = 5.0) -> float:
-    """Bytes that a key costs, however slow the machine is to begin with sending them; `patience`: for how many seconds."""
+    """Bytes that a key costs, however slow the machine is to begin with sending them: for `patience` seconds."""
     terminal.settle(quiet)
     total = 0
     for _ in range(times):
