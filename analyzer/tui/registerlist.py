@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 AREA_NAMES: Final = tuple(AREAS)
 _PINS: Final = 4
+_NAME: Final = 12  # columns that a name always has, where there is room
+_TREND: Final = 8  # columns that a trend needs to tell anything
 _SOURCES: Final = {"yours": "!", "map": "=", "told": "~", "plain": " "}
 
 
@@ -55,6 +57,7 @@ class RegisterList(Lines):
         self._line_of: dict[Spot, int] = {}
         self._parts: dict[Spot, Spot] = {}  # registers that are part of the value of one before them
         self._laid_out: tuple[object, int, int] | None = None  # of what log, how many registers, which meanings
+        self._longest = 0  # characters of a name
 
     @property
     def empty(self) -> str:
@@ -93,6 +96,7 @@ class RegisterList(Lines):
         self._spots = sorted(log.spots(), key=_in_order)
         self._line_of = {spot: i for i, spot in enumerate(self._spots)}
         self._parts = {}
+        self._longest = max((len(self._called(spot)) for spot in self._spots), default=0)
         for spot in self._spots:
             if spot not in self._parts:
                 for k in range(1, self.meaning(spot).words):
@@ -102,14 +106,18 @@ class RegisterList(Lines):
         """How a register is read."""
         return self.desk.meanings.at(spot)
 
+    def _called(self, spot: Spot) -> str:
+        """What it is called, or else where it is."""
+        return self.meaning(spot).name or tr(AREA_WORDS[spot[1]])
+
     def count(self) -> int:
         return len(self._spots)
 
     def head(self, width: int) -> Sequence[StyledText]:
-        name = _name_width(width)
+        name = _name_width(width, self._longest)
         place = f"{tr('unit'):>6} {tr('register'):>8} {tr('what'):<{name}}"
         value = f"{tr('value'):>{_value_width(width)}}  {tr('before'):>12} {tr('age'):>6} "
-        room = _trend_width(width)
+        room = _trend_width(width, name)
         value += f"{tr('trend'):<{room}} {tr('type')}" if room else tr("type")
         return fitted([StyledText(f"{place} {value}")], width)
 
@@ -119,8 +127,7 @@ class RegisterList(Lines):
         assert register is not None
         bit = register.area < BIT_AREAS
         members = self._members(register, meaning)
-        name = meaning.name or tr(AREA_WORDS[register.area])
-        room = _name_width(width)
+        name, room = self._called(spot), _name_width(width, self._longest)
         name = name if len(name) <= room else name[: room - 1] + "…"
         parts = [
             StyledText("•" if spot in self.pins else " ", "accent"),
@@ -147,7 +154,7 @@ class RegisterList(Lines):
                 StyledText("* " if changed else "  ", "warning"),
                 StyledText(f"{before:>12} ", "dim"),
                 StyledText(f"{age:>6} ", "dim"),
-                *self._trend(spot, meaning, _trend_width(width)),
+                *self._trend(spot, meaning, _trend_width(width, room)),
                 StyledText(tr("bit") if bit else meaning.type),
                 StyledText(f" {_SOURCES[meaning.source]}", "dim"),
             ],
@@ -286,9 +293,9 @@ class RegisterList(Lines):
         self.screen.query_one(Plot).move(step)
 
 
-def _name_width(width: int) -> int:
-    """Columns of a register's name."""
-    return max(8, min(width - 68, 40))
+def _name_width(width: int, longest: int) -> int:
+    """Columns of a register's name, of which the longest has so many characters: the rest is the trend's."""
+    return max(8, min(width - 68, 40, max(longest, _NAME)))
 
 
 def _value_width(width: int) -> int:
@@ -296,9 +303,10 @@ def _value_width(width: int) -> int:
     return max(8, min(18, width - 27))
 
 
-def _trend_width(width: int) -> int:
-    """Columns of how a value went; none where terminals are narrow."""
-    return max(0, min(32, width - 110))
+def _trend_width(width: int, name: int) -> int:
+    """Columns of how a value went, beside a name of so many; none where terminals are narrow."""
+    room = min(width - 70 - name, 48)
+    return room if room >= _TREND else 0
 
 
 def _in_order(spot: Spot) -> tuple[int, bool, int, int]:
