@@ -10,7 +10,7 @@ from diagnosed import Wire
 
 from analyzer.core import analyse
 from analyzer.model.bus import Bus
-from analyzer.model.registers import RegisterSeries
+from analyzer.model.registers import RegisterLog, RegisterSeries
 from analyzer.model.source import CaptureSource
 from captures.chunks import Capture
 from dissectors.crc import crc_bytes
@@ -43,3 +43,9 @@ def test_a_value_beyond_the_last_address_is_not_known(unit: int, function: int, 
         begin, samples = bus.registers.samples(unit, area, 0xFFFF, words)
         assert (begin, samples.shape) == (0, (0, words))
         assert not len(RegisterSeries(unit, area, 0xFFFF, words).extend(bus).readings()[2])
+
+
+def test_nothing_is_known_of_a_register_before_any_was_seen() -> None:
+    log = RegisterLog()
+    assert log.at((1, 2, 5)) is None and not log.all()
+    assert log.samples(1, 2, 5, 2)[1].shape == (0, 2)

@@ -62,8 +62,8 @@ class RegisterLog:
     """All of them."""
 
     def __init__(self) -> None:
-        self._page_of = np.full(_PAGES, -1, np.int32)  # by unit, area and the address's first byte
-        self._slot_of = np.zeros(0, np.int32)  # by page and the address's second byte
+        self._page_of = np.zeros(_PAGES, np.int32)  # by unit, area and the address's first byte
+        self._slot_of = np.full(_PAGE, -1, np.int32)  # by page and second byte; the first page is of all not seen
         self._keys = np.zeros(0, np.int64)
         self._value = np.zeros(0, np.uint16)
         self._before = np.zeros(0, np.int32)
@@ -162,18 +162,20 @@ class RegisterLog:
         """Every one, by unit, area and address."""
         return [register for spot in self.spots() if (register := self.at(spot)) is not None]
 
+    def _places(self, keys: _Ints) -> _Ints:
+        """Where `_slot_of` tells of registers."""
+        return self._page_of.take(keys >> _PAGE_BITS).astype(np.int64) << _PAGE_BITS | keys & _PAGE - 1
+
     def _known_slots(self, keys: _Ints) -> _Ints:
         """Where registers are kept, -1 for those that were not seen."""
-        pages = self._page_of.take(keys >> _PAGE_BITS).astype(np.int64)
-        slots: _Ints = self._slot_of.take(pages << _PAGE_BITS | keys & _PAGE - 1, mode="clip").astype(np.int64)
-        slots[pages < 0] = -1
-        return slots
+        places = self._places(keys)  # first: `_slot_of` has room for any page that there is
+        return self._slot_of.take(places).astype(np.int64)
 
     def _slots(self, keys: _Ints) -> _Ints:
         """Where registers are kept from now on."""
-        pages = self._page_of.take(keys >> _PAGE_BITS)
-        if pages.min() < 0:
-            self._add_pages(np.unique(keys[pages < 0] >> _PAGE_BITS))
+        places = self._places(keys)
+        if places.min() < _PAGE:
+            self._add_pages(np.unique(keys[places < _PAGE] >> _PAGE_BITS))
         slots = self._known_slots(keys)
         if slots.min() < 0:
             self._add_registers(np.unique(keys[slots < 0]))
@@ -193,8 +195,7 @@ class RegisterLog:
         self._samples = np.concatenate((self._samples, np.full((room, _SAMPLES), _NO_SAMPLE, np.int32)))
         self._keys = np.concatenate((self._keys, keys))
         self._row = np.concatenate((self._row, np.full(room, -1, np.int32)))
-        places = self._page_of.take(keys >> _PAGE_BITS).astype(np.int64) << _PAGE_BITS | keys & _PAGE - 1
-        self._slot_of[places] = begin + np.arange(room)  # at last: another thread may look
+        self._slot_of[self._places(keys)] = begin + np.arange(room)  # at last: another thread may look
 
     @property
     def nbytes(self) -> int:
