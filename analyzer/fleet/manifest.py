@@ -92,13 +92,9 @@ class Manifest:
         self.catalog = Catalog(self.store.root)
         self._names: dict[int, str] = {}  # of the entries that were taken
         self._recent: dict[int, dict[str, Any]] = {}  # of these some, as they are
+        self.newest = 0  # the number of the last entry
         self._newest_entry = b""
         self._held = 0  # entries that a checkpoint holds, by the number of the last
-
-    @property
-    def newest(self) -> int:
-        """The number of the last entry; 0 where there is none."""
-        return max(self._names, default=0)
 
     def read_on(self) -> Manifest:
         """The same with the entries that came since it was read; all anew where it is another's by now."""
@@ -107,6 +103,7 @@ class Manifest:
             self._forget()
         if not self._names and (found := newest_checkpoint(self.store, there)) is not None:
             self.catalog, self._held = found
+            self.newest = self._held
             self._names = {number: name for number, (name, _) in there.items() if number <= self._held}
         fresh = [(number, name) for number, (name, _) in there.items() if number not in self._names]
         try:
@@ -156,6 +153,7 @@ class Manifest:
                 raise FleetError(f"{self.store.root}: entry {line['after']} of its manifest is missing")
         self.catalog.take(number, lines_in(entry), entry.get("packs", ()), entry.get("checkpoint"))
         self._names[number] = name
+        self.newest = max(self.newest, number)
 
     def checkpoint(self) -> None:
         """Write down what the entries come to, where many are new since that was done; none is needed.
