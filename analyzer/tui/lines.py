@@ -92,12 +92,10 @@ class Lines(Painted, ScrollView, can_focus=True):
         """Lines came or changed."""
         count = self.count()
         now = time.monotonic()
-        before, self._states = self._states, {}
-        if self.states(range(0)) is not None:
-            self._states = self._states_in_sight(count)
-            if self._states == before and not self.following and self.cursor < count:
-                self._fit(count, quietly=True)
-                return
+        before, self._states = self._states, self._states_in_sight(count)
+        if self._states and self._states == before and not self.following and self.cursor < count:
+            self._fit(count, quietly=True)
+            return
         below = self.scroll_offset.y + self.room < self._shown_count <= count
         if below and not self.following and now < self._fresh_until:
             self._fit(count, quietly=True)  # no line in sight is new; what they say may be, and no other call may come
@@ -122,13 +120,14 @@ class Lines(Painted, ScrollView, can_focus=True):
         self.refresh()
 
     def _states_in_sight(self, count: int) -> dict[int, object]:
+        """Of each line in sight; of none where nobody knows."""
         top = self.scroll_offset.y
         lines = range(top, min(top + self.room + 1, count))
         return dict(zip(lines, self.states(lines) or (), strict=False))
 
     def _state(self, line: int, count: int) -> object:
         """What the looks of a line in sight hang on; None where nobody knows."""
-        if line not in self._states and self.states(range(0)) is not None:
+        if line not in self._states:
             self._states = self._states_in_sight(count)
         return self._states.get(line)
 
