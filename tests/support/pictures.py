@@ -6,6 +6,7 @@ RTUSCOPE_PICTURES=1 in the environment writes them anew instead; look at the dif
 from __future__ import annotations
 
 import os
+from difflib import unified_diff
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -51,4 +52,5 @@ def compare(name: str, screen: Any) -> None:
     before = path.read_text(encoding="utf-8")
     if not before.startswith(_DRAWN_BY + "\n"):
         pytest.skip(f"{path.name} was drawn by another version of Textual: {before.splitlines()[0]}")
-    assert now == before, f"{path.name}: another picture (RTUSCOPE_PICTURES=1 keeps it)"
+    changed = "\n".join(unified_diff(before.splitlines(), now.splitlines(), lineterm="", n=0))
+    assert now == before, f"{path.name}: another picture (RTUSCOPE_PICTURES=1 keeps it)\n{changed}"
