@@ -21,6 +21,7 @@ from .written import numbers_in
 
 _HEADING: Final = 60  # characters
 WHOLE, _BEGINS, _ENDS, _MAYBE = 10.0, 6.0, 5.0, 6.0  # bits
+_LEAST_END: Final = 5  # bytes of a noun that stands last in a heading: two letters of Chinese say much
 _LEAST: Final = 5.0  # bits for which a column is given a role
 _NEEDED: Final = frozenset({"address", "name"})
 _OF_PARTS: Final = ("type", "unit", "scale", "access")
@@ -44,11 +45,13 @@ def heading_bits(text: str, role: str) -> float:
     """How much a heading, in small letters, speaks for a role; 0 where nothing of it does."""
     if not 0 < len(text) <= _HEADING:
         return 0.0
+    last = _any(role, "last", "(?:{})$").search(text)
     ways = (
         (WHOLE, text == role or _any(role, "words").fullmatch(text)),
         (_BEGINS, _any(role, "words", r"(?:{})\b").match(text)),
         (_MAYBE, _any(role, "maybe").fullmatch(text)),
         (_ENDS, _any(role, "ends", "(?:{})$").search(text)),
+        (_ENDS, len(last[0].encode() if last else b"") >= _LEAST_END),
     )
     return next((bits for bits, found in ways if found), 0.0)
 

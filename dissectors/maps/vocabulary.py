@@ -1,4 +1,5 @@
-"""What people write in tables of registers: `vocabulary.toml`, its expressions compiled as they are asked for.
+"""What people write in tables of registers: `vocabulary.toml`, with the words of each language of `languages.toml`; its
+expressions are compiled as they are asked for.
 
 `tidied` puts a text right before it is read; `meaning` gives what a text means by the first line of a list that is like
 it; `form` the parts of a text that has a form as a whole; `roles` what a column may be.
@@ -19,9 +20,31 @@ _PART: Final = re.compile(r"\{([A-Z]+)\}")
 
 
 @cache
+def _file(name: str) -> dict[str, Any]:
+    return tomllib.loads((package_files(__package__) / name).read_text(encoding="utf-8"))
+
+
+@cache
 def vocabulary() -> Mapping[str, Any]:
-    """The whole file."""
-    return tomllib.loads((package_files(__package__) / "vocabulary.toml").read_text(encoding="utf-8"))
+    """Both files: what languages add to roles and parts stands among the words of these."""
+    whole = _file("vocabulary.toml")
+    for said in _file("languages.toml").values():
+        for key, words in said.items():
+            if key.isupper():
+                whole["parts"][key] += f"|{words}"
+            elif key != "last":
+                for role, kind in _ADDED_TO.get(key, ((key, "words"),)):
+                    whole["roles"][role].setdefault(kind, []).append(words)
+                    if said.get("last") and kind == "words":
+                        whole["roles"][role].setdefault("last", []).append(words)
+    return whole
+
+
+_ADDED_TO: Final = {
+    "description": (("description", "words"), ("name", "maybe")),
+    "value": (("name", "maybe"),),
+    "remark": (("description", "words"),),
+}  # what a word of a language is of a role
 
 
 @cache
