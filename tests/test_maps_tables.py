@@ -99,7 +99,7 @@ TABLES: dict[str, OddFile] = {
         b"04H,30001,1,Voltage,UINT,V,0.1 V,\n"
         b"04H,30011-30012,2,Energy,UDINT,kWh,0.01 kWh,High word first\n02H,10003,1,Door,BOOL,,,\n"
         b'03H,40101,1,Baud,UINT,,1,"0: 4800, 1: 9600"\n01H,00001,1,Relay,BOOL,,,\n',
-        ["input 0 u16 x0.1 V Voltage", "input 10 u32 x0.01 kWh Energy", "discrete 2 bool Door",
+        ["input 0 u16 x0.1 V r Voltage", "input 10 u32 x0.01 kWh r Energy", "discrete 2 bool r Door",
          "holding 100 u16 {0=4800; 1=9600} Baud", "coil 0 bool Relay"],
         "",
     ),
@@ -463,7 +463,7 @@ TABLES: dict[str, OddFile] = {
         "gauge.txt",
         b"Tank gauge, function 04\n\n101: Level (left), uint16, 0.1 cm, R\n102: Total: R, uint32, rpm\n"
         b"104 - Flow - 1 l - uint16\n",
-        ["input 101 u16 x0.1 cm r Level (left)", "input 102 u32 rpm r Total", "input 104 u16 l Flow"],
+        ["input 101 u16 x0.1 cm r Level (left)", "input 102 u32 rpm r Total", "input 104 u16 l r Flow"],
         "",
     ),
     "bullets of Markdown": (

@@ -14,7 +14,6 @@ from functools import cache, lru_cache
 from importlib.resources import files as package_files
 from typing import Any, Final
 
-_NO_UNIT: Final = frozenset({"-", "--", "–", "—", "/", "n/a", "N/A", "None"})
 WIDE_SIGNS: Final = str.maketrans("（）：；，＝／", "():;,=/")
 _PART: Final = re.compile(r"\{([A-Z]+)\}")
 
@@ -93,4 +92,4 @@ def tidied(kind: str, text: str) -> str:
 
 def given(text: str) -> str:
     """A cell, or nothing where it only says that there is nothing."""
-    return "" if text in _NO_UNIT else text
+    return "" if expression("{NOTHING}").fullmatch(text) else text

@@ -22,6 +22,8 @@ _NUMBER: Final = re.compile(
 _PARTS: Final = re.compile(r"\s*(?:-|–|—|…|\.{2,3}|to|[,;/&])\s*")
 _FUNCTIONS: Final[Mapping[int, MapArea]] = {1: "coil", 5: "coil", 15: "coil", 2: "discrete", 3: "holding", 6: "holding",
                                             16: "holding", 4: "input"}  # fmt: skip
+_READING: Final = frozenset({1, 2, 3, 4})
+_READING_ONLY: Final = frozenset({2, 4})  # of areas that nobody can write
 _SIGNS: Final = str.maketrans("\u2212⁻,×*⁰¹²³⁴⁵⁶⁷⁸⁹", "--.xx0123456789")
 _LONGER: Final = {("f32", 4): "f64", ("bcd16", 2): "bcd32"}
 
@@ -179,9 +181,31 @@ def area_of_cell(text: str, *, function: bool = False) -> MapArea | None:
 
 
 def area_words(text: str) -> MapArea | None:
-    """The area of which a title speaks, by its words or by the one function that it names."""
+    """The area of which a title speaks, by its words or by the functions that it names, if all are of one."""
     named = cast("MapArea | None", meaning("area", text))
-    return named or _FUNCTIONS.get(int(meaning("function", text) or 0))
+    areas = {_FUNCTIONS[code] for code in functions_in(text)}
+    return named or (areas.pop() if len(areas) == 1 else None)
+
+
+@lru_cache(maxsize=1024)
+def functions_in(text: str) -> Sequence[int]:
+    """The functions that a text names and that read or write data."""
+    named = expression(vocabulary()["functions"]).finditer(text)
+    parts = (
+        part for said in named for part in re.findall(r"(?:0x)?\d{1,2}h?", (said["behind"] or said["before"]).lower())
+    )
+    return [code for code in map(_whole, parts) if code in _FUNCTIONS]
+
+
+def access_said(text: str, *, codes: bool = False) -> str:
+    """What a title says of the access to all rows below it, by words or functions; of a cell of `codes`, by these."""
+    said = "" if codes else meaning("said_access", text)
+    functions = functions_in(f"fc {text}" if codes else text)
+    if said or not functions:
+        return said or ""
+    reads = not _READING.isdisjoint(functions)
+    written = [code for code in functions if code not in _READING]
+    return "r" * reads + "w" if written else "r" * (_READING_ONLY.issuperset(functions))
 
 
 @lru_cache(maxsize=4096)

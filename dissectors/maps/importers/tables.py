@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from bisect import bisect, bisect_left
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice, zip_longest
 from typing import Final
@@ -35,6 +35,7 @@ from ..written import (
     AddressForm,
     TableAddress,
     access_of,
+    access_said,
     address_form,
     address_of,
     area_of_cell,
@@ -54,6 +55,8 @@ _FIRST_WORD: Final = {"CDAB": "least significant", "DCBA": "least significant"}
 _MOST_TRIED: Final = 12  # rows of words that may be a heading
 _MOST_TURNED: Final = 24  # rows of a table whose values stand side by side
 _MOST_HEADINGS: Final = 200  # of one sheet
+_LONG_TEXTS: Final = frozenset({"name", "description"})  # columns whose cells go on below
+_LEAST_NAMES: Final = 4  # that tell whether names end in units
 
 
 def has_heading(sheet: MapSheet) -> bool:
@@ -117,6 +120,7 @@ class _TableHeading:
     addresses: Counter[str] = field(default_factory=Counter)  # how many rows have each
     of_functions: bool = False  # areas are the codes of functions
     order: str = ""  # what the heading of the orders says of them: that they are of words
+    has_units_behind: bool = False  # names end in their units
 
 
 class _TableRows:
@@ -133,6 +137,7 @@ class _TableRows:
         self.heading = _TableHeading()
         self.group = self.above = ""
         self.order: str | None = None  # as a title says
+        self.access = ""  # of the rows below, too
         self.numbering = ""  # what titles say of addresses
         self.register: tuple[MapArea, int] | None = None  # the newest, whose bits rows may name
 
@@ -147,9 +152,10 @@ class _TableRows:
         for first in headings[:-1]:
             if first >= begin:  # else the second row of a heading
                 begin = self._heading(first, headings[min(bisect(headings, first + 1), len(headings) - 1)])
-                for number in range(begin, headings[bisect_left(headings, begin)]):
+                rows = self.rows[begin : headings[bisect_left(headings, begin)]]
+                for number, row in self._joined(rows, begin + self.first):
                     if not self.builder.is_full:
-                        self._row(self.rows[number], number + self.first)
+                        self._row(row, number)
         if self.builder.rows:
             self.builder.note("columns were told by their headings: look the map over, its address base above all")
         return self.builder.built() if self.heading.columns else None
@@ -181,6 +187,7 @@ class _TableRows:
             Counter(addresses),
             bool(form("of_functions", texts.get("area", ""))),
             "word order" * ("word" in texts.get("order", "")),
+            "unit" not in columns and _have_units_behind(column_cells(below, columns.get("name", len(row)))),
         )
         for holds, note in (
             ("divisor" in columns and heading_bits(texts["divisor"], "divisor") < WHOLE, _AS_DIVISOR),
@@ -204,13 +211,36 @@ class _TableRows:
         weights = [assignment(one, below)[1] for one in (row, second, both)]
         return both if weights[2] > max(weights[:2]) else None
 
+    def _joined(self, rows: Table, first: int) -> Iterator[tuple[int, list[str]]]:
+        """The rows with their numbers; what a cell went on with on the next line is put back to it: texts alone, in small
+        letters, or where lines part all other rows."""
+        columns = self.heading.columns
+        texts = {columns[role] for role in _LONG_TEXTS & columns.keys()}
+        is_drawn = 3 * sum(_is_rule(row) and any(row) for row in rows) > len(rows)
+        held: list[str] = []
+        held_at = first
+        for number, row in enumerate(rows, first):
+            filled = {at for at, cell in enumerate(row) if cell}
+            if held and filled and filled <= texts and (is_drawn or _goes_on(row, columns)):
+                held = [f"{cell} {more}".strip() for cell, more in zip_longest(held, row, fillvalue="")]
+                continue
+            if held:
+                yield held_at, held
+            held, held_at = ([], number) if _is_rule(row) or len(filled) < 2 else ([*row], number)
+            if not held:
+                yield number, [*row]
+        if held:
+            yield held_at, held
+
     def _title(self, row: Sequence[str]) -> None:
         """Take in what a row without values says of those below."""
         cells = list(filter(None, row))
         title = " ".join(cells)
         self.order = order_of(form("says_order", title.lower()).get("", "")) or self.order
         self.numbering += " hex" * (form("in_hex", title) != {}) + " 1-based" * (form("from_one", title) != {})
-        self.area = area_words(title) or self.area
+        area = area_words(title)
+        self.access = access_said(title) or self.access * (area in (None, self.area))
+        self.area = area or self.area
         if len(cells) == 1 and (self.heading.columns or title.startswith("#")):
             self.group = _group(title) or self.group
 
@@ -246,10 +276,12 @@ class _TableRows:
         self, cells: dict[str, str], position: TableAddress, area: MapArea | None, what: str
     ) -> tuple[MapArea, int] | None:
         """Add what a row says; the register that it is about, whose bits rows below may name."""
-        how = self.heading.form
+        heading, how = self.heading, self.heading.form
         named, address = _area_and_address(position, area, how)
         kind, length = type_of(_type_said(cells), whole_in(cells.get("length")) or _words(cells, position, how))
         own_name = cells.get("name", "")
+        if how_named := self.heading.has_units_behind and form("unit_behind", own_name):
+            own_name, cells = how_named["name"], {**cells, "unit": how_named["unit"]}
         name = own_name or f"Register {cells.get('address', '')}"
         self.builder.notes += [f"{what}: no name"] * (not own_name)
         try:
@@ -276,7 +308,7 @@ class _TableRows:
                 "offset": plain_number(cells.get("offset", "")),
                 "unit": unit,
                 "values": states,
-                "access": access_of(cells),
+                "access": access_of(cells) or access_said(self.above, codes=heading.of_functions) or self.access,
                 "min": low,
                 "max": high,
                 "description": cells.get("description") or remark,
@@ -305,15 +337,29 @@ class _TableRows:
 _AS_DIVISOR: Final = "gains of 1 or more were taken as divisors of raw values"
 
 
+def _goes_on(row: Sequence[str], columns: Mapping[str, int]) -> bool:
+    """Whether texts go on from the row above: the name in small letters, no bit of it; of a remark, always."""
+    at = columns["name"]
+    name = row[at] if at < len(row) else ""
+    return not name or (name[0].islower() and not form("spoken_bit", name))
+
+
+def _have_units_behind(names: Sequence[str]) -> bool:
+    """Whether most names end in a short word in brackets."""
+    return 2 * sum(form("unit_behind", name) != {} for name in names) > len(names) >= _LEAST_NAMES
+
+
 def _group(text: str) -> str:
     """The title above rows, as a group; a sentence is none."""
     return form("group_title", text.strip("#*: ")).get("", "")
 
 
 def _type_said(cells: dict[str, str]) -> str:
-    """What the columns of type, width and sign say together."""
+    """What the columns of type, width and sign say together; where none is, what a remark says of the sign."""
     width = cells.get("width", "")
     signed = meaning("signed", cells.get("signed", ""))
+    if "type" not in cells and not signed:
+        signed = form("says_sign", cells.get("description", "")).get("said")
     return " ".join(filter(None, (cells.get("type"), width, signed)))
 
 
