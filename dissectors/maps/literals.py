@@ -17,17 +17,71 @@ from typing import Any, Final
 
 _DEEPEST: Final = 40
 _TOKEN: Final = re.compile(
-    r"(?P<text>\"(?:\\.|[^\"\\\n]){0,300}\"|'(?:\\.|[^'\\\n]){0,300}')|(?://|/\*|--)(?P<comment>[^\n]*?)(?:\*/|\n|$)|(?P<index>(?<=\w)\[)|(?P<open>[{(\[])"
+    r"(?P<text>\"(?:\\.|[^\"\\\n]){0,300}\"|'(?:\\.|[^'\\\n]){0,300}')|(?://+!?|/\*+|--|#+(?=\s))(?P<comment>[^\n]*?)(?:\*/|(?=\n|$))|(?P<index>(?<=\w)\[)|(?P<open>[{(\[])"
     r"|(?P<close>[})\]])|(?P<part>[,;])|(?P<names>=>|:=|[:=])|(?P<word>[^\s\"'{}()\[\],;:=/&*]+|/|['\"])",
 )
 _WORD: Final = re.compile(r"[^\W\d]\w*")
+_SUM: Final = re.compile(r"\b([^\W\d]\w*)\s*\+\s*(0[xX][0-9A-Fa-f]+|\d+)\b")
+_CONSTANT: Final = r"\b{}\b\s*(?::\s*\w+\s*)?=?\s*(0[xX][0-9A-Fa-f]+|\d+)\b"
+_FIELD: Final = re.compile(
+    r"[ \t]+(?:(?:pub|readonly|val|var)[ \t]+)?(?P<name>[^\W\d]\w*)(?:\??[ \t]*:(?!:)|[ \t]+(?=[a-zA-Z*\[][^;]*$))[^,;(){}=]*(?:=\s*(?P<usual>[^,;#]*?))?[,;]?\s*(?:(?://|#).*)?"
+)
+_CONSTANTS: Final = 1 << 16  # characters in which constants are declared
+_LINE: Final = 200  # characters of one that declares a field
 _FEW: Final = 3  # words that may be names
 
 
+Fields = dict[str, str]  # names in their order, with what each is where nothing is said
+
+
+class Remark(str):
+    """A comment that has a line of its own: it speaks of what follows."""
+
+    __slots__ = ()
+
+
 def tree_of_source(text: str) -> Any:
-    """The groups of a text that stand in no other."""
-    tokens = ((match.lastgroup or "", match[match.lastgroup or 0]) for match in _TOKEN.finditer(text))
-    return _BracketGroup(0).read(tokens, [()])
+    """The groups of a text that stand in no other, by their names where several have one, and the remarks between."""
+    text = _summed(text)
+    tokens = ((match.lastgroup or "", _token(match)) for match in _TOKEN.finditer(text))
+    found = _BracketGroup(0).read(tokens, [{}, *_fields_in(text)])
+    if sum(isinstance(one, _Named) for one in found) > 1:
+        return found
+    return [part for one in found for part in (one.values() if isinstance(one, _Named) else (one,))]
+
+
+class _Named(dict[str, Any]):
+    """A group with the name that it was given."""
+
+
+def _token(match: re.Match[str]) -> str:
+    found = match[match.lastgroup or 0]
+    if match.lastgroup != "comment":
+        return found
+    line = match.string.rfind("\n", 0, match.start()) + 1
+    return Remark(found.strip(" *")) if match.string[line : match.start()].isspace() or line == match.start() else found
+
+
+def _summed(text: str) -> str:
+    """A text in which sums of a constant and a number are the number that comes of it."""
+
+    def number(sum_of: re.Match[str]) -> str:
+        constant = re.search(_CONSTANT.format(sum_of[1]), text[:_CONSTANTS])
+        return hex(int(constant[1], 0) + int(sum_of[2], 0)) if constant else sum_of[0]
+
+    return _SUM.sub(number, text)
+
+
+def _fields_in(text: str) -> list[Fields]:
+    """The fields that a text declares, a line each, by what declares them; with what they are where nothing is said."""
+    found: list[Fields] = [{}]
+    for line in text.splitlines():
+        field = _FIELD.fullmatch(line[:_LINE])
+        if field:
+            found[-1][field["name"]] = (field["usual"] or "").strip("\"'")
+        elif found[-1] and line.strip() and not line.lstrip().startswith(("//", "#", "--", "/*", "*")):
+            found.append({})
+    return [fields for fields in found if len(fields) >= _FEW]
 
 
 class _BracketGroup:
@@ -42,7 +96,7 @@ class _BracketGroup:
         self.declares = False  # its items end with semicolons
         self.is_quoted = False
 
-    def read(self, tokens: Iterator[tuple[str, str]], names: list[tuple[str, ...]]) -> Any:
+    def read(self, tokens: Iterator[tuple[str, str]], names: list[Fields]) -> Any:
         """Take tokens up to the bracket that closes the group; `names` are those that lists have by what was read."""
         for kind, token in tokens:
             match kind:
@@ -51,7 +105,7 @@ class _BracketGroup:
                 case "open" if self.depth < _DEEPEST:
                     self._nested(_BracketGroup(self.depth + 1).read(tokens, names))
                 case "index" if self.depth < _DEEPEST:
-                    _BracketGroup(self.depth + 1).read(tokens, [()])
+                    _BracketGroup(self.depth + 1).read(tokens, [{}])
                 case "names":
                     self.name, self.words = str(self.words[-1] if self.words else "").lstrip("."), []
                 case "part":
@@ -59,6 +113,8 @@ class _BracketGroup:
                     self._close()
                 case "comment":
                     names[0] = _names(token.split(",")) or names[0]
+                    if isinstance(token, Remark) and not self.words:
+                        self.listed.append(token)
                 case "text":
                     self.is_quoted = True
                     self.words.append(token[1:-1])
@@ -78,24 +134,35 @@ class _BracketGroup:
         if self.words:
             last = self.words[-1]
             item = last if isinstance(last, list | dict) or self.declares else " ".join(map(str, self.words))
-            if self.name:
+            if self.name and not self.depth:
+                self.listed.append(_Named({self.name: item}) if isinstance(item, list | dict) else item)
+            elif self.name:
                 self.named[self.name] = item
             else:
                 self.listed.append(item)
         self.name, self.words = "", []
 
-    def _whole(self, names: list[tuple[str, ...]]) -> Any:
+    def _whole(self, names: list[Fields]) -> Any:
         if not self.depth:
-            return [*self.named.values(), *self.listed]
-        if self.named:
-            return self.named
-        own = () if self.is_quoted else _names(self.listed)
+            return self.listed
+        items = [item for item in self.listed if not isinstance(item, Remark)]
+        own = {} if self.is_quoted or self.named else _names(items)
         names[0] = own or names[0]
-        is_row = len(self.listed) == len(names[0]) and not own
-        return dict(zip(names[0], self.listed, strict=True)) if is_row else self.listed
+        fields = {} if own else next(filter(self._may_have, names), {})
+        usual = {name: cell for name, cell in fields.items() if cell}
+        return (
+            {**usual, **dict(zip(fields, items, strict=False)), **self.named} if fields or self.named else self.listed
+        )
+
+    def _may_have(self, fields: Fields) -> bool:
+        """Whether the items can be these fields: they have their names, are as many, or the last go without saying."""
+        plain = [item for item in self.listed if isinstance(item, str) and not isinstance(item, Remark)]
+        count, most = len(self.listed), len(fields)
+        fewer = count < most and count == len(plain) and (any(fields.values()) if count > 1 else bool(self.named))
+        return self.named.keys() <= fields.keys() and (count == most or fewer)
 
 
-def _names(items: list[Any]) -> tuple[str, ...]:
+def _names(items: list[Any]) -> Fields:
     """The items as names, where all of them are words; else none."""
     words = [str(item).strip().strip("*").split("[")[0] for item in items]
-    return tuple(words) if len(words) >= _FEW and all(map(_WORD.fullmatch, words)) else ()
+    return dict.fromkeys(words, "") if len(words) >= _FEW and all(map(_WORD.fullmatch, words)) else {}

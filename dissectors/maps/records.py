@@ -13,11 +13,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice
 from typing import TYPE_CHECKING, Any, Final
 
-from .literals import tree_of_source
-from .roles import heading_bits
+from .literals import Remark, tree_of_source
+from .roles import WHOLE, heading_bits
 from .sheets import MapSheet, notes_of_cut
 from .vocabulary import expression, form, tidied
-from .written import numbers_in
+from .written import access_said, area_words, numbers_in
 
 if TYPE_CHECKING:
     from .importers.source import MapSource
@@ -28,6 +28,8 @@ _DEPTH: Final = 12
 _SOURCE: Final = 1 << 18  # characters of a source that are read
 _LONGEST: Final = 300  # characters of a line that says one thing
 _BRACKETS: Final = frozenset("{([")
+_TOLD: Final = ("area", "access")  # by titles and keys
+_SHARED: Final = ("area", "access", "order", "base")
 Record = dict[str, str]
 
 
@@ -40,7 +42,7 @@ def record_sheets(source: MapSource) -> Iterator[MapSheet]:
     for tree in trees:
         yield from (MapSheet("", [[_text(cell) for cell in row] for row in rows[:_MOST]], notes=notes)
                     for rows in islice(_lists_of_rows(tree, 0), 1))  # fmt: skip
-        yield from _of_records(list(islice(_found(tree, ()), _MOST)), notes)
+        yield from _of_records(list(islice(_found(tree, (), {}), _MOST)), notes)
 
 
 def _of_records(records: list[Record], notes: tuple[str, ...]) -> Iterator[MapSheet]:
@@ -65,7 +67,8 @@ def _blocks(text: str) -> Iterator[Record]:
 
 def _has_address(record: Mapping[str, str]) -> bool:
     """Whether a number stands where a key says that the address is."""
-    return any(heading_bits(key, "address") and numbers_in(cell[:20]) for key, cell in record.items())
+    places = sorted((key for key in record if heading_bits(key, "address")), key=lambda key: -heading_bits(key, "address"))
+    return any(map(numbers_in, (record[key][:20] for key in places[:1])))
 
 
 def _lists_of_rows(node: Any, depth: int) -> Iterator[Sequence[Sequence[Any]]]:
@@ -83,24 +86,67 @@ def parts_of(node: Any) -> list[Any]:
     return [*node.values()] if isinstance(node, Mapping) else node if isinstance(node, list) else []
 
 
-def _found(node: Any, path: tuple[str, ...]) -> Iterator[Record]:
-    """The records in a tree; `path`: the keys that lead to a node."""
+def _found(node: Any, path: tuple[str, ...], given: Record) -> Iterator[Record]:
+    """The records in a tree; `path`: the keys that lead to a node; `given`: what stands above it and holds for all below."""
     if len(path) > _DEPTH:
         return
     if isinstance(node, list):
         for below in node:
-            yield from _found(below, path)
+            if isinstance(below, Remark):
+                given = _with(given, _told(below))
+            yield from _found(below, path, given)
     elif isinstance(node, Mapping):
         cells = dict(_cells(node))
-        own = [key for key, value in node.items() if not isinstance(value, Mapping | list)]
-        record = {**_place(path, cells), **cells}
-        if (len(own) >= _FEW and any(map(numbers_in, cells.values()))) or _has_address(
-            {_word(key): "1" for key in own}
-        ):
+        own = {_word(key): "1" for key, value in node.items() if not isinstance(value, Mapping | list)}
+        said = {**_place(path, cells), **_lacking(given, cells), **cells}
+        record = _placed(said)
+        is_whole = len(own) >= _FEW and any(map(numbers_in, cells.values())) and not _has_records(node)
+        if is_whole or _has_address(own) or record is not said:
             yield record
         else:
+            shared = {key: cell for key, cell in cells.items() if key in own and _is_shared(key)}
             for key, below in node.items():
-                yield from _found(below, (*path, str(key)))
+                yield from _found(below, (*path, str(key)), _with({**given, **shared}, _told(str(key))))
+
+
+def _with(given: Record, told: Record) -> Record:
+    """What is given, and what a title tells: of an area another access."""
+    return {**{key: cell for key, cell in given.items() if key not in _TOLD or "area" not in told}, **told}
+
+
+def _lacking(given: Record, cells: Record) -> Record:
+    """What is given of all that a record does not say itself."""
+    return {
+        key: cell
+        for key, cell in given.items()
+        if key not in _TOLD or not any(heading_bits(own, key) >= WHOLE for own in cells)
+    }
+
+
+def _told(text: str) -> Record:
+    """What a title or a key says of all that stands below it."""
+    words = _word(text)
+    return {key: cell for key, cell in zip(_TOLD, (area_words(words), access_said(words)), strict=True) if cell}
+
+
+def _has_records(node: Mapping[str, Any]) -> bool:
+    """Whether a mapping holds a list of mappings."""
+    return any(sum(isinstance(one, Mapping) for one in parts_of(below)) >= _FEW for below in node.values())
+
+
+def _is_shared(key: str) -> bool:
+    """Whether what a key says may hold for all that stands beside it."""
+    return any(heading_bits(key, role) >= WHOLE for role in _SHARED)
+
+
+def _placed(record: Record) -> Record:
+    """A record with its address, where it only says how far it is from a base."""
+    base = next((key for key in record if heading_bits(key, "base") >= WHOLE), None)
+    offset = next((key for key in record if heading_bits(key, "offset") >= WHOLE), None)
+    if base is None or offset is None or not (numbers_in(record[base]) and numbers_in(record[offset])):
+        return record
+    address = numbers_in(record[base])[0] + numbers_in(record[offset])[0]
+    return {"address": str(address), **{key: cell for key, cell in record.items() if key not in (base, offset)}}
 
 
 def _place(path: tuple[str, ...], cells: Mapping[str, str]) -> Record:
@@ -108,13 +154,10 @@ def _place(path: tuple[str, ...], cells: Mapping[str, str]) -> Record:
     *groups, key = path or ("",)
     is_number = numbers_in(key[:20]) and not expression(r"[^\W\d]{2}").search(key)
     kind = "address" if is_number and not _has_address(cells) else "key"
-    named = any(heading_bits(word, "name") >= _NAMED for word in cells)
+    named = any(heading_bits(word, "name") >= WHOLE for word in cells)
     if named and kind == "key":
         return {"group": " ".join(path)}
     return {kind: key, "group": " ".join(groups)}
-
-
-_NAMED: Final = 10.0  # bits: a name by all of its heading
 
 
 def _word(key: object) -> str:

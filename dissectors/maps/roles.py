@@ -121,7 +121,7 @@ class TableColumn:
 
     def _areas(self, line: Mapping[str, Any]) -> bool:
         if not heading_bits(self.heading, "area"):
-            return {cell.lower() for cell in self.cells} <= _AREA_NAMES
+            return all(cell.lower() in _AREA_NAMES or meaning("area", cell) for cell in self.cells)
         return self._share(
             line, lambda cell: form("codes", cell.lower()) or meaning("area", cell) or cell.lower() in AREA_WORDS
         )

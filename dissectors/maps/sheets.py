@@ -192,7 +192,7 @@ def _laid_out(text: str, layout: Mapping[str, str]) -> list[list[str]]:
             width = max(1, spans.get("colspan", 1)) if len(parts) > 1 else 1  # alone: a title
             columns = range(len(shown), min(len(shown) + width, _MOST_COLUMNS))
             above |= dict.fromkeys(columns, spans.get("rowspan", 1) - 1)
-            shown += [html.unescape(mark.sub("", part["cell"])).strip()[:_CELL]] * len(columns)
+            shown += [html.unescape(mark.sub("", part["cell"] or "")).strip()[:_CELL]] * len(columns)
         _pass_spanned(shown, above)
         rows.append(shown)
     return rows

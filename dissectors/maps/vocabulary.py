@@ -41,6 +41,7 @@ def vocabulary() -> Mapping[str, Any]:
 
 _ADDED_TO: Final = {
     "description": (("description", "words"), ("name", "maybe")),
+    "scale": (("scale", "words"), ("divisor", "maybe")),
     "value": (("name", "maybe"),),
     "remark": (("description", "words"),),
 }  # what a word of a language is of a role

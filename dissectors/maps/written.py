@@ -164,7 +164,7 @@ def order_of(text: str) -> str | None:
 
 def access_of(cells: Mapping[str, str]) -> str | None:
     """r, w or rw out of `R/W`, `read only`, `чтение/запись`, `L/E`, `只读`; of a column whether one can write, too."""
-    return meaning("access", cells.get("access", "")) or meaning("writable", cells.get("writable", ""))
+    return meaning("access", tidied("access", cells.get("access", ""))) or meaning("writable", cells.get("writable", ""))
 
 
 @lru_cache(maxsize=4096)

@@ -1,7 +1,8 @@
 """Register maps out of what other programs and spreadsheets have: one file a format.
 
 A program's format is data, `NAME.toml`, which `programs` reads; any other is a module with `NAME` and `read(source)`,
-which gives a map a device, or None of a file that is of another format. They are listed in `FORMATS`, the surest first.
+which gives a map a device, or None of a file that is of another format. They are listed in `FORMATS`, the surest first; of the last, which read what no program
+made, the one counts that reads most.
 What a format says and a map cannot is told in the notes, never dropped without a word.
 """
 
@@ -17,7 +18,7 @@ from .programs import Program
 from .source import ImportedMap, MapSource
 from .tables import HEADING_ROWS
 
-FORMATS: Final = (
+_OF_PROGRAMS: Final = (
     "sunspec",
     "wirenboard",
     "solarman",
@@ -29,10 +30,9 @@ FORMATS: Final = (
     "modpoll",
     "iobroker",
     "own",
-    "records",
-    "spreadsheet",
-    "lines",
 )
+_GENERAL: Final = ("records", "spreadsheet", "lines")  # of no program: the one that reads most
+FORMATS: Final = (*_OF_PROGRAMS, *_GENERAL)
 
 
 class MapFormat(Protocol):
@@ -52,19 +52,25 @@ def map_format(name: str) -> MapFormat:
     return cast(MapFormat, import_module(f"{__package__}.{name}"))
 
 
+def _facts(one: ImportedMap) -> int:
+    """How much a map tells: of each row the name, and what it says beside."""
+    return sum(1 + bool(row.unit) + bool(row.access) + (row.scale != 1) + (row.type != "u16") for row in one.chart.rows)
+
+
 def import_maps(file: str, data: bytes, *, name: str | None = None) -> list[ImportedMap]:
     """The maps in a file, its format found by content or given by name; MapError says why there are none."""
     source = MapSource(file, data)
-    for candidate in (name,) if name is not None else FORMATS:
-        form = map_format(candidate)
-        read = form.read(source)
-        if read is None:
+    for candidates in ((name,),) if name is not None else (*((one,) for one in _OF_PROGRAMS), _GENERAL):
+        forms = [map_format(candidate) for candidate in candidates]
+        ways = [(form.NAME, read) for form in forms if (read := form.read(source)) is not None]
+        if not ways:
             continue
+        said, read = max(ways, key=lambda way: sum(map(_facts, way[1])))  # of as many, the first
         filled = [replace(one, notes=(*one.notes, *source.notes)) for one in read if one.chart.rows]
         if filled:
             return filled
         why = next((f": {one.notes[0]}" for one in read if one.notes), "")
-        raise MapError(f"{file}: read as {form.NAME}, but it has no registers{why}")
+        raise MapError(f"{file}: read as {said}, but it has no registers{why}")
     if name is not None:
         raise MapError(f"{file}: is not {map_format(name).NAME}")
     if source.problem:

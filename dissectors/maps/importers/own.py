@@ -20,7 +20,7 @@ def read(source: MapSource) -> list[ImportedMap] | None:
         rows = source.yaml.get("registers")
         keys = {key for row in mappings(rows) for key in row}
         own = {"area"} if source.json is not None else {"area", "type"}  # JSON is of other programs
-        is_own = isinstance(rows, list) and not (keys and keys.isdisjoint(own))
+        is_own = isinstance(rows, list) and not (keys and (keys.isdisjoint(own) or "address" not in keys))
         return [ImportedMap(read_yaml(source.text, source.name))] if is_own else None
     lines = filter(str.strip, source.text.lower().splitlines())
     head = next((line for line in lines if not line.lstrip(' "').startswith("#")), "")

@@ -32,6 +32,7 @@ _LAST_COMMA: Final = re.compile(r'("(?:\\.|[^"\\])*(?:"|\\?\Z))|,(?=\s*[}\]])')
 _INCLUDED: Final = re.compile(r"^[^#\n]*!include\w*\s+(?:\{?\s*file:\s*)?([^\s,}#]{1,100})", re.MULTILINE)
 _MOST_INCLUDED: Final = 5
 _DEEPEST: Final = 40  # elements in elements
+_NO_RECORDS: Final = re.compile(r"<!DOCTYPE|<tr\b", re.IGNORECASE)  # XML with entities of its own, and tables
 _KINDS: Final = {".yaml": "YAML", ".yml": "YAML", ".toml": "TOML", ".conf": "TOML", ".json": "JSON", ".jinja": "JSON"}
 _WAYS: Final = {  # in which a tree is read, by the suffix of its file and by its first sign
     **dict.fromkeys((".yaml", ".yml"), ("yaml",)),
@@ -115,11 +116,11 @@ class MapSource:
 
     @cached_property
     def xml(self) -> Any:
-        """The elements of an XML file: attributes and texts by their names, others as lists; none with own entities."""
+        """The elements of an XML file: attributes and texts by their names, others as lists; none with own entities, nor of tables."""
         from xml.etree import ElementTree
 
         try:
-            return None if "<!" in self.text else _elements(ElementTree.fromstring(self.text), 0)
+            return None if _NO_RECORDS.search(self.text) else _elements(ElementTree.fromstring(self.text), 0)
         except (ElementTree.ParseError, ValueError):
             return None
 
@@ -194,6 +195,8 @@ def _elements(element: Any, depth: int) -> Any:
             found[name] = below
         else:
             found.setdefault(f"{name}:", []).append(below)
+    if text := (element.text or "").strip():
+        found.setdefault("description" if "name" in found else "name", text)
     return found
 
 

@@ -56,7 +56,7 @@ _MOST_TRIED: Final = 12  # rows of words that may be a heading
 _MOST_TURNED: Final = 24  # rows of a table whose values stand side by side
 _MOST_HEADINGS: Final = 200  # of one sheet
 _LONG_TEXTS: Final = frozenset({"name", "description"})  # columns whose cells go on below
-_LEAST_NAMES: Final = 4  # that tell whether names end in units
+_LEAST_NAMES: Final = 3  # that tell whether names end in units
 
 
 def has_heading(sheet: MapSheet) -> bool:
@@ -187,7 +187,7 @@ class _TableRows:
             Counter(addresses),
             bool(form("of_functions", texts.get("area", ""))),
             "word order" * ("word" in texts.get("order", "")),
-            "unit" not in columns and _have_units_behind(column_cells(below, columns.get("name", len(row)))),
+            _have_units_behind(*(column_cells(below, columns.get(role, len(row))) for role in ("name", "unit"))),
         )
         for holds, note in (
             ("divisor" in columns and heading_bits(texts["divisor"], "divisor") < WHOLE, _AS_DIVISOR),
@@ -344,9 +344,10 @@ def _goes_on(row: Sequence[str], columns: Mapping[str, int]) -> bool:
     return not name or (name[0].islower() and not form("spoken_bit", name))
 
 
-def _have_units_behind(names: Sequence[str]) -> bool:
-    """Whether most names end in a short word in brackets."""
-    return 2 * sum(form("unit_behind", name) != {} for name in names) > len(names) >= _LEAST_NAMES
+def _have_units_behind(names: Sequence[str], units: Sequence[str]) -> bool:
+    """Whether many names end in a short word in brackets, and most have it or a unit in its own column, which few use."""
+    behind = sum(form("unit_behind", name) != {} for name in names)
+    return behind >= _LEAST_NAMES and 2 * (behind + len(units)) > len(names) > 2 * len(units)
 
 
 def _group(text: str) -> str:
