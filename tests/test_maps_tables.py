@@ -197,7 +197,7 @@ TABLES: dict[str, OddFile] = {
     "six figures and thin gaps": (
         "list.csv",
         "Register;Name;Type\n400 001;A;u16\n400\u202f003;B;u32\n300001;C;u16\n".encode(),
-        ["holding 0 u16 A", "holding 2 u32 B", "input 0 u16 C"],
+        ["holding 0 u16 A", "holding 2 u32 B", "input 0 u16 r C"],
         "",
     ),
     "access in words": (
@@ -217,7 +217,7 @@ TABLES: dict[str, OddFile] = {
     "area in a column of short words": (
         "list.tsv",
         b"Type\tAddress\tName\tFormat\nAI\t0\tFlow\tFLOAT\nDI\t3\tDoor\tBOOL\nDO\t4\tPump\tBOOL\nAO\t9\tSetpoint\tINT\n",
-        ["input 0 f32 Flow", "discrete 3 bool Door", "coil 4 bool Pump", "holding 9 s16 Setpoint"],
+        ["input 0 f32 r Flow", "discrete 3 bool r Door", "coil 4 bool Pump", "holding 9 s16 Setpoint"],
         "",
     ),
     "German of Windows": (
@@ -283,7 +283,7 @@ TABLES: dict[str, OddFile] = {
     "coils among addresses with their area": (
         "list.csv",
         b"PLC address,Tag\n4x0001,A\n0x0005,B\n1x0002,C\n",
-        ["holding 0 u16 A", "coil 4 bool B", "discrete 1 bool C"],
+        ["holding 0 u16 A", "coil 4 bool B", "discrete 1 bool r C"],
         "",
     ),
     "a Chinese sensor's sheet": (
@@ -328,7 +328,7 @@ TABLES: dict[str, OddFile] = {
         "list.csv",
         b'Offset,Modbus type,Item,Options\n1,Input Register,Fan,"Off (0), Low (1)"\n2,Coil,Run,\n'
         b"3,Holding Register,Mode,0-Off 1-Heat 2-Cool\n",
-        ["input 1 u16 {0=Off; 1=Low} Fan", "coil 2 bool Run", "holding 3 u16 {0=Off; 1=Heat; 2=Cool} Mode"],
+        ["input 1 u16 r {0=Off; 1=Low} Fan", "coil 2 bool Run", "holding 3 u16 {0=Off; 1=Heat; 2=Cool} Mode"],
         "",
     ),
     "coils counted from 00001 below their title": (
@@ -349,7 +349,7 @@ TABLES: dict[str, OddFile] = {
     "an area as the heading of addresses": (
         "list.csv",
         b"Coil,Function\n7,Pump 1 on\n8,Pump 2 on\nInput register,Value,Size\n7,Level,s16\n8,Flow,u32\n",
-        ["coil 7 bool Pump 1 on", "coil 8 bool Pump 2 on", "input 7 s16 Level", "input 8 u32 Flow"],
+        ["coil 7 bool Pump 1 on", "coil 8 bool Pump 2 on", "input 7 s16 r Level", "input 8 u32 r Flow"],
         "",
     ),
     "bits of a register that comes again": (

@@ -145,7 +145,7 @@ def test_sheets_that_are_named_after_an_area_are_one_device() -> None:
 
     (found,) = import_maps("pump.xlsx", book_of(*sheets, change=name))
     assert found.chart.device == "pump"
-    assert row_texts(found) == ["input 1 u16 V U", "holding 1 u16 V Limit"]
+    assert row_texts(found) == ["input 1 u16 V r U", "holding 1 u16 V Limit"]
 
 
 @pytest.mark.parametrize(

@@ -16,8 +16,9 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final
 
 from .roles import WHOLE, heading_bits, plain_heading, roles_of_part
@@ -28,7 +29,7 @@ from .written import numbers_in
 _LONGEST: Final = 300  # characters of a line that says one thing
 _MOST_BELOW: Final = 8  # lines of one entry
 _FEW: Final = 2
-_MARK: Final = re.compile(r"\s*(?:[;|()\[\]]|,(?!\d)|(?<=[^\s.])\.(?=\s|$)|:\s|\s[-–—]\s|\s{2,}|\t)\s*")
+_MARK: Final = re.compile(r"\s*(?:[;|()\[\]]|,(?!\d)|(?<=[^\s.])\.(?=[\s;]|$)|:\s|\s[-–—]\s|\s{2,}|\t)\s*")
 _COLUMNS: Final = ("address", "name", "type", "unit", "scale", "access", "description")
 
 
@@ -49,77 +50,81 @@ def line_sheets(text: str, most: int) -> Iterator[MapSheet]:
     """
     every = text.splitlines()
     shown = [*_with_those_below([line[:_LONGEST] for line in every[:most]])]
-    found: list[_RegisterLine | None] = []
-    for line in shown:
-        before = next((one for one in reversed(found[-_MOST_BELOW:]) if one is not None), None)
-        found.append(_constant(line) or _implied(line, before) or _entry(line))
-    lines = [line for line in found if line is not None]
-    told = [any(may for _, may in line.parts) for line in lines if line.is_entry]
+    found = _registers(shown)
+    lines = list(filter(None, found))
+    told = [sum(len(may) for _, may in line.parts) > 0 for line in lines if line.is_entry]
     if len(lines) < _FEW or 2 * sum(told) < len(told):
         return
-    places = Counter((at, may[0]) for line in lines for at, (_, may) in enumerate(line.parts) if may)
+    places = Counter((at, role) for line in lines for at, (_, may) in enumerate(line.parts) for role in may[:1])
     usual = {at: role for (at, role), _ in reversed(places.most_common())}
     titles = [form("title", line).get("title", "") for line in shown]
-    rows = [[title] if line is None else _cells(line, usual) for line, title in zip(found, titles, strict=True)]
-    first = next(at for at, line in enumerate(found) if line is not None)
-    rows = [*rows[:first], list(_COLUMNS), *rows[first:]]
+    rows = [_cells(line, usual) if line else [title] for line, title in zip(found, titles, strict=True)]
+    rows.insert(found.index(lines[0]), list(_COLUMNS))
     yield MapSheet("", rows, notes=notes_of_cut(len(every) > most, most, "rows"))
+
+
+def _registers(lines: Sequence[str]) -> list[_RegisterLine | None]:
+    """What each line says of a register; None of one that is of none."""
+    found: list[_RegisterLine | None] = []
+    before = _RegisterLine("", "", (), is_entry=True)
+    for line in lines:
+        found.append(next(filter(None, (way(line, before) for way in (_constant, _implied, _entry))), None))
+        before = found[-1] or before
+    return found
 
 
 def _with_those_below(lines: Sequence[str]) -> Iterator[str]:
     """The lines; what is indented below an entry stands behind it."""
-    entry, depth, below = "", 0, 0
+    entry: list[str] = []
+    depth = 0
     for line in lines:
         deeper = form("deeper", line)
-        if entry and deeper and len(deeper["blank"]) > depth and below < _MOST_BELOW:
-            entry, below = f"{entry}; {deeper['text']}", below + 1
+        if 0 < len(entry) <= _MOST_BELOW and len(deeper.get("blank", "")) > depth:
+            entry.append(deeper["text"])
             continue
-        yield from [entry] * bool(entry)
+        yield from ["; ".join(entry)] * (entry != [])
         said = form("entry", line)
-        entry, depth, below = line * bool(said), len(said.get("blank", "")), 0
-        yield from [line] * (not said)
-    yield from [entry] * bool(entry)
+        entry, depth = [line] * (said != {}), len(said.get("blank", ""))
+        yield from [line] * (said == {})
+    yield from ["; ".join(entry)] * (entry != [])
 
 
-def _constant(line: str) -> _RegisterLine | None:
+def _constant(line: str, _: _RegisterLine) -> _RegisterLine | None:
     """A name for an address, with a comment."""
     said = form("declared", line)
-    if not said:
-        return None
-    parts = [_told(part) for _, part in _parts(f"{said['type']}, {said['rest'].rstrip('*/) ')}")]
-    return _RegisterLine(said["address"], said["name"], parts)
+    return _named(said["address"], said, said["type"]) if said else None
 
 
-def _implied(line: str, before: _RegisterLine | None) -> _RegisterLine | None:
+def _implied(line: str, before: _RegisterLine) -> _RegisterLine | None:
     """A name of an enumeration without its number, which is one more than that before."""
-    said = form("implied", line) if before is not None and not before.is_entry else {}
-    if before is None or not said:
+    said = form("implied", line)
+    if before.is_entry or not said:
         return None
-    parts = [_told(part) for _, part in _parts(said["rest"].rstrip("*/) "))]
-    return _RegisterLine(hex(numbers_in(before.address)[0] + 1), said["name"], parts)
+    return _named(hex(numbers_in(before.address)[0] + 1), said)
 
 
-def _entry(line: str) -> _RegisterLine | None:
+def _named(address: str, said: Mapping[str, str], kind: str = "") -> _RegisterLine:
+    parts = [_told(part) for _, part in _parts(f"{kind}, {said['rest'].rstrip('*/) ')}")]
+    return _RegisterLine(address, said["name"], parts)
+
+
+def _entry(line: str, _: _RegisterLine) -> _RegisterLine | None:
     """An address with its name behind it."""
     said = form("entry", line)
     if not said:
         return None
     text = said["rest"]
-    parts = [(at, *_told(part)) for at, part in _parts(text)]
-    known = next((at for at, (_, _, may) in enumerate(parts) if at and may), len(parts))
-    name = text[: parts[known][0] if known < len(parts) else len(text)].rstrip(" \t([,;:|-–—").strip("*_` ")
-    return _RegisterLine(said["address"], name, [(part, may) for _, part, may in parts[known:]], is_entry=True)
+    parts = [*((at, *_told(part)) for at, part in _parts(text)), (len(text), "", ("end",))]
+    known = next(at for at, (_, _, may) in enumerate(parts) if at and may)
+    name = text[: parts[known][0]].rstrip(" \t([,;:|-–—").strip("*_` ")
+    return _RegisterLine(said["address"], name, [(part, may) for _, part, may in parts[known:-1]], is_entry=True)
 
 
 def _parts(text: str) -> list[tuple[int, str]]:
-    """What marks part in a text, and where each begins; no colon behind the heading of a column."""
+    """What marks part in a text, and where each begins; no colon behind a heading, a bit or a state."""
     marks = [*_MARK.finditer(text)]
-    before = [0, *(mark.end() for mark in marks)]
-    marks = [
-        mark
-        for mark, at in zip(marks, before, strict=False)
-        if mark[0].strip() != ":" or not _headed(text[at : mark.start()])
-    ]
+    before = [text[a:b] for a, b in pairwise([0, *(at for mark in marks for at in mark.span())])][::2]
+    marks = [one for one, part in zip(marks, before, strict=False) if not _LEADING.get(one[0].strip(), _no)(part)]
     starts, ends = [0, *(mark.end() for mark in marks)], [*(mark.start() for mark in marks), len(text)]
     return [(start, text[start:end]) for start, end in zip(starts, ends, strict=True) if end > start]
 
@@ -128,7 +133,20 @@ def _told(part: str) -> tuple[str, Sequence[str]]:
     """A part without the heading that it begins with, and what it may be."""
     said = form("labelled", part)
     named = _headed(said.get("label", ""))
-    return (said["value"], named) if named else (part, roles_of_part(part))
+    listed = ("description",) * any(form(kind, part) for kind in ("state", "spoken_bit"))
+    return (said["value"], named) if named else (part, listed or roles_of_part(part))
+
+
+def _leads(text: str) -> bool:
+    """Whether what stands behind a colon or a dash belongs to the text before it: to a heading, a state, a bit."""
+    return bool(_headed(text) or form("of_list", text))
+
+
+def _no(_: str) -> bool:
+    return False
+
+
+_LEADING: Final = dict.fromkeys(":-–—", _leads)  # marks behind which a text may go on
 
 
 def _headed(text: str) -> Sequence[str]:

@@ -15,17 +15,15 @@ import re
 from collections.abc import Iterator
 from typing import Any, Final
 
+from .vocabulary import expression, form, vocabulary
+from .written import numbers_in
+
 _DEEPEST: Final = 40
 _TOKEN: Final = re.compile(
     r"(?P<text>\"(?:\\.|[^\"\\\n]){0,300}\"|'(?:\\.|[^'\\\n]){0,300}')|(?://+!?|/\*+|--|#+(?=\s))(?P<comment>[^\n]*?)(?:\*/|(?=\n|$))|(?P<index>(?<=\w)\[)|(?P<open>[{(\[])"
     r"|(?P<close>[})\]])|(?P<part>[,;])|(?P<names>=>|:=|[:=])|(?P<word>[^\s\"'{}()\[\],;:=/&*]+|/|['\"])",
 )
 _WORD: Final = re.compile(r"[^\W\d]\w*")
-_SUM: Final = re.compile(r"\b([^\W\d]\w*)\s*\+\s*(0[xX][0-9A-Fa-f]+|\d+)\b")
-_CONSTANT: Final = r"\b{}\b\s*(?::\s*\w+\s*)?=?\s*(0[xX][0-9A-Fa-f]+|\d+)\b"
-_FIELD: Final = re.compile(
-    r"[ \t]+(?:(?:pub|readonly|val|var)[ \t]+)?(?P<name>[^\W\d]\w*)(?:\??[ \t]*:(?!:)|[ \t]+(?=[a-zA-Z*\[][^;]*$))[^,;(){}=]*(?:=\s*(?P<usual>[^,;#]*?))?[,;]?\s*(?:(?://|#).*)?"
-)
 _CONSTANTS: Final = 1 << 16  # characters in which constants are declared
 _LINE: Final = 200  # characters of one that declares a field
 _FEW: Final = 3  # words that may be names
@@ -43,7 +41,7 @@ class Remark(str):
 def tree_of_source(text: str) -> Any:
     """The groups of a text that stand in no other, by their names where several have one, and the remarks between."""
     text = _summed(text)
-    tokens = ((match.lastgroup or "", _token(match)) for match in _TOKEN.finditer(text))
+    tokens = ((str(match.lastgroup), _token(match)) for match in _TOKEN.finditer(text))
     found = _BracketGroup(0).read(tokens, [{}, *_fields_in(text)])
     if sum(isinstance(one, _Named) for one in found) > 1:
         return found
@@ -55,30 +53,34 @@ class _Named(dict[str, Any]):
 
 
 def _token(match: re.Match[str]) -> str:
-    found = match[match.lastgroup or 0]
-    if match.lastgroup != "comment":
-        return found
-    line = match.string.rfind("\n", 0, match.start()) + 1
-    return Remark(found.strip(" *")) if match.string[line : match.start()].isspace() or line == match.start() else found
+    """What a token says; a comment is a remark where nothing stands before it on its line."""
+    kind = str(match.lastgroup)
+    before = match.string[: match.start()].rpartition("\n")[2] if kind == "comment" else kind
+    return match[kind] if before.strip() else Remark(match[kind].strip(" *"))
 
 
 def _summed(text: str) -> str:
     """A text in which sums of a constant and a number are the number that comes of it."""
 
-    def number(sum_of: re.Match[str]) -> str:
-        constant = re.search(_CONSTANT.format(sum_of[1]), text[:_CONSTANTS])
-        return hex(int(constant[1], 0) + int(sum_of[2], 0)) if constant else sum_of[0]
+    constants = {
+        said["name"]: numbers_in(said["number"])[0]
+        for said in expression(vocabulary()["constant"]).finditer(text[:_CONSTANTS])
+    }
 
-    return _SUM.sub(number, text)
+    def number(sum_of: re.Match[str]) -> str:
+        known = sum_of["name"] in constants
+        return hex(constants[sum_of["name"]] + numbers_in(sum_of["number"])[0]) if known else sum_of[0]
+
+    return expression(vocabulary()["sum"]).sub(number, text)
 
 
 def _fields_in(text: str) -> list[Fields]:
     """The fields that a text declares, a line each, by what declares them; with what they are where nothing is said."""
     found: list[Fields] = [{}]
     for line in text.splitlines():
-        field = _FIELD.fullmatch(line[:_LINE])
+        field = form("field", line[:_LINE])
         if field:
-            found[-1][field["name"]] = (field["usual"] or "").strip("\"'")
+            found[-1][field["name"]] = field["usual"].strip("\"'")
         elif found[-1] and line.strip() and not line.lstrip().startswith(("//", "#", "--", "/*", "*")):
             found.append({})
     return [fields for fields in found if len(fields) >= _FEW]
@@ -113,7 +115,8 @@ class _BracketGroup:
                     self._close()
                 case "comment":
                     names[0] = _names(token.split(",")) or names[0]
-                    if isinstance(token, Remark) and not self.words:
+                    if isinstance(token, Remark):
+                        self._close()
                         self.listed.append(token)
                 case "text":
                     self.is_quoted = True

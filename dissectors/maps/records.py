@@ -67,8 +67,8 @@ def _blocks(text: str) -> Iterator[Record]:
 
 def _has_address(record: Mapping[str, str]) -> bool:
     """Whether a number stands where a key says that the address is."""
-    places = sorted((key for key in record if heading_bits(key, "address")), key=lambda key: -heading_bits(key, "address"))
-    return any(map(numbers_in, (record[key][:20] for key in places[:1])))
+    surest = max(record, key=lambda key: heading_bits(key, "address"), default="")
+    return heading_bits(surest, "address") > 0 < len(numbers_in(record[surest][:20]))
 
 
 def _lists_of_rows(node: Any, depth: int) -> Iterator[Sequence[Sequence[Any]]]:
@@ -87,7 +87,7 @@ def parts_of(node: Any) -> list[Any]:
 
 
 def _found(node: Any, path: tuple[str, ...], given: Record) -> Iterator[Record]:
-    """The records in a tree; `path`: the keys that lead to a node; `given`: what stands above it and holds for all below."""
+    """The records in a tree; `path`: the keys that lead to a node; `given`: what holds for all below it."""
     if len(path) > _DEPTH:
         return
     if isinstance(node, list):
@@ -100,7 +100,7 @@ def _found(node: Any, path: tuple[str, ...], given: Record) -> Iterator[Record]:
         own = {_word(key): "1" for key, value in node.items() if not isinstance(value, Mapping | list)}
         said = {**_place(path, cells), **_lacking(given, cells), **cells}
         record = _placed(said)
-        is_whole = len(own) >= _FEW and any(map(numbers_in, cells.values())) and not _has_records(node)
+        is_whole = len(own) >= _FEW and any(map(numbers_in, cells.values())) > _has_records(node)
         if is_whole or _has_address(own) or record is not said:
             yield record
         else:
@@ -111,16 +111,13 @@ def _found(node: Any, path: tuple[str, ...], given: Record) -> Iterator[Record]:
 
 def _with(given: Record, told: Record) -> Record:
     """What is given, and what a title tells: of an area another access."""
-    return {**{key: cell for key, cell in given.items() if key not in _TOLD or "area" not in told}, **told}
+    return {**given, **(dict.fromkeys(_TOLD, "") if "area" in told else {}), **told}
 
 
 def _lacking(given: Record, cells: Record) -> Record:
     """What is given of all that a record does not say itself."""
-    return {
-        key: cell
-        for key, cell in given.items()
-        if key not in _TOLD or not any(heading_bits(own, key) >= WHOLE for own in cells)
-    }
+    said = {role for role in _TOLD for own in cells if heading_bits(own, role) >= WHOLE}
+    return {key: cell for key, cell in given.items() if cell and key not in said}
 
 
 def _told(text: str) -> Record:
@@ -141,23 +138,22 @@ def _is_shared(key: str) -> bool:
 
 def _placed(record: Record) -> Record:
     """A record with its address, where it only says how far it is from a base."""
-    base = next((key for key in record if heading_bits(key, "base") >= WHOLE), None)
-    offset = next((key for key in record if heading_bits(key, "offset") >= WHOLE), None)
-    if base is None or offset is None or not (numbers_in(record[base]) and numbers_in(record[offset])):
+    keys = [[key for key in record if heading_bits(key, role) >= WHOLE] for role in ("base", "offset")]
+    parts = [sum(numbers_in(record[key])[:1]) for named in keys for key in named[:1]]
+    if len(parts) < len(keys):
         return record
-    address = numbers_in(record[base])[0] + numbers_in(record[offset])[0]
-    return {"address": str(address), **{key: cell for key, cell in record.items() if key not in (base, offset)}}
+    return {**{key: cell for key, cell in record.items() if [key] not in keys}, "address": str(sum(parts))}
 
 
 def _place(path: tuple[str, ...], cells: Mapping[str, str]) -> Record:
     """What the keys say that lead to a record: its name, or its address where that is a number; and its group."""
-    *groups, key = path or ("",)
+    *groups, key = ("", *path)
     is_number = numbers_in(key[:20]) and not expression(r"[^\W\d]{2}").search(key)
     kind = "address" if is_number and not _has_address(cells) else "key"
     named = any(heading_bits(word, "name") >= WHOLE for word in cells)
     if named and kind == "key":
         return {"group": " ".join(path)}
-    return {kind: key, "group": " ".join(groups)}
+    return {kind: key, "group": " ".join(groups).strip()}
 
 
 def _word(key: object) -> str:

@@ -63,7 +63,11 @@ def _any(role: str, kind: str, where: str = "{}") -> re.Pattern[str]:
 
 def _unaccented(text: str) -> str:
     """A text without the marks on its letters, which people leave out."""
-    return normalize("NFC", "".join(sign for sign in normalize("NFD", text) if category(sign) != "Mn"))
+    bare = "".join(sign for sign in normalize("NFD", text) if category(sign) != "Mn")
+    return normalize("NFC", bare).translate(_STROKES)
+
+
+_STROKES: Final = str.maketrans({"đ": "d", "ł": "l", "ø": "o", "ı": "i", "æ": "ae", "œ": "oe", "ß": "ss"})
 
 
 class TableColumn:
@@ -194,9 +198,8 @@ def is_heading(row: Sequence[str]) -> bool:
     """Whether a row is one of headings by its words: two are known, one of addresses among what there is."""
     if any(cell[:1].isdecimal() for cell in row):
         return False
-    texts = [plain_heading(cell) for cell in row]
-    named = any(heading_bits(text, "address") for text in texts)
-    return named and known_headings(row) > 1 and not any(text[:1].isdecimal() for text in texts)
+    named = any(heading_bits(plain_heading(cell), "address") for cell in row)
+    return named and known_headings(row) > 1
 
 
 def may_be_heading(row: Sequence[str]) -> bool:

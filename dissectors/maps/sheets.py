@@ -7,7 +7,7 @@ import html
 import io
 import re
 import zipfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from typing import Any, Final
@@ -23,6 +23,7 @@ _MOST_COLUMNS: Final = 100  # of a sheet
 _LOOK: Final = 60  # lines that tell how a text is cut
 _START: Final = 20_000  # characters that do
 _LEAST_CELLS: Final = 3  # that make a row of columns which blanks part
+_LEAST_WIDE: Final = 3  # such rows
 _DRAWN: Final = str.maketrans("│┃║┆┊╎─━═┄┈┌┬┐├┼┤└┴┘╔╦╗╠╬╣╚╩╝╒╤╕╞╪╡╘╧╛╓╥╖╟╫╢╙╨╜", "|" * 6 + "-" * 5 + "+" * 36)
 _GAP: Final = re.compile(r"\t| {2,}")
 _UNPACKED: Final = 256 << 20  # bytes of a workbook
@@ -48,14 +49,15 @@ def notes_of_cut(is_cut: bool, most: int, what: str) -> tuple[str, ...]:
     return (f"only the first {most:,} {what} were read",) * is_cut
 
 
-def sheets_in(data: bytes, text: str, name: str, most_rows: int) -> list[MapSheet]:
-    """The sheets of a workbook, or the one that a text is; MapError names the file."""
+def ways_in(data: bytes, text: str, name: str, most_rows: int) -> Iterator[list[MapSheet]]:
+    """The sheets of a workbook, or the one that a text is, in each way to cut it; MapError names the file."""
     if data.startswith(ZIP):
-        return sheets_of(data, name, most_rows)
-    rows = rows_of_text(text, name, most_rows + 1)
-    wide = notes_of_cut(any(len(row) > _MOST_COLUMNS for row in rows), _MOST_COLUMNS, "columns")
-    notes = (*notes_of_cut(len(rows) > most_rows, most_rows, "rows"), *wide)
-    return [MapSheet("", [row[:_MOST_COLUMNS] for row in rows[:most_rows]], notes=notes)]
+        yield sheets_of(data, name, most_rows)
+        return
+    for rows in tables_of_text(text, name, most_rows + 1):
+        wide = notes_of_cut(any(len(row) > _MOST_COLUMNS for row in rows), _MOST_COLUMNS, "columns")
+        notes = (*notes_of_cut(len(rows) > most_rows, most_rows, "rows"), *wide)
+        yield [MapSheet("", [row[:_MOST_COLUMNS] for row in rows[:most_rows]], notes=notes)]
 
 
 def sheets_of(data: bytes, name: str, most_rows: int) -> list[MapSheet]:
@@ -154,37 +156,42 @@ def _shown_text(cell: object) -> str:
     return str(cell).strip()[:_CELL]
 
 
-def rows_of_text(text: str, file: str, most: int) -> list[list[str]]:
-    """The rows of a text: of CSV with any sign between cells, or of columns that blanks part, as PDFs are copied."""
+def tables_of_text(text: str, file: str, most: int) -> Iterator[list[list[str]]]:
+    """The rows of a text in each way that may be meant: as its layout has them, or below a rule; else CSV with any sign
+    between cells, and columns that blanks part, as PDFs are copied."""
     text = text.translate(_DRAWN)
     lines = text.splitlines()[:most]
     if lines and (named := form("separator", lines[0])):  # Excel's own line
-        return _cut(["", *lines[1:]], named["sign"], file)
-    for layout in vocabulary()["layouts"]:
-        if expression(layout["looks"]).search(text[:_START]):
-            return _laid_out(text, layout)[:most]
+        yield _cut(["", *lines[1:]], named["sign"], file)
+        return
+    laid_out = next((one for one in vocabulary()["layouts"] if expression(one["looks"]).search(text[:_START])), None)
+    if laid_out is not None:
+        yield _laid_out(text, laid_out)[:most]
+        return
     head = lines[:_LOOK]
-    sign = max("\t;,|", key="\n".join(head).count)
     if rule := next((line for line in head if form("rule_above", line)), ""):
         spans = [mark.span() for mark in expression("[=-]+").finditer(rule)]
         ends = [*(start for start, _ in spans[1:]), None]
-        return [[line[a:b].strip()[:_CELL] for (a, _), b in zip(spans, ends, strict=True)] for line in lines]
+        yield [[line[a:b].strip()[:_CELL] for (a, _), b in zip(spans, ends, strict=True)] for line in lines]
+        return
+    sign = max("\t;,|", key="\n".join(head).count)
     wide = sum(len(_GAP.split(line.strip())) >= _LEAST_CELLS for line in head)
-    if 2 * wide > len(list(filter(str.strip, head))) and 2 * sum(line.count(sign) > 1 for line in head) < wide:
-        return _cut_at_blanks(lines)
-    return _cut(lines, sign, file)
+    if wide >= max(_LEAST_WIDE, 2 * sum(line.count(sign) > 1 for line in head)):
+        yield _cut_at_blanks(lines)
+    yield _cut(lines, sign, file)
 
 
 def _laid_out(text: str, layout: Mapping[str, str]) -> list[list[str]]:
     """The rows of a text by the patterns of its layout: what parts rows and cells, and what is a mark in them."""
     row, cell, mark, span = (expression(layout.get(part, "(?!)")) for part in ("row", "cell", "marks", "span"))
+    line_break = expression(layout.get("break", "(?!)"))
     above: dict[int, int] = {}  # rows that a column still holds of a cell above
     rows = []
     for line in row.findall(text):
         shown: list[str] = []
         parts = [*islice(cell.finditer(line), _MOST_COLUMNS)]
         if not parts:  # a title
-            rows.append([html.unescape(mark.sub("", line)).strip()[:_CELL]])
+            rows.append([html.unescape(mark.sub("", line_break.sub(" ", line))).strip()[:_CELL]])
             continue
         for part in parts:
             _pass_spanned(shown, above)
@@ -192,7 +199,9 @@ def _laid_out(text: str, layout: Mapping[str, str]) -> list[list[str]]:
             width = max(1, spans.get("colspan", 1)) if len(parts) > 1 else 1  # alone: a title
             columns = range(len(shown), min(len(shown) + width, _MOST_COLUMNS))
             above |= dict.fromkeys(columns, spans.get("rowspan", 1) - 1)
-            shown += [html.unescape(mark.sub("", part["cell"] or "")).strip()[:_CELL]] * len(columns)
+            shown += [html.unescape(mark.sub("", line_break.sub("\n", part["cell"] or ""))).strip()[:_CELL]] * len(
+                columns
+            )
         _pass_spanned(shown, above)
         rows.append(shown)
     return rows

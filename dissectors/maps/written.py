@@ -164,7 +164,9 @@ def order_of(text: str) -> str | None:
 
 def access_of(cells: Mapping[str, str]) -> str | None:
     """r, w or rw out of `R/W`, `read only`, `чтение/запись`, `L/E`, `只读`; of a column whether one can write, too."""
-    return meaning("access", tidied("access", cells.get("access", ""))) or meaning("writable", cells.get("writable", ""))
+    return meaning("access", tidied("access", cells.get("access", ""))) or meaning(
+        "writable", cells.get("writable", "")
+    )
 
 
 @lru_cache(maxsize=4096)
@@ -191,21 +193,17 @@ def area_words(text: str) -> MapArea | None:
 def functions_in(text: str) -> Sequence[int]:
     """The functions that a text names and that read or write data."""
     named = expression(vocabulary()["functions"]).finditer(text)
-    parts = (
-        part for said in named for part in re.findall(r"(?:0x)?\d{1,2}h?", (said["behind"] or said["before"]).lower())
-    )
+    parts = (part for said in named for part in _NUMBER.findall(said["behind"] or said["before"]))
     return [code for code in map(_whole, parts) if code in _FUNCTIONS]
 
 
 def access_said(text: str, *, codes: bool = False) -> str:
     """What a title says of the access to all rows below it, by words or functions; of a cell of `codes`, by these."""
-    said = "" if codes else meaning("said_access", text)
-    functions = functions_in(f"fc {text}" if codes else text)
-    if said or not functions:
-        return said or ""
-    reads = not _READING.isdisjoint(functions)
-    written = [code for code in functions if code not in _READING]
-    return "r" * reads + "w" if written else "r" * (_READING_ONLY.issuperset(functions))
+    said = meaning("said_access", text * (not codes))
+    functions = set(functions_in(f"{'fc ' * codes}{text}"))
+    read, written = functions & _READING, functions - _READING
+    told = f"{'r' * bool(read)}w" if written else "r" * (functions != set() and functions <= _READING_ONLY)
+    return said or told
 
 
 @lru_cache(maxsize=4096)
@@ -218,8 +216,8 @@ def plain_number(text: str) -> str | None:
 def limits_of(cells: Mapping[str, str]) -> tuple[str | None, str | None]:
     """Least and greatest value, from their columns or from one range such as `0...100` or `-10 to 10`."""
     span = form("span", together(cells.get("range", "").partition("=")[0]))
-    said = next(filter(any, ((cells.get("min"), cells.get("max")), (span.get("low"), span.get("high")))), ("", ""))
-    low, high = (plain_number(text or "") for text in said)
+    said = next(filter(any, ((cells.get("min", ""), cells.get("max", "")), tuple(span.values())[1:])), ("", ""))
+    low, high = map(plain_number, said)
     return (low, high) if float(low or "-inf") <= float(high or "inf") else (None, None)
 
 
@@ -238,6 +236,14 @@ def has_only_states(text: str) -> bool:
     parts = list(filter(None, map(str.strip, re.split(r"[;,\n|]", text.translate(WIDE_SIGNS)))))
     states = [form("state", part).get("state", "") for part in parts]
     return len(states) > 1 and _all_like(r"\d+", states)
+
+
+def bits_of(text: str, kind: str) -> dict[int, str]:
+    """The bits that a remark names, where it names some of a word: `bit 0: running, bit 3: alarm`."""
+    if kind not in ("u16", "u32", "bits"):
+        return {}
+    found = {int(said["bit"]): said["name"] for said in expression(vocabulary()["bits"]).finditer(text)}
+    return found if len(found) > 1 else {}
 
 
 def states_in(cells: Mapping[str, str], kind: str, name: str) -> tuple[str, str | None]:
@@ -266,7 +272,7 @@ def measured(cells: Mapping[str, str], name: str) -> tuple[str, str | None, str,
             found |= new
             left[line["of"]] = told["rest"]
     scale = found["scale"]
-    return left["name"], scale.replace(",", ".") if scale else None, found["unit"] or "", left["unit"]
+    return left["name"], scale.replace(",", ".") if scale else None, str(found["unit"]), left["unit"]
 
 
 @lru_cache(maxsize=4096)

@@ -1,9 +1,9 @@
 """Register maps out of what other programs and spreadsheets have: one file a format.
 
 A program's format is data, `NAME.toml`, which `programs` reads; any other is a module with `NAME` and `read(source)`,
-which gives a map a device, or None of a file that is of another format. They are listed in `FORMATS`, the surest first; of the last, which read what no program
-made, the one counts that reads most.
-What a format says and a map cannot is told in the notes, never dropped without a word.
+which gives a map a device, or None of a file that is of another format. They are listed in `FORMATS`, the surest first;
+of the last, which read what no program made, the one counts that reads most. What a format says and a map cannot is
+told in the notes, never dropped without a word.
 """
 
 from __future__ import annotations
@@ -52,11 +52,6 @@ def map_format(name: str) -> MapFormat:
     return cast(MapFormat, import_module(f"{__package__}.{name}"))
 
 
-def _facts(one: ImportedMap) -> int:
-    """How much a map tells: of each row the name, and what it says beside."""
-    return sum(1 + bool(row.unit) + bool(row.access) + (row.scale != 1) + (row.type != "u16") for row in one.chart.rows)
-
-
 def import_maps(file: str, data: bytes, *, name: str | None = None) -> list[ImportedMap]:
     """The maps in a file, its format found by content or given by name; MapError says why there are none."""
     source = MapSource(file, data)
@@ -65,7 +60,7 @@ def import_maps(file: str, data: bytes, *, name: str | None = None) -> list[Impo
         ways = [(form.NAME, read) for form in forms if (read := form.read(source)) is not None]
         if not ways:
             continue
-        said, read = max(ways, key=lambda way: sum(map(_facts, way[1])))  # of as many, the first
+        said, read = max(ways, key=lambda way: sum(one.facts for one in way[1]))  # of as many, the first
         filled = [replace(one, notes=(*one.notes, *source.notes)) for one in read if one.chart.rows]
         if filled:
             return filled

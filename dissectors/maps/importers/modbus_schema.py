@@ -22,18 +22,19 @@ _LONGEST: Final = 2000  # characters of an expression
 def adapted(_: MapSource, records: Iterator[dict[str, Any]]) -> Iterator[dict[str, Any]]:
     """The records, with what their expressions say; what is computed from other fields is noted."""
     for record in records:
-        expression = str(record.get("expression") or "")[:_LONGEST]
+        expression = str(record.get("expression", ""))[:_LONGEST]
         call = _CALL.fullmatch(expression)
         area, place = _spot(call["first"]) if call else ("", None)
         if call is None or place is None:
             record |= {"notes": [f"{expression!r} is computed, or no type of a map"], "skipped": True}
             yield record
             continue
-        last = _spot(call["last"] or "")[1]
+        said = call.groupdict("")
+        last = _spot(said["last"])[1]
         record |= {"area": area, "place": place, **call.groupdict()}
         record["length"] = int(call["count"] or 1) if last is None else last - place + 1
         record["divided" if call["operator"] == "/" else "factor"] = call["number"]
-        record["states"] = {int(state): text for state, text in _STATE.findall(call["rest"] or "")}
+        record["states"] = {int(state): text for state, text in _STATE.findall(said["rest"])}
         yield record
 
 

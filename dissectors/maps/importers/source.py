@@ -19,6 +19,7 @@ from ..model import MapError, MappedValue, RegisterMap
 from ..records import json_lines
 from ..sheets import ZIP, notes_of_cut
 from ..table import csv_rows
+from ..vocabulary import form
 
 _MOST_NOTES: Final = 20
 _MOST_ROWS: Final = 20_000
@@ -32,7 +33,6 @@ _LAST_COMMA: Final = re.compile(r'("(?:\\.|[^"\\])*(?:"|\\?\Z))|,(?=\s*[}\]])')
 _INCLUDED: Final = re.compile(r"^[^#\n]*!include\w*\s+(?:\{?\s*file:\s*)?([^\s,}#]{1,100})", re.MULTILINE)
 _MOST_INCLUDED: Final = 5
 _DEEPEST: Final = 40  # elements in elements
-_NO_RECORDS: Final = re.compile(r"<!DOCTYPE|<tr\b", re.IGNORECASE)  # XML with entities of its own, and tables
 _KINDS: Final = {".yaml": "YAML", ".yml": "YAML", ".toml": "TOML", ".conf": "TOML", ".json": "JSON", ".jinja": "JSON"}
 _WAYS: Final = {  # in which a tree is read, by the suffix of its file and by its first sign
     **dict.fromkeys((".yaml", ".yml"), ("yaml",)),
@@ -49,6 +49,12 @@ class ImportedMap:
 
     chart: RegisterMap
     notes: tuple[str, ...] = ()
+
+    @property
+    def facts(self) -> int:
+        """How much it tells: of each row the name, and what it says beside; nothing where signs were left before it."""
+        rows = [row for row in self.chart.rows if row.name[0].isalnum()]
+        return sum(1 + bool(row.unit) + bool(row.access) + (row.scale != 1) + (row.type != "u16") for row in rows)
 
 
 class MapSource:
@@ -116,11 +122,11 @@ class MapSource:
 
     @cached_property
     def xml(self) -> Any:
-        """The elements of an XML file: attributes and texts by their names, others as lists; none with own entities, nor of tables."""
+        """The elements of an XML file, attributes and texts by name, others as lists; none of HTML or with entities."""
         from xml.etree import ElementTree
 
         try:
-            return None if _NO_RECORDS.search(self.text) else _elements(ElementTree.fromstring(self.text), 0)
+            return None if form("has_tables", self.text) else _elements(ElementTree.fromstring(self.text), 0)
         except (ElementTree.ParseError, ValueError):
             return None
 
@@ -185,8 +191,9 @@ class MapSource:
 
 def _elements(element: Any, depth: int) -> Any:
     """An element as a mapping, or its text where that is all."""
+    text = str(element.text or "").strip()
     if not (len(element) or element.attrib) or depth > _DEEPEST:
-        return (element.text or "").strip()
+        return text
     found: dict[str, Any] = dict(element.attrib)
     for inner in element:
         below = _elements(inner, depth + 1)
@@ -195,7 +202,7 @@ def _elements(element: Any, depth: int) -> Any:
             found[name] = below
         else:
             found.setdefault(f"{name}:", []).append(below)
-    if text := (element.text or "").strip():
+    if text:
         found.setdefault("description" if "name" in found else "name", text)
     return found
 
@@ -208,7 +215,6 @@ class MapBuilder:
     device: str = ""
     vendor: str = ""
     order: str = "ABCD"
-    source: str = ""
     rows: list[MappedValue] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     bits: dict[tuple[str, int], dict[int, str]] = field(default_factory=dict)
@@ -262,7 +268,7 @@ class MapBuilder:
         """Give the only row of a register the names of its bits; False where there is none, or another value."""
         twins = self._at.get((area, address), {})
         row = next(iter(twins.values()), None)
-        if len(twins) != 1 or row is None or row.type not in ("u16", "s16", "bits") or row.length != 1:
+        if row is None or len(twins) != 1 or row.type not in ("u16", "s16", "bits") or row.length != 1:
             return False
         self.rows[self.rows.index(row)] = replace(row, type="bits", values=dict(sorted(names.items())), scale=1.0)
         return True
@@ -282,7 +288,7 @@ class MapBuilder:
             tuple(self.rows),
             vendor=one_line(self.vendor[:200]),
             word_order=self.order,
-            source=self.source or f"imported from {PurePath(self.file).name}",
+            source=f"imported from {PurePath(self.file).name}",
         )
         return ImportedMap(chart, tuple(notes))
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Final
 
 from ..model import MapError
-from ..sheets import sheets_in
+from ..sheets import MapSheet, ways_in
 from ..written import area_words
 from .source import ImportedMap, MapSource
 from .tables import HEADING_ROWS, chart_of, has_heading
@@ -17,23 +17,30 @@ _MOST_ROWS: Final = 70_000
 
 
 def read(source: MapSource) -> list[ImportedMap] | None:
-    """The table, or each sheet that has one."""
-    if not source.is_workbook and not _starts_as_table(source):
-        return None
-    sheets = sheets_in(source.data, source.text, source.name, _MOST_ROWS)
+    """The table, or each sheet that has one; cut in the way that tells most."""
+    ways = (_charts_of(source, sheets) for sheets in _ways(source))
+    return max(filter(None, ways), key=lambda charts: sum(one.facts for one in charts), default=None)
+
+
+def _ways(source: MapSource) -> Iterator[list[MapSheet]]:
+    """The ways in which a file is a table by how it starts."""
+    try:
+        starts = [
+            source.is_workbook or any(map(has_heading, sheets))
+            for sheets in ([[]] if source.is_workbook else ways_in(source.data, source.text, source.name, HEADING_ROWS))
+        ]
+    except MapError:
+        return
+    if any(starts):
+        ways = ways_in(source.data, source.text, source.name, _MOST_ROWS)
+        yield from (sheets for sheets, is_table in zip(ways, starts, strict=False) if is_table)
+
+
+def _charts_of(source: MapSource, sheets: Sequence[MapSheet]) -> list[ImportedMap]:
     charts = [(area_words(one.name), chart_of(source, one, one.name if len(sheets) > 1 else "")) for one in sheets]
     parts = [one for _, one in charts if one is not None]
     areas = {area for area, one in charts if one is not None} - {None}
-    if len(parts) > 1 and len(areas) == len(parts):
-        return [_of_one_device(source, parts)]
-    return parts or None
-
-
-def _starts_as_table(source: MapSource) -> bool:
-    try:
-        return any(map(has_heading, sheets_in(source.data, source.text, source.name, HEADING_ROWS)))
-    except MapError:
-        return False
+    return [_of_one_device(source, parts)] if len(parts) > 1 and len(areas) == len(parts) else parts
 
 
 def _of_one_device(source: MapSource, parts: Sequence[ImportedMap]) -> ImportedMap:

@@ -12,7 +12,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice, zip_longest
-from typing import Final
+from typing import Any, Final
 
 from ..cells import CellError, area_and_address
 from ..model import DIGIT_OF_AREA, VALUE_TYPES, MapArea
@@ -40,6 +40,8 @@ from ..written import (
     address_of,
     area_of_cell,
     area_words,
+    bits_of,
+    has_only_states,
     limits_of,
     measured,
     order_of,
@@ -104,6 +106,11 @@ def _headings_in(rows: Table) -> Iterator[int]:
 def _of_values(rows: Table) -> Table:
     """The rows that may have an address: no title, no line between others, and not the second of a heading."""
     return [row for row in rows if expression(r".*\d.*").fullmatch(" ".join(row)) and sum(map(bool, row)) > 1]
+
+
+def _is_value(row: Sequence[str]) -> bool:
+    """Whether a row may be one of values: no title, no line between others."""
+    return sum(map(bool, row)) > 1 and not _is_rule(row)
 
 
 def _is_rule(row: Sequence[str]) -> bool:
@@ -212,25 +219,21 @@ class _TableRows:
         return both if weights[2] > max(weights[:2]) else None
 
     def _joined(self, rows: Table, first: int) -> Iterator[tuple[int, list[str]]]:
-        """The rows with their numbers; what a cell went on with on the next line is put back to it: texts alone, in small
-        letters, or where lines part all other rows."""
+        """The rows with their numbers; what a cell went on with on the next line is put back to it: texts alone, in
+        small letters, or where lines part all other rows."""
         columns = self.heading.columns
         texts = {columns[role] for role in _LONG_TEXTS & columns.keys()}
-        is_drawn = 3 * sum(_is_rule(row) and any(row) for row in rows) > len(rows)
-        held: list[str] = []
-        held_at = first
+        is_drawn = 3 * sum(_is_rule(row) > (row == [""] * len(row)) for row in rows) > len(rows)
+        held: list[tuple[int, list[Sequence[str]]]] = []
         for number, row in enumerate(rows, first):
             filled = {at for at, cell in enumerate(row) if cell}
-            if held and filled and filled <= texts and (is_drawn or _goes_on(row, columns)):
-                held = [f"{cell} {more}".strip() for cell, more in zip_longest(held, row, fillvalue="")]
-                continue
-            if held:
-                yield held_at, held
-            held, held_at = ([], number) if _is_rule(row) or len(filled) < 2 else ([*row], number)
-            if not held:
-                yield number, [*row]
-        if held:
-            yield held_at, held
+            goes_on = set() < filled <= texts and (is_drawn or _goes_on(row, columns))
+            if goes_on and held and _is_value(held[-1][1][0]):
+                held[-1][1].append(row)
+            else:
+                held.append((number, [row]))
+        for number, parts in held:
+            yield number, [" ".join(filter(None, cells)) for cells in zip_longest(*parts, fillvalue="")]
 
     def _title(self, row: Sequence[str]) -> None:
         """Take in what a row without values says of those below."""
@@ -261,7 +264,7 @@ class _TableRows:
         if address is None:
             self.builder.note(f"row {number}: {named.get('address', '')[:30]!r} is not an address")
             return
-        self.register = self._value(named, address, here, f"row {number}") or self.register
+        self.register = self._value(named, address, here, f"row {number}")
 
     def _is_bit(self, cells: dict[str, str]) -> bool:
         """Whether a row names a bit of the register above: it has no address of its own. The bit is added then."""
@@ -276,7 +279,7 @@ class _TableRows:
         self, cells: dict[str, str], position: TableAddress, area: MapArea | None, what: str
     ) -> tuple[MapArea, int] | None:
         """Add what a row says; the register that it is about, whose bits rows below may name."""
-        heading, how = self.heading, self.heading.form
+        how = self.heading.form
         named, address = _area_and_address(position, area, how)
         kind, length = type_of(_type_said(cells), whole_in(cells.get("length")) or _words(cells, position, how))
         own_name = cells.get("name", "")
@@ -294,8 +297,9 @@ class _TableRows:
             self.builder.add_bits(*register, int(bit), 1, " ".join(name.split()))
             return register
         order = self._order(cells, kind, what)
+        name, cells = _without_list(name, cells)
         name, scale, unit, remark = measured(cells, " ".join(name.split()))
-        name, states = states_in(cells, kind, name)
+        name, kind, states = _with_list(name, kind, cells)
         low, high = limits_of(cells)
         self.builder.add(
             *register,
@@ -308,7 +312,7 @@ class _TableRows:
                 "offset": plain_number(cells.get("offset", "")),
                 "unit": unit,
                 "values": states,
-                "access": access_of(cells) or access_said(self.above, codes=heading.of_functions) or self.access,
+                "access": next(filter(None, self._accesses(cells, register[0])), None),
                 "min": low,
                 "max": high,
                 "description": cells.get("description") or remark,
@@ -317,6 +321,13 @@ class _TableRows:
             f"{what}: {name[:40]}",
         )
         return register
+
+    def _accesses(self, cells: dict[str, str], area: MapArea) -> Iterator[str | None]:
+        """What is said of the access to a register, the nearest first; nobody can write inputs ([1] 4.3)."""
+        yield access_of(cells)
+        yield access_said(self.above, codes=self.heading.of_functions)
+        yield self.access
+        yield "r" * (area in ("input", "discrete"))
 
     def _order(self, cells: dict[str, str], kind: str, what: str) -> str | None:
         """The order of a wide value: as its row says it, else as a title does; a doubtful one is told."""
@@ -329,7 +340,7 @@ class _TableRows:
             return None
         if is_said and not is_sure:
             shown = f"{own} {cells.get('type', '')}".strip()[:30]
-            first = _FIRST_WORD.get(order or "", "most significant")
+            first = _FIRST_WORD.get(str(order), "most significant")
             self.builder.note(f"{what}: order {shown!r} was taken for {order or 'ABCD'}, {first} word first")
         return order
 
@@ -337,15 +348,28 @@ class _TableRows:
 _AS_DIVISOR: Final = "gains of 1 or more were taken as divisors of raw values"
 
 
+def _without_list(name: str, cells: dict[str, str]) -> tuple[str, dict[str, str]]:
+    """A row's name, without a list of states on the lines below it in its cell, which is a remark."""
+    first, _, more = name.partition("\n")
+    if not has_only_states(more):
+        return name, cells
+    return first, {**cells, "description": f"{more} {cells.get('description', '')}".strip()}
+
+
+def _with_list(name: str, kind: str, cells: dict[str, str]) -> tuple[str, str, Any]:
+    """A row's name, type, and the names of its states; of its bits, where a remark names some."""
+    named = bits_of(cells.get("description", ""), kind)
+    return (name, "bits", named) if named else ((called := states_in(cells, kind, name))[0], kind, called[1])
+
+
 def _goes_on(row: Sequence[str], columns: Mapping[str, int]) -> bool:
     """Whether texts go on from the row above: the name in small letters, no bit of it; of a remark, always."""
-    at = columns["name"]
-    name = row[at] if at < len(row) else ""
-    return not name or (name[0].islower() and not form("spoken_bit", name))
+    name = "".join(row[columns["name"] :][:1])
+    return f"{name}a"[0].islower() and not form("spoken_bit", name)
 
 
 def _have_units_behind(names: Sequence[str], units: Sequence[str]) -> bool:
-    """Whether many names end in a short word in brackets, and most have it or a unit in its own column, which few use."""
+    """Whether many names end in a short word in brackets, and most have that or a unit of a column that few use."""
     behind = sum(form("unit_behind", name) != {} for name in names)
     return behind >= _LEAST_NAMES and 2 * (behind + len(units)) > len(names) > 2 * len(units)
 
@@ -368,9 +392,9 @@ def _words(cells: dict[str, str], position: TableAddress, how: AddressForm) -> i
     """Registers of a value by its octets, or from its first to its last address."""
     octets = whole_in(cells.get("octets")) or 1
     end = address_of(cells.get("end", ""), how)
-    last = position.last or (end.first if end else None)
-    span = last - position.first + 1 if last is not None else 0
-    return octets // 2 if octets % 2 == 0 else span if span > 0 else None
+    last = position.last or (end.first if end else -1)
+    span = max(0, last - position.first + 1)
+    return octets // 2 if octets % 2 == 0 else span or None
 
 
 def _area_and_address(

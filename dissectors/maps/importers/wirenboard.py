@@ -18,7 +18,7 @@ _UNITS: Final = {
 def adapted(source: MapSource, records: Iterator[dict[str, Any]]) -> Iterator[dict[str, Any]]:
     """The channels and the parameters of the device."""
     for device in records:
-        title = {"^title": device.get("^title") or device.get("name") or source.stem}
+        title = {"^title": next(filter(None, (device.get("^title"), device.get("name"), source.stem)))}
         inner = {str(one.get("title")): one.get("device") for one in mappings(device.get("subdevices"))}
         for channel in (*_channels(device, inner, "", 0), *_parameters(device.get("parameters"))):
             yield _completed({**title, **channel})
@@ -33,8 +33,8 @@ def _channels(device: Mapping[str, Any], inner: Mapping[str, Any], prefix: str, 
             yield from _channels(within, inner, f"{prefix}{channel.get('name')} ", further)
             continue
         for item in mappings(channel.get("consists_of")) or [channel]:
-            named = f"{prefix}{item.get('name') or ''}"
-            yield {**item, "name": named, "group": str(channel.get("group") or ""), "shift": shift}
+            named = f"{prefix}{item.get('name', '')}"
+            yield {**item, "name": named, "group": str(channel.get("group", "")), "shift": shift}
 
 
 def _parameters(listed: Any) -> Iterator[dict[str, Any]]:

@@ -1,0 +1,175 @@
+"""Kinds of files that people have maps in, one each: cells that wrap, sources that declare, entries of several lines."""
+
+from __future__ import annotations
+
+import pytest
+from oddmaps import check_import
+
+_FILES = {
+    "cells that go on below, access in titles": (
+        "pump.txt",
+        """
+Input registers (function 04)
+
+Register   Meaning              Unit    Factor
+30001      Pressure behind      bar     0.01
+           the filter
+30002      Speed                rpm     1
+30003      Hours                h       1
+
+Holding registers, read and write
+
+Register   Meaning              Unit    Factor
+40001      Wanted pressure      bar     0.01
+""",
+        [
+            "input 0 u16 x0.01 bar r Pressure behind the filter", "input 1 u16 rpm r Speed", "input 2 u16 h r Hours",
+            "holding 0 u16 x0.01 bar rw Wanted pressure",
+        ],
+    ),
+    "offsets from a base of their block": (
+        "fan.xml",
+        """<?xml version='1.0'?><!-- a fan -->
+<fan><block function='4' base='200'><reg offset='0' type='int16'>Supply</reg>
+<reg offset='2' type='float'>Power</reg></block>
+<block function='3,6' base='400'><reg offset='1' type='uint16'>Speed</reg>
+<reg offset='5' type='uint16'>Limit</reg></block></fan>
+""",
+        ["input 200 s16 r Supply", "input 202 f32 r Power", "holding 401 u16 rw Speed", "holding 405 u16 rw Limit"],
+    ),
+    "a constant and a number": (
+        "scale.rs",
+        """
+const LIVE: u16 = 0x100;
+pub const ALL: [Reg; 3] = [
+    Reg { address: LIVE + 0x01, name: "Weight", kind: "I32", unit: "g" },
+    Reg { address: LIVE + 0x03, name: "Belt", kind: "U16", unit: "m/s" },
+    Reg { address: LIVE + 0x10, name: "Zero", kind: "U16", unit: "" },
+];
+""",
+        ["holding 257 s32 g Weight", "holding 259 u16 m/s Belt", "holding 272 u16 Zero"],
+    ),
+    "what fields are where nothing is said, remarks with the area": (
+        "meter.py",
+        """
+class Reg:
+    address: int
+    name: str
+    type: str
+    scale: float = 1.0
+    unit: str = ""
+    access: str = "R"
+
+# input registers
+A = [
+    Reg(0x10, "Voltage", "float32", unit="V"),
+    Reg(0x12, "Energy", "uint32", 0.01, "kWh"),
+    Reg(0x14, "Phase", "float32"),
+]
+# holding registers
+B = [
+    Reg(0x10, "Pulse", "uint16", 10.0, "ms", "RW"),
+    Reg(0x11, "Node", "uint16", access="RW"),
+]
+""",
+        [
+            "input 16 f32 V r Voltage", "input 18 u32 x0.01 kWh r Energy", "input 20 f32 r Phase",
+            "holding 16 u16 x10 ms rw Pulse", "holding 17 u16 rw Node",
+        ],
+    ),
+    "AsciiDoc, a cell a line": (
+        "box.adoc",
+        """= Box
+
+[cols=4]
+|===
+|Address |Function |Description |Unit
+
+|4
+|04
+|Room
+|ppm
+
+|5
+|03/06
+|Limit
+|ppm
+|===
+""",
+        ["input 4 u16 ppm r Room", "holding 5 u16 ppm rw Limit"],
+    ),
+    "reStructuredText, a list of lists; German, from one": (
+        "box.rst",
+        """
+Kasten
+======
+
+Die Register sind ab 1 gezählt.
+
+.. list-table::
+   :header-rows: 1
+
+   * - Register
+     - Bezeichnung
+     - Einheit
+   * - 1
+     - Druck
+     - bar
+   * - 2
+     - Menge
+     - l
+   * - 3
+     - Kraft
+     - N
+""",
+        ["holding 0 u16 bar Druck", "holding 1 u16 l Menge", "holding 2 u16 N Kraft"],
+    ),
+    "entries with lines below them": (
+        "drive.txt",
+        """Drive
+
+2.1. Register 40001 – Speed
+     16 bits unsigned. Scale: 0.01. Unit: Hz. Read only.
+
+2.2. Registers 40002-40003 – Energy
+     32 bits unsigned. Unit: kWh.
+     Read only.
+
+2.3. Register 40010 – Wanted speed
+     16 bits unsigned. Scale: 0.01. Unit: Hz. Read and write.
+""",
+        [
+            "holding 0 u16 x0.01 Hz r Speed", "holding 1 u32 kWh r Energy", "holding 9 u16 x0.01 Hz rw Wanted speed",
+        ],
+    ),
+    "an enumeration that counts on, bits in a remark": (
+        "regs.h",
+        """enum reg {
+    /* read only */
+    R_SUPPLY = 100,  /* int16, 0.1 K */
+    R_RETURN,        /* int16, 0.1 K */
+    R_STATE,         /* bit 0: runs, bit 3: alarm */
+};
+""",
+        [
+            "holding 100 s16 x0.1 K r R_SUPPLY", "holding 101 s16 x0.1 K r R_RETURN",
+            "holding 102 bits r {0=runs; 3=alarm} R_STATE",
+        ],
+    ),
+    "units behind names that no list has, signs in remarks": (
+        "list.csv",
+        """Adr;Name;Remark
+1;Dust (spd);signed
+2;Noise (brl);
+3;Smell (ou);16 bit unsigned
+4;Light (kfc);
+""",
+        ["holding 1 s16 spd Dust", "holding 2 u16 brl Noise", "holding 3 u16 ou Smell", "holding 4 u16 kfc Light"],
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", _FILES)
+def test_a_kind_of_file(kind: str) -> None:
+    name, text, rows = _FILES[kind]
+    check_import((name, text.encode(), rows, ""))
