@@ -1,4 +1,4 @@
-"""Kinds of files that people have maps in, one each: cells that wrap, sources that declare, entries of several lines."""
+"""Kinds of files that people have maps in, one each: cells that wrap, sources that declare, entries of many lines."""
 
 from __future__ import annotations
 

@@ -91,7 +91,7 @@ def _with_those_below(lines: Sequence[str]) -> Iterator[str]:
 
 def _constant(line: str, _: _RegisterLine) -> _RegisterLine | None:
     """A name for an address, with a comment."""
-    said = form("declared", line)
+    said = form("declared", line) or form("bare", line)
     return _named(said["address"], said, said["type"]) if said else None
 
 

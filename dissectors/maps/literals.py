@@ -23,7 +23,7 @@ _TOKEN: Final = re.compile(
     r"(?P<text>\"(?:\\.|[^\"\\\n]){0,300}\"|'(?:\\.|[^'\\\n]){0,300}')|(?://+!?|/\*+|--|#+(?=\s))(?P<comment>[^\n]*?)(?:\*/|(?=\n|$))|(?P<index>(?<=\w)\[)|(?P<open>[{(\[])"
     r"|(?P<close>[})\]])|(?P<part>[,;])|(?P<names>=>|:=|[:=])|(?P<word>[^\s\"'{}()\[\],;:=/&*]+|/|['\"])",
 )
-_WORD: Final = re.compile(r"[^\W\d]\w*")
+_WORD: Final = re.compile(r"[^\W\d]\w*(?: \w+){0,3}")
 _CONSTANTS: Final = 1 << 16  # characters in which constants are declared
 _LINE: Final = 200  # characters of one that declares a field
 _FEW: Final = 3  # words that may be names
@@ -114,7 +114,9 @@ class _BracketGroup:
                     self.declares |= token == ";"
                     self._close()
                 case "comment":
-                    names[0] = _names(token.split(",")) or names[0]
+                    names[0] = (
+                        _names(expression(r",|\s{2,}").split(form("listed", token).get("items", token))) or names[0]
+                    )
                     if isinstance(token, Remark):
                         self._close()
                         self.listed.append(token)
@@ -167,5 +169,5 @@ class _BracketGroup:
 
 def _names(items: list[Any]) -> Fields:
     """The items as names, where all of them are words; else none."""
-    words = [str(item).strip().strip("*").split("[")[0] for item in items]
+    words = [str(item).strip(" *.:").split("[")[0] for item in items]
     return dict.fromkeys(words, "") if len(words) >= _FEW and all(map(_WORD.fullmatch, words)) else {}

@@ -25,10 +25,12 @@ if TYPE_CHECKING:
 _FEW: Final = 2
 _MOST: Final = 20_000
 _DEPTH: Final = 12
+_LOOK: Final = 40  # lines in which remarks speak of all
 _SOURCE: Final = 1 << 18  # characters of a source that are read
 _LONGEST: Final = 300  # characters of a line that says one thing
 _BRACKETS: Final = frozenset("{([")
 _TOLD: Final = ("area", "access")  # by titles and keys
+_SAID: Final = (("area", "area"), ("access", "access"), ("access", "writable"))  # the same by columns
 _SHARED: Final = ("area", "access", "order", "base")
 Record = dict[str, str]
 
@@ -39,13 +41,15 @@ def record_sheets(source: MapSource) -> Iterator[MapSheet]:
     notes = notes_of_cut(source.tree is None and len(source.text) > _SOURCE, _SOURCE, "characters")
     is_source = source.tree is None and not _BRACKETS.isdisjoint(text)
     trees = (tree_of_source(text) if is_source else source.tree, [*_blocks(text)] if source.tree is None else ())
+    remarks = [form("comment", line[:_LONGEST]).get("said", "") for line in text.splitlines()[:_LOOK] * (not is_source)]
+    titles = [[said] for said in filter(None, remarks)]
     for tree in trees:
         yield from (MapSheet("", [[_text(cell) for cell in row] for row in rows[:_MOST]], notes=notes)
                     for rows in islice(_lists_of_rows(tree, 0), 1))  # fmt: skip
-        yield from _of_records(list(islice(_found(tree, (), {}), _MOST)), notes)
+        yield from _of_records(list(islice(_found(tree, (), {}), _MOST)), titles, notes)
 
 
-def _of_records(records: list[Record], notes: tuple[str, ...]) -> Iterator[MapSheet]:
+def _of_records(records: list[Record], titles: list[list[str]], notes: tuple[str, ...]) -> Iterator[MapSheet]:
     """A sheet of the records that have an address by its name, else of those that have keys of most."""
     addressed = [record for record in records if _has_address(record)]
     keys = Counter(tuple(record) for record in records)
@@ -53,7 +57,7 @@ def _of_records(records: list[Record], notes: tuple[str, ...]) -> Iterator[MapSh
     chosen = addressed if len(addressed) >= _FEW else [one for one in records if 2 * len(most & one.keys()) > len(most)]
     columns = list(dict.fromkeys(key for record in chosen for key in record))
     if len(chosen) >= _FEW:
-        rows = [columns, *([record.get(key, "") for key in columns] for record in chosen)]
+        rows = [*titles, columns, *([record.get(key, "") for key in columns] for record in chosen)]
         yield MapSheet("", rows, notes=(*notes, *notes_of_cut(len(records) == _MOST, _MOST, "records")))
 
 
@@ -116,7 +120,7 @@ def _with(given: Record, told: Record) -> Record:
 
 def _lacking(given: Record, cells: Record) -> Record:
     """What is given of all that a record does not say itself."""
-    said = {role for role in _TOLD for own in cells if heading_bits(own, role) >= WHOLE}
+    said = {key for key, role in _SAID for own in cells if heading_bits(own, role) >= WHOLE}
     return {key: cell for key, cell in given.items() if cell and key not in said}
 
 

@@ -281,8 +281,9 @@ def _measure(at: int, text: str) -> Mapping[str, str]:
     match = expression(vocabulary()["measures"][at]["like"]).fullmatch(text.translate(WIDE_SIGNS))
     if match is None:
         return {}
-    parts = {"step": "", "times": "", "digits": "", "unit": "", "rest": "", **match.groupdict("")}
-    inverse = parts["times"] or (parts["digits"] and f"1{'0' * len(parts['digits'])}")
+    parts = {"step": "", "times": "", "digits": "", "places": "0", "unit": "", "rest": "", **match.groupdict("")}
+    tens = len(parts["digits"]) + int(parts["places"])
+    inverse = parts["times"] or f"1{'0' * tens}" * (tens > 0)
     return {**parts, "scale": parts["step"] or (inverse and f"1/{inverse}")}
 
 

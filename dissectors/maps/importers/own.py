@@ -6,12 +6,14 @@ import re
 from collections.abc import Mapping
 from typing import Final
 
+from ..cells import COLUMN_NAMES
 from ..table import read_table
 from ..yamlform import read_yaml
 from .source import ImportedMap, MapSource, mappings
 
 NAME = "a map of our own form"
 _SIGNS: Final = re.compile("[,;\t]")
+_COLUMNS: Final = frozenset(COLUMN_NAMES)
 
 
 def read(source: MapSource) -> list[ImportedMap] | None:
@@ -19,8 +21,8 @@ def read(source: MapSource) -> list[ImportedMap] | None:
     if isinstance(source.yaml, Mapping):
         rows = source.yaml.get("registers")
         keys = {key for row in mappings(rows) for key in row}
-        own = {"area"} if source.json is not None else {"area", "type"}  # JSON is of other programs
-        is_own = isinstance(rows, list) and not (keys and (keys.isdisjoint(own) or "address" not in keys))
+        fits = {"area", "address"} <= keys or (source.json is None and keys <= _COLUMNS)  # JSON is of other programs
+        is_own = isinstance(rows, list) and fits
         return [ImportedMap(read_yaml(source.text, source.name))] if is_own else None
     lines = filter(str.strip, source.text.lower().splitlines())
     head = next((line for line in lines if not line.lstrip(' "').startswith("#")), "")
