@@ -189,7 +189,8 @@ def link_sites(month: Path, lake: Path, count: int) -> None:
                     for (new, _), (old, _) in zip(files, entry[part][table], strict=True):
                         (lake / new).parent.mkdir(parents=True, exist_ok=True)
                         os.link(month / old, lake / new)
-            target.add(copy)
+            target.add([copy])
+    target.checkpoint()
 
 
 def main() -> None:

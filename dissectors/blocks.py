@@ -23,8 +23,6 @@ else:
     _Struct = construct.Struct
     _Switch = construct.Switch
 
-_SHOWN_PIECES: Final = 8
-
 
 class Counted(Part):
     """Bytes that a number before them counts."""
@@ -210,12 +208,20 @@ class Bits(Counted):
 class Octets(Counted):
     """Bytes whose meaning the declaration does not know; printable ones are shown as text too."""
 
+    @property
+    def looks_at(self) -> tuple[str, ...]:
+        return ()
+
     def describe(self, name: str, start: int, length: int, value: bytes, tracer: FieldTracer) -> Field:
         return opaque(name, start, length, value, tracer)
 
 
 class Text(Counted):
     """A string of the device's own."""
+
+    @property
+    def looks_at(self) -> tuple[str, ...]:
+        return ()
 
     def describe(self, name: str, start: int, length: int, value: bytes, tracer: FieldTracer) -> Field:
         text = device_text(value)
@@ -225,21 +231,30 @@ class Text(Counted):
 class Split(Counted):
     """Counted bytes that a function takes apart: it is given them and returns (name, length, value, text) in order.
 
-    A value of None stands for the bytes' hex. Where it is a number the text is the declaration's, and told in the words
-    of who reads it, by `told` where that is given; other texts are the device's own.
+    A value of None stands for the bytes' hex. Where it is a number the text is the declaration's; other texts are the
+    device's own.
     """
 
+    shown: Final = 8  # in one line of text
+
     def __init__(
-        self,
-        count: str,
-        pieces: Callable[[bytes], Sequence[tuple[str, int, Value, str]]],
-        *,
-        less: int = 0,
-        told: Callable[[int, Wording], str] | None = None,
+        self, count: str, pieces: Callable[[bytes], Sequence[tuple[str, int, Value, str]]], *, less: int = 0
     ) -> None:
         super().__init__(count, less=less)
         self.pieces = pieces
-        self.told = told
+
+    def told(self, value: int, text: str, wording: Wording) -> str:  # noqa: ARG002
+        """The text of a number in the words of who reads it."""
+        return wording.say(text)
+
+    def line(self, texts: Sequence[str], wording: Wording = ENGLISH) -> str:
+        """The pieces' texts on one line."""
+        text = ", ".join(texts[: self.shown])
+        return f"{text}{_in_all(len(texts), wording)}" if len(texts) > self.shown else text
+
+    @property
+    def looks_at(self) -> tuple[str, ...]:
+        return ()
 
     def describe(self, name: str, start: int, length: int, value: bytes, tracer: FieldTracer) -> Field:
         children = []
@@ -247,13 +262,23 @@ class Split(Counted):
         for label, size, plain, text in self.pieces(value):
             shown = value[at - start : at - start + size].hex() if plain is None else plain
             if isinstance(plain, int):
-                text = tracer.wording.say(text) if self.told is None else self.told(plain, tracer.wording)
+                text = self.told(plain, text, tracer.wording)
             children.append(tracer.make(label, at, size, shown, text))
             at += size
-        text = ", ".join(child.text for child in children[:_SHOWN_PIECES])
-        if len(children) > _SHOWN_PIECES:
-            text += _in_all(len(children), tracer.wording)
+        text = self.line([child.text for child in children], tracer.wording)
         return tracer.make(name, start, length, None, text, tuple(children))
+
+
+class EachByte(Split):
+    """Counted bytes each of which stands for something by itself: `words` says what."""
+
+    def __init__(self, count: str, each: str, words: Callable[[int, Wording], str], *, less: int = 0) -> None:
+        super().__init__(count, lambda data: [(each, 1, byte, "") for byte in data], less=less)
+        self.each = each
+        self.words = words
+
+    def told(self, value: int, text: str, wording: Wording) -> str:  # noqa: ARG002
+        return self.words(value, wording)
 
 
 class Rest(Part):
@@ -272,6 +297,10 @@ class Rest(Part):
     def _build(self, obj: Any, stream: Any, context: Any, path: str) -> Any:  # noqa: ARG002
         stream.write(obj)
         return obj
+
+    @property
+    def looks_at(self) -> tuple[str, ...]:
+        return ()
 
     def describe(self, name: str, start: int, length: int, value: bytes, tracer: FieldTracer) -> Field:
         return opaque(name, start, length, value, tracer)

@@ -1,4 +1,4 @@
-"""A declaration read over many PDUs at once, in arrays: where each ends, and where its registers lie.
+"""A declaration read over many PDUs at once, in arrays: where each ends, and where its named parts lie.
 
 Nothing is stated here: a declaration is walked once, for steps that move the cursors of all PDUs over one part each.
 There are steps for what the specification's functions are made of: numbers, counted blocks, lists of them and
@@ -10,16 +10,18 @@ it goes.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import lru_cache
+from itertools import chain
 from typing import Any, Final
 
 import construct
 import numpy as np
 from numpy.typing import NDArray
 
-from .blocks import Bits, Counted, Items, Registers, Rest
+from .blocks import Bits, Counted, Items, Registers, Rest, Variant
 from .declaration import AnyConstruct, Number
 from .length_rules import field_names, path_name, rebuilt
 
@@ -30,12 +32,43 @@ Ends = Callable[[Octets, Places, Places], Places]
 _NO_PLACES: Final = np.zeros(0, np.intp)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Spot:
+    """A part where many PDUs have it: `pdu` which of them (ascending), where its bytes begin, how many there are.
+
+    `inner`: parts in it, in order; of a list those of all first elements, then those of all second ones.
+    """
+
+    name: str | None
+    part: AnyConstruct
+    pdu: Places
+    at: Places
+    sizes: Places
+    inner: tuple[Spot, ...] = ()
+
+    def among(self, pdus: NDArray[np.bool_]) -> Spot:
+        """The same of PDUs among these, a mask of all."""
+        which = pdus[self.pdu]
+        if which.all():
+            return self
+        within = [spot.among(pdus) for spot in self.inner]
+        inner = tuple(spot for spot in within if len(spot.pdu))
+        return Spot(self.name, self.part, self.pdu[which], self.at[which], self.sizes[which], inner)
+
+    def leaves(self) -> Iterator[Spot]:
+        """Itself, or the parts in it that have none in them."""
+        if not self.inner:
+            yield self
+        for spot in self.inner:
+            yield from spot.leaves()
+
+
 @dataclass(slots=True, eq=False)
 class Cursors:
     """Where reading is in each of n PDUs. `right` (n): all so far was there and broke no hard check.
 
-    `runs`: registers that were read, of all parts of the same reading: the numbers of PDUs, where the first one's
-    bytes begin, how many.
+    `plain` (n): no list or block is without an element, and each list ends where its count says. `spots`: what was
+    read, of all parts of the same reading.
     """
 
     data: Octets
@@ -43,20 +76,38 @@ class Cursors:
     at: Places
     end: Places
     right: NDArray[np.bool_]
-    runs: list[Runs] = field(default_factory=list)
+    plain: NDArray[np.bool_]
+    spots: list[Spot] = field(default_factory=list)
 
     @classmethod
     def begun(cls, data: Octets, at: Places, end: Places) -> Cursors:
         """At the first byte of each."""
-        return cls(data, np.arange(len(at)), at.copy(), end, np.ones(len(at), np.bool_))
+        return cls(data, np.arange(len(at)), at.copy(), end, *np.ones((2, len(at)), np.bool_))
 
     def part(self, some: Places) -> Cursors:
         """Some of them, by place, to be read alone."""
-        return Cursors(self.data, self.pdu[some], self.at[some], self.end[some], self.right[some], self.runs)
+        places = self.pdu[some], self.at[some], self.end[some]
+        return Cursors(self.data, *places, self.right[some], self.plain[some], self.spots)
 
     def put_back(self, some: Places, read: Cursors) -> None:
         """What reading them alone came to."""
-        self.at[some], self.right[some] = read.at, read.right
+        self.at[some], self.right[some], self.plain[some] = read.at, read.right, read.plain
+
+    def note(self, name: str | None, part: AnyConstruct, begins: Places, inner: Iterable[Spot] = ()) -> None:
+        """A part was read, from there to where the cursors are."""
+        self.spots.append(Spot(name, part, self.pdu, begins, self.at - begins, tuple(inner)))
+
+    @contextmanager
+    def within(self, name: str | None, part: AnyConstruct) -> Iterator[None]:
+        """What is read meanwhile is in a part of that name; without a name it stands beside what is read before."""
+        if name is None:
+            yield
+            return
+        begins, outer = self.at.copy(), self.spots
+        self.spots = []
+        yield
+        inner, self.spots = self.spots, outer
+        self.note(name, part, begins, inner)
 
     def number(self, width: int) -> Places:
         """A number of 1 or 2 bytes of each, which stands there if it is still `right` behind it."""
@@ -88,7 +139,7 @@ class _NoStepsError(Exception):
 def _reader(declaration: AnyConstruct, *, strict: bool) -> Callable[[Octets, Places, Places], Cursors] | None:
     """What reads PDUs to where their cursors stand then; None for a declaration that has no steps."""
     try:
-        step = _step(declaration, set(), strict=strict)
+        step = _step(declaration, set(), strict)
     except _NoStepsError:
         return None
 
@@ -138,41 +189,65 @@ def register_runs(declaration: AnyConstruct) -> Callable[[Octets, Places, Places
         return None
 
     def runs(data: Octets, at: Places, end: Places) -> Runs:
-        cursors = read(data, at, end)
-        columns = zip(*cursors.runs, strict=True) if cursors.runs else (((_NO_PLACES,),) * 3)
-        pdu, begins, counts = (np.concatenate(column) for column in columns)
+        pieces = [(_NO_PLACES,) * 3]
+        for spot in chain.from_iterable(spot.leaves() for spot in read(data, at, end).spots):
+            if isinstance(spot.part, Registers) and len(some := np.flatnonzero(spot.sizes > 1)):
+                pieces.append((spot.pdu[some], spot.at[some], spot.sizes[some] // 2))
+        pdu, begins, counts = (np.concatenate(column) for column in zip(*pieces, strict=True))
         order = np.lexsort((begins, pdu))
         return pdu[order], begins[order], counts[order]
 
     return runs
 
 
-def _step(con: AnyConstruct, scope: set[str], *, strict: bool) -> Step:
+@lru_cache(maxsize=256)
+def spots(declaration: AnyConstruct) -> Callable[[Octets, Places, Places], tuple[NDArray[np.bool_], list[Spot]]] | None:
+    """What finds the parts of PDUs, from the same: a mask of those that are whole and plain, and the parts of these.
+
+    Such a PDU is read to its end, and none of its lists and blocks of registers is without an element or breaks its
+    count. None for a declaration that has no steps.
+    """
+    read = _reader(declaration, strict=False)
+    if read is None:
+        return None
+
+    def found(data: Octets, at: Places, end: Places) -> tuple[NDArray[np.bool_], list[Spot]]:
+        cursors = read(data, at, end)
+        whole = cursors.right & cursors.plain & (cursors.at == end)
+        if not whole.all():
+            cursors = read(data, at[whole], end[whole])
+        return whole, cursors.spots
+
+    return found
+
+
+def _step(con: AnyConstruct, scope: set[str], strict: bool, name: str | None = None) -> Step:
     """What reads a part; `scope`: the numbers before it in its struct. `strict` holds numbers to their hard checks.
 
     Raises _NoStepsError.
     """
     while isinstance(con, construct.Renamed):
-        con = con.subcon
+        name, con = name or con.name, con.subcon
+    name = None if strict else name  # who asks for ends alone needs no parts
     if con is construct.Pass:
         return lambda cursors, scope: None  # noqa: ARG005
     if isinstance(con, construct.Struct):
-        return _struct(con, strict=strict)
+        return _struct(con, strict, name)
     if isinstance(con, construct.Switch):
-        return _switch(con, scope, strict=strict)
+        return _switch(con, scope, strict, name)
     for kind, make in ((Number, _number), (Counted, _counted), (Items, _items), (Rest, _rest)):
         if isinstance(con, kind) and type(con)._parse is kind._parse:  # a user's own may read otherwise
-            return make(con, scope, strict)
+            return make(con, scope, strict, name)
     raise _NoStepsError
 
 
-def _struct(con: Any, *, strict: bool) -> Step:
+def _struct(con: Any, strict: bool, name: str | None) -> Step:
     own: set[str] = set()
     steps: list[tuple[str | None, Step]] = []
     if type(con)._parse is not construct.Struct._parse:
         raise _NoStepsError
     for part in con.subcons:
-        steps.append((part.name, _step(part, own, strict=strict)))
+        steps.append((part.name, _step(part, own, strict)))
         inner = part
         while isinstance(inner, construct.Renamed):
             inner = inner.subcon
@@ -182,76 +257,83 @@ def _struct(con: Any, *, strict: bool) -> Step:
 
     def read(cursors: Cursors, _scope: Scope) -> None:
         numbers: Scope = {}
-        for name, step in steps:
-            value = step(cursors, numbers)
-            if name is not None and value is not None:
-                numbers[name] = value
+        with cursors.within(name, con):
+            for each, step in steps:
+                value = step(cursors, numbers)
+                if each is not None and value is not None:
+                    numbers[each] = value
 
     return read
 
 
-def _number(con: Any, scope: set[str], strict: bool) -> Step:  # noqa: ARG001
+def _number(con: Any, scope: set[str], strict: bool, name: str | None) -> Step:  # noqa: ARG001
     hard = [check for check in con.checks if not check.soft] if strict else []
     width: int = con.width
 
     def read(cursors: Cursors, _scope: Scope) -> Places:
+        begins = cursors.at if strict else cursors.at.copy()
         value = cursors.number(width)
         for check in hard:
             cursors.right &= check.fits(value)
+        if not strict:
+            cursors.note(name, con, begins)
         return value
 
     return read
 
 
-def _counted(con: Any, scope: set[str], strict: bool) -> Step:
-    name, scale, less = con.count, con.scale, con.less
-    listed = isinstance(con, Registers) and not strict
-    if name not in scope or (not strict and isinstance(con, Bits)):
+def _counted(con: Any, scope: set[str], strict: bool, name: str | None) -> Step:
+    count, scale, less = con.count, con.scale, con.less
+    registers = isinstance(con, Registers)
+    if count not in scope or (not strict and isinstance(con, Bits)):
         raise _NoStepsError
-    if listed and type(con).decoded is not Registers.decoded:
+    if registers and not strict and type(con).decoded is not Registers.decoded:
         raise _NoStepsError
 
     def read(cursors: Cursors, scope: Scope) -> None:
-        begins, there = cursors.octets(scope[name] * scale - less)
-        if listed and len(some := np.flatnonzero(there > 1)):
-            cursors.runs.append((cursors.pdu[some], begins[some], there[some] // 2))
+        begins, there = cursors.octets(scope[count] * scale - less)
+        if not strict:
+            if registers:
+                cursors.plain &= (there > 0) & (there & 1 == 0)
+            cursors.note(name, con, begins)
 
     return read
 
 
-def _items(con: Any, scope: set[str], strict: bool) -> Step:
-    name = con.octets if con.number is None else con.number
-    element = _step(con.subcon, scope, strict=strict)
-    if name not in scope:
+def _items(con: Any, scope: set[str], strict: bool, name: str | None) -> Step:
+    count = con.octets if con.number is None else con.number
+    element = _step(con.subcon, scope, strict)
+    if count not in scope:
         raise _NoStepsError
 
     def read(cursors: Cursors, scope: Scope) -> None:
-        left = scope[name].copy() if con.number is not None else cursors.at + scope[name]
-        while True:
-            more = left > 0 if con.number is not None else cursors.at < left
-            some = np.flatnonzero(more & cursors.right)
-            if not len(some):
-                return
-            part = cursors.part(some)
-            element(part, {key: numbers[some] for key, numbers in scope.items()})
-            if con.number is not None:
-                left[some] -= 1
-            else:
-                left[some[part.at == cursors.at[some]]] = 0  # an element of no bytes would go on for ever
-            cursors.put_back(some, part)
+        left = scope[count].copy() if con.number is not None else cursors.at + scope[count]
+        cursors.plain &= left > (0 if con.number is not None else cursors.at)
+        with cursors.within(name, con):
+            while len(some := np.flatnonzero((left > (0 if con.number is not None else cursors.at)) & cursors.right)):
+                part = cursors.part(some)
+                element(part, {key: numbers[some] for key, numbers in scope.items()})
+                if con.number is not None:
+                    left[some] -= 1
+                else:
+                    left[some[part.at == cursors.at[some]]] = 0  # an element of no bytes would go on for ever
+                cursors.put_back(some, part)
+        if con.number is None:
+            cursors.plain &= cursors.at == left
 
     return read
 
 
-def _switch(con: Any, scope: set[str], *, strict: bool) -> Step:
-    name = path_name(con.keyfunc)
-    if name not in scope or type(con)._parse is not construct.Switch._parse:
+def _switch(con: Any, scope: set[str], strict: bool, name: str | None) -> Step:
+    key = path_name(con.keyfunc)
+    if key not in scope or type(con)._parse is not construct.Switch._parse:
         raise _NoStepsError
-    steps = {value: _step(case, scope, strict=strict) for value, case in con.cases.items()}
-    otherwise = _step(con.default, scope, strict=strict)
+    inner = None if isinstance(con, Variant) else name
+    steps = {value: _step(case, scope, strict, inner) for value, case in con.cases.items()}
+    otherwise = _step(con.default, scope, strict, inner)
 
     def read(cursors: Cursors, scope: Scope) -> None:
-        values = scope[name]
+        values = scope[key]
         for value in np.unique(values[cursors.right]).tolist():
             some = np.flatnonzero(cursors.right & (values == value))
             part = cursors.part(some)
@@ -261,13 +343,14 @@ def _switch(con: Any, scope: set[str], *, strict: bool) -> Step:
     return read
 
 
-def _rest(con: Any, scope: set[str], strict: bool) -> Step:  # noqa: ARG001
+def _rest(con: Any, scope: set[str], strict: bool, name: str | None) -> Step:  # noqa: ARG001
     usual: int = con.usual
 
     def read(cursors: Cursors, _scope: Scope) -> None:
         if strict:  # nothing says where it ends
             cursors.right[:] = False
             return
-        cursors.octets(np.maximum(cursors.end - cursors.at, usual))
+        begins, _ = cursors.octets(np.maximum(cursors.end - cursors.at, usual))
+        cursors.note(name, con, begins)
 
     return read

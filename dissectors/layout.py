@@ -10,15 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import construct
 
 from .blocks import Bits, Counted, Registers
-from .declaration import Address, AnyConstruct, Function, Number, Output, Quantity, Register, dependencies
+from .declaration import Address, AnyConstruct, Function, Number, Output, Part, Quantity, Register, dependencies
 from .fields import Field, FieldTracer
 from .functions.exceptions import RESPONSE as EXCEPTION_RESPONSE
-from .length_rules import DeclarationShape, Role, rebuilt, shape
+from .length_rules import DeclarationShape, Role, field_names, rebuilt, shape
 from .lengths import layout
 from .limits import Count
 from .registry import functions, revision
@@ -78,18 +78,26 @@ class CountedBlock:
 
     def described(self, data: bytes) -> Field:
         """The field of these bytes where nothing is known of addresses and quantity."""
-        at = 1 + self.offset
-        part: Counted = self.part
-        return part.describe(self.name, at - _BODY, len(data), part.decoded(data), _recorder(bytes(at) + data))
+        return described(self.name, self.part, 1 + self.offset, data)
+
+
+@dataclass(frozen=True, slots=True)
+class Tail:
+    """A part behind the numbers in which things have no fixed places, by its name; `declaration` is the whole side."""
+
+    name: str
+    part: AnyConstruct
+    declaration: AnyConstruct
 
 
 @dataclass(frozen=True, slots=True)
 class Slots:
-    """One side of a function: `size` is the bytes of its PDU without the block."""
+    """One side of a function: `size` is the bytes of its PDU without the block or the tail, if it has one."""
 
     numbers: tuple[Slot, ...]
     block: CountedBlock | None
     size: int
+    tail: Tail | None = None
 
     @property
     def asks(self) -> bool:
@@ -121,11 +129,11 @@ def _slots(declaration: AnyConstruct, request: Mapping[str, tuple[int, int]], ec
         name, part = _named(named)
         if name is None or name in numbers:
             return None
-        if isinstance(part, Counted):
-            block = _block(name, part, at, numbers, request) if i == len(declaration.subcons) - 1 else None
-            return None if block is None or name in echoes else Slots(tuple(numbers.values()), block, at)
         if not isinstance(part, Number) or type(part)._parse is not Number._parse or part.width not in _WIDTHS:
-            return None
+            if i < len(declaration.subcons) - 1 or not {name, *field_names(part)}.isdisjoint({*echoes, *numbers}):
+                return None
+            block = _block(name, part, at, numbers, request)
+            return Slots(tuple(numbers.values()), block, at, Tail(name, part, declaration) if block is None else None)
         needed = dependencies(part)
         looks = None if needed is None else [_field_ref(need, numbers, request) for need in needed]
         if looks is None or len(looks) > 1:
@@ -144,11 +152,10 @@ def _named(con: AnyConstruct) -> tuple[str | None, AnyConstruct]:
 
 
 def _block(
-    name: str, part: Counted, at: int, numbers: Mapping[str, Slot], requested: Mapping[str, tuple[int, int]]
+    name: str, part: AnyConstruct, at: int, numbers: Mapping[str, Slot], requested: Mapping[str, tuple[int, int]]
 ) -> CountedBlock | None:
-    if type(part) not in (Registers, Bits) or part.count not in numbers:
+    if not isinstance(part, Registers | Bits) or type(part) not in (Registers, Bits) or part.count not in numbers:
         return None
-    assert isinstance(part, Registers | Bits)
     start = None if part.start is None else _field_ref(part.start, numbers, requested)
     quantity = _field_ref(part.quantity, numbers, requested) if isinstance(part, Bits) else None
     return CountedBlock(name, part, at, numbers[part.count], start, quantity)
@@ -159,6 +166,18 @@ def _field_ref(name: str, numbers: Mapping[str, Slot], requested: Mapping[str, t
     if name in numbers:
         return FieldRef(name, numbers[name].offset, numbers[name].part.width, asked=False)
     return FieldRef(name, *requested[name], asked=True) if name in requested else None
+
+
+def described(name: str, part: Part, at: int, data: bytes, *, brief: bool = False) -> Field:
+    """The field of a part, where nothing is known but its bytes, which begin at `at` in the ADU."""
+    tracer = _recorder(bytes(at) + data)
+    tracer.brief = brief
+    value: Any = data
+    if isinstance(part, Number):
+        value = int.from_bytes(data, "big")
+    elif isinstance(part, Counted):
+        value = part.decoded(data)
+    return part.describe(name, at - _BODY, len(data), value, tracer)
 
 
 def _recorder(data: bytes, looks: Sequence[FieldRef] = (), values: Sequence[int] = ()) -> FieldTracer:

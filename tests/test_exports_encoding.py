@@ -91,7 +91,59 @@ def test_vendors_functions_read_as_annotated(tmp_path_factory: pytest.TempPathFa
         same(data.draw(vendor_batches(codes)), FrameJsonLines())
 
 
+ASKED = [
+    "08000B0000",
+    "080000A537",
+    "0800030A00",
+    "080001FF00",
+    "080063010203",
+    "0B",
+    "0C",
+    "11",
+    "140E0600040001000206000300090002",
+    "150D0600040007000306AF04BE100D",
+    "160004FFFF0000",
+    "170001000200030001020007",
+    "2B0E0100",
+    "2B0D0102",
+]
+ANSWERED = [
+    "08000BABCD",
+    "080000A537",
+    "0800030A00",
+    "080063010203",
+    "0B00000108",
+    "0C080000010801212000",
+    "0C06000000000001",
+    "1103410700",
+    "110A01FF50756D7020763320",
+    "140C05060DFE0020050633CD0040",
+    "150D0600040007000306AF04BE100D",
+    "160004FFFF0000",
+    "1704000700FF",
+    "2B0E01010000020003414243010456322E30",
+    "2B0D0102",
+]
+
+
+@pytest.mark.parametrize(
+    ("kind", "pdu"), [*((Kind.REQUEST, pdu) for pdu in ASKED), *((Kind.RESPONSE, pdu) for pdu in ANSWERED)]
+)
+def test_a_whole_frame_of_a_public_function_is_set_from_pieces(
+    kind: Kind, pdu: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    adu = bytes([9]) + bytes.fromhex(pdu)
+    row = Rows.zeros(1)
+    row.length[:], row.kind[:], row.unit[:], row.function[:], row.check[:] = len(adu) + 2, kind, 9, adu[1], True
+    row.request[:] = row.request_start[:] = row.response_ns[:] = row.taken_for_start[:] = -1
+    batch = Batch(row, np.frombuffer(adu + crc_bytes(adu), np.uint8))
+    due_lines = due(batch)
+    monkeypatch.setattr("analyzer.exports.encoding.forms.Whole.text", lambda *_: pytest.fail("annotated by itself"))
+    assert written(batch, FrameJsonLines()) == due_lines
+
+
 @given(st.lists(st.tuples(st.integers(0, 255), st.binary(max_size=12)), min_size=1, max_size=5), st.integers(1, 2))
+@example([(0x95, bytes.fromhex("01000000000000010000"))], 1)
 @settings(deadline=None)
 def test_unknown_functions_and_scraps_read_as_annotated(frames: list[tuple[int, bytes]], kind: int) -> None:
     rows, octets = list[Rows](), b""

@@ -361,11 +361,11 @@ def test_a_change_for_good_is_found_with_its_hour():
             }
         )
 
-    (change,) = plain(drifts(table(low)))
+    (change,) = plain(drifts([table(low)]))
     assert change["what"].startswith("mean response time")
     assert abs((change["since"] - int(times[120])) // 3_600_000_000_000) <= 3
     steady = (chance.normal(10, 0.8, count) * 100 * 1e6).astype(np.int64)
-    assert drifts(table(steady)).num_rows == 0
+    assert drifts([table(steady)]).num_rows == 0
 
 
 def test_watch_takes_what_came_since(fleet, tmp_path, capsys):

@@ -70,6 +70,19 @@ def test_packed_rows_are_those_of_the_small_files(loose, packed):
     assert same(loose, packed)
 
 
+def test_columns_stand_in_one_order_wherever_rows_lie(loose, packed, sources):
+    batch(packed, sources / "site1", options=BatchOptions(noise=True), redo=True)  # some in packs, some in files
+    assert packed_and_loose(packed, "frames")
+    for table in DATASETS:
+        one, two = (Lake(str(path)).sql(f"SELECT * FROM {table}").columns for path in (loose, packed))
+        assert one == two and "site" in one, table
+
+
+def packed_and_loose(lake, table):
+    there = Manifest(store(str(lake))).files(table)
+    return there.packs and there.loose
+
+
 @pytest.mark.parametrize("library", ["polars", "dask"])
 def test_other_readers_see_the_same(loose, packed, sources, library):
     pytest.importorskip(library, reason=f"needs {library}")

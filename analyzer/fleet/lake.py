@@ -8,6 +8,7 @@ lake.polars("transactions").filter(...).collect()
 from __future__ import annotations
 
 import json
+from collections.abc import Collection, Iterator
 from importlib import import_module
 from os import PathLike, fspath
 from typing import Any, Final
@@ -31,6 +32,7 @@ class Lake:
         self.store = store(path)
         self.manifest = Manifest.of(self.store)
         self._connection: Any = None
+        self._offered: frozenset[str] = frozenset()  # the tables that have a view there
 
     def __repr__(self) -> str:
         return f"<Lake {self.store.root}: {len(self.manifest.lines)} lines>"
@@ -52,19 +54,25 @@ class Lake:
 
         `sql` and `arrow` write none of these either; who asks the connection itself answers for that.
         """
-        if self._connection is None:
-            self._connection = _connected(self)
+        return self._offering(frozenset(DATASETS))
+
+    def _offering(self, tables: frozenset[str]) -> Any:
+        """A connection with the views of these tables at least: of many files a view alone takes seconds."""
+        if self._connection is None or not tables <= self._offered:
+            self._offered |= tables
+            self._connection = _connected(self, self._offered)
         return self._connection
 
     def sql(self, text: str, parameters: dict[str, Any] | None = None) -> Any:
         """The relation that a query gives. Raises FleetError for what is no query, or a wrong one."""
         duckdb = _duckdb()
-        connection = self.duckdb()
+        more = {"params": parameters} if parameters else {}
         try:
-            statements = connection.extract_statements(text)
-            if len(statements) != 1 or not _only_reads(connection, statements[0].query):
-                raise FleetError("one query at a time, and only SELECT or WITH ... SELECT")
-            return connection.sql(text, params=parameters) if parameters else connection.sql(text)
+            named = _tables_read(duckdb.connect(":memory:"), text)
+            try:
+                return self._offering(named).sql(text, **more)
+            except duckdb.CatalogException:  # it reads a table whose name stands nowhere
+                return self.duckdb().sql(text, **more)
         except duckdb.Error as error:
             raise FleetError(_sql_error_line(error)) from error
 
@@ -110,7 +118,7 @@ def lake(path: str | PathLike[str]) -> Lake:
     return Lake(fspath(path))
 
 
-def _connected(lake: Lake) -> Any:
+def _connected(lake: Lake, tables: Collection[str]) -> Any:
     duckdb = _duckdb()
     connection = duckdb.connect(":memory:", config={"memory_limit": MEMORY, "autoinstall_known_extensions": "false"})
     local = isinstance(lake.store, FolderStore)
@@ -118,7 +126,7 @@ def _connected(lake: Lake) -> Any:
         connection.register_filesystem(filesystem(lake.store.root)[0])
     connection.execute("SET TimeZone = 'UTC'")
     opened: list[str] = []
-    for table in DATASETS:
+    for table in tables:
         files = lake.files(table)
         opened += [*files.loose, *files.packs]
         rows = _select_all(lake, table)
@@ -135,15 +143,17 @@ def _connected(lake: Lake) -> Any:
 def _select_all(lake: Lake, table: str) -> str | None:
     """What selects all rows of a table; None where it has no file."""
     files, days = lake.files(table), DATASETS[table].time is not None
-    selected = []
+    placed, selected = "site, day" if days else "site", []  # which stand last, wherever the rows lie
     if files.loose:
         types = "'site': VARCHAR" + (", 'day': DATE" if days else "")
         selected.append(
-            f"SELECT * FROM read_parquet({_list(files.loose)}, hive_partitioning = true, hive_types = {{{types}}})"
+            f"SELECT * EXCLUDE ({placed}), {placed} "
+            f"FROM read_parquet({_list(files.loose)}, hive_partitioning = true, hive_types = {{{types}}})"
         )
     for packs, stale in files.alike():
         live = f" WHERE part NOT IN ({', '.join(map(str, stale))})" if stale else ""
-        selected.append(f"SELECT * EXCLUDE (part) FROM read_parquet({_list(packs)}, hive_partitioning = false){live}")
+        columns = f"* EXCLUDE (part, {placed}), {placed}"
+        selected.append(f"SELECT {columns} FROM read_parquet({_list(packs)}, hive_partitioning = false){live}")
     return " UNION ALL BY NAME ".join(selected) or None
 
 
@@ -169,27 +179,40 @@ def _empty(table: str) -> Any:
     return pa.schema([*dataset.schema, *(pa.field(*each) for each in more)]).empty_table()
 
 
-def _only_reads(connection: Any, text: str) -> bool:
-    """Whether all that DuckDB's own parser finds in a statement are queries.
+def _tables_read(connection: Any, text: str) -> frozenset[str]:
+    """The tables of a lake that a query names; all where it names none. Raises FleetError for what is no query.
+
+    What DuckDB's own parser finds in it must be queries alone.
 
     The type of a statement does not say: `EXPLAIN ANALYZE COPY` is carried out, and DuckDB 2 has `WITH t AS (COPY ...)
     SELECT`. The parser gives a tree of queries alone, or an error.
     """
-    [(tree,)] = connection.execute("SELECT json_serialize_sql($1::VARCHAR)", [text]).fetchall()
+    statements = connection.extract_statements(text)
+    refused = FleetError("one query at a time, and only SELECT or WITH ... SELECT")
+    if len(statements) != 1:
+        raise refused
+    [(tree,)] = connection.execute("SELECT json_serialize_sql($1::VARCHAR)", [statements[0].query]).fetchall()
     found = json.loads(tree)
-    waiting: list[Any] = [found]
+    parts = list(_objects(found))
+    kinds = {str(part.get("type")) for part in parts}
+    functions = {str(part.get("function_name")).lower() for part in parts}
+    others = {kind for kind in kinds if kind.endswith("_NODE")} - _QUERIES
+    if found["error"] or others or functions & _RUN_TEXT:
+        raise refused
+    named = {str(part.get("table_name")).strip('"').lower() for part in parts}
+    return frozenset(named.intersection(DATASETS) or DATASETS)
+
+
+def _objects(tree: Any) -> Iterator[dict[str, Any]]:
+    """All objects in a tree of JSON."""
+    waiting: list[Any] = [tree]
     while waiting:
         part = waiting.pop()
-        if isinstance(part, list):
-            waiting += part
-        elif isinstance(part, dict):
-            kind, function = part.get("type"), part.get("function_name")
-            if str(kind).endswith("_NODE") and kind not in _QUERIES:
-                return False
-            if str(function).lower() in _RUN_TEXT:
-                return False
+        if isinstance(part, dict):
+            yield part
             waiting += part.values()
-    return not found["error"]
+        elif isinstance(part, list):
+            waiting += part
 
 
 def _duckdb() -> Any:

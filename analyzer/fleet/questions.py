@@ -16,7 +16,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import chain, groupby, pairwise
 from typing import Any, Final
 
 import numpy as np
@@ -178,14 +178,19 @@ def _damaged(lake: Lake, asked: Asked) -> Any:
 
 
 def _drift(lake: Lake, asked: Asked) -> Any:
+    sites = lake.sites if asked.site is None else [asked.site]
+    some = [sites[first : first + _SITES_AT_ONCE] for first in range(0, len(sites), _SITES_AT_ONCE)]
+    return drifts(_hours(lake, asked, each[0], each[-1]) for each in some).slice(0, asked.limit)
 
-    hours = lake.arrow(
+
+def _hours(lake: Lake, asked: Asked, first: str, last: str) -> Any:
+    """Those of the sites from one to another."""
+    return lake.arrow(
         f"""SELECT site, line, unit, t_ns, requests - broadcast - unheard AS asked, {_BAD} AS bad, timed,
   response_time_low_sum_ns AS low, response_time_high_sum_ns AS high
-FROM hours {_sql_span(asked)} AND unit > 0 ORDER BY site, line, unit, t_ns""",
-        _parameters(asked),
+FROM hours {_sql_span(asked)} AND site BETWEEN $first AND $last AND unit > 0 ORDER BY site, line, unit, t_ns""",
+        _parameters(asked, first=first, last=last),
     )
-    return drifts(hours).slice(0, asked.limit)
 
 
 QUESTIONS: Final[Mapping[str, Question]] = {
@@ -212,6 +217,7 @@ def ready(lake: Lake, name: str, asked: Asked) -> Any:
     return question.answer(lake, asked)
 
 
+_SITES_AT_ONCE: Final = 250  # whose hours are in memory
 _LEAST: Final = 6  # hours on either side of a change
 _SIGMAS: Final = 6.0  # a change that hours' scatter alone makes once in far more series than a fleet has
 _MS: Final = 0.5  # a change of less is nothing to anybody
@@ -219,9 +225,12 @@ _PERCENT: Final = 0.5
 _Numbers = NDArray[np.float64]
 
 
-def drifts(hours: Any) -> Any:
-    """Changes, the surest first, of a table of hours sorted by site, line, unit and time."""
-    rows = sorted(_changes(hours), key=lambda row: (-row["sigmas"], row["site"], row["line"], row["unit"]))
+def drifts(hours: Iterable[Any]) -> Any:
+    """Changes, the surest first, of tables of hours, each sorted by site, line, unit and time."""
+    rows = sorted(
+        chain.from_iterable(map(_changes, hours)),
+        key=lambda row: (-row["sigmas"], row["site"], row["line"], row["unit"]),
+    )
     schema = pa.schema(
         [
             ("site", pa.string()),
@@ -239,23 +248,28 @@ def drifts(hours: Any) -> Any:
 
 
 def _changes(hours: Any) -> Iterator[dict[str, Any]]:
-    sites, lines = (hours.column(name).to_pylist() for name in ("site", "line"))
-    units, asked, bad, timed, low, high = (
-        hours.column(name).to_numpy().astype(np.float64) for name in ("unit", "asked", "bad", "timed", "low", "high")
-    )
     times = hours.column("t_ns").cast(pa.timestamp("ns", "UTC")).cast(pa.int64()).to_numpy()
-    keys = [*zip(sites, lines, units.tolist(), strict=True)]
-    begins = [row for row in range(len(keys)) if not row or keys[row] != keys[row - 1]]
-    for begin, end in zip(begins, [*begins[1:], len(keys)], strict=True):
-        site, line, unit = keys[begin]
-        about = {"site": site, "line": line, "unit": int(unit)}
-        mine = slice(begin, end)
-        known = timed[mine] > 0
-        lows, highs = (each[mine][known] / timed[mine][known] / 1e6 for each in (low, high))
-        yield from _change(about, "mean response time, ms", times[mine][known], lows, highs, _MS)
-        known = asked[mine] > 0
-        rates = 100 * bad[mine][known] / asked[mine][known]
-        yield from _change(about, "bad answers, %", times[mine][known], rates, rates, _PERCENT)
+    numbers = [hours.column(name).to_numpy() for name in ("asked", "bad", "timed", "low", "high")]
+    for begin, end in pairwise(_series_cuts(hours)):
+        about = hours.select(["site", "line", "unit"]).slice(begin, 1).to_pylist()[0]
+        asked, bad, timed, low, high = (column[begin:end].astype(np.float64) for column in numbers)
+        mine, known = times[begin:end], timed > 0
+        lows, highs = (each[known] / timed[known] / 1e6 for each in (low, high))
+        yield from _change(about, "mean response time, ms", mine[known], lows, highs, _MS)
+        known = asked > 0
+        rates = 100 * bad[known] / asked[known]
+        yield from _change(about, "bad answers, %", mine[known], rates, rates, _PERCENT)
+
+
+def _series_cuts(hours: Any) -> list[int]:
+    """Where the rows of each unit begin, and where the last one's end; no name of millions becomes an object."""
+    changes = np.zeros(len(hours) + 1, np.bool_)
+    changes[[0, -1]] = True
+    for name in ("site", "line", "unit"):
+        codes = hours.column(name).combine_chunks().dictionary_encode().indices.to_numpy()
+        changes[1:-1] |= codes[1:] != codes[:-1]
+    cuts: list[int] = np.flatnonzero(changes).tolist()
+    return cuts
 
 
 def _change(

@@ -329,7 +329,9 @@ class _Decoding:
             flat = np.array([value for values in listings for value in values], np.uint16)
         else:
             pdus = self.pdus
-            pdu, begins, lengths = runs(pdus.data, pdus.begins[rows] + 1, pdus.ends[rows])
+            begins = pdus.begins[rows]
+            is_other = pdus.data.take(begins) & EXCEPTION > 0  # a request of a code that no request has
+            pdu, begins, lengths = runs(pdus.data, begins + 1, np.where(is_other, begins, pdus.ends[rows]))
             counts = np.bincount(pdu, lengths, len(rows)).astype(np.int64)
             flat = pdus.words.take(np.repeat(begins, lengths) + 2 * counted_on(lengths))
         self.counts[rows] = counts

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Final
 
 from construct import Struct, Switch, this
 
-from ..blocks import Record, Rest, Split
+from ..blocks import EachByte, Record, Rest
 from ..declaration import AnyConstruct, ByteCount, Code, Flags, Function, Mask, Number, State
-from ..fields import ENGLISH, Value, Wording
+from ..fields import ENGLISH, Wording
 from ..limits import Choice
 
 _ZERO: Final = Number(2, Choice(0, 2, (0,)))
@@ -98,10 +97,6 @@ def event(byte: int, wording: Wording = ENGLISH) -> str:
     return f"{say(kind)}: {', '.join(bits)}" if bits else say(kind)
 
 
-def _events(data: bytes) -> Sequence[tuple[str, int, Value, str]]:
-    return [("event", 1, byte, event(byte)) for byte in data]
-
-
 READ_EXCEPTION_STATUS: Final = Function(
     0x07,
     "Read Exception Status",
@@ -131,7 +126,7 @@ GET_COMM_EVENT_LOG: Final = Function(
         "status" / _STATUS,
         "event_count" / Number(2),
         "message_count" / Number(2),
-        "events" / Split("byte_count", _events, less=6, told=event),
+        "events" / EachByte("byte_count", "event", event, less=6),
     ),
     clause="6.10",
     request_words="get comm event log",

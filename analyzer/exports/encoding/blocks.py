@@ -6,17 +6,18 @@ an address stands before the value in such a text, which is held to be so when t
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from typing import Final
 
 import numpy as np
 
 from captures.ragged import counted_on
-from dissectors.blocks import Bits, Registers
-from dissectors.layout import CountedBlock, Slot, Slots
-from dissectors.length_rules import Role
+from dissectors.blocks import Bits, EachByte, Registers
+from dissectors.fields import ENGLISH
+from dissectors.layout import CountedBlock, Slot
 
-from .forms import BatchBytes, FormBlocks, FormPart, FormRows, looked
+from .forms import BatchBytes, FormBlocks, FormRows, looked
 from .sheet import Cursor, Ints, Store, encoded, inside, insides, middle, parted, without
 
 _FIELDS: Final = b'","fields":['
@@ -52,7 +53,7 @@ class RegisterPieces(_BlockPieces):
         self._part = part
         self._zero_words = inside(part.words(0))
         self._opening = store.table(self._placed)
-        self._value = store.table_of_many(lambda values: [_VALUE % (value, value) for value in values], "register")
+        self._value = store.table_of_many(_register_values, "register")
         self._words = store.table_of_many(lambda values: insides(list(map(part.words, values))), (Registers, "words"))
         self._before = store.table(self._before_words, (Registers, "before", part.area))
         self._behind = store.table(self._behind_words, (Registers, "behind", part.area))
@@ -90,6 +91,17 @@ class RegisterPieces(_BlockPieces):
 
     def _behind_words(self, key: int) -> bytes:
         return parted(self._part.child(0, 0, "", key - 1 if key else None))[3]
+
+
+def _register_values(values: list[int]) -> list[bytes]:
+    return [_VALUE % (value, value) for value in values]
+
+
+def register_rests(part: Registers, values: list[int]) -> list[bytes]:
+    """The fields of registers whose address nobody knows, from the value on."""
+    end = parted(part.child(0, 0, "", None))[3]
+    told = zip(_register_values(values), insides(list(map(part.words, values))), strict=True)
+    return [value + words + end for value, words in told]
 
 
 class BitPieces(_BlockPieces):
@@ -205,12 +217,6 @@ def taken_apart(slot: Slot, number: int) -> tuple[int, list[int]]:
     return number & ((1 << bits) - 1), [(number >> bits) - 1] * len(slot.looks)
 
 
-def fields(store: Store, code: int, role: Role, form: Slots) -> tuple[FormPart, ...]:  # noqa: ARG001
-    """The parts of a form."""
-    parts: list[FormPart] = [NumberJson(slot, store) for slot in form.numbers]
-    return (*parts, block_pieces(form.block, store)) if form.block is not None else tuple(parts)
-
-
 # Registers and bits on one line (`text` of their parts), put together from pieces; the same in JSON and in CSV.
 
 
@@ -269,6 +275,28 @@ class BitText:
     def _digits(self, key: int) -> bytes:
         before = [False] * (8 * (key & 1))
         return _more(self._part.text(before + bits_of(key >> 5)[: key >> 1 & 0xF]), self._part.text(before))
+
+
+class EachText:
+    """The line of a block of bytes that each stand for something: `sent, received: broadcast`."""
+
+    def __init__(self, part: EachByte, store: Store, escape: Callable[[str], bytes]) -> None:
+        self._shown = part.shown
+        self._texts = store.table(lambda byte: escape(part.line(["", part.words(byte, ENGLISH)])))
+        self._between = len(part.line(["", ""]))
+        self._more = store.table(lambda n: _more(part.line([""] * n), part.line([""] * part.shown)))
+
+    def sizes(self, blocks: FormBlocks) -> Ints:
+        """Pieces of each line."""
+        return 1 + np.minimum(blocks.counts, self._shown)
+
+    def put(self, blocks: FormBlocks, source: BatchBytes, cursor: Cursor) -> None:
+        """The pieces of these blocks' lines."""
+        shown = np.minimum(blocks.counts, self._shown)
+        i = counted_on(shown)
+        texts = self._texts.take_pieces(source.octets(np.repeat(blocks.begins, shown) + i))
+        cursor.spread(shown, np.where(i > 0, texts, without(texts, self._between)))
+        cursor.put(self._more.take_pieces(np.maximum(blocks.counts, self._shown)))
 
 
 def block_text(part: Registers | Bits, store: Store) -> RegisterText | BitText:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import typing
 from binascii import hexlify
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dissectors.blocks import Bits
+from dissectors.columnar import Spot, spots
 from dissectors.functions import function
-from dissectors.layout import CountedBlock, FieldRef, Slots, exception_slots, slots
+from dissectors.layout import CountedBlock, FieldRef, Slots, Tail, exception_slots, slots
 from dissectors.length_rules import Role
 from dissectors.limits import EXCEPTION
 
@@ -52,10 +53,11 @@ class FormBlocks:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FormRows:
-    """Rows of one form: where they stand in the batch, and their blocks, if they have any."""
+    """Rows of one form: where they stand in the batch, and their blocks or all their parts, if any."""
 
     here: Ints
     held: FormBlocks | None = None
+    spots: Sequence[Spot] = ()
 
     @property
     def blocks(self) -> FormBlocks:
@@ -139,6 +141,8 @@ def _split(form: Slots, code: int, row_numbers: Ints, source: BatchBytes) -> tup
         fits = (request_begins < 0) | (
             (pdus.asked_ends[row_numbers] > request_begins) & (pdus.data.take(np.maximum(request_begins, 0)) == code)
         )
+    if form.tail is not None:
+        return _split_tail(form.tail, row_numbers, fits, pdus)
     if form.block is None:
         fits &= sizes == form.size
         return FormRows(row_numbers[fits]), fits
@@ -152,6 +156,20 @@ def _split(form: Slots, code: int, row_numbers: Ints, source: BatchBytes) -> tup
     first = np.full(len(fitting), -1) if block.start is None else looked(block.start, fitting, source)
     blocks = FormBlocks(pdus.begins[fitting] + block.offset, octets[fits], first, counts[fits])
     return FormRows(fitting, blocks), fits
+
+
+def _split_tail(
+    tail: Tail, row_numbers: Ints, fits: NDArray[np.bool_], pdus: Pdus
+) -> tuple[FormRows, NDArray[np.bool_]]:
+    read = spots(tail.declaration)
+    if read is None:
+        fits[:] = False
+        return FormRows(row_numbers[fits]), fits
+    able = np.flatnonzero(fits)
+    chosen = row_numbers[able]
+    whole, found = read(pdus.data, pdus.begins[chosen] + 1, pdus.ends[chosen])
+    fits[able] = whole
+    return FormRows(chosen[whole], None, found), fits
 
 
 def _counts(block: CountedBlock, octets: Ints, row_numbers: Ints, source: BatchBytes) -> Ints:

@@ -22,8 +22,8 @@ from dissectors.length_rules import Role
 from ...tables.batch import Batch, Frame, adu_of, response_time_json
 from ...tables.columns import Pdus
 from ...tables.schema import Direction, Kind, Protocol, Row, Rows
-from .blocks import fields
 from .forms import BatchBytes, Forms, Group, Whole, kept
+from .nested_fields import form_fields
 from .sheet import Cursor, Ints, Sheet, Store, encoded, parted
 from .spoken import Speaking
 
@@ -209,7 +209,7 @@ class FrameJsonLines:
         self._store = Store()
         self._envelope = Envelope(self._store, explain)
         self._speaking = Speaking(self._store)
-        self._forms = Forms(partial(fields, self._store))
+        self._forms = Forms(partial(form_fields, self._store))
         self._field_texts = Whole(lambda frame: encoded([field.to_json() for field in frame.fields()]))
         self._unit = self._store.table(
             lambda unit: b'","fields":[' + encoded(header_fields(rtu(bytes([unit])))[0].to_json())

@@ -10,7 +10,8 @@ is written over by the next. So numpy moves pieces of any size in one go; longer
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any, Final
 
 import numpy as np
@@ -56,6 +57,7 @@ class Store:
     def __init__(self, kept: int = _MOST_BYTES) -> None:
         self._most_bytes = kept
         self._tables: dict[Hashable, TextTable] = {}
+        self._keyed: list[KeyedTable] = []
         self._fixed: dict[bytes, int] = {}
         self._bytes: Bytes = np.empty(1 << 16, np.uint8)
         self._used = 1
@@ -71,6 +73,11 @@ class Store:
         if name not in self._tables:
             self._tables[name] = TextTable(self, make)
         return self._tables[name]
+
+    def table_by_key(self, make: Callable[[Any], bytes]) -> KeyedTable:
+        """A table of pieces that hang on something else than a number."""
+        self._keyed.append(KeyedTable(self, make))
+        return self._keyed[-1]
 
     def fixed(self, text: bytes) -> int:
         """The piece of a text that is always the same."""
@@ -95,6 +102,8 @@ class Store:
             self._fixed.clear()
             for table in self._tables.values():
                 table.forget()
+            for keyed in self._keyed:
+                keyed.forget()
 
     def with_lent(self, lent: list[Bytes]) -> Bytes:
         """The store, and at its end what is lent to it until the next sheet, the first last; `REACH` bytes follow."""
@@ -161,6 +170,23 @@ class TextTable:
     def _added(self, numbers: list[int]) -> Pieces:
         """The pieces of these numbers, made now."""
         return self._store.add(self._make(numbers))
+
+
+class KeyedTable:
+    """Pieces by what they hang on."""
+
+    def __init__(self, store: Store, make: Callable[[Any], bytes]) -> None:
+        self._store = store
+        self._make = make
+        self._known: dict[Hashable, int] = {}
+        self.forget = self._known.clear
+
+    def take_pieces(self, keys: Sequence[Hashable]) -> Pieces:
+        """The pieces of these."""
+        unknown = [key for key in dict.fromkeys(keys) if key not in self._known]
+        added = self._store.add(list(map(self._make, unknown)))
+        self._known.update(zip(unknown, added.tolist(), strict=True))
+        return np.fromiter(map(self._known.__getitem__, keys), np.int64, len(keys))
 
 
 def sizes_in(texts: list[bytes]) -> Ints:
@@ -325,6 +351,13 @@ class Cursor:
         """A piece a line, or the same text for all."""
         self.sheet.pieces[self._at] = self.sheet.store.fixed(piece) if isinstance(piece, bytes) else piece
         self._at += 1
+
+    @contextmanager
+    def part(self, lines: Ints) -> Iterator[Cursor]:
+        """A cursor on some of the lines, by place; the others stay where they are."""
+        mine = Cursor(self.sheet, self._at[lines])
+        yield mine
+        self._at[lines] = mine._at
 
     def put_texts(self, texts: list[bytes]) -> None:
         """A piece a line, for this sheet only."""

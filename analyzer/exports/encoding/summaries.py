@@ -5,25 +5,27 @@ A piece is what a template's placeholder becomes for one value. The text is made
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator
 from dataclasses import replace
 from string import Formatter
 
 import numpy as np
 
 from dissectors.annotation import summary
+from dissectors.columnar import Spot
+from dissectors.declaration import Function
 from dissectors.envelopes import rtu
 from dissectors.fields import filled
 from dissectors.functions import function
-from dissectors.layout import CountedBlock, Slot, Slots
+from dissectors.layout import CountedBlock, Slot, Slots, Tail
 from dissectors.length_rules import Role
 from dissectors.limits import EXCEPTION
 
 from .blocks import BitText, RegisterText, block_text, numbers, taken_apart
 from .forms import BatchBytes, FormPart, FormRows
+from .nested import NoPiecesError, Page, Setter
+from .nested_lines import Escape, PartTexts, TemplateText
 from .sheet import Cursor, Ints, Store
-
-Escape = Callable[[str], bytes]
 
 
 class _Always:
@@ -93,6 +95,41 @@ class _Exception(_Always):
         cursor.put(self._texts.take_pieces(source.pdus.number(1, 1, rows.here)))
 
 
+class _TailSummary:
+    """The summary of a form with a tail: rows by the first template that has all its fields. Raises NoPiecesError."""
+
+    def __init__(self, declared: Function, role: Role, tail: Tail, begin: Escape, lines: PartTexts) -> None:
+        side = role.name.lower()
+        self._declaration = tail.declaration
+        first = replace(lines, escape=begin)
+        otherwise = f"{declared.name} {side}".replace("{", "{{").replace("}", "}}")
+        templates = filter(None, (*declared.words(side), otherwise))
+        self._words = [TemplateText(template, tail.declaration, first, lines) for template in templates]
+
+    def sizes(self, rows: FormRows) -> Ints:
+        """Pieces of each row."""
+        counts = np.zeros(len(rows.here), np.int64)
+        for setter, spot in self._segments(rows):
+            setter.count(spot, counts)
+        return counts
+
+    def put(self, rows: FormRows, source: BatchBytes, cursor: Cursor) -> None:
+        """These pieces."""
+        page = Page.of(rows, source, cursor)
+        for setter, spot in self._segments(rows):
+            setter.put(spot, page)
+
+    def _segments(self, rows: FormRows) -> Iterator[tuple[Setter, Spot]]:
+        """What is set one after the other, template by template."""
+        count = len(rows.here)
+        all_rows = np.arange(count)
+        left = Spot(None, self._declaration, all_rows, all_rows, all_rows, tuple(rows.spots))
+        for words in self._words:
+            fits = words.fits(left, count)
+            yield from words.segments(left.among(fits))
+            left = left.among(~fits)
+
+
 def summary_pieces(
     store: Store, begin: Escape, escape: Escape, code: int, role: Role, form: Slots
 ) -> tuple[FormPart, ...] | None:
@@ -103,6 +140,11 @@ def summary_pieces(
     if code & EXCEPTION:
         return (_Exception(code, store, escape),)
     declared = function(code)
+    if form.tail is not None and declared is not None:
+        try:
+            return (_TailSummary(declared, role, form.tail, begin, PartTexts(store, escape, brief=True)),)
+        except NoPiecesError:
+            return None
     named = {slot.name: slot for slot in form.numbers}
     fields = {*named} | ({form.block.name} if form.block is not None else set())
     for template in declared.words(role.name.lower()) if declared is not None else ():
