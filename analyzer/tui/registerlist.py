@@ -15,7 +15,7 @@ from ..languages import error_words, tr
 from ..model.meanings import BIT_AREAS, CHOICES, Meaning
 from ..model.registers import AREA_WORDS
 from ..words import short
-from .keyqueue import ASKING
+from .keyqueue import put_question
 from .lines import Lines
 from .paint import StyledText, fitted
 from .plot import Plot, trend
@@ -257,7 +257,7 @@ class RegisterList(Lines):
         self._tell()
 
     def action_place(self) -> None:
-        self.screen.run_worker(self._ask_place(), group=ASKING)
+        put_question(self.screen, self._ask_place)
 
     async def _ask_place(self) -> None:
         """Go to the next register of a number, of any unit; `17 40108` says of which."""
