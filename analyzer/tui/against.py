@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from .screen import BusScreen
     from .threads import Stop
 
-_KINDS: Final = {"new": "accent", "worse": "error", "moved": "warning", "better": "good", "gone": "dim"}
+_KINDS: Final = {"new": "strong", "worse": "error", "moved": "moved", "better": "good", "gone": "dim"}
 _KIND: Final = 9
 _ABOUT: Final = 9
 _ROOMY: Final = 60
