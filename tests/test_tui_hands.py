@@ -7,6 +7,8 @@ import gc
 import re
 import subprocess
 import sys
+import warnings
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -17,6 +19,7 @@ from analyzer import languages
 from analyzer.languages import tr
 from analyzer.model.spoken import spoken
 from analyzer.model.times import GotoError, span
+from analyzer.tui.against import ChangeList
 from analyzer.tui.app import Rtuscope
 from analyzer.tui.bars import KeyLine
 from analyzer.tui.desk import Preferences
@@ -24,6 +27,7 @@ from analyzer.tui.filterbar import FilterBar
 from analyzer.tui.findings import FindingList
 from analyzer.tui.keys import BINDINGS, Help
 from analyzer.tui.openfiles import NextFile
+from analyzer.tui.registerlist import RegisterList
 from captures.recording.notes import MARK, Note
 
 
@@ -268,6 +272,34 @@ def test_keys_that_wait_when_it_ends_are_nobodys_trouble(capture: Path, keys: st
 
     asyncio.run(main())
     assert not troubles
+
+
+def test_a_question_dropped_before_it_is_put_leaves_nothing_behind(capture: Path) -> None:
+    """Those that wait when the program ends are cancelled before their first turn."""
+    asking = ("columns", "comment", "copy", "export", "find", "goto", "kept", "mark_recording", "open", "span")
+
+    async def work(sitting: Seat) -> None:
+        screen = sitting.screen
+        for action in asking:
+            getattr(screen, f"action_{action}")()
+            assert sitting.app.workers
+            sitting.app.workers.cancel_all()
+        for put in (
+            partial(screen.action_door, "filter"),
+            screen.action_trigger,
+            screen.query_one(ChangeList).action_choose,
+            screen.query_one(RegisterList).action_place,
+            sitting.app.leave,
+        ):
+            put()
+            sitting.app.workers.cancel_all()
+        await asyncio.sleep(0.01)
+        gc.collect()
+
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        using(opened(capture), work)
+    assert [str(each.message) for each in told if issubclass(each.category, RuntimeWarning)] == []
 
 
 def test_marks_of_a_recording_come_back_as_comments(capture: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable, Sequence
+from pathlib import Path
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from rich.cells import cell_len
+from seats import Seat, opened, sample_in, using
 from textual.app import App, ComposeResult
+from textual.color import Color
+from textual.theme import Theme
 
+from analyzer.tui.home import HomeList
 from analyzer.tui.lines import Lines
-from analyzer.tui.paint import DARK, StyledText, fitted
+from analyzer.tui.paint import DARK, DARK_16, INKS, LIGHT, LIGHT_16, StyledText, fitted
+from analyzer.tui.registerlist import RegisterList
 
 
 class Growing(Lines):
@@ -122,3 +130,68 @@ def test_what_is_cut_ends_in_an_ellipsis_and_nothing_else_does(texts: list[str],
         assert line == whole + " " * (width - cell_len(whole))
     elif cell_len(whole.rstrip()) > width:
         assert line.rstrip().endswith("…")
+
+
+def test_the_tabs_that_have_room_keep_their_titles(tmp_path: Path) -> None:
+    """One that is no tab stands among them while it is in sight: only the last ones become their keys."""
+
+    async def work(sitting: Seat) -> None:
+        await sitting.press("9")
+        tabs = sitting.shown().splitlines()[0]
+        assert "0 Home 1 Trans 2 Frames 3 Findings 4 Polls 5 Registers" in tabs and tabs.rstrip().endswith("9 Units")
+
+    using(opened(sample_in(tmp_path)), work, size=(80, 24))
+
+
+def test_a_cause_shows_the_first_of_what_shows_it(tmp_path: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        await sitting.press("0")
+        await sitting.until(lambda: "Enter goes there" in sitting.shown())
+        home = sitting.screen.query_one(HomeList)
+        assert home.cause is not None
+        for index in home.cause.frames:
+            assert f"Frame {index}, " in sitting.shown()
+        assert home.HEAD > 3, "the load has room that nothing else needs"
+
+    using(opened(sample_in(tmp_path)), work, size=(200, 60))
+
+
+def test_narrow_terminals_leave_columns_out_whole(tmp_path: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        registers = sitting.screen.query_one(RegisterList)
+        await sitting.press("5")
+        await sitting.until(lambda: registers.count() > 0)
+        for width in (46, 60, 72, 80):
+            heads, line = ("".join(part.text for part in parts(width)) for parts in (registers.head, _first(registers)))
+            assert "…" not in heads + line
+            assert len(line.rstrip()) <= width
+        assert "before" in "".join(part.text for part in registers.head(80))
+
+    using(opened(sample_in(tmp_path)), work, size=(80, 24))
+
+
+def _first(registers: RegisterList) -> Callable[[int], Sequence[StyledText]]:
+    return lambda width: registers.pieces(0, width)
+
+
+@pytest.mark.parametrize("theme", [DARK, LIGHT, DARK_16, LIGHT_16], ids=lambda theme: theme.name)
+def test_every_ink_can_be_read_and_each_means_one_thing(theme: Theme) -> None:
+    """By the contrast that WCAG asks for: 4.5; 3 where there are but sixteen colours."""
+    colours = theme.to_color_system().generate() | theme.variables
+    least = 3.0 if theme.name.endswith("16") else 4.5
+    for name, ink in INKS.items():
+        for back in [ink.back] if ink.back else ["background", "surface"]:
+            assert _contrast(colours[ink.front or "foreground"], colours[back]) >= least, (name, back)
+    apart = [colours[name] for name in ("accent", "warn", "bad", "asks", "answers")]
+    assert len(set(apart)) == len(apart)
+
+
+def _contrast(front: str, back: str) -> float:
+    """The ratio of relative luminances."""
+    dark, bright = sorted(_luminance(Color.parse(each)) for each in (front, back))
+    return (bright + 0.05) / (dark + 0.05)
+
+
+def _luminance(colour: Color) -> float:
+    linear = [each / 12.92 if each <= 0.04045 else ((each + 0.055) / 1.055) ** 2.4 for each in colour.normalized]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]

@@ -30,13 +30,14 @@ from analyzer.core import Analysed
 from analyzer.exports import export
 from analyzer.model import search
 from analyzer.model.bus import Bus
+from analyzer.model.narrow import AlikeNumbers, BesideNumbers, NarrowNumbers, ShortTimes
 from analyzer.model.polls import changed
 from analyzer.model.registers import RegisterSeries
 from analyzer.model.rowstores import ByteStore, by_cause
 from analyzer.model.scope import ScopedFigures
 from analyzer.model.selection import Everything, Selection, frames_only, in_span, transactions
 from analyzer.model.source import CaptureSource
-from analyzer.model.table import PIECE, AlikeNumbers, BusRows, NarrowNumbers, RowTable, ShortTimes
+from analyzer.model.table import PIECE, BusRows, RowTable
 from analyzer.model.times import GotoError
 from analyzer.simulation import Scenario, simulate
 from analyzer.tables.batch import Batch, Frame
@@ -563,7 +564,45 @@ def test_narrow_and_alike_numbers_give_what_was_put_in(numbers: list[int]) -> No
         assert column[:n].dtype == dtype and int(column[n - 1]) == wanted[-1]
     assert counted.nbytes == (4 if ascending[-1] - ascending[0] > 0xFFFF else 2) * (n + 1)
     assert lengths.nbytes == (4 if max(numbers) > 0xFFFF else 2) * (n + 1)
-    assert ports.nbytes == (n + 1 if len({each % 256 for each in numbers}) > 1 else 0)
+    assert ports.nbytes <= n + 1
+
+
+@given(st.data())
+def test_alike_numbers_are_the_array_that_they_stand_for(data: st.DataObject) -> None:
+    """Whatever is written where, in whatever pieces, also where it is written over, and read by whatever."""
+    n = data.draw(st.integers(1, 60))
+    dtype = data.draw(st.sampled_from([np.dtype(np.uint8), np.dtype(np.bool_), np.dtype(np.float32)]))
+    base = np.cumsum(data.draw(st.lists(st.integers(0, 9), min_size=n, max_size=n)))
+    alike, many = AlikeNumbers(n, dtype), AlikeNumbers(n, np.dtype(np.int64), lambda: ShortTimes(n))
+    beside, other = BesideNumbers(n, base), base
+    seldom = st.integers(0, 99).map(lambda drawn: drawn if drawn < data.draw(st.sampled_from([0, 5, 100])) else 0)
+    plain, exact, beyond = np.zeros(n, dtype), np.zeros(n, np.int64), np.array(other, np.int64)
+    done = 0
+    while done < n:
+        size = data.draw(st.integers(1, n - done))
+        slots: Any = slice(done, done + size)
+        values = np.array(data.draw(st.lists(seldom, min_size=size, max_size=size)))
+        far = np.where(values > 50, NO_GAP, values * 10**9)
+        alike[slots], many[slots], beside[slots] = values.astype(dtype), far, base[slots] + far
+        plain[slots], exact[slots], beyond[slots] = values, far, base[slots] + far
+        if done and data.draw(st.booleans()):
+            slots = np.array(data.draw(st.lists(st.integers(0, done - 1), min_size=1, max_size=5, unique=True)))
+            alike[slots], many[slots], beside[slots] = 7, 7, base[slots] + 7
+            plain[slots], exact[slots], beyond[slots] = 7, 7, base[slots] + 7
+        done += size
+        reads: list[Any] = [slice(done), slice(done // 2, done), np.arange(done)[::-1], np.arange(0), done - 1]
+        for read in reads:
+            for own, wanted in ((alike, plain), (many, exact), (beside, beyond)):
+                assert np.array_equal(own[read], wanted[read])
+                assert own[read].dtype == wanted.dtype
+    assert alike.nbytes <= n * dtype.itemsize
+
+
+def test_a_row_that_is_otherwise_costs_no_more_than_itself() -> None:
+    column = AlikeNumbers(1 << 16, np.dtype(np.int64))
+    column[: 1 << 16] = np.where(np.arange(1 << 16) % 1000 == 3, 5, 0)
+    assert column.nbytes == 66 * 10
+    assert int(column[1003]) == 5 and int(column[1004]) == 0
 
 
 @given(st.integers(0, 10**14), st.integers(1, 10**14))

@@ -26,7 +26,7 @@ from analyzer.model.times import span
 from analyzer.simulation import Scenario, simulate
 from analyzer.tui.filterbar import FilterBar
 from analyzer.tui.home import HomeList
-from analyzer.tui.items import of_cause, whose
+from analyzer.tui.items import cause_facts, whose
 from analyzer.tui.keys import key_name
 from analyzer.tui.picking import _no_file
 from analyzer.tui.plot import Series, told_apart
@@ -273,8 +273,7 @@ def test_whose_fault_it_is_is_said_in_each_language(blame: str) -> None:
 
 def test_how_often_a_cause_comes_again_is_told_in_a_unit_that_people_use() -> None:
     cause = analyzer.open(samples.path("troubled.jsonl")).report().causes[0]
-    words = {item.name: item.text for item in of_cause(replace(cause, period_s=10_600.0)).items}
-    assert words["again"] == "every 2 h 56 min"
+    assert cause_facts(replace(cause, period_s=10_600.0))["again"] == "every 2 h 56 min"
 
 
 def test_a_unit_that_is_found_to_be_slow_is_not_called_sound() -> None:

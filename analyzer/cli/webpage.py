@@ -31,6 +31,7 @@ _PAGE: Final = """\
       }
       button { padding: 8px 24px; color: inherit; background: #272c33; border: 1px solid #3a414a; cursor: pointer; }
       button:hover, button:focus { background: #2f5f8f; }
+      .xterm .xterm-viewport { background: #16191d !important; scrollbar-width: none; }
       .closed { display: none; }
       body.-first-byte .starting { display: none; }
       body.-closed .closed { display: flex; }

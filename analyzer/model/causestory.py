@@ -41,7 +41,7 @@ def story(
         if first not in told:
             told.add(first)
             own = [notes[each] for each in {first, row} if notes.get(each)]
-            yield harmless("- " + _words(bus, first, zone) + "".join(f"; **{tr('note')}: {note}**" for note in own))
+            yield harmless("- " + told_row(bus, first, zone) + "".join(f"; **{tr('note')}: {note}**" for note in own))
     if len(rows) > _ROWS:
         yield f"- {tr('… and {rows} more', rows=counted(len(rows) - _ROWS, 'row', 'rows'))}"
 
@@ -52,7 +52,9 @@ def _asked(bus: Bus, row: int) -> int:
     return row if partner is None else partner
 
 
-def _words(bus: Bus, row: int, zone: tzinfo) -> str:
+def told_row(bus: Bus, row: int, zone: tzinfo) -> str:
+    """What a row is that shows a cause; of an answer, its whole transaction."""
+    row = _asked(bus, row)
     if bus.is_noise(row):
         found = ", ".join(finding.text for finding in bus.findings(row))
         return f"{tr('noise')}, {data_size(bus.table.value('length', row))}{': ' if found else ''}{found}"

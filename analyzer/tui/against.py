@@ -12,7 +12,7 @@ from ..model.thenandnow import Change, Compared, changes, read_side, span_side, 
 from ..model.times import GotoError, span
 from .filterbar import FilterBar
 from .items import NOTHING, FrameDetail, Item
-from .keyqueue import ASKING
+from .keyqueue import put_question
 from .lines import Lines
 from .openfiles import no_capture
 from .paint import StyledText, fitted
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from .screen import BusScreen
     from .threads import Stop
 
-_KINDS: Final = {"new": "accent", "worse": "error", "moved": "warning", "better": "good", "gone": "dim"}
+_KINDS: Final = {"new": "strong", "worse": "error", "moved": "moved", "better": "good", "gone": "dim"}
 _KIND: Final = 9
 _ABOUT: Final = 9
 _ROOMY: Final = 60
@@ -99,7 +99,7 @@ class ChangeList(Lines):
         return FrameDetail(tr("then and now"), b"", (item, *sides))
 
     def action_choose(self) -> None:
-        self.screen.run_worker(_choose(self.screen), group=ASKING)  # type: ignore[arg-type]
+        put_question(self.screen, _choose, self.screen)
 
 
 async def _choose(screen: BusScreen) -> None:

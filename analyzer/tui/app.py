@@ -22,7 +22,6 @@ from textual.command import CommandList, CommandPalette
 from textual.driver import Driver
 from textual.filter import Monochrome
 from textual.screen import Screen
-from textual.worker import Worker
 
 from dissectors.values import harmless
 
@@ -33,7 +32,7 @@ from ..model.source import CaptureSource
 from ..usernotes import Notes, NotesError
 from .desk import Preferences, ViewState
 from .filterbar import rules_of
-from .keyqueue import ASKING, KeyQueue
+from .keyqueue import KeyQueue, put_question
 from .keys import command_name, commands, key_name, keys_written
 from .openfiles import NextFile
 from .paint import DARK, DARK_16, HARMLESS, LIGHT, LIGHT_16, Colourless
@@ -191,7 +190,7 @@ class Rtuscope(App[None]):
             self._then = [] if self._asking else [following]
         else:
             self._leaving = True
-            _: Worker[None] = self.run_worker(partial(self._leave, following), group=ASKING)
+            put_question(self, self._leave, following)
 
     async def _leave(self, following: NextFile | None) -> None:
         try:

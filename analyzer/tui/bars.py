@@ -56,15 +56,15 @@ class Tabs(Static):
         return [view for view in VIEWS if view.tab or view.name == self.chosen]
 
     def _words(self) -> list[tuple[View, str]]:
-        """Each view with its text, as short as the width needs."""
-        for narrow in (False, True):
-            words = [(view, self._word(view, narrow=narrow)) for view in self._views]
-            if sum(len(text) for _, text in words) <= self.size.width:
-                return words
-        return [
-            (view, f" {_digit(view)} {_tab_title(view) if view.name == self.chosen else ''}".ljust(3))
-            for view in self._views
-        ]
+        """Each view with its text, as short as the width needs: the last ones are only their keys where it must be."""
+        views, width = self._views, self.size.width
+        words = [self._word(view, narrow=False) for view in views]
+        if sum(map(len, words)) > width:
+            words = [self._word(view, narrow=True) for view in views]
+        for i, view in reversed(list(enumerate(views))):
+            if sum(map(len, words)) > width and view.name != self.chosen:
+                words[i] = f" {_digit(view)}"
+        return list(zip(views, words, strict=True))
 
     def _word(self, view: View, *, narrow: bool) -> str:
         title = _tab_title(view) if narrow else tr(view.title)
@@ -206,7 +206,7 @@ class StatusLine(Painted):
             left.append(StyledText(f"{tr('PAUSED, P resumes')}  ", "warning"))
         if doing := self.doing or self._listening():
             words = self.doing if told else doing  # beside a rate the spin alone says that it listens
-            left.append(StyledText(f"{_SPIN[self._turn % len(_SPIN)]} {words}{'  ' if words else ''}", "accent"))
+            left.append(StyledText(f"{_SPIN[self._turn % len(_SPIN)]} {words}{'  ' if words else ''}", "note"))
         states = [StyledText(f"{harmless(words)}  ", kind) for words, kind in told]
         if slim:
             left += [*states[:-1], StyledText(f"{self.follow}  "), states[-1], StyledText(self.where)]

@@ -206,7 +206,7 @@ def _wrapped(text: str, room: int, before: str, below: str) -> list[str]:
     """The lines of a text; most have room on one, for which nobody has to look for words."""
     if text and len(before) + len(text) <= room and text.isprintable() and text == text.strip():
         return [before + text]
-    return textwrap.wrap(text, room, initial_indent=before, subsequent_indent=below)
+    return textwrap.wrap(text, room, break_on_hyphens=False, initial_indent=before, subsequent_indent=below)
 
 
 def _values(detail: FrameDetail, path: Path) -> bool:

@@ -297,7 +297,7 @@ def _chosen(screen: BusScreen, sender: Widget) -> None:
     if sender.id != screen.view:
         return
     if sender.cause is not None:
-        screen.detail.show(of_cause(sender.cause))
+        screen.detail.show(of_cause(screen.desk, sender.cause))
         return
     finding = sender.finding
     if finding is None:

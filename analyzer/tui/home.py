@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -19,7 +18,7 @@ from .items import FrameDetail, of_cause, whose
 from .lines import Lines
 from .paint import StyledText, fitted
 from .places import OF_FIGURES, CausePlace, Place, UnitPlace
-from .plot import sparkline
+from .plot import over_time, sparkline
 from .view import DoorCell, View, cells_of_units
 
 if TYPE_CHECKING:
@@ -34,7 +33,7 @@ if TYPE_CHECKING:
 _AGAIN_S: Final = 2.0  # between two reckonings while rows come
 _LABEL: Final = 9
 _HEADS: Final = 3  # lines above, where the load has one of them
-_TALL: Final = 6  # lines of the load, at most
+_TALL: Final = 12  # lines of the load, at most
 _WIDE: Final = 100  # columns from which on there is room to say whose fault a cause is
 _NARROW: Final = 60  # and under which there is room for the least of a unit only
 _LETTERS: Final = {"error": "E", "warning": "W", "note": "N"}
@@ -94,10 +93,10 @@ class HomeList(Lines):
         super().resized()
 
     def _make_heads(self) -> None:
-        """The load is as high as half of what the lines leave."""
+        """The load is as high as two thirds of what the lines leave."""
         free = self.scrollable_content_region.height - _HEADS - self.count()
         drawn = self.desk.bus.count and self.desk.bus.timed and not self.desk.is_foreign
-        self.HEAD = _HEADS + (max(0, min(_TALL - 1, free // 2)) if drawn else 0)
+        self.HEAD = _HEADS + (max(0, min(_TALL - 1, 2 * free // 3)) if drawn else 0)
 
     @property
     def empty(self) -> str:
@@ -220,14 +219,14 @@ class HomeList(Lines):
         ]
         room = width - sum(len(part.text) for part in parts) - 2
         if room > 7:
-            parts.append(StyledText("  " + sparkline(self.desk.answer_means(unit.unit), room), "accent"))
+            parts.append(StyledText("  " + over_time(self.desk.answer_means(unit.unit), room), "response"))
         return parts
 
     def look(self) -> FrameDetail:
         """What the cursor is on, in full."""
         cause, unit = self.cause, self.unit
         if cause is not None:
-            return of_cause(cause)
+            return of_cause(self.desk, cause)
         if unit is not None and self.state is not None:
             return FrameDetail(
                 tr("unit {unit}", unit=unit.unit),
@@ -243,22 +242,20 @@ def _cause_line(cause: Cause, causes: Sequence[Cause], width: int) -> list[Style
     """One of several, under each other; where there is little room only the cause's own words."""
     letter = StyledText(f"{_LETTERS.get(cause.severity, ' ')} ", cause.severity)
     if width < _WIDE:
-        return [letter, StyledText(_clauses(cause.text, width - 2))]
+        return [letter, StyledText(_first_words(cause.text, width - 2))]
     whom, sure = (max(map(len, each)) for each in (map(whose, causes), (one.sure for one in causes)))
     return [
         letter,
         StyledText(f"{whose(cause):<{whom}} "),
         StyledText(f"{cause.sure:<{sure}}  ", "dim"),
-        StyledText(_clauses(cause.text, width - 2 - whom - 1 - sure - 2)),
+        StyledText(_first_words(cause.text, width - 2 - whom - 1 - sure - 2)),
     ]
 
 
-def _clauses(text: str, room: int) -> str:
-    """As many clauses of a text as there is room for, from the first on; the pane below has all of it."""
-    if len(text) <= room:
-        return text
-    ends = [match.start() for match in re.finditer("[:;,] ", text) if match.start() <= room - 2]
-    return f"{text[: ends[-1]]} …" if ends else text
+def _first_words(text: str, room: int) -> str:
+    """As many words of a text as there is room for; the pane below has all of it."""
+    words = text[: room - 1].rpartition(" ")[0]
+    return text if len(text) <= room or not words else f"{words.rstrip(':;,')} …"
 
 
 def _refresh(screen: BusScreen) -> None:

@@ -8,12 +8,14 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
 
 from ..languages import counted, grouped, tr
+from ..model.causestory import told_row
 from ..words import duration
 
 if TYPE_CHECKING:
     from dissectors.fields import Field
 
     from ..causes.registry import Cause
+    from .desk import ViewState
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,9 +90,15 @@ def chosen(detail: FrameDetail, path: Sequence[str]) -> Item | None:
     return match
 
 
-def of_cause(cause: Cause) -> FrameDetail:
-    """The cause as something to look at."""
-    return FrameDetail(tr("cause: {name}", name=cause.cause), b"", _cause_items(cause))
+def of_cause(desk: ViewState, cause: Cause) -> FrameDetail:
+    """The cause as something to look at, with the first of what shows it."""
+    rows = [(index, desk.bus.table.row_of_frame(index)) for index in cause.frames]
+    shown = [
+        Item(f"frame {index}", told_row(desk.bus, row, desk.zone), kind="dim", label=f"{'':<11}")
+        for index, row in rows
+        if row >= 0
+    ]
+    return FrameDetail(tr("cause: {name}", name=cause.cause), b"", (*_cause_items(cause), *shown))
 
 
 def whose(cause: Cause) -> str:

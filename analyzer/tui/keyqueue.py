@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Coroutine
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 from textual.app import ScreenStackError
@@ -23,6 +24,7 @@ from textual.widgets import Input, TextArea
 if TYPE_CHECKING:
     from textual.app import App
     from textual.dom import DOMNode
+    from textual.worker import Worker
 
 _LATIN: Final = "qwertyuiop[]asdfghjkl;'zxcvbnm,./`"
 _CYRILLIC: Final = "йцукенгшщзхъфывапролджэячсмитьбю.ё"
@@ -39,9 +41,17 @@ def latin(event: Key) -> Key:
     return event if twin is None else Key(twin if twin.isalpha() else _character_to_key(twin), twin)
 
 
-ASKING: Final = "ask"  # group of the workers that put questions
+_ASKING: Final = "ask"  # group of the workers that put questions
 FINDING: Final = "find"  # and of those that look for the next hit
 _LONGEST_S: Final = 2.0  # a laptop that is busy with something else needs one
+
+
+def put_question(owner: DOMNode, question: Callable[..., Coroutine[Any, Any, None]], *about: object) -> None:
+    """Put a question, as long as the owner is there; the keys behind it wait for the answer.
+
+    A worker that ends before its first turn calls nothing: a coroutine made beforehand would never be awaited.
+    """
+    _: Worker[None] = owner.run_worker(partial(question, *about), group=_ASKING)
 
 
 class KeyQueue:
@@ -138,4 +148,4 @@ def _coming(app: App[Any]) -> bool:
     jobs = getattr(top, "jobs", None)
     if jobs is not None and (jobs.unsettled or jobs.is_filling):
         return True
-    return any(worker.group in (ASKING, FINDING) and not worker.is_finished for worker in app.workers)
+    return any(worker.group in (_ASKING, FINDING) and not worker.is_finished for worker in app.workers)

@@ -82,7 +82,7 @@ def _values(desk: ViewState, row: int, fields: tuple[Field, ...]) -> Iterator[It
         items.append(
             Item(
                 value_name(reading.spot), harmless(reading.text) + was, start, size,
-                "warning" if reading.changed else "",
+                "moved" if reading.changed else "",
                 label=f"{reading.register} {harmless(reading.meaning.name)}".rstrip(),
             )
         )  # fmt: skip
@@ -146,7 +146,7 @@ def _compared(desk: ViewState, row: int, fields: tuple[Field, ...], other: int, 
         words = tr("{difference} from frame {number}", difference=difference, number=frame.index)
     return Item(
         name, words + away,
-        kind="accent" if pairs else "dim", label=tr(name), ready=False,
+        kind="moved" if pairs else "dim", label=tr(name), ready=False,
         children=tuple(
             Item(
                 f"{i} {new.name}",
@@ -310,7 +310,7 @@ def _float_items(fields: Sequence[Field]) -> Iterator[Item]:
         if sizes and all(_LEAST <= size < _MOST for size in sizes):
             text = "  ".join(each.text for each in floats)
             start, length = members[0].start, _PAIR * len(members)
-            yield Item(f"f32 {order}", text, start, length, kind="accent", label=f"f32 {order}")
+            yield Item(f"f32 {order}", text, start, length, kind="strong", label=f"f32 {order}")
 
 
 def _is_register(field: Field) -> bool:

@@ -66,7 +66,8 @@ class Ink(NamedTuple):
 INKS: Final = {
     "head": Ink("quiet", "surface"), "dim": Ink("quiet"), "request": Ink("asks"), "response": Ink("answers"),
     "noise": Ink("noise", text="italic"), "error": Ink("bad", text="bold"), "warning": Ink("warn"),
-    "note": Ink("note"), "good": Ink("good"), "strong": Ink(text="bold"), "accent": Ink("accent"),
+    "note": Ink("note"), "good": Ink("good"), "strong": Ink(text="bold"),
+    "accent": Ink("accent"), "place": Ink("place"), "moved": Ink(text="bold"),
     "key": Ink("footer-key-foreground", text="bold"),
     "cursor": Ink("chosen-text", "chosen", "bold"), "cursor-away": Ink(back="chosen-away"),
     "lit": Ink("lit-text", "lit"), "lit-exact": Ink("chosen-text", "chosen", "bold"),
@@ -161,16 +162,17 @@ def in_runs(cells: Iterable[str], kinds: Iterable[str]) -> list[StyledText]:
     ]
 
 
-# Colours, dark and light. Nothing is told by colour alone; these only help the eye.
+# Colours, dark and light. Nothing is told by colour alone; these only help the eye. Each means one thing: the accent is
+# the user's (keys, cursor, marks, filter), a place a register, red and yellow are troubles; what moved is only bold.
 
 
 DARK: Final = Theme(
     name="rtuscope-dark",
     primary="#5fafd7", secondary="#87afaf", accent="#ffaf5f", foreground="#d7dae0", background="#16191d",
-    surface="#1d2126", panel="#272c33", success="#8fc87a", warning="#e5c07b", error="#ff7b72", dark=True,
+    surface="#1d2126", panel="#272c33", success="#8fc87a", warning="#f0d85a", error="#ff7b72", dark=True,
     variables={
         "quiet": "#8b949e", "rule": "#3a414a", "asks": "#79c0ff", "answers": "#8fd694", "noise": "#a89cc8",
-        "bad": "#ff7b72", "warn": "#e5c07b", "note": "#a5b4c8", "good": "#8fc87a",
+        "place": "#5fc7b8", "bad": "#ff7b72", "warn": "#f0d85a", "note": "#a5b4c8", "good": "#8fc87a",
         "chosen": "#2f5f8f", "chosen-text": "#ffffff", "chosen-away": "#2c333c",
         "lit": "#5c4a1e", "lit-text": "#ffe8b0",
         "tint-red": "#4a1f22", "tint-yellow": "#45391a", "tint-green": "#1f3a24", "tint-blue": "#1d3350",
@@ -180,16 +182,16 @@ DARK: Final = Theme(
 )  # fmt: skip
 LIGHT: Final = Theme(
     name="rtuscope-light",
-    primary="#005f87", secondary="#44606e", accent="#8f4700", foreground="#1f2328", background="#ffffff",
-    surface="#f3f4f6", panel="#e4e7eb", success="#1a7f37", warning="#7a5200", error="#b3261e", dark=False,
+    primary="#005f87", secondary="#44606e", accent="#a3128a", foreground="#1f2328", background="#ffffff",
+    surface="#f3f4f6", panel="#e4e7eb", success="#1a7f37", warning="#806000", error="#b3261e", dark=False,
     variables={
         "quiet": "#59636e", "rule": "#c4cad1", "asks": "#0550ae", "answers": "#116329", "noise": "#6639ba",
-        "bad": "#b3261e", "warn": "#7a5200", "note": "#4a5968", "good": "#1a7f37",
+        "place": "#00696b", "bad": "#b3261e", "warn": "#806000", "note": "#4a5968", "good": "#1a7f37",
         "chosen": "#0a58a5", "chosen-text": "#ffffff", "chosen-away": "#d5dde6",
         "lit": "#ffe08a", "lit-text": "#3d2c00",
         "tint-red": "#ffd9d6", "tint-yellow": "#fff1c2", "tint-green": "#d6f2da", "tint-blue": "#d6e8ff",
         "tint-violet": "#ecdcff",
-        "footer-key-foreground": "#8f4700",
+        "footer-key-foreground": "#a3128a",
     },
 )  # fmt: skip
 
@@ -225,27 +227,27 @@ def _unshaded(style: Style, background: Rgb, flat: frozenset[Rgb]) -> Style:
 
 DARK_16: Final = Theme(
     name="rtuscope-dark-16",
-    primary="#55ffff", secondary="#00aaaa", accent="#ffff55", foreground="#ffffff", background="#000000",
+    primary="#55ffff", secondary="#00aaaa", accent="#ff55ff", foreground="#ffffff", background="#000000",
     surface="#000000", panel="#0000aa", success="#55ff55", warning="#ffff55", error="#ff5555", dark=True,
     variables={
-        "quiet": "#aaaaaa", "rule": "#555555", "asks": "#55ffff", "answers": "#55ff55", "noise": "#ff55ff",
-        "bad": "#ff5555", "warn": "#ffff55", "note": "#aaaaaa", "good": "#55ff55",
-        "chosen": "#00aaaa", "chosen-text": "#000000", "chosen-away": "#555555",
+        "quiet": "#aaaaaa", "rule": "#555555", "asks": "#55ffff", "answers": "#55ff55", "noise": "#aaaaaa",
+        "place": "#00aaaa", "bad": "#ff5555", "warn": "#ffff55", "note": "#aaaaaa", "good": "#55ff55",
+        "chosen": "#00aaaa", "chosen-text": "#000000", "chosen-away": "#0000aa",
         "lit": "#aa5500", "lit-text": "#ffffff",
         "tint-red": "#aa0000", "tint-yellow": "#aa5500", "tint-green": "#00aa00", "tint-blue": "#0000aa",
-        "tint-violet": "#aa00aa", "footer-key-foreground": "#ffff55",
+        "tint-violet": "#aa00aa", "footer-key-foreground": "#ff55ff",
     },
 )  # fmt: skip
 LIGHT_16: Final = Theme(
     name="rtuscope-light-16",
-    primary="#0000aa", secondary="#00aaaa", accent="#aa0000", foreground="#000000", background="#ffffff",
-    surface="#ffffff", panel="#aaaaaa", success="#00aa00", warning="#aa5500", error="#aa0000", dark=False,
+    primary="#0000aa", secondary="#00aaaa", accent="#aa00aa", foreground="#000000", background="#ffffff",
+    surface="#ffffff", panel="#55ffff", success="#00aa00", warning="#aa5500", error="#aa0000", dark=False,
     variables={
-        "quiet": "#555555", "rule": "#aaaaaa", "asks": "#0000aa", "answers": "#00aa00", "noise": "#aa00aa",
-        "bad": "#aa0000", "warn": "#aa5500", "note": "#555555", "good": "#00aa00",
-        "chosen": "#0000aa", "chosen-text": "#ffffff", "chosen-away": "#aaaaaa",
+        "quiet": "#555555", "rule": "#aaaaaa", "asks": "#0000aa", "answers": "#00aa00", "noise": "#555555",
+        "place": "#0000aa", "bad": "#aa0000", "warn": "#aa5500", "note": "#555555", "good": "#00aa00",
+        "chosen": "#0000aa", "chosen-text": "#ffffff", "chosen-away": "#55ffff",
         "lit": "#ffff55", "lit-text": "#000000",
         "tint-red": "#ff5555", "tint-yellow": "#ffff55", "tint-green": "#55ff55", "tint-blue": "#55ffff",
-        "tint-violet": "#ff55ff", "footer-key-foreground": "#aa0000",
+        "tint-violet": "#ff55ff", "footer-key-foreground": "#aa00aa",
     },
 )  # fmt: skip

@@ -37,18 +37,25 @@ def sparkline(values: NDArray[np.float64], width: int, line: int = 0, lines: int
     return "".join(EIGHTHS[max(0, min(len(EIGHTHS) - 1, level - under))] for level in levels)
 
 
+def over_time(values: NDArray[np.float64], width: int) -> str:
+    """The same of equal parts of a time, which fill the width where they are fewer."""
+    if len(values) < width:
+        values = values[np.arange(width) * len(values) // max(1, width)] if len(values) else values
+    return sparkline(values, width)
+
+
 def trend(values: NDArray[np.float64], width: int) -> StyledText:
     """The same from the least to the most, in exactly this many columns; a line where they stand still."""
-    line, kind = "", "accent"
+    line, kind = "", _KINDS[0]
     if not np.isnan(values).all():
-        line = sparkline(values - np.nanmin(values), width)
+        line = over_time(values - np.nanmin(values), width)
         if np.nanmin(values) == np.nanmax(values):
             line, kind = "".join("─" if block.strip() else " " for block in line), "dim"
     return StyledText(f"{line:<{width}}", kind)
 
 
 _DOTS: Final = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])  # of a braille cell: row, column
-_KINDS: Final = ("accent", "request", "response", "noise", "warning")
+_KINDS: Final = ("request", "response", "noise", "place", "strong")
 _LABEL: Final = 11
 _SHORT_LABEL: Final = 8
 _NARROW: Final = 60  # columns under which labels are shorter

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from itertools import islice
+from itertools import groupby, islice
 from typing import TYPE_CHECKING, ClassVar, Final
 
 import numpy as np
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from textual.widget import Widget
 
+    from ..model.meanings import NamedReading
     from .desk import ViewState
     from .screen import BusScreen
 
@@ -46,7 +47,9 @@ _AGE: Final = 8
 _PICTURE: Final = 8
 _MANY: Final = 0.05
 _NARROW: Final = 56
-_LISTED: Final = 48  # values that are told below
+_LISTED: Final = 128  # values that are told below
+_ON_A_LINE: Final = 8  # of them, where they are plain numbers that stand still
+_VALUE: Final = 6  # columns of such a one
 
 
 def _ended_badly(poll: WatchedPoll) -> float:
@@ -207,7 +210,7 @@ class PollList(Lines):
             case "fn":
                 return StyledText(f"{key.function:>{room}}", "request")
             case "register":
-                return StyledText(f"{key.register:>{room}}", "accent")
+                return StyledText(f"{key.register:>{room}}", "place")
             case "qty":
                 return StyledText(f"{f'×{key.quantity}' if key.quantity >= 0 else '':>{room}}", "dim")
             case "asked":
@@ -223,11 +226,11 @@ class PollList(Lines):
                     f"{short_bound(bounds_of(took, off_ns) if known and took is not None else None):>{room}}"
                 )
             case "answers":
-                return StyledText(f" {sparkline(poll.times.astype(float), _PICTURE):<{room - 1}}", "accent")
+                return StyledText(f" {sparkline(poll.times.astype(float), _PICTURE):<{room - 1}}", "response")
             case "bad":
                 return self._bad(poll, room)
         count = int(self.moving(poll).sum())
-        return StyledText(f"{f'▲{count}' if count else '=':>{room}}", "warning" if count else "dim")
+        return StyledText(f"{f'▲{count}' if count else '=':>{room}}", "moved" if count else "dim")
 
     def _bad(self, poll: WatchedPoll, room: int) -> StyledText:
         rate = poll.bad / max(1, poll.asked)
@@ -246,14 +249,13 @@ class PollList(Lines):
         items = [*_facts(poll), *(self._items(carried) if carried is not None else ())]
         return FrameDetail(poll_words(poll.key), b"", tuple(items))
 
-    def _items(self, carried: TransactionValues) -> list[Item]:
-        items = []
-        for reading in islice(self.desk.meanings.readings(carried), _LISTED):
-            was = tr(", was {old}", old=harmless(reading.before)) if reading.changed else ""
-            label = f"{reading.register} {harmless(reading.meaning.name)}".rstrip()
-            kind = "warning" if reading.changed else ""
-            items.append(Item(value_name(reading.spot), harmless(reading.text) + was, kind=kind, label=f"{label} "))
-        return items
+    def _items(self, carried: TransactionValues) -> Iterator[Item]:
+        """A line a value; of plain numbers that stand still several."""
+        readings = islice(self.desk.meanings.readings(carried), _LISTED)
+        for still, run in groupby(readings, lambda reading: reading.meaning.is_plain and not reading.changed):
+            some, size = list(run), _ON_A_LINE if still else 1
+            for begin in range(0, len(some), size):
+                yield _values_item(some[begin : begin + size])
 
     # Keys
 
@@ -300,6 +302,14 @@ def poll_words(key: PollKey) -> str:
     """`unit 1, FC 4 (0x04), 30001 ×88`."""
     parts = [tr("unit {unit}", unit=key.unit), function_code(key.function)]
     return ", ".join([*parts, key.registers] if key.register else parts)
+
+
+def _values_item(some: Sequence[NamedReading]) -> Item:
+    first = some[0]
+    label = f"{first.register} {harmless(first.meaning.name)}".rstrip()
+    text = "".join(f"{harmless(each.text):<{_VALUE}}" for each in some).rstrip()
+    was = tr(", was {old}", old=harmless(first.before)) if first.changed else ""
+    return Item(value_name(first.spot), text + was, kind="moved" if first.changed else "", label=f"{label} ")
 
 
 def _facts(poll: WatchedPoll) -> list[Item]:

@@ -44,8 +44,8 @@ def _named(readings: Iterator[NamedReading], room: int) -> Iterator[StyledText]:
         text = f"{'*' if reading.changed else ' '}{harmless(reading.text)} "
         if label:
             room -= cell_len(label) + 1
-            yield StyledText(f" {label}", "accent")
-        yield StyledText(text, "warning" if reading.changed else "dim" if reading.meaning.is_plain else "")
+            yield StyledText(f" {label}", "place")
+        yield StyledText(text, "moved" if reading.changed else "dim" if reading.meaning.is_plain else "")
         room -= cell_len(text)
         before = reading
 
@@ -63,8 +63,8 @@ def _named_changes(readings: Iterator[NamedReading], room: int) -> Iterator[Styl
             was = was.removesuffix(measure)
         text = f"{harmless(was)}→{harmless(reading.text)} "
         room -= cell_len(label) + cell_len(text) + 2
-        yield StyledText(f" {label} ", "accent")
-        yield StyledText(text, "warning")
+        yield StyledText(f" {label} ", "place")
+        yield StyledText(text, "moved")
         before = reading
 
 
@@ -90,7 +90,7 @@ def _words(poll: TransactionValues, room: int) -> list[StyledText]:
     out = []
     for i, value in enumerate(poll.values[: room // (width + 1) + 2]):
         star = "*" if i in poll.changed else " "
-        out.append(StyledText(f"{star}{value:>{width}}", "warning" if i in poll.changed else ""))
+        out.append(StyledText(f"{star}{value:>{width}}", "moved" if i in poll.changed else ""))
     return out
 
 
@@ -99,5 +99,5 @@ def _changed_words(poll: TransactionValues) -> list[StyledText]:
     out = []
     for i in sorted(poll.changed):
         number = logical(int(poll.register[1:]) - 1 + i, cast(Area, f"{poll.register[0]}x"))
-        out += [StyledText(f" {number} ", "accent"), StyledText(f"{poll.before[i]}→{poll.values[i]} ", "warning")]
+        out += [StyledText(f" {number} ", "place"), StyledText(f"{poll.before[i]}→{poll.values[i]} ", "moved")]
     return out

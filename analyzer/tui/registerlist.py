@@ -15,7 +15,7 @@ from ..languages import error_words, tr
 from ..model.meanings import BIT_AREAS, CHOICES, Meaning
 from ..model.registers import AREA_WORDS
 from ..words import short
-from .keyqueue import ASKING
+from .keyqueue import put_question
 from .lines import Lines
 from .paint import StyledText, fitted
 from .plot import Plot, trend
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 AREA_NAMES: Final = tuple(AREAS)
 _PINS: Final = 4
 _NAME: Final = 12  # columns that a name always has, where there is room
+_TYPED: Final = 52  # columns from which on there is room for a value's type
+_ROOMY: Final = 70  # and for what it was before, and how old it is
 _TREND: Final = 8  # columns that a trend needs to tell anything
 _SOURCES: Final = {"yours": "!", "map": "=", "told": "~", "plain": " "}
 
@@ -116,9 +118,12 @@ class RegisterList(Lines):
     def head(self, width: int) -> Sequence[StyledText]:
         name = _name_width(width, self._longest)
         place = f"{tr('unit'):>6} {tr('register'):>8} {tr('what'):<{name}}"
-        value = f"{tr('value'):>{_value_width(width)}}  {tr('before'):>12} {tr('age'):>6} "
+        value = f"{tr('value'):>{_value_width(width)}}  "
+        if width >= _ROOMY:
+            value += f"{tr('before'):>12} {tr('age'):>6} "
         room = _trend_width(width, name)
-        value += f"{tr('trend'):<{room}} {tr('type')}" if room else tr("type")
+        value += f"{tr('trend'):<{room}} " if room else ""
+        value += tr("type") if width >= _TYPED else ""
         return fitted([StyledText(f"{place} {value}")], width)
 
     def pieces(self, line: int, width: int) -> Sequence[StyledText]:
@@ -132,7 +137,7 @@ class RegisterList(Lines):
         parts = [
             StyledText("•" if spot in self.pins else " ", "accent"),
             StyledText(f"{register.unit:>5} "),
-            StyledText(f"{logical(register.address, AREA_NAMES[register.area]):>8} ", "accent"),
+            StyledText(f"{logical(register.address, AREA_NAMES[register.area]):>8} ", "place"),
             StyledText(f"{name:<{room}} ", "" if meaning.name else "dim"),
         ]
         if spot in self._parts:
@@ -147,19 +152,22 @@ class RegisterList(Lines):
             before = meaning.text([member.before or 0 for member in members], bit=bit, power=power) if changed else "="
         age = short(self.desk.bus.t_last - register.t_ns) if self.desk.bus.timed else "-"
         value = meaning.text([member.value for member in members], bit=bit, power=power)
-        return fitted(
-            [
-                *parts,
-                StyledText(f"{value:>{_value_width(width)}}", "strong" if changed else ""),
-                StyledText("* " if changed else "  ", "warning"),
+        parts += [
+            StyledText(f"{value:>{_value_width(width)}}", "moved" if changed else ""),
+            StyledText("* " if changed else "  ", "moved"),
+        ]
+        if width >= _ROOMY:
+            parts += [
                 StyledText(f"{before:>12} ", "dim"),
                 StyledText(f"{age:>6} ", "dim"),
                 *self._trend(spot, meaning, _trend_width(width, room)),
+            ]
+        if width >= _TYPED:
+            parts += [
                 StyledText(tr("bit") if bit else meaning.type),
                 StyledText(f" {_SOURCES[meaning.source]}", "dim"),
-            ],
-            width,
-        )
+            ]
+        return fitted(parts, width)
 
     def _trend(self, spot: Spot, meaning: Meaning, width: int) -> list[StyledText]:
         """How the value went over the capture, from its least to its most."""
@@ -257,7 +265,7 @@ class RegisterList(Lines):
         self._tell()
 
     def action_place(self) -> None:
-        self.screen.run_worker(self._ask_place(), group=ASKING)
+        put_question(self.screen, self._ask_place)
 
     async def _ask_place(self) -> None:
         """Go to the next register of a number, of any unit; `17 40108` says of which."""

@@ -25,7 +25,7 @@ from .filterbar import FilterBar, KeptFilters
 from .frames import FrameList, ShownColumns
 from .jobs import Jobs
 from .jumps import Jumps
-from .keyqueue import ASKING
+from .keyqueue import put_question
 from .keys import BINDINGS
 from .lines import Lines
 from .look import at_row
@@ -284,34 +284,34 @@ class BusScreen(Screen[None]):
             self.refresh_view()
 
     def action_mark_recording(self) -> None:
-        self.run_worker(self.bookmarks.ask_mark(), group=ASKING)
+        put_question(self, self.bookmarks.ask_mark)
 
     def action_trigger(self) -> None:
-        self.run_worker(self.triggers.ask(), group=ASKING)
+        put_question(self, self.triggers.ask)
 
     def action_again(self) -> None:
         self.files.again()
 
     def action_open(self) -> None:
-        self.run_worker(self.files.ask(), group=ASKING)
+        put_question(self, self.files.ask)
 
     def action_find(self) -> None:
-        self.run_worker(self.jumps.ask_what(), group=ASKING)
+        put_question(self, self.jumps.ask_what)
 
     def action_find_on(self, back: bool) -> None:
         self.jumps.find_on(back=back)
 
     def action_span(self) -> None:
-        self.run_worker(self.jumps.ask_span(), group=ASKING)
+        put_question(self, self.jumps.ask_span)
 
     def action_door(self, way: str) -> None:
-        self.run_worker(self.doors.go(way), group=ASKING)
+        put_question(self, self.doors.go, way)
 
     def action_columns(self) -> None:
-        self.run_worker(self.shown_columns.choose(), group=ASKING)
+        put_question(self, self.shown_columns.choose)
 
     def action_kept(self) -> None:
-        self.run_worker(self.kept.choose(), group=ASKING)
+        put_question(self, self.kept.choose)
 
     def reworded(self) -> None:
         """Registers mean something else now."""
@@ -328,7 +328,7 @@ class BusScreen(Screen[None]):
             each.unpaint()
 
     def action_goto(self) -> None:
-        self.run_worker(self.jumps.ask_where(), group=ASKING)
+        put_question(self, self.jumps.ask_where)
 
     def action_counterpart(self) -> None:
         self.jumps.to_counterpart()
@@ -353,7 +353,7 @@ class BusScreen(Screen[None]):
         self.bookmarks.next()
 
     def action_comment(self) -> None:
-        self.run_worker(self.bookmarks.ask_comment(), group=ASKING)
+        put_question(self, self.bookmarks.ask_comment)
 
     def action_reference(self) -> None:
         self.bookmarks.refer()
@@ -362,10 +362,10 @@ class BusScreen(Screen[None]):
         self.picked.toggle()
 
     def action_copy(self) -> None:
-        self.run_worker(self.picked.copy(), group=ASKING)
+        put_question(self, self.picked.copy)
 
     def action_export(self) -> None:
-        self.run_worker(self.picked.export(), group=ASKING)
+        put_question(self, self.picked.export)
 
     def action_leave(self) -> None:
         self.leave()

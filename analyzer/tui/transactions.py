@@ -15,7 +15,7 @@ from ..model.selection import ListRows, Selection, Unfolded, transactions
 from ..model.table import RowState
 from ..tables.schema import Kind
 from ..tables.transactions import Status
-from ..words import pointed_ms
+from ..words import pointed_ms, unit_word
 from .frames import (
     LETTER,
     SEVERITY,
@@ -149,7 +149,7 @@ class TransactionList(FrameList):
         heads = (
             ("", "  "), ("number", f"{'#':>{number}} "), ("time", f"{title:>{time}} "), ("unit", f"{tr('unit'):>4} "),
             ("function", f"{tr('fn'):>3} "), ("register", f"{tr('register'):>8} "),
-            ("quantity", f"{tr('qty'):<5}"), ("answer", f"{'ms':>6}     "), ("", what),
+            ("quantity", f"{tr('qty'):<5}"), ("answer", f"{unit_word('ms'):>6}     "), ("", what),
         )  # fmt: skip
         return self.shown([(column, StyledText(text)) for column, text in heads], width)
 
@@ -173,7 +173,7 @@ class TransactionList(FrameList):
             ("time", StyledText(f"{self.time(row, self.row_at(line - 1) if line else None, width):>{time}} ")),
             ("unit", StyledText(f"{table.value('unit', row):>4} ", "request")),
             ("function", StyledText(f"{table.value('function', row):>3} ", "request")),
-            ("register", StyledText(f"{carried.register:>8} ", "accent")),
+            ("register", StyledText(f"{carried.register:>8} ", "place")),
             ("quantity", StyledText(f"{quantity:<5}", "dim")),
             ("answer", StyledText(f"{'' if took is None else pointed_ms(*took):<11}")),
         ], width)  # fmt: skip

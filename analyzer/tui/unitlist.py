@@ -17,7 +17,7 @@ from .filterbar import FilterBar
 from .lines import Lines
 from .paint import Painted, StyledText, fitted
 from .places import OF_FIGURES, Place, UnitPlace
-from .plot import EIGHTHS, sparkline
+from .plot import EIGHTHS, over_time
 from .view import DoorCell, View
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ class History(Painted):
         label = self._written(high) if y == 1 else self._written(low) if y == rows and high > low else ""
         parts = [
             StyledText(f"{label:>11} ", "dim"),
-            StyledText(self._plot(y - 1, rows, max(1, width - 12), low, high), "accent"),
+            StyledText(self._plot(y - 1, rows, max(1, width - 12), low, high), "response"),
         ]
         return self.strip(parts, width, base)
 
@@ -166,7 +166,7 @@ class UnitList(Lines):
         parts = [self._cell(unit, name, room) for name, room in columns.items()]
         room = width - sum(columns.values()) - 2
         if room >= _SPARKS:
-            parts.append(StyledText("  " + sparkline(self.desk.answer_means(unit.unit), room), "accent"))
+            parts.append(StyledText("  " + over_time(self.desk.answer_means(unit.unit), room), "response"))
         return fitted(parts, width)
 
     def _cell(self, unit: UnitRow, name: str, room: int) -> StyledText:
