@@ -10,9 +10,12 @@ from ..requests.reasons import ECHOED, Unserved, unserved
 from .evidence import Evidence
 from .exchanges import Ending
 from .rawbytes import is_in_ascii
+from .signatures import known_header
 from .unitledger import UnitLedger
 
 _LATE: Final = 0.1  # of the silent requests: then answers do come
+_HEARD: Final = 3  # beginnings of answers where others are due
+_BEGIN: Final = 3  # bytes of an answer that say whose it is, and to what
 _SURE: Final = 0.9
 SHOWN: Final = 3  # requests that a sentence writes out
 
@@ -41,7 +44,18 @@ def _comes_late(evidence: Evidence, unit: UnitLedger, found: Unserved) -> bool:
     if all(request.function in ECHOED for request in found.requests):
         return False
     silent = unit.count(Ending.SILENT)
-    return unit.late > _LATE * silent or evidence.silent(unit) < _SURE * silent
+    heard = _heard_elsewhere(evidence, found)
+    late = max(unit.late, heard if heard >= _HEARD else 0)
+    return late > _LATE * silent or evidence.silent(unit) < _SURE * silent
+
+
+def _heard_elsewhere(evidence: Evidence, found: Unserved) -> int:
+    """How many stretches of what is no right answer hold the beginning of an answer to such requests, or all but its first
+    byte: it came when something else was sent."""
+    begins = {known_header(request.adu)[at : at + _BEGIN] for request in found.requests for at in (0, 1)}
+    begins = {begin for begin in begins if len(begin) == _BEGIN}
+    readings = (each for unit in evidence.units for each in (*evidence.readings(unit), *evidence.followed(unit)))
+    return sum(any(begin in each.heard for begin in begins) for each in readings)
 
 
 def spaced(request: Request) -> str:
