@@ -47,6 +47,7 @@ class Manners:
     turnaround_ms: float = 120.0
     on_bad: Literal["wait", "again"] = "wait"
     on_stranger: Literal["ignore", "again"] = "ignore"
+    deaf_ms: float = 0.0  # behind its requests
 
 
 @dataclass(slots=True)
@@ -88,7 +89,8 @@ class FieldMaster:
         """Bytes since the last time; nobody sends any more at `t`."""
         if not self._waiting or not self.requests:
             return
-        mine = [octet for octet in octets if octet.t_ns > self.requests[-1].end + 0.5 * self.uart.char_ns]
+        deaf_ns = max(0.5 * self.uart.char_ns, self.manners.deaf_ms * MS)
+        mine = [octet for octet in octets if octet.t_ns > self.requests[-1].end + deaf_ns]
         self._heard += mine
         if not self._heard:
             return

@@ -1,0 +1,89 @@
+"""What speaks for a cause, held against its rivals: outages, held lines, late answers, a tap that loses, failures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from random import Random
+
+import pytest
+from bursts import Sent, answer_of, causes, frame, ledger, read_of
+
+from analyzer.causes.ledger import ledger_of
+from analyzer.causes.reasoning import Story, story_of
+from analyzer.core import analyse
+from analyzer.simulation.field.cases.registry import field_cases
+from captures.chunks import Capture
+
+
+def _told(case: str, seed: int, tap: str = "irq") -> Story:
+    made = field_cases()[case].capture(tap, seed)
+    capture = Capture.of(made.line, made.chunks)
+    return story_of(ledger_of(((part.batch, part.transactions) for part in analyse(capture)), capture.line))
+
+
+@pytest.mark.parametrize("seed", [20, 25])
+def test_an_outage_in_which_each_unit_misses_one_request_is_everybodys(seed: int) -> None:
+    assert [cause.cause for cause in _told("all-silent-briefly", seed).causes][:1] == ["all-silent"]
+
+
+def test_a_request_whose_answer_is_heard_where_others_are_due_can_be_served() -> None:
+    found = [cause.cause for cause in _told("timeout-too-short-writes", 29).causes]
+    assert found[0] == "timeout-too-short" and "cannot-serve" not in found
+
+
+def test_what_a_tap_loses_is_no_second_client() -> None:
+    assert [cause.cause for cause in _told("tap-loses", 7700, "precise").causes] == ["tap-loses"]
+
+
+def test_a_line_that_is_held_while_somebody_sends_is_held() -> None:
+    random = Random(4)
+
+    def sent() -> Iterator[Sent]:
+        rest = 10.0
+        for i in range(400):
+            unit = i % 4 + 1
+            yield rest, read_of(unit)
+            answer = answer_of(unit, 900 + i)
+            rest = 10.0
+            if i % 40 == 20:  # what is sent then ends there, or the next request does
+                yield 8.0, answer[: random.choice((4, 5, 7))] + b"\0" if i % 80 == 20 else answer
+                yield (2.0, b"") if i % 80 == 20 else (10.0, read_of(unit % 4 + 1)[:5] + b"\0\0")
+                rest = random.uniform(1500, 3000)
+            else:
+                yield 8.0 + random.random(), answer
+
+    assert [cause.cause for cause in causes(sent())][:1] == ["line-held"]
+
+
+def test_strays_behind_all_units_are_the_lines_though_one_rests_longer() -> None:
+    random = Random(1)
+
+    def sent() -> Iterator[Sent]:
+        rest = 12.0
+        for i in range(480):
+            unit = i % 6 + 1
+            yield rest, read_of(unit)
+            yield 8.0 + random.random(), answer_of(unit, 900 + i)
+            rest = 12.0 if unit < 6 else 900.0  # the next round
+            if random.random() < 0.15:
+                yield random.uniform(1.5, 4), random.choice((b"\xff", b"\0", b"\xf0\xfe"))
+
+    assert [cause.cause for cause in causes(sent())][:1] == ["bias"]
+
+
+@pytest.mark.parametrize("alone", [True, False])
+def test_a_failure_now_and_then_is_a_fact_only_beside_what_never_fails(alone: bool) -> None:
+    random = Random(3)
+
+    def sent() -> Iterator[Sent]:
+        for i in range(400):
+            unit = i % 2 + 1
+            yield 10.0, read_of(unit)
+            fails = unit == 2 and random.random() < 0.25
+            yield 8.0, frame(2, 0x83, 4) if fails else answer_of(unit, 900 + i)
+            if not alone:
+                yield 10.0, read_of(2, quantity=3)
+                yield 8.0, answer_of(2, 70 + i, registers=3)
+
+    left = story_of(ledger(sent())).not_explained
+    assert [each.unit for each in left] == ([2] if alone else [])
