@@ -31,6 +31,26 @@ def test_a_request_whose_answer_is_heard_where_others_are_due_can_be_served() ->
     assert found[0] == "timeout-too-short" and "cannot-serve" not in found
 
 
+def test_registers_that_a_larger_request_reads_are_there() -> None:
+    """A unit stores what was written to it, and hears nothing meanwhile."""
+    random = Random(2)
+
+    def sent() -> Iterator[Sent]:
+        for i in range(120):
+            yield 10.0, read_of(1)
+            yield 8.0, answer_of(1, 900 + i)
+            yield 10.0 + 2 * random.random(), frame(2, 3, 0, 0, 0, 12)
+            yield 8.0, answer_of(2, 70 + i, registers=12)
+            yield 10.0, (write := frame(2, 6, 0, 20, *divmod(500 + i, 256)))
+            yield 8.0, write
+            yield 10.0 + 2 * random.random(), frame(2, 3, 0, 5, 0, 4)
+            yield 300.0, b""
+
+    found = story_of(ledger(sent()))
+    assert "cannot-serve" not in [cause.cause for cause in found.causes]
+    assert [each.unit for each in found.not_explained] == [2]
+
+
 def test_what_a_tap_loses_is_no_second_client() -> None:
     assert [cause.cause for cause in _told("tap-loses", 7700, "precise").causes] == ["tap-loses"]
 
