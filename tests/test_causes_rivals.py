@@ -51,6 +51,28 @@ def test_registers_that_a_larger_request_reads_are_there() -> None:
     assert [each.unit for each in found.not_explained] == [2]
 
 
+@pytest.mark.parametrize("lag", [1, 3])
+def test_a_write_whose_answers_read_like_requests_can_be_served(lag: int) -> None:
+    """The client takes the answer to a write some rounds before for that to the newest, and goes on."""
+    random = Random(1)
+
+    def sent() -> Iterator[Sent]:
+        owed = list[bytes]()
+        for i in range(150):
+            for unit in (1, 2, 3, 4):
+                yield 8.0 + random.random(), read_of(unit)
+                yield 8.0 + random.random(), answer_of(unit, 900 + i)
+            owed.append(frame(2, 6, 0, 20, *divmod(500 + random.randrange(300), 256)))
+            yield 8.0 + random.random(), owed[-1]
+            yield (random.uniform(20, 80), owed.pop(0)) if len(owed) > lag + 1 else (500.0 + random.random(), b"")
+
+    assert "cannot-serve" not in [cause.cause for cause in causes(sent())]
+
+
+def test_a_write_whose_answers_come_late_can_be_served() -> None:
+    assert [cause.cause for cause in _told("timeout-too-short-write", 1).causes][:1] == ["timeout-too-short"]
+
+
 def test_what_a_tap_loses_is_no_second_client() -> None:
     assert [cause.cause for cause in _told("tap-loses", 7700, "precise").causes] == ["tap-loses"]
 

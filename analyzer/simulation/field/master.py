@@ -48,6 +48,7 @@ class Manners:
     on_bad: Literal["wait", "again"] = "wait"
     on_stranger: Literal["ignore", "again"] = "ignore"
     deaf_ms: float = 0.0  # behind its requests
+    compares_values: bool = True  # of an answer to a write with those that it wrote
 
 
 @dataclass(slots=True)
@@ -98,7 +99,7 @@ class FieldMaster:
         if self.takes_prefix and len(data) > 5 and not data[-1]:
             data = _whole_before_zeros(data)
         adu = None if any(octet.error for octet in self._heard) or not crc_ok(data) else data
-        if adu is not None and fits(self._sent, adu):
+        if adu is not None and fits(self._sent, adu, values=self.manners.compares_values):
             self.requests[-1].result = "exception" if adu[1] & 0x80 else "answered"
             self._done(self._heard[-1].t_ns)
         elif adu is not None:
@@ -195,8 +196,8 @@ def _whole_before_zeros(data: bytes) -> bytes:
     return data
 
 
-def fits(request: bytes, answer: bytes) -> bool:
-    """Whether a client takes this for the answer."""
+def fits(request: bytes, answer: bytes, *, values: bool = True) -> bool:
+    """Whether a client takes this for the answer; `values`: to a write, by the values too."""
     if answer[0] != request[0] or answer[1] & 0x7F != request[1]:
         return False
     if answer[1] & 0x80:
@@ -208,7 +209,7 @@ def fits(request: bytes, answer: bytes) -> bool:
         case 1 | 2:
             return answer[2] == (quantity + 7) // 8 == len(answer) - 5
         case 5 | 6 | 15 | 16:
-            return answer[2:6] == request[2:6]
+            return answer[2:6] == request[2:6] if values else answer[2:4] == request[2:4]
         case 22:
             return answer == request
         case 23:

@@ -137,6 +137,20 @@ def timeout_too_short_writes(random: Random, tap: str) -> Site:
     return bench, Expected("timeout-too-short", (unit.unit,), ("values-under-wrong-registers",))
 
 
+@field_case("timeout-too-short-write", LOCAL)
+def timeout_too_short_write(random: Random, tap: str) -> Site:
+    """A unit takes long to store a value: the client takes its answer for that to its next write, which it is like."""
+    bench = site(random, tap, units=(4, 9), seconds=(40, 200))
+    unit, manners = bench.unit(), bench.master.manners
+    bench.master.polls.append(FieldPoll(unit.unit, write_pdu(random, 6, 40)))
+    for poll in bench.master.polls:
+        poll.period_ns = 0
+    usual, late = unit.delay, random.uniform(1.05, 1.6)
+    manners.retries, manners.cycle_ms, manners.compares_values = random.choice((0, 1)), 0.0, False
+    unit.delay = lambda pdu, t: late * manners.timeout_ms * MS if pdu[0] == 6 else usual(pdu, t)
+    return bench, Expected("timeout-too-short", (unit.unit,), ("values-under-wrong-registers",))
+
+
 _NEVER_AGAIN = 1e18  # ns
 
 
