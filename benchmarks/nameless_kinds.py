@@ -300,6 +300,15 @@ def client_deaf_to_one(random: Random, bench: Bench) -> None:
     )
 
 
+@nameless("client-deaf-behind")
+def client_deaf_behind(random: Random, bench: Bench) -> None:
+    """The client hears nothing for a while behind each request, as a converter turns round: what comes soon is lost."""
+    bench.master.manners.retries, bench.master.manners.on_bad = random.choice((0, 1, 2)), "wait"
+    delays = sorted(unit.delay_ms for unit in bench.units.values())
+    middle = len(delays) // 2
+    bench.master.manners.deaf_ms = (delays[middle - 1] + delays[middle]) / 2 + bench.uart.char_ns / 1e6
+
+
 @nameless("client-stutters")
 def client_stutters(random: Random, bench: Bench) -> tuple[str, ...]:
     """The client's port sends some requests with a byte wrong, by chance: no check value fits."""

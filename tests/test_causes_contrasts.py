@@ -109,6 +109,12 @@ def test_answers_that_the_client_does_not_take_are_told() -> None:
     assert all("the client does not take them" in left.like for left in story.not_explained) and story.not_explained
 
 
+def test_answers_that_come_while_the_client_is_deaf_are_told() -> None:
+    story = _story("client-deaf-behind", 6)
+    assert not story.causes
+    assert all("the client does not take them" in left.like for left in story.not_explained) and story.not_explained
+
+
 def test_a_tap_that_repeats_is_the_first_cause() -> None:
     story = _story("tap-repeats", 5)
     assert story.causes and story.causes[0].cause == "tap-repeats"

@@ -168,7 +168,7 @@ def contrasts(rows: AskedRows, hits: Hits) -> list[Contrast]:
     count = int(np.count_nonzero(hits))
     if count < _LEAST or count == len(hits):
         return []
-    sums = _Sums(len(hits))
+    sums = RateSums(len(hits))
     found = [
         each
         for one in (*REQUEST_PROPERTIES, *CIRCUMSTANCES)
@@ -178,7 +178,7 @@ def contrasts(rows: AskedRows, hits: Hits) -> list[Contrast]:
     return sorted((each for each in found if each.bits > 0), key=lambda each: -each.bits)
 
 
-class _Sums:
+class RateSums:
     """Logarithms that the estimator needs, up to so many requests."""
 
     def __init__(self, most: int) -> None:
@@ -191,7 +191,7 @@ class _Sums:
         return self._halves[hits] + self._halves[of - hits] - self._whole[of]
 
 
-def _parted(one: Property, values: Figures, hits: Hits, sums: _Sums) -> Contrast | None:
+def _parted(one: Property, values: Figures, hits: Hits, sums: RateSums) -> Contrast | None:
     known = values != _UNKNOWN
     if one.name == "unit-before":
         known = np.ones(len(values), np.bool_)
@@ -201,7 +201,7 @@ def _parted(one: Property, values: Figures, hits: Hits, sums: _Sums) -> Contrast
     return (_over if one.way is Parting.OVER else _each)(one, values, hits, sums)
 
 
-def _over(one: Property, values: Figures, hits: Hits, sums: _Sums) -> Contrast | None:
+def _over(one: Property, values: Figures, hits: Hits, sums: RateSums) -> Contrast | None:
     order = np.argsort(values, kind="stable")
     values, hits = values[order], hits[order]
     edges = np.flatnonzero(values[1:] != values[:-1]) + 1  # of the first value above
@@ -222,7 +222,7 @@ def _over(one: Property, values: Figures, hits: Hits, sums: _Sums) -> Contrast |
     return Contrast(one.name, one.family, one.way, bits, then, otherwise, value, spared, over)
 
 
-def _each(one: Property, values: Figures, hits: Hits, sums: _Sums) -> Contrast | None:
+def _each(one: Property, values: Figures, hits: Hits, sums: RateSums) -> Contrast | None:
     kinds, which, of = np.unique(values, return_inverse=True, return_counts=True)
     if len(kinds) < 2:
         return None
@@ -239,7 +239,7 @@ def _each(one: Property, values: Figures, hits: Hits, sums: _Sums) -> Contrast |
     return Contrast(one.name, one.family, one.way, bits, then, Side(every - then.hits, size - then.of), int(kinds[i]))
 
 
-def _chain(rows: AskedRows, hits: Hits, sums: _Sums) -> Iterator[Contrast]:
+def _chain(rows: AskedRows, hits: Hits, sums: RateSums) -> Iterator[Contrast]:
     """Spells: whether a hit follows a hit."""
     order = np.argsort(rows.time, kind="stable")
     hits = hits[order]

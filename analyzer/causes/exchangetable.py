@@ -45,6 +45,7 @@ class AskedRows(Columns):
     outcome_before: UInt8s  # and what became of that
     repeats: Bools  # the request before
     next_same: Bools  # the client asks once more
+    late: Int32s  # right answers to requests before it, while its own was due or behind it
 
 
 class ExchangeTable:
@@ -90,7 +91,7 @@ class ExchangeTable:
                 (poll >> 16 & 0xFFFF).astype(np.int32), (poll & 0xFFFF).astype(np.int32), mine(exchanges.due),
                 mine(exchanges.outcome), mine(exchanges.exception), mine(exchanges.noise), mine(exchanges.gap_before),
                 np.where(t_next == NEVER, -1, t_next - mine(exchanges.t_asked)), mine(exchanges.delay), mine(before),
-                mine(outcome_before), mine(exchanges.repeats), mine(exchanges.next_same),
+                mine(outcome_before), mine(exchanges.repeats), mine(exchanges.next_same), mine(exchanges.late),
             )
         )  # fmt: skip
         self._held += len(which)

@@ -121,25 +121,39 @@ def stray_behind(evidence: Evidence) -> list[float]:
 
 def apart_bits(evidence: Evidence) -> float:
     """How much likelier it is that what comes behind answers is some units' own than that it strikes the idle line, which
-    is idle behind each for so much of the time; 0 or more."""
-    stray, idle = stray_behind(evidence), _idle(evidence)
+    is idle behind each for so much of the time, or is let go so often; 0 or more."""
+    stray = stray_behind(evidence)
     every = sum(stray)
     if not every or not evidence.ledger.timed:
         return 0.0
-    own = sum(n * log2(n * sum(idle) / (every * each)) for n, each in zip(stray, idle, strict=True) if n)
+    own = min(
+        sum(n * log2(n * sum(exposed) / (every * each)) for n, each in zip(stray, exposed, strict=True) if n)
+        for exposed in _exposed(evidence)
+    )
     return max(own - 0.5 * (len(stray) - 1) * log2(every + 2), 0.0)
 
 
 def is_behind_few(evidence: Evidence) -> bool:
-    """Whether nearly all stray bytes come behind some units that have at most half of the idle time behind them."""
-    pairs = sorted(zip(stray_behind(evidence), _idle(evidence), strict=True), key=lambda pair: -pair[0] / pair[1])
-    count = sum(stray for stray, _ in pairs)
-    behind = idle = 0.0
+    """Whether nearly all stray bytes come behind some units that have at most half of the idle time behind them, and let the
+    line go at most half of the times."""
+    return all(_is_behind_few(stray_behind(evidence), exposed) for exposed in _exposed(evidence))
+
+
+def _is_behind_few(strays_behind: Sequence[float], exposed: Sequence[float]) -> bool:
+    pairs = sorted(zip(strays_behind, exposed, strict=True), key=lambda pair: -pair[0] / pair[1])
+    count = sum(strays_behind)
+    behind = share = 0.0
     for stray, each in pairs:
         if behind > _NEARLY_ALL * count:
             break
-        behind, idle = behind + stray, idle + each
-    return 0 < idle <= 0.5 * sum(each for _, each in pairs)
+        behind, share = behind + stray, share + each
+    return 0 < share <= 0.5 * sum(exposed)
+
+
+def _exposed(evidence: Evidence) -> tuple[list[float], list[float]]:
+    """How much of what strays on an idle line is due behind each unit: by how long it is idle, or by how often it is let
+    go."""
+    return _idle(evidence), [float(max(unit.answered, 1)) for unit in evidence.units]
 
 
 def spares_units(evidence: Evidence) -> bool:

@@ -31,6 +31,7 @@ _BACKGROUND: Final = {Symptom.SILENCE: 0.01, Symptom.DAMAGE: HEALTHY, Symptom.RE
                       Symptom.DOUBLES: HEALTHY, Symptom.BEHIND: 0.02}  # fmt: skip
 _TOLD_BITS: Final = 6.0  # of a contrast that is told
 _OF_REQUEST: Final = frozenset((1, 2, 3))
+_FAILURES: Final = frozenset((4, 8))  # exceptions that speak of the device, not of what is asked
 _ALWAYS: Final = 0.9
 _BY_HAND_NS: Final = 3e9  # from one to the next: nobody enters values sooner, again and again
 _NOISE: Final = 0.02  # of the bytes
@@ -135,6 +136,8 @@ def _is_fact(evidence: Evidence, unit: UnitLedger, symptom: Symptom, best: Contr
     refused = [poll for poll in evidence.polls_of(unit.unit) if poll.exceptions.total()]
     others = [poll for poll in evidence.polls_of(unit.unit) if not poll.exceptions.total()]
     refused_of = {code for poll in refused for code in poll.exceptions}
+    if refused_of & _FAILURES and not any(poll.count(Ending.OK) for poll in others):
+        return False  # there is nothing else that it answers each time
     if refused_of & _OF_REQUEST and any(poll.count(Ending.EXCEPTION) >= _ALWAYS * poll.asked for poll in refused):
         return False  # what is never answered is asked in vain
     times = sum(poll.count(Ending.EXCEPTION) for poll in refused)

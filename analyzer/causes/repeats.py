@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 
+from ..deframing.tap_clock import UNKNOWN
 from ..tables.transactions import ECHOED
 from .bits import strays, surplus_bits
 from .evidence import HEALTHY, Evidence
@@ -25,6 +26,8 @@ _REQUEST_CHARS: Final = 8
 _LONGER: Final = 1.5
 _TOLD: Final = 0.5  # of a time: by so much it may be wrong and tell something
 _SELDOM: Final = 0.5  # of the good answers
+_PAUSES: Final = 0.97  # of the client's rests behind good answers,
+_IN_VAIN: Final = 2.0  # times which it waits where there is none
 
 
 def asked_again_into(evidence: Evidence, unit: UnitLedger) -> list[Signature]:
@@ -195,3 +198,14 @@ def in_vain(evidence: Evidence, unit: UnitLedger) -> tuple[int, int]:
         return evidence.silent(unit), unit.asked
     taken = unit.answered + unit.loose  # for answers, the first of a pair each time
     return unit.count(Ending.SILENT) + unit.answered + taken, unit.asked + taken
+
+
+def answers_like_requests(evidence: Evidence, unit: UnitLedger) -> int:
+    """How many of what seem to be writes without an answer the client goes on behind as soon as behind answers, though it
+    waits for others: answers to requests long before, which read like requests."""
+    longest, rows = evidence.ledger.pauses.quantile(_PAUSES), evidence.rows(unit.unit)
+    waits = rows.wait[(rows.outcome == Ending.SILENT) & ECHOED[rows.function] & ~rows.next_same & (rows.wait >= 0)]
+    soon = waits <= (UNKNOWN if longest is None else longest + evidence.verdict.wait_ns)
+    if soon.all() or not soon.any() or np.median(waits[~soon]) < _IN_VAIN * np.median(waits[soon]):
+        return 0  # nobody knows how long it waits in vain
+    return round(int(np.count_nonzero(soon)) * evidence.ledger.table.weight)

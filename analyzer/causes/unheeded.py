@@ -1,6 +1,7 @@
 """Whole answers that the client did not take, as its next move shows.
 
 A client in want of an answer goes on when its timer ends, however soon the answer came; and it may ask the same again.
+One that is deaf for a while behind its requests loses just the answers that come soon.
 What goes by a list does neither: its rests hang on the answer, or on when a round began, and what it asks twice it asks
 twice each time.
 """
@@ -8,6 +9,7 @@ twice each time.
 from __future__ import annotations
 
 from collections import Counter, defaultdict
+from math import inf, log2
 from typing import Final
 
 import numpy as np
@@ -15,6 +17,7 @@ from numpy.typing import NDArray
 
 from ..tables.schema import Bools
 from .bits import strays
+from .contrasts import RateSums
 from .evidence import Evidence
 from .exchanges import Ending
 from .exchangetable import AskedRows
@@ -27,6 +30,7 @@ _STEADIER: Final = 0.5
 _IN_STEP: Final = 0.1
 _FORESEEN: Final = 0.9  # of how often a list asks the same again
 _OF_READS: Final = 4  # functions up to here
+_SURE_BITS: Final = 10.0
 
 
 def unheeded(evidence: Evidence) -> dict[int, int]:
@@ -41,6 +45,7 @@ def unheeded(evidence: Evidence) -> dict[int, int]:
     rests = rows.wait - rows.delay - rows.due * char_ns
     far = good & (rests > _FAR_LONGER * max(float(np.quantile(rests[good], _USUAL)), 0.0) + off)
     lost = (far & _by_timer(rows, rests, far, off)) | (good & rows.next_same & _again(rows, far, off))
+    lost[good] |= far[good] & _too_soon(rows[good], far[good])
     count = np.bincount(rows.unit[lost], minlength=256)
     return {
         unit: round(int(count[unit]) * evidence.ledger.table.weight)
@@ -64,6 +69,40 @@ def _by_timer(rows: AskedRows, rests: NDArray[np.float64], far: Bools, off: floa
         if min(others) > off and strays(wait) < _STEADIER * min(others):
             found |= far & (rows.unit == unit) & (np.abs(rows.wait - np.median(wait)) <= _ALIKE * np.median(wait))
     return found
+
+
+def _too_soon(rows: AskedRows, far: Bools) -> Bools:
+    """Answers that come sooner than a client hears again behind its request: where that, the same for all polls, or for all
+    behind which it ever rests, tells the rests better than the polls do, each with a rate of its own. The rest of a round
+    is left out: it is longer where answers come soon."""
+    keys = np.stack((rows.unit, rows.function, rows.address, rows.quantity), axis=1)
+    polls, which = np.unique(keys, axis=0, return_inverse=True)
+    which = which.reshape(-1)
+    mine, of = np.bincount(which, far, len(polls)), np.bincount(which, minlength=len(polls))
+    known = which != int(np.argmax(np.where(mine < of, mine, 0)))
+    found = max(_told_by_delay(rows.delay, far, which, known & (mine[which] >= least)) for least in (0, 1))
+    return far & (rows.delay <= found[1]) if found[0] >= _SURE_BITS else np.zeros(len(far), np.bool_)
+
+
+def _told_by_delay(delays: NDArray[np.int64], far: Bools, polls: NDArray[np.intp], known: Bools) -> tuple[float, int]:
+    """How much better (bits) the delay tells the rests behind these answers than their polls do, and the longest delay
+    behind which the client rests."""
+    delays, far, polls = delays[known], far[known], polls[known]
+    order = np.argsort(delays, kind="stable")
+    values, below = delays[order], np.concatenate(([0], far[order].cumsum()))
+    size, every = len(far), int(below[-1])
+    edges = np.flatnonzero(values[1:] != values[:-1]) + 1
+    edges = edges[below[edges] * (size - edges) > (every - below[edges]) * edges]  # more of the sooner ones
+    if not len(edges):
+        return -inf, 0
+    sums = RateSums(size)
+    bits = sums.bits(below[edges], edges) + sums.bits(every - below[edges], size - edges) - log2(len(edges))
+    best = int(np.argmax(bits))
+    own = np.bincount(polls, far).astype(np.int64), np.bincount(polls)
+    some = 2 * own[0] > own[1]
+    by_poll = float(sums.bits(*own).sum())
+    always = sum(float(sums.bits(*(int(each[which].sum()) for each in own))) for which in (some, ~some))
+    return float(bits[best]) - max(by_poll, always - np.count_nonzero(own[1])), int(values[edges[best] - 1])
 
 
 def _again(rows: AskedRows, far: Bools, off: float) -> Bools:

@@ -5,14 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
+import numpy as np
+
 from ..requests.asked import Request, request_of
 from ..requests.reasons import ECHOED, Unserved, unserved
 from .evidence import Evidence
 from .exchanges import Ending
 from .rawbytes import is_in_ascii
+from .repeats import answers_like_requests
+from .signatures import known_header
 from .unitledger import UnitLedger
 
 _LATE: Final = 0.1  # of the silent requests: then answers do come
+_HEARD: Final = 3  # beginnings of answers where others are due
+_MOSTLY: Final = 0.9
+_BEGIN: Final = 3  # bytes of an answer that say whose it is, and to what
 _SURE: Final = 0.9
 SHOWN: Final = 3  # requests that a sentence writes out
 
@@ -38,10 +45,29 @@ def unserved_of(evidence: Evidence, unit: UnitLedger, *, silent: bool) -> Unserv
 
 def _comes_late(evidence: Evidence, unit: UnitLedger, found: Unserved) -> bool:
     """Whether answers do come, late or where they are doubtful; a retry that reads like the answer tells nothing."""
-    if all(request.function in ECHOED for request in found.requests):
-        return False
     silent = unit.count(Ending.SILENT)
-    return unit.late > _LATE * silent or evidence.silent(unit) < _SURE * silent
+    if all(request.function in ECHOED for request in found.requests):
+        late = unit.late if _is_nothing_waited_for(evidence, unit) else 0
+        return late + answers_like_requests(evidence, unit) > _LATE * silent
+    heard = _heard_elsewhere(evidence, found)
+    late = max(unit.late, heard if heard >= _HEARD else 0)
+    return late > _LATE * silent or evidence.silent(unit) < _SURE * silent
+
+
+def _is_nothing_waited_for(evidence: Evidence, unit: UnitLedger) -> bool:
+    """Whether what reads like late answers as well as like requests is followed sooner than the client gives up on one."""
+    rows, mine = evidence.ledger.table.rows, evidence.rows(unit.unit)
+    waits, in_vain = rows.wait[(rows.late > 0) & (rows.wait >= 0)], mine.wait[mine.outcome == Ending.SILENT]
+    return bool(len(waits) and len(in_vain) and np.median(waits) < np.quantile(in_vain, _MOSTLY))
+
+
+def _heard_elsewhere(evidence: Evidence, found: Unserved) -> int:
+    """How many stretches of what is no right answer hold the beginning of an answer to such requests, or all but its first
+    byte: it came when something else was sent."""
+    begins = {known_header(request.adu)[at : at + _BEGIN] for request in found.requests for at in (0, 1)}
+    begins = {begin for begin in begins if len(begin) == _BEGIN}
+    readings = (each for unit in evidence.units for each in (*evidence.readings(unit), *evidence.followed(unit)))
+    return sum(any(begin in each.heard for begin in begins) for each in readings)
 
 
 def spaced(request: Request) -> str:

@@ -311,7 +311,9 @@ def _by_place(every: _FailingBesideWell) -> Iterator[_SharedTrait]:
     for function, part in parts.items():
         yield _SharedTrait("range-end", part.which(Areas.of(part.well, function).part_with), 3.0, _PLACED)
     if every.well:
+        areas = {function: Areas.of(part.well, function) for function, part in parts.items()}
         refused = [poll for poll in every.failing if poll.request.is_read and poll.code != _FAILED]
+        refused = [poll for poll in refused if not areas[poll.request.function].hold(poll.request)]  # it reads well
         reads = [(poll, _outside(poll.request, parts[poll.request.function].well)) for poll in refused]
         told_together = min(sum(told for _, told in reads), _COVERED_BITS)
         yield _SharedTrait("address", refused, 3.0 + 2.0 * max(len(reads) - 1, 0) - told_together, _PLACED)

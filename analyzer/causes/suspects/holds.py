@@ -8,10 +8,14 @@ from typing import Final
 import numpy as np
 
 from ...tables.findings import Severity
+from ...tables.schema import Bools
 from ..bits import mean_period_s, surplus_bits
 from ..evidence import Evidence
+from ..exchanges import Ending
+from ..exchangetable import AskedRows
 from ..ledger import STRAY
 from ..registry import Suspicion, Symptom, suspect
+from ..samples import READ_REQUEST
 
 _LEAST: Final = 3  # times
 _FAR: Final = 5.0  # times the longest rest that is usual
@@ -21,7 +25,7 @@ _SELDOM: Final = 0.03  # of the exchanges
 _LEAST_NS: Final = 400_000_000
 _HARDLY: Final = 0.01  # of the exchanges with nothing behind them
 _MOSTLY: Final = 0.5
-_FEW_BYTES: Final = 0.7  # of the times
+_CUT: Final = 0.7  # of the times
 
 
 @suspect(
@@ -53,7 +57,7 @@ def line_held(evidence: Evidence) -> Iterator[Suspicion]:
     others, others_of = int(np.count_nonzero(long & clean)), int(np.count_nonzero(clean))
     if times < max(_LEAST, _MOSTLY * strays) or others > _HARDLY * others_of or times > _SELDOM * len(wait):
         return  # a client that waits in vain behind each damaged answer is not held
-    if np.count_nonzero(heard[long & stray] <= STRAY) < _FEW_BYTES * times:
+    if np.count_nonzero(_is_cut(rows[known][long & stray])) < _CUT * times:
         return  # nor is one that gets whole answers, if damaged
     begins = rows.time[known][long & stray].tolist()
     yield Suspicion(
@@ -72,3 +76,11 @@ def line_held(evidence: Evidence) -> Iterator[Suspicion]:
         until=begins[-1],
         period_s=mean_period_s(begins),
     )
+
+
+def _is_cut(rows: AskedRows) -> Bools:
+    """Where no more was heard than strays, or what the line was held in: less than the answer that was due, or behind a
+    good one a request."""
+    most = np.where(rows.outcome == Ending.GARBAGE, rows.due - 1, READ_REQUEST)
+    found: Bools = rows.heard <= np.maximum(most, 0) + STRAY * (rows.outcome != Ending.GARBAGE)
+    return found | (rows.heard <= STRAY)

@@ -19,7 +19,7 @@ from ..evidence import HEALTHY, Evidence, alone_or_together
 from ..exchanges import Ending
 from ..hits import cut_short, given_up_by_timer, interrupted, late_units, timed_by_the_master
 from ..registry import Suspicion, Symptom, suspect
-from ..repeats import asked_again_behind, asked_again_into, only_repeats, waits_longer
+from ..repeats import answers_like_requests, asked_again_behind, asked_again_into, only_repeats, waits_longer
 from ..signatures import AnswerDamage, Signature
 from ..unitledger import UnitLedger
 
@@ -211,7 +211,7 @@ def _late(evidence: Evidence, unit: UnitLedger) -> int:
         or r in by_timer
     ]
     found += round(unit.count(Ending.GARBAGE) * len(late) / max(len(readings), 1))
-    behind = asked_again_behind(evidence, unit)
+    behind = asked_again_behind(evidence, unit) + answers_like_requests(evidence, unit)
     return found + max(slow.count, hurried.count, _unheeded(evidence, unit), _in_vain(evidence, unit), behind)
 
 

@@ -122,6 +122,7 @@ _OUTAGE_BITS: Final = 16.0  # that its place in the time costs
 _INSIDE: Final = 0.6  # of a unit's silence
 _FEW: Final = 3  # requests an outage, of a unit that is asked too rarely to be silent for a while
 _LEAST: Final = 2  # requests to others meanwhile
+_RUN: Final = 3  # requests, but for repeats
 _MOSTLY: Final = 0.5
 _HARDLY: Final = 0.1
 
@@ -184,7 +185,29 @@ def silent_together(evidence: Evidence) -> list[list[Outage]]:
     }
     span = ledger.span_ns if ledger.timed else ledger.bytes
     groups = outages_of(spells, span, lambda spell: is_spell(evidence, spell))
+    runs = [Outage(each, _by_chance(each.values(), span)) for each in _runs(evidence, list(spells))]
+    shared = {unit for run in runs if len(run.spells) > 1 for unit in run.spells}
+    if shared:  # what a unit of these is silent to while no other is asked may be the same
+        groups.append([run for run in runs if run.spells.keys() & shared])
     return [group for group in groups if sum(outage.bits for outage in group) >= _TOGETHER_BITS]
+
+
+def _runs(evidence: Evidence, units: Sequence[int]) -> Iterator[dict[int, Spell]]:
+    """Runs of silence of the bus, each unit with its part: nobody answered from the first request to the last, though
+    several units were asked, too few times each for a spell of its own. Units that never answer tell nothing."""
+    rows = evidence.ledger.table.rows
+    rows = rows[np.isin(rows.unit, units)]
+    silent, times = rows.outcome == Ending.SILENT, rows.time.tolist()
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], silent, [False])).astype(np.int8)))
+    for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        after = times[begin - 1] if begin else None
+        before = times[end] if end < len(times) else None
+        run = rows[begin:end]
+        parts = {unit: np.flatnonzero(run.unit == unit) + begin for unit in np.unique(run.unit).tolist()}
+        if np.count_nonzero(~run.repeats) >= _RUN if len(parts) > 1 else len(run) > 1:
+            yield {
+                unit: Spell(times[mine[0]], times[mine[-1]], len(mine), after, before) for unit, mine in parts.items()
+            }
 
 
 def _together(evidence: Evidence, group: Sequence[Outage]) -> Iterator[Suspicion]:

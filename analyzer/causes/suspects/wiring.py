@@ -13,6 +13,7 @@ from ..evidence import HEALTHY, Evidence
 from ..exchanges import Ending
 from ..hits import ALIKE, WELL, Hits, apart_bits, is_behind_few, spared_bits, spares_units
 from ..hittimes import span_of_hits, spells_of_hits
+from ..ledger import STRAY
 from ..registry import OF_A_LINE, Suspicion, Symptom, suspect
 from ..unitledger import UnitLedger
 
@@ -85,8 +86,10 @@ def _run_into(evidence: Evidence, unit: UnitLedger) -> float:
     found = [
         each
         for each in readings
-        if kind_of(each) in ("head", "ahead") or (0 <= each.delay < before and each.length >= each.due - _LOST)
-    ]  # its answer came, too
+        if kind_of(each) in ("head", "ahead")
+        or (0 <= each.delay < before and each.length >= each.due - _LOST)  # its answer came, too
+        or (kind_of(each) == "whole" and each.length <= STRAY)  # no answer did: it ran into the request
+    ]
     return len(found) / len(readings) if readings else 0.0
 
 

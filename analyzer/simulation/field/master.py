@@ -47,6 +47,8 @@ class Manners:
     turnaround_ms: float = 120.0
     on_bad: Literal["wait", "again"] = "wait"
     on_stranger: Literal["ignore", "again"] = "ignore"
+    deaf_ms: float = 0.0  # behind its requests
+    compares_values: bool = True  # of an answer to a write with those that it wrote
 
 
 @dataclass(slots=True)
@@ -88,7 +90,8 @@ class FieldMaster:
         """Bytes since the last time; nobody sends any more at `t`."""
         if not self._waiting or not self.requests:
             return
-        mine = [octet for octet in octets if octet.t_ns > self.requests[-1].end + 0.5 * self.uart.char_ns]
+        deaf_ns = max(0.5 * self.uart.char_ns, self.manners.deaf_ms * MS)
+        mine = [octet for octet in octets if octet.t_ns > self.requests[-1].end + deaf_ns]
         self._heard += mine
         if not self._heard:
             return
@@ -96,7 +99,7 @@ class FieldMaster:
         if self.takes_prefix and len(data) > 5 and not data[-1]:
             data = _whole_before_zeros(data)
         adu = None if any(octet.error for octet in self._heard) or not crc_ok(data) else data
-        if adu is not None and fits(self._sent, adu):
+        if adu is not None and fits(self._sent, adu, values=self.manners.compares_values):
             self.requests[-1].result = "exception" if adu[1] & 0x80 else "answered"
             self._done(self._heard[-1].t_ns)
         elif adu is not None:
@@ -193,8 +196,8 @@ def _whole_before_zeros(data: bytes) -> bytes:
     return data
 
 
-def fits(request: bytes, answer: bytes) -> bool:
-    """Whether a client takes this for the answer."""
+def fits(request: bytes, answer: bytes, *, values: bool = True) -> bool:
+    """Whether a client takes this for the answer; `values`: to a write, by the values too."""
     if answer[0] != request[0] or answer[1] & 0x7F != request[1]:
         return False
     if answer[1] & 0x80:
@@ -206,7 +209,7 @@ def fits(request: bytes, answer: bytes) -> bool:
         case 1 | 2:
             return answer[2] == (quantity + 7) // 8 == len(answer) - 5
         case 5 | 6 | 15 | 16:
-            return answer[2:6] == request[2:6]
+            return answer[2:6] == request[2:6] if values else answer[2:4] == request[2:4]
         case 22:
             return answer == request
         case 23:

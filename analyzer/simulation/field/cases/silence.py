@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from random import Random
 
-from ..bench import SECOND, Bench, Expected, longest_answer_ms, read_pdu, site
+from ..bench import SECOND, Bench, Expected, longest_answer_ms, read_pdu, site, write_pdu
 from ..master import FieldPoll
 from ..units import MS, FieldUnit
 from ..wire import Burst, TapEnd
@@ -123,6 +123,34 @@ def timeout_too_short_shifted(random: Random, tap: str) -> Site:
     return bench, Expected("timeout-too-short", (unit.unit,), ("values-under-wrong-registers",))
 
 
+@field_case("timeout-too-short-writes", LOCAL)
+def timeout_too_short_writes(random: Random, tap: str) -> Site:
+    """A unit takes long to store what is written to it, and answers when the client is at the next polls."""
+    bench = site(random, tap, units=(4, 9), seconds=(40, 200))
+    unit, manners = bench.unit(), bench.master.manners
+    bench.master.polls.insert(
+        random.randrange(len(bench.master.polls)), FieldPoll(unit.unit, write_pdu(random, 16, 40))
+    )
+    usual, late = unit.delay, random.uniform(1.03, 1.5)
+    manners.retries = 0
+    unit.delay = lambda pdu, t: late * manners.timeout_ms * MS if pdu[0] == 16 else usual(pdu, t)
+    return bench, Expected("timeout-too-short", (unit.unit,), ("values-under-wrong-registers",))
+
+
+@field_case("timeout-too-short-write", LOCAL)
+def timeout_too_short_write(random: Random, tap: str) -> Site:
+    """A unit takes long to store a value: the client takes its answer for that to its next write, which it is like."""
+    bench = site(random, tap, units=(4, 9), seconds=(40, 200))
+    unit, manners = bench.unit(), bench.master.manners
+    bench.master.polls.append(FieldPoll(unit.unit, write_pdu(random, 6, 40)))
+    for poll in bench.master.polls:
+        poll.period_ns = 0
+    usual, late = unit.delay, random.uniform(1.05, 1.6)
+    manners.retries, manners.cycle_ms, manners.compares_values = random.choice((0, 1)), 0.0, False
+    unit.delay = lambda pdu, t: late * manners.timeout_ms * MS if pdu[0] == 6 else usual(pdu, t)
+    return bench, Expected("timeout-too-short", (unit.unit,), ("values-under-wrong-registers",))
+
+
 _NEVER_AGAIN = 1e18  # ns
 
 
@@ -184,6 +212,22 @@ def all_silent_power(random: Random, tap: str) -> Site:
             begin <= t < begin + off + starts for begin in spells
         )
     return bench, Expected("all-silent", tuple(lost))
+
+
+@field_case("all-silent-briefly", LOCAL)
+def all_silent_briefly(random: Random, tap: str) -> Site:
+    """What all units hang on fails again and again, each time for less than a round: each misses a request or two."""
+    bench = site(random, tap, units=(4, 10), seconds=(60, 200))
+    manners, times = bench.master.manners, random.randint(5, 8)
+    manners.retries, manners.cycle_ms = random.choice((0, 0, 1)), 0.0
+    off = (manners.timeout_ms * random.uniform(3, 5) + 50) * MS
+    period = (bench.duration_ns - bench.begin_ns) / times
+    begins = [bench.begin_ns + (k + random.uniform(0.2, 0.6)) * period for k in range(times)]
+    for poll in bench.master.polls:
+        poll.period_ns = 0
+    for unit in bench.units.values():
+        unit.silent = lambda t: any(begin <= t < begin + off for begin in begins)
+    return bench, Expected("all-silent", ())
 
 
 @field_case("healthy-paused-master")
