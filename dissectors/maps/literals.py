@@ -43,12 +43,12 @@ def tree_of_source(text: str) -> Any:
     text = _summed(text)
     tokens = ((str(match.lastgroup), _token(match)) for match in _TOKEN.finditer(text))
     found = _BracketGroup(0).read(tokens, [{}, *_fields_in(text)])
-    if sum(isinstance(one, _Named) for one in found) > 1:
+    if sum(isinstance(one, _NamedGroup) for one in found) > 1:
         return found
-    return [part for one in found for part in (one.values() if isinstance(one, _Named) else (one,))]
+    return [part for one in found for part in (one.values() if isinstance(one, _NamedGroup) else (one,))]
 
 
-class _Named(dict[str, Any]):
+class _NamedGroup(dict[str, Any]):
     """A group with the name that it was given."""
 
 
@@ -140,7 +140,7 @@ class _BracketGroup:
             last = self.words[-1]
             item = last if isinstance(last, list | dict) or self.declares else " ".join(map(str, self.words))
             if self.name and not self.depth:
-                self.listed.append(_Named({self.name: item}) if isinstance(item, list | dict) else item)
+                self.listed.append(_NamedGroup({self.name: item}) if isinstance(item, list | dict) else item)
             elif self.name:
                 self.named[self.name] = item
             else:
