@@ -156,6 +156,47 @@ Die Register sind ab 1 gezählt.
             "holding 102 bits r {0=runs; 3=alarm} R_STATE",
         ],
     ),
+    "a table of which single blanks are left": (
+        "meter.txt",
+        """Meter 9 user manual
+
+Address Name Type Unit Factor
+0x0010 Voltage of phase 1 UINT16 V 0.1
+0x0011 Voltage of phase 2 UINT16 V 0.1
+0x0020 Energy imported since the last reset UINT32 kWh 0.01
+Page 12 of 40
+""",
+        [
+            "holding 16 u16 x0.1 V Voltage of phase 1", "holding 17 u16 x0.1 V Voltage of phase 2",
+            "holding 32 u32 x0.01 kWh Energy imported since the last reset",
+        ],
+    ),
+    "columns that a remark names, defines without remarks": (
+        "regs.py",
+        """# input registers
+# name: (address, data type, factor, unit)
+LIVE = {
+    "voltage": (5011, "uint16", 0.1, "V"),
+    "energy": (5012, "uint32", 0.01, "kWh"),
+    "state": (5020, "uint16", 1, None),
+}
+""",
+        ["input 5011 u16 x0.1 V r voltage", "input 5012 u32 x0.01 kWh r energy", "input 5020 u16 r state"],
+    ),
+    "decimals in words, comments that speak of all": (
+        "unit.ini",
+        """; registers are counted from 1
+[a]
+name=Level
+register=1
+note=1 decimal, cm
+[b]
+name=Flow
+register=2
+note=divided by 100
+""",
+        ["holding 0 u16 x0.1 Level", "holding 1 u16 x0.01 Flow"],
+    ),
     "units behind names that no list has, signs in remarks": (
         "list.csv",
         """Adr;Name;Remark

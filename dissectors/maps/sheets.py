@@ -14,6 +14,7 @@ from typing import Any, Final
 
 from .cells import one_line
 from .model import MapError, MissingLibraryError
+from .roles import assigned, known_headings
 from .table import csv_rows
 from .vocabulary import expression, form, tidied, vocabulary
 
@@ -175,9 +176,12 @@ def tables_of_text(text: str, file: str, most: int) -> Iterator[list[list[str]]]
         yield [[line[a:b].strip()[:_CELL] for (a, _), b in zip(spans, ends, strict=True)] for line in lines]
         return
     sign = max("\t;,|", key="\n".join(head).count)
+    signed = sum(line.count(sign) > 1 for line in head)
     wide = sum(len(_GAP.split(line.strip())) >= _LEAST_CELLS for line in head)
-    if wide >= max(_LEAST_WIDE, 2 * sum(line.count(sign) > 1 for line in head)):
+    if wide >= max(_LEAST_WIDE, 2 * signed):
         yield _cut_at_blanks(lines)
+    if max(wide, signed) < _LEAST_WIDE:
+        yield _cut_at_words(lines)
     yield _cut(lines, sign, file)
 
 
@@ -236,4 +240,19 @@ def _cut_at_blanks(lines: Sequence[str]) -> list[list[str]]:
             place = i if whole else min(range(len(columns)), key=lambda column: abs(columns[column] - at), default=0)
             row[place] = f"{row[place]} {cell}".strip()
         rows.append([cell[:_CELL] for cell in row[:_MOST_COLUMNS]])
+    return rows
+
+
+def _cut_at_words(lines: Sequence[str]) -> list[list[str]]:
+    """Cells that single blanks part, as some PDFs are copied: of a row below a heading of known words, what is over is
+    the name's; other lines as they stand."""
+    cut = [line.split() for line in lines]
+    head = next((words for words in cut[:_LOOK] if known_headings(words) > _LEAST_CELLS), [])
+    name = assigned(head, ()).get("name", 0)
+    rows = []
+    for line, words in zip(lines, cut, strict=True):
+        over = len(words) - len(head)
+        is_row = min(over + 1, name) > 0 and (words == head or words[0][:1].isdecimal())
+        end = name + over + 1
+        rows.append([*words[:name], " ".join(words[name:end]), *words[end:]] if is_row else [line])
     return rows
