@@ -5,6 +5,8 @@ from __future__ import annotations
 import pytest
 from oddmaps import check_import
 
+from dissectors.maps.written import order_of
+
 _FILES = {
     "cells that go on below, access in titles": (
         "pump.txt",
@@ -214,3 +216,15 @@ note=divided by 100
 def test_a_kind_of_file(kind: str) -> None:
     name, text, rows = _FILES[kind]
     check_import((name, text.encode(), rows, ""))
+
+
+@pytest.mark.parametrize(
+    ("said", "order"),
+    [
+        ("Los registros de 32 bits llevan la palabra baja primero", "CDAB"), ("Niederwertiges Wort zuerst", "CDAB"),
+        ("mot de poids fort en premier", "ABCD"), ("старшата дума е първа", "ABCD"), ("下位ワードが先", "CDAB"),
+        ("נמוך-גבוה", "CDAB"), ("alarma de temperatura baja, primera etapa", None),
+    ],
+)  # fmt: skip
+def test_which_word_comes_first_in_many_languages(said: str, order: str | None) -> None:
+    assert order_of(said.lower()) == order
