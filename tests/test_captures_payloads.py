@@ -79,6 +79,16 @@ def test_what_fills_a_short_frame_is_no_byte_of_the_line() -> None:
     assert payload_of(packet) == (ASK, 1)
 
 
+def test_a_row_of_one_byte_is_the_end_of_a_packet() -> None:
+    refusal = bytes.fromhex("000900000003 1183 02")  # behind headers of 40 bytes its last stands alone
+    bare = "".join(
+        line[:49].rstrip() + "\n" for line in (words(tcp(ASK)) + words(tcp(refusal, back=True))).splitlines()
+    )
+    times = iter(("10:15:31.100000 IP client > server: length 12", "10:15:31.120000 IP server > client: length 9"))
+    text = "".join(f"{next(times)}\n{row}" if "0x0000" in row else row for row in bare.splitlines(keepends=True))
+    assert [frame.adu.data for frame in read(text).frames()] == [ASK, refusal]
+
+
 def test_rtu_over_tcp_is_read_from_a_dump() -> None:
     frames = [data + crc_bytes(data) for data in (ASK[6:], REPLY[6:])]
     text = pairs(ETHERNET + tcp(frames[0], port=4001)) + pairs(ETHERNET + tcp(frames[1], back=True, port=4001))

@@ -26,9 +26,12 @@ class Dump:
         if row.offset is None:
             self.row = None
             return False
-        goes_on = self.row is not None and self.t_ns == t_ns and self._is_next(row.offset, self.length)
-        if not goes_on:
+        last = self.row
+        if last is None or self.t_ns != t_ns or not self._is_next(row.offset, self.length):
             self.length, self.first, self.t_ns = 0, int(row.offset, 16), t_ns
+        elif len(row.data) == 1:  # alone it looks like a number, and is no half of a word
+            row.shape, row.level = last.shape, last.level
+        goes_on = self.length > 0
         self.length += len(row.data)
         self.row = row
         return goes_on
