@@ -177,9 +177,15 @@ def _damaged(lake: Lake, asked: Asked) -> Any:
 
 
 def _drift(lake: Lake, asked: Asked) -> Any:
-    sites = lake.sites if asked.site is None else [asked.site]
-    some = [sites[first : first + SITES_AT_ONCE] for first in range(0, len(sites), SITES_AT_ONCE)]
+    some = sites_at_once(lake) if asked.site is None else [[asked.site]]
     return drifts(_hours(lake, asked, each[0], each[-1]) for each in some).slice(0, asked.limit)
+
+
+def sites_at_once(lake: Lake) -> list[list[str]]:
+    """All sites, in order, in lots whose hours are as many as may be in memory."""
+    sites, rows = lake.sites, sum(lake.manifest.rows("hours").values())
+    count = max(1, min(len(sites), len(sites) * HOURS_AT_ONCE // max(rows, 1)))
+    return [sites[first : first + count] for first in range(0, len(sites), count)]
 
 
 def _hours(lake: Lake, asked: Asked, first: str, last: str) -> Any:
@@ -216,7 +222,7 @@ def ready(lake: Lake, name: str, asked: Asked) -> Any:
     return question.answer(lake, asked)
 
 
-SITES_AT_ONCE: Final = 250  # whose hours are in memory
+HOURS_AT_ONCE: Final = 1_000_000  # of which some numbers each are in memory
 _LEAST: Final = 6  # hours on either side of a change
 _SIGMAS: Final = 6.0  # a change that hours' scatter alone makes once in far more series than a fleet has
 _MS: Final = 0.5  # a change of less is nothing to anybody

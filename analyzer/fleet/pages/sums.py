@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from ...words import CLOCK_FROM_NS, DAY_NS
 from ..lake import Lake
-from ..questions import SITES_AT_ONCE, UNIT_COLUMNS
+from ..questions import UNIT_COLUMNS, sites_at_once
 
 DAYS: Final = 60  # shown, the newest
 UNITS: Final = 60  # of a site, those with the largest share of bad answers
@@ -104,9 +104,7 @@ class SiteSums:
 
 def sums_of(lake: Lake, span: FleetSpan) -> Iterator[tuple[list[str], SiteSums]]:
     """All sites, some at a time, with what they sum up to."""
-    sites = lake.sites
-    for first in range(0, len(sites), SITES_AT_ONCE):
-        some = sites[first : first + SITES_AT_ONCE]
+    for some in sites_at_once(lake):
         yield some, SiteSums(lake, span, some[0], some[-1])
 
 
