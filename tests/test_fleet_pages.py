@@ -23,9 +23,10 @@ from lakes import BEGIN_NS, DAY_NS, batch, bus, write_fleet
 
 from analyzer.fleet import FleetError, questions
 from analyzer.fleet.lake import Lake
-from analyzer.fleet.pages import files, site_folder, write_pages
+from analyzer.fleet.pages import files, site_folder, sums, write_pages
 from analyzer.fleet.pages.files import page_names
 from analyzer.fleet.pages.sites import sites_of
+from analyzer.fleet.pages.sums import FleetSpan
 
 HOSTILE = "<script>alert(1)</script>"
 UP = "../../up & away"
@@ -129,9 +130,20 @@ def test_pages_fetch_and_run_nothing(pages):
             assert not re.match(r"\w+:|//", attrs.get("href", ""))
 
 
+def days_and_sites(lake):
+    span = FleetSpan(lake)
+    return span.calendar, list(sites_of(lake, page_names(lake.sites), span))
+
+
+def test_some_sites_at_a_time_make_the_same_pages(lake, pages, tmp_path, monkeypatch):
+    monkeypatch.setattr(questions, "HOURS_AT_ONCE", 1)
+    assert len(questions.sites_at_once(lake)) == len(lake.sites) > 4
+    assert written(lake, tmp_path / "fleet.html") == pages
+
+
 def test_a_site_tells_its_causes_units_and_captures(lake, pages):
     fleet, sites = pages
-    days, told = sites_of(lake, page_names(lake.sites))
+    days, told = days_and_sites(lake)
     assert [cell.level for cell in told[0].strip.cells].count("none") < len(days)
     wanted = lake.arrow("SELECT DISTINCT site, cause, text, remedy FROM causes ORDER BY ALL").to_pylist()
     assert {row["site"] for row in wanted} >= {HOSTILE, "Насосная"}
@@ -159,9 +171,9 @@ def test_figures_are_those_of_the_lake(lake, pages):
 
 
 def test_days_without_a_capture_stand_as_gaps(lake):
-    days, sites = sites_of(lake, page_names(lake.sites))
+    days, sites = days_and_sites(lake)
     assert days[0] == 0  # what has no clock
-    assert days[1:] == list(range(days[1], days[-1] + 1)) and 40 < len(days) <= questions.DAYS + 1
+    assert days[1:] == list(range(days[1], days[-1] + 1)) and 40 < len(days) <= sums.DAYS + 1
     late = next(site for site in sites if site.name == "Насосная")
     assert [cell.level for cell in late.strip.cells[:30]] == ["none"] * 30
     assert late.strip.cells[-1].level != "none" and not late.behind
@@ -370,8 +382,8 @@ def test_what_no_fleet_can_be_told_by_is_refused(lake, words, tmp_path, capsys, 
 
 def test_a_site_of_many_units_and_captures_says_what_it_leaves_out(lake, tmp_path, monkeypatch):
     for name, least in (("_UNITS", 2), ("_LATEST", 1), ("_HARMED", 1), ("_SITE_CAUSES", 1)):
-        text = getattr(questions, name)
-        monkeypatch.setattr(questions, name, re.sub(r"<= \d+", f"<= {least}", text))
+        text = getattr(sums, name)
+        monkeypatch.setattr(sums, name, re.sub(r"<= \d+", f"<= {least}", text))
     _, sites = written(lake, tmp_path / "fleet.html")
     assert re.search(r"and \d+ units that answered better", Page(sites["site1"]).text)
     assert "and 2 older ones" in Page(sites["site1"]).text

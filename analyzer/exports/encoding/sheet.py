@@ -280,7 +280,7 @@ def parted(field: Field) -> tuple[bytes, bytes, bytes, bytes]:
     return line[:value], line[value:text], line[text:end], line[end:]
 
 
-_COPIED: Final = 8192  # pieces at once: what they make stays in the processor's cache
+_COPIED: Final = 16384  # pieces at once: what they make stays in the processor's cache
 
 
 class Sheet:

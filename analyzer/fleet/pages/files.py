@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from functools import partial
 from hashlib import sha256
 from pathlib import Path, PurePosixPath
@@ -24,8 +25,8 @@ from ...languages import counted, page_words
 from ...reports.html.page import about, page_environment
 from .. import FleetError
 from ..lake import Lake
-from ..questions import NO_CLOCK
 from .sites import CURVE, CauseSpell, SiteHealth, calendar_ends, level_words, sites_of, spelled
+from .sums import NO_CLOCK, FleetSpan
 
 _FRESH: Final = 12  # new causes told on the page of the fleet
 
@@ -46,12 +47,15 @@ def rendered(lake: Lake, page: str, folder: str, named: Mapping[str, str]) -> It
         octets=lambda count: counted(count, "byte", "bytes"),
         state=_state,
     )
-    days, sites = sites_of(lake, named)
+    fleet = FleetSpan(lake)
+    days, sites = fleet.calendar, list[SiteHealth]()
     environment.globals["undated"] = len(days) > 1 and days[0] < NO_CLOCK  # the first column is of no date
     first, last = calendar_ends(days)
     template = environment.get_template("site.html.j2")
-    for site in sites:
+    for site in sites_of(lake, named, fleet):
         yield site.file, template.render(site=site, home=f"../{quote(page)}", first=first, last=last)
+        sites.append(replace(site, units=(), damaged=(), latest=()))
+    sites.sort(key=lambda one: (-(one.sums.bad_percent or 0), one.name))
     yield (
         None,
         environment.get_template("fleet.html.j2").render(

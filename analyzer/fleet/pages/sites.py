@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Final
@@ -15,7 +15,7 @@ from ...reports.page import file_name
 from ...words import DAY_NS, between, duration, is_clock, moment
 from ..datasets import day_name
 from ..lake import Lake
-from ..questions import NO_CLOCK, FleetSums, LakeRow
+from .sums import NO_CLOCK, FleetSpan, LakeRow, SiteSums, sums_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,20 +151,18 @@ _OUTCOMES: Final = (  # kind of a part, which of the sums, words
 )
 
 
-def sites_of(lake: Lake, named: Mapping[str, str]) -> tuple[list[int], list[SiteHealth]]:
-    """The days of the calendar, and all sites, the worst first. `named`: the file of each site's page."""
-    sums = FleetSums(lake)
-    days = sums.calendar()
-    newest = sums.newest
-    oldest = min((row["first"] for rows in sums.causes.values() for row in rows), default=newest)
-    fresh = newest - _FRESH if newest - _FRESH > oldest else newest + 1  # of a young lake all is new: nothing is said
-    sites = [_site(site, named[site], sums, days, fresh) for site in lake.sites]
-    return days, sorted(sites, key=lambda one: (-(one.sums.bad_percent or 0), one.name))
+def sites_of(lake: Lake, named: Mapping[str, str], span: FleetSpan) -> Iterator[SiteHealth]:
+    """All sites by their names, with few of them in memory. `named`: the file of each site's page."""
+    young = span.newest - _FRESH <= span.oldest_cause
+    fresh = span.newest + 1 if young else span.newest - _FRESH  # of a young lake all is new: nothing is said
+    for some, sums in sums_of(lake, span):
+        yield from (_site(site, named[site], sums, span, fresh) for site in some)
 
 
-def _site(site: str, file: str, sums: FleetSums, days: Sequence[int], fresh: int) -> SiteHealth:
+def _site(site: str, file: str, sums: SiteSums, span: FleetSpan, fresh: int) -> SiteHealth:
     captured, units = sums.captures.get(site, {}), sums.units.get(site, [])
     causes = sums.causes.get(site, [])
+    days = span.calendar
     oldest, newest = captured.get("oldest"), captured.get("newest")
     return SiteHealth(
         name=site,
@@ -177,7 +175,7 @@ def _site(site: str, file: str, sums: FleetSums, days: Sequence[int], fresh: int
         octets=captured.get("bytes") or 0,
         span="–" if oldest is None or newest is None else _span(_when(oldest), _when(newest)),
         newest="–" if newest is None else _date(newest // DAY_NS),
-        behind=newest is None or NO_CLOCK <= newest // DAY_NS < sums.newest - 1,
+        behind=newest is None or NO_CLOCK <= newest // DAY_NS < span.newest - 1,
         units=tuple(_unit(row, sums.unit_days.get((site, row["line"], row["unit"]), ()), days) for row in units),
         unit_count=units[0]["units"] if units else 0,
         causes=tuple(_spell(row, fresh) for row in causes),
