@@ -35,5 +35,6 @@ def os_reason(error: OSError) -> str:
         return "closed by the other end"
     if getattr(error, "library", None) and (said := getattr(error, "reason", None)):
         return f"TLS: {str(said).replace('_', ' ').lower()}"
-    said = (error.strerror or str(error) or type(error).__name__).lower()
-    return said.split(" (while attempting", 1)[0]  # as `socket.create_server` adds the address, in Python's words
+    own = error.__context__  # `socket.create_server` raises it anew, with the address in Python's words
+    first = own if isinstance(own, OSError) and own.errno == error.errno else error
+    return (first.strerror or str(first) or type(first).__name__).lower()
