@@ -46,6 +46,19 @@ def test_polls_count_what_the_transactions_say(capture: Path) -> None:
     assert {unit: count for unit, count in asked.items() if unit in told} == pytest.approx(told, abs=3)
 
 
+def test_what_was_written_and_never_acknowledged_is_no_newest_value(capture: Path) -> None:
+    """As `--plain` tells it."""
+
+    async def work(sitting: Seat) -> None:
+        listing = sitting.screen.query_one(PollList)
+        await sitting.until(lambda: sitting.bus.whole and listing.count() > 0)
+        for line, poll in enumerate(sorted(sitting.bus.watched, key=lambda poll: poll.key)):
+            told = "".join(part.text for part in listing.pieces(line, 120))
+            assert ("no good answer yet" in told) == (poll.answered < 0), told
+
+    using(opened(capture), work, view="polls", size=(120, 40))
+
+
 def test_a_poll_knows_its_period_its_newest_values_and_what_moves() -> None:
     bus = _bus(moving([10, 10, 11, 11, 12]))
     first, second = sorted(bus.watched, key=lambda poll: poll.key)

@@ -198,7 +198,7 @@ class PollList(Lines):
 
     def _values(self, poll: WatchedPoll, room: int) -> list[StyledText]:
         carried = self.carried(poll)
-        if carried is None or (poll.answered < 0 and not carried.values):
+        if carried is None or poll.answered < 0:
             return [StyledText(f" {tr('no good answer yet')}", "dim")]
         return carried_values(self.desk, carried, room)
 
