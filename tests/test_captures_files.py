@@ -346,6 +346,6 @@ def test_a_cut_before_anything_whole_is_said(suffix: str, tmp_path: Path) -> Non
 
 def test_a_port_that_is_taken_is_told_in_the_systems_words_alone() -> None:
     """Whatever Python adds to them."""
-    with socket.create_server(("127.0.0.1", 0)) as taken, pytest.raises(OSError) as refused:  # noqa: PT011 - its words
+    with socket.create_server(("127.0.0.1", 0)) as taken, pytest.raises(OSError) as refused:
         socket.create_server(taken.getsockname())
     assert os_reason(refused.value) == os.strerror(errno.EADDRINUSE).lower()
