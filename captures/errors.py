@@ -7,7 +7,7 @@ exception: see `captures.chunks.Damage`.
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
 # Windows' numbers for a file that somebody has open: it can be neither renamed nor replaced nor removed meanwhile.
 OPEN_ELSEWHERE: Final = {
@@ -35,5 +35,6 @@ def os_reason(error: OSError) -> str:
         return "closed by the other end"
     if getattr(error, "library", None) and (said := getattr(error, "reason", None)):
         return f"TLS: {str(said).replace('_', ' ').lower()}"
-    said = (error.strerror or str(error) or type(error).__name__).lower()
-    return said.split(" (while attempting", 1)[0]  # as `socket.create_server` adds the address, in Python's words
+    own = error.__context__  # `socket.create_server` raises it anew, with the address in Python's words
+    first: Any = own if getattr(own, "errno", -1) == error.errno else error
+    return (first.strerror or str(first) or type(first).__name__).lower()

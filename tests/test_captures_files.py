@@ -13,6 +13,7 @@ import json
 import lzma
 import os
 import random
+import socket
 import subprocess
 import sys
 from collections.abc import Callable
@@ -341,3 +342,10 @@ def test_a_cut_before_anything_whole_is_said(suffix: str, tmp_path: Path) -> Non
     path.write_bytes(PACK[suffix](_log(300))[:40])
     with pytest.raises(captures.CaptureError, match="cut"):
         captures.open(path)
+
+
+def test_a_port_that_is_taken_is_told_in_the_systems_words_alone() -> None:
+    """Whatever Python adds to them."""
+    with socket.create_server(("127.0.0.1", 0)) as taken, pytest.raises(OSError) as refused:
+        socket.create_server(taken.getsockname())
+    assert os_reason(refused.value) == os.strerror(errno.EADDRINUSE).lower()

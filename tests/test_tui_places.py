@@ -6,8 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
+from rich.style import Style
 from seats import Seat, opened, sample_in, using
-from textual.command import CommandPalette
+from textual.command import CommandList, CommandPalette
+from textual.events import Click
 from textual.widgets import Input
 
 from analyzer.tui.keys import BINDINGS
@@ -216,6 +218,23 @@ def test_what_no_file_can_be_called_is_refused_where_it_is_typed(capture: Path, 
         await sitting.press("escape", "end")
         assert sitting.app.is_running and sitting.screen.view in ("frames", "against")
         assert {each.name for each in capture.parent.iterdir()} == {capture.name}
+
+    using(opened(capture), work)
+
+
+def test_a_click_on_a_command_that_is_gone_by_then(capture: Path) -> None:
+    """What was typed meanwhile has made the list shorter than what was pointed at."""
+
+    async def work(sitting: Seat) -> None:
+        await sitting.press("ctrl+p")
+        listing = sitting.app.screen.query_one(CommandList)
+        await sitting.until(lambda: listing.option_count > 0)
+        x, y = listing.region.x + 2, listing.region.y + 1
+        gone = Style(meta={"option": listing.option_count + 3})
+        listing.post_message(Click(listing, 2, 1, 0, 0, 1, False, False, False, x, y, gone))
+        await sitting.settle()
+        assert sitting.app.return_code is None and len(sitting.app.screen_stack) == 2
+        await sitting.press("escape")
 
     using(opened(capture), work)
 

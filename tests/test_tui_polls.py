@@ -39,18 +39,31 @@ def test_polls_count_what_the_transactions_say(capture: Path) -> None:
     report = bus.report(opened(capture))
     asked = Counter[int]()
     for poll in bus.watched:
-        asked[poll.key.unit] += poll.asked
-        assert poll.ended.sum() <= poll.asked
+        asked[poll.key.unit] += poll.facts.asked
+        assert poll.ended.sum() <= poll.facts.asked
         assert len(poll.moved) in (0, len(poll.values))
     told = {row.unit: row.counts.requests for row in report.units}
     assert {unit: count for unit, count in asked.items() if unit in told} == pytest.approx(told, abs=3)
+
+
+def test_what_was_written_and_never_acknowledged_is_no_newest_value(capture: Path) -> None:
+    """As `--plain` tells it."""
+
+    async def work(sitting: Seat) -> None:
+        listing = sitting.screen.query_one(PollList)
+        await sitting.until(lambda: sitting.bus.whole and listing.count() > 0)
+        for line, poll in enumerate(sorted(sitting.bus.watched, key=lambda poll: poll.key)):
+            told = "".join(part.text for part in listing.pieces(line, 120))
+            assert ("no good answer yet" in told) == (poll.facts.answered < 0), told
+
+    using(opened(capture), work, view="polls", size=(120, 40))
 
 
 def test_a_poll_knows_its_period_its_newest_values_and_what_moves() -> None:
     bus = _bus(moving([10, 10, 11, 11, 12]))
     first, second = sorted(bus.watched, key=lambda poll: poll.key)
     assert first.key == PollKey(1, 3, 3, 0, 2) and second.key.register == "40010"
-    assert first.every_ns == 100_000_000 and first.jitter_ns == 0 and first.asked == 5
+    assert first.every_ns == 100_000_000 and first.jitter_ns == 0 and first.facts.asked == 5
     assert first.values.tolist() == [7, 12] and first.moved.tolist() == [False, True]
     assert second.moved.tolist() == [False] and first.bad == 0
 
@@ -61,7 +74,7 @@ def test_polls_are_the_same_however_small_the_batches() -> None:
     for analysed in moving(list(range(40))).steps(bool):
         parts.feed(analysed)
     for one, other in zip(whole.watched, parts.watched, strict=True):
-        assert one.key == other.key and one.asked == other.asked
+        assert one.key == other.key and one.facts == other.facts
         assert np.array_equal(one.intervals, other.intervals) and np.array_equal(one.moved, other.moved)
 
 

@@ -25,7 +25,7 @@ from .literals import Item, Literal, plain_number, spelled, typed_name
 from .slices import FieldSlice, Mask, TableSlice, says
 from .tree import MeasuredSpan, MeasuresWanted, TextWanted, Wanted
 
-_EXACT, _EXACT_FLOAT = 1e-9, 2e-7  # shares of a number: what scales and 32-bit floats make of its last digits
+_EXACT, _EXACT_FLOAT = 1e-9, 5.1e-7  # shares of a number: what scales, and seven digits of a float, make of its last
 _MOST_SHOWN: Final = 6
 
 

@@ -87,6 +87,10 @@ class Meaning:
         number = float(self.numbers(np.array([values[: self.words]], np.uint16))[0])
         return number if math.isfinite(number) else None
 
+    def typed(self, number: float) -> str:
+        """A reading as one types it to find its equals: as many digits as tell it from others."""
+        return f"{number:.7g}" if self.kind == "f32" else f"{number:.12g}"
+
     def text(self, values: Sequence[int], *, bit: bool = False, power: int | None = None) -> str:
         """A reading in words; a dash where a register of it was not seen. `power`: what its scale register holds."""
         if len(values) < self.words:
@@ -189,11 +193,17 @@ class Meanings:
 
     def at(self, spot: Spot) -> Meaning:
         """How the register at a place is read."""
-        own = chosen(self._types().get(spot, ""))
-        other = self._of_map(spot) or self._told.get(spot, PLAIN)
-        if own is None:
-            return other
-        return replace(own, name=other.name) if other.name else own
+        types = self._types()
+        own, mapped = chosen(types.get(spot, "")), self._of_map(spot)
+        if own is not None:
+            return replace(own, name=mapped.name) if mapped is not None and mapped.name else own
+        unit, area, address = spot
+        if mapped is not None:
+            taken = types and any((unit, area, address + k) in types for k in range(1, mapped.words))
+            return PLAIN if taken else mapped
+        told = self._told.get(spot, PLAIN)
+        behind = [(unit, area, address + k) for k in range(1, told.words)]
+        return PLAIN if any(each in types or self._of_map(each) is not None for each in behind) else told
 
     def _of_map(self, spot: Spot) -> Meaning | None:
         unit, area, address = spot

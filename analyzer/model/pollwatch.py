@@ -49,6 +49,21 @@ class PollKey(NamedTuple):
         return f"{self.register} ×{self.quantity}" if self.register and self.quantity >= 0 else self.register
 
 
+class PollFacts(NamedTuple):
+    """How a poll stands."""
+
+    asked: int = 0  # requests
+    late: int = 0  # of them those whose answer came late
+    last_ns: int = 0  # when the newest was asked
+    row: int = -1  # and its row
+    answered: int = -1  # the row of the newest with a good answer, -1 for none yet
+    t_answered_ns: int = 0  # when that came
+    slowest: int = -1  # the longest time of all answers, -1 where none is known
+
+
+_NOT_ASKED: Final = np.array(tuple(PollFacts()), [(name, np.int64) for name in PollFacts._fields])
+
+
 class WatchedPoll:
     """One poll, as it stands whenever it is asked. Times are ns."""
 
@@ -58,40 +73,15 @@ class WatchedPoll:
         self._log, self._number, self.key = log, number, key
 
     @property
-    def asked(self) -> int:
-        """Requests."""
-        return int(self._log.asked[self._number])
+    def facts(self) -> PollFacts:
+        """How it stands."""
+        return PollFacts(*self._log.facts[self._number].item())
 
     @property
     def ended(self) -> _Ints:
-        """How they ended, by `Status`."""
+        """How its requests ended, by `Status`."""
         ended: _Ints = self._log.ended[self._number]
         return ended
-
-    @property
-    def late(self) -> int:
-        """Those whose answer came late."""
-        return int(self._log.late[self._number])
-
-    @property
-    def row(self) -> int:
-        """The newest request's."""
-        return int(self._log.row[self._number])
-
-    @property
-    def answered(self) -> int:
-        """The row of the newest request with a good answer, -1 for none yet."""
-        return int(self._log.answered[self._number])
-
-    @property
-    def t_answered_ns(self) -> int:
-        """When that answer came; 0 for none yet."""
-        return int(self._log.t_answered_ns[self._number])
-
-    @property
-    def slowest(self) -> int:
-        """The longest time of all answers; -1 where none is known."""
-        return int(self._log.slowest[self._number])
 
     @property
     def intervals(self) -> _Ints:
@@ -142,14 +132,8 @@ class PollLog:
     def __init__(self) -> None:
         self._numbers: dict[int, int] = {}  # by the key as one number
         self._polls: list[WatchedPoll] = []
-        self.asked = _NO_ROWS
+        self.facts: NDArray[Any] = np.empty(0, _NOT_ASKED.dtype)  # a column each of `PollFacts`
         self.ended = np.zeros((0, len(Status)), np.int64)
-        self.late = _NO_ROWS
-        self.last_ns = _NO_ROWS
-        self.row = _NO_ROWS
-        self.answered = _NO_ROWS
-        self.t_answered_ns = _NO_ROWS
-        self.slowest = _NO_ROWS
         self.intervals, self.times = _NewestOf(_INTERVALS), _NewestOf(_TIMES)
         self.held = _HeldAnswers()
         self._open_rows, self._open_polls = _NO_ROWS, _NO_ROWS  # requests whose end is not known, ascending
@@ -188,7 +172,7 @@ class PollLog:
         known = self._open_rows[at] == rows
         at, first = at[known], first[known]
         np.add.at(self.ended, (self._open_polls[at], settled.status[first]), 1)
-        np.add.at(self.late, self._open_polls[at], settled.late[first].astype(np.int64))
+        np.add.at(self.facts["late"], self._open_polls[at], settled.late[first].astype(np.int64))
         self._open_rows, self._open_polls = np.delete(self._open_rows, at), np.delete(self._open_polls, at)
 
     def _numbered(self, keys: _Ints, asked: NDArray[np.bool_]) -> _Ints:
@@ -206,12 +190,10 @@ class PollLog:
 
     def _make_room(self, count: int) -> None:
         """Columns that have room for so many polls."""
-        if count <= len(self.asked):
+        if count <= len(self.facts):
             return
         room = min(_MOST, count + count // 2)
-        for name, empty in (("asked", 0), ("ended", 0), ("late", 0), ("last_ns", 0), ("row", -1), ("answered", -1),
-                            ("t_answered_ns", 0), ("slowest", -1)):  # fmt: skip
-            setattr(self, name, _lengthened(getattr(self, name), room, empty))
+        self.facts, self.ended = _lengthened(self.facts, room, _NOT_ASKED), _lengthened(self.ended, room)
         for part in (self.intervals, self.times, self.held):
             part.make_room(room)
 
@@ -221,13 +203,13 @@ class PollLog:
             return
         begins, ends = _groups(polls)
         gaps = np.diff(starts, prepend=0)
-        gaps[begins] = starts[begins] - self.last_ns[polls[begins]]
+        gaps[begins] = starts[begins] - self.facts["last_ns"][polls[begins]]
         has_one = np.ones(len(polls), np.bool_)
-        has_one[begins] = self.asked[polls[begins]] > 0
+        has_one[begins] = self.facts["asked"][polls[begins]] > 0
         self.intervals.put(polls[has_one], gaps[has_one])
         mine = polls[ends]
-        self.asked[mine] += ends - begins + 1
-        self.last_ns[mine], self.row[mine] = starts[ends], rows[ends]
+        self.facts["asked"][mine] += ends - begins + 1
+        self.facts["last_ns"][mine], self.facts["row"][mine] = starts[ends], rows[ends]
         order = np.argsort(rows)
         self._open_rows = np.concatenate((self._open_rows, rows[order]))[-_UNSETTLED:]
         self._open_polls = np.concatenate((self._open_polls, polls[order]))[-_UNSETTLED:]
@@ -235,10 +217,10 @@ class PollLog:
     def _answer(self, polls: _Ints, requests: _Ints, t_ns: _Ints, took: _Ints) -> None:
         """More good answers, by poll and then in the order of time."""
         _, ends = _groups(polls)
-        self.answered[polls[ends]], self.t_answered_ns[polls[ends]] = requests[ends], t_ns[ends]
+        self.facts["answered"][polls[ends]], self.facts["t_answered_ns"][polls[ends]] = requests[ends], t_ns[ends]
         timed = took >= 0
         self.times.put(polls[timed], took[timed])
-        np.maximum.at(self.slowest, polls[timed], took[timed])
+        np.maximum.at(self.facts["slowest"], polls[timed], took[timed])
 
 
 class _NewestOf:
@@ -341,7 +323,7 @@ def _lit(which: _Ints, sizes: _Ints) -> NDArray[np.bool_]:
     return np.repeat(chosen, sizes)
 
 
-def _lengthened(column: NDArray[Any], room: int, empty: int = 0) -> NDArray[Any]:
+def _lengthened(column: NDArray[Any], room: int, empty: int | NDArray[Any] = 0) -> NDArray[Any]:
     """A longer copy; what is new is empty."""
     out = np.full((room, *column.shape[1:]), empty, column.dtype)
     out[: len(column)] = column

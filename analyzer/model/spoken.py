@@ -104,7 +104,7 @@ def _polls(bus: Bus, meanings: Meanings) -> Iterator[str]:
         key = poll.key
         parts = [tr("Poll"), tr("unit {unit}", unit=key.unit), tr("function {function}", function=key.function)]
         parts += [key.registers] if key.register else []
-        parts.append(tr("asked {count:,}", count=poll.asked))
+        parts.append(tr("asked {count:,}", count=poll.facts.asked))
         if bus.timed and poll.every_ns:
             parts.append(tr("every {time}", time=duration(poll.every_ns)))
         took = poll.time(0.95)
@@ -113,8 +113,8 @@ def _polls(bus: Bus, meanings: Meanings) -> Iterator[str]:
             parts.append(tr("95% of answers within {time}", time=between(*bounds)))
         if poll.bad:
             parts.append(tr("{count:,} without a good answer", count=poll.bad))
-        if poll.answered >= 0:
-            readings = meanings.readings(poll_values(bus, [poll.answered])[0])
+        if poll.facts.answered >= 0:
+            readings = meanings.readings(poll_values(bus, [poll.facts.answered])[0])
             parts += [f"{each.name} {each.text}" for each in readings]
         yield harmless(", ".join(parts))
 

@@ -86,13 +86,13 @@ def changes(now: Compared, then: Compared, meanings: Meanings) -> list[Change]:
 
 
 def _polls(now: PollLog, then: PollLog) -> Iterator[Change]:
-    new, old = ({poll.key: poll for poll in log if poll.asked >= _FEW} for log in (now, then))
+    new, old = ({poll.key: poll for poll in log if poll.facts.asked >= _FEW} for log in (now, then))
     for kind, words, here, there in (
         ("new", "{poll} is polled now ({requests})", new, old),
         ("gone", "{poll} is no longer polled ({requests} before)", old, new),
     ):
         for key in sorted(here.keys() - there.keys()):
-            requests = counted(here[key].asked, "request", "requests")
+            requests = counted(here[key].facts.asked, "request", "requests")
             yield Change(kind, "poll", tr(words, poll=_called(key), requests=requests), (key.unit,))
 
 

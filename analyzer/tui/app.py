@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from textual import events
 from textual._compositor import CompositorUpdate
-from textual.app import App, ScreenStackError, SystemCommand
+from textual.app import App, ComposeResult, ScreenStackError, SystemCommand
 from textual.binding import Binding, BindingType
 from textual.color import Color
 from textual.command import CommandList, CommandPalette
@@ -53,6 +53,16 @@ _NARROW = 70  # columns under which bytes stand below the fields
 _BROAD = 150  # columns from which on bytes stand 16 to a line: fields need the room before
 
 
+class CommandHits(CommandList, can_focus=False):
+    """The commands that were found."""
+
+    def on_click(self, event: events.Click) -> None:
+        """What was pointed at may be gone by now, of which Textual's own handler knows nothing."""
+        pointed = event.style.meta.get("option")
+        if pointed is not None and pointed >= self.option_count:
+            event.prevent_default()
+
+
 class CommandSearch(CommandPalette):
     """Every command by name."""
 
@@ -60,6 +70,10 @@ class CommandSearch(CommandPalette):
         Binding("pagedown", "page('down')", "Next page", show=False),
         Binding("pageup", "page('up')", "Previous page", show=False),
     ]
+
+    def compose(self) -> ComposeResult:
+        for widget in super().compose():
+            yield CommandHits() if isinstance(widget, CommandList) else widget
 
     def action_page(self, way: str) -> None:
         """A page further; nowhere while the list has not been laid out, of which Textual's own action knows nothing."""

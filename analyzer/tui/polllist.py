@@ -53,19 +53,19 @@ _VALUE: Final = 6  # columns of such a one
 
 
 def _ended_badly(poll: WatchedPoll) -> float:
-    return -poll.bad / max(1, poll.asked)
+    return -poll.bad / max(1, poll.facts.asked)
 
 
 _SORTS: Final[dict[str, Callable[[WatchedPoll], float]]] = {
     "unit": lambda _: 0.0,
     "bad": _ended_badly,
     "p95": lambda poll: -(poll.time(0.95) or 0),
-    "max": lambda poll: -poll.slowest,
+    "max": lambda poll: -poll.facts.slowest,
     "every": lambda poll: poll.every_ns or 0,
     "jitter": lambda poll: -(poll.jitter_ns or 0),
-    "asked": lambda poll: -poll.asked,
+    "asked": lambda poll: -poll.facts.asked,
     "moved": lambda poll: -int(poll.moved.sum()),
-    "age": lambda poll: poll.t_answered_ns,
+    "age": lambda poll: poll.facts.t_answered_ns,
 }
 """Orders of the list, by column; where two are alike, by unit, function and address."""
 
@@ -113,8 +113,8 @@ class PollList(Lines):
             self.cursor = next((i for i, poll in enumerate(self._polls) if poll.key == before.key), self.cursor)
         self._fresh_until = 0.0
         super().grown()
-        if self.poll is not None and self.poll.answered != self._looked_at:
-            self._looked_at = self.poll.answered
+        if self.poll is not None and self.poll.facts.answered != self._looked_at:
+            self._looked_at = self.poll.facts.answered
             self._tell()
 
     def _lay_out(self) -> None:
@@ -168,13 +168,13 @@ class PollList(Lines):
         room = max(0, width - sum(columns.values()) - age)
         parts += fitted([StyledText(" "), *self._values(poll, room - 1)], room)
         if age:
-            since = "-" if poll.answered < 0 else short(self.desk.bus.t_last - poll.t_answered_ns)
+            since = "-" if poll.facts.answered < 0 else short(self.desk.bus.t_last - poll.facts.t_answered_ns)
             parts.append(StyledText(f"{since:>{age}}", "dim"))
         return fitted(parts, width)
 
     def carried(self, poll: WatchedPoll) -> TransactionValues | None:
         """What its newest good answer carries, with what moved and is not left out."""
-        row = poll.answered if poll.answered >= 0 else poll.row
+        row = poll.facts.answered if poll.facts.answered >= 0 else poll.facts.row
         if not 0 <= row < self.desk.bus.count:
             return None
         carried, moving = self._read_at(row), self.moving(poll)
@@ -190,7 +190,7 @@ class PollList(Lines):
         if row not in self._read:
             top, count = self.scroll_offset.y, self.desk.bus.count
             polls = self._polls[top : top + self.room]
-            rows = {poll.answered if poll.answered >= 0 else poll.row for poll in polls} | {row}
+            rows = {poll.facts.answered if poll.facts.answered >= 0 else poll.facts.row for poll in polls} | {row}
             wanted = sorted(each for each in rows if 0 <= each < count and each not in self._read)
             self._read = {each: kept for each, kept in self._read.items() if each in rows}
             self._read.update((carried.row, carried) for carried in poll_values(self.desk.bus, wanted))
@@ -198,7 +198,7 @@ class PollList(Lines):
 
     def _values(self, poll: WatchedPoll, room: int) -> list[StyledText]:
         carried = self.carried(poll)
-        if carried is None or (poll.answered < 0 and not carried.values):
+        if carried is None or poll.facts.answered < 0:
             return [StyledText(f" {tr('no good answer yet')}", "dim")]
         return carried_values(self.desk, carried, room)
 
@@ -214,13 +214,13 @@ class PollList(Lines):
             case "qty":
                 return StyledText(f"{f'×{key.quantity}' if key.quantity >= 0 else '':>{room}}", "dim")
             case "asked":
-                return StyledText(f"{compact(poll.asked):>{room}}", "dim")
+                return StyledText(f"{compact(poll.facts.asked):>{room}}", "dim")
             case "every" | "jitter":
                 told = poll.every_ns if name == "every" else poll.jitter_ns
                 text = short(told) if self.desk.bus.timed else "-"
                 return StyledText(f"{text if name == 'every' or told is None else f'±{text}':>{room}}")
             case "p50" | "p95" | "max":
-                took = {"p50": poll.time(0.5), "p95": poll.time(0.95), "max": poll.slowest}[name]
+                took = {"p50": poll.time(0.5), "p95": poll.time(0.95), "max": poll.facts.slowest}[name]
                 known = took is not None and took >= 0
                 return StyledText(
                     f"{short_bound(bounds_of(took, off_ns) if known and took is not None else None):>{room}}"
@@ -233,12 +233,12 @@ class PollList(Lines):
         return StyledText(f"{f'▲{count}' if count else '=':>{room}}", "moved" if count else "dim")
 
     def _bad(self, poll: WatchedPoll, room: int) -> StyledText:
-        rate = poll.bad / max(1, poll.asked)
+        rate = poll.bad / max(1, poll.facts.asked)
         if poll.bad:
             text = rough_percent(rate)
             return StyledText(f"{text:>{room}}", "error" if rate > _MANY else "warning")
-        late = tr("{count} late", count=compact(poll.late)) if poll.late else "-"
-        return StyledText(f"{late:>{room}}", "warning" if poll.late else "dim")
+        late = tr("{count} late", count=compact(poll.facts.late)) if poll.facts.late else "-"
+        return StyledText(f"{late:>{room}}", "warning" if poll.facts.late else "dim")
 
     def look(self) -> FrameDetail:
         """The poll under the cursor in full: how it went, and what it holds value by value."""
@@ -318,9 +318,9 @@ def _facts(poll: WatchedPoll) -> list[Item]:
         (Status.DAMAGED, "damaged"),
     )  # fmt: skip
     words = [f"{tr(word)} {grouped(int(poll.ended[status]))}" for status, word in ended if poll.ended[status]]
-    if poll.late:
-        words.append(f"{tr('late')} {grouped(poll.late)}")
-    asked = ": ".join(filter(None, (grouped(poll.asked), ", ".join(words))))
+    if poll.facts.late:
+        words.append(f"{tr('late')} {grouped(poll.facts.late)}")
+    asked = ": ".join(filter(None, (grouped(poll.facts.asked), ", ".join(words))))
     items = [Item("asked", asked, label=f"{tr('asked'):<11}", kind="strong")]
     moved = int(poll.moved.sum())
     if len(poll.moved):
@@ -362,7 +362,7 @@ def _shown(screen: BusScreen) -> None:
 
 def _at(screen: BusScreen) -> Place:
     poll = screen.query_one(PollList).poll
-    return None if poll is None else PollPlace(poll.key.unit, poll.row)
+    return None if poll is None else PollPlace(poll.key.unit, poll.facts.row)
 
 
 def _cells(screen: BusScreen) -> list[DoorCell]:

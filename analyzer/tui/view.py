@@ -100,7 +100,7 @@ def named_cells(meaning: Meaning, spot: Spot, number: float | None) -> Iterator[
     name = meaning.name or logical(spot[2], tuple(AREAS)[spot[1]])
     if meaning.source == "plain" or number is None or '"' in name:
         return
-    told = f"{number:.7g}"
+    told = meaning.typed(number)
     words = tr("{name} is {number}", name=harmless(name), number=f"{told} {meaning.measure}".rstrip())
     yield DoorCell("v", words, f'unit == {spot[0]} and value("{name}") == {told}')
 

@@ -239,7 +239,8 @@ def read_mapped(row: MappedValue, words: Sequence[int], power: int | None = 0) -
     if factor is None:
         return MappedReading(row, raw, None, f"{raw} (its scale, register {row.scale_address}, is not known)")
     value = _scaled(raw, factor, row.offset)
-    return MappedReading(row, raw, value, f"{_digits(value)} {row.unit}".rstrip())
+    known = _FLOAT_DIGITS if row.type == "f32" else _EXACT_DIGITS
+    return MappedReading(row, raw, value, f"{_digits(value, known)} {row.unit}".rstrip())
 
 
 def _whole(row: MappedValue, words: Sequence[int]) -> int:
@@ -291,11 +292,15 @@ def _scaled(raw: float, scale: float, offset: float) -> int | float:
     if scale == 1 and offset == 0:
         return raw
     value = raw * scale + offset
-    return float(f"{value:.12g}") if math.isfinite(value) else value
+    return float(f"{value:.{_EXACT_DIGITS}g}") if math.isfinite(value) else value
 
 
-def _digits(value: float) -> str:
-    return f"{value:.7g}" if isinstance(value, float) else str(value)
+_FLOAT_DIGITS: Final = 7  # that a float of 32 bits has, and formulas of such
+_EXACT_DIGITS: Final = 12  # that a scale leaves exact
+
+
+def _digits(value: float, digits: int = _FLOAT_DIGITS) -> str:
+    return f"{value:.{digits}g}" if isinstance(value, float) else str(value)
 
 
 def _bit_names(row: MappedValue, raw: int) -> str:
