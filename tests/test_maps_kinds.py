@@ -199,6 +199,24 @@ note=divided by 100
 """,
         ["holding 0 u16 x0.1 Level", "holding 1 u16 x0.01 Flow"],
     ),
+    "groups with the function of all below, an address in the head": (
+        "unit.yaml",
+        """unit: K8
+base_address: 0
+groups:
+  - name: Live
+    function: 4
+    points:
+      - {address: 0, text: Supply, type: int16, unit: K}
+      - {address: 1, text: Return, type: int16, unit: K}
+  - name: Settings
+    function: 3
+    points:
+      - {address: 0, text: Wanted, type: int16, unit: K}
+      - {address: 9, text: Mode, type: uint16}
+""",
+        ["input 0 s16 K r Supply", "input 1 s16 K r Return", "holding 0 s16 K Wanted", "holding 9 u16 Mode"],
+    ),
     "units behind names that no list has, signs in remarks": (
         "list.csv",
         """Adr;Name;Remark
@@ -228,3 +246,9 @@ def test_a_kind_of_file(kind: str) -> None:
 )  # fmt: skip
 def test_which_word_comes_first_in_many_languages(said: str, order: str | None) -> None:
     assert order_of(said.lower()) == order
+
+
+def test_a_spreadsheet_of_a_japanese_windows() -> None:
+    table = "アドレス,名称,データ型,単位\n16,現在温度,符号付16bit,℃\n17,設定値,符号なし16bit,％\n"
+    rows = ["holding 16 s16 ℃ 現在温度", "holding 17 u16 ％ 設定値"]
+    check_import(("list.csv", table.encode("cp932"), rows, ""))

@@ -15,6 +15,7 @@ from typing import Any, Final
 
 from .model import MapError, RegisterMap
 from .table import read_table, write_table
+from .vocabulary import expression
 
 _MARKS: Final = (b"\xff\xfe", b"\xfe\xff")
 _LOOK: Final = 4096  # bytes
@@ -44,8 +45,21 @@ def _wide(data: bytes) -> str | None:
     return "utf-16-le" if odd else "utf-16-be"
 
 
+_SHARE: Final = 0.2  # of the letters that are no ASCII
+_EASTERN: Final = {"cp932": "[\u3041-\u30ff]", "euc-kr": "[\uac00-\ud7a3]", "gb2312": "[\u4e00-\u9fff]"}
+"""Code pages with the letters that they are for."""
+
+
 def _page(data: bytes) -> str:
-    """Windows-1251 where the words have Cyrillic letters throughout, Windows-1252 where letters of it stand alone."""
+    """That of the East whose letters all of it has; Windows-1251 where words have Cyrillic letters throughout, else
+    Windows-1252, of which letters stand alone."""
+    for page, letters in _EASTERN.items():
+        try:
+            text = data.decode(page)
+        except UnicodeDecodeError:
+            continue
+        if len(expression(letters).findall(text)) > _SHARE * sum(not sign.isascii() for sign in text):
+            return page
     words = _WORD.findall(data)
     cyrillic = sum(len(re.findall(rb"[\xc0-\xff]", word)) > len(word) // 2 for word in words)
     return "cp1251" if 2 * cyrillic >= len(words) else "cp1252"

@@ -159,7 +159,8 @@ def _cells(line: _RegisterLine, usual: dict[int, str]) -> list[str]:
     cells = {"": "", "address": line.address, "name": line.name, "description": ""}
     for at, (part, may) in enumerate(line.parts):
         common = usual.get(at, "")
-        role = common if common in (may or [common]) else may[0]
+        guessed = "description" if common == "unit" and not form("short", part) else common
+        role = (common if common in may else may[0]) if may else guessed
         if role in cells:
             cells["description"] = f"{cells['description']} {part}".strip()
         else:

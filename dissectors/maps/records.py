@@ -104,13 +104,16 @@ def _found(node: Any, path: tuple[str, ...], given: Record) -> Iterator[Record]:
         own = {_word(key): "1" for key, value in node.items() if not isinstance(value, Mapping | list)}
         said = {**_place(path, cells), **_lacking(given, cells), **cells}
         record = _placed(said)
-        is_whole = len(own) >= _FEW and any(map(numbers_in, cells.values())) > _has_records(node)
-        if is_whole or _has_address(own) or record is not said:
-            yield record
-        else:
-            shared = {key: cell for key, cell in cells.items() if key in own and _is_shared(key)}
-            for key, below in node.items():
-                yield from _found(below, (*path, str(key)), _with({**given, **shared}, _told(str(key))))
+        shared = {key: cell for key, cell in cells.items() if key in own and _is_shared(key)}
+        below = [
+            one
+            for key, part in node.items()
+            for one in _found(part, (*path, str(key)), _with({**given, **shared}, _told(str(key))))
+        ]
+        is_record = (
+            (len(own) >= _FEW and any(map(numbers_in, cells.values()))) or _has_address(own) or record is not said
+        )
+        yield from [record] if is_record and not any(map(_has_address, below)) else below
 
 
 def _with(given: Record, told: Record) -> Record:
@@ -128,11 +131,6 @@ def _told(text: str) -> Record:
     """What a title or a key says of all that stands below it."""
     words = _word(text)
     return {key: cell for key, cell in zip(_TOLD, (area_words(words), access_said(words)), strict=True) if cell}
-
-
-def _has_records(node: Mapping[str, Any]) -> bool:
-    """Whether a mapping holds a list of mappings."""
-    return any(sum(isinstance(one, Mapping) for one in parts_of(below)) >= _FEW for below in node.values())
 
 
 def _is_shared(key: str) -> bool:
