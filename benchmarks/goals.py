@@ -51,6 +51,8 @@ def goals(results: list[Result], hard: dict[str, float], starts: tuple[Used, Use
         ratio = hard[worst] / hard["clean bus"]
         found.append(Goal("an adversarial byte", "at most 4 clean ones", f"{ratio:.1f} times: {worst}", ratio <= 4))
     bare, parse = (used.wall for used in starts)
+    if not bare:  # of some sections alone
+        return found + _growing(grown)
     told = f"{parse / bare:.1f} times: {1000 * parse:.0f} ms, Python {1000 * bare:.0f} ms"
     found.append(Goal("`rtuscope parse`, cold", f"under {BARE:.1f} times bare Python", told, parse < BARE * bare))
     return found + _growing(grown)

@@ -2,8 +2,8 @@
 
 Most functions are numbers one after the other, and perhaps a counted block behind them. What is to be said of such a
 number hangs on its value, on the numbers that it looks at, and on what it echoes; so each thing need be said only once
-(`described`, which is what annotation says). Where a declaration is not of this form there are no slots, and only the
-annotation of the whole frame tells.
+(`described`, which is what annotation says). A last part of another kind is a tail, whose own parts have no fixed
+places. Where a declaration is not of this form there are no slots, and only the annotation of the whole frame tells.
 """
 
 from __future__ import annotations

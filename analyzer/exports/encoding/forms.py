@@ -1,7 +1,7 @@
-"""Frames whose declaration gives them fixed places (`dissectors.layout`), by form, for those who set them from pieces.
+"""Frames whose parts lie in fixed places (`dissectors.layout`) or are found for all at once (`dissectors.columnar`).
 
-A form is what the frames of one direction and function code have in common. Of its frames those are set from pieces
-that are whole and neither odd nor too long; the others are left to the annotation of each.
+A form is what the frames of one direction and function code have in common, for those who set them from pieces:
+those of its frames that are whole and neither odd nor too long. The others are left to the annotation of each.
 """
 
 from __future__ import annotations
