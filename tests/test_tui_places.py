@@ -239,6 +239,18 @@ def test_a_click_on_a_command_that_is_gone_by_then(capture: Path) -> None:
     using(opened(capture), work)
 
 
+def test_a_double_click_beside_the_palette_closes_it_once(capture: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        await sitting.press("ctrl+p")
+        palette = sitting.app.screen
+        for _ in range(2):
+            palette.post_message(Click(palette, 0, 0, 0, 0, 1, False, False, False, 0, 0, Style()))
+        await sitting.settle()
+        assert sitting.app.return_code is None and sitting.app.screen is sitting.screen
+
+    using(opened(capture), work)
+
+
 def test_a_page_in_the_palette_before_its_list_stands(capture: Path) -> None:
     async def work(sitting: Seat) -> None:
         await sitting.press("ctrl+p", "pagedown", "pageup")

@@ -75,6 +75,11 @@ class CommandSearch(CommandPalette):
         for widget in super().compose():
             yield CommandHits() if isinstance(widget, CommandList) else widget
 
+    def on_click(self, event: events.Click) -> None:
+        """The second of two clicks beside it comes when it is gone already."""
+        if not self.is_current:
+            event.prevent_default()
+
     def action_page(self, way: str) -> None:
         """A page further; nowhere while the list has not been laid out, of which Textual's own action knows nothing."""
         with suppress(LookupError):

@@ -253,7 +253,7 @@ class PollList(Lines):
         """A line a value; of plain numbers that stand still several."""
         readings = islice(self.desk.meanings.readings(carried), _LISTED)
         for still, run in groupby(readings, lambda reading: reading.meaning.is_plain and not reading.changed):
-            some, size = list(run), _ON_A_LINE if still else 1
+            some, size = list(run), (_ON_A_LINE if self.size.width >= _NARROW else _ON_A_LINE // 2) if still else 1
             for begin in range(0, len(some), size):
                 yield _values_item(some[begin : begin + size])
 
