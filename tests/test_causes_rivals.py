@@ -73,6 +73,23 @@ def test_a_write_whose_answers_come_late_can_be_served() -> None:
     assert [cause.cause for cause in _told("timeout-too-short-write", 1).causes][:1] == ["timeout-too-short"]
 
 
+def test_a_unit_that_answers_some_of_what_it_is_asked_meanwhile_does_not_restart() -> None:
+    random = Random(5)
+
+    def sent() -> Iterator[Sent]:
+        for i in range(240):
+            down = i % 40 in range(20, 28)  # one request is always answered, others seldom
+            for quantity in (1, 2, 3, 4):
+                yield 10.0, read_of(2, quantity=quantity)
+                lost = down and quantity > 1 and random.random() < 0.7
+                yield (200.0, b"") if lost else (8.0 + random.random(), answer_of(2, 90 + i, registers=quantity))
+            yield 10.0, read_of(1)
+            yield 8.0, answer_of(1, 900 + i)
+
+    found = story_of(ledger(sent()))
+    assert not found.causes and [each.unit for each in found.not_explained] == [2]
+
+
 def test_what_a_tap_loses_is_no_second_client() -> None:
     assert [cause.cause for cause in _told("tap-loses", 7700, "precise").causes] == ["tap-loses"]
 
