@@ -73,6 +73,43 @@ def test_a_write_whose_answers_come_late_can_be_served() -> None:
     assert [cause.cause for cause in _told("timeout-too-short-write", 1).causes][:1] == ["timeout-too-short"]
 
 
+def test_a_unit_that_answers_some_of_what_it_is_asked_meanwhile_does_not_restart() -> None:
+    random = Random(5)
+
+    def sent() -> Iterator[Sent]:
+        for i in range(240):
+            down = i % 40 in range(20, 28)  # one request is always answered, others seldom
+            for quantity in (1, 2, 3, 4):
+                yield 10.0, read_of(2, quantity=quantity)
+                lost = down and quantity > 1 and random.random() < 0.7
+                yield (200.0, b"") if lost else (8.0 + random.random(), answer_of(2, 90 + i, registers=quantity))
+            yield 10.0, read_of(1)
+            yield 8.0, answer_of(1, 900 + i)
+
+    found = story_of(ledger(sent()))
+    assert not found.causes and [each.unit for each in found.not_explained] == [2]
+
+
+def test_answers_that_a_gateway_hands_on_one_too_late_are_no_timeouts() -> None:
+    """The client gives up on nothing, and stores each answer under the next request."""
+    random = Random(3)
+
+    def sent() -> Iterator[Sent]:
+        levels = [[1000 * (k + 1) + 130 * i for i in range(6)] for k in range(4)]
+        owed = list[bytes]()
+        for i in range(400):
+            k = i % 4
+            yield 10.0, frame(2, 3, 0, 50 * k, 0, 6)
+            values = [level + random.randrange(9) for level in levels[k]]
+            owed.append(frame(2, 3, 12, *(octet for value in values for octet in divmod(value, 256))))
+            yield 8.0 + random.random(), owed.pop(0) if i < 120 or len(owed) > 1 else owed[0]
+            if k == 3:
+                yield 10.0, read_of(1)
+                yield 8.0, answer_of(1, 900 + i)
+
+    assert [(each.cause, each.units) for each in causes(sent())] == [("values-under-wrong-registers", (2,))]
+
+
 def test_what_a_tap_loses_is_no_second_client() -> None:
     assert [cause.cause for cause in _told("tap-loses", 7700, "precise").causes] == ["tap-loses"]
 

@@ -209,3 +209,14 @@ def answers_like_requests(evidence: Evidence, unit: UnitLedger) -> int:
     if soon.all() or not soon.any() or np.median(waits[~soon]) < _IN_VAIN * np.median(waits[soon]):
         return 0  # nobody knows how long it waits in vain
     return round(int(np.count_nonzero(soon)) * evidence.ledger.table.weight)
+
+
+def only_displaced(evidence: Evidence, unit: UnitLedger) -> bool:
+    """Whether all late answers of a unit are such as the client took for those to the next request, and the first of them
+    came though it had got the one before: nobody gave up, somebody hands answers on one by one too late."""
+    shifts = evidence.ledger.shifts.units.get(unit.unit)
+    if shifts is None or unit.late > shifts.displaced or unit.strays:
+        return False
+    rows = evidence.rows(unit.unit)
+    displaced = np.flatnonzero((rows.outcome == Ending.SILENT) & (rows.late > 0))
+    return bool(len(displaced) and displaced[0] and rows.outcome[displaced[0] - 1] == Ending.OK)

@@ -26,6 +26,79 @@ _FEW_POLLS: Final = 3
 _FULL: Final = 0.8  # of the line's time
 _SECONDS_NS: Final = 8e9
 _TOO_SOON: Final = 0.9  # of t3.5
+_WHOLE: Final = 1.02  # of the line's time, by which a clock may be off
+_LEAST: Final = 30  # exchanges
+
+
+class _Rounds:
+    """A line's load, and what of the rest of its time the client might do without."""
+
+    def __init__(self, evidence: Evidence, load: float, due: float) -> None:
+        self.load, self.due, ledger = load, due, evidence.ledger
+        self.fine = evidence.verdict.fine
+        self.mean = ledger.pauses.total / len(ledger.pauses)
+        self.longest = ledger.pauses.quantile(0.97)
+        self.shortest = ledger.request_gaps.quantile(0.5) or due
+        self.share = ledger.exchanges / ledger.span_ns  # exchanges a ns
+        self.idle = (1 - load) / self.share  # ns an exchange
+        intervals = (
+            float(np.median(poll.intervals)) for poll in evidence.polls if poll.unit and len(poll.intervals) > 2
+        )
+        self.intervals = sorted(intervals)
+
+    @property
+    def full(self) -> bool:
+        """By the silences that are due: nobody rests, units neither."""
+        return self.load + 2 * self.due * self.share >= _NO_MORE
+
+    @property
+    def long_list(self) -> bool:
+        return len(self.intervals) >= _MANY_POLLS and self.round_ns >= _LONG_ROUND_NS
+
+    @property
+    def round_ns(self) -> float:
+        return self.intervals[len(self.intervals) // 2] if self.intervals else 0.0
+
+    # What else a full line may be.
+
+    def is_of_short_answers(self) -> bool:
+        """On slow lines with short answers the silences that are due take much of the time."""
+        return self.load < _BUSY and not self.full
+
+    def is_haste(self) -> bool:
+        """One of the two silences of an exchange is not kept, whatever the clock tells; a client that does not even keep
+        the pause that is due would never rest, whatever its list."""
+        return self.idle < _TWICE * self.due or (self.fine and self.shortest < _TOO_SOON * self.due)
+
+    def is_rested(self) -> bool:
+        """The mean of the pauses is good on any clock that does not cut them off."""
+        rests = self.mean > _HURRIED * self.due + _HURRIED_NS and (self.fine or not self.full)
+        rested = (self.mean - self.due) * self.share
+        return rests and (self.load < _FULL or rested > max(_RESTED, self.load - _CROWDED))
+
+    def rests_at_times(self) -> bool:
+        """As at the end of a round."""
+        return self.fine and self.longest is not None and self.longest > 2 * _HURRIED * self.due + _HURRIED_NS
+
+    def is_untold(self) -> bool:
+        """A coarse clock does not tell whether a client keeps the pause that is due, but where all do."""
+        return self.load < _FULL and not (self.long_list and (self.full or self.fine))
+
+    def is_short(self) -> bool:
+        """A client that goes through a short list without a pause does what it is told."""
+        return not self.long_list and (len(self.intervals) < _FEW_POLLS or self.round_ns < _LONG_ROUND_NS)
+
+
+def _rounds(evidence: Evidence) -> _Rounds | None:
+    """None where nobody knows how full the line is, or it is not."""
+    ledger, load, due = evidence.ledger, evidence.load, evidence.t35_ns
+    if load is None or due is None or not len(ledger.pauses) or not _BUSY_SILENT <= load <= _WHOLE:
+        return None
+    if len(ledger.ports) > 1 or ledger.span_ns < _SECONDS_NS or ledger.exchanges < _LEAST:
+        return None
+    if any(is_in_ascii(request) for request in ledger.polls.requests):
+        return None  # no silence is due there
+    return _Rounds(evidence, load, due)
 
 
 @suspect(
@@ -42,48 +115,22 @@ _TOO_SOON: Final = 0.9  # of t3.5
 )
 def overload(evidence: Evidence) -> Iterator[Suspicion]:
     """A full line, and a master without a pause."""
-    ledger, load = evidence.ledger, evidence.load
-    if (
-        load is None
-        or len(ledger.ports) > 1
-        or ledger.span_ns < _SECONDS_NS
-        or not _BUSY_SILENT <= load <= 1.02
-        or ledger.exchanges < 30
-        or any(is_in_ascii(request) for request in ledger.polls.requests)  # no silence is due in ASCII
-    ):
+    rounds = _rounds(evidence)
+    if rounds is None:
         return
-    due = evidence.t35_ns
-    if due is None or not len(ledger.pauses):
-        return
-    full = (
-        load + 2 * due * ledger.exchanges / ledger.span_ns >= _NO_MORE
-    )  # by its silences: nobody rests, units neither
-    if load < _BUSY and not full:
-        return  # on slow lines with short answers the silences that are due take much of the time
-    if (1 - load) * ledger.span_ns < _TWICE * due * ledger.exchanges:
-        return  # one of the two silences of an exchange is not kept: a matter of haste, whatever the clock tells
-    mean = ledger.pauses.total / len(ledger.pauses)
-    rested = (mean - due) * ledger.exchanges / ledger.span_ns
-    rests = mean > _HURRIED * due + _HURRIED_NS and (evidence.verdict.fine or not full)
-    if rests and (load < _FULL or rested > max(_RESTED, load - _CROWDED)):
-        return  # it rests: the mean of the pauses is good on any clock that does not cut them off
-    long = ledger.pauses.quantile(0.97) if evidence.verdict.fine else None
-    if long is not None and long > 2 * _HURRIED * due + _HURRIED_NS:
-        return
-    intervals = sorted(
-        float(np.median(poll.intervals)) for poll in evidence.polls if poll.unit and len(poll.intervals) > 2
+    others = (
+        rounds.is_of_short_answers,
+        rounds.is_haste,
+        rounds.is_rested,
+        rounds.rests_at_times,
+        rounds.is_untold,
+        rounds.is_short,
     )
-    round_ns = intervals[len(intervals) // 2] if intervals else 0.0
-    long_list = len(intervals) >= _MANY_POLLS and round_ns >= _LONG_ROUND_NS
-    if load < _FULL and not (long_list and (full or evidence.verdict.fine)):
-        return  # a coarse clock does not tell whether a master keeps the pause that is due, but where all do
-    if not long_list and (len(intervals) < _FEW_POLLS or round_ns < _LONG_ROUND_NS):
-        return  # a master that goes through a short list without a pause does what it is told
-    if evidence.verdict.fine and (ledger.request_gaps.quantile(0.5) or due) < _TOO_SOON * due:
-        return  # one that does not even keep the pause that is due would never rest, whatever its list
+    if any(is_so() for is_so in others):
+        return
     yield Suspicion(
         (),
-        100 * max(load - _BUSY, 0.0) + 40,
+        100 * max(rounds.load - _BUSY, 0.0) + 40,
         frozenset({(Symptom.REQUESTS, None)}),
-        {"load": load, "polls": len(intervals), "cycle": intervals[-1] / 1e9},
+        {"load": rounds.load, "polls": len(rounds.intervals), "cycle": rounds.intervals[-1] / 1e9},
     )

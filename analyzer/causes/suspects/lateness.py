@@ -19,7 +19,14 @@ from ..evidence import HEALTHY, Evidence, alone_or_together
 from ..exchanges import Ending
 from ..hits import cut_short, given_up_by_timer, interrupted, late_units, timed_by_the_master
 from ..registry import Suspicion, Symptom, suspect
-from ..repeats import answers_like_requests, asked_again_behind, asked_again_into, only_repeats, waits_longer
+from ..repeats import (
+    answers_like_requests,
+    asked_again_behind,
+    asked_again_into,
+    only_displaced,
+    only_repeats,
+    waits_longer,
+)
 from ..signatures import AnswerDamage, Signature
 from ..unitledger import UnitLedger
 
@@ -102,7 +109,11 @@ class _LateUnit:
 
 
 def _weighed(evidence: Evidence, unit: UnitLedger, late: Mapping[int, int]) -> _LateUnit | None:
-    if not _lives(evidence, unit) or interrupted(evidence, unit) > _MOSTLY * len(unit.waits):
+    if (
+        only_displaced(evidence, unit)
+        or not _lives(evidence, unit)
+        or interrupted(evidence, unit) > _MOSTLY * len(unit.waits)
+    ):
         return None  # nobody gives up so soon
     if (short := cut_short(evidence, unit)) >= _LEAST and short > _MOSTLY * len(unit.quiet_waits):
         return None  # nor with nothing heard

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import inf
 from typing import Final
 
 from ...registers.telling import place_words
 from ...tables.findings import Severity
 from ..evidence import Evidence
 from ..registry import Suspicion, Symptom, suspect
+from ..repeats import only_displaced
 
 _LEAST: Final = 2  # displaced answers
 _BITS: Final = 16.0  # for each: what leads by less than its margin is not told as displaced
 _MOST_BITS: Final = 240.0
 _NAMED: Final = 6  # places
+_SHIFT: Final = (Symptom.SHIFT,)
+_ALL_OF_IT: Final = (Symptom.SHIFT, Symptom.LATENESS, Symptom.SILENCE)  # where no request is left without an answer
 
 
 @suspect(
@@ -36,12 +40,14 @@ def values_under_wrong_registers(evidence: Evidence) -> Iterator[Suspicion]:
     for number, shifts in sorted(ledger.shifts.units.items()):
         if shifts.displaced < _LEAST or not evidence.is_open(Symptom.SHIFT, number):
             continue
-        asked = max(ledger.unit(number).asked, shifts.displaced)
+        unit = ledger.unit(number)
+        asked = max(unit.asked, shifts.displaced)
+        kinds, most = (_ALL_OF_IT, inf) if only_displaced(evidence, unit) else (_SHIFT, _MOST_BITS)
         places = [place_words(*poll) for poll in sorted(shifts.polls, key=lambda poll: -shifts.polls[poll])]
         yield Suspicion(
             (number,),
-            min(_BITS * shifts.displaced, _MOST_BITS),
-            frozenset({(Symptom.SHIFT, number)}),
+            min(_BITS * shifts.displaced, most),
+            frozenset((kind, number) for kind in kinds),
             {
                 "unit": number,
                 "displaced": shifts.displaced,

@@ -42,6 +42,8 @@ _HALF: Final = 0.5
 _SPEAKS_NOT: Final = (Symptom.SILENCE, Symptom.DAMAGE, Symptom.MARKS)  # nor is what seems to be its answer damaged
 _NEARLY_ALL: Final = 0.95
 _HARDLY: Final = 0.25  # of what would be so by chance
+_SCATTERED: Final = 0.03  # of what goes without an answer in a row or alone: alone beside restarts
+_SCATTERED_BITS: Final = 8.0
 _SCAN: Final = 8  # units
 _SWEEP: Final = 24  # of them
 _VISITS: Final = 2
@@ -333,6 +335,8 @@ def unit_restarts(evidence: Evidence) -> Iterator[Suspicion]:
         inside = sum(each.count for each in spells)
         if _are_second_answers(evidence, unit) or only_repeats(evidence, unit):
             continue
+        if _scattered_bits(evidence, unit) >= _SCATTERED_BITS:
+            continue  # a unit that is down answers nothing meanwhile, and all else well
         once = len(spells) == 1 and spells[0].before is not None
         once = once and (spells[0].count >= _TO_THE_END or spells[0].visits >= _VISITS_ONCE)
         if (len(spells) < 2 and not once) or not unit.answered or inside < 0.6 * silent or inside < 2 * _SPELL:
@@ -363,6 +367,17 @@ def unit_restarts(evidence: Evidence) -> Iterator[Suspicion]:
             frames=tuple(unit.examples.get(Ending.SILENT, [])),
             severity=Severity.NOTE if once else None,
         )
+
+
+def _scattered_bits(evidence: Evidence, unit: UnitLedger) -> float:
+    """How much likelier so many single requests without an answer are, beside spells, than where only what others suffer
+    as well leaves any."""
+    silences = evidence.silences(unit)
+    runs = len(silences.all) + silences.more + silences.single
+    others = [other for other in evidence.units if other is not unit and other.answered]
+    elsewhere = sum(evidence.silences(other).single for other in others) / max(sum(each.asked for each in others), 1)
+    due = min(elsewhere * unit.asked / max(runs, 1), _HALF)
+    return surplus_bits(silences.single, runs, max(due, _SCATTERED))
 
 
 def _are_second_answers(evidence: Evidence, unit: UnitLedger) -> bool:
