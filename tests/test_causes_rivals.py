@@ -8,10 +8,12 @@ from random import Random
 import pytest
 from bursts import Sent, answer_of, causes, frame, ledger, read_of
 
+import captures
 from analyzer.causes.ledger import ledger_of
 from analyzer.causes.reasoning import Story, story_of
 from analyzer.core import analyse
 from analyzer.simulation.field.cases.registry import field_cases
+from captures import samples
 from captures.chunks import Capture
 
 
@@ -19,6 +21,13 @@ def _told(case: str, seed: int, tap: str = "irq") -> Story:
     made = field_cases()[case].capture(tap, seed)
     capture = Capture.of(made.line, made.chunks)
     return story_of(ledger_of(((part.batch, part.transactions) for part in analyse(capture)), capture.line))
+
+
+def test_no_cause_is_its_own_rival() -> None:
+    """Several suspicions of one cause, of more or fewer units, do not compete for what is at fault."""
+    capture = captures.open(samples.path("troubled.jsonl"))
+    told = story_of(ledger_of(((part.batch, part.transactions) for part in analyse(capture)), capture.line)).causes
+    assert told and all(cause.runner_up != cause.cause for cause in told)
 
 
 @pytest.mark.parametrize("seed", [20, 25])

@@ -104,7 +104,8 @@ def _told(evidence: Evidence, among: Sequence[Suspect] | None) -> tuple[list[Cau
             break
         best = weighed[0]
         least = max(least, min(_LEFT_OVER * best.suspicion.bits, _LEFT_OVER_MOST))
-        rivals = [each for each in weighed[1:] if each.suspicion.explains & best.suspicion.explains]
+        others = [each for each in weighed if each.suspect is not best.suspect]
+        rivals = [each for each in others if each.suspicion.explains & best.suspicion.explains]
         takes = struck(left, best.suspect.foretold, best.suspicion) - left.explained
         found.append(_PickedCause(best, rivals[0] if rivals else None, left, takes))
         left = left.without(takes)
