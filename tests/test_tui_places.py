@@ -239,6 +239,18 @@ def test_a_click_on_a_command_that_is_gone_by_then(capture: Path) -> None:
     using(opened(capture), work)
 
 
+def test_no_command_is_chosen_over_a_question(capture: Path) -> None:
+    """It would act on what stands behind it; and what came there since was not drawn."""
+
+    async def work(sitting: Seat) -> None:
+        await sitting.press("g", "ctrl+p")
+        assert isinstance(sitting.app.screen, Ask)
+        await sitting.press("escape", "ctrl+p")
+        assert isinstance(sitting.app.screen, CommandPalette)
+
+    using(opened(capture), work)
+
+
 def test_a_double_click_beside_the_palette_closes_it_once(capture: Path) -> None:
     async def work(sitting: Seat) -> None:
         await sitting.press("ctrl+p")

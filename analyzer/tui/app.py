@@ -21,7 +21,7 @@ from textual.color import Color
 from textual.command import CommandList, CommandPalette
 from textual.driver import Driver
 from textual.filter import Monochrome
-from textual.screen import Screen
+from textual.screen import ModalScreen, Screen
 
 from dissectors.values import harmless
 
@@ -271,8 +271,8 @@ class Rtuscope(App[None]):
         self._tell_trouble()
 
     def action_command_palette(self) -> None:
-        """Every command by name."""
-        if self.use_command_palette and not isinstance(self.screen, CommandPalette):
+        """Every command by name; not over a question, behind which commands would act."""
+        if self.use_command_palette and not isinstance(self.screen, ModalScreen):
             self.push_screen(CommandSearch(placeholder=tr("Search for commands…"), id="--command-palette"))
 
     def get_key_display(self, binding: Binding) -> str:
