@@ -263,6 +263,19 @@ def test_a_double_click_beside_the_palette_closes_it_once(capture: Path) -> None
     using(opened(capture), work)
 
 
+def test_a_command_that_is_chosen_twice_is_done_once(capture: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        await sitting.press("ctrl+p")
+        listing = sitting.app.screen.query_one(CommandList)
+        await sitting.until(lambda: listing.option_count > 0)
+        for _ in range(2):
+            listing.post_message(CommandList.OptionSelected(listing, listing.get_option_at_index(0), 0))
+        await sitting.settle()
+        assert sitting.app.return_code is None
+
+    using(opened(capture), work)
+
+
 def test_a_page_in_the_palette_before_its_list_stands(capture: Path) -> None:
     async def work(sitting: Seat) -> None:
         await sitting.press("ctrl+p", "pagedown", "pageup")
