@@ -239,6 +239,18 @@ def test_a_click_on_a_command_that_is_gone_by_then(capture: Path) -> None:
     using(opened(capture), work)
 
 
+def test_no_command_is_chosen_over_a_question(capture: Path) -> None:
+    """It would act on what stands behind it; and what came there since was not drawn."""
+
+    async def work(sitting: Seat) -> None:
+        await sitting.press("g", "ctrl+p")
+        assert isinstance(sitting.app.screen, Ask)
+        await sitting.press("escape", "ctrl+p")
+        assert isinstance(sitting.app.screen, CommandPalette)
+
+    using(opened(capture), work)
+
+
 def test_a_double_click_beside_the_palette_closes_it_once(capture: Path) -> None:
     async def work(sitting: Seat) -> None:
         await sitting.press("ctrl+p")
@@ -247,6 +259,19 @@ def test_a_double_click_beside_the_palette_closes_it_once(capture: Path) -> None
             palette.post_message(Click(palette, 0, 0, 0, 0, 1, False, False, False, 0, 0, Style()))
         await sitting.settle()
         assert sitting.app.return_code is None and sitting.app.screen is sitting.screen
+
+    using(opened(capture), work)
+
+
+def test_a_command_that_is_chosen_twice_is_done_once(capture: Path) -> None:
+    async def work(sitting: Seat) -> None:
+        await sitting.press("ctrl+p")
+        listing = sitting.app.screen.query_one(CommandList)
+        await sitting.until(lambda: listing.option_count > 0)
+        for _ in range(2):
+            listing.post_message(CommandList.OptionSelected(listing, listing.get_option_at_index(0), 0))
+        await sitting.settle()
+        assert sitting.app.return_code is None
 
     using(opened(capture), work)
 

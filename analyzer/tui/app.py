@@ -16,12 +16,13 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from textual import events
 from textual._compositor import CompositorUpdate
 from textual.app import App, ComposeResult, ScreenStackError, SystemCommand
+from textual.await_complete import AwaitComplete
 from textual.binding import Binding, BindingType
 from textual.color import Color
 from textual.command import CommandList, CommandPalette
 from textual.driver import Driver
 from textual.filter import Monochrome
-from textual.screen import Screen
+from textual.screen import ModalScreen, Screen
 
 from dissectors.values import harmless
 
@@ -75,10 +76,9 @@ class CommandSearch(CommandPalette):
         for widget in super().compose():
             yield CommandHits() if isinstance(widget, CommandList) else widget
 
-    def on_click(self, event: events.Click) -> None:
-        """The second of two clicks beside it comes when it is gone already."""
-        if not self.is_current:
-            event.prevent_default()
+    def dismiss(self, result: Any = None) -> AwaitComplete:
+        """Once: a second click beside it, or on a command, comes when it is gone already."""
+        return super().dismiss(result) if self.is_current else AwaitComplete()
 
     def action_page(self, way: str) -> None:
         """A page further; nowhere while the list has not been laid out, of which Textual's own action knows nothing."""
@@ -271,8 +271,8 @@ class Rtuscope(App[None]):
         self._tell_trouble()
 
     def action_command_palette(self) -> None:
-        """Every command by name."""
-        if self.use_command_palette and not isinstance(self.screen, CommandPalette):
+        """Every command by name; not over a question, behind which commands would act."""
+        if self.use_command_palette and not isinstance(self.screen, ModalScreen):
             self.push_screen(CommandSearch(placeholder=tr("Search for commands…"), id="--command-palette"))
 
     def get_key_display(self, binding: Binding) -> str:
