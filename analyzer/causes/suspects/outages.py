@@ -12,10 +12,12 @@ from typing import Final
 import numpy as np
 
 from ...tables.findings import Severity
+from ...tables.schema import Bools
 from ..bits import mean_period_s
 from ..costs import LostAnswers, cost, together
 from ..evidence import Evidence
 from ..exchanges import Ending
+from ..exchangetable import AskedRows
 from ..flatmemory import Spell
 from ..ledger import ASKED, BAD
 from ..registry import Suspicion, Symptom, suspect
@@ -123,6 +125,7 @@ _INSIDE: Final = 0.6  # of a unit's silence
 _FEW: Final = 3  # requests an outage, of a unit that is asked too rarely to be silent for a while
 _LEAST: Final = 2  # requests to others meanwhile
 _RUN: Final = 3  # requests, but for repeats
+_USUAL: Final = 0.95  # of the answers
 _MOSTLY: Final = 0.5
 _HARDLY: Final = 0.1
 
@@ -197,7 +200,7 @@ def _runs(evidence: Evidence, units: Sequence[int]) -> Iterator[dict[int, Spell]
     several units were asked, too few times each for a spell of its own. Units that never answer tell nothing."""
     rows = evidence.ledger.table.rows
     rows = rows[np.isin(rows.unit, units)]
-    silent, times = rows.outcome == Ending.SILENT, rows.time.tolist()
+    silent, times = (rows.outcome == Ending.SILENT) & _is_waited_for(rows), rows.time.tolist()
     edges = np.flatnonzero(np.diff(np.concatenate(([False], silent, [False])).astype(np.int8)))
     for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
         after = times[begin - 1] if begin else None
@@ -208,6 +211,13 @@ def _runs(evidence: Evidence, units: Sequence[int]) -> Iterator[dict[int, Spell]
             yield {
                 unit: Spell(times[mine[0]], times[mine[-1]], len(mine), after, before) for unit, mine in parts.items()
             }
+
+
+def _is_waited_for(rows: AskedRows) -> Bools:
+    """Whether an answer had its time before the next request, by how long answers take: behind two clients that cut each
+    other off none had."""
+    delays = rows.delay[rows.outcome == Ending.OK]
+    return (rows.wait < 0) | (rows.wait > (np.quantile(delays, _USUAL) if len(delays) else 0))
 
 
 def _together(evidence: Evidence, group: Sequence[Outage]) -> Iterator[Suspicion]:
