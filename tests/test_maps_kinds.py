@@ -29,6 +29,24 @@ Register   Meaning              Unit    Factor
             "holding 0 u16 x0.01 bar rw Wanted pressure",
         ],
     ),
+    "a page's foot is no register": (
+        "pump.txt",
+        """
+Register   Meaning              Unit    Factor
+40001      Wanted pressure      bar     0.01
+40002      Wanted speed         rpm     1
+40003      Hours                h       1
+
+Pumps Ltd, series PX-22                 page 7
+
+40004      Level                cm      0.1
+40005      Limit                cm      0.1
+""",
+        [
+            "holding 0 u16 x0.01 bar Wanted pressure", "holding 1 u16 rpm Wanted speed", "holding 2 u16 h Hours",
+            "holding 3 u16 x0.1 cm Level", "holding 4 u16 x0.1 cm Limit",
+        ],
+    ),
     "offsets from a base of their block": (
         "fan.xml",
         """<?xml version='1.0'?><!-- a fan -->

@@ -260,9 +260,10 @@ class _TableRows:
         if heading.addresses[named.get("address", "")] == 1:
             named.pop("bit", None)  # several rows of one register are its bits
         here = area_of_cell(self.above, function=heading.of_functions) or self.area
-        address = address_of(named.get("address", ""), heading.form)
-        if address is None:
-            self.builder.note(f"row {number}: {named.get('address', '')[:30]!r} is not an address")
+        place = named.get("address", "")
+        address = address_of(place, heading.form)
+        if address is None or (form("words", place) and not named.get("name")):  # a page's head or foot
+            self.builder.note(f"row {number}: {place[:30]!r} is not an address")
             return
         self.register = self._value(named, address, here, f"row {number}")
 
