@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 from oddmaps import check_import
 
+from dissectors.maps.importers import import_maps
 from dissectors.maps.written import order_of
 
 _FILES = {
@@ -270,3 +273,10 @@ def test_a_spreadsheet_of_a_japanese_windows() -> None:
     table = "アドレス,名称,データ型,単位\n16,現在温度,符号付16bit,℃\n17,設定値,符号なし16bit,％\n"
     rows = ["holding 16 s16 ℃ 現在温度", "holding 17 u16 ％ 設定値"]
     check_import(("list.csv", table.encode("cp932"), rows, ""))
+
+
+def test_a_key_with_null_says_nothing() -> None:
+    channels = [{"name": "A", "reg_type": "holding", "address": 1, "type": "value", "format": "u16", "group": None}]
+    template = json.dumps({"device_type": "x", "device": {"name": "x", "id": "x", "channels": channels}})
+    (found,) = import_maps("config-x.json", template.encode())
+    assert [(row.name, row.group) for row in found.chart.rows] == [("A", "")]

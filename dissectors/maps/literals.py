@@ -55,7 +55,8 @@ class _NamedGroup(dict[str, Any]):
 def _token(match: re.Match[str]) -> str:
     """What a token says; a comment is a remark where nothing stands before it on its line."""
     kind = str(match.lastgroup)
-    before = match.string[: match.start()].rpartition("\n")[2] if kind == "comment" else kind
+    line = match.string.rfind("\n", 0, match.start()) + 1
+    before = match.string[line : match.start()] if kind == "comment" else kind
     return match[kind] if before.strip() else Remark(match[kind].strip(" *"))
 
 
@@ -81,7 +82,7 @@ def _fields_in(text: str) -> list[Fields]:
         field = form("field", line[:_LINE])
         if field:
             found[-1][field["name"]] = field["usual"].strip("\"'")
-        elif found[-1] and line.strip() and not line.lstrip().startswith(("//", "#", "--", "/*", "*")):
+        elif line.strip() and not line.lstrip().startswith(("//", "#", "--", "/*", "*")):
             found.append({})
     return [fields for fields in found if len(fields) >= _FEW]
 
@@ -161,7 +162,7 @@ class _BracketGroup:
 
     def _may_have(self, fields: Fields) -> bool:
         """Whether the items can be these fields: they have their names, are as many, or the last go without saying."""
-        plain = [item for item in self.listed if isinstance(item, str) and not isinstance(item, Remark)]
+        plain = [item for item in self.listed if type(item) is str]  # no group, no remark
         count, most = len(self.listed), len(fields)
         fewer = count < most and count == len(plain) and (any(fields.values()) if count > 1 else bool(self.named))
         return self.named.keys() <= fields.keys() and (count == most or fewer)

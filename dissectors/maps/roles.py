@@ -45,13 +45,13 @@ def heading_bits(text: str, role: str) -> float:
     """How much a heading, in small letters, speaks for a role; 0 where nothing of it does."""
     if not 0 < len(text) <= _HEADING:
         return 0.0
-    last = _any(role, "last", "(?:{})$").search(text)
+    head = _any(role, "last", "(?:{})$").sub("", text)
     ways = (
         (WHOLE, text == role or _any(role, "words").fullmatch(text)),
         (_BEGINS, _any(role, "words", r"(?:{})\b").match(text)),
         (_MAYBE, _any(role, "maybe").fullmatch(text)),
         (_ENDS, _any(role, "ends", "(?:{})$").search(text)),
-        (_ENDS, len(last[0].encode() if last else b"") >= _LEAST_END),
+        (_ENDS, len(text.encode()) - len(head.encode()) >= _LEAST_END),
     )
     return next((bits for bits, found in ways if found), 0.0)
 

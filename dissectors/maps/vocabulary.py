@@ -28,14 +28,15 @@ def vocabulary() -> Mapping[str, Any]:
     """Both files: what languages add to roles and parts stands among the words of these."""
     whole = _file("vocabulary.toml")
     for said in _file("languages.toml").values():
+        stands_last = said.pop("last", False)
         for key, words in said.items():
             if key.isupper():
                 whole["parts"][key] += f"|{words}"
-            elif key != "last":
-                for role, kind in _ADDED_TO.get(key, ((key, "words"),)):
-                    whole["roles"][role].setdefault(kind, []).append(words)
-                    if said.get("last") and kind == "words":
-                        whole["roles"][role].setdefault("last", []).append(words)
+                continue
+            for role, kind in _ADDED_TO.get(key, ((key, "words"),)):
+                whole["roles"][role].setdefault(kind, []).append(words)
+                if stands_last and kind == "words":
+                    whole["roles"][role].setdefault("last", []).append(words)
     return whole
 
 

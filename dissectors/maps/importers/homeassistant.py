@@ -15,7 +15,7 @@ def adapted(_: MapSource, records: Iterator[dict[str, Any]]) -> Iterator[dict[st
     """The values that each record is."""
     for record in records:
         if record.get("data_type") == "custom":
-            structure = str(record.get("structure", ""))
+            structure = str(record.get("structure") or "")
             record["data_type"] = f"custom {structure}{' u' * structure.isupper()}"
         if record.get("reverse_order"):
             record["reversed"] = "word"

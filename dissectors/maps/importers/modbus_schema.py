@@ -22,7 +22,7 @@ _LONGEST: Final = 2000  # characters of an expression
 def adapted(_: MapSource, records: Iterator[dict[str, Any]]) -> Iterator[dict[str, Any]]:
     """The records, with what their expressions say; what is computed from other fields is noted."""
     for record in records:
-        expression = str(record.get("expression", ""))[:_LONGEST]
+        expression = str(record.get("expression") or "")[:_LONGEST]
         call = _CALL.fullmatch(expression)
         area, place = _spot(call["first"]) if call else ("", None)
         if call is None or place is None:

@@ -191,7 +191,7 @@ class _ProgramRow:
         address = whole_in(position)
         area, area_word = self.meant("area")
         kind, type_word = ("bool", "") if area in _BITS else self.meant("type")
-        bit = whole_in(self.said("bit"))
+        bit = whole_in(self.said("bit")) if kind != "bit" else whole_in(self.said("bit")) or 0
         if address is None or area is None:
             self.note(f"address {position!r} of {area_word!r} is not known")
         elif bit is not None and kind != "bool":

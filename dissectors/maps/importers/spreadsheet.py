@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import compress
 from typing import Final
 
 from ..model import MapError
@@ -23,17 +24,18 @@ def read(source: MapSource) -> list[ImportedMap] | None:
 
 
 def _ways(source: MapSource) -> Iterator[list[MapSheet]]:
-    """The ways in which a file is a table by how it starts."""
+    """A workbook as it is; the ways in which a text is a table by how it starts."""
+    ways = ways_in(source.data, source.text, source.name, _MOST_ROWS)
+    if source.is_workbook:
+        yield from ways
+        return
     try:
-        starts = [
-            source.is_workbook or any(map(has_heading, sheets))
-            for sheets in ([[]] if source.is_workbook else ways_in(source.data, source.text, source.name, HEADING_ROWS))
-        ]
+        starts = ways_in(source.data, source.text, source.name, HEADING_ROWS)
+        are_tables = [any(map(has_heading, sheets)) for sheets in starts]
     except MapError:
         return
-    if any(starts):
-        ways = ways_in(source.data, source.text, source.name, _MOST_ROWS)
-        yield from (sheets for sheets, is_table in zip(ways, starts, strict=False) if is_table)
+    if any(are_tables):
+        yield from compress(ways, are_tables)
 
 
 def _charts_of(source: MapSource, sheets: Sequence[MapSheet]) -> list[ImportedMap]:

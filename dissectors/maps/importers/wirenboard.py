@@ -33,8 +33,8 @@ def _channels(device: Mapping[str, Any], inner: Mapping[str, Any], prefix: str, 
             yield from _channels(within, inner, f"{prefix}{channel.get('name')} ", further)
             continue
         for item in mappings(channel.get("consists_of")) or [channel]:
-            named = f"{prefix}{item.get('name', '')}"
-            yield {**item, "name": named, "group": str(channel.get("group", "")), "shift": shift}
+            named = f"{prefix}{item.get('name') or ''}"
+            yield {**item, "name": named, "group": str(channel.get("group") or ""), "shift": shift}
 
 
 def _parameters(listed: Any) -> Iterator[dict[str, Any]]:
