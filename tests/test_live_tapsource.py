@@ -112,6 +112,22 @@ def test_settings_that_make_no_sense_any_more_are_sought_anew(scripted):
     assert steps[-3].batch.rows.check.all()
 
 
+def test_what_is_told_late_of_settings_that_were_left_is_no_doubt_of_new_ones(scripted):
+    scripted(bus(PortSettings("tap", 38400, "E"), rounds=80))
+    source = TapSource([PortSettings("tap")])
+    left, told = source.line, []
+    for item in source.items():
+        if isinstance(item, PortEvent):
+            told.append(item.kind)
+        elif "settled" in told and told.count("late") < 10:
+            told.append("late")
+            source.judge(500, 0, left)
+            if told.count("late") == 10:
+                source.judge(500, 0, source.line)
+    words = " ".join(told).split(" settled ", 1)[1]
+    assert words.startswith(" ".join(["late"] * 10) + " seeking ")
+
+
 def test_a_rate_that_was_given_is_kept_whatever_is_heard(scripted):
     scripted(bus(PortSettings("tap", 38400, "E"), rounds=40))
     with Session(TapSource([PortSettings("tap", 9600, "N")])) as session:

@@ -48,7 +48,7 @@ class BetweenSource:
                     words = "with the gateway's own settings" if self._port is None else str(self._port)
                     yield PortEvent(item.t_ns, item.port, "settled", f"listening: {words}", {})
 
-    def judge(self, heard: int, sense: int) -> None:
+    def judge(self, heard: int, sense: int, line: LineSettings) -> None:
         """The client says how the line is set."""
 
     def close(self) -> None:

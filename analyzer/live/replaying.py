@@ -82,7 +82,7 @@ class Replay:
             self._change.notify_all()
             self._change.release()
 
-    def judge(self, heard: int, sense: int) -> None:
+    def judge(self, heard: int, sense: int, line: LineSettings) -> None:
         """A capture's settings are what they are."""
 
     def items(self) -> Iterator[Item]:

@@ -58,8 +58,8 @@ class SessionSource(Protocol):
     def items(self) -> Iterator[Item]:
         """What comes, until `close`; waits for it. An event `settled` tells that `line` is another from then on."""
 
-    def judge(self, heard: int, sense: int) -> None:
-        """So many bytes more were analysed, and so many more are frames with a right check value."""
+    def judge(self, heard: int, sense: int, line: LineSettings) -> None:
+        """So many bytes more, heard on this `line`, were analysed; so many of them are frames with a right check."""
 
     def close(self) -> None:
         """End soon; may be called by another thread, or by a signal."""
@@ -235,7 +235,7 @@ class Session:
 
     def _judged(self, step: SessionStep) -> SessionStep:
         rows = step.batch.rows
-        self._source.judge(step.heard, int(rows.length.dot(rows.check)))
+        self._source.judge(step.heard, int(rows.length.dot(rows.check)), self.line)
         return step
 
     def _pump(self) -> None:

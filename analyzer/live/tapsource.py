@@ -54,8 +54,10 @@ class TapSource:
         remote = seek_remote and ports[0].is_port_server
         self._seek = seek and ports[0].baud is None and (ports[0].is_device or remote)
         self._search: Search | None = None
-        self._heard = self._sense = 0  # bytes analysed of late, and those of them that are frames
-        self._doubted = False
+        self._line = self._line_now()
+        self._judged = self._line  # with these settings were heard, of late,
+        self._heard = self._sense = 0  # so many bytes that were analysed, and those of them that are frames
+        self._doubt_of: LineSettings | None = None
         self._unheard = 0  # changes of settings that the reader has not made yet
         quiet_ns = min(QUIET_NS, idle_ns)
         self._listening = Listening(
@@ -69,9 +71,8 @@ class TapSource:
 
     @property
     def line(self) -> LineSettings:
-        """What is known of the line."""
-        line = self._ports[0].line(self._tap)
-        return line if len(self._ports) < 2 else replace(line, notes={DIRECTIONS_NOTE: ",".join(self._directions)})
+        """What is known of the line; another object each time that it is settled."""
+        return self._line
 
     def items(self) -> Iterator[Item]:
         """What the taps give. PortError where one can't be listened to."""
@@ -87,18 +88,38 @@ class TapSource:
                     if self._doubted:
                         yield from self._swapped(item) if len(self._ports) > 1 else self._doubt(item)
 
-    def judge(self, heard: int, sense: int) -> None:
-        """Settings that stopped making sense are sought anew."""
+    def judge(self, heard: int, sense: int, line: LineSettings) -> None:
+        """Settings that stopped making sense are sought anew.
+
+        The analysis runs behind: what it tells of settings that were left by now is no reason to doubt those that
+        followed.
+        """
+        if line is not self._judged:
+            self._judged, self._heard, self._sense = line, 0, 0
         self._heard += heard
         self._sense += sense
         if self._heard > _DOUBT:
             share = _SENSE if len(self._ports) == 1 else _SENSE_OF_TWO
-            self._doubted = self._doubted or self._sense < share * self._heard
+            if self._sense < share * self._heard:
+                self._doubt_of = line
             self._heard = self._sense = 0
 
     def close(self) -> None:
         """End soon."""
         self._listening.close()
+
+    @property
+    def _doubted(self) -> bool:
+        return self._doubt_of is self._line
+
+    def _line_now(self) -> LineSettings:
+        line = self._ports[0].line(self._tap)
+        return line if len(self._ports) < 2 else replace(line, notes={DIRECTIONS_NOTE: ",".join(self._directions)})
+
+    def _settled(self, t_ns: int, text: str, **more: object) -> PortEvent:
+        """The line is what is known by now, and doubts of what it was are over."""
+        self._line = self._line_now()
+        return PortEvent(t_ns, 0, "settled", text, more)
 
     def _opened(self, event: PortEvent) -> Iterator[Item]:
         port = self._ports[event.port]
@@ -114,12 +135,13 @@ class TapSource:
         if self._tap == "pty":  # has no rate, so there is none to find
             self._seek = False
         if self._seek and self._search is None and not event.more["back"]:
+            self._line = self._line_now()
             self._begin()
             yield PortEvent(
                 event.t_ns, 0, "seeking", f"detecting the line settings, starting with {self._trying()}", {}
             )
         else:
-            yield PortEvent(event.t_ns, 0, "settled", f"listening: {self._words()}", {})
+            yield self._settled(event.t_ns, f"listening: {self._words()}")
 
     def _begin(self) -> None:
         self._search = Search(self._requested, explained, free_parity=self._free_parity)
@@ -146,9 +168,7 @@ class TapSource:
         self._search = None
         changed = search.found != tried.settings
         self._ports = [replace(search.found, url=port.url) for port in self._ports]
-        yield PortEvent(
-            now, 0, "settled", f"{tried}: listening with {search.found}", {"settings": search.found.to_json()}
-        )
+        yield self._settled(now, f"{tried}: listening with {search.found}", settings=search.found.to_json())
         if changed:
             self._set(search.found)
         else:
@@ -157,7 +177,7 @@ class TapSource:
     def _doubt(self, item: Block | Tick) -> Iterator[Item]:
         """Seek anew as hardly anything makes sense, while what comes is recorded all the same."""
         if not self._seek:
-            self._doubted = False
+            self._doubt_of = None
             return
         if self._search is None:
             now = item.t_ns if isinstance(item, Tick) else int(item.t_ns[-1])
@@ -166,17 +186,14 @@ class TapSource:
         else:
             for each in self._sought(item):
                 if isinstance(each, PortEvent):
-                    if each.kind == "settled":
-                        self._doubted = False
                     yield each
 
     def _swapped(self, item: Block | Tick) -> Iterator[Item]:
         """Two taps that make no sense are the other way round, most likely."""
-        self._doubted = False
         self._directions.reverse()
         now = item.t_ns if isinstance(item, Tick) else int(item.t_ns[-1])
         hears = " and ".join(f"{p.url} hears {d}s" for p, d in zip(self._ports, self._directions, strict=True))
-        yield PortEvent(now, 0, "settled", f"that did not fit; the other way round: {hears}", {})
+        yield self._settled(now, f"that did not fit; the other way round: {hears}")
 
     def _set(self, settings: PortSettings) -> None:
         self._unheard += 1
