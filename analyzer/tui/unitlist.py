@@ -28,67 +28,61 @@ if TYPE_CHECKING:
     from .screen import BusScreen
 
 
-def _six_digits(number: float) -> str:
-    return f"{number:.6g}"
+_WIDE: Final = 20  # times the shortest: longer ones leave nothing to see of it on a linear scale
 
 
-class History(Painted):
-    """What one number was over time, as bars, and its range."""
+class AnswerTimes(Painted):
+    """A unit's answer times over the capture, as bars."""
 
     def __init__(self, *, id: str, classes: str) -> None:
         super().__init__(id=id, classes=classes)
-        self.title = ""
-        self._written: Callable[[float], str] = _six_digits
-        self._points: list[tuple[int, float]] = []
-        self._from_zero = False
+        self._unit: int | None = None
+        self._times: list[float] = []
+        self._written: Callable[[float], str] = str
 
-    def show(
-        self,
-        title: str,
-        points: Sequence[tuple[int, float]],
-        written: Callable[[float], str] | None = None,
-        *,
-        from_zero: bool = False,
-    ) -> None:
-        """Times and numbers (NaN: none from then on), oldest first; `written` is how a number is put into words."""
-        self.title = title
-        self._written = written or _six_digits
-        self._from_zero = from_zero
-        self._points = list(points)
+    def show(self, unit: int | None, times: Sequence[float], written: Callable[[float], str]) -> None:
+        """Mean times (ns, NaN: none) of equal stretches, oldest first; `written` puts one into words."""
+        self._unit, self._times, self._written = unit, list(times), written
         self.refresh()
 
     def render_line(self, y: int) -> Strip:
-        width, height = self.content_size.width, self.content_size.height
-        base = self.base
+        width, rows = self.content_size.width, self.content_size.height - 1
+        if self._unit is None:
+            return Strip.blank(width, self.base)
+        times = [time for time in self._times if not math.isnan(time)]
+        low, high = (min(times), max(times)) if times else (0.0, 0.0)
+        orders = high > _WIDE * low > 0
         if y == 0:
-            return self.strip(fitted([StyledText(self.title, "strong")], width), width, base)
-        numbers = [number for _, number in self._points if not math.isnan(number)]
-        if not numbers or height < 3:
-            return self.strip([StyledText(tr(" no reading") if y == 1 else "", "dim")], width, base)
-        low, high = 0.0 if self._from_zero else min(numbers), max(numbers)
-        rows = height - 1
-        label = self._written(high) if y == 1 else self._written(low) if y == rows and high > low else ""
-        parts = [
-            StyledText(f"{label:>11} ", "dim"),
-            StyledText(self._plot(y - 1, rows, max(1, width - 12), low, high), "response"),
-        ]
-        return self.strip(parts, width, base)
+            title = tr(" unit {unit}: mean answer time over the capture", unit=self._unit)
+            parts = [StyledText(title, "strong"), StyledText(tr(", logarithmic scale") if orders else "", "dim")]
+            return self.strip(fitted(parts, width), width, self.base)
+        if not times or rows < 2:
+            return self.strip([StyledText(tr(" no answer") if y == 1 else "", "dim")], width, self.base)
+        least = low if orders else 0.0
+        label = self._written(high) if y == 1 else self._written(least) if y == rows else ""
+        levels = _in_orders if orders else _in_proportion
+        bars = self._bars(y - 1, rows, max(1, width - 12), levels(least, high, 8 * rows))
+        return self.strip([StyledText(f"{label:>11} ", "dim"), StyledText(bars, "response")], width, self.base)
 
-    def _plot(self, y: int, rows: int, width: int, low: float, high: float) -> str:
-        """One line of the plot: bars in eighths of a line, each the newest number at its time."""
-        first, last = self._points[0][0], self._points[-1][0]
-        scale = (8 * rows - 1) / (high - low) if high > low else 0.0
-        line, at = [], 0
+    def _bars(self, y: int, rows: int, width: int, level: Callable[[float], int]) -> str:
+        """One line of the plot: bars in eighths of a line, each the newest time in its column."""
+        line, at, last = [], 0, len(self._times) - 1
         for column in range(width):
-            until = first + (last - first) * (column + 1) / width
-            while at + 1 < len(self._points) and self._points[at + 1][0] <= until:
-                at += 1
-            if math.isnan(self._points[at][1]):
-                line.append(" ")
-                continue
-            level = 1 + round((self._points[at][1] - low) * scale) if high > low else 4 * rows
-            line.append(EIGHTHS[max(0, min(8, level - 8 * (rows - 1 - y)))])
+            at = max(at, min(last, last * (column + 1) // width))
+            time = self._times[at]
+            line.append(" " if math.isnan(time) else EIGHTHS[max(0, min(8, level(time) - 8 * (rows - 1 - y)))])
         return "".join(line)
+
+
+def _in_proportion(low: float, high: float, most: int) -> Callable[[float], int]:
+    """Levels from 1 to `most` of times between these."""
+    return lambda time: 1 + round((time - low) * (most - 1) / (high - low)) if high > low else most // 2
+
+
+def _in_orders(low: float, high: float, most: int) -> Callable[[float], int]:
+    """The same, an order of magnitude as high as the next one."""
+    level = _in_proportion(math.log(low), math.log(high), most)
+    return lambda time: level(math.log(time))
 
 
 _MANY = 0.05  # of the requests without a good answer
@@ -130,17 +124,11 @@ class UnitList(Lines):
         """The unit under the cursor."""
         return self.report.units[self.cursor].unit if self.report and self.cursor < len(self.report.units) else None
 
-    def history(self) -> tuple[str, list[tuple[int, float]], Callable[[float], str]]:
-        """Of the unit under the cursor: what the plot shows, mean answer times by time, how they are written."""
-        unit = self.unit
-        if unit is None:
-            return "", [], str
-        means, off_ns = self.desk.answer_means(unit), self.desk.bus.off_ns
-        return (
-            tr(" unit {unit}: mean answer time over the capture", unit=unit),
-            list(enumerate(means.tolist())),
-            lambda ns: short_bound(bounds_of(round(ns), off_ns) if ns else (0, 0)),
-        )
+    def history(self) -> tuple[int | None, list[float], Callable[[float], str]]:
+        """Of the unit under the cursor: mean answer times over the capture, and how they are written."""
+        unit, off_ns = self.unit, self.desk.bus.off_ns
+        means = [] if unit is None else self.desk.answer_means(unit).tolist()
+        return unit, means, lambda ns: short_bound(bounds_of(round(ns), off_ns) if ns else (0, 0))
 
     def count(self) -> int:
         return len(self.report.units) if self.report else 0
@@ -201,7 +189,7 @@ class UnitList(Lines):
 
 
 def _widget(desk: ViewState) -> Widget:
-    return Vertical(UnitList(desk, id="unit-list"), History(id="unit-history", classes="history"), id="units")
+    return Vertical(UnitList(desk, id="unit-list"), AnswerTimes(id="unit-history", classes="history"), id="units")
 
 
 def _refresh(screen: BusScreen) -> None:
@@ -210,7 +198,7 @@ def _refresh(screen: BusScreen) -> None:
 
 def _chosen(screen: BusScreen, sender: Widget) -> None:
     assert isinstance(sender, UnitList)
-    screen.query_one("#unit-history", History).show(*sender.history(), from_zero=True)
+    screen.query_one("#unit-history", AnswerTimes).show(*sender.history())
 
 
 def _entered(screen: BusScreen, sender: Widget) -> None:
