@@ -21,7 +21,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import browser
 import pytest
+from browser import chromium
 from hypothesis import given
 from hypothesis import strategies as st
 from running import environment, refused
@@ -163,6 +165,14 @@ def test_a_page_is_filled_to_its_last_row_and_column_when_it_grows_too(address: 
 
 
 @posix
+@pytest.mark.skipif(chromium() is None, reason="chromium is not here")
+def test_keys_need_no_click_first(address: str, tmp_path: Path) -> None:
+    with browser.Browser(tmp_path) as tab:
+        tab.go(address)
+        tab.wait_for("document.querySelector('.xterm.focus') !== null")
+        assert tab.value("document.activeElement.className") == "xterm-helper-textarea"
+
+
 def test_without_the_token_there_is_nothing(address: str, folder: Path) -> None:
     port, token = re.fullmatch(r"http://127\.0\.0\.1:(\d+)/([\w-]{32})/", address).groups()  # type: ignore[union-attr]
     base = f"http://127.0.0.1:{port}"
@@ -293,7 +303,7 @@ def test_a_viewer_ends_with_its_server(tmp_path: Path, ended: signal.Signals) ->
     shutil.copy(samples.path("troubled.jsonl"), tmp_path / "bus.jsonl")
     command = [sys.executable, "-P", "-m", "analyzer.cli", "open", "--web", "--port", "0", "bus.jsonl"]
     server = subprocess.Popen(
-        command, env=environment(), cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+        command, env=environment(), cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
     viewers: list[int] = []
 
@@ -313,7 +323,8 @@ def test_a_viewer_ends_with_its_server(tmp_path: Path, ended: signal.Signals) ->
         assert [pid for pid in viewers if running(pid)] == []
     finally:
         server.kill()
-        server.wait(20)
+        _, told = server.communicate(timeout=20)
+    assert told.splitlines() == ["rtuscope: open this address in a browser; press Ctrl-C to stop"]
 
 
 @posix

@@ -75,6 +75,7 @@ def serve(command: Sequence[str], host: str, port: int) -> None:
     except ImportError as error:
         raise UsageError(needs("--web", "textual-serve", "web")) from error
     logging.basicConfig(level=logging.WARNING, handlers=[_TellingHandler()])
+    logging.getLogger("asyncio").setLevel(logging.ERROR)  # that a tab's process ends after its loop is no trouble
     sockets = _listening(host, port)
     port = sockets[0].getsockname()[1]
     token = secrets.token_urlsafe(24)

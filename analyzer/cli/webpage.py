@@ -45,6 +45,12 @@ _PAGE: Final = """\
     <div class="words closed closed-dialog"><div>{{ ended }}</div>
       <button type="button" onclick="location.reload()">{{ again }}</button></div>
     <div id="terminal" class="textual-terminal" data-session-websocket-url="{{ socket }}" data-font-size="16"></div>
+    <script>
+      // Keys are meant for the terminal, from the first byte on and whenever the page is come back to.
+      const typed = () => document.querySelector("#terminal textarea")?.focus();
+      new MutationObserver(typed).observe(document.body, {attributeFilter: ["class"]});
+      addEventListener("focus", typed);
+    </script>
   </body>
 </html>
 """
