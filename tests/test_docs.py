@@ -26,6 +26,7 @@ import pytest
 from livebus import busy_port
 from running import ROOT, spawned
 
+import captures
 from analyzer.cli import main
 from analyzer.cli.app import Parser
 from analyzer.cli.commands import COMMANDS as CLI
@@ -208,6 +209,20 @@ def test_what_is_done_from_python(begin: str, tmp_path: Path, monkeypatch: pytes
     done = subprocess.run([sys.executable, "-c", code[1]], capture_output=True, text=True, check=True)
     expected = ("all-silent", "read 3 holding registers", "Read Holding Registers")
     assert any(words in done.stdout for words in expected)
+
+
+def test_the_own_format_is_read_as_its_page_says(tmp_path: Path) -> None:
+    shown = re.search(r"```json\n(.*?)```", (DOCS / "formats.md").read_text(encoding="utf-8"), re.DOTALL)
+    assert shown is not None
+    path = tmp_path / "own.jsonl"
+    path.write_text(shown[1], encoding="utf-8")
+    capture = captures.open(path)
+    line = capture.line
+    assert (line.baud, line.char_bits, line.parity, line.stop_bits, line.tap) == (19200, 11, "E", 1, "irq")
+    assert line.notes == {}
+    chunks = [*capture.chunks()]
+    assert [chunk.t_ns for chunk in chunks] == [1795239591000000000, 1795239591021340000]
+    assert list(chunks[1].errors) == [3]
 
 
 def test_every_file_that_is_named_exists() -> None:
