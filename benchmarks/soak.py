@@ -62,7 +62,7 @@ class Bus:
             now += 8_000_000
             yield Tick(now)
 
-    def judge(self, heard: int, sense: int) -> None:
+    def judge(self, heard: int, sense: int, line: LineSettings) -> None:
         """The settings are what they are."""
 
     def close(self) -> None:

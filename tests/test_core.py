@@ -143,7 +143,7 @@ class Scripted:
         yield from self._items
         self.go.set()
 
-    def judge(self, heard, sense):
+    def judge(self, heard, sense, line):
         pass
 
     def close(self):

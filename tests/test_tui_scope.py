@@ -22,7 +22,7 @@ from analyzer.tui.home import HomeList
 from analyzer.tui.plot import Plot
 from analyzer.tui.registerlist import RegisterList
 from analyzer.tui.timeline import Timeline
-from analyzer.tui.unitlist import History, UnitList
+from analyzer.tui.unitlist import AnswerTimes, UnitList
 from captures import samples
 
 
@@ -137,8 +137,8 @@ def test_what_a_scope_leaves_out_stands_nowhere_below_and_comes_back_with_esc(ca
     async def work(sitting: Seat) -> None:
         screen, bar = sitting.screen, sitting.screen.query_one(FilterBar)
         await sitting.press("9")
-        history = screen.query_one(History)
-        await sitting.until(lambda: "unit 1" in history.title)
+        times = screen.query_one(AnswerTimes)
+        await sitting.until(lambda: times.unit == 1)
         await sitting.press("5", "down")
         plot = screen.query_one(Plot)
         await sitting.until(lambda: len(plot.series) == 1)
@@ -148,7 +148,7 @@ def test_what_a_scope_leaves_out_stands_nowhere_below_and_comes_back_with_esc(ca
         await sitting.settle()
         assert screen.row is None and not screen.detail.look.items
         await sitting.press("9")
-        await sitting.until(lambda: not history.title)
+        await sitting.until(lambda: times.unit is None)
         await sitting.press("5")
         await sitting.until(lambda: not plot.series)
         await sitting.press("3")

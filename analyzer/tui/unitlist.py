@@ -36,24 +36,24 @@ class AnswerTimes(Painted):
 
     def __init__(self, *, id: str, classes: str) -> None:
         super().__init__(id=id, classes=classes)
-        self._unit: int | None = None
+        self.unit: int | None = None
         self._times: list[float] = []
         self._written: Callable[[float], str] = str
 
     def show(self, unit: int | None, times: Sequence[float], written: Callable[[float], str]) -> None:
         """Mean times (ns, NaN: none) of equal stretches, oldest first; `written` puts one into words."""
-        self._unit, self._times, self._written = unit, list(times), written
+        self.unit, self._times, self._written = unit, list(times), written
         self.refresh()
 
     def render_line(self, y: int) -> Strip:
         width, rows = self.content_size.width, self.content_size.height - 1
-        if self._unit is None:
+        if self.unit is None:
             return Strip.blank(width, self.base)
         times = [time for time in self._times if not math.isnan(time)]
         low, high = (min(times), max(times)) if times else (0.0, 0.0)
         orders = high > _WIDE * low > 0
         if y == 0:
-            title = tr(" unit {unit}: mean answer time over the capture", unit=self._unit)
+            title = tr(" unit {unit}: mean answer time over the capture", unit=self.unit)
             parts = [StyledText(title, "strong"), StyledText(tr(", logarithmic scale") if orders else "", "dim")]
             return self.strip(fitted(parts, width), width, self.base)
         if not times or rows < 2:

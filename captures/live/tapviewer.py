@@ -95,7 +95,7 @@ class TapViewer:
                 if self._t_ns:
                     yield Tick(self._t_ns)  # nothing is known of later
 
-    def judge(self, heard: int, sense: int) -> None:
+    def judge(self, heard: int, sense: int, line: LineSettings) -> None:
         """The settings are sought at the tap, not here."""
 
     def close(self) -> None:
