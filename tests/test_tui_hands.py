@@ -439,7 +439,7 @@ def test_where_one_types_the_footer_has_the_keys_of_the_line_alone(capture: Path
 
 def test_on_forty_columns_help_and_what_an_empty_list_says_can_be_read(capture: Path) -> None:
     async def work(sitting: Seat) -> None:
-        sitting.screen.query_one(FilterBar).use("unit == 99 and exception")
+        sitting.screen.query_one(FilterBar).use_filter("unit == 99 and exception")
         await sitting.settle()
         said = " ".join(sitting.shown().split())
         assert "nothing here matches unit == 99 and exception; Esc removes it" in said

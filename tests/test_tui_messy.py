@@ -34,8 +34,8 @@ def test_findings_stand_at_their_first_line_until_somebody_moves(messy: Path) ->
             await sitting.until(lambda: sitting.bus.whole and bool(listing.causes))
             assert any(sitting.bus.found.row(i) < 0 for i in range(sitting.bus.found.count))
             await sitting.press("home")
-            listing.use(())
-            listing.use(sitting.bus.causes())
+            listing.use_causes(())
+            listing.use_causes(sitting.bus.causes())
             await sitting.settle()
             assert listing.cursor == 0
 

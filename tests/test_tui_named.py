@@ -159,7 +159,7 @@ def test_every_view_of_rows_shows_plots_filters_and_exports_it(value: Meant) -> 
             await sitting.press(view)
             await sitting.until(lambda: new.text in _in_one(sitting))
             assert value.row is None or value.name in _in_one(sitting), view
-        registers.go((_UNIT, _AREA, value.at))
+        registers.go_to_spot((_UNIT, _AREA, value.at))
         plot = screen.query_one(Plot)
         await sitting.until(lambda: value.name in plot.title and bool(plot.series))
         assert plot.series[0].numbers[-1] == number
@@ -177,7 +177,7 @@ def test_every_view_of_rows_shows_plots_filters_and_exports_it(value: Meant) -> 
         measure = new.meaning.measure
         assert f"{old.text.removesuffix(f' {measure}') if measure else old.text}→{new.text}" in _in_one(sitting)
         await sitting.press("d", "5")
-        registers.go((_UNIT, _AREA, value.at))
+        registers.go_to_spot((_UNIT, _AREA, value.at))
         await sitting.press("=", "v")
         assert f'value("{value.name}")' in screen.query_one(FilterBar).text
         await sitting.until(lambda: screen.transactions.count() == 1)

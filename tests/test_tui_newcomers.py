@@ -95,11 +95,11 @@ def test_below_stands_the_row_under_the_cursor_and_the_place_is_kept(capture: Pa
         before, at = sitting.row, listing.cursor
         own = sitting.bus.table.value("unit", before)
         for text in (f"unit != {own}", f"unit == {own}"):
-            sitting.screen.query_one(FilterBar).use(text)
+            sitting.screen.query_one(FilterBar).use_filter(text)
             await sitting.settle()
             assert sitting.row == sitting.screen.studied
             assert f"frame {sitting.bus.table.value('frame', sitting.row)}" in sitting.shown()
-        sitting.screen.jumps.go(before)
+        sitting.screen.jumps.go_to_row(before)
         await sitting.settle()
         await sitting.press("escape")
         assert (sitting.row, listing.cursor) == (before, at), "where one was before the filter"

@@ -65,7 +65,7 @@ async def _look(size: tuple[int, int], colours: str) -> None:
                 screen.query_one(PasteText).load_text(_PASTED)
                 screen.query_one("#pieces").focus()
             if name == "frames":
-                screen.query_one(FilterBar).use("unit in (1, 2, 17)")
+                screen.query_one(FilterBar).use_filter("unit in (1, 2, 17)")
             for _ in range(200):
                 await pilot.pause(0.01)
                 if all(worker.is_finished for worker in app.workers):

@@ -60,7 +60,7 @@ def test_a_number_stands_with_its_measure_and_one_that_is_none_is_called_so(tmp_
         await sitting.press("5")
         t_ns = np.arange(3) * 10**9
         volts = Series("mains", t_ns, np.array([229.5, 230, 230.25]), "V")
-        plot.show("", (volts, Series("broken", t_ns, np.array([1.0, 2.0, np.nan]))))
+        plot.show_series("", (volts, Series("broken", t_ns, np.array([1.0, 2.0, np.nan]))))
         await sitting.pilot.pause()
         assert "mains: last 230.25 V" in sitting.shown() and "broken: last no number" in sitting.shown()
 

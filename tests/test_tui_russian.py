@@ -260,7 +260,7 @@ def test_no_english_is_left_on_a_screen(capture: Path, asked: _Asked) -> None:
                 await sitting.press("escape")
         for key in ("m", "m", "u", "n", "escape", "r", "r", "t", "z", "z", "d", "d", "P", "c", "2", "w", "right"):
             await sitting.press(key)
-        sitting.screen.query_one(FilterBar).use("unit == 99")
+        sitting.screen.query_one(FilterBar).use_filter("unit == 99")
         await sitting.settle()
         for view in "01234567":
             await sitting.press(view)

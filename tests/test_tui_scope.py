@@ -121,7 +121,7 @@ def test_every_view_obeys_the_scope_and_says_what_empties_it(capture: Path) -> N
         await sitting.press("6")
         bins = screen.query_one(Timeline)._bins
         assert bins is not None and bins.frames.sum() == sitting.app.desk.figures.frames
-        screen.query_one(FilterBar).use("unit == 99")
+        screen.query_one(FilterBar).use_filter("unit == 99")
         await sitting.settle()
         for view in "01234567":
             await sitting.press(view)
@@ -144,7 +144,7 @@ def test_what_a_scope_leaves_out_stands_nowhere_below_and_comes_back_with_esc(ca
         await sitting.until(lambda: len(plot.series) == 1)
         await sitting.press("2", "g", "2", "9", "enter")
         row = sitting.row
-        bar.use("unit == 99")
+        bar.use_filter("unit == 99")
         await sitting.settle()
         assert screen.row is None and not screen.detail.look.items
         await sitting.press("9")
@@ -159,7 +159,7 @@ def test_what_a_scope_leaves_out_stands_nowhere_below_and_comes_back_with_esc(ca
         await sitting.until(lambda: screen.frames.count() == sitting.bus.count)
         assert sitting.row == row and screen.detail.look.title == "frame 29"
         await sitting.press("1")
-        bar.use("unit == 99")
+        bar.use_filter("unit == 99")
         await sitting.until(lambda: screen.row is None)
         await sitting.press("escape")
         await sitting.until(lambda: screen.transactions.count() > 0)
@@ -173,7 +173,7 @@ def test_findings_under_a_scope_are_counted_and_stand_under_the_causes_of_it_alo
         findings = sitting.screen.query_one(FindingList)
         await sitting.press("3")
         await sitting.until(lambda: findings.grouped)
-        sitting.screen.query_one(FilterBar).use("noise")
+        sitting.screen.query_one(FilterBar).use_filter("noise")
         await sitting.until(lambda: "1 error, 11 warnings, 0 notes   showing all by cause: 12" in sitting.shown())
         headings = [block for block in findings._blocks if not block.code]
         assert [block.cause is None for block in headings] == [False, True], "the other causes explain nothing of it"
@@ -203,7 +203,7 @@ def test_filters_are_remembered_and_kept_with_a_colour(capture: Path) -> None:
         screen, wishes = sitting.screen, sitting.app.desk.wishes
         bar = screen.query_one(FilterBar)
         for text in ("unit == 2", "exception"):
-            bar.use(text)
+            bar.use_filter(text)
         await sitting.settle()
         await sitting.press("S", "k")
         await sitting.type("refused red")

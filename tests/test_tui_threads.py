@@ -103,9 +103,9 @@ def test_figures_of_a_filter_that_was_taken_back_are_not_shown(tmp_path: Path, m
 
     async def work(sitting: Seat) -> None:
         bar = sitting.screen.query_one(FilterBar)
-        bar.use("unit == 2")
+        bar.use_filter("unit == 2")
         await sitting.until(began.is_set)
-        bar.use("")
+        bar.use_filter("")
         await sitting.until(lambda: not sitting.screen.jobs.scope.narrows)
         ends.set()
         await sitting.until(ended.is_set)
@@ -183,7 +183,7 @@ def test_escape_stops_a_search_and_the_filter_stays(tmp_path: Path) -> None:
         return np.array([first], np.int64)
 
     async def work(sitting: Seat) -> None:
-        sitting.screen.query_one(FilterBar).use("unit == 2")
+        sitting.screen.query_one(FilterBar).use_filter("unit == 2")
         await sitting.settle()
         at = sitting.row
         sitting.screen.jumps.find_by("what never comes", hits)
@@ -208,7 +208,7 @@ def test_a_filter_that_fails_is_told_and_the_next_one_filters(tmp_path: Path) ->
         jobs.scope.filter = CompiledTest("broken", fails, False)
         jobs.reselect()
         await sitting.until(lambda: any("no such column" in notice for notice in sitting.notices()))
-        sitting.screen.query_one(FilterBar).use("unit == 2")
+        sitting.screen.query_one(FilterBar).use_filter("unit == 2")
         await sitting.until(lambda: 0 < sitting.screen.frames.count() < sitting.bus.count)
 
     using(opened(sample_in(tmp_path)), work)
@@ -310,7 +310,7 @@ def test_causes_that_nobody_looks_at_are_not_worked_out_once_a_key_was_pressed(
             pressed.set()
             await sitting.until(lambda: sitting.bus.whole)
             await sitting.settle()
-            sitting.screen.query_one(FilterBar).use("value >= 0")
+            sitting.screen.query_one(FilterBar).use_filter("value >= 0")
             await sitting.settle()
             assert sitting.screen.view == "transactions"
 

@@ -50,7 +50,7 @@ def show_interface(
     """A session in the terminal interface, watched for what --trigger says; `fire` is told the time of each."""
     from ..filters import FilterError
     from ..live.conditions import LiveTrigger
-    from ..tui.live import LiveSource, show
+    from ..tui.live import LiveSource, show_live
 
     charts = chosen_charts(arguments)
     watched_for = partial(LiveTrigger, rest_ns=int(arguments.after * 1e9), hit=fire or bool)
@@ -59,4 +59,4 @@ def show_interface(
         source.watch(arguments.trigger or "", charts)
     except FilterError as error:
         raise UsageError(f"--trigger: {error}") from error
-    return show(source, charts)
+    return show_live(source, charts)

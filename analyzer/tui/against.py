@@ -61,7 +61,7 @@ class ChangeList(Lines):
         told = self.changes or ()
         return told[self.cursor] if self.cursor < len(told) else None
 
-    def show(self, then: str, now: str, told: Sequence[Change]) -> None:
+    def show_changes(self, then: str, now: str, told: Sequence[Change]) -> None:
         """Another comparison."""
         self.sides, self.changes = (then, now), told
         self._announced = -1
@@ -139,21 +139,21 @@ def compare(screen: BusScreen, text: str) -> None:
             then, now = read_side(reader(typed_path(text)), stop), whole_side(bus, source)
         return then, now, changes(now, then, meanings)
 
-    def show(told: tuple[Compared, Compared, list[Change]]) -> None:
+    def show_compared(told: tuple[Compared, Compared, list[Change]]) -> None:
         then, now, differences = told
         screen.jobs.doing = ""
-        listing.show(then.name, now.name, differences)
-        screen.say()
+        listing.show_changes(then.name, now.name, differences)
+        screen.write_status()
 
     screen.jobs.doing = tr("comparing")
-    screen.say()
-    screen.jobs.run("compare", work, show, failed=screen.jobs.rest)
+    screen.write_status()
+    screen.jobs.run("compare", work, show_compared, failed=screen.jobs.rest)
 
 
 def _chosen(screen: BusScreen, sender: Widget) -> None:
     assert isinstance(sender, ChangeList)
     if screen.view == VIEW.name:
-        screen.detail.show(sender.look())
+        screen.detail.show_frame(sender.look())
 
 
 def _entered(screen: BusScreen, sender: Widget) -> None:
@@ -166,15 +166,15 @@ def _entered(screen: BusScreen, sender: Widget) -> None:
         return
     if change.spot is not None:
         screen.action_view("registers")
-        screen.query_one(RegisterList).go(change.spot)
+        screen.query_one(RegisterList).go_to_spot(change.spot)
     elif len(change.units) == 1:
         screen.action_view(screen.list_view)
-        screen.query_one(FilterBar).use(f"unit == {change.units[0]}")
+        screen.query_one(FilterBar).use_filter(f"unit == {change.units[0]}")
 
 
 def _shown(screen: BusScreen) -> None:
     listing = screen.query_one(ChangeList)
-    screen.detail.show(listing.look())
+    screen.detail.show_frame(listing.look())
     if listing.changes is None and screen.came_up:
         listing.action_choose()
 

@@ -153,7 +153,7 @@ class Rtuscope(App[None]):
     async def on_event(self, event: events.Event) -> None:
         """A key's effect is there before the next key is taken up."""
         if isinstance(event, events.Key) and not event.is_forwarded:
-            await self.keys.take(event)
+            await self.keys.take_key(event)
             return
         await super().on_event(event)
         if isinstance(event, events.Resize):

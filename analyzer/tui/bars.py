@@ -174,7 +174,7 @@ class StatusLine(Painted):
         self.state = ("", "")
         self._turn = 0
 
-    def tell(self, screen: BusScreen) -> None:
+    def take_state_of(self, screen: BusScreen) -> None:
         """Where the cursor is, what goes on, live whether the list follows its end, and what became of the file."""
         bus, jobs, picked = self.desk.bus, screen.jobs, screen.picked
         self.where = counted(bus.frames, "frame", "frames")

@@ -74,7 +74,7 @@ class Details(Lines):
             return super().empty
         return tr("no frames yet") if desk.source.live else tr("reading …")
 
-    def show(self, detail: FrameDetail, *, to: Path = ()) -> Item | None:
+    def show_frame(self, detail: FrameDetail, *, to: Path = ()) -> Item | None:
         """Another frame; the cursor goes to an item, or stays on the field of the same name. Gives it, tells nobody."""
         path = to or (self._lines[self.cursor].path if self.cursor < len(self._lines) else ())
         self.look = detail
@@ -236,7 +236,7 @@ class BytesPane(Lines):
         self.bits = False
         self.lit = range(0)
 
-    def show(self, detail: FrameDetail, start: int, length: int) -> None:
+    def show_frame(self, detail: FrameDetail, start: int, length: int) -> None:
         """Another frame, with the bytes of a field lit."""
         self.look = detail
         self.offset_at = min(start if length else self.offset_at, max(0, len(detail.data) - 1))
@@ -359,14 +359,14 @@ class DetailPane(Horizontal):
     def octets(self) -> BytesPane:
         return self.query_one(BytesPane)
 
-    def show(self, detail: FrameDetail, *, to: tuple[str, ...] = ()) -> None:
+    def show_frame(self, detail: FrameDetail, *, to: tuple[str, ...] = ()) -> None:
         """Show fields and bytes; the cursor of the fields goes to an item, or stays on the field it is on."""
         self.look = detail
         self.octets.display = bool(detail.data) or not detail.items
-        item = self.fields.show(detail, to=to)
+        item = self.fields.show_frame(detail, to=to)
         self.fields.border_title = detail.title
         start, length = (0, 0) if item is None else (item.start, item.length)
-        self.octets.show(detail, start, length)
+        self.octets.show_frame(detail, start, length)
         self._title_octets(start, length)
 
     def light(self, start: int, length: int) -> None:

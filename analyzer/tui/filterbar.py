@@ -47,7 +47,7 @@ class Completions(Lines):
         super().__init__(id=id)
         self.found: Sequence[Completion] = ()
 
-    def show(self, completions: Sequence[Completion]) -> None:
+    def show_completions(self, completions: Sequence[Completion]) -> None:
         """Other ones."""
         self.found = completions
         self.display = bool(completions)
@@ -136,7 +136,7 @@ class FilterBar(Vertical):
     def line(self) -> FilterInput:
         return self.query_one(FilterInput)
 
-    def use(self, text: str) -> None:
+    def use_filter(self, text: str) -> None:
         """Filter by this, as if it was typed."""
         self.line.value = text
         self._use(text)
@@ -181,7 +181,7 @@ class FilterBar(Vertical):
 
     def on_descendant_blur(self) -> None:
         self.set_class(False, "-typing")
-        self.query_one(Completions).show(())
+        self.query_one(Completions).show_completions(())
 
     def on_descendant_focus(self) -> None:
         self.set_class(True, "-typing")
@@ -220,7 +220,7 @@ class FilterBar(Vertical):
     def _suggest(self) -> None:
         line = self.line
         completions = complete(line.value, line.cursor_position) if line.has_focus else ()
-        self.query_one(Completions).show(completions)
+        self.query_one(Completions).show_completions(completions)
 
     def pick(self, step: int) -> None:
         """Another completion."""
@@ -242,7 +242,7 @@ class FilterBar(Vertical):
         """Back to the list; the line says again what is in use."""
         if self.line.value.strip() != self.text:
             self.line.value = self.text
-        self.query_one(Completions).show(())
+        self.query_one(Completions).show_completions(())
         self.post_message(FilterLeft())
 
 
@@ -275,13 +275,13 @@ class KeptFilters:
         choices += [("k", tr("save the current filter: {filter}", filter=bar.text))] if bar.text else []
         choices += [("d", tr("drop one"))] if own else []
         if not choices:
-            screen.tell(tr("no saved filters yet: apply one, then press S"))
+            screen.notify_of(tr("no saved filters yet: apply one, then press S"))
             return
         which = await ask(Choose(tr("Kept filters"), choices))
         if which is None:
             return
         if which < len(shown):
-            bar.use(shown[which].text)
+            bar.use_filter(shown[which].text)
         elif choices[which][0] == "k":
             await self._keep(bar.text)
         else:

@@ -124,7 +124,7 @@ class FindingList(Lines):
         """The one under the cursor."""
         return None if self.number < 0 else self.desk.bus.found.finding(self.number)
 
-    def use(self, causes: Sequence[Cause]) -> None:
+    def use_causes(self, causes: Sequence[Cause]) -> None:
         """What explains them."""
         if causes != self.causes:
             _, single = self._at(self.cursor)
@@ -145,7 +145,7 @@ class FindingList(Lines):
         self._choose()
         super().grown()
 
-    def go(self, row: int) -> None:
+    def go_to_row(self, row: int) -> None:
         """Put the cursor on the first finding at or behind a row, or on the group that holds it."""
         line = self._line_of(row)
         if line < self.count():
@@ -273,7 +273,7 @@ class FindingList(Lines):
         self.code = None
         self._again(None, self.least)
         if row is not None:
-            self.go(row)
+            self.go_to_row(row)
 
     def action_severity(self) -> None:
         order = list(_LEAST)
@@ -297,18 +297,18 @@ def _chosen(screen: BusScreen, sender: Widget) -> None:
     if sender.id != screen.view:
         return
     if sender.cause is not None:
-        screen.detail.show(of_cause(screen.desk, sender.cause))
+        screen.detail.show_frame(of_cause(screen.desk, sender.cause))
         return
     finding = sender.finding
     if finding is None:
-        screen.detail.show(NOTHING)
+        screen.detail.show_frame(NOTHING)
         return
     to = (finding_name(finding),)
     if sender.row is not None:
         screen.study_row(sender.row, to=to)
     else:
-        screen.detail.show(at_finding(finding), to=to)
-        screen.say()
+        screen.detail.show_frame(at_finding(finding), to=to)
+        screen.write_status()
 
 
 def _entered(screen: BusScreen, sender: Widget) -> None:
@@ -316,7 +316,7 @@ def _entered(screen: BusScreen, sender: Widget) -> None:
     if sender.cause is not None:
         screen.jumps.walk(sender.cause)
     elif sender.row is not None:
-        screen.jumps.go(sender.row)
+        screen.jumps.go_to_row(sender.row)
 
 
 def _refresh(screen: BusScreen) -> None:
@@ -327,14 +327,14 @@ def _refresh(screen: BusScreen) -> None:
         listing._next = 0.0
     listing.grown()
     bus = screen.desk.bus
-    screen.jobs.reckon("explain", (bus.found.count, bus.whole), lambda _: bus.causes(), listing.use)
+    screen.jobs.reckon("explain", (bus.found.count, bus.whole), lambda _: bus.causes(), listing.use_causes)
 
 
 def _shown(screen: BusScreen) -> None:
     if screen.studied is not None:
         listing = screen.query_one(FindingList)
         listing.grown()
-        listing.go(screen.studied)
+        listing.go_to_row(screen.studied)
 
 
 def _at(screen: BusScreen) -> Place:

@@ -188,7 +188,7 @@ class FrameList(Lines):
         self.pinned_to: int | None = None  # and up to which; None: up to the cursor
         self._carry: dict[int, TransactionValues | None] = {}  # what rows in sight carry
 
-    def use(self, rows: ListRows) -> None:
+    def use_rows(self, rows: ListRows) -> None:
         """Show other rows; the cursor stays on its row, or on the last one before it."""
         row = self._left if self.row is None else self.row
         self.rows, self._left = rows, row
@@ -200,7 +200,7 @@ class FrameList(Lines):
         """The row under the cursor."""
         return self.rows.row(self.cursor) if self.cursor < self.rows.count else None
 
-    def go(self, row: int) -> bool:
+    def go_to_row(self, row: int) -> bool:
         """Put the cursor on a row; False where the list does not show it, and the nearest one before was taken."""
         if not self.rows.count:
             return False
@@ -355,7 +355,7 @@ def shown_row(screen: BusScreen, sender: Widget) -> None:
     if sender.id != screen.view:
         return
     if sender.row is None:
-        screen.detail.show(NOTHING)
+        screen.detail.show_frame(NOTHING)
     else:
         screen.study_row(sender.row)
 
@@ -371,7 +371,7 @@ def at_the_row(screen: BusScreen) -> None:
     if all(each.following for each in screen.query(FrameList)):
         listing.grown()
     elif screen.studied is not None:
-        listing.go(screen.studied)
+        listing.go_to_row(screen.studied)
     if screen.studied is not None and listing.row is not None:
         screen.study_row(listing.row)
 

@@ -68,7 +68,7 @@ class HomeList(Lines):
         self.settled = False  # whether it was reckoned of all rows
         self.first_at, self.first_pause_s = 0.0, _AGAIN_S  # when, unseen, it is reckoned: should it come up?
 
-    def use(self, state: BusState) -> None:
+    def use_state(self, state: BusState) -> None:
         """Newer figures."""
         scope = self.desk.scope
         if scope.narrows:  # causes are told from everything; those of units that are left out are not shown
@@ -273,7 +273,7 @@ def _reckon(screen: BusScreen) -> None:
         return BusState(figures.report(source), story.causes, story.not_explained, whole)
 
     def came(state: BusState) -> None:
-        home.use(state)
+        home.use_state(state)
         if not screen.undecided or screen.touched:
             return
         if state.causes or screen.desk.is_foreign:
@@ -283,7 +283,7 @@ def _reckon(screen: BusScreen) -> None:
     screen.jobs.reckon("home", basis, work, came, fills=VIEW.name)
 
 
-def first(screen: BusScreen) -> None:
+def come_up_first(screen: BusScreen) -> None:
     """Come up first where there are causes to tell, or no frame is there, and nobody has pressed a key yet."""
     home, bus = screen.query_one(HomeList), screen.desk.bus
     screen.undecided &= not screen.touched
@@ -297,7 +297,7 @@ def first(screen: BusScreen) -> None:
 def _chosen(screen: BusScreen, sender: Widget) -> None:
     assert isinstance(sender, HomeList)
     if screen.view == VIEW.name:
-        screen.detail.show(sender.look())
+        screen.detail.show_frame(sender.look())
 
 
 def _entered(screen: BusScreen, sender: Widget) -> None:
@@ -308,11 +308,11 @@ def _entered(screen: BusScreen, sender: Widget) -> None:
         screen.jumps.walk(cause)
     elif unit is not None:
         screen.action_view(screen.list_view)
-        screen.query_one(FilterBar).use(f"unit == {unit.unit}")
+        screen.query_one(FilterBar).use_filter(f"unit == {unit.unit}")
 
 
 def _shown(screen: BusScreen) -> None:
-    screen.detail.show(screen.query_one(HomeList).look())
+    screen.detail.show_frame(screen.query_one(HomeList).look())
 
 
 def _cells(screen: BusScreen) -> list[DoorCell]:

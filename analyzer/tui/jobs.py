@@ -65,7 +65,7 @@ class Jobs(ScreenThreads):
 
     def begin(self) -> None:
         """Read the source."""
-        self._screen.transactions.use(self._transactions)
+        self._screen.transactions.use_rows(self._transactions)
         self._start("load", self._load)
         self._select()
 
@@ -103,7 +103,7 @@ class Jobs(ScreenThreads):
         self._first_row()
         if live:
             self._tell_notices()
-            self._screen.triggers.tell()
+            self._screen.triggers.ring()
         self._paint()
 
     def _paint(self) -> None:
@@ -118,10 +118,10 @@ class Jobs(ScreenThreads):
         self._painted_at, self._painted_cpu = now, time.thread_time()
         self.tell_meanings()
         if self._screen.desk.paused and not self._bus.whole:
-            self._screen.say()
+            self._screen.write_status()
             return
         self._screen.refresh_view()
-        home.first(self._screen)
+        home.come_up_first(self._screen)
 
     def _pause(self) -> float:
         """Seconds between two paintings, by all that the screen's thread took of the processor since the last began:
@@ -173,7 +173,7 @@ class Jobs(ScreenThreads):
                 self._notices.add(notice)
                 grave = isinstance(notice, Grave)
                 self._screen.desk.losses += grave
-                self._screen.tell(notice, wrong=grave)
+                self._screen.notify_of(notice, wrong=grave)
 
     def _loaded(self, trouble: str) -> None:
         """No more rows come; `trouble` says why if it is not that the source was read to its end."""
@@ -183,16 +183,16 @@ class Jobs(ScreenThreads):
         self._first_row()
         self._screen.detail.fields.unpaint()
         self._screen.refresh_view()
-        home.first(self._screen)
+        home.come_up_first(self._screen)
         self.tell_meanings()
         self._screen.files.read(self._source)
         self._screen.files.resume()
         if trouble:
-            self._screen.tell(tr("reading ended: {trouble}", trouble=trouble), wrong=True)
+            self._screen.notify_of(tr("reading ended: {trouble}", trouble=trouble), wrong=True)
         self._tell_notices()
         told = self._screen.undecided or self._screen.view in ("home", "paste")
         if not self._bus.frames and not trouble and not told:
-            self._screen.tell(tr("no Modbus frames found"), wrong=True)
+            self._screen.notify_of(tr("no Modbus frames found"), wrong=True)
 
     # Testing rows
 
@@ -267,7 +267,7 @@ class Jobs(ScreenThreads):
     def rest(self) -> None:
         """Nothing goes on that the status line would tell."""
         self.doing = ""
-        self._screen.say()
+        self._screen.write_status()
 
     def _selection_grew(self) -> None:
         self._pending.discard("selection")
@@ -275,8 +275,8 @@ class Jobs(ScreenThreads):
         row = self._screen.studied if row is None else row  # a list that is empty now goes back to where it was
         if waiting is not None and (row is None or all(each.has_tested(row) for each in self._selections)):
             self._waiting = None
-            self._screen.frames.use(waiting[0])
-            self._screen.transactions.use(waiting[1])
+            self._screen.frames.use_rows(waiting[0])
+            self._screen.transactions.use_rows(waiting[1])
         if self.selection is not None and self._bus.whole:
             tested, count = self.selection.done, self._bus.count
             self.doing = tr("filtering {share:.0%}", share=tested / max(1, count)) if tested < count else ""

@@ -43,7 +43,7 @@ class Jumps:
         self._arrived: tuple[int | None, int] = (None, -1)  # where the cursor was put, and for which row
         self._waiting: deque[_Step] = deque()  # steps to the next hit that are still to be made
 
-    def go(self, row: int) -> None:
+    def go_to_row(self, row: int) -> None:
         """Show a row in the list that was last in sight: transactions or frames. Noise is in the frames alone."""
         screen = self._screen
         if not screen.going_back:
@@ -60,9 +60,9 @@ class Jumps:
         """Put the cursor of a list in sight on a row."""
         screen = self._screen
         listing = screen.query_one(f"#{view}", FrameList)
-        if not listing.go(row):
+        if not listing.go_to_row(row):
             words = "that row is filtered out (Esc clears the filter); this is the one before it"
-            screen.tell(tr(words))
+            screen.notify_of(tr(words))
         listing.focus()
         self._arrived = listing.row, row
 
@@ -71,7 +71,7 @@ class Jumps:
         screen = self._screen
         stop = screen.trail.back(screen.stop) if step < 0 else screen.trail.forward(screen.stop)
         if stop is None:
-            screen.tell(tr("nowhere to go back to") if step < 0 else tr("nowhere to go on to"))
+            screen.notify_of(tr("nowhere to go back to") if step < 0 else tr("nowhere to go on to"))
             return
         screen.going_back = True
         try:
@@ -95,9 +95,9 @@ class Jumps:
         """From a request to its answer, from an answer to its request."""
         partner = None if self.here < 0 else self._bus.partner(self.here)
         if partner is None:
-            self._screen.tell(tr("no counterpart known"))
+            self._screen.notify_of(tr("no counterpart known"))
         else:
-            self.go(partner)
+            self.go_to_row(partner)
 
     def to_finding(self, step: int) -> None:
         """The next row with a finding, or the one before."""
@@ -125,7 +125,7 @@ class Jumps:
 
         text = await self._screen.app.push_screen_wait(Ask(self._asks("Go to"), tr(FORMS), wrong=wrong))
         if text is not None:
-            self.go(search.row_named(text, self._bus, begin, desk.zone, zero_ns))
+            self.go_to_row(search.row_named(text, self._bus, begin, desk.zone, zero_ns))
 
     async def ask_span(self) -> None:
         """Ask for a span of time, and narrow everything to it."""
@@ -173,7 +173,7 @@ class Jumps:
             return
         self._sought = text
         if _names_row(text):
-            self.go(search.row_named(text, self._bus, begin, zone))
+            self.go_to_row(search.row_named(text, self._bus, begin, zone))
         else:
             self._wanted = search.wanted(text, charts)
             self._find_first()
@@ -186,14 +186,14 @@ class Jumps:
         """Go to the first row that shows a cause; the next hit and the one before are the others, in wire order."""
         rows = rows_showing(self._bus, cause)
         if not len(rows):
-            self._screen.tell(tr("no single frame shows it"))
+            self._screen.notify_of(tr("no single frame shows it"))
             return
         hits: search.Hits = lambda _, first, last: rows[(rows >= first) & (rows < last)]  # noqa: E731
         self.stop()
         self._wanted = search.Wanted(tr("what shows the cause {name}", name=cause.cause), hits)
-        self.go(int(rows[0]))
+        self.go_to_row(int(rows[0]))
         where = tr("{count:,} rows show it: n goes to the next, N to the one before", count=len(rows))
-        self._screen.tell(where)
+        self._screen.notify_of(where)
 
     def find_by(self, words: str, hits: search.Hits) -> None:
         """Look for something that needs no asking."""
@@ -225,7 +225,7 @@ class Jumps:
     def _seek(self) -> None:
         row, bus, (wanted, back, from_anew) = self.here, self._bus, self._waiting[0]
         self._screen.jobs.doing = tr("looking for {what}, Esc stops", what=wanted.words[:30])
-        self._screen.say()
+        self._screen.write_status()
 
         def seek(stop: Stop) -> tuple[int | None, bool]:
             hit = search.find(bus, wanted.hits, row, back=back, stop=stop)
@@ -239,7 +239,7 @@ class Jumps:
         """It could not be looked for: the next search begins anew."""
         self._waiting.clear()
         self._screen.jobs.doing = ""
-        self._screen.say()
+        self._screen.write_status()
 
     def _sought_out(self, row: int | None, wrapped: bool) -> None:
         """Go to the hit, and light it; where the key was pressed again meanwhile, on from there."""
@@ -247,19 +247,19 @@ class Jumps:
         wanted, back, from_anew = self._waiting.popleft()
         if row is None:
             self._waiting.clear()
-            screen.tell(tr("{what}: not found", what=wanted.words[:50]) if from_anew else _no_more(back=back))
+            screen.notify_of(tr("{what}: not found", what=wanted.words[:50]) if from_anew else _no_more(back=back))
         else:
             if wrapped:
-                screen.tell(tr("wrapped to the end") if back else tr("wrapped to the beginning"))
+                screen.notify_of(tr("wrapped to the end") if back else tr("wrapped to the beginning"))
             self._light(row, wanted.data)
-            self.go(row)
+            self.go_to_row(row)
             if wanted.value:
                 self._point_at(row, wanted.value)
         if self._waiting:
             self._seek()
             return
         screen.jobs.doing = ""
-        screen.say()
+        screen.write_status()
 
     def _point_at(self, row: int, text: str) -> None:
         """Put the cursor of the fields on the value that was looked for, where one has it by what it means."""

@@ -82,7 +82,7 @@ class KeyQueue:
         if self._task is not None:
             self._task.cancel()
 
-    async def take(self, event: Key) -> None:
+    async def take_key(self, event: Key) -> None:
         """A key was pressed: it is handed on at once where none is before it."""
         if self.closed:
             return

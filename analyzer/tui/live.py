@@ -156,7 +156,7 @@ class LiveSource:
         return words
 
 
-def show(source: LiveSource, charts: UnitMaps | None = None) -> int:
+def show_live(source: LiveSource, charts: UnitMaps | None = None) -> int:
     """Show a session until the user quits; the exit status. `charts`: what registers are called."""
     from . import run
 

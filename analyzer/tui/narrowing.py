@@ -31,7 +31,7 @@ class Narrowing:
     def to_span(self, span: tuple[int, int]) -> None:
         """Only this span of time from now on."""
         self._scope.span = span
-        self.say()
+        self.write_scope()
         self._screen.jobs.reselect()
         self._screen.refresh_view()
 
@@ -39,16 +39,16 @@ class Narrowing:
         """Only transactions whose answer differs from the last one to that poll; or all again."""
         scope = self._scope
         scope.only_changed = not scope.only_changed
-        self.say()
+        self.write_scope()
         self._screen.jobs.reselect()
 
     def noise(self) -> None:
         """Noise in place, or hidden."""
         scope = self._scope
         scope.hide_noise = not scope.hide_noise
-        self.say()
+        self.write_scope()
         self._screen.jobs.reselect()
-        self._screen.tell(tr("noise hidden; z shows it") if scope.hide_noise else tr("noise shown in place"))
+        self._screen.notify_of(tr("noise hidden; z shows it") if scope.hide_noise else tr("noise shown in place"))
 
     def take_back(self) -> None:
         """Take back what narrows the list: the selection, then filter and span; nothing where none of it is shown."""
@@ -58,14 +58,14 @@ class Narrowing:
         if screen.picked.anchor is not None:
             screen.picked.drop()
         elif scope.filter is not None:
-            screen.query_one(FilterBar).use("")
+            screen.query_one(FilterBar).use_filter("")
         elif scope.span is not None:
             scope.span = None
             screen.jobs.reselect()
-        self.say()
+        self.write_scope()
         screen.panes.all[0].focus()
 
-    def say(self) -> None:
+    def write_scope(self) -> None:
         """What narrows the rows stands on the scope's line, beside the filter."""
         scope, desk = self._scope, self._screen.desk
         words = [] if scope.span is None else [desk.span_words(scope.span)]
@@ -87,12 +87,12 @@ class Doors:
     def __init__(self, screen: BusScreen) -> None:
         self._screen = screen
 
-    async def go(self, sign: str) -> None:
+    async def go_through(self, sign: str) -> None:
         """Ask for a cell of the line where there are several, and go through it."""
         screen = self._screen
         cells = BY_NAME[screen.view].cells(screen)
         if not cells:
-            screen.tell(tr("nothing under the cursor to filter by"))
+            screen.notify_of(tr("nothing under the cursor to filter by"))
             return
         which: int | None = 0
         if len(cells) > 1:
@@ -111,9 +111,9 @@ class Doors:
                 cell.words, for_test(compiled(text, screen.desk.bus.line, screen.desk.meanings.charts).test)
             )
         elif sign == "=":
-            bar.use(text)
+            bar.use_filter(text)
         elif sign == "!":
-            bar.use(f"{_grouped(old)} and not ({text})" if old else f"not ({text})")
+            bar.use_filter(f"{_grouped(old)} and not ({text})" if old else f"not ({text})")
         else:
             word = "and" if sign == "&" else "or"
             bar.prepare(f"{_grouped(old)} {word} {_grouped(text)}" if old else text)

@@ -73,13 +73,13 @@ class OpenFiles:
         if resumed is None or self.path is None:
             return
         if resumed.filter:
-            screen.query_one(FilterBar).use(resumed.filter)
+            screen.query_one(FilterBar).use_filter(resumed.filter)
         if resumed.row is None:
             screen.action_follow()
         elif 0 < resumed.row < screen.desk.bus.count:
             screen.studied = resumed.row
             for each in screen.query(FrameList):
-                each.go(resumed.row)
+                each.go_to_row(resumed.row)
 
     def _now(self) -> int:
         """Its size; -1 where it is gone."""
@@ -99,7 +99,7 @@ class OpenFiles:
         state = self._state(size)
         if state != self.state:
             self.state = state
-            self._screen.say()
+            self._screen.write_status()
 
     def _state(self, size: int) -> tuple[str, str]:
         if size < 0:
@@ -114,7 +114,7 @@ class OpenFiles:
         """Read it anew: the same view, filter and row."""
         screen = self._screen
         if self.path is None:
-            screen.tell(tr("there is no file to reload"))
+            screen.notify_of(tr("there is no file to reload"))
             return
         scope = screen.desk.scope
         text = "" if scope.filter is None else scope.filter.text
@@ -162,10 +162,10 @@ class Bookmarks:
             comment = notes.comments.get(spot)
             if notes.toggle(spot):
                 where = tr("until you leave") if notes.path is None else tr("in {file}", file=notes.path.name)
-                screen.tell(tr("bookmark saved {where}; ' goes to the next", where=where))
+                screen.notify_of(tr("bookmark saved {where}; ' goes to the next", where=where))
             else:
                 gone = tr("bookmark and comment") if comment else tr("bookmark")
-                screen.tell(tr("{gone} removed; u restores it", gone=gone))
+                screen.notify_of(tr("{gone} removed; u restores it", gone=gone))
 
         self._noted(change)
 
@@ -175,9 +175,9 @@ class Bookmarks:
         def change() -> None:
             spot = self._desk.notes.undo()
             row = -1 if spot is None else self._desk.bus.table.row_of_byte(*spot)
-            self._screen.tell(tr("nothing to undo") if spot is None else tr("undone"))
+            self._screen.notify_of(tr("nothing to undo") if spot is None else tr("undone"))
             if row >= 0:
-                self._screen.jumps.go(row)
+                self._screen.jumps.go_to_row(row)
 
         self._noted(change)
 
@@ -185,7 +185,7 @@ class Bookmarks:
         """Make the row the time reference; again takes it back."""
         screen, notes = self._screen, self._desk.notes
         if screen.row is None or not self._desk.bus.timed:
-            screen.tell(tr("no times here"))
+            screen.notify_of(tr("no times here"))
             return
         spot = self._desk.place(screen.row)
         again = notes.reference == spot
@@ -208,7 +208,7 @@ class Bookmarks:
         screen, bus = self._screen, self._desk.bus
         mark = getattr(self._desk.source, "mark", None)
         if mark is None or bus.whole:
-            screen.tell(tr("marks need a running recording; press ; to comment a row"))
+            screen.notify_of(tr("marks need a running recording; press ; to comment a row"))
             return
         row = bus.count - 1
         text = await screen.app.push_screen_wait(Ask(tr("Mark this moment in the recording"), tr("what happens now")))
@@ -217,17 +217,17 @@ class Bookmarks:
             if row >= 0:
                 self._desk.notes.comments[self._desk.place(row)] = text
             kept = tr("marked in the recording")
-            screen.tell(kept if recorded else tr("marked here until you leave: nothing is recorded"))
+            screen.notify_of(kept if recorded else tr("marked here until you leave: nothing is recorded"))
             screen.repaint_lists()
 
     def next(self) -> None:
         """Go to the next bookmark, from the first one on again."""
         rows = list(self._desk.notes_by_row)
         if not rows:
-            self._screen.tell(tr("no bookmarks yet: m sets one"))
+            self._screen.notify_of(tr("no bookmarks yet: m sets one"))
             return
         current = -1 if self._screen.row is None else self._screen.row
-        self._screen.jumps.go(next((row for row in rows if row > current), rows[0]))
+        self._screen.jumps.go_to_row(next((row for row in rows if row > current), rows[0]))
 
     def _noted(self, change: Callable[[], object]) -> None:
         """Change the notes; where they cannot be kept in their file, say so."""
@@ -235,7 +235,7 @@ class Bookmarks:
         try:
             change()
         except CaptureError as error:
-            screen.tell(tr("saved only until you quit: {error}", error=error_words(error)), wrong=True)
+            screen.notify_of(tr("saved only until you quit: {error}", error=error_words(error)), wrong=True)
         for each in screen.query(FrameList):
             each.unpaint()
         if screen.row is not None:

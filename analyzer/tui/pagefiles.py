@@ -61,11 +61,11 @@ async def write_page(screen: BusScreen, kind: PageFile, make: Callable[[Path, St
     def done(written: tuple[bytes, str]) -> None:
         data, trouble = written
         if trouble:
-            screen.tell(trouble, wrong=True)
+            screen.notify_of(trouble, wrong=True)
         elif app.is_web:
             app.deliver_binary(BytesIO(data), save_filename=path.name)
         else:
-            screen.tell(tr("written to {file}", file=path.absolute()))
+            screen.notify_of(tr("written to {file}", file=path.absolute()))
 
     screen.jobs.run("write page", work, done, exclusive=False)
 

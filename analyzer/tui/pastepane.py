@@ -58,7 +58,7 @@ class PieceList(Lines):
         super().__init__(id=id)
         self.paste: Paste | None = None
 
-    def show(self, paste: Paste | None) -> None:
+    def show_paste(self, paste: Paste | None) -> None:
         """Another paste."""
         self.paste = paste
         self._announced = -1
@@ -126,7 +126,7 @@ class PastePane(Vertical):
         label = self.query_one("#paste-why", Label)
         label.update(Text(why))
         label.set_class(bool(text.strip()) and paste is None, "-wrong")
-        self.query_one(PieceList).show(paste)
+        self.query_one(PieceList).show_paste(paste)
         self.post_message(DetailWanted(VIEW.name, self.look))
         if paste is not None and paste.holds_a_frame:
             self._remember(text)
@@ -161,7 +161,7 @@ class PastePane(Vertical):
 
 
 def _shown(screen: BusScreen) -> None:
-    screen.detail.show(screen.query_one(PastePane).look)
+    screen.detail.show_frame(screen.query_one(PastePane).look)
 
 
 VIEW: Final = View(

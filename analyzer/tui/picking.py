@@ -158,7 +158,7 @@ class PickedRows:
         frames = self._screen.frames
         frames.pinned, frames.pinned_to = anchor, ended
         frames.unpaint()
-        self._screen.say()
+        self._screen.write_status()
 
     async def copy(self) -> None:
         """Ask how, and put the bytes on the terminal's clipboard (OSC 52); in views without bytes what they say."""
@@ -167,22 +167,22 @@ class PickedRows:
         if copied is not None:
             if text := copied(screen):
                 screen.app.copy_to_clipboard(text)
-                screen.tell(tr("copied, if the terminal allows it (OSC 52)"))
+                screen.notify_of(tr("copied, if the terminal allows it (OSC 52)"))
             return
         data = self._octets()
         if not data:
-            screen.tell(tr("no bytes to copy"))
+            screen.notify_of(tr("no bytes to copy"))
             return
         if len(data) > _COPIED:
             octets = counted(len(data), "byte", "bytes")
-            screen.tell(tr("{bytes} is too much for the clipboard: e writes them to a file", bytes=octets))
+            screen.notify_of(tr("{bytes} is too much for the clipboard: e writes them to a file", bytes=octets))
             return
         ways = [(each.key, tr(each.name)) for each in WAYS]
         question = tr("Copy {bytes} as", bytes=counted(len(data), "byte", "bytes"))
         which = await screen.app.push_screen_wait(Choose(question, ways))
         if which is not None:
             screen.app.copy_to_clipboard(WAYS[which].write(data))
-            screen.tell(tr("copied, if the terminal allows it (OSC 52)"))
+            screen.notify_of(tr("copied, if the terminal allows it (OSC 52)"))
 
     def _octets(self) -> bytes:
         """The picked rows' bytes, those of the field that has the keys, or the frame's."""
@@ -204,7 +204,7 @@ class PickedRows:
         picked = None if self.anchor is None else self.rows()
         count = screen.jobs.shown_count if picked is None else len(picked)
         if count == 0:
-            screen.tell(tr("no rows to export"))
+            screen.notify_of(tr("no rows to export"))
             return
         some = tr("the rows") if count is None else counted(count, "row", "rows")
         subject = some + (tr(" shown") if picked is None else tr(" selected"))
@@ -221,7 +221,7 @@ class PickedRows:
         if not await may_write(screen, path):
             return
         screen.jobs.doing = tr("exporting")
-        screen.say()
+        screen.write_status()
         shown = screen.jobs.shown()
 
         def work(stop: Stop) -> _Saved:
@@ -245,14 +245,14 @@ class PickedRows:
     def _saved(self, path: Path, saved: _Saved) -> None:
         screen, rows = self._screen, counted(saved.rows, "row", "rows")
         screen.jobs.doing = ""
-        screen.say()
+        screen.write_status()
         if saved.trouble:
-            screen.tell(saved.trouble, wrong=True)
+            screen.notify_of(saved.trouble, wrong=True)
         elif saved.file is not None:
             screen.app.deliver_binary(saved.file, save_filename=path.name)
-            screen.tell(tr("{rows} sent to the browser as {file}", rows=rows, file=path.name))
+            screen.notify_of(tr("{rows} sent to the browser as {file}", rows=rows, file=path.name))
         else:
-            screen.tell(tr("{rows} written to {file}", rows=rows, file=path.absolute()))
+            screen.notify_of(tr("{rows} written to {file}", rows=rows, file=path.absolute()))
 
 
 def _formats(of_values: bool) -> str:

@@ -192,7 +192,7 @@ class Plot(Painted):
         self._cells: list[NDArray[np.int64] | None] = []
         self._drawn = (0, 0)
 
-    def show(
+    def show_series(
         self, title: str, series: Sequence[Series], ticks: NDArray[np.int64] | None = None, now: int | None = None
     ) -> None:
         """Other series; `ticks` are times of findings, `now` is the newest time heard, read or not."""

@@ -345,7 +345,7 @@ def _refresh(screen: BusScreen) -> None:
 def _chosen(screen: BusScreen, sender: Widget) -> None:
     assert isinstance(sender, PollList)
     if screen.view == VIEW.name:
-        screen.detail.show(sender.look())
+        screen.detail.show_frame(sender.look())
 
 
 def _entered(screen: BusScreen, sender: Widget) -> None:
@@ -353,11 +353,11 @@ def _entered(screen: BusScreen, sender: Widget) -> None:
     assert isinstance(sender, PollList)
     if sender.poll is not None:
         screen.action_view("transactions")
-        screen.query_one(FilterBar).use(poll_filter(sender.poll.key))
+        screen.query_one(FilterBar).use_filter(poll_filter(sender.poll.key))
 
 
 def _shown(screen: BusScreen) -> None:
-    screen.detail.show(screen.query_one(PollList).look())
+    screen.detail.show_frame(screen.query_one(PollList).look())
 
 
 def _at(screen: BusScreen) -> Place:

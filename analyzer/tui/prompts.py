@@ -144,5 +144,5 @@ async def may_write(screen: BusScreen, path: Path) -> bool:
     choices = [("n", tr("keep it")), ("o", tr("overwrite it"))]
     if await screen.app.push_screen_wait(Choose(tr("{file} already exists", file=path.name), choices)):
         return True
-    screen.tell(tr("{file} left unchanged", file=path.name))
+    screen.notify_of(tr("{file} left unchanged", file=path.name))
     return False

@@ -288,7 +288,7 @@ class RegisterList(Lines):
             return ""
         return tr("register {number} was not seen here", number=text.strip()[:20])
 
-    def go(self, spot: Spot) -> None:
+    def go_to_spot(self, spot: Spot) -> None:
         """Put the cursor on a register, where it was seen."""
         self._lay_out()
         self.move_to(self._line_of.get(spot, self.cursor), middle=True)

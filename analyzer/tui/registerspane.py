@@ -57,14 +57,14 @@ def _plotted(screen: BusScreen) -> None:
     pane, listing, plot = screen.query_one(RegistersPane), screen.query_one(RegisterList), screen.query_one(Plot)
     register, bus = listing.register, screen.desk.bus
     if register is None:
-        screen.jobs.run("history", lambda _: None, lambda _: plot.show("", ()))  # in the place of one on its way
+        screen.jobs.run("history", lambda _: None, lambda _: plot.show_series("", ()))  # in the place of one on its way
         return
     pane.next_at = time.monotonic() + _AGAIN_S
     own = listing.owner(register)
     spots = [*listing.pins, *([] if own in listing.pins else [own])]
     wanted = pane.series(spots)
 
-    def show(read: list[RegisterSeries]) -> None:
+    def show_read(read: list[RegisterSeries]) -> None:
         meanings = [listing.meaning(spot) for spot in spots]
         series = []
         for spot, each, meaning in zip(spots, read, meanings, strict=True):
@@ -76,14 +76,14 @@ def _plotted(screen: BusScreen) -> None:
         count, span = len(series[-1].t_ns) if series else 0, ""
         if count > 1 and bus.timed:
             span = tr(" over {time}", time=duration(int(series[-1].t_ns[-1] - series[-1].t_ns[0])))
-        plot.show(
+        plot.show_series(
             f" {listing.label(own)}: {counted(count, 'reading', 'readings')}{span}",
             series,
             bus.found.times(bus.table, own[0]),
             bus.t_last if bus.timed else None,
         )
 
-    screen.jobs.run("history", lambda stop: [each.extend(bus, stop) for each in wanted], show)
+    screen.jobs.run("history", lambda stop: [each.extend(bus, stop) for each in wanted], show_read)
 
 
 def _widget(desk: ViewState) -> Widget:
@@ -114,7 +114,7 @@ def _entered(screen: BusScreen, sender: Widget) -> None:
         t_ns, rows, _ = series.readings()
         at = int(np.searchsorted(t_ns, span[0] + round((span[1] - span[0]) * plot.cursor), side="right")) - 1
         row = int(rows[at]) if at >= 0 else row
-    screen.jumps.go(row)
+    screen.jumps.go_to_row(row)
 
 
 def _cells(screen: BusScreen) -> list[DoorCell]:

@@ -44,7 +44,7 @@ class ReportPage(VerticalScroll):
     def compose(self) -> ComposeResult:
         yield Static(f"  {tr('reading …')}", id="page", markup=False)
 
-    def show(self, report: Report) -> None:
+    def show_report(self, report: Report) -> None:
         """A newer one."""
         self.report = replace(report, bookmarks=tuple(_bookmarks(self.desk)))
         self._lay_out()
@@ -84,7 +84,7 @@ async def _export(screen: BusScreen) -> None:
     """Ask for a file, and write the report to it as a page: HTML or text."""
     report, bus = screen.query_one(ReportPage).report, screen.desk.bus
     if report is None:
-        screen.tell(tr("nothing captured yet"))
+        screen.notify_of(tr("nothing captured yet"))
         return
     kind = PageFile(tr("Write the report to"), tr("Download the report as"), "report.html", _SUFFIXES)
     await write_page(screen, kind, lambda path, stop: _page(bus, report, path, stop))
@@ -108,14 +108,14 @@ def _page(bus: Bus, report: Report, path: Path, stop: Stop) -> bytes:
 
 
 def _refresh(screen: BusScreen) -> None:
-    screen.jobs.count_report(VIEW.name, screen.query_one(ReportPage).show, story=True)
+    screen.jobs.count_report(VIEW.name, screen.query_one(ReportPage).show_report, story=True)
 
 
 def _shown(screen: BusScreen) -> None:
     """Notes may have been made since."""
     page = screen.query_one(ReportPage)
     if page.report is not None:
-        page.show(page.report)
+        page.show_report(page.report)
 
 
 VIEW: Final = View(

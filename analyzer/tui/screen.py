@@ -159,21 +159,21 @@ class BusScreen(Screen[None]):
     def refresh_view(self) -> None:
         """The view that is shown, with what came since."""
         BY_NAME[self.view].refresh(self)
-        self.say()
+        self.write_status()
 
-    def say(self) -> None:
+    def write_status(self) -> None:
         """The status line, as things are."""
-        self.query_one(StatusLine).tell(self)
+        self.query_one(StatusLine).take_state_of(self)
 
     def study_row(self, row: int, *, to: tuple[str, ...] = ()) -> None:
         """Show a row's fields and bytes; the cursor of the fields goes to an item."""
         self.studied = row
-        self.detail.show(at_row(self.desk, row), to=to)
+        self.detail.show_frame(at_row(self.desk, row), to=to)
         if self.lit is not None and self.lit[0] == row:
             self.detail.light(*self.lit[1:])
         if self.picked.anchor is not None:
             self.frames.unpaint()
-        self.say()
+        self.write_status()
 
     # Who is told what
 
@@ -192,14 +192,14 @@ class BusScreen(Screen[None]):
 
     def on_detail_wanted(self, event: DetailWanted) -> None:
         if event.view == self.view:
-            self.detail.show(event.look)
+            self.detail.show_frame(event.look)
 
     def on_row_wanted(self, event: RowWanted) -> None:
-        self.jumps.go(event.row)
+        self.jumps.go_to_row(event.row)
 
     def on_filter_changed(self, event: FilterChanged) -> None:
         self.jobs.scope.filter = event.filter
-        self.narrowing.say()
+        self.narrowing.write_scope()
         self.jobs.reselect()
 
     def on_span_seen(self) -> None:
@@ -270,16 +270,16 @@ class BusScreen(Screen[None]):
         for each in self.query(FrameList):
             each.live = each.following = wanted
             each.grown()
-        self.say()
+        self.write_status()
 
     def action_pause(self) -> None:
         """What comes is not shown until the same key again."""
         if not self.desk.source.live or self.desk.bus.whole:
-            self.tell(tr("nothing is arriving, so there is nothing to pause"))
+            self.notify_of(tr("nothing is arriving, so there is nothing to pause"))
             return
         self.desk.paused = not self.desk.paused
         if self.desk.paused:
-            self.say()
+            self.write_status()
         else:
             self.refresh_view()
 
@@ -305,7 +305,7 @@ class BusScreen(Screen[None]):
         put_question(self, self.jumps.ask_span)
 
     def action_door(self, way: str) -> None:
-        put_question(self, self.doors.go, way)
+        put_question(self, self.doors.go_through, way)
 
     def action_columns(self) -> None:
         put_question(self, self.shown_columns.choose)
@@ -379,7 +379,7 @@ class BusScreen(Screen[None]):
 
         self.app.push_screen(Help(self.desk.wishes.keys, self.query_one(f"#{self.view}")))
 
-    def tell(self, text: str, *, wrong: bool = False) -> None:
+    def notify_of(self, text: str, *, wrong: bool = False) -> None:
         """A short notice; nothing in it is markup."""
         self.notify(
             harmless(text), severity="error" if wrong else "information", markup=False, timeout=6 if wrong else 3

@@ -173,7 +173,7 @@ class ScreenThreads:
                 thread()
             except Exception as error:
                 words = tr("this view failed: {trouble}", trouble=error_words(error))
-                self._later(self._screen.tell, words, wrong=True)
+                self._later(self._screen.notify_of, words, wrong=True)
                 self._later(failed)
                 raise
 

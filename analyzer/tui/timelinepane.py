@@ -50,13 +50,13 @@ def _band(screen: BusScreen) -> None:
     timeline.banded = wanted
     tests, span, columns = desk.scope.tests(), (timeline.t_start, timeline.t_end), timeline.columns
 
-    def show(counted: list[Band]) -> None:
+    def show_counted(counted: list[Band]) -> None:
         if columns == timeline.columns:
             timeline.bands, timeline.causes = counted, causes
             timeline.refresh()
 
     screen.jobs.run(
-        "bands", lambda stop: bands(bus, tests, span, columns, filters, rows_of_causes(bus, causes), stop), show
+        "bands", lambda stop: bands(bus, tests, span, columns, filters, rows_of_causes(bus, causes), stop), show_counted
     )
 
 

@@ -68,7 +68,7 @@ class TransactionList(FrameList):
         self._meant = -1  # a request that is meant itself, not its answer
         self._read: LRUCache[int, TransactionValues] = LRUCache(_CACHED)
 
-    def use(self, rows: ListRows) -> None:
+    def use_rows(self, rows: ListRows) -> None:
         row = self._lines.place(self.cursor)[0] if self.cursor < self._lines.count else self._left
         self.rows, self._lines, self._left = rows, Unfolded(self.desk.bus, rows), row
         self._announced = -1
@@ -84,7 +84,7 @@ class TransactionList(FrameList):
         partner = self.desk.bus.partner(row)
         return row if below or row == self._meant or partner is None or partner >= self.desk.bus.count else partner
 
-    def go(self, row: int) -> bool:
+    def go_to_row(self, row: int) -> bool:
         """Put the cursor on the transaction that holds a row; False where it is none of the list's."""
         if not self.rows.count:
             return False

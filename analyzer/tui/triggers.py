@@ -39,7 +39,7 @@ class Triggers:
         text = await screen.app.push_screen_wait(question)
         if text is not None and text.strip() != before:
             source.watch(text.strip(), screen.desk.meanings.charts)
-            screen.say()
+            screen.write_status()
 
     def _wrong(self, text: str) -> str:
         try:
@@ -51,7 +51,7 @@ class Triggers:
             return error_words(error)
         return ""
 
-    def tell(self) -> None:
+    def ring(self) -> None:
         """Ring for what came, and bookmark where it stands."""
         source, desk = self.source, self._screen.desk
         for fired in source.fired() if source is not None else ():
@@ -61,4 +61,4 @@ class Triggers:
                 desk.notes.comments.setdefault(place, words)
                 self._screen.repaint_lists()
             self._screen.app.bell()
-            self._screen.tell(harmless(words))
+            self._screen.notify_of(harmless(words))

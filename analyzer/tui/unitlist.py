@@ -40,7 +40,7 @@ class AnswerTimes(Painted):
         self._times: list[float] = []
         self._written: Callable[[float], str] = str
 
-    def show(self, unit: int | None, times: Sequence[float], written: Callable[[float], str]) -> None:
+    def show_times(self, unit: int | None, times: Sequence[float], written: Callable[[float], str]) -> None:
         """Mean times (ns, NaN: none) of equal stretches, oldest first; `written` puts one into words."""
         self.unit, self._times, self._written = unit, list(times), written
         self.refresh()
@@ -108,7 +108,7 @@ class UnitList(Lines):
         self.report: Report | None = None
         self._units: Sequence[UnitRow] = ()
 
-    def use(self, report: Report) -> None:
+    def use_report(self, report: Report) -> None:
         """Newer figures."""
         self.report, self._units = report, report.units_as_heard
         self.grown()
@@ -193,12 +193,12 @@ def _widget(desk: ViewState) -> Widget:
 
 
 def _refresh(screen: BusScreen) -> None:
-    screen.jobs.count_report(VIEW.name, screen.query_one(UnitList).use)
+    screen.jobs.count_report(VIEW.name, screen.query_one(UnitList).use_report)
 
 
 def _chosen(screen: BusScreen, sender: Widget) -> None:
     assert isinstance(sender, UnitList)
-    screen.query_one("#unit-history", AnswerTimes).show(*sender.history())
+    screen.query_one("#unit-history", AnswerTimes).show_times(*sender.history())
 
 
 def _entered(screen: BusScreen, sender: Widget) -> None:
@@ -206,7 +206,7 @@ def _entered(screen: BusScreen, sender: Widget) -> None:
     assert isinstance(sender, UnitList)
     if sender.unit is not None:
         screen.action_view(screen.list_view)
-        screen.query_one(FilterBar).use(f"unit == {sender.unit}")
+        screen.query_one(FilterBar).use_filter(f"unit == {sender.unit}")
 
 
 def _cells(screen: BusScreen) -> list[DoorCell]:
