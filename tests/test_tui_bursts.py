@@ -57,6 +57,24 @@ def test_a_bookmark_is_set_where_the_cursor_is(seen: Watched, capture: Path) -> 
     assert noted(capture, seen, 2) == [3, 7]
 
 
+def test_a_click_acts_on_what_the_keys_before_it_left(seen: Watched) -> None:
+    """In Findings, which the key brings up, the line under the mouse is a group; in Frames it was a frame."""
+    below, click = "\x1b[<0;40;{row}M\x1b[<0;40;{row}m", 6
+    seen.press("3\x1b[H" + below.format(row=click)).settle(1.0)
+    clicked = seen.shown()
+    seen.press("\x1b[H").settle(0.5)
+    seen.press(below.format(row=click)).settle(1.0)
+    assert "findings:" in clicked
+    assert seen.shown() == clicked
+
+
+def test_the_wheel_behind_a_question_turns_its_page(seen: Watched) -> None:
+    before = seen.shown().splitlines()[2:6]
+    seen.press("?" + "\x1b[<65;50;15M" * 3).settle(1.0)
+    seen.press(ESC).settle(1.0)
+    assert seen.shown().splitlines()[2:6] == before
+
+
 def test_findings_are_jumped_to_one_by_one(seen: Watched, capture: Path) -> None:
     bus = bus_of(capture)
     rows = sorted({bus.found.row(i) for i in range(bus.found.count)} - {-1})

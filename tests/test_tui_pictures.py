@@ -52,7 +52,6 @@ async def _look(size: tuple[int, int], colours: str) -> None:
     app = Rtuscope(source, light=colours == "light")
     if colours == "16":
         app.use_16_colours()
-    app.animation_level = "none"
     async with app.run_test(size=size) as pilot:
         screen = app.screen
         assert isinstance(screen, BusScreen)

@@ -33,7 +33,7 @@ from ..model.source import CaptureSource
 from ..usernotes import Notes, NotesError
 from .desk import Preferences, ViewState
 from .filterbar import rules_of
-from .keyqueue import KeyQueue, put_question
+from .keyqueue import CLICKS, KeyQueue, put_question
 from .keys import command_name, commands, key_name, keys_written
 from .openfiles import NextFile
 from .paint import DARK, DARK_16, HARMLESS, LIGHT, LIGHT_16, Colourless
@@ -104,6 +104,7 @@ class Rtuscope(App[None]):
     ) -> None:
         """`reader` opens a file when the user wants another one, or the same anew."""
         super().__init__()
+        self.animation_level = "none"  # each step of one would be painted, and sent
         self.register_theme(DARK)
         for theme in (LIGHT, DARK_16, LIGHT_16):
             self.register_theme(theme)
@@ -151,9 +152,12 @@ class Rtuscope(App[None]):
             super().clear_selection()
 
     async def on_event(self, event: events.Event) -> None:
-        """A key's effect is there before the next key is taken up."""
+        """A key's effect is there before the next key, or click, is taken up."""
         if isinstance(event, events.Key) and not event.is_forwarded:
             await self.keys.take_key(event)
+            return
+        if isinstance(event, CLICKS) and not event.is_forwarded:
+            await self.keys.take_click(event)
             return
         await super().on_event(event)
         if isinstance(event, events.Resize):

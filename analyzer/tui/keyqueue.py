@@ -1,4 +1,4 @@
-"""Keys in their order: each acts on what the one before it left.
+"""Keys and clicks in their order: each acts on what the one before it left.
 
 Textual hands a key to the widget in focus and takes the next at once. Typed fast, or sent by a script, a key then
 finds the cursor, the view or the question of some keys ago. Here a key waits for the one before it: for the widget
@@ -16,7 +16,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 from textual.app import ScreenStackError
-from textual.events import Key
+from textual.events import Event, Key, MouseDown, MouseScrollDown, MouseScrollUp, MouseUp
 from textual.keys import _character_to_key
 from textual.screen import ModalScreen
 from textual.widgets import Input, TextArea
@@ -54,12 +54,15 @@ def put_question(owner: DOMNode, question: Callable[..., Coroutine[Any, Any, Non
     _: Worker[None] = owner.run_worker(partial(question, *about), group=_ASKING)
 
 
-class KeyQueue:
-    """The keys that wait for their turn."""
+CLICKS: Final = MouseDown, MouseUp, MouseScrollDown, MouseScrollUp
 
-    def __init__(self, app: App[Any], dispatch: Callable[[Key], Awaitable[None]]) -> None:
+
+class KeyQueue:
+    """The keys and clicks that wait for their turn."""
+
+    def __init__(self, app: App[Any], dispatch: Callable[[Event], Awaitable[None]]) -> None:
         self._app, self._dispatch = app, dispatch
-        self._waiting: deque[Key] = deque()
+        self._waiting: deque[Event] = deque()
         self._task: asyncio.Task[None] | None = None
         self.closed = False  # the application is ending
         self.taken = 0  # keys so far
@@ -72,7 +75,7 @@ class KeyQueue:
 
     @property
     def waiting(self) -> int:
-        """Keys that were typed ahead."""
+        """Keys and clicks that came ahead."""
         return len(self._waiting)
 
     def close(self) -> None:
@@ -95,9 +98,18 @@ class KeyQueue:
         task = asyncio.create_task(self._go_on(target))  # from Python 3.12 on it runs at once, and may have ended
         self._task = None if task.done() else task
 
-    def _meant(self, event: Key) -> Key:
+    async def take_click(self, event: Event) -> None:
+        """The mouse was used: it acts on what is there once the keys before it have had their effect."""
+        if self._task is None:
+            await self._dispatch(event)
+        elif not self.closed:
+            self._waiting.append(event)
+
+    def _meant(self, event: Event) -> Event:
         """Letters are letters where text is typed, else keys, whatever the layout."""
-        return event if isinstance(self._app.focused, Input | TextArea) else latin(event)
+        if not isinstance(event, Key) or isinstance(self._app.focused, Input | TextArea):
+            return event
+        return latin(event)
 
     async def _go_on(self, target: DOMNode) -> None:
         """Wait for the key that `target` was handed, then hand on those that came meanwhile."""
