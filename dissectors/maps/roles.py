@@ -20,6 +20,7 @@ from .vocabulary import WIDE_SIGNS, expression, form, meaning, roles
 from .written import numbers_in
 
 _HEADING: Final = 60  # characters
+_EDGE: Final = re.compile(r"\b")  # of words
 WHOLE, _BEGINS, _ENDS, _MAYBE = 10.0, 6.0, 5.0, 6.0  # bits
 _LEAST_END: Final = 5  # bytes of a noun that stands last in a heading: two letters of Chinese say much
 _LEAST: Final = 5.0  # bits for which a column is given a role
@@ -45,13 +46,15 @@ def heading_bits(text: str, role: str) -> float:
     """How much a heading, in small letters, speaks for a role; 0 where nothing of it does."""
     if not 0 < len(text) <= _HEADING:
         return 0.0
-    head = _any(role, "last", "(?:{})$").sub("", text)
+    words = _any(role, "words")
+    last = _any(role, "last", "(?:{})$").search(text)
+    ends = [mark.start() for mark in _EDGE.finditer(text, 1)]
     ways = (
-        (WHOLE, text == role or _any(role, "words").fullmatch(text)),
-        (_BEGINS, _any(role, "words", r"(?:{})\b").match(text)),
+        (WHOLE, text == role or words.fullmatch(text)),
+        (_BEGINS, any(words.fullmatch(text, 0, end) for end in ends)),
         (_MAYBE, _any(role, "maybe").fullmatch(text)),
         (_ENDS, _any(role, "ends", "(?:{})$").search(text)),
-        (_ENDS, len(text.encode()) - len(head.encode()) >= _LEAST_END),
+        (_ENDS, last and len(last[0].encode()) >= _LEAST_END),
     )
     return next((bits for bits, found in ways if found), 0.0)
 

@@ -265,12 +265,13 @@ def measured(cells: Mapping[str, str], name: str) -> tuple[str, str | None, str,
     from the first place that has it. And what stands in place of a unit but is none: a remark."""
     left = {**cells, "name": name, "unit": given(cells.get("unit", ""))}
     found: dict[str, str | None] = {"scale": scale_of(*(cells.get(column, "") for column in _FACTORS)), "unit": ""}
-    for at, line in enumerate(vocabulary()["measures"]):
-        told = _measure(at, left.get(line["of"], ""))
+    filled = [(at, line["of"]) for at, line in enumerate(vocabulary()["measures"]) if left.get(line["of"])]
+    for at, column in filled:
+        told = _measure(at, left[column])
         new = {key: told[key] for key in found if told.get(key) and not found[key]}
         if new:
             found |= new
-            left[line["of"]] = told["rest"]
+            left[column] = told["rest"]
     scale = found["scale"]
     return left["name"], scale.replace(",", ".") if scale else None, str(found["unit"]), left["unit"]
 
