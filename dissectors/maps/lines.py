@@ -30,6 +30,7 @@ _LONGEST: Final = 300  # characters of a line that says one thing
 _MOST_BELOW: Final = 8  # lines of one entry
 _FEW: Final = 2
 _MARK: Final = re.compile(r"\s*(?:[;|()\[\]]|,(?!\d)|(?<=[^\s.])\.(?=[\s;]|$)|:\s|\s[-–—]\s|\s{2,}|\t)\s*")
+_BLANK: Final = re.compile(r"\s+")
 _COLUMNS: Final = ("address", "name", "type", "unit", "scale", "access", "description")
 
 
@@ -126,7 +127,24 @@ def _parts(text: str) -> list[tuple[int, str]]:
     before = [text[a:b] for a, b in pairwise([0, *(at for mark in marks for at in mark.span())])][::2]
     marks = [one for one, part in zip(marks, before, strict=False) if not _LEADING.get(one[0].strip(), _no)(part)]
     starts, ends = [0, *(mark.end() for mark in marks)], [*(mark.start() for mark in marks), len(text)]
-    return [(start, text[start:end]) for start, end in zip(starts, ends, strict=True) if end > start]
+    return [
+        (start + at, part)
+        for start, end in zip(starts, ends, strict=True)
+        for at, part in _without_type(text[start:end])
+        if part
+    ]
+
+
+def _without_type(part: str) -> list[tuple[int, str]]:
+    """A text and the type behind it, where it ends with one: `Line voltage uint16`; and where each begins."""
+    blanks = [blank.span() for blank in _BLANK.finditer(part)]
+    texts = [(part[:end], begin) for end, begin in blanks if not _is_type(part[:end])]
+    name, begin = texts[-1] if texts else ("", 0)
+    return [(0, name), (begin, part[begin:])] if form("words", name) and _is_type(part[begin:]) else [(0, part)]
+
+
+def _is_type(text: str) -> bool:
+    return "type" in roles_of_part(text)
 
 
 def _told(part: str) -> tuple[str, Sequence[str]]:
@@ -159,7 +177,7 @@ def _cells(line: _RegisterLine, usual: dict[int, str]) -> list[str]:
     cells = {"": "", "address": line.address, "name": line.name, "description": ""}
     for at, (part, may) in enumerate(line.parts):
         common = usual.get(at, "")
-        guessed = "description" if common == "unit" and not form("short", part) else common
+        guessed = "description" if common in ("type", "unit") and not form("short", part) else common
         role = (common if common in may else may[0]) if may else guessed
         if role in cells:
             cells["description"] = f"{cells['description']} {part}".strip()

@@ -15,6 +15,7 @@ import re
 from collections.abc import Iterator
 from typing import Any, Final
 
+from .roles import is_heading
 from .vocabulary import expression, form, vocabulary
 from .written import numbers_in
 
@@ -152,7 +153,7 @@ class _BracketGroup:
         if not self.depth:
             return self.listed
         items = [item for item in self.listed if not isinstance(item, Remark)]
-        own = {} if self.is_quoted or self.named else _names(items)
+        own = {} if self.named else _names(items, is_quoted=self.is_quoted)
         names[0] = own or names[0]
         fields = {} if own else next(filter(self._may_have, names), {})
         usual = {name: cell for name, cell in fields.items() if cell}
@@ -168,7 +169,9 @@ class _BracketGroup:
         return self.named.keys() <= fields.keys() and (count == most or fewer)
 
 
-def _names(items: list[Any]) -> Fields:
-    """The items as names, where all of them are words; else none."""
-    words = [str(item).strip(" *.:").split("[")[0] for item in items]
+def _names(items: list[Any], *, is_quoted: bool = False) -> Fields:
+    """The items as names, where all of them are words, or one says them all; texts must be headings. Else none."""
+    listed = [item.replace(",", " ").split() for item in items if isinstance(item, str)] if is_quoted else []
+    ways = [one for one in (list(map(str, items)), *listed) if not is_quoted or is_heading(one)]
+    words = [word.strip(" *.:").split("[")[0] for word in next(iter(ways), [])]
     return dict.fromkeys(words, "") if len(words) >= _FEW and all(map(_WORD.fullmatch, words)) else {}

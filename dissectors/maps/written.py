@@ -121,7 +121,7 @@ def numbers_in(cell: str) -> Sequence[int]:
 
 def together(cell: str) -> str:
     """A cell whose numbers have no gaps at their thousands."""
-    return tidied("numbers", cell.strip())
+    return cell if cell.isdecimal() else tidied("numbers", cell.strip())
 
 
 def _whole(text: str) -> int:
@@ -133,7 +133,7 @@ def _whole(text: str) -> int:
 @lru_cache(maxsize=4096)
 def type_of(text: str, length: int | None) -> tuple[str, int | None]:
     """The type that a cell means, and the registers that it takes, of which another column may speak."""
-    word = tidied("type", text.lower())
+    word = tidied("type", tidied("code", text).lower())
     width = _product(meaning("bits", tidied("width", word)))
     held = meaning("type", tidied("held", word))
     words = max(1, width // 16) if width else length or 0

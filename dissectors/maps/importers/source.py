@@ -13,7 +13,7 @@ from functools import cached_property
 from pathlib import PurePath
 from typing import Any, Final
 
-from ..cells import CellError, one_line, value_of
+from ..cells import CellError, one_line, value_of, whole_number
 from ..files import decoded
 from ..model import MapError, MappedValue, RegisterMap
 from ..records import json_lines
@@ -320,10 +320,8 @@ def number_in(mapping: Mapping[str, Any], key: str, default: float) -> float:
 
 def whole_in(value: object) -> int | None:
     """A whole number, decimal or hex, None where it is none."""
-    from ..cells import whole_number
-
     try:
-        return whole_number("address", value)
+        return None if value in (None, "") else whole_number("address", value)
     except CellError:
         return None
 
