@@ -9,12 +9,12 @@ import re
 import zipfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import islice
+from itertools import islice, pairwise
 from typing import Any, Final
 
 from .cells import one_line
 from .model import MapError, MissingLibraryError
-from .roles import assigned, known_headings
+from .roles import assigned, known_headings, may_be_heading
 from .table import csv_rows
 from .vocabulary import expression, form, tidied, vocabulary
 
@@ -27,6 +27,8 @@ _LEAST_CELLS: Final = 3  # that make a row of columns which blanks part
 _LEAST_WIDE: Final = 3  # such rows
 _DRAWN: Final = str.maketrans("│┃║┆┊╎─━═┄┈┌┬┐├┼┤└┴┘╔╦╗╠╬╣╚╩╝╒╤╕╞╪╡╘╧╛╓╥╖╟╫╢╙╨╜", "|" * 6 + "-" * 5 + "+" * 36)
 _GAP: Final = re.compile(r"\t| {2,}")
+_WIDE: Final = re.compile(r"[^\s]+(?: [^\s]+)*")  # what gaps part
+_CLEAR: Final = 0.9  # of the rows have a blank where columns are parted
 _UNPACKED: Final = 256 << 20  # bytes of a workbook
 _WHOLE: Final = 6 << 20  # bytes up to which it is read at once, with what merges and hides cells
 _MERGED: Final = 1 << 17  # cells that may be merged then
@@ -225,15 +227,23 @@ def _cut(lines: Sequence[str], delimiter: str, file: str) -> list[list[str]]:
 
 
 def _cut_at_blanks(lines: Sequence[str]) -> list[list[str]]:
-    """Cells that two blanks or more part; those of a row that leaves some out stand below the nearest columns."""
+    """Cells that two blanks or more part, or one below a heading where all rows have it; those of a row that leaves
+    some out stand below the nearest columns."""
     rows: list[list[str]] = []
     columns: list[int] = []  # where they begin
-    for line in lines:
-        starts = [0, *(gap.end() for gap in _GAP.finditer(line.rstrip()))]
-        ends = [*(gap.start() for gap in _GAP.finditer(line.rstrip())), len(line)]
-        found = [(at, line[at:end].strip()) for at, end in zip(starts, ends, strict=True) if line[at:end].strip()]
-        if len(found) >= max(len(columns), _LEAST_CELLS):
-            columns = [at for at, _ in found]
+    is_known = False  # by a heading
+    told = 0  # how many words of the line before are headings
+    for number, line in enumerate(lines):
+        found = _parted(line)
+        cells = [cell for _, cell in found]
+        is_head = may_be_heading(cells) and (not is_known or known_headings(cells) > max(told, 1))
+        if is_head:
+            columns = _below(line, lines[number + 1 : number + _LOOK])
+        elif len(found) >= max(len(columns) + is_known, _LEAST_CELLS):
+            columns, is_known = [at for at, _ in found], False
+        is_known, told = is_known or is_head, known_headings(cells)
+        if is_known and len(found) > 1 and not any(line[at - 1 : at].strip() for at in columns[1:]):
+            found = [(a, line[a:b].strip()) for a, b in pairwise([*columns, len(line) + 1])]
         row = [""] * max(len(columns), len(found), 1)
         for i, (at, cell) in enumerate(found):
             whole = len(found) >= len(columns)
@@ -241,6 +251,29 @@ def _cut_at_blanks(lines: Sequence[str]) -> list[list[str]]:
             row[place] = f"{row[place]} {cell}".strip()
         rows.append([cell[:_CELL] for cell in row[:_MOST_COLUMNS]])
     return rows
+
+
+def _parted(line: str) -> list[tuple[int, str]]:
+    """The cells of a line that two blanks or more part, and where each begins."""
+    return [(cell.start(), cell[0]) for cell in _WIDE.finditer(line)]
+
+
+def _below(heading: str, lines: Sequence[str]) -> list[int]:
+    """Where the columns below a heading begin: between two of its words, where nearly all rows have a blank; where
+    nothing stands below a word, it belongs to that before it."""
+    rows = [line for line in lines if len(_parted(line)) > 1]
+    words = [mark.span() for mark in expression(r"\S+").finditer(heading)]
+    starts = [0]
+    for (first, last), (begin, end) in pairwise(words):
+        wide = range(first + 1, end) if begin > last + 1 else (last,)
+        places = sorted(wide, key=lambda at: abs(begin - 1 - at))
+        edge = next(
+            (at + 1 for at in places if sum(not row[at : at + 1].strip() for row in rows) >= _CLEAR * len(rows)), 0
+        )
+        if edge > starts[-1]:
+            starts.append(edge)
+    spans = pairwise([*starts, None])
+    return [a for a, b in spans if not a or any(row[a:b].strip() for row in rows)]
 
 
 def _cut_at_words(lines: Sequence[str]) -> list[list[str]]:

@@ -222,13 +222,11 @@ class _TableRows:
         """The rows with their numbers; what a cell went on with on the next line is put back to it: texts alone, in
         small letters, or where lines part all other rows."""
         columns = self.heading.columns
-        texts = {columns[role] for role in _LONG_TEXTS & columns.keys()}
         is_drawn = 3 * sum(_is_rule(row) > (row == [""] * len(row)) for row in rows) > len(rows)
         held: list[tuple[int, list[Sequence[str]]]] = []
         for number, row in enumerate(rows, first):
-            filled = {at for at, cell in enumerate(row) if cell}
-            goes_on = set() < filled <= texts and (is_drawn or _goes_on(row, columns))
-            if goes_on and held and _is_value(held[-1][1][0]):
+            above = held[-1][1][0] if held else ()
+            if _is_value(above) and _goes_on(row, above, columns, is_drawn=is_drawn):
                 held[-1][1].append(row)
             else:
                 held.append((number, [row]))
@@ -363,10 +361,14 @@ def _with_list(name: str, kind: str, cells: dict[str, str]) -> tuple[str, str, A
     return (name, "bits", named) if named else ((called := states_in(cells, kind, name))[0], kind, called[1])
 
 
-def _goes_on(row: Sequence[str], columns: Mapping[str, int]) -> bool:
-    """Whether texts go on from the row above: the name in small letters, no bit of it; of a remark, always."""
-    name = "".join(row[columns["name"] :][:1])
-    return f"{name}a"[0].islower() and not form("spoken_bit", name)
+def _goes_on(row: Sequence[str], above: Sequence[str], columns: Mapping[str, int], *, is_drawn: bool) -> bool:
+    """Whether texts go on from the row above, which has no cell less: the name in small letters, no bit of it; where
+    lines part all other rows, any name."""
+    filled = {at for at, cell in enumerate(row) if cell}
+    name = "".join(row[columns.get("name", len(row)) :][:1])
+    more = {columns[role] for role in _LONG_TEXTS & columns.keys()} | {at for at, cell in enumerate(above) if cell}
+    own = is_drawn or (f"{name}a"[0].islower() and not form("spoken_bit", name))
+    return own and columns.get("address") not in filled and set() < filled <= more
 
 
 def _have_units_behind(names: Sequence[str], units: Sequence[str]) -> bool:
