@@ -9,12 +9,12 @@ import re
 import zipfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import islice, pairwise
+from itertools import islice, pairwise, takewhile
 from typing import Any, Final
 
 from .cells import one_line
 from .model import MapError, MissingLibraryError
-from .roles import assigned, known_headings, may_be_heading
+from .roles import assigned, is_heading, known_headings, may_be_heading
 from .table import csv_rows
 from .vocabulary import expression, form, tidied, vocabulary
 
@@ -239,10 +239,11 @@ def _cut_at_blanks(lines: Sequence[str]) -> list[list[str]]:
         is_head = may_be_heading(cells) and (not is_known or known_headings(cells) > max(told, 1))
         if is_head:
             columns = _below(line, lines[number + 1 : number + _LOOK])
-        elif len(found) >= max(len(columns) + is_known, _LEAST_CELLS):
-            columns, is_known = [at for at, _ in found], False
         is_known, told = is_known or is_head, known_headings(cells)
-        if is_known and len(found) > 1 and not any(line[at - 1 : at].strip() for at in columns[1:]):
+        fits = is_known and len(found) > 1 and not any(line[at - 1 : at].strip() for at in columns[1:])
+        if not fits and len(found) >= max(len(columns) + is_known, _LEAST_CELLS):
+            columns, is_known = [at for at, _ in found], False
+        if fits:
             found = [(a, line[a:b].strip()) for a, b in pairwise([*columns, len(line) + 1])]
         row = [""] * max(len(columns), len(found), 1)
         for i, (at, cell) in enumerate(found):
@@ -261,7 +262,9 @@ def _parted(line: str) -> list[tuple[int, str]]:
 def _below(heading: str, lines: Sequence[str]) -> list[int]:
     """Where the columns below a heading begin: between two of its words, where nearly all rows have a blank; where
     nothing stands below a word, it belongs to that before it."""
-    rows = [line for line in lines if len(_parted(line)) > 1]
+    parted = ([cell for _, cell in _parted(line)] for line in lines)
+    table = takewhile(lambda row: not is_heading(row[1]), zip(lines, parted, strict=True))
+    rows = [line for line, cells in table if len(cells) >= _LEAST_CELLS]
     words = [mark.span() for mark in expression(r"\S+").finditer(heading)]
     starts = [0]
     for (first, last), (begin, end) in pairwise(words):

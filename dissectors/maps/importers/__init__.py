@@ -32,6 +32,7 @@ _OF_PROGRAMS: Final = (
     "own",
 )
 _GENERAL: Final = ("records", "spreadsheet", "lines")  # of no program: the one that reads most
+_TRUST: Final = {"lines of registers": 0.8}  # of what has no headings
 FORMATS: Final = (*_OF_PROGRAMS, *_GENERAL)
 
 
@@ -60,7 +61,7 @@ def import_maps(file: str, data: bytes, *, name: str | None = None) -> list[Impo
         ways = [(form.NAME, read) for form in forms if (read := form.read(source)) is not None]
         if not ways:
             continue
-        said, read = max(ways, key=lambda way: sum(one.facts for one in way[1]))  # of as many, the first
+        said, read = max(ways, key=lambda way: sum(one.facts for one in way[1]) * _TRUST.get(way[0], 1))
         filled = [replace(one, notes=(*one.notes, *source.notes)) for one in read if one.chart.rows]
         if filled:
             return filled

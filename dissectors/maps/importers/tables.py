@@ -366,7 +366,7 @@ def _goes_on(row: Sequence[str], above: Sequence[str], columns: Mapping[str, int
     lines part all other rows, any name."""
     filled = {at for at, cell in enumerate(row) if cell}
     name = "".join(row[columns.get("name", len(row)) :][:1])
-    more = {columns[role] for role in _LONG_TEXTS & columns.keys()} | {at for at, cell in enumerate(above) if cell}
+    more = {columns[role] for role in _LONG_TEXTS & columns.keys()} | {at for at, cell in enumerate(above) if at and cell}
     own = is_drawn or (f"{name}a"[0].islower() and not form("spoken_bit", name))
     return own and columns.get("address") not in filled and set() < filled <= more
 
