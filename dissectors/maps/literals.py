@@ -117,7 +117,8 @@ class _BracketGroup:
                     self._close()
                 case "comment":
                     names[0] = (
-                        _names(expression(r"\s*,\s*|\s{2,}").split(form("listed", token).get("items", token))) or names[0]
+                        _names(expression(r"\s*,\s*|\s{2,}").split(form("listed", token).get("items", token)))
+                        or names[0]
                     )
                     if isinstance(token, Remark):
                         self._close()

@@ -221,13 +221,15 @@ class MapBuilder:
     _at: dict[tuple[str, int], dict[str, MappedValue]] = field(default_factory=dict)
 
     def add(self, area: str, address: int, cells: Mapping[str, object], what: object) -> None:
-        """A row of these cells, at a zero-based address; `what` names it in a note."""
+        """A row of these cells, at a zero-based address; `what` names it in a note. Nobody writes inputs ([1] 4.3)."""
         if self.is_full:
             return
         kind = "bool" if area in ("coil", "discrete") else str(cells["type"])
         fitting = {
             key: cell for key, cell in cells.items() if cell is not None and key not in _UNFIT.get(kind, _LENGTH)
         }
+        if area in ("input", "discrete"):
+            fitting["access"] = fitting.get("access") or "r"
         try:
             row = value_of({**fitting, "area": area, "address": address, "type": kind}, order=self.order)
         except CellError as error:

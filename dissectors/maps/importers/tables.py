@@ -263,6 +263,9 @@ class _TableRows:
         if address is None or (form("words", place) and not named.get("name")):  # a page's head or foot
             self.builder.note(f"row {number}: {place[:30]!r} is not an address")
             return
+        if form("unused", named.get("name", "")):
+            self.builder.note(f"row {number}: {named['name']}: no value")
+            return
         self.register = self._value(named, address, here, f"row {number}")
 
     def _is_bit(self, cells: dict[str, str]) -> bool:
@@ -299,6 +302,7 @@ class _TableRows:
         name, cells = _without_list(name, cells)
         name, scale, unit, remark = measured(cells, " ".join(name.split()))
         name, kind, states = _with_list(name, kind, cells)
+        name, cells = _without_span(name, cells)
         low, high = limits_of(cells)
         self.builder.add(
             *register,
@@ -322,11 +326,11 @@ class _TableRows:
         return register
 
     def _accesses(self, cells: dict[str, str], area: MapArea) -> Iterator[str | None]:
-        """What is said of the access to a register, the nearest first; nobody can write inputs ([1] 4.3)."""
+        """What is said of the access to a register, the nearest first; what titles say is of what can be written."""
         yield access_of(cells)
+        yield "r" * (area in ("input", "discrete"))
         yield access_said(self.above, codes=self.heading.of_functions)
         yield self.access
-        yield "r" * (area in ("input", "discrete"))
 
     def _order(self, cells: dict[str, str], kind: str, what: str) -> str | None:
         """The order of a wide value: as its row says it, else as a title does; a doubtful one is told."""
@@ -355,6 +359,13 @@ def _without_list(name: str, cells: dict[str, str]) -> tuple[str, dict[str, str]
     return first, {**cells, "description": f"{more} {cells.get('description', '')}".strip()}
 
 
+def _without_span(name: str, cells: dict[str, str]) -> tuple[str, dict[str, str]]:
+    """A row's name, without a range of values in brackets behind it."""
+    behind = form("states_behind", name)
+    span = form("span", behind.get("states", ""))
+    return (behind["name"], {"range": span[""], **cells}) if span else (name, cells)
+
+
 def _with_list(name: str, kind: str, cells: dict[str, str]) -> tuple[str, str, Any]:
     """A row's name, type, and the names of its states; of its bits, where a remark names some."""
     named = bits_of(cells.get("description", ""), kind)
@@ -366,7 +377,9 @@ def _goes_on(row: Sequence[str], above: Sequence[str], columns: Mapping[str, int
     lines part all other rows, any name."""
     filled = {at for at, cell in enumerate(row) if cell}
     name = "".join(row[columns.get("name", len(row)) :][:1])
-    more = {columns[role] for role in _LONG_TEXTS & columns.keys()} | {at for at, cell in enumerate(above) if at and cell}
+    more = {columns[role] for role in _LONG_TEXTS & columns.keys()} | {
+        at for at, cell in enumerate(above) if at and cell
+    }
     own = is_drawn or (f"{name}a"[0].islower() and not form("spoken_bit", name))
     return own and columns.get("address") not in filled and set() < filled <= more
 
