@@ -104,7 +104,7 @@ sensor:
     "homeassistant: a climate": (
         "climate.yaml",
         b"- name: ac\n  climates:\n    - {name: Room, address: 117, target_temp_register: 2782, scale: 0.1}\n",
-        ["holding 2782 s16 x0.1 rw Room target", "holding 117 s16 x0.1 r Room"],
+        ["holding 2782 s16 x0.1 rw Room target", "holding 117 s16 x0.1 Room"],
         "",
     ),
     "homeassistant: platforms, as before 2021": (

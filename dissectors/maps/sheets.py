@@ -275,7 +275,8 @@ def _below(heading: str, lines: Sequence[str]) -> list[int]:
         )
         if edge > starts[-1]:
             starts.append(edge)
-    spans = pairwise([*starts, None])
+    ends = [*starts[1:], max(map(len, rows), default=0)]
+    spans = zip(starts, ends, strict=True)
     return [a for a, b in spans if not a or any(row[a:b].strip() for row in rows)]
 
 
