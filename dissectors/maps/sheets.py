@@ -28,6 +28,8 @@ _LEAST_WIDE: Final = 3  # such rows
 _DRAWN: Final = str.maketrans("│┃║┆┊╎─━═┄┈┌┬┐├┼┤└┴┘╔╦╗╠╬╣╚╩╝╒╤╕╞╪╡╘╧╛╓╥╖╟╫╢╙╨╜", "|" * 6 + "-" * 5 + "+" * 36)
 _GAP: Final = re.compile(r"\t| {2,}")
 _WIDE: Final = re.compile(r"[^\s]+(?: [^\s]+)*")  # what gaps part
+_FILL: Final = "\u2060"  # behind a sign that takes two places
+_TWICE: Final = re.compile("[\u1100-\u11ff\u2e80-\ua4cf\uac00-\ud7a3\uf900-\ufaff\uff00-\uff60]")
 _CLEAR: Final = 0.9  # of the rows have a blank where columns are parted
 _UNPACKED: Final = 256 << 20  # bytes of a workbook
 _WHOLE: Final = 6 << 20  # bytes up to which it is read at once, with what merges and hides cells
@@ -163,7 +165,8 @@ def tables_of_text(text: str, file: str, most: int) -> Iterator[list[list[str]]]
     """The rows of a text in each way that may be meant: as its layout has them, or below a rule; else CSV with any sign
     between cells, and columns that blanks part, as PDFs are copied."""
     text = text.translate(_DRAWN)
-    lines = text.splitlines()[:most]
+    shown = text.splitlines()[:most]
+    lines = [*_below_rules(shown)]
     if lines and (named := form("separator", lines[0])):  # Excel's own line
         yield _cut(["", *lines[1:]], named["sign"], file)
         return
@@ -172,12 +175,7 @@ def tables_of_text(text: str, file: str, most: int) -> Iterator[list[list[str]]]
         yield _laid_out(text, laid_out)[:most]
         return
     head = lines[:_LOOK]
-    if rule := next((line for line in head if form("rule_above", line)), ""):
-        spans = [mark.span() for mark in expression("[=-]+").finditer(rule)]
-        ends = [*(start for start, _ in spans[1:]), None]
-        yield [[line[a:b].strip()[:_CELL] for (a, _), b in zip(spans, ends, strict=True)] for line in lines]
-        return
-    sign = max("\t;,|", key="\n".join(head).count)
+    sign = max("\t;,|" if lines == shown else "|", key="\n".join(head).count)
     signed = sum(line.count(sign) > 1 for line in head)
     wide = sum(len(_GAP.split(line.strip())) >= _LEAST_CELLS for line in head)
     if wide >= max(_LEAST_WIDE, 2 * signed):
@@ -185,6 +183,24 @@ def tables_of_text(text: str, file: str, most: int) -> Iterator[list[list[str]]]
     if max(wide, signed) < _LEAST_WIDE:
         yield _cut_at_words(lines)
     yield _cut(lines, sign, file)
+
+
+def _below_rules(lines: Sequence[str]) -> Iterator[str]:
+    """The lines; those above and below a rule with gaps have bars where it has them, where most of these are clear."""
+    edges: list[int] = []
+    for line, after in pairwise([*map(_as_wide, lines), ""]):
+        for rule in (after, line):
+            if form("rule_above", rule):
+                edges = [mark.start() for mark in expression("[=-]+").finditer(rule)]
+        within = [bool(line[at - 1].strip()) for at in edges[1:] if at < len(line)]
+        fits = edges[1:] and line.strip() and 2 * sum(within) < len(edges)
+        spans = zip(edges, [*edges[1:], len(line)], strict=True)
+        yield (" | ".join(line[a:b].strip() for a, b in spans) if fits else line).replace(_FILL, "")
+
+
+def _as_wide(line: str) -> str:
+    """A line as long as it is shown: the signs of the East take two places."""
+    return _TWICE.sub(rf"\g<0>{_FILL}", line)
 
 
 def _laid_out(text: str, layout: Mapping[str, str]) -> list[list[str]]:
@@ -233,6 +249,7 @@ def _cut_at_blanks(lines: Sequence[str]) -> list[list[str]]:
     columns: list[int] = []  # where they begin
     is_known = False  # by a heading
     told = 0  # how many words of the line before are headings
+    lines = [*map(_as_wide, lines)]
     for number, line in enumerate(lines):
         found = _parted(line)
         cells = [cell for _, cell in found]
@@ -244,7 +261,7 @@ def _cut_at_blanks(lines: Sequence[str]) -> list[list[str]]:
         if not fits and len(found) >= max(len(columns) + is_known, _LEAST_CELLS):
             columns, is_known = [at for at, _ in found], False
         if fits:
-            found = [(a, line[a:b].strip()) for a, b in pairwise([*columns, len(line) + 1])]
+            found = [(a, line[a:b].strip().replace(_FILL, "")) for a, b in pairwise([*columns, len(line) + 1])]
         row = [""] * max(len(columns), len(found), 1)
         for i, (at, cell) in enumerate(found):
             whole = len(found) >= len(columns)
@@ -256,7 +273,7 @@ def _cut_at_blanks(lines: Sequence[str]) -> list[list[str]]:
 
 def _parted(line: str) -> list[tuple[int, str]]:
     """The cells of a line that two blanks or more part, and where each begins."""
-    return [(cell.start(), cell[0]) for cell in _WIDE.finditer(line)]
+    return [(cell.start(), cell[0].replace(_FILL, "")) for cell in _WIDE.finditer(line)]
 
 
 def _below(heading: str, lines: Sequence[str]) -> list[int]:
