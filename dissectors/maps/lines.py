@@ -17,21 +17,21 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Final
 
 from .roles import WHOLE, heading_bits, plain_heading, roles_of_part
 from .sheets import MapSheet, notes_of_cut
-from .vocabulary import form, roles
-from .written import numbers_in
+from .vocabulary import form, roles, tidied
+from .written import area_words, numbers_in
 
 _LONGEST: Final = 300  # characters of a line that says one thing
 _MOST_BELOW: Final = 8  # lines of one entry
 _FEW: Final = 2
 _MARK: Final = re.compile(r"\s*(?:[;|()\[\]]|,(?!\d)|(?<=[^\s.])\.(?=[\s;]|$)|:\s|\s[-–—]\s|\s{2,}|\t)\s*")
 _BLANK: Final = re.compile(r"\s+")
-_COLUMNS: Final = ("address", "name", "type", "unit", "scale", "access", "description")
+_COLUMNS: Final = ("address", "name", "type", "unit", "scale", "access", "description", "area")
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +42,7 @@ class _RegisterLine:
     name: str
     parts: Sequence[tuple[str, Sequence[str]]]
     is_entry: bool = False
+    area: str = ""
 
 
 def line_sheets(text: str, most: int) -> Iterator[MapSheet]:
@@ -49,7 +50,7 @@ def line_sheets(text: str, most: int) -> Iterator[MapSheet]:
 
     Many lines begin with a number: of entries, most must tell more than a name.
     """
-    every = text.splitlines()
+    every = tidied.__wrapped__("lines", text).splitlines()
     shown = [*_with_those_below([line[:_LONGEST] for line in every[:most]])]
     found = _registers(shown)
     lines = list(filter(None, found))
@@ -68,9 +69,14 @@ def _registers(lines: Sequence[str]) -> list[_RegisterLine | None]:
     """What each line says of a register; None of one that is of none."""
     found: list[_RegisterLine | None] = []
     before = _RegisterLine("", "", (), is_entry=True)
+    ways = (_constant, _implied, _entry, _called)
+    is_of_area = False  # the title above
     for line in lines:
-        found.append(next(filter(None, (way(line, before) for way in (_constant, _implied, _entry))), None))
+        tried = (way(line, before) for way in (*ways, *(_alone,) * is_of_area))
+        found.append(next(filter(None, tried), None))
         before = found[-1] or before
+        if found[-1] is None and form("comment", line):
+            is_of_area = bool(form("group_title", line.strip())) and area_words(line) is not None
     return found
 
 
@@ -93,7 +99,25 @@ def _with_those_below(lines: Sequence[str]) -> Iterator[str]:
 def _constant(line: str, _: _RegisterLine) -> _RegisterLine | None:
     """A name for an address, with a comment."""
     said = form("declared", line) or form("bare", line)
-    return _named(said["address"], said, said["type"]) if said else None
+    if not said:
+        return None
+    place = str(2 * int(said["address"])) if said["wide"] else said["address"]
+    return _named(place, said, said["type"])
+
+
+def _alone(line: str, _: _RegisterLine) -> _RegisterLine | None:
+    """A name for an address without a word more: below a title that names an area."""
+    said = form("alone", line)
+    return _named(said["address"], said) if said else None
+
+
+def _called(line: str, _: _RegisterLine) -> _RegisterLine | None:
+    """What a program calls that which it reads from an address."""
+    said = form("called", line)
+    if not said:
+        return None
+    call = tidied("key", said["call"].lower())
+    return replace(_named(said["address"], said, "float" * ("float" in call)), area=area_words(call) or "")
 
 
 def _implied(line: str, before: _RegisterLine) -> _RegisterLine | None:
@@ -130,13 +154,13 @@ def _parts(text: str) -> list[tuple[int, str]]:
     return [
         (start + at, part)
         for start, end in zip(starts, ends, strict=True)
-        for at, part in _without_type(text[start:end])
+        for at, part in _with_last(text[start:end])
         if part
     ]
 
 
-def _without_type(part: str) -> list[tuple[int, str]]:
-    """A text and the type behind it, where it ends with one: `Line voltage uint16`; and where each begins."""
+def _with_last(part: str) -> list[tuple[int, str]]:
+    """A text and the type or the access behind it, where it ends with one: `Line voltage uint16`; where each begins."""
     blanks = [blank.span() for blank in _BLANK.finditer(part)]
     texts = [(part[:end], begin) for end, begin in blanks if not _is_type(part[:end])]
     name, begin = texts[-1] if texts else ("", 0)
@@ -144,7 +168,7 @@ def _without_type(part: str) -> list[tuple[int, str]]:
 
 
 def _is_type(text: str) -> bool:
-    return "type" in roles_of_part(text)
+    return "type" in roles_of_part(text) or form("rights", text) != {}
 
 
 def _told(part: str) -> tuple[str, Sequence[str]]:
@@ -174,7 +198,7 @@ def _headed(text: str) -> Sequence[str]:
 
 
 def _cells(line: _RegisterLine, usual: dict[int, str]) -> list[str]:
-    cells = {"": "", "address": line.address, "name": line.name, "description": ""}
+    cells = {"": "", "address": line.address, "name": line.name, "description": "", "area": line.area}
     for at, (part, may) in enumerate(line.parts):
         common = usual.get(at, "")
         guessed = "description" if common in ("type", "unit") and not form("short", part) else common

@@ -145,6 +145,7 @@ class _TableRows:
         self.group = self.above = ""
         self.order: str | None = None  # as a title says
         self.access = ""  # of the rows below, too
+        self.accesses: dict[MapArea | None, str] = {}  # of the areas of which a sentence speaks
         self.numbering = ""  # what titles say of addresses
         self.register: tuple[MapArea, int] | None = None  # the newest, whose bits rows may name
 
@@ -240,6 +241,8 @@ class _TableRows:
         self.order = order_of(form("says_order", title.lower()).get("", "")) or self.order
         self.numbering += " hex" * (form("in_hex", title) != {}) + " 1-based" * (form("from_one", title) != {})
         area = area_words(title)
+        told = ((area_words(part), access_said(part)) for part in expression("[,;.]").split(title))
+        self.accesses |= {part: said for part, said in told if said}
         self.access = access_said(title) or self.access * (area in (None, self.area))
         self.area = area or self.area
         if len(cells) == 1 and (self.heading.columns or title.startswith("#")):
@@ -331,6 +334,7 @@ class _TableRows:
         yield "r" * (area in ("input", "discrete"))
         yield access_said(self.above, codes=self.heading.of_functions)
         yield self.access
+        yield self.accesses.get(area)
 
     def _order(self, cells: dict[str, str], kind: str, what: str) -> str | None:
         """The order of a wide value: as its row says it, else as a title does; a doubtful one is told."""
