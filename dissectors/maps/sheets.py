@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from .cells import one_line
 from .model import MapError, MissingLibraryError
-from .roles import assigned, is_heading, known_headings, may_be_heading
+from .roles import assigned, heading_bits, is_heading, known_headings, may_be_heading, plain_heading
 from .table import csv_rows
 from .vocabulary import expression, form, tidied, vocabulary
 
@@ -28,6 +28,7 @@ _LEAST_WIDE: Final = 3  # such rows
 _DRAWN: Final = str.maketrans("│┃║┆┊╎─━═┄┈┌┬┐├┼┤└┴┘╔╦╗╠╬╣╚╩╝╒╤╕╞╪╡╘╧╛╓╥╖╟╫╢╙╨╜", "|" * 6 + "-" * 5 + "+" * 36)
 _GAP: Final = re.compile(r"\t| {2,}")
 _WIDE: Final = re.compile(r"[^\s]+(?: [^\s]+)*")  # what gaps part
+_MOST_LINES: Final = 16  # of a heading
 _FILL: Final = "\u2060"  # behind a sign that takes two places
 _TWICE: Final = re.compile("[\u1100-\u11ff\u2e80-\ua4cf\uac00-\ud7a3\uf900-\ufaff\uff00-\uff60]")
 _CLEAR: Final = 0.9  # of the rows have a blank where columns are parted
@@ -182,6 +183,7 @@ def tables_of_text(text: str, file: str, most: int) -> Iterator[list[list[str]]]
         yield _cut_at_blanks(lines)
     if max(wide, signed) < _LEAST_WIDE:
         yield _cut_at_words(lines)
+        yield [*_cut_at_lines(re.sub(r"\n+\s*\(", " (", text).splitlines()[:most])]
     yield _cut(lines, sign, file)
 
 
@@ -310,3 +312,21 @@ def _cut_at_words(lines: Sequence[str]) -> list[list[str]]:
         end = name + over + 1
         rows.append([*words[:name], " ".join(words[name:end]), *words[end:]] if is_row else [line])
     return rows
+
+
+def _cut_at_lines(lines: Sequence[str]) -> Iterator[list[str]]:
+    """Cells that have a line each, as others are copied: as many to a row as there are headings before the first number;
+    other lines as they stand."""
+    lines = [line.strip() for line in lines if line.strip()]
+    head: list[str] = []
+    at = place = 0
+    while at < len(lines):
+        named = [*takewhile(lambda line: not line[:1].isdecimal(), lines[at : at + _MOST_LINES])]
+        row = lines[at : at + len(head)]
+        if heading_bits(plain_heading(lines[at]), "address") and is_heading(named):
+            row = head = named
+            place = assigned(head, ()).get("address", 0)
+        elif not (head and len(row) == len(head) and form("place", row[place])) or is_heading(row[1:]):
+            row = lines[at : at + 1]
+        yield row
+        at += len(row)
