@@ -18,7 +18,7 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from typing import Final
 
 from .roles import WHOLE, heading_bits, plain_heading, roles_of_part
@@ -30,6 +30,7 @@ _LONGEST: Final = 300  # characters of a line that says one thing
 _MOST_BELOW: Final = 8  # lines of one entry
 _FEW: Final = 2
 _MARK: Final = re.compile(r"\s*(?:[;|()\[\]]|,(?!\d)|(?<=[^\s.])\.(?=[\s;]|$)|:\s|\s[-–—]\s|\s{2,}|\t)\s*")
+_IMAGE: Final = re.compile(r"\bstruct\b[^{};]{0,80}\{(?P<members>[^{}]{0,20000})\}[^;{}\n]{0,40}?(?P<name>\w+)\s*;")
 _BLANK: Final = re.compile(r"\s+")
 _COLUMNS: Final = ("address", "name", "type", "unit", "scale", "access", "description", "area")
 
@@ -50,7 +51,7 @@ def line_sheets(text: str, most: int) -> Iterator[MapSheet]:
 
     Many lines begin with a number: of entries, most must tell more than a name.
     """
-    every = tidied.__wrapped__("lines", text).splitlines()
+    every = _IMAGE.sub(_placed, tidied.__wrapped__("lines", text)).splitlines()
     shown = [*_with_those_below([line[:_LONGEST] for line in every[:most]])]
     found = _registers(shown)
     lines = list(filter(None, found))
@@ -63,6 +64,25 @@ def line_sheets(text: str, most: int) -> Iterator[MapSheet]:
     rows = [_cells(line, usual) if line else [title] for line, title in zip(found, titles, strict=True)]
     rows.insert(found.index(lines[0]), list(_COLUMNS))
     yield MapSheet("", rows, notes=notes_of_cut(len(every) > most, most, "rows"))
+
+
+def _placed(image: re.Match[str]) -> str:
+    """The members of a structure as constants at the registers where they lie, where all have a size."""
+    members = [form("member", line) for line in image["members"].splitlines() if line.strip()]
+    places = [0, *accumulate(_octets(said) for said in members if said)]
+    if not all(members) or len(members) < _FEW:
+        return image[0]
+    lines = [
+        f"{said['name']} = {at // 2} : {said['type']} // {said['rest']}"
+        for said, at in zip(members, places, strict=False)
+    ]
+    return "\n".join(["", f"// {tidied('key', image['name'])}", *lines])
+
+
+def _octets(member: Mapping[str, str]) -> int:
+    """The octets that a member of a structure takes."""
+    bits = re.findall(r"\d+", member["type"]) or [{"char": 8, "double": 64}.get(member["type"], 32)]
+    return int(bits[0]) // 8 * int(member["count"] or 1)
 
 
 def _registers(lines: Sequence[str]) -> list[_RegisterLine | None]:

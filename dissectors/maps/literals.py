@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from typing import Any, Final
 
 from .roles import is_heading
-from .vocabulary import expression, form, vocabulary
+from .vocabulary import expression, form, tidied, vocabulary
 from .written import numbers_in
 
 _DEEPEST: Final = 40
@@ -41,7 +41,7 @@ class Remark(str):
 
 def tree_of_source(text: str) -> Any:
     """The groups of a text that stand in no other, by their names where several have one, and the remarks between."""
-    text = _summed(text)
+    text = _summed(tidied.__wrapped__("source", text))
     tokens = ((str(match.lastgroup), _token(match)) for match in _TOKEN.finditer(text))
     found = _BracketGroup(0).read(tokens, [{}, *_fields_in(text)])
     if sum(isinstance(one, _NamedGroup) for one in found) > 1:
@@ -171,8 +171,14 @@ class _BracketGroup:
 
 
 def _names(items: list[Any], *, is_quoted: bool = False) -> Fields:
-    """The items as names, where all of them are words, or one says them all; texts must be headings. Else none."""
-    listed = [item.replace(",", " ").split() for item in items if isinstance(item, str)] if is_quoted else []
-    ways = [one for one in (list(map(str, items)), *listed) if not is_quoted or is_heading(one)]
-    words = [word.strip(" *.:").split("[")[0] for word in next(iter(ways), [])]
+    """The items as names, where all of them are words, or one says them all, or their first words are headings; texts
+    must be headings, too. Else none."""
+    texts = list(map(str, items))
+    listed = (
+        [text.replace(",", " ").split() for text in texts]
+        if is_quoted
+        else [[f"{text} ".split(" ")[0] for text in texts]]
+    )
+    headings = [one for one in (*[texts] * is_quoted, *listed) if is_heading(one)]
+    words = [word.strip(" *.:").split("[")[0] for word in next(iter(headings), [] if is_quoted else texts)]
     return dict.fromkeys(words, "") if len(words) >= _FEW and all(map(_WORD.fullmatch, words)) else {}

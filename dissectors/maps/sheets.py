@@ -326,7 +326,7 @@ def _cut_at_lines(lines: Sequence[str]) -> Iterator[list[str]]:
         if heading_bits(plain_heading(lines[at]), "address") and is_heading(named):
             row = head = named
             place = assigned(head, ()).get("address", 0)
-        elif not (head and len(row) == len(head) and form("place", row[place])) or is_heading(row[1:]):
+        elif not (head and len(row) == len(head) and form("place", row[place])) or len({*row} & {*head}) > 1:
             row = lines[at : at + 1]
         yield row
         at += len(row)

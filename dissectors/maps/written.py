@@ -202,7 +202,11 @@ def access_said(text: str, *, codes: bool = False) -> str:
     said = meaning("said_access", text * (not codes))
     functions = set(functions_in(f"{'fc ' * codes}{text}"))
     read, written = functions & _READING, functions - _READING
-    told = f"{'r' * bool(read)}w" if written else "r" * (functions != set() and functions <= _READING_ONLY)
+    told = (
+        f"{'r' * bool(read)}w"
+        if written
+        else "r" * (functions != set() and functions <= (_READING_ONLY if codes else _READING))
+    )
     return said or told
 
 

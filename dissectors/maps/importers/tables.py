@@ -58,6 +58,7 @@ _MOST_TRIED: Final = 12  # rows of words that may be a heading
 _MOST_TURNED: Final = 24  # rows of a table whose values stand side by side
 _MOST_HEADINGS: Final = 200  # of one sheet
 _LONG_TEXTS: Final = frozenset({"name", "description"})  # columns whose cells go on below
+_OPEN: Final = ("~", "-", "–", "…", "..")  # ends of an address whose last is on the next line
 _LEAST_NAMES: Final = 3  # that tell whether names end in units
 
 
@@ -385,7 +386,9 @@ def _goes_on(row: Sequence[str], above: Sequence[str], columns: Mapping[str, int
         at for at, cell in enumerate(above) if at and cell
     }
     own = is_drawn or (f"{name}a"[0].islower() and not form("spoken_bit", name))
-    return own and columns.get("address") not in filled and set() < filled <= more
+    place = columns.get("address", len(above))
+    is_open = "".join(above[place:][:1]).endswith(_OPEN)
+    return own and (is_open or place not in filled) and set() < filled <= more | {place}
 
 
 def _have_units_behind(names: Sequence[str], units: Sequence[str]) -> bool:
