@@ -315,8 +315,8 @@ def _cut_at_words(lines: Sequence[str]) -> list[list[str]]:
 
 
 def _cut_at_lines(lines: Sequence[str]) -> Iterator[list[str]]:
-    """Cells that have a line each, as others are copied: as many to a row as there are headings before the first number;
-    other lines as they stand."""
+    """Cells that have a line each, as others are copied: as many to a row as there are headings before the first
+    number; other lines as they stand."""
     lines = [line.strip() for line in lines if line.strip()]
     head: list[str] = []
     at = place = 0
