@@ -18,20 +18,20 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import accumulate, pairwise
 from typing import Final
 
 from .roles import WHOLE, heading_bits, plain_heading, roles_of_part
 from .sheets import MapSheet, notes_of_cut
-from .vocabulary import form, roles, tidied
+from .vocabulary import expression, form, roles, tidied, vocabulary
 from .written import area_words, numbers_in
 
 _LONGEST: Final = 300  # characters of a line that says one thing
 _MOST_BELOW: Final = 8  # lines of one entry
 _FEW: Final = 2
 _MARK: Final = re.compile(r"\s*(?:[;|()\[\]]|,(?!\d)|(?<=[^\s.])\.(?=[\s;]|$)|:\s|\s[-–—]\s|\s{2,}|\t)\s*")
-_IMAGE: Final = re.compile(r"\bstruct\b[^{};]{0,80}\{(?P<members>[^{}]{0,20000})\}[^;{}\n]{0,40}?(?P<name>\w+)\s*;")
-_BLANK: Final = re.compile(r"\s+")
+_OCTETS: Final = {"char": 1, "int8_t": 1, "int16_t": 2, "int32_t": 4, "int64_t": 8, "float": 4, "double": 8}
 _COLUMNS: Final = ("address", "name", "type", "unit", "scale", "access", "description", "area")
 
 
@@ -51,7 +51,7 @@ def line_sheets(text: str, most: int) -> Iterator[MapSheet]:
 
     Many lines begin with a number: of entries, most must tell more than a name.
     """
-    every = _IMAGE.sub(_placed, tidied.__wrapped__("lines", text)).splitlines()
+    every = expression(vocabulary()["image"]).sub(_placed, tidied.__wrapped__("lines", text)).splitlines()
     shown = [*_with_those_below([line[:_LONGEST] for line in every[:most]])]
     found = _registers(shown)
     lines = list(filter(None, found))
@@ -68,35 +68,26 @@ def line_sheets(text: str, most: int) -> Iterator[MapSheet]:
 
 def _placed(image: re.Match[str]) -> str:
     """The members of a structure as constants at the registers where they lie, where all have a size."""
-    members = [form("member", line) for line in image["members"].splitlines() if line.strip()]
-    places = [0, *accumulate(_octets(said) for said in members if said)]
-    if not all(members) or len(members) < _FEW:
+    members = [form("member", line) for line in filter(str.strip, image["members"].splitlines())]
+    if not all(members):
         return image[0]
-    lines = [
-        f"{said['name']} = {at // 2} : {said['type']} // {said['rest']}"
-        for said, at in zip(members, places, strict=False)
-    ]
-    return "\n".join(["", f"// {tidied('key', image['name'])}", *lines])
-
-
-def _octets(member: Mapping[str, str]) -> int:
-    """The octets that a member of a structure takes."""
-    bits = re.findall(r"\d+", member["type"]) or [{"char": 8, "double": 64}.get(member["type"], 32)]
-    return int(bits[0]) // 8 * int(member["count"] or 1)
+    octets = [_OCTETS[said["type"].removeprefix("u")] * max(1, int(f"0{said['count']}")) for said in members]
+    lines = [f"// {tidied('key', image['name'])}"]
+    for said, at in zip(members, accumulate([0, *octets]), strict=False):
+        lines.append(f"{said['name']} = {at // 2} : {said['type']} // {said['rest']}")
+    return "\n".join(["", *lines])
 
 
 def _registers(lines: Sequence[str]) -> list[_RegisterLine | None]:
     """What each line says of a register; None of one that is of none."""
     found: list[_RegisterLine | None] = []
     before = _RegisterLine("", "", (), is_entry=True)
-    ways = (_constant, _implied, _entry, _called)
-    is_of_area = False  # the title above
+    title = ""
     for line in lines:
-        tried = (way(line, before) for way in (*ways, *(_alone,) * is_of_area))
+        tried = (way(line, before) for way in (_WAYS if area_words(form("group_title", title).get("", "")) else _WAYS[:-1]))
         found.append(next(filter(None, tried), None))
         before = found[-1] or before
-        if found[-1] is None and form("comment", line):
-            is_of_area = bool(form("group_title", line.strip())) and area_words(line) is not None
+        title = form("comment", line).get("said", title) if found[-1] is None else title
     return found
 
 
@@ -116,19 +107,13 @@ def _with_those_below(lines: Sequence[str]) -> Iterator[str]:
     yield from ["; ".join(entry)] * (entry != [])
 
 
-def _constant(line: str, _: _RegisterLine) -> _RegisterLine | None:
-    """A name for an address, with a comment."""
-    said = form("declared", line) or form("bare", line)
+def _constant(line: str, _: _RegisterLine, kind: str = "declared") -> _RegisterLine | None:
+    """A name for an address; that of a double word counts two registers."""
+    said = form(kind, line)
     if not said:
         return None
-    place = str(2 * int(said["address"])) if said["wide"] else said["address"]
-    return _named(place, said, said["type"])
-
-
-def _alone(line: str, _: _RegisterLine) -> _RegisterLine | None:
-    """A name for an address without a word more: below a title that names an area."""
-    said = form("alone", line)
-    return _named(said["address"], said) if said else None
+    twice = str(2 * numbers_in(said["address"])[0])
+    return _named({"": said["address"], "D": twice}[said["wide"]], said, said["type"])
 
 
 def _called(line: str, _: _RegisterLine) -> _RegisterLine | None:
@@ -137,7 +122,7 @@ def _called(line: str, _: _RegisterLine) -> _RegisterLine | None:
     if not said:
         return None
     call = tidied("key", said["call"].lower())
-    return replace(_named(said["address"], said, "float" * ("float" in call)), area=area_words(call) or "")
+    return replace(_named(said["address"], said, said["type"]), area=area_words(call) or "")
 
 
 def _implied(line: str, before: _RegisterLine) -> _RegisterLine | None:
@@ -165,6 +150,16 @@ def _entry(line: str, _: _RegisterLine) -> _RegisterLine | None:
     return _RegisterLine(said["address"], name, [(part, may) for _, part, may in parts[known:-1]], is_entry=True)
 
 
+_WAYS: Final = (
+    _constant,
+    partial(_constant, kind="bare"),
+    _implied,
+    _entry,
+    _called,
+    partial(_constant, kind="alone"),  # below a title that names an area
+)
+
+
 def _parts(text: str) -> list[tuple[int, str]]:
     """What marks part in a text, and where each begins; no colon behind a heading, a bit or a state."""
     marks = [*_MARK.finditer(text)]
@@ -181,7 +176,7 @@ def _parts(text: str) -> list[tuple[int, str]]:
 
 def _with_last(part: str) -> list[tuple[int, str]]:
     """A text and the type or the access behind it, where it ends with one: `Line voltage uint16`; where each begins."""
-    blanks = [blank.span() for blank in _BLANK.finditer(part)]
+    blanks = [blank.span() for blank in expression(r"\s+").finditer(part)]
     texts = [(part[:end], begin) for end, begin in blanks if not _is_type(part[:end])]
     name, begin = texts[-1] if texts else ("", 0)
     return [(0, name), (begin, part[begin:])] if form("words", name) and _is_type(part[begin:]) else [(0, part)]

@@ -26,7 +26,6 @@ _START: Final = 20_000  # characters that do
 _LEAST_CELLS: Final = 3  # that make a row of columns which blanks part
 _LEAST_WIDE: Final = 3  # such rows
 _DRAWN: Final = str.maketrans("│┃║┆┊╎─━═┄┈┌┬┐├┼┤└┴┘╔╦╗╠╬╣╚╩╝╒╤╕╞╪╡╘╧╛╓╥╖╟╫╢╙╨╜", "|" * 6 + "-" * 5 + "+" * 36)
-_GAP: Final = re.compile(r"\t| {2,}")
 _WIDE: Final = re.compile(r"[^\s]+(?: [^\s]+)*")  # what gaps part
 _MOST_LINES: Final = 16  # of a heading
 _FILL: Final = "\u2060"  # behind a sign that takes two places
@@ -178,12 +177,12 @@ def tables_of_text(text: str, file: str, most: int) -> Iterator[list[list[str]]]
     head = lines[:_LOOK]
     sign = max("\t;,|" if lines == shown else "|", key="\n".join(head).count)
     signed = sum(line.count(sign) > 1 for line in head)
-    wide = sum(len(_GAP.split(line.strip())) >= _LEAST_CELLS for line in head)
+    wide = sum(len(_parted(line)) >= _LEAST_CELLS for line in head)
     if wide >= max(_LEAST_WIDE, 2 * signed):
         yield _cut_at_blanks(lines)
     if max(wide, signed) < _LEAST_WIDE:
         yield _cut_at_words(lines)
-        yield [*_cut_at_lines(re.sub(r"\n+\s*\(", " (", text).splitlines()[:most])]
+        yield [*_cut_at_lines(expression(r"\n+\s*\(").sub(" (", text).splitlines()[:most])]
     yield _cut(lines, sign, file)
 
 
