@@ -84,7 +84,9 @@ def _registers(lines: Sequence[str]) -> list[_RegisterLine | None]:
     before = _RegisterLine("", "", (), is_entry=True)
     title = ""
     for line in lines:
-        tried = (way(line, before) for way in (_WAYS if area_words(form("group_title", title).get("", "")) else _WAYS[:-1]))
+        tried = (
+            way(line, before) for way in (_WAYS if area_words(form("group_title", title).get("", "")) else _WAYS[:-1])
+        )
         found.append(next(filter(None, tried), None))
         before = found[-1] or before
         title = form("comment", line).get("said", title) if found[-1] is None else title

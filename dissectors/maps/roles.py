@@ -20,7 +20,7 @@ from .vocabulary import WIDE_SIGNS, expression, form, meaning, roles
 from .written import numbers_in
 
 _HEADING: Final = 60  # characters
-_EDGE: Final = re.compile(r"\b")  # of words
+_EDGE: Final = re.compile(r"(?<=\w)(?!\w)")  # behind words
 WHOLE, _BEGINS, _ENDS, _MAYBE = 10.0, 6.0, 5.0, 6.0  # bits
 _LEAST_END: Final = 5  # bytes of a noun that stands last in a heading: two letters of Chinese say much
 _LEAST: Final = 5.0  # bits for which a column is given a role
@@ -50,13 +50,18 @@ def heading_bits(text: str, role: str) -> float:
     last = _any(role, "last", "(?:{})$").search(text)
     ends = [mark.start() for mark in _EDGE.finditer(text, 1)]
     ways = (
-        (WHOLE, text == role or words.fullmatch(text)),
+        (WHOLE, is_whole(text, role)),
         (_BEGINS, any(words.fullmatch(text, 0, end) for end in ends)),
         (_MAYBE, _any(role, "maybe").fullmatch(text)),
         (_ENDS, _any(role, "ends", "(?:{})$").search(text)),
         (_ENDS, last and len(last[0].encode()) >= _LEAST_END),
     )
     return next((bits for bits, found in ways if found), 0.0)
+
+
+def is_whole(text: str, role: str) -> bool:
+    """Whether a heading is of a role by all of it."""
+    return text == role or _any(role, "words").fullmatch(text) is not None
 
 
 @lru_cache(maxsize=256)
@@ -194,7 +199,13 @@ def _assignment(bits: Mapping[tuple[str, int], float]) -> dict[str, int]:
 
 def known_headings(row: Sequence[str]) -> int:
     """How many cells of a row are headings by all of them."""
-    return sum(any(heading_bits(plain_heading(cell), role) >= WHOLE for role in roles()) for cell in row)
+    return sum(map(_is_known, row))
+
+
+@lru_cache(maxsize=8192)
+def _is_known(cell: str) -> bool:
+    text = plain_heading(cell[:_HEADING])
+    return any(is_whole(text, role) for role in roles())
 
 
 def is_heading(row: Sequence[str]) -> bool:

@@ -30,7 +30,8 @@ _WIDE: Final = re.compile(r"[^\s]+(?: [^\s]+)*")  # what gaps part
 _MOST_LINES: Final = 16  # of a heading
 _FILL: Final = "\u2060"  # behind a sign that takes two places
 _TWICE: Final = re.compile("[\u1100-\u11ff\u2e80-\ua4cf\uac00-\ud7a3\uf900-\ufaff\uff00-\uff60]")
-_CLEAR: Final = 0.9  # of the rows have a blank where columns are parted
+_CROSSED: Final = 0.1  # of the rows may have no blank where columns are parted
+_LEAST_KNOWN: Final = 2  # `_heading_words` of a line that is not the first heading, at least one more
 _UNPACKED: Final = 256 << 20  # bytes of a workbook
 _WHOLE: Final = 6 << 20  # bytes up to which it is read at once, with what merges and hides cells
 _MERGED: Final = 1 << 17  # cells that may be merged then
@@ -248,21 +249,17 @@ def _cut_at_blanks(lines: Sequence[str]) -> list[list[str]]:
     some out stand below the nearest columns."""
     rows: list[list[str]] = []
     columns: list[int] = []  # where they begin
-    is_known = False  # by a heading
-    told = 0  # how many words of the line before are headings
+    told = least = 0  # what the line before has of a heading, and what the next must have: nothing where none is known
     lines = [*map(_as_wide, lines)]
     for number, line in enumerate(lines):
         found = _parted(line)
-        cells = [cell for _, cell in found]
-        is_head = may_be_heading(cells) and (not is_known or known_headings(cells) > max(told, 1))
-        if is_head:
-            columns = _below(line, lines[number + 1 : number + _LOOK])
-        is_known, told = is_known or is_head, known_headings(cells)
-        fits = is_known and len(found) > 1 and not any(line[at - 1 : at].strip() for at in columns[1:])
-        if not fits and len(found) >= max(len(columns) + is_known, _LEAST_CELLS):
-            columns, is_known = [at for at, _ in found], False
-        if fits:
+        before, told = told, _heading_words([cell for _, cell in found])
+        if told > max(before, least):
+            columns, least = _below(line, lines[number + 1 : number + _LOOK]), _LEAST_KNOWN
+        if least * len(found) > _LEAST_KNOWN and not any(line[at - 1 : at].strip() for at in columns[1:]):
             found = [(a, line[a:b].strip().replace(_FILL, "")) for a, b in pairwise([*columns, len(line) + 1])]
+        elif len(found) >= max(len(columns) + least, _LEAST_CELLS):
+            columns, least = [at for at, _ in found], 0
         row = [""] * max(len(columns), len(found), 1)
         for i, (at, cell) in enumerate(found):
             whole = len(found) >= len(columns)
@@ -270,6 +267,11 @@ def _cut_at_blanks(lines: Sequence[str]) -> list[list[str]]:
             row[place] = f"{row[place]} {cell}".strip()
         rows.append([cell[:_CELL] for cell in row[:_MOST_COLUMNS]])
     return rows
+
+
+def _heading_words(cells: Sequence[str]) -> int:
+    """One more than the headings that are known among cells which may be some; 0 of others."""
+    return 1 + known_headings(cells) if may_be_heading(cells) else 0
 
 
 def _parted(line: str) -> list[tuple[int, str]]:
@@ -284,18 +286,15 @@ def _below(heading: str, lines: Sequence[str]) -> list[int]:
     table = takewhile(lambda row: not is_heading(row[1]), zip(lines, parted, strict=True))
     rows = [line for line, cells in table if len(cells) >= _LEAST_CELLS]
     words = [mark.span() for mark in expression(r"\S+").finditer(heading)]
-    starts = [0]
+    starts = {0}
     for (first, last), (begin, end) in pairwise(words):
         wide = range(first + 1, end) if begin > last + 1 else (last,)
         places = sorted(wide, key=lambda at: abs(begin - 1 - at))
-        edge = next(
-            (at + 1 for at in places if sum(not row[at : at + 1].strip() for row in rows) >= _CLEAR * len(rows)), 0
-        )
-        if edge > starts[-1]:
-            starts.append(edge)
-    ends = [*starts[1:], max(map(len, rows), default=0)]
-    spans = zip(starts, ends, strict=True)
-    return [a for a, b in spans if not a or any(row[a:b].strip() for row in rows)]
+        clear = (at + 1 for at in places if sum(row[at : at + 1].strip() != "" for row in rows) <= _CROSSED * len(rows))
+        starts.add(next(clear, 0))
+    first, *others = sorted(starts)
+    ends = [*others[1:], None]
+    return [first, *(a for a, b in zip(others, ends, strict=False) if any(row[a:b].strip() for row in rows))]
 
 
 def _cut_at_words(lines: Sequence[str]) -> list[list[str]]:
@@ -316,7 +315,7 @@ def _cut_at_words(lines: Sequence[str]) -> list[list[str]]:
 def _cut_at_lines(lines: Sequence[str]) -> Iterator[list[str]]:
     """Cells that have a line each, as others are copied: as many to a row as there are headings before the first
     number; other lines as they stand."""
-    lines = [line.strip() for line in lines if line.strip()]
+    lines = [*filter(None, map(str.strip, lines))]
     head: list[str] = []
     at = place = 0
     while at < len(lines):
@@ -325,7 +324,7 @@ def _cut_at_lines(lines: Sequence[str]) -> Iterator[list[str]]:
         if heading_bits(plain_heading(lines[at]), "address") and is_heading(named):
             row = head = named
             place = assigned(head, ()).get("address", 0)
-        elif not (head and len(row) == len(head) and form("place", row[place])) or len({*row} & {*head}) > 1:
+        elif not form("place", "".join(row[place:][:1])) or len({*row} & {*head}) > 1:
             row = lines[at : at + 1]
         yield row
         at += len(row)

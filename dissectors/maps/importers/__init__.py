@@ -8,6 +8,7 @@ told in the notes, never dropped without a word.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from importlib import import_module
 from importlib.resources import files as package_files
@@ -31,8 +32,9 @@ _OF_PROGRAMS: Final = (
     "iobroker",
     "own",
 )
-_GENERAL: Final = ("records", "spreadsheet", "lines")  # of no program: the one that reads most
-_TRUST: Final = {"lines of registers": 0.8}  # of what has no headings
+_WITHOUT_HEADINGS: Final = "lines"
+_GENERAL: Final = ("records", "spreadsheet", _WITHOUT_HEADINGS)  # of no program: the one that reads most
+_ENOUGH: Final = 3  # facts of a row, with which nothing without headings is asked
 FORMATS: Final = (*_OF_PROGRAMS, *_GENERAL)
 
 
@@ -57,11 +59,10 @@ def import_maps(file: str, data: bytes, *, name: str | None = None) -> list[Impo
     """The maps in a file, its format found by content or given by name; MapError says why there are none."""
     source = MapSource(file, data)
     for candidates in ((name,),) if name is not None else (*((one,) for one in _OF_PROGRAMS), _GENERAL):
-        forms = [map_format(candidate) for candidate in candidates]
-        ways = [(form.NAME, read) for form in forms if (read := form.read(source)) is not None]
+        ways = [*_ways(source, candidates)]
         if not ways:
             continue
-        said, read = max(ways, key=lambda way: sum(one.facts for one in way[1]) * _TRUST.get(way[0], 1))
+        said, read = max(ways, key=lambda way: _facts(way[1]))  # of as many, the first
         filled = [replace(one, notes=(*one.notes, *source.notes)) for one in read if one.chart.rows]
         if filled:
             return filled
@@ -79,3 +80,18 @@ def import_maps(file: str, data: bytes, *, name: str | None = None) -> list[Impo
         f"{file}: not a known register map: a table needs a heading row such as address, name, type in its first "
         f"{HEADING_ROWS} rows; --input-format chooses one of {', '.join(FORMATS)}"
     )
+
+
+def _ways(source: MapSource, candidates: Sequence[str]) -> Iterator[tuple[str, list[ImportedMap]]]:
+    """What formats make of a file; lines only where no other tells enough of its rows."""
+    is_told = False
+    for name in candidates:
+        form = map_format(name)
+        read = None if is_told and name == _WITHOUT_HEADINGS else form.read(source)
+        if read is not None:
+            yield form.NAME, read
+            is_told |= _facts(read) >= _ENOUGH * sum(len(one.chart.rows) for one in read) > 0
+
+
+def _facts(read: Sequence[ImportedMap]) -> int:
+    return sum(one.facts for one in read)
