@@ -174,11 +174,7 @@ def _names(items: list[Any], *, is_quoted: bool = False) -> Fields:
     """The items as names, where all of them are words, or one says them all, or their first words are headings; texts
     must be headings, too. Else none."""
     texts = list(map(str, items))
-    listed = (
-        [text.replace(",", " ").split() for text in texts]
-        if is_quoted
-        else [[f"{text} ".split(" ")[0] for text in texts]]
-    )
-    headings = [one for one in (*[texts] * is_quoted, *listed) if is_heading(one)]
-    words = [word.strip(" *.:").split("[")[0] for word in next(iter(headings), [] if is_quoted else texts)]
+    ways = [texts, [f"{text} ".split(" ")[0] for text in texts], *(text.replace(",", " ").split() for text in texts)]
+    listed = next((one for one in ways if len(one) >= _FEW and is_heading(one)), texts * (not is_quoted))
+    words = [word.strip(" *.:").split("[")[0] for word in listed]
     return dict.fromkeys(words, "") if len(words) >= _FEW and all(map(_WORD.fullmatch, words)) else {}

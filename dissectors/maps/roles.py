@@ -20,7 +20,6 @@ from .vocabulary import WIDE_SIGNS, expression, form, meaning, roles
 from .written import numbers_in
 
 _HEADING: Final = 60  # characters
-_EDGE: Final = re.compile(r"(?<=\w)(?!\w)")  # behind words
 WHOLE, _BEGINS, _ENDS, _MAYBE = 10.0, 6.0, 5.0, 6.0  # bits
 _LEAST_END: Final = 5  # bytes of a noun that stands last in a heading: two letters of Chinese say much
 _LEAST: Final = 5.0  # bits for which a column is given a role
@@ -48,7 +47,7 @@ def heading_bits(text: str, role: str) -> float:
         return 0.0
     words = _any(role, "words")
     last = _any(role, "last", "(?:{})$").search(text)
-    ends = [mark.start() for mark in _EDGE.finditer(text, 1)]
+    ends = [mark.start() for mark in expression(r"(?<=\w)(?!\w)").finditer(text)]
     ways = (
         (WHOLE, is_whole(text, role)),
         (_BEGINS, any(words.fullmatch(text, 0, end) for end in ends)),

@@ -146,8 +146,10 @@ def _rows_of(sheet: Any, most_rows: int, *, merged: bool) -> list[list[str]]:
 
 
 def _hidden(sheet: Any) -> frozenset[int]:
-    spans = (range(one.min - 1, one.max) for one in sheet.column_dimensions.values() if one.hidden and one.min)
-    return frozenset(column for span in spans for column in span if column < 1 << 14)
+    spans = (
+        range(one.min - 1, min(one.max, 1 << 14)) for one in sheet.column_dimensions.values() if one.hidden and one.min
+    )
+    return frozenset(column for span in spans for column in span)
 
 
 def _shown_text(cell: object) -> str:

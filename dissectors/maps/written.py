@@ -99,7 +99,7 @@ def address_of(cell: str, form_of: AddressForm) -> TableAddress | None:
     """The address in a cell; None where there is none."""
     cell = together(cell)
     behind = form("bit_behind", cell) if form_of.has_bits else {}
-    cell, bit = behind.get("place", cell), behind.get("bit", "")
+    cell, bit = tidied("place", behind.get("place", cell)), behind.get("bit", "")
     if form_of.is_hex:
         cell = re.sub(r"(?<![0-9A-Za-z])([0-9A-Fa-f]{1,4})[hH]?(?![0-9A-Za-z])", r"0x\1", cell)
     numbers = _NUMBER.findall(cell)

@@ -14,10 +14,10 @@ from importlib import import_module
 from importlib.resources import files as package_files
 from typing import Final, Protocol, cast
 
+from ..headings import HEADING_ROWS
 from ..model import MapError
 from .programs import Program
 from .source import ImportedMap, MapSource
-from .tables import HEADING_ROWS
 
 _OF_PROGRAMS: Final = (
     "sunspec",
@@ -32,9 +32,8 @@ _OF_PROGRAMS: Final = (
     "iobroker",
     "own",
 )
-_WITHOUT_HEADINGS: Final = "lines"
-_GENERAL: Final = ("records", "spreadsheet", _WITHOUT_HEADINGS)  # of no program: the one that reads most
-_ENOUGH: Final = 3  # facts of a row, with which nothing without headings is asked
+_GENERAL: Final = ("records", "spreadsheet", "lines")  # of no program: the one that reads most
+_ENOUGH: Final = {"lines": 3.0}  # facts of a row with which a format is not asked
 FORMATS: Final = (*_OF_PROGRAMS, *_GENERAL)
 
 
@@ -84,13 +83,13 @@ def import_maps(file: str, data: bytes, *, name: str | None = None) -> list[Impo
 
 def _ways(source: MapSource, candidates: Sequence[str]) -> Iterator[tuple[str, list[ImportedMap]]]:
     """What formats make of a file; lines only where no other tells enough of its rows."""
-    is_told = False
+    most = 0.0
     for name in candidates:
         form = map_format(name)
-        read = None if is_told and name == _WITHOUT_HEADINGS else form.read(source)
+        read = form.read(source) if most < _ENOUGH.get(name, most + 1) else None
         if read is not None:
             yield form.NAME, read
-            is_told |= _facts(read) >= _ENOUGH * sum(len(one.chart.rows) for one in read) > 0
+            most = max(most, _facts(read) / max(1, sum(len(one.chart.rows) for one in read)))
 
 
 def _facts(read: Sequence[ImportedMap]) -> int:
