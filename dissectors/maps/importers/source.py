@@ -6,7 +6,7 @@ import configparser
 import json
 import re
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -287,7 +287,7 @@ class MapBuilder:
             notes.append(f"and {len(self.notes) - _MOST_NOTES} more such")
         chart = RegisterMap(
             one_line(self.device[:200]) or PurePath(self.file).stem,
-            tuple(self.rows),
+            tuple(_without_halves(self.rows)),
             vendor=one_line(self.vendor[:200]),
             word_order=self.order,
             source=f"imported from {PurePath(self.file).name}",
@@ -295,6 +295,22 @@ class MapBuilder:
         return ImportedMap(chart, tuple(notes))
 
 
+def _without_halves(rows: Sequence[MappedValue]) -> Sequence[MappedValue]:
+    """The rows; two neighbours that are named as the words of one value are that value."""
+    done = [*rows[:1]]
+    for row in rows[1:]:
+        last = done[-1]
+        first, second = form("half", last.name), form("half", row.name)
+        marks = {first.get("low", "low") == "", second.get("low", "low") == ""}  # whether it is the high one
+        if len(marks) > 1 and first and first["name"] == second.get("name") and row.address == last.address + 1:
+            order = "CDAB" if first["low"] else "ABCD"
+            done[-1] = replace(last, name=first["name"], type=_WIDER.get(last.type[0], "u32"), length=2, order=order)
+        else:
+            done.append(row)
+    return done
+
+
+_WIDER: Final = {"s": "s32", "f": "f32"}
 _LENGTH: Final = ("length",)
 _FACTOR: Final = ("scale", "offset")
 _UNFIT: Final = {"bool": (*_LENGTH, *_FACTOR), "text": _FACTOR, "bits": _FACTOR, "enum": _FACTOR}

@@ -334,7 +334,8 @@ def _goes_on(row: Sequence[str], above: Sequence[str], columns: Mapping[str, int
     is_open = "".join(above[place:][:1]).endswith(_OPEN)
     texts = {columns[role] for role in _LONG_TEXTS & columns.keys()}
     alone = set() if is_open else {0, place} - texts
-    own = is_drawn or (f"{name}a"[0].islower() and not form("spoken_bit", name))
+    held = "".join(above[columns.get("name", len(above)) :][:1])
+    own = is_drawn or (f"{name}a"[0].islower() and not form("spoken_bit", name)) or held.endswith(",")
     return own and set() < filled <= (texts | {at for at, cell in enumerate(above) if cell}) - alone
 
 
