@@ -22,7 +22,7 @@ from functools import partial
 from itertools import accumulate, pairwise
 from typing import Final
 
-from .roles import WHOLE, heading_bits, plain_heading, roles_of_part
+from .roles import OF_PARTS, WHOLE, heading_bits, plain_heading, roles_of_part
 from .sheets import MapSheet, notes_of_cut
 from .vocabulary import expression, form, roles, tidied, vocabulary
 from .written import area_words, numbers_in
@@ -78,7 +78,8 @@ def _bases(text: str) -> dict[str | None, int]:
     found: dict[str | None, int] = {}
     for part in expression(r"[,;.\n]").split(text):
         area = area_words(part) or area
-        found |= {area: numbers_in(said["base"])[0] for said in [form("based", part)] if said}
+        if said := form("based", part):
+            found[area] = numbers_in(said["base"])[0]
     return found
 
 
@@ -224,7 +225,7 @@ def _with_last(part: str) -> list[tuple[int, str]]:
     blanks = [blank.span() for blank in expression(r"\s+").finditer(part)]
     texts = [(part[:end], begin) for end, begin in blanks if not _is_type(part[:end])]
     name, begin = texts[-1] if texts else ("", 0)
-    is_last = form("words", name) and _is_type(part[begin:]) and not _headed(name.rstrip(":= "))
+    is_last = form("words", name) and _is_type(part[begin:]) and {*OF_PARTS}.isdisjoint(_headed(name.rstrip(":= ")))
     return [(0, name), (begin, part[begin:])] if is_last else [(0, part)]
 
 

@@ -24,7 +24,7 @@ WHOLE, _BEGINS, _ENDS, _MAYBE = 10.0, 6.0, 5.0, 6.0  # bits
 _LEAST_END: Final = 5  # bytes of a noun that stands last in a heading: two letters of Chinese say much
 _LEAST: Final = 5.0  # bits for which a column is given a role
 _NEEDED: Final = frozenset({"address", "name"})
-_OF_PARTS: Final = ("type", "unit", "scale", "access")
+OF_PARTS: Final = ("type", "unit", "scale", "access")
 _LEFT_OUT: Final = ((), ("number",), ("description",), ("number", "description"))
 _SAMPLE: Final = 200  # rows below a heading that are looked at
 _LEAST_CELLS: Final = 3  # of a heading that is known by what stands below it
@@ -184,7 +184,7 @@ def assignment(row: Sequence[str], below: Table) -> tuple[dict[str, int], float]
 def roles_of_part(text: str) -> Sequence[str]:
     """Which of type, unit, factor and access a text alone may be, the surest first."""
     column = TableColumn("", [text], 1)
-    bits = {role: column.bits(role) for role in _OF_PARTS}
+    bits = {role: column.bits(role) for role in OF_PARTS}
     return sorted((role for role in bits if bits[role] >= _LEAST), key=lambda role: -bits[role])
 
 
