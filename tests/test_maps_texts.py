@@ -1,4 +1,4 @@
-"""Texts and sources without a table of cells: columns by their places, a cell a line, what programs declare and read."""
+"""Texts and sources without a table of cells: columns by place, a cell a line, what programs declare and read."""
 
 from __future__ import annotations
 

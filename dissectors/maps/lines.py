@@ -154,7 +154,7 @@ def _called(line: str, _: _RegisterLine) -> _RegisterLine | None:
 
 def _read(said: Mapping[str, str], call: str, address: int, kind: str, scale: str = "") -> _RegisterLine:
     """What a line of a program says of a register that it reads."""
-    rest = f"{scale or tidied('place', said['scale'])}; {said['rest']}"
+    rest = f"{scale}; {tidied('place', said['scale'])}; {said['rest']}"
     area = area_words(tidied("key", call.lower())) or ""
     return replace(_named(str(address), {**said, "rest": rest}, kind), area=area, block=[address])
 

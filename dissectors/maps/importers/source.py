@@ -302,7 +302,7 @@ def _without_halves(rows: Sequence[MappedValue]) -> Sequence[MappedValue]:
         last = done[-1]
         first, second = form("half", last.name), form("half", row.name)
         marks = {first.get("low", "low") == "", second.get("low", "low") == ""}  # whether it is the high one
-        if len(marks) > 1 and first and first["name"] == second.get("name") and row.address == last.address + 1:
+        if len(marks) > 1 and first.get("name", "") == second.get("name") and row.address == last.address + 1:
             order = "CDAB" if first["low"] else "ABCD"
             done[-1] = replace(last, name=first["name"], type=_WIDER.get(last.type[0], "u32"), length=2, order=order)
         else:
