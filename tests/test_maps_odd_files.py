@@ -32,7 +32,7 @@ sensor:
       - multiply: 0.01
       - lambda: return max(x, 0);
 """,
-        ["input 12544 u16 x0.01 V Roof PV voltage", "input 12545 s16 x0.01 Roof current"],
+        ["input 12544 u16 x0.01 V r Roof PV voltage", "input 12545 s16 x0.01 r Roof current"],
         "lambda",
     ),
     "esphome: a merge of what is in another file": (
@@ -71,7 +71,7 @@ sensor:
         "level.yaml",
         b"sensor:\n  platform: modbus_controller\n  name: Level\n  address: 7\n  register_type: read\n  filters:\n"
         b"    - calibrate_linear:\n        - 4000 -> 0\n        - 20000 -> 100\n",
-        ["input 7 u16 x0.00625 +-25 Level"],
+        ["input 7 u16 x0.00625 +-25 r Level"],
         "",
     ),
     "homeassistant: hubs in a package, lists in another file": (
@@ -98,7 +98,7 @@ sensor:
     - {name: Temp, slave: 1, address: 7, scale: 0.1, offset: "-40", unit_of_measurement: \xc2\xb0C}
     - {name: Both, slave: 1, address: 9, data_type: custom, structure: ">hh", count: 2}
 """,
-        ["input 342 f32 CDAB x0.001 Energy", "holding 7 s16 x0.1 +-40 °C Temp"],
+        ["input 342 f32 CDAB x0.001 r Energy", "holding 7 s16 x0.1 +-40 °C Temp"],
         "Both: .*>hh",
     ),
     "homeassistant: a climate": (
@@ -131,7 +131,7 @@ switch:
   coils:
     - {name: Pump, hub: boiler, slave: 4, coil: 12}
 """,
-        ["input 31 f32 CDAB Supply", "holding 40 u32 h Hours", "discrete 3 bool r Flame", "coil 12 bool rw Pump"],
+        ["input 31 f32 CDAB r Supply", "holding 40 u32 h Hours", "discrete 3 bool r Flame", "coil 12 bool rw Pump"],
         "",
     ),
     "homeassistant: the list that sensor: includes": (
@@ -168,7 +168,7 @@ parameters:
         b"  - {name: u, address: 30001, dataType: uint16, factor: '0,1', metricType: gauge}\n"
         b"  - {name: e, address: 400011, dataType: uint32, endianness: yolo}\n"
         b"  - {name: x, address: 17, dataType: int16}\n",
-        ["input 1 u16 x0.1 u", "holding 11 u32 CDAB e"],
+        ["input 1 u16 x0.1 r u", "holding 11 u32 CDAB e"],
         "x: .*17",
     ),
     "telegraf: a hole in the environment, fields left out": (
@@ -190,7 +190,7 @@ parameters:
       { address=5, name="low", type="UINT8L" },
     ]
 """,
-        ["input 0 f32 CDAB u", "input 4 s16 x0.1 n"],
+        ["input 0 f32 CDAB r u", "input 4 s16 x0.1 r n"],
         "low: type 'UINT8L'",
     ),
     "telegraf: registers in their own order": (
@@ -238,7 +238,7 @@ text_sensor:
       - {name: Room, address: 117, target_temp_register: [120, 121], data_type: int16, input_type: input, scale: 0.1}
 """,
         ["holding 16 s32 DCBA A", "holding 30 u32 x0.001 W 1", "holding 32 u32 x0.001 W 2", "holding 34 u32 x0.001 W 3",
-         "holding 120 s16 x0.1 rw Room target", "input 117 s16 x0.1 Room"],
+         "holding 120 s16 x0.1 rw Room target", "input 117 s16 x0.1 r Room"],
         "^Half: data type 'float16'",
     ),
     "telegraf: metrics, bits of a register, types that no map has": (
@@ -261,7 +261,7 @@ text_sensor:
 [[inputs.cpu]]
   percpu = true
 """,
-        ["input 0 u16 x0.1 u", "holding 5 u32 DCBA e", "coil 3 bool c", "holding 10 text txt",
+        ["input 0 u16 x0.1 r u", "holding 5 u32 DCBA e", "coil 3 bool c", "holding 10 text txt",
          "holding 20 bits {3=b; 5=b2} Bits of 20"],
         "^half: type 'INT8H' is not a type that maps have",
     ),
@@ -276,8 +276,8 @@ text_sensor:
       - {name: str, address: 40100, dataType: string}
       - {name: e, address: 400110, dataType: uint64, endianness: yolo}
 """,
-        ["input 22 s16 power 1", "input 23 s16 x3.1415 power 2", "holding 110 u64 CDAB e",
-         "input 24 bits {4=bit} Bits of 24"],
+        ["input 22 s16 r power 1", "input 23 s16 x3.1415 r power 2", "holding 110 u64 CDAB e",
+         "input 24 bits r {4=bit} Bits of 24"],
         "^str: data type 'string' is not a type that maps have",
     ),
     "modpoll: registers from 40000 on, which are no logical numbers": (
@@ -299,7 +299,7 @@ text_sensor:
         b"description: Meter\nblocks:\n- id: main\n  start: 3x1\n  fields:\n"
         b"  # watts\n  - {id: p, expression: 'int32(3x0001 # 2) / 10', unit: W}\n  - {id: none}\n"
         b"  - {id: u, expression: \"uint16(input-register:9)\"}\n",
-        ["input 0 s32 x0.1 W p", "input 9 u16 u"],
+        ["input 0 s32 x0.1 W r p", "input 9 u16 r u"],
         "none",
     ),
     "wirenboard: comments, a comma too many, texts as numbers": (

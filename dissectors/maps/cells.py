@@ -66,8 +66,6 @@ def area_and_address(area: object, address: object, base: int = 0) -> tuple[MapA
         return cast(MapArea, area), address - base
     text = _cell(address).replace(" ", "").replace("_", "")
     chosen = area_of(area) if _cell(area) else None
-    if not text:
-        raise CellError("address", "", "an address such as 107, 0x6B, 4x108 or 40108")
     prefix = re.fullmatch(r"([0134])x(\d+)", text, re.IGNORECASE)
     if chosen is None or (prefix and prefix[1] != "0"):
         try:
@@ -133,8 +131,6 @@ def length_of(length: object, kind: str) -> int:
 
 def names_of(values: object) -> dict[int, str]:
     """Names of states or bits, from `0=off; 1=on` or from a mapping."""
-    if values is None or values == "":
-        return {}
     if isinstance(values, Mapping):
         pairs = [(_cell(key), _cell(name)) for key, name in values.items()]
     else:

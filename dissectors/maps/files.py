@@ -182,4 +182,4 @@ class UnitMaps(dict[int, RegisterMap]):
         return list({id(chart): chart for chart in listed}.values())
 
     def __bool__(self) -> bool:
-        return len(self) > 0 or self.other is not None
+        return bool(self.all)

@@ -17,20 +17,23 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from itertools import pairwise
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import accumulate, pairwise
 from typing import Final
 
-from .roles import WHOLE, heading_bits, plain_heading, roles_of_part
+from .roles import OF_PARTS, WHOLE, heading_bits, plain_heading, roles_of_part
 from .sheets import MapSheet, notes_of_cut
-from .vocabulary import form, roles
-from .written import numbers_in
+from .vocabulary import expression, form, roles, tidied, vocabulary
+from .written import area_words, numbers_in
 
 _LONGEST: Final = 300  # characters of a line that says one thing
 _MOST_BELOW: Final = 8  # lines of one entry
 _FEW: Final = 2
+_HEAD: Final = 4000  # characters in which sentences speak of all
 _MARK: Final = re.compile(r"\s*(?:[;|()\[\]]|,(?!\d)|(?<=[^\s.])\.(?=[\s;]|$)|:\s|\s[-–—]\s|\s{2,}|\t)\s*")
-_COLUMNS: Final = ("address", "name", "type", "unit", "scale", "access", "description")
+_OCTETS: Final = {"char": 1, "8": 1, "16": 2, "32": 4, "64": 8, "float": 4, "double": 8}
+_COLUMNS: Final = ("address", "name", "type", "unit", "scale", "access", "description", "area")
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,19 +44,25 @@ class _RegisterLine:
     name: str
     parts: Sequence[tuple[str, Sequence[str]]]
     is_entry: bool = False
+    area: str = ""
+    block: Sequence[int] = ()  # the address of registers that are read at once
+    is_part: bool = False  # one of these
 
 
 def line_sheets(text: str, most: int) -> Iterator[MapSheet]:
     """The registers that lines say, with the titles between them, as a sheet; none where a line at most does.
 
-    Many lines begin with a number: of entries, most must tell more than a name.
+    Many lines begin with a number: of entries, most must tell more than a name, or none counts.
     """
-    every = text.splitlines()
+    placed = partial(_placed, bases=_bases(text[:_HEAD]))
+    every = expression(vocabulary()["image"]).sub(placed, tidied.__wrapped__("lines", text)).splitlines()
     shown = [*_with_those_below([line[:_LONGEST] for line in every[:most]])]
-    found = _registers(shown)
+    every_line = _registers(shown)
+    told = [any(may for _, may in line.parts) for line in filter(None, every_line) if line.is_entry]
+    is_list = 2 * sum(told) >= len(told)
+    found = [line if line and line.is_entry <= is_list else None for line in every_line]
     lines = list(filter(None, found))
-    told = [sum(len(may) for _, may in line.parts) > 0 for line in lines if line.is_entry]
-    if len(lines) < _FEW or 2 * sum(told) < len(told):
+    if len(lines) < _FEW:
         return
     places = Counter((at, role) for line in lines for at, (_, may) in enumerate(line.parts) for role in may[:1])
     usual = {at: role for (at, role), _ in reversed(places.most_common())}
@@ -63,13 +72,47 @@ def line_sheets(text: str, most: int) -> Iterator[MapSheet]:
     yield MapSheet("", rows, notes=notes_of_cut(len(every) > most, most, "rows"))
 
 
+def _bases(text: str) -> dict[str | None, int]:
+    """Where the registers of each area begin, by sentences that say so."""
+    area: str | None = None
+    found: dict[str | None, int] = {}
+    for part in expression(r"[,;.\n]").split(text):
+        area = area_words(part) or area
+        if said := form("based", part):
+            found[area] = numbers_in(said["base"])[0]
+    return found
+
+
+def _placed(image: re.Match[str], bases: Mapping[str | None, int]) -> str:
+    """The members of a structure as constants at the registers where they lie, where all have a size."""
+    texts = filter(str.strip, image["members"].splitlines())
+    members = [form("member", line) for line in texts if not form("comment", line)]
+    if not all(members):
+        return image[0]
+    octets = [_OCTETS[said["size"]] * max(1, int(f"0{said['count']}")) for said in members]
+    title = tidied("key", image["name"] + image["last"])
+    places = accumulate(octets, initial=2 * bases.get(area_words(title), 0))
+    lines = [f"// {title}"]
+    for said, at in zip(members, places, strict=False):
+        lines.append(f"{said['name']} = {at // 2} : {said['type']} // {said['rest']}")
+    return "\n".join(["", *lines])
+
+
 def _registers(lines: Sequence[str]) -> list[_RegisterLine | None]:
     """What each line says of a register; None of one that is of none."""
     found: list[_RegisterLine | None] = []
     before = _RegisterLine("", "", (), is_entry=True)
+    title = ""
     for line in lines:
-        found.append(next(filter(None, (way(line, before) for way in (_constant, _implied, _entry))), None))
+        tried = (
+            way(line, before) for way in (_WAYS if area_words(form("group_title", title).get("", "")) else _WAYS[:-1])
+        )
+        found.append(next(filter(None, tried), None))
         before = found[-1] or before
+        title = form("comment", line).get("said", title) if found[-1] is None else title
+    for one, after in pairwise(filter(None, [*found])):
+        if after.is_part > one.is_part:  # which names all that is read
+            found[found.index(one)] = None
     return found
 
 
@@ -89,10 +132,42 @@ def _with_those_below(lines: Sequence[str]) -> Iterator[str]:
     yield from ["; ".join(entry)] * (entry != [])
 
 
-def _constant(line: str, _: _RegisterLine) -> _RegisterLine | None:
-    """A name for an address, with a comment."""
-    said = form("declared", line) or form("bare", line)
-    return _named(said["address"], said, said["type"]) if said else None
+def _constant(line: str, _: _RegisterLine, kind: str = "declared") -> _RegisterLine | None:
+    """A name for an address; that of a double word counts two registers."""
+    said = form(kind, line)
+    if not said:
+        return None
+    twice = str(2 * numbers_in(said["address"])[0])
+    return _named({"": said["address"], "D": twice}[said["wide"]], said, said["type"])
+
+
+def _called(line: str, _: _RegisterLine) -> _RegisterLine | None:
+    """What a program calls that which it reads from an address."""
+    said = form("called", line)
+    if not said:
+        return None
+    call = said["call"]
+    kind = said["type"] + "u32" * (said["long"] != "") + "int16" * (form("signed", call) != {})
+    tens = 10 ** int(form("places", call).get("places", 0))
+    return _read(said, call, numbers_in(said["address"])[0], kind, f"/ {tens}" * (tens > 1))
+
+
+def _read(said: Mapping[str, str], call: str, address: int, kind: str, scale: str = "") -> _RegisterLine:
+    """What a line of a program says of a register that it reads."""
+    rest = f"{scale}; {tidied('place', said['scale'])}; {said['rest']}"
+    area = area_words(tidied("key", call.lower())) or ""
+    return replace(_named(str(address), {**said, "rest": rest}, kind), area=area, block=[address])
+
+
+def _indexed(line: str, before: _RegisterLine) -> _RegisterLine | None:
+    """What a program calls one of the registers that it has just read: `flow = regs[2] / 10`."""
+    said = form("indexed", line) if before.block else {}
+    if not said:
+        return None
+    call = tidied("key", said["call"].lower()).partition("(")[0]
+    kind = call if _is_type(call) else "u32" * (said["more"] != "")
+    named = _read(said, call, before.block[0] + int(said["index"]), kind)
+    return replace(named, area=before.area, block=before.block, is_part=True)
 
 
 def _implied(line: str, before: _RegisterLine) -> _RegisterLine | None:
@@ -120,13 +195,42 @@ def _entry(line: str, _: _RegisterLine) -> _RegisterLine | None:
     return _RegisterLine(said["address"], name, [(part, may) for _, part, may in parts[known:-1]], is_entry=True)
 
 
+_WAYS: Final = (
+    _constant,
+    partial(_constant, kind="bare"),
+    _implied,
+    _entry,
+    _called,
+    _indexed,
+    partial(_constant, kind="alone"),  # below a title that names an area
+)
+
+
 def _parts(text: str) -> list[tuple[int, str]]:
     """What marks part in a text, and where each begins; no colon behind a heading, a bit or a state."""
     marks = [*_MARK.finditer(text)]
     before = [text[a:b] for a, b in pairwise([0, *(at for mark in marks for at in mark.span())])][::2]
     marks = [one for one, part in zip(marks, before, strict=False) if not _LEADING.get(one[0].strip(), _no)(part)]
     starts, ends = [0, *(mark.end() for mark in marks)], [*(mark.start() for mark in marks), len(text)]
-    return [(start, text[start:end]) for start, end in zip(starts, ends, strict=True) if end > start]
+    return [
+        (start + at, part)
+        for start, end in zip(starts, ends, strict=True)
+        for at, part in _with_last(text[start:end])
+        if part
+    ]
+
+
+def _with_last(part: str) -> list[tuple[int, str]]:
+    """A text and the type or the access behind it, where it ends with one: `Line voltage uint16`; where each begins."""
+    blanks = [blank.span() for blank in expression(r"\s+").finditer(part)]
+    texts = [(part[:end], begin) for end, begin in blanks if not _is_type(part[:end])]
+    name, begin = texts[-1] if texts else ("", 0)
+    is_last = form("words", name) and _is_type(part[begin:]) and {*OF_PARTS}.isdisjoint(_headed(name.rstrip(":= ")))
+    return [(0, name), (begin, part[begin:])] if is_last else [(0, part)]
+
+
+def _is_type(text: str) -> bool:
+    return "type" in roles_of_part(text) or form("rights", text) != {}
 
 
 def _told(part: str) -> tuple[str, Sequence[str]]:
@@ -156,10 +260,10 @@ def _headed(text: str) -> Sequence[str]:
 
 
 def _cells(line: _RegisterLine, usual: dict[int, str]) -> list[str]:
-    cells = {"": "", "address": line.address, "name": line.name, "description": ""}
+    cells = {"": "", "address": line.address, "name": line.name, "description": "", "area": line.area}
     for at, (part, may) in enumerate(line.parts):
         common = usual.get(at, "")
-        guessed = "description" if common == "unit" and not form("short", part) else common
+        guessed = common if common == "unit" and form("short", part) else "description"
         role = (common if common in may else may[0]) if may else guessed
         if role in cells:
             cells["description"] = f"{cells['description']} {part}".strip()

@@ -15,7 +15,8 @@ import re
 from collections.abc import Iterator
 from typing import Any, Final
 
-from .vocabulary import expression, form, vocabulary
+from .roles import is_heading
+from .vocabulary import expression, form, tidied, vocabulary
 from .written import numbers_in
 
 _DEEPEST: Final = 40
@@ -40,7 +41,7 @@ class Remark(str):
 
 def tree_of_source(text: str) -> Any:
     """The groups of a text that stand in no other, by their names where several have one, and the remarks between."""
-    text = _summed(text)
+    text = _summed(tidied.__wrapped__("source", text))
     tokens = ((str(match.lastgroup), _token(match)) for match in _TOKEN.finditer(text))
     found = _BracketGroup(0).read(tokens, [{}, *_fields_in(text)])
     if sum(isinstance(one, _NamedGroup) for one in found) > 1:
@@ -116,7 +117,8 @@ class _BracketGroup:
                     self._close()
                 case "comment":
                     names[0] = (
-                        _names(expression(r",|\s{2,}").split(form("listed", token).get("items", token))) or names[0]
+                        _names(expression(r"\s*,\s*|\s{2,}").split(form("listed", token).get("items", token)))
+                        or names[0]
                     )
                     if isinstance(token, Remark):
                         self._close()
@@ -152,7 +154,7 @@ class _BracketGroup:
         if not self.depth:
             return self.listed
         items = [item for item in self.listed if not isinstance(item, Remark)]
-        own = {} if self.is_quoted or self.named else _names(items)
+        own = {} if self.named else _names(items, is_quoted=self.is_quoted)
         names[0] = own or names[0]
         fields = {} if own else next(filter(self._may_have, names), {})
         usual = {name: cell for name, cell in fields.items() if cell}
@@ -168,7 +170,11 @@ class _BracketGroup:
         return self.named.keys() <= fields.keys() and (count == most or fewer)
 
 
-def _names(items: list[Any]) -> Fields:
-    """The items as names, where all of them are words; else none."""
-    words = [str(item).strip(" *.:").split("[")[0] for item in items]
+def _names(items: list[Any], *, is_quoted: bool = False) -> Fields:
+    """The items as names, where all of them are words, or one says them all, or their first words are headings; texts
+    must be headings, too. Else none."""
+    texts = list(map(str, items))
+    ways = [texts, [f"{text} ".split(" ")[0] for text in texts], *(text.replace(",", " ").split() for text in texts)]
+    listed = next((one for one in ways if len(one) >= _FEW and is_heading(one)), texts * (not is_quoted))
+    words = [word.strip(" *.:").split("[")[0] for word in listed]
     return dict.fromkeys(words, "") if len(words) >= _FEW and all(map(_WORD.fullmatch, words)) else {}

@@ -24,7 +24,7 @@ WHOLE, _BEGINS, _ENDS, _MAYBE = 10.0, 6.0, 5.0, 6.0  # bits
 _LEAST_END: Final = 5  # bytes of a noun that stands last in a heading: two letters of Chinese say much
 _LEAST: Final = 5.0  # bits for which a column is given a role
 _NEEDED: Final = frozenset({"address", "name"})
-_OF_PARTS: Final = ("type", "unit", "scale", "access")
+OF_PARTS: Final = ("type", "unit", "scale", "access")
 _LEFT_OUT: Final = ((), ("number",), ("description",), ("number", "description"))
 _SAMPLE: Final = 200  # rows below a heading that are looked at
 _LEAST_CELLS: Final = 3  # of a heading that is known by what stands below it
@@ -45,15 +45,22 @@ def heading_bits(text: str, role: str) -> float:
     """How much a heading, in small letters, speaks for a role; 0 where nothing of it does."""
     if not 0 < len(text) <= _HEADING:
         return 0.0
-    head = _any(role, "last", "(?:{})$").sub("", text)
+    words = _any(role, "words")
+    last = _any(role, "last", "(?:{})$").search(text)
+    ends = [mark.start() for mark in expression(r"(?<=\w)(?!\w)").finditer(text)]
     ways = (
-        (WHOLE, text == role or _any(role, "words").fullmatch(text)),
-        (_BEGINS, _any(role, "words", r"(?:{})\b").match(text)),
+        (WHOLE, is_whole(text, role)),
+        (_BEGINS, any(words.fullmatch(text, 0, end) for end in ends)),
         (_MAYBE, _any(role, "maybe").fullmatch(text)),
         (_ENDS, _any(role, "ends", "(?:{})$").search(text)),
-        (_ENDS, len(text.encode()) - len(head.encode()) >= _LEAST_END),
+        (_ENDS, last and len(last[0].encode()) >= _LEAST_END),
     )
     return next((bits for bits, found in ways if found), 0.0)
+
+
+def is_whole(text: str, role: str) -> bool:
+    """Whether a heading is of a role by all of it."""
+    return text == role or _any(role, "words").fullmatch(text) is not None
 
 
 @lru_cache(maxsize=256)
@@ -177,7 +184,7 @@ def assignment(row: Sequence[str], below: Table) -> tuple[dict[str, int], float]
 def roles_of_part(text: str) -> Sequence[str]:
     """Which of type, unit, factor and access a text alone may be, the surest first."""
     column = TableColumn("", [text], 1)
-    bits = {role: column.bits(role) for role in _OF_PARTS}
+    bits = {role: column.bits(role) for role in OF_PARTS}
     return sorted((role for role in bits if bits[role] >= _LEAST), key=lambda role: -bits[role])
 
 
@@ -191,7 +198,13 @@ def _assignment(bits: Mapping[tuple[str, int], float]) -> dict[str, int]:
 
 def known_headings(row: Sequence[str]) -> int:
     """How many cells of a row are headings by all of them."""
-    return sum(any(heading_bits(plain_heading(cell), role) >= WHOLE for role in roles()) for cell in row)
+    return sum(map(_is_known, row))
+
+
+@lru_cache(maxsize=8192)
+def _is_known(cell: str) -> bool:
+    text = plain_heading(cell[:_HEADING])
+    return any(is_whole(text, role) for role in roles())
 
 
 def is_heading(row: Sequence[str]) -> bool:

@@ -99,8 +99,7 @@ def address_of(cell: str, form_of: AddressForm) -> TableAddress | None:
     """The address in a cell; None where there is none."""
     cell = together(cell)
     behind = form("bit_behind", cell) if form_of.has_bits else {}
-    cell, bit = behind.get("place", cell), behind.get("bit", "")
-    cell = re.sub(r"(?<=\d)\.0+$", "", cell)
+    cell, bit = tidied("place", behind.get("place", cell)), behind.get("bit", "")
     if form_of.is_hex:
         cell = re.sub(r"(?<![0-9A-Za-z])([0-9A-Fa-f]{1,4})[hH]?(?![0-9A-Za-z])", r"0x\1", cell)
     numbers = _NUMBER.findall(cell)
@@ -121,7 +120,7 @@ def numbers_in(cell: str) -> Sequence[int]:
 
 def together(cell: str) -> str:
     """A cell whose numbers have no gaps at their thousands."""
-    return tidied("numbers", cell.strip())
+    return cell if cell.isdecimal() else tidied("numbers", cell.strip())
 
 
 def _whole(text: str) -> int:
@@ -133,7 +132,7 @@ def _whole(text: str) -> int:
 @lru_cache(maxsize=4096)
 def type_of(text: str, length: int | None) -> tuple[str, int | None]:
     """The type that a cell means, and the registers that it takes, of which another column may speak."""
-    word = tidied("type", text.lower())
+    word = tidied("type", tidied("code", text).lower())
     width = _product(meaning("bits", tidied("width", word)))
     held = meaning("type", tidied("held", word))
     words = max(1, width // 16) if width else length or 0
@@ -202,7 +201,11 @@ def access_said(text: str, *, codes: bool = False) -> str:
     said = meaning("said_access", text * (not codes))
     functions = set(functions_in(f"{'fc ' * codes}{text}"))
     read, written = functions & _READING, functions - _READING
-    told = f"{'r' * bool(read)}w" if written else "r" * (functions != set() and functions <= _READING_ONLY)
+    told = (
+        f"{'r' * bool(read)}w"
+        if written
+        else "r" * (functions != set() and functions <= (_READING_ONLY if codes else _READING))
+    )
     return said or told
 
 
@@ -265,12 +268,13 @@ def measured(cells: Mapping[str, str], name: str) -> tuple[str, str | None, str,
     from the first place that has it. And what stands in place of a unit but is none: a remark."""
     left = {**cells, "name": name, "unit": given(cells.get("unit", ""))}
     found: dict[str, str | None] = {"scale": scale_of(*(cells.get(column, "") for column in _FACTORS)), "unit": ""}
-    for at, line in enumerate(vocabulary()["measures"]):
-        told = _measure(at, left.get(line["of"], ""))
+    filled = [(at, line["of"]) for at, line in enumerate(vocabulary()["measures"]) if left.get(line["of"])]
+    for at, column in filled:
+        told = _measure(at, left[column])
         new = {key: told[key] for key in found if told.get(key) and not found[key]}
         if new:
             found |= new
-            left[line["of"]] = told["rest"]
+            left[column] = told["rest"]
     scale = found["scale"]
     return left["name"], scale.replace(",", ".") if scale else None, str(found["unit"]), left["unit"]
 

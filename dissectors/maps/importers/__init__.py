@@ -8,15 +8,16 @@ told in the notes, never dropped without a word.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from importlib import import_module
 from importlib.resources import files as package_files
 from typing import Final, Protocol, cast
 
+from ..headings import HEADING_ROWS
 from ..model import MapError
 from .programs import Program
 from .source import ImportedMap, MapSource
-from .tables import HEADING_ROWS
 
 _OF_PROGRAMS: Final = (
     "sunspec",
@@ -32,6 +33,7 @@ _OF_PROGRAMS: Final = (
     "own",
 )
 _GENERAL: Final = ("records", "spreadsheet", "lines")  # of no program: the one that reads most
+_ENOUGH: Final = {"lines": 3.0}  # facts of a row with which a format is not asked
 FORMATS: Final = (*_OF_PROGRAMS, *_GENERAL)
 
 
@@ -56,11 +58,10 @@ def import_maps(file: str, data: bytes, *, name: str | None = None) -> list[Impo
     """The maps in a file, its format found by content or given by name; MapError says why there are none."""
     source = MapSource(file, data)
     for candidates in ((name,),) if name is not None else (*((one,) for one in _OF_PROGRAMS), _GENERAL):
-        forms = [map_format(candidate) for candidate in candidates]
-        ways = [(form.NAME, read) for form in forms if (read := form.read(source)) is not None]
+        ways = [*_ways(source, candidates)]
         if not ways:
             continue
-        said, read = max(ways, key=lambda way: sum(one.facts for one in way[1]))  # of as many, the first
+        said, read = max(ways, key=lambda way: _facts(way[1]))  # of as many, the first
         filled = [replace(one, notes=(*one.notes, *source.notes)) for one in read if one.chart.rows]
         if filled:
             return filled
@@ -78,3 +79,18 @@ def import_maps(file: str, data: bytes, *, name: str | None = None) -> list[Impo
         f"{file}: not a known register map: a table needs a heading row such as address, name, type in its first "
         f"{HEADING_ROWS} rows; --input-format chooses one of {', '.join(FORMATS)}"
     )
+
+
+def _ways(source: MapSource, candidates: Sequence[str]) -> Iterator[tuple[str, list[ImportedMap]]]:
+    """What formats make of a file; lines only where no other tells enough of its rows."""
+    most = 0.0
+    for name in candidates:
+        form = map_format(name)
+        read = form.read(source) if most < _ENOUGH.get(name, most + 1) else None
+        if read is not None:
+            yield form.NAME, read
+            most = max(most, _facts(read) / max(1, sum(len(one.chart.rows) for one in read)))
+
+
+def _facts(read: Sequence[ImportedMap]) -> int:
+    return sum(one.facts for one in read)

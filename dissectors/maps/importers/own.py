@@ -8,7 +8,6 @@ from typing import Final
 
 from ..cells import COLUMN_NAMES
 from ..table import read_table
-from ..yamlform import read_yaml
 from .source import ImportedMap, MapSource, mappings
 
 NAME = "a map of our own form"
@@ -19,6 +18,8 @@ _COLUMNS: Final = frozenset(COLUMN_NAMES)
 def read(source: MapSource) -> list[ImportedMap] | None:
     """The map as it stands, where YAML has a list `registers` or a table a row of our column names."""
     if isinstance(source.yaml, Mapping):
+        from ..yamlform import read_yaml
+
         rows = source.yaml.get("registers")
         keys = {key for row in mappings(rows) for key in row}
         fits = {"area", "address"} <= keys or (source.json is None and keys <= _COLUMNS)  # JSON is of other programs

@@ -6,14 +6,14 @@ import configparser
 import json
 import re
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import PurePath
 from typing import Any, Final
 
-from ..cells import CellError, one_line, value_of
+from ..cells import CellError, one_line, value_of, whole_number
 from ..files import decoded
 from ..model import MapError, MappedValue, RegisterMap
 from ..records import json_lines
@@ -221,13 +221,15 @@ class MapBuilder:
     _at: dict[tuple[str, int], dict[str, MappedValue]] = field(default_factory=dict)
 
     def add(self, area: str, address: int, cells: Mapping[str, object], what: object) -> None:
-        """A row of these cells, at a zero-based address; `what` names it in a note."""
+        """A row of these cells, at a zero-based address; `what` names it in a note. Nobody writes inputs ([1] 4.3)."""
         if self.is_full:
             return
         kind = "bool" if area in ("coil", "discrete") else str(cells["type"])
         fitting = {
             key: cell for key, cell in cells.items() if cell is not None and key not in _UNFIT.get(kind, _LENGTH)
         }
+        if area in ("input", "discrete"):
+            fitting["access"] = fitting.get("access") or "r"
         try:
             row = value_of({**fitting, "area": area, "address": address, "type": kind}, order=self.order)
         except CellError as error:
@@ -285,7 +287,7 @@ class MapBuilder:
             notes.append(f"and {len(self.notes) - _MOST_NOTES} more such")
         chart = RegisterMap(
             one_line(self.device[:200]) or PurePath(self.file).stem,
-            tuple(self.rows),
+            tuple(_without_halves(self.rows)),
             vendor=one_line(self.vendor[:200]),
             word_order=self.order,
             source=f"imported from {PurePath(self.file).name}",
@@ -293,6 +295,22 @@ class MapBuilder:
         return ImportedMap(chart, tuple(notes))
 
 
+def _without_halves(rows: Sequence[MappedValue]) -> Sequence[MappedValue]:
+    """The rows; two neighbours that are named as the words of one value are that value."""
+    done = [*rows[:1]]
+    for row in rows[1:]:
+        last = done[-1]
+        first, second = form("half", last.name), form("half", row.name)
+        marks = {first.get("low", "low") == "", second.get("low", "low") == ""}  # whether it is the high one
+        if len(marks) > 1 and first.get("name", "") == second.get("name") and row.address == last.address + 1:
+            order = "CDAB" if first["low"] else "ABCD"
+            done[-1] = replace(last, name=first["name"], type=_WIDER.get(last.type[0], "u32"), length=2, order=order)
+        else:
+            done.append(row)
+    return done
+
+
+_WIDER: Final = {"s": "s32", "f": "f32"}
 _LENGTH: Final = ("length",)
 _FACTOR: Final = ("scale", "offset")
 _UNFIT: Final = {"bool": (*_LENGTH, *_FACTOR), "text": _FACTOR, "bits": _FACTOR, "enum": _FACTOR}
@@ -320,10 +338,8 @@ def number_in(mapping: Mapping[str, Any], key: str, default: float) -> float:
 
 def whole_in(value: object) -> int | None:
     """A whole number, decimal or hex, None where it is none."""
-    from ..cells import whole_number
-
     try:
-        return whole_number("address", value)
+        return None if value in (None, "") else whole_number("address", value)
     except CellError:
         return None
 

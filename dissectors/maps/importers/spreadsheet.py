@@ -7,11 +7,12 @@ from dataclasses import replace
 from itertools import compress
 from typing import Final
 
+from ..headings import HEADING_ROWS, has_heading
 from ..model import MapError
 from ..sheets import MapSheet, ways_in
 from ..written import area_words
 from .source import ImportedMap, MapSource
-from .tables import HEADING_ROWS, chart_of, has_heading
+from .tables import chart_of
 
 NAME = "a table"
 _MOST_ROWS: Final = 70_000
@@ -31,7 +32,7 @@ def _ways(source: MapSource) -> Iterator[list[MapSheet]]:
         return
     try:
         starts = ways_in(source.data, source.text, source.name, HEADING_ROWS)
-        are_tables = [any(map(has_heading, sheets)) for sheets in starts]
+        are_tables = [any(has_heading(one.rows) for one in sheets) for sheets in starts]
     except MapError:
         return
     if any(are_tables):

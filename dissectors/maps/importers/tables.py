@@ -10,11 +10,12 @@ from __future__ import annotations
 from bisect import bisect, bisect_left
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import islice, zip_longest
 from typing import Any, Final
 
 from ..cells import CellError, area_and_address
+from ..headings import has_heading, headed, headings_in, is_rule, is_value, of_values
 from ..model import DIGIT_OF_AREA, VALUE_TYPES, MapArea
 from ..roles import (
     WHOLE,
@@ -23,10 +24,7 @@ from ..roles import (
     assignment,
     column_cells,
     heading_bits,
-    is_heading,
-    is_unknown_heading,
     known_headings,
-    may_be_heading,
     plain_heading,
 )
 from ..sheets import MapSheet, column_name, notes_of_cut
@@ -51,36 +49,11 @@ from ..written import (
 )
 from .source import ImportedMap, MapBuilder, MapSource, whole_in
 
-_TOLD: Final = frozenset({"address", "name", "type"})  # columns of a table without a heading
-HEADING_ROWS: Final = 60  # in which a heading is sought
 _FIRST_WORD: Final = {"CDAB": "least significant", "DCBA": "least significant"}
-_MOST_TRIED: Final = 12  # rows of words that may be a heading
-_MOST_TURNED: Final = 24  # rows of a table whose values stand side by side
 _MOST_HEADINGS: Final = 200  # of one sheet
 _LONG_TEXTS: Final = frozenset({"name", "description"})  # columns whose cells go on below
+_OPEN: Final = ("~", "-", "–", "…", "..")  # ends of an address whose last is on the next line
 _LEAST_NAMES: Final = 3  # that tell whether names end in units
-
-
-def has_heading(sheet: MapSheet) -> bool:
-    """Whether the first rows of a sheet have one, or what stands in the columns tells as much."""
-    return next(_headings_in(_headed(sheet.rows[:HEADING_ROWS])), None) is not None
-
-
-def _headed(rows: Table) -> Table:
-    """The rows as a table below its heading: as they stand, behind a heading that addresses, names and types tell, or
-    with rows and columns exchanged."""
-    if next(_headings_in(rows[:HEADING_ROWS]), None) is not None:
-        return rows
-    width = max(map(len, rows), default=0)
-    columns = {at: role for role, at in assigned([""] * width, _of_values(rows[:HEADING_ROWS])).items()}
-    places = [
-        cell for at, role in columns.items() if role == "address" for cell in column_cells(rows[:HEADING_ROWS], at)
-    ]
-    if set(columns.values()) >= _TOLD and 2 * sum(form("words", cell) != {} for cell in places) < len(places):
-        return [[columns.get(at, "") for at in range(width)], *rows]
-    turned = [*map(list, zip_longest(*rows, fillvalue=""))] if len(rows) < _MOST_TURNED else []
-    first = next(_headings_in(turned), None)
-    return turned if first is not None and assigned(turned[first], turned[first + 1 :]).keys() >= _TOLD else rows
 
 
 def chart_of(source: MapSource, sheet: MapSheet, device: str = "") -> ImportedMap | None:
@@ -92,30 +65,6 @@ def first_chart(source: MapSource, sheets: Iterable[MapSheet]) -> list[ImportedM
     """The map of the first sheet that has a heading; None where none has."""
     charts = (chart_of(source, sheet) for sheet in sheets)
     return next(([chart] for chart in charts if chart is not None), None)
-
-
-def _headings_in(rows: Table) -> Iterator[int]:
-    """Where rows of headings are: those of known words, or the first that is one by what stands below it."""
-    known = [at for at, (row, after) in enumerate(zip_longest(rows, rows[1:])) if row != after and is_heading(row)]
-    looked = ((at, row) for at, row in enumerate(rows[:HEADING_ROWS]) if not known and may_be_heading(row))
-    tried = ((at, row, _of_values(rows[at + 1 : at + HEADING_ROWS])) for at, row in islice(looked, _MOST_TRIED))
-    first = next((at for at, row, below in tried if is_unknown_heading(row, below)), None)
-    yield from known if first is None else (at for at, row in enumerate(rows) if row == rows[first])
-
-
-def _of_values(rows: Table) -> Table:
-    """The rows that may have an address: no title, no line between others, and not the second of a heading."""
-    return [row for row in rows if expression(r".*\d.*").fullmatch(" ".join(row)) and sum(map(bool, row)) > 1]
-
-
-def _is_value(row: Sequence[str]) -> bool:
-    """Whether a row may be one of values: no title, no line between others."""
-    return sum(map(bool, row)) > 1 and not _is_rule(row)
-
-
-def _is_rule(row: Sequence[str]) -> bool:
-    """Whether a row is a line between rows, or nothing."""
-    return form("rule", "".join(row)) != {}
 
 
 @dataclass(slots=True)
@@ -136,7 +85,7 @@ class _TableRows:
     def __init__(self, source: MapSource, sheet: MapSheet, device: str) -> None:
         self.builder = MapBuilder(source.name, device=f"{source.stem} {device}".strip())
         shown = self._visible(sheet)
-        self.rows = _headed(shown)
+        self.rows = headed(shown)
         self.first = 1 - (self.rows[1:] == shown)  # number of the first row
         for note in sheet.notes:
             self.builder.note(note)
@@ -145,12 +94,13 @@ class _TableRows:
         self.group = self.above = ""
         self.order: str | None = None  # as a title says
         self.access = ""  # of the rows below, too
+        self.accesses: dict[MapArea | None, str] = {}  # of the areas of which a sentence speaks
         self.numbering = ""  # what titles say of addresses
         self.register: tuple[MapArea, int] | None = None  # the newest, whose bits rows may name
 
     def chart(self) -> ImportedMap | None:
         """The map; None where no row is a heading."""
-        headings = [*islice(_headings_in(self.rows), _MOST_HEADINGS + 1), len(self.rows)]
+        headings = [*islice(headings_in(self.rows), _MOST_HEADINGS + 1), len(self.rows)]
         self.builder.notes += notes_of_cut(len(headings) > _MOST_HEADINGS + 1, _MOST_HEADINGS, "headings")
         del headings[_MOST_HEADINGS:-1]
         for row in self.rows[: headings[0]]:
@@ -170,7 +120,7 @@ class _TableRows:
     def _visible(self, sheet: MapSheet) -> Table:
         """The rows without the columns that the sheet hides, where what is left is a table."""
         rows = [["" if at in sheet.hidden else cell for at, cell in enumerate(row)] for row in sheet.rows]
-        if not (sheet.hidden and has_heading(replace(sheet, rows=rows))):
+        if not (sheet.hidden and has_heading(rows)):
             return sheet.rows
         names = ", ".join(map(column_name, sorted(sheet.hidden)))
         self.builder.note(f"hidden columns of the sheet were skipped: {names}")
@@ -181,7 +131,7 @@ class _TableRows:
         row, begin = self.rows[first], first + 1
         if begin < last and (joint := self._merged(first, last)):
             row, begin = joint, first + 2
-        below = _of_values(self.rows[begin:last])
+        below = of_values(self.rows[begin:last])
         columns = assigned(row, below) or assigned(row, ())
         if not columns:
             return begin
@@ -214,7 +164,7 @@ class _TableRows:
         width = max(len(row), len(second))
         pairs = zip(row + [""] * (width - len(row)), second + [""] * (width - len(second)), strict=True)
         both = [low if known_headings([low]) else f"{high} {low}".strip() for high, low in pairs]
-        below = _of_values(self.rows[first + 2 : last])
+        below = of_values(self.rows[first + 2 : last])
         weights = [assignment(one, below)[1] for one in (row, second, both)]
         return both if weights[2] > max(weights[:2]) else None
 
@@ -222,13 +172,11 @@ class _TableRows:
         """The rows with their numbers; what a cell went on with on the next line is put back to it: texts alone, in
         small letters, or where lines part all other rows."""
         columns = self.heading.columns
-        texts = {columns[role] for role in _LONG_TEXTS & columns.keys()}
-        is_drawn = 3 * sum(_is_rule(row) > (row == [""] * len(row)) for row in rows) > len(rows)
+        is_drawn = 3 * sum(is_rule(row) > (row == [""] * len(row)) for row in rows) > len(rows)
         held: list[tuple[int, list[Sequence[str]]]] = []
         for number, row in enumerate(rows, first):
-            filled = {at for at, cell in enumerate(row) if cell}
-            goes_on = set() < filled <= texts and (is_drawn or _goes_on(row, columns))
-            if goes_on and held and _is_value(held[-1][1][0]):
+            above = held[-1][1][0] if held else ()
+            if is_value(above) and _goes_on(row, above, columns, is_drawn=is_drawn):
                 held[-1][1].append(row)
             else:
                 held.append((number, [row]))
@@ -242,6 +190,8 @@ class _TableRows:
         self.order = order_of(form("says_order", title.lower()).get("", "")) or self.order
         self.numbering += " hex" * (form("in_hex", title) != {}) + " 1-based" * (form("from_one", title) != {})
         area = area_words(title)
+        told = ((area_words(part), access_said(part)) for part in expression("[,;.]").split(title))
+        self.accesses |= {part: said for part, said in told if said}
         self.access = access_said(title) or self.access * (area in (None, self.area))
         self.area = area or self.area
         if len(cells) == 1 and (self.heading.columns or title.startswith("#")):
@@ -251,7 +201,7 @@ class _TableRows:
         cells = list(filter(None, row))
         heading = self.heading
         named = {key: row[at].strip() for key, at in heading.columns.items() if at < len(row)}
-        if _is_rule(row) or self._is_bit(named):
+        if is_rule(row) or self._is_bit(named):
             return
         if len(cells) == 1:
             self._title(row)
@@ -264,6 +214,9 @@ class _TableRows:
         address = address_of(place, heading.form)
         if address is None or (form("words", place) and not named.get("name")):  # a page's head or foot
             self.builder.note(f"row {number}: {place[:30]!r} is not an address")
+            return
+        if form("unused", named.get("name", "")):
+            self.builder.note(f"row {number}: {named['name']}: no value")
             return
         self.register = self._value(named, address, here, f"row {number}")
 
@@ -301,6 +254,7 @@ class _TableRows:
         name, cells = _without_list(name, cells)
         name, scale, unit, remark = measured(cells, " ".join(name.split()))
         name, kind, states = _with_list(name, kind, cells)
+        name, cells = _without_span(name, cells)
         low, high = limits_of(cells)
         self.builder.add(
             *register,
@@ -324,11 +278,12 @@ class _TableRows:
         return register
 
     def _accesses(self, cells: dict[str, str], area: MapArea) -> Iterator[str | None]:
-        """What is said of the access to a register, the nearest first; nobody can write inputs ([1] 4.3)."""
+        """What is said of the access to a register, the nearest first; what titles say is of what can be written."""
         yield access_of(cells)
+        yield "r" * (area in ("input", "discrete"))
         yield access_said(self.above, codes=self.heading.of_functions)
         yield self.access
-        yield "r" * (area in ("input", "discrete"))
+        yield self.accesses.get(area)
 
     def _order(self, cells: dict[str, str], kind: str, what: str) -> str | None:
         """The order of a wide value: as its row says it, else as a title does; a doubtful one is told."""
@@ -357,16 +312,31 @@ def _without_list(name: str, cells: dict[str, str]) -> tuple[str, dict[str, str]
     return first, {**cells, "description": f"{more} {cells.get('description', '')}".strip()}
 
 
+def _without_span(name: str, cells: dict[str, str]) -> tuple[str, dict[str, str]]:
+    """A row's name, without a range of values in brackets behind it."""
+    behind = form("states_behind", name)
+    span = form("span", behind.get("states", ""))
+    return (behind["name"], {"range": span[""], **cells}) if span else (name, cells)
+
+
 def _with_list(name: str, kind: str, cells: dict[str, str]) -> tuple[str, str, Any]:
     """A row's name, type, and the names of its states; of its bits, where a remark names some."""
     named = bits_of(cells.get("description", ""), kind)
     return (name, "bits", named) if named else ((called := states_in(cells, kind, name))[0], kind, called[1])
 
 
-def _goes_on(row: Sequence[str], columns: Mapping[str, int]) -> bool:
-    """Whether texts go on from the row above: the name in small letters, no bit of it; of a remark, always."""
-    name = "".join(row[columns["name"] :][:1])
-    return f"{name}a"[0].islower() and not form("spoken_bit", name)
+def _goes_on(row: Sequence[str], above: Sequence[str], columns: Mapping[str, int], *, is_drawn: bool) -> bool:
+    """Whether texts go on from the row above, which has no cell less: the name in small letters, no bit of it; where
+    lines part all other rows, any name."""
+    filled = {at for at, cell in enumerate(row) if cell}
+    name = "".join(row[columns.get("name", len(row)) :][:1])
+    place = columns.get("address", len(above))
+    is_open = "".join(above[place:][:1]).endswith(_OPEN)
+    texts = {columns[role] for role in _LONG_TEXTS & columns.keys()}
+    alone = set() if is_open else {0, place} - texts
+    held = "".join(above[columns.get("name", len(above)) :][:1])
+    own = is_drawn or (f"{name}a"[0].islower() and not form("spoken_bit", name)) or held.endswith(",")
+    return own and set() < filled <= (texts | {at for at, cell in enumerate(above) if cell}) - alone
 
 
 def _have_units_behind(names: Sequence[str], units: Sequence[str]) -> bool:
