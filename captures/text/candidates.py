@@ -113,15 +113,9 @@ def holds_several(text: str) -> bool:
     )
 
 
-ROWS: Final = (
-    "pairs",
-    "words",
-    "swapped words",
-    "swapped words, octal or decimal",
-    "binary",
-    "decimal",
-    "od -c",
-)  # shapes of the rows of dumps
+ROWS: Final = (  # shapes of the rows of dumps
+    "pairs", "words", "swapped words", "swapped words, octal or decimal", "binary", "decimal", "od -c",
+)  # fmt: skip
 _ROW: Final = 8  # bytes, after which dumps leave a gap
 _PAIR: Final = re.compile(r"[0-9A-Fa-f]{1,2}")
 _RULER: Final = 6  # numbers, each one more than that before it
@@ -173,41 +167,12 @@ _HALF_AFTER: Final = re.compile(rf"[ \t]{{1,4}}({H}|{H}{{3}})(?=[ \t]*$|[ \t]+{H
 _HALF_BEFORE: Final = re.compile(rf"(?:^|[ \t])({H})[ \t]{{1,4}}$")
 _URL: Final = re.compile(r"://[^\s?=]*$")  # up to what it asks
 _NAMES: Final = re.compile(r"[a-z][a-z0-9/]*")
-_OTHER_THINGS: Final = frozenset(
-    [
-        "mac",
-        "bssid",
-        "uuid",
-        "guid",
-        "sha",
-        "sha1",
-        "sha256",
-        "md5",
-        "hash",
-        "commit",
-        "rev",
-        "revision",
-        "version",
-        "serial",
-        "s/n",
-        "sn",
-        "key",
-        "token",
-        "chip",
-        "eui",
-        "ip",
-        "ptr",
-        "pointer",
-        "date",
-        "time",
-        "id",
-        "chipid",
-        "oid",
-        "imei",
-        "iccid",
-    ]
+_OTHER_THINGS: Final = (  # words
+    "mac bssid uuid guid sha sha1 sha256 md5 hash commit rev revision version serial "
+    "s/n sn key token chip eui ip ptr pointer date time id chipid oid imei iccid"
 )
-_OF_THINGS: Final = frozenset(["address", "addr", "number", "id", "no", "nr"])
+_OF_THINGS: Final = "address addr number id no nr"
+_THINGS: Final = [frozenset(words.split()) for words in (_OTHER_THINGS, _OF_THINGS)]
 _OFFSET_ENDS: Final = frozenset("0123456789abcdefABCDEFhH")
 _ELLIPSIS_STARTS: Final = frozenset(" ,.…")
 _NUMBER: Final = 2  # bytes that may be one number
@@ -239,7 +204,7 @@ def is_named_otherwise(before: str) -> bool:
     return (
         bool(words)
         and len(before) - before.lower().rfind(words[-1]) - len(words[-1]) < 4
-        and (words[-1] in _OTHER_THINGS or (words[-1] in _OF_THINGS and words[0] in _OTHER_THINGS))
+        and (words[-1] in _THINGS[0] or (words[-1] in _THINGS[1] and words[0] in _THINGS[0]))
     )
 
 
