@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from itertools import accumulate, groupby, pairwise, takewhile
 from typing import Final
 
-from .candidates import H, Writing, counts_up, is_ruler
+from .candidates import H, Writing
 from .choosing import ByteRun, Experience, label_in
-from .judging import ByteJudge, Checked, lenient
+from .judging import ByteJudge, Checked
 from .loglines import LogLine
 from .tokens import JOINED, NumberToken, holds_numbers, skeleton_of, tokens_of
 from .tools import names_a_way
@@ -28,26 +27,20 @@ _FIELD: Final = re.compile(rf"(?<![\w.])(?:0[xX])?{H}{{2,512}}[hH]?(?!\w)")
 _LETTERS: Final = re.compile(r"[g-zG-Z]")
 FIELDS: Final = 3  # names that make a list of a frame's fields
 _RULER: Final = 6  # lines that count from 0 or 1 on
-_COUNTED: Final = "[0]= [1]= [2]="  # lines of bytes with their numbers, whatever their length
-_OCTETS: Final = "b'' b'' b''"
-_IN_DECIMAL: Final = -1
 _PATIENCE: Final = 3000  # rows of numbers without a frame, after which none is looked for in the columns of a text
 
 
 def settle_columns(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -> None:
     """Frames written a byte or a field a line, or field by field in one line, found by their check values."""
     _leave_out_numbers(lines)
-    words = Counter(skeleton_of(line) for line in lines if _is_timed_word(line))
     group: list[LogLine] = []
     for line in [*lines, None]:
-        if line is not None and ((line.clean.strip() == "" and not line.runs) or _is_ruler(line)):
-            continue
-        if line is not None and _is_timed_word(line) and words[skeleton_of(line)] >= LEAST_COLUMN:
+        if line is not None and (line.clean.strip() == "" or _is_timed_word(line)):
             continue
         if line is not None and not line.is_known and not is_right(line) and holds_numbers(line):
             named = not holds_bytes(line) or _LETTERS.search(line.clean) is not None
             _fields_of(line, tokens_of(line), judge, experience, named=named)
-            if not holds_bytes(line) or (group and named):
+            if not holds_bytes(line) or group:
                 group.append(line)
                 if len(group) < MOST_ROWS:
                     continue
@@ -75,11 +68,6 @@ def _leave_out_numbers(lines: Sequence[LogLine]) -> None:
         counted = [line] if line is not None and text in ("0", "1") else []
 
 
-def _is_ruler(line: LogLine) -> bool:
-    tokens = tokens_of(line)
-    return is_ruler([token.digits for token in tokens])
-
-
 def is_right(line: LogLine) -> bool:
     return any(run.taken and (run.checked or run.sure or run.joined) for run in line.runs)
 
@@ -93,46 +81,31 @@ def _fields_of(
 ) -> None:
     """`ID=01 FC=03 ADDR=0000 LEN=000A CRC=C5CD`, `ID 01 | FC 03 | 00 00 00 0A | CRC C5 CD`
 
-    Only of fields that are `named` one may be a name. Lines like one that was a frame are read as it was.
+    Only of fields that are `named` one may be a name.
     """
     counted = _counted(tokens)
-    octets = sum(token.octet is not None for token in tokens)
     if counted is not None:
         tokens = counted
-        values = [token.decimal for token in tokens]
-        data = b"" if None in values else b"".join(filter(None, values))
-        right = len(data) > _LEAST and _exactly(data, judge)
-        if right or (data and experience.fields.get(_COUNTED) == _IN_DECIMAL):
-            take_tokens(line, tokens, data, checked=right)
-            experience.fields.setdefault(_COUNTED, _IN_DECIMAL)
-            return
-    elif len(_FIELD.findall(line.clean)) < LEAST_COLUMN and octets < LEAST_COLUMN:
+    elif len(_FIELD.findall(line.clean)) < LEAST_COLUMN:
         return
     plain = _without_names(tokens, line.clean)
     ways = (tokens, tokens[1:], plain, plain[1:])
-    readings = [_in_hex(some) for some in (ways if named else ways[:1])]
-    skeleton = _COUNTED if counted is not None else _OCTETS if octets == len(tokens) else skeleton_of(line)
-    for i, (some, data) in enumerate(zip(ways, readings, strict=False)):
+    for some in ways if named else ways[:1]:
+        data = _in_hex(some)
         least = _LEAST_DAMAGED if experience.damaged else _LEAST
-        if least < len(data) <= _FRAME and not counts_up(data) and _exactly(data, judge):
+        if least < len(data) <= _FRAME and _exactly(data, judge):
             take_tokens(line, some, data)
-            experience.fields.setdefault(skeleton, i)
             return
-    known = experience.fields.get(skeleton, len(ways))
-    if 0 <= known < len(readings) and _LEAST < len(data := readings[known]) <= _FRAME:
-        take_tokens(line, ways[known], data, checked=False)
 
 
 def _without_names(tokens: Sequence[NumberToken], text: str) -> Sequence[NumberToken]:
     """Those that are no names of fields.
 
-    `9e fc 31 5d`: a byte like those on either side is no name, where no other name stands between them: leaving bytes
-    out until a CRC comes out right would find frames in noise.
+    `9e fc 31 5d`: where no other name stands between them, none is: leaving bytes out until a CRC comes out right would
+    find frames in noise.
     """
     if tokens and _LETTERS.search(text, tokens[0].end, tokens[-1].start) is None:
-        gaps = ["", *(text[a.end : b.start] for a, b in pairwise(tokens)), ""]
-        beside = [before == after == " " for before, after in pairwise(gaps)]
-        return [token for token, inside in zip(tokens, beside, strict=True) if inside or not token.is_name]
+        return tokens
     return [token for token in tokens if not token.is_name]
 
 
@@ -175,41 +148,12 @@ def _column_of(lines: list[LogLine], judge: ByteJudge, experience: Experience) -
             continue
         elif (found := _one_column(alike, judge, alike=True, damaged=experience.damaged)) is not None:
             experience.columns[skeleton] = found
-        elif ways := set(experience.columns.values()):
-            _one_column(alike, lenient(judge), ways, alike=True, damaged=True)
     if 2 * bytes_of_columns(lines) < len(lines) and experience.in_vain <= _PATIENCE and not experience.damaged:
-        found = _one_column(lines, judge, alike=False)
-        signs = {skeleton for line in lines if not any(map(str.isalpha, skeleton := skeleton_of(line)))}
-        if found is not None:
-            experience.numbers.update(dict.fromkeys(signs, found))
-            inside = {skeleton_of(line) for line in lines if bytes_of_columns([line])}
-            experience.named.update(dict.fromkeys(inside - signs - set(experience.columns), found))
-    _take_known(lines, experience)
+        _one_column(lines, judge, alike=False)
     if bytes_of_columns(lines):
         experience.in_vain = 0
     elif experience.in_vain <= _PATIENCE:
         experience.in_vain += len(lines)
-
-
-def _take_known(lines: Sequence[LogLine], experience: Experience) -> None:
-    """Lines like those of frames are read as those were, though their check value is wrong.
-
-    Where most fields of a frame are known by their names, so are those between. A name that comes again begins a frame.
-    """
-    names = [skeleton_of(line) for line in lines]
-    known = [experience.numbers.get(name) or experience.named.get(name) for name in names]
-    fields = {name for name, way in zip(names, known, strict=True) if way is not None and any(map(str.isalpha, name))}
-    ways = {way for way in known if way is not None}
-    if len(ways) == 1 and len(fields) >= FIELDS:
-        inside = [i for i, way in enumerate(known) if way is not None]
-        known[inside[0] : inside[-1] + 1] = [*ways] * (inside[-1] + 1 - inside[0])
-    named: set[str] = set()
-    for i, (line, name, way) in enumerate(zip(lines, names, known, strict=True)):
-        if way is None or bytes_of_columns([line]) or holds_bytes(line):
-            continue
-        _take_column([line], *way)
-        line.continues = i > 0 and name in fields - named and bytes_of_columns([lines[i - 1]]) > 0
-        named = named | {name} if line.continues else {name}
 
 
 def bytes_of_columns(lines: Sequence[LogLine]) -> int:
@@ -220,15 +164,14 @@ def bytes_of_columns(lines: Sequence[LogLine]) -> int:
 def _one_column(
     lines: list[LogLine],
     judge: ByteJudge,
-    ways: Collection[tuple[int, str]] = (),
     *,
     alike: bool,
     damaged: bool = False,
 ) -> tuple[int, str] | None:
     """Which number of each line is a byte of frames, and how it is read; the lines of those frames are taken.
 
-    Of lines `alike` what stands between two frames is taken, too. `ways` are all that it may be, where there are any.
-    `damaged`: no check value is right, so that every line must be of a frame, and none a number of the lines.
+    Of lines `alike` what stands between two frames is taken, too.
+    `damaged`: no check value is right, so that none may be a number of the lines.
     """
     if len(lines) < LEAST_COLUMN:
         return None
@@ -236,19 +179,15 @@ def _one_column(
     best: tuple[tuple[int, bool], int, str, list[int]] | None = None  # that of the most lines, best one below the other
     bits = any(token.is_bits for line in lines[:LEAST_COLUMN] for token in tokens_of(line))
     for reading in ("hexadecimal", "decimal", *(("binary",) if bits else ()), JOINED):
-        table = [() if reading != JOINED and holds_bytes(line) else tokens_of(line, reading) for line in lines]
+        table = [tokens_of(line, reading) for line in lines]
         fewest = min(max(map(len, table)), _MOST_COLUMNS)
         for i in (*range(-1, -1 - fewest, -1), *range(fewest)):
-            if ways and (i, reading) not in ways:
-                continue
             parts = [tokens[i].value(reading) if -len(tokens) <= i < len(tokens) else None for tokens in table]
             if parts in tried or (damaged and _is_numbering(parts)):
                 continue
             tried.append(parts)
             inside = _inside_frames(parts, judge)
             rows = len(inside) - inside.count(0)
-            if damaged and 0 in inside:
-                continue
             starts = {tokens[i].start for tokens, frame in zip(table, inside, strict=True) if frame}
             if rows and (best is None or (rows, len(starts) == 1) > best[0]):
                 best = (rows, len(starts) == 1), i, reading, inside
@@ -263,7 +202,7 @@ def _one_column(
         part = tokens[i].value(reading) if -len(tokens) <= i < len(tokens) else None
         if part is not None and (alike or frame):
             take_tokens(line, [tokens[i]], part)
-            line.continues = frame > 0 and above[0] == frame and above[1].t_ns == line.t_ns
+            line.continues = above[0] == frame and above[1].t_ns == line.t_ns
             above = frame, line
     return i, reading
 
@@ -328,14 +267,14 @@ def settle_unchecked(lines: Sequence[LogLine], experience: Experience) -> None:
         for line in group:
             token = tokens_of(line)[-1]
             take_tokens(line, [token], token.hexadecimal or b"", checked=False)
-            line.continues = line is not group[0] and line.t_ns == group[0].t_ns
+            line.continues = line is not group[0]
     for _, same in groupby(lines, lambda line: bool(tokens_of(line)) and not is_right(line) and not holds_bytes(line)):
         group = list(same)
         table = [tokens_of(line, JOINED) for line in group]
         if len(group) < LEAST_COLUMN or not all(table):
             continue
         bare = all(tokens[0].digits == line.clean.strip() for line, tokens in zip(group, table, strict=True))
-        named = _are_numbered(table) or len({skeleton_of(line) for line in group}) >= FIELDS
+        named = len({skeleton_of(line) for line in group}) >= FIELDS
         if not bare and not (experience.meanings and named):
             continue
         for i in (0, -1):
@@ -344,7 +283,7 @@ def settle_unchecked(lines: Sequence[LogLine], experience: Experience) -> None:
             if None not in parts and _are_written_as_bytes(column, bare=bare) and not _counts_on(parts):
                 for line, token, part in zip(group, column, parts, strict=True):
                     take_tokens(line, [token], part or b"", checked=False)
-                    line.continues = line is not group[0] and line.t_ns == group[0].t_ns
+                    line.continues = line is not group[0]
                 break
 
 
@@ -360,21 +299,11 @@ def _in_two_bases(line: LogLine) -> bool:
     return int(token.digits, 16) == (int(said["bits"], 2) if said["bits"] else int(said["decimal"]))
 
 
-def _are_numbered(table: Sequence[Sequence[NumberToken]]) -> bool:
-    """Whether lines begin with their numbers, from 0 or 1 on."""
-    numbers = [tokens[0].digits for tokens in table if len(tokens) > 1]
-    return any(numbers == [*map(str, range(first, first + len(table)))] for first in (0, 1))
-
-
 def _are_written_as_bytes(column: Sequence[NumberToken], *, bare: bool) -> bool:
-    if any(len(token.digits) > 2 * FEW for token in column):
-        return False
     if bare:
-        return all(len(token.digits) < 3 for token in column) and any(_plainly_hex(token) for token in column)
-    if all(token.signed for token in column):
-        return True
-    wide = all(len(token.digits) % 2 == 0 and not token.signed for token in column)
-    return wide and 2 * sum(_plainly_hex(token) for token in column) >= len(column)
+        return max(len(token.digits) for token in column) < 3 and any(map(_plainly_hex, column))
+    signed = sum(token.signed for token in column)
+    return signed == len(column) or (not signed and 2 * sum(map(_plainly_hex, column)) >= len(column))
 
 
 def _plainly_hex(token: NumberToken) -> bool:

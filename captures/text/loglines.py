@@ -71,7 +71,6 @@ class LogLine:
     quiet: bool = False
     problem: str | None = None
     stamped: bool = False
-    until: int = 0  # the last of the lines that say the same at the same time
 
     @property
     def is_known(self) -> bool:
@@ -273,7 +272,7 @@ class LineReader:
             if t_ns is not None:
                 self._heading = Heading(NONE, t_ns, line.fine, "", joins=True)
             return line
-        if self._dump.ends_with(rest) or self._dump.shows(rest):
+        if self._dump.ends_with(rest):
             line.quiet = True
             return line
         line_marks, line.runs = self._searched(rest)

@@ -15,7 +15,7 @@ from typing import Final
 from .candidates import CHECK_NAME, HexWindow, Writing, is_ruler, shows
 from .choosing import MOST_JUDGED, ByteRun, Experience
 from .columns import COLUMN_SHAPE, MOST_ROWS, settle_columns, settle_unchecked
-from .copies import settle_behind_cuts, settle_copies, settle_narrow_dumps, settle_single_bytes
+from .copies import settle_behind_cuts, settle_copies, settle_single_bytes
 from .judging import ByteJudge, Checked, unturned
 from .loglines import LogLine
 from .numbering import (
@@ -50,7 +50,6 @@ def settle(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -
     _counts(lines)
     _beside(lines)
     settle_single_bytes(lines)
-    settle_narrow_dumps(lines, judge)
     settle_series(lines, judge, experience)
     settle_columns(lines, unturned(judge), experience)
     _blocks(lines, judge, experience)
