@@ -110,6 +110,9 @@ class Experience:
     proven: set[tuple[str, str]] = field(default_factory=set)  # labels and shapes of right check values
     doubled: set[tuple[str, str]] = field(default_factory=set)  # of lines that each stand there several times
     columns: dict[str, tuple[int, str]] = field(default_factory=dict)  # of lines alike: which number, read how
+    numbers: dict[str, tuple[int, str]] = field(default_factory=dict)  # the same of lines without words
+    named: dict[str, tuple[int, str]] = field(default_factory=dict)  # of lines that name a field of a frame
+    fields: dict[str, int] = field(default_factory=dict)  # of lines of fields alike: which of them are bytes
     tails: set[tuple[str, str]] = field(default_factory=set)  # labels and shapes of check values behind their frames
     growing: set[tuple[str, str]] = field(default_factory=set)  # labels and shapes of buffers shown at each arrival
     parted_in_vain: int = 0  # lines of digits run together
@@ -227,7 +230,7 @@ class _Ranked(NamedTuple):
 def _ranked(candidate: HexWindow, line: TextLine, judge: ByteJudge, experience: Experience) -> _Ranked:
     candidate = in_its_place(candidate, line)
     size = len(candidate.data)
-    judged = size >= _LEAST and not (experience.damaged and _is_no_frame(candidate))
+    judged = size >= _LEAST and not (experience.damaged and _is_no_frame(candidate, line))
     checked = checked_in(candidate, judge) if judged else ()
     shown = line.text[candidate.start : candidate.end]
     padded = candidate.shape == "decimal" and _PAIR_OF_HEX.search(shown) is not None
@@ -268,11 +271,11 @@ def _is_listed(line: TextLine, candidate: HexWindow) -> bool:
     return before.endswith(",") and behind.startswith(",")
 
 
-def _is_no_frame(candidate: HexWindow) -> bool:
+def _is_no_frame(candidate: HexWindow, line: TextLine) -> bool:
     """Whether it is base64, or numbers that count up."""
     if candidate.level is Writing.NUMBER and counts_up(candidate.data):
         return True
-    return candidate.shape == "base64"
+    return candidate.shape == "base64" and line.text[candidate.start : candidate.end].isalpha()
 
 
 def _run(candidate: HexWindow, line: TextLine, checked: Sequence[Checked]) -> ByteRun:

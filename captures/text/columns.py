@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from itertools import accumulate, groupby, pairwise, takewhile
 from typing import Final
 
-from .candidates import H, Writing
+from .candidates import H, Writing, counts_up
 from .choosing import ByteRun, Experience, label_in
-from .judging import ByteJudge, Checked
+from .judging import ByteJudge, Checked, lenient
 from .loglines import LogLine
 from .tokens import JOINED, NumberToken, holds_numbers, skeleton_of, tokens_of
 from .tools import names_a_way
@@ -27,6 +27,9 @@ _FIELD: Final = re.compile(rf"(?<![\w.])(?:0[xX])?{H}{{2,512}}[hH]?(?!\w)")
 _LETTERS: Final = re.compile(r"[g-zG-Z]")
 FIELDS: Final = 3  # names that make a list of a frame's fields
 _RULER: Final = 6  # lines that count from 0 or 1 on
+_COUNTED: Final = "[0]= [1]= [2]="  # lines of bytes with their numbers, whatever their length
+_OCTETS: Final = "b'' b'' b''"
+_IN_DECIMAL: Final = -1
 _PATIENCE: Final = 3000  # rows of numbers without a frame, after which none is looked for in the columns of a text
 
 
@@ -81,21 +84,34 @@ def _fields_of(
 ) -> None:
     """`ID=01 FC=03 ADDR=0000 LEN=000A CRC=C5CD`, `ID 01 | FC 03 | 00 00 00 0A | CRC C5 CD`
 
-    Only of fields that are `named` one may be a name.
+    Only of fields that are `named` one may be a name. Lines like one that was a frame are read as it was.
     """
     counted = _counted(tokens)
+    octets = sum(token.octet is not None for token in tokens)
     if counted is not None:
         tokens = counted
-    elif len(_FIELD.findall(line.clean)) < LEAST_COLUMN:
+        values = [token.decimal for token in tokens]
+        data = b"" if None in values else b"".join(filter(None, values))
+        right = len(data) > _LEAST and _exactly(data, judge)
+        if right or (data and experience.fields.get(_COUNTED) == _IN_DECIMAL):
+            take_tokens(line, tokens, data, checked=right)
+            experience.fields.setdefault(_COUNTED, _IN_DECIMAL)
+            return
+    elif len(_FIELD.findall(line.clean)) < LEAST_COLUMN and octets < LEAST_COLUMN:
         return
     plain = _without_names(tokens, line.clean)
     ways = (tokens, tokens[1:], plain, plain[1:])
-    for some in ways if named else ways[:1]:
-        data = _in_hex(some)
+    readings = [_in_hex(some) for some in (ways if named else ways[:1])]
+    skeleton = _COUNTED if counted is not None else _OCTETS if octets == len(tokens) else skeleton_of(line)
+    for i, (some, data) in enumerate(zip(ways, readings, strict=False)):
         least = _LEAST_DAMAGED if experience.damaged else _LEAST
-        if least < len(data) <= _FRAME and _exactly(data, judge):
+        if least < len(data) <= _FRAME and not counts_up(data) and _exactly(data, judge):
             take_tokens(line, some, data)
+            experience.fields.setdefault(skeleton, i)
             return
+    known = experience.fields.get(skeleton, len(ways))
+    if 0 <= known < len(readings) and _LEAST < len(data := readings[known]) <= _FRAME:
+        take_tokens(line, ways[known], data, checked=False)
 
 
 def _without_names(tokens: Sequence[NumberToken], text: str) -> Sequence[NumberToken]:
@@ -148,12 +164,41 @@ def _column_of(lines: list[LogLine], judge: ByteJudge, experience: Experience) -
             continue
         elif (found := _one_column(alike, judge, alike=True, damaged=experience.damaged)) is not None:
             experience.columns[skeleton] = found
+        elif ways := set(experience.columns.values()):
+            _one_column(alike, lenient(judge), ways, alike=True, damaged=True)
     if 2 * bytes_of_columns(lines) < len(lines) and experience.in_vain <= _PATIENCE and not experience.damaged:
-        _one_column(lines, judge, alike=False)
+        found = _one_column(lines, judge, alike=False)
+        signs = {skeleton for line in lines if not any(map(str.isalpha, skeleton := skeleton_of(line)))}
+        if found is not None:
+            experience.numbers.update(dict.fromkeys(signs, found))
+            inside = {skeleton_of(line) for line in lines if bytes_of_columns([line])}
+            experience.named.update(dict.fromkeys(inside - signs - set(experience.columns), found))
+    _take_known(lines, experience)
     if bytes_of_columns(lines):
         experience.in_vain = 0
     elif experience.in_vain <= _PATIENCE:
         experience.in_vain += len(lines)
+
+
+def _take_known(lines: Sequence[LogLine], experience: Experience) -> None:
+    """Lines like those of frames are read as those were, though their check value is wrong.
+
+    Where most fields of a frame are known by their names, so are those between. A name that comes again begins a frame.
+    """
+    names = [skeleton_of(line) for line in lines]
+    known = [experience.numbers.get(name) or experience.named.get(name) for name in names]
+    fields = {name for name, way in zip(names, known, strict=True) if way is not None and any(map(str.isalpha, name))}
+    ways = {way for way in known if way is not None}
+    if len(ways) == 1 and len(fields) >= FIELDS:
+        inside = [i for i, way in enumerate(known) if way is not None]
+        known[inside[0] : inside[-1] + 1] = [*ways] * (inside[-1] + 1 - inside[0])
+    named: set[str] = set()
+    for i, (line, name, way) in enumerate(zip(lines, names, known, strict=True)):
+        if way is None or bytes_of_columns([line]) or holds_bytes(line):
+            continue
+        _take_column([line], *way)
+        line.continues = i > 0 and name in fields - named and bytes_of_columns([lines[i - 1]]) > 0
+        named = named | {name} if line.continues else {name}
 
 
 def bytes_of_columns(lines: Sequence[LogLine]) -> int:
@@ -164,14 +209,15 @@ def bytes_of_columns(lines: Sequence[LogLine]) -> int:
 def _one_column(
     lines: list[LogLine],
     judge: ByteJudge,
+    ways: Collection[tuple[int, str]] = (),
     *,
     alike: bool,
     damaged: bool = False,
 ) -> tuple[int, str] | None:
     """Which number of each line is a byte of frames, and how it is read; the lines of those frames are taken.
 
-    Of lines `alike` what stands between two frames is taken, too.
-    `damaged`: no check value is right, so that none may be a number of the lines.
+    Of lines `alike` what stands between two frames is taken, too. `ways` are all that it may be, where there are any.
+    `damaged`: no check value is right, so that every line must be of a frame, and none a number of the lines.
     """
     if len(lines) < LEAST_COLUMN:
         return None
@@ -179,15 +225,19 @@ def _one_column(
     best: tuple[tuple[int, bool], int, str, list[int]] | None = None  # that of the most lines, best one below the other
     bits = any(token.is_bits for line in lines[:LEAST_COLUMN] for token in tokens_of(line))
     for reading in ("hexadecimal", "decimal", *(("binary",) if bits else ()), JOINED):
-        table = [tokens_of(line, reading) for line in lines]
+        table = [() if reading != JOINED and holds_bytes(line) else tokens_of(line, reading) for line in lines]
         fewest = min(max(map(len, table)), _MOST_COLUMNS)
         for i in (*range(-1, -1 - fewest, -1), *range(fewest)):
+            if ways and (i, reading) not in ways:
+                continue
             parts = [tokens[i].value(reading) if -len(tokens) <= i < len(tokens) else None for tokens in table]
             if parts in tried or (damaged and _is_numbering(parts)):
                 continue
             tried.append(parts)
             inside = _inside_frames(parts, judge)
             rows = len(inside) - inside.count(0)
+            if damaged and 0 in inside:
+                continue
             starts = {tokens[i].start for tokens, frame in zip(table, inside, strict=True) if frame}
             if rows and (best is None or (rows, len(starts) == 1) > best[0]):
                 best = (rows, len(starts) == 1), i, reading, inside
@@ -202,7 +252,7 @@ def _one_column(
         part = tokens[i].value(reading) if -len(tokens) <= i < len(tokens) else None
         if part is not None and (alike or frame):
             take_tokens(line, [tokens[i]], part)
-            line.continues = above[0] == frame and above[1].t_ns == line.t_ns
+            line.continues = frame > 0 and above[0] == frame and above[1].t_ns == line.t_ns
             above = frame, line
     return i, reading
 
@@ -274,7 +324,7 @@ def settle_unchecked(lines: Sequence[LogLine], experience: Experience) -> None:
         if len(group) < LEAST_COLUMN or not all(table):
             continue
         bare = all(tokens[0].digits == line.clean.strip() for line, tokens in zip(group, table, strict=True))
-        named = len({skeleton_of(line) for line in group}) >= FIELDS
+        named = _are_numbered(table) or len({skeleton_of(line) for line in group}) >= FIELDS
         if not bare and not (experience.meanings and named):
             continue
         for i in (0, -1):
@@ -297,6 +347,12 @@ def _in_two_bases(line: LogLine) -> bool:
     if said is None or not token.signed or not names_a_way(skeleton_of(line)):
         return False
     return int(token.digits, 16) == (int(said["bits"], 2) if said["bits"] else int(said["decimal"]))
+
+
+def _are_numbered(table: Sequence[Sequence[NumberToken]]) -> bool:
+    """Whether lines begin with their numbers, from 0 or 1 on."""
+    numbers = [tokens[0].digits for tokens in table if len(tokens) > 1]
+    return any(numbers == [*map(str, range(first, first + len(table)))] for first in (0, 1))
 
 
 def _are_written_as_bytes(column: Sequence[NumberToken], *, bare: bool) -> bool:

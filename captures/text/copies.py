@@ -133,7 +133,7 @@ def _leave_out_doubles(lines: Sequence[LogLine], experience: Experience) -> None
         if run is None or not line.fine:
             continue
         alike = kinds.setdefault((run.label, run.shape), [])
-        if alike and alike[-1][0].text == line.text:
+        if alike and alike[-1][0].text == line.text and line.number == alike[-1][-1].number + 1:
             alike[-1].append(line)
         else:
             alike.append([line])

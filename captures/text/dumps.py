@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from .choosing import ByteRun
+from .othershapes import OD_BELOW, od_bytes
 
 _DIGITS: Final = re.compile(r"[0-9A-Fa-f]{3,8}")
 
@@ -45,11 +46,16 @@ class Dump:
             return True
         return self._is_next(digits, self.length)
 
+    def shows(self, rest: str) -> bool:
+        """Whether a line without an offset is the newest row as characters, as `od -t x1c` writes it below."""
+        cells = OD_BELOW.match(rest) if self.row is not None else None
+        return cells is not None and self.row is not None and od_bytes(cells["row"]) == self.row.data
+
     def _is_next(self, digits: str, length: int) -> bool:
         """Whether these digits are where the dump goes on: in hex, or in octal or decimal as od writes it."""
         if not _DIGITS.fullmatch(digits):
             return False
         bases = [16]
-        if digits.isdigit():
+        if digits.isdigit() and not self.first:
             bases += [10, 8] if set(digits) <= set("01234567") else [10]
         return any(int(digits, base) == (self.first if base == 16 else 0) + length for base in bases)

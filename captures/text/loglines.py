@@ -272,7 +272,7 @@ class LineReader:
             if t_ns is not None:
                 self._heading = Heading(NONE, t_ns, line.fine, "", joins=True)
             return line
-        if self._dump.ends_with(rest):
+        if self._dump.ends_with(rest) or self._dump.shows(rest):
             line.quiet = True
             return line
         line_marks, line.runs = self._searched(rest)

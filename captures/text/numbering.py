@@ -91,7 +91,8 @@ def leave_out_short_offsets(lines: Sequence[LogLine]) -> None:
             at += len(run.data) - inside
         else:
             at = 0
-    for rows in dumps if any(len(rows) > 1 for rows in dumps) else ():
+    right = all(run.checked and not inside for rows in dumps for _, run, inside in rows)  # without the digits
+    for rows in dumps if right or any(len(rows) > 1 for rows in dumps) else ():
         for i, (line, run, inside) in enumerate(rows):
             run.data, run.offset, run.shape = run.data[inside:], f"{i:04x}", rows[0][1].shape
             run.sure = len(rows) > 1

@@ -32,6 +32,7 @@ _DECIMALS: Final = (
         r"(?<![\w.+-])-?\d{1,3}[ \t]*(?P<sign>[,;|:./#]|\][ \t]?\[|>[ \t]?<|\}[ \t]?\{|[\"'],[ \t]?[\"'])[ \t]{0,4}"
         r"-?\d{1,3}(?:[ \t]*(?P=sign)[ \t]{0,4}-?\d{1,3}){2,}+"
     ),
+    re.compile(r"(?<![\w.+-])\d{1,3}(?P<dash>-)\d{1,3}(?:-\d{1,3}){2,}+"),
 )
 _LAST_ROW: Final = re.compile(r"^\s*(\d{1,3}(?:(?:\s*,\s*|\s+)\d{1,3}){0,2})\s*(?:[\])}]|,?\s*$)")  # of an array
 _GOES_ON: Final = re.compile(r"\w|[.,]\d|-\d")
@@ -45,6 +46,7 @@ _BINARY: Final = re.compile(r"(?<![\w.])(?P<sign>(?:0b)?)[01]{8}(?:[\s,;|]{1,3}(
 _BASE64: Final = re.compile(r"(?<![\w+/=])(?:[A-Za-z0-9+/]{4})+(?:[A-Za-z0-9+/]{2}==|[A-Za-z0-9+/]{3}=)?(?![\w+/=])")
 _OD_CELLS: Final = r"(?P<row>(?: {3}[ -~]| {2}\\[0abtnvfr]| [0-7]{3}){1,16})\s*$"
 _OD_CHARACTERS: Final = re.compile(rf"^[0-9a-f]{{7}}{_OD_CELLS}")
+OD_BELOW: Final = re.compile(rf"^ {{7}}{_OD_CELLS}")  # of a row whose bytes stand above
 _HEX_ESCAPE: Final = re.compile(r"\\([0-9A-F]{2})()()()|\\([bfnrst\\])|([^\\\s])")
 _HEX_ESCAPES: Final = re.compile(rf"(?:{_HEX_ESCAPE.pattern.replace('(', '(?:')}){{4,}}")
 _NAMES: Final = (
@@ -56,6 +58,7 @@ _NAMED: Final = re.compile(rf"(?<!\S)\S{{0,300}}?<(?:{'|'.join(_CONTROLS)})>.*<(
 _CARET: Final = re.compile(r"(M-)?(?:\^([@-_?])|([ -~]))")
 _CARETS: Final = re.compile(r"(?:(?<![^\s:>'\"=\]])[!-~]{0,8})?\^[@-_?][ -~]*")
 _WITH_CHARACTERS: Final = re.compile(rf"(?<!\w)(?:{H}{{2}} ?\[.\][ ,]{{0,3}}){{4,}}")
+_CHARACTER_EACH: Final = re.compile(rf"{EDGE}(?:{H}{{2}}[ -~] ){{3,}}{H}{{2}}[ -~](?!\S)")
 _IN_BRACKETS: Final = re.compile(rf"\((?:(?:0[xX]|&[hH]|\$)({H}{{1,2}})|(\d{{1,3}}))\)")
 _PAIR_IN_BRACKETS: Final = re.compile(rf"(?<=\d)\(({H}{{2}})\)")  # behind the decimal
 _PLAIN_WORD: Final = re.compile(r"[A-Za-z]?(?:[a-z]*|[A-Z]*)|[a-z/]+")
@@ -82,6 +85,7 @@ def other_candidates(line: TextLine) -> Iterator[HexWindow]:
     for match in _ASCII_BEHIND_WORD.finditer(text):
         yield HexWindow(f"{match[0]}\r\n".encode(), *match.span(), "ascii", Writing.NUMBER, ascii=True)
     yield from _decimals(text)
+    yield from _with_characters(text)
     if max(text.count("("), text.count("[")) >= _LEAST_BYTES:
         yield from _in_brackets(text)
     yield from _mistyped(text)
@@ -142,6 +146,8 @@ def _string(body: str, start: int, end: int) -> Iterator[HexWindow]:
         level = Writing.NUMBER
     data = unescape(body)
     yield HexWindow(data, start, end, "\\x", level if len(data) > _TWO else min(level, Writing.LIKELY))
+    if "\\0" in body:  # as Rust and JavaScript have it
+        yield HexWindow(unescape(body.replace("\\0", "\\x00")), start, end, "\\0", Writing.NUMBER)
     if not hexadecimal:  # as Lua and Haskell have it
         yield HexWindow(unescape(body, _DECIMAL_ESCAPE, 10), start, end, "\\decimal", Writing.NUMBER)
 
@@ -188,6 +194,14 @@ def _carets(text: str) -> Iterator[HexWindow]:
         yield HexWindow(data, *match.span(), "^A", Writing.NUMBER)
         if text[match.start() - 1 : match.start()] == " ":
             yield HexWindow(b" " + data, match.start() - 1, match.end(), "^A", Writing.NUMBER)
+
+
+def _with_characters(text: str) -> Iterator[HexWindow]:
+    """`01. 03. 6Bk 00.`: behind each byte the character that it is, or what stands for one."""
+    for match in _CHARACTER_EACH.finditer(text):
+        data = bytes.fromhex("".join(match[0][at : at + 2] for at in range(0, len(match[0]), 4)))
+        if match[0][2::4] == "".join(chr(byte) if 0x20 <= byte < 0x7F else "." for byte in data):
+            yield HexWindow(data, match.start(), match.end(), "pair and character", Writing.BYTES)
 
 
 def _in_brackets(text: str) -> Iterator[HexWindow]:
@@ -242,7 +256,8 @@ def _decimals(text: str) -> Iterator[HexWindow]:
     for pattern in _DECIMALS:
         for match in pattern.finditer(text):
             end = _list_end(text, *match.span())
-            values = [int(word) for word in re.findall(r"-?\d+", text[match.start() : end])]
+            number = r"\d+" if "dash" in match.groupdict() else r"-?\d+"
+            values = [int(word) for word in re.findall(number, text[match.start() : end])]
             if len(values) >= _LEAST_BYTES and max(values) < 256 and min(values) > -129:
                 if values[0] == len(values) - 1:  # so many bytes
                     second = text.index(str(values[1]), match.start() + len(str(values[0])))
