@@ -25,7 +25,6 @@ _FIRST: Final = re.compile(  # what a line begins with: no clock, as most logs h
     LEAD + r"(?!(?:\d{4}-\d\d-\d\d[ T])?\d\d:\d\d:\d)(?:(?P<number>[-+#]?\d)|[^\W\d_])"
 )
 _SECONDS = re.compile(LEAD + r"([-+]?)(\d{1,10})\.(\d{3,18})(?=[\s\]):,;>|\"']|-\D|$)")
-_COMMA_SECONDS = re.compile(LEAD + r"(-?)(\d{1,10}),(\d{1,9})(?: ?s)?(?=[;\t])")  # of a table in a comma's country
 _NUMBERED_SECONDS = re.compile(  # Wireshark's list of packets; a table without titles
     r"^\s*\d{1,9}(?:[ \t]+|[,;])(-?)(\d{1,10})\.(\d{6}|\d{9})(?=[ \t,;])"
 )
@@ -33,7 +32,6 @@ _BRACKETED: Final = re.compile(r"^[\w./: -]{1,40}?[:\s]\[\s*()(\d{1,7})\.(\d{6})
 _MINUTES = re.compile(  # since some start
     LEAD + r"(\d{1,3}):([0-5]\d)(?:\.(\d{1,6})(?=[\s\]):,;>|\"'])|,(\d{1,6})(?=[;\t]))"
 )
-_EPOCH = re.compile(LEAD + r"(1[2-9]\d{8}(?:\d{3}){0,3})(?=[\])]|[\s,:;]+(?![0-9A-Fa-f]{6})\S)")
 _UNITS: Final = "ms|us|µs|μs|ns|s|мс|мкс|нс"
 _UNIT = re.compile(rf"{LEAD}([-+]?)(?:[\w-]+\]\s*)?(\d+)(?:\.(\d{{1,9}}))? ?({_UNITS})(?=[\s\]):,;>|]|$)")
 _COMMA_UNIT: Final = re.compile(rf"{LEAD}([-+]?)(\d+),(\d{{1,9}}) (мс|мкс|с)(?=[\s\]):,;>|]|$)")
@@ -125,10 +123,6 @@ def _of_minutes(match: re.Match[str]) -> Stamp:
     return Stamp((int(match[1]) * 60 + int(match[2])) * 10**9 + fraction(match[3] or match[4]), of_day=False)
 
 
-def _of_epoch(match: re.Match[str]) -> Stamp:
-    return Stamp(int(int(match[1]) * 10 ** (19 - len(match[1]))), of_day=False, fine=len(match[1]) > len("1700000000"))
-
-
 def _of_seconds_and_more(seconds: str, part: str | None) -> Stamp:
     return Stamp(int(seconds) * 10**9 + fraction(part), of_day=False, fine=part is not None)
 
@@ -185,13 +179,11 @@ def _of_parts(match: re.Match[str]) -> Stamp:
 _COUNTS: Final = (
     (_UNIT, _of_unit),
     (_SECONDS, _of_seconds),
-    (_COMMA_SECONDS, _of_seconds),
     (_NUMBERED_SECONDS, _of_seconds),
     (_MINUTES, _of_minutes),
     (_PARTS, _of_parts),
     (_COMMA_UNIT, _of_unit),
     (_NUMBERED_UNIT, _of_unit),
-    (_EPOCH, _of_epoch),
     (_TICKS, _of_ticks),
     (_COUNTER, _of_counter),
     (_FEW_PLACES, _of_few_places),

@@ -28,6 +28,7 @@ from .plain import plain, quoted
 from .tools import MARK_WORDS, NONE, SHAPES, LineMark, LineRole, Shape, marks
 
 _LEAST_SHAPED: Final = 4  # characters of a line in a tool's own layout
+_COMMENT: Final = re.compile(r"^\s*(?:#|//|;|--|/?\*)")
 _WORD: Final = re.compile(r"\w")
 _SAYS_MORE: Final = re.compile(r"[^\W\d_]|[/<>←→]")
 _BARE_HEX: Final = re.compile(r"[0-9A-Fa-f\s]+")
@@ -270,9 +271,10 @@ class LineReader:
         if not in_dump and not any(run.level or run.checked for run in line.runs):
             self._as_heading(line, rest, line_marks)
             self._times = time_column(text) or self._times
-        if is_ruler(rest.strip(" |\t").split()):
+        if is_ruler(rest.strip(" |\t").split()) or _are_rulers(line):
             line.quiet = True
         if not line.runs:
+            line.quiet = line.quiet or _COMMENT.match(text) is not None
             line.problem = None if line.quiet else halves(rest) or f"no bytes found in {quoted(text)}"
             return line
         return self._placed(line, stamp, line_marks[0].mark if line_marks else NONE)
@@ -375,3 +377,8 @@ class LineReader:
             self._days += 1
         self._newest = t_ns
         return t_ns + self._days * stamps.DAY_NS
+
+
+def _are_rulers(line: LogLine) -> bool:
+    """Whether all that could be bytes are the numbers above columns: `Offset  0  1  2 …`."""
+    return bool(line.runs) and all(is_ruler(line.clean[run.start : run.end].split()) for run in line.runs)

@@ -259,11 +259,15 @@ def _decimals(text: str) -> Iterator[HexWindow]:
             number = r"\d+" if "dash" in match.groupdict() else r"-?\d+"
             values = [int(word) for word in re.findall(number, text[match.start() : end])]
             if len(values) >= _LEAST_BYTES and max(values) < 256 and min(values) > -129:
+                node = text[: match.start()].endswith(
+                    ('"data":[', '"data": [')
+                )  # of Node.js
+                level = Writing.BYTES if node else Writing.NUMBER
                 if values[0] == len(values) - 1:  # so many bytes
                     second = text.index(str(values[1]), match.start() + len(str(values[0])))
                     behind = bytes(value & 0xFF for value in values[1:])
-                    yield HexWindow(behind, second, end, "decimal", Writing.NUMBER)
-                yield HexWindow(bytes(value & 0xFF for value in values), match.start(), end, "decimal", Writing.NUMBER)
+                    yield HexWindow(behind, second, end, "decimal", level)
+                yield HexWindow(bytes(value & 0xFF for value in values), match.start(), end, "decimal", level)
 
 
 def _end_of_array(text: str) -> Iterator[HexWindow]:

@@ -77,7 +77,6 @@ _NEGATED: Final = re.compile(
 )
 _NEGATED_WITHIN: Final = 24  # characters
 _CODE: Final = 3  # characters of `TX`, `RXD`, before which `No` is a column's name
-_PROMPT: Final = re.compile(r"^>>> ?(?=[A-Za-z_][\w.]*(?:\(| ?=|$))")  # of Python: no arrow
 _NAMED: Final = re.compile("地址|编号|号|名称|数量|个数|番号|アドレス|주소|번호")  # a station's, and no message
 _LETTERS: Final = re.compile(rf"[a-z]{{2,8}}?(?={_CARRIER}(?![^\W\d_]))|[^\W\d_]+")
 _ASCII_WORD: Final = re.compile(rf"[a-z]{{2,8}}?(?={_CARRIER}(?![a-z]))|{_CARRIER}|[a-z]+")
@@ -101,8 +100,7 @@ def marks(text: str) -> list[LineMark]:
     line_marks: list[LineMark] = []
     if text.isascii() and _MARKING.isdisjoint(_ASCII_WORD.findall(text.lower())) and not _ARROW.search(text):
         return line_marks  # in most lines of most logs
-    prompt = _PROMPT.match(text)
-    begin = prompt.end() if prompt is not None else 0
+    begin = 0
     if (names := _NAMES.search(text, begin)) is not None and not _MARK_OF.get(names["one"].lower()):
         sender, addressee = names["one"], names["other"]
         if names["way"][0] in "<←":
@@ -197,7 +195,6 @@ MARK_WORDS |= {"<": RX, "<<<": RX, "rx": RX, "recv": RX, "read": RX, "irp_mj_rea
 MARK_WORDS |= {"s bo": TX, "c bi": RX}
 MARK_WORDS |= {"processing": RX, "handling data": RX, "unexpected data": RX}
 _STRACE = r"^(?:\[pid +\d+\] |\d+ +)?(?:(?P<time>\d\d:\d\d:\d\d(?:\.\d+)?|\d{9,10}\.\d+) )?"
-_POLL_TIME: Final = r"(?:(?P<time>\d\d:\d\d:\d\d\.\d{3})-)?"
 
 _LAYOUTS: Final = (
     ("socat -x", LineRole.HEADER, NONE,
@@ -208,12 +205,6 @@ _LAYOUTS: Final = (
     ("strace", LineRole.NOTHING, NONE,
      _STRACE + r"(?:\w+\(.*(?:\)\s+= (?:-?\d|0x|\?)|<unfinished)|<\.\.\. \w+ resumed|"
             r"(?:\+{3}|-{3}) (?:exited|killed|SIG))"),
-    ("Modbus Poll", LineRole.BYTES, NONE,
-     rf"^(?P<mark>Tx|Rx):\d{{4,}}-{_POLL_TIME}(?P<hex>.*)$"),
-    ("Modbus Poll", LineRole.BYTES, NONE,
-     rf"^\d{{4,}}-(?P<mark>Tx|Rx):{_POLL_TIME}(?P<hex>.*)$"),
-    ("QModMaster", LineRole.BYTES, NONE,
-     r"^\[\w+\]>(?P<mark>Tx|Rx) > (?P<time>\d\d:\d\d:\d\d:\d{3}) : ?(?P<hex>.*)$"),
     ("pymodbus", LineRole.BYTES, NONE,
      r"(?i)^(?P<time>\d{4}-\d\d-\d\d \d\d:\d\d:\d\d[,.]\d{3})?(?:(?!(?:send|recv): 0x| 0x[0-9a-f]{1,2} 0x).)*\b"
             r"(?P<mark>send|recv|processing|handling data|unexpected data|getting frame|short frame|"
@@ -237,8 +228,6 @@ _LAYOUTS: Final = (
             r"ERROR |(?:Read|Write) .* failed:|mbpoll \d|Protocol configuration:|Slave configuration\.*:|"
             r"Communication\.+:|Data type\.+:|Written \d|Copyright |This program comes|"
             r"This is free software|to redistribute|under certain|\s+(?:address|start|baudrate|t/o)\b)"),
-    ("ESPHome", LineRole.BYTES, NONE,
-     r"^(?:\[(?P<time>\d\d:\d\d:\d\d(?:\.\d+)?)\])?\[[A-Z]+\]\[uart_debug:\d+\]: (?P<mark>>>>|<<<) (?P<hex>.*)$"),
     ("ESPHome", LineRole.NOTHING, NONE,
      r"^(?:\[[\d:.]+\])?\[[A-Z]{1,2}\]\[[\w.]+:\d+\]:"),
     ("PortMon", LineRole.BYTES, NONE,
@@ -268,7 +257,5 @@ _LAYOUTS: Final = (
             r"(?P<hex>[0-9A-F]{2})\s*$"),
     ("sigrok uart_packet", LineRole.BYTES, NONE,
      r"^uart_packet-\d+:\s+(?P<time>\d+\.\d{3}) (?P<mark>[RT]X): (?P<hex>[0-9A-F]{2}(?: [0-9A-F]{2})*)\s*$"),
-    ("sigrok uart", LineRole.NOTHING, NONE,
-     r"^\d+-\d+ (?:uart-\d+|UART(?:-\d+|\[\d+\])?): \D"),
 )  # fmt: skip
 SHAPES: Final = tuple(Shape(tool, role, re.compile(pattern), mark) for tool, role, mark, pattern in _LAYOUTS)
