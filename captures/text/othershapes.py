@@ -259,9 +259,7 @@ def _decimals(text: str) -> Iterator[HexWindow]:
             number = r"\d+" if "dash" in match.groupdict() else r"-?\d+"
             values = [int(word) for word in re.findall(number, text[match.start() : end])]
             if len(values) >= _LEAST_BYTES and max(values) < 256 and min(values) > -129:
-                node = text[: match.start()].endswith(
-                    ('"data":[', '"data": [')
-                )  # of Node.js
+                node = text[: match.start()].endswith(('"data":[', '"data": ['))  # of Node.js
                 level = Writing.BYTES if node else Writing.NUMBER
                 if values[0] == len(values) - 1:  # so many bytes
                     second = text.index(str(values[1]), match.start() + len(str(values[0])))

@@ -58,6 +58,7 @@ _REWRITES: Final = _rewrites(
     ("",  # typed with a letter O, a multiplication sign, a Cyrillic letter
      rf"(?<!\w)(?:[OoОо][xX×хХ]|0[×хХ]|0[xX](?=[0-9A-Fa-f]?[^\x00-\x7f]))({TYPED}{{1,2}})(?!\w)",
      lambda match: f"0x{match[1].translate(LOOK_ALIKE)}"),
+    ("h", rf"(?<!\w){TYPED}{{2}}(?=h(?!\w))", lambda match: match[0].translate(LOOK_ALIKE)),  # `ЕВh`
     # as debuggers show characters and arrays
     (" '", r"(?<=\d) '(?:\\(?:[0-7]{1,3}|x[0-9a-f]{2}|.)|[^\\])'(?=\s*(?:[,}<]|$))", ""),
     (" <repeats ", r"(?<!\w)(0x[0-9A-Fa-f]{1,2}|\d{1,3}) <repeats (\d{1,3}) times>",

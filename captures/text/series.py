@@ -61,7 +61,7 @@ def _series(lines: Sequence[LogLine]) -> dict[tuple[str, str], list[_SeriesPiece
     for line in lines:
         seen: set[tuple[str, str]] = set()
         for run in line.runs:
-            if not run.label or len(run.data) > _LONGEST:
+            if not run.label or run.why is not None or len(run.data) > _LONGEST:
                 continue
             readings: tuple[ByteRun | HexWindow, ...] = (run, *run.others)
             for reading in readings:

@@ -25,7 +25,7 @@ from .numbering import (
     leave_out_short_offsets,
 )
 from .series import settle_series, settle_tails
-from .weighing import is_counted, is_measured, leave_out_computed, leave_out_unsupported
+from .weighing import is_counted, is_measured, leave_out_computed, leave_out_records, leave_out_unsupported
 
 _ADDRESS: Final = 4  # numbers of an IP address
 _ROWS: Final = (8, 16, 20, 32)  # bytes of a full row
@@ -45,6 +45,7 @@ def settle(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -
         for run in line.runs:
             run.taken = _speaks_for_itself(run, line, experience)
     leave_out_computed(lines)
+    leave_out_records(lines)
     leave_out_line_numbers(lines)
     leave_out_counts(lines)
     _counts(lines)

@@ -116,6 +116,32 @@ def is_computed(run: ByteRun, line: LogLine) -> bool:
     return _CALLED_COMPUTED.search(line.clean[max(run.start - _NEAR, 0) : run.start]) is not None
 
 
+_RECORD_AROUND: Final = 5  # bytes of a record of Intel HEX: how many it carries, two of an address, a type, a sum
+_RECORD_TYPES: Final = 6
+
+
+def leave_out_records(lines: Sequence[LogLine]) -> None:
+    """Lines of a program in Intel HEX, whose sum is that of ASCII mode: no traffic where all of a text are such.
+
+    A request may look like one (`:020300000002F9`), so that one at least must be right, and no frame.
+    """
+    colons = [line for line in lines if line.clean.lstrip()[:1] == ":"]
+    runs = [run for line in colons for run in line.runs]
+    if all(_is_record(line.clean.strip()) for line in colons) and any(run.ascii and not run.checked for run in runs):
+        for run in runs:
+            run.taken, run.why = False, "records of a program in Intel HEX"
+
+
+def _is_record(text: str) -> bool:
+    try:
+        record = bytes.fromhex(text[1:])
+    except ValueError:
+        return False
+    if len(record) < _RECORD_AROUND or sum(record) & 0xFF:
+        return False
+    return record[0] == len(record) - _RECORD_AROUND and record[3] < _RECORD_TYPES
+
+
 def leave_out_computed(lines: Sequence[LogLine]) -> None:
     """What a text says to be something else than what it received is no traffic."""
     for line in lines:
