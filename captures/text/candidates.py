@@ -116,7 +116,6 @@ def holds_several(text: str) -> bool:
 ROWS: Final = (  # shapes of the rows of dumps
     "pairs", "words", "swapped words", "swapped words, octal or decimal", "binary", "decimal", "od -c",
 )  # fmt: skip
-_ROW: Final = 8  # bytes, after which dumps leave a gap
 _PAIR: Final = re.compile(r"[0-9A-Fa-f]{1,2}")
 _RULER: Final = 6  # numbers, each one more than that before it
 DIGITS_ABOVE: Final = ("0123456789ABCDEF", "0123456789")  # columns of characters in a dump

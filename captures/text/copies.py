@@ -5,7 +5,6 @@ A buffer and its JSON, `recv` and `Processing`, a packet with and without its ch
 
 from __future__ import annotations
 
-import re
 from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -18,7 +17,6 @@ from .columns import COLUMN_SHAPE
 from .loglines import LogLine
 
 _REMEMBERED: Final = 4  # entries of which one may be said again
-_LEAST_COPY: Final = 3  # bytes: fewer are alike by chance
 _CRC: Final = 2  # bytes
 _MBAP: Final = 7  # bytes before a PDU
 _NAMED_ALIKE: Final = 8  # characters
@@ -27,7 +25,6 @@ _BETWEEN: Final = 2  # other whole frames, after which, in a text without times,
 _ENTRY_FINE_NS: Final = 60_000_000
 _ENTRY_COARSE_NS: Final = 1_000_000_000
 _HANDLERS_NS: Final = 2_000_000  # between two handlers of one event
-_DIGITS: Final = re.compile(r"\d")
 
 
 @dataclass(slots=True)

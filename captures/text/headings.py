@@ -39,13 +39,12 @@ class Heading(NamedTuple):
     exact: bool = False  # nothing else stands below it before all bytes are there
     rows: int = 0  # that it has had
     width: int = 0  # bytes of the row before
-    columns: tuple[int, ...] = ()  # marks of a table's columns: `request,response`
     parted: str = ""  # the sign between the cells of a table
     cells: tuple[int, ...] = ()  # the mark that each cell of its first line has
 
     def mark_at(self, text: str, start: int) -> int:
         """The mark of what stands at a place of a row."""
-        if len(self.columns) < 2 or not self.parted:
+        if not self.parted:
             return self.mark
         cell = text.count(self.parted, 0, start)
         return self.cells[cell] if cell < len(self.cells) else NONE

@@ -70,9 +70,7 @@ _STAMPED: Final = 8  # characters: no time before bytes is shorter
 _TWO_PAIRS: Final = 4  # characters
 _WORDY: Final = 4  # pairs that name a function code: `unit 01 fc 03`
 _MINUTE: Final = re.compile(r"(?:[01]\d|2[0-3]):[0-5]\d")
-_MAC_LENGTH: Final = 6
 _BYTEA: Final = 8  # digits behind one `\\x`, as databases write bytes
-_OFFSET_DIGITS: Final = range(4, 17)
 _WORD_LENGTH: Final = 8  # bytes: no address of a machine is longer
 
 

@@ -318,10 +318,9 @@ class LineReader:
             port, bare = match["label"], True
         announced = _ANNOUNCED.search(rest.rstrip(" :"))
         left = int(next(filter(None, announced.groups()))) if announced else None
-        columns = tuple(one.mark for one in line_marks) if len(line_marks) > 1 else ()
         label = label_in(rest[-_LABELLED:])
         parted, cells = marks_of_cells(rest, line_marks)
-        self._heading = Heading(mark, t_ns, fine, label, port, left, bare, columns=columns, parted=parted, cells=cells)
+        self._heading = Heading(mark, t_ns, fine, label, port, left, bare, parted=parted, cells=cells)
         line.quiet = bare and line.t_ns is not None and _OCTET.search(rest) is None
 
     def _placed(self, line: LogLine, stamp: Stamp | None, mark: int) -> LogLine:

@@ -27,7 +27,6 @@ from .numbering import (
 from .series import settle_series, settle_tails
 from .weighing import is_counted, is_measured, leave_out_computed, leave_out_records, leave_out_unsupported
 
-_ADDRESS: Final = 4  # numbers of an IP address
 _ROWS: Final = (8, 16, 20, 32)  # bytes of a full row
 _SHORT: Final = 3  # bytes: no more where text stands behind them
 _HEADED: Final = 6  # bytes for which the header of a frame speaks
