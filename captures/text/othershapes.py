@@ -118,11 +118,11 @@ def _unquoted(text: str, start: int, end: int, first: int | None) -> Iterator[He
     """Escapes without quotes; the characters before the first may belong to them, and all from `first` on."""
     body = text[start:end].rstrip("'`\",)];")
     yield from _string(body, start, start + len(body))
-    word = text.rfind(" ", max(start - _WORD, 0), start) + 1
-    begins = {word} | ({first} if first is not None else set())
-    for begin in begins | {max(begin - 1, 0) for begin in begins}:  # a blank may be a byte
-        rest = text[begin:] if begin != word else text[begin : start + len(body)]
-        yield HexWindow(unescape(rest), begin, begin + len(rest), "\\x", Writing.NUMBER)
+    word = text.rfind(" ", max(start - _WORD, 0), start) + 1 or max(start - _WORD, 0)
+    whole = () if first is None else ((first, len(text)),)
+    for begin, stop in ((word, start + len(body)), *whole):
+        for at in {begin, max(begin - 1, 0)}:  # a blank may be a byte
+            yield HexWindow(unescape(text[at:stop]), at, stop, "\\x", Writing.NUMBER)
 
 
 def _quoted(text: str) -> Iterator[tuple[int, int]]:
