@@ -291,6 +291,12 @@ def test_no_text_crashes(text: str) -> None:
         assert str(error)
 
 
+def test_escapes_between_quotes_that_never_close_take_little_time() -> None:
+    start = time.process_time()
+    assert read_text("'\\x01\" " * 10_000)
+    assert time.process_time() - start < 5
+
+
 def test_a_long_line_takes_little_time() -> None:
     data = bytes(1_000_000)
     start = time.process_time()

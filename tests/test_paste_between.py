@@ -88,3 +88,27 @@ def test_of_words_and_numbers_beside_frames_nothing_is_said(words: str) -> None:
 def test_where_nothing_is_a_byte_none_is_read(text: str) -> None:
     with pytest.raises(HexError):
         read(text)
+
+
+def record(address: int, kind: int, data: bytes = b"") -> str:
+    """A line of a program in Intel HEX."""
+    line = bytes((len(data),)) + address.to_bytes(2, "big") + bytes((kind,)) + data
+    return f":{(line + bytes((-sum(line) & 0xFF,))).hex().upper()}"
+
+
+PROGRAM = [
+    record(0, 4, b"\x08\x00"),
+    record(0x310, 0, bytes(range(1, 17))),
+    record(0x320, 0, b"\xff\x02"),
+    record(0, 1),
+]
+
+
+def test_the_lines_of_a_program_are_no_frames_of_ascii_mode() -> None:
+    with pytest.raises(HexError, match="Intel HEX"):
+        read("\n".join(["It refuses my firmware:", *PROGRAM]))
+
+
+def test_a_request_that_looks_like_a_line_of_a_program_is_one() -> None:
+    ask = record(0x0300, 0, b"\x00\x02")  # of unit 2, with a right LRC
+    assert [frame.adu.unit for frame in read(f"Tx {ask}\nTx {ask}").frames()] == [2, 2]

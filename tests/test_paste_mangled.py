@@ -95,6 +95,12 @@ def test_what_stands_in_place_of_0x_is_it(sign: str) -> None:
     assert pieces(f"шлю {sent}\nпришло {received}") == BOTH
 
 
+def test_letters_of_another_alphabet_before_an_h_are_digits() -> None:
+    sent, received = (" ".join(f"{octet:02X}h" for octet in data) for data in (REQUEST, ANSWER))
+    assert "CEh" in received
+    assert pieces(f"запрос: {sent}\nответ: {received.replace('CEh', 'СЕh')}") == BOTH
+
+
 def test_blanks_within_bytes_are_none() -> None:
     for data in (REQUEST, ANSWER):
         assert bytes_read(f"Tx: {data[:2].hex(' ')} {' '.join(data[2:-1].hex())} {data[-1:].hex()}") == data

@@ -113,16 +113,9 @@ def holds_several(text: str) -> bool:
     )
 
 
-ROWS: Final = (
-    "pairs",
-    "words",
-    "swapped words",
-    "swapped words, octal or decimal",
-    "binary",
-    "decimal",
-    "od -c",
-)  # shapes of the rows of dumps
-_ROW: Final = 8  # bytes, after which dumps leave a gap
+ROWS: Final = (  # shapes of the rows of dumps
+    "pairs", "words", "swapped words", "swapped words, octal or decimal", "binary", "decimal", "od -c",
+)  # fmt: skip
 _PAIR: Final = re.compile(r"[0-9A-Fa-f]{1,2}")
 _RULER: Final = 6  # numbers, each one more than that before it
 DIGITS_ABOVE: Final = ("0123456789ABCDEF", "0123456789")  # columns of characters in a dump
@@ -147,8 +140,6 @@ def is_ruler(tokens: Sequence[str]) -> bool:
 def shows(data: bytes, text: str) -> bool:
     """Whether a text is these bytes as characters, with dots or the like for those that have none."""
     text = text.strip("\r\n|<> \t") if len(text.rstrip()) > len(data) else text.rstrip("\r\n")
-    if len(text) == len(data) + 1 and len(data) > _ROW and text[_ROW] == " ":
-        text = text[:_ROW] + text[_ROW + 1 :]
     text = text.ljust(len(data))
     if len(text) != len(data):
         return False
@@ -170,48 +161,15 @@ _OFFSET: Final = re.compile(
 )
 _ELLIPSIS: Final = re.compile(r"[ ,]?,? ?(?:\.\.\.(?![\w.])|…)")
 _HALF_AFTER: Final = re.compile(rf"[ \t]{{1,4}}({H}|{H}{{3}})(?=[ \t]*$|[ \t]+{H}{{2}}(?:\s|$))")
-_HALF_BEFORE: Final = re.compile(rf"(?:^|[ \t])({H})[ \t]{{1,4}}$")
-_URL: Final = re.compile(r"://[^\s?=]*$")  # up to what it asks
 _NAMES: Final = re.compile(r"[a-z][a-z0-9/]*")
-_OTHER_THINGS: Final = frozenset(
-    [
-        "mac",
-        "bssid",
-        "uuid",
-        "guid",
-        "sha",
-        "sha1",
-        "sha256",
-        "md5",
-        "hash",
-        "commit",
-        "rev",
-        "revision",
-        "version",
-        "serial",
-        "s/n",
-        "sn",
-        "key",
-        "token",
-        "chip",
-        "eui",
-        "ip",
-        "ptr",
-        "pointer",
-        "date",
-        "time",
-        "id",
-        "chipid",
-        "oid",
-        "imei",
-        "iccid",
-    ]
+_WORDS: Final = (
+    "mac bssid uuid guid sha sha1 sha256 md5 hash commit rev revision version serial "
+    "s/n sn key token chip eui ip ptr pointer date time id chipid oid imei iccid"
 )
-_OF_THINGS: Final = frozenset(["address", "addr", "number", "id", "no", "nr"])
+_OTHER_THINGS: Final = frozenset(_WORDS.split())
 _OFFSET_ENDS: Final = frozenset("0123456789abcdefABCDEFhH")
 _ELLIPSIS_STARTS: Final = frozenset(" ,.…")
 _NUMBER: Final = 2  # bytes that may be one number
-_FEW: Final = 17  # characters: six bytes
 
 
 def in_its_place(found: HexWindow, line: TextLine) -> HexWindow:
@@ -221,26 +179,20 @@ def in_its_place(found: HexWindow, line: TextLine) -> HexWindow:
     if found.shape in ROWS and bare[-1:] in _OFFSET_ENDS and (offset := _OFFSET.search(before)) is not None:
         begin = found.start - len(before) + offset.start("all")
         if begin in line.first:
-            number = len(found.data) <= _NUMBER and line.text[found.start : found.end].isdigit()  # `40003: 1000`
+            number = len(found.data) <= _NUMBER  # `40003: 1000`
             level = (
                 found.level if number else max(found.level, Writing.BYTES if len(found.data) > 2 else Writing.LIKELY)
             )
             return found._replace(offset=offset[2], level=level, lead=begin)
-    if found.level and not found.ascii and is_named_otherwise(before):
+    if found.level and is_named_otherwise(before):
         return found._replace(level=Writing.NUMBER, lead=found.start)
     return found._replace(lead=found.start)
 
 
 def is_named_otherwise(before: str) -> bool:
     """Whether the words before some digits say that they are an address, a name or the like, and no bytes."""
-    if before.endswith(("@", "::")) or _URL.search(before):
-        return True
-    words = _NAMES.findall(before.lower())[-2:]
-    return (
-        bool(words)
-        and len(before) - before.lower().rfind(words[-1]) - len(words[-1]) < 4
-        and (words[-1] in _OTHER_THINGS or (words[-1] in _OF_THINGS and words[0] in _OTHER_THINGS))
-    )
+    words = [*_NAMES.finditer(before.lower())]
+    return bool(words) and words[-1][0] in _OTHER_THINGS and len(before) - words[-1].end() < 4
 
 
 def is_cut(line: TextLine, end: int) -> bool:
@@ -248,38 +200,39 @@ def is_cut(line: TextLine, end: int) -> bool:
     return line.text[end : end + 1] in _ELLIPSIS_STARTS and _ELLIPSIS.match(line.text, end) is not None
 
 
-def is_halved(line: TextLine, start: int, end: int) -> bool:
-    """Whether half a byte stands beside these bytes."""
-    if _HALF_AFTER.match(line.text, end):
-        return True
-    return end - start < _FEW and _HALF_BEFORE.search(line.before(start)) is not None
+def is_halved(line: TextLine, end: int) -> bool:
+    """Whether half a byte stands behind these bytes."""
+    return _HALF_AFTER.match(line.text, end) is not None
 
 
 _ODD: Final = "an odd number of hex digits in {!r} at column {}: write each byte with two digits"
-_HALVED: Final = (
-    (
-        re.compile(r'"Buffer"\s*,\s*"data"\s*:\s*\[[\d,\s]*?\b(\d{4,}|2(?:5[6-9]|[6-9]\d)|[3-9]\d\d)\b'),
-        "{} is not a byte, in the Buffer at column {}",
-    ),
-    (re.compile(rf"(?:^|[\s,;:])0[xX]((?:{H}{{2}}){{2,}}{H})\b"), "an odd number of hex digits in 0x{} at column {}"),
-    # not `main.rs:42:5`, `12 500 rub`
-    (re.compile(rf"(?<!\w:)(?:\b{H}{{2}}[ \t,:-]{{1,2}}){{2,}}({H}|{H}{{3}})(?![0-9A-Za-z_.])"), _ODD),
-    (re.compile(rf"^\s*(?!fc|FC){H}{{2}}[ \t,:-]{{1,2}}({H}|{H}{{3}})(?:\s*$|(?:\s+{H}{{1,2}}){{2}})"), _ODD),
-    (
-        re.compile(rf"\b0[xX]{H}{{1,2}}[\s,;:]{{1,2}}0[xX]({H}{{3}})\b"),
-        "an odd number of hex digits in 0x{} at column {}",
-    ),
-    (re.compile(rf"(?:^|[\s,;:])(?=[a-fA-F]?\d)(?=\d*[a-fA-F])({H}{{5,}})\s*$"), _ODD),
-    (re.compile(r"^\s*(\d{5,})\s*$"), _ODD),
-    (re.compile(r"(\\x)(?![0-9A-Fa-f]{2}|\{)"), "{} without two hex digits at column {}"),
+_HALVED: Final = tuple(
+    (re.compile(pattern), words)
+    for pattern, words in (
+        (
+            r'"Buffer"\s*,\s*"data"\s*:\s*\[[\d,\s]*?\b(\d{4,}|2(?:5[6-9]|[6-9]\d)|[3-9]\d\d)\b',
+            "{} is not a byte, in the Buffer at column {}",
+        ),
+        (
+            rf"(?:^|[\s,;:])0[xX](?:((?:{H}{{2}}){{2,}}{H})|{H}{{1,2}}[\s,;:]{{1,2}}0[xX]({H}{{3}}))\b",
+            "an odd number of hex digits in 0x{} at column {}",
+        ),
+        (  # not `main.rs:42:5`, `12 500 rub`
+            rf"(?<!\w:)(?:\b{H}{{2}}[ \t,:-]{{1,2}}){{2,}}({H}|{H}{{3}})(?![0-9A-Za-z_.])|"
+            rf"^\s*(?!fc|FC){H}{{2}}[ \t,:-]{{1,2}}({H}|{H}{{3}})(?:\s*$|(?:\s+{H}{{1,2}}){{2}})|"
+            rf"(?:^|[\s,;:])(?=[a-fA-F]?\d)(?=\d*[a-fA-F])((?:{H}{{2}}){{2,}}{H})\s*$|^\s*((?:\d\d){{2,}}\d)\s*$",
+            _ODD,
+        ),
+        (r"(\\x)(?![0-9A-Fa-f]{2}|\{)", "{} without two hex digits at column {}"),
+    )
 )
 
 
 def halves(text: str) -> str | None:
     """What is wrong with digits of this text that are meant as bytes and do not come in pairs; None for others."""
     for pattern, words in _HALVED:
-        if (match := pattern.search(text)) is not None and not (words is _ODD and len(match[1]) % 2 == 0):
-            return words.format(shortened(match[1]), match.start(1) + 1)
+        if (match := pattern.search(text)) is not None and match.lastindex is not None:
+            return words.format(shortened(match[match.lastindex]), match.start(match.lastindex) + 1)
     return None
 
 

@@ -10,7 +10,6 @@ from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from itertools import accumulate
 from typing import Final, NamedTuple
 
 from .candidates import (
@@ -34,7 +33,6 @@ from .tools import NONE, RX, TX, LineMark, either_way
 MOST_JUDGED: Final = 4096  # bytes of one run that a judge is shown
 _LEAST: Final = 4  # bytes that can hold a check value
 _HEADED: Final = 6  # bytes for which the header of a frame speaks
-_PAIR_AND_BLANKS: Final = (3, 4)  # characters
 _PAIR_OF_HEX: Final = re.compile(r"(?<!\d)0\d(?!\d)")  # `00`, `03`: numbers are not written so
 _ENOUGH: Final = 0.5  # of a number's bytes that a check value must cover
 _AROUND: Final = " \t|<>"  # signs around the characters of a row
@@ -177,12 +175,6 @@ def runs_in(line: TextLine, judge: ByteJudge, experience: Experience) -> list[By
             ranked += _parted(line, judge, experience)
     if not ranked:
         return []
-    rows = {(entry.candidate.start, entry.candidate.shape) for entry in ranked if entry.candidate.offset is not None}
-    ranked = [  # of a row of a dump the first byte is no word before the others
-        entry
-        for entry in ranked
-        if not any((entry.candidate.start - pair, entry.candidate.shape) in rows for pair in _PAIR_AND_BLANKS)
-    ]
     offsets = {entry.candidate.lead for entry in ranked if entry.candidate.offset is not None}
     ranked.sort(key=lambda entry: (entry.whole or entry.candidate.start not in offsets, *entry.rank), reverse=True)
     occupied: list[tuple[int, int, ByteRun]] = []  # of the runs chosen, in order
@@ -195,9 +187,7 @@ def runs_in(line: TextLine, judge: ByteJudge, experience: Experience) -> list[By
             clash.others = (*clash.others, candidate)
             if whole:
                 clash.rivals = (*clash.rivals, candidate.shape)
-    runs = [run for _, _, run in occupied]
-    if "\t" in line.text:
-        runs = [part for run in runs for part in _cells_of(run, line.text)]
+    runs = [part for _, _, run in occupied for part in _cells_of(run, line.text)]
     behind = 0  # the newest run that may be bytes
     for i, run in enumerate(runs):
         if behind:
@@ -205,28 +195,25 @@ def runs_in(line: TextLine, judge: ByteJudge, experience: Experience) -> list[By
         if run.level or run.checked:
             behind = run.end
         row = run.offset is not None or (i + 1 < len(runs) and len(run.data) > _LEAST and run.shape in ROWS)
-        shown = (row or run.cut) and shows(run.data, line.text[run.end :].strip(_AROUND))
-        run.cut = run.cut and not shown  # dots in place of characters
+        shown = row and shows(run.data, line.text[run.end :].strip(_AROUND))
         if row and not (shown or run.checked) and any(len(other.data) > len(run.data) for other in runs[i + 1 :]):
             run.offset = None  # `298365 17 [Task] TX 01 03 …`: no characters of a byte stand behind
-        elif row and (run.offset is not None or shown):
+        elif row and run.offset is not None:
             return runs[: i + 1]  # what stands behind are the same bytes as characters
     return runs
 
 
 def _cells_of(run: ByteRun, text: str) -> list[ByteRun]:
     """A run as it is; one by one the frames of one that fill the cells of a table, between tabs."""
-    cells = text[run.start : run.end].split("\t") if len(run.checked) > 1 and run.shape == "pairs" else [""]
-    if len(cells) == 1:
-        return [run]
-    ends = [*accumulate(len(bytes.fromhex(cell)) for cell in cells)]
-    if len(cells) != len(run.checked) or ends != [span.end for span in run.checked] or run.checked[0].start:
+    cells = text[run.start : run.end].split("\t")
+    sizes = [span.end - span.start for span in run.checked]
+    if len(cells) == 1 or [3 * size - 1 for size in sizes] != [*map(len, cells)]:
         return [run]
     parts, start = [], run.start
-    for cell, span in zip(cells, run.checked, strict=True):
-        whole = span._replace(start=0, end=span.end - span.start)
-        data = run.data[span.start : span.end]
-        parts.append(replace(run, data=data, start=start, end=start + len(cell), checked=(whole,), others=()))
+    for span, size, cell in zip(run.checked, sizes, cells, strict=True):
+        part = replace(run, data=run.data[span.start : span.end], start=start, end=start + len(cell), others=())
+        part.checked = (span._replace(start=0, end=size),)
+        parts.append(part)
         start += len(cell) + 1
     return parts
 
@@ -285,7 +272,7 @@ def _is_listed(line: TextLine, candidate: HexWindow) -> bool:
 
 
 def _is_no_frame(candidate: HexWindow, line: TextLine) -> bool:
-    """Whether it is bytes in letters alone, or numbers that count up."""
+    """Whether it is base64, or numbers that count up."""
     if candidate.level is Writing.NUMBER and counts_up(candidate.data):
         return True
     return candidate.shape == "base64" and line.text[candidate.start : candidate.end].isalpha()
@@ -294,7 +281,7 @@ def _is_no_frame(candidate: HexWindow, line: TextLine) -> bool:
 def _run(candidate: HexWindow, line: TextLine, checked: Sequence[Checked]) -> ByteRun:
     data, start, end, shape, level, ascii_mode, offset, _ = candidate
     words = line.text[start:end].split() if shape == "words" else ()
-    halved = shape == "pairs" and not checked and is_halved(line, start, end)
+    halved = shape == "pairs" and not checked and is_halved(line, end)
     return ByteRun(
         data, start, end, shape, level, label_of(line, start), ascii=ascii_mode, cut=is_cut(line, end), offset=offset,
         halved=halved, checked=checked, width=len(words[0]) if len(words) > 1 else 0,

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Collection, Sequence
 from itertools import accumulate, groupby, pairwise, takewhile
 from typing import Final
 
-from .candidates import H, Writing, counts_up, is_ruler
+from .candidates import H, Writing, counts_up
 from .choosing import ByteRun, Experience, label_in
 from .judging import ByteJudge, Checked, lenient
 from .loglines import LogLine
@@ -37,17 +36,14 @@ _PATIENCE: Final = 3000  # rows of numbers without a frame, after which none is 
 def settle_columns(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -> None:
     """Frames written a byte or a field a line, or field by field in one line, found by their check values."""
     _leave_out_numbers(lines)
-    words = Counter(skeleton_of(line) for line in lines if _is_timed_word(line))
     group: list[LogLine] = []
     for line in [*lines, None]:
-        if line is not None and ((line.clean.strip() == "" and not line.runs) or _is_ruler(line)):
-            continue
-        if line is not None and _is_timed_word(line) and words[skeleton_of(line)] >= LEAST_COLUMN:
+        if line is not None and (line.clean.strip() == "" or _is_timed_word(line)):
             continue
         if line is not None and not line.is_known and not is_right(line) and holds_numbers(line):
             named = not holds_bytes(line) or _LETTERS.search(line.clean) is not None
             _fields_of(line, tokens_of(line), judge, experience, named=named)
-            if not holds_bytes(line) or (group and named):
+            if not holds_bytes(line) or group:
                 group.append(line)
                 if len(group) < MOST_ROWS:
                     continue
@@ -73,11 +69,6 @@ def _leave_out_numbers(lines: Sequence[LogLine]) -> None:
             for one in counted:
                 one.runs, one.clean, one.quiet = [], "", True
         counted = [line] if line is not None and text in ("0", "1") else []
-
-
-def _is_ruler(line: LogLine) -> bool:
-    tokens = tokens_of(line)
-    return is_ruler([token.digits for token in tokens])
 
 
 def is_right(line: LogLine) -> bool:
@@ -126,13 +117,11 @@ def _fields_of(
 def _without_names(tokens: Sequence[NumberToken], text: str) -> Sequence[NumberToken]:
     """Those that are no names of fields.
 
-    `9e fc 31 5d`: a byte like those on either side is no name, where no other name stands between them: leaving bytes
-    out until a CRC comes out right would find frames in noise.
+    `9e fc 31 5d`: where no other name stands between them, none is: leaving bytes out until a CRC comes out right would
+    find frames in noise.
     """
     if tokens and _LETTERS.search(text, tokens[0].end, tokens[-1].start) is None:
-        gaps = ["", *(text[a.end : b.start] for a, b in pairwise(tokens)), ""]
-        beside = [before == after == " " for before, after in pairwise(gaps)]
-        return [token for token, inside in zip(tokens, beside, strict=True) if inside or not token.is_name]
+        return tokens
     return [token for token in tokens if not token.is_name]
 
 
@@ -328,7 +317,7 @@ def settle_unchecked(lines: Sequence[LogLine], experience: Experience) -> None:
         for line in group:
             token = tokens_of(line)[-1]
             take_tokens(line, [token], token.hexadecimal or b"", checked=False)
-            line.continues = line is not group[0] and line.t_ns == group[0].t_ns
+            line.continues = line is not group[0]
     for _, same in groupby(lines, lambda line: bool(tokens_of(line)) and not is_right(line) and not holds_bytes(line)):
         group = list(same)
         table = [tokens_of(line, JOINED) for line in group]
@@ -344,7 +333,7 @@ def settle_unchecked(lines: Sequence[LogLine], experience: Experience) -> None:
             if None not in parts and _are_written_as_bytes(column, bare=bare) and not _counts_on(parts):
                 for line, token, part in zip(group, column, parts, strict=True):
                     take_tokens(line, [token], part or b"", checked=False)
-                    line.continues = line is not group[0] and line.t_ns == group[0].t_ns
+                    line.continues = line is not group[0]
                 break
 
 
@@ -367,14 +356,10 @@ def _are_numbered(table: Sequence[Sequence[NumberToken]]) -> bool:
 
 
 def _are_written_as_bytes(column: Sequence[NumberToken], *, bare: bool) -> bool:
-    if any(len(token.digits) > 2 * FEW for token in column):
-        return False
     if bare:
-        return all(len(token.digits) < 3 for token in column) and any(_plainly_hex(token) for token in column)
-    if all(token.signed for token in column):
-        return True
-    wide = all(len(token.digits) % 2 == 0 and not token.signed for token in column)
-    return wide and 2 * sum(_plainly_hex(token) for token in column) >= len(column)
+        return max(len(token.digits) for token in column) < 3 and any(map(_plainly_hex, column))
+    signed = sum(token.signed for token in column)
+    return signed == len(column) or (not signed and 2 * sum(map(_plainly_hex, column)) >= len(column))
 
 
 def _plainly_hex(token: NumberToken) -> bool:

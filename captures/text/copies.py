@@ -5,7 +5,6 @@ A buffer and its JSON, `recv` and `Processing`, a packet with and without its ch
 
 from __future__ import annotations
 
-import re
 from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -13,13 +12,11 @@ from itertools import groupby, pairwise
 from typing import Final
 
 from .candidates import LEFT_OUT
-from .choosing import MOST_JUDGED, ByteRun, Experience
+from .choosing import ByteRun, Experience
 from .columns import COLUMN_SHAPE
-from .judging import ByteJudge
 from .loglines import LogLine
 
 _REMEMBERED: Final = 4  # entries of which one may be said again
-_LEAST_COPY: Final = 3  # bytes: fewer are alike by chance
 _CRC: Final = 2  # bytes
 _MBAP: Final = 7  # bytes before a PDU
 _NAMED_ALIKE: Final = 8  # characters
@@ -28,7 +25,6 @@ _BETWEEN: Final = 2  # other whole frames, after which, in a text without times,
 _ENTRY_FINE_NS: Final = 60_000_000
 _ENTRY_COARSE_NS: Final = 1_000_000_000
 _HANDLERS_NS: Final = 2_000_000  # between two handlers of one event
-_DIGITS: Final = re.compile(r"\d")
 
 
 @dataclass(slots=True)
@@ -71,12 +67,8 @@ def _entries(lines: Sequence[LogLine]) -> Iterator[_Entry]:
     held: _Entry | None = None
     for line in lines:
         for i, run in enumerate(run for run in line.runs if run.taken):
-            same = (
-                held is not None
-                and run.shape == held.runs[-1].shape == COLUMN_SHAPE
-                and run.label == held.runs[-1].label
-            )
-            same = same or (held is not None and 0 < run.joined == held.runs[-1].joined)
+            above = held.runs[-1] if held is not None else run
+            same = run.shape == above.shape == COLUMN_SHAPE or 0 < run.joined == above.joined
             if held is not None and not i and (line.continues or same):
                 held.data += run.data
                 held.last = line
@@ -99,8 +91,7 @@ def settle_copies(lines: Sequence[LogLine], experience: Experience) -> None:
         turned, others = False, 0  # the other side spoke in between; whole frames that stand there
         for earlier in reversed(recent):
             apart = int(earlier.checked and earlier.last is not entry.first)
-            untimed = None in (earlier.last.t_ns, entry.first.t_ns)
-            if not _one_report(earlier, entry) or (others >= _BETWEEN and untimed):
+            if not _one_report(earlier, entry) or others >= _BETWEEN:
                 turned = turned or 0 != earlier.mark != entry.mark != 0
                 others += apart
                 continue
@@ -147,7 +138,6 @@ def _leave_out_doubles(lines: Sequence[LogLine], experience: Experience) -> None
         if len(alike) > 1 and all(len(same) > 1 for same in alike):
             experience.doubled.add(kind)
         for first, *more in alike if kind in experience.doubled else ():
-            first.until = more[-1].number if more else first.number
             for line in more:
                 for run in line.runs:
                     run.taken, run.why = False, f"the same bytes as in line {first.number}"
@@ -174,9 +164,7 @@ def _one_report(earlier: _Entry, entry: _Entry) -> bool:
 
 def _speaks_between(between: _Entry, entry: _Entry) -> bool:
     """Whether a frame, in the line of another, is one of its own: somebody spoke, and the next may be said again."""
-    if between.last is not entry.first or not (between.checked and entry.checked):
-        return False
-    return between.data not in entry.data and entry.data not in between.data
+    return between.last is entry.first and between.data not in entry.data
 
 
 def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience, *, turned: bool) -> _Entry | None:
@@ -189,24 +177,18 @@ def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience, *, turn
         return earlier
     if _is_pdu_of(entry, earlier):
         return entry
-    if not same_line and _is_own_voice(earlier, entry, experience):
+    if _is_own_voice(earlier, entry, experience):
         return None
     pair = (*earlier.template, *entry.template)
-    if min(len(earlier.data), len(entry.data)) < _LEAST_COPY and pair not in experience.reports:
-        return None
-    if earlier.template == entry.template and not same_line:
+    if earlier.template == entry.template:
         return entry if _is_logged_twice(earlier, entry) else None
-    if earlier.template[1] == entry.template[1] == COLUMN_SHAPE:
-        return None
-    if same_line and turned and earlier.template[1] == entry.template[1]:
+    if same_line and turned:
         return None  # several turns in one line
     if entry.data in (earlier.data, earlier.decoded):
         return entry if _is_said_again(earlier, entry, pair, experience) else None
-    bytewise = earlier.template[1] == COLUMN_SHAPE
-    if (bytewise or not entry.checked) and (entry.data in earlier.data or entry.data in earlier.decoded):
-        if earlier.checked and not earlier.repeats:
-            experience.reports.add(pair)
-        return entry if pair in experience.reports else None
+    if not entry.checked and entry.data in earlier.data:
+        experience.reports.add(pair)
+        return entry
     if not turned and not earlier.checked and entry.checked and earlier.data in entry.data:
         experience.reports.add(pair)
         return earlier
@@ -222,41 +204,33 @@ def _is_own_voice(earlier: _Entry, entry: _Entry, experience: Experience) -> boo
 
 def _is_said_again(earlier: _Entry, entry: _Entry, pair: tuple[str, ...], experience: Experience) -> bool:
     """Whether the same bytes behind other words are one report more of the same."""
-    same_line = earlier.last is entry.first
-    marked = earlier.mark == entry.mark != 0 and not (earlier.runs[0].arrow and entry.runs[0].arrow)
-    timed = earlier.last.t_ns is not None and entry.first.t_ns is not None
+    marked = earlier.mark == entry.mark != 0
     if entry.template[1] == COLUMN_SHAPE:
         return True  # field by field what the line above says
-    if not (same_line or marked or timed) and entry.runs[0].heading:
+    if not marked and entry.runs[0].heading:
         return False  # only the words above them differ: somebody shows the same frame again
     if earlier.checked and not earlier.repeats:
         experience.reports.add(pair)
-        if earlier.template in experience.growing:
-            experience.growing.add(entry.template)
         return True
     elsewise = earlier.runs[0].shape != entry.runs[0].shape  # the same bytes, written in another way
-    if same_line:
+    if earlier.last is entry.first:
         return elsewise or (entry.template[1] == "\\x" and not earlier.checked)  # one string, said twice
-    below = entry.first.number == earlier.last.number + 1
-    dumped = below and earlier.runs[0].sure and not entry.mark
-    return marked or (elsewise and dumped) or pair in experience.reports or _is_named_alike(earlier, entry)
+    dumped = elsewise and earlier.runs[0].sure
+    return marked or dumped or pair in experience.reports or _is_named_alike(earlier, entry)
 
 
 def _is_pdu_of(entry: _Entry, earlier: _Entry) -> bool:
     """Whether bytes are what a frame carries, without its unit and all that is around, or a buffer without its CRC."""
     if entry.checked or not earlier.checked or entry.template == earlier.template:
         return False
-    if len(entry.data) >= _LEAST_COPY and entry.data == earlier.data[:-_CRC]:
-        return not entry.mark and entry.first.number == earlier.last.number + 1
-    return len(entry.data) > 1 and entry.data in (earlier.data[1:-_CRC], earlier.data[_MBAP:])
+    if entry.data == earlier.data[:-_CRC]:
+        return not entry.mark
+    return entry.data in (earlier.data[1:-_CRC], earlier.data[_MBAP:])
 
 
 def _is_named_alike(earlier: _Entry, entry: _Entry) -> bool:
     """Whether two lines of one entry show the same bytes under names that begin alike: `port data:`, `port buffer:`."""
-    first, second = earlier.template, entry.template
-    if entry.first.number - earlier.last.number != 1 or first[1] != second[1] or earlier.mark != entry.mark:
-        return False
-    return first[0][:_NAMED_ALIKE] == second[0][:_NAMED_ALIKE] != ""
+    return earlier.template[0][:_NAMED_ALIKE] == entry.template[0][:_NAMED_ALIKE] != ""
 
 
 def _is_logged_twice(earlier: _Entry, entry: _Entry) -> bool:
@@ -264,13 +238,10 @@ def _is_logged_twice(earlier: _Entry, entry: _Entry) -> bool:
 
     Handlers that write in ways of their own may read the clock one after the other.
     """
-    if earlier.data != entry.data or not earlier.mark == entry.mark != 0 or not entry.runs[0].label:
-        return False
     first, second = earlier.first, entry.first
-    if not (first.fine and second.fine) or second.number - max(earlier.last.number, earlier.last.until) != 1:
+    if earlier.data != entry.data or not earlier.mark == entry.mark != 0 or not (first.fine and second.fine):
         return False
-    alike = _DIGITS.sub("", first.text) == _DIGITS.sub("", second.text)
-    return abs((second.t_ns or 0) - (first.t_ns or 0)) <= (0 if alike else _HANDLERS_NS)
+    return abs((second.t_ns or 0) - (first.t_ns or 0)) <= _HANDLERS_NS
 
 
 def _has_grown(earlier: _Entry, entry: _Entry, experience: Experience) -> bool:
@@ -282,7 +253,7 @@ def _has_grown(earlier: _Entry, entry: _Entry, experience: Experience) -> bool:
         return False
     if earlier.checked or not _begins(earlier, entry):
         return False
-    if entry.checked and len(earlier.data) >= _LEAST_COPY:
+    if entry.checked:
         experience.growing.add(entry.template)
     return entry.template in experience.growing
 
@@ -306,38 +277,12 @@ def settle_single_bytes(lines: Sequence[LogLine]) -> None:
     """`RX: 03`, `RX: 56`: bytes that come a line each; where most are plainly bytes, so is what looks decimal."""
     for key, same in groupby(lines, _single_byte):
         runs = [line.runs[0] for line in same] if key is not None else []
-        if len(runs) >= _LEAST_ROWS and 2 * sum(run.taken for run in runs) >= len(runs):
-            for run in runs:
-                run.taken = run.taken or run.why is None
+        for run in runs if len(runs) >= _LEAST_ROWS else ():
+            run.taken = run.why is None
 
 
 def _single_byte(line: LogLine) -> tuple[str, str, int, int | None] | None:
     """How a line shows the only byte that it ends with; None of other lines."""
-    if len(line.runs) != 1 or len((run := line.runs[0]).data) != 1 or not run.mark or run.shape != "pairs":
+    if len(line.runs) != 1 or len((run := line.runs[0]).data) != 1 or not run.mark:
         return None
-    behind = line.clean[run.end :]
-    return None if any(map(str.isalnum, behind)) else (run.label, run.shape, run.mark, line.t_ns)
-
-
-def settle_narrow_dumps(lines: Sequence[LogLine], judge: ByteJudge) -> None:
-    """`00000007: 36   6`: a dump of a byte a row, whose rows look like numbered values, where frames tile its bytes."""
-    for rows in _narrow_dumps(lines):
-        data = b"".join(run.data for run in rows)
-        checked = judge(data[:MOST_JUDGED])
-        if 2 * sum(span.end - span.start for span in checked) > len(data[:MOST_JUDGED]):
-            for run in rows:
-                run.taken = run.sure = True
-            rows[0].checked = checked
-
-
-def _narrow_dumps(lines: Sequence[LogLine]) -> Iterator[list[ByteRun]]:
-    rows: list[ByteRun] = []
-    for line in [*lines, None]:
-        run = line.runs[0] if line is not None and line.runs else None
-        narrow = run is not None and run.offset is not None and len(run.data) == 1
-        if line is not None and run is not None and narrow and line.continues and rows:
-            rows.append(run)
-            continue
-        if len(rows) >= _LEAST_ROWS:
-            yield rows
-        rows = [run] if run is not None and narrow else []
+    return run.label, run.shape, run.mark, line.t_ns

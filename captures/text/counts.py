@@ -24,20 +24,20 @@ _UNIT_FIRST: Final = re.compile(  # `Timestamp (us): 4701393`
 _FIRST: Final = re.compile(  # what a line begins with: no clock, as most logs have it
     LEAD + r"(?!(?:\d{4}-\d\d-\d\d[ T])?\d\d:\d\d:\d)(?:(?P<number>[-+#]?\d)|[^\W\d_])"
 )
-_SECONDS = re.compile(LEAD + r"([-+]?)(\d{1,10})\.(\d{3,18})(?=[\s\]):,;>|\"']|-\D|$)")
-_COMMA_SECONDS = re.compile(LEAD + r"(-?)(\d{1,10}),(\d{1,9})(?: ?s)?(?=[;\t])")  # of a table in a comma's country
-_NUMBERED_SECONDS = re.compile(  # Wireshark's list of packets; a table without titles
-    r"^\s*\d{1,9}(?:[ \t]+|[,;])(-?)(\d{1,10})\.(\d{6}|\d{9})(?=[ \t,;])"
-)
 _BRACKETED: Final = re.compile(r"^[\w./: -]{1,40}?[:\s]\[\s*()(\d{1,7})\.(\d{6})\](?=\s)")  # of a kernel, behind a name
 _MINUTES = re.compile(  # since some start
     LEAD + r"(\d{1,3}):([0-5]\d)(?:\.(\d{1,6})(?=[\s\]):,;>|\"'])|,(\d{1,6})(?=[;\t]))"
 )
-_EPOCH = re.compile(LEAD + r"(1[2-9]\d{8}(?:\d{3}){0,3})(?=[\])]|[\s,:;]+(?![0-9A-Fa-f]{6})\S)")
+_COMMA_UNITS: Final = ("мс", "мкс", "с")  # of countries that write `12,5`
+_FINE: Final = 3  # digits of a fraction that make a number seconds
+_SECONDS_MOST: Final = 10  # digits
 _UNITS: Final = "ms|us|µs|μs|ns|s|мс|мкс|нс"
-_UNIT = re.compile(rf"{LEAD}([-+]?)(?:[\w-]+\]\s*)?(\d+)(?:\.(\d{{1,9}}))? ?({_UNITS})(?=[\s\]):,;>|]|$)")
-_COMMA_UNIT: Final = re.compile(rf"{LEAD}([-+]?)(\d+),(\d{{1,9}}) (мс|мкс|с)(?=[\s\]):,;>|]|$)")
-_NUMBERED_UNIT = re.compile(rf"^\s*\d{{1,9}}\s*[|,;\t]\s*(-?)(\d{{1,18}})(?:\.(\d{{1,9}}))? ?({_UNITS})(?=[\s,;|])")
+_VALUE: Final = (
+    r"(?P<sign>[-+]?)(?:[\w-]+\]\s*)?(?P<whole>\d{1,18})(?:(?P<point>[.,])(?P<part>\d{1,18}))? ?"
+    rf"(?P<unit>{_UNITS}|с)?(?=[\s\]):,;>|\"']|-\D|$)"
+)
+_NUMBER: Final = re.compile(LEAD + _VALUE)  # `12.345678`, `15.2ms`, `12,5 мс`
+_NUMBERED: Final = re.compile(r"^\s*\d{1,9}(?:\s*(?P<by>[|,;\t])\s*|[ ]+)" + _VALUE)  # behind the number of a row
 _PARTS: Final = re.compile(  # `0d 0h 12m 3.456s`
     LEAD + r"(?:(\d{1,5})d ?)?(?:(\d{1,5})h ?)?(\d{1,5})m ?(\d{1,5})(?:\.(\d{1,9}))?s(?=[\s\]):,;>|]|$)"
 )
@@ -115,6 +115,33 @@ def fraction(digits: str | None, unit_ns: int = 10**9) -> int:
     return int(int(digits) * unit_ns // 10 ** len(digits))
 
 
+def _of_number(match: re.Match[str]) -> Stamp | None:
+    """A number with a unit, or seconds to the millisecond at least; None of others."""
+    groups = match.groupdict()
+    whole, part, unit, comma = groups["whole"], groups["part"], groups["unit"], groups["point"] == ","
+    if unit is not None:
+        if unit not in _COMMA_UNITS if comma else unit == "с":
+            return None
+        size = TITLE_UNIT_NS[unit]
+    elif comma or part is None or len(part) < _FINE or len(whole) > _SECONDS_MOST:
+        return None
+    else:
+        size = SECOND_NS
+    t_ns = int(whole) * size + fraction(part, size)
+    return Stamp(
+        -t_ns if groups["sign"] == "-" else t_ns, of_day=False, places=0 if unit else len(part or ""), unnamed=not unit
+    )
+
+
+def _of_numbered(match: re.Match[str]) -> Stamp | None:
+    exact = match["unit"] is None and len(match["part"] or "") in (6, 9)
+    return _of_number(match) if exact or (match["unit"] is not None and match["by"] is not None) else None
+
+
+def _of_worded(match: re.Match[str]) -> Stamp | None:
+    return _of_number(match) if match["unit"] is not None else None
+
+
 def _of_seconds(match: re.Match[str]) -> Stamp:
     sign, whole, part = match.groups()
     t_ns = int(whole) * 10**9 + fraction(part)
@@ -123,10 +150,6 @@ def _of_seconds(match: re.Match[str]) -> Stamp:
 
 def _of_minutes(match: re.Match[str]) -> Stamp:
     return Stamp((int(match[1]) * 60 + int(match[2])) * 10**9 + fraction(match[3] or match[4]), of_day=False)
-
-
-def _of_epoch(match: re.Match[str]) -> Stamp:
-    return Stamp(int(int(match[1]) * 10 ** (19 - len(match[1]))), of_day=False, fine=len(match[1]) > len("1700000000"))
 
 
 def _of_seconds_and_more(seconds: str, part: str | None) -> Stamp:
@@ -139,13 +162,6 @@ def _of_keyed_count(match: re.Match[str]) -> Stamp:
     if match[1] is None:
         return Stamp(int(match[4] or 0) * 10**9 + fraction(match[5]), of_day=False)
     return _of_unit_first(match)
-
-
-def _of_unit(match: re.Match[str]) -> Stamp:
-    sign, whole, part, name = match.groups()
-    unit = TITLE_UNIT_NS[name]
-    t_ns = int(whole[:19]) * unit + fraction(part, unit)
-    return Stamp(-t_ns if sign == "-" else t_ns, of_day=False)
 
 
 def _of_unit_first(match: re.Match[str]) -> Stamp:
@@ -183,21 +199,16 @@ def _of_parts(match: re.Match[str]) -> Stamp:
 
 
 _COUNTS: Final = (
-    (_UNIT, _of_unit),
-    (_SECONDS, _of_seconds),
-    (_COMMA_SECONDS, _of_seconds),
-    (_NUMBERED_SECONDS, _of_seconds),
+    (_NUMBER, _of_number),
+    (_NUMBERED, _of_numbered),
     (_MINUTES, _of_minutes),
     (_PARTS, _of_parts),
-    (_COMMA_UNIT, _of_unit),
-    (_NUMBERED_UNIT, _of_unit),
-    (_EPOCH, _of_epoch),
     (_TICKS, _of_ticks),
     (_COUNTER, _of_counter),
     (_FEW_PLACES, _of_few_places),
     (_DOTTED, _of_dotted),
 )
-_WORDED: Final = ((_UNIT, _of_unit), (_TICKS, _of_ticks))  # behind a word
+_WORDED: Final = ((_NUMBER, _of_worded), (_TICKS, _of_ticks))  # behind a word
 
 
 def count_at_begin(text: str) -> tuple[Stamp | None, str]:
@@ -208,8 +219,7 @@ def count_at_begin(text: str) -> tuple[Stamp | None, str]:
         return _of_unit_first(match), blanked(text, match)
     first = _FIRST.match(text)
     for pattern, value in () if first is None else _COUNTS if first["number"] else _WORDED:
-        if match := pattern.match(text):
-            stamp = value(match)
+        if (match := pattern.match(text)) is not None and (stamp := value(match)) is not None:
             return replace(stamp, signed=True) if "+" in match[0] else stamp, blanked(text, match)
     if (":" in text or "=" in text) and (match := _KEYED.search(text)) is not None:
         return _of_seconds_and_more(match[1], match[2] or match[3]), blanked(text, match)

@@ -39,13 +39,12 @@ class Heading(NamedTuple):
     exact: bool = False  # nothing else stands below it before all bytes are there
     rows: int = 0  # that it has had
     width: int = 0  # bytes of the row before
-    columns: tuple[int, ...] = ()  # marks of a table's columns: `request,response`
     parted: str = ""  # the sign between the cells of a table
     cells: tuple[int, ...] = ()  # the mark that each cell of its first line has
 
     def mark_at(self, text: str, start: int) -> int:
         """The mark of what stands at a place of a row."""
-        if len(self.columns) < 2 or not self.parted:
+        if not self.parted:
             return self.mark
         cell = text.count(self.parted, 0, start)
         return self.cells[cell] if cell < len(self.cells) else NONE
@@ -73,12 +72,7 @@ _NAME: Final = re.compile(
     rf"час|时间|時間)(?: (?:since|from|от|с|seit) \w+)?{_IN_UNIT}",
     re.IGNORECASE,
 )
-_UNIT_NAME: Final = re.compile(  # of a table's first column: `ms`, `t`, `elapsed [s]`
-    rf"^(?:t|elapsed|uptime|millis|micros)?{_IN_UNIT}", re.IGNORECASE
-)
-_NO_NAMES: Final = ("", "s", "с")
 _UNITS: Final = {"millis": 10**6, "micros": 10**3}
-_DATE: Final = re.compile(r"^(?:date|datum|дата|date[ /_]?time|datetime|дата[ /,]?(?:и )?время)$", re.IGNORECASE)
 _CELL: Final = re.compile(
     r"^[\"']?\s*(?P<sign>[-+−])?(?P<whole>\d{1,3}(?: \d{3})+|\d{1,18})(?:[.,](?P<fraction>\d{1,30}))?"
     r"(?:[eE](?P<power>[-+]?\d{1,2}))?"
@@ -96,7 +90,7 @@ _LONGEST: Final = 1024  # characters of a row
 
 @dataclass(frozen=True, slots=True)
 class TimeColumn:
-    """Which of a table's columns is the time: `unit` in ns by its name (None: not named), `days` since 1900.
+    """Which of a table's columns is the time: `unit` in ns by its name (None: not named).
 
     `numbered`: no column before it is named as bytes are.
     """
@@ -105,7 +99,6 @@ class TimeColumn:
     number: int
     columns: int
     unit: int | None
-    days: bool
     numbered: bool
 
     def find(self, text: str) -> tuple[Stamp, str] | None:
@@ -120,14 +113,12 @@ class TimeColumn:
             return None
         numbers = self.numbered and all(text[a:b].strip(" \"'").isdigit() for a, b in cells[: self.number])
         begin = cells[0][0] if numbers else start
-        unnamed = self.unit is None and not (self.days or cell["unit"])
+        unnamed = self.unit is None and not cell["unit"]
         return Stamp(t_ns, of_day=False, unnamed=unnamed), text[:begin] + " " * (end - begin) + text[end:]
 
     def _time(self, match: re.Match[str]) -> int | None:
         whole, fraction = int(match["whole"].replace(" ", "")), match["fraction"] or ""
         unit = TITLE_UNIT_NS[match["unit"]] if match["unit"] else self.unit
-        if self.days and not match["unit"]:
-            return of_days(int(f"{whole}{fraction:0<9.9}")) if whole in _DAYS and fraction else None
         if unit is None:
             if not fraction and not match["power"]:
                 return None  # of what unit, nobody says
@@ -149,12 +140,10 @@ def time_column(text: str) -> TimeColumn | None:
         names = [text[start:end].strip(" \"'\ufeff") for start, end in cells]
         for number, name in enumerate(names):
             numbered = not any(map(_DATA.search, names[:number]))
-            if _DATE.match(name) is not None:
-                return TimeColumn(parted, number, len(cells), None, days=True, numbered=numbered)
-            match = _NAME.match(name) or (None if number or name in _NO_NAMES else _UNIT_NAME.match(name))
+            match = _NAME.match(name)
             if match is not None:
                 unit = _UNITS.get(name.lower()) or TITLE_UNIT_NS.get((match["unit"] or "").lower())
-                return TimeColumn(parted, number, len(cells), unit, days=False, numbered=numbered)
+                return TimeColumn(parted, number, len(cells), unit, numbered)
     return None
 
 

@@ -13,7 +13,6 @@ from collections.abc import Iterator
 from typing import Final
 
 from .candidates import (
-    CHECK_NAME,
     DIGITS_ABOVE,
     EDGE,
     END,
@@ -58,7 +57,6 @@ _ASCII_APART: Final = re.compile(rf"(?:^|[:>|=])[ \t]*(?P<frame>:(?:[ \t]?{H}{{2
 _SPELLED: Final = re.compile(  # `: 0 1 0 3`, `':' '0' '1'`
     rf"(?P<quote>['\"]?):(?P=quote)(?:[ \t,]{{1,3}}(?P=quote){H}(?P=quote)){{8,512}}(?![\w'\"])"
 )
-_BEFORE_CHECK: Final = re.compile(rf"{CHECK_NAME}\W*$", re.IGNORECASE)
 _OF_OD: Final = (
     (re.compile(r"[0-7]{7}\s+(?P<words>[0-7]{6}(?: +[0-7]{6}){0,15})\s*$"), 8),
     (re.compile(r"[0-9a-f]{7}\s+(?P<words>\d{5}(?: +\d{5}){0,15})\s*$"), 10),
@@ -72,9 +70,7 @@ _STAMPED: Final = 8  # characters: no time before bytes is shorter
 _TWO_PAIRS: Final = 4  # characters
 _WORDY: Final = 4  # pairs that name a function code: `unit 01 fc 03`
 _MINUTE: Final = re.compile(r"(?:[01]\d|2[0-3]):[0-5]\d")
-_MAC_LENGTH: Final = 6
 _BYTEA: Final = 8  # digits behind one `\\x`, as databases write bytes
-_OFFSET_DIGITS: Final = range(4, 17)
 _WORD_LENGTH: Final = 8  # bytes: no address of a machine is longer
 
 
@@ -111,25 +107,20 @@ def _pairs(line: TextLine) -> Iterator[HexWindow]:
         if len(tokens) < _SOME and (len(text) > LONG or text[end : end + 1].isalnum()):
             continue  # one number of many, or the beginning of a word
         data = bytes.fromhex(text[start:end])
-        level = Writing.BYTES if line.before(start).endswith("<Buffer ") else _level_of_pairs(line, start, end, tokens)
+        level = _level_of_pairs(line, start, end, tokens)
         if len(tokens) > _SOME:  # what stands at the ends may be a word, or a number in a column of its own
             second = text.index(tokens[1], start + 2)
             (usual, _), *_ = Counter(_GAP.findall(text, second, end)).most_common(1)
             apart = text[start + 2 : second] != usual
             counted = tokens[0].isdigit() and int(tokens[0]) == len(tokens) - 1  # "OUT 10 01 03 00 ...": so many bytes
-            counted = counted and not (
-                start < _STAMPED and line.alone(start, end)
-            )  # which nothing but bytes cannot say
+            counted = counted and start >= _STAMPED  # which nothing but bytes cannot say
             behind_sign = line.before(start).rstrip()[-1:] in _BEFORE_BYTES
-            lettered = tokens[0].isalpha() and tokens[0][0] != tokens[0][1]  # FF and AA are no words
-            word = lettered and not (behind_sign or line.alone(start, end))
+            word = tokens[0].isalpha() and not (behind_sign or line.alone(start, end))
             if apart or counted or word:
                 yield HexWindow(data[1:], second, end, "pairs", level)
-                level = Writing.LIKELY if apart else level
             if text[end : end + 1].isalnum():  # "02Connected", "10 after"
                 last = start + len(text[start : end - 2].rstrip())
                 yield HexWindow(data[:-1], start, last, "pairs", level)
-                level = Writing.LIKELY if tokens[-1].isalpha() else level
         yield HexWindow(data, start, end, "pairs", level)
 
 
@@ -167,13 +158,9 @@ def _signed(line: TextLine) -> Iterator[HexWindow]:
             continue
         at = end if end - match.start() > _TWO_PAIRS + len(gap) else end - 2  # `[11]: 05-10-00`: a count before them
         tokens = match[0].split(gap)
-        if text[end : end + 1].isalpha() and tokens[-1].isalpha():  # `11, Data`
-            tokens, end = tokens[:-1], end - 2 - len(gap)
-            if len(tokens) < _PAIR_OF_PAIRS:
-                continue
-        goes_on = text.startswith(gap, end) and text[end + len(gap) : end + len(gap) + 1].isalnum()
+        goes_on = text.startswith(gap, end)
         before = match.start() - len(gap)
-        goes_on = goes_on or (before > 0 and text.startswith(gap, before) and text[before - 1].isdigit())
+        goes_on = goes_on or (before > 0 and text.startswith(gap, before))
         level = _level_of_signed(tokens, gap.strip())
         if (
             goes_on
@@ -188,12 +175,8 @@ def _signed(line: TextLine) -> Iterator[HexWindow]:
 
 def _level_of_signed(tokens: list[str], gap: str) -> Writing:
     count, numbers = len(tokens), all(token.isdigit() for token in tokens)
-    if (gap in "/." and count < 5) or all(token.isalpha() for token in tokens):
-        return Writing.NUMBER  # a date, an address, a version, words
-    if is_ruler(tokens):
-        return Writing.NUMBER
-    if gap == ":" and count == _MAC_LENGTH:
-        return Writing.LIKELY
+    if gap in "/." or is_ruler(tokens):
+        return Writing.NUMBER  # a date, an address, a version
     if count > 3 or (count == 3 and not numbers):
         return Writing.BYTES if not numbers or any(token[0] == "0" for token in tokens) else Writing.LIKELY
     return Writing.NUMBER
@@ -207,16 +190,13 @@ def _words(line: TextLine) -> Iterator[HexWindow]:
         if match[0].upper() in DIGITS_ABOVE:
             continue
         data, level = bytes.fromhex("".join(tokens)), _level_of_words(line, start, end, tokens)
-        if len(tokens) > 2 and len(tokens[0]) in _OFFSET_DIGITS and all(len(token) == 2 for token in tokens[1:]):
-            level = Writing.NUMBER  # the first is an offset, or all but the check value
         if len(tokens) > 1 and line.text[end : end + 1].isalnum():  # "0A3843 after"
             last = start + len(line.text[start : end - len(tokens[-1])].rstrip())
             yield HexWindow(data[: -len(tokens[-1]) // 2], start, last, "words", level)
-            level = Writing.NUMBER if tokens[-1].isalpha() else level
         yield HexWindow(data, start, end, "words", level)
-        if all(len(token) == 4 for token in tokens) and (len(tokens) > 1 or _BEFORE_CHECK.search(line.before(start))):
+        if all(len(token) == 4 for token in tokens):
             yield HexWindow(swapped(data), start, end, "swapped words", Writing.NUMBER)
-        elif len(tokens) > 1 and all(len(token) == 8 for token in tokens[:-1]) and len(tokens[-1]) <= 8:
+        elif len(tokens) > 1 and all(len(token) == 8 for token in tokens[:-1]):
             parts = (bytes.fromhex(token)[::-1] for token in tokens)
             yield HexWindow(b"".join(parts), start, end, "swapped words", Writing.NUMBER)
 
@@ -227,8 +207,6 @@ def _level_of_words(line: TextLine, start: int, end: int, tokens: list[str]) -> 
     quoted = line.text[start - 1 : start] in ("'", '"') and line.text[end : end + 1] == line.text[start - 1 : start]
     bare = line.alone(start, end) or (quoted and line.alone(max(start - len("b'"), 0), end))
     alone = bare or (end >= line.last and line.before(start).rstrip()[-1:] in (":", "=", ","))
-    if line.text[start - 1 : start] == "-" or line.text[end : end + 1] == "-":
-        return Writing.NUMBER  # part of a UUID
     if digits.isalpha():
         return Writing.NUMBER
     if digits.isdigit():

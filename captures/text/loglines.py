@@ -30,14 +30,12 @@ from .tools import MARK_WORDS, NONE, SHAPES, LineMark, LineRole, Shape, marks
 _LEAST_SHAPED: Final = 4  # characters of a line in a tool's own layout
 _COMMENT: Final = re.compile(r"^\s*(?:#|//|;|--|/?\*)")
 _WORD: Final = re.compile(r"\w")
-_WORDS: Final = re.compile(r"\w+")
 _SAYS_MORE: Final = re.compile(r"[^\W\d_]|[/<>←→]")
 _BARE_HEX: Final = re.compile(r"[0-9A-Fa-f\s]+")
 _BARE_LEAST: Final = 4096  # characters of a line that is worth a look whether it is nothing but hex digits
 _ANNOUNCED: Final = re.compile(
     r"(?:\b(\d{1,5}) ?bytes?\b|/(\d{1,5}):?$|\b(?:write|read|length|len|size)[ =:]+(\d{1,5})$)", re.I
 )
-_QUOTE: Final = re.compile(r"^\s*>(?:\s*>)*\s(?=\s*\S)")
 _JPNEVULATOR: Final = re.compile(r"^\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{6}: (?P<label>\S.*?)\s*$")
 _SOCAT_BYTES: Final = re.compile(r"^ ((?:[0-9a-f]{2} ){0,8191}[0-9a-f]{2})(?:  .*)?$")
 _OCTET: Final = re.compile(r"(?<![0-9A-Za-z])[0-9A-Fa-f]{2}[hH](?![0-9A-Za-z])")
@@ -71,7 +69,6 @@ class LogLine:
     quiet: bool = False
     problem: str | None = None
     stamped: bool = False
-    until: int = 0  # the last of the lines that say the same at the same time
 
     @property
     def is_known(self) -> bool:
@@ -123,8 +120,6 @@ class LineReader:
             return LogLine(number, line, quiet=True)
         clock, self._clock = self._clock, None
         parsed = self._below_header(text, number) or self._tool_line(text, number)
-        if parsed is None and (sign := _QUOTE.match(text)) is not None:
-            parsed = self._tool_line(text[sign.end() :], number)
         if parsed is None:
             parsed = self._any_line(text, number)
             if not parsed.runs and parsed.t_ns is None and not parsed.quiet and not _SAYS_MORE.search(parsed.clean):
@@ -249,17 +244,12 @@ class LineReader:
             data = unescape(text)
             return ByteRun(data, 0, len(text), "\\x", Writing.BYTES, checked=self.judge(data))
         _, runs = self._searched(text)
-        trusted = False
         for run in runs:
             shapes = {run.shape: run} | {other.shape: other for other in run.others}
             known = max(shapes, key=lambda shape: self.experience.trust(label, shape, direct=False))
-            if not run.checked and self.experience.trust(label, known, direct=False):
+            if not run.checked:
                 run.take(shapes[known])
-                trusted = True
-        best = max(runs, key=lambda run: (bool(run.checked), run.level, len(run.data)), default=None)
-        if best is not None and best.level is Writing.NUMBER and not (best.checked or trusted) and len(best.data) > 1:
-            return None
-        return best
+        return max(runs, key=lambda run: (bool(run.checked), run.level, len(run.data)), default=None)
 
     def _any_line(self, text: str, number: int) -> LogLine:
         stamp, rest = self._stamp(text)
@@ -321,19 +311,16 @@ class LineReader:
         said = [one.mark for one in line_marks if bare or not one.arrow]  # an arrow between words is none
         mark = said[-1] if len({*said}) == 1 else NONE  # `what I send and what comes`
         above, t_ns, fine = self._heading, line.t_ns, line.fine
-        if self._times is not None and self._times.find(line.text) is not None:
-            t_ns = None  # a table's row is not of what stands below the table
-        elif t_ns is None and above is not None and not above.rows:
+        if t_ns is None and above is not None and not above.rows:
             t_ns, fine = above.t_ns, above.fine
         port = ""
         if (match := _JPNEVULATOR.match(line.text)) is not None:
             port, bare = match["label"], True
         announced = _ANNOUNCED.search(rest.rstrip(" :"))
         left = int(next(filter(None, announced.groups()))) if announced else None
-        columns = tuple(one.mark for one in line_marks) if len(line_marks) > 1 else ()
         label = label_in(rest[-_LABELLED:])
         parted, cells = marks_of_cells(rest, line_marks)
-        self._heading = Heading(mark, t_ns, fine, label, port, left, bare, columns=columns, parted=parted, cells=cells)
+        self._heading = Heading(mark, t_ns, fine, label, port, left, bare, parted=parted, cells=cells)
         line.quiet = bare and line.t_ns is not None and _OCTET.search(rest) is None
 
     def _placed(self, line: LogLine, stamp: Stamp | None, mark: int) -> LogLine:
@@ -352,9 +339,8 @@ class LineReader:
                 self._heading = None
             line.continues = goes_on
             return line
-        in_columns = len(line.runs) == len(heading.columns)
-        for i, run in enumerate(line.runs):
-            run.mark = run.mark or (heading.columns[i] if in_columns else heading.mark_at(line.text, run.start))
+        for run in line.runs:
+            run.mark = run.mark or heading.mark_at(line.text, run.start)
             if not run.label:
                 run.heading = heading.label or " "
         if stamp is not None:
@@ -362,8 +348,7 @@ class LineReader:
             return line
         size = len(first.data)
         if heading.rows:
-            full = heading.width >= _FULL_ROW and size <= heading.width
-            joins = heading.joins or (full and (heading.left is None or heading.left > 0))
+            joins = heading.joins or (heading.width >= _FULL_ROW and size <= heading.width)
             line.continues = goes_on or (joins and first.offset is None)
         left = None if heading.left is None else heading.left - size
         self._heading = heading._replace(rows=heading.rows + 1, width=size, left=left)
@@ -395,6 +380,4 @@ class LineReader:
 
 def _are_rulers(line: LogLine) -> bool:
     """Whether all that could be bytes are the numbers above columns: `Offset  0  1  2 …`."""
-    if not line.runs or any(run.checked for run in line.runs):
-        return False
-    return all(is_ruler(_WORDS.findall(line.clean[run.start : run.end])) for run in line.runs)
+    return bool(line.runs) and all(is_ruler(line.clean[run.start : run.end].split()) for run in line.runs)

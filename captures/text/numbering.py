@@ -13,7 +13,6 @@ from .loglines import LogLine
 
 _NUMBER: Final = re.compile(r"\s*(\d{1,6})(?=[\s:.)|])")
 _SHORT_OFFSET: Final = re.compile(r"\W*+(?:0[xX])?([0-9A-Fa-f]{2})[hH]?[ \t]?[:\])|]")
-_LIKE_A_BYTE: Final = tuple(f"0{digit}" for digit in range(10))  # a number is not written so
 _NUMBERED: Final = re.compile(r"(?<![\w.:])(\d{1,4})[:.)][ \t]{1,4}([0-9A-Fa-f]{2})\W*$")
 _NUMBERED_END: Final = 16  # characters that such a line ends with
 _COUNTING: Final = 3  # lines
@@ -41,8 +40,6 @@ def _leave_out(counting: Sequence[LogLine]) -> None:
     pairs = [run for run in runs if run.shape == "pairs" and len(run.data) > 1]
     if len(counting) < _COUNTING or {run.checked[0].start for run in pairs if run.checked} != {1}:
         return
-    if any(line.clean.split(None, 1)[0] in _LIKE_A_BYTE and not line.runs[0].checked for line in counting if line.runs):
-        return
     starts = {id(line.runs[0]): line for line in counting if line.runs}
     for run in pairs:
         text = starts[id(run)].clean[run.start + 2 :]
@@ -57,7 +54,7 @@ def leave_out_byte_numbers(lines: Sequence[LogLine]) -> None:
     for line in lines:
         begin = max(len(line.clean) - _NUMBERED_END, 0)
         match = _NUMBERED.search(line.clean, begin) if line.runs else None
-        if match is None or line.runs[-1].checked or not line.runs[-1].start <= match.start(2) < line.runs[-1].end:
+        if match is None:
             continue
         if counting and int(match[1]) != int(counting[-1][1][1]) + 1:
             _read_numbered(counting)
@@ -108,6 +105,5 @@ def leave_out_counts(lines: Sequence[LogLine]) -> None:
     for line in lines:
         for before, run in pairwise(line.runs):
             shown = line.clean[before.start : before.end]
-            apart = line.clean[before.end : run.start]
             if shown.isdigit() and len(before.data) == 1 and int(shown) == len(run.data):
-                before.taken = before.taken and apart.strip("])}>:;,|= \t") != ""
+                before.taken = False

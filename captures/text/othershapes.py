@@ -19,7 +19,6 @@ _ESCAPES: Final = re.compile(r"\\(?:x[0-9A-Fa-f]{2}|u00[0-9A-Fa-f]{2}|[ux]\{[0-9
 _QUOTE: Final = re.compile(r"\\.|([\"'])", re.DOTALL)
 _INNER: Final = re.compile(r"\\([\"'])(.*?)\\\1")  # within another string
 _BARE: Final = re.compile(r"\\[xu\d]\S*(?: (?=\S{0,20}\\(?:x|\d{3}))\S*)*")
-_NUL: Final = re.compile(r"(?<!\\)\\0(?=\d)")
 _HALF: Final = re.compile(r"\\x(?![0-9A-Fa-f]{2}|\{)")
 _ESCAPE: Final = re.compile(
     r"\\(?:x([0-9A-Fa-f]{1,2})|u00([0-9A-Fa-f]{2})|[ux]\{([0-9A-Fa-f]{1,2})\}|([0-7]{1,3})|(.))|([^\\])", re.DOTALL
@@ -36,12 +35,9 @@ _DECIMALS: Final = (
     re.compile(r"(?<![\w.+-])\d{1,3}(?P<dash>-)\d{1,3}(?:-\d{1,3}){2,}+"),
 )
 _LAST_ROW: Final = re.compile(r"^\s*(\d{1,3}(?:(?:\s*,\s*|\s+)\d{1,3}){0,2})\s*(?:[\])}]|,?\s*$)")  # of an array
-_ROW_END: Final = re.compile(r"^[0-7]{7} {1,4}(\d{1,3}(?: {1,3}\d{1,3}){0,2})\s*$")  # of od
 _GOES_ON: Final = re.compile(r"\w|[.,]\d|-\d")
-_PADDED: Final = re.compile(r"\d{3}(?:\]\[\d{3})+")  # three digits each
 _LEAST_BYTES: Final = 4
 _TWO: Final = 2  # bytes in a string: a check value that somebody quotes
-_NODE_JSON: Final = re.compile(r'"type"\s*:\s*"Buffer"\s*,\s*"data"\s*:\s*\[\s*$')
 _DIGITS: Final = (
     re.compile(rf"{EDGE}{H}{{1,2}}(?:[ \t]{{1,4}}{H}{{1,2}}){{3,}}{END}"),
     re.compile(rf"{EDGE}{H}{{1,2}}(?P<gap>[ \t]?[,:;|-][ \t]?){H}{{1,2}}(?:(?P=gap){H}{{1,2}}){{2,}}{END}"),
@@ -94,7 +90,6 @@ def other_candidates(line: TextLine) -> Iterator[HexWindow]:
         yield from _in_brackets(text)
     yield from _mistyped(text)
     yield from _end_of_array(text)
-    yield from _last_row(text)
     yield from _digits(text)
     if "000" in text:
         yield from _binary(text)
@@ -103,8 +98,6 @@ def other_candidates(line: TextLine) -> Iterator[HexWindow]:
 
 def _strings(text: str) -> Iterator[HexWindow]:
     r"""`'\x11\x03\x00k'`, `\021\003`, quoted or not, other characters as they are."""
-    if _ESCAPES.search(text) is None:
-        return
     at = 0
     first: int | None = len(text) - len(text.lstrip())
     for start, end in (*_quoted(text), (len(text), len(text))):
@@ -125,15 +118,11 @@ def _unquoted(text: str, start: int, end: int, first: int | None) -> Iterator[He
     """Escapes without quotes; the characters before the first may belong to them, and all from `first` on."""
     body = text[start:end].rstrip("'`\",)];")
     yield from _string(body, start, start + len(body))
-    if start + len(body) < end:
-        yield HexWindow(unescape(text[start:end]), start, end, "\\x", Writing.NUMBER)
-    word = text.rfind(" ", max(start - _WORD, 0), start) + 1 or (0 if start < _WORD else start)
-    begins = {word} | ({first} if first is not None else set())
-    for begin in begins | {begin - 1 for begin in begins if text[begin - 1 : begin] == " "}:  # which may be a byte
-        if begin == start:
-            continue
-        rest = text[begin:] if begin != word else text[begin : start + len(body)]
-        yield HexWindow(unescape(rest), begin, begin + len(rest), "\\x", Writing.NUMBER)
+    word = text.rfind(" ", max(start - _WORD, 0), start) + 1 or max(start - _WORD, 0)
+    whole = () if first is None else ((first, len(text)),)
+    for begin, stop in ((word, start + len(body)), *whole):
+        for at in {begin, max(begin - 1, 0)}:  # a blank may be a byte
+            yield HexWindow(unescape(text[at:stop]), at, stop, "\\x", Writing.NUMBER)
 
 
 def _quoted(text: str) -> Iterator[tuple[int, int]]:
@@ -151,14 +140,14 @@ def _quoted(text: str) -> Iterator[tuple[int, int]]:
 
 
 def _string(body: str, start: int, end: int) -> Iterator[HexWindow]:
-    hexadecimal = "\\x" in body or "\\u" in body
+    hexadecimal = "\\x" in body
     level = Writing.BYTES if hexadecimal or len(_ESCAPES.findall(body)) > 2 else Writing.NUMBER
     if _HALF.search(body):
         level = Writing.NUMBER
     data = unescape(body)
     yield HexWindow(data, start, end, "\\x", level if len(data) > _TWO else min(level, Writing.LIKELY))
-    if _NUL.search(body):  # as Rust and JavaScript have it
-        yield HexWindow(unescape(_NUL.sub(r"\\x00", body)), start, end, "\\0", Writing.NUMBER)
+    if "\\0" in body:  # as Rust and JavaScript have it
+        yield HexWindow(unescape(body.replace("\\0", "\\x00")), start, end, "\\0", Writing.NUMBER)
     if not hexadecimal:  # as Lua and Haskell have it
         yield HexWindow(unescape(body, _DECIMAL_ESCAPE, 10), start, end, "\\decimal", Writing.NUMBER)
 
@@ -198,8 +187,6 @@ def _control_names(text: str) -> Iterator[HexWindow]:
 def _carets(text: str) -> Iterator[HexWindow]:
     """`^A^C^@kM-^D^J`, as `cat -v` shows bytes; a blank may be one of them."""
     for match in _CARETS.finditer(text):
-        if match[0].count("^") + match[0].count("M-") < _LEAST_BYTES - 1:
-            continue
         data = bytes(
             (0x80 if high else 0) + (ord(control) ^ 0x40 if control else ord(char))
             for high, control, char in _CARET.findall(match[0])
@@ -212,9 +199,9 @@ def _carets(text: str) -> Iterator[HexWindow]:
 def _with_characters(text: str) -> Iterator[HexWindow]:
     """`01. 03. 6Bk 00.`: behind each byte the character that it is, or what stands for one."""
     for match in _CHARACTER_EACH.finditer(text):
-        pairs = [(int(match[0][at : at + 2], 16), match[0][at + 2]) for at in range(0, len(match[0]), 4)]
-        if all(sign == (chr(byte) if 0x20 <= byte < 0x7F else ".") for byte, sign in pairs):
-            yield HexWindow(bytes(byte for byte, _ in pairs), *match.span(), "pair and character", Writing.BYTES)
+        data = bytes.fromhex("".join(match[0][at : at + 2] for at in range(0, len(match[0]), 4)))
+        if match[0][2::4] == "".join(chr(byte) if 0x20 <= byte < 0x7F else "." for byte in data):
+            yield HexWindow(data, match.start(), match.end(), "pair and character", Writing.BYTES)
 
 
 def _in_brackets(text: str) -> Iterator[HexWindow]:
@@ -268,15 +255,12 @@ def _decimals(text: str) -> Iterator[HexWindow]:
     """`17, 3, 0, 107`, `[17 3 0 107]`, `[17][3]`, `17-3-0`; negative ones as Java has them."""
     for pattern in _DECIMALS:
         for match in pattern.finditer(text):
-            dashed = "dash" in match.groupdict()
             end = _list_end(text, *match.span())
-            values = [int(word) for word in re.findall(r"\d+" if dashed else r"-?\d+", text[match.start() : end])]
-            if len(values) < _LEAST_BYTES:
-                continue
-            if max(values) < 256 and min(values) > -129 and not (min(values) < 0 and max(values) > 127):
-                node = _NODE_JSON.search(text, max(match.start() - 40, 0), match.start())
-                padded = _PADDED.fullmatch(text, match.start(), end)
-                level = Writing.BYTES if node or padded else Writing.NUMBER
+            number = r"\d+" if "dash" in match.groupdict() else r"-?\d+"
+            values = [int(word) for word in re.findall(number, text[match.start() : end])]
+            if len(values) >= _LEAST_BYTES and max(values) < 256 and min(values) > -129:
+                node = text[: match.start()].endswith(('"data":[', '"data": ['))  # of Node.js
+                level = Writing.BYTES if node else Writing.NUMBER
                 if values[0] == len(values) - 1:  # so many bytes
                     second = text.index(str(values[1]), match.start() + len(str(values[0])))
                     behind = bytes(value & 0xFF for value in values[1:])
@@ -288,14 +272,6 @@ def _end_of_array(text: str) -> Iterator[HexWindow]:
     """`194,  25, 164], dtype=uint8`"""
     if (match := _LAST_ROW.match(text)) is not None:
         values = [int(word) for word in re.findall(r"\d+", match[1])]
-        if max(values) < 256:
-            yield HexWindow(bytes(values), *match.span(1), "decimal", Writing.NUMBER)
-
-
-def _last_row(text: str) -> Iterator[HexWindow]:
-    """`0000020  93 211`: what is left for the last row of a dump in decimals."""
-    if (match := _ROW_END.match(text)) is not None:
-        values = [int(word) for word in match[1].split()]
         if max(values) < 256:
             yield HexWindow(bytes(values), *match.span(1), "decimal", Writing.NUMBER)
 

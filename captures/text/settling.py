@@ -15,7 +15,7 @@ from typing import Final
 from .candidates import CHECK_NAME, HexWindow, Writing, is_ruler, shows
 from .choosing import MOST_JUDGED, ByteRun, Experience
 from .columns import COLUMN_SHAPE, MOST_ROWS, settle_columns, settle_unchecked
-from .copies import settle_behind_cuts, settle_copies, settle_narrow_dumps, settle_single_bytes
+from .copies import settle_behind_cuts, settle_copies, settle_single_bytes
 from .judging import ByteJudge, Checked, unturned
 from .loglines import LogLine
 from .numbering import (
@@ -25,9 +25,8 @@ from .numbering import (
     leave_out_short_offsets,
 )
 from .series import settle_series, settle_tails
-from .weighing import is_counted, is_measured, leave_out_computed, leave_out_unsupported
+from .weighing import is_counted, is_measured, leave_out_computed, leave_out_records, leave_out_unsupported
 
-_ADDRESS: Final = 4  # numbers of an IP address
 _ROWS: Final = (8, 16, 20, 32)  # bytes of a full row
 _SHORT: Final = 3  # bytes: no more where text stands behind them
 _HEADED: Final = 6  # bytes for which the header of a frame speaks
@@ -45,12 +44,12 @@ def settle(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -
         for run in line.runs:
             run.taken = _speaks_for_itself(run, line, experience)
     leave_out_computed(lines)
+    leave_out_records(lines)
     leave_out_line_numbers(lines)
     leave_out_counts(lines)
     _counts(lines)
     _beside(lines)
     settle_single_bytes(lines)
-    settle_narrow_dumps(lines, judge)
     settle_series(lines, judge, experience)
     settle_columns(lines, unturned(judge), experience)
     _blocks(lines, judge, experience)
@@ -81,7 +80,7 @@ def _speaks_for_itself(run: ByteRun, line: LogLine, experience: Experience) -> b
     if run.level >= experience.threshold:
         return True
     numbers = _are_numbers(run, line)
-    if run.level is Writing.LIKELY and run.mark and (len(run.data) > 1 or not run.heading) and not numbers:
+    if run.level is Writing.LIKELY and run.mark and not numbers:
         return True
     if experience.decimals and run.shape == "decimal" and _plainly_decimal(line.clean[run.start : run.end]):
         return True
@@ -104,7 +103,7 @@ def _are_numbers(run: ByteRun, line: LogLine) -> bool:
     """Whether it is what people write in decimals, too short for a frame: `40001 -> 1234`, `values read: 16 25 30`."""
     shown = line.clean[run.start : run.end]
     if run.shape == "words":
-        return len(run.data) < _HEADED and shown.isdigit()
+        return shown.isdigit()
     tokens = re.findall(r"\w+", shown)
     return 1 < len(tokens) <= _SHORT and all(token.isdigit() and token[0] != "0" for token in tokens)
 
@@ -130,7 +129,7 @@ def _counts(lines: Sequence[LogLine]) -> None:
 
 def _plainly_decimal(text: str) -> bool:
     numbers = re.findall(r"\d+", text)
-    return any(len(number) == 3 for number in numbers) and not (len(numbers) == _ADDRESS and text.count(".") == 3)
+    return any(len(number) == 3 for number in numbers) and text.count(".") != 3
 
 
 def only_bytes(lines: Sequence[LogLine]) -> bool:
@@ -150,11 +149,9 @@ def _beside(lines: Sequence[LogLine]) -> None:
         for one, neighbour in pairwise(near):
             if len(one.runs) == len(neighbour.runs) == 1 and one.runs[0].taken and not neighbour.runs[0].taken:
                 run = neighbour.runs[0]
-                other = run.shape in _WITH_SIGNS and run.shape != one.runs[0].shape  # `10:15`, `11/25`
-                if run.level is Writing.LIKELY and not other and _is_all(run, neighbour) and _is_all(one.runs[0], one):
-                    run.taken = (
-                        len(run.data) > 1 or not neighbour.clean[run.start : run.end].isdigit() or run.data[0] < 0x10
-                    )
+                other = run.shape in _WITH_SIGNS  # `10:15`, `11/25`
+                if run.level is Writing.LIKELY and not other and _is_all(run, neighbour):
+                    run.taken = len(run.data) > 1
 
 
 # Arrays over several lines.
@@ -201,15 +198,13 @@ def _reread(block: list[tuple[LogLine, ByteRun]], judge: ByteJudge, experience: 
     Where some are right alone, the rest of a frame may stand in those beside them.
     """
     alone = sum(_covered(run.checked) for _, run in block)
-    if alone and all(run.taken and _covered(run.checked) == len(run.data) for _, run in block if run.checked):
-        return
     readings = [_readings(run) for _, run in block]
     for shape in readings[0]:
         if not all(shape in reading for reading in readings[1:]):
             continue
         data = b"".join(reading[shape].data for reading in readings)
         if len(data) <= MOST_JUDGED and (checked := judge(data)):
-            if 2 * _covered(checked) < len(data) or _covered(checked) <= alone:
+            if _covered(checked) <= alone:
                 continue
             at = 0
             for (line, run), reading in zip(block, readings, strict=True):
@@ -236,12 +231,11 @@ def _rows_of_dumps(lines: Sequence[LogLine], judge: ByteJudge) -> None:
     for one, below in pairwise(lines):
         if below.continues and one.runs and one.runs[-1].taken:
             first, row = one.runs[-1], below.runs[0]
-            if row.offset is not None and row.shape != first.shape and first.shape in (readings := _readings(row)):
-                row.take(readings[first.shape])
+            row.take(_readings(row).get(first.shape, row))
             row.taken = row.taken or row.offset is not None
     for line in lines:
         for run in line.runs:
-            if run.padded and run.shape.startswith("swapped"):
+            if run.padded:
                 run.data, run.padded = run.data[:-1], False
     dump: list[ByteRun] = []
     for line in lines:
@@ -277,9 +271,8 @@ def _ends_of_arrays(lines: Sequence[LogLine]) -> None:
         if below.number - one.number > 1 or above.checked or not _begins(below, run):
             continue
         behind = below.clean[run.end :].strip(" \t|")
-        comma = one.clean[above.end :].strip() == "," and not any(map(str.isalnum, behind))
         row = len(above.data) in _ROWS and above.start == run.start and (not behind or shows(run.data, behind))
-        if comma or row:
+        if row or one.clean[above.end :].strip() == ",":
             run.taken, below.continues = True, True
 
 
@@ -288,9 +281,9 @@ def _bytes_alone(lines: Sequence[LogLine]) -> None:
     for one, below in pairwise(lines):
         if len(one.runs) == len(below.runs) == 1 and below.number == one.number + 1 and below.t_ns == one.t_ns:
             first, run = one.runs[0], below.runs[0]
-            alone = len(first.data) == len(run.data) == 1 and first.taken and run.taken
+            alone = len(first.data) == len(run.data) == 1 and run.taken
             alike = (first.label, first.shape, first.mark) == (run.label, run.shape, run.mark)
-            if alone and alike and run.shape != COLUMN_SHAPE and not first.checked:
+            if alone and alike and run.shape != COLUMN_SHAPE:
                 below.continues = True
 
 
@@ -298,7 +291,7 @@ def _as_long_as_they_say(lines: Sequence[LogLine], judge: ByteJudge, experience:
     """A frame with a wrong check value, or without one, in a writing in which others of the text are right."""
     for line in lines:
         for run in line.runs:
-            if run.taken or run.why or run.halved or line.quiet or len(run.data) < _HEADED:
+            if run.taken or run.why or line.quiet or len(run.data) < _HEADED:
                 continue
             if run.level is Writing.NUMBER and run.shape == "pairs":
                 continue  # a list of numbers
@@ -318,13 +311,6 @@ def _named_check_values(lines: Sequence[LogLine]) -> None:
     """Two bytes called `CRC` right behind others are theirs, right or not."""
     for line in lines:
         for before, run in pairwise(line.runs):
-            if (
-                not run.taken
-                and not run.why
-                and before.taken
-                and not before.checked
-                and len(run.data) == _CRC
-                and run.shape.startswith("pairs")
-                and _CALLED_CRC.search(line.clean[before.end : run.start])
-            ):
+            behind = before.taken and not (before.checked or run.taken or run.why) and len(run.data) == _CRC
+            if behind and _CALLED_CRC.search(line.clean[before.end : run.start]):
                 run.taken = True

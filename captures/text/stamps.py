@@ -53,12 +53,6 @@ _BARE_DATE = re.compile(
     rf"(?<![\w.:-])\d\d?-{_NAME}-\d{{2,4}}\b",
     re.IGNORECASE,
 )
-_MINUTE: Final = re.compile(  # of chats and mails: too coarse for a time, but no bytes
-    rf"(?<![\w.:-])(?:{_DATE}(?:, | at | в | - | )(?:at |в )?(?P<h>\d{{1,2}}):(?P<mi>\d\d)(?: ?[AaPp]\.?[Mm]\b\.?)?|\d{{1,2}}:\d\d ?[AaPp]\.?[Mm]\b|(?<=\bat )\d{{1,2}}:\d\d)(?![\w:]|[.,]\d)"
-    r"|^\s*\[\d\d:\d\d\](?=\s*[^\W\d_])",
-    re.IGNORECASE,
-)
-_LIKELY_MINUTE: Final = re.compile(r"\d:\d\d(?![\d:])")
 _LIKELY_CLOCK = re.compile(r"\d:\d\d:\d\d")
 _LIKELY_DATE = re.compile(r"\d[-/.](?:\d\d|[A-Za-z])")
 _LONG: Final = 4096  # characters: in a longer line times are looked for
@@ -115,8 +109,6 @@ def find(text: str, zone: tzinfo | None = UTC) -> tuple[Stamp | None, str]:
         likely = _LIKELY_CLOCK.search(text, end)
     if stamp is None and timed:
         stamp, text = count_with_days(text)
-    if stamp is None and ":" in text and _LIKELY_MINUTE.search(text):
-        text = _MINUTE.sub(lambda match: " " * len(match[0]), text)
     if _LIKELY_DATE.search(text):
         for match in _BARE_DATE.finditer(text):
             text = blanked(text, match)

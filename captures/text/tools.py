@@ -50,53 +50,11 @@ _SPEAKERS: Final = {  # marks only before an arrow
     "drive": RX, "meter": RX, "rtu": RX, "sensor": RX, "inverter": RX, "vfd": RX, "счётчик": RX, "счетчик": RX,
     "slave": RX, "server": RX, "device": RX, "s": RX, "слейв": RX, "ведомый": RX, "прибор": RX, "устройство": RX,
 }  # fmt: skip
-_EAST: Final = (  # parts of words in scripts that put no spaces between them; the last one in a word counts
-    *(
-        (word, TX)
-        for word in [
-            "发送",
-            "發送",
-            "发出",
-            "下发",
-            "请求",
-            "请求",
-            "查询",
-            "询问",
-            "问询",
-            "主机",
-            "主站",
-            "上位机",
-            "送信",
-            "要求",
-            "전송",
-            "송신",
-            "요청",
-            "发",
-        ]
-    ),
-    *(
-        (word, RX)
-        for word in [
-            "接收",
-            "收到",
-            "应答",
-            "應答",
-            "响应",
-            "响應",
-            "回复",
-            "回應",
-            "返回",
-            "从机",
-            "从站",
-            "下位机",
-            "受信",
-            "応答",
-            "수신",
-            "응답",
-            "收",
-        ]
-    ),
-)
+_EAST: Final = {  # parts of words in scripts that put no spaces between them; the last one in a word counts
+    TX: "发送 發送 发出 下发 请求 查询 询问 问询 主机 主站 上位机 送信 要求 전송 송신 요청 发",
+    RX: "接收 收到 应答 應答 响应 响應 回复 回應 返回 从机 从站 下位机 受信 応答 수신 응답 收",
+}
+_PART_OF: Final = {part: mark for mark, parts in _EAST.items() for part in parts.split()}
 _ARROW_OF: Final = {">": TX, "→": TX, "⇒": TX, "▶": TX, "<": RX, "←": RX, "⇐": RX, "◀": RX}
 _CANDIDATE: Final = re.compile(
     r"(?<![^\W_])(?P<word>[^\W\d_]{1,16})(?![^\W\d_])"
@@ -119,7 +77,6 @@ _NEGATED: Final = re.compile(
 )
 _NEGATED_WITHIN: Final = 24  # characters
 _CODE: Final = 3  # characters of `TX`, `RXD`, before which `No` is a column's name
-_PROMPT: Final = re.compile(r"^>>> ?(?=[A-Za-z_][\w.]*(?:\(| ?=|$))")  # of Python: no arrow
 _NAMED: Final = re.compile("地址|编号|号|名称|数量|个数|番号|アドレス|주소|번호")  # a station's, and no message
 _LETTERS: Final = re.compile(rf"[a-z]{{2,8}}?(?={_CARRIER}(?![^\W\d_]))|[^\W\d_]+")
 _ASCII_WORD: Final = re.compile(rf"[a-z]{{2,8}}?(?={_CARRIER}(?![a-z]))|{_CARRIER}|[a-z]+")
@@ -143,8 +100,7 @@ def marks(text: str) -> list[LineMark]:
     line_marks: list[LineMark] = []
     if text.isascii() and _MARKING.isdisjoint(_ASCII_WORD.findall(text.lower())) and not _ARROW.search(text):
         return line_marks  # in most lines of most logs
-    prompt = _PROMPT.match(text)
-    begin = prompt.end() if prompt is not None else 0
+    begin = 0
     if (names := _NAMES.search(text, begin)) is not None and not _MARK_OF.get(names["one"].lower()):
         sender, addressee = names["one"], names["other"]
         if names["way"][0] in "<←":
@@ -188,7 +144,7 @@ def _of_word(word: str, *, signed: bool) -> int:
     if kind:
         return kind
     last, kind = -1, NONE
-    for part, mark in _EAST:
+    for part, mark in _PART_OF.items():
         if (at := word.rfind(part)) > last and _NAMED.match(word, at + len(part)) is None:
             last, kind = at, mark
     return kind
@@ -239,151 +195,67 @@ MARK_WORDS |= {"<": RX, "<<<": RX, "rx": RX, "recv": RX, "read": RX, "irp_mj_rea
 MARK_WORDS |= {"s bo": TX, "c bi": RX}
 MARK_WORDS |= {"processing": RX, "handling data": RX, "unexpected data": RX}
 _STRACE = r"^(?:\[pid +\d+\] |\d+ +)?(?:(?P<time>\d\d:\d\d:\d\d(?:\.\d+)?|\d{9,10}\.\d+) )?"
-_POLL_TIME: Final = r"(?:(?P<time>\d\d:\d\d:\d\d\.\d{3})-)?"
 
-SHAPES = (
-    Shape(
-        "socat -x",
-        LineRole.HEADER,
-        re.compile(
-            r"^(?P<mark>[<>]) (?P<time>\d{4}/\d\d/\d\d \d\d:\d\d:\d\d\.\d+) +length=(?P<length>\d+) from=\d+ to=\d+\s*$"
-        ),
-    ),
-    Shape(
-        "strace",
-        LineRole.STRING,
-        re.compile(
-            _STRACE + r"(?:<\.\.\. )?(?P<mark>read|write)(?: resumed>|\(\d+(?:<[^>]*>)?, )"
-            r'"(?P<hex>(?:[^"\\]|\\.)*)"(?P<cut>\.\.\.)?, \d+\)\s+= (?P<length>-?\d+)'
-        ),
-    ),
-    Shape(
-        "strace",
-        LineRole.NOTHING,
-        re.compile(
-            _STRACE + r"(?:\w+\(.*(?:\)\s+= (?:-?\d|0x|\?)|<unfinished)|<\.\.\. \w+ resumed|"
-            r"(?:\+{3}|-{3}) (?:exited|killed|SIG))"
-        ),
-    ),
-    Shape("Modbus Poll", LineRole.BYTES, re.compile(rf"^(?P<mark>Tx|Rx):\d{{4,}}-{_POLL_TIME}(?P<hex>.*)$")),
-    Shape("Modbus Poll", LineRole.BYTES, re.compile(rf"^\d{{4,}}-(?P<mark>Tx|Rx):{_POLL_TIME}(?P<hex>.*)$")),
-    Shape(
-        "QModMaster",
-        LineRole.BYTES,
-        re.compile(r"^\[\w+\]>(?P<mark>Tx|Rx) > (?P<time>\d\d:\d\d:\d\d:\d{3}) : ?(?P<hex>.*)$"),
-    ),
-    Shape(
-        "pymodbus",
-        LineRole.BYTES,
-        re.compile(
-            r"^(?P<time>\d{4}-\d\d-\d\d \d\d:\d\d:\d\d[,.]\d{3})?(?:(?!(?:send|recv): 0x| 0x[0-9a-f]{1,2} 0x).)*\b"
+_LAYOUTS: Final = (
+    ("socat -x", LineRole.HEADER, NONE,
+     r"^(?P<mark>[<>]) (?P<time>\d{4}/\d\d/\d\d \d\d:\d\d:\d\d\.\d+) +length=(?P<length>\d+) from=\d+ to=\d+\s*$"),
+    ("strace", LineRole.STRING, NONE,
+     _STRACE + r"(?:<\.\.\. )?(?P<mark>read|write)(?: resumed>|\(\d+(?:<[^>]*>)?, )"
+            r'"(?P<hex>(?:[^"\\]|\\.)*)"(?P<cut>\.\.\.)?, \d+\)\s+= (?P<length>-?\d+)'),
+    ("strace", LineRole.NOTHING, NONE,
+     _STRACE + r"(?:\w+\(.*(?:\)\s+= (?:-?\d|0x|\?)|<unfinished)|<\.\.\. \w+ resumed|"
+            r"(?:\+{3}|-{3}) (?:exited|killed|SIG))"),
+    ("pymodbus", LineRole.BYTES, NONE,
+     r"(?i)^(?P<time>\d{4}-\d\d-\d\d \d\d:\d\d:\d\d[,.]\d{3})?(?:(?!(?:send|recv): 0x| 0x[0-9a-f]{1,2} 0x).)*\b"
             r"(?P<mark>send|recv|processing|handling data|unexpected data|getting frame|short frame|"
             r"current frame in buffer)(?:: | - )"
             r"(?P<hex>(?:0x[0-9a-f]{1,2}(?: |$))*)\s*"
-            r"(?:(?:extra data|unexpected data|old_data):.*|wait for more data)?$",
-            re.IGNORECASE,
-        ),
-    ),
-    Shape("pymodbus", LineRole.NOTHING, re.compile(r"^\d{4}-\d\d-\d\d \d\d:\d\d:\d\d[,.]\d{3} [A-Z]+ +\w+:\d+ ")),
-    Shape(
-        "Saleae Logic 2, as characters",
-        LineRole.STRING,
-        re.compile(
-            r'^"[^"]*","data",(?P<time>\d+\.\d+),[^,"]*,"(?P<hex>[^"\\]|\\x[0-9A-Fa-f]{2}|\\[0abtnvfr\\])"(?:,|\s*$)'
-        ),
-    ),
-    Shape("PowerShell", LineRole.NOTHING, re.compile(r"^\s+(?:Label: .* <[0-9A-F]{8}>|Path: .*)\s*$")),
-    Shape("libmodbus", LineRole.BYTES, re.compile(r"^(?P<hex>(?:\[[0-9A-F]{2}\])+)\s*$"), TX),
-    Shape("libmodbus", LineRole.BYTES, re.compile(r"^(?P<hex>(?:<[0-9A-F]{2}>)+)\s*$"), RX),
-    Shape(
-        "libmodbus, mbpoll",
-        LineRole.NOTHING,
-        re.compile(
-            r"^(?:Waiting for an? (?:confirmation|indication)|Opening /|-- Polling|\[\d+\]:\s|Bytes flushed|"
+            r"(?:(?:extra data|unexpected data|old_data):.*|wait for more data)?$"),
+    ("pymodbus", LineRole.NOTHING, NONE,
+     r"^\d{4}-\d\d-\d\d \d\d:\d\d:\d\d[,.]\d{3} [A-Z]+ +\w+:\d+ "),
+    ("Saleae Logic 2, as characters", LineRole.STRING, NONE,
+     r'^"[^"]*","data",(?P<time>\d+\.\d+),[^,"]*,"(?P<hex>[^"\\]|\\x[0-9A-Fa-f]{2}|\\[0abtnvfr\\])"(?:,|\s*$)'),
+    ("PowerShell", LineRole.NOTHING, NONE,
+     r"^\s+(?:Label: .* <[0-9A-F]{8}>|Path: .*)\s*$"),
+    ("libmodbus", LineRole.BYTES, TX,
+     r"^(?P<hex>(?:\[[0-9A-F]{2}\])+)\s*$"),
+    ("libmodbus", LineRole.BYTES, RX,
+     r"^(?P<hex>(?:<[0-9A-F]{2}>)+)\s*$"),
+    ("libmodbus, mbpoll", LineRole.NOTHING, NONE,
+     r"^(?:Waiting for an? (?:confirmation|indication)|Opening /|-- Polling|\[\d+\]:\s|Bytes flushed|"
             r"debug enabled|Set (?:mode|device|function|rtu|number|start|response|timeout|daddr)\b|iGet\w*List\(|"
             r"Integer found:|iCount=|\d+ bytes flushed|"
             r"ERROR |(?:Read|Write) .* failed:|mbpoll \d|Protocol configuration:|Slave configuration\.*:|"
             r"Communication\.+:|Data type\.+:|Written \d|Copyright |This program comes|"
-            r"This is free software|to redistribute|under certain|\s+(?:address|start|baudrate|t/o)\b)"
-        ),
-    ),
-    Shape(
-        "ESPHome",
-        LineRole.BYTES,
-        re.compile(
-            r"^(?:\[(?P<time>\d\d:\d\d:\d\d(?:\.\d+)?)\])?\[[A-Z]+\]\[uart_debug:\d+\]: (?P<mark>>>>|<<<) (?P<hex>.*)$"
-        ),
-    ),
-    Shape("ESPHome", LineRole.NOTHING, re.compile(r"^(?:\[[\d:.]+\])?\[[A-Z]{1,2}\]\[[\w.]+:\d+\]:")),
-    Shape(
-        "PortMon",
-        LineRole.BYTES,
-        re.compile(
-            r"^\d+(?=\s.*\bIRP_MJ_)\s{1,16}(?P<time>\d{1,2}:\d\d:\d\d(?:\.\d+)?(?: [AP]M)?|\d+\.\d+)?\s"
+            r"This is free software|to redistribute|under certain|\s+(?:address|start|baudrate|t/o)\b)"),
+    ("ESPHome", LineRole.NOTHING, NONE,
+     r"^(?:\[[\d:.]+\])?\[[A-Z]{1,2}\]\[[\w.]+:\d+\]:"),
+    ("PortMon", LineRole.BYTES, NONE,
+     r"^\d+(?=\s.*\bIRP_MJ_)\s{1,16}(?P<time>\d{1,2}:\d\d:\d\d(?:\.\d+)?(?: [AP]M)?|\d+\.\d+)?\s"
             r".*?\b(?P<mark>IRP_MJ_READ|IRP_MJ_WRITE)\s.*\bLength (?P<length>\d+): "
-            r"(?P<hex>(?:[0-9A-Fa-f]{2}(?:\s|$))+)(?P<cut>\.\.\.)?\s*$"
-        ),
-    ),
-    Shape(
-        "serial port monitors, table",
-        LineRole.BYTES,
-        re.compile(
-            r"^\d+\t(?:(?P<time>[^\t]*\d:\d\d:\d\d[^\t]*)\t)?(?:[^\t]*\t){0,12}?(?P<mark>IRP_MJ_READ|IRP_MJ_WRITE)\t"
-            r"(?:[^\t]*\t){0,12}?(?P<hex>[0-9A-Fa-f]{2}(?: [0-9A-Fa-f]{2})+) ?(?:\t|$)"
-        ),
-    ),
-    Shape(
-        "Eltima Serial Port Monitor",
-        LineRole.HEADER,
-        re.compile(r"^\d+\s+(?P<mark>IRP_MJ_READ|IRP_MJ_WRITE) - Request transfers data\b"),
-    ),
-    Shape(
-        "Eltima Serial Port Monitor",
-        LineRole.NOTHING,
-        re.compile(r"^\s+(?:STATUS_\w+|IOCTL_\w+ - .*|(?=[A-Za-z]*[g-zG-Z])[A-Za-z]+ - \w+)\s*$"),
-    ),
-    Shape(
-        "Device Monitoring Studio",
-        LineRole.HEADER,
-        re.compile(r"^\d{6}: (?P<mark>Read|Write) Request \((?:UP|DOWN)\), (?P<time>\d[\d./-]+ \d\d:\d\d:\d\d\.\d+)"),
-    ),
-    Shape(
-        "Free Serial Analyzer",
-        LineRole.HEADER,
-        re.compile(r"^\[(?P<time>\d[^\]]+)\] (?P<mark>Written|Read) data \(\S+\)\s*$"),
-    ),
-    Shape(  # behind the two status bytes of an FTDI adapter, where it is one
-        "usbmon",
-        LineRole.BYTES,
-        re.compile(
-            r"^[0-9a-f]{8,16} (?P<us>\d{1,16}) (?P<mark>[SCE] [CBIZ][io]):\d+:\d+:\d+ "
+            r"(?P<hex>(?:[0-9A-Fa-f]{2}(?:\s|$))+)(?P<cut>\.\.\.)?\s*$"),
+    ("serial port monitors, table", LineRole.BYTES, NONE,
+     r"^\d+\t(?:(?P<time>[^\t]*\d:\d\d:\d\d[^\t]*)\t)?(?:[^\t]*\t){0,12}?(?P<mark>IRP_MJ_READ|IRP_MJ_WRITE)\t"
+            r"(?:[^\t]*\t){0,12}?(?P<hex>[0-9A-Fa-f]{2}(?: [0-9A-Fa-f]{2})+) ?(?:\t|$)"),
+    ("Eltima Serial Port Monitor", LineRole.HEADER, NONE,
+     r"^\d+\s+(?P<mark>IRP_MJ_READ|IRP_MJ_WRITE) - Request transfers data\b"),
+    ("Eltima Serial Port Monitor", LineRole.NOTHING, NONE,
+     r"^\s+(?:STATUS_\w+|IOCTL_\w+ - .*|(?=[A-Za-z]*[g-zG-Z])[A-Za-z]+ - \w+)\s*$"),
+    ("Device Monitoring Studio", LineRole.HEADER, NONE,
+     r"^\d{6}: (?P<mark>Read|Write) Request \((?:UP|DOWN)\), (?P<time>\d[\d./-]+ \d\d:\d\d:\d\d\.\d+)"),
+    ("Free Serial Analyzer", LineRole.HEADER, NONE,
+     r"^\[(?P<time>\d[^\]]+)\] (?P<mark>Written|Read) data \(\S+\)\s*$"),
+    ("usbmon", LineRole.BYTES, NONE,  # behind the two status bytes of an FTDI adapter, where it is one
+     r"^[0-9a-f]{8,16} (?P<us>\d{1,16}) (?P<mark>[SCE] [CBIZ][io]):\d+:\d+:\d+ "
             r"(?:s .*|-?\d+(?: \d+(?: (?:[<>]|= (?:[0-3]160 ?)?))?)?)"
-            r"(?P<hex>[0-9a-f ]*)$"
-        ),
-    ),
-    Shape(
-        "PortMon",
-        LineRole.NOTHING,
-        re.compile(
-            r"^\d+\s.*\b(?:IRP_MJ_(?!READ|WRITE)\w+|IOCTL_\w+|"
-            r"IRP_MJ_(?:READ|WRITE)\b(?!.*\b[0-9A-Fa-f]{2} [0-9A-Fa-f]{2}\b))"
-        ),
-    ),
-    Shape(
-        "sigrok uart",
-        LineRole.BYTES,
-        re.compile(
-            r"^\d+-(?P<sample>\d+) (?:uart-\d+|UART(?:-\d+|\[\d+\])?): (?:(?P<mark>[RT]X)(?: data)?: )?"
-            r"(?P<hex>[0-9A-F]{2})\s*$",
-            re.IGNORECASE,
-        ),
-    ),
-    Shape(
-        "sigrok uart_packet",
-        LineRole.BYTES,
-        re.compile(
-            r"^uart_packet-\d+:\s+(?P<time>\d+\.\d{3}) (?P<mark>[RT]X): (?P<hex>[0-9A-F]{2}(?: [0-9A-F]{2})*)\s*$"
-        ),
-    ),
-    Shape("sigrok uart", LineRole.NOTHING, re.compile(r"^\d+-\d+ (?:uart-\d+|UART(?:-\d+|\[\d+\])?): \D")),
-)
+            r"(?P<hex>[0-9a-f ]*)$"),
+    ("PortMon", LineRole.NOTHING, NONE,
+     r"^\d+\s.*\b(?:IRP_MJ_(?!READ|WRITE)\w+|IOCTL_\w+|"
+            r"IRP_MJ_(?:READ|WRITE)\b(?!.*\b[0-9A-Fa-f]{2} [0-9A-Fa-f]{2}\b))"),
+    ("sigrok uart", LineRole.BYTES, NONE,
+     r"(?i)^\d+-(?P<sample>\d+) (?:uart-\d+|UART(?:-\d+|\[\d+\])?): (?:(?P<mark>[RT]X)(?: data)?: )?"
+            r"(?P<hex>[0-9A-F]{2})\s*$"),
+    ("sigrok uart_packet", LineRole.BYTES, NONE,
+     r"^uart_packet-\d+:\s+(?P<time>\d+\.\d{3}) (?P<mark>[RT]X): (?P<hex>[0-9A-F]{2}(?: [0-9A-F]{2})*)\s*$"),
+)  # fmt: skip
+SHAPES: Final = tuple(Shape(tool, role, re.compile(pattern), mark) for tool, role, mark, pattern in _LAYOUTS)

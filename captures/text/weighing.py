@@ -24,9 +24,7 @@ _ALIKE: Final = 4.0  # written as what is right
 _APART: Final = -2.0  # in words as wide as nothing that is right
 _MARKED: Final = 4.0
 _TRUSTED: Final = 4.0  # behind words behind which others are right
-_ANNOUNCED: Final = 5.0  # as long as its header says
 _HEADED: Final = 6  # bytes for which a header speaks
-_OFFSET: Final = 2.0  # of a dump of bytes
 _RIGHT: Final = 16.0
 _HARDLY: Final = 4.0  # so little speaks for it that anything plainer outweighs it
 _NEVER: Final = 99.0
@@ -41,7 +39,7 @@ def leave_out_unsupported(lines: Sequence[LogLine], judge: ByteJudge, experience
     experience.plainest = max(experience.plainest, *bits, -_HARDLY)
     least = 0.0 if experience.builds else -_HARDLY if experience.plainest > 0 else -_NEVER
     for group, weight in zip(groups, bits, strict=True):
-        if weight <= least and not (weight + _ANNOUNCED > least and _is_announced(group, judge)):
+        if weight <= least and not _is_announced(group, judge):
             for line, run in group:
                 run.taken = line.continues = False
 
@@ -77,7 +75,6 @@ def _bits(run: ByteRun, experience: Experience) -> float:
     bits += _ALIKE if alike else _APART if run.build != run.shape else 0.0
     bits += _MARKED if run.mark else 0.0
     bits += _TRUSTED if run.label and (run.label, run.shape) in experience.proven else 0.0
-    bits += _OFFSET if run.offset is not None and not run.width else 0.0
     return bits
 
 
@@ -117,6 +114,32 @@ def is_counted(run: ByteRun, line: LogLine) -> bool:
 def is_computed(run: ByteRun, line: LogLine) -> bool:
     """Whether the words before say that somebody has computed or expected it: it was not on the line."""
     return _CALLED_COMPUTED.search(line.clean[max(run.start - _NEAR, 0) : run.start]) is not None
+
+
+_RECORD_AROUND: Final = 5  # bytes of a record of Intel HEX: how many it carries, two of an address, a type, a sum
+_RECORD_TYPES: Final = 6
+
+
+def leave_out_records(lines: Sequence[LogLine]) -> None:
+    """Lines of a program in Intel HEX, whose sum is that of ASCII mode: no traffic where all of a text are such.
+
+    A request may look like one (`:020300000002F9`), so that one at least must be right, and no frame.
+    """
+    colons = [line for line in lines if line.clean.lstrip()[:1] == ":"]
+    runs = [run for line in colons for run in line.runs]
+    if all(_is_record(line.clean.strip()) for line in colons) and any(run.ascii and not run.checked for run in runs):
+        for run in runs:
+            run.taken, run.why = False, "records of a program in Intel HEX"
+
+
+def _is_record(text: str) -> bool:
+    try:
+        record = bytes.fromhex(text[1:])
+    except ValueError:
+        return False
+    if len(record) < _RECORD_AROUND or sum(record) & 0xFF:
+        return False
+    return record[0] == len(record) - _RECORD_AROUND and record[3] < _RECORD_TYPES
 
 
 def leave_out_computed(lines: Sequence[LogLine]) -> None:

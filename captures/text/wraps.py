@@ -116,10 +116,6 @@ class Unwrapper:
 
     def _crosses(self, run: ByteRun, parts: Sequence[str]) -> bool:
         """Whether a frame with a right check value goes over the first seam."""
-        if not _is_whole(run):
-            return False
-        if parts[0][-1:].isalnum() and parts[1][:1].isalnum():
-            return True
         before = next((one for one in self._runs(parts[0]) if one.start == run.start), None)
         at = len(before.data) if before is not None else 1
         return any(span.start < at < span.end for span in run.checked)
