@@ -13,27 +13,32 @@ from ..registry import Foretold, Suspicion, Symptom, suspect
 
 _BACKGROUND: Final = 0.02
 _SURE_BITS: Final = 8.0
+_TO_ALL: Final = 0
 
 
 @suspect(
     "rest-too-short",
     Severity.WARNING,
     blame="master",
-    text="The client pauses too briefly before requests to {units:unit|units}: {silent:,} of {asked:,} requests after less "
-    "than {rest:ms} of silence got no byte back, {rested_silent:,} of {rested:,} after more",
-    share="{silent:,} of {asked:,} requests after less than {rest:ms}, {rested_silent:,} of {rested:,} after more",
+    text="The client pauses too briefly before requests to {units:unit|units}: {silent:,} of {asked:,} requests[ after "
+    "less than {rest:ms} of silence][ right behind {calls:broadcast|broadcasts}] got no byte back, {rested_silent:,} of "
+    "{rested:,} others",
+    share="{silent:,} of {asked:,} requests[ after less than {rest:ms}][ behind {calls:broadcast|broadcasts}], "
+    "{rested_silent:,} of {rested:,} others",
     deciding_test="Let the client pause twice as long before it asks {units:unit|units}: the silences must disappear",
-    remedy="Set the client's delay between polls to more than {rest:ms}; the specification asks for 3.5 characters "
-    "only, some "
-    "devices need tens of milliseconds",
-    foretold=Foretold({Symptom.SILENCE: frozenset(("rest",))}),
+    remedy="Set the client's delay between polls[ to more than {rest:ms}][ behind a broadcast to 100 ms or more "
+    "({calls:,} were sent)]; the specification asks for 3.5 characters only, some devices need tens of milliseconds",
+    foretold=Foretold({Symptom.SILENCE: frozenset(("rest", "unit-before"))}),
 )
 def rest_too_short(evidence: Evidence) -> Iterator[Suspicion]:
-    """Silence that hangs on the rest before the request."""
+    """Silence that hangs on the rest before the request, or comes right behind broadcasts, each of which takes a unit
+    its time."""
     found = []
     for unit in evidence.units:
         best = evidence.best_contrast(Symptom.SILENCE, unit.unit)
-        told = best.name == "rest" and not best.over and best.bits >= _SURE_BITS
+        brief = best.name == "rest" and not best.over
+        called = best.name == "unit-before" and best.value == _TO_ALL
+        told = (brief or called) and best.bits >= _SURE_BITS
         if told and evidence.silent(unit) and best.then.rate > 0.5 > 0.1 > best.otherwise.rate:
             found.append((unit, best))
     if not found:
@@ -51,7 +56,8 @@ def rest_too_short(evidence: Evidence) -> Iterator[Suspicion]:
             "asked": asked,
             "rested": others,
             "rested_silent": sum(best.otherwise.hits for _, best in found),
-            "rest": max(best.spared for _, best in found) / 1e6,
+            "rest": max((best.spared for _, best in found if best.name == "rest"), default=0) / 1e6,
+            "calls": evidence.ledger.broadcasts if any(best.name != "rest" for _, best in found) else 0,
         },
         since=min(unit.first for unit, _ in found) if evidence.ledger.timed else None,
         until=max(unit.last for unit, _ in found) if evidence.ledger.timed else None,
