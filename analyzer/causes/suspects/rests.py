@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 from ...tables.findings import Severity
 from ..bits import surplus_bits
+from ..contrasts import Contrast
 from ..evidence import Evidence
 from ..exchanges import Ending
 from ..registry import Foretold, Suspicion, Symptom, suspect
@@ -14,6 +15,7 @@ from ..registry import Foretold, Suspicion, Symptom, suspect
 _BACKGROUND: Final = 0.02
 _SURE_BITS: Final = 8.0
 _TO_ALL: Final = 0
+_HALF: Final = 0.5
 
 
 @suspect(
@@ -35,11 +37,8 @@ def rest_too_short(evidence: Evidence) -> Iterator[Suspicion]:
     its time."""
     found = []
     for unit in evidence.units:
-        best = evidence.best_contrast(Symptom.SILENCE, unit.unit)
-        brief = best.name == "rest" and not best.over
-        called = best.name == "unit-before" and best.value == _TO_ALL
-        told = (brief or called) and best.bits >= _SURE_BITS
-        if told and evidence.silent(unit) and best.then.rate > 0.5 > 0.1 > best.otherwise.rate:
+        best = _told(evidence.contrasts(Symptom.SILENCE, unit.unit))
+        if best is not None and evidence.silent(unit) and best.then.rate > _HALF > best.otherwise.rate:
             found.append((unit, best))
     if not found:
         return
@@ -64,3 +63,15 @@ def rest_too_short(evidence: Evidence) -> Iterator[Suspicion]:
         lost_answers=sum(evidence.silent(unit) for unit, _ in found),
         frames=tuple(i for unit, _ in found for i in unit.examples.get(Ending.SILENT, []))[:6],
     )
+
+
+def _told(contrasts: Sequence[Contrast]) -> Contrast | None:
+    """The best that tells of a rest too short, where none of the others is surely better: behind broadcasts requests may
+    just rest as long as behind nothing else."""
+    least = max(_SURE_BITS, contrasts[0].bits - _SURE_BITS) if contrasts else 0.0
+    short = (
+        each
+        for each in contrasts
+        if (each.name == "rest" and not each.over) or (each.name == "unit-before" and each.value == _TO_ALL)
+    )
+    return next((each for each in short if each.bits >= least), None)
