@@ -201,7 +201,9 @@ def driver_held(evidence: Evidence) -> Iterator[Suspicion]:
         unit.unit: max(evidence.behind(unit, Behind.REQUEST, Behind.NOISE) - evidence.tails(unit), 0.0)
         for unit in evidence.units
     }
-    twice = {u.unit for u in evidence.units if evidence.behind(u, Behind.ANSWER) >= max(_LEAST, _half_heard(evidence, u))}
+    twice = {
+        u.unit for u in evidence.units if evidence.behind(u, Behind.ANSWER) >= max(_LEAST, _half_heard(evidence, u))
+    }
     totals |= dict.fromkeys(twice, 0.0)  # a driver that is held answers once, but whom it drowns may hear its request
     held = [unit for unit in evidence.units if totals[unit.unit] >= max(_LEAST, _OFTEN * unit.answered)]
     well = [unit for unit in evidence.units if totals[unit.unit] <= _RARELY * unit.answered]
