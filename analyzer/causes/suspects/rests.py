@@ -28,8 +28,8 @@ _HALF: Final = 0.5
     share="{silent:,} of {asked:,} requests[ after less than {rest:ms}][ behind {calls:broadcast|broadcasts}], "
     "{rested_silent:,} of {rested:,} others",
     deciding_test="Let the client pause twice as long before it asks {units:unit|units}: the silences must disappear",
-    remedy="Set the client's delay between polls[ to more than {rest:ms}][ behind a broadcast to 100 ms or more "
-    "({calls:,} were sent)]; the specification asks for 3.5 characters only, some devices need tens of milliseconds",
+    remedy="Let the client pause before its requests[ for more than {rest:ms}], and for 100 ms or more behind a broadcast; "
+    "the specification asks for 3.5 characters only, some devices need tens of milliseconds",
     foretold=Foretold({Symptom.SILENCE: frozenset(("rest", "unit-before"))}),
 )
 def rest_too_short(evidence: Evidence) -> Iterator[Suspicion]:
