@@ -53,7 +53,7 @@ NEAREST = {  # what is true as well where the very word is hidden
     "emi-drive": ("interference", "hours"),
     "hours": ("interference",),
 }
-_BINS = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 1.001)
+BINS = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 1.001)
 
 
 @dataclass(slots=True)
@@ -90,7 +90,7 @@ class Calibration:
 
     def bins(self) -> Iterator[Bin]:
         """How sure the claims of each bin were, and how many of them were so."""
-        for low, high in pairwise(_BINS):
+        for low, high in pairwise(BINS):
             inside = [claim for claim in self.claims if low <= claim[0] < high]
             if inside:
                 said, so = (sum(claim[i] for claim in inside) / len(inside) for i in (0, 1))

@@ -6,16 +6,17 @@ from collections.abc import Callable
 from dataclasses import replace
 from random import Random
 
+import numpy as np
 import pytest
 
 from analyzer.causes.ledger import ledger_of
 from analyzer.causes.reasoning import causes_of
 from analyzer.core import analyse
-from analyzer.simulation.field.bench import Bench, Expected, read_pdu, site
+from analyzer.simulation.field.bench import SECOND, Bench, Expected, FieldCapture, read_pdu, site
 from analyzer.simulation.field.cases.drivers import duplicated
 from analyzer.simulation.field.master import FieldPoll
 from analyzer.simulation.field.units import MS, FieldUnit
-from analyzer.simulation.field.wire import TapEnd
+from analyzer.simulation.field.wire import Pulse, TapEnd
 from captures.chunks import Capture
 
 
@@ -24,7 +25,10 @@ def _site(seed: int, tap: str, parities: tuple[str, ...] = ("E",)) -> Bench:
 
 
 def _causes(bench: Bench) -> list[tuple[str, tuple[int, ...]]]:
-    made = bench.run(Expected(None))
+    return _told(bench.run(Expected(None)))
+
+
+def _told(made: FieldCapture) -> list[tuple[str, tuple[int, ...]]]:
     capture = Capture.of(made.line, made.chunks)
     ledger = ledger_of(((part.batch, part.transactions) for part in analyse(capture)), capture.line)
     return [(cause.cause, cause.units) for cause in causes_of(ledger)]
@@ -76,3 +80,15 @@ def test_second_answers_of_two_units_need_no_second_master() -> None:
     found = _causes(bench)
     assert "two-masters" not in [cause for cause, _ in found]
     assert [units[0] for cause, units in found if cause == "duplicate-address"][:1] in [[twin] for twin in twins]
+
+
+def test_nobody_is_heard_while_the_line_is_held() -> None:
+    """However many requests are sent meanwhile, and so the cause is told."""
+    bench = site(Random(1), "precise", units=(3, 3), bauds=(19200,), seconds=(100, 100))
+    bench.master.manners.timeout_ms, bench.master.manners.cycle_ms = 200.0, 0.0
+    held = [(t * SECOND, (t + 2.5) * SECOND) for t in range(10, 95, 14)]
+    bench.pulses([Pulse(begin, end, "low") for begin, end in held])
+    made = bench.run(Expected(None))
+    heard = np.array([chunk.t_ns - bench.epoch_ns for chunk in made.chunks])
+    assert [int(np.count_nonzero((heard > begin + 0.1 * SECOND) & (heard < end))) for begin, end in held] == [0] * 7
+    assert [cause for cause, _ in _told(made)] == ["line-held"]

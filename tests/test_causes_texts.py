@@ -27,7 +27,7 @@ _CASES = (
         "vendor-transfer",
         "emi-drive",
     ),
-    *("tap-one-direction", "unit-line-settings", "bias", "missing-registers", "frozen-values"),
+    *("tap-one-direction", "unit-line-settings", "bias", "missing-registers", "frozen-values", "rest-too-short-called"),
 )
 _SILLY = re.compile(
     r"\b0 (of|из) 0\b|(?<!unit )(?<![.\d])1 [a-z]+s\b|\bunits \d+\b(?!,)|\b([^\W\d]+) \2\b|  |, ,|\(\)|None|[][{}|]"

@@ -198,4 +198,9 @@ def certainty(cause: str, clues_of_it: Clues, found: Outcomes) -> float:
 def calibration() -> list[tuple[float, float, int, float, float]]:
     """What became of claims on buses that nothing was fitted to, a fifth of all causes hidden in turns: from which certainty
     to which, how many claims, how sure they were in the mean, and which share of them was so."""
-    return [tuple(each) for each in _weights().get("told", {}).get("all", [])]
+    return [tuple(each) for each in _weights().get("told", [])]
+
+
+def told_on() -> str:
+    """The day on which that was told, as YYYY-MM-DD."""
+    return str(_weights().get("told_on", ""))

@@ -116,6 +116,11 @@ def _rest(rows: AskedRows) -> Figures:
     return np.where(rows.rest == NO_GAP, _UNKNOWN, np.maximum(rows.rest, 0))
 
 
+def _outcome_before(rows: AskedRows) -> Figures:
+    """A broadcast fares as it must: that it was one is told by whom it went to."""
+    return np.where(rows.outcome_before == Ending.BROADCAST, Ending.OK, rows.outcome_before).astype(np.int64)
+
+
 def _since_write(rows: AskedRows) -> Figures:
     """How long ago the unit was written to; as long as anything where it was not."""
     writes = rows.time[_WRITES[rows.function]]
@@ -137,7 +142,7 @@ REQUEST_PROPERTIES: Final = (
 CIRCUMSTANCES: Final = (
     Property("rest", Family.BEFORE, Parting.OVER, _rest, 2.0),
     Property("unit-before", Family.BEFORE, Parting.EACH, lambda rows: rows.before.astype(np.int64), 2.0),
-    Property("outcome-before", Family.BEFORE, Parting.EACH, lambda rows: rows.outcome_before.astype(np.int64), 2.0),
+    Property("outcome-before", Family.BEFORE, Parting.EACH, _outcome_before, 2.0),
     Property("since-write", Family.BEFORE, Parting.OVER, _since_write, 2.0),
     Property("since", Family.TIME, Parting.OVER, lambda rows: rows.time, 2.0),
 )

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..deframing.tap_clock import UNKNOWN
 from ..tables.transactions import NEVER
-from .bits import strays, surplus_bits
+from .bits import surplus_bits
 from .evidence import Evidence
 from .exchanges import Ending
 from .hits import given_up_by_timer
@@ -192,27 +192,9 @@ def share_of(readings: list[Signature], *kinds: str) -> float:
 
 _LEAST: Final = 3
 _SURE_BITS: Final = 16.0
-_SHIFTED: Final = 4.0
-_STEADIEST: Final = 0.01  # of a delay: so much any device's strays
 _SOONER: Final = 0.85
 _MOSTLY: Final = 0.6
 _LONGEST: Final = 0.97  # of delays: some may be late ones, for which there was time
-
-
-def shifted(evidence: Evidence, unit: UnitLedger) -> tuple[float, int]:
-    """How much likelier the answers behind a silent exchange are to the request before each (bits), and how many: from
-    that one on they take always the same time, from their own request on they do not."""
-    successors = evidence.ledger.successors
-    if unit.unit not in successors.delays or not evidence.is_open(Symptom.LATENESS, unit.unit):
-        return 0.0, 0
-    own, lagged = successors.delays[unit.unit].numbers, successors.lagged[unit.unit].numbers
-    known = max(evidence.verdict.wait_ns, _STEADIEST * float(np.median(lagged)))
-    if len(own) < 2 * _LEAST or not np.isfinite(known):
-        return 0.0, 0
-    mine, from_before = (strays(each) + known for each in (own, lagged))
-    bits = len(own) * float(np.log2(mine / from_before))
-    sure = bits >= _SURE_BITS and mine > _SHIFTED * from_before
-    return (bits, len(successors.delays[unit.unit])) if sure else (0.0, 0)
 
 
 def untimely(evidence: Evidence, unit: UnitLedger) -> tuple[float, int]:

@@ -68,6 +68,10 @@ class Evidence(LedgerView):
         count, samples = unit.count(Ending.GARBAGE), len(self.garbage(unit))
         return round(count * len(self.readings(unit)) / samples) if samples else count
 
+    def hit(self, unit: UnitLedger) -> int:
+        """Requests to a unit that came to nothing, or whose answers came damaged."""
+        return self.silent(unit) + self.damaged(unit)
+
     def readings(self, unit: UnitLedger) -> list[Signature]:
         """Samples of damaged answers, read; those that are whole after all, though in pieces, are left out."""
         if not self.is_open(Symptom.DAMAGE, unit.unit):

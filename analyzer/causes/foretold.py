@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from math import inf, log2
 from typing import Final
 
+from .bits import surplus_bits
 from .contrasts import NO_CONTRAST, Family
 from .evidence import Evidence
 from .hits import evenness_bits
@@ -82,10 +83,18 @@ _SURE_BITS: Final = 14.0
 
 def may_strike(evidence: Evidence, unit: UnitLedger) -> bool:
     """Whether what spoils frames of all may be why a unit is silent: not that it never answers, nor that it hangs on what
-    is asked or on the rest before, nor that it is silent to the end."""
+    is asked or on the rest before, nor that it is silent to the end, nor far more often than others are hit at all."""
     best = evidence.best_contrast(Symptom.SILENCE, unit.unit)
     own = best.bits >= _SURE_BITS and best.is_sharp and best.name in _DECIDES
-    return bool(unit.answered) and not own
+    return bool(unit.answered) and not own and _silence_of_its_own(evidence, unit) < _SURE_BITS
+
+
+def _silence_of_its_own(evidence: Evidence, unit: UnitLedger) -> float:
+    """How much likelier (bits) a unit's silence is by a rate of its own than as requests are hit where answers of others
+    are, or requests to them."""
+    others = [other for other in evidence.units if other is not unit and other.answered]
+    hit, asked = sum(map(evidence.hit, others)), sum(other.asked for other in others)
+    return surplus_bits(evidence.silent(unit), unit.asked, (hit + 0.5) / (asked + 1)) if others else 0.0
 
 
 def struck(evidence: Evidence, foretold: Foretold, suspicion: Suspicion) -> Explained:

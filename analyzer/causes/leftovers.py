@@ -18,9 +18,9 @@ from .contrasts import HITS_OF, NO_CONTRAST, Contrast, Family
 from .evidence import HEALTHY, Evidence
 from .exchanges import Ending
 from .registry import Symptom
+from .scans import scanned
 from .signatures import Behind
 from .suspects.refusals import WRITES, areas_of
-from .suspects.silence import scanned
 from .suspects.states import NO_ANSWER, codes_of
 from .unheeded import unheeded
 from .unitledger import UnitLedger

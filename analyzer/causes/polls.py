@@ -248,13 +248,9 @@ class SuccessorTable:
     near: Counter[tuple[int, int]] = field(default_factory=Counter)  # of all: (unit, one among it and the two before)
     near_hit: Counter[tuple[int, int]] = field(default_factory=Counter)  # of those that were hit
     delays: dict[int, Thinned] = field(default_factory=lambda: defaultdict(Thinned))  # ns, behind a hanging exchange
-    lagged: dict[int, Thinned] = field(
-        default_factory=lambda: defaultdict(Thinned)
-    )  # the same, from the request before
     usual: dict[int, Thinned] = field(default_factory=lambda: defaultdict(Thinned))  # ns, behind no hanging exchange
     _newest: int = 0
     _last: tuple[int, int] = (0, 0)  # the newest behind
-    _asked: int = 0
     _unsure: bool = False
     _owing: tuple[int, int] = (0, 0)  # the unit of the newest silent request, and until when its answer may come
 
@@ -278,13 +274,11 @@ class SuccessorTable:
             hangs[begins == 0] = True
         before = np.empty(len(units), np.int64)
         before[0], before[1:] = self._newest, np.where(hangs, units, 0)[:-1]
-        lags = delays + asked - np.concatenate(([self._asked], asked[:-1]))
-        self._newest, self._asked = int(units[-1]) if hangs[-1] else 0, int(asked[-1])
+        self._newest = int(units[-1]) if hangs[-1] else 0
         late = (before == units) & (before > 0) & (delays >= 0)
         for unit in np.unique(units[late]).tolist():
             mine = late & (units == unit)
             self.delays[unit].add(delays[mine])
-            self.lagged[unit].add(lags[mine])
         settled = (before == 0) & (delays >= 0) & ~np.concatenate(([self._unsure], unsure[:-1]))
         self._unsure = bool(unsure[-1])
         for unit in self.delays:

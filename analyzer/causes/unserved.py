@@ -17,7 +17,6 @@ from .signatures import known_header
 from .unitledger import UnitLedger
 
 _LATE: Final = 0.1  # of the silent requests: then answers do come
-_HEARD: Final = 3  # beginnings of answers where others are due
 _MOSTLY: Final = 0.9
 _BEGIN: Final = 3  # bytes of an answer that say whose it is, and to what
 _SURE: Final = 0.9
@@ -49,8 +48,7 @@ def _comes_late(evidence: Evidence, unit: UnitLedger, found: Unserved) -> bool:
     if all(request.function in ECHOED for request in found.requests):
         late = unit.late if _is_nothing_waited_for(evidence, unit) else 0
         return late + answers_like_requests(evidence, unit) > _LATE * silent
-    heard = _heard_elsewhere(evidence, found)
-    late = max(unit.late, heard if heard >= _HEARD else 0)
+    late = max(unit.late, _heard_elsewhere(evidence, found))
     return late > _LATE * silent or evidence.silent(unit) < _SURE * silent
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Final
 
-from ..causes.certainty import calibration
+from ..causes.certainty import calibration, told_on
 from ..causes.registry import Suspect, suspects
 from ..languages import CLAUSE
 
@@ -26,8 +26,9 @@ what was counted.
 Certainty is *certain* from 0.9 on, where a report gives the figure, *most likely* from 0.7 on, *perhaps* below. It is
 fitted on simulated buses, of which each fifth of the causes was hidden in turn, and on faults for which this page has
 no name. It depends on how closely the outcomes match those of the cause elsewhere, on the next best cause, on what the
-cause leaves unexplained, and on how many exchanges no cause explains. Results on buses, and on faults without a name,
-that nothing was fitted to:
+cause leaves unexplained, and on how many exchanges no cause explains. One claim in four is taken to be about a fault
+without a name: that is an assumption, and where such faults are rarer, more is so than is stated. Results of {day} on
+buses, and on faults without a name, that nothing was fitted to, weighed by that share:
 
 {calibration}
 Exchanges that went wrong and that no cause takes are listed as *not explained* (`not_explained` in JSON: unit,
@@ -50,7 +51,7 @@ def markdown() -> str:
         f"| [`{one.cause}`](#{one.cause}) | {one.severity.name.lower()} | {_BLAMED[one.blame]} |\n"
         for one in suspects()
     )
-    head = _HEAD.replace("{calibration}", _calibration())
+    head = _HEAD.replace("{calibration}", _calibration()).replace("{day}", told_on())
     return head + "".join(rows) + "".join(map(_section, suspects()))
 
 

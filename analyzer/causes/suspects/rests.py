@@ -2,39 +2,43 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 from ...tables.findings import Severity
 from ..bits import surplus_bits
+from ..contrasts import Contrast
 from ..evidence import Evidence
 from ..exchanges import Ending
 from ..registry import Foretold, Suspicion, Symptom, suspect
 
 _BACKGROUND: Final = 0.02
 _SURE_BITS: Final = 8.0
+_TO_ALL: Final = 0
+_HALF: Final = 0.5
 
 
 @suspect(
     "rest-too-short",
     Severity.WARNING,
     blame="master",
-    text="The client pauses too briefly before requests to {units:unit|units}: {silent:,} of {asked:,} requests after less "
-    "than {rest:ms} of silence got no byte back, {rested_silent:,} of {rested:,} after more",
-    share="{silent:,} of {asked:,} requests after less than {rest:ms}, {rested_silent:,} of {rested:,} after more",
+    text="The client pauses too briefly before requests to {units:unit|units}: {silent:,} of {asked:,} requests[ after "
+    "less than {rest:ms} of silence][ right behind {calls:broadcast|broadcasts}] got no byte back, {rested_silent:,} of "
+    "{rested:,} others",
+    share="{silent:,} of {asked:,} requests[ after less than {rest:ms}][ behind {calls:broadcast|broadcasts}], "
+    "{rested_silent:,} of {rested:,} others",
     deciding_test="Let the client pause twice as long before it asks {units:unit|units}: the silences must disappear",
-    remedy="Set the client's delay between polls to more than {rest:ms}; the specification asks for 3.5 characters "
-    "only, some "
-    "devices need tens of milliseconds",
-    foretold=Foretold({Symptom.SILENCE: frozenset(("rest",))}),
+    remedy="Let the client pause before its requests[ for more than {rest:ms}], and for 100 ms or more behind a broadcast; "
+    "the specification asks for 3.5 characters only, some devices need tens of milliseconds",
+    foretold=Foretold({Symptom.SILENCE: frozenset(("rest", "unit-before"))}),
 )
 def rest_too_short(evidence: Evidence) -> Iterator[Suspicion]:
-    """Silence that hangs on the rest before the request."""
+    """Silence that hangs on the rest before the request, or comes right behind broadcasts, each of which takes a unit
+    its time."""
     found = []
     for unit in evidence.units:
-        best = evidence.best_contrast(Symptom.SILENCE, unit.unit)
-        told = best.name == "rest" and not best.over and best.bits >= _SURE_BITS
-        if told and evidence.silent(unit) and best.then.rate > 0.5 > 0.1 > best.otherwise.rate:
+        best = _told(evidence.contrasts(Symptom.SILENCE, unit.unit))
+        if best is not None and evidence.silent(unit) and best.then.rate > _HALF > best.otherwise.rate:
             found.append((unit, best))
     if not found:
         return
@@ -51,10 +55,23 @@ def rest_too_short(evidence: Evidence) -> Iterator[Suspicion]:
             "asked": asked,
             "rested": others,
             "rested_silent": sum(best.otherwise.hits for _, best in found),
-            "rest": max(best.spared for _, best in found) / 1e6,
+            "rest": max((best.spared for _, best in found if best.name == "rest"), default=0) / 1e6,
+            "calls": evidence.ledger.broadcasts if any(best.name != "rest" for _, best in found) else 0,
         },
         since=min(unit.first for unit, _ in found) if evidence.ledger.timed else None,
         until=max(unit.last for unit, _ in found) if evidence.ledger.timed else None,
         lost_answers=sum(evidence.silent(unit) for unit, _ in found),
         frames=tuple(i for unit, _ in found for i in unit.examples.get(Ending.SILENT, []))[:6],
     )
+
+
+def _told(contrasts: Sequence[Contrast]) -> Contrast | None:
+    """The best that tells of a rest too short, where none of the others is surely better: behind broadcasts requests may
+    just rest as long as behind nothing else."""
+    least = max(_SURE_BITS, contrasts[0].bits - _SURE_BITS) if contrasts else 0.0
+    short = (
+        each
+        for each in contrasts
+        if (each.name == "rest" and not each.over) or (each.name == "unit-before" and each.value == _TO_ALL)
+    )
+    return next((each for each in short if each.bits >= least), None)

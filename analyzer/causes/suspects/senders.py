@@ -173,7 +173,6 @@ def byte_count(evidence: Evidence) -> Iterator[Suspicion]:
 
 _OFTEN: Final = 0.2
 _RARELY: Final = 0.05
-_TWICE: Final = 0.02  # of its answers
 _NEARLY: Final = 0.95
 _OWN_BITS: Final = 6.0
 _SURE_BITS: Final = 40.0
@@ -202,8 +201,10 @@ def driver_held(evidence: Evidence) -> Iterator[Suspicion]:
         unit.unit: max(evidence.behind(unit, Behind.REQUEST, Behind.NOISE) - evidence.tails(unit), 0.0)
         for unit in evidence.units
     }
-    twice = {u.unit for u in evidence.units if evidence.behind(u, Behind.ANSWER) >= max(_LEAST, _TWICE * u.answered)}
-    totals |= dict.fromkeys(twice, 0.0)  # a driver that is held answers once
+    twice = {
+        u.unit for u in evidence.units if evidence.behind(u, Behind.ANSWER) >= max(_LEAST, _half_heard(evidence, u))
+    }
+    totals |= dict.fromkeys(twice, 0.0)  # a driver that is held answers once, but whom it drowns may hear its request
     held = [unit for unit in evidence.units if totals[unit.unit] >= max(_LEAST, _OFTEN * unit.answered)]
     well = [unit for unit in evidence.units if totals[unit.unit] <= _RARELY * unit.answered]
     sharing = held if len(held) < len(well) and len(held) + len(well) == len(evidence.units) else []
@@ -211,6 +212,10 @@ def driver_held(evidence: Evidence) -> Iterator[Suspicion]:
         found = _held(evidence, units, totals)
         if found is not None:
             yield found
+
+
+def _half_heard(evidence: Evidence, unit: UnitLedger) -> float:
+    return _MOSTLY * evidence.behind(unit, Behind.REQUEST, Behind.NOISE)
 
 
 def _held(evidence: Evidence, units: list[UnitLedger], totals: Mapping[int, float]) -> Suspicion | None:

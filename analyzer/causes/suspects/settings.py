@@ -23,6 +23,7 @@ from ..rawbytes import CharacterFormat, drifts, formats_of, misread, other_forma
 from ..registry import Suspicion, Symptom, suspect
 from ..repeats import waits_longer
 from ..samples import READ_REQUEST
+from ..sentas import formats_as_fast, sent_as
 from ..signatures import Signature, known_header
 from ..unitledger import UnitLedger
 from .senders import damage_suspicion
@@ -39,6 +40,7 @@ _HEADER: Final = 3  # bytes: unit, function, byte count
 _BEGINS_RIGHT: Final = 2.0  # bits, each
 _SHORT: Final = 32  # bytes of which each may have been two
 _TRIED: Final = 12
+_RUNS_ON: Final = 4  # bytes, by which an answer that is read by another format may be longer
 _A_CLOCK: Final = "a clock that is off"
 _GARBAGE: Final = "are garbage of about the right length, never silence"
 _MARKED: Final = 0.2  # of good answers
@@ -70,16 +72,16 @@ def unit_line_settings(evidence: Evidence) -> Iterator[Suspicion]:
     """Garbage from one unit, or good answers that its parity bits give away."""
     for unit in evidence.units:
         readings = evidence.readings(unit)
-        clock = _by_clock(evidence, readings) if len(readings) >= _LEAST else (0.0, 0.0)
+        whole = _whole_otherwise(evidence, readings) if len(readings) >= _LEAST else (0.0, "", 0.0)
         garbled = share_of(readings, "whole", "middle", "long", "cut") >= _MOSTLY
-        if len(readings) >= _LEAST and (garbled or clock[0] > 0):
+        if len(readings) >= _LEAST and (garbled or whole[0] > 0):
             bits, words, drift = _fitting(evidence, readings)
             if (seven := _seven_bits(readings)) > bits:
                 bits, words, drift = seven, "seven data bits and parity", 0.0
             kinds = kind_bits(readings, _EXPECTED)
-            if clock[0] > bits:
-                bits, drift = clock
-                words, kinds = _A_CLOCK, max(kinds, kind_bits(readings, _DRIFTED))
+            if whole[0] > bits:
+                bits, words, drift = whole
+                kinds = max(kinds, kind_bits(readings, _DRIFTED))
             if not bits:
                 bits -= _good_between(evidence, unit)  # nobody changes settings to and fro
                 bits -= _BEGINS_RIGHT * _beginning_right(readings)
@@ -108,15 +110,22 @@ def _fitting(evidence: Evidence, readings: Sequence[Signature]) -> tuple[float, 
     return best, words, off
 
 
-def _by_clock(evidence: Evidence, readings: Sequence[Signature]) -> tuple[float, float]:
-    """The clock by which damaged answers were whole when they were sent: its weight, and by how much it is off."""
-    short = [each for each in readings if each.length == each.due <= _SHORT]
-    heard = list(dict.fromkeys((each.heard, known_header(each.request)) for each in short))[:_TRIED]
-    best = 0.0, 0.0
+def _whole_otherwise(evidence: Evidence, readings: Sequence[Signature]) -> tuple[float, str, float]:
+    """The clock or format by which damaged answers were whole when they were sent: its weight, its words, and by how much
+    a clock is off."""
+    short = [each for each in readings if 0 < each.due <= _SHORT and each.length <= each.due + _RUNS_ON]
+    heard = list(dict.fromkeys((each.heard, known_header(each.request), each.due) for each in short))[:_TRIED]
+    best = 0.0, "", 0.0
     for receiver in formats_of(evidence.ledger.line) if heard else ():
         for sender, drift in drifts(receiver):
-            bits = sum(whole_by_another_clock(*each, sender, receiver) or -1.0 for each in heard) - _BYTE
-            best = max(best, (bits, drift))
+            whole = (
+                whole_by_another_clock(data, header, sender, receiver) if len(data) == due else 0.0
+                for data, header, due in heard
+            )
+            best = max(best, (sum(bits or -1.0 for bits in whole) - _BYTE, _A_CLOCK, drift))
+        for sender in formats_as_fast(receiver):
+            bits = sum(sent_as(*each, sender, receiver) or -1.0 for each in heard) - _BYTE
+            best = max(best, (bits, sender.words, 0.0))
     return best
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import pairwise
 from statistics import median
 from typing import Final
 
@@ -17,6 +16,7 @@ from ..flatmemory import Spell
 from ..rawbytes import is_of_line
 from ..registry import COMES_AND_GOES, Foretold, Suspicion, Symptom, suspect
 from ..repeats import in_vain, only_repeats
+from ..scans import is_looked_for, scanned
 from ..signatures import AnswerDamage
 from ..unitledger import UnitLedger
 from .states import excused
@@ -40,16 +40,9 @@ _VISITS_ONCE: Final = 3  # of a unit that answers before and behind
 _ALL: Final = 0.5
 _HALF: Final = 0.5
 _SPEAKS_NOT: Final = (Symptom.SILENCE, Symptom.DAMAGE, Symptom.MARKS)  # nor is what seems to be its answer damaged
-_NEARLY_ALL: Final = 0.95
 _HARDLY: Final = 0.25  # of what would be so by chance
 _SCATTERED: Final = 0.03  # of what goes without an answer in a row or alone: alone beside restarts
 _SCATTERED_BITS: Final = 8.0
-_SCAN: Final = 8  # units
-_SWEEP: Final = 24  # of them
-_VISITS: Final = 2
-_SELDOM: Final = 0.1  # of how often others are asked
-_VISIT: Final = 0.05  # of the capture
-_DENSE: Final = 0.8  # of all numbers from the first to the last
 
 
 def _never(evidence: Evidence) -> list[UnitLedger]:
@@ -94,31 +87,6 @@ def _answering(evidence: Evidence, unit: UnitLedger) -> float:
     if unit.count(Ending.GARBAGE) <= _HALF * unit.asked:  # by other settings it would answer so each time
         own = [each for each in own if not is_of_line(each.heard)]
     return unit.count(Ending.GARBAGE) * (len(own) / len(every) if every else 1)
-
-
-def scanned(evidence: Evidence) -> frozenset[int]:
-    """Units that were asked once or twice, one behind the other in the order of their numbers, or so many of these that no
-    list would hold them: a search for those that are there, not a list of those that should be."""
-    ledger = evidence.ledger
-    span = ledger.span_ns if ledger.timed else ledger.bytes
-    once = [
-        unit
-        for unit in evidence.units
-        if (visits := unit.asked - unit.repeats) <= _VISITS
-        and not unit.answered
-        and (visits == 1 or unit.last - unit.first <= _VISIT * span)  # what passes it on may hold one try up
-    ]
-    never = [unit for unit in evidence.units if not unit.answered]
-    if len(never) >= _SWEEP:  # round after round
-        once = never
-    if len(once) < _SCAN:
-        return frozenset()
-    once.sort(key=lambda unit: unit.first)
-    numbers = [unit.unit for unit in once]
-    rising = sum(one < two for one, two in pairwise(numbers))
-    known = sum(numbers[0] <= unit.unit <= numbers[-1] for unit in evidence.units)
-    in_order = rising >= _NEARLY_ALL * (len(once) - 1) and known >= _DENSE * (numbers[-1] - numbers[0] + 1)
-    return frozenset(numbers) if in_order else frozenset()
 
 
 def _died(evidence: Evidence, unit: UnitLedger) -> int | None:
@@ -231,7 +199,7 @@ def _silence(evidence: Evidence, unit: UnitLedger, since: int | None) -> Suspici
         lost_answers=lost.answers,
         lost_ms=lost.ms,
         frames=tuple(unit.examples.get(Ending.SILENT, [])),
-        severity=Severity.NOTE if since is None and _is_looked_for(evidence, unit) else None,
+        severity=Severity.NOTE if since is None and is_looked_for(evidence, unit) else None,
     )
 
 
@@ -272,15 +240,8 @@ def absent_units(evidence: Evidence) -> Iterator[Suspicion]:
         lost_answers=lost.answers,
         lost_ms=lost.ms,
         frames=tuple(index for unit in never for index in unit.examples.get(Ending.SILENT, []))[:8],
-        severity=Severity.NOTE if all(_is_looked_for(evidence, unit) for unit in never) else None,
+        severity=Severity.NOTE if all(is_looked_for(evidence, unit) for unit in never) else None,
     )
-
-
-def _is_looked_for(evidence: Evidence, unit: UnitLedger) -> bool:
-    """Whether a unit is asked far more seldom than those that answer: somebody looks whether it is there."""
-    others = [other.asked - other.repeats for other in evidence.units if other.answered]
-    visits = unit.asked - unit.repeats
-    return bool(others) and (visits <= _VISITS or visits <= _SELDOM * median(others))
 
 
 @suspect(

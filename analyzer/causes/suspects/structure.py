@@ -214,25 +214,28 @@ def _flaws(data: bytes) -> Iterator[str]:
     remedy="Correct the client's program: how it makes the CRC, and how many bytes it writes to the port",
 )
 def request_flaw(evidence: Evidence) -> Iterator[Suspicion]:
-    """Requests that are right but for one thing, where next to nothing else is a frame."""
+    """Requests that are right but for one thing, where next to nothing else is a frame, or next to nothing else is
+    damaged."""
     ledger = evidence.ledger
+    alone = ledger.right_bytes <= (1 - _TILED) * ledger.bytes
     looked_at = [data for _, _, data in ledger.noise] + ledger.spoilt
+    if not alone:
+        looked_at = [each.heard for unit in evidence.units for each in evidence.followed(unit)]
     size = sum(map(len, looked_at))
-    if not size or ledger.right_bytes > (1 - _TILED) * ledger.bytes:
-        return
-    found = Counter(flaw for data in looked_at for flaw in _flaws(data))
+    found = Counter(flaw for data in looked_at for flaw in _flaws(data) if alone or flaw != CUT)
     for flaw, count in found.most_common(1):
         if count < _FEW or count * (_BODY + 1) < _TILED * size:
             return
         bits = (_CUT_BITS if flaw == CUT else _CONVENTION_BITS) * count
         bits *= max((ledger.bytes - ledger.right_bytes) / size, 1.0)
+        behind: Explained = frozenset((Symptom.BEHIND, unit.unit) for unit in evidence.units)
         numbers = {
             "flaw": "" if flaw == CUT else flaw,
             "cut": CUT if flaw == CUT else "",
             "frames": count,
             "right": ledger.requests + ledger.responses,
         }
-        yield Suspicion((), bits, everything(evidence), numbers, ledger.begin, ledger.end)
+        yield Suspicion((), bits, everything(evidence) if alone else behind, numbers, ledger.begin, ledger.end)
 
 
 _ANSWERS_DUE: Final = frozenset((1, 2, 3, 4, 7, 0x11, 0x14, 0x17, 0x18, 0x2B))  # functions that only read

@@ -169,13 +169,17 @@ def bad_drop(evidence: Evidence) -> Iterator[Suspicion]:
         bits = evidence.surplus(unit) + min(kind_bits(evidence.readings(unit), ALIKE), 0.0) - _UNIT_BITS
         bits += spared_bits(evidence, unit)
         bits -= surplus_bits(evidence.requests_behind(unit), max(unit.answered, 1), HEALTHY)  # no drop harms requests
+        others = [other for other in evidence.units if other.unit != unit.unit]
+        loses = 0 < evidence.silent(unit) <= evidence.damaged(unit)  # the requests that it spoils on their way in
+        if loses:
+            elsewhere = (sum(map(evidence.silent, others)) + 0.5) / (sum(other.asked for other in others) + 1)
+            bits += surplus_bits(evidence.silent(unit), unit.asked, max(elsewhere, HEALTHY))
         if bits > 0 and evidence.damaged(unit) >= _LEAST:
-            others = [other for other in evidence.units if other.unit != unit.unit]
             lost = cost(evidence, unit, Ending.GARBAGE)
             yield Suspicion(
                 (unit.unit,),
                 bits,
-                frozenset({(Symptom.DAMAGE, unit.unit)}),
+                frozenset({(Symptom.DAMAGE, unit.unit)} | ({(Symptom.SILENCE, unit.unit)} if loses else set())),
                 {
                     "unit": unit.unit,
                     "damaged": evidence.damaged(unit),

@@ -90,6 +90,7 @@ class Bench:
     def pulses(self, pulses: Sequence[Pulse]) -> None:
         """Induce these besides those that are."""
         self.wire.pulses = sorted([*self.wire.pulses, *pulses])
+        self.wire.longest_pulse = max((each.end - each.begin for each in self.wire.pulses), default=0.0)
 
     def run(self, expected: Expected) -> FieldCapture:
         """Let it run, and tap it."""

@@ -229,6 +229,7 @@ class FieldWire:
         self.taps = [TapEnd(uart)]
         self.listeners: list[Listener] = []
         self.pulses: list[Pulse] = []  # in order of time; whoever makes them sets them before the start
+        self.longest_pulse = 0.0  # ns
         self.bends: Bend | None = None
         self.contention: Literal["low", "strong", "random"] = "strong"
         self._bursts: list[Burst] = []  # of the stretch that is going on
@@ -278,9 +279,10 @@ class FieldWire:
 
     def _read(self, bursts: Sequence[Burst], uart: LineUart, begin: float, end: float) -> list[ReceivedOctet]:
         begin = min([begin, *(burst.on for burst in bursts[:1])])
-        low = bisect_left(self.pulses, (begin - 4 * uart.char_ns,))
+        since = begin - 4 * uart.char_ns
+        low = bisect_left(self.pulses, (since - self.longest_pulse,))
         high = bisect_left(self.pulses, (end,))
-        pulses = self.pulses[low:high]
+        pulses = [each for each in self.pulses[low:high] if max(each.begin, each.end) >= since]
         if len(bursts) == 1 and not pulses and not self._bent:
             burst = bursts[0]
             if burst.plain and burst.uart == uart:
