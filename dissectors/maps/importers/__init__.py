@@ -33,7 +33,7 @@ _OF_PROGRAMS: Final = (
     "own",
 )
 _GENERAL: Final = ("records", "spreadsheet", "lines")  # of no program: the one that reads most
-_ENOUGH: Final = {"lines": 3.0}  # facts of a row with which a format is not asked
+_ENOUGH: Final = {"lines": 2.9}  # facts of a row with which a format is not asked
 FORMATS: Final = (*_OF_PROGRAMS, *_GENERAL)
 
 
