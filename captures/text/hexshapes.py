@@ -70,6 +70,7 @@ _STAMPED: Final = 8  # characters: no time before bytes is shorter
 _TWO_PAIRS: Final = 4  # characters
 _WORDY: Final = 4  # pairs that name a function code: `unit 01 fc 03`
 _MINUTE: Final = re.compile(r"(?:[01]\d|2[0-3]):[0-5]\d")
+_MAC_LENGTH: Final = 6  # bytes
 _BYTEA: Final = 8  # digits behind one `\\x`, as databases write bytes
 _WORD_LENGTH: Final = 8  # bytes: no address of a machine is longer
 
@@ -158,9 +159,9 @@ def _signed(line: TextLine) -> Iterator[HexWindow]:
             continue
         at = end if end - match.start() > _TWO_PAIRS + len(gap) else end - 2  # `[11]: 05-10-00`: a count before them
         tokens = match[0].split(gap)
-        goes_on = text.startswith(gap, end)
+        goes_on = text.startswith(gap, end) and text[end + len(gap) : end + len(gap) + 1].isalnum()
         before = match.start() - len(gap)
-        goes_on = goes_on or (before > 0 and text.startswith(gap, before))
+        goes_on = goes_on or (before > 0 and text.startswith(gap, before) and text[before - 1].isdigit())
         level = _level_of_signed(tokens, gap.strip())
         if (
             goes_on
@@ -177,6 +178,8 @@ def _level_of_signed(tokens: list[str], gap: str) -> Writing:
     count, numbers = len(tokens), all(token.isdigit() for token in tokens)
     if gap in "/." or is_ruler(tokens):
         return Writing.NUMBER  # a date, an address, a version
+    if gap == ":" and count == _MAC_LENGTH:
+        return Writing.LIKELY
     if count > 3 or (count == 3 and not numbers):
         return Writing.BYTES if not numbers or any(token[0] == "0" for token in tokens) else Writing.LIKELY
     return Writing.NUMBER

@@ -40,6 +40,8 @@ def settle_series(lines: Sequence[LogLine], judge: ByteJudge, experience: Experi
     found = [edge for pieces in series for edge in _edges(pieces, judge)]
     found.sort(key=lambda edge: edge[0].end - edge[0].start, reverse=True)
     for span, edge in found:
+        if any(piece.run.joined for piece in edge):
+            continue
         experience.frames += 1
         for run, reading, _ in edge:
             run.take(reading)

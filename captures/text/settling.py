@@ -149,7 +149,7 @@ def _beside(lines: Sequence[LogLine]) -> None:
         for one, neighbour in pairwise(near):
             if len(one.runs) == len(neighbour.runs) == 1 and one.runs[0].taken and not neighbour.runs[0].taken:
                 run = neighbour.runs[0]
-                other = run.shape in _WITH_SIGNS  # `10:15`, `11/25`
+                other = run.shape in _WITH_SIGNS and run.shape != one.runs[0].shape  # `10:15`, `11/25`
                 if run.level is Writing.LIKELY and not other and _is_all(run, neighbour):
                     run.taken = len(run.data) > 1
 
@@ -198,13 +198,15 @@ def _reread(block: list[tuple[LogLine, ByteRun]], judge: ByteJudge, experience: 
     Where some are right alone, the rest of a frame may stand in those beside them.
     """
     alone = sum(_covered(run.checked) for _, run in block)
+    if alone and all(run.taken and _covered(run.checked) == len(run.data) for _, run in block if run.checked):
+        return
     readings = [_readings(run) for _, run in block]
     for shape in readings[0]:
         if not all(shape in reading for reading in readings[1:]):
             continue
         data = b"".join(reading[shape].data for reading in readings)
         if len(data) <= MOST_JUDGED and (checked := judge(data)):
-            if _covered(checked) <= alone:
+            if 2 * _covered(checked) < len(data) or _covered(checked) <= alone:
                 continue
             at = 0
             for (line, run), reading in zip(block, readings, strict=True):
@@ -231,8 +233,9 @@ def _rows_of_dumps(lines: Sequence[LogLine], judge: ByteJudge) -> None:
     for one, below in pairwise(lines):
         if below.continues and one.runs and one.runs[-1].taken:
             first, row = one.runs[-1], below.runs[0]
-            row.take(_readings(row).get(first.shape, row))
-            row.taken = row.taken or row.offset is not None
+            if row.offset is not None:
+                row.take(_readings(row).get(first.shape, row))
+                row.taken = True
     for line in lines:
         for run in line.runs:
             if run.padded:
@@ -291,7 +294,7 @@ def _as_long_as_they_say(lines: Sequence[LogLine], judge: ByteJudge, experience:
     """A frame with a wrong check value, or without one, in a writing in which others of the text are right."""
     for line in lines:
         for run in line.runs:
-            if run.taken or run.why or line.quiet or len(run.data) < _HEADED:
+            if run.taken or run.why or run.halved or line.quiet or len(run.data) < _HEADED:
                 continue
             if run.level is Writing.NUMBER and run.shape == "pairs":
                 continue  # a list of numbers
