@@ -66,12 +66,12 @@ def rest_too_short(evidence: Evidence) -> Iterator[Suspicion]:
 
 
 def _told(contrasts: Sequence[Contrast]) -> Contrast | None:
-    """The best that tells of a rest too short, where none of the others is surely better: behind broadcasts requests may
-    just rest as long as behind nothing else."""
-    least = max(_SURE_BITS, contrasts[0].bits - _SURE_BITS) if contrasts else 0.0
-    short = (
-        each
-        for each in contrasts
-        if (each.name == "rest" and not each.over) or (each.name == "unit-before" and each.value == _TO_ALL)
-    )
-    return next((each for each in short if each.bits >= least), None)
+    """The best, if it tells of a rest too short; and behind broadcasts, as good a one: requests may just rest as long there
+    as behind nothing else."""
+    for each in contrasts:
+        if each.bits < max(_SURE_BITS, contrasts[0].bits - _SURE_BITS):
+            break
+        brief = each is contrasts[0] and each.name == "rest" and not each.over
+        if brief or (each.name == "unit-before" and each.value == _TO_ALL):
+            return each
+    return None
