@@ -6,6 +6,7 @@ import importlib.metadata
 from pathlib import Path
 
 import pytest
+from buses import adu
 
 import captures
 from analyzer.paste import judge
@@ -227,6 +228,21 @@ def test_words_in_other_code_pages_are_marks(tmp_path: Path, page: str, words: s
 def test_ascii_mode_frames_keep_their_characters(tmp_path: Path) -> None:
     capture = log(tmp_path, "12:00:01 :1103006B00037E\n12:00:02 :110306022B000000645A\n")
     assert [chunk.data for chunk in capture.chunks()] == [b":1103006B00037E\r\n", b":110306022B000000645A\r\n"]
+
+
+@pytest.mark.parametrize("first", ["ee", "ae", "be", "ff"])
+def test_a_row_of_a_dump_may_begin_with_any_byte(tmp_path: Path, first: str) -> None:
+    """Between an offset and the characters, no byte of letters is a word before the bytes."""
+    answers = (adu(f"110304{word:08x}") for word in range(0x41200000, 0x41300000))
+    answer = next(answer for answer in answers if answer[-1] == int(first, 16))
+    data = adu("110300280002") + answer + adu("110300570001") + adu("1103020000")
+    rows = [data[at : at + 16] for at in (0, 16)]
+    text = "".join(
+        f"{16 * n:08x}  {row[:8].hex(' ')}  {row[8:].hex(' ')}  |{'.' * len(row)}|\n" for n, row in enumerate(rows)
+    )
+    (tmp_path / "bus.log").write_text(text)
+    capture = captures.open(tmp_path / "bus.log", judge=judge)
+    assert b"".join(chunk.data for chunk in capture.chunks()) == data
 
 
 def test_a_long_dump_comes_in_pieces(tmp_path: Path) -> None:

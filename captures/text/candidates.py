@@ -172,11 +172,15 @@ _ELLIPSIS_STARTS: Final = frozenset(" ,.…")
 _NUMBER: Final = 2  # bytes that may be one number
 
 
+def offset_at_the_end(before: str) -> re.Match[str] | None:
+    """The offset of a dump's row with which this ends."""
+    return _OFFSET.search(before) if before.rstrip(" \t:|-")[-1:] in _OFFSET_ENDS else None
+
+
 def in_its_place(found: HexWindow, line: TextLine) -> HexWindow:
     """A candidate with what stands before it taken into account."""
     before = line.before(found.start)
-    bare = before.rstrip(" \t:|-")
-    if found.shape in ROWS and bare[-1:] in _OFFSET_ENDS and (offset := _OFFSET.search(before)) is not None:
+    if found.shape in ROWS and (offset := offset_at_the_end(before)) is not None:
         begin = found.start - len(before) + offset.start("all")
         if begin in line.first:
             number = len(found.data) <= _NUMBER  # `40003: 1000`

@@ -24,6 +24,7 @@ from .candidates import (
     Writing,
     counts_up,
     is_ruler,
+    offset_at_the_end,
     swapped,
 )
 
@@ -99,6 +100,11 @@ _LETTER_H: Final = re.compile(rf"(?<![0-9A-Za-z_.])(?:h{H}{{2}}[ ,;]+){{2}}", re
 _BEFORE_BYTES: Final = tuple(":=[({])}><")
 
 
+def _begins_bytes(before: str) -> bool:
+    """Whether nothing but a byte is to be expected behind this: a sign, or the offset of a row."""
+    return before.rstrip()[-1:] in _BEFORE_BYTES or offset_at_the_end(before) is not None
+
+
 def _pairs(line: TextLine) -> Iterator[HexWindow]:
     """`11 03 00 6B`"""
     text = line.text
@@ -115,8 +121,7 @@ def _pairs(line: TextLine) -> Iterator[HexWindow]:
             apart = text[start + 2 : second] != usual
             counted = tokens[0].isdigit() and int(tokens[0]) == len(tokens) - 1  # "OUT 10 01 03 00 ...": so many bytes
             counted = counted and start >= _STAMPED  # which nothing but bytes cannot say
-            behind_sign = line.before(start).rstrip()[-1:] in _BEFORE_BYTES
-            word = tokens[0].isalpha() and not (behind_sign or line.alone(start, end))
+            word = tokens[0].isalpha() and not (line.alone(start, end) or _begins_bytes(line.before(start)))
             if apart or counted or word:
                 yield HexWindow(data[1:], second, end, "pairs", level)
             if text[end : end + 1].isalnum():  # "02Connected", "10 after"
