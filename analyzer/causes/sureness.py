@@ -6,7 +6,7 @@ from typing import Final, Literal
 
 from ..languages import page_words
 
-CALIBRATED: Final = 0.9  # people read a figure from here on: what is less sure was not as often so as it said
+CALIBRATED: Final = 0.95  # people read a figure from here on: what is less sure was not as often so as it said
 _LIKELY: Final = 0.7
 
 Words = Literal["certain", "most likely", "perhaps"]

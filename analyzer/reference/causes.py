@@ -23,7 +23,7 @@ what was counted.
 
 ## How sure
 
-Certainty is *certain* from 0.9 on, where a report gives the figure, *most likely* from 0.7 on, *perhaps* below. It is
+Certainty is *certain* from 0.95 on, where a report gives the figure, *most likely* from 0.7 on, *perhaps* below. It is
 fitted on simulated buses, of which each fifth of the causes was hidden in turn, and on faults for which this page has
 no name. It depends on how closely the outcomes match those of the cause elsewhere, on the next best cause, on what the
 cause leaves unexplained, and on how many exchanges no cause explains. One claim in four is taken to be about a fault
