@@ -81,25 +81,31 @@ _DECIDES: Final = ASKED_FOR | {"rest", "since"}  # of silence: then nothing that
 _SURE_BITS: Final = 14.0
 
 
-def may_strike(evidence: Evidence, unit: UnitLedger) -> bool:
-    """Whether what spoils frames of all may be why a unit is silent: not that it never answers, nor that it hangs on what
-    is asked or on the rest before, nor that it is silent to the end, nor far more often than others are hit at all."""
+def own_silences(evidence: Evidence) -> set[tuple[Symptom, int]]:
+    """Silences of units that what spoils frames of all can't be the reason of: of one that never answers, or is silent by
+    what is asked or by the rest before, to the end, or far more often than others are hit at all."""
+    hits = {unit.unit: (evidence.hit(unit), unit.asked) for unit in evidence.units if unit.answered}
+    hit, asked = (sum(each) for each in zip(*hits.values(), strict=True)) if hits else (0, 0)
+    own = set()
+    for unit in evidence.units:
+        own_hit, own_asked = hits.get(unit.unit, (0, 0))
+        rate = (hit - own_hit + 0.5) / (asked - own_asked + 1) if hits.keys() - {unit.unit} else None
+        if not _may_strike(evidence, unit, rate):
+            own.add((Symptom.SILENCE, unit.unit))
+    return own
+
+
+def _may_strike(evidence: Evidence, unit: UnitLedger, elsewhere: float | None) -> bool:
+    """`elsewhere`: how often requests to others, or answers of theirs, are hit; None where no other answers."""
     best = evidence.best_contrast(Symptom.SILENCE, unit.unit)
-    own = best.bits >= _SURE_BITS and best.is_sharp and best.name in _DECIDES
-    return bool(unit.answered) and not own and _silence_of_its_own(evidence, unit) < _SURE_BITS
-
-
-def _silence_of_its_own(evidence: Evidence, unit: UnitLedger) -> float:
-    """How much likelier (bits) a unit's silence is by a rate of its own than as requests are hit where answers of others
-    are, or requests to them."""
-    others = [other for other in evidence.units if other is not unit and other.answered]
-    hit, asked = sum(map(evidence.hit, others)), sum(other.asked for other in others)
-    return surplus_bits(evidence.silent(unit), unit.asked, (hit + 0.5) / (asked + 1)) if others else 0.0
+    if not unit.answered or (best.bits >= _SURE_BITS and best.is_sharp and best.name in _DECIDES):
+        return False
+    return elsewhere is None or surplus_bits(evidence.silent(unit), unit.asked, elsewhere) < _SURE_BITS
 
 
 def struck(evidence: Evidence, foretold: Foretold, suspicion: Suspicion) -> Explained:
     """What a suspicion explains: where it spoils the frames of all, not the silence of a unit that has a fault of its own."""
     if suspicion.units or not foretold.client_loses:
         return suspicion.explains
-    own = {(Symptom.SILENCE, unit.unit) for unit in evidence.units if not may_strike(evidence, unit)}
+    own = own_silences(evidence)
     return suspicion.explains - own

@@ -14,7 +14,7 @@ from ..costs import cost_behind_damage, cost_of, kind_bits, overlaid, share_of, 
 from ..evidence import HEALTHY, Evidence
 from ..exchanges import Ending
 from ..flatmemory import CrowdedTimes
-from ..foretold import may_strike
+from ..foretold import own_silences
 from ..hits import (
     ALIKE,
     WELL,
@@ -56,7 +56,7 @@ _PHASE_NS: Final = 1_500_000  # by which a time may be wrong for its phase to be
 def _all_explained(evidence: Evidence) -> Explained:
     kinds = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.MARKS, Symptom.SILENCE, Symptom.LATENESS)
     found = {(kind, unit.unit) for unit in evidence.units for kind in kinds}
-    found -= {(Symptom.SILENCE, unit.unit) for unit in evidence.units if not may_strike(evidence, unit)}
+    found -= own_silences(evidence)
     return frozenset(found | {(Symptom.FRAMING, None)})
 
 

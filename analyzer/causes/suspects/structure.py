@@ -15,7 +15,7 @@ from ..bits import surplus_bits
 from ..costs import cost, kind_bits, together
 from ..evidence import HEALTHY, Evidence
 from ..exchanges import Ending
-from ..foretold import may_strike
+from ..foretold import own_silences
 from ..hits import evenness_bits
 from ..registry import ASKED_FOR, Explained, Foretold, Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage
@@ -153,7 +153,7 @@ def tap_loses(evidence: Evidence) -> Iterator[Suspicion]:
     requests = sum(map(evidence.requests_behind, evidence.units))
     bits += max(kind_bits(readings, _LOST), 0.0)
     explains: Explained = frozenset((kind, unit.unit) for unit in evidence.units for kind in TAP_TAKES)
-    explains -= {(Symptom.SILENCE, unit.unit) for unit in evidence.units if not may_strike(evidence, unit)}
+    explains -= own_silences(evidence)
     yield Suspicion(
         (),
         surplus_bits(min(damaged + requests, answers), answers, HEALTHY) + bits + _DISPLACED_BITS * displaced,

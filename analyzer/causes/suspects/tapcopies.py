@@ -10,7 +10,7 @@ from dissectors.crc import crc16
 from ...tables.findings import Severity
 from ..bits import surplus_bits
 from ..evidence import HEALTHY, Evidence
-from ..foretold import may_strike
+from ..foretold import own_silences
 from ..registry import Explained, Suspicion, Symptom, suspect
 from ..samples import READ_REQUEST, Sample, Samples
 from .structure import TAP_TAKES
@@ -73,7 +73,7 @@ def tap_repeats(evidence: Evidence) -> Iterator[Suspicion]:
     if min(requests, answers) < _BOTH or copies < _SHARE * damaged:
         return
     explains: Explained = frozenset((kind, unit.unit) for unit in evidence.units for kind in TAP_TAKES)
-    explains -= {(Symptom.SILENCE, unit.unit) for unit in evidence.units if not may_strike(evidence, unit)}
+    explains -= own_silences(evidence)
     asked = sum(unit.asked for unit in evidence.units)
     yield Suspicion(
         (),
