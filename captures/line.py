@@ -52,26 +52,34 @@ class LineSettings:
     def from_header(cls, header: Mapping[str, object]) -> tuple[LineSettings, list[str]]:
         """Settings out of a header's keys, and a complaint for each setting with an impossible value.
 
-        An impossible value becomes a note, like every key that is not a setting.
+        An impossible value becomes a note, like every key that is not a setting. A character's length may be said in
+        parts, as ports are set up: with parity and data bits, it is what `with_settings` makes of them.
         """
         settings: dict[str, object] = {}
         notes: dict[str, str] = {}
         complaints: list[str] = []
         for key, value in header.items():
+            name = _OTHER_NAMES.get(key, key)
             if value is None:
                 continue
-            if key not in _RULES:
+            if name not in _RULES or (name != key and name in header):
                 notes[key] = _note_text(value)
-            elif _RULES[key](value):
-                settings[key] = value
+            elif _RULES[name](value):
+                settings[name] = value
             else:
                 notes[key] = _note_text(value)
                 complaints.append(f"{key} is {_note_text(value)[:40]}, impossible for a line: ignored")
-        return cls(**settings, notes=notes), complaints  # type: ignore[arg-type]
+        bits = settings.pop("data_bits", None)
+        line = cls(**settings, notes=notes)  # type: ignore[arg-type]
+        if bits is not None and line.char_bits is None and line.parity is not None:
+            line = line.with_settings(bits=bits)  # type: ignore[arg-type]
+        elif bits is not None:
+            notes["data_bits"] = _note_text(bits)
+        return line, complaints
 
     def to_header(self) -> dict[str, object]:
         """The keys that `from_header` reads, settings first, unknown ones left out."""
-        header: dict[str, object] = {key: getattr(self, key) for key in _RULES if getattr(self, key) is not None}
+        header: dict[str, object] = {key: getattr(self, key) for key in _KEPT if getattr(self, key) is not None}
         return {**header, **{key: value for key, value in self.notes.items() if key not in header}}
 
     def with_settings(
@@ -110,7 +118,10 @@ _RULES = {
     "parity": lambda value: value in ("N", "E", "O", "M", "S"),
     "stop_bits": lambda value: not isinstance(value, bool) and value in (1, 1.5, 2),
     "tap": lambda value: isinstance(value, str),
+    "data_bits": lambda value: _whole(value, 5, 8),
 }
+_KEPT = ("baud", "char_bits", "parity", "stop_bits", "tap")  # `data_bits` are in `char_bits`
+_OTHER_NAMES = {"bits": "data_bits", "stop": "stop_bits", "baudrate": "baud"}  # by which loggers call them as well
 
 
 def _note_text(value: object) -> str:

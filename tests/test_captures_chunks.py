@@ -134,6 +134,25 @@ def test_settings_keep_what_they_do_not_know() -> None:
     assert LineSettings.from_header(line.to_header()) == (line, [])
 
 
+@pytest.mark.parametrize(
+    ("header", "char_bits", "notes"),
+    [
+        ({"parity": "N", "bits": 8, "stop": 1}, 10, {}),
+        ({"parity": "E", "data_bits": 7}, 10, {}),
+        ({"parity": "N", "data_bits": 8, "stop_bits": 2}, 11, {}),
+        ({"parity": "N", "stop_bits": 2}, None, {}),
+        ({"data_bits": 8}, None, {"data_bits": "8"}),
+        ({"char_bits": 11, "parity": "N", "data_bits": 8, "stop_bits": 1}, 11, {"data_bits": "8"}),
+        ({"stop_bits": 1, "stop": 2, "parity": "E", "bits": 8}, 11, {"stop": "2"}),
+    ],
+)
+def test_a_character_may_be_told_in_parts_as_ports_are_set_up(
+    header: dict[str, object], char_bits: int | None, notes: dict[str, str]
+) -> None:
+    line, complaints = LineSettings.from_header(header)
+    assert (line.char_bits, dict(line.notes), complaints) == (char_bits, notes, [])
+
+
 @pytest.mark.parametrize("header", [{"baud": 0}, {"baud": "fast"}, {"baud": True}, {"char_bits": 99}, {"stop_bits": 7}])
 def test_impossible_settings_are_said_and_kept_as_notes(header: dict[str, object]) -> None:
     line, complaints = LineSettings.from_header(header)
