@@ -7,8 +7,10 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 from running import environment, ran, refused
@@ -103,3 +105,29 @@ def test_a_terminal_that_places_no_text_gets_the_report() -> None:
     terminal.until(b"what costs this bus")
     assert b"\x1b" not in terminal.seen
     assert terminal.status() == 0
+
+
+@posix
+def test_a_terminal_that_is_gone_is_not_read_any_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where its signal is ignored (`nohup`) the interface goes on; it spun on the end of its input."""
+    from analyzer.tui.viewer import heed_lost_terminal
+
+    master, slave = os.openpty()
+    done: list[str] = []
+    looks: list[Callable[[], None]] = []
+
+    def set_interval(_: float, look: Callable[[], None]) -> SimpleNamespace:
+        looks.append(look)
+        return timer
+
+    driver = SimpleNamespace(disable_input=lambda: done.append("keys"))
+    timer = SimpleNamespace(stop=lambda: done.append("looks"))
+    app = SimpleNamespace(_driver=driver, set_interval=set_interval)
+    with os.fdopen(slave) as terminal:
+        monkeypatch.setattr(sys, "__stdin__", terminal)
+        heed_lost_terminal(cast(Any, app))
+        looks[0]()
+        assert not done
+        os.close(master)
+        looks[0]()
+        assert done == ["keys", "looks"]

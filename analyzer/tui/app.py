@@ -39,7 +39,7 @@ from .openfiles import NextFile
 from .paint import DARK, DARK_16, HARMLESS, LIGHT, LIGHT_16, Colourless
 from .prompts import Choose
 from .screen import BusScreen
-from .viewer import ending_with_its_server
+from .viewer import ending_with_its_server, heed_lost_terminal
 from .wire import ThinWire
 
 if TYPE_CHECKING:
@@ -179,6 +179,8 @@ class Rtuscope(App[None]):
         self.set_keymap(self.desk.wishes.keys)
         if not self.is_headless and self.console.color_system in _FEW_COLOURS:
             self.use_16_colours()
+        if not (self.is_headless or self.is_web):
+            heed_lost_terminal(self)
         self._tell_trouble()
 
     def exit(self, *result: Any, **more: Any) -> None:

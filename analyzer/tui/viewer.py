@@ -1,18 +1,43 @@
-"""The interface in a browser's tab, a process of the server of `open --web`: it ends with that server.
+"""Where the interface's viewer is gone: the server of a browser's tab, or a terminal.
 
-Textual's driver stops reading where its input ends, as it does when the server is killed, and the application would
-wait for keys for ever.
+Textual's driver for browsers stops reading where its input ends, as it does when the server is killed, and the
+application would wait for keys for ever: it ends with that server. That for terminals reads nothing again and again.
+Who closes a terminal ends the interface by a signal; where that is ignored (`nohup`) it goes on without keys, and so
+does what it records.
 """
 
 from __future__ import annotations
 
 import os
-from typing import Any, Final
+import select
+import sys
+from typing import TYPE_CHECKING, Any, Final
 
 from textual import messages
 from textual.driver import Driver
 
+if TYPE_CHECKING:
+    from textual.app import App
+    from textual.timer import Timer
+
 _PATIENCE_S: Final = 5.0
+_LOOK_S: Final = 2.0
+
+
+def heed_lost_terminal(app: App[Any]) -> None:
+    """From here on, take no more keys of a terminal that is gone."""
+    driver, keys = app._driver, sys.__stdin__
+    if driver is None or keys is None or not keys.isatty() or not hasattr(select, "poll"):
+        return
+    poller = select.poll()
+    poller.register(keys, 0)  # POLLHUP and POLLERR are told unasked
+
+    def look() -> None:
+        if poller.poll(0):
+            driver.disable_input()
+            timer.stop()
+
+    timer: Timer = app.set_interval(_LOOK_S, look)
 
 
 def ending_with_its_server(driver: type[Driver]) -> type[Driver]:
