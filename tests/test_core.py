@@ -283,6 +283,32 @@ def test_what_the_source_raises_comes_out_where_the_steps_are_taken():
     assert recorder.closed
 
 
+def test_bytes_are_judged_with_the_line_that_they_were_heard_on():
+    """Settings found twice while the analysis was behind: the first ones were judged by bytes that the others gave."""
+    lines = [LineSettings(baud=baud, char_bits=10) for baud in (9600, 19200, 38400)]
+    blocks = [Block.from_chunks([chunk]) for chunk in spaced(POLL * 2)][: len(lines)]
+
+    judged = []
+
+    class Settling(Scripted):
+        def items(self):
+            for line, block in zip(lines, blocks, strict=True):
+                self.line = line
+                yield PortEvent(int(block.t_ns[0]), 0, "settled", str(line.baud), {})
+                yield block
+            self.go.set()
+
+        def judge(self, heard, _, line):
+            if heard:
+                judged.append((heard, line))
+
+    source = Settling([])
+    with Session(source) as session:
+        source.go.wait(10)
+        list(session.steps())
+    assert judged == [(len(block.data), line) for block, line in zip(blocks, lines, strict=True)]
+
+
 def test_other_settings_of_the_line_reach_the_record_and_the_analysis():
     source = Scripted([PortEvent(1, 0, "settled", "9600", {}), *[Block.from_chunks([c]) for c in spaced(POLL)]])
     source.line = LineSettings(baud=9600, char_bits=10)

@@ -206,16 +206,16 @@ class Session:
         self._analyzer.close()
         yield SessionStep(self._newest, self._analyzer.latest)
 
-    def _step(self, part: _Heard | Tick | PortEvent | _Missed) -> SessionStep:
+    def _step(self, part: _Heard | Tick | PortEvent | _Settled | _Missed) -> SessionStep:
         if isinstance(part, _Missed):
             return self._begun_anew(part.t_ns, missed=part.octets)
+        if isinstance(part, _Settled):
+            self.line = part.line
+            return self._begun_anew(part.event.t_ns, part.event)
         if isinstance(part, PortEvent):
-            if part.kind != "settled":
-                if part.kind in _DEAF:
-                    self._analyzer.note(Note(part.t_ns, part.kind, part.text))
-                return SessionStep(part.t_ns, Analysed.nothing(), [part])
-            self.line = self._source.line
-            return self._begun_anew(part.t_ns, part)
+            if part.kind in _DEAF:
+                self._analyzer.note(Note(part.t_ns, part.kind, part.text))
+            return SessionStep(part.t_ns, Analysed.nothing(), [part])
         if isinstance(part, Tick):
             self._analyzer.tick(part.t_ns)
             return self._judged(SessionStep(part.t_ns, self._analyzer.latest))
@@ -294,7 +294,10 @@ class Session:
                     self._missed[port] = self._missed.get(port, 0) + octets
                 return
             self._tell_missed(int(item.t_ns[0]))
-        self._ready.append(item)
+        if isinstance(item, PortEvent) and item.kind == "settled":
+            self._ready.append(_Settled(item, self._source.line))
+        else:
+            self._ready.append(item)
 
     def _tell_missed(self, t_ns: int = 0) -> None:
         if self._missed:
@@ -319,6 +322,14 @@ class _StepPace:
         left = self._begun + min(_SPARED * self._mean_s, _LONGEST_S) - time.monotonic()
         if left > 0:
             time.sleep(left)
+
+
+@dataclass(frozen=True, slots=True)
+class _Settled:
+    """The line is `line` from here on; by the time that this is analysed the source may know another."""
+
+    event: PortEvent
+    line: LineSettings
 
 
 @dataclass(frozen=True, slots=True)
