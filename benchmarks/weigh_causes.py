@@ -26,7 +26,11 @@ def main(arguments: list[str]) -> int:
     capture = open_capture(options.file)
     parts = ((part.batch, part.transactions) for part in analyse(capture))
     evidence = Evidence(ledger_of(parts, capture.line))
-    for weighed in weigh(evidence)[: options.most]:
+    suspicions = weigh(evidence)
+    if not suspicions:
+        verdict = evidence.verdict
+        print(f"no judge suspects anything; times may be wrong by {verdict.wait_ns:.3g} ns, fine: {verdict.fine}")
+    for weighed in suspicions[: options.most]:
         found = weighed.suspicion
         explains = ", ".join(sorted(f"{symptom.value} of {unit or 'the bus'}" for symptom, unit in found.explains))
         print(f"{found.bits:9.1f} bits  {weighed.suspect.cause:24} units {found.units}  {explains}")
