@@ -9,7 +9,7 @@ each damaged answer the move is weighed; the sum says who lost it, the line or o
 from __future__ import annotations
 
 from math import log2
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from .bits import likelihood_bits, strays
 from .evidence import Evidence
 from .exchanges import Ending
 from .exchangetable import AskedRows
-from .ledgerview import Move
+from .ledgerview import kept
 
 _WELL: Final = 5  # good answers by which its usual wait is known
 _RANGE: Final = (0.03, 0.97)
@@ -32,14 +32,18 @@ _SLACK_NS: Final = 1_000_000
 _TIMEOUT_NS: Final = 50_000_000  # no client gives up sooner
 
 
+class Move(NamedTuple):
+    """Damaged answers whose client's next move tells something, how many it seems to have taken, and bits for that it took
+    them all (below 0: for that it took none)."""
+
+    told: int = 0
+    taken: int = 0
+    bits: float = 0.0
+
+
+@kept
 def move(evidence: Evidence, unit: int) -> Move:
     """What the client made of the damaged answers of a unit."""
-    if unit not in evidence.moves:
-        evidence.moves[unit] = _move(evidence, unit)
-    return evidence.moves[unit]
-
-
-def _move(evidence: Evidence, unit: int) -> Move:
     rows = evidence.rows(unit)
     damaged = rows[rows.outcome == Ending.GARBAGE]
     if not len(damaged):
@@ -57,16 +61,14 @@ def _move(evidence: Evidence, unit: int) -> Move:
     return Move(count, taken, bits)
 
 
+@kept
 def share_that_went_on(evidence: Evidence, unit: int) -> float:
     """The share of the silent requests to a unit behind which the client went on as soon as behind good answers: it got
     an answer, and the tap did not. 0 where that is not known."""
-    if unit not in evidence.went_on:
-        rows = evidence.rows(unit)
-        silent = rows[rows.outcome == Ending.SILENT]
-        usual, told = _as_behind_good(evidence, rows, silent)
-        went_on = int(np.count_nonzero(usual & told & ~silent.next_same))
-        evidence.went_on[unit] = went_on / max(int(np.count_nonzero(told)), 1)
-    return evidence.went_on[unit]
+    rows = evidence.rows(unit)
+    silent = rows[rows.outcome == Ending.SILENT]
+    usual, told = _as_behind_good(evidence, rows, silent)
+    return int(np.count_nonzero(usual & told & ~silent.next_same)) / max(int(np.count_nonzero(told)), 1)
 
 
 def _usual(evidence: Evidence, rows: AskedRows, damaged: AskedRows) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
