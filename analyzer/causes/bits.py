@@ -35,7 +35,7 @@ def clustering_bits(hits: int, trials: int, runs: int) -> float:
     `runs`: how many times a hit followed none.
     """
     misses = trials - hits
-    if hits < 2 or misses < 2 or runs < 1:
+    if hits < 2 or misses < 2:
         return 0.0
     rate = hits / trials
     stays, enters = (hits - runs + 0.5) / (hits + 1), (runs + 0.5) / (misses + 1)

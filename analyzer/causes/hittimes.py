@@ -24,9 +24,10 @@ def span_of_hits(evidence: Evidence) -> dict[str, Any]:
     """`since` and `until` of a suspicion, by the parts of the time with hits; nothing where there are none."""
     grid = evidence.ledger.grid
     parts = np.flatnonzero(grid.counts("damage"))
-    if grid.begin_ns is None or not len(parts):
+    if not len(parts):
         return {}
-    return {"since": grid.begin_ns + int(parts[0]) * grid.width_ns, "until": end_of_part(evidence, int(parts[-1]) + 1)}
+    since = (grid.begin_ns or 0) + int(parts[0]) * grid.width_ns
+    return {"since": since, "until": end_of_part(evidence, int(parts[-1]) + 1)}
 
 
 def end_of_part(evidence: Evidence, part: int) -> int:
