@@ -227,9 +227,9 @@ def _earlier(column: NDArray[Any], before: NDArray[Any]) -> NDArray[Any]:
     return np.concatenate((before if len(before) else np.array((_NOTHING,)), column[:-1]))
 
 
-def asking(rows: Rows) -> NDArray[np.bool_]:
+def asking(rows: Rows) -> Bools:
     """Which rows are right requests."""
-    asks: NDArray[np.bool_] = (rows.kind == _REQUEST) & rows.check
+    asks: Bools = (rows.kind == _REQUEST) & rows.check
     return asks
 
 
@@ -301,7 +301,7 @@ def _asked(made: Exchanges, table: Batch, which: NDArray[np.intp]) -> None:
     made.due[:] = np.minimum(due, 1 << 16)
 
 
-def _decoded(table: Batch, which: NDArray[np.intp]) -> tuple[NDArray[np.uint8], NDArray[np.int64], NDArray[np.int64]]:
+def _decoded(table: Batch, which: NDArray[np.intp]) -> tuple[UInt8s, Int64s, Int64s]:
     """The bytes of requests in ASCII mode without their envelope, and where each PDU begins and ends in them."""
     parts = [adu_of(table.bytes_of(row), int(table.rows.protocol[row])).data + b"\0" for row in which.tolist()]
     lengths = np.array([len(part) for part in parts], np.int64)
@@ -313,7 +313,7 @@ _COUNTED: Final = np.isin(np.arange(256), (1, 2, 3, 4, 15, 16, 20, 21, 23))  # f
 
 
 @lru_cache(maxsize=2)
-def _answer_lengths(_revision: int) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+def _answer_lengths(_revision: int) -> tuple[Int64s, Int64s, Int64s]:
     """Bytes of an answer's ADU by function: a constant (0: nobody knows), and how often words and bits asked count."""
     constant, per_word, per_bit = (np.zeros(256, np.int64) for _ in range(3))
     for function in range(128):

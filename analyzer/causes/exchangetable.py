@@ -57,7 +57,7 @@ class ExchangeTable:
     _below: int = _ALL  # of the hashes of those that are remembered
     _before: tuple[int, int] = (-1, int(Ending.OK))
 
-    def add(self, exchanges: Exchanges, times: NDArray[np.int64]) -> None:
+    def add(self, exchanges: Exchanges, times: Int64s) -> None:
         """The next exchanges; `times` tell their order."""
         unit, outcome, poll, t_next = exchanges.unit, exchanges.outcome, exchanges.poll, exchanges.t_next
         before = [
@@ -93,7 +93,7 @@ class ExchangeTable:
         return 2.0**64 / (self._below + 1.0)
 
 
-def _hash(numbers: NDArray[np.int64]) -> NDArray[np.uint64]:
+def _hash(numbers: Int64s) -> NDArray[np.uint64]:
     """Numbers spread evenly over all 64 bits."""
     mixed = numbers.astype(np.uint64) * _SPREAD  # arrays run over without a word
     mixed ^= mixed >> np.uint64(29)

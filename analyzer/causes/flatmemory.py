@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..tables.bins import TimeBins
-from ..tables.schema import Bools
+from ..tables.schema import Bools, Float64s, Int64s
 
 _THINNED_MOST: Final = 512
 _MODE: Final = 0.12  # width of the densest numbers, of themselves
@@ -23,9 +23,9 @@ class Thinned:
 
     count: int = 0
     total: float = 0.0
-    numbers: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    numbers: Float64s = field(default_factory=lambda: np.zeros(0))
     _stride: int = 1
-    _ordered: NDArray[np.float64] | None = None  # once somebody asks for a quantile
+    _ordered: Float64s | None = None  # once somebody asks for a quantile
 
     def __len__(self) -> int:
         return self.count
@@ -61,7 +61,7 @@ class Thinned:
         return float((self.numbers > bound).mean()) if len(self.numbers) else 0.0
 
 
-def densest(numbers: NDArray[np.float64]) -> float:
+def densest(numbers: Float64s) -> float:
     """The median of those positive numbers that lie closest together, a window of an eighth wide; 0 for none."""
     ordered = np.sort(numbers[numbers > 0])
     if not len(ordered):
@@ -83,7 +83,7 @@ class TimeGrid(TimeBins):
     def __init__(self, width_ns: int = _FIRST_NS) -> None:
         super().__init__(_PARTS, width_ns)
 
-    def add(self, kind: Hashable, times: NDArray[np.int64], weights: NDArray[np.int64] | None = None) -> None:
+    def add(self, kind: Hashable, times: Int64s, weights: Int64s | None = None) -> None:
         """Count at these times, which need not be in order but do not lie before the first one by much."""
         if not len(times):
             return
@@ -91,7 +91,7 @@ class TimeGrid(TimeBins):
         counts = np.bincount(self.bins(times), weights, _PARTS).astype(np.int64)
         self.tables[kind] = self.tables[kind] + counts if kind in self.tables else counts
 
-    def counts(self, kind: Hashable) -> NDArray[np.int64]:
+    def counts(self, kind: Hashable) -> Int64s:
         """The counts of one kind, a part each."""
         return self.tables.get(kind, np.zeros(_PARTS, np.int64))
 
@@ -132,9 +132,7 @@ class Spells:
         """The next exchanges, the newest of which was then, ended otherwise; none goes on."""
         self._well = time
 
-    def add(
-        self, hits: Bools, times: NDArray[np.int64], doubtful: Bools | None = None, repeats: Bools | None = None
-    ) -> None:
+    def add(self, hits: Bools, times: Int64s, doubtful: Bools | None = None, repeats: Bools | None = None) -> None:
         """The next exchanges: whether each ended so, and when; doubtful ones end no run and make none longer. `repeats`:
         those that are asked once more."""
         none = np.zeros(len(hits), np.bool_)
@@ -200,8 +198,8 @@ class CrowdedTimes:
 
     _begin: int | None = None
     _place: int = 0  # of the stretch that is open
-    _open: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
-    _kept: list[tuple[int, int, NDArray[np.int64]]] = field(default_factory=list)  # a heap: how many, minus the place
+    _open: Int64s = field(default_factory=lambda: np.zeros(0, np.int64))
+    _kept: list[tuple[int, int, Int64s]] = field(default_factory=list)  # a heap: how many, minus the place
     _left: int = _TIMES_MOST
 
     def add(self, times: NDArray[Any]) -> None:
@@ -227,7 +225,7 @@ class CrowdedTimes:
         self._place, self._open = place, np.zeros(0, np.int64)
 
     @property
-    def numbers(self) -> NDArray[np.float64]:
+    def numbers(self) -> Float64s:
         """Those remembered, in their order."""
         stretches = sorted(self._kept, key=lambda one: -one[1])
         return np.concatenate([*(times for _, _, times in stretches), self._open]).astype(np.float64)

@@ -7,8 +7,8 @@ from math import exp, isfinite, log1p, log2
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..tables.schema import Float64s
 from .bits import likelihood_bits, strays, surplus_bits
 from .evidence import Evidence
 from .registry import Symptom
@@ -136,13 +136,13 @@ def is_behind_few(evidence: Evidence) -> bool:
     return all(_is_behind_few(stray, exposed) for exposed in (idle, let_go))
 
 
-def _is_behind_few(stray: NDArray[np.float64], exposed: NDArray[np.float64]) -> bool:
+def _is_behind_few(stray: Float64s, exposed: Float64s) -> bool:
     order = np.argsort(-stray / exposed, kind="stable")
     few = int(np.searchsorted(stray[order].cumsum(), _NEARLY_ALL * stray.sum(), side="right")) + 1
     return bool(0 < exposed[order][:few].sum() <= 0.5 * exposed.sum())
 
 
-def _exposed(evidence: Evidence) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _exposed(evidence: Evidence) -> tuple[Float64s, Float64s, Float64s]:
     """About how many good answers of each unit have stray bytes behind them; how much of what strays on an idle line is due
     there, by how long it is idle, or by how often it is let go."""
     stray = np.array([evidence.stray(unit) for unit in evidence.units])
@@ -158,7 +158,7 @@ def spares_units(evidence: Evidence) -> bool:
     return evidence.ledger.timed and bool(((due >= _MANY_STRAYS) & (stray < _SPARED_SHARE * due)).any())
 
 
-def _idle(evidence: Evidence, stray: NDArray[np.float64], let_go: NDArray[np.float64]) -> NDArray[np.float64]:
+def _idle(evidence: Evidence, stray: Float64s, let_go: Float64s) -> Float64s:
     """How long the line is idle before and behind each unit's answers (ns, about), until something strays there if it does;
     for each answer as long where the clock shows no pauses at all, and nowhere shorter than the clock can tell."""
     char_ns, shown, off = evidence.ledger.char_ns, evidence.ledger.pauses, evidence.verdict.wait_ns

@@ -5,15 +5,15 @@ from __future__ import annotations
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..tables.schema import Bools
 from .bits import spells_of
 from .evidence import Evidence
 
 _SPELLS_BITS: Final = 14.0
 
 
-def spells_of_hits(evidence: Evidence) -> tuple[float, NDArray[np.bool_]]:
+def spells_of_hits(evidence: Evidence) -> tuple[float, Bools]:
     """The parts of the time in which the bus is hit, and what they save in bits; 0 where that may be chance."""
     grid = evidence.ledger.grid
     found, inside = spells_of(grid.counts("damage"), grid.counts("asked"))

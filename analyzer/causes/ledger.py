@@ -23,7 +23,7 @@ from ..options import Options
 from ..requests.history import RequestHistory
 from ..requests.reasons import Unserved
 from ..tables.batch import Batch
-from ..tables.schema import NO_GAP, Kind, Protocol, Rows
+from ..tables.schema import NO_GAP, Bools, Int64s, Kind, Protocol, Rows
 from ..tables.transactions import NEVER, Status, TransactionRows
 from ..tables.verdict import ModbusVerdict
 from .exchanges import Ending, ExchangeBuilder, Exchanges, Stretch
@@ -57,7 +57,7 @@ _OK, _EXCEPTION, _SILENT, _GARBAGE, _BROADCAST = (
 )
 
 
-def _by_function() -> NDArray[np.int64]:
+def _by_function() -> Int64s:
     return np.zeros(256, np.int64)
 
 
@@ -97,14 +97,14 @@ class Ledger:
     noise_bytes: int = 0
     marked_bytes: int = 0  # by the UART
     flow_bytes: int = 0  # that are XON or XOFF
-    functions: NDArray[np.int64] = field(default_factory=_by_function)  # of right frames
-    function_bytes: NDArray[np.int64] = field(default_factory=_by_function)
+    functions: Int64s = field(default_factory=_by_function)  # of right frames
+    function_bytes: Int64s = field(default_factory=_by_function)
     broadcasts: int = 0
     broadcast_runs: int = 0  # broadcasts right behind another
     broadcasts_again: int = 0  # and the same once more
     broadcasts_answered: int = 0
     called_examples: list[int] = field(default_factory=list)
-    foreign: NDArray[np.int64] = field(default_factory=lambda: np.zeros(len(NAMES), np.int64))  # stretches by protocol
+    foreign: Int64s = field(default_factory=lambda: np.zeros(len(NAMES), np.int64))  # stretches by protocol
     noise: list[tuple[int, int, _Octets]] = field(default_factory=list)  # a few outside frames: time, port, bytes
     stray_times: CrowdedTimes = field(default_factory=CrowdedTimes)  # of short ones
     spoilt: list[_Octets] = field(default_factory=list)  # a few requests whose check value is wrong
@@ -222,7 +222,7 @@ class Ledger:
         self._count_units(exchanges, times)
         count_others(part, self.unit, timed=self.timed)
 
-    def _count_units(self, exchanges: Exchanges, times: NDArray[np.int64]) -> None:
+    def _count_units(self, exchanges: Exchanges, times: Int64s) -> None:
         order = np.argsort(exchanges.unit, kind="stable")
         exchanges, times = exchanges[order], times[order]
         begins = np.flatnonzero(np.diff(exchanges.unit, prepend=np.int16(-1))).tolist()
@@ -236,7 +236,7 @@ class Ledger:
                 self.grid.add((BAD, number), when[(mine.outcome == _SILENT) | (mine.outcome == _GARBAGE)])
                 self.grid.add((DELAY, number), when[known & self.timed], mine.delay[known & self.timed])
 
-    def _count_bus(self, exchanges: Exchanges, odd: NDArray[np.bool_], times: NDArray[np.int64]) -> None:
+    def _count_bus(self, exchanges: Exchanges, odd: Bools, times: Int64s) -> None:
         outcome, t_next = exchanges.outcome, exchanges.t_next
         clean = (exchanges.t_answered != NEVER) & (t_next != NEVER) & ~odd
         if self.timed:
@@ -248,7 +248,7 @@ class Ledger:
         self.grid.add(ASKED, times)
         self.grid.add(DAMAGE, times[(outcome == _GARBAGE) | (exchanges.noise > 0)])
 
-    def _count_broadcasts(self, exchanges: Exchanges, to_all: NDArray[np.bool_]) -> None:
+    def _count_broadcasts(self, exchanges: Exchanges, to_all: Bools) -> None:
         if not to_all.any():
             return
         self.broadcasts += int(np.count_nonzero(to_all))
@@ -297,7 +297,7 @@ class Ledger:
         off = self.clock.newest().wait_ns if wait is not None and wait > _ECHO_NS else 0.0
         return wait is None or wait <= _ECHO_NS + (off if np.isfinite(off) else 0.0)
 
-    def _sample(self, part: Stretch, odd: NDArray[np.bool_]) -> None:
+    def _sample(self, part: Stretch, odd: Bools) -> None:
         exchanges = part.exchanges
         for i in odd.nonzero()[0].tolist():
             unit = self.unit(int(exchanges.unit[i]))

@@ -68,6 +68,10 @@ _LIKE: Final = {
     "requests-behind": ", most of them requests that came damaged",
     "nothing": ", at no time and of no request in particular",
 }
+_TURNED: Final = {  # what is said in place of the name where the symptom is above the threshold, or below it
+    "rest": (True, "rest-over"), "since-write": (True, "since-write-over"), "since": (False, "until"),
+    **dict.fromkeys(("quantity", "answer-bytes", "address", "range-end"), (False, "below")),
+}  # fmt: skip
 TEMPLATES: Final = {**{symptom.value: words for symptom, words in _SYMPTOMS.items()}, **_LIKE}
 
 
@@ -158,13 +162,8 @@ def _like(evidence: Evidence, unit: UnitLedger, symptom: Symptom, best: Contrast
         return _said("requests-behind", {})
     if symptom not in HITS_OF:
         return ""
-    name = best.name
-    if name in ("rest", "since-write") and best.over:
-        name += "-over"
-    elif name == "since" and not best.over:
-        name = "until"
-    elif name in ("quantity", "answer-bytes", "address", "range-end") and not best.over:
-        name = "below"
+    over, turned = _TURNED.get(best.name, (None, ""))
+    name = turned if best.over is over else best.name
     polls = [poll for poll in evidence.polls_of(unit.unit) if poll.key == best.value] if name == "poll" else []
     return _said(name, {"value": best.value, "rest": best.spared / 1e6, "areas": areas_of(polls)})
 

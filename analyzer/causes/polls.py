@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..tables.schema import Bools, Float64s, Int64s, UInt8s
 from ..tables.transactions import ECHOED, NEVER
 from .exchanges import Ending, Exchanges, Stretch
 from .flatmemory import Thinned
@@ -41,11 +41,11 @@ class Poll:
     quantity: int
     first: int
     last: int
-    outcomes: NDArray[np.int64]
+    outcomes: Int64s
     repeats: int
     exceptions: Counter[int]
-    intervals: NDArray[np.int64]
-    waits: NDArray[np.float64]
+    intervals: Int64s
+    waits: Float64s
     asked: int
 
     @property
@@ -83,8 +83,8 @@ class PollTable:
     requests: list[bytes] = field(default_factory=list)  # one of each poll, by slot
     usual: dict[int, bytes] = field(default_factory=dict)  # by number: a good answer
     _slots: dict[int, int] = field(default_factory=dict)
-    _sums: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, _WIDTH), np.int64))  # a row a slot
-    _rings: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, _RING), np.int64))
+    _sums: Int64s = field(default_factory=lambda: np.zeros((0, _WIDTH), np.int64))  # a row a slot
+    _rings: Int64s = field(default_factory=lambda: np.zeros((0, _RING), np.int64))
     _exceptions: defaultdict[int, Counter[int]] = field(default_factory=lambda: defaultdict(Counter))
     _waits: defaultdict[int, Thinned] = field(default_factory=lambda: defaultdict(Thinned))
 
@@ -132,7 +132,7 @@ class PollTable:
             self._sums[slot, _FIRST] = part.exchanges.t_start[i]
         return slot
 
-    def _time(self, slot: NDArray[np.int64], times: NDArray[np.int64]) -> None:
+    def _time(self, slot: Int64s, times: Int64s) -> None:
         """Intervals from each poll to its next one; exchanges come ordered by poll, then by time; at least one."""
         begins = np.flatnonzero(np.diff(slot, prepend=-1))
         ends = np.append(begins[1:], len(slot)) - 1
@@ -190,7 +190,7 @@ class SuccessorTable:
     _unsure: bool = False
     _owing: tuple[int, int] = (0, 0)  # the unit of the newest silent request, and until when its answer may come
 
-    def add(self, exchanges: Exchanges, odd: NDArray[np.bool_]) -> None:
+    def add(self, exchanges: Exchanges, odd: Bools) -> None:
         """The next exchanges; `odd` those that were hit."""
         units, delays = exchanges.unit, exchanges.delay
         silent = exchanges.outcome == _SILENT
@@ -218,7 +218,7 @@ class SuccessorTable:
             _count(of, (here + neighbour)[which])
             _count(of_hit, (here + neighbour)[which & odd])
 
-    def _hanging(self, units: NDArray[np.uint8], silent: NDArray[np.bool_]) -> NDArray[np.int64]:
+    def _hanging(self, units: UInt8s, silent: Bools) -> Int64s:
         """The unit of a hanging exchange right before each, 0 for none."""
         seen, another = np.cumsum(silent), np.diff(units, prepend=units[:1]) != 0
         begins = np.maximum.accumulate(np.where(another, np.arange(len(units)), 0))  # of what is asked of one in a row
@@ -228,7 +228,7 @@ class SuccessorTable:
         self._newest = int(hanging[-1])
         return hanging[:-1]
 
-    def _owed(self, exchanges: Exchanges, silent: NDArray[np.bool_]) -> NDArray[np.int64]:
+    def _owed(self, exchanges: Exchanges, silent: Bools) -> Int64s:
         """The unit whose answer to the newest silent request may still come, by each exchange's end: within as long again
         as was waited for it; 0 for none."""
         asked, t_next = exchanges.t_asked, exchanges.t_next
@@ -257,7 +257,7 @@ class SuccessorTable:
         return sum(count for (mine, _), count in self.followed.items() if mine == unit)
 
 
-def _count(counts: Counter[tuple[int, int]], pairs: NDArray[np.int64]) -> None:
+def _count(counts: Counter[tuple[int, int]], pairs: Int64s) -> None:
     found = np.bincount(pairs)
     at = found.nonzero()[0]
     for pair, count in zip(at.tolist(), found[at].tolist(), strict=True):

@@ -18,7 +18,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from ..tables.schema import Bools
+from ..tables.schema import Bools, Int64s
 from .bits import likelihood_bits
 from .exchanges import Ending, Exchanges, Stretch
 
@@ -36,19 +36,17 @@ _SWITCHES: Final = 2  # changes of state, at the least
 class _States:
     """The values of one poll that may be states: column by column the two values, and hits and exchanges in each."""
 
-    newest: NDArray[np.int64]
+    newest: Int64s
     hits_then: int  # on the bus so far, when the newest was read
     trials_then: int
-    one: NDArray[np.int64] = field(init=False)
-    two: NDArray[np.int64] = field(init=False)  # -1 until it is seen
-    many: NDArray[np.bool_] = field(
-        init=False
-    )  # more than two: no state; of words, the second half tells 0 from the rest
-    hits: NDArray[np.int64] = field(init=False)  # (2, columns)
-    trials: NDArray[np.int64] = field(init=False)
-    periods: NDArray[np.int64] = field(init=False)  # how many times a state lasted, and was hit, until it changed
-    switches: NDArray[np.int64] = field(init=False)
-    since: NDArray[np.int64] = field(init=False)  # hits in the state that lasts
+    one: Int64s = field(init=False)
+    two: Int64s = field(init=False)  # -1 until it is seen
+    many: Bools = field(init=False)  # more than two: no state; of words, the second half tells 0 from the rest
+    hits: Int64s = field(init=False)  # (2, columns)
+    trials: Int64s = field(init=False)
+    periods: Int64s = field(init=False)  # how many times a state lasted, and was hit, until it changed
+    switches: Int64s = field(init=False)
+    since: Int64s = field(init=False)  # hits in the state that lasts
 
     def __post_init__(self) -> None:
         count = len(self.newest)
@@ -56,7 +54,7 @@ class _States:
         self.hits, self.trials, self.periods = np.zeros((3, 2, count), np.int64)
         self.switches, self.since = np.zeros((2, count), np.int64)
 
-    def follow(self, values: NDArray[np.int64], hits: NDArray[np.int64], trials: NDArray[np.int64]) -> None:
+    def follow(self, values: Int64s, hits: Int64s, trials: Int64s) -> None:
         """The next reads, a row each; hits and exchanges on the bus so far."""
         gained, passed = np.diff(hits, prepend=self.hits_then), np.diff(trials, prepend=self.trials_then)
         changed = values != np.concatenate((self.newest[None], values[:-1]))
@@ -73,10 +71,10 @@ class _States:
     def _move(
         self,
         columns: NDArray[np.intp],
-        values: NDArray[np.int64],
+        values: Int64s,
         changed: Bools,
-        gained: NDArray[np.int64],
-        passed: NDArray[np.int64],
+        gained: Int64s,
+        passed: Int64s,
     ) -> None:
         """Of columns in which something changes."""
         other = values != self.one[columns]
@@ -209,7 +207,7 @@ def _reads_by_poll(exchanges: Exchanges, functions: tuple[int, ...]) -> Iterator
     return zip(numbers[begins].tolist(), np.split(places, begins[1:]), strict=False)
 
 
-def answered_values(stretch: Stretch, places: NDArray[np.intp]) -> NDArray[np.int64]:
+def answered_values(stretch: Stretch, places: NDArray[np.intp]) -> Int64s:
     """The values of answers to one poll, a row each."""
     exchanges, table = stretch.exchanges, stretch.table
     answers = exchanges.answer[places]
@@ -238,7 +236,7 @@ class PollValues:
     unit: int
     function: int
     address: int
-    times: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    times: Int64s = field(default_factory=lambda: np.zeros(0, np.int64))
     words: NDArray[np.uint16] = field(default_factory=lambda: np.zeros((0, 0), np.uint16))
     every: int = 1
     reads: int = 0
@@ -250,13 +248,13 @@ class ValueTable:
 
     polls: dict[int, PollValues] = field(default_factory=dict)
 
-    def add(self, part: Stretch, times: NDArray[np.int64]) -> None:
+    def add(self, part: Stretch, times: Int64s) -> None:
         """The next exchanges, with their times on the ledger's axis."""
         for number, mine in _reads_by_poll(part.exchanges, _WORDS):
             if number in self.polls or len(self.polls) < _TABLE_POLLS:
                 self._take(part, number, mine, times)
 
-    def _take(self, stretch: Stretch, number: int, mine: NDArray[np.intp], times: NDArray[np.int64]) -> None:
+    def _take(self, stretch: Stretch, number: int, mine: NDArray[np.intp], times: Int64s) -> None:
         if number not in self.polls:
             self.polls[number] = PollValues(number >> 40 & 0xFF, number >> 32 & 0xFF, number >> 16 & 0xFFFF)
         known = self.polls[number]

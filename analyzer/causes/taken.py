@@ -12,8 +12,8 @@ from math import log2
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..tables.schema import Bools
 from .bits import likelihood_bits, strays
 from .evidence import Evidence
 from .exchanges import Ending
@@ -71,7 +71,7 @@ def share_that_went_on(evidence: Evidence, unit: int) -> float:
     return int(np.count_nonzero(usual & told & ~silent.next_same)) / max(int(np.count_nonzero(told)), 1)
 
 
-def _usual(evidence: Evidence, rows: AskedRows, damaged: AskedRows) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _usual(evidence: Evidence, rows: AskedRows, damaged: AskedRows) -> tuple[Bools, Bools]:
     """Of each damaged answer: whether the wait for the next request is as behind good ones to the same, and whether that
     is known: not where the client rests as long behind answers as its timer waits in vain."""
     usual, told = _as_behind_good(evidence, rows, damaged)
@@ -84,7 +84,7 @@ def _usual(evidence: Evidence, rows: AskedRows, damaged: AskedRows) -> tuple[NDA
     return usual, told
 
 
-def _as_behind_good(evidence: Evidence, rows: AskedRows, bad: AskedRows) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _as_behind_good(evidence: Evidence, rows: AskedRows, bad: AskedRows) -> tuple[Bools, Bools]:
     """Of each of these: whether the wait for the next request is as behind good answers to the same, and whether enough
     of those are known."""
     usual, told = np.zeros(len(bad), np.bool_), np.zeros(len(bad), np.bool_)

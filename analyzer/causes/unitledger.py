@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..tables.schema import NO_GAP
+from ..tables.schema import NO_GAP, Bools, Int64s
 from ..tables.transactions import ECHOED, NEVER
 from .exchanges import Ending, Exchanges
 from .flatmemory import Spells, Thinned
@@ -29,7 +28,7 @@ class UnitLedger:
     """One unit's exchanges; times in ns."""
 
     unit: int
-    outcomes: NDArray[np.int64] = field(default_factory=lambda: np.zeros(len(Ending), np.int64))
+    outcomes: Int64s = field(default_factory=lambda: np.zeros(len(Ending), np.int64))
     repeats: int = 0  # requests to it that repeat the one before
     strays: int = 0  # right answers of it that answer nothing, while another unit is asked
     unfit: int = 0  # and that stand where its answer was due, and are another
@@ -115,7 +114,7 @@ class UnitLedger:
         """Requests that got a whole answer; an exception is one."""
         return self.count(Ending.OK, Ending.EXCEPTION)
 
-    def add(self, mine: Exchanges, times: NDArray[np.int64], *, timed: bool, hole_ns: float) -> None:
+    def add(self, mine: Exchanges, times: Int64s, *, timed: bool, hole_ns: float) -> None:
         """Count its next exchanges; `times` tell their order, `timed` whether as time. Silences over `hole_ns` are
         holes in an answer."""
         outcome = mine.outcome
@@ -149,7 +148,7 @@ class UnitLedger:
         if timed and counts[_SILENT] + counts[_GARBAGE]:
             self._add_waits(mine)
 
-    def _add_silences(self, mine: Exchanges, times: NDArray[np.int64], spells: tuple[Spells, ...]) -> None:
+    def _add_silences(self, mine: Exchanges, times: Int64s, spells: tuple[Spells, ...]) -> None:
         outcome = mine.outcome
         self.strayed += int(np.count_nonzero((outcome == _SILENT) & (mine.noise > 0)))
         heard = (outcome != _UNHEARD) & (outcome != _ECHO)  # what a tap shows of its own ends no silence
@@ -181,7 +180,7 @@ class UnitLedger:
         if delay_ns >= 0:
             self.echo_delays.add(np.array((delay_ns,)))
 
-    def _add_answers(self, good: Exchanges, times: NDArray[np.int64], *, timed: bool, hole_ns: float) -> None:
+    def _add_answers(self, good: Exchanges, times: Int64s, *, timed: bool, hole_ns: float) -> None:
         delays, again, repeated = good.delay, good.next_same, bool(good.next_same.any())
         known, alone = delays >= 0, (good.noise == 0) & (good.strays == 0)
         self.delays.add(delays[known])
@@ -213,7 +212,7 @@ class UnitLedger:
         self.hole_places.update(good.hole_at[holes > hole_ns].tolist())
 
 
-def _are_echoes(mine: Exchanges) -> NDArray[np.bool_]:
+def _are_echoes(mine: Exchanges) -> Bools:
     """Which exchanges are answered by what reads like their request once more."""
-    found: NDArray[np.bool_] = ECHOED[mine.function] & (mine.outcome == _OK) & (mine.answer_bytes == mine.asked_bytes)
+    found: Bools = ECHOED[mine.function] & (mine.outcome == _OK) & (mine.answer_bytes == mine.asked_bytes)
     return found
