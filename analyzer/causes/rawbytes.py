@@ -216,8 +216,12 @@ def other_formats(line: CharacterFormat) -> Iterator[tuple[CharacterFormat, floa
 @lru_cache(maxsize=1 << 14)
 def misread(data: bytes, sender: CharacterFormat, receiver: CharacterFormat, sample: float = _SAMPLE) -> bytes:
     """What the receiver makes of the beginning of these bytes: as much as hangs on them alone."""
-    levels = [bit for byte in data for bit in sender.bits(byte)]
-    return _received(levels, sender.baud / receiver.baud, receiver, sample)
+    return _received(_levels(data, sender), sender.baud / receiver.baud, receiver, sample)
+
+
+@lru_cache(maxsize=1 << 10)
+def _levels(data: bytes, sender: CharacterFormat) -> bytes:
+    return bytes(bit for byte in data for bit in sender.bits(byte))
 
 
 def samples(sender: CharacterFormat, receiver: CharacterFormat) -> tuple[float, ...]:
@@ -228,20 +232,21 @@ def samples(sender: CharacterFormat, receiver: CharacterFormat) -> tuple[float, 
 @lru_cache(maxsize=1 << 14)
 def beheaded(data: bytes, lost_bits: int, receiver: CharacterFormat) -> bytes:
     """What a receiver makes of the beginning of these bytes, whose sender drives the line so many bits too late."""
-    levels = [bit for byte in data for bit in receiver.bits(byte)]
-    levels[:lost_bits] = [1] * min(lost_bits, len(levels))
-    return _received(levels, 1.0, receiver)
+    levels = _levels(data, receiver)[lost_bits:]
+    return _received(b"\1" * lost_bits + levels, 1.0, receiver) if levels else b""
 
 
-def _received(levels: list[int], ratio: float, receiver: CharacterFormat, sample: float = _SAMPLE) -> bytes:
+def _received(levels: bytes, ratio: float, receiver: CharacterFormat, sample: float = _SAMPLE) -> bytes:
     """The bytes of levels, one a bit of their sender, `ratio` of which last as long as a bit of the receiver."""
-    line, found, at = bytes((1, *levels, 1)), bytearray(), 0.0  # it rests before and behind
+    line, found, at = b"\1" + levels + b"\1", bytearray(), 0.0  # it rests before and behind
     while (start := line.find(b"\1\0", ceil(at))) >= 0:
         at = start + (receiver.data_bits + (receiver.parity != "N") + 1 + sample) * ratio
         if at >= len(levels):
             break
-        places = (int(start + (i + 1 + sample) * ratio) for i in range(receiver.data_bits))
-        found.append(sum(levels[place] << i for i, place in enumerate(places)))
+        value = 0
+        for i in range(receiver.data_bits):
+            value |= levels[int(start + (i + 1 + sample) * ratio)] << i
+        found.append(value)
         if not levels[int(at)]:  # out of step: it waits for the line to rest
             at = line.find(b"\1", int(at) + 1) - 1
     return bytes(found)
