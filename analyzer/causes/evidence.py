@@ -8,10 +8,9 @@ from copy import copy
 from functools import cached_property
 from typing import Final
 
-import numpy as np
-
 from dissectors.limits import EXCEPTION, MAX_ADU
 
+from ..deframing.tap_clock import UNKNOWN
 from .bits import surplus_bits
 from .exchanges import Ending
 from .ledger import Ledger
@@ -115,7 +114,7 @@ class Evidence(LedgerView):
         """About how many good answers run on, as where a second transmitter ends later: what comes right behind them is
         no request, no glitch of a driver that lets go or of noise, and seldom the same; 0 where most of it is."""
         readings = self.followed(unit) if self.ordered else []
-        off = self.verdict.wait_ns if self.ledger.timed and np.isfinite(self.verdict.wait_ns) else 0.0
+        off = self.verdict.wait_ns if self.verdict.wait_ns < UNKNOWN else 0.0
         most = _AT_ONCE_CHARS * self.ledger.char_ns + off
         at_once = [each for each in readings if each.behind in _STRAY and 0 <= each.rested <= most]
         longer = sum(len(each.heard) > self._longest_request for each in at_once) >= _OFTEN * len(at_once)

@@ -56,6 +56,10 @@ class Thinned:
         """Of all that were added; 0 without any."""
         return self.total / max(self.count, 1)
 
+    def below(self, bound: float) -> float:
+        """The share of numbers under a bound; 0 without any."""
+        return float((self.numbers < bound).mean()) if len(self.numbers) else 0.0
+
     def above(self, bound: float) -> float:
         """The share of numbers over a bound; 0 without any."""
         return float((self.numbers > bound).mean()) if len(self.numbers) else 0.0

@@ -247,7 +247,7 @@ def _cut_short(evidence: Evidence, unit: UnitLedger) -> int:
     waits, off, soonest = unit.quiet_waits.numbers, evidence.verdict.wait_ns, unit.delays.quantile(_SOONEST) or 0.0
     if not len(waits) or not evidence.is_open(Symptom.SILENCE, unit.unit) or off > _HELD_NS:
         return 0
-    early = float((waits < _SOONER * (soonest - off)).mean())
+    early = unit.quiet_waits.below(_SOONER * (soonest - off))
     error = 3 * off / (12 * len(waits)) ** 0.5  # of the mean of times that are wrong by up to so much
     if len(waits) >= _TOLD and waits.mean() + error < _SOONER * (unit.delays.quantile(0.25) or 0.0):
         early = 1.0
@@ -285,36 +285,33 @@ def timed_by_the_master(evidence: Evidence, unit: UnitLedger) -> list[Signature]
     just when it gives up, or end always as long behind their request, though the unit answers now sooner, now later."""
     off, char_ns = evidence.verdict.wait_ns, evidence.ledger.char_ns
     readings = [each for each in evidence.readings(unit) if each.delay >= 0]
-    found: list[Signature] = []
-    timeout = evidence.timeout_ns
-    if timeout is not None and off < _AT_ONCE * timeout:
-        begun = [each for each in readings if abs(each.delay - timeout) <= _AT_ONCE * timeout]
-        good = unit.delays.numbers
-        steady = len(good) < _TOLD or strays([each.delay for each in begun]) < _STEADY * strays(good)
-        found += begun if len(begun) >= _TOLD and steady else []
+    timeout, good = evidence.timeout_ns or 0.0, unit.delays.numbers
+    begun = [each for each in readings if abs(each.delay - timeout) <= _AT_ONCE * timeout]
+    steady = len(good) < _TOLD or strays([each.delay for each in begun]) < _STEADY * strays(good)
+    found = begun if steady and len(begun) >= _TOLD and off < _AT_ONCE * timeout else []
     run_into = [each for each in readings if each.damage in _RUN_INTO and each.length >= each.due]
     ends = [each.delay + each.length * char_ns for each in run_into]
     begun_within = strays([each.delay for each in run_into])
     if len(ends) >= _TOLD and begun_within > 2 * char_ns and strays(ends) + off < _STEADIER * begun_within + char_ns:
-        found += [each for each in readings if each.damage is not AnswerDamage.HEAD and each not in found]
-    return found + [each for each in asked_again_into(evidence, unit) if each not in found]
+        found = [*found, *(each for each in readings if each.damage is not AnswerDamage.HEAD)]
+    found = [*found, *asked_again_into(evidence, unit)]
+    return [each for each in readings if each in found]
 
 
 def given_up_by_timer(evidence: Evidence, unit: UnitLedger) -> bool:
     """Whether nearly all requests to a unit that stayed without an answer were followed when the master's timeout was
     over, and no sooner: what comes late then met nobody else's request. False where nobody knows."""
     timeout, off = evidence.timeout_ns, evidence.verdict.wait_ns
-    if timeout is not None and off > _TIMER_TOLD * timeout:  # no clock makes waits more alike than they are
+    if timeout is None:
+        return False
+    if off > _TIMER_TOLD * timeout:  # no clock makes waits more alike than they are
         every = np.concatenate([each.quiet_waits.numbers for each in evidence.units])
         if len(every) < 2 * _TOLD or np.median(every) < _UNTOLD * timeout:
             return False  # of requests that a tap hands over at once nobody knows what was between them
         return strays(every) < _STEADY * timeout
-    waits = unit.quiet_waits.numbers  # what is late, and taken for the answer, ends a wait as well
-    if len(waits) < _TOLD:
-        waits = unit.waits.numbers
-    if timeout is None or len(waits) < _TOLD:
-        return False
-    return bool((waits >= _SOONER * timeout - off).mean() >= _BY_TIMER)
+    waits = unit.quiet_waits  # what is late, and taken for the answer, ends a wait as well
+    waits = waits if len(waits) >= _TOLD else unit.waits
+    return len(waits) >= _TOLD and 1 - waits.below(_SOONER * timeout - off) >= _BY_TIMER
 
 
 def late_of_any(evidence: Evidence) -> int:
@@ -350,11 +347,8 @@ def spared_bits(evidence: Evidence, unit: UnitLedger) -> float:
     if not spared or len(spared) < _NEARLY_ALL * len(readings) or not evidence.damaged(unit):
         return 0.0
     survive = log1p(-min(evidence.damaged(unit) / unit.asked, _MOST_HIT))
-    bits = 0.0
-    for reading in spared:
-        whole, header = exp(survive), exp(survive * _HEADER / reading.due)
-        bits += log2((header - whole) / (1 - whole))
-    return bits
+    whole = exp(survive)
+    return sum(log2((exp(survive * _HEADER / each.due) - whole) / (1 - whole)) for each in spared)
 
 
 def _mean_due(evidence: Evidence, unit: int) -> float:

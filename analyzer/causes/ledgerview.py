@@ -140,18 +140,15 @@ class LedgerView:
             return 0
         if self._echoes_itself(unit):
             return len(unit.echo_waits)
-        waits, timeout = unit.echo_waits.numbers, self.timeout_ns
-        if not len(waits) or timeout is None or not self._tells_haste:
-            return 0
-        return round(len(unit.echo_waits) * float((waits < _HALF * timeout).mean()))
+        return round(len(unit.echo_waits) * unit.echo_waits.below(self._soon_ns)) if self._tells_haste else 0
 
     @kept
     def _in_pairs(self, unit: UnitLedger) -> list[Poll]:
         """Polls that come twice each time, far sooner than the master gives up or by a clock that does not tell, and whose
         answer is the request once more: the second is the answer, or nobody knows."""
-        waits, timeout = unit.echo_waits.quantile(0.9), self.timeout_ns
-        later = waits is None or timeout is None or waits >= _HALF * timeout
-        if self._tells_haste and later and not unit.echoes_itself:
+        waits = unit.echo_waits.quantile(0.9)
+        soon = unit.echoes_itself or (waits is not None and waits < self._soon_ns)
+        if self._tells_haste and not soon:
             return []
         twice = [poll for poll in self.polls_of(unit.unit) if ECHOED[poll.function] and poll.repeats]
         groups = [(poll, poll.asked - poll.repeats) for poll in twice]
@@ -160,26 +157,25 @@ class LedgerView:
     @cached_property
     def _tells_haste(self) -> bool:
         """Whether the clock tells what comes at once from what comes when the master has given up."""
-        timeout = self.timeout_ns
-        return self.verdict.fine or (timeout is not None and self.verdict.wait_ns < _HALF * timeout)
+        return self.verdict.fine or self.verdict.wait_ns < self._soon_ns
+
+    @property
+    def _soon_ns(self) -> float:
+        """What comes sooner does so before the master gives up; 0 where nobody knows."""
+        return _HALF * (self.timeout_ns or 0.0)
 
     def silences(self, unit: UnitLedger) -> Spells:
         """When a unit was silent. Where the clock does not tell how soon an answer came, one that is its request once more
         may be that request, asked again: it ends no silence of a unit that answers otherwise, nor among several tries."""
         if self._in_pairs(unit):
             return unit.silences_of_others
-        if self._tells_haste:
-            repeats = unit.answered > unit.echoes and self._answers_as_late_as_repeats(unit)
-        else:
-            repeats = unit.answered >= 2 * unit.echoes
+        repeats = unit.answered >= 2 * unit.echoes
+        if self._tells_haste:  # some come when the master repeats what it asked
+            late = unit.echo_delays.above(_AS_LATE * (self.timeout_ns or UNKNOWN))
+            repeats = late > 0 and unit.answered > unit.echoes
         if repeats:
             return unit.silences_but_echoes
         return unit.silences if self.verdict.fine else unit.silences_but_tried
-
-    def _answers_as_late_as_repeats(self, unit: UnitLedger) -> bool:
-        """Whether some answers of a unit that read like their requests come when the master repeats what it asked."""
-        timeout = self.timeout_ns
-        return timeout is not None and bool((unit.echo_delays.numbers > _AS_LATE * timeout).any())
 
     def unanswered(self, unit: UnitLedger) -> int:
         """Requests without a byte of an answer, but for those whose answer is the request once more: two answers to one of
@@ -205,8 +201,7 @@ class LedgerView:
         return round(unit.count(Ending.GARBAGE) * found / max(len(garbage), 1)) if self.ordered else 0
 
     def _read(self, sample: Sample) -> Signature:
-        off = self.verdict.wait_ns if self.ledger.timed else UNKNOWN
-        found = signature(sample, self.ledger.char_ns, self.requests, off_ns=off)
+        found = signature(sample, self.ledger.char_ns, self.requests, off_ns=self.verdict.wait_ns)
         strays = found.damage is AnswerDamage.WHOLE and found.length <= _MOSTLY * found.due
         if strays and (LOW_ONCE.issuperset(found.heard) or self._is_noise_where_nobody_answers(sample, found)):
             return replace(found, damage=AnswerDamage.NONE, behind=Behind.NOISE)
@@ -266,8 +261,7 @@ class LedgerView:
         """What the master waits for an answer, to its next request: the densest of the waits that ended in silence, and
         no less than it does wait for answers."""
         told = [u.plain_waits if self._echoes_itself(u) else u.waits for u in self.ledger.units.values()]
-        waits = [each.numbers for each in told if len(each)]
-        numbers = np.concatenate(waits) if waits else np.zeros(0)
+        numbers = np.concatenate([np.zeros(0), *(each.numbers for each in told)])
         if np.count_nonzero(numbers > 0) < _WAITS:
             return None
         usual = densest(numbers)
@@ -277,8 +271,7 @@ class LedgerView:
         patient = numbers[numbers > self.patience_ns]
         if np.count_nonzero(patient > 0) >= _WAITS:
             return densest(patient)
-        found = densest(numbers)
-        return found if found >= _HALF * self.patience_ns else None  # or it would hardly ever get an answer
+        return usual if usual >= _HALF * self.patience_ns else None  # or it would hardly ever get an answer
 
     @cached_property
     def patience_ns(self) -> float:

@@ -13,7 +13,6 @@ from ..tables.transactions import ECHOED
 from .bits import strays, surplus_bits
 from .evidence import HEALTHY, Evidence
 from .exchanges import Ending
-from .polls import Poll
 from .rawbytes import ENDING, is_in_ascii
 from .registry import Symptom
 from .signatures import Behind, Signature
@@ -111,7 +110,7 @@ def called_back(evidence: Evidence) -> CalledBack:
         return CalledBack()
     hit = more = set(direct)
     while more:
-        more = {unit for unit in units if unit not in hit and _is_behind(evidence, unit, hit | {_TO_ALL})}
+        more = {unit for unit in set(units) - hit if _is_behind(evidence, unit, hit | {_TO_ALL})}
         hit = hit | more
     return CalledBack(met, met_of, bits, frozenset(hit))
 
@@ -168,8 +167,8 @@ def only_repeats(evidence: Evidence, unit: UnitLedger) -> bool:
     if wait is not None and evidence.timeout_ns is not None:
         wait = max(wait, evidence.timeout_ns)  # of what only seems to be silent the wait may be a pause
     told = [poll for poll in evidence.polls_of(unit.unit) if not ECHOED[poll.function]]  # whose answer reads otherwise
-    silent, asked, well = (sum(each) for each in zip((0, 0, 0), *(_fared(poll) for poll in told), strict=True))
-    mostly = silent >= max(_REQUESTS_LEAST, _NEARLY_ALL_SILENT * asked) and not well
+    fared, asked = sum((poll.outcomes for poll in told), np.zeros(len(Ending))), sum(poll.asked for poll in told)
+    mostly = bool(fared[Ending.SILENT] >= max(_REQUESTS_LEAST, _NEARLY_ALL_SILENT * asked) and not fared[Ending.OK])
     mostly = mostly or unit.count(Ending.SILENT) >= _SILENT_FOR_ECHO * (unit.answered + unit.loose)
     off = evidence.verdict.wait_ns
     if delay is None or wait is None or off > wait or evidence.ledger.echoing:
@@ -179,10 +178,6 @@ def only_repeats(evidence: Evidence, unit: UnitLedger) -> bool:
         return False  # it was seen to wait longer before it asks again for what came damaged
     latest, longest = unit.echo_delays.quantile(0.9) or delay, unit.waits.quantile(0.9) or wait
     return delay + off > _AS_LATE * wait and (mostly or latest * _AS_LATE < longest)
-
-
-def _fared(poll: Poll) -> tuple[int, int, int]:
-    return poll.count(Ending.SILENT), poll.asked, poll.count(Ending.OK)
 
 
 def in_vain(evidence: Evidence, unit: UnitLedger) -> tuple[int, int]:

@@ -13,6 +13,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from ..deframing.tap_clock import UNKNOWN
 from ..tables.schema import Bools
 from .bits import likelihood_bits, strays
 from .evidence import Evidence
@@ -36,9 +37,9 @@ class Move(NamedTuple):
     """Damaged answers whose client's next move tells something, how many it seems to have taken, and bits for that it took
     them all (below 0: for that it took none)."""
 
-    told: int = 0
-    taken: int = 0
-    bits: float = 0.0
+    told: int
+    taken: int
+    bits: float
 
 
 @kept
@@ -46,18 +47,15 @@ def move(evidence: Evidence, unit: int) -> Move:
     """What the client made of the damaged answers of a unit."""
     rows = evidence.rows(unit)
     damaged = rows[rows.outcome == Ending.GARBAGE]
-    if not len(damaged):
-        return Move()
     usual, told = _usual(evidence, rows, damaged)
-    usual = usual & ~damaged.next_same
-    count, taken = int(np.count_nonzero(told)), int(np.count_nonzero(usual & told))
-    bits = likelihood_bits(taken, count, _TAKEN) - likelihood_bits(taken, count, _LOST) if count else 0.0
+    count, taken = (int(np.count_nonzero(each)) for each in (told, told & usual & ~damaged.next_same))
+    bits = likelihood_bits(taken, count, _TAKEN) - likelihood_bits(taken, count, _LOST)
     again = _asks_again(evidence)
     if again is not None:
         repeated = int(np.count_nonzero(damaged.next_same))
         left = len(damaged) - repeated
         bits += left * log2((1 - _NEVER_AGAIN) / (1 - again)) + repeated * log2(_NEVER_AGAIN / again)
-        count, taken = max(count, len(damaged)), max(taken, left) if not count else taken
+        count, taken = len(damaged), taken if count else left
     return Move(count, taken, bits)
 
 
@@ -88,8 +86,8 @@ def _as_behind_good(evidence: Evidence, rows: AskedRows, bad: AskedRows) -> tupl
     """Of each of these: whether the wait for the next request is as behind good answers to the same, and whether enough
     of those are known."""
     usual, told = np.zeros(len(bad), np.bool_), np.zeros(len(bad), np.bool_)
-    off = evidence.verdict.wait_ns if evidence.ledger.timed else float("inf")
-    if not np.isfinite(off):
+    off = evidence.verdict.wait_ns
+    if off == UNKNOWN:
         return usual, told
     good = rows[(rows.outcome == Ending.OK) & (rows.wait >= 0)]
     for due in np.unique(bad.due).tolist():
