@@ -95,7 +95,8 @@ class PollTable:
         """Count the exchanges of a stretch."""
         exchanges = part.exchanges
         numbers, first, which = np.unique(exchanges.poll, return_index=True, return_inverse=True)
-        slots = [self._slot(number, part, i) for number, i in zip(numbers.tolist(), first.tolist(), strict=True)]
+        known, firsts = self._slots, zip(numbers.tolist(), first.tolist(), strict=True)
+        slots = [known[number] if number in known else self._slot(number, part, i) for number, i in firsts]
         slot = np.array(slots)[which]
         if min(slots) < 0:
             exchanges, slot = exchanges[slot >= 0], slot[slot >= 0]
@@ -121,15 +122,15 @@ class PollTable:
             self.usual[int(exchanges.poll[i])] = part.table.bytes_of(int(exchanges.answer[i]))
 
     def _slot(self, number: int, part: Stretch, i: int) -> int:
-        """That of a poll, which exchange i asks for; -1 for none."""
-        slot = self._slots.get(number, -1)
-        if slot < 0 and len(self._slots) < _POLLS:
-            slot = self._slots[number] = len(self._slots)
-            if slot == len(self._sums):
-                more = ((0, max(slot, _SLOTS)), (0, 0))
-                self._sums, self._rings = np.pad(self._sums, more), np.pad(self._rings, more)
-            self.requests.append(part.table.bytes_of(int(part.exchanges.row[i])))
-            self._sums[slot, _FIRST] = part.exchanges.t_start[i]
+        """One for a poll that is new, which exchange i asks for; -1 for none."""
+        if len(self._slots) >= _POLLS:
+            return -1
+        slot = self._slots[number] = len(self._slots)
+        if slot == len(self._sums):
+            more = ((0, max(slot, _SLOTS)), (0, 0))
+            self._sums, self._rings = np.pad(self._sums, more), np.pad(self._rings, more)
+        self.requests.append(part.table.bytes_of(int(part.exchanges.row[i])))
+        self._sums[slot, _FIRST] = part.exchanges.t_start[i]
         return slot
 
     def _time(self, slot: Int64s, times: Int64s) -> None:

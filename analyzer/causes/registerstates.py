@@ -56,7 +56,8 @@ class _States:
 
     def follow(self, values: Int64s, hits: Int64s, trials: Int64s) -> None:
         """The next reads, a row each; hits and exchanges on the bus so far."""
-        gained, passed = np.diff(hits, prepend=self.hits_then), np.diff(trials, prepend=self.trials_then)
+        gained = np.diff(np.concatenate(((self.hits_then,), hits)))
+        passed = np.diff(np.concatenate(((self.trials_then,), trials)))
         changed = values != np.concatenate((self.newest[None], values[:-1]))
         self.newest, self.hits_then, self.trials_then = values[-1].copy(), int(hits[-1]), int(trials[-1])
         moving = changed.any(axis=0)
@@ -204,7 +205,8 @@ def _reads_by_poll(exchanges: Exchanges, functions: tuple[int, ...]) -> Iterator
     places = places[np.argsort(exchanges.poll[places], kind="stable")]
     numbers = exchanges.poll[places]
     begins = np.flatnonzero(np.diff(numbers, prepend=-1))
-    return zip(numbers[begins].tolist(), np.split(places, begins[1:]), strict=False)
+    bounds = zip(begins.tolist(), [*begins[1:].tolist(), len(places)], strict=False)
+    return ((number, places[begin:end]) for number, (begin, end) in zip(numbers[begins].tolist(), bounds, strict=True))
 
 
 def answered_values(stretch: Stretch, places: NDArray[np.intp]) -> Int64s:
