@@ -136,11 +136,10 @@ class Spells:
         """The next exchanges, the newest of which was then, ended otherwise; none goes on."""
         self._well = time
 
-    def add(self, hits: Bools, times: Int64s, doubtful: Bools | None = None, repeats: Bools | None = None) -> None:
+    def add(self, hits: Bools, times: Int64s, doubtful: Bools, repeats: Bools) -> None:
         """The next exchanges: whether each ended so, and when; doubtful ones end no run and make none longer. `repeats`:
         those that are asked once more."""
-        none = np.zeros(len(hits), np.bool_)
-        doubtful, first = none if doubtful is None else doubtful, ~(none if repeats is None else repeats)
+        first = ~repeats
         seen = self._doubtful + doubtful.cumsum()
         self._doubtful += int(np.count_nonzero(doubtful))
         known = ~doubtful

@@ -101,7 +101,7 @@ def requests_evenness_bits(evidence: Evidence) -> float:
     more than 0."""
     units = [unit for unit in evidence.units if unit.answered]
     hits = [min(round(evidence.requests_behind(unit)), unit.answered) for unit in units]
-    if len(units) < 2 or not sum(hits):
+    if not sum(hits):
         return 0.0
     of = [unit.answered for unit in units]
     return _shared_bits(hits, of, [sum(hits) / sum(of)] * len(of))
@@ -245,10 +245,10 @@ def interrupted(evidence: Evidence, unit: UnitLedger) -> int:
 def _cut_short(evidence: Evidence, unit: UnitLedger) -> int:
     """Those of them that stayed without a byte. Of a coarse clock all or none, by the mean of the waits."""
     waits, off, soonest = unit.quiet_waits.numbers, evidence.verdict.wait_ns, unit.delays.quantile(_SOONEST) or 0.0
-    if not len(waits) or not evidence.is_open(Symptom.SILENCE, unit.unit) or off > _HELD_NS:
+    if not evidence.is_open(Symptom.SILENCE, unit.unit) or off > _HELD_NS:
         return 0
     early = unit.quiet_waits.below(_SOONER * (soonest - off))
-    error = 3 * off / (12 * len(waits)) ** 0.5  # of the mean of times that are wrong by up to so much
+    error = 3 * off / (12 * max(len(waits), 1)) ** 0.5  # of the mean of times that are wrong by up to so much
     if len(waits) >= _TOLD and waits.mean() + error < _SOONER * (unit.delays.quantile(0.25) or 0.0):
         early = 1.0
     return round(early * len(unit.quiet_waits)) if by_another(evidence, unit, soonest) else 0

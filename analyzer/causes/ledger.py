@@ -249,8 +249,6 @@ class Ledger:
         self.grid.add(DAMAGE, times[(outcome == _GARBAGE) | (exchanges.noise > 0)])
 
     def _count_broadcasts(self, exchanges: Exchanges, to_all: Bools) -> None:
-        if not to_all.any():
-            return
         self.broadcasts += int(np.count_nonzero(to_all))
         self.broadcast_runs += int(np.count_nonzero(to_all[1:] & to_all[:-1]))
         self.broadcasts_again += int(np.count_nonzero(to_all & exchanges.repeats))

@@ -20,7 +20,8 @@ from .flatmemory import Thinned
 _POLLS: Final = 4096
 _SEVERAL: Final = 3  # times
 _RING: Final = 32  # intervals of a poll that are remembered, the newest
-_HOLDS: Final = np.isin(np.arange(256), (1, 2, 3, 4, 23))
+_BITS_OF: Final = {1: 1, 2: 1, 3: 16, 4: 16, 23: 16}  # of one thing that is asked for
+_HOLDS: Final = np.isin(np.arange(256), tuple(_BITS_OF))
 _OK, _EXCEPTION, _SILENT, _KINDS = int(Ending.OK), int(Ending.EXCEPTION), int(Ending.SILENT), len(Ending)
 _REPEATS, _FIRST, _LAST, _TIMED, _WIDTH = range(_KINDS, _KINDS + 5)  # behind the outcomes: sums and times of a poll
 _SLOTS: Final = 64
@@ -66,10 +67,8 @@ class Poll:
     @property
     def about_bytes(self) -> int:
         """Bytes of a request with its answer, about."""
-        held = (
-            2 * self.quantity if self.function in (3, 4, 23) else self.quantity // 8 if self.function in (1, 2) else 4
-        )
-        return 13 + min(held, 250)
+        bits = _BITS_OF.get(self.function)
+        return 13 + min(4 if bits is None else bits * self.quantity // 8, 250)
 
     def count(self, *outcomes: Ending) -> int:
         """How many of its requests ended so."""

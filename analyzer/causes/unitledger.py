@@ -144,7 +144,7 @@ class UnitLedger:
         if counts[_EXCEPTION] or self.refusals.is_open:
             busy = BUSY[mine.exception]
             self.busy += int(np.count_nonzero(busy))
-            self.refusals.add(busy, times)
+            self.refusals.add(busy, times, np.zeros_like(busy), mine.repeats)
         if timed and counts[_SILENT] + counts[_GARBAGE]:
             self._add_waits(mine)
 
