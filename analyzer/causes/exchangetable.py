@@ -25,7 +25,7 @@ _ALL: Final = (1 << 64) - 1
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class AskedRows(Columns):
-    """Requests of which something is known. `time` as `Ledger.axis` has it."""
+    """Requests of which something is known. `time` in ns, or bytes before it where there are no times."""
 
     time: Int64s
     number: Int64s  # of the exchange

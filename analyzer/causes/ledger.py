@@ -208,9 +208,7 @@ class Ledger:
         self.exchanges += len(exchanges)
         self._count_echoes(exchanges)
         odd = (exchanges.noise > 0) | (exchanges.strays > 0) | (exchanges.late > 0)
-        times = (
-            exchanges.t_start if self.timed else exchanges.place
-        )  # what tells the order of things: the ledger's axis
+        times = exchanges.t_start if self.timed else exchanges.place  # the axis on which things have their order
         self._sample(part, odd)
         self.polls.add(part)
         enter_requests(self.requests_of, part)

@@ -43,22 +43,16 @@ class UnitLedger:
     behind: int = 0  # good answers with something behind them before the next request
     busy: int = 0
     first_again: int | None = None  # the first of its good answers whose request is repeated all the same
-    first: int = 0  # ns or bytes: `Ledger.axis`
+    first: int = 0  # ns, or bytes where there are no times
     last: int = 0
     examples: dict[int, list[int]] = field(default_factory=dict)  # by outcome: indices of a few requests
-    delays: Thinned = field(default_factory=Thinned)
-    redundant: Thinned = field(
-        default_factory=Thinned
-    )  # delays of good answers whose request the master repeats all the same
+    delays: Thinned = field(default_factory=Thinned)  # of its good answers
+    redundant: Thinned = field(default_factory=Thinned)  # of answers whose request the master repeats all the same
     heeded: Thinned = field(default_factory=Thinned)  # and of those whose request it does not repeat
     echo_delays: Thinned = field(default_factory=Thinned)
     pauses: Thinned = field(default_factory=Thinned)  # from its good answers to the next request
-    redundant_pauses: Thinned = field(
-        default_factory=Thinned
-    )  # from the end of such an answer to the request's repetition
-    last_pauses: Thinned = field(
-        default_factory=Thinned
-    )  # from the end of a good answer to the last repetition to what is asked then
+    redundant_pauses: Thinned = field(default_factory=Thinned)  # and to the repetition of their request
+    last_pauses: Thinned = field(default_factory=Thinned)  # and of answers to its last repetition to what is asked then
     turns: Thinned = field(default_factory=Thinned)  # from a request that is well answered to the next one
     redundant_turns: Thinned = field(default_factory=Thinned)  # and to its repetition
     waits: Thinned = field(default_factory=Thinned)  # of requests that stayed without an answer, to the next request
