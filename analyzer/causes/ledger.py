@@ -31,7 +31,7 @@ from .exchangetable import ExchangeTable
 from .flatmemory import CrowdedTimes, Thinned, TimeGrid
 from .polls import PollTable, SuccessorTable
 from .registerstates import StateTable, ValueTable
-from .rowcounts import count_by_port, count_others, enter_requests
+from .rowcounts import BACK, count_by_port, count_others, enter_requests
 from .samples import sampled
 from .shifts import ShiftLedger
 from .unitledger import UnitLedger
@@ -113,6 +113,7 @@ class Ledger:
     _repeating: bool = False  # the newest request got no answer, and the next one is the same
     _echo_before: bool = False  # the newest request is to come once more
     _echo_repeats: bool = False
+    _newest: Exchanges = field(default_factory=lambda: Exchanges.zeros(0))
     _builder: ExchangeBuilder = field(default_factory=ExchangeBuilder)
 
     def __post_init__(self) -> None:
@@ -218,7 +219,8 @@ class Ledger:
         self.values.add(part, times)
         self._count_bus(exchanges, odd, times)
         self._count_units(exchanges, times)
-        count_others(part, self.unit, timed=self.timed)
+        count_others(part, self._newest, self.unit, timed=self.timed)
+        self._newest = Exchanges.joined((self._newest, exchanges[-BACK:]))[-BACK:].copy()
 
     def _count_units(self, exchanges: Exchanges, times: Int64s) -> None:
         order = np.argsort(exchanges.unit, kind="stable")

@@ -13,7 +13,7 @@ from dissectors.limits import OVERHEAD
 from ..deframing.directions import either_way
 from ..requests.history import Got, RequestHistory
 from ..tables.batch import Batch
-from ..tables.schema import Bools, Kind, Protocol, Rows
+from ..tables.schema import Bools, Kind, Protocol
 from ..tables.transactions import ECHOED
 from .exchanges import ANSWERED, Ending, Exchanges, Stretch
 from .samples import READ_REQUEST, asked_in_pieces
@@ -23,7 +23,7 @@ _OF_EIGHT: Final = np.isin(np.arange(256), (1, 2, 3, 4, 5, 6))  # whose requests
 _COUNTED: Final = np.isin(np.arange(256), (1, 2, 3, 4))  # whose answers have a byte count,
 _REGISTERS: Final = np.isin(np.arange(256), (3, 4))
 _AROUND: Final = 5  # and so many bytes besides
-_BACK: Final = 2  # exchanges
+BACK: Final = 2  # exchanges
 _TOLD: Final = (Ending.OK, Ending.EXCEPTION, Ending.SILENT, Ending.GARBAGE)
 _RESPONSE, _BROADCAST = int(Kind.RESPONSE), int(Ending.BROADCAST)
 
@@ -70,9 +70,9 @@ def enter_requests(history: RequestHistory, part: Stretch) -> None:
     history.feed(exchanges.unit[told], exchanges.poll[told], got[told], exchanges.repeats[told])
 
 
-def count_others(part: Stretch, unit_of: Callable[[int], UnitLedger], *, timed: bool) -> None:
+def count_others(part: Stretch, before: Exchanges, unit_of: Callable[[int], UnitLedger], *, timed: bool) -> None:
     """Count the right answers behind a request that are not its (late, double, to nothing), for the unit that sent each
-    (`unit_of`)."""
+    (`unit_of`). `before`: the exchanges right before the stretch, `BACK` of them."""
     exchanges, rows = part.exchanges, part.table.rows
     for i in np.flatnonzero((exchanges.strays > 0) | (exchanges.late > 0)).tolist():
         own, first = int(exchanges.answer[i]), int(exchanges.row[i]) + 1
@@ -81,13 +81,15 @@ def count_others(part: Stretch, unit_of: Callable[[int], UnitLedger], *, timed: 
         for row in (first + right.nonzero()[0]).tolist():
             if row != own and not _is_asked_in_pieces(part.table, first, row):
                 waited = int(rows.t_start_ns[row] - exchanges.t_asked[i]) if timed and own < 0 else -1
-                _count_other(unit_of(int(rows.unit[row])), exchanges, i, rows, row, waited)
+                unit = unit_of(int(rows.unit[row]))
+                if ECHOED[rows.function[row]] and not rows.exception[row]:
+                    unit.add_echo(waited)
+                _count_other(unit, part, i, row, _was_answered(before, exchanges, i, unit.unit))
 
 
-def _count_other(unit: UnitLedger, exchanges: Exchanges, i: int, rows: Rows, row: int, waited: int) -> None:
+def _count_other(unit: UnitLedger, part: Stretch, i: int, row: int, was_answered: bool) -> None:
+    exchanges, rows = part.exchanges, part.table.rows
     own, is_asked, is_late = int(exchanges.answer[i]), unit.unit == exchanges.unit[i], rows.request[row] >= 0
-    if ECHOED[rows.function[row]] and not rows.exception[row]:
-        unit.add_echo(waited)
     if exchanges.outcome[i] == _BROADCAST and not is_late and rows.function[row] == exchanges.function[i]:
         unit.called += 1
     elif is_asked and 0 <= own < row:
@@ -96,7 +98,7 @@ def _count_other(unit: UnitLedger, exchanges: Exchanges, i: int, rows: Rows, row
         unit.late += 1
     elif is_asked:
         unit.unfit += own < 0
-    elif _was_answered(exchanges, i, unit.unit):
+    elif was_answered:
         unit.doubles += 1
     else:
         unit.strays += 1
@@ -109,8 +111,9 @@ def _is_asked_in_pieces(table: Batch, first: int, row: int) -> bool:
     return asked_in_pieces(b"".join(map(table.bytes_of, range(begin, row))), table.bytes_of(row))
 
 
-def _was_answered(exchanges: Exchanges, i: int, unit: int) -> bool:
+def _was_answered(before: Exchanges, exchanges: Exchanges, i: int, unit: int) -> bool:
     """Whether the newest request to a unit before exchange i was answered, not long before."""
-    before = slice(max(i - _BACK, 0), i)
-    answers = exchanges.answer[before][exchanges.unit[before] == unit]
-    return bool((answers[-1:] >= 0).any())
+    newest = slice(max(i - BACK, 0), i)
+    units = np.concatenate((before.unit, exchanges.unit[newest]))[-BACK:]
+    answers = np.concatenate((before.answer, exchanges.answer[newest]))[-BACK:]
+    return bool((answers[units == unit][-1:] >= 0).any())
