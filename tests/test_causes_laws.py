@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 
 import pytest
+from bursts import answer_of, captured, read_of
 from buses import SHARED, shared
 
 import captures
@@ -101,6 +103,22 @@ def test_the_same_story_however_it_was_read(name: str) -> None:
     pieces = causes_of(ledger_of(((part.batch, part.transactions) for part in parts), capture.line))
     whole = causes_in(capture_of(made))
     assert [(c.cause, c.units, c.lost_answers) for c in pieces] == [(c.cause, c.units, c.lost_answers) for c in whole]
+
+
+def test_a_second_answer_is_one_whatever_portions_the_rows_come_in() -> None:
+    """Behind the request to another unit it is known by the one before, which may have come in an earlier portion."""
+    round_of_two = [(20.0, read_of(1)), (4.0, answer_of(1, 7)), (20.0, read_of(2)), (2.0, answer_of(1, 8)),
+                    (4.0, answer_of(2, 9))]  # fmt: skip
+    capture = captured(round_of_two * 12)
+    parts = [(part.batch, part.transactions) for part in analyse(capture)]
+    rows = [
+        (replace(batch, rows=batch.rows[i : i + 1]), transactions[: 0 if i else None])
+        for batch, transactions in parts
+        for i in range(len(batch))
+    ]
+    whole, pieces = (ledger_of(portions, capture.line).units[1] for portions in (parts, rows))
+    assert (pieces.doubles, pieces.strays) == (whole.doubles, whole.strays)
+    assert whole.doubles >= 10
 
 
 @pytest.mark.parametrize("name", ["absent-units", "bias", "driver-enabled-late", "unit-restarts"])

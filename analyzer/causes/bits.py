@@ -6,11 +6,12 @@ Parts of the time that are disturbed are told from quiet ones by the most likely
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import log, log2, pi
-from typing import Any, Final, NamedTuple
+from math import inf, log, log2, pi
+from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from ..tables.schema import Bools, Float64s, Int64s
 
 _LEAST: Final = 1e-6
 
@@ -35,7 +36,7 @@ def clustering_bits(hits: int, trials: int, runs: int) -> float:
     `runs`: how many times a hit followed none.
     """
     misses = trials - hits
-    if hits < 2 or misses < 2 or runs < 1:
+    if hits < 2 or misses < 2:
         return 0.0
     rate = hits / trials
     stays, enters = (hits - runs + 0.5) / (hits + 1), (runs + 0.5) / (misses + 1)
@@ -71,7 +72,7 @@ class Phases(NamedTuple):
     alike: float
 
 
-def phase_bits(times: NDArray[np.float64], low: float, high: float) -> Phases:
+def phase_bits(times: Float64s, low: float, high: float) -> Phases:
     """Whether events (s) keep step with some frequency between two (Hz), within stretches of the time.
 
     How much likelier the phases of each stretch are about one phase, whichever, than any; the bits of stretches add up,
@@ -107,9 +108,7 @@ def phase_bits(times: NDArray[np.float64], low: float, high: float) -> Phases:
     return best
 
 
-def _powers(
-    times: NDArray[np.float64], starts: NDArray[np.int64], frequencies: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _powers(times: Float64s, starts: Int64s, frequencies: Float64s) -> Float64s:
     """The squared length of the sum of the phases of each stretch, a row a frequency."""
     rows = max(1, _AT_ONCE // len(times))
     powers = []
@@ -120,7 +119,7 @@ def _powers(
     return np.concatenate(powers)
 
 
-def _log_bessel(x: NDArray[np.float64]) -> NDArray[np.float64]:
+def _log_bessel(x: Float64s) -> Float64s:
     """The logarithm of the modified Bessel function of order 0, which itself overflows."""
     large = np.maximum(x, _LARGE)
     return np.where(
@@ -128,7 +127,7 @@ def _log_bessel(x: NDArray[np.float64]) -> NDArray[np.float64]:
     )
 
 
-def strays(numbers: Sequence[float] | NDArray[np.float64]) -> float:
+def strays(numbers: Sequence[float] | Float64s) -> float:
     """How far most of these lie apart; 0 where there are none."""
     return float(np.subtract(*np.quantile(numbers, (0.9, 0.1)))) if len(numbers) else 0.0
 
@@ -145,9 +144,7 @@ def mean_period_s(begins_ns: Sequence[int]) -> float | None:
     return round((begins_ns[-1] - begins_ns[0]) / (len(begins_ns) - 1) / 1e9, 3)
 
 
-def spells_of(
-    hits: np.ndarray[Any, np.dtype[np.int64]], trials: np.ndarray[Any, np.dtype[np.int64]]
-) -> tuple[float, np.ndarray[Any, np.dtype[np.bool_]]]:
+def spells_of(hits: Int64s, trials: Int64s) -> tuple[float, Bools]:
     """Parts of the time that are disturbed, by the most likely course of quiet and disturbed; and what it saves in bits.
 
     Two rates and a price for each change, refined in turns (hard EM).
@@ -159,35 +156,26 @@ def spells_of(
     if len(used) < 4 or not h.sum():
         return 0.0, inside
     rate = h.sum() / n.sum()
-    quiet, loud = rate / 4, min(rate * 2.5, 0.9)
-    one = likelihood_bits(float(h.sum()), float(n.sum()), rate)
-    path, best = np.zeros(len(used), np.bool_), -np.inf
+    quiet, loud, best, path = rate / 4, min(rate * 2.5, 0.9), 0.0, inside[used]
     for _ in range(_ROUNDS):
         path, best = _course(h, n, quiet, loud)
-        if not path.any() or path.all():
+        if path.all() or not path.any():
             return 0.0, inside
         quiet = max((h[~path].sum() + 0.25) / (n[~path].sum() + 0.5), 1e-6)
         loud = (h[path].sum() + 0.25) / (n[path].sum() + 0.5)
     inside[used] = path
+    one = likelihood_bits(float(h.sum()), float(n.sum()), rate)
     return float(best - one - log2(max(n.sum(), 2))), inside
 
 
-def _course(
-    h: np.ndarray[Any, Any], n: np.ndarray[Any, Any], quiet: float, loud: float
-) -> tuple[np.ndarray[Any, np.dtype[np.bool_]], float]:
+def _course(h: Float64s, n: Float64s, quiet: float, loud: float) -> tuple[Bools, float]:
     """Viterbi over two states."""
-    gains = [h * log2(rate) + (n - h) * log2(1 - rate) for rate in (quiet, min(loud, 1 - 1e-6))]
-    scores, back = [gains[0][0], gains[1][0] - _SWITCH_BITS], []
-    for i in range(1, len(h)):
-        came = [0 if scores[0] >= scores[1] - _SWITCH_BITS else 1, 1 if scores[1] >= scores[0] - _SWITCH_BITS else 0]
-        scores = [
-            gains[state][i] + scores[came[state]] - (_SWITCH_BITS if came[state] != state else 0.0) for state in (0, 1)
-        ]
-        back.append(came)
-    state = int(scores[1] > scores[0])
-    best = max(scores)
-    path = [state]
-    for came in reversed(back):
-        state = came[state]
-        path.append(state)
-    return np.array(path[::-1], np.bool_), float(best)
+    gains = [(h * log2(rate) + (n - h) * log2(1 - rate)).tolist() for rate in (quiet, min(loud, 1 - 1e-6))]
+    calm, wild, back = 0.0, -inf, []
+    for stays, strays_off in zip(*gains, strict=True):
+        back.append((wild - _SWITCH_BITS > calm, wild >= calm - _SWITCH_BITS))
+        calm, wild = max(calm, wild - _SWITCH_BITS) + stays, max(wild, calm - _SWITCH_BITS) + strays_off
+    path = [wild > calm]
+    for came in reversed(back[1:]):
+        path.append(came[path[-1]])
+    return np.array(path[::-1], np.bool_), max(calm, wild)

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 from functools import cached_property
-from typing import Final, TypeVar
-
-import numpy as np
+from typing import Final
 
 from dissectors.limits import EXCEPTION, MAX_ADU
 
@@ -16,7 +14,7 @@ from ..deframing.tap_clock import UNKNOWN
 from .bits import surplus_bits
 from .exchanges import Ending
 from .ledger import Ledger
-from .ledgerview import LedgerView
+from .ledgerview import LedgerView, T
 from .rawbytes import is_of_line
 from .registry import Explained, Symptom
 from .signatures import LONG, AnswerDamage, Behind, Signature, is_like_request
@@ -53,7 +51,7 @@ class Evidence(LedgerView):
 
     def is_open(self, symptom: Symptom, unit: int | None) -> bool:
         """Whether nothing has explained this symptom of a unit yet."""
-        return not self.explained or (symptom, unit) not in self.explained
+        return (symptom, unit) not in self.explained
 
     def silent(self, unit: UnitLedger) -> int:
         """Requests without an answer that nothing explains; of two clocks only those of a unit that is never heard."""
@@ -74,9 +72,8 @@ class Evidence(LedgerView):
 
     def readings(self, unit: UnitLedger) -> list[Signature]:
         """Samples of damaged answers, read; those that are whole after all, though in pieces, are left out."""
-        if not self.is_open(Symptom.DAMAGE, unit.unit):
-            return []
-        return [reading for reading in self.garbage(unit) if reading.damage is not AnswerDamage.NONE]
+        garbage = self.garbage(unit) if self.is_open(Symptom.DAMAGE, unit.unit) else []
+        return [reading for reading in garbage if reading.damage is not AnswerDamage.NONE]
 
     def begun_by(self, reading: Signature) -> int | None:
         """Another unit that is polled, and by whose number and function a damaged answer begins, or what stands behind a
@@ -88,13 +85,9 @@ class Evidence(LedgerView):
     def begun(self) -> Counter[int]:
         """How many damaged answers of others, or bytes behind their good ones, begin by the number and function of each
         unit."""
+        behind = [each for unit in self.units for each in self.followed(unit)]
         readings = [each for unit in self.units for each in self.readings(unit)]
-        readings += [
-            each
-            for unit in self.units
-            for each in self.followed(unit)
-            if not self.requests.begin(each.heard, each.request[0])  # rather what the master asks next
-        ]
+        readings += [each for each in behind if not self.requests.begin(each.heard, each.request[0])]  # asked next
         return Counter(sender for reading in readings if (sender := self.begun_by(reading)) is not None)
 
     @cached_property
@@ -103,26 +96,28 @@ class Evidence(LedgerView):
 
     def followed(self, unit: UnitLedger) -> list[Signature]:
         """Samples of good answers with something behind them, read."""
-        if not self.is_open(Symptom.BEHIND, unit.unit):
-            return []
-        return self.trailed(unit)
+        return self.trailed(unit) if self.is_open(Symptom.BEHIND, unit.unit) else []
 
     def behind(self, unit: UnitLedger, *kinds: Behind) -> float:
         """About how many good answers have such a thing behind them."""
+        return self._about(unit, lambda reading: reading.behind in kinds)
+
+    def requests_behind(self, unit: UnitLedger) -> float:
+        """About how many good answers have a damaged request behind them, known again or as long as one."""
+        return self._about(unit, is_like_request)
+
+    def _about(self, unit: UnitLedger, is_so: Callable[[Signature], bool]) -> float:
         readings = self.followed(unit) if self.ordered else []
-        if not readings:
-            return 0.0
-        return unit.followed.offered * sum(reading.behind in kinds for reading in readings) / len(readings)
+        return unit.followed.offered * sum(map(is_so, readings)) / max(len(readings), 1)
 
     def tails(self, unit: UnitLedger) -> float:
         """About how many good answers run on, as where a second transmitter ends later: what comes right behind them is
         no request, no glitch of a driver that lets go or of noise, and seldom the same; 0 where most of it is."""
         readings = self.followed(unit) if self.ordered else []
-        off = self.verdict.wait_ns if self.ledger.timed and np.isfinite(self.verdict.wait_ns) else 0.0
+        off = self.verdict.wait_ns if self.verdict.wait_ns < UNKNOWN else 0.0
         most = _AT_ONCE_CHARS * self.ledger.char_ns + off
         at_once = [each for each in readings if each.behind in _STRAY and 0 <= each.rested <= most]
-        asked = max(map(len, self.ledger.polls.requests), default=0) + _STRAYED
-        longer = sum(len(each.heard) > asked for each in at_once) >= _OFTEN * len(at_once)
+        longer = sum(len(each.heard) > self._longest_request for each in at_once) >= _OFTEN * len(at_once)
         longest = MAX_ADU if longer or off <= self.ledger.char_ns else LONG  # or it may be a request
         found = [e.heard for e in at_once if len(e.heard) < longest and not is_of_line(e.heard)]
         if len(set(found)) < max(_TAILS, _HALF * len(found), _HALF * len(readings)):
@@ -133,17 +128,16 @@ class Evidence(LedgerView):
         """About how many good answers have bytes of the idle line behind them."""
         return max(self.behind(unit, *_STRAY) - self.tails(unit), 0.0)
 
-    def requests_behind(self, unit: UnitLedger) -> float:
-        """About how many good answers have a damaged request behind them, known again or as long as one."""
-        readings = self.followed(unit) if self.ordered else []
-        return unit.followed.offered * sum(map(is_like_request, readings)) / len(readings) if readings else 0.0
-
     @cached_property
     def requests_overlaid(self) -> int:
         """How many of what stands behind good answers is longer without a silence than any request: two that were sent at
         once."""
-        longest = max(map(len, self.ledger.polls.requests), default=0) + _STRAYED
-        return sum(is_like_request(each) and each.most > longest for unit in self.units for each in self.followed(unit))
+        every = (each for unit in self.units for each in self.followed(unit))
+        return sum(is_like_request(each) and each.most > self._longest_request for each in every)
+
+    @cached_property
+    def _longest_request(self) -> int:
+        return max(map(len, self.ledger.polls.requests), default=0) + _STRAYED
 
     def elsewhere(self, unit: UnitLedger) -> float:
         """The rate at which the answers of other units are damaged, those apart that have a fault of their own by it; of
@@ -156,9 +150,9 @@ class Evidence(LedgerView):
     def is_too_soon(self, unit: UnitLedger) -> bool:
         """Whether the garbage behind requests to a unit begins before it can answer, and is no whole answer
         that noise runs into: somebody else was sending already."""
-        if not self.verdict.fine or not unit.delays.count:
+        if not self.verdict.fine:
             return False
-        soonest = min(unit.delays.quantile(0.05) or UNKNOWN, _SOON_CHARS * self.ledger.char_ns)
+        soonest = min(unit.delays.quantile(0.05) or 0.0, _SOON_CHARS * self.ledger.char_ns)
         readings = self.readings(unit)
         found = sum(0 <= each.delay < soonest and each.length < each.due - 1 for each in readings)
         return found >= max(_TAILS, _MOSTLY * len(readings))
@@ -170,11 +164,8 @@ class Evidence(LedgerView):
         return surplus_bits(self.damaged(unit), unit.asked, self.elsewhere(unit))
 
 
-T = TypeVar("T")
-
-
 def alone_or_together(every: Sequence[T], sharing: Sequence[T]) -> list[list[T]]:
     """The groups to weigh: those that share it as one, if they are several, and each of the others by itself."""
-    together = list(sharing) if len(sharing) > 1 else []
-    alone = [[each] for each in every if each not in together]
-    return [*alone, together] if together else alone
+    if len(sharing) < 2:
+        return [[each] for each in every]
+    return [*([each] for each in every if each not in sharing), list(sharing)]

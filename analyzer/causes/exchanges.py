@@ -9,10 +9,10 @@ come. Nothing is kept but the rows since the newest request, and of those not mo
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import lru_cache
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,10 +21,9 @@ from dissectors.lengths import Role, relations, rule
 from dissectors.limits import RequestedByteCount, taken
 from dissectors.registry import revision
 
-from ..tables.batch import adu_of
+from ..tables.batch import Batch, adu_of
 from ..tables.schema import NO_GAP, Bools, Columns, Int16s, Int32s, Int64s, Kind, Rows, UInt8s
 from ..tables.transactions import ECHOED, NEVER
-from .rowcolumns import RowColumns
 
 _WINDOW_ROWS: Final = 512  # behind a request: what follows after that many rows is nobody's
 _WINDOW_BYTES: Final = 1 << 16
@@ -33,6 +32,7 @@ _AHEAD: Final = 2  # exchanges that are held back
 _STRAY_BYTES: Final = 1  # so few end to end are no answer, however damaged
 _APART_NS: Final = 32_000_000  # from one byte to the next: two waits of an adapter, three characters at 1200 bit/s
 _SAME: Final = (1 << 40) - 1  # of a poll's number: all but the unit
+_NOTHING: Final = -1
 _REQUEST: Final = int(Kind.REQUEST)
 
 
@@ -80,7 +80,6 @@ class Exchanges(Columns):
     function: UInt8s
     exception: UInt8s
     outcome: UInt8s
-    port: UInt8s
     next_unit: Int16s  # of the next request, -1 at the end
     repeats: Bools  # the bytes of the request before
     next_same: Bools  # the next request repeats this one
@@ -93,94 +92,61 @@ class Stretch:
     """Exchanges in order, and the rows that they are made of."""
 
     exchanges: Exchanges
-    table: RowColumns
+    table: Batch
 
     def rows_of(self, i: int) -> range:
         """Rows behind the request of one exchange."""
         return range(int(self.exchanges.row[i]) + 1, int(self.exchanges.row_end[i]))
 
 
-@dataclass(frozen=True, slots=True)
-class Unowned:
-    """Rows that follow no request: before the first one, or so long after one that they are not its."""
-
-    table: RowColumns
-
-
+@dataclass(slots=True, eq=False)
 class ExchangeBuilder:
-    """Rows in, exchanges and unowned rows out.
+    """Rows in; out stretches of exchanges, and rows that follow no request: before the first one, or so long after one
+    that they are not its.
 
     An exchange is given when the one behind it is over as well: what a broadcast called forth may read like a request.
     """
 
-    _open: RowColumns | None
-    _unheard: set[int]
-    _before: Exchanges
-    _bytes: int
+    _open: Batch = field(default_factory=Batch.empty)  # from the oldest request on that is not given
+    _unheard: set[int] = field(default_factory=set)
+    _before: Exchanges = field(default_factory=lambda: Exchanges.zeros(0))  # the newest exchange that was given
+    _bytes: int = 0  # on the bus before the open rows
 
-    def __init__(self) -> None:
-        self._open = None  # from the oldest request on that is not given
-        self._unheard = set()
-        self._before = Exchanges.zeros(0)  # the newest exchange that was given
-        self._bytes = 0  # on the bus before the open rows
-
-    def feed(self, rows: RowColumns, unheard: Collection[int] = ()) -> Iterator[Stretch | Unowned]:
+    def feed(self, batch: Batch, unheard: Collection[int] = ()) -> Iterator[Stretch | Rows]:
         """What is settled once these rows are known. `unheard`: requests (by index) whose answer nobody could hear."""
-        if not len(rows):
-            return
         self._unheard.update(unheard)
-        opened, self._open = self._open, None
-        asks = asking(rows.rows).nonzero()[0]
-        if opened is None:
-            yield from self._settle(rows)
-        elif len(asks) < _AHEAD:
-            yield from self._settle(opened.followed_by(rows))
-        else:  # what is open is settled by itself: it is little, and the new rows stay where they are
-            seam = opened.followed_by(rows.part(0, int(asks[1])))
-            yield self._stretch(seam, int(np.count_nonzero(asking(opened.rows))))
-            yield from self._settle(rows.part(int(asks[0]), len(rows)))
-
-    def _settle(self, rows: RowColumns) -> Iterator[Stretch | Unowned]:
-        asks = asking(rows.rows).nonzero()[0]
-        first = int(asks[0]) if len(asks) else len(rows)
+        rows = _followed(self._open, batch)
+        asks = asking(rows.rows).nonzero()[0].tolist()
+        first = asks[0] if asks else len(rows)
         if first:
-            yield self._unowned(rows.part(0, first))
-            rows, asks = rows.part(first, len(rows)), asks - first
-        count = max(len(asks) - _AHEAD, 0)
-        if count:
-            last = int(asks[count])
-            yield self._stretch(rows, count)
-            rows, asks = rows.part(last, len(rows)), asks[count:] - last
-        if not len(rows):
+            yield self._unowned(rows.rows[:first])
+        self._open = Batch.empty()
+        if not asks:
             return
-        opened = rows.compact()
-        behind = len(rows) - (int(asks[-1]) + 1)
-        if behind <= _WINDOW_ROWS and len(opened.data) <= _WINDOW_BYTES:
+        begin = asks[max(len(asks) - _AHEAD, 0)]
+        if begin > first:
+            yield self._stretch(_part(rows, first), len(asks) - _AHEAD)
+        opened, last = _compact(_part(rows, begin)), asks[-1] + 1 - begin
+        if len(opened) - last <= _WINDOW_ROWS and len(opened.data) <= _WINDOW_BYTES:
             self._open = opened
             return
-        tail = len(rows) - behind
-        yield from self._all(opened.part(0, tail))
-        yield self._unowned(opened.part(tail, len(rows)))
+        yield self._stretch(_part(opened, 0, last), min(len(asks), _AHEAD))
+        yield self._unowned(opened.rows[last:])
 
-    def close(self) -> Iterator[Stretch | Unowned]:
+    def close(self) -> Iterator[Stretch]:
         """No more rows come."""
-        opened, self._open = self._open, None
-        if opened is not None:
-            for stretch in self._all(opened):
-                last = stretch.exchanges.outcome[-1:]
-                last[last == Ending.GARBAGE] = Ending.UNHEARD  # what the end of the capture cuts off is not damaged
-                yield stretch
+        opened, self._open = self._open, Batch.empty()
+        if len(opened):
+            stretch = self._stretch(opened, int(np.count_nonzero(asking(opened.rows))))
+            last = stretch.exchanges.outcome[-1:]
+            last[last == Ending.GARBAGE] = Ending.UNHEARD  # what the end of the capture cuts off is not damaged
+            yield stretch
 
-    def _all(self, rows: RowColumns) -> Iterator[Stretch]:
-        count = int(np.count_nonzero(asking(rows.rows)))
-        if count:
-            yield self._stretch(rows, count)
+    def _unowned(self, rows: Rows) -> Rows:
+        self._bytes += int(rows.length.sum())
+        return rows
 
-    def _unowned(self, rows: RowColumns) -> Unowned:
-        self._bytes += int(rows.rows.length.sum())
-        return Unowned(rows)
-
-    def _stretch(self, rows: RowColumns, count: int) -> Stretch:
+    def _stretch(self, rows: Batch, count: int) -> Stretch:
         """The first exchanges of these rows, which begin with a request."""
         made = _exchanges(rows, self._before)
         made.place[:] += self._bytes
@@ -195,7 +161,29 @@ class ExchangeBuilder:
         return Stretch(given, rows)
 
 
-def _exchanges(table: RowColumns, before: Exchanges) -> Exchanges:
+def _part(batch: Batch, first: int, last: int | None = None) -> Batch:
+    """Some rows; the bytes stay where they are."""
+    return Batch(batch.rows[first:last], batch.data)
+
+
+def _compact(batch: Batch) -> Batch:
+    """The same rows with their own bytes only; at least one."""
+    rows = batch.rows.copy()
+    begin, end = int(rows.at.min()), int((rows.at + rows.length).max())
+    rows.at[:] -= begin
+    return Batch(rows, batch.data[begin:end].copy())
+
+
+def _followed(opened: Batch, batch: Batch) -> Batch:
+    """Rows and those behind them."""
+    if not len(opened):
+        return batch
+    moved = _compact(batch)
+    moved.rows.at[:] += len(opened.data)
+    return Batch(Rows.joined((opened.rows, moved.rows)), np.concatenate((opened.data, moved.data)))
+
+
+def _exchanges(table: Batch, before: Exchanges) -> Exchanges:
     """The exchanges of rows that begin with a request; `before`: the exchange before them, if there is one."""
     rows = table.rows
     asks = asking(rows)
@@ -204,8 +192,8 @@ def _exchanges(table: RowColumns, before: Exchanges) -> Exchanges:
     of = asks.cumsum() - 1  # the exchange of each row
     for mine, column in (
         (made.t_start, rows.t_start_ns), (made.t_asked, rows.t_end_ns), (made.request, rows.index),
-        (made.unit, rows.unit), (made.function, rows.function), (made.port, rows.port),
-        (made.gap_before, rows.gap_before_ns), (made.asked_bytes, rows.length),
+        (made.unit, rows.unit), (made.function, rows.function), (made.gap_before, rows.gap_before_ns),
+        (made.asked_bytes, rows.length),
     ):  # fmt: skip
         mine[:] = column.take(which)
     lengths = rows.length
@@ -223,28 +211,25 @@ def _exchanges(table: RowColumns, before: Exchanges) -> Exchanges:
 
 def _compare(made: Exchanges, before: Exchanges) -> None:
     """Fill in what an exchange is beside the one before it."""
-    identity, outcome, poll = made.identity, made.outcome, made.poll
-    made.repeats[1:] = identity[1:] == identity[:-1]
+    outcome, poll = made.outcome, made.poll & _SAME
+    made.repeats[:] = made.identity == _earlier(made.identity, before.identity)
     made.next_same[:-1] = made.repeats[1:]
     made.next_echoed[:-1] = ECHOED[made.function[1:]]
     made.next_unit[:-1], made.next_unit[-1] = made.unit[1:], -1
-    if len(before):
-        made.repeats[0] = identity[0] == before.identity[0]
-    to_all = outcome == Ending.BROADCAST
-    if not (to_all.any() or (before.outcome == Ending.BROADCAST).any()):
-        return
-    echoed = np.zeros(len(made), np.bool_)
-    echoed[1:] = to_all[:-1] & (poll[1:] & _SAME == poll[:-1] & _SAME)
-    if len(before):
-        echoed[0] = before.outcome[0] == Ending.BROADCAST and poll[0] & _SAME == before.poll[0] & _SAME
-    echoed &= outcome == Ending.SILENT
+    echoed = (outcome == Ending.SILENT) & (_earlier(outcome, before.outcome) == Ending.BROADCAST)
+    echoed &= poll == _earlier(poll, before.poll & _SAME)
     outcome[echoed] = Ending.NO_REQUEST
     made.called[:-1] |= echoed[1:]
 
 
-def asking(rows: Rows) -> NDArray[np.bool_]:
+def _earlier(column: NDArray[Any], before: NDArray[Any]) -> NDArray[Any]:
+    """What stands before each, in front of which `before` stands, if anything does; there it is no request's."""
+    return np.concatenate((before if len(before) else np.array((_NOTHING,)), column[:-1]))
+
+
+def asking(rows: Rows) -> Bools:
     """Which rows are right requests."""
-    asks: NDArray[np.bool_] = (rows.kind == _REQUEST) & rows.check
+    asks: Bools = (rows.kind == _REQUEST) & rows.check
     return asks
 
 
@@ -270,41 +255,29 @@ def _answered(made: Exchanges, rows: Rows, of: NDArray[np.intp]) -> None:
     gaps[own != made.row.take(place) + 1] = NO_GAP
     made.answer_gap[place] = gaps
     others = answers[~mine]
-    if len(others):
-        others = others[ANSWERED[rows.function[others]]]
-        np.add.at(made.strays, of[others[rows.request[others] < 0]], 1)
-        np.add.at(made.late, of[others[rows.request[others] >= 0]], 1)
+    others = others[ANSWERED[rows.function[others]]]
+    np.add.at(made.strays, of[others[rows.request[others] < 0]], 1)
+    np.add.at(made.late, of[others[rows.request[others] >= 0]], 1)
     bad = ((kind == Kind.NOISE) | ~check).nonzero()[0]
-    if len(bad):
-        np.add.at(made.noise, of[bad], lengths[bad])
+    np.add.at(made.noise, of[bad], lengths[bad])
     outcome = np.where(made.answer >= 0, np.uint8(Ending.OK), np.uint8(Ending.SILENT))
     outcome[made.exception > 0] = Ending.EXCEPTION
     lasted = rows.t_end_ns[bad] - rows.t_start_ns[bad]
     garbled = np.zeros(len(made), np.bool_)
     garbled[of[bad[(lengths[bad] > _STRAY_BYTES) & (lasted <= _APART_NS * (lengths[bad] - 1))]]] = True
-    unfit = others[of_own_function(rows, made, others, of)] if len(others) else others
-    garbled[of[unfit]] = True
+    place = of[others]  # of the unit and function that was asked, and yet it answers nothing: a wrong count
+    unfit = (rows.request[others] < 0) & (rows.unit[others] == made.unit[place]) & (made.answer[place] < 0)
+    garbled[place[unfit & (rows.function[others] == made.function[place])]] = True
     outcome[(outcome == Ending.SILENT) & garbled] = Ending.GARBAGE
     outcome[made.unit == 0] = Ending.BROADCAST
     made.outcome[:] = outcome
     to_all = answers[made.unit[of[answers]] == 0]
-    if len(to_all):
-        asked = made.row[of[to_all]]
-        called = (rows.unit[to_all] != 0) | (lengths[to_all] != lengths[asked])
-        made.called[of[to_all[called]]] = True
+    called = (rows.unit[to_all] != 0) | (lengths[to_all] != lengths[made.row[of[to_all]]])
+    made.called[of[to_all[called]]] = True
     made.called[:] |= (outcome == Ending.BROADCAST) & (made.noise > _STRAY_BYTES)
 
 
-def of_own_function(rows: Rows, made: Exchanges, answers: NDArray[np.intp], of: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Which right answers are of the unit and function that was asked, and yet answer nothing: a wrong count."""
-    exchange = of[answers]
-    own: NDArray[np.bool_] = rows.request.take(answers) < 0
-    own &= rows.unit.take(answers) == made.unit.take(exchange)
-    own &= (rows.function.take(answers) == made.function.take(exchange)) & (made.answer.take(exchange) < 0)
-    return own
-
-
-def _asked(made: Exchanges, table: RowColumns, which: NDArray[np.intp]) -> None:
+def _asked(made: Exchanges, table: Batch, which: NDArray[np.intp]) -> None:
     """Fill in what each request asks for."""
     rows, data = table.rows, table.data
     begins = rows.at.take(which) + 1
@@ -321,16 +294,14 @@ def _asked(made: Exchanges, table: RowColumns, which: NDArray[np.intp]) -> None:
     made.poll[:] = unit << 40 | function.astype(np.int64) << 32 | address << 16 | quantity
     check = data.take(np.minimum(ends, last)).astype(np.int64) << 8 | data.take(np.minimum(ends + 1, last))
     made.identity[:] = unit << 48 | function.astype(np.int64) << 40 | (ends - begins) << 24 | check
-    constant, per_word, per_bit = answer_lengths()
+    constant, per_word, per_bit = _answer_lengths(revision())
     due = constant.take(function)
     due += per_word.take(function) * 2 * quantity + per_bit.take(function) * taken(quantity, True)
     due[short & (per_word + per_bit > 0).take(function)] = 0
     made.due[:] = np.minimum(due, 1 << 16)
 
 
-def _decoded(
-    table: RowColumns, which: NDArray[np.intp]
-) -> tuple[NDArray[np.uint8], NDArray[np.int64], NDArray[np.int64]]:
+def _decoded(table: Batch, which: NDArray[np.intp]) -> tuple[UInt8s, Int64s, Int64s]:
     """The bytes of requests in ASCII mode without their envelope, and where each PDU begins and ends in them."""
     parts = [adu_of(table.bytes_of(row), int(table.rows.protocol[row])).data + b"\0" for row in which.tolist()]
     lengths = np.array([len(part) for part in parts], np.int64)
@@ -341,13 +312,9 @@ def _decoded(
 _COUNTED: Final = np.isin(np.arange(256), (1, 2, 3, 4, 15, 16, 20, 21, 23))  # functions with a quantity as second word
 
 
-def answer_lengths() -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Bytes of an answer's ADU by function: a constant (0: nobody knows), and how often words and bits asked count."""
-    return _answer_lengths(revision())
-
-
 @lru_cache(maxsize=2)
-def _answer_lengths(_revision: int) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+def _answer_lengths(_revision: int) -> tuple[Int64s, Int64s, Int64s]:
+    """Bytes of an answer's ADU by function: a constant (0: nobody knows), and how often words and bits asked count."""
     constant, per_word, per_bit = (np.zeros(256, np.int64) for _ in range(3))
     for function in range(128):
         known = rule(function, Role.RESPONSE)

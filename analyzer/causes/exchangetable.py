@@ -7,8 +7,8 @@ bounded, and each row carries what its neighbours were.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, Final
+from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,12 +21,11 @@ _MOST: Final = 1 << 14  # rows
 _SPREAD: Final = np.uint64(0x9E3779B97F4A7C15)  # the golden ratio: multiples of it lie evenly
 _KNOWN: Final = np.isin(np.arange(256), (Ending.OK, Ending.EXCEPTION, Ending.SILENT, Ending.GARBAGE))
 _ALL: Final = (1 << 64) - 1
-NO_UNIT: Final = -1
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class AskedRows(Columns):
-    """Requests of which something is known. `time` as `Ledger.axis` has it."""
+    """Requests of which something is known. `time` in ns, or bytes before it where there are no times."""
 
     time: Int64s
     number: Int64s  # of the exchange
@@ -48,53 +47,34 @@ class AskedRows(Columns):
     late: Int32s  # right answers to requests before it, while its own was due or behind it
 
 
+@dataclass(slots=True, eq=False)
 class ExchangeTable:
     """The exchanges of a bus, or an even part of them."""
 
-    _parts: list[AskedRows]
-    _held: int
-    _count: int
-    _below: int
-    _before: tuple[int, int]
+    _parts: list[AskedRows] = field(default_factory=list)
+    _held: int = 0
+    _count: int = 0  # exchanges seen
+    _below: int = _ALL  # of the hashes of those that are remembered
+    _before: tuple[int, int] = (-1, int(Ending.OK))
 
-    def __init__(self) -> None:
-        self._parts = []
-        self._held = 0
-        self._count = 0  # exchanges seen
-        self._below = _ALL  # of the hashes of those that are remembered
-        self._before = (NO_UNIT, int(Ending.OK))
-
-    def add(self, exchanges: Exchanges, times: NDArray[np.int64]) -> None:
+    def add(self, exchanges: Exchanges, times: Int64s) -> None:
         """The next exchanges; `times` tell their order."""
-        count = len(exchanges)
-        numbers = np.arange(self._count, self._count + count)
-        before, outcome_before = np.empty(count, np.int16), np.empty(count, np.uint8)
-        before[0], outcome_before[0] = self._before
-        before[1:], outcome_before[1:] = exchanges.unit[:-1], exchanges.outcome[:-1]
-        self._before = int(exchanges.unit[-1]), int(exchanges.outcome[-1])
-        self._count += count
-        kept = _KNOWN.take(exchanges.outcome)
-        if self._below < _ALL:
-            kept &= _hash(numbers) <= np.uint64(self._below)
-        which = kept.nonzero()[0]
-        if not len(which):
-            return
-        whole = len(which) == count  # then a column is copied as it stands
-
-        def mine(column: NDArray[Any]) -> NDArray[Any]:
-            return column.copy() if whole else column.take(which)
-
-        poll, t_next = mine(exchanges.poll), mine(exchanges.t_next)
-        self._parts.append(
-            AskedRows(
-                mine(times), mine(numbers), mine(exchanges.unit), mine(exchanges.function),
-                (poll >> 16 & 0xFFFF).astype(np.int32), (poll & 0xFFFF).astype(np.int32), mine(exchanges.due),
-                mine(exchanges.outcome), mine(exchanges.exception), mine(exchanges.noise), mine(exchanges.gap_before),
-                np.where(t_next == NEVER, -1, t_next - mine(exchanges.t_asked)), mine(exchanges.delay), mine(before),
-                mine(outcome_before), mine(exchanges.repeats), mine(exchanges.next_same), mine(exchanges.late),
-            )
+        unit, outcome, poll, t_next = exchanges.unit, exchanges.outcome, exchanges.poll, exchanges.t_next
+        before = [
+            np.concatenate(([first], each[:-1])) for first, each in zip(self._before, (unit, outcome), strict=True)
+        ]
+        self._before = int(unit[-1]), int(outcome[-1])
+        numbers = np.arange(self._count, self._count + len(exchanges))
+        self._count += len(exchanges)
+        every = AskedRows(
+            times, numbers, unit, exchanges.function, (poll >> 16 & 0xFFFF).astype(np.int32),
+            (poll & 0xFFFF).astype(np.int32), exchanges.due, outcome, exchanges.exception, exchanges.noise,
+            exchanges.gap_before, np.where(t_next == NEVER, -1, t_next - exchanges.t_asked), exchanges.delay,
+            before[0].astype(np.int16), before[1].astype(np.uint8), exchanges.repeats, exchanges.next_same, exchanges.late,
         )  # fmt: skip
-        self._held += len(which)
+        kept = _KNOWN.take(outcome) & (_hash(numbers) <= np.uint64(self._below))
+        self._parts.append(every[kept])
+        self._held += len(self._parts[-1])
         while self._held > _MOST:
             self._below >>= 1
             rows = self.rows
@@ -104,9 +84,8 @@ class ExchangeTable:
     @property
     def rows(self) -> AskedRows:
         """All that are remembered, in order."""
-        if len(self._parts) > 1:
-            self._parts = [AskedRows.joined(self._parts)]
-        return self._parts[0] if self._parts else AskedRows.zeros(0)
+        self._parts = [AskedRows.joined(self._parts)]
+        return self._parts[0]
 
     @property
     def weight(self) -> float:
@@ -114,11 +93,9 @@ class ExchangeTable:
         return 2.0**64 / (self._below + 1.0)
 
 
-def _hash(numbers: NDArray[np.int64]) -> NDArray[np.uint64]:
+def _hash(numbers: Int64s) -> NDArray[np.uint64]:
     """Numbers spread evenly over all 64 bits."""
-    with np.errstate(over="ignore"):
-        mixed = numbers.astype(np.uint64) * _SPREAD
+    mixed = numbers.astype(np.uint64) * _SPREAD  # arrays run over without a word
     mixed ^= mixed >> np.uint64(29)
-    with np.errstate(over="ignore"):
-        found: NDArray[np.uint64] = mixed * np.uint64(0xBF58476D1CE4E5B9)
+    found: NDArray[np.uint64] = mixed * np.uint64(0xBF58476D1CE4E5B9)
     return found

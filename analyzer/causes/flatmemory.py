@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from heapq import heappop, heappush
 from typing import Any, Final
 
@@ -11,28 +11,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..tables.bins import TimeBins
+from ..tables.schema import Bools, Float64s, Int64s
 
 _THINNED_MOST: Final = 512
 _MODE: Final = 0.12  # width of the densest numbers, of themselves
 
 
+@dataclass(slots=True, eq=False, repr=False)
 class Thinned:
-    """Every so many-eth number of those added."""
+    """Every so many-eth number of those added; `numbers` are those remembered, in their order."""
 
-    __slots__ = ("_numbers", "_ordered", "_stride", "count", "total")
-
-    _numbers: NDArray[np.float64]
-    _ordered: NDArray[np.float64] | None
-    _stride: int
-    count: int
-    total: float
-
-    def __init__(self) -> None:
-        self._numbers = np.zeros(0)
-        self._ordered = None  # once somebody asks for a quantile
-        self._stride = 1
-        self.count = 0
-        self.total = 0.0
+    count: int = 0
+    total: float = 0.0
+    numbers: Float64s = field(default_factory=lambda: np.zeros(0))
+    _stride: int = 1
+    _ordered: Float64s | None = None  # once somebody asks for a quantile
 
     def __len__(self) -> int:
         return self.count
@@ -43,32 +36,36 @@ class Thinned:
         first = -self.count % self._stride
         self.count += len(numbers)
         self.total += float(numbers.sum())
-        self._numbers = np.concatenate((self._numbers, numbers[first :: self._stride]))
-        while len(self._numbers) > _THINNED_MOST:
-            self._numbers = self._numbers[::2]
+        self.numbers = np.concatenate((self.numbers, numbers[first :: self._stride]))
+        while len(self.numbers) > _THINNED_MOST:
+            self.numbers = self.numbers[::2]
             self._stride *= 2
-
-    @property
-    def numbers(self) -> NDArray[np.float64]:
-        """Those remembered, in their order."""
-        return self._numbers
 
     def quantile(self, share: float) -> float | None:
         """A quantile of those remembered; None without any."""
-        if not len(self._numbers):
+        if not len(self.numbers):
             return None
         if self._ordered is None:
-            self._ordered = np.sort(self._numbers)
+            self._ordered = np.sort(self.numbers)
         low, part = divmod(share * (len(self._ordered) - 1), 1)  # as `np.quantile` does, whose checks take far longer
         first = float(self._ordered[int(low)])
         return first + part * (float(self._ordered[int(low) + 1]) - first) if part else first
 
+    @property
+    def mean(self) -> float:
+        """Of all that were added; 0 without any."""
+        return self.total / max(self.count, 1)
+
+    def below(self, bound: float) -> float:
+        """The share of numbers under a bound; 0 without any."""
+        return float((self.numbers < bound).mean()) if len(self.numbers) else 0.0
+
     def above(self, bound: float) -> float:
         """The share of numbers over a bound; 0 without any."""
-        return float((self._numbers > bound).mean()) if len(self._numbers) else 0.0
+        return float((self.numbers > bound).mean()) if len(self.numbers) else 0.0
 
 
-def densest(numbers: NDArray[np.float64]) -> float:
+def densest(numbers: Float64s) -> float:
     """The median of those positive numbers that lie closest together, a window of an eighth wide; 0 for none."""
     ordered = np.sort(numbers[numbers > 0])
     if not len(ordered):
@@ -90,7 +87,7 @@ class TimeGrid(TimeBins):
     def __init__(self, width_ns: int = _FIRST_NS) -> None:
         super().__init__(_PARTS, width_ns)
 
-    def add(self, kind: Hashable, times: NDArray[np.int64], weights: NDArray[np.int64] | None = None) -> None:
+    def add(self, kind: Hashable, times: Int64s, weights: Int64s | None = None) -> None:
         """Count at these times, which need not be in order but do not lie before the first one by much."""
         if not len(times):
             return
@@ -98,7 +95,7 @@ class TimeGrid(TimeBins):
         counts = np.bincount(self.bins(times), weights, _PARTS).astype(np.int64)
         self.tables[kind] = self.tables[kind] + counts if kind in self.tables else counts
 
-    def counts(self, kind: Hashable) -> NDArray[np.int64]:
+    def counts(self, kind: Hashable) -> Int64s:
         """The counts of one kind, a part each."""
         return self.tables.get(kind, np.zeros(_PARTS, np.int64))
 
@@ -123,68 +120,51 @@ class Spell:
         return self.doubtful <= _DOUBTFUL * self.count
 
 
+@dataclass(slots=True, eq=False)
 class Spells:
     """Runs of an outcome among the exchanges of a unit; single ones are counted and not remembered."""
 
-    spells: list[Spell]
-    single: int
-    more: int
-    _open: Spell | None
-    _well: int | None
-    _doubtful: int
-    _seen: int
-
-    def __init__(self) -> None:
-        self.spells = []
-        self.single = 0  # outcomes that stood alone
-        self.more = 0  # spells beyond those remembered
-        self._open = None
-        self._well = None  # the time of the newest exchange that ended otherwise
-        self._doubtful = 0  # exchanges so far
-        self._seen = 0  # of them before the open spell
+    spells: list[Spell] = field(default_factory=list)
+    single: int = 0  # outcomes that stood alone
+    more: int = 0  # spells beyond those remembered
+    _open: Spell | None = None
+    _well: int | None = None  # the time of the newest exchange that ended otherwise
+    _doubtful: int = 0  # exchanges so far
+    _seen: int = 0  # of them before the open spell
 
     def pass_over(self, time: int) -> None:
         """The next exchanges, the newest of which was then, ended otherwise; none goes on."""
         self._well = time
 
-    def add(
-        self,
-        hits: NDArray[np.bool_],
-        times: NDArray[np.int64],
-        doubtful: NDArray[np.bool_] | None = None,
-        repeats: NDArray[np.bool_] | None = None,
-    ) -> None:
+    def add(self, hits: Bools, times: Int64s, doubtful: Bools, repeats: Bools) -> None:
         """The next exchanges: whether each ended so, and when; doubtful ones end no run and make none longer. `repeats`:
         those that are asked once more."""
-        seen = np.full(len(hits), self._doubtful)
-        first = np.ones(len(hits), np.int64) if repeats is None else (~repeats).astype(np.int64)
-        if doubtful is not None and doubtful.any():
-            seen += doubtful.cumsum()
-            self._doubtful, known = int(seen[-1]), ~doubtful
-            hits, times, seen, first = hits[known], times[known], seen[known], first[known]
+        first = ~repeats
+        seen = self._doubtful + doubtful.cumsum()
+        self._doubtful += int(np.count_nonzero(doubtful))
+        known = ~doubtful
+        hits, times, seen, first = hits[known], times[known], seen[known], first[known]
         if not len(hits):
             return
         if self._open is not None and not hits[0]:
-            self._open.before = int(times[0])
-            self._end()
+            self._end(self._open, int(times[0]))
         edges = np.flatnonzero(np.diff(np.concatenate(([False], hits, [False])).astype(np.int8)))
         for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-            if self._open is None:
+            spell = self._open
+            if spell is None:
                 after = int(times[begin - 1]) if begin else self._well
-                self._open, self._seen = Spell(int(times[begin]), 0, 0, after), int(seen[begin])
-            self._open.end, self._open.count = int(times[end - 1]), self._open.count + end - begin
-            self._open.visits += int(first[begin:end].sum())
-            self._open.doubtful = int(seen[end - 1]) - self._seen
+                spell, self._seen = Spell(int(times[begin]), 0, 0, after), int(seen[begin])
+            spell.end, spell.count = int(times[end - 1]), spell.count + end - begin
+            spell.visits += int(first[begin:end].sum())
+            spell.doubtful = int(seen[end - 1]) - self._seen
+            self._open = spell
             if end < len(hits):
-                self._open.before = int(times[end])
-                self._end()
+                self._end(spell, int(times[end]))
         if not hits[-1]:
             self._well = int(times[-1])
 
-    def _end(self) -> None:
-        spell, self._open = self._open, None
-        if spell is None:
-            return
+    def _end(self, spell: Spell, before: int) -> None:
+        spell.before, self._open = before, None
         if spell.count == 1:
             self.single += 1
         elif len(self.spells) < _SPELLS:
@@ -215,23 +195,15 @@ _TIMES_MOST: Final = 1024
 _MOST_OF_ONE: Final = 256
 
 
+@dataclass(slots=True, eq=False)
 class CrowdedTimes:
     """Some of the times added (ns), about in order."""
 
-    __slots__ = ("_begin", "_kept", "_left", "_open", "_place")
-
-    _begin: int | None
-    _place: int
-    _open: NDArray[np.int64]
-    _kept: list[tuple[int, int, NDArray[np.int64]]]
-    _left: int
-
-    def __init__(self) -> None:
-        self._begin = None
-        self._place = 0  # of the stretch that is open
-        self._open = np.zeros(0, np.int64)
-        self._kept = []  # a heap: how many, minus the place, which
-        self._left = _TIMES_MOST
+    _begin: int | None = None
+    _place: int = 0  # of the stretch that is open
+    _open: Int64s = field(default_factory=lambda: np.zeros(0, np.int64))
+    _kept: list[tuple[int, int, Int64s]] = field(default_factory=list)  # a heap: how many, minus the place
+    _left: int = _TIMES_MOST
 
     def add(self, times: NDArray[Any]) -> None:
         """More of the stream, in whatever portions."""
@@ -256,7 +228,7 @@ class CrowdedTimes:
         self._place, self._open = place, np.zeros(0, np.int64)
 
     @property
-    def numbers(self) -> NDArray[np.float64]:
+    def numbers(self) -> Float64s:
         """Those remembered, in their order."""
         stretches = sorted(self._kept, key=lambda one: -one[1])
         return np.concatenate([*(times for _, _, times in stretches), self._open]).astype(np.float64)

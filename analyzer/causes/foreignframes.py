@@ -80,5 +80,6 @@ def foreign_frames(ledger: Ledger, *, in_ascii: bool) -> tuple[str, int]:
         frames[_RTU] = rtu_frames(octets for _, _, octets in ledger.noise)
     marked = NAMES[1 + int(ledger.foreign[1:].argmax())]
     frames[marked] = max(frames[marked], sure)
-    name = marked if frames[marked] >= _FOREIGN_FRAMES else max(frames, key=frames.__getitem__)
-    return (name, frames[name]) if frames[name] >= _FOREIGN_FRAMES else ("", 0)
+    several = {name: count for name, count in frames.items() if count >= _FOREIGN_FRAMES}
+    name = marked if marked in several else max(several, key=several.__getitem__, default="")
+    return name, several.get(name, 0)

@@ -31,14 +31,11 @@ def begun_before(evidence: Evidence, unit: UnitLedger) -> int:
     transmitter's start was heard before. A driver that is late begins none sooner."""
     found = 0
     for each in evidence.readings(unit):
-        header = known_header(each.request)
-        if len(header) < 2 or len(each.heard) < 2:
-            continue
-        first = each.heard[0]
-        if each.length == each.due and first != header[0] and each.heard[1:2] == header[1:2]:
-            sooner = any(first >> bits == header[0] & 0xFF >> bits for bits in range(1, 8))
+        header, first = known_header(each.request), each.heard[:1]
+        if each.length == each.due and len(header) > 1 and first != header[:1] and each.heard[1:2] == header[1:2]:
+            sooner = any(first[0] >> bits == header[0] & 0xFF >> bits for bits in range(1, 8))
             found += sooner and not any(
-                beheaded(header, lost, receiver).startswith(each.heard[:1])
+                beheaded(header, lost, receiver).startswith(first)
                 for receiver in formats_of(evidence.ledger.line)
                 for lost in range(1, _CHARACTER_BITS)
             )
@@ -57,7 +54,7 @@ def out_of_step_bits(evidence: Evidence, unit: UnitLedger) -> float:
     """Bits for garbage that begins as a known header does whose first bits are missing, nearly the same number each
     time: its receiver is out of step from there on."""
     readings = evidence.readings(unit)
-    if readings and sum(each.length < _FEWER * each.due for each in readings) > _MOSTLY * len(readings):
+    if sum(each.length < _FEWER * each.due for each in readings) > _MOSTLY * len(readings):
         return 0.0  # what is out of step is heard a byte a byte
     heard = beginnings(readings, _BEGINNING)
     best = 0.0

@@ -8,9 +8,9 @@ from typing import Any, Final
 
 import numpy as np
 
+from ..tables.schema import Float64s
 from .bits import likelihood_bits, strays, surplus_bits
 from .evidence import Evidence
-from .exchanges import Ending
 from .registry import Symptom
 from .repeats import asked_again_into
 from .signatures import AnswerDamage, Behind, Signature, known_header
@@ -85,7 +85,7 @@ class Hits:
 
 def evenness_bits(evidence: Evidence) -> float:
     """How much less likely the damage of units is, each as it is, if all share one rate a byte; never more than 0."""
-    units = [unit for unit in evidence.units if unit.asked and evidence.is_open(Symptom.DAMAGE, unit.unit)]
+    units = [unit for unit in evidence.units if evidence.is_open(Symptom.DAMAGE, unit.unit)]
     if len(units) < 2:
         return 0.0
     hits = [min(evidence.damaged(unit), unit.asked) for unit in units]
@@ -101,7 +101,7 @@ def requests_evenness_bits(evidence: Evidence) -> float:
     more than 0."""
     units = [unit for unit in evidence.units if unit.answered]
     hits = [min(round(evidence.requests_behind(unit)), unit.answered) for unit in units]
-    if len(units) < 2 or not sum(hits):
+    if not sum(hits):
         return 0.0
     of = [unit.answered for unit in units]
     return _shared_bits(hits, of, [sum(hits) / sum(of)] * len(of))
@@ -114,21 +114,17 @@ def requests_part(evidence: Evidence) -> float:
     return _REQUEST * asked / every if every else 1.0
 
 
-def stray_behind(evidence: Evidence) -> list[float]:
-    """About how many good answers of each unit have stray bytes behind them."""
-    return [evidence.stray(unit) for unit in evidence.units]
-
-
 def apart_bits(evidence: Evidence) -> float:
     """How much likelier it is that what comes behind answers is some units' own than that it strikes the idle line, which
     is idle behind each for so much of the time, or is let go so often; 0 or more."""
-    stray = stray_behind(evidence)
-    every = sum(stray)
+    stray, idle, let_go = _exposed(evidence)
+    every = stray.sum()
     if not every or not evidence.ledger.timed:
         return 0.0
+    some = stray > 0
     own = min(
-        sum(n * log2(n * sum(exposed) / (every * each)) for n, each in zip(stray, exposed, strict=True) if n)
-        for exposed in _exposed(evidence)
+        float((stray[some] * np.log2(stray[some] * exposed.sum() / (every * exposed[some]))).sum())
+        for exposed in (idle, let_go)
     )
     return max(own - 0.5 * (len(stray) - 1) * log2(every + 2), 0.0)
 
@@ -136,54 +132,50 @@ def apart_bits(evidence: Evidence) -> float:
 def is_behind_few(evidence: Evidence) -> bool:
     """Whether nearly all stray bytes come behind some units that have at most half of the idle time behind them, and let the
     line go at most half of the times."""
-    return all(_is_behind_few(stray_behind(evidence), exposed) for exposed in _exposed(evidence))
+    stray, idle, let_go = _exposed(evidence)
+    return all(_is_behind_few(stray, exposed) for exposed in (idle, let_go))
 
 
-def _is_behind_few(strays_behind: Sequence[float], exposed: Sequence[float]) -> bool:
-    pairs = sorted(zip(strays_behind, exposed, strict=True), key=lambda pair: -pair[0] / pair[1])
-    count = sum(strays_behind)
-    behind = share = 0.0
-    for stray, each in pairs:
-        if behind > _NEARLY_ALL * count:
-            break
-        behind, share = behind + stray, share + each
-    return 0 < share <= 0.5 * sum(exposed)
+def _is_behind_few(stray: Float64s, exposed: Float64s) -> bool:
+    order = np.argsort(-stray / exposed, kind="stable")
+    few = int(np.searchsorted(stray[order].cumsum(), _NEARLY_ALL * stray.sum(), side="right")) + 1
+    return bool(0 < exposed[order][:few].sum() <= 0.5 * exposed.sum())
 
 
-def _exposed(evidence: Evidence) -> tuple[list[float], list[float]]:
-    """How much of what strays on an idle line is due behind each unit: by how long it is idle, or by how often it is let
-    go."""
-    return _idle(evidence), [float(max(unit.answered, 1)) for unit in evidence.units]
+def _exposed(evidence: Evidence) -> tuple[Float64s, Float64s, Float64s]:
+    """About how many good answers of each unit have stray bytes behind them; how much of what strays on an idle line is due
+    there, by how long it is idle, or by how often it is let go."""
+    stray = np.array([evidence.stray(unit) for unit in evidence.units])
+    let_go = np.array([max(unit.answered, 1) for unit in evidence.units], np.float64)
+    return stray, _idle(evidence, stray, let_go), let_go
 
 
 def spares_units(evidence: Evidence) -> bool:
     """Whether next to no stray bytes come behind a unit behind which, by its idle time, many must: what strikes the idle
     line strikes it whoever was asked."""
-    stray, idle = stray_behind(evidence), _idle(evidence)
-    if not evidence.ledger.timed:
-        return False
-    due = [sum(stray) * each / sum(idle) for each in idle]
-    return any(
-        expected >= _MANY_STRAYS and n < _SPARED_SHARE * expected for n, expected in zip(stray, due, strict=True)
-    )
+    stray, idle, _ = _exposed(evidence)
+    due = stray.sum() * idle / idle.sum()
+    return evidence.ledger.timed and bool(((due >= _MANY_STRAYS) & (stray < _SPARED_SHARE * due)).any())
 
 
-def _idle(evidence: Evidence) -> list[float]:
+def _idle(evidence: Evidence, stray: Float64s, let_go: Float64s) -> Float64s:
     """How long the line is idle before and behind each unit's answers (ns, about), until something strays there if it does;
     for each answer as long where the clock shows no pauses at all, and nowhere shorter than the clock can tell."""
-    char_ns, shown = evidence.ledger.char_ns, evidence.ledger.pauses
+    char_ns, shown, off = evidence.ledger.char_ns, evidence.ledger.pauses, evidence.verdict.wait_ns
     if shown.total <= char_ns * len(shown):
-        return [max(unit.answered, 1) * char_ns for unit in evidence.units]
-    found, off = [], evidence.verdict.wait_ns
+        return let_go * char_ns
     least = _UNTOLD * off if isfinite(off) else 0.0
-    for unit, stray in zip(evidence.units, stray_behind(evidence), strict=True):
+    found = []
+    for unit, strays_behind in zip(evidence.units, stray.tolist(), strict=True):
         rested = [each.rested for each in evidence.followed(unit) if each.rested >= 0]
-        until = sum(rested) / max(len(rested), 1)
-        pause = unit.pauses.total / max(len(unit.pauses), 1)
-        delay = unit.delays.total / max(len(unit.delays), 1)
-        idle = stray * until + (unit.answered - stray) * pause + unit.answered * delay
+        idle = strays_behind * _mean(rested) + unit.answered * unit.delays.mean
+        idle += (unit.answered - strays_behind) * unit.pauses.mean
         found.append(max(idle, unit.answered * least, char_ns))
-    return found
+    return np.array(found)
+
+
+def _mean(numbers: Sequence[float]) -> float:
+    return sum(numbers) / max(len(numbers), 1)
 
 
 def _shared_bits(hits: Sequence[int], of: Sequence[int], rates: Sequence[float]) -> float:
@@ -197,29 +189,24 @@ def _shared_bits(hits: Sequence[int], of: Sequence[int], rates: Sequence[float])
 
 def is_one_units(evidence: Evidence) -> bool:
     """Whether nearly all damage is that of one unit, which has no such share of the line's bytes."""
-    units = [unit for unit in evidence.units if unit.asked]
-    hits = [evidence.damaged(unit) for unit in units]
-    if len(units) < 2 or not sum(hits):
+    hits = [evidence.damaged(unit) for unit in evidence.units]
+    exposed = [unit.asked * _mean_due(evidence, unit.unit) for unit in evidence.units]
+    most, every = max(hits, default=0), sum(hits)
+    if not every or most < _NEARLY_ALL * every:
         return False
-    exposed = [unit.asked * _mean_due(evidence, unit.unit) for unit in units]
-    at = hits.index(max(hits))
-    share = exposed[at] / sum(exposed)  # by chance alone so many of the hits would be its
-    return hits[at] >= _NEARLY_ALL * sum(hits) and -sum(hits) * log2(share) >= _SURE_BITS
+    share = exposed[hits.index(most)] / sum(exposed)  # by chance alone so many of the hits would be its
+    return -every * log2(share) >= _SURE_BITS
 
 
 def spares_requests(evidence: Evidence, hits: Hits) -> bool:
     """Whether the one unit's answers are hit and the requests behind its good ones are not, though by their bytes many
     must be if what strikes comes from outside."""
-    if len(evidence.units) != 1 or not hits.damaged:
+    if len(evidence.units) != 1:
         return False
     unit = evidence.units[0]
     a_byte = -log1p(-min(hits.damaged / unit.asked, _MOST_HIT)) / max(_mean_due(evidence, unit.unit) - _REQUEST, 1)
-    share = 1 - exp(-a_byte * _REQUEST)
-    seen, behind = min(hits.requests + hits.idle, unit.answered), unit.answered
-    if seen >= share * behind:
-        return False
-    own = (seen + 0.5) / (behind + 1)
-    return likelihood_bits(seen, behind, own) - likelihood_bits(seen, behind, share) >= _SURE_BITS
+    spared = unit.answered - min(hits.requests + hits.idle, unit.answered)
+    return surplus_bits(spared, unit.answered, exp(-a_byte * _REQUEST)) >= _SURE_BITS
 
 
 def is_about_one(evidence: Evidence) -> bool:
@@ -245,40 +232,34 @@ def is_about_one(evidence: Evidence) -> bool:
 
 def interrupted(evidence: Evidence, unit: UnitLedger) -> int:
     """Requests to a unit behind which another came well before it ever answers, for which the master does wait: nobody
-    gives up so soon, that is another who sends."""
-    delays = unit.delays.numbers
-    if len(delays) < _TOLD or not (len(unit.quiet_waits) or unit.count(Ending.GARBAGE)):
+    gives up so soon, that is another who sends. They stayed without a byte, or damaged answers begin as one to another."""
+    if len(unit.delays.numbers) < _TOLD:
         return 0
-    met = _met_by_requests(evidence, unit, _SOONER * float(np.quantile(delays, _WAITED)) - evidence.verdict.wait_ns)
-    return cut_short(evidence, unit) + met
-
-
-def cut_short(evidence: Evidence, unit: UnitLedger) -> int:
-    """Those of them that stayed without a byte. Of a coarse clock all or none, by the mean of the waits."""
-    waits, delays, off = unit.quiet_waits.numbers, unit.delays.numbers, evidence.verdict.wait_ns
-    if len(delays) < _TOLD or len(waits) < 1 or not evidence.is_open(Symptom.SILENCE, unit.unit) or off > _HELD_NS:
-        return 0
-    early = float((waits < _SOONER * (float(np.quantile(delays, _SOONEST)) - off)).mean())
-    if len(waits) >= _TOLD:
-        error = 3 * off / (12 * len(waits)) ** 0.5  # of the mean of times that are wrong by up to so much
-        early = 1.0 if waits.mean() + error < _SOONER * float(np.quantile(delays, 0.25)) else early
-    return round(early * len(unit.quiet_waits) * by_another(evidence, unit, float(np.quantile(delays, _SOONEST))))
-
-
-def by_another(evidence: Evidence, unit: UnitLedger, before: float) -> float:
-    """Whether another client may have sent what came so soon (ns) behind requests without a byte, 1 or 0: where nearly all
-    of it asks the very same again without a rest, it is the one who asked."""
-    soon = int(np.count_nonzero(unit.quiet_waits.numbers < before))
-    again = int(np.count_nonzero(unit.quiet_again.numbers < _NO_REST_CHARS * evidence.ledger.char_ns))
-    return float(again < _NEARLY_ALL * soon or not soon)
-
-
-def _met_by_requests(evidence: Evidence, unit: UnitLedger, before: float) -> int:
-    """Damaged answers of a unit that begin as a request to another does, and so soon (ns behind what was asked)."""
+    before = _SOONER * (unit.delays.quantile(_WAITED) or 0.0) - evidence.verdict.wait_ns
     readings = evidence.readings(unit)
     met = [each for each in readings if each.damage is AnswerDamage.CROSSED and 0 <= each.delay < before]
     begun = sum(evidence.begun_by(each) is not None for each in met)
-    return round(evidence.damaged(unit) * begun / max(len(readings), 1))
+    return _cut_short(evidence, unit) + round(evidence.damaged(unit) * begun / max(len(readings), 1))
+
+
+def _cut_short(evidence: Evidence, unit: UnitLedger) -> int:
+    """Those of them that stayed without a byte. Of a coarse clock all or none, by the mean of the waits."""
+    waits, off, soonest = unit.quiet_waits.numbers, evidence.verdict.wait_ns, unit.delays.quantile(_SOONEST) or 0.0
+    if not evidence.is_open(Symptom.SILENCE, unit.unit) or off > _HELD_NS:
+        return 0
+    early = unit.quiet_waits.below(_SOONER * (soonest - off))
+    error = 3 * off / (12 * max(len(waits), 1)) ** 0.5  # of the mean of times that are wrong by up to so much
+    if len(waits) >= _TOLD and waits.mean() + error < _SOONER * (unit.delays.quantile(0.25) or 0.0):
+        early = 1.0
+    return round(early * len(unit.quiet_waits)) if by_another(evidence, unit, soonest) else 0
+
+
+def by_another(evidence: Evidence, unit: UnitLedger, before: float) -> bool:
+    """Whether another client may have sent what came so soon (ns) behind requests without a byte: where nearly all of it
+    asks the very same again without a rest, it is the one who asked."""
+    soon = int(np.count_nonzero(unit.quiet_waits.numbers < before))
+    again = int(np.count_nonzero(unit.quiet_again.numbers < _NO_REST_CHARS * evidence.ledger.char_ns))
+    return again < _NEARLY_ALL * soon or not soon
 
 
 def answers_too_many(evidence: Evidence, unit: UnitLedger) -> int:
@@ -290,7 +271,7 @@ def answers_too_many(evidence: Evidence, unit: UnitLedger) -> int:
     if found < max(_MANY, _SOME * unit.asked):
         return 0
     others = [other for other in evidence.units if other is not unit]
-    most = max((_surplus(evidence, other) / other.asked for other in others if other.asked), default=0.0)
+    most = max((_surplus(evidence, other) / other.asked for other in others), default=0.0)
     return found if found >= _FAR_MORE * most * unit.asked else 0
 
 
@@ -303,37 +284,34 @@ def timed_by_the_master(evidence: Evidence, unit: UnitLedger) -> list[Signature]
     """Damaged answers of a unit into which the master's own next request was sent, for it came by its timer: they begin
     just when it gives up, or end always as long behind their request, though the unit answers now sooner, now later."""
     off, char_ns = evidence.verdict.wait_ns, evidence.ledger.char_ns
-    readings = [each for each in evidence.readings(unit) if each.delay >= 0 and each.length]
-    found: list[Signature] = []
-    timeout = evidence.timeout_ns
-    if timeout is not None and off < _AT_ONCE * timeout:
-        begun = [each for each in readings if abs(each.delay - timeout) <= _AT_ONCE * timeout]
-        good = unit.delays.numbers
-        steady = len(good) < _TOLD or strays([each.delay for each in begun]) < _STEADY * strays(good)
-        found += begun if len(begun) >= _TOLD and steady else []
+    readings = [each for each in evidence.readings(unit) if each.delay >= 0]
+    timeout, good = evidence.timeout_ns or 0.0, unit.delays.numbers
+    begun = [each for each in readings if abs(each.delay - timeout) <= _AT_ONCE * timeout]
+    steady = len(good) < _TOLD or strays([each.delay for each in begun]) < _STEADY * strays(good)
+    found = begun if steady and len(begun) >= _TOLD and off < _AT_ONCE * timeout else []
     run_into = [each for each in readings if each.damage in _RUN_INTO and each.length >= each.due]
     ends = [each.delay + each.length * char_ns for each in run_into]
     begun_within = strays([each.delay for each in run_into])
     if len(ends) >= _TOLD and begun_within > 2 * char_ns and strays(ends) + off < _STEADIER * begun_within + char_ns:
-        found += [each for each in readings if each.damage is not AnswerDamage.HEAD and each not in found]
-    return found + [each for each in asked_again_into(evidence, unit) if each not in found]
+        found = [*found, *(each for each in readings if each.damage is not AnswerDamage.HEAD)]
+    found = [*found, *asked_again_into(evidence, unit)]
+    return [each for each in readings if each in found]
 
 
 def given_up_by_timer(evidence: Evidence, unit: UnitLedger) -> bool:
     """Whether nearly all requests to a unit that stayed without an answer were followed when the master's timeout was
     over, and no sooner: what comes late then met nobody else's request. False where nobody knows."""
     timeout, off = evidence.timeout_ns, evidence.verdict.wait_ns
-    if timeout is not None and off > _TIMER_TOLD * timeout:  # no clock makes waits more alike than they are
+    if timeout is None:
+        return False
+    if off > _TIMER_TOLD * timeout:  # no clock makes waits more alike than they are
         every = np.concatenate([each.quiet_waits.numbers for each in evidence.units])
         if len(every) < 2 * _TOLD or np.median(every) < _UNTOLD * timeout:
             return False  # of requests that a tap hands over at once nobody knows what was between them
         return strays(every) < _STEADY * timeout
-    waits = unit.quiet_waits.numbers  # what is late, and taken for the answer, ends a wait as well
-    if len(waits) < _TOLD:
-        waits = unit.waits.numbers
-    if timeout is None or len(waits) < _TOLD:
-        return False
-    return bool((waits >= _SOONER * timeout - off).mean() >= _BY_TIMER)
+    waits = unit.quiet_waits  # what is late, and taken for the answer, ends a wait as well
+    waits = waits if len(waits) >= _TOLD else unit.waits
+    return len(waits) >= _TOLD and 1 - waits.below(_SOONER * timeout - off) >= _BY_TIMER
 
 
 def late_of_any(evidence: Evidence) -> int:
@@ -369,11 +347,8 @@ def spared_bits(evidence: Evidence, unit: UnitLedger) -> float:
     if not spared or len(spared) < _NEARLY_ALL * len(readings) or not evidence.damaged(unit):
         return 0.0
     survive = log1p(-min(evidence.damaged(unit) / unit.asked, _MOST_HIT))
-    bits = 0.0
-    for reading in spared:
-        whole, header = exp(survive), exp(survive * _HEADER / reading.due)
-        bits += log2((header - whole) / (1 - whole))
-    return bits
+    whole = exp(survive)
+    return sum(log2((exp(survive * _HEADER / each.due) - whole) / (1 - whole)) for each in spared)
 
 
 def _mean_due(evidence: Evidence, unit: int) -> float:

@@ -5,15 +5,15 @@ from __future__ import annotations
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..tables.schema import Bools
 from .bits import spells_of
 from .evidence import Evidence
 
 _SPELLS_BITS: Final = 14.0
 
 
-def spells_of_hits(evidence: Evidence) -> tuple[float, NDArray[np.bool_]]:
+def spells_of_hits(evidence: Evidence) -> tuple[float, Bools]:
     """The parts of the time in which the bus is hit, and what they save in bits; 0 where that may be chance."""
     grid = evidence.ledger.grid
     found, inside = spells_of(grid.counts("damage"), grid.counts("asked"))
@@ -24,9 +24,10 @@ def span_of_hits(evidence: Evidence) -> dict[str, Any]:
     """`since` and `until` of a suspicion, by the parts of the time with hits; nothing where there are none."""
     grid = evidence.ledger.grid
     parts = np.flatnonzero(grid.counts("damage"))
-    if grid.begin_ns is None or not len(parts):
+    if not len(parts):
         return {}
-    return {"since": grid.begin_ns + int(parts[0]) * grid.width_ns, "until": end_of_part(evidence, int(parts[-1]) + 1)}
+    since = (grid.begin_ns or 0) + int(parts[0]) * grid.width_ns
+    return {"since": since, "until": end_of_part(evidence, int(parts[-1]) + 1)}
 
 
 def end_of_part(evidence: Evidence, part: int) -> int:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
 
@@ -23,27 +23,24 @@ from ..options import Options
 from ..requests.history import RequestHistory
 from ..requests.reasons import Unserved
 from ..tables.batch import Batch
-from ..tables.schema import NO_GAP, Kind, Protocol
-from ..tables.transactions import ECHOED, NEVER, Status, TransactionRows
+from ..tables.schema import NO_GAP, Bools, Int64s, Kind, Protocol, Rows
+from ..tables.transactions import NEVER, Status, TransactionRows
 from ..tables.verdict import ModbusVerdict
-from .exchanges import Ending, ExchangeBuilder, Exchanges, Stretch, Unowned
+from .exchanges import Ending, ExchangeBuilder, Exchanges, Stretch
 from .exchangetable import ExchangeTable
 from .flatmemory import CrowdedTimes, Thinned, TimeGrid
 from .polls import PollTable, SuccessorTable
-from .portcounts import count_by_port
 from .registerstates import StateTable, ValueTable
-from .requestledger import enter_requests
-from .rowcolumns import RowColumns
+from .rowcounts import BACK, count_by_port, count_others, enter_requests
 from .samples import sampled
 from .shifts import ShiftLedger
-from .strayanswers import count_others
 from .unitledger import UnitLedger
 
 if TYPE_CHECKING:
     from ..registers.checking import LimitBreach
 
 _Octets = bytes  # where `bytes` is a ledger's count of them
-ASKED, BAD, DELAY = "asked", "bad", "delay"  # of a unit, in the grid of the time
+ASKED, BAD, DELAY, DAMAGE = "asked", "bad", "delay", "damage"  # in the grid of the time, of a unit or the bus
 _CHAR_NS: Final = 1e6  # where the line's speed is not known
 _NOISE_SAMPLES: Final = 64
 _NOISE_BYTES: Final = 512
@@ -60,107 +57,67 @@ _OK, _EXCEPTION, _SILENT, _GARBAGE, _BROADCAST = (
 )
 
 
+def _by_function() -> Int64s:
+    return np.zeros(256, np.int64)
+
+
+@dataclass(eq=False, repr=False)
 class Ledger:
-    """Batches in; what they come to."""
+    """Batches in; what they come to. Times in ns."""
 
     line: LineSettings
-    char_ns: float
-    options: Options
-    timed: bool
-    clock: TapClock
-    units: dict[int, UnitLedger]
-    polls: PollTable
-    requests_of: RequestHistory
-    table: ExchangeTable
-    states: StateTable
-    values: ValueTable
-    grid: TimeGrid
-    pauses: Thinned
-    request_gaps: Thinned
-    turnarounds: Thinned
-    frames: int
-    requests: int
-    responses: int
-    right_bytes: int
-    noise_bytes: int
-    bytes: int
-    loose_responses: int
-    functions: NDArray[np.int64]
-    function_bytes: NDArray[np.int64]
-    broadcasts: int
-    broadcast_runs: int
-    broadcasts_again: int
-    broadcasts_answered: int
-    called_examples: list[int]
-    repeat_waits: Thinned
-    repeats_answered: int
-    foreign: NDArray[np.int64]
-    verdict: ModbusVerdict
-    shifts: ShiftLedger
-    noise: list[tuple[int, int, _Octets]]
-    spoilt: list[_Octets]
-    spoilt_requests: int
-    stray_times: CrowdedTimes
-    marked_bytes: int
-    flow_bytes: int
-    ports: dict[int, Counter[str]]
-    begin: int | None
-    end: int
-    exchanges: int
-    successors: SuccessorTable
-    breaches: Sequence[LimitBreach]
-    answered: int
-    _echo_before: bool
-    _echo_repeats: bool
-    _repeating: bool
-    _builder: ExchangeBuilder
+    options: Options = field(default_factory=Options)
+    timed: bool = False
+    begin: int | None = None
+    end: int = 0
+    clock: TapClock = field(init=False)
+    verdict: ModbusVerdict = field(default_factory=ModbusVerdict)
+    units: dict[int, UnitLedger] = field(default_factory=dict)
+    polls: PollTable = field(default_factory=PollTable)
+    requests_of: RequestHistory = field(default_factory=RequestHistory)
+    table: ExchangeTable = field(default_factory=ExchangeTable)
+    states: StateTable = field(default_factory=StateTable)
+    values: ValueTable = field(default_factory=ValueTable)
+    breaches: Sequence[LimitBreach] = ()  # of a map's limits, where values were looked at
+    successors: SuccessorTable = field(default_factory=SuccessorTable)
+    shifts: ShiftLedger = field(default_factory=ShiftLedger)
+    ports: defaultdict[int, Counter[str]] = field(default_factory=lambda: defaultdict(Counter))
+    grid: TimeGrid = field(default_factory=TimeGrid)
+    pauses: Thinned = field(default_factory=Thinned)  # end of a good answer to the next request
+    request_gaps: Thinned = field(default_factory=Thinned)  # before requests behind a good answer, by the reads
+    turnarounds: Thinned = field(default_factory=Thinned)  # broadcast to the next request
+    exchanges: int = 0
+    answered: int = 0
+    frames: int = 0
+    requests: int = 0
+    responses: int = 0
+    loose_responses: int = 0  # right ones that answer nothing
+    bytes: int = 0
+    right_bytes: int = 0
+    noise_bytes: int = 0
+    marked_bytes: int = 0  # by the UART
+    flow_bytes: int = 0  # that are XON or XOFF
+    functions: Int64s = field(default_factory=_by_function)  # of right frames
+    function_bytes: Int64s = field(default_factory=_by_function)
+    broadcasts: int = 0
+    broadcast_runs: int = 0  # broadcasts right behind another
+    broadcasts_again: int = 0  # and the same once more
+    broadcasts_answered: int = 0
+    called_examples: list[int] = field(default_factory=list)
+    foreign: Int64s = field(default_factory=lambda: np.zeros(len(NAMES), np.int64))  # stretches by protocol
+    noise: list[tuple[int, int, _Octets]] = field(default_factory=list)  # a few outside frames: time, port, bytes
+    stray_times: CrowdedTimes = field(default_factory=CrowdedTimes)  # of short ones
+    spoilt: list[_Octets] = field(default_factory=list)  # a few requests whose check value is wrong
+    repeat_waits: Thinned = field(default_factory=Thinned)  # from a request without an answer to the same one again
+    repeats_answered: int = 0  # requests that came twice and were answered then
+    _repeating: bool = False  # the newest request got no answer, and the next one is the same
+    _echo_before: bool = False  # the newest request is to come once more
+    _echo_repeats: bool = False
+    _newest: Exchanges = field(default_factory=lambda: Exchanges.zeros(0))
+    _builder: ExchangeBuilder = field(default_factory=ExchangeBuilder)
 
-    def __init__(self, line: LineSettings, options: Options = Options()) -> None:  # noqa: B008 - frozen
-        self.line = line
-        self.char_ns = (line.char_bits or 11) * 1e9 / line.baud if line.baud else _CHAR_NS
-        self.options = options
-        self.timed = False
-        self.clock = TapClock(line)
-        self.units = {}
-        self.polls = PollTable()
-        self.requests_of = RequestHistory()
-        self.table = ExchangeTable()
-        self.states = StateTable()
-        self.values = ValueTable()
-        self.shifts = ShiftLedger()
-        self.grid = TimeGrid()
-        self.pauses = Thinned()  # ns, end of a good answer to the next request
-        self.request_gaps = Thinned()  # ns, silence before requests that follow a good answer, by the reads
-        self.turnarounds = Thinned()  # ns, broadcast to the next request
-        self.frames = self.requests = self.responses = self.right_bytes = self.noise_bytes = self.bytes = 0
-        self.loose_responses = 0  # right ones that answer nothing
-        self.functions, self.function_bytes = (np.zeros(256, np.int64) for _ in range(2))  # of right frames
-        self.broadcasts = 0
-        self.broadcast_runs = 0  # broadcasts right behind another
-        self.broadcasts_again = 0  # and the same once more
-        self.broadcasts_answered = 0
-        self.called_examples = []
-        self.repeat_waits = Thinned()  # ns, from a request without an answer to the same one again
-        self.repeats_answered = 0  # requests that came twice and were answered then
-        self.foreign = np.zeros(len(NAMES), np.int64)  # stretches that are another protocol's, by its number
-        self.verdict = ModbusVerdict()
-        self.noise = []  # a few stretches outside frames: time, port, bytes
-        self.spoilt = []  # a few requests whose check value is wrong
-        self.spoilt_requests = 0
-        self.stray_times = CrowdedTimes()  # ns, of short stretches in no frame
-        self.marked_bytes = 0  # by the UART
-        self.flow_bytes = 0  # that are XON or XOFF
-        self.ports = defaultdict(Counter)
-        self.begin = None
-        self.end = 0
-        self.exchanges = 0
-        self.successors = SuccessorTable()
-        self.breaches = ()  # of a map's limits, where values were looked at
-        self.answered = 0
-        self._echo_before = False  # the newest request is to come once more
-        self._echo_repeats = False
-        self._repeating = False  # the newest request got no answer, and the next one is the same
-        self._builder = ExchangeBuilder()
+    def __post_init__(self) -> None:
+        self.clock = TapClock(self.line)
 
     def feed(self, batch: Batch, transactions: TransactionRows) -> None:
         """The next rows, with the transactions that began among them."""
@@ -168,11 +125,10 @@ class Ledger:
             batch = replace(batch, rows=batch.rows[~networked])
         if not len(batch):
             return
-        table = RowColumns.of(batch)
         unheard = transactions.request[transactions.status == Status.UNHEARD].tolist()
-        self._count_rows(table)
+        self._count_rows(batch)
         self.shifts.feed(batch)
-        for part in self._builder.feed(table, unheard):
+        for part in self._builder.feed(batch, unheard):
             self._take(part)
 
     def close(self) -> None:
@@ -186,6 +142,11 @@ class Ledger:
         if number not in self.units:
             self.units[number] = UnitLedger(number)
         return self.units[number]
+
+    @cached_property
+    def char_ns(self) -> float:
+        """How long a character takes; a millisecond where nobody knows."""
+        return (self.line.char_bits or 11) * 1e9 / self.line.baud if self.line.baud else _CHAR_NS
 
     @cached_property
     def reasons(self) -> dict[int, list[Unserved]]:
@@ -202,63 +163,53 @@ class Ledger:
         """The units that were asked for something, broadcasts apart."""
         return [unit for number, unit in sorted(self.units.items()) if number and unit.asked]
 
-    def axis(self, exchanges: Exchanges) -> NDArray[np.int64]:
-        """By what the order of things is told: time, or bytes where there are no times."""
-        return exchanges.t_start if self.timed else exchanges.place
-
-    def _count_rows(self, table: RowColumns) -> None:
-        rows = table.rows
-        kind, check, length = rows.kind, rows.check, rows.length
+    def _count_rows(self, batch: Batch) -> None:
+        rows = batch.rows
+        kind, length = rows.kind, rows.length
         self.verdict.feed(rows)
+        self.clock.feed(rows)
         self.timed = self.timed or bool(rows.t_end_ns.any())
+        self.begin = int(rows.t_start_ns[0]) if self.begin is None else self.begin
+        self.end = max(self.end, int(rows.t_end_ns.max()))
         framed, asks = kind != _NOISE, kind == _REQUEST
-        right = framed & check
-        frames = framed.nonzero()[0]
-        self.frames += len(frames)
+        right = framed & rows.check
         requests = int(np.count_nonzero(right & asks))
+        self.frames += int(np.count_nonzero(framed))
         self.requests += requests
         self.responses += int(np.count_nonzero(right)) - requests
-        self.bytes += int(length.sum())
-        self.marked_bytes += int(rows.errors.sum())
-        self.flow_bytes += int(np.count_nonzero(IS_FLOW.take(table.data)))
-        if self.begin is None:
-            self.begin = int(rows.t_start_ns[0])
-        self.end = max(self.end, int(rows.t_end_ns.max()))
-        self.clock.feed(rows)
+        self.loose_responses += int(np.count_nonzero(right & ~asks & (rows.request < 0)))
         functions, weights = rows.function[right], length[right]
-        self.right_bytes += int(weights.sum())
         self.functions += np.bincount(functions, minlength=256)
         self.function_bytes += np.bincount(functions, weights, 256).astype(np.int64)
-        loose = right & ~asks & (rows.request < 0)
-        self.loose_responses += int(np.count_nonzero(loose))
-        if len(frames) > int(np.count_nonzero(right)):
-            self._count_spoilt(table, (framed & ~check & asks).nonzero()[0])
-        if len(frames) < len(rows):
-            self._count_noise(table, (~framed).nonzero()[0])
-        count_by_port(self.ports, table)
+        self.bytes += int(length.sum())
+        self.right_bytes += int(weights.sum())
+        self.marked_bytes += int(rows.errors.sum())
+        self.flow_bytes += int(np.count_nonzero(IS_FLOW.take(batch.data)))
+        spoilt = (framed & ~rows.check & asks).nonzero()[0]
+        self.spoilt += [batch.bytes_of(row) for row in spoilt[: max(_NOISE_SAMPLES - len(self.spoilt), 0)].tolist()]
+        self._count_noise(batch, (~framed).nonzero()[0])
+        count_by_port(self.ports, batch)
 
-    def _count_noise(self, table: RowColumns, noise: NDArray[np.intp]) -> None:
-        length, begins = table.rows.length[noise], table.rows.t_start_ns[noise]
+    def _count_noise(self, batch: Batch, noise: NDArray[np.intp]) -> None:
+        length, begins = batch.rows.length[noise], batch.rows.t_start_ns[noise]
         self.noise_bytes += int(length.sum())
-        self.foreign += np.bincount(table.rows.foreign[noise], minlength=len(NAMES))
+        self.foreign += np.bincount(batch.rows.foreign[noise], minlength=len(NAMES))
         self.stray_times.add(begins[length <= STRAY])
         for row in noise[: max(_NOISE_SAMPLES - len(self.noise), 0)].tolist():
-            port = int(table.rows.port[row])
-            self.noise.append((int(table.rows.t_start_ns[row]), port, table.bytes_of(row)[:_NOISE_BYTES]))
+            port = int(batch.rows.port[row])
+            self.noise.append((int(batch.rows.t_start_ns[row]), port, batch.bytes_of(row)[:_NOISE_BYTES]))
 
-    def _count_spoilt(self, table: RowColumns, spoilt: NDArray[np.intp]) -> None:
-        self.spoilt_requests += len(spoilt)
-        self.spoilt += [table.bytes_of(row) for row in spoilt[: max(_NOISE_SAMPLES - len(self.spoilt), 0)].tolist()]
-
-    def _take(self, part: Stretch | Unowned) -> None:
-        if isinstance(part, Unowned):
-            self._count_unowned(part)
+    def _take(self, part: Stretch | Rows) -> None:
+        if isinstance(part, Rows):
+            units = np.bincount(part.unit[(part.kind == _RESPONSE) & part.check], minlength=1)
+            for number in units.nonzero()[0].tolist():
+                self.unit(number).strays += int(units[number])
             return
         exchanges = part.exchanges
         self.exchanges += len(exchanges)
         self._count_echoes(exchanges)
         odd = (exchanges.noise > 0) | (exchanges.strays > 0) | (exchanges.late > 0)
-        times = self.axis(exchanges)
+        times = exchanges.t_start if self.timed else exchanges.place  # the axis on which things have their order
         self._sample(part, odd)
         self.polls.add(part)
         enter_requests(self.requests_of, part)
@@ -268,38 +219,24 @@ class Ledger:
         self.values.add(part, times)
         self._count_bus(exchanges, odd, times)
         self._count_units(exchanges, times)
-        count_others(part, self.unit, timed=self.timed)
+        count_others(part, self._newest, self.unit, timed=self.timed)
+        self._newest = Exchanges.joined((self._newest, exchanges[-BACK:]))[-BACK:].copy()
 
-    def _count_unowned(self, part: Unowned) -> None:
-        rows = part.table.rows
-        units = np.bincount(rows.unit[(rows.kind == _RESPONSE) & rows.check], minlength=1)
-        for number in units.nonzero()[0].tolist():
-            self.unit(number).strays += int(units[number])
-
-    def _count_units(self, exchanges: Exchanges, times: NDArray[np.int64]) -> None:
+    def _count_units(self, exchanges: Exchanges, times: Int64s) -> None:
         order = np.argsort(exchanges.unit, kind="stable")
-        ordered, times = exchanges[order], times[order]
-        units = exchanges.unit[order]
-        begins = np.flatnonzero(np.concatenate(([True], units[1:] != units[:-1]))).tolist()
-        for begin, end in zip(begins, [*begins[1:], len(units)], strict=True):
-            if units[begin]:
-                unit = self.unit(int(units[begin]))
-                mine = ordered[begin:end]
-                unit.add(mine, times[begin:end], timed=self.timed, hole_ns=_HOLE * self.char_ns)
-                self._time_unit(unit.unit, mine, times[begin:end])
+        exchanges, times = exchanges[order], times[order]
+        begins = np.flatnonzero(np.diff(exchanges.unit, prepend=np.int16(-1))).tolist()
+        for begin, end in zip(begins, [*begins[1:], len(exchanges)], strict=True):
+            number = int(exchanges.unit[begin])
+            if number:
+                mine, when = exchanges[begin:end], times[begin:end]
+                self.unit(number).add(mine, when, timed=self.timed, hole_ns=_HOLE * self.char_ns)
+                known = mine.delay >= 0
+                self.grid.add((ASKED, number), when)
+                self.grid.add((BAD, number), when[(mine.outcome == _SILENT) | (mine.outcome == _GARBAGE)])
+                self.grid.add((DELAY, number), when[known & self.timed], mine.delay[known & self.timed])
 
-    def _time_unit(self, unit: int, mine: Exchanges, times: NDArray[np.int64]) -> None:
-        """When a unit was asked, did not answer well, and how long it took."""
-        outcome, delays = mine.outcome, mine.delay
-        bad = (outcome == _SILENT) | (outcome == _GARBAGE)
-        self.grid.add((ASKED, unit), times)
-        if bad.any():
-            self.grid.add((BAD, unit), times[bad])
-        if self.timed:
-            known = delays >= 0
-            self.grid.add((DELAY, unit), times[known], delays[known])
-
-    def _count_bus(self, exchanges: Exchanges, odd: NDArray[np.bool_], times: NDArray[np.int64]) -> None:
+    def _count_bus(self, exchanges: Exchanges, odd: Bools, times: Int64s) -> None:
         outcome, t_next = exchanges.outcome, exchanges.t_next
         clean = (exchanges.t_answered != NEVER) & (t_next != NEVER) & ~odd
         if self.timed:
@@ -307,17 +244,11 @@ class Ledger:
         gaps = exchanges.gap_before[1:][clean[:-1]]
         self.request_gaps.add(gaps[gaps != NO_GAP])
         self._count_broadcasts(exchanges, outcome == _BROADCAST)
-        waits = np.where(t_next == NEVER, 0, t_next - exchanges.t_asked)
-        silent = outcome == _SILENT
-        unsure = silent & ECHOED[exchanges.function] & exchanges.next_same  # one of two echoes reads like a request
-        silent &= ~unsure
-        self.successors.add(exchanges.unit, silent, unsure, odd, exchanges.t_asked, exchanges.delay, waits)
-        self.grid.add("asked", times)
-        self.grid.add("damage", times[(outcome == _GARBAGE) | (exchanges.noise > 0)])
+        self.successors.add(exchanges, odd)
+        self.grid.add(ASKED, times)
+        self.grid.add(DAMAGE, times[(outcome == _GARBAGE) | (exchanges.noise > 0)])
 
-    def _count_broadcasts(self, exchanges: Exchanges, to_all: NDArray[np.bool_]) -> None:
-        if not to_all.any():
-            return
+    def _count_broadcasts(self, exchanges: Exchanges, to_all: Bools) -> None:
         self.broadcasts += int(np.count_nonzero(to_all))
         self.broadcast_runs += int(np.count_nonzero(to_all[1:] & to_all[:-1]))
         self.broadcasts_again += int(np.count_nonzero(to_all & exchanges.repeats))
@@ -333,19 +264,17 @@ class Ledger:
     def _count_echoes(self, exchanges: Exchanges) -> None:
         """Requests without an answer that come again at once and are answered then; and let go of them, where nearly
         every request that is answered came so."""
-        outcome = exchanges.outcome
-        answered = outcome <= _EXCEPTION
-        self.answered += int(np.count_nonzero(answered))
-        silent = (outcome == _SILENT) & exchanges.next_same
+        outcome, repeats = exchanges.outcome, exchanges.repeats
+        answered, silent = outcome <= _EXCEPTION, (outcome == _SILENT) & exchanges.next_same
         again = np.concatenate(([self._repeating], silent[:-1])) & answered
         self._repeating = bool(silent[-1])
+        self.answered += int(np.count_nonzero(answered))
         self.repeats_answered += int(np.count_nonzero(again))
-        if self.timed and silent.any():
+        if self.timed:
             self.repeat_waits.add((exchanges.t_next - exchanges.t_asked)[silent])
         if not self.echoing:
             self._echo_before = False
             return
-        repeats = exchanges.repeats
         echo, again_before = self._echo_before, self._echo_repeats
         for i in range(len(outcome)):  # of a request that comes again and again, every other one is an echo
             if echo:
@@ -366,23 +295,19 @@ class Ledger:
         off = self.clock.newest().wait_ns if wait is not None and wait > _ECHO_NS else 0.0
         return wait is None or wait <= _ECHO_NS + (off if np.isfinite(off) else 0.0)
 
-    def _sample(self, part: Stretch, odd: NDArray[np.bool_]) -> None:
+    def _sample(self, part: Stretch, odd: Bools) -> None:
         exchanges = part.exchanges
-        if not odd.any():
-            return
-        polls, good = exchanges.poll, exchanges.outcome == _OK
         for i in odd.nonzero()[0].tolist():
             unit = self.unit(int(exchanges.unit[i]))
             samples = unit.followed if exchanges.outcome[i] <= _EXCEPTION else unit.samples
             if samples.wants():
-                samples.keep(sampled(part, i, self._usual(part, polls, good, i)))
+                samples.keep(sampled(part, i, self._usual(part, i)))
 
-    def _usual(self, part: Stretch, polls: NDArray[np.int64], good: NDArray[np.bool_], i: int) -> _Octets | None:
+    def _usual(self, part: Stretch, i: int) -> _Octets | None:
         """The newest good answer to the same poll before exchange i."""
-        before = ((polls[:i] == polls[i]) & good[:i]).nonzero()[0]
-        if len(before):
-            return part.table.bytes_of(int(part.exchanges.answer[before[-1]]))
-        return self.polls.usual.get(int(polls[i]))
+        exchanges, poll = part.exchanges, int(part.exchanges.poll[i])
+        good = ((exchanges.poll[:i] == poll) & (exchanges.outcome[:i] == _OK)).nonzero()[0]
+        return part.table.bytes_of(int(exchanges.answer[good[-1]])) if len(good) else self.polls.usual.get(poll)
 
 
 def ledger_of(parts: Iterable[tuple[Batch, Any]], line: LineSettings) -> Ledger:

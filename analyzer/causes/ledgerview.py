@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
-from functools import cached_property
-from typing import Final, NamedTuple
+from functools import cached_property, wraps
+from itertools import groupby
+from operator import attrgetter
+from typing import Any, Final, TypeVar, TypeVarTuple
 
 import numpy as np
 
@@ -29,7 +32,6 @@ from .unitledger import AT_ONCE_NS, UnitLedger
 
 _WAITS: Final = 3  # that tell a timeout, or how long a tap holds bytes back
 _MOST_HELD: Final = 0.9
-_DELAYS: Final = 20
 _TIMED: Final = 6  # waits
 _TIMER: Final = 0.015  # of a time, by which a timer's strays,
 _COARSEST: Final = 0.2  # or what shows it
@@ -41,32 +43,33 @@ _FEW_STRAYS: Final = 4  # bytes
 _BY_CHANCE: Final = 0.01  # of all bytes
 
 
-class Move(NamedTuple):
-    """Damaged answers whose client's next move tells something, how many it seems to have taken, and bits for that it took
-    them all (below 0: for that it took none)."""
+V = TypeVar("V", bound="LedgerView")
+Ts = TypeVarTuple("Ts")
+T = TypeVar("T")
 
-    told: int = 0
-    taken: int = 0
-    bits: float = 0.0
+
+def kept(reckon: Callable[[V, *Ts], T]) -> Callable[[V, *Ts], T]:
+    """Reckons each thing once, for it is asked for by many suspects and again when some of it is explained."""
+
+    @wraps(reckon)
+    def known(view: V, *of: *Ts) -> T:
+        key = reckon, of
+        if key not in view.known_so_far:
+            view.known_so_far[key] = reckon(view, *of)
+        found: T = view.known_so_far[key]
+        return found
+
+    return known
 
 
 class LedgerView:
-    """A ledger, read: each thing once, for it is asked for by many suspects and again when some of it is explained."""
+    """A ledger, read."""
 
     ledger: Ledger
-    moves: dict[int, Move]
-    went_on: dict[int, float]
-    _garbage: dict[int, list[Signature]]
-    _trailed: dict[int, list[Signature]]
-    _contrasts: dict[tuple[Symptom, int], list[Contrast]]
-    _rows: dict[int, AskedRows]
-    _surely_silent: dict[int, int]
+    known_so_far: dict[Any, Any]
 
     def __init__(self, ledger: Ledger) -> None:
-        self.ledger = ledger
-        self.moves, self.went_on = {}, {}  # by unit, once somebody asks (`analyzer.causes.taken`)
-        self._garbage, self._trailed, self._contrasts = {}, {}, {}
-        self._rows, self._surely_silent = {}, {}
+        self.ledger, self.known_so_far = ledger, {}
 
     @cached_property
     def units(self) -> list[UnitLedger]:
@@ -98,20 +101,18 @@ class LedgerView:
             return None
         return self.ledger.bytes * self.ledger.char_ns / self.ledger.span_ns
 
+    @kept
     def rows(self, unit: int) -> AskedRows:
         """The exchanges of a unit, or an even part of them."""
-        if unit not in self._rows:
-            every = self.ledger.table.rows
-            self._rows[unit] = every[every.unit == unit]
-        return self._rows[unit]
+        every = self.ledger.table.rows
+        return every[every.unit == unit]
 
+    @kept
     def contrasts(self, symptom: Symptom, unit: int) -> list[Contrast]:
         """What a symptom of a unit hangs on, the best first."""
-        if (symptom, unit) not in self._contrasts:
-            rows = self.rows(unit)
-            hits, of = HITS_OF[symptom](rows)
-            self._contrasts[symptom, unit] = contrasts(rows[of], hits[of])
-        return self._contrasts[symptom, unit]
+        rows = self.rows(unit)
+        hits, of = HITS_OF[symptom](rows)
+        return contrasts(rows[of], hits[of])
 
     def best_contrast(self, symptom: Symptom, unit: int, *families: Family) -> Contrast:
         """The best of them, of these families (all)."""
@@ -122,19 +123,12 @@ class LedgerView:
         """Requests to a unit of which it is known whether they were answered."""
         return unit.asked - unit.count(Ending.SILENT) + self.surely_silent(unit)
 
+    @kept
     def surely_silent(self, unit: UnitLedger) -> int:
         """Requests without an answer, those apart that may have had one which reads like the next request."""
-        if unit.unit not in self._surely_silent:
-            doubtful = sum(poll.count(Ending.SILENT) for poll in self._in_pairs(unit))
-            silent = unit.count(Ending.SILENT) - max(doubtful, self.echoed_again(unit))
-            self._surely_silent[unit.unit] = silent + self.silent_but_for(unit, Behind.NOISE)
-        return self._surely_silent[unit.unit]
-
-    def _comes_again_soon(self, unit: UnitLedger) -> bool:
-        """Whether what reads like requests of a unit that come again does so far sooner than the master gives up."""
-        waits, timeout = unit.echo_waits.quantile(0.9), self.timeout_ns
-        soon = self._tells_haste and waits is not None and timeout is not None and waits < _HALF * timeout
-        return soon or unit.echoes_itself
+        doubtful = sum(poll.count(Ending.SILENT) for poll in self._in_pairs(unit))
+        silent = unit.count(Ending.SILENT) - max(doubtful, self.echoed_again(unit))
+        return silent + self.silent_but_for(unit, Behind.NOISE)
 
     def _echoes_itself(self, unit: UnitLedger) -> bool:
         return unit.echoes_itself and self.verdict.wait_ns < AT_ONCE_NS
@@ -146,54 +140,42 @@ class LedgerView:
             return 0
         if self._echoes_itself(unit):
             return len(unit.echo_waits)
-        waits, timeout = unit.echo_waits.numbers, self.timeout_ns
-        if not len(waits) or timeout is None or not self._tells_haste:
-            return 0
-        return round(len(unit.echo_waits) * float((waits < _HALF * timeout).mean()))
+        return round(len(unit.echo_waits) * unit.echo_waits.below(self._soon_ns)) if self._tells_haste else 0
 
+    @kept
     def _in_pairs(self, unit: UnitLedger) -> list[Poll]:
-        """Polls that come twice each time, sooner than any master gives up or by a clock that does not tell, and whose
+        """Polls that come twice each time, far sooner than the master gives up or by a clock that does not tell, and whose
         answer is the request once more: the second is the answer, or nobody knows."""
-        if not unit.repeats or (self._tells_haste and not self._comes_again_soon(unit)):
+        waits = unit.echo_waits.quantile(0.9)
+        soon = unit.echoes_itself or (waits is not None and waits < self._soon_ns)
+        if self._tells_haste and not soon:
             return []
-        echoing = [poll for poll in self.polls_of(unit.unit) if ECHOED[poll.function]]
-        return [
-            poll
-            for poll in echoing
-            if poll.repeats
-            and abs(poll.asked + poll.count(Ending.OK) - 2 * (groups := poll.asked - poll.repeats))
-            <= _UNPAIRED * groups
-        ]
+        twice = [poll for poll in self.polls_of(unit.unit) if ECHOED[poll.function] and poll.repeats]
+        groups = [(poll, poll.asked - poll.repeats) for poll in twice]
+        return [each for each, of in groups if abs(each.asked + each.count(Ending.OK) - 2 * of) <= _UNPAIRED * of]
 
     @cached_property
     def _tells_haste(self) -> bool:
-        """Whether the clock tells what comes at once from what comes when the master has given up; what it may hold back
-        for nobody knows how long is not, where no answer takes nearly so long."""
-        timeout = self.timeout_ns
-        if self.verdict.fine or timeout is None:
-            return self.verdict.fine
-        if self.verdict.wait_ns < UNKNOWN:
-            return self.verdict.wait_ns < _HALF * timeout
-        delays = np.concatenate([unit.delays.numbers for unit in self.units])
-        return len(delays) >= _DELAYS and float(np.quantile(delays, _MOST_HELD)) < _HALF * timeout
+        """Whether the clock tells what comes at once from what comes when the master has given up."""
+        return self.verdict.fine or self.verdict.wait_ns < self._soon_ns
+
+    @property
+    def _soon_ns(self) -> float:
+        """What comes sooner does so before the master gives up; 0 where nobody knows."""
+        return _HALF * (self.timeout_ns or 0.0)
 
     def silences(self, unit: UnitLedger) -> Spells:
         """When a unit was silent. Where the clock does not tell how soon an answer came, one that is its request once more
         may be that request, asked again: it ends no silence of a unit that answers otherwise, nor among several tries."""
         if self._in_pairs(unit):
             return unit.silences_of_others
-        if self._tells_haste:
-            repeats = unit.answered > unit.echoes and self._answers_as_late_as_repeats(unit)
-        else:
-            repeats = unit.answered >= 2 * unit.echoes
+        repeats = unit.answered >= 2 * unit.echoes
+        if self._tells_haste:  # some come when the master repeats what it asked
+            late = unit.echo_delays.above(_AS_LATE * (self.timeout_ns or UNKNOWN))
+            repeats = late > 0 and unit.answered > unit.echoes
         if repeats:
             return unit.silences_but_echoes
         return unit.silences if self.verdict.fine else unit.silences_but_tried
-
-    def _answers_as_late_as_repeats(self, unit: UnitLedger) -> bool:
-        """Whether some answers of a unit that read like their requests come when the master repeats what it asked."""
-        timeout = self.timeout_ns
-        return timeout is not None and bool((unit.echo_delays.numbers > _AS_LATE * timeout).any())
 
     def unanswered(self, unit: UnitLedger) -> int:
         """Requests without a byte of an answer, but for those whose answer is the request once more: two answers to one of
@@ -201,18 +183,15 @@ class LedgerView:
         silent = sum(poll.count(Ending.SILENT) for poll in self.polls_of(unit.unit) if not ECHOED[poll.function])
         return silent + self.silent_but_for(unit, Behind.NOISE)
 
+    @kept
     def garbage(self, unit: UnitLedger) -> list[Signature]:
         """Samples of requests behind which bytes came and no answer, read."""
-        if unit.unit not in self._garbage:
-            samples = [sample for sample in unit.samples.kept if sample.outcome == Ending.GARBAGE]
-            self._garbage[unit.unit] = [self._read(sample) for sample in samples]
-        return self._garbage[unit.unit]
+        return [self._read(sample) for sample in unit.samples.kept if sample.outcome == Ending.GARBAGE]
 
+    @kept
     def trailed(self, unit: UnitLedger) -> list[Signature]:
         """Samples of good answers with something behind them, read."""
-        if unit.unit not in self._trailed:
-            self._trailed[unit.unit] = [self._read(sample) for sample in unit.followed.kept]
-        return self._trailed[unit.unit]
+        return [self._read(sample) for sample in unit.followed.kept]
 
     def silent_but_for(self, unit: UnitLedger, kind: Behind) -> int:
         """About how many requests to a unit were not answered, though something came: another request, which a tap handed
@@ -222,8 +201,7 @@ class LedgerView:
         return round(unit.count(Ending.GARBAGE) * found / max(len(garbage), 1)) if self.ordered else 0
 
     def _read(self, sample: Sample) -> Signature:
-        off = self.verdict.wait_ns if self.ledger.timed else UNKNOWN
-        found = signature(sample, self.ledger.char_ns, self.requests, off_ns=off)
+        found = signature(sample, self.ledger.char_ns, self.requests, off_ns=self.verdict.wait_ns)
         strays = found.damage is AnswerDamage.WHOLE and found.length <= _MOSTLY * found.due
         if strays and (LOW_ONCE.issuperset(found.heard) or self._is_noise_where_nobody_answers(sample, found)):
             return replace(found, damage=AnswerDamage.NONE, behind=Behind.NOISE)
@@ -252,10 +230,7 @@ class LedgerView:
 
     @cached_property
     def _polls_by_unit(self) -> dict[int, list[Poll]]:
-        found: dict[int, list[Poll]] = {}
-        for poll in self.polls:
-            found.setdefault(poll.unit, []).append(poll)
-        return found
+        return {unit: list(polls) for unit, polls in groupby(self.polls, key=attrgetter("unit"))}
 
     @cached_property
     def foreign(self) -> tuple[str, int]:
@@ -273,8 +248,8 @@ class LedgerView:
     def odd(self) -> int:
         """Right frames of functions that nobody has declared and that are not free for users."""
         counts = self.ledger.functions
-        seen = np.flatnonzero(counts).tolist()
-        return sum(int(counts[code]) for code in seen if code not in USER_DEFINED and rule(code, Role.REQUEST) is None)
+        strange = [code for code in np.flatnonzero(counts).tolist() if rule(code, Role.REQUEST) is None]
+        return sum(int(counts[code]) for code in strange if code not in USER_DEFINED)
 
     @property
     def ordered(self) -> bool:
@@ -286,9 +261,8 @@ class LedgerView:
         """What the master waits for an answer, to its next request: the densest of the waits that ended in silence, and
         no less than it does wait for answers."""
         told = [u.plain_waits if self._echoes_itself(u) else u.waits for u in self.ledger.units.values()]
-        waits = [each.numbers for each in told if len(each)]
-        numbers = np.concatenate(waits) if waits else np.zeros(0)
-        if np.count_nonzero(numbers > 0) < _WAITS or not self.ledger.timed:
+        numbers = np.concatenate([np.zeros(0), *(each.numbers for each in told)])
+        if np.count_nonzero(numbers > 0) < _WAITS:
             return None
         usual = densest(numbers)
         reach = max(_TIMER * usual, min(self.verdict.wait_ns, _COARSEST * usual))
@@ -297,8 +271,7 @@ class LedgerView:
         patient = numbers[numbers > self.patience_ns]
         if np.count_nonzero(patient > 0) >= _WAITS:
             return densest(patient)
-        found = densest(numbers)
-        return found if found >= _HALF * self.patience_ns else None  # or it would hardly ever get an answer
+        return usual if usual >= _HALF * self.patience_ns else None  # or it would hardly ever get an answer
 
     @cached_property
     def patience_ns(self) -> float:

@@ -68,6 +68,10 @@ _LIKE: Final = {
     "requests-behind": ", most of them requests that came damaged",
     "nothing": ", at no time and of no request in particular",
 }
+_TURNED: Final = {  # what is said in place of the name where the symptom is above the threshold, or below it
+    "rest": (True, "rest-over"), "since-write": (True, "since-write-over"), "since": (False, "until"),
+    **dict.fromkeys(("quantity", "answer-bytes", "address", "range-end"), (False, "below")),
+}  # fmt: skip
 TEMPLATES: Final = {**{symptom.value: words for symptom, words in _SYMPTOMS.items()}, **_LIKE}
 
 
@@ -133,10 +137,10 @@ def _is_fact(evidence: Evidence, unit: UnitLedger, symptom: Symptom, best: Contr
     limits that somebody enters, and answers all others."""
     if symptom is not Symptom.REFUSAL or codes_of(evidence, unit).keys() & NO_ANSWER:
         return False
-    refused = [poll for poll in evidence.polls_of(unit.unit) if poll.exceptions.total()]
-    others = [poll for poll in evidence.polls_of(unit.unit) if not poll.exceptions.total()]
+    polls = evidence.polls_of(unit.unit)
+    refused = [poll for poll in polls if poll.exceptions]
     refused_of = {code for poll in refused for code in poll.exceptions}
-    if refused_of & _FAILURES and not any(poll.count(Ending.OK) for poll in others):
+    if refused_of & _FAILURES and not any(poll.count(Ending.OK) for poll in polls if not poll.exceptions):
         return False  # there is nothing else that it answers each time
     if refused_of & _OF_REQUEST and any(poll.count(Ending.EXCEPTION) >= _ALWAYS * poll.asked for poll in refused):
         return False  # what is never answered is asked in vain
@@ -144,7 +148,7 @@ def _is_fact(evidence: Evidence, unit: UnitLedger, symptom: Symptom, best: Contr
     if all(poll.function in WRITES for poll in refused) and 0 < evidence.ledger.span_ns < _BY_HAND_NS * times:
         return False  # a program's doing
     one = best.family in (Family.ASKED, Family.NOTHING) and len({(p.function, p.address) for p in refused}) == 1
-    return one and any(poll.count(Ending.OK) for poll in (*others, *refused))
+    return one and any(poll.count(Ending.OK) for poll in polls)
 
 
 def _codes(evidence: Evidence, unit: UnitLedger) -> str:
@@ -158,14 +162,9 @@ def _like(evidence: Evidence, unit: UnitLedger, symptom: Symptom, best: Contrast
         return _said("requests-behind", {})
     if symptom not in HITS_OF:
         return ""
-    name = best.name
-    if name in ("rest", "since-write") and best.over:
-        name += "-over"
-    elif name == "since" and not best.over:
-        name = "until"
-    elif name in ("quantity", "answer-bytes", "address", "range-end") and not best.over:
-        name = "below"
-    polls = [poll for poll in evidence.polls_of(unit.unit) if poll.key == best.value] if name == "poll" else []
+    over, turned = _TURNED.get(best.name, (None, ""))
+    name = turned if best.over is over else best.name
+    polls = [poll for poll in evidence.polls_of(unit.unit) if poll.key == best.value]
     return _said(name, {"value": best.value, "rest": best.spared / 1e6, "areas": areas_of(polls)})
 
 

@@ -15,7 +15,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from math import log2
+from math import ceil, log2
 from typing import Final
 
 from captures.line import LineSettings
@@ -103,28 +103,30 @@ def read_ascii(data: bytes, due: int, header: bytes) -> tuple[str, int, int]:
     `due` characters were to come, which begin with the digits of `header`.
     """
     known = COLON + header.hex().upper().encode()
+    count, begins = len(data), known.startswith(data[: len(known)])
     if not header or due < len(known):
-        return "whole", len(data), 0
+        return "whole", count, 0
     if _right(data):
-        return ("none" if data.startswith(known) and len(data) == due else "other"), 0, 0
-    for lost in range(1, min(len(known), _HEAD_MOST, due - 5) + 1):
-        if len(data) >= due - lost and _right(known[:lost] + data[len(data) - due + lost :]):
+        return ("none" if begins and count == due else "other"), 0, 0
+    for lost in range(max(1, due - count), min(len(known), _HEAD_MOST, due - 5) + 1):
+        if _right(known[:lost] + data[count - due + lost :]):
             return "head", lost, 0
-    begins = data.startswith(known) if len(data) >= len(known) else known.startswith(data)
     if begins and (ending := _cut_tail(data, due)) is not None:
         return "tail", ending, due - ending
     if COLON in data[1:]:
         return "crossed", 1, 0
-    if begins and len(data) < due:
-        return "cut", due - len(data), len(data)
-    if begins and len(data) > due:
-        return "long", len(data) - due, due
-    if len(data) == due and data[:1] == COLON and data.endswith(_END):
-        wrong = next((i for i, (one, two) in enumerate(zip(known, data, strict=False)) if one != two), len(known))
-        return "middle", 1, wrong
-    if not begins and data.endswith(_END) and len(data) > due // 2:
-        return "head", max(due - len(data), 1), 0
-    return "middle" if begins else "whole", len(data), 0
+    if begins and count != due:
+        return ("cut", due - count, count) if count < due else ("long", count - due, due)
+    if count == due and data[:1] == COLON and data.endswith(_END):
+        return "middle", 1, alike(known, data)
+    if not begins and data.endswith(_END) and count > due // 2:
+        return "head", max(due - count, 1), 0
+    return "middle" if begins else "whole", count, 0
+
+
+def alike(one: bytes, two: bytes) -> int:
+    """How many bytes both begin with."""
+    return next((i for i, (a, b) in enumerate(zip(one, two, strict=False)) if a != b), min(len(one), len(two)))
 
 
 def _right(data: bytes) -> bool:
@@ -144,15 +146,12 @@ def _octets(digits: bytes) -> bytes | None:
 
 def _cut_tail(data: bytes, due: int) -> int | None:
     """How many of the last characters (LRC, CR, LF) are lost or wrong, where all before them is right."""
-    body = data[1 : due - _LRC_DIGITS - len(_END)]
-    octets = _octets(body)
-    if octets is None or len(data) < due - _LRC_DIGITS - len(_END):
+    body = due - _LRC_DIGITS - len(_END)
+    octets = _octets(data[1:body])
+    if octets is None or len(data) < body:
         return None
     end = f"{lrc(octets):02X}".encode() + _END
-    rest = data[1 + len(body) :]
-    same = next(
-        (i for i, (one, two) in enumerate(zip(end, rest, strict=False)) if one != two), min(len(end), len(rest))
-    )
+    same = alike(end, data[body:])
     return len(end) - same if same else None
 
 
@@ -217,8 +216,12 @@ def other_formats(line: CharacterFormat) -> Iterator[tuple[CharacterFormat, floa
 @lru_cache(maxsize=1 << 14)
 def misread(data: bytes, sender: CharacterFormat, receiver: CharacterFormat, sample: float = _SAMPLE) -> bytes:
     """What the receiver makes of the beginning of these bytes: as much as hangs on them alone."""
-    levels = [bit for byte in data for bit in sender.bits(byte)]
-    return _received(levels, sender.baud / receiver.baud, receiver, sample)
+    return _received(_levels(data, sender), sender.baud / receiver.baud, receiver, sample)
+
+
+@lru_cache(maxsize=1 << 10)
+def _levels(data: bytes, sender: CharacterFormat) -> bytes:
+    return bytes(bit for byte in data for bit in sender.bits(byte))
 
 
 def samples(sender: CharacterFormat, receiver: CharacterFormat) -> tuple[float, ...]:
@@ -229,40 +232,24 @@ def samples(sender: CharacterFormat, receiver: CharacterFormat) -> tuple[float, 
 @lru_cache(maxsize=1 << 14)
 def beheaded(data: bytes, lost_bits: int, receiver: CharacterFormat) -> bytes:
     """What a receiver makes of the beginning of these bytes, whose sender drives the line so many bits too late."""
-    levels = [bit for byte in data for bit in receiver.bits(byte)]
-    levels[:lost_bits] = [1] * min(lost_bits, len(levels))
-    return _received(levels, 1.0, receiver)
+    levels = _levels(data, receiver)[lost_bits:]
+    return _received(b"\1" * lost_bits + levels, 1.0, receiver) if levels else b""
 
 
-def _received(levels: list[int], ratio: float, receiver: CharacterFormat, sample: float = _SAMPLE) -> bytes:
+def _received(levels: bytes, ratio: float, receiver: CharacterFormat, sample: float = _SAMPLE) -> bytes:
     """The bytes of levels, one a bit of their sender, `ratio` of which last as long as a bit of the receiver."""
-    found, at, end = bytearray(), 0.0, len(levels)
-    while True:
-        start = _falls(levels, at)
-        if start is None:
-            return bytes(found)
-        last = start + (receiver.data_bits + (receiver.parity != "N") + 1 + sample) * ratio
-        if last >= end:
-            return bytes(found)
+    line, found, at = b"\1" + levels + b"\1", bytearray(), 0.0  # it rests before and behind
+    while (start := line.find(b"\1\0", ceil(at))) >= 0:
+        at = start + (receiver.data_bits + (receiver.parity != "N") + 1 + sample) * ratio
+        if at >= len(levels):
+            break
         value = 0
         for i in range(receiver.data_bits):
             value |= levels[int(start + (i + 1 + sample) * ratio)] << i
         found.append(value)
-        at = last
-        if not levels[int(last)]:  # out of step: it waits for the line to rest
-            while int(at) < end and not levels[int(at)]:
-                at = int(at) + 1.0
-
-
-def _falls(levels: list[int], at: float) -> int | None:
-    """Where the line goes from 1 to 0 next."""
-    i = int(at) if at == int(at) else int(at) + 1
-    before = 1 if i == 0 else levels[i - 1] if i <= len(levels) else 1
-    for place in range(i, len(levels)):
-        if before and not levels[place]:
-            return place
-        before = levels[place]
-    return None
+        if not levels[int(at)]:  # out of step: it waits for the line to rest
+            at = line.find(b"\1", int(at) + 1) - 1
+    return bytes(found)
 
 
 def drifts(receiver: CharacterFormat) -> Iterator[tuple[CharacterFormat, float]]:

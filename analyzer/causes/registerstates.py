@@ -12,13 +12,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from math import log2
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..tables.schema import Bools, Int64s
 from .bits import likelihood_bits
-from .exchanges import Ending, Stretch
+from .exchanges import Ending, Exchanges, Stretch
 
 _WORDS: Final = (3, 4)
 _BITS: Final = (1, 2)
@@ -30,21 +32,88 @@ _ONCE: Final = 0.5  # of the bits, where it is hit but once while it has the val
 _SWITCHES: Final = 2  # changes of state, at the least
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class _States:
     """The values of one poll that may be states: column by column the two values, and hits and exchanges in each."""
 
-    one: NDArray[np.int64]
-    two: NDArray[np.int64]  # -1 until it is seen
-    many: NDArray[np.bool_]  # more than two: no state; of words, the second half tells 0 from the rest
-    hits: NDArray[np.int64]  # (2, columns)
-    trials: NDArray[np.int64]
-    switches: NDArray[np.int64]
-    since: NDArray[np.int64]  # hits in the state that lasts
-    periods: NDArray[np.int64]  # (2, columns): how many times a state lasted, and was hit, until it changed
-    newest: NDArray[np.int64]
+    newest: Int64s
     hits_then: int  # on the bus so far, when the newest was read
     trials_then: int
+    one: Int64s = field(init=False)
+    two: Int64s = field(init=False)  # -1 until it is seen
+    many: Bools = field(init=False)  # more than two: no state; of words, the second half tells 0 from the rest
+    hits: Int64s = field(init=False)  # (2, columns)
+    trials: Int64s = field(init=False)
+    periods: Int64s = field(init=False)  # how many times a state lasted, and was hit, until it changed
+    switches: Int64s = field(init=False)
+    since: Int64s = field(init=False)  # hits in the state that lasts
+
+    def __post_init__(self) -> None:
+        count = len(self.newest)
+        self.one, self.two, self.many = self.newest, np.full(count, -1), np.zeros(count, np.bool_)
+        self.hits, self.trials, self.periods = np.zeros((3, 2, count), np.int64)
+        self.switches, self.since = np.zeros((2, count), np.int64)
+
+    def follow(self, values: Int64s, hits: Int64s, trials: Int64s) -> None:
+        """The next reads, a row each; hits and exchanges on the bus so far."""
+        gained = np.diff(np.concatenate(((self.hits_then,), hits)))
+        passed = np.diff(np.concatenate(((self.trials_then,), trials)))
+        changed = values != np.concatenate((self.newest[None], values[:-1]))
+        self.newest, self.hits_then, self.trials_then = values[-1].copy(), int(hits[-1]), int(trials[-1])
+        moving = changed.any(axis=0)
+        steady, columns = (~moving).nonzero()[0], (moving & ~self.many).nonzero()[0]
+        state = (values[0] == self.two)[steady].astype(np.intp)
+        self.hits[state, steady] += gained.sum()
+        self.trials[state, steady] += passed.sum()
+        self.since[steady] += gained.sum()
+        if len(columns):
+            self._move(columns, values[:, columns], changed[:, columns], gained, passed)
+
+    def _move(
+        self,
+        columns: NDArray[np.intp],
+        values: Int64s,
+        changed: Bools,
+        gained: Int64s,
+        passed: Int64s,
+    ) -> None:
+        """Of columns in which something changes."""
+        other = values != self.one[columns]
+        first = values[other.argmax(axis=0), np.arange(len(columns))]
+        self.two[columns] = np.where((self.two[columns] < 0) & other.any(axis=0), first, self.two[columns])
+        self.many[columns] = (other & (values != self.two[columns])).any(axis=0)
+        few = ~self.many[columns]
+        columns, other, changed = columns[few], other[:, few], changed[:, few]
+        self.switches[columns] += changed.sum(axis=0)
+        for state, here in enumerate((~other & ~changed, other & ~changed)):
+            self.hits[state, columns] += gained @ here
+            self.trials[state, columns] += passed @ here
+        before = np.concatenate(([0], gained.cumsum()))
+        for i, column in enumerate(columns.tolist()):
+            begins = changed[:, i].nonzero()[0]  # of states that last till the next one
+            lasted = np.diff(before[begins], prepend=-self.since[column])
+            lasted += gained[begins]  # nobody knows when between two reads it changed
+            np.add.at(self.periods[:, column], (~other[begins, i]).astype(np.intp), lasted > 0)
+            self.since[column] = before[-1] - before[begins[-1]]
+
+    def telling(self, *, of_words: bool) -> list[int]:
+        """Columns with two states that change; 0 or not only where a register takes more than two values."""
+        told = (self.switches >= _SWITCHES) & ~self.many
+        half = len(told) // 2 if of_words else len(told)
+        told[half:] &= self.many[: len(told) - half]
+        columns: list[int] = np.flatnonzero(told).tolist()
+        return columns
+
+    def bits(self, column: int) -> tuple[float, int]:
+        """How much likelier the hits are with a rate for each state than with one, and in which they are more."""
+        hits, trials = self.hits[:, column], np.maximum(self.hits, self.trials)[:, column]
+        if not trials.min():
+            return 0.0, 0
+        counts = zip(hits.tolist(), trials.tolist(), strict=True)
+        own = sum(likelihood_bits(h, n, (h + 0.25) / (n + 0.5)) for h, n in counts)
+        every, of = int(hits.sum()), int(trials.sum())
+        bits = own - likelihood_bits(every, of, (every + 0.25) / (of + 0.5))
+        return float(bits), int(np.argmax((hits + 0.25) / (trials + 0.5)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,139 +146,70 @@ class StateTable:
     _hits: int = 0
     _trials: int = 0
 
-    def add(self, stretch: Stretch) -> None:
+    def add(self, part: Stretch) -> None:
         """The next exchanges."""
-        exchanges = stretch.exchanges
+        exchanges = part.exchanges
         if self._hits < _FROM and not exchanges.noise.any():
             self._trials += len(exchanges)
             return
         hit = (exchanges.noise > 0) | (exchanges.outcome == Ending.GARBAGE)
         hits = self._hits + np.cumsum(hit)
         trials = self._trials + np.arange(1, len(exchanges) + 1)
-        good = (exchanges.outcome == Ending.OK) & np.isin(exchanges.function, _WORDS + _BITS)
-        places = good.nonzero()[0]
-        numbers = exchanges.poll[places]
-        for number in np.unique(numbers).tolist():
+        self._hits, self._trials = int(hits[-1]), int(trials[-1])
+        for number, mine in _reads_by_poll(exchanges, _WORDS + _BITS):
             if number not in self._polls and len(self._polls) >= _POLLS:
                 continue
-            mine = places[numbers == number]
-            values = answered_values(stretch, mine)
+            values = answered_values(part, mine)
+            if not values.shape[1]:
+                continue
             if _of_words(number):
                 values = np.concatenate((values, values != 0), axis=1)
-            self._follow(number, values, hits[mine], trials[mine])
-        self._hits, self._trials = int(hits[-1]), int(trials[-1])
-
-    def _follow(
-        self, number: int, values: NDArray[np.int64], hits: NDArray[np.int64], trials: NDArray[np.int64]
-    ) -> None:
-        if not values.shape[1]:
-            return
-        states = self._polls.get(number)
-        if states is None or len(states.one) != values.shape[1]:
-            count = values.shape[1]
-            none = np.zeros((2, count), np.int64)
-            states = self._polls[number] = _States(
-                values[0].copy(), np.full(count, -1), np.zeros(count, np.bool_), none, none.copy(),
-                np.zeros(count, np.int64), np.zeros(count, np.int64), none.copy(), values[0].copy(), int(hits[0]), int(trials[0])
-            )  # fmt: skip
-        before = np.concatenate((states.newest[None], values[:-1]))
-        gained = np.diff(np.concatenate(([states.hits_then], hits)))
-        passed = np.diff(np.concatenate(([states.trials_then], trials)))
-        states.newest, states.hits_then, states.trials_then = values[-1].copy(), int(hits[-1]), int(trials[-1])
-        changed = values != before
-        moving = changed.any(axis=0)
-        steady = ~moving
-        if steady.any():
-            in_two = (values[0] == states.two) & steady
-            states.hits[0][steady & ~in_two] += int(gained.sum())
-            states.trials[0][steady & ~in_two] += int(passed.sum())
-            states.hits[1][in_two] += int(gained.sum())
-            states.trials[1][in_two] += int(passed.sum())
-            states.since[steady] += int(gained.sum())
-        for column in np.flatnonzero(moving & ~states.many).tolist():
-            self._count(states, column, values[:, column], changed[:, column], gained, passed)
-
-    @staticmethod
-    def _count(
-        states: _States,
-        column: int,
-        values: NDArray[np.int64],
-        changed: NDArray[np.bool_],
-        gained: NDArray[np.int64],
-        passed: NDArray[np.int64],
-    ) -> None:
-        others = values[values != states.one[column]]
-        if states.two[column] < 0 and len(others):
-            states.two[column] = others[0]
-        if (others != states.two[column]).any():
-            states.many[column] = True
-            return
-        states.switches[column] += int(np.count_nonzero(changed))
-        in_two = (values != states.one[column]).astype(np.int64)
-        for state in (0, 1):
-            here = (in_two == state) & ~changed
-            states.hits[state, column] += int(gained[here].sum())
-            states.trials[state, column] += int(passed[here].sum())
-        begins = np.flatnonzero(changed)  # of states that last till the next one
-        lasted = np.add.reduceat(gained, np.concatenate(([0], begins)))
-        lasted[0] = states.since[column] + gained[: begins[0]].sum()
-        lasted[:-1] += gained[begins]  # nobody knows when between two reads it changed
-        np.add.at(states.periods[:, column], 1 - in_two[begins], lasted[:-1] > 0)
-        states.since[column] = lasted[-1]
+            states = self._polls.get(number)
+            if states is None or len(states.one) != values.shape[1]:
+                states = self._polls[number] = _States(values[0].copy(), int(hits[mine[0]]), int(trials[mine[0]]))
+            states.follow(values, hits[mine], trials[mine])
 
     def likeliest(self) -> DamageState | None:
         """The value whose states differ most in how often the bus was hit; None where none does."""
-        found = max(self._all(), key=lambda state: state.bits, default=None)
-        return found if found is not None and found.bits > 0 else None
+        found = [
+            (number, states, column)
+            for number, states in self._polls.items()
+            for column in states.telling(of_words=_of_words(number))
+        ]
+        price = log2(max(len(found), 1)) + 1
+        best = max((_damage_state(*each, price) for each in found), key=lambda state: state.bits, default=None)
+        return best if best is not None and best.bits > 0 else None
 
-    def _all(self) -> Iterator[DamageState]:
-        found = [(number, states, _telling(number, states)) for number, states in self._polls.items()]
-        price = np.log2(max(sum(len(columns) for _, _, columns in found), 1)) + 1
-        for number, states, columns in found:
-            words = len(states.one) // 2 if _of_words(number) else len(states.one)
-            for column in columns:
-                hits, trials = states.hits[:, column].tolist(), states.trials[:, column].tolist()
-                trials = [max(pair) for pair in zip(hits, trials, strict=True)]
-                if not min(trials):
-                    continue
-                rates = [(h + 0.25) / (n + 0.5) for h, n in zip(hits, trials, strict=True)]
-                own = sum(likelihood_bits(h, n, r) for h, n, r in zip(hits, trials, rates, strict=True))
-                bits = own - likelihood_bits(sum(hits), sum(trials), (sum(hits) + 0.25) / (sum(trials) + 0.5))
-                bad = int(rates[1] > rates[0])
-                mine = states.periods[:, column].copy()
-                lasts = int(states.newest[column] != states.one[column])
-                mine[lasts] += states.since[column] > 0
-                value = int((states.one, states.two)[bad][column])
-                yield DamageState(
-                    number >> 40 & 0xFF,
-                    number >> 32 & 0xFF,
-                    (number >> 16 & 0xFFFF) + column % words,
-                    _NOT_0 if column >= words and value else value,
-                    hits[bad],
-                    trials[bad],
-                    hits[1 - bad],
-                    trials[1 - bad],
-                    int(states.switches[column]),
-                    int(mine[bad]),
-                    float((bits if mine[bad] > 1 else bits * _ONCE) - price),
-                )
+
+def _damage_state(number: int, states: _States, column: int, price: float) -> DamageState:
+    bits, bad = states.bits(column)
+    hits, trials = states.hits[:, column].tolist(), np.maximum(states.hits, states.trials)[:, column].tolist()
+    periods = states.periods[:, column].copy()
+    periods[int(states.newest[column] != states.one[column])] += states.since[column] > 0
+    words = len(states.one) // 2 if _of_words(number) else len(states.one)
+    value = int((states.one, states.two)[bad][column])
+    return DamageState(
+        number >> 40 & 0xFF, number >> 32 & 0xFF, (number >> 16 & 0xFFFF) + column % words,
+        _NOT_0 if column >= words and value else value, hits[bad], trials[bad], hits[1 - bad], trials[1 - bad],
+        int(states.switches[column]), int(periods[bad]), (bits if periods[bad] > 1 else bits * _ONCE) - price,
+    )  # fmt: skip
 
 
 def _of_words(number: int) -> bool:
     return (number >> 32 & 0xFF) in _WORDS
 
 
-def _telling(number: int, states: _States) -> list[int]:
-    """Columns with two states that change; 0 or not only where a register takes more than two values."""
-    told = (states.switches >= _SWITCHES) & ~states.many
-    if _of_words(number):
-        half = len(told) // 2
-        told[half:] &= states.many[:half]
-    columns: list[int] = np.flatnonzero(told).tolist()
-    return columns
+def _reads_by_poll(exchanges: Exchanges, functions: tuple[int, ...]) -> Iterator[tuple[int, NDArray[np.intp]]]:
+    """The exchanges by these functions that were answered well, poll by poll."""
+    places = ((exchanges.outcome == Ending.OK) & np.isin(exchanges.function, functions)).nonzero()[0]
+    places = places[np.argsort(exchanges.poll[places], kind="stable")]
+    numbers = exchanges.poll[places]
+    begins = np.flatnonzero(np.diff(numbers, prepend=-1))
+    bounds = zip(begins.tolist(), [*begins[1:].tolist(), len(places)], strict=False)
+    return ((number, places[begin:end]) for number, (begin, end) in zip(numbers[begins].tolist(), bounds, strict=True))
 
 
-def answered_values(stretch: Stretch, places: NDArray[np.intp]) -> NDArray[np.int64]:
+def answered_values(stretch: Stretch, places: NDArray[np.intp]) -> Int64s:
     """The values of answers to one poll, a row each."""
     exchanges, table = stretch.exchanges, stretch.table
     answers = exchanges.answer[places]
@@ -226,7 +226,6 @@ def answered_values(stretch: Stretch, places: NDArray[np.intp]) -> NDArray[np.in
     return words[:, ::2] << 8 | words[:, 1::2]
 
 
-_FUNCTIONS: Final = (3, 4)
 _TABLE_POLLS: Final = 128
 _READS: Final = 256  # of a poll that are kept at most
 _TABLE_COLUMNS: Final = 64
@@ -239,40 +238,28 @@ class PollValues:
     unit: int
     function: int
     address: int
-    times: NDArray[np.int64]
-    words: NDArray[np.uint16]
+    times: Int64s = field(default_factory=lambda: np.zeros(0, np.int64))
+    words: NDArray[np.uint16] = field(default_factory=lambda: np.zeros((0, 0), np.uint16))
     every: int = 1
     reads: int = 0
 
 
+@dataclass(slots=True)
 class ValueTable:
     """Feeds on stretches."""
 
-    polls: dict[int, PollValues]
+    polls: dict[int, PollValues] = field(default_factory=dict)
 
-    def __init__(self) -> None:
-        self.polls = {}
-
-    def add(self, stretch: Stretch, times: NDArray[np.int64]) -> None:
+    def add(self, part: Stretch, times: Int64s) -> None:
         """The next exchanges, with their times on the ledger's axis."""
-        exchanges = stretch.exchanges
-        good = (exchanges.outcome == Ending.OK) & np.isin(exchanges.function, _FUNCTIONS)
-        places = good.nonzero()[0]
-        numbers = exchanges.poll[places]
-        order = np.argsort(numbers, kind="stable")
-        ordered, places = numbers[order], places[order]
-        begins = np.flatnonzero(np.diff(ordered, prepend=-1))
-        bounds = zip(ordered[begins].tolist(), begins.tolist(), [*begins[1:].tolist(), len(places)], strict=True)
-        for number, begin, end in bounds if len(places) else ():
+        for number, mine in _reads_by_poll(part.exchanges, _WORDS):
             if number in self.polls or len(self.polls) < _TABLE_POLLS:
-                self._take(stretch, number, places[begin:end], times)
+                self._take(part, number, mine, times)
 
-    def _take(self, stretch: Stretch, number: int, mine: NDArray[np.intp], times: NDArray[np.int64]) -> None:
-        known = self.polls.get(number)
-        if known is None:
-            none = np.zeros((0, 0), np.uint16)
-            unit, function, address = number >> 40 & 0xFF, number >> 32 & 0xFF, number >> 16 & 0xFFFF
-            known = self.polls[number] = PollValues(unit, function, address, np.zeros(0, np.int64), none)
+    def _take(self, stretch: Stretch, number: int, mine: NDArray[np.intp], times: Int64s) -> None:
+        if number not in self.polls:
+            self.polls[number] = PollValues(number >> 40 & 0xFF, number >> 32 & 0xFF, number >> 16 & 0xFFFF)
+        known = self.polls[number]
         first = -known.reads % known.every
         known.reads += len(mine)
         chosen = mine[first :: known.every]

@@ -193,8 +193,8 @@ class Cause:
         """As plain values."""
         plain = {**asdict(self), "units": list(self.units), "frames": list(self.frames)}
         del plain["explains"], plain["numbers"]
-        plain |= {name: _listed(self.numbers[name]) for name in _OF_REQUESTS if name in self.numbers}
-        return plain
+        told = {name: self.numbers[name] for name in _OF_REQUESTS if name in self.numbers}
+        return plain | {name: list(number) if isinstance(number, tuple) else number for name, number in told.items()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,38 +210,17 @@ class CauseWords:
 _OF_REQUESTS: Final = ("reason", "ask_instead")  # numbers that a program may want of causes of requests
 
 
-def _listed(number: Any) -> Any:
-    """A tuple as a list."""
-    return list(number) if isinstance(number, tuple) else number
-
-
 def words_of(suspect: Suspect, numbers: Mapping[str, Any]) -> CauseWords:
     """What a suspect says with these numbers."""
-
-    def said(part: str, english: str) -> str:
-        return sentence(suspect.cause, part, english, numbers)
-
-    return CauseWords(
-        said("text", suspect.text),
-        said("share", suspect.share),
-        said("test", suspect.deciding_test),
-        said("remedy", suspect.remedy),
-    )
+    parts = {"text": suspect.text, "share": suspect.share, "test": suspect.deciding_test, "remedy": suspect.remedy}
+    return CauseWords(*(sentence(suspect.cause, part, english, numbers) for part, english in parts.items()))
 
 
 def numbers_kept(numbers: Mapping[str, Any]) -> str:
     """The numbers of a cause as JSON, by which `told_again` tells it again."""
-    return json.dumps(dict(numbers), ensure_ascii=False, default=_plain)
-
-
-def _plain(number: Any) -> Any:
-    """A scalar of numpy's as Python's."""
-    return number.item() if hasattr(number, "item") else str(number)
-
-
-def _as_found(number: Any) -> Any:
-    """A list is a tuple in what was found."""
-    return tuple(number) if isinstance(number, list) else number
+    return json.dumps(
+        dict(numbers), ensure_ascii=False, default=lambda scalar: getattr(scalar, "item", scalar.__str__)()
+    )
 
 
 def told_again(cause: str, numbers: str | None) -> CauseWords | None:
@@ -251,7 +230,8 @@ def told_again(cause: str, numbers: str | None) -> CauseWords | None:
     if known is None or numbers is None:
         return None
     try:
-        return words_of(known, {name: _as_found(number) for name, number in json.loads(numbers).items()})
+        kept = json.loads(numbers).items()  # in which a tuple is a list
+        return words_of(known, {name: tuple(each) if isinstance(each, list) else each for name, each in kept})
     except (ValueError, LookupError, TypeError, AttributeError):
         return None
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Set
-from dataclasses import dataclass
 from statistics import median_low
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -35,17 +34,15 @@ def asked_again_into(evidence: Evidence, unit: UnitLedger) -> list[Signature]:
     the first one. No other master asks for the same at just that time."""
     char_ns, off = evidence.ledger.char_ns, evidence.verdict.wait_ns
     readings = [each for each in evidence.readings(unit) if each.delay >= 0 and not _ends_alike(each)]
-    again: list[float] = []
-    for each in readings:
-        at = each.heard.rfind(each.request[-ENDING:])
-        if at > _HEADER and not each.heard.startswith(each.request[:_HEADER]):
-            again.append(each.delay + (at + ENDING - len(each.request)) * char_ns)
-    if len(again) < _LEAST or strays(again) > off + _STRAYS_CHARS * char_ns:
-        return []
-    begun = float(np.median(again))
-    if off > _TOLD * begun:
+    ends = [(each, each.heard.rfind(each.request[-ENDING:]) + ENDING) for each in readings]
+    again = [
+        each.delay + (end - len(each.request)) * char_ns
+        for each, end in ends
+        if end > _HEADER + ENDING and not each.heard.startswith(each.request[:_HEADER])
+    ]
+    begun, reach = float(np.median(again or [0.0])), off + _STRAYS_CHARS * char_ns
+    if len(again) < _LEAST or strays(again) > reach or off > _TOLD * begun:
         return []  # what a tap holds back and hands over at once comes always as long behind, too
-    reach = off + _STRAYS_CHARS * char_ns
     return [each for each in readings if each.delay - reach < begun < each.delay + each.length * char_ns + reach]
 
 
@@ -63,19 +60,16 @@ def asked_again_behind(evidence: Evidence, unit: UnitLedger) -> int:
     known = [t for t, is_known in begun if is_known]
     if len(known) < _LEAST:
         return 0
-    reach = evidence.verdict.wait_ns + _REQUEST_CHARS * evidence.ledger.char_ns
-    again = sum(abs(t - float(np.median(known))) <= reach for t, _ in begun)
-    return round(unit.followed.offered * again / len(readings))
+    usual, reach = np.median(known), evidence.verdict.wait_ns + _REQUEST_CHARS * evidence.ledger.char_ns
+    return round(unit.followed.offered * sum(abs(t - usual) <= reach for t, _ in begun) / len(readings))
 
 
 def waits_longer(evidence: Evidence, unit: UnitLedger, times: float = _LONGER) -> bool:
     """Whether the master waits longer behind a unit's answers, before it repeats what it asked, than nearly ever behind
     others': it had not given up when they came. The last unit of a round, behind which it rests, tells nothing."""
-    found = [other.pauses.quantile(0.9) for other in evidence.units if other is not unit]
-    usual, waited = [pause for pause in found if pause is not None], unit.redundant_pauses.quantile(0.1)
-    if not usual or waited is None:
-        return False
-    return waited > times * max(median_low(usual), evidence.ledger.char_ns)
+    found = (other.pauses.quantile(0.9) for other in evidence.units if other is not unit)
+    usual, waited = [pause for pause in found if pause is not None], unit.redundant_pauses.quantile(0.1) or 0.0
+    return waited > times * max(median_low(usual or [UNKNOWN]), evidence.ledger.char_ns)
 
 
 def _ends_alike(reading: Signature) -> bool:
@@ -94,8 +88,7 @@ _SURE_BITS: Final = 30.0
 _TO_ALL: Final = 0
 
 
-@dataclass(frozen=True, slots=True)
-class CalledBack:
+class CalledBack(NamedTuple):
     """How many exchanges right behind broadcasts were hit, of how many, by how much that is likelier as their doing
     (bits), and the units that are hit behind broadcasts, or behind each other, and next to never else."""
 
@@ -109,19 +102,17 @@ def called_back(evidence: Evidence) -> CalledBack:
     """Of the exchanges that nothing explains yet; nothing where it may be chance."""
     if not evidence.ledger.broadcasts or not evidence.ordered:
         return CalledBack()
-    successors = evidence.ledger.successors
-    direct = {unit.unit: _bits(evidence, unit.unit, {_TO_ALL}) for unit in evidence.units}
-    hit = {unit for unit, bits in direct.items() if bits > _BITS}
-    met = sum(successors.met[unit, _TO_ALL] for unit in hit)
-    weight = sum(direct[unit] for unit in hit)
-    if met < _HITS_LEAST or weight < _SURE_BITS:
+    units = [unit.unit for unit in evidence.units]
+    direct = {unit: found for unit in units if (found := _behind(evidence, unit, {_TO_ALL})).bits > _BITS}
+    met, met_of = sum(each.met for each in direct.values()), sum(each.met_of for each in direct.values())
+    bits = sum(each.bits for each in direct.values())
+    if met < _HITS_LEAST or bits < _SURE_BITS:
         return CalledBack()
-    met_of = sum(successors.followed[unit, _TO_ALL] for unit in hit)
-    more = hit
+    hit = more = set(direct)
     while more:
-        more = {unit for unit in direct.keys() - hit if _behind(evidence, unit, hit | {_TO_ALL})}
+        more = {unit for unit in set(units) - hit if _is_behind(evidence, unit, hit | {_TO_ALL})}
         hit = hit | more
-    return CalledBack(met, met_of, weight, frozenset(hit))
+    return CalledBack(met, met_of, bits, frozenset(hit))
 
 
 def broadcasts_answered(evidence: Evidence) -> bool:
@@ -131,27 +122,32 @@ def broadcasts_answered(evidence: Evidence) -> bool:
     return often or called_back(evidence).met > _OFTEN * ledger.broadcasts
 
 
-def _behind(evidence: Evidence, unit: int, hit: Set[int]) -> bool:
-    """Whether a unit is hit behind these and not else; one that always comes behind them no oftener than it may be."""
-    successors = evidence.ledger.successors
-    met = sum(successors.met[unit, each] for each in hit)
-    followed = sum(successors.followed[unit, each] for each in hit)
-    if successors.followed_of(unit) - followed >= _CONTRAST or not evidence.is_open(Symptom.DAMAGE, unit):
-        return _bits(evidence, unit, hit) > _BITS
-    return 0 < met <= min(evidence.ledger.broadcasts, _HALF * followed)
+class _HitBehind(NamedTuple):
+    """Exchanges of a unit right behind some units that were hit, of how many, and how much likelier that is than wherever
+    it is asked (bits); 0 where it is hit else."""
+
+    met: int
+    met_of: int
+    bits: float
+    elsewhere: int  # exchanges of it
 
 
-def _bits(evidence: Evidence, unit: int, behind: Set[int]) -> float:
-    """How much likelier it is that a unit is hit right behind these than wherever it is asked; 0 where it is else."""
+def _behind(evidence: Evidence, unit: int, behind: Set[int]) -> _HitBehind:
     successors = evidence.ledger.successors
-    if not evidence.is_open(Symptom.DAMAGE, unit):
-        return 0.0
-    met = sum(successors.met[unit, each] for each in behind)
-    followed = sum(successors.followed[unit, each] for each in behind)
+    met, followed = (sum(of[unit, each] for each in behind) for of in (successors.met, successors.followed))
     hit, asked = successors.met_of(unit) - met, successors.followed_of(unit) - followed
-    if asked < _CONTRAST or hit > _ELSEWHERE * met:
-        return 0.0
-    return surplus_bits(met, followed, max(HEALTHY, (hit + 0.5) / (asked + 50)))
+    if asked < _CONTRAST or hit > _ELSEWHERE * met or not evidence.is_open(Symptom.DAMAGE, unit):
+        return _HitBehind(met, followed, 0.0, asked)
+    bits = surplus_bits(met, followed, max(HEALTHY, (hit + 0.5) / (asked + 50)))
+    return _HitBehind(met, followed, bits, asked)
+
+
+def _is_behind(evidence: Evidence, unit: int, hit: Set[int]) -> bool:
+    """Whether a unit is hit behind these and not else; one that always comes behind them no oftener than it may be."""
+    found = _behind(evidence, unit, hit)
+    if found.elsewhere >= _CONTRAST or not evidence.is_open(Symptom.DAMAGE, unit):
+        return found.bits > _BITS
+    return 0 < found.met <= min(evidence.ledger.broadcasts, _HALF * found.met_of)
 
 
 _REQUESTS_LEAST: Final = 5  # requests
@@ -170,26 +166,18 @@ def only_repeats(evidence: Evidence, unit: UnitLedger) -> bool:
     delay, wait = unit.echo_delays.quantile(0.1), unit.waits.quantile(0.1)
     if wait is not None and evidence.timeout_ns is not None:
         wait = max(wait, evidence.timeout_ns)  # of what only seems to be silent the wait may be a pause
-    told = [
-        poll for poll in evidence.polls_of(unit.unit) if not ECHOED[poll.function]
-    ]  # no request reads like an answer
-    silent, asked = sum(poll.count(Ending.SILENT) for poll in told), sum(poll.asked for poll in told)
-    mostly = silent >= max(_REQUESTS_LEAST, _NEARLY_ALL_SILENT * asked) and not any(
-        poll.count(Ending.OK) for poll in told
-    )
+    told = [poll for poll in evidence.polls_of(unit.unit) if not ECHOED[poll.function]]  # whose answer reads otherwise
+    fared, asked = sum((poll.outcomes for poll in told), np.zeros(len(Ending))), sum(poll.asked for poll in told)
+    mostly = bool(fared[Ending.SILENT] >= max(_REQUESTS_LEAST, _NEARLY_ALL_SILENT * asked) and not fared[Ending.OK])
     mostly = mostly or unit.count(Ending.SILENT) >= _SILENT_FOR_ECHO * (unit.answered + unit.loose)
     off = evidence.verdict.wait_ns
     if delay is None or wait is None or off > wait or evidence.ledger.echoing:
         return mostly  # what an adapter shows of a request comes at once, as an answer does
-    if delay + off < _TOLD * _known_patience(evidence):
-        return False
+    patience = max((each.garbage_again.quantile(0.5) or 0.0 for each in evidence.units), default=0.0)
+    if delay + off < _TOLD * patience:
+        return False  # it was seen to wait longer before it asks again for what came damaged
     latest, longest = unit.echo_delays.quantile(0.9) or delay, unit.waits.quantile(0.9) or wait
     return delay + off > _AS_LATE * wait and (mostly or latest * _AS_LATE < longest)
-
-
-def _known_patience(evidence: Evidence) -> float:
-    """How long the master waits, as seen, before it asks again for what came damaged (ns); 0 where nobody knows."""
-    return max((unit.garbage_again.quantile(0.5) or 0.0 for unit in evidence.units), default=0.0)
 
 
 def in_vain(evidence: Evidence, unit: UnitLedger) -> tuple[int, int]:

@@ -5,10 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Final
 
-import numpy as np
-
-from dissectors.limits import EXCEPTION
-
 from ..tables.batch import Batch, adu_of
 from ..tables.schema import Kind
 
@@ -43,22 +39,15 @@ class ShiftLedger:
     def feed(self, batch: Batch) -> None:
         """The next rows."""
         rows = batch.rows
-        if not ((rows.taken_for_start >= 0).any() or rows.unsure.any()):
-            self._remember(batch, np.flatnonzero((rows.kind == Kind.REQUEST) & rows.check)[-_POLLS:])
-            return
-        self._remember(batch, np.flatnonzero((rows.kind == Kind.REQUEST) & rows.check))
-        for row in np.flatnonzero((rows.taken_for_start >= 0) | rows.unsure).tolist():
+        odd = ((rows.taken_for_start >= 0) | rows.unsure).nonzero()[0].tolist()
+        requests = ((rows.kind == Kind.REQUEST) & rows.check).nonzero()[0]
+        for row in requests[0 if odd else -_POLLS :].tolist():
+            self._asked.pop(int(rows.start[row]), None)
+            self._asked[int(rows.start[row])] = batch.bytes_of(row)
+        for row in odd:
             self._count(batch, row)
         for start in list(self._asked)[:-_POLLS]:
             del self._asked[start]
-
-    def _remember(self, batch: Batch, requests: np.ndarray[tuple[int], np.dtype[np.intp]]) -> None:
-        for row in requests.tolist():
-            self._asked.pop(int(batch.rows.start[row]), None)
-            self._asked[int(batch.rows.start[row])] = batch.bytes_of(row)
-        if len(self._asked) > 4 * _POLLS and len(requests) <= _POLLS:
-            for start in list(self._asked)[:-_POLLS]:
-                del self._asked[start]
 
     def _count(self, batch: Batch, row: int) -> None:
         rows = batch.rows
@@ -67,7 +56,7 @@ class ShiftLedger:
             mine.unsure += 1
             return
         asked = self._asked.get(int(rows.taken_for_start[row]), b"")
-        if asked and asked == self._asked.get(int(rows.request_start[row])):
+        if asked == self._asked.get(int(rows.request_start[row])):
             return  # repeated: its values stand under the right registers
         now = int(rows.t_start_ns[row])
         if not mine.displaced:
@@ -78,7 +67,7 @@ class ShiftLedger:
         if len(mine.frames) < _EXAMPLES:
             mine.frames.append(int(rows.index[row]))
         taken = adu_of(asked, int(rows.protocol[row])).data
-        if len(taken) >= _EXAMPLES and taken[1] in _READS and not taken[1] & EXCEPTION:
+        if len(taken) >= _EXAMPLES and taken[1] in _READS:
             address, quantity = int.from_bytes(taken[2:4]), int.from_bytes(taken[4:6])
             mine.values += quantity
             poll = _READS[taken[1]], address, quantity

@@ -9,16 +9,17 @@ each damaged answer the move is weighed; the sum says who lost it, the line or o
 from __future__ import annotations
 
 from math import log2
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..deframing.tap_clock import UNKNOWN
+from ..tables.schema import Bools
 from .bits import likelihood_bits, strays
 from .evidence import Evidence
 from .exchanges import Ending
 from .exchangetable import AskedRows
-from .ledgerview import Move
+from .ledgerview import kept
 
 _WELL: Final = 5  # good answers by which its usual wait is known
 _RANGE: Final = (0.03, 0.97)
@@ -32,44 +33,43 @@ _SLACK_NS: Final = 1_000_000
 _TIMEOUT_NS: Final = 50_000_000  # no client gives up sooner
 
 
+class Move(NamedTuple):
+    """Damaged answers whose client's next move tells something, how many it seems to have taken, and bits for that it took
+    them all (below 0: for that it took none)."""
+
+    told: int
+    taken: int
+    bits: float
+
+
+@kept
 def move(evidence: Evidence, unit: int) -> Move:
     """What the client made of the damaged answers of a unit."""
-    if unit not in evidence.moves:
-        evidence.moves[unit] = _move(evidence, unit)
-    return evidence.moves[unit]
-
-
-def _move(evidence: Evidence, unit: int) -> Move:
     rows = evidence.rows(unit)
     damaged = rows[rows.outcome == Ending.GARBAGE]
-    if not len(damaged):
-        return Move()
     usual, told = _usual(evidence, rows, damaged)
-    usual = usual & ~damaged.next_same
-    count, taken = int(np.count_nonzero(told)), int(np.count_nonzero(usual & told))
-    bits = likelihood_bits(taken, count, _TAKEN) - likelihood_bits(taken, count, _LOST) if count else 0.0
+    count, taken = (int(np.count_nonzero(each)) for each in (told, told & usual & ~damaged.next_same))
+    bits = likelihood_bits(taken, count, _TAKEN) - likelihood_bits(taken, count, _LOST)
     again = _asks_again(evidence)
     if again is not None:
         repeated = int(np.count_nonzero(damaged.next_same))
         left = len(damaged) - repeated
         bits += left * log2((1 - _NEVER_AGAIN) / (1 - again)) + repeated * log2(_NEVER_AGAIN / again)
-        count, taken = max(count, len(damaged)), max(taken, left) if not count else taken
+        count, taken = len(damaged), taken if count else left
     return Move(count, taken, bits)
 
 
+@kept
 def share_that_went_on(evidence: Evidence, unit: int) -> float:
     """The share of the silent requests to a unit behind which the client went on as soon as behind good answers: it got
     an answer, and the tap did not. 0 where that is not known."""
-    if unit not in evidence.went_on:
-        rows = evidence.rows(unit)
-        silent = rows[rows.outcome == Ending.SILENT]
-        usual, told = _as_behind_good(evidence, rows, silent)
-        went_on = int(np.count_nonzero(usual & told & ~silent.next_same))
-        evidence.went_on[unit] = went_on / max(int(np.count_nonzero(told)), 1)
-    return evidence.went_on[unit]
+    rows = evidence.rows(unit)
+    silent = rows[rows.outcome == Ending.SILENT]
+    usual, told = _as_behind_good(evidence, rows, silent)
+    return int(np.count_nonzero(usual & told & ~silent.next_same)) / max(int(np.count_nonzero(told)), 1)
 
 
-def _usual(evidence: Evidence, rows: AskedRows, damaged: AskedRows) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _usual(evidence: Evidence, rows: AskedRows, damaged: AskedRows) -> tuple[Bools, Bools]:
     """Of each damaged answer: whether the wait for the next request is as behind good ones to the same, and whether that
     is known: not where the client rests as long behind answers as its timer waits in vain."""
     usual, told = _as_behind_good(evidence, rows, damaged)
@@ -82,12 +82,12 @@ def _usual(evidence: Evidence, rows: AskedRows, damaged: AskedRows) -> tuple[NDA
     return usual, told
 
 
-def _as_behind_good(evidence: Evidence, rows: AskedRows, bad: AskedRows) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _as_behind_good(evidence: Evidence, rows: AskedRows, bad: AskedRows) -> tuple[Bools, Bools]:
     """Of each of these: whether the wait for the next request is as behind good answers to the same, and whether enough
     of those are known."""
     usual, told = np.zeros(len(bad), np.bool_), np.zeros(len(bad), np.bool_)
-    off = evidence.verdict.wait_ns if evidence.ledger.timed else float("inf")
-    if not np.isfinite(off):
+    off = evidence.verdict.wait_ns
+    if off == UNKNOWN:
         return usual, told
     good = rows[(rows.outcome == Ending.OK) & (rows.wait >= 0)]
     for due in np.unique(bad.due).tolist():

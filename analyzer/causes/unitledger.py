@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..tables.schema import NO_GAP
+from ..tables.schema import NO_GAP, Bools, Int64s
 from ..tables.transactions import ECHOED, NEVER
 from .exchanges import Ending, Exchanges
 from .flatmemory import Spells, Thinned
@@ -23,115 +23,67 @@ _OK, _EXCEPTION, _SILENT, _GARBAGE, _UNHEARD, _ECHO = (
 BUSY: Final = np.isin(np.arange(256), (5, 6))  # acknowledge, server device busy
 
 
+@dataclass(slots=True, eq=False)
 class UnitLedger:
-    """One unit's exchanges."""
+    """One unit's exchanges; times in ns."""
 
     unit: int
-    outcomes: NDArray[np.int64]
-    _counts: list[int] | None
-    repeats: int
-    strays: int
-    unfit: int
-    late: int
-    doubles: int
-    marked: int
-    marked_bytes: int
-    examples: dict[int, list[int]]
-    redundant: Thinned
-    heeded: Thinned
-    redundant_pauses: Thinned
-    last_pauses: Thinned
-    redundant_turns: Thinned
-    pauses: Thinned
-    turns: Thinned
-    echoes: int
-    echo_strays: int
-    echo_delays: Thinned
-    echo_waits: Thinned
-    strayed: int
-    called: int
-    behind: int
-    first_answer: int | None
-    first_again: int | None
-    first: int
-    last: int
-    delays: Thinned
-    waits: Thinned
-    plain_waits: Thinned
-    quiet_waits: Thinned
-    quiet_again: Thinned
-    garbage_waits: Thinned
-    garbage_again: Thinned
-    gaps: Thinned
-    holes: Thinned
-    hole_places: Counter[int]
-    silences: Spells
-    silences_but_echoes: Spells
-    silences_but_tried: Spells
-    silences_of_others: Spells
-    refusals: Spells
-    busy: int
-    samples: Samples
-    followed: Samples
-
-    def __init__(self, unit: int) -> None:
-        self.unit = unit
-        self.outcomes = np.zeros(len(Ending), np.int64)
-        self._counts = None  # the same, once somebody asks
-        self.repeats = 0  # requests to it that repeat the one before
-        self.strays = 0  # right answers of it that answer nothing, while another unit is asked
-        self.unfit = 0  # and that stand where its answer was due, and are another
-        self.late = 0  # that came when the master had gone on
-        self.doubles = 0  # that came behind another answer to the same request
-        self.marked = 0  # answers, right but for marks of the UART
-        self.marked_bytes = 0
-        self.examples = {}  # by outcome: indices of a few requests
-        self.redundant = Thinned()  # ns, delays of good answers whose request the master repeats all the same
-        self.heeded = Thinned()  # and of those whose request it does not repeat
-        self.redundant_pauses = Thinned()  # ns, from the end of such an answer to the request's repetition
-        self.last_pauses = Thinned()  # ns, from the end of a good answer to the last repetition to what is asked then
-        self.redundant_turns = Thinned()  # ns, from their requests to the repetition, of the same
-        self.pauses = Thinned()  # ns, from its good answers to the next request
-        self.turns = Thinned()  # ns, from a request that is well answered to the next one
-        self.echoes = 0  # answers that are their request once more
-        self.echo_strays = 0  # right answers of it to nothing, or late, that could be requests as well
-        self.echo_delays = Thinned()
-        self.echo_waits = (
-            Thinned()
-        )  # ns, from a request without an answer to the same once more, where that may answer it
-        self.strayed = 0  # requests without an answer behind which a byte strayed
-        self.called = 0  # broadcasts that it answered, by its own address
-        self.behind = 0  # good answers with something behind them before the next request
-        self.first_answer = None
-        self.first_again = None  # the first of its good answers whose request is repeated all the same
-        self.first = 0  # ns or bytes: `Ledger.axis`
-        self.last = 0
-        self.delays = Thinned()  # ns
-        self.waits = Thinned()  # ns, of requests that stayed without an answer, to the next request
-        self.plain_waits = Thinned()  # and of those that cannot have been answered by the next one
-        self.quiet_waits = Thinned()  # and of those behind which nothing at all came
-        self.quiet_again = Thinned()  # and of those that the next request repeats
-        self.garbage_waits = Thinned()
-        self.garbage_again = Thinned()  # and of those whose request the master repeats next
-        self.gaps = Thinned()  # ns, silence between a request and its answer by the reads
-        self.holes = Thinned()  # ns, the longest silence inside an answer
-        self.hole_places = Counter()
-        self.silences = Spells()
-        self.silences_but_echoes = Spells()  # as if there were no answers that are their request once more
-        self.silences_but_tried = Spells()  # and no such answers to a request that comes several times
-        self.silences_of_others = Spells()  # of requests whose answer reads otherwise than they
-        self.refusals = Spells()
-        self.busy = 0
-        self.samples = Samples()  # without a good answer
-        self.followed = Samples()  # with one, and something behind it
+    outcomes: Int64s = field(default_factory=lambda: np.zeros(len(Ending), np.int64))
+    repeats: int = 0  # requests to it that repeat the one before
+    strays: int = 0  # right answers of it that answer nothing, while another unit is asked
+    unfit: int = 0  # and that stand where its answer was due, and are another
+    late: int = 0  # that came when the master had gone on
+    doubles: int = 0  # that came behind another answer to the same request
+    marked: int = 0  # answers, right but for marks of the UART
+    marked_bytes: int = 0
+    echoes: int = 0  # answers that are their request once more
+    echo_strays: int = 0  # right answers of it to nothing, or late, that could be requests as well
+    strayed: int = 0  # requests without an answer behind which a byte strayed
+    called: int = 0  # broadcasts that it answered, by its own address
+    behind: int = 0  # good answers with something behind them before the next request
+    busy: int = 0
+    first_again: int | None = None  # the first of its good answers whose request is repeated all the same
+    first: int = 0  # ns, or bytes where there are no times
+    last: int = 0
+    examples: dict[int, list[int]] = field(default_factory=dict)  # by outcome: indices of a few requests
+    delays: Thinned = field(default_factory=Thinned)  # of its good answers
+    redundant: Thinned = field(default_factory=Thinned)  # of answers whose request the master repeats all the same
+    heeded: Thinned = field(default_factory=Thinned)  # and of those whose request it does not repeat
+    echo_delays: Thinned = field(default_factory=Thinned)
+    pauses: Thinned = field(default_factory=Thinned)  # from its good answers to the next request
+    redundant_pauses: Thinned = field(default_factory=Thinned)  # and to the repetition of their request
+    last_pauses: Thinned = field(default_factory=Thinned)  # and of answers to its last repetition to what is asked then
+    turns: Thinned = field(default_factory=Thinned)  # from a request that is well answered to the next one
+    redundant_turns: Thinned = field(default_factory=Thinned)  # and to its repetition
+    waits: Thinned = field(default_factory=Thinned)  # of requests that stayed without an answer, to the next request
+    plain_waits: Thinned = field(default_factory=Thinned)  # and of those that cannot have been answered by the next one
+    echo_waits: Thinned = field(default_factory=Thinned)  # and of those that it repeats, and may answer
+    quiet_waits: Thinned = field(default_factory=Thinned)  # and of those behind which nothing at all came
+    quiet_again: Thinned = field(default_factory=Thinned)  # and of these that the next request repeats
+    garbage_waits: Thinned = field(default_factory=Thinned)
+    garbage_again: Thinned = field(default_factory=Thinned)  # and of those whose request the master repeats next
+    gaps: Thinned = field(default_factory=Thinned)  # silence between a request and its answer by the reads
+    holes: Thinned = field(default_factory=Thinned)  # the longest silence inside an answer
+    hole_places: Counter[int] = field(default_factory=Counter)
+    silences: Spells = field(default_factory=Spells)
+    silences_but_echoes: Spells = field(
+        default_factory=Spells
+    )  # as if there were no answers that are their request once more
+    silences_but_tried: Spells = field(
+        default_factory=Spells
+    )  # and no such answers to a request that comes several times
+    silences_of_others: Spells = field(default_factory=Spells)  # of requests whose answer reads otherwise than they
+    refusals: Spells = field(default_factory=Spells)
+    samples: Samples = field(default_factory=Samples)  # without a good answer
+    followed: Samples = field(default_factory=Samples)  # with one, and something behind it
+    _counts: list[int] = field(default_factory=list)  # `outcomes`, once somebody asks
 
     def count(self, *outcomes: Ending) -> int:
         """How many requests to it ended so."""
-        if self._counts is None:
-            self._counts = self.outcomes.tolist()
+        counts = self._counts = self._counts or self.outcomes.tolist()
         total = 0
         for outcome in outcomes:  # suspects ask thousands of times: half the price of `sum` over a generator
-            total += self._counts[outcome]
+            total += counts[outcome]
         return total
 
     @property
@@ -156,7 +108,7 @@ class UnitLedger:
         """Requests that got a whole answer; an exception is one."""
         return self.count(Ending.OK, Ending.EXCEPTION)
 
-    def add(self, mine: Exchanges, times: NDArray[np.int64], *, timed: bool, hole_ns: float) -> None:
+    def add(self, mine: Exchanges, times: Int64s, *, timed: bool, hole_ns: float) -> None:
         """Count its next exchanges; `times` tell their order, `timed` whether as time. Silences over `hole_ns` are
         holes in an answer."""
         outcome = mine.outcome
@@ -164,55 +116,56 @@ class UnitLedger:
         if not self.outcomes.any():
             self.first = int(times[0])
         self.outcomes += counts
-        self._counts = None
+        self._counts = []
         self.last = int(times[-1])
         self.repeats += int(np.count_nonzero(mine.repeats))
         for kind in counts.nonzero()[0].tolist():
             few = self.examples.setdefault(kind, [])
             if len(few) < _EXAMPLES:
                 few += mine.request[outcome == kind][: _EXAMPLES - len(few)].tolist()
-        good = (outcome == _OK) | (outcome == _EXCEPTION)
-        every = int(counts[_OK] + counts[_EXCEPTION])
-        if every:
-            if self.first_answer is None:
-                self.first_answer = int(times[np.argmax(good)])
-            whole = every == len(mine)
-            self._add_answers(
-                mine if whole else mine[good], times if whole else times[good], timed=timed, hole_ns=hole_ns
-            )
-        if counts[_SILENT]:
-            self.strayed += int(np.count_nonzero((outcome == _SILENT) & (mine.noise > 0)))
+        answered = int(counts[_OK] + counts[_EXCEPTION])
+        if answered == len(mine):
+            self._add_answers(mine, times, timed=timed, hole_ns=hole_ns)
+        elif answered:
+            good = outcome <= _EXCEPTION
+            self._add_answers(mine[good], times[good], timed=timed, hole_ns=hole_ns)
+        spells = (self.silences, self.silences_but_echoes, self.silences_but_tried, self.silences_of_others)
         if counts[_SILENT] or counts[_GARBAGE] or self.silences_but_echoes.is_open:
-            heard = (outcome != _UNHEARD) & (outcome != _ECHO)  # nor does what a tap shows of its own end a silence
-            _count_silences(self.silences, mine, times, heard)
-            echoes = _are_echoes(mine)
-            _count_silences(self.silences_but_echoes, mine, times, heard & ~echoes)
-            _count_silences(self.silences_but_tried, mine, times, heard & ~(echoes & (mine.repeats | mine.next_same)))
-            _count_silences(self.silences_of_others, mine, times, heard & ~ECHOED[mine.function])
-        elif every:
-            self.silences.pass_over(int(times[-1]))
-            self.silences_but_echoes.pass_over(int(times[-1]))
-            self.silences_but_tried.pass_over(int(times[-1]))
-            self.silences_of_others.pass_over(int(times[-1]))
+            self._add_silences(mine, times, spells)
+        elif answered:
+            for each in spells:
+                each.pass_over(int(times[-1]))
         if counts[_EXCEPTION] or self.refusals.is_open:
             busy = BUSY[mine.exception]
             self.busy += int(np.count_nonzero(busy))
-            self.refusals.add(busy, times)
+            self.refusals.add(busy, times, np.zeros_like(busy), mine.repeats)
         if timed and counts[_SILENT] + counts[_GARBAGE]:
-            waits = mine.t_next - mine.t_asked
-            known = mine.t_next != NEVER
-            silent = known & (outcome == _SILENT)
-            self.waits.add(waits[silent])
-            echo = mine.next_echoed | (ECHOED[mine.function] & mine.repeats)  # one of the two may be an answer, late
-            quiet = silent & (mine.late + mine.strays + mine.noise == 0) & ~echo
-            self.quiet_waits.add(waits[quiet])
-            self.quiet_again.add(waits[quiet & mine.next_same])
-            again = silent & ECHOED[mine.function] & mine.next_same
-            self.echo_waits.add(waits[again])
-            self.plain_waits.add(waits[silent & ~again])
-            garbage = known & (outcome == _GARBAGE)
-            self.garbage_waits.add(waits[garbage])
-            self.garbage_again.add(waits[garbage & mine.next_same])
+            self._add_waits(mine)
+
+    def _add_silences(self, mine: Exchanges, times: Int64s, spells: tuple[Spells, ...]) -> None:
+        outcome = mine.outcome
+        self.strayed += int(np.count_nonzero((outcome == _SILENT) & (mine.noise > 0)))
+        heard = (outcome != _UNHEARD) & (outcome != _ECHO)  # what a tap shows of its own ends no silence
+        echoes = _are_echoes(mine)
+        but = (np.zeros_like(echoes), echoes, echoes & (mine.repeats | mine.next_same), ECHOED[mine.function])
+        for each, left_out in zip(spells, but, strict=True):
+            which = heard & ~left_out
+            ended = outcome[which]
+            each.add(ended == _SILENT, times[which], ended == _GARBAGE, mine.repeats[which])
+
+    def _add_waits(self, mine: Exchanges) -> None:
+        waits, again, may_answer = mine.t_next - mine.t_asked, mine.next_same, ECHOED[mine.function]
+        known = mine.t_next != NEVER
+        silent, garbage = known & (mine.outcome == _SILENT), known & (mine.outcome == _GARBAGE)
+        echo = mine.next_echoed | (may_answer & mine.repeats)  # one of the two may be an answer, late
+        quiet = silent & (mine.late + mine.strays + mine.noise == 0) & ~echo
+        doubtful = silent & may_answer & again
+        for those, which in (
+            (self.waits, silent), (self.plain_waits, silent & ~doubtful), (self.echo_waits, doubtful),
+            (self.quiet_waits, quiet), (self.quiet_again, quiet & again),
+            (self.garbage_waits, garbage), (self.garbage_again, garbage & again),
+        ):  # fmt: skip
+            those.add(waits[which])
 
     def add_echo(self, delay_ns: int) -> None:
         """Count an answer that is not the one to the request before it, and reads like a request; `delay_ns`: behind one
@@ -221,31 +174,28 @@ class UnitLedger:
         if delay_ns >= 0:
             self.echo_delays.add(np.array((delay_ns,)))
 
-    def _add_answers(self, good: Exchanges, times: NDArray[np.int64], *, timed: bool, hole_ns: float) -> None:
-        delays, noise, strays = good.delay, good.noise, good.strays
-        known, again = delays >= 0, good.next_same
+    def _add_answers(self, good: Exchanges, times: Int64s, *, timed: bool, hole_ns: float) -> None:
+        delays, again, repeated = good.delay, good.next_same, bool(good.next_same.any())
+        known, alone = delays >= 0, (good.noise == 0) & (good.strays == 0)
         self.delays.add(delays[known])
-        if again.any():
+        self.heeded.add(delays[known & ~again])
+        self.behind += len(good) - int(np.count_nonzero(alone))
+        if repeated:
             self.redundant.add(delays[known & again])
             if self.first_again is None:
                 self.first_again = int(times[np.argmax(again)])
-        self.heeded.add(delays[known & ~again])
-        alone = (noise == 0) & (strays == 0)
-        self.behind += len(good) - int(np.count_nonzero(alone))
         if timed:
-            t_next = good.t_next
-            followed = alone & (t_next != NEVER)
-            self.pauses.add((t_next - good.t_answered)[followed])
-            self.turns.add((t_next - good.t_asked)[followed])
-            if again.any():
-                self.redundant_pauses.add((t_next - good.t_answered)[followed & again])
-                self.redundant_turns.add((t_next - good.t_asked)[followed & again])
+            followed = alone & (good.t_next != NEVER)
+            pauses, turns = good.t_next - good.t_answered, good.t_next - good.t_asked
+            self.pauses.add(pauses[followed])
+            self.turns.add(turns[followed])
+            if repeated:
+                self.redundant_pauses.add(pauses[followed & again])
+                self.redundant_turns.add(turns[followed & again])
             if good.repeats.any():
-                self.last_pauses.add((t_next - good.t_answered)[followed & good.repeats & ~again])
-        marks = good.marks
-        if marks.any():
-            self.marked += int(np.count_nonzero(marks))
-            self.marked_bytes += int(marks.sum())
+                self.last_pauses.add(pauses[followed & good.repeats & ~again])
+        self.marked += int(np.count_nonzero(good.marks))
+        self.marked_bytes += int(good.marks.sum())
         echoes = _are_echoes(good)
         if echoes.any():
             self.echoes += int(np.count_nonzero(echoes))
@@ -253,18 +203,10 @@ class UnitLedger:
         gaps, holes = good.answer_gap, good.hole
         self.gaps.add(gaps[gaps != NO_GAP])
         self.holes.add(holes)
-        long = holes > hole_ns
-        if long.any():
-            self.hole_places.update(good.hole_at[long].tolist())
+        self.hole_places.update(good.hole_at[holes > hole_ns].tolist())
 
 
-def _are_echoes(mine: Exchanges) -> NDArray[np.bool_]:
+def _are_echoes(mine: Exchanges) -> Bools:
     """Which exchanges are answered by what reads like their request once more."""
-    found: NDArray[np.bool_] = ECHOED[mine.function] & (mine.outcome == _OK) & (mine.answer_bytes == mine.asked_bytes)
+    found: Bools = ECHOED[mine.function] & (mine.outcome == _OK) & (mine.answer_bytes == mine.asked_bytes)
     return found
-
-
-def _count_silences(spells: Spells, mine: Exchanges, times: NDArray[np.int64], counted: NDArray[np.bool_]) -> None:
-    """Those of these exchanges that count, into spells of silence."""
-    outcome = mine.outcome[counted]
-    spells.add(outcome == _SILENT, times[counted], outcome == _GARBAGE, mine.repeats[counted])

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from captures.line import LineSettings
 
-from ..causes.aside import SharedLedger
+from ..causes.gathered import SharedLedger
 from ..core import Analysed
 from ..options import Options
 from ..outages import Deaf

@@ -29,7 +29,7 @@ def answer_of(unit: int, value: int, registers: int = 2) -> bytes:
     return frame(unit, 3, 2 * registers, *(octet for i in range(registers) for octet in divmod(value + 91 * i, 256)))
 
 
-def ledger(sent: Iterable[Sent], marked: frozenset[int] = frozenset(), tick_ms: float = 0.0) -> Ledger:
+def captured(sent: Iterable[Sent], marked: frozenset[int] = frozenset(), tick_ms: float = 0.0) -> Capture:
     """`marked`: what was sent, by its number, whose bytes the UART marks; `tick_ms`: an adapter hands over what it has
     so long after the first of its bytes came."""
     chunks, t, due = list[Chunk](), 0.0, 0.0
@@ -39,7 +39,12 @@ def ledger(sent: Iterable[Sent], marked: frozenset[int] = frozenset(), tick_ms: 
             t += CHAR_MS
             due = t + tick_ms if t > due else due
             chunks.append(Chunk(round(due * 1e6), bytes((octet,)), errors=(0,) if i in marked else ()))
-    capture = Capture.of(LINE, chunks)
+    return Capture.of(LINE, chunks)
+
+
+def ledger(sent: Iterable[Sent], marked: frozenset[int] = frozenset(), tick_ms: float = 0.0) -> Ledger:
+    """Of what `captured` gives."""
+    capture = captured(sent, marked, tick_ms)
     return ledger_of(((part.batch, part.transactions) for part in analyse(capture)), capture.line)
 
 
