@@ -111,14 +111,16 @@ class MapSource:
                 self._cut = notes_of_cut(number > _MOST_LINES, _MOST_LINES, "rows")
                 if self._cut:
                     break
-                yield {**{str(at): cell.strip() for at, cell in enumerate(cells[:_MOST_CELLS])}, "row": str(number)}
+                shown = [cell.strip() for cell in cells[:_MOST_CELLS]]
+                line = "\t".join([*shown, *[""] * 8])
+                yield {**dict(zip(map(str, range(len(shown))), shown, strict=True)), "row": str(number), "line": line}
 
     @property
     def table(self) -> Iterator[dict[str, str]]:
         """The rows of CSV by the headings of the first, those without a cell left out."""
         rows = self.rows
-        head = {at: name.lower() for at, name in next(rows, {"row": ""}).items()} | {"row": "row"}
-        return ({head.get(at, at): cell for at, cell in row.items()} for row in rows if any([*row.values()][:-1]))
+        head = {at: name.lower() for at, name in next(rows, {}).items()} | {"row": "row", "line": "line"}
+        return ({head.get(at, at): cell for at, cell in row.items() if cell} for row in rows if row["line"].strip())
 
     @cached_property
     def xml(self) -> Any:
