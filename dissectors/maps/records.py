@@ -42,11 +42,18 @@ def record_sheets(source: MapSource) -> Iterator[MapSheet]:
     is_source = source.tree is None and not _BRACKETS.isdisjoint(text)
     trees = (tree_of_source(text) if is_source else source.tree, [*_blocks(text)] if source.tree is None else ())
     remarks = [form("comment", line[:_LONGEST]).get("said", "") for line in text.splitlines()[:_LOOK] * (not is_source)]
-    titles = [[said] for said in filter(None, remarks)]
+    titles = [[said] for said in (*filter(None, remarks), *_sentences(source.tree))]
     for tree in trees:
         yield from (MapSheet("", [[_text(cell) for cell in row] for row in rows[:_MOST]], notes=notes)
                     for rows in islice(_lists_of_rows(tree, 0), 1))  # fmt: skip
         yield from _of_records(list(islice(_found(tree, (), {}), _MOST)), titles, notes)
+
+
+def _sentences(tree: Any) -> list[str]:
+    """What a file says at its head of how addresses count."""
+    plain = tree.items() if isinstance(tree, Mapping) else ()
+    said = (f"{_word(key)}: {value}" for key, value in plain if not isinstance(value, Mapping | list))
+    return [text for text in said if form("from_one", text[:_LONGEST])]
 
 
 def _of_records(records: list[Record], titles: list[list[str]], notes: tuple[str, ...]) -> Iterator[MapSheet]:
@@ -104,7 +111,13 @@ def _found(node: Any, path: tuple[str, ...], given: Record) -> Iterator[Record]:
         own = {_word(key): "1" for key, value in node.items() if not isinstance(value, Mapping | list)}
         said = {**_place(path, cells), **_lacking(given, cells), **cells}
         record = _placed(said)
+        usual = (
+            dict(_cells(part))
+            for key, part in node.items()
+            if form("of_defaults", str(key)) and isinstance(part, Mapping)
+        )
         shared = {key: cell for key, cell in cells.items() if key in own and _is_shared(key)}
+        given = {**given, **next(usual, {})}
         below = [
             one
             for key, part in node.items()

@@ -16,7 +16,7 @@ from typing import Any, Final
 from unicodedata import category, normalize
 
 from .model import AREA_WORDS
-from .vocabulary import WIDE_SIGNS, expression, form, meaning, roles
+from .vocabulary import WIDE_SIGNS, expression, form, given, meaning, roles
 from .written import numbers_in
 
 _HEADING: Final = 60  # characters
@@ -89,6 +89,13 @@ class TableColumn:
     def numbers(self) -> list[int]:
         """The first number of each cell that has one."""
         return [found[0] for cell in self.cells if (found := numbers_in(cell))]
+
+    @property
+    def is_of_addresses(self) -> bool:
+        """Whether nearly all cells are numbers that rise, some at least: so are addresses beside each other."""
+        likely = sum(form("place", cell) != {} for cell in self.cells)
+        missing = sum(not given(cell) for cell in self.cells)
+        return likely > 1 and likely + missing == len(self.cells) and self._rises({})
 
     def bits(self, role: str) -> float:
         """How much the column speaks for a role."""

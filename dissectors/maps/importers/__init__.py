@@ -28,12 +28,14 @@ _OF_PROGRAMS: Final = (
     "modbus_exporter",
     "modbus_schema",
     "telegraf",
+    "evcc",
     "modpoll",
     "iobroker",
     "own",
 )
 _GENERAL: Final = ("records", "spreadsheet", "lines")  # of no program: the one that reads most
 _ENOUGH: Final = {"lines": 2.9}  # facts of a row with which a format is not asked
+_FEW: Final = 4  # rows that are enough to say so
 FORMATS: Final = (*_OF_PROGRAMS, *_GENERAL)
 
 
@@ -89,7 +91,8 @@ def _ways(source: MapSource, candidates: Sequence[str]) -> Iterator[tuple[str, l
         read = form.read(source) if most < _ENOUGH.get(name, most + 1) else None
         if read is not None:
             yield form.NAME, read
-            most = max(most, _facts(read) / max(1, sum(len(one.chart.rows) for one in read)))
+            rows = sum(len(one.chart.rows) for one in read)
+            most = max(most, _facts(read) / rows if rows >= _FEW else 0)
 
 
 def _facts(read: Sequence[ImportedMap]) -> int:

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import count
 from pathlib import PurePath
 from typing import Any, Final
 
@@ -31,6 +32,8 @@ _MOST_TWINS: Final = 64
 _COMMENT: Final = re.compile(r'("(?:\\.|[^"\\])*(?:"|\\?\Z))|//[^\n]*|/\*.*?(?:\*/|\Z)', re.DOTALL)
 _LAST_COMMA: Final = re.compile(r'("(?:\\.|[^"\\])*(?:"|\\?\Z))|,(?=\s*[}\]])')
 _INCLUDED: Final = re.compile(r"^[^#\n]*!include\w*\s+(?:\{?\s*file:\s*)?([^\s,}#]{1,100})", re.MULTILINE)
+_TEMPLATE_REMARK: Final = re.compile(r"^([ ]*)(address: *\S+)\s+#\s*(\S.*)$")
+_TOP_KEY: Final = re.compile(r"^(\w+):", re.MULTILINE)
 _MOST_INCLUDED: Final = 5
 _DEEPEST: Final = 40  # elements in elements
 _KINDS: Final = {".yaml": "YAML", ".yml": "YAML", ".toml": "TOML", ".conf": "TOML", ".json": "JSON", ".jinja": "JSON"}
@@ -89,6 +92,19 @@ class MapSource:
         "another."""
         ways = ("json", *_WAYS.get(self.suffix, ()), *_WAYS.get(self.text[:1], ()))
         return next(filter(None, (getattr(self, way) for way in ways)), None)
+
+    @cached_property
+    def template(self) -> Any:
+        """The YAML that a template renders: what fills it in is left out, remarks behind addresses are a key, and keys
+        that stand there again have a number."""
+        from ..yamlform import load_yaml
+
+        text = self.yaml.get("render") if isinstance(self.yaml, Mapping) else None
+        lines = [line for line in str(text or "").splitlines() if "{{" not in line]
+        bare = "\n".join(_TEMPLATE_REMARK.sub(r"\1\2\n\1remark: \3", line) for line in lines)
+        numbers = count()
+        with suppress(ValueError):
+            return load_yaml(_TOP_KEY.sub(lambda key: f"{key[1]}.{next(numbers)}:", bare), lenient=True)
 
     @cached_property
     def lines(self) -> Any:

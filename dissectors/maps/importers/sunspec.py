@@ -22,8 +22,9 @@ _DEEPEST: Final = 500  # characters of the names of groups in groups
 def adapted(source: MapSource, records: Iterator[dict[str, Any]], _: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     """The points of the model at its usual address."""
     number = whole_in(source.json["id"]) or 0
-    base = _BASES.get(number, _AFTER_COMMON)
-    words = [f"placed at {base}: the device's SunS chain gives the actual address"]
+    own = whole_in(source.json.get("base"))
+    base = _BASES.get(number, _AFTER_COMMON) if own is None else own
+    words = [f"placed at {base}: the device's SunS chain gives the actual address"] * (own is None)
     for group in records:
         device = {"device": f"SunSpec model {number}: {group.get('label') or group.get('name', '')}"}
         for point in _points(group, iter(range(base, _LAST + 1)), ""):
@@ -73,7 +74,8 @@ def _size(point: Mapping[str, Any]) -> int:
 def _placed(
     point: Mapping[str, Any], taken: list[int | None], by_name: Mapping[str, int | None], prefix: str
 ) -> dict[str, Any]:
-    scale = point.get("sf")
+    scale, symbols = point.get("sf"), point.get("symbols")
+    states = {one.get("value"): one.get("label") or one.get("name", "") for one in mappings(symbols)}
     return {
         **point,
         "shown": prefix + str(point.get("label") or point.get("name")),
@@ -81,5 +83,5 @@ def _placed(
         "registers": len(taken),
         "factor": 10.0**scale if isinstance(scale, int) and abs(scale) <= 10 else None,
         "scale place": by_name.get(scale) if isinstance(scale, str) else None,
-        "states": {one.get("value"): one.get("label") or one.get("name", "") for one in mappings(point.get("symbols"))},
+        "states": symbols if isinstance(symbols, Mapping) else states,
     }
