@@ -58,7 +58,7 @@ class _RegisterLine:
 def line_sheets(text: str, most: int) -> Iterator[MapSheet]:
     """The registers that lines say, as they stand or, of sentences, each mention on a line of its own."""
     yield from _line_sheet(text, most)
-    running = expression(r"\s*\n(?=[a-z(])[ \t]*").sub(" ", text[:_PROSE])
+    running = expression(r"(?<=\S)\n(?=[a-z(])").sub(" ", text[:_PROSE])
     spoken, mentions = expression("{MENTION}").subn(r"\n\1", running)
     if mentions >= _FEW:
         yield from _line_sheet(expression("{SPOKEN}").sub(r"\n\2: \1", spoken), most)
