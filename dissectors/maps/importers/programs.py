@@ -16,7 +16,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from importlib.resources import files as package_files
 from itertools import islice
-from typing import Any, Final
+from typing import Any, Final, cast
 
 from ..cells import CellError, area_and_address
 from ..model import VALUE_TYPES
@@ -139,20 +139,25 @@ class _ProgramRow:
         if "skipped" in self.record:
             return
         area, area_word = self.meant("area")
-        address = self._address(area)
-        if area is None and address is None:
-            area, address = self._logical()
-        kind, type_word = ("bool", "") if area in _BITS else self.meant("type")
-        if address is None or area is None:
-            self.note(f"address {self.said('address')!r} of {area_word!r} is not known")
-        elif kind is None:
-            self.note(f"{self.data.get('types_are', 'type')} {type_word!r} is not a type that maps have")
-        elif area in _BITS and self.meant("type")[0] not in self.data.get("bits_are", [self.meant("type")[0]]):
-            self.note(
-                f"address {self.said('address')} leads with the digit of {area}s, which hold no {self.meant('type')[1]}"
-            )
+        spot = (area, self._address(area)) if area else self._logical()
+        kind, type_word = self.meant("type")
+        bits_are = self.data.get("bits_are", [kind])
+        wrong = (
+            (None in spot, f"address {self.said('address')!r} of {area_word!r} is not known"),
+            (kind is None and spot[0] not in _BITS, f"{self._type_is} {type_word!r} is not a type that maps have"),
+            (spot[0] in _BITS and kind not in bits_are, f"address {self.said('address')} leads with the digit of "
+             f"{spot[0]}s, which hold no {type_word}"),
+        )  # fmt: skip
+        told = next((text for holds, text in wrong if holds), "")
+        if told:
+            self.note(told)
         else:
-            self._add(area, address, kind)
+            self._add(str(spot[0]), cast(int, spot[1]), "bool" if spot[0] in _BITS else str(kind))
+
+    @property
+    def _type_is(self) -> str:
+        """What the program calls a type."""
+        return str(self.data.get("types_are", "type"))
 
     def _logical(self) -> tuple[str | None, int | None]:
         """Area and address of a record whose address names its area."""
@@ -167,7 +172,7 @@ class _ProgramRow:
         behind, half = divmod((self.whole("octets_behind") or 0) * (area not in _BITS), 2)
         if half:
             self.note(f"an offset of {2 * behind + half} octets begins within a register")
-        return None if address is None or area is None else address + (self.whole("shift") or 0) + behind
+        return None if address is None else address + (self.whole("shift") or 0) + behind
 
     def _add(self, area: str, address: int, kind: str) -> None:
         """What stands at an address: some bits of it, or a value, or several side by side."""
@@ -192,25 +197,28 @@ class _ProgramRow:
 
     def _cells(self, area: str, kind: str) -> dict[str, object]:
         kind, _, own_order = kind.partition(" ")
-        states = states_of(self.said("values") or "")
-        octets, last = self.whole("octets"), self.whole("last")
-        length = (
-            self.said("length") or (octets and -(-octets // 2)) or (last and last - (self.whole("address") or 0) + 1)
-        )
+        states = states_of(self.said("values"))
+        lengths: tuple[Any, ...] = (self.said("length"), self._length())
         if states and kind[0] in "us":
-            kind, length = "enum", VALUE_TYPES[kind]
-        is_wide = VALUE_TYPES[kind] > 1 or self.data.get("orders_bytes", False)
+            kind, lengths = "enum", (VALUE_TYPES[kind],)
+        has_order = kind != "bool" and (VALUE_TYPES[kind] > 1 or self.data.get("orders_bytes", False))
+        usual = (self.meant("access")[0], self.data.get("bits_access") if area in _BITS else None)
         return {
             **{column: self.said(column) for column in _KEPT},
             **self._factor(),
             "type": kind,
-            "order": own_order or (self.meant("order")[0] if is_wide and kind != "bool" else None),
-            "length": length,
+            "order": own_order or (self.meant("order")[0] if has_order else None),
+            "length": next(filter(None, lengths), None),
             "values": states,
-            "access": self.meant("access")[0] or (self.data.get("bits_access") if area in _BITS else None),
+            "access": next(filter(None, usual), None),
             "min": self._number("min"),
             "max": self._number("max"),
         }
+
+    def _length(self) -> int:
+        """Registers, by the octets or the last address that a record tells; 0 where it tells neither."""
+        octets, last, address = (self.whole(what) or 0 for what in ("octets", "last", "address"))
+        return -(-octets // 2) or max(0, last - address + 1) * (last > 0)
 
     def _factor(self) -> dict[str, object]:
         """Scale and offset; the number that a key divides by counts as its inverse."""

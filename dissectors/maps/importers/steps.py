@@ -32,32 +32,61 @@ def said(record: Mapping[str, Any], keys: Sequence[str]) -> Any:
 
 def value_at(record: Mapping[str, Any], key: str) -> Any:
     """What a key leads to: one of the record, `a.b` in another (or in a list), `a+b` both as a text, `=x` x itself."""
-    if key[:1] == "=" or key in record:
-        return key[1:] if key[:1] == "=" else record[key]
-    if "+" in key:
-        parts = [value_at(record, part) for part in key.split("+")]
-        return None if None in parts else " ".join(map(_flat, parts))
+    way = next((way for sign, way in _WAYS.items() if sign in key), _nothing)
+    return record[key] if key in record else way(record, key)
+
+
+def _nothing(_: Mapping[str, Any], __: str) -> None:
+    return None
+
+
+def _joined(record: Mapping[str, Any], key: str) -> str | None:
+    parts = [value_at(record, part) for part in key.split("+")]
+    return None if None in parts else " ".join(map(_flat, parts))
+
+
+def _itself(_: Mapping[str, Any], key: str) -> str:
+    return key[1:]
+
+
+def _within_another(record: Mapping[str, Any], key: str) -> Any:
     first, _, rest = key.partition(".")
-    inner = record.get(first) if rest else None
-    if isinstance(inner, list):
-        return inner[int(rest)] if rest.isdecimal() and int(rest) < len(inner) else None
-    return inner.get(rest) if isinstance(inner, Mapping) else None
+    inner = record.get(first)
+    known = dict(zip(map(str, range(len(inner))), inner, strict=True)) if isinstance(inner, list) else inner
+    return known.get(rest) if isinstance(known, Mapping) else None
+
+
+_WAYS: Final[Mapping[str, Callable[[Mapping[str, Any], str], Any]]] = {
+    "+": _joined,
+    "=": _itself,
+    ".": _within_another,
+}
 
 
 def _flat(value: Any) -> str:
     """A value as words, those of mappings and lists in turn."""
-    inner = value.values() if isinstance(value, Mapping) else value
-    return str(value) if isinstance(inner, str) or not hasattr(inner, "__iter__") else " ".join(map(_flat, inner))
+    match value:
+        case Mapping():
+            return " ".join(map(_flat, value.values()))
+        case list():
+            return " ".join(map(_flat, value))
+    return str(value)
+
+
+def _skipped(note: str | None) -> Record:
+    """What leaves a record out, and why; nothing without a reason."""
+    return {"notes": [note], "skipped": True} if note else {}
 
 
 def _parsed(_: MapSource, records: Iterator[Record], step: Mapping[str, Any]) -> Iterator[Record]:
     """The parts of a text, by the first expression that it is like; `else`: what is said where it is like none."""
     for record in records:
-        text = str(said(record, step["of"]) or "")[:_LONGEST]
+        text = str(said(record, [*step["of"], "="]))[:_LONGEST]
         found = next(filter(None, (expression(like).fullmatch(text) for like in step["like"])), None)
-        parts = found.groupdict() if found else {}
-        wrong = {"notes": [step["else"].replace("{}", repr(text))], "skipped": True} if "else" in step else {}
-        yield {**record, **({key: part for key, part in parts.items() if part is not None} if found else wrong)}
+        if found:
+            yield record | {key: part for key, part in found.groupdict().items() if part is not None}
+        else:
+            yield record | _skipped(step.get("else", "").replace("{}", repr(text)))
 
 
 def _above(_: MapSource, records: Iterator[Record], step: Mapping[str, Any]) -> Iterator[Record]:
@@ -73,26 +102,29 @@ def _above(_: MapSource, records: Iterator[Record], step: Mapping[str, Any]) -> 
 def _listed(_: MapSource, records: Iterator[Record], step: Mapping[str, Any]) -> Iterator[Record]:
     """Addresses that a record lists become its `first`, their `count`, and the way that they go (`listed`)."""
     for record in records:
-        places = [*map(whole_in, record[step["of"]])] if isinstance(record.get(step["of"]), list) else None
-        first = min((place for place in places or () if place is not None), default=0)
-        rising = [*range(first, first + len(places or ()))]
-        way = {"rising": rising, "falling": rising[::-1]}
-        found = next((name for name, listed in way.items() if places and listed == places), None)
-        told = {"first": first, "count": len(places or ()), "listed": found}
-        note = step.get("none") if not places else f"registers {record[step['of']]} do not lie side by side"
-        wrong = {"notes": [note], "skipped": True} if note and not found else {}
-        yield {**record, **(told if places else {}), **wrong} if places or wrong else record
+        listed = record.get(step["of"]) or ()
+        yield record | (_in_line(listed) if isinstance(listed, list) else {} if listed else _skipped(step.get("none")))
+
+
+def _in_line(listed: list[Any]) -> Record:
+    places = [*map(whole_in, listed)]
+    first = min((place for place in places if place is not None), default=0)
+    rising = [*range(first, first + len(listed))]
+    ways = {"rising": rising, "falling": rising[::-1]}
+    way = next((name for name, run in ways.items() if run == places), None)
+    wrong = {} if way else _skipped(f"registers {listed} do not lie side by side")
+    return {"first": first, "count": len(listed), "listed": way, **wrong}
 
 
 def _asked(source: MapSource, records: Iterator[Record], step: Mapping[str, Any]) -> Iterator[Record]:
     """What the file says of the range that an address lies in, as `asked`."""
-    ranges = [
-        (whole_in(one.get(step["first"])), whole_in(one.get(step["last"])), one.get(step["says"]))
-        for one in mappings(value_at(source.yaml, step["of"]))
-    ]
-    known = [(first, last, word) for first, last, word in ranges if first is not None is not last]
+    known: list[tuple[range, Any]] = []
+    for one in mappings(value_at(source.yaml, step["of"])):
+        first, last = (whole_in(one.get(step[key])) for key in ("first", "last"))
+        if first is not None is not last:
+            known.append((range(first, last + 1), one.get(step["says"])))
     for record in records:
-        yield {"asked": next((word for a, b, word in known if a <= record.get("first", 0) <= b), None), **record}
+        yield {"asked": next((word for run, word in known if record.get("first", 0) in run), None), **record}
 
 
 def _also(_: MapSource, records: Iterator[Record], step: Mapping[str, Any]) -> Iterator[Record]:
@@ -147,35 +179,39 @@ def _line(parts: Mapping[str, str | None]) -> tuple[float, float]:
     return factor, number["y"] - number["x"] * factor
 
 
-def _logical(source: MapSource, records: Iterator[Record], step: Mapping[str, Any]) -> Iterator[Record]:
-    """Areas and addresses apart where an address is a logical number (40001): where `all` must be, of all or none; not
-    those of a block that begins at a plain one. A file's name may say the area, by words of `named`."""
+def _logical(_: MapSource, records: Iterator[Record], step: Mapping[str, Any]) -> Iterator[Record]:
+    """Areas and addresses apart where an address is a logical number (40001), but not in a block that begins at a plain
+    one."""
+    for record in records:
+        yield record | _spot(record, step["of"], record.get("area"))
+
+
+def _aliases(source: MapSource, records: Iterator[Record], step: Mapping[str, Any]) -> Iterator[Record]:
+    """Areas and addresses apart where all addresses can be logical numbers; else a file's name may say the area."""
     rows = list(records)
-    named = next((area for word, area in step.get("named", {}).items() if word in source.stem.lower()), None)
-    spots = [_spot(row, step, named) for row in rows]
-    are_all = bool(rows) and all(spot for spot, row in zip(spots, rows, strict=True) if step["of"] in row)
+    named = next((area for word, area in step["named"].items() if word in source.stem.lower()), None)
+    spots = [_spot(row, step["of"], named) for row in rows]
+    are_aliases = bool(rows) and all(spot or step["of"] not in row for row, spot in zip(rows, spots, strict=True))
     telling = (
         ("the table does not say its area: where addresses do not either, holding registers are taken", named is None),
-        ("addresses were taken for aliases (40001), as all of them could be", are_all),
+        ("addresses were taken for aliases (40001), as all of them could be", are_aliases),
     )
-    words = [text for text, holds in telling if holds and "named" in step]
-    for at, (row, spot) in enumerate(zip(rows, spots, strict=True)):
-        told = dict(zip(("area", "place"), spot, strict=True)) if spot and (are_all or "named" not in step) else {}
-        yield {**({"area": named} if named else {}), **row, **told, "of file": words * (at == 0)}
+    words = [text for text, holds in telling if holds]
+    for row, spot in zip(rows, spots, strict=True):
+        yield {"area": named, **row, **(spot if are_aliases else {}), "of file": words}
+        words = []
 
 
-def _spot(row: Record, step: Mapping[str, Any], named: str | None) -> tuple[str, int] | None:
-    """Area and address of a logical number; None where it is none of its area."""
-    number = whole_in(row.get(step["of"])) or 0
-    near = whole_in(row.get("start")) or 0
-    own = named or row.get("area")
+def _spot(record: Record, key: str, named: str | None) -> Record:
+    """Area and address of a logical number; nothing where it is none of its area."""
+    number, near = (whole_in(record.get(one)) or 0 for one in (key, "start"))
     fits = (
-        (area, number - first)
+        {"area": area, "place": number - first}
         for area, firsts in _FIRSTS.items()
         for first in firsts
-        if (own is None or own.startswith(area)) and 0 <= number - first < 0x10000 and not _PLAIN_FROM <= near < first
+        if (named or area).startswith(area) and 0 <= number - first < 0x10000 and not _PLAIN_FROM <= near < first
     )
-    return next(fits, None)
+    return next(fits, {})
 
 
 def _kept(_: MapSource, records: Iterator[Record], step: Mapping[str, Any]) -> Iterator[Record]:
@@ -222,6 +258,7 @@ def _within(source: MapSource, records: Iterator[Record], step: Mapping[str, Any
 
 
 _STEPS: Final[Mapping[str, Step]] = {
+    "aliases": _aliases,
     "above": _above,
     "also": _also,
     "asked": _asked,
