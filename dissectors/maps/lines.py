@@ -175,9 +175,16 @@ def _opened(_: Mapping[str, str], __: _RegisterLine) -> _RegisterLine:
 
 
 def _constant(said: Mapping[str, str], _: _RegisterLine) -> _RegisterLine:
-    """A name for an address; that of a double word counts two registers."""
-    address = str(2 * numbers_in(said["address"])[0]) if said["wide"] else said["address"]
-    return _named(address, said, said["type"])
+    """A name for an address; that of a double word counts two registers, a bit of a byte is one of its own."""
+    times, area = _PLACES.get(f"{said.get('space', '')}{said['wide']}", (2 if said["wide"] == "D" else 1, ""))
+    number = times * numbers_in(said["address"])[0] + int(f"0{said.get('bit', '')}")
+    address = said["address"] if times == 1 else str(number)
+    return replace(_named(address, said, tidied("type", said["type"])), area=area)
+
+
+_PLACES: Final = {"MX": (8, "coil"), "QX": (8, "coil"), "IX": (8, "discrete"), "IW": (1, "input"), "ID": (2, "input"),
+                  "MW": (1, "holding"), "QW": (1, "holding"), "MD": (2, "holding"), "QD": (2, "holding")}  # fmt: skip
+"""How many addresses of Modbus an address of IEC 61131 counts, and of which area."""
 
 
 def _implied(said: Mapping[str, str], before: _RegisterLine) -> _RegisterLine | None:
@@ -237,7 +244,8 @@ def _name_and_parts(text: str) -> tuple[str, Parts]:
     parts = [(at, *_told(part)) for at, part in _parts(text)]
     known = next((at for at, (_, part, may) in enumerate(parts) if at and (may or part[0].isdecimal())), len(parts))
     end = parts[known][0] if known < len(parts) else len(text)
-    return text[:end].rstrip(" \t([,;:|-–—").strip("*_` "), [(part, may) for _, part, may in parts[known:]]
+    name = text[:end].rstrip(" \t([,;:|-–—").strip("*_` ")
+    return form("name_end", name).get("name", name), [(part, may) for _, part, may in parts[known:]]
 
 
 @lru_cache(maxsize=4096)

@@ -25,7 +25,14 @@ _LEAST_END: Final = 5  # bytes of a noun that stands last in a heading: two lett
 _LEAST: Final = 5.0  # bits for which a column is given a role
 _NEEDED: Final = frozenset({"address", "name"})
 OF_PARTS: Final = ("type", "unit", "scale", "access")
-_LEFT_OUT: Final = ((), ("number",), ("description",), ("number", "description"))
+_LEFT_OUT: Final = (
+    (),
+    ("number",),
+    ("description",),
+    ("number", "description"),
+    ("offset",),
+    ("offset", "description"),
+)
 _SAMPLE: Final = 200  # rows below a heading that are looked at
 _LEAST_CELLS: Final = 3  # of a heading that is known by what stands below it
 _LEAST_ROWS: Final = 2  # below it
@@ -128,6 +135,9 @@ class TableColumn:
         first = self.numbers[0] if self.numbers else 2
         return first < 2 < len(self.cells) and self.numbers == list(range(first, first + len(self.cells)))
 
+    def _varies(self, _: Mapping[str, Any]) -> bool:
+        return len(set(self.cells)) > 1
+
     def _differs(self, _: Mapping[str, Any]) -> bool:
         return len(set(self.cells)) >= _RISING * len(self.cells)
 
@@ -152,6 +162,7 @@ _LOOKS: Final[Mapping[str, Callable[[TableColumn, Mapping[str, Any]], bool]]] = 
     "rises": TableColumn._rises,
     "counts": TableColumn._counts,
     "differs": TableColumn._differs,
+    "varies": TableColumn._varies,
     "filled": TableColumn._is_filled,
     "type": TableColumn._types,
     "area": TableColumn._areas,

@@ -201,12 +201,8 @@ def access_said(text: str, *, codes: bool = False) -> str:
     said = meaning("said_access", text * (not codes))
     functions = set(functions_in(f"{'fc ' * codes}{text}"))
     read, written = functions & _READING, functions - _READING
-    told = (
-        f"{'r' * bool(read)}w"
-        if written
-        else "r" * (functions != set() and functions <= (_READING_ONLY if codes else _READING))
-    )
-    return said or told
+    reads = functions != set() and (functions <= _READING_ONLY) == codes  # who says that inputs are read says no more
+    return said or (f"{'r' * bool(read)}w" if written else "r" * reads)
 
 
 @lru_cache(maxsize=4096)
@@ -236,7 +232,7 @@ def bits_of(text: str, kind: str) -> dict[int, str]:
 
 def states_in(cells: Mapping[str, str], kind: str, name: str) -> tuple[str, str | None]:
     """A row's name, and the names of its states or bits: out of their column, the range, the remark, or behind it."""
-    remark, span = cells.get("description", ""), cells.get("range", "")
+    remark, span = cells.get("description") or cells.get("unit", ""), cells.get("range", "")
     behind = form("states_behind", name)
     ways = (
         (name, cells.get("values", ""), kind in ("enum", "bits", "u16", "s16")),
@@ -286,6 +282,16 @@ def facts_of(cells: Mapping[str, str], flags: Collection[str]) -> tuple[dict[str
             left[of] = said.get("rest", left[of])
     low, high = (float(told[key].replace(",", ".") or number) for key, number in (("low", "-inf"), ("high", "inf")))
     return {**told, **({} if low <= high else {"low": "", "high": ""})}, left
+
+
+def scaled_by(points: Sequence[str]) -> dict[str, str]:
+    """Scale and offset of a line through two points: the least and the greatest raw number, and what they stand for."""
+    numbers = [float(point.replace(",", ".")) for point in points if expression("{DECIMAL}").fullmatch(point)]
+    run = numbers[1] - numbers[0] if len(numbers) == len(points) else 0.0
+    if not run:
+        return {}
+    factor = (numbers[3] - numbers[2]) / run
+    return {"scale": f"{factor:.10g}", "added": f"{numbers[2] - factor * numbers[0]:.10g}"}
 
 
 _TOLD: Final = ("scale", "unit", "low", "high", "added", "sign", "access")

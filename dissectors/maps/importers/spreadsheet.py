@@ -15,7 +15,7 @@ from .source import ImportedMap, MapSource
 from .tables import chart_of
 
 NAME = "a table"
-_MOST_ROWS: Final = 20_000
+_MOST_ROWS: Final = 30_000
 
 
 def read(source: MapSource) -> list[ImportedMap] | None:

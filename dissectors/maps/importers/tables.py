@@ -45,6 +45,7 @@ from ..written import (
     has_only_states,
     numbers_in,
     order_of,
+    scaled_by,
     states_in,
     type_of,
 )
@@ -60,6 +61,7 @@ _LEAST_NAMES: Final = 3  # that tell whether names end in units
 _LOGICAL: Final = 10_000  # by which logical numbers of areas differ
 _MOST_BLOCKS: Final = 16  # that have the same offsets
 _AREA_OF: Final = {digit: area for area, digit in DIGIT_OF_AREA.items()}
+_SCALED: Final = ("raw_low", "raw_high", "scaled_low", "scaled_high")
 Cells = dict[str, str]
 
 
@@ -214,15 +216,11 @@ class _TableRows:
         both = [low if known_headings([low]) else f"{top if low else own} {low}".strip() for top, own, low in pairs]
         below = of_values(self.rows[first + 2 : last])
         weights = [assignment(one, below)[1] for one in (row, second, both)]
-        filled = [at for at, cell in enumerate(second) if cell]
-        is_split = (
-            len({"".join(row[at : at + 1]) for at in filled} - {""}) == 1 < len(filled)
-        )  # one heading over several
-        return (
-            both
-            if weights[2] > max(weights[:2]) or (is_split and not any(form("place", cell) for cell in second))
-            else None
-        )
+        tops = {"".join(row[at : at + 1]) for at, cell in enumerate(second) if cell}
+        is_split = "" not in tops and len(tops) == 1 < sum(map(bool, second))  # one heading over several columns
+        is_hex = form("hex_heading", "".join(second).lower()) != {}
+        is_below = (is_split or is_hex) and not any(form("place", cell) for cell in second)
+        return both if weights[2] > max(weights[:2]) or is_below else None
 
     def _joined(self, rows: Table, first: int) -> Iterator[tuple[int, list[str]]]:
         """The rows with their numbers; what a cell went on with on the next line is put back to it: texts alone, in
@@ -251,7 +249,7 @@ class _TableRows:
         cells = self._with_footnotes(cells) if self.titles.footnotes else cells
         if is_rule(row) or self._is_bit(cells):
             return
-        if sum(map(bool, row)) == 1:
+        if sum(map(bool, row)) == 1 or (sum(map(bool, row)) == _FEW and form("section", row[0])):
             self._title(row)
             return
         self.above = cells.get("area") or self.above  # one cell for several rows holds its text once
@@ -344,6 +342,7 @@ class _TableRows:
         """Add the value at a register."""
         shown = {**cells, "name": " ".join(cells["name"].split()), "unit": given(cells.get("unit", ""))}
         told, left = facts_of(shown, ["untyped"] * (not cells.get("type")))
+        told |= scaled_by([cells.get(role, "") for role in _SCALED])
         length = whole_in(cells.get("length")) or _words(cells, position, self.heading.form)
         kind, length = type_of(_type_said(cells, told["sign"]), length)
         order = self._order(cells, kind, what)
