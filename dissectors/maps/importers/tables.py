@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from bisect import bisect, bisect_left
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import accumulate, islice, zip_longest
 from typing import Final
@@ -30,6 +30,7 @@ from ..roles import (
     plain_heading,
 )
 from ..sheets import MapSheet, column_name, notes_of_cut
+from ..titles import Titles, footnotes_in
 from ..vocabulary import expression, form, given, meaning
 from ..written import (
     AddressForm,
@@ -70,49 +71,6 @@ def chart_of(source: MapSource, sheet: MapSheet, device: str = "") -> ImportedMa
     return _TableRows(source, sheet, device).chart()
 
 
-def first_chart(source: MapSource, sheets: Iterable[MapSheet]) -> list[ImportedMap] | None:
-    """The map of the first sheet that has a heading; None where none has."""
-    charts = (chart_of(source, sheet) for sheet in sheets)
-    return next(([chart] for chart in charts if chart is not None), None)
-
-
-@dataclass(slots=True)
-class _Titles:
-    """What titles and sentences say of the rows below them."""
-
-    area: MapArea | None = None
-    order: str | None = None
-    access: str = ""
-    accesses: dict[MapArea | None, str] = field(default_factory=dict)  # of the areas of which a sentence speaks
-    numbering: str = ""  # how addresses are written, as words of a heading
-    group: str = ""
-    tables: dict[str, str] = field(default_factory=dict)  # what sentences say of tables by their numbers
-    blocks: dict[str, int] = field(default_factory=dict)  # where blocks of the same offsets begin, by their names
-    footnotes: dict[str, str] = field(default_factory=dict)  # by their marks
-
-    def take(self, title: str, *, is_group: bool) -> None:
-        """Take in a title, and what was said of its table before."""
-        sentences = expression("[,;.]").split(title)
-        for sentence in sentences:
-            for number in expression("\\d+").findall(form("of_tables", sentence).get("numbers", "")):
-                self.tables.setdefault(number, sentence)
-        own = [part for part in sentences if not form("of_tables", part)]
-        told = self.tables.get(form("table_title", title).get("number", ""), "")
-        self._take(title if own == sentences and not told else ", ".join([*own, told]), own)
-        self.blocks |= {said["name"]: numbers_in(said["base"])[0] for said in expression("{BLOCK}").finditer(title)}
-        if is_group:
-            self.group = _group(title) or self.group
-
-    def _take(self, title: str, sentences: Sequence[str]) -> None:
-        area = area_words(title)
-        self.order = order_of(form("says_order", title.lower()).get("", "")) or self.order
-        self.numbering += " hex" * (form("in_hex", title) != {}) + " 1-based" * (form("from_one", title) != {})
-        told = ((area_words(part), access_said(part)) for part in sentences)
-        self.accesses |= {part: said for part, said in told if said}
-        self.access = access_said(title) or self.access * (area in (None, self.area))
-        self.area = area or self.area
-
-
 @dataclass(slots=True)
 class _TableHeading:
     """What the columns of a table hold, by a row of headings and the rows below it."""
@@ -137,7 +95,7 @@ class _TableRows:
         self.first = 1 - (self.rows[1:] == shown)  # number of the first row
         for note in sheet.notes:
             self.builder.note(note)
-        self.titles = _Titles(area_words(sheet.name), footnotes=_footnotes(self.rows))
+        self.titles = Titles(area_words(sheet.name), footnotes=footnotes_in(self.rows))
         self.heading = _TableHeading()
         self.above = ""  # the area of the rows above
         self.register: tuple[MapArea, int] | None = None  # the newest, whose bits rows may name
@@ -246,7 +204,7 @@ class _TableRows:
     def _row(self, row: Sequence[str], what: str) -> None:
         """Take in a row: a line between others, a title, a bit of the register above, or values."""
         cells = {key: row[at].strip() for key, at in self.heading.columns.items() if at < len(row)}
-        cells = self._with_footnotes(cells) if self.titles.footnotes else cells
+        cells = self.titles.without_marks(cells)
         if is_rule(row) or self._is_bit(cells):
             return
         if sum(map(bool, row)) == 1 or (sum(map(bool, row)) == _FEW and form("section", row[0])):
@@ -259,17 +217,6 @@ class _TableRows:
         spots = [(title, place) for title, place in others if numbers_in(place)]
         for title, place in spots or [("", cells.get("address", ""))]:
             self._at(cells | {"address": place, "name": f"{cells.get('name', '')}{title}"}, what)
-
-    def _with_footnotes(self, cells: Cells) -> Cells:
-        """The cells without the marks of footnotes; what these say is a remark."""
-        bare = {}
-        said = cells.get("description", "")
-        for key, cell in cells.items():
-            marked = form("marked", cell)
-            known = self.titles.footnotes.get(marked.get("mark", ""), "")
-            bare[key] = marked["rest"] if known else cell
-            said += f" {known}" * bool(known)
-        return bare | {"description": said.strip()}
 
     def _at(self, cells: Cells, what: str) -> None:
         """Add what stands at the address of a row, in each of the blocks that have it."""
@@ -403,12 +350,6 @@ def _nearest(left: str, cell: str) -> str:
     return cell or left
 
 
-def _footnotes(rows: Table) -> dict[str, str]:
-    """What footnotes say, by their marks."""
-    alone = (" ".join(filter(None, row)) for row in rows if sum(map(bool, row)) <= _FEW)
-    return {said["mark"]: said["text"] for said in (form("footnote", text[:_LONGEST]) for text in alone) if said}
-
-
 def _more_addresses(row: Sequence[str], below: Table, columns: Mapping[str, int]) -> Mapping[str, int]:
     """The columns of addresses by what tells them apart, where several stand side by side: Address L1, L2, L3."""
     word, _, own = row[columns["address"]].partition(" ")
@@ -448,11 +389,6 @@ def _have_units_behind(names: Sequence[str], units: Sequence[str]) -> bool:
     """Whether many names end in a short word in brackets, and most have that or a unit of a column that few use."""
     behind = sum(form("unit_behind", name) != {} for name in names)
     return behind >= _LEAST_NAMES and 2 * (behind + len(units)) > len(names) > 2 * len(units)
-
-
-def _group(text: str) -> str:
-    """The title above rows, as a group; a sentence is none."""
-    return form("group_title", text.strip("#*: ")).get("", "")
 
 
 def _type_said(cells: Cells, sign: str) -> str:
