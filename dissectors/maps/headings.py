@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from itertools import islice, zip_longest
 from typing import Final
 
-from .roles import Table, assigned, assignment, column_cells, is_heading, is_unknown_heading, may_be_heading
+from .roles import Table, assigned, column_cells, heading_weight, is_heading, may_be_heading
 from .vocabulary import expression, form
 
 _TOLD: Final = frozenset({"address", "name", "type"})  # columns of a table without a heading
@@ -48,9 +48,8 @@ def headings_in(rows: Table) -> Iterator[int]:
         if not known and may_be_heading(row) and not is_rule(row)
     )
     tried = ((at, row, of_values(rows[at + 1 : at + HEADING_ROWS])) for at, row in islice(looked, _MOST_TRIED))
-    unknown = [(at, assignment(row, below)[1]) for at, row, below in tried if is_unknown_heading(row, below)]
-    first = max(unknown, key=lambda found: found[1])[0] if unknown else None
-    yield from known if first is None else (at for at, row in enumerate(rows) if row == rows[first])
+    weight, first = max(((heading_weight(row, below), -at) for at, row, below in tried), default=(0.0, 0))
+    yield from (at for at, row in enumerate(rows) if row == rows[-first]) if weight else known
 
 
 def of_values(rows: Table) -> Table:

@@ -95,7 +95,7 @@ class TableColumn:
     @cached_property
     def numbers(self) -> list[int]:
         """The first number of each cell that has one."""
-        return [found[0] for cell in self.cells if (found := numbers_in(cell))]
+        return [number for cell in self.cells for number in numbers_in(cell)[:1]]
 
     @property
     def is_of_addresses(self) -> bool:
@@ -239,7 +239,8 @@ def may_be_heading(row: Sequence[str]) -> bool:
     return len(cells) >= _LEAST_CELLS and not any(cell[:1].isdecimal() for cell in cells)
 
 
-def is_unknown_heading(row: Sequence[str], below: Table) -> bool:
-    """Whether a row of words that nobody knows is a heading, by what stands below it: addresses, names and more."""
-    columns = assigned(row, below) if len(below) >= _LEAST_ROWS else {}
-    return len(columns) >= _LEAST_CELLS and form("words", row[columns["address"]]) != {}
+def heading_weight(row: Sequence[str], below: Table) -> float:
+    """How surely a row of words that nobody knows is a heading, by what stands below it: addresses, names and more; 0
+    where it is none."""
+    columns, bits = assignment(row, below) if len(below) >= _LEAST_ROWS else ({}, 0.0)
+    return bits if len(columns) >= _LEAST_CELLS and form("words", row[columns["address"]]) else 0.0

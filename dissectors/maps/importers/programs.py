@@ -176,13 +176,13 @@ class _ProgramRow:
 
     def _add(self, area: str, address: int, kind: str) -> None:
         """What stands at an address: some bits of it, or a value, or several side by side."""
-        bit, mask = self.whole("bit"), self.whole("mask") or 0
-        if mask.bit_count() == 1:
-            bit = mask.bit_length() - 1
-        elif mask:
+        mask = self.whole("mask") or 0
+        own_bit = {0: self.whole("bit"), 1: mask.bit_length() - 1}.get(mask.bit_count())
+        bits = [bit for bit in (own_bit, *[0] * (kind == "bit")) if bit is not None and kind != "bool"]
+        if mask.bit_count() > 1:
             self.note(f"bitmask {mask:#x} is not carried")
-        if kind != "bool" and (kind == "bit" or bit is not None):
-            self.builder.add_bits(area, address, bit or 0, self.whole("width") or 1, self.name)
+        if bits:
+            self.builder.add_bits(area, address, bits[0], self.whole("width") or 1, self.name)
             return
         cells = self._cells(area, kind)
         copies = min(self.whole("copies") or 0, _MOST_COPIES)

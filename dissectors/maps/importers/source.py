@@ -243,9 +243,7 @@ class MapBuilder:
         if self.is_full:
             return
         kind = "bool" if area in ("coil", "discrete") else str(cells["type"])
-        fitting = {
-            key: cell for key, cell in cells.items() if cell is not None and key not in _UNFIT.get(kind, _LENGTH)
-        }
+        fitting = {key: cell for key, cell in cells.items() if key not in _UNFIT.get(kind, _LENGTH)}
         if area in ("input", "discrete"):
             fitting["access"] = fitting.get("access") or "r"
         try:
@@ -269,8 +267,8 @@ class MapBuilder:
         """A part of a register: bits `first` to `first + width - 1`."""
         names = self.bits.setdefault((area, address), {})
         for bit in range(max(first, 0), min(first + width, 16)):
-            label = name if width == 1 else f"{name} bit {bit - first}"
-            names[bit] = f"{names[bit]} / {label}" if bit in names else label
+            label = f"{name} bit {bit - first}" * (width > 1) or name
+            names[bit] = " / ".join(filter(None, (names.get(bit), label)))
 
     @property
     def is_full(self) -> bool:
@@ -287,10 +285,11 @@ class MapBuilder:
     def _is_of_bits(self, area: str, address: int, names: dict[int, str]) -> bool:
         """Give the only row of a register the names of its bits; False where there is none, or another value."""
         twins = self._at.get((area, address), {})
-        row = next(iter(twins.values()), None)
-        if row is None or len(twins) != 1 or row.type not in ("u16", "s16", "bits") or row.length != 1:
+        rows = [row for row in twins.values() if (row.type, row.length) in _OF_ONE_REGISTER]
+        if not len(rows) == len(twins) == 1:
             return False
-        self.rows[self.rows.index(row)] = replace(row, type="bits", values=dict(sorted(names.items())), scale=1.0)
+        named = replace(rows[0], type="bits", values=dict(sorted(names.items())), scale=1.0)
+        self.rows[self.rows.index(rows[0])] = named
         return True
 
     def built(self) -> ImportedMap:
@@ -328,6 +327,7 @@ def _without_halves(rows: Sequence[MappedValue]) -> Sequence[MappedValue]:
     return done
 
 
+_OF_ONE_REGISTER: Final = {("u16", 1), ("s16", 1), ("bits", 1)}  # whose bits may have names
 _WIDER: Final = {"s": "s32", "f": "f32"}
 _LENGTH: Final = ("length",)
 _FACTOR: Final = ("scale", "offset")
@@ -357,7 +357,7 @@ def number_in(mapping: Mapping[str, Any], key: str, default: float) -> float:
 def whole_in(value: object) -> int | None:
     """A whole number, decimal or hex, None where it is none."""
     try:
-        return None if value in (None, "") else whole_number("address", value)
+        return whole_number("address", value)
     except CellError:
         return None
 

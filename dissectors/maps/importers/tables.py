@@ -304,13 +304,13 @@ class _TableRows:
                 "type": "bits" if bits else kind,
                 "order": order,
                 "length": length,
-                "scale": told["scale"] or None,
-                "offset": told["added"] or None,
+                "scale": told["scale"],
+                "offset": told["added"],
                 "unit": told["unit"],
                 "values": bits or states,
                 "access": next(filter(None, accesses), None),
-                "min": told["low"] or None,
-                "max": told["high"] or None,
+                "min": told["low"],
+                "max": told["high"],
                 "description": left.get("description") or left["unit"] * (told["unit"] == ""),
                 "group": cells.get("group") or self.titles.group,
             },
@@ -328,17 +328,16 @@ class _TableRows:
 
     def _order(self, cells: Cells, kind: str, what: str) -> str | None:
         """The order of a wide value: as its row says it, else as a title does; a doubtful one is told."""
-        own = cells.get("order", "")
-        said = f"{own} {cells.get('type', '')}".strip().lower()
-        ways = (said, f"{self.heading.order} {own}", cells.get("description", ""))
-        order = next(filter(None, map(order_of, ways)), self.titles.order)
-        is_said, is_sure = own or form("says_order", said), order and not form("is_inverse", said)
         if VALUE_TYPES.get(kind, 0) < 2:
             return None
-        if is_said and not is_sure:
-            shown = f"{own} {cells.get('type', '')}".strip()[:30]
+        own = cells.get("order", "")
+        said = f"{own} {cells.get('type', '')}".strip()
+        ways = (said.lower(), f"{self.heading.order} {own}", cells.get("description", ""))
+        order = next(filter(None, map(order_of, ways)), self.titles.order)
+        is_sure = order and not form("is_inverse", said.lower())
+        if not is_sure and (own or form("says_order", said.lower())):
             first = _FIRST_WORD.get(str(order), "most significant")
-            self.builder.note(f"{what}: order {shown!r} was taken for {order or 'ABCD'}, {first} word first")
+            self.builder.note(f"{what}: order {said[:30]!r} was taken for {order or 'ABCD'}, {first} word first")
         return order
 
 
@@ -368,21 +367,21 @@ def _more_addresses(row: Sequence[str], below: Table, columns: Mapping[str, int]
 
 def _first_numbers(rows: Table, at: int) -> list[int]:
     """The first number of each cell of a column that has one."""
-    return [found[0] for cell in column_cells(rows, at) if (found := numbers_in(cell))]
+    return [number for cell in column_cells(rows, at) for number in numbers_in(cell)[:1]]
 
 
 def _goes_on(row: Sequence[str], above: Sequence[str], columns: Mapping[str, int], *, is_drawn: bool) -> bool:
     """Whether texts go on from the row above, which has no cell less: the name in small letters, no bit of it; where
     lines part all other rows, any name."""
-    filled = {at for at, cell in enumerate(row) if cell}
-    name = "".join(row[columns.get("name", len(row)) :][:1])
-    place = columns.get("address", len(above))
-    is_open = "".join(above[place:][:1]).endswith(_OPEN)
+    filled, held = ({at for at, cell in enumerate(cells) if cell} for cells in (row, above))
+    name, name_above, place_above = (
+        "".join(cells[columns.get(role, len(cells)) :][:1])
+        for cells, role in ((row, "name"), (above, "name"), (above, "address"))
+    )
     texts = {columns[role] for role in _LONG_TEXTS & columns.keys()}
-    alone = set() if is_open else {0, place} - texts
-    held = "".join(above[columns.get("name", len(above)) :][:1])
-    own = is_drawn or (f"{name}a"[0].islower() and not form("spoken_bit", name)) or held.endswith(",")
-    return own and set() < filled <= (texts | {at for at, cell in enumerate(above) if cell}) - alone
+    alone = set() if place_above.endswith(_OPEN) else {0, columns.get("address", 0)} - texts
+    is_lower = f"{name}a"[0].islower() and not form("spoken_bit", name)
+    return any((is_drawn, is_lower, name_above.endswith(","))) and set() < filled <= (texts | held) - alone
 
 
 def _have_units_behind(names: Sequence[str], units: Sequence[str]) -> bool:
@@ -402,5 +401,5 @@ def _words(cells: Cells, position: TableAddress, how: AddressForm) -> int | None
     octets = whole_in(cells.get("octets")) or 1
     end = address_of(cells.get("end", ""), how)
     last = position.last or (end.first if end else -1)
-    span = max(0, last - position.first + 1)
-    return octets // 2 if octets % 2 == 0 else span or None
+    ways = (octets // 2 * (octets % 2 == 0), max(0, last - position.first + 1))
+    return next(filter(None, ways), None)
