@@ -217,9 +217,10 @@ def values_of(text: str) -> str | None:
 @lru_cache(maxsize=4096)
 def has_only_states(text: str) -> bool:
     """Whether a remark is a list of states: `0 - off, 1 - on`, `0: 4800, 1: 9600`."""
-    parts = list(filter(None, map(str.strip, re.split(r"[;,\n|]", text.translate(WIDE_SIGNS)))))
+    text = text.translate(WIDE_SIGNS)
+    parts = list(filter(None, map(str.strip, re.split(r"[;,\n|]", text))))
     states = [form("listed_state", part).get("state", "") for part in parts]
-    return len(states) > 1 and _all_like(r"\d+", states)
+    return (len(states) > 1 and _all_like(r"\d+", states)) or form("listed_states", text) != {}
 
 
 def bits_of(text: str, kind: str) -> dict[int, str]:

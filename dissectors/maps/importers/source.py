@@ -331,7 +331,7 @@ _OF_ONE_REGISTER: Final = {("u16", 1), ("s16", 1), ("bits", 1)}  # whose bits ma
 _WIDER: Final = {"s": "s32", "f": "f32"}
 _LENGTH: Final = ("length",)
 _FACTOR: Final = ("scale", "offset")
-_UNFIT: Final = {"bool": (*_LENGTH, *_FACTOR), "text": _FACTOR, "bits": _FACTOR, "enum": _FACTOR}
+_UNFIT: Final = {"bool": (*_LENGTH, *_FACTOR, "unit"), "text": _FACTOR, "bits": _FACTOR, "enum": _FACTOR}
 """What a type cannot have: a coil is a bool, a text has no factor, others have the length that they have."""
 
 

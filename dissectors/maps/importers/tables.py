@@ -277,6 +277,8 @@ class _TableRows:
 
     def _apart(self, cells: Cells) -> Cells:
         """The cells of a row, with what stands behind its name in cells of their own."""
+        if form("says_bits", cells.get("unit", "")):
+            cells = {**cells, "description": f"{cells['unit']} {cells.get('description', '')}".strip(), "unit": ""}
         first, _, more = cells["name"].partition("\n")
         if has_only_states(more):
             return {**cells, "name": first, "description": f"{more} {cells.get('description', '')}".strip()}
