@@ -169,12 +169,12 @@ class _TableRows:
         row, second = (list(self.rows[at]) for at in (first, first + 1))
         width = max(len(row), len(second))
         padded = [*row, *[""] * (width - len(row))]
-        above = accumulate(padded, _nearest)  # one cell over several
+        above = [*accumulate(padded, _nearest)]  # one cell over several
         pairs = zip(above, padded, second + [""] * (width - len(second)), strict=True)
         both = [low if known_headings([low]) else f"{top if low else own} {low}".strip() for top, own, low in pairs]
         below = of_values(self.rows[first + 2 : last])
         weights = [assignment(one, below)[1] for one in (row, second, both)]
-        tops = {"".join(row[at : at + 1]) for at, cell in enumerate(second) if cell}
+        tops = {above[at] for at, cell in enumerate(second) if cell}
         is_split = "" not in tops and len(tops) == 1 < sum(map(bool, second))  # one heading over several columns
         is_hex = form("hex_heading", "".join(second).lower()) != {}
         is_below = (is_split or is_hex) and not any(form("place", cell) for cell in second)
@@ -364,7 +364,8 @@ def _more_addresses(row: Sequence[str], below: Table, columns: Mapping[str, int]
     }
     places = [number for at in (columns["address"], *found.values()) for number in _first_numbers(below, at)]
     is_one_space = len({*places}) == len(places) > 0 and max(places) - min(places) < _LOGICAL
-    return {own: columns["address"], **found} if found and is_one_space else {}
+    every = sorted({own: columns["address"], **found}.items(), key=lambda titled: titled[1])
+    return dict(every) if found and is_one_space else {}
 
 
 def _first_numbers(rows: Table, at: int) -> list[int]:
