@@ -94,7 +94,12 @@ def _lists_of_rows(node: Any, depth: int) -> Iterator[Sequence[Sequence[Any]]]:
 
 def parts_of(node: Any) -> list[Any]:
     """What a mapping or a list of a tree holds; nothing of anything else."""
-    return [*node.values()] if isinstance(node, Mapping) else node if isinstance(node, list) else []
+    match node:
+        case Mapping():
+            return [*node.values()]
+        case list():
+            return node
+    return []
 
 
 def _found(node: Any, path: tuple[str, ...], given: Record) -> Iterator[Record]:

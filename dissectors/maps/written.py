@@ -252,7 +252,7 @@ def _told(at: int, text: str) -> Mapping[str, str]:
     match = expression(line["like"]).fullmatch(_put_right(line.get("tidy", ""), text.translate(WIDE_SIGNS)))
     if match is None:
         return {}
-    parts = {**match.groupdict(""), **line.get("gives", {})}
+    parts = {**_NOTHING_TOLD, **match.groupdict(""), **line.get("gives", {})}
     tens = len(parts.get("digits", "")) + int(parts.get("places") or 0)
     over = parts.get("times") or f"1{'0' * tens}" * (tens > 0)
     step = parts.get("step") or "1" * (over != "")
@@ -276,8 +276,8 @@ def facts_of(cells: Mapping[str, str], flags: Collection[str]) -> tuple[dict[str
     lines = vocabulary()["facts"]
     for at in _facts_by_cell(frozenset(key for key, cell in cells.items() if cell), frozenset(flags)):
         of = lines[at]["of"]
-        said = _told(at, left[of]) if left[of] else {}
-        new = {key: said[key] for key in _TOLD if said.get(key) and not told[key]}
+        said = _told(at, left[of])
+        new = {key: said[key] for key in _TOLD if said.get(key, "") > told[key] == ""}
         if new:
             told |= new
             left[of] = said.get("rest", left[of])
@@ -295,6 +295,7 @@ def scaled_by(points: Sequence[str]) -> dict[str, str]:
     return {"scale": f"{factor:.10g}", "added": f"{numbers[2] - factor * numbers[0]:.10g}"}
 
 
+_NOTHING_TOLD: Final = dict.fromkeys(("unit", "low", "high", "added", "sign", "access"), "")
 _TOLD: Final = ("scale", "unit", "low", "high", "added", "sign", "access")
 
 

@@ -70,10 +70,12 @@ class Program:
         tree = getattr(source, self.data["reads"])
         for path in paths:
             way = path["to"].split(".")
+            if not any(key in source.text for key in way[-1].strip("{}*-").split(",")):
+                continue  # what it leads to is nowhere in the file
             records = iter(tree) if way == ["-"] else self._walked({"": tree}, ["", *way], {}, 0)
             for record in islice(records, most):
                 where, unless = path.get("where", {}), path.get("unless", {"": ""})
-                there = "needs" not in path or said(record, path["needs"]) is not None
+                there = said(record, path.get("needs", ["="])) is not None
                 if there and where.items() <= record.items() and not unless.items() <= record.items():
                     yield record | {key: said(record, keys) for key, keys in path.get("gives", {}).items()}
 

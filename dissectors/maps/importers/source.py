@@ -364,6 +364,9 @@ def whole_in(value: object) -> int | None:
 
 def mappings(content: object) -> Iterable[Mapping[str, Any]]:
     """The mappings of a list, or the one that stands alone."""
-    if isinstance(content, Mapping):
-        return [content]
-    return [item for item in content if isinstance(item, Mapping)] if isinstance(content, list) else []
+    match content:
+        case Mapping():
+            return [content]
+        case list():
+            return [item for item in content if isinstance(item, Mapping)]
+    return []
