@@ -220,7 +220,8 @@ def _indexed(said: Mapping[str, str], before: _RegisterLine) -> _RegisterLine | 
 
 def _entry(said: Mapping[str, str], _: _RegisterLine) -> _RegisterLine:
     """An address with its name behind it."""
-    name, parts = _name_and_parts(form("spoken_of", said["rest"]).get("rest") or said["rest"])
+    text = form("spoken_of", said["rest"]).get("rest") or said["rest"]
+    name, parts = _name_and_parts(f"{text}, {said['aside']}".rstrip(", "))
     area = area_words(said["word"]) or ""
     return _RegisterLine(said["address"], name, [*parts, ("", ("end",))], is_entry=True, area=area)
 
