@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from itertools import islice, zip_longest
 from typing import Final
 
-from .roles import Table, assigned, column_cells, is_heading, is_unknown_heading, may_be_heading
+from .roles import Table, assigned, column_cells, heading_weight, is_heading, may_be_heading
 from .vocabulary import expression, form
 
 _TOLD: Final = frozenset({"address", "name", "type"})  # columns of a table without a heading
@@ -40,12 +40,16 @@ def headed(rows: Table) -> Table:
 
 
 def headings_in(rows: Table) -> Iterator[int]:
-    """Where rows of headings are: those of known words, or the first that is one by what stands below it."""
+    """Where rows of headings are: those of known words, or the one that is one most surely by what stands below it."""
     known = [at for at, (row, after) in enumerate(zip_longest(rows, rows[1:])) if row != after and is_heading(row)]
-    looked = ((at, row) for at, row in enumerate(rows[:HEADING_ROWS]) if not known and may_be_heading(row))
+    looked = (
+        (at, row)
+        for at, row in enumerate(rows[:HEADING_ROWS])
+        if not known and may_be_heading(row) and not is_rule(row)
+    )
     tried = ((at, row, of_values(rows[at + 1 : at + HEADING_ROWS])) for at, row in islice(looked, _MOST_TRIED))
-    first = next((at for at, row, below in tried if is_unknown_heading(row, below)), None)
-    yield from known if first is None else (at for at, row in enumerate(rows) if row == rows[first])
+    weight, first = max(((heading_weight(row, below), -at) for at, row, below in tried), default=(0.0, 0))
+    yield from (at for at, row in enumerate(rows) if row == rows[-first]) if weight else known
 
 
 def of_values(rows: Table) -> Table:

@@ -9,19 +9,21 @@
 Behind address and name a line has parts in any order. A part that begins with the heading of a column is of that; else
 the judge of columns says of it alone whether it is the type, the unit, the factor or the access; of which it knows
 nothing, that is what most lines have in this place. An entry's name ends where the first part begins that is known.
-Lines between are titles.
+What has no address of its own lies behind that before: names of an enumeration, members of a structure. Lines between
+are titles.
 """
 
 from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import lru_cache, partial
 from itertools import accumulate, pairwise
 from typing import Final
 
+from .literals import with_constants
 from .roles import OF_PARTS, WHOLE, heading_bits, plain_heading, roles_of_part
 from .sheets import MapSheet, notes_of_cut
 from .vocabulary import expression, form, roles, tidied, vocabulary
@@ -30,10 +32,14 @@ from .written import area_words, numbers_in
 _LONGEST: Final = 300  # characters of a line that says one thing
 _MOST_BELOW: Final = 8  # lines of one entry
 _FEW: Final = 2
+_PROSE: Final = 1 << 16  # characters of sentences
 _HEAD: Final = 4000  # characters in which sentences speak of all
 _MARK: Final = re.compile(r"\s*(?:[;|()\[\]]|,(?!\d)|(?<=[^\s.])\.(?=[\s;]|$)|:\s|\s[-–—]\s|\s{2,}|\t)\s*")
+_GOES_ON: Final = frozenset(":-–—")  # marks behind which a text may go on
 _OCTETS: Final = {"char": 1, "8": 1, "16": 2, "32": 4, "64": 8, "float": 4, "double": 8}
-_COLUMNS: Final = ("address", "name", "type", "unit", "scale", "access", "description", "area")
+_COLUMNS: Final = ("address", "name", "type", "unit", "scale", "access", "description", "area", "length")
+_KINDS: Final = ("opened", "declared", "bare", "implied", "entry", "called", "indexed", "alone")
+Parts = Sequence[tuple[str, Sequence[str]]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +48,7 @@ class _RegisterLine:
 
     address: str
     name: str
-    parts: Sequence[tuple[str, Sequence[str]]]
+    parts: Parts = ()
     is_entry: bool = False
     area: str = ""
     block: Sequence[int] = ()  # the address of registers that are read at once
@@ -50,26 +56,43 @@ class _RegisterLine:
 
 
 def line_sheets(text: str, most: int) -> Iterator[MapSheet]:
+    """The registers that lines say, as they stand or, of sentences, each mention on a line of its own."""
+    yield from _line_sheet(text, most)
+    running = expression(r"(?<=\S)\n(?=[a-z(])").sub(" ", text[:_PROSE])
+    spoken, mentions = expression("{MENTION}").subn(r"\n\1", running)
+    if mentions >= _FEW:
+        yield from _line_sheet(expression("{SPOKEN}").sub(r"\n\2: \1", spoken), most)
+
+
+def _line_sheet(text: str, most: int) -> Iterator[MapSheet]:
     """The registers that lines say, with the titles between them, as a sheet; none where a line at most does.
 
     Many lines begin with a number: of entries, most must tell more than a name, or none counts.
     """
     placed = partial(_placed, bases=_bases(text[:_HEAD]))
-    every = expression(vocabulary()["image"]).sub(placed, tidied.__wrapped__("lines", text)).splitlines()
+    text = tidied.__wrapped__("lines", with_constants(text))
+    every = expression(vocabulary()["image"]).sub(placed, text).splitlines()
     shown = [*_with_those_below([line[:_LONGEST] for line in every[:most]])]
-    every_line = _registers(shown)
-    told = [any(may for _, may in line.parts) for line in filter(None, every_line) if line.is_entry]
+    read = _registers(shown)
+    told = [any(may for _, may in line.parts) for line in read if line and line.is_entry]
     is_list = 2 * sum(told) >= len(told)
-    found = [line if line and line.is_entry <= is_list else None for line in every_line]
+    found = [line if line and line.name and line.is_entry <= is_list else None for line in read]
     lines = list(filter(None, found))
     if len(lines) < _FEW:
         return
     places = Counter((at, role) for line in lines for at, (_, may) in enumerate(line.parts) for role in may[:1])
     usual = {at: role for (at, role), _ in reversed(places.most_common())}
-    titles = [form("title", line).get("title", "") for line in shown]
+    titles = (_title(line) for line in shown)
     rows = [_cells(line, usual) if line else [title] for line, title in zip(found, titles, strict=True)]
     rows.insert(found.index(lines[0]), list(_COLUMNS))
     yield MapSheet("", rows, notes=notes_of_cut(len(every) > most, most, "rows"))
+
+
+def _title(line: str) -> str:
+    """What a line without a register says of those below."""
+    opened = form("opened", line)
+    said = form("title", line).get("title") or form("comment", line).get("said", "")
+    return tidied("key", f"{opened['title']} {opened['rest']}") if opened else said
 
 
 def _bases(text: str) -> dict[str | None, int]:
@@ -91,23 +114,31 @@ def _placed(image: re.Match[str], bases: Mapping[str | None, int]) -> str:
         return image[0]
     octets = [_OCTETS[said["size"]] * max(1, int(f"0{said['count']}")) for said in members]
     title = tidied("key", image["name"] + image["last"])
-    places = accumulate(octets, initial=2 * bases.get(area_words(title), 0))
-    lines = [f"// {title}"]
-    for said, at in zip(members, places, strict=False):
-        lines.append(f"{said['name']} = {at // 2} : {said['type']} // {said['rest']}")
-    return "\n".join(["", *lines])
+    area = area_words(title)
+    places = accumulate(octets, initial=2 * bases.get(area, [*bases.values(), 0][0] if area is None else 0))
+    shown = (_member(said, at // 2) for said, at in zip(members, places, strict=False))
+    return "\n".join(["", f"// {title}", *(line for lines in shown for line in lines)])
+
+
+def _member(said: Mapping[str, str], at: int) -> Iterator[str]:
+    """A member as constants: a text as one, each of several numbers for itself."""
+    wide = max(1, _OCTETS[said["size"]] // 2)
+    count = int(f"0{said['count']}")
+    of_text = f", length {count // 2}" * (said["size"] == "char" and count > 1)
+    for turn in range(1 if of_text else max(1, min(count, _LONGEST))):
+        name = said["name"] + f"_{turn + 1}" * (count > 1 and not of_text)
+        kind = "string" if of_text else said["type"]
+        yield f"{name} = {at + turn * wide} : {kind} // {said['rest']}{of_text}"
 
 
 def _registers(lines: Sequence[str]) -> list[_RegisterLine | None]:
     """What each line says of a register; None of one that is of none."""
     found: list[_RegisterLine | None] = []
-    before = _RegisterLine("", "", (), is_entry=True)
+    before = _RegisterLine("", "", is_entry=True)
     title = ""
     for line in lines:
-        tried = (
-            way(line, before) for way in (_WAYS if area_words(form("group_title", title).get("", "")) else _WAYS[:-1])
-        )
-        found.append(next(filter(None, tried), None))
+        kinds = _KINDS if area_words(form("group_title", title).get("", "")) else _KINDS[:-1]
+        found.append(next(filter(None, (_register(kind, line, before) for kind in kinds)), None))
         before = found[-1] or before
         title = form("comment", line).get("said", title) if found[-1] is None else title
     for one, after in pairwise(filter(None, [*found])):
@@ -132,20 +163,38 @@ def _with_those_below(lines: Sequence[str]) -> Iterator[str]:
     yield from ["; ".join(entry)] * (entry != [])
 
 
-def _constant(line: str, _: _RegisterLine, kind: str = "declared") -> _RegisterLine | None:
-    """A name for an address; that of a double word counts two registers."""
+def _register(kind: str, line: str, before: _RegisterLine) -> _RegisterLine | None:
+    """What a line says by one of the forms that it may have."""
     said = form(kind, line)
-    if not said:
-        return None
-    twice = str(2 * numbers_in(said["address"])[0])
-    return _named({"": said["address"], "D": twice}[said["wide"]], said, said["type"])
+    return _READ_AS.get(kind, _constant)(said, before) if said else None
 
 
-def _called(line: str, _: _RegisterLine) -> _RegisterLine | None:
+def _opened(_: Mapping[str, str], __: _RegisterLine) -> _RegisterLine:
+    """What begins an enumeration: the first of it is 0."""
+    return _RegisterLine("-1", "")
+
+
+def _constant(said: Mapping[str, str], _: _RegisterLine) -> _RegisterLine:
+    """A name for an address; that of a double word counts two registers, a bit of a byte is one of its own."""
+    times, area = _PLACES.get(f"{said.get('space', '')}{said['wide']}", (2 if said["wide"] == "D" else 1, ""))
+    number = times * numbers_in(said["address"])[0] + int(f"0{said.get('bit', '')}")
+    address = said["address"] if times == 1 else str(number)
+    return replace(_named(address, said, tidied("type", said["type"])), area=area)
+
+
+_PLACES: Final = {"MX": (8, "coil"), "QX": (8, "coil"), "IX": (8, "discrete"), "IW": (1, "input"), "ID": (2, "input"),
+                  "MW": (1, "holding"), "QW": (1, "holding"), "MD": (2, "holding"), "QD": (2, "holding")}  # fmt: skip
+"""How many addresses of Modbus an address of IEC 61131 counts, and of which area."""
+
+
+def _implied(said: Mapping[str, str], before: _RegisterLine) -> _RegisterLine | None:
+    """A name of an enumeration without its number, which is one more than that before."""
+    place = -1 if before.address == "-1" else sum(numbers_in(before.address)[:1])
+    return None if before.is_entry or (not said["rest"] and before.name) else _named(hex(place + 1), said)
+
+
+def _called(said: Mapping[str, str], _: _RegisterLine) -> _RegisterLine:
     """What a program calls that which it reads from an address."""
-    said = form("called", line)
-    if not said:
-        return None
     call = said["call"]
     kind = said["type"] + "u32" * (said["long"] != "") + "int16" * (form("signed", call) != {})
     tens = 10 ** int(form("places", call).get("places", 0))
@@ -159,10 +208,9 @@ def _read(said: Mapping[str, str], call: str, address: int, kind: str, scale: st
     return replace(_named(str(address), {**said, "rest": rest}, kind), area=area, block=[address])
 
 
-def _indexed(line: str, before: _RegisterLine) -> _RegisterLine | None:
+def _indexed(said: Mapping[str, str], before: _RegisterLine) -> _RegisterLine | None:
     """What a program calls one of the registers that it has just read: `flow = regs[2] / 10`."""
-    said = form("indexed", line) if before.block else {}
-    if not said:
+    if not before.block:
         return None
     call = tidied("key", said["call"].lower()).partition("(")[0]
     kind = call if _is_type(call) else "u32" * (said["more"] != "")
@@ -170,12 +218,21 @@ def _indexed(line: str, before: _RegisterLine) -> _RegisterLine | None:
     return replace(named, area=before.area, block=before.block, is_part=True)
 
 
-def _implied(line: str, before: _RegisterLine) -> _RegisterLine | None:
-    """A name of an enumeration without its number, which is one more than that before."""
-    said = form("implied", line)
-    if before.is_entry or not said:
-        return None
-    return _named(hex(numbers_in(before.address)[0] + 1), said)
+def _entry(said: Mapping[str, str], _: _RegisterLine) -> _RegisterLine:
+    """An address with its name behind it."""
+    text = form("spoken_of", said["rest"]).get("rest") or said["rest"]
+    name, parts = _name_and_parts(f"{text}, {said['aside']}".rstrip(", "))
+    area = area_words(said["word"]) or ""
+    return _RegisterLine(said["address"], name, [*parts, ("", ("end",))], is_entry=True, area=area)
+
+
+_READ_AS: Final[Mapping[str, Callable[[Mapping[str, str], _RegisterLine], _RegisterLine | None]]] = {
+    "opened": _opened,
+    "implied": _implied,
+    "called": _called,
+    "indexed": _indexed,
+    "entry": _entry,
+}
 
 
 def _named(address: str, said: Mapping[str, str], kind: str = "") -> _RegisterLine:
@@ -183,41 +240,36 @@ def _named(address: str, said: Mapping[str, str], kind: str = "") -> _RegisterLi
     return _RegisterLine(address, said["name"], parts)
 
 
-def _entry(line: str, _: _RegisterLine) -> _RegisterLine | None:
-    """An address with its name behind it."""
-    said = form("entry", line)
-    if not said:
-        return None
-    text = said["rest"]
-    parts = [*((at, *_told(part)) for at, part in _parts(text)), (len(text), "", ("end",))]
-    known = next(at for at, (_, _, may) in enumerate(parts) if at and may)
-    name = text[: parts[known][0]].rstrip(" \t([,;:|-–—").strip("*_` ")
-    return _RegisterLine(said["address"], name, [(part, may) for _, part, may in parts[known:-1]], is_entry=True)
+def _name_and_parts(text: str) -> tuple[str, Parts]:
+    """A name and what stands behind it, from the first part on that is known."""
+    parts = [(at, *_told(part)) for at, part in _parts(text)]
+    known = next((at for at, (_, part, may) in enumerate(parts) if at and (may or part[0].isdecimal())), len(parts))
+    end = parts[known][0] if known < len(parts) else len(text)
+    name = text[:end].rstrip(" \t([,;:|-–—").strip("*_` ")
+    return form("name_end", name).get("name", name), [(part, may) for _, part, may in parts[known:]]
 
 
-_WAYS: Final = (
-    _constant,
-    partial(_constant, kind="bare"),
-    _implied,
-    _entry,
-    _called,
-    _indexed,
-    partial(_constant, kind="alone"),  # below a title that names an area
-)
+@lru_cache(maxsize=4096)
+def cells_told(text: str) -> tuple[str, Mapping[str, str]]:
+    """A name, and the cells that stand behind it in one text: `DC voltage, uint16, 0.1 V`."""
+    name, parts = _name_and_parts(text)
+    return name, _by_role(parts, {})
 
 
 def _parts(text: str) -> list[tuple[int, str]]:
     """What marks part in a text, and where each begins; no colon behind a heading, a bit or a state."""
     marks = [*_MARK.finditer(text)]
     before = [text[a:b] for a, b in pairwise([0, *(at for mark in marks for at in mark.span())])][::2]
-    marks = [one for one, part in zip(marks, before, strict=False) if not _LEADING.get(one[0].strip(), _no)(part)]
+    pairs = zip(marks, before, strict=False)
+    marks = [mark for mark, part in pairs if not (mark[0].strip() in _GOES_ON and _leads(part))]
     starts, ends = [0, *(mark.end() for mark in marks)], [*(mark.start() for mark in marks), len(text)]
-    return [
-        (start + at, part)
-        for start, end in zip(starts, ends, strict=True)
-        for at, part in _with_last(text[start:end])
-        if part
-    ]
+    spans = zip(starts, ends, strict=True)
+    return [(start + at, part) for start, end in spans for at, part in _with_last(text[start:end]) if part]
+
+
+def _leads(text: str) -> bool:
+    """Whether what stands behind a colon or a dash belongs to the text before it: to a heading, a state, a bit."""
+    return bool(_headed(text) or form("of_list", text))
 
 
 def _with_last(part: str) -> list[tuple[int, str]]:
@@ -238,19 +290,9 @@ def _told(part: str) -> tuple[str, Sequence[str]]:
     said = form("labelled", part)
     named = _headed(said.get("label", ""))
     listed = ("description",) * any(form(kind, part) for kind in ("state", "spoken_bit"))
+    if counted := form("told_length", part):
+        return counted["length"], ("length",)
     return (said["value"], named) if named else (part, listed or roles_of_part(part))
-
-
-def _leads(text: str) -> bool:
-    """Whether what stands behind a colon or a dash belongs to the text before it: to a heading, a state, a bit."""
-    return bool(_headed(text) or form("of_list", text))
-
-
-def _no(_: str) -> bool:
-    return False
-
-
-_LEADING: Final = dict.fromkeys(":-–—", _leads)  # marks behind which a text may go on
 
 
 def _headed(text: str) -> Sequence[str]:
@@ -259,9 +301,10 @@ def _headed(text: str) -> Sequence[str]:
     return [role for role in roles() if heading_bits(heading, role) >= WHOLE and role in _COLUMNS]
 
 
-def _cells(line: _RegisterLine, usual: dict[int, str]) -> list[str]:
-    cells = {"": "", "address": line.address, "name": line.name, "description": "", "area": line.area}
-    for at, (part, may) in enumerate(line.parts):
+def _by_role(parts: Parts, usual: Mapping[int, str]) -> dict[str, str]:
+    """The parts by what they are, in doubt by what is `usual` in their place; what says no more is a description."""
+    cells = {"": "", "description": ""}
+    for at, (part, may) in enumerate(parts):
         common = usual.get(at, "")
         guessed = common if common == "unit" and form("short", part) else "description"
         role = (common if common in may else may[0]) if may else guessed
@@ -269,4 +312,9 @@ def _cells(line: _RegisterLine, usual: dict[int, str]) -> list[str]:
             cells["description"] = f"{cells['description']} {part}".strip()
         else:
             cells[role] = part
+    return cells
+
+
+def _cells(line: _RegisterLine, usual: Mapping[int, str]) -> list[str]:
+    cells = {**_by_role(line.parts, usual), "address": line.address, "name": line.name, "area": line.area}
     return [cells.get(column, "") for column in _COLUMNS]

@@ -41,7 +41,7 @@ class Remark(str):
 
 def tree_of_source(text: str) -> Any:
     """The groups of a text that stand in no other, by their names where several have one, and the remarks between."""
-    text = _summed(tidied.__wrapped__("source", text))
+    text = with_constants(tidied.__wrapped__("source", text))
     tokens = ((str(match.lastgroup), _token(match)) for match in _TOKEN.finditer(text))
     found = _BracketGroup(0).read(tokens, [{}, *_fields_in(text)])
     if sum(isinstance(one, _NamedGroup) for one in found) > 1:
@@ -61,19 +61,16 @@ def _token(match: re.Match[str]) -> str:
     return match[kind] if before.strip() else Remark(match[kind].strip(" *"))
 
 
-def _summed(text: str) -> str:
+def with_constants(text: str) -> str:
     """A text in which sums of a constant and a number are the number that comes of it."""
-
-    constants = {
-        said["name"]: numbers_in(said["number"])[0]
-        for said in expression(vocabulary()["constant"]).finditer(text[:_CONSTANTS])
-    }
+    found = expression(vocabulary()["constant"]).finditer(text[:_CONSTANTS])
+    constants = {said["name"]: numbers_in(said["number"])[0] for said in found}
 
     def number(sum_of: re.Match[str]) -> str:
         known = sum_of["name"] in constants
         return hex(constants[sum_of["name"]] + numbers_in(sum_of["number"])[0]) if known else sum_of[0]
 
-    return expression(vocabulary()["sum"]).sub(number, text)
+    return expression(vocabulary()["sum"]).sub(number, text) if constants else text
 
 
 def _fields_in(text: str) -> list[Fields]:

@@ -42,11 +42,18 @@ def record_sheets(source: MapSource) -> Iterator[MapSheet]:
     is_source = source.tree is None and not _BRACKETS.isdisjoint(text)
     trees = (tree_of_source(text) if is_source else source.tree, [*_blocks(text)] if source.tree is None else ())
     remarks = [form("comment", line[:_LONGEST]).get("said", "") for line in text.splitlines()[:_LOOK] * (not is_source)]
-    titles = [[said] for said in filter(None, remarks)]
+    titles = [[said] for said in (*filter(None, remarks), *_sentences(source.tree))]
     for tree in trees:
         yield from (MapSheet("", [[_text(cell) for cell in row] for row in rows[:_MOST]], notes=notes)
                     for rows in islice(_lists_of_rows(tree, 0), 1))  # fmt: skip
         yield from _of_records(list(islice(_found(tree, (), {}), _MOST)), titles, notes)
+
+
+def _sentences(tree: Any) -> list[str]:
+    """What a file says at its head of how addresses count."""
+    plain = tree.items() if isinstance(tree, Mapping) else ()
+    said = (f"{_word(key)}: {value}" for key, value in plain if not _is_nested(value))
+    return [text for text in said if form("from_one", text[:_LONGEST])]
 
 
 def _of_records(records: list[Record], titles: list[list[str]], notes: tuple[str, ...]) -> Iterator[MapSheet]:
@@ -87,33 +94,45 @@ def _lists_of_rows(node: Any, depth: int) -> Iterator[Sequence[Sequence[Any]]]:
 
 def parts_of(node: Any) -> list[Any]:
     """What a mapping or a list of a tree holds; nothing of anything else."""
-    return [*node.values()] if isinstance(node, Mapping) else node if isinstance(node, list) else []
+    match node:
+        case Mapping():
+            return [*node.values()]
+        case list():
+            return node
+    return []
 
 
 def _found(node: Any, path: tuple[str, ...], given: Record) -> Iterator[Record]:
     """The records in a tree; `path`: the keys that lead to a node; `given`: what holds for all below it."""
-    if len(path) > _DEPTH:
-        return
-    if isinstance(node, list):
+    if isinstance(node, list) and len(path) <= _DEPTH:
         for below in node:
             if isinstance(below, Remark):
                 given = _with(given, _told(below))
             yield from _found(below, path, given)
-    elif isinstance(node, Mapping):
-        cells = dict(_cells(node))
-        own = {_word(key): "1" for key, value in node.items() if not isinstance(value, Mapping | list)}
-        said = {**_place(path, cells), **_lacking(given, cells), **cells}
-        record = _placed(said)
-        shared = {key: cell for key, cell in cells.items() if key in own and _is_shared(key)}
-        below = [
-            one
-            for key, part in node.items()
-            for one in _found(part, (*path, str(key)), _with({**given, **shared}, _told(str(key))))
-        ]
-        is_record = (
-            (len(own) >= _FEW and any(map(numbers_in, cells.values()))) or _has_address(own) or record is not said
-        )
-        yield from [record] if is_record and not any(map(_has_address, below)) else below
+    elif isinstance(node, Mapping) and len(path) <= _DEPTH:
+        yield from _in_mapping(node, path, given)
+
+
+def _in_mapping(node: Mapping[str, Any], path: tuple[str, ...], given: Record) -> Iterator[Record]:
+    """What a mapping is, where nothing that it holds has an address, else the records in it."""
+    cells, plain = dict(_cells(node)), {_word(key): "1" for key, value in node.items() if not _is_nested(value)}
+    usual = (dict(_cells(part)) for key, part in node.items() if _is_nested(part) and form("of_defaults", str(key)))
+    given = {**given, **next(usual, {})}
+    shared = {**given, **{key: cells[key] for key in plain if _is_shared(key)}}
+    below = [
+        record
+        for key, part in node.items()
+        for record in _found(part, (*path, str(key)), _with(shared, _told(str(key))))
+    ]
+    whole = {**_place(path, cells), **_lacking(given, cells), **cells}
+    record = _placed(whole)
+    speaks = len(plain) >= _FEW and any(map(numbers_in, cells.values()))
+    is_record = speaks or _has_address(plain) or record is not whole
+    yield from below if any(map(_has_address, below)) or not is_record else [record]
+
+
+def _is_nested(value: Any) -> bool:
+    return isinstance(value, Mapping | list)
 
 
 def _with(given: Record, told: Record) -> Record:

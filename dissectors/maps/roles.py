@@ -16,7 +16,7 @@ from typing import Any, Final
 from unicodedata import category, normalize
 
 from .model import AREA_WORDS
-from .vocabulary import WIDE_SIGNS, expression, form, meaning, roles
+from .vocabulary import WIDE_SIGNS, expression, form, given, meaning, roles
 from .written import numbers_in
 
 _HEADING: Final = 60  # characters
@@ -25,7 +25,14 @@ _LEAST_END: Final = 5  # bytes of a noun that stands last in a heading: two lett
 _LEAST: Final = 5.0  # bits for which a column is given a role
 _NEEDED: Final = frozenset({"address", "name"})
 OF_PARTS: Final = ("type", "unit", "scale", "access")
-_LEFT_OUT: Final = ((), ("number",), ("description",), ("number", "description"))
+_LEFT_OUT: Final = (
+    (),
+    ("number",),
+    ("description",),
+    ("number", "description"),
+    ("offset",),
+    ("offset", "description"),
+)
 _SAMPLE: Final = 200  # rows below a heading that are looked at
 _LEAST_CELLS: Final = 3  # of a heading that is known by what stands below it
 _LEAST_ROWS: Final = 2  # below it
@@ -88,7 +95,14 @@ class TableColumn:
     @cached_property
     def numbers(self) -> list[int]:
         """The first number of each cell that has one."""
-        return [found[0] for cell in self.cells if (found := numbers_in(cell))]
+        return [number for cell in self.cells for number in numbers_in(cell)[:1]]
+
+    @property
+    def is_of_addresses(self) -> bool:
+        """Whether nearly all cells are numbers that rise, some at least: so are addresses beside each other."""
+        likely = sum(form("place", cell) != {} for cell in self.cells)
+        missing = sum(not given(cell) for cell in self.cells)
+        return likely > 1 and likely + missing == len(self.cells) and self._rises({})
 
     def bits(self, role: str) -> float:
         """How much the column speaks for a role."""
@@ -121,6 +135,9 @@ class TableColumn:
         first = self.numbers[0] if self.numbers else 2
         return first < 2 < len(self.cells) and self.numbers == list(range(first, first + len(self.cells)))
 
+    def _varies(self, _: Mapping[str, Any]) -> bool:
+        return len(set(self.cells)) > 1
+
     def _differs(self, _: Mapping[str, Any]) -> bool:
         return len(set(self.cells)) >= _RISING * len(self.cells)
 
@@ -145,6 +162,7 @@ _LOOKS: Final[Mapping[str, Callable[[TableColumn, Mapping[str, Any]], bool]]] = 
     "rises": TableColumn._rises,
     "counts": TableColumn._counts,
     "differs": TableColumn._differs,
+    "varies": TableColumn._varies,
     "filled": TableColumn._is_filled,
     "type": TableColumn._types,
     "area": TableColumn._areas,
@@ -221,7 +239,8 @@ def may_be_heading(row: Sequence[str]) -> bool:
     return len(cells) >= _LEAST_CELLS and not any(cell[:1].isdecimal() for cell in cells)
 
 
-def is_unknown_heading(row: Sequence[str], below: Table) -> bool:
-    """Whether a row of words that nobody knows is a heading, by what stands below it: addresses, names and more."""
-    columns = assigned(row, below) if len(below) >= _LEAST_ROWS else {}
-    return len(columns) >= _LEAST_CELLS and form("words", row[columns["address"]]) != {}
+def heading_weight(row: Sequence[str], below: Table) -> float:
+    """How surely a row of words that nobody knows is a heading, by what stands below it: addresses, names and more; 0
+    where it is none."""
+    columns, bits = assignment(row, below) if len(below) >= _LEAST_ROWS else ({}, 0.0)
+    return bits if len(columns) >= _LEAST_CELLS and form("words", row[columns["address"]]) else 0.0

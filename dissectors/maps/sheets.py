@@ -175,7 +175,7 @@ def tables_of_text(text: str, file: str, most: int) -> Iterator[list[list[str]]]
         return
     laid_out = next((one for one in vocabulary()["layouts"] if expression(one["looks"]).search(text[:_START])), None)
     if laid_out is not None:
-        yield _laid_out(text, laid_out)[:most]
+        yield _laid_out(text, laid_out, most)
         return
     head = lines[:_LOOK]
     sign = max("\t;,|" if lines == shown else "|", key="\n".join(head).count)
@@ -185,7 +185,7 @@ def tables_of_text(text: str, file: str, most: int) -> Iterator[list[list[str]]]
         yield _cut_at_blanks(lines)
     if max(wide, signed) < _LEAST_WIDE:
         yield _cut_at_words(lines)
-        yield [*_cut_at_lines(expression(r"\n+\s*\(").sub(" (", text).splitlines()[:most])]
+        yield [*_cut_at_lines(expression(r"(?<=\S)(?:\n[ \t]*){1,4}\(").sub(" (", text).splitlines()[:most])]
     yield _cut(lines, sign, file)
 
 
@@ -207,13 +207,13 @@ def _as_wide(line: str) -> str:
     return _TWICE.sub(rf"\g<0>{_FILL}", line)
 
 
-def _laid_out(text: str, layout: Mapping[str, str]) -> list[list[str]]:
+def _laid_out(text: str, layout: Mapping[str, str], most: int) -> list[list[str]]:
     """The rows of a text by the patterns of its layout: what parts rows and cells, and what is a mark in them."""
     row, cell, mark, span = (expression(layout.get(part, "(?!)")) for part in ("row", "cell", "marks", "span"))
     line_break = expression(layout.get("break", "(?!)"))
     above: dict[int, int] = {}  # rows that a column still holds of a cell above
     rows = []
-    for line in row.findall(text):
+    for line in (found[1] for found in islice(row.finditer(text), most)):
         shown: list[str] = []
         parts = [*islice(cell.finditer(line), _MOST_COLUMNS)]
         if not parts:  # a title
@@ -278,7 +278,7 @@ def _heading_words(cells: Sequence[str]) -> int:
 
 def _parted(line: str) -> list[tuple[int, str]]:
     """The cells of a line that two blanks or more part, and where each begins."""
-    return [(cell.start(), cell[0].replace(_FILL, "")) for cell in _WIDE.finditer(line)]
+    return [(cell.start(), cell[0].replace(_FILL, "")) for cell in islice(_WIDE.finditer(line), _MOST_COLUMNS)]
 
 
 def _below(heading: str, lines: Sequence[str]) -> list[int]:
@@ -302,7 +302,7 @@ def _below(heading: str, lines: Sequence[str]) -> list[int]:
 def _cut_at_words(lines: Sequence[str]) -> list[list[str]]:
     """Cells that single blanks part, as some PDFs are copied: of a row below a heading of known words, what is over is
     the name's; other lines as they stand."""
-    cut = [line.split() for line in lines]
+    cut = [line.split(maxsplit=_MOST_COLUMNS) for line in lines]
     head = next((words for words in cut[:_LOOK] if known_headings(words) > _LEAST_CELLS), [])
     name = assigned(head, ()).get("name", 0)
     rows = []

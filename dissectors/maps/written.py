@@ -7,14 +7,14 @@ wherever they stand in it: what is held, of how many bits, with a sign or withou
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final, cast
 
 from .cells import CellError, area_of
 from .model import MapArea
-from .vocabulary import WIDE_SIGNS, expression, form, given, meaning, tidied, vocabulary
+from .vocabulary import WIDE_SIGNS, expression, form, meaning, tidied, vocabulary
 
 _NUMBER: Final = re.compile(
     r"0[xX][0-9A-Fa-f]+|[0134][xX]\d+|\b[0-9][0-9A-Fa-f]*[hH]\b|\b[A-Fa-f][0-9A-Fa-f]*[hH]\b|\d+"
@@ -201,27 +201,8 @@ def access_said(text: str, *, codes: bool = False) -> str:
     said = meaning("said_access", text * (not codes))
     functions = set(functions_in(f"{'fc ' * codes}{text}"))
     read, written = functions & _READING, functions - _READING
-    told = (
-        f"{'r' * bool(read)}w"
-        if written
-        else "r" * (functions != set() and functions <= (_READING_ONLY if codes else _READING))
-    )
-    return said or told
-
-
-@lru_cache(maxsize=4096)
-def plain_number(text: str) -> str | None:
-    """A number of a cell, with decimal comma or gaps at its thousands; None where it is none."""
-    text = together(text).replace("\u2212", "-").replace("- ", "-")
-    return text.replace(",", ".") if expression("{DECIMAL}").fullmatch(text) else None
-
-
-def limits_of(cells: Mapping[str, str]) -> tuple[str | None, str | None]:
-    """Least and greatest value, from their columns or from one range such as `0...100` or `-10 to 10`."""
-    span = form("span", together(cells.get("range", "").partition("=")[0]))
-    said = next(filter(any, ((cells.get("min", ""), cells.get("max", "")), tuple(span.values())[1:])), ("", ""))
-    low, high = map(plain_number, said)
-    return (low, high) if float(low or "-inf") <= float(high or "inf") else (None, None)
+    reads = functions != set() and (functions <= _READING_ONLY) == codes  # who says that inputs are read says no more
+    return said or (f"{'r' * bool(read)}w" if written else "r" * reads)
 
 
 @lru_cache(maxsize=4096)
@@ -236,9 +217,10 @@ def values_of(text: str) -> str | None:
 @lru_cache(maxsize=4096)
 def has_only_states(text: str) -> bool:
     """Whether a remark is a list of states: `0 - off, 1 - on`, `0: 4800, 1: 9600`."""
-    parts = list(filter(None, map(str.strip, re.split(r"[;,\n|]", text.translate(WIDE_SIGNS)))))
-    states = [form("state", part).get("state", "") for part in parts]
-    return len(states) > 1 and _all_like(r"\d+", states)
+    text = text.translate(WIDE_SIGNS)
+    parts = list(filter(None, map(str.strip, re.split(r"[;,\n|]", text))))
+    states = [form("listed_state", part).get("state", "") for part in parts]
+    return (len(states) > 1 and _all_like(r"\d+", states)) or form("listed_states", text) != {}
 
 
 def bits_of(text: str, kind: str) -> dict[int, str]:
@@ -251,7 +233,7 @@ def bits_of(text: str, kind: str) -> dict[int, str]:
 
 def states_in(cells: Mapping[str, str], kind: str, name: str) -> tuple[str, str | None]:
     """A row's name, and the names of its states or bits: out of their column, the range, the remark, or behind it."""
-    remark, span = cells.get("description", ""), cells.get("range", "")
+    remark, span = cells.get("description") or cells.get("unit", ""), cells.get("range", "")
     behind = form("states_behind", name)
     ways = (
         (name, cells.get("values", ""), kind in ("enum", "bits", "u16", "s16")),
@@ -263,46 +245,63 @@ def states_in(cells: Mapping[str, str], kind: str, name: str) -> tuple[str, str 
     return next((way for way in named if way[1]), (name, None))
 
 
-def measured(cells: Mapping[str, str], name: str) -> tuple[str, str | None, str, str]:
-    """A row's name, scale and unit of measure: from columns of their own, or from beside other words, which stay; each
-    from the first place that has it. And what stands in place of a unit but is none: a remark."""
-    left = {**cells, "name": name, "unit": given(cells.get("unit", ""))}
-    found: dict[str, str | None] = {"scale": scale_of(*(cells.get(column, "") for column in _FACTORS)), "unit": ""}
-    filled = [(at, line["of"]) for at, line in enumerate(vocabulary()["measures"]) if left.get(line["of"])]
-    for at, column in filled:
-        told = _measure(at, left[column])
-        new = {key: told[key] for key in found if told.get(key) and not found[key]}
-        if new:
-            found |= new
-            left[column] = told["rest"]
-    scale = found["scale"]
-    return left["name"], scale.replace(",", ".") if scale else None, str(found["unit"]), left["unit"]
-
-
 @lru_cache(maxsize=4096)
-def _measure(at: int, text: str) -> Mapping[str, str]:
-    """Scale, unit and the rest that a text tells by a line of the table of measures."""
-    match = expression(vocabulary()["measures"][at]["like"]).fullmatch(text.translate(WIDE_SIGNS))
+def _told(at: int, text: str) -> Mapping[str, str]:
+    """What a text tells by a line of the table of facts; `rest` is what it says else."""
+    line = vocabulary()["facts"][at]
+    match = expression(line["like"]).fullmatch(_put_right(line.get("tidy", ""), text.translate(WIDE_SIGNS)))
     if match is None:
         return {}
-    parts = {"step": "", "times": "", "digits": "", "places": "0", "unit": "", "rest": "", **match.groupdict("")}
-    tens = len(parts["digits"]) + int(parts["places"])
-    inverse = parts["times"] or f"1{'0' * tens}" * (tens > 0)
-    return {**parts, "scale": parts["step"] or (inverse and f"1/{inverse}")}
+    parts = {**_NOTHING_TOLD, **match.groupdict(""), **line.get("gives", {})}
+    tens = len(parts.get("digits", "")) + int(parts.get("places") or 0)
+    over = parts.get("times") or f"1{'0' * tens}" * (tens > 0)
+    step = parts.get("step") or "1" * (over != "")
+    power = f"1e{parts['power']}" if parts.get("power") else ""
+    return {**parts, "scale": power or "/".join(filter(None, (step, over))).replace(",", ".")}
 
 
-_FACTORS: Final = ("scale", "decimals", "divisor", "power")
+def _put_right(kind: str, text: str) -> str:
+    """A text as numbers of its kind are read: of factors, or with a sign."""
+    if kind == "scale":
+        return tidied("scale", text.lower().replace(",", ".")).translate(_SIGNS)
+    return together(text).replace("\u2212", "-").replace("- ", "-") if kind else text
 
 
-@lru_cache(maxsize=4096)
-def scale_of(*cells: str) -> str | None:
-    """The factor that cells of these columns tell: `0,1`, `/10`, `x0.1`, `1:10`, `10^-1`; decimals, a divisor, or the
-    power of ten of another column."""
-    signs = (tidied("scale", cell.lower().replace(",", ".")) for cell in cells)
-    scale, places, divisor, power = (cell.translate(_SIGNS) for cell in signs)
-    ways = (
-        (r"[1-6](?:\.0)?", places, f"1/1{'0' * int(places[0])}" if places[:1].isdecimal() else ""),
-        (r"x?(?=.*[1-9])\d{1,12}(?:\.\d{1,12})?", divisor, f"1/{divisor.removeprefix('x')}"),
-        (r"-?\d", power, f"1e{power}"),
-    )
-    return next((factor for like, cell, factor in ways if expression(like).fullmatch(cell)), meaning("scale", scale))
+def facts_of(cells: Mapping[str, str], flags: Collection[str]) -> tuple[dict[str, str], dict[str, str]]:
+    """What the cells of a row tell, each from the first place that has it, and the cells without what they told.
+
+    Told are `scale`, `unit`, `low`, `high`, `added`, `sign` and `access`; lines that need a flag count where it is set.
+    """
+    left, told = dict(cells), dict.fromkeys(_TOLD, "")
+    lines = vocabulary()["facts"]
+    for at in _facts_by_cell(frozenset(key for key, cell in cells.items() if cell), frozenset(flags)):
+        of = lines[at]["of"]
+        said = _told(at, left[of])
+        new = {key: said[key] for key in _TOLD if said.get(key, "") > told[key] == ""}
+        if new:
+            told |= new
+            left[of] = said.get("rest", left[of])
+    low, high = (float(told[key].replace(",", ".") or number) for key, number in (("low", "-inf"), ("high", "inf")))
+    return {**told, **({} if low <= high else {"low": "", "high": ""})}, left
+
+
+def scaled_by(points: Sequence[str]) -> dict[str, str]:
+    """Scale and offset of a line through two points: the least and the greatest raw number, and what they stand for."""
+    numbers = [float(point.replace(",", ".")) for point in points if expression("{DECIMAL}").fullmatch(point)]
+    run = numbers[1] - numbers[0] if len(numbers) == len(points) else 0.0
+    if not run:
+        return {}
+    factor = (numbers[3] - numbers[2]) / run
+    return {"scale": f"{factor:.10g}", "added": f"{numbers[2] - factor * numbers[0]:.10g}"}
+
+
+_NOTHING_TOLD: Final = dict.fromkeys(("unit", "low", "high", "added", "sign", "access"), "")
+_TOLD: Final = ("scale", "unit", "low", "high", "added", "sign", "access")
+
+
+@lru_cache(maxsize=1024)
+def _facts_by_cell(filled: frozenset[str], flags: frozenset[str]) -> Sequence[int]:
+    """The lines of facts about cells that there are."""
+    return [
+        at for at, line in enumerate(vocabulary()["facts"]) if line["of"] in filled and {*line.get("when", ())} <= flags
+    ]

@@ -65,62 +65,44 @@ def load_yaml(text: str, *, lenient: bool = False) -> Any:
     ValueError, in one line with the line where it stands, for what is no YAML, is nested too deeply, or is over a
     million values long once its aliases are written out.
     """
-    loader = None
     try:
-        _not_deep(text)
-        loader = (_Lenient if lenient else _Base)(text)
-        node = loader.get_single_node()
-        if node is None:
-            return None
-        if "*" in text and _size(node) > _MOST_NODES:
-            raise ValueError("too long once its aliases are written out")
-        return loader.construct_document(node)
+        _is_bounded(text)
+        return yaml.load(text, Loader=_Lenient if lenient else _Base)
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         where = f"line {mark.line + 1}: " if mark is not None else ""
-        problem = getattr(error, "problem", None) or "no YAML"
+        problem = str(getattr(error, "problem", None) or "no YAML")
         if "nesting depth" in problem:  # the C scanner of PyYAML 6.0.4 and later reads ahead, and has a limit itself
             problem = _TOO_DEEP
         raise ValueError(" ".join(f"{where}{problem}".split())) from error
     except (ArithmeticError, AttributeError, LookupError, TypeError) as error:  # of dates and numbers that are none
         raise ValueError("a value that cannot be read") from error
-    finally:
-        if loader is not None:
-            loader.dispose()
 
 
-def _not_deep(text: str) -> None:
-    """ValueError for a text that is nested deeply, which would overflow the stack of the C loader."""
-    depth = 0
+def _is_bounded(text: str) -> None:
+    """ValueError for a text that is nested deeply, which would overflow the stack of the C loader, or long once its
+    aliases are written out; one that holds itself is endless."""
+    sizes: dict[str | None, int] = {}
+    open_ones: list[tuple[str | None, int]] = [(None, 0)]  # anchors, and what stood before each
+    size = 0
     for event in yaml.parse(text, Loader=_Base):
-        if isinstance(event, yaml.CollectionStartEvent):
-            depth += 1
-            if depth > _DEEPEST:
-                raise ValueError(_TOO_DEEP)
-        elif isinstance(event, yaml.CollectionEndEvent):
-            depth -= 1
-
-
-def _size(root: yaml.Node) -> int:
-    """Nodes of a tree once every alias is written out; more than the most where one holds itself."""
-    sizes: dict[int, int] = {}
-    ways: list[tuple[yaml.Node, bool]] = [(root, False)]
-    while ways:
-        node, finished = ways.pop()
-        parts = _parts(node)
-        if finished:
-            sizes[id(node)] = 1 + sum(sizes[id(part)] for part in parts)
-        elif id(node) not in sizes:
-            sizes[id(node)] = _MOST_NODES + 1  # as long as its parts are not counted: for one that holds itself
-            ways.append((node, True))
-            ways += [(part, False) for part in parts]
-    return sizes[id(root)]
-
-
-def _parts(node: yaml.Node) -> list[yaml.Node]:
-    if isinstance(node, yaml.MappingNode):
-        return [part for pair in node.value for part in pair]
-    return list(node.value) if isinstance(node, yaml.SequenceNode) else []
+        match event:
+            case yaml.CollectionStartEvent():
+                sizes[event.anchor] = _MOST_NODES + 1
+                open_ones.append((event.anchor, size))
+                size += 1
+            case yaml.CollectionEndEvent():
+                anchor, before = open_ones.pop()
+                sizes[anchor] = size - before
+            case yaml.ScalarEvent():
+                sizes[event.anchor] = 1
+                size += 1
+            case yaml.AliasEvent():
+                size += sizes.get(event.anchor, 0)
+        if len(open_ones) > _DEEPEST + 1:
+            raise ValueError(_TOO_DEEP)
+        if size > _MOST_NODES:
+            raise ValueError("too long once its aliases are written out")
 
 
 _ROWS: Final = "registers"

@@ -1,21 +1,20 @@
 """Register maps out of what other programs and spreadsheets have: one file a format.
 
-A program's format is data, `NAME.toml`, which `programs` reads; any other is a module with `NAME` and `read(source)`,
-which gives a map a device, or None of a file that is of another format. They are listed in `FORMATS`, the surest first;
-of the last, which read what no program made, the one counts that reads most. What a format says and a map cannot is
-told in the notes, never dropped without a word.
+A program's format is data, `NAME.toml`, which `programs` reads; any other is one of `general`. A format has a `NAME`
+and `read(source)`, which gives a map a device, or None of a file that is of another format. They are listed in
+`FORMATS`, the surest first; of the last, which read what no program made, the one counts that reads most. What a format
+says and a map cannot is told in the notes, never dropped without a word.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from importlib import import_module
-from importlib.resources import files as package_files
-from typing import Final, Protocol, cast
+from typing import Final
 
 from ..headings import HEADING_ROWS
 from ..model import MapError
+from .general import READERS, Reader, facts_of_all
 from .programs import Program
 from .source import ImportedMap, MapSource
 
@@ -28,30 +27,22 @@ _OF_PROGRAMS: Final = (
     "modbus_exporter",
     "modbus_schema",
     "telegraf",
+    "evcc",
     "modpoll",
     "iobroker",
     "own",
 )
 _GENERAL: Final = ("records", "spreadsheet", "lines")  # of no program: the one that reads most
 _ENOUGH: Final = {"lines": 2.9}  # facts of a row with which a format is not asked
+_FEW: Final = 4  # rows that are enough to say so
 FORMATS: Final = (*_OF_PROGRAMS, *_GENERAL)
 
 
-class MapFormat(Protocol):
-    """What a format's module offers."""
-
-    NAME: str
-
-    def read(self, source: MapSource) -> list[ImportedMap] | None: ...
-
-
-def map_format(name: str) -> MapFormat:
+def map_format(name: str) -> Program | Reader:
     """One format by name."""
     if name not in FORMATS:
         raise MapError(f"no map format {name!r}: choose from {', '.join(FORMATS)}")
-    if (package_files(__package__) / f"{name}.toml").is_file():
-        return Program(name)
-    return cast(MapFormat, import_module(f"{__package__}.{name}"))
+    return READERS.get(name) or Program(name)
 
 
 def import_maps(file: str, data: bytes, *, name: str | None = None) -> list[ImportedMap]:
@@ -61,7 +52,7 @@ def import_maps(file: str, data: bytes, *, name: str | None = None) -> list[Impo
         ways = [*_ways(source, candidates)]
         if not ways:
             continue
-        said, read = max(ways, key=lambda way: _facts(way[1]))  # of as many, the first
+        said, read = max(ways, key=lambda way: facts_of_all(way[1]))  # of as many, the first
         filled = [replace(one, notes=(*one.notes, *source.notes)) for one in read if one.chart.rows]
         if filled:
             return filled
@@ -89,8 +80,5 @@ def _ways(source: MapSource, candidates: Sequence[str]) -> Iterator[tuple[str, l
         read = form.read(source) if most < _ENOUGH.get(name, most + 1) else None
         if read is not None:
             yield form.NAME, read
-            most = max(most, _facts(read) / max(1, sum(len(one.chart.rows) for one in read)))
-
-
-def _facts(read: Sequence[ImportedMap]) -> int:
-    return sum(one.facts for one in read)
+            rows = sum(len(one.chart.rows) for one in read)
+            most = max(most, facts_of_all(read) / rows if rows >= _FEW else 0)

@@ -1,66 +1,62 @@
 """Maps that other programs keep: a file of data a program says where its registers stand and what its words mean.
 
-`NAME.toml` has `paths` to the records, `fields` (what a map's column is, out of which keys of a record), and the
-program's words for areas, types, orders and rights. A path's steps are keys; `{a,b}` any of these, `*` any, `-` the
-rows of a table, `**` anything between. A key with `^` is one of what a record stands in (`^@`: the key that led to it),
-`a.b` the one under another, `=x` is x itself where there is no other, `a+b` both, parted by a blank; the first that is
-there counts. Addresses that a record lists (`addresses`) become its `first`, their `count` and the way that they go
-(`listed`). `NAME.py`, where there is one, has `adapted(source, records)`, which puts right what no path can say.
+`NAME.toml` has `paths` to the records, `steps` that are taken with these (`steps`), `fields` (what a map's column is,
+out of which keys of a record), and the program's words for areas, types, orders and rights. A path's steps are keys;
+`{a,b}` any of these, `*` any, `-` the rows of a table, `**` anything between. A key with `^` is one of what a record
+stands in (`^@`: the key that led to it), `a.b` the one under another, `=x` is x itself, `a+b` both, parted by a blank;
+the first that is there counts. Words are looked up as they stand, then in small letters; `""` is what no known word
+means.
 """
 
 from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from functools import cached_property
-from importlib import import_module
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
 from importlib.resources import files as package_files
 from itertools import islice
 from typing import Any, Final, cast
 
+from ..cells import CellError, area_and_address
 from ..model import VALUE_TYPES
 from ..records import parts_of
 from .source import ImportedMap, MapBuilder, MapSource, mappings, number_in, scaled, whole_in
+from .steps import Record, said, step_named, value_at
 
-Record = dict[str, Any]
-Adapter = Callable[[MapSource, Iterator[Record]], Iterator[Record]]
 _TABLES: Final = {"area": "areas", "type": "types", "order": "orders", "access": "rights"}  # of words
 _BITS: Final = ("coil", "discrete")
 _LOOK: Final = 2000  # records among which one of a program tells that a file is its
+_DEEPEST: Final = 60
+_MOST_COPIES: Final = 250
+_KEPT: Final = ("scale_register", "unit", "description", "group")  # columns that are as their keys say
+
+
+@cache
+def _data_of(name: str) -> Mapping[str, Any]:
+    return tomllib.loads((package_files(__package__) / f"{name}.toml").read_text(encoding="utf-8"))
 
 
 class Program:
     """A program's form of maps."""
 
     def __init__(self, name: str) -> None:
-        self.name = name
-        self.data: Mapping[str, Any] = tomllib.loads(
-            (package_files(__package__) / f"{name}.toml").read_text(encoding="utf-8")
-        )
+        self.data = _data_of(name)
         self.NAME: str = self.data["name"]
         self._above = {name.partition(".")[0] for name in re.findall(r"\^([\w.]+)", str(self.data))}
-
-    @cached_property
-    def _adapted(self) -> Adapter | None:
-        if not self.data.get("adapted"):
-            return None
-        return cast(Adapter, import_module(f"{__package__}.{self.name}").adapted)
 
     def read(self, source: MapSource) -> list[ImportedMap] | None:
         """A map a device; None where no path leads to a record that has what a register of the program needs."""
         if next(self._found(source, self.data.get("signature", self.data["paths"]), _LOOK), None) is None:
             return None
-        builders: dict[str, MapBuilder] = {}
         records = self._found(source, self.data["paths"])
-        if "addresses" in self.data:
-            records = (_in_line(record, record.get(self.data["addresses"])) for record in records)
-        for record in records if self._adapted is None else self._adapted(source, records):
+        for step in self.data.get("steps", ()):
+            records = step_named(step["do"])(source, records, step)
+        builders: dict[str, MapBuilder] = {}
+        for record in records:
             device, vendor = (" ".join(self._texts(record, key)) for key in ("device", "vendor"))
-            builder = builders.setdefault(
-                device, MapBuilder(source.name, device, vendor, self.data.get("order", "ABCD"))
-            )
-            _ProgramRow(self, builder, record).add()
+            empty = MapBuilder(source.name, device, vendor, self.data.get("order", "ABCD"))
+            _ProgramRow(self.data, builders.setdefault(device, empty), record).add()
         return [builder.built() for builder in builders.values()]
 
     def _texts(self, record: Record, what: str) -> Iterator[str]:
@@ -71,110 +67,67 @@ class Program:
         self, source: MapSource, paths: Sequence[Mapping[str, Any]], most: int | None = None
     ) -> Iterator[Record]:
         """The records that paths lead to, among the first `most` that could be."""
-        tree, walk = getattr(source, self.data["reads"]), _TreeWalk(self._above)
+        tree = getattr(source, self.data["reads"])
         for path in paths:
-            for record in islice(walk.records(tree, path["to"].split("."), {}), most):
+            way = path["to"].split(".")
+            if not any(key in source.text for key in way[-1].strip("{}*-").split(",")):
+                continue  # what it leads to is nowhere in the file
+            records = iter(tree) if way == ["-"] else self._walked({"": tree}, ["", *way], {}, 0)
+            for record in islice(records, most):
                 where, unless = path.get("where", {}), path.get("unless", {"": ""})
-                there = "needs" not in path or said(record, path["needs"]) is not None
+                there = said(record, path.get("needs", ["="])) is not None
                 if there and where.items() <= record.items() and not unless.items() <= record.items():
-                    yield record
+                    yield record | {key: said(record, keys) for key, keys in path.get("gives", {}).items()}
 
-
-def said(record: Mapping[str, Any], keys: Sequence[str]) -> Any:
-    """The first of these keys that a record has."""
-    return next((value for value in (_at(record, key) for key in keys) if value is not None), None)
-
-
-def _at(record: Mapping[str, Any], key: str) -> Any:
-    if "+" in key[1:]:
-        parts = [record.get(part) for part in key.split("+")]
-        return None if None in parts else " ".join(map(str, parts))
-    if "." in key[1:] and isinstance(inner := record.get(key.partition(".")[0]), Mapping):
-        return inner.get(key.partition(".")[2])
-    return key[1:] if key.startswith("=") else record.get(key)
-
-
-def _in_line(record: Record, listed: Any) -> Record:
-    """A record whose listed addresses are told by the first, how many there are, and whether they rise or fall."""
-    if not isinstance(listed, list):
-        return record
-    first = min((place for place in map(whole_in, listed) if place is not None), default=0)
-    rising = [*range(first, first + len(listed))]
-    ways = {"rising": rising, "falling": rising[::-1]}
-    way = next((way for way, places in ways.items() if places == [*map(whole_in, listed)] != []), None)
-    told = {} if way else {"notes": [f"registers {listed} do not lie side by side"], "skipped": True}
-    return {**record, "first": first, "count": len(listed), "listed": way, **told}
-
-
-Stepped = Iterator[tuple[Any, Record, Sequence[str]]]
-
-
-class _TreeWalk:
-    """The way down a tree: what `keys` say above a record goes with it, as `^key`."""
-
-    def __init__(self, keys: Collection[str]) -> None:
-        self._keys = keys
-
-    def records(self, node: Any, steps: Sequence[str], above: Record) -> Iterator[Record]:
-        """The mappings that steps lead to, each with what it stands in."""
-        if not steps:
-            yield {**above, **node}
+    def _walked(self, node: Mapping[str, Any], steps: Sequence[str], above: Record, depth: int) -> Iterator[Record]:
+        """The mappings that steps lead to, each with what is said of it above."""
+        if not steps or depth > _DEEPEST:
+            yield from [{**above, **node}] * (not steps)
             return
-        ways = {"**": self._anywhere, "-": self._rows}
-        for below, around, rest in ways.get(steps[0], self._by_keys)(node, steps):
-            yield from self.records(below, rest, {**above, **around})
+        own = {f"^{key}": node[key] for key in self._above if not isinstance(node.get(key, []), list)}
+        around, step = {**above, **own}, steps[0]
+        if step == "**":
+            yield from self._walked(node, steps[1:], above, depth + 1)
+        keys = node if step in ("*", "**") else filter(node.__contains__, step.strip("{}").split(","))
+        for key in keys:
+            for below in mappings(node[key]) if step != "**" else _all_mappings(node[key]):
+                yield from self._walked(below, steps[step != "**" :], {**around, "^@": key}, depth + 1)
 
-    def _by_keys(self, node: Any, steps: Sequence[str]) -> Stepped:
-        """What the keys of a step lead to: `a`, `{a,b}` or `*`."""
-        inner = node if isinstance(node, Mapping) else {}
-        wanted = [*inner] if steps[0] == "*" else steps[0].strip("{}").split(",")
-        around = self._said(inner)
-        for key in filter(inner.__contains__, wanted):
-            for below in mappings(inner[key]):
-                yield below, {**around, "^@": key}, steps[1:]
 
-    def _anywhere(self, node: Any, steps: Sequence[str]) -> Stepped:
-        """The node itself for the steps behind `**`, and all that it holds for these."""
-        waiting: list[tuple[Any, Record]] = [(node, {})]
-        while waiting:
-            inner, around = waiting.pop()
-            yield from [(inner, around, steps[1:])] * isinstance(inner, dict)
-            around = {**around, **self._said(inner)}
-            waiting += [(one, around) for one in reversed(parts_of(inner)) if isinstance(one, dict | list)]
-
-    def _rows(self, node: Any, steps: Sequence[str]) -> Stepped:
-        for below in node:
-            yield below, {}, steps[1:]
-
-    def _said(self, node: Any) -> Record:
-        """What a mapping says itself of the records within it."""
-        there = self._keys if isinstance(node, Mapping) else ()
-        return {f"^{key}": node[key] for key in there if not isinstance(node.get(key, []), list)}
+def _all_mappings(node: Any) -> list[Mapping[str, Any]]:
+    """A mapping, or those of a list, lists in it too."""
+    within = parts_of(node) if isinstance(node, list) else [node]
+    lists = [mapping for one in within if isinstance(one, list) for mapping in mappings(one)]
+    return [*mappings(within), *lists]
 
 
 class _ProgramRow:
     """A record as a row of a map."""
 
-    def __init__(self, program: Program, builder: MapBuilder, record: Record) -> None:
-        self.data, self.builder, self.record = program.data, builder, record
+    def __init__(self, data: Mapping[str, Any], builder: MapBuilder, record: Record) -> None:
+        self.data, self.builder, self.record = data, builder, record
         own_name = str(self.said("name") or "")
         self.name = own_name or f"Register {self.said('address')}"
-        self.what = record.get("what") or self.name  # in notes
+        row = f"row {record['row']}: " if "row" in record else ""
+        self.what = f"{row}{self.name}"  # in notes
         builder.notes += [f"{self.what}: no name"] * (not own_name)
 
     def said(self, what: str) -> Any:
         """What a column is out of the record."""
         return said(self.record, self.data["fields"].get(what, ()))
 
+    def whole(self, what: str) -> int | None:
+        return whole_in(self.said(what))
+
     def meant(self, what: str) -> tuple[str | None, str]:
         """What the program's word for a column means, the first that is known; and the first that there is."""
         keys = self.data["fields"].get(what, ())
-        values = [(key, _at(self.record, key)) for key in keys]
+        values = [(key, value_at(self.record, key)) for key in keys]
         given = [str(value).strip() for key, value in values if value is not None and not key.startswith("=")]
         words = given[: 1 if what == "area" else None] or [key[1:] for key in keys if key.startswith("=")]
         table: Mapping[str, str] = self.data.get(_TABLES[what], {})
-        known = map(table.get, map(str.lower, words))
-        return next(filter(None, known), None), next(iter(words), "")
+        known = (table.get(word) or table.get(word.lower()) for word in words)
+        return next(filter(None, known), table.get("")), next(iter(words), "")
 
     def note(self, text: str) -> None:
         self.builder.note(f"{self.what}: {text}")
@@ -187,43 +140,87 @@ class _ProgramRow:
             self.note(text)
         if "skipped" in self.record:
             return
-        position = self.said("address")
-        address = whole_in(position)
         area, area_word = self.meant("area")
-        kind, type_word = ("bool", "") if area in _BITS else self.meant("type")
-        bit = whole_in(self.said("bit")) if kind != "bit" else whole_in(self.said("bit")) or 0
-        if address is None or area is None:
-            self.note(f"address {position!r} of {area_word!r} is not known")
-        elif bit is not None and kind != "bool":
-            self.builder.add_bits(area, address, bit, whole_in(self.said("width")) or 1, self.name)
-        elif kind is None:
-            self.note(f"{self.data.get('types_are', 'type')} {type_word!r} is not a type that maps have")
+        spot = (area, self._address(area)) if area else self._logical()
+        kind, type_word = self.meant("type")
+        bits_are = self.data.get("bits_are", [kind])
+        wrong = (
+            (None in spot, f"address {self.said('address')!r} of {area_word!r} is not known"),
+            (kind is None and spot[0] not in _BITS, f"{self._type_is} {type_word!r} is not a type that maps have"),
+            (spot[0] in _BITS and kind not in bits_are, f"address {self.said('address')} leads with the digit of "
+             f"{spot[0]}s, which hold no {type_word}"),
+        )  # fmt: skip
+        told = next((text for holds, text in wrong if holds), "")
+        if told:
+            self.note(told)
         else:
-            self.builder.add(area, address, self._cells(area, kind), self.what)
+            self._add(str(spot[0]), cast(int, spot[1]), "bool" if spot[0] in _BITS else str(kind))
+
+    @property
+    def _type_is(self) -> str:
+        """What the program calls a type."""
+        return str(self.data.get("types_are", "type"))
+
+    def _logical(self) -> tuple[str | None, int | None]:
+        """Area and address of a record whose address names its area."""
+        try:
+            return area_and_address(None, self.said("address"))
+        except CellError:
+            return None, None
+
+    def _address(self, area: str | None) -> int | None:
+        """The address, by what it is counted from, and octets behind it as registers."""
+        address = self.whole("address")
+        behind, half = divmod((self.whole("octets_behind") or 0) * (area not in _BITS), 2)
+        if half:
+            self.note(f"an offset of {2 * behind + half} octets begins within a register")
+        return None if address is None else address + (self.whole("shift") or 0) + behind
+
+    def _add(self, area: str, address: int, kind: str) -> None:
+        """What stands at an address: some bits of it, or a value, or several side by side."""
+        mask = self.whole("mask") or 0
+        own_bit = {0: self.whole("bit"), 1: mask.bit_length() - 1}.get(mask.bit_count())
+        bits = [bit for bit in (own_bit, *[0] * (kind == "bit")) if bit is not None and kind != "bool"]
+        if mask.bit_count() > 1:
+            self.note(f"bitmask {mask:#x} is not carried")
+        if bits:
+            self.builder.add_bits(area, address, bits[0], self.whole("width") or 1, self.name)
+            return
+        cells = self._cells(area, kind)
+        copies = min(self.whole("copies") or 0, _MOST_COPIES)
+        for turn in range(copies + 1):
+            cells["name"] = f"{self.name} {turn + 1}" if copies > 0 else self.name
+            self.builder.add(
+                area,
+                address + turn * max(1, VALUE_TYPES[str(cells["type"])]),
+                cells,
+                self.what if copies < 1 else cells["name"],
+            )
 
     def _cells(self, area: str, kind: str) -> dict[str, object]:
         kind, _, own_order = kind.partition(" ")
         states = states_of(self.said("values"))
-        length = self.said("length")
+        lengths: tuple[Any, ...] = (self.said("length"), self._length())
         if states and kind[0] in "us":
-            kind, length = "enum", VALUE_TYPES[kind]
-        is_wide = VALUE_TYPES[kind] > 1 or self.data.get("orders_bytes", False)
-        read_only = self.data.get("bits_access") if area in _BITS else None
+            kind, lengths = "enum", (VALUE_TYPES[kind],)
+        has_order = kind != "bool" and (VALUE_TYPES[kind] > 1 or self.data.get("orders_bytes", False))
+        usual = (self.meant("access")[0], self.data.get("bits_access") if area in _BITS else None)
         return {
-            "name": self.name,
-            "type": kind,
-            "order": own_order or (self.meant("order")[0] if is_wide and kind != "bool" else None),
-            "length": length,
+            **{column: self.said(column) for column in _KEPT},
             **self._factor(),
-            "scale_register": self.said("scale_register"),
-            "unit": self.said("unit"),
+            "type": kind,
+            "order": own_order or (self.meant("order")[0] if has_order else None),
+            "length": next(filter(None, lengths), None),
             "values": states,
-            "access": self.meant("access")[0] or read_only,
+            "access": next(filter(None, usual), None),
             "min": self._number("min"),
             "max": self._number("max"),
-            "description": self.said("description"),
-            "group": self.said("group"),
         }
+
+    def _length(self) -> int:
+        """Registers, by the octets or the last address that a record tells; 0 where it tells neither."""
+        octets, last, address = (self.whole(what) or 0 for what in ("octets", "last", "address"))
+        return -(-octets // 2) or max(0, last - address + 1) * (last > 0)
 
     def _factor(self) -> dict[str, object]:
         """Scale and offset; the number that a key divides by counts as its inverse."""
@@ -244,16 +241,12 @@ class _ProgramRow:
 
 def states_of(values: Any) -> dict[int, str]:
     """Names of states out of a mapping either way round, or out of records with `key` (one or several) and `value`."""
-    pairs = (
-        values.items()
-        if isinstance(values, Mapping)
-        else [(one.get("key"), one.get("value")) for one in mappings(values)]
-    )
-    states: dict[int, str] = {}
-    for key, name in pairs:
-        for one in key if isinstance(key, list) else [key]:
-            number = whole_in(one)
-            state, word = (number, name) if number is not None else (whole_in(name), key)
-            if state is not None:
-                states[state] = {True: "On", False: "Off"}[word] if isinstance(word, bool) else str(word)
-    return states
+    listed = [(one.get("key"), one.get("value")) for one in mappings(values)]
+    pairs = values.items() if isinstance(values, Mapping) else listed
+    every = ((state, name) for key, name in pairs for state in (key if isinstance(key, list) else [key]))
+    numbered = ((whole_in(state), whole_in(name), state, name) for state, name in every)
+    found = ((own, name) if own is not None else (other, state) for own, other, state, name in numbered)
+    return {state: _STATES.get(name, str(name)) for state, name in found if state is not None}
+
+
+_STATES: Final[Mapping[Any, str]] = {True: "On", False: "Off"}  # YAML takes On and Off for truth

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import count
 from pathlib import PurePath
 from typing import Any, Final
 
@@ -31,6 +32,8 @@ _MOST_TWINS: Final = 64
 _COMMENT: Final = re.compile(r'("(?:\\.|[^"\\])*(?:"|\\?\Z))|//[^\n]*|/\*.*?(?:\*/|\Z)', re.DOTALL)
 _LAST_COMMA: Final = re.compile(r'("(?:\\.|[^"\\])*(?:"|\\?\Z))|,(?=\s*[}\]])')
 _INCLUDED: Final = re.compile(r"^[^#\n]*!include\w*\s+(?:\{?\s*file:\s*)?([^\s,}#]{1,100})", re.MULTILINE)
+_TEMPLATE_REMARK: Final = re.compile(r"^([ ]*)(address: *\S+)\s+#\s*(\S.*)$")
+_TOP_KEY: Final = re.compile(r"^(\w+):", re.MULTILINE)
 _MOST_INCLUDED: Final = 5
 _DEEPEST: Final = 40  # elements in elements
 _KINDS: Final = {".yaml": "YAML", ".yml": "YAML", ".toml": "TOML", ".conf": "TOML", ".json": "JSON", ".jinja": "JSON"}
@@ -91,6 +94,19 @@ class MapSource:
         return next(filter(None, (getattr(self, way) for way in ways)), None)
 
     @cached_property
+    def template(self) -> Any:
+        """The YAML that a template renders: what fills it in is left out, remarks behind addresses are a key, and keys
+        that stand there again have a number."""
+        from ..yamlform import load_yaml
+
+        text = self.yaml.get("render") if isinstance(self.yaml, Mapping) else None
+        lines = [line for line in str(text or "").splitlines() if "{{" not in line]
+        bare = "\n".join(_TEMPLATE_REMARK.sub(r"\1\2\n\1remark: \3", line) for line in lines)
+        numbers = count()
+        with suppress(ValueError):
+            return load_yaml(_TOP_KEY.sub(lambda key: f"{key[1]}.{next(numbers)}:", bare), lenient=True)
+
+    @cached_property
     def lines(self) -> Any:
         """The objects of JSON lines."""
         return json_lines(self.text)
@@ -111,14 +127,16 @@ class MapSource:
                 self._cut = notes_of_cut(number > _MOST_LINES, _MOST_LINES, "rows")
                 if self._cut:
                     break
-                yield {**{str(at): cell.strip() for at, cell in enumerate(cells[:_MOST_CELLS])}, "row": str(number)}
+                shown = [cell.strip() for cell in cells[:_MOST_CELLS]]
+                line = "\t".join([*shown, *[""] * 8])
+                yield {**dict(zip(map(str, range(len(shown))), shown, strict=True)), "row": str(number), "line": line}
 
     @property
     def table(self) -> Iterator[dict[str, str]]:
         """The rows of CSV by the headings of the first, those without a cell left out."""
         rows = self.rows
-        head = {at: name.lower() for at, name in next(rows, {"row": ""}).items()} | {"row": "row"}
-        return ({head.get(at, at): cell for at, cell in row.items()} for row in rows if any([*row.values()][:-1]))
+        head = {at: name.lower() for at, name in next(rows, {}).items()} | {"row": "row", "line": "line"}
+        return ({head.get(at, at): cell for at, cell in row.items() if cell} for row in rows if row["line"].strip())
 
     @cached_property
     def xml(self) -> Any:
@@ -225,9 +243,7 @@ class MapBuilder:
         if self.is_full:
             return
         kind = "bool" if area in ("coil", "discrete") else str(cells["type"])
-        fitting = {
-            key: cell for key, cell in cells.items() if cell is not None and key not in _UNFIT.get(kind, _LENGTH)
-        }
+        fitting = {key: cell for key, cell in cells.items() if key not in _UNFIT.get(kind, _LENGTH)}
         if area in ("input", "discrete"):
             fitting["access"] = fitting.get("access") or "r"
         try:
@@ -251,8 +267,8 @@ class MapBuilder:
         """A part of a register: bits `first` to `first + width - 1`."""
         names = self.bits.setdefault((area, address), {})
         for bit in range(max(first, 0), min(first + width, 16)):
-            label = name if width == 1 else f"{name} bit {bit - first}"
-            names[bit] = f"{names[bit]} / {label}" if bit in names else label
+            label = f"{name} bit {bit - first}" * (width > 1) or name
+            names[bit] = " / ".join(filter(None, (names.get(bit), label)))
 
     @property
     def is_full(self) -> bool:
@@ -269,10 +285,11 @@ class MapBuilder:
     def _is_of_bits(self, area: str, address: int, names: dict[int, str]) -> bool:
         """Give the only row of a register the names of its bits; False where there is none, or another value."""
         twins = self._at.get((area, address), {})
-        row = next(iter(twins.values()), None)
-        if row is None or len(twins) != 1 or row.type not in ("u16", "s16", "bits") or row.length != 1:
+        rows = [row for row in twins.values() if (row.type, row.length) in _OF_ONE_REGISTER]
+        if not len(rows) == len(twins) == 1:
             return False
-        self.rows[self.rows.index(row)] = replace(row, type="bits", values=dict(sorted(names.items())), scale=1.0)
+        named = replace(rows[0], type="bits", values=dict(sorted(names.items())), scale=1.0)
+        self.rows[self.rows.index(rows[0])] = named
         return True
 
     def built(self) -> ImportedMap:
@@ -310,10 +327,11 @@ def _without_halves(rows: Sequence[MappedValue]) -> Sequence[MappedValue]:
     return done
 
 
+_OF_ONE_REGISTER: Final = {("u16", 1), ("s16", 1), ("bits", 1)}  # whose bits may have names
 _WIDER: Final = {"s": "s32", "f": "f32"}
 _LENGTH: Final = ("length",)
 _FACTOR: Final = ("scale", "offset")
-_UNFIT: Final = {"bool": (*_LENGTH, *_FACTOR), "text": _FACTOR, "bits": _FACTOR, "enum": _FACTOR}
+_UNFIT: Final = {"bool": (*_LENGTH, *_FACTOR, "unit"), "text": _FACTOR, "bits": _FACTOR, "enum": _FACTOR}
 """What a type cannot have: a coil is a bool, a text has no factor, others have the length that they have."""
 
 
@@ -339,13 +357,16 @@ def number_in(mapping: Mapping[str, Any], key: str, default: float) -> float:
 def whole_in(value: object) -> int | None:
     """A whole number, decimal or hex, None where it is none."""
     try:
-        return None if value in (None, "") else whole_number("address", value)
+        return whole_number("address", value)
     except CellError:
         return None
 
 
 def mappings(content: object) -> Iterable[Mapping[str, Any]]:
     """The mappings of a list, or the one that stands alone."""
-    if isinstance(content, Mapping):
-        return [content]
-    return [item for item in content if isinstance(item, Mapping)] if isinstance(content, list) else []
+    match content:
+        case Mapping():
+            return [content]
+        case list():
+            return [item for item in content if isinstance(item, Mapping)]
+    return []

@@ -9,17 +9,19 @@ from __future__ import annotations
 
 from bisect import bisect, bisect_left
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from itertools import islice, zip_longest
-from typing import Any, Final
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import accumulate, islice, zip_longest
+from typing import Final
 
 from ..cells import CellError, area_and_address
 from ..headings import has_heading, headed, headings_in, is_rule, is_value, of_values
+from ..lines import cells_told
 from ..model import DIGIT_OF_AREA, VALUE_TYPES, MapArea
 from ..roles import (
     WHOLE,
     Table,
+    TableColumn,
     assigned,
     assignment,
     column_cells,
@@ -28,7 +30,8 @@ from ..roles import (
     plain_heading,
 )
 from ..sheets import MapSheet, column_name, notes_of_cut
-from ..vocabulary import expression, form, meaning
+from ..titles import Titles, footnotes_in
+from ..vocabulary import expression, form, given, meaning
 from ..written import (
     AddressForm,
     TableAddress,
@@ -39,32 +42,33 @@ from ..written import (
     area_of_cell,
     area_words,
     bits_of,
+    facts_of,
     has_only_states,
-    limits_of,
-    measured,
+    numbers_in,
     order_of,
-    plain_number,
+    scaled_by,
     states_in,
     type_of,
 )
 from .source import ImportedMap, MapBuilder, MapSource, whole_in
 
 _FIRST_WORD: Final = {"CDAB": "least significant", "DCBA": "least significant"}
+_FEW: Final = 2  # cells of a row that may be a footnote
+_LONGEST: Final = 400  # characters of one
 _MOST_HEADINGS: Final = 200  # of one sheet
 _LONG_TEXTS: Final = frozenset({"name", "description"})  # columns whose cells go on below
 _OPEN: Final = ("~", "-", "–", "…", "..")  # ends of an address whose last is on the next line
 _LEAST_NAMES: Final = 3  # that tell whether names end in units
+_LOGICAL: Final = 10_000  # by which logical numbers of areas differ
+_MOST_BLOCKS: Final = 16  # that have the same offsets
+_AREA_OF: Final = {digit: area for area, digit in DIGIT_OF_AREA.items()}
+_SCALED: Final = ("raw_low", "raw_high", "scaled_low", "scaled_high")
+Cells = dict[str, str]
 
 
 def chart_of(source: MapSource, sheet: MapSheet, device: str = "") -> ImportedMap | None:
     """The map of one sheet, of the file's name and `device`; None where it has no heading."""
     return _TableRows(source, sheet, device).chart()
-
-
-def first_chart(source: MapSource, sheets: Iterable[MapSheet]) -> list[ImportedMap] | None:
-    """The map of the first sheet that has a heading; None where none has."""
-    charts = (chart_of(source, sheet) for sheet in sheets)
-    return next(([chart] for chart in charts if chart is not None), None)
 
 
 @dataclass(slots=True)
@@ -77,6 +81,8 @@ class _TableHeading:
     of_functions: bool = False  # areas are the codes of functions
     order: str = ""  # what the heading of the orders says of them: that they are of words
     has_units_behind: bool = False  # names end in their units
+    has_parts: bool = False  # names have their types behind them
+    others: Mapping[str, int] = field(default_factory=dict)  # columns of more addresses, by what tells them apart
 
 
 class _TableRows:
@@ -89,13 +95,9 @@ class _TableRows:
         self.first = 1 - (self.rows[1:] == shown)  # number of the first row
         for note in sheet.notes:
             self.builder.note(note)
-        self.area = area_words(sheet.name)
+        self.titles = Titles(area_words(sheet.name), footnotes=footnotes_in(self.rows))
         self.heading = _TableHeading()
-        self.group = self.above = ""
-        self.order: str | None = None  # as a title says
-        self.access = ""  # of the rows below, too
-        self.accesses: dict[MapArea | None, str] = {}  # of the areas of which a sentence speaks
-        self.numbering = ""  # what titles say of addresses
+        self.above = ""  # the area of the rows above
         self.register: tuple[MapArea, int] | None = None  # the newest, whose bits rows may name
 
     def chart(self) -> ImportedMap | None:
@@ -112,7 +114,7 @@ class _TableRows:
                 rows = self.rows[begin : headings[bisect_left(headings, begin)]]
                 for number, row in self._joined(rows, begin + self.first):
                     if not self.builder.is_full:
-                        self._row(row, number)
+                        self._row(row, f"row {number}")
         if self.builder.rows:
             self.builder.note("columns were told by their headings: look the map over, its address base above all")
         return self.builder.built() if self.heading.columns else None
@@ -136,15 +138,19 @@ class _TableRows:
         if not columns:
             return begin
         texts = {role: plain_heading(row[at]) for role, at in columns.items()}
-        addresses = column_cells(below, columns["address"])
-        how = address_form(f"{texts['address']}{self.numbering}", addresses)
+        addresses, names, units, types = (
+            column_cells(below, columns.get(role, len(row))) for role in ("address", "name", "unit", "type")
+        )
+        how = address_form(f"{texts['address']}{self.titles.numbering}", addresses)
         self.heading = _TableHeading(
             columns,
-            how,
+            replace(how, has_prefixes=how.has_prefixes or self.heading.form.has_prefixes),
             Counter(addresses),
             bool(form("of_functions", texts.get("area", ""))),
             "word order" * ("word" in texts.get("order", "")),
-            _have_units_behind(*(column_cells(below, columns.get(role, len(row))) for role in ("name", "unit"))),
+            _have_units_behind(names, units),
+            not types and 2 * sum("type" in cells_told(name)[1] for name in names) > len(names),
+            _more_addresses(row, below, columns),
         )
         for holds, note in (
             ("divisor" in columns and heading_bits(texts["divisor"], "divisor") < WHOLE, _AS_DIVISOR),
@@ -154,7 +160,7 @@ class _TableRows:
         ):
             self.builder.notes += [note] * holds
         self.above, self.register = "", None
-        self.area = ("area" not in columns and area_words(texts["address"])) or self.area
+        self.titles.area = ("area" not in columns and area_words(texts["address"])) or self.titles.area
         return begin
 
     def _merged(self, first: int, last: int) -> list[str] | None:
@@ -162,11 +168,17 @@ class _TableRows:
         over `Dec` and `Hex`), or what the first leaves out. None where the second is no heading."""
         row, second = (list(self.rows[at]) for at in (first, first + 1))
         width = max(len(row), len(second))
-        pairs = zip(row + [""] * (width - len(row)), second + [""] * (width - len(second)), strict=True)
-        both = [low if known_headings([low]) else f"{high} {low}".strip() for high, low in pairs]
+        padded = [*row, *[""] * (width - len(row))]
+        above = [*accumulate(padded, _nearest)]  # one cell over several
+        pairs = zip(above, padded, second + [""] * (width - len(second)), strict=True)
+        both = [low if known_headings([low]) else f"{top if low else own} {low}".strip() for top, own, low in pairs]
         below = of_values(self.rows[first + 2 : last])
         weights = [assignment(one, below)[1] for one in (row, second, both)]
-        return both if weights[2] > max(weights[:2]) else None
+        tops = {above[at] for at, cell in enumerate(second) if cell}
+        is_split = "" not in tops and len(tops) == 1 < sum(map(bool, second))  # one heading over several columns
+        is_hex = form("hex_heading", "".join(second).lower()) != {}
+        is_below = (is_split or is_hex) and not any(form("place", cell) for cell in second)
+        return both if weights[2] > max(weights[:2]) or is_below else None
 
     def _joined(self, rows: Table, first: int) -> Iterator[tuple[int, list[str]]]:
         """The rows with their numbers; what a cell went on with on the next line is put back to it: texts alone, in
@@ -187,40 +199,45 @@ class _TableRows:
         """Take in what a row without values says of those below."""
         cells = list(filter(None, row))
         title = " ".join(cells)
-        self.order = order_of(form("says_order", title.lower()).get("", "")) or self.order
-        self.numbering += " hex" * (form("in_hex", title) != {}) + " 1-based" * (form("from_one", title) != {})
-        area = area_words(title)
-        told = ((area_words(part), access_said(part)) for part in expression("[,;.]").split(title))
-        self.accesses |= {part: said for part, said in told if said}
-        self.access = access_said(title) or self.access * (area in (None, self.area))
-        self.area = area or self.area
-        if len(cells) == 1 and (self.heading.columns or title.startswith("#")):
-            self.group = _group(title) or self.group
+        self.titles.take(title, is_group=len(cells) == 1 and (self.heading.columns != {} or title.startswith("#")))
 
-    def _row(self, row: Sequence[str], number: int) -> None:
-        cells = list(filter(None, row))
-        heading = self.heading
-        named = {key: row[at].strip() for key, at in heading.columns.items() if at < len(row)}
-        if is_rule(row) or self._is_bit(named):
+    def _row(self, row: Sequence[str], what: str) -> None:
+        """Take in a row: a line between others, a title, a bit of the register above, or values."""
+        cells = {key: row[at].strip() for key, at in self.heading.columns.items() if at < len(row)}
+        cells = self.titles.without_marks(cells)
+        if is_rule(row) or self._is_bit(cells):
             return
-        if len(cells) == 1:
+        if sum(map(bool, row)) == 1 or (sum(map(bool, row)) == _FEW and form("section", row[0])):
             self._title(row)
             return
-        self.above = named.get("area") or self.above  # one cell for several rows holds its text once
-        if heading.addresses[named.get("address", "")] == 1:
-            named.pop("bit", None)  # several rows of one register are its bits
-        here = area_of_cell(self.above, function=heading.of_functions) or self.area
-        place = named.get("address", "")
-        address = address_of(place, heading.form)
-        if address is None or (form("words", place) and not named.get("name")):  # a page's head or foot
-            self.builder.note(f"row {number}: {place[:30]!r} is not an address")
-            return
-        if form("unused", named.get("name", "")):
-            self.builder.note(f"row {number}: {named['name']}: no value")
-            return
-        self.register = self._value(named, address, here, f"row {number}")
+        self.above = cells.get("area") or self.above  # one cell for several rows holds its text once
+        if self.heading.addresses[cells.get("address", "")] == 1:
+            cells.pop("bit", None)  # several rows of one register are its bits
+        others = [(f" {title}", row[at]) for title, at in self.heading.others.items() if at < len(row)]
+        spots = [(title, place) for title, place in others if numbers_in(place)]
+        for title, place in spots or [("", cells.get("address", ""))]:
+            self._at(cells | {"address": place, "name": f"{cells.get('name', '')}{title}"}, what)
 
-    def _is_bit(self, cells: dict[str, str]) -> bool:
+    def _at(self, cells: Cells, what: str) -> None:
+        """Add what stands at the address of a row, in each of the blocks that have it."""
+        place, name = cells["address"], cells["name"]
+        position = address_of(place, self.heading.form)
+        if position is None or (form("words", place) and not name):  # a page's head or foot
+            self.builder.note(f"{what}: {place[:30]!r} is not an address")
+            return
+        if form("unused", name):
+            self.builder.note(f"{what}: {name}: no value")
+            return
+        is_offset = place.startswith("+")
+        blocks = [*islice(self.titles.blocks.items(), _MOST_BLOCKS)] if is_offset else []
+        for title, base in blocks or [("", 0)]:
+            prefix = f"{title} " * (len(blocks) > 1)
+            moved = (
+                replace(position, first=position.first + base, text=str(position.first + base)) if base else position
+            )
+            self.register = self._value(cells | {"name": f"{prefix}{name}"}, moved, what)
+
+    def _is_bit(self, cells: Cells) -> bool:
         """Whether a row names a bit of the register above: it has no address of its own. The bit is added then."""
         name = cells.get("name") or cells.get("description", "")
         spoken = form("spoken_bit", name) or {**form("bit_cell", cells.get("bit", "")), "name": name}
@@ -229,114 +246,145 @@ class _TableRows:
         self.builder.add_bits(*self.register, int(spoken["bit"]), 1, " ".join(spoken["name"].split()))
         return True
 
-    def _value(
-        self, cells: dict[str, str], position: TableAddress, area: MapArea | None, what: str
-    ) -> tuple[MapArea, int] | None:
+    def _value(self, cells: Cells, position: TableAddress, what: str) -> tuple[MapArea, int] | None:
         """Add what a row says; the register that it is about, whose bits rows below may name."""
-        how = self.heading.form
-        named, address = _area_and_address(position, area, how)
-        kind, length = type_of(_type_said(cells), whole_in(cells.get("length")) or _words(cells, position, how))
-        own_name = cells.get("name", "")
-        if how_named := self.heading.has_units_behind and form("unit_behind", own_name):
-            own_name, cells = how_named["name"], {**cells, "unit": how_named["unit"]}
-        name = own_name or f"Register {cells.get('address', '')}"
+        own_name = cells["name"].strip()
+        name = own_name or f"Register {cells['address']}"
         self.builder.notes += [f"{what}: no name"] * (not own_name)
         try:
-            register = area_and_address(named, address)
+            register = area_and_address(*self._spot(position))
         except CellError as error:
             self.builder.note(f"{what}: {name[:40]}: {error}")
             return None
         bit = form("bit_cell", position.bit or cells.get("bit", "")).get("bit")
         if bit:
             self.builder.add_bits(*register, int(bit), 1, " ".join(name.split()))
-            return register
+        else:
+            self._add(register, self._apart({**cells, "name": name}), position, what)
+        return register
+
+    def _spot(self, position: TableAddress) -> tuple[MapArea | None, int | str]:
+        """Area and address as `area_and_address` takes them: a logical number (40108, 4x108) names its area itself,
+        where the row says nothing else, or the same; where all are logical, whatever titles say."""
+        how, own = self.heading.form, area_of_cell(self.above, function=self.heading.of_functions)
+        area = own or self.titles.area
+        digits = how.logical_digits(area)
+        looks = digits and expression(rf"[{digits}](?!0+$)\d{{4,5}}").fullmatch(position.text)
+        free = own if how.is_logical else area
+        if position.prefixed or (looks and free in (None, _AREA_OF.get(position.text[0]))):
+            return None, position.text
+        return area or "holding", position.first - how.base
+
+    def _apart(self, cells: Cells) -> Cells:
+        """The cells of a row, with what stands behind its name in cells of their own."""
+        if form("says_bits", cells.get("unit", "")):
+            cells = {**cells, "description": f"{cells['unit']} {cells.get('description', '')}".strip(), "unit": ""}
+        first, _, more = cells["name"].partition("\n")
+        if has_only_states(more):
+            return {**cells, "name": first, "description": f"{more} {cells.get('description', '')}".strip()}
+        if how_named := self.heading.has_units_behind and form("unit_behind", cells["name"]):
+            return {**cells, "name": how_named["name"], "unit": how_named["unit"]}
+        name, told = cells_told(cells["name"]) if self.heading.has_parts else (cells["name"], {})
+        return {**told, **cells, "name": name}
+
+    def _add(self, register: tuple[MapArea, int], cells: Cells, position: TableAddress, what: str) -> None:
+        """Add the value at a register."""
+        shown = {**cells, "name": " ".join(cells["name"].split()), "unit": given(cells.get("unit", ""))}
+        told, left = facts_of(shown, ["untyped"] * (not cells.get("type")))
+        told |= scaled_by([cells.get(role, "") for role in _SCALED])
+        length = whole_in(cells.get("length")) or _words(cells, position, self.heading.form)
+        kind, length = type_of(_type_said(cells, told["sign"]), length)
         order = self._order(cells, kind, what)
-        name, cells = _without_list(name, cells)
-        name, scale, unit, remark = measured(cells, " ".join(name.split()))
-        name, kind, states = _with_list(name, kind, cells)
-        name, cells = _without_span(name, cells)
-        low, high = limits_of(cells)
+        bits = bits_of(cells.get("description", ""), kind)
+        kind = "bits" if kind in ("u16", "u32") and form("says_bits", cells.get("description", "")) else kind
+        name, states = (left["name"], None) if bits else states_in(left, kind, left["name"])
+        accesses = self._accesses(cells, told["access"], register[0])
         self.builder.add(
             *register,
             {
                 "name": name,
-                "type": kind,
+                "type": "bits" if bits else kind,
                 "order": order,
                 "length": length,
-                "scale": scale,
-                "offset": plain_number(cells.get("offset", "")),
-                "unit": unit,
-                "values": states,
-                "access": next(filter(None, self._accesses(cells, register[0])), None),
-                "min": low,
-                "max": high,
-                "description": cells.get("description") or remark,
-                "group": cells.get("group") or self.group,
+                "scale": told["scale"],
+                "offset": told["added"],
+                "unit": told["unit"],
+                "values": bits or states,
+                "access": next(filter(None, accesses), None),
+                "min": told["low"],
+                "max": told["high"],
+                "description": left.get("description") or left["unit"] * (told["unit"] == ""),
+                "group": cells.get("group") or self.titles.group,
             },
             f"{what}: {name[:40]}",
         )
-        return register
 
-    def _accesses(self, cells: dict[str, str], area: MapArea) -> Iterator[str | None]:
+    def _accesses(self, cells: Cells, told: str, area: MapArea) -> Iterator[str | None]:
         """What is said of the access to a register, the nearest first; what titles say is of what can be written."""
         yield access_of(cells)
         yield "r" * (area in ("input", "discrete"))
+        yield told and meaning("access", told.lower())
         yield access_said(self.above, codes=self.heading.of_functions)
-        yield self.access
-        yield self.accesses.get(area)
+        yield self.titles.access
+        yield self.titles.accesses.get(area)
 
-    def _order(self, cells: dict[str, str], kind: str, what: str) -> str | None:
+    def _order(self, cells: Cells, kind: str, what: str) -> str | None:
         """The order of a wide value: as its row says it, else as a title does; a doubtful one is told."""
-        own = cells.get("order", "")
-        said = f"{own} {cells.get('type', '')}".strip().lower()
-        ways = (said, f"{self.heading.order} {own}", cells.get("description", ""))
-        order = next(filter(None, map(order_of, ways)), self.order)
-        is_said, is_sure = own or form("says_order", said), order and not form("is_inverse", said)
         if VALUE_TYPES.get(kind, 0) < 2:
             return None
-        if is_said and not is_sure:
-            shown = f"{own} {cells.get('type', '')}".strip()[:30]
+        own = cells.get("order", "")
+        said = f"{own} {cells.get('type', '')}".strip()
+        ways = (said.lower(), f"{self.heading.order} {own}", cells.get("description", ""))
+        order = next(filter(None, map(order_of, ways)), self.titles.order)
+        is_sure = order and not form("is_inverse", said.lower())
+        if not is_sure and (own or form("says_order", said.lower())):
             first = _FIRST_WORD.get(str(order), "most significant")
-            self.builder.note(f"{what}: order {shown!r} was taken for {order or 'ABCD'}, {first} word first")
+            self.builder.note(f"{what}: order {said[:30]!r} was taken for {order or 'ABCD'}, {first} word first")
         return order
 
 
 _AS_DIVISOR: Final = "gains of 1 or more were taken as divisors of raw values"
 
 
-def _without_list(name: str, cells: dict[str, str]) -> tuple[str, dict[str, str]]:
-    """A row's name, without a list of states on the lines below it in its cell, which is a remark."""
-    first, _, more = name.partition("\n")
-    if not has_only_states(more):
-        return name, cells
-    return first, {**cells, "description": f"{more} {cells.get('description', '')}".strip()}
+def _nearest(left: str, cell: str) -> str:
+    """A cell, or where it is empty that before it."""
+    return cell or left
 
 
-def _without_span(name: str, cells: dict[str, str]) -> tuple[str, dict[str, str]]:
-    """A row's name, without a range of values in brackets behind it."""
-    behind = form("states_behind", name)
-    span = form("span", behind.get("states", ""))
-    return (behind["name"], {"range": span[""], **cells}) if span else (name, cells)
+def _more_addresses(row: Sequence[str], below: Table, columns: Mapping[str, int]) -> Mapping[str, int]:
+    """The columns of addresses by what tells them apart, where several stand side by side: Address L1, L2, L3."""
+    word, _, own = row[columns["address"]].partition(" ")
+    free = {at: row[at].removeprefix(word).strip() for at in range(len(row)) if at not in columns.values()}
+    found = {
+        title: at
+        for at, title in free.items()
+        if row[at].startswith(f"{word} ")
+        and not heading_bits(plain_heading(title), "address")
+        and TableColumn("", column_cells(below, at), len(below)).is_of_addresses
+    }
+    places = [number for at in (columns["address"], *found.values()) for number in _first_numbers(below, at)]
+    is_one_space = len({*places}) == len(places) > 0 and max(places) - min(places) < _LOGICAL
+    every = sorted({own: columns["address"], **found}.items(), key=lambda titled: titled[1])
+    return dict(every) if found and is_one_space else {}
 
 
-def _with_list(name: str, kind: str, cells: dict[str, str]) -> tuple[str, str, Any]:
-    """A row's name, type, and the names of its states; of its bits, where a remark names some."""
-    named = bits_of(cells.get("description", ""), kind)
-    return (name, "bits", named) if named else ((called := states_in(cells, kind, name))[0], kind, called[1])
+def _first_numbers(rows: Table, at: int) -> list[int]:
+    """The first number of each cell of a column that has one."""
+    return [number for cell in column_cells(rows, at) for number in numbers_in(cell)[:1]]
 
 
 def _goes_on(row: Sequence[str], above: Sequence[str], columns: Mapping[str, int], *, is_drawn: bool) -> bool:
     """Whether texts go on from the row above, which has no cell less: the name in small letters, no bit of it; where
     lines part all other rows, any name."""
-    filled = {at for at, cell in enumerate(row) if cell}
-    name = "".join(row[columns.get("name", len(row)) :][:1])
-    place = columns.get("address", len(above))
-    is_open = "".join(above[place:][:1]).endswith(_OPEN)
+    filled, held = ({at for at, cell in enumerate(cells) if cell} for cells in (row, above))
+    name, name_above, place_above = (
+        "".join(cells[columns.get(role, len(cells)) :][:1])
+        for cells, role in ((row, "name"), (above, "name"), (above, "address"))
+    )
     texts = {columns[role] for role in _LONG_TEXTS & columns.keys()}
-    alone = set() if is_open else {0, place} - texts
-    held = "".join(above[columns.get("name", len(above)) :][:1])
-    own = is_drawn or (f"{name}a"[0].islower() and not form("spoken_bit", name)) or held.endswith(",")
-    return own and set() < filled <= (texts | {at for at, cell in enumerate(above) if cell}) - alone
+    alone = set() if place_above.endswith(_OPEN) else {0, columns.get("address", 0)} - texts
+    is_lower = f"{name}a"[0].islower() and not form("spoken_bit", name)
+    return any((is_drawn, is_lower, name_above.endswith(","))) and set() < filled <= (texts | held) - alone
 
 
 def _have_units_behind(names: Sequence[str], units: Sequence[str]) -> bool:
@@ -345,40 +393,16 @@ def _have_units_behind(names: Sequence[str], units: Sequence[str]) -> bool:
     return behind >= _LEAST_NAMES and 2 * (behind + len(units)) > len(names) > 2 * len(units)
 
 
-def _group(text: str) -> str:
-    """The title above rows, as a group; a sentence is none."""
-    return form("group_title", text.strip("#*: ")).get("", "")
-
-
-def _type_said(cells: dict[str, str]) -> str:
+def _type_said(cells: Cells, sign: str) -> str:
     """What the columns of type, width and sign say together; where none is, what a remark says of the sign."""
-    width = cells.get("width", "")
-    signed = meaning("signed", cells.get("signed", ""))
-    if "type" not in cells and not signed:
-        signed = form("says_sign", cells.get("description", "")).get("said")
-    return " ".join(filter(None, (cells.get("type"), width, signed)))
+    own = (cells.get("type"), cells.get("width", ""), meaning("signed", cells.get("signed", "")) or sign)
+    return " ".join(filter(None, own))
 
 
-def _words(cells: dict[str, str], position: TableAddress, how: AddressForm) -> int | None:
+def _words(cells: Cells, position: TableAddress, how: AddressForm) -> int | None:
     """Registers of a value by its octets, or from its first to its last address."""
     octets = whole_in(cells.get("octets")) or 1
     end = address_of(cells.get("end", ""), how)
     last = position.last or (end.first if end else -1)
-    span = max(0, last - position.first + 1)
-    return octets // 2 if octets % 2 == 0 else span or None
-
-
-def _area_and_address(
-    position: TableAddress, area: MapArea | None, how: AddressForm
-) -> tuple[MapArea | None, int | str]:
-    """Area and address as `area_and_address` takes them: a logical number (40108, 4x108) names its area itself, where
-    the row says nothing else, or the same."""
-    digits = how.logical_digits(area)
-    text = position.text
-    looks = digits and expression(rf"[{digits}](?!0+$)\d{{4,5}}").fullmatch(text)
-    if position.prefixed or (looks and area in (None, _AREA_OF.get(text[0]))):
-        return None, text
-    return area or "holding", position.first - how.base
-
-
-_AREA_OF: Final = {digit: area for area, digit in DIGIT_OF_AREA.items()}
+    ways = (octets // 2 * (octets % 2 == 0), max(0, last - position.first + 1))
+    return next(filter(None, ways), None)

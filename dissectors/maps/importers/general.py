@@ -1,0 +1,113 @@
+"""What no program made: tables, records and lines of registers, and our own forms."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import compress
+from typing import Final
+
+from ..cells import COLUMN_NAMES
+from ..headings import HEADING_ROWS, has_heading
+from ..lines import line_sheets
+from ..model import MapError
+from ..records import record_sheets
+from ..sheets import MapSheet, ways_in
+from ..table import read_table
+from ..vocabulary import expression
+from ..written import area_words
+from .source import ImportedMap, MapSource, mappings
+from .tables import chart_of
+
+_MOST_ROWS: Final = 30_000  # of a table
+_MOST_LINES: Final = 20_000
+_OWN_COLUMNS: Final = {"address", "name", "area", "type"}
+Charts = list[ImportedMap]
+
+
+def _own(source: MapSource) -> Charts | None:
+    """The map as it stands, where YAML has a list `registers` or a table a row of our column names."""
+    if isinstance(source.yaml, Mapping):
+        from ..yamlform import read_yaml
+
+        rows = source.yaml.get("registers")
+        keys = {key for row in mappings(rows) for key in row}
+        fits = {"area", "address"} <= keys or (source.json is None and keys <= {*COLUMN_NAMES})  # JSON: other programs
+        return [ImportedMap(read_yaml(source.text, source.name))] if isinstance(rows, list) and fits else None
+    lines = filter(str.strip, source.text.lower().splitlines())
+    head = next((line for line in lines if not line.lstrip(' "').startswith("#")), "")
+    is_own = {name.strip(' "') for name in expression("[,;\t]").split(head)} >= _OWN_COLUMNS
+    return [ImportedMap(read_table(source.text, source.name))] if is_own else None
+
+
+def _records(source: MapSource) -> Charts | None:
+    """One map of the first records that are some: keys are read as headings are."""
+    return next(filter(None, _charts(source, record_sheets(source))), None)
+
+
+def _lines(source: MapSource) -> Charts | None:
+    """One map of all lines, read in the way that tells most."""
+    return _best(_charts(source, line_sheets(source.text, _MOST_LINES)))
+
+
+def _table(source: MapSource) -> Charts | None:
+    """The table, or each sheet that has one; cut in the way that tells most."""
+    return _best(_charts_of(source, sheets) for sheets in _ways(source))
+
+
+def _charts(source: MapSource, sheets: Iterable[MapSheet]) -> Iterator[Charts]:
+    for sheet in sheets:
+        yield [*filter(None, [chart_of(source, sheet)])]
+
+
+def _best(ways: Iterable[Charts]) -> Charts | None:
+    return max(filter(None, ways), key=facts_of_all, default=None)
+
+
+def facts_of_all(charts: Sequence[ImportedMap]) -> int:
+    """How much maps tell."""
+    return sum(one.facts for one in charts)
+
+
+def _ways(source: MapSource) -> Iterator[list[MapSheet]]:
+    """A workbook as it is; the ways in which a text is a table by how it starts."""
+    ways = ways_in(source.data, source.text, source.name, _MOST_ROWS)
+    if source.is_workbook:
+        yield from ways
+        return
+    try:
+        starts = ways_in(source.data, source.text, source.name, HEADING_ROWS)
+        are_tables = [any(has_heading(one.rows) for one in sheets) for sheets in starts]
+    except MapError:
+        return
+    if any(are_tables):
+        yield from compress(ways, are_tables)
+
+
+def _charts_of(source: MapSource, sheets: Sequence[MapSheet]) -> Charts:
+    """The maps of sheets; those that are named after one area each are of one device."""
+    charts = [(area_words(one.name), chart_of(source, one, one.name if len(sheets) > 1 else "")) for one in sheets]
+    parts = {area: one for area, one in charts if one is not None}
+    found = [one for _, one in charts if one is not None]
+    if not 1 < len(found) == len(parts.keys() - {None}):
+        return found
+    rows = tuple(row for part in found for row in part.chart.rows)
+    notes = dict.fromkeys(note for part in found for note in part.notes)
+    told = f"{len(found)} sheets, an area each, were taken for one device"
+    return [ImportedMap(replace(found[0].chart, device=source.stem, rows=rows), (told, *notes))]
+
+
+@dataclass(frozen=True, slots=True)
+class Reader:
+    """A form of maps: what it is called, and what reads it."""
+
+    NAME: str
+    read: Callable[[MapSource], Charts | None]
+
+
+READERS: Final[Mapping[str, Reader]] = {
+    "own": Reader("a map of our own form", _own),
+    "records": Reader("records of registers", _records),
+    "spreadsheet": Reader("a table", _table),
+    "lines": Reader("lines of registers", _lines),
+}
