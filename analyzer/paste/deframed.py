@@ -1,68 +1,104 @@
-"""What of a paste needs arrays: the deframer's word where frames tile its bytes in several ways, and its diagnosis.
+"""What of a paste needs arrays: the deframer's word on its bytes, and the diagnosis of its frames.
 
-For the diagnosis frames are rows of a bus, each in its envelope, with the times of their lines where all have one.
+Parts are reads of one line, as they are when a capture is made of the text: each envelope that check values show has a
+port of its own, and one that shows none is of that before it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Final
 
 import numpy as np
 
 from captures import Capture, Chunk, Mark
-from captures.line import EXCERPT_NOTE, LineSettings
+from captures.line import DIRECTIONS_NOTE, EXCERPT_NOTE, PROTOCOLS_NOTE, LineSettings
 from dissectors.crc import crc_bytes
 from dissectors.length_rules import Role
 from dissectors.limits import CRC_SIZE
 
 from ..core import deframe
+from ..deframing.judging import envelope_of, judge
 from ..diagnosis.judge import Diagnosis
 from ..options import Options
-from ..tables.batch import Batch
+from ..tables.batch import Batch, Frame
 from ..tables.findings import Finding, Findings, described
 from ..tables.schema import NO_GAP, Kind, Protocol, Rows
 from ..tables.transactions import Transactions
-from .model import PastedFrame, PastedNoise, PastePart, Piece
+from .model import Envelope, PastedFrame, PastedNoise, PastePart, Piece, edges_of
+
+_SIDES: Final = ("", "request", "response")  # by marks
 
 
-def weighed(parts: Sequence[PastePart]) -> list[Piece]:
-    """Frames and noise of the parts' bytes, with times where every part has one."""
+def deframed(parts: Sequence[PastePart], envelope: Envelope, roles: Sequence[Role]) -> list[Piece]:
+    """The deframer's frames, and the noise between them; with times where every part has one."""
     timed = all(part.t_ns is not None for part in parts)
-    chunks = [Chunk(part.t_ns or 0 if timed else 0, part.data, mark=Mark(part.mark)) for part in parts]
+    told = len({part.mark for part in parts}) > 1  # a mark on every line is no speaker
+    kinds = _kinds(parts) if envelope == "auto" else [envelope] * len(parts)
+    ports = [*dict.fromkeys(kinds)]
+    chunks = [
+        Chunk(part.t_ns or 0 if timed else 0, part.data, ports.index(kind), Mark(part.mark * told))
+        for part, kind in zip(parts, kinds, strict=True)
+    ]
+    side = roles[0].name.lower() if len(roles) == 1 else _only_side(parts)
+    notes = {PROTOCOLS_NOTE: ",".join(ports), DIRECTIONS_NOTE: ",".join([side] * len(ports))}
+    places: dict[str, list[int]] = {kind: [] for kind in ports}  # in the paste, of each byte of a port
+    for start, part, kind in zip(edges_of(parts), parts, kinds, strict=False):
+        places[kind].extend(range(start, start + len(part.data)))
     pieces: list[Piece] = []
     pdus: dict[int, bytes] = {}
-    for batch in deframe(Capture.of(LineSettings(), chunks, timed=timed), Options(protocol="rtu")):
-        pieces.extend(_pieces(batch, pdus, timed))
-    return pieces
+    for batch in deframe(Capture.of(LineSettings(notes=notes), chunks, timed=timed), Options()):
+        for row in range(len(batch)):
+            data, is_frame = batch.bytes_of(row), batch.rows.kind[row] != Kind.NOISE
+            piece = _frame(batch.frame(row), pdus, timed) if is_frame else PastedNoise(int(batch.rows.start[row]), data)
+            pieces.extend(_placed(piece, data, places[ports[batch.rows.port[row]]]))
+    return sorted(pieces, key=lambda piece: piece.start)
 
 
-def _pieces(batch: Batch, pdus: dict[int, bytes], timed: bool) -> list[Piece]:
-    """Rows as pieces; `pdus` collects those of the requests, by index."""
-    pieces: list[Piece] = []
-    for row in range(len(batch)):
-        if batch.rows.kind[row] == Kind.NOISE:
-            pieces.append(PastedNoise(int(batch.rows.start[row]), batch.bytes_of(row)))
-            continue
-        frame = batch.frame(row)
-        adu = frame.adu
-        pdus[frame.index] = adu.pdu
-        pieces.append(
-            PastedFrame(
-                adu,
-                frame.role,
-                frame.start,
-                frame.length,
-                request=pdus.get(frame.row.request),
-                request_start=frame.request_start,
-                confidence=frame.confidence,
-                t_start_ns=frame.t_start_ns if timed else None,
-                t_end_ns=frame.t_end_ns if timed else None,
-                response_time_ns=frame.response_time_ns if timed else None,
-            )
-        )
-    return pieces
+def _kinds(parts: Sequence[PastePart]) -> list[str]:
+    """The envelope of each part by its own check values; of one that has none that before it, or the first behind."""
+    own = [envelope_of(part.data) for part in parts]
+    latest = next((kind for kind in own if kind is not None), "")
+    return [latest := kind or latest for kind in own]
+
+
+def _only_side(parts: Sequence[PastePart]) -> str:
+    """The direction of a client's text that marks one side alone, if its frames read alike both ways."""
+    marks = {part.mark for part in parts}
+    spans = [span for part in parts for span in judge(part.data)]
+    alike = len(marks) == 1 and len(spans) >= len(parts) and all(span.repeats for span in spans)
+    return _SIDES[marks.pop()] if alike else ""
+
+
+def _placed(piece: Piece, data: bytes, places: Sequence[int]) -> Iterator[Piece]:
+    """A piece of a port among the bytes of all; where bytes of other ports lie in it, it is no frame, and divided."""
+    mine = places[piece.start : piece.start + piece.length]
+    if isinstance(piece, PastedFrame) and mine[-1] - mine[0] == piece.length - 1:
+        asked = None if piece.request_start is None else places[piece.request_start]
+        yield replace(piece, start=mine[0], adu=replace(piece.adu, start=mine[0]), request_start=asked)
+        return
+    gaps = [at for at in range(1, len(mine)) if mine[at] - mine[at - 1] > 1]
+    for first, last in pairwise([0, *gaps, len(mine)]):
+        yield PastedNoise(mine[first], data[first:last])
+
+
+def _frame(frame: Frame, pdus: dict[int, bytes], timed: bool) -> PastedFrame:
+    """A row as a frame of a paste; `pdus` collects those of all, by index."""
+    pdus[frame.index] = frame.adu.pdu
+    return PastedFrame(
+        frame.adu,
+        frame.role,
+        frame.start,
+        frame.length,
+        request=pdus.get(frame.row.request),
+        request_start=frame.request_start,
+        confidence=frame.confidence,
+        t_start_ns=frame.t_start_ns if timed else None,
+        t_end_ns=frame.t_end_ns if timed else None,
+        response_time_ns=frame.response_time_ns if timed else None,
+    )
 
 
 _MOST_FINDINGS: Final = 10_000  # findings: a paste is read by people
@@ -82,12 +118,11 @@ def findings(pieces: Sequence[Piece]) -> list[tuple[Finding, ...]]:
     unclear = _unclear(pieces)
     first = {frame.adu.data: frame.start for frame in reversed(frames)}
     for finding in described(reported[:_MOST_FINDINGS]):
-        if finding.index is None:
-            continue
-        frame = frames[examined[finding.index]]
-        again = first[frame.adu.data] < frame.start
-        if _carried(finding.code, frame, again=again, answered=frame.start not in unclear):
-            by_frame[examined[finding.index]].append(finding)
+        place = -1 if finding.index is None else examined[finding.index]
+        frame = frames[place]
+        again, answered = first[frame.adu.data] < frame.start, frame.start not in unclear
+        if place >= 0 and _carried(finding.code, frame, again=again, answered=answered):
+            by_frame[place].append(finding)
     return [tuple(each) for each in by_frame]
 
 

@@ -6,42 +6,31 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Final
 
-from dissectors.foreign import checked_frames, foreign_bytes, is_undeclared, session_of
+from dissectors.foreign import checked_frames, foreign_bytes, session_of
 from dissectors.lengths import is_open, sound_roles
 from dissectors.limits import CRC_SIZE
 from dissectors.unnamed import TrafficSoFar
 
 from ..languages import counted, phrase, tr
-from .model import Paste, PastedFrame, PastedNoise, PastePart, Piece
-from .rtu import edges_of
+from .model import Paste, PastedFrame, PastedNoise, PastePart, Piece, edges_of, right_frames
 
-_SEVERAL: Final = 4  # headers
 _PART: Final = 2  # one byte in so many must be of a frame of it
 
 
-def as_foreign(paste: Paste, parts: Sequence[PastePart]) -> Paste:
-    """The paste, its bytes as no frames of Modbus where they are those of another protocol."""
+def as_foreign(pieces: Sequence[Piece], parts: Sequence[PastePart]) -> Paste | None:
+    """A paste whose bytes are those of another protocol, as no frames of Modbus; None for any other."""
     data = b"".join(part.data for part in parts)
-    if paste.protocol != "rtu" or not data:
-        return paste
     frames = [frame for part in parts for frame in checked_frames(part.data)] or checked_frames(data)
-    name = session_of(frames)
-    if name and _PART * sum(map(len, frames)) >= len(data):
-        return Paste("rtu", _words(name, len(frames)), _cut(frames, data, parts))
-    if any(isinstance(piece, PastedFrame) and piece.check_ok for piece in paste.pieces):
-        return paste
-    name, count, covered = foreign_bytes(data)
-    if _PART * covered < len(data):
-        return paste
-    return Paste("rtu", _words(name, count), _cut((), data, parts))
-
-
-def are_no_headers(pieces: Sequence[Piece]) -> bool:
-    """Whether what reads like headers of MBAP is none: several, no frame of them whole, most of functions that nobody
-    has declared."""
-    frames = [piece for piece in pieces if isinstance(piece, PastedFrame)]
-    undeclared = sum(is_undeclared(frame.function or 0) for frame in frames)
-    return len(frames) >= _SEVERAL and all(frame.missing for frame in frames) and 2 * undeclared > len(frames)
+    name, count, covered = session_of(frames), len(frames), sum(map(len, frames))
+    if not name and not right_frames(pieces):
+        frames, (name, count, covered) = [], foreign_bytes(data)
+    if not name or _PART * covered < len(data):
+        return None
+    told = counted(count, "frame", "frames")
+    words = tr("not Modbus, but {name}: {frames}", name=phrase("{name}", name=name), frames=told)
+    own = frames if b"".join(frames) == data else [part.data for part in parts]
+    starts = edges_of([PastePart(octets) for octets in own])
+    return Paste("rtu", words, tuple(map(PastedNoise, starts, own)))
 
 
 def without_chance(pieces: Sequence[Piece], parts: Sequence[PastePart]) -> list[Piece]:
@@ -71,19 +60,3 @@ def without_chance(pieces: Sequence[Piece], parts: Sequence[PastePart]) -> list[
 def _has_its_length(adu: bytes) -> bool:
     """Whether a right frame is of a declared function, and as long as that predicts."""
     return any(not is_open(adu[1], role) for role in sound_roles(adu[1:-CRC_SIZE]))
-
-
-def _words(name: str, count: int) -> str:
-    frames = counted(count, "frame", "frames")
-    return tr("not Modbus, but {name}: {frames}", name=phrase("{name}", name=name), frames=frames)
-
-
-def _cut(frames: Sequence[bytes], data: bytes, parts: Sequence[PastePart]) -> tuple[Piece, ...]:
-    """The bytes frame by frame where those are all of them, else line by line."""
-    pieces = frames if b"".join(frames) == data else [part.data for part in parts]
-    noise: list[Piece] = []
-    at = 0
-    for octets in pieces:
-        noise.append(PastedNoise(at, octets))
-        at += len(octets)
-    return tuple(noise)

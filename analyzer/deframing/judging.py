@@ -14,15 +14,22 @@ from captures.text.judging import Checked
 from dissectors.crc import crc_bytes, crc_ok
 from dissectors.envelopes import MBAP, ascii_frames, tcp_frames
 from dissectors.lengths import Role, expectation, pdu_length, plausibility, rule, sound_roles
-from dissectors.limits import CRC_SIZE, EXCEPTION, LAST_UNIT, MAX_ADU, MIN_ADU
+from dissectors.limits import CRC_SIZE, EXCEPTION, LAST_UNIT, MAX_ADU, MIN_ADU, OVERHEAD
 
-from ..deframing.weighing import tells_ascii
-from .rtu import predicted
+from .weighing import tells_ascii
 
 _REACH: Final = 20  # places, behind the last right frame, at which another may begin
 _LAST_EXCEPTION: Final = 0x0B
 _LEAST_DAMAGED: Final = 6  # bytes that a header speaks for
 _MOST_DAMAGED: Final = 1024
+
+
+def predicted(data: bytes, role: Role) -> int | None:
+    """Length of the RTU ADU that begins with `data`: None while its header is not whole, -1 where none can be told."""
+    if len(data) > 1 and rule(data[1], role) is None:
+        return -1
+    length = pdu_length(data[1:], role)
+    return length if length in (None, -1) else length + OVERHEAD
 
 
 def judge(data: bytes, *, damaged: bool = False) -> list[Checked]:
