@@ -37,17 +37,22 @@ def completed(
             continue
         read: list[Piece] = []
         for stretch in _stretches(own, data, divided):
-            part, asked = by_start.get(stretch.start, _NO_PART), _asked([*done[-1:], *read], "rtu")
+            part, before = by_start.get(stretch.start, _NO_PART), [*done[-1:], *read]
             beside = stretch._replace(
-                roles=roles, envelope=envelope, request=asked, side=sides.get(part.mark), spoken=spoken,
-                colon=part.ascii,
+                roles=roles, envelope=envelope, request=_asked(before, "rtu"), side=sides.get(part.mark),
+                spoken=spoken, colon=part.ascii,
             )  # fmt: skip
-            for piece in tiled(stretch.data, stretch.start, [one.frame for one in chosen(beside)]):
-                read.append(_tied(piece, [*done[-1:], *read][-1:]))
-        if all(isinstance(piece, PastedNoise) for piece in [*own, *read]):
-            read = [each for piece in own for each in _by_line(piece, edges)]
-        done += read
+            read += _read(beside, before)
+        silent = all(isinstance(piece, PastedNoise) for piece in [*own, *read])
+        done += [each for piece in own for each in _by_line(piece, edges)] if silent else read
     return done
+
+
+def _read(stretch: Stretch, before: Sequence[Piece]) -> list[Piece]:
+    read: list[Piece] = []
+    for piece in tiled(stretch.data, stretch.start, [one.frame for one in chosen(stretch)]):
+        read.append(_tied(piece, [*before[-1:], *read][-1:]))
+    return read
 
 
 def _is_right(piece: Piece) -> bool:

@@ -39,22 +39,23 @@ def without_chance(pieces: Sequence[Piece], parts: Sequence[PastePart]) -> list[
     A whole line, or several, that is a right frame of a predicted length is none; of other functions whole lines tell,
     where there are lines: from one line to a later one too many windows may be right.
     """
-    frames = [piece for piece in pieces if isinstance(piece, PastedFrame)]
-    right = {frame.adu.data for frame in frames if frame.check_ok}
-    legal = {adu for adu in right if _has_its_length(adu)}
-    alone = right - legal if len(parts) == 1 else (right - legal).intersection(part.data for part in parts)
-    kin = Counter(adu[:2] for adu in alone)
-    octets, edges = sum(len(part.data) for part in parts), {*edges_of(parts)}
-    heard = TrafficSoFar(len(legal), octets, sum(frame.length for frame in frames))
-    kept: list[Piece] = []
-    for piece in pieces:
-        if isinstance(piece, PastedFrame):
-            adu = piece.adu.data
-            written = adu in legal and {piece.start, piece.start + piece.length} <= edges
-            if not written and heard.is_chance(len(adu), kin[adu[:2]] - (adu in alone)):
-                piece = PastedNoise(piece.start, adu)
-        kept.append(piece)
-    return kept
+    framed = sum(piece.length for piece in pieces if isinstance(piece, PastedFrame))
+    right = {frame.adu.data for frame in right_frames(pieces) if frame.adu.check_ok}
+    legal = {*filter(_has_its_length, right)}
+    lines = right if len(parts) == 1 else {part.data for part in parts}
+    kin = Counter(adu[:2] for adu in (right - legal) & lines)
+    edges = {*edges_of(parts)}
+    heard = TrafficSoFar(len(legal), max(edges), framed)
+
+    def is_chance(frame: PastedFrame) -> bool:
+        adu = frame.adu.data
+        written = adu in legal and {frame.start, frame.start + frame.length} <= edges
+        return not written and heard.is_chance(len(adu), kin[adu[:2]] - (adu in lines - legal))
+
+    return [
+        PastedNoise(piece.start, piece.adu.data) if isinstance(piece, PastedFrame) and is_chance(piece) else piece
+        for piece in pieces
+    ]
 
 
 def _has_its_length(adu: bytes) -> bool:

@@ -31,6 +31,8 @@ from .words import why
 if TYPE_CHECKING:
     from datetime import tzinfo
 
+    from captures.text.judging import Checked
+
 _ROLES: Final = {"auto": BOTH, "request": (Role.REQUEST,), "response": (Role.RESPONSE,)}
 LONGEST: Final = 1 << 20  # bytes
 _PAIR: Final = 2  # hex digits of a byte; frames of an exchange
@@ -119,29 +121,32 @@ def _is_silent(parts: Sequence[PastePart]) -> bool:
 def _at_once(parts: Sequence[PastePart], envelope: Envelope, roles: Sequence[Role]) -> list[Piece] | None:
     """The frame or the exchange that these bytes are, or the one frame that they are left of; None for any other."""
     data = b"".join(part.data for part in parts)
-    spans = [span for span in judge(data[: _AT_ONCE + 1]) if not span.turned]
-    if not spans and len(parts) == 1 and len(data) <= _AT_ONCE:
-        found = chosen(Stretch(data, 0, roles, envelope, whole=True, last=True, alone=True, colon=parts[0].ascii))
-        return tiled(data, 0, [one.frame for one in found]) if found else None
-    adus = [_adu(data[span.start : span.end], span.start, span.envelope) for span in spans[: _PAIR + 1]]
-    tiles = b"".join(data[span.start : span.end] for span in spans) == data
-    named = envelope == "auto" or {adu.protocol for adu in adus} == {envelope}
-    if not tiles or not named or len(adus) > _PAIR or not all(map(_is_legal, adus)):
+    if len(data) > _AT_ONCE:
         return None
-    return _exchanged(adus, parts, roles)
+    adus = [_adu(data[span.start : span.end], span) for span in judge(data) if not span.turned]
+    if not adus:
+        return _left_alone(parts, envelope, roles)
+    tiles = sum(adu.length for adu in adus) == len(data) and len(adus) <= _PAIR
+    named = envelope in ("auto", adus[0].protocol)
+    return _exchanged(adus, parts, roles) if tiles and named and all(map(_is_legal, adus)) else None
+
+
+def _left_alone(parts: Sequence[PastePart], envelope: Envelope, roles: Sequence[Role]) -> list[Piece] | None:
+    """Bytes without a right frame, all in one part, as what they are left of; None where nothing tells."""
+    data, *others = (part.data for part in parts)
+    alone = Stretch(data, 0, roles, envelope, whole=True, last=True, alone=True, colon=parts[0].ascii)
+    frames = [] if others else [one.frame for one in chosen(alone)]
+    return tiled(data, 0, frames) if frames else None
+
+
+def _adu(data: bytes, span: Checked) -> Adu:
+    adu = ascii_frames(data)[0] if span.envelope == "ascii" else tcp(data) if span.envelope == "tcp" else rtu(data)
+    return replace(adu, start=span.start, length=len(data))
 
 
 def _is_legal(adu: Adu) -> bool:
     """Whether a frame breaks no limit in one direction: a right answer and the 00 behind it have a right CRC, too."""
     return any(not plausibility(adu.pdu, role) for role in possible(adu.pdu, BOTH))
-
-
-def _adu(data: bytes, start: int, envelope: str) -> Adu:
-    if envelope == "ascii":
-        (adu,) = ascii_frames(data)
-    else:
-        adu = tcp(data) if envelope == "tcp" else rtu(data)
-    return replace(adu, start=start, length=len(data))
 
 
 def _exchanged(adus: Sequence[Adu], parts: Sequence[PastePart], roles: Sequence[Role]) -> list[Piece] | None:
@@ -189,17 +194,17 @@ def _as_written(pieces: Sequence[Piece], parts: Sequence[PastePart]) -> tuple[Pi
     of a second or less fine tell none.
     """
     edges = edges_of(parts)
-    coarse = all(part.t_ns is None or part.t_ns % _COARSE_NS == 0 for part in parts)
+    coarse = not any((part.t_ns or 0) % _COARSE_NS for part in parts)
     ends: dict[int | None, int] = {}  # of frames, by their starts
     timed: list[Piece] = []
     for piece in pieces:
         if isinstance(piece, PastedFrame):
             first, last = (bisect_right(edges, at) - 1 for at in (piece.start, piece.start + piece.length - 1))
             piece = replace(piece, mark=parts[first].mark)
-            start_ns, end_ns = parts[first].t_ns, parts[last].t_ns
-            if edges[first] == piece.start and None not in (start_ns, end_ns) and piece.t_start_ns is None:
-                piece = _timed(piece, start_ns or 0, end_ns or 0, None if coarse else ends.get(piece.request_start))
-                ends[piece.start] = end_ns or 0
+            times = (parts[first].t_ns, parts[last].t_ns, piece.t_start_ns)
+            if edges[first] == piece.start and times[0] is not None and times[1] is not None and times[2] is None:
+                piece = _timed(piece, times[0], times[1], None if coarse else ends.get(piece.request_start))
+                ends[piece.start] = times[1]
         timed.append(piece)
     return tuple(timed)
 

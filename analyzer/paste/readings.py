@@ -10,6 +10,7 @@ reading that explains more beats one that is tried before it.
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
 from math import log2
@@ -170,7 +171,7 @@ def _headed(stretch: Stretch) -> Iterator[Candidate]:
     while begins_tcp(data, at):
         end = at + _MBAP_LENGTH + data[at + 5]
         adu = tcp(data[at:end], stretch.start + at)
-        bits = tcp_head_bits(data[at:]) + _ENDS * (end == len(data))
+        bits = tcp_head_bits(data[at:end]) + _ENDS * (end == len(data))
         if end == len(data) or not adu.pdu or not is_undeclared(adu.pdu[0] & ~EXCEPTION):
             bits = max(bits, _HEADED)
         frame = directed(adu, stretch.roles, missing=end - at - adu.length)
@@ -207,14 +208,19 @@ def chosen(stretch: Stretch) -> list[Candidate]:
         if stretch.envelope in ("auto", row.envelope) and row.applies(stretch)
         for candidate in row.read(stretch)
     ]
-    best: list[tuple[float, list[Candidate]]] = [(0.0, [])]  # sums, by the candidate that is the last
-    ends = [0]
-    for one in sorted(found, key=lambda one: one.end):
-        before = max((way for end, way in zip(ends, best, strict=True) if end <= one.at), key=lambda way: way[0])
-        best.append((before[0] + one.bits, [*before[1], one]))
+    ends, sums, before, best = [0], [0.0], [0], [0]  # of the way that each candidate ends; `best` of those so far
+    ordered = sorted(found, key=lambda one: one.end)
+    for number, one in enumerate(ordered, 1):
+        before.append(best[bisect_right(ends, one.at) - 1])
+        sums.append(sums[before[-1]] + one.bits)
         ends.append(one.end)
-    way = max(best, key=lambda way: way[0])[1]
-    return [_either_way(one, found) for one in way]
+        best.append(number if sums[-1] > sums[best[-1]] else best[-1])
+    way: list[Candidate] = []
+    at = best[-1]
+    while at:
+        way.append(ordered[at - 1])
+        at = before[at]
+    return _either_way(way[::-1], found)
 
 
 def _beside(frame: PastedFrame, stretch: Stretch) -> float:
@@ -223,12 +229,20 @@ def _beside(frame: PastedFrame, stretch: Stretch) -> float:
     return -_MARKED * (stretch.side not in (None, frame.role)) - _OTHERS * others
 
 
-def _either_way(one: Candidate, found: Sequence[Candidate]) -> Candidate:
-    """A frame with the other direction beside it, where that has nearly as many bits."""
-    frame, others = one.frame, [each.frame for each in found if each.bits >= one.bits - _ALIKE]
-    extent = (frame.start, frame.length, frame.missing, frame.adu.protocol)
-    also = [o.role for o in others if (o.start, o.length, o.missing, o.adu.protocol) == extent and o.role != frame.role]
-    return one._replace(frame=replace(frame, also=also[0])) if also and frame.request is None else one
+def _either_way(way: Sequence[Candidate], found: Sequence[Candidate]) -> list[Candidate]:
+    """Frames, with the other direction beside those for which it has nearly as many bits."""
+    other_bits = {_extent(one.frame, one.frame.role): one.bits for one in sorted(found, key=lambda one: one.bits)}
+    both: list[Candidate] = []
+    for one in way:
+        role = other(one.frame.role)
+        alike = other_bits.get(_extent(one.frame, role), one.bits - 2 * _ALIKE) >= one.bits - _ALIKE
+        also = role if alike and one.frame.request is None else one.frame.also
+        both.append(one._replace(frame=replace(one.frame, also=also)))
+    return both
+
+
+def _extent(frame: PastedFrame, role: Role) -> tuple[int, int, int, str, Role]:
+    return frame.start, frame.length, frame.missing, frame.adu.protocol, role
 
 
 def _candidate(stretch: Stretch, at: int, length: int, role: Role, bits: float, *, known: bool = True) -> Candidate:
