@@ -72,7 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         lines = list(paste.to_json(noise=arguments.noise))
         if charts:
-            from ..registers.meaning import mapped_readings, refused_requests
+            from ..paste.meaning import mapped_readings, refused_requests
 
             refused = refused_requests(lines)
             known: dict[int, dict[tuple[str, int], int]] = {}
@@ -88,7 +88,7 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         sys.stdout.write(tree(paste, colour=coloured(sys.stdout), values=arguments.values))
         if charts:
-            from ..registers.meaning import meaning_text
+            from ..paste.meaning import meaning_text
 
             sys.stdout.write(meaning_text(paste.to_json(), charts))
     if arguments.check and paste.errors:

@@ -21,6 +21,7 @@ from .weighing import tells_ascii
 _REACH: Final = 20  # places, behind the last right frame, at which another may begin
 _LAST_EXCEPTION: Final = 0x0B
 _LEAST_DAMAGED: Final = 6  # bytes that a header speaks for
+_LEAST_BARE: Final = 3  # bytes of a frame without its CRC
 _MOST_DAMAGED: Final = 1024
 
 
@@ -72,15 +73,13 @@ def _end_to_end(data: bytes, behind: int) -> list[Checked]:
         if at not in ways or not 0 < data[at] <= LAST_UNIT:
             continue
         for role in Role:
-            length = pdu_length(data[at + 1 : at + MAX_ADU], role)
-            if length is None or length < 2:
-                continue
-            end = at + 1 + length + behind
-            if end <= len(data) and not plausibility(data[at + 1 : at + 1 + length], role):
+            end = at + 1 + (pdu_length(data[at + 1 : at + MAX_ADU], role) or 0) + behind
+            if at + _LEAST_BARE + behind <= end <= len(data) and not plausibility(data[at + 1 : end - behind], role):
                 ways.setdefault(end, at)
     frames: list[Checked] = []
     end = len(data)
-    while end in ways and end:
+    del ways[0]
+    while end in ways:
         frames.append(Checked(ways[end], end, _answers_itself(data[ways[end] : end - behind]), "rtu"))
         end = ways[end]
     return frames[::-1]
@@ -114,7 +113,7 @@ def _rtu(data: bytes) -> Iterator[Checked]:
     while at <= len(data) - MIN_ADU and tried < _REACH:
         length = 0
         head = data[at : at + MAX_ADU] if _may_begin(data, at) else b""
-        for role in Role if head else ():
+        for role in Role:
             expected = predicted(head, role)
             if expected is not None and MIN_ADU <= expected <= len(head) and crc_ok(head[:expected]):
                 length = expected

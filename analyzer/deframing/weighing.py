@@ -32,7 +32,7 @@ _EXCEPTION: Final = 8.0
 _COUNTED: Final = 10.0  # as long as a byte count says
 _FIXED: Final = 5.0  # as long as its function always is
 _SERIAL_ONLY: Final = frozenset((7, 8, 11, 12, 17))  # [1] 6.7 to 6.13: nobody asks a network for them
-_READS: Final = range(1, 5)
+_READS: Final = (b"\1", b"\2", b"\3", b"\4")
 _FUNCTION_BITS: Final = 4.0  # a score of 256
 _COUNT_BITS: Final = 8.0  # a byte that counts the rest
 _UNDECLARED: Final = -4.0
@@ -156,7 +156,7 @@ def rtu_bits(data: bytes, roles: Iterable[Role] = Role) -> float:
 
 def _unit_bits(unit: int, pdu: bytes) -> float:
     """What a unit speaks for its being one; nobody can answer what is asked of all."""
-    asked_of_all = unit == BROADCAST and bool(pdu) and pdu[0] in _READS
+    asked_of_all = unit == BROADCAST and pdu[:1] in _READS
     return _NO_UNIT if unit > LAST_UNIT or asked_of_all else _LEGAL_UNIT
 
 
@@ -166,10 +166,10 @@ def rtu_head_bits(data: bytes, roles: Collection[Role] = tuple(Role)) -> float:
     for role in roles:
         if (data[1:] and rule(data[1], role) is None) or (length := pdu_length(data[1:], role)) == -1:
             continue
-        known = data[1 : 1 + length] if length is not None else data[1:]
+        known = data[1:][:length]
         bits = _CUT + _ILLEGAL * len(plausibility(known, role))
         bits += _unit_bits(data[0], data[1:])
-        if length is not None and len(data) == 1 + length + 1 and crc_bytes(data[:-1])[:1] == data[-1:]:  # half its CRC
+        if len(data) - 2 == length and crc_bytes(data[:-1])[:1] == data[-1:]:  # half its CRC
             bits += _CRC_BITS / CRC_SIZE
         best = max(best, bits)
     return best

@@ -23,7 +23,7 @@ from dissectors.values import harmless
 from ..causes.reasoning import CauseRevision
 from ..exports.encoding import noise_json
 from ..languages import counted, tr, wording
-from ..registers.meaning import mapped_readings
+from ..paste.meaning import mapped_readings
 from ..registers.telling import told_name
 from ..tables.batch import Batch, Frame, adu_of, rows_of_findings
 from ..tables.findings import Finding, Severity, describe, described

@@ -9,7 +9,7 @@ from dissectors.maps import RegisterMap
 from dissectors.maps.model import MappedReading, readings_by_map
 
 from ..languages import tr
-from .telling import place_words
+from ..registers.telling import place_words
 
 _AREAS: Final = {
     1: "coil", 5: "coil", 15: "coil", 2: "discrete", 3: "holding", 6: "holding", 16: "holding", 22: "holding",
