@@ -204,7 +204,8 @@ def _as_written(pieces: Sequence[Piece], parts: Sequence[PastePart]) -> tuple[Pi
             times = (parts[first].t_ns, parts[last].t_ns, piece.t_start_ns)
             if edges[first] == piece.start and times[0] is not None and times[1] is not None and times[2] is None:
                 piece = _timed(piece, times[0], times[1], None if coarse else ends.get(piece.request_start))
-                ends[piece.start] = times[1]
+            if piece.t_end_ns is not None:
+                ends[piece.start] = piece.t_end_ns
         timed.append(piece)
     return tuple(timed)
 
