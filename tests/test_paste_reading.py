@@ -8,8 +8,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import analyzer
-from analyzer.deframing import writes
-from analyzer.paste import PastedFrame, PastedNoise, PasteError, read, reading, tree
+from analyzer.paste import PastedFrame, PastedNoise, PasteError, read, tree
 from captures.errors import HexError
 from dissectors.length_rules import Role
 
@@ -385,7 +384,6 @@ def test_a_write_asked_again_is_a_request_as_it_is_in_a_capture(tmp_path):
     captured = analyzer.open(tmp_path / "bus.log").frames()
     assert [frame.role.name.lower() for frame in frames] == [str(frame.direction) for frame in captured]
     assert [frame.role.name for frame in frames if frame.function == 6] == ["REQUEST"] * 6
-    assert reading._LATE_NS == writes._LATE_NS
 
 
 def test_the_json_keys_are_those_of_export():

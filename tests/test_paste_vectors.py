@@ -9,7 +9,7 @@ import pytest
 from buses import shared
 
 from analyzer.paste import read
-from analyzer.paste.mixing import Envelope
+from analyzer.paste.model import Envelope
 
 DISAGREED = {
     "pymodbus-tcp-badlen-exception": "MBAP says 2 bytes, 3 follow: the length ends the frame",

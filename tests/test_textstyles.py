@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from scripts import script
 
-from analyzer.paste.evidence import envelope_of
+from analyzer.deframing.judging import envelope_of
 
 styles, score = script("textstyles"), script("score_text")
 TEXTS = 60

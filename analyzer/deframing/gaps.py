@@ -312,7 +312,7 @@ class GapStatistics:
         if not self.answers_only:
             self._unasked_table[0] = _UNASKED[0]
         answers = self._table[SpeakerTurn.RESPONSE, TURNS:] > self._table[SpeakerTurn.REQUEST, TURNS:]
-        self._unasked_table[:, TURNS:][:, answers] = _UNASKED[1]
+        self._unasked_table[:, TURNS + answers.nonzero()[0]] = _UNASKED[1]
         self._glitch_cost = min(_CERTAIN, max(1.0, exact_bits(-math.log2(self._glitches / self._frames))))
         if self._inside.sum() > _MEMORY:
             self._inside *= 0.5

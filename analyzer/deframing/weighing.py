@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from bisect import insort
-from collections.abc import Iterator
+from collections.abc import Collection, Iterable, Iterator
 from math import log2
 from typing import Final, NamedTuple
 
@@ -32,7 +32,7 @@ _EXCEPTION: Final = 8.0
 _COUNTED: Final = 10.0  # as long as a byte count says
 _FIXED: Final = 5.0  # as long as its function always is
 _SERIAL_ONLY: Final = frozenset((7, 8, 11, 12, 17))  # [1] 6.7 to 6.13: nobody asks a network for them
-_READS: Final = range(1, 5)
+_READS: Final = (b"\1", b"\2", b"\3", b"\4")
 _FUNCTION_BITS: Final = 4.0  # a score of 256
 _COUNT_BITS: Final = 8.0  # a byte that counts the rest
 _UNDECLARED: Final = -4.0
@@ -101,7 +101,7 @@ def tcp_bits(data: bytes) -> float:
     """What speaks for these bytes, all there is, being Modbus TCP from the first one on."""
     bits, at = 0.0, 0
     while at < len(data):
-        if not _header_at(data, at):
+        if not begins_tcp(data, at):
             return bits + _JUNK
         end = at + _BEFORE + data[at + 5]
         bits += (_CHAINED if at else _HEADER) + _announced_bits(data[at + MBAP : end], end - at - MBAP)
@@ -111,7 +111,7 @@ def tcp_bits(data: bytes) -> float:
 
 def tcp_head_bits(data: bytes) -> float:
     """What speaks for these bytes beginning with a frame of Modbus TCP, whole or cut."""
-    return tcp_bits(data[: _BEFORE + data[5]]) if _header_at(data, 0) else _JUNK
+    return tcp_bits(data[: _BEFORE + data[5]]) if begins_tcp(data, 0) else _JUNK
 
 
 def _announced_bits(pdu: bytes, size: int) -> float:
@@ -126,7 +126,7 @@ def _announced_bits(pdu: bytes, size: int) -> float:
     return _CUT if None in lengths else _CUT + _UNSOUND
 
 
-def rtu_bits(data: bytes) -> float:
+def rtu_bits(data: bytes, roles: Iterable[Role] = Role) -> float:
     """What speaks for these bytes, all there is, being one RTU frame, whether or not its check value is right or there.
 
     They must be as long as the frame's header says.
@@ -136,15 +136,14 @@ def rtu_bits(data: bytes) -> float:
         return best
     unit, bare = data[0], data[1:]
     for pdu, shown in ((data[1:-CRC_SIZE], True), (bare, False)):
-        for role in Role:
+        for role in roles:
             if not pdu or rule(pdu[0], role) is None or pdu_length(pdu, role) != len(pdu):
                 continue
             counted = (one := rule(pdu[0], role)) is not None and one.count is not None
             bits = (_COUNTED if counted else _FIXED) + _ILLEGAL * len(plausibility(pdu, role))
             if pdu[0] & EXCEPTION:
                 bits = _EXCEPTION if 0 < pdu[1] <= _LAST_EXCEPTION else _UNSOUND
-            asked_of_all = unit == BROADCAST and pdu[0] in _READS  # which nobody can answer
-            bits += _NO_UNIT if unit > LAST_UNIT or asked_of_all else _LEGAL_UNIT
+            bits += _unit_bits(unit, pdu)
             if not shown:
                 bits += _BARE
             elif (right := crc_bytes(data[:-CRC_SIZE])) == data[-CRC_SIZE:]:
@@ -155,22 +154,28 @@ def rtu_bits(data: bytes) -> float:
     return best
 
 
-def rtu_head_bits(data: bytes) -> float:
+def _unit_bits(unit: int, pdu: bytes) -> float:
+    """What a unit speaks for its being one; nobody can answer what is asked of all."""
+    asked_of_all = unit == BROADCAST and pdu[:1] in _READS
+    return _NO_UNIT if unit > LAST_UNIT or asked_of_all else _LEGAL_UNIT
+
+
+def rtu_head_bits(data: bytes, roles: Collection[Role] = tuple(Role)) -> float:
     """What speaks for these bytes beginning with an RTU frame, cut, or with more behind it."""
-    best = rtu_bits(data)
-    for role in Role if len(data) > 1 else ():
-        if rule(data[1], role) is None or (length := pdu_length(data[1:], role)) == -1:
+    best = rtu_bits(data, roles)
+    for role in roles:
+        if (data[1:] and rule(data[1], role) is None) or (length := pdu_length(data[1:], role)) == -1:
             continue
-        known = data[1 : 1 + length] if length is not None else data[1:]
+        known = data[1:][:length]
         bits = _CUT + _ILLEGAL * len(plausibility(known, role))
-        bits += _LEGAL_UNIT if 0 < data[0] <= LAST_UNIT else _NO_UNIT
-        if length is not None and len(data) == 1 + length + 1 and crc_bytes(data[:-1])[:1] == data[-1:]:  # half its CRC
+        bits += _unit_bits(data[0], data[1:])
+        if len(data) - 2 == length and crc_bytes(data[:-1])[:1] == data[-1:]:  # half its CRC
             bits += _CRC_BITS / CRC_SIZE
         best = max(best, bits)
     return best
 
 
-def _header_at(data: bytes, at: int) -> bool:
+def begins_tcp(data: bytes, at: int = 0) -> bool:
     """Whether a header begins here, as far as its length and all of it there."""
     return at + _BEFORE <= len(data) and not any(data[at + 2 : at + 5]) and data[at + 5] in _LENGTHS
 

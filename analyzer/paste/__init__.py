@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from ..lazy import lazily
 
 if TYPE_CHECKING:
-    from .evidence import judge
+    from ..deframing.judging import judge
     from .model import Paste, PastedFrame, PastedNoise
     from .reading import PasteError, read
     from .trees import left_out, tree
@@ -23,7 +23,7 @@ _HOME = {
     "PastedNoise": "model",
     "Paste": "model",
     "PasteError": "reading",
-    "judge": "evidence",
+    "judge": "reading",
     "left_out": "trees",
     "read": "reading",
     "tree": "trees",

@@ -1,70 +1,115 @@
-"""What of a paste needs arrays: the deframer's word where frames tile its bytes in several ways, and its diagnosis.
+"""What of a paste needs arrays: the deframer's word on its bytes, and the diagnosis of its frames.
 
-For the diagnosis frames are rows of a bus, each in its envelope, with the times of their lines where all have one.
+Parts are reads of one line, as they are when a capture is made of the text: each envelope that check values show has a
+port of its own, and one that shows none is of that before it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Final
 
 import numpy as np
 
 from captures import Capture, Chunk, Mark
-from captures.line import EXCERPT_NOTE, LineSettings
+from captures.line import DIRECTIONS_NOTE, EXCERPT_NOTE, PROTOCOLS_NOTE, LineSettings
 from dissectors.crc import crc_bytes
 from dissectors.length_rules import Role
 from dissectors.limits import CRC_SIZE
 
 from ..core import deframe
+from ..deframing.judging import envelope_of, judge
 from ..diagnosis.judge import Diagnosis
 from ..options import Options
-from ..tables.batch import Batch
+from ..tables.batch import Batch, Frame
 from ..tables.findings import Finding, Findings, described
 from ..tables.schema import NO_GAP, Kind, Protocol, Rows
 from ..tables.transactions import Transactions
-from .model import PastedFrame, PastedNoise, PastePart, Piece
+from .model import Envelope, PastedFrame, PastedNoise, PastePart, Piece, edges_of, right_frames
+
+_SIDES: Final = ("", "request", "response")  # by marks
 
 
-def weighed(parts: Sequence[PastePart]) -> list[Piece]:
-    """Frames and noise of the parts' bytes, with times where every part has one."""
-    timed = all(part.t_ns is not None for part in parts)
-    chunks = [Chunk(part.t_ns or 0 if timed else 0, part.data, mark=Mark(part.mark)) for part in parts]
+def deframed(parts: Sequence[PastePart], envelope: Envelope, roles: Sequence[Role]) -> list[Piece]:
+    """The deframer's frames, and the noise between them; with times where every part has one."""
+    kinds = _kinds(parts) if envelope == "auto" else [envelope] * len(parts)
+    ports = [*dict.fromkeys(kinds)]
+    side = roles[0].name.lower() if len(roles) == 1 else _only_side(parts)
+    capture = _captured(parts, [ports.index(kind) for kind in kinds], {
+        PROTOCOLS_NOTE: ",".join(ports), DIRECTIONS_NOTE: ",".join([side] * len(ports)),
+    })  # fmt: skip
+    places: dict[str, list[int]] = {kind: [] for kind in ports}  # in the paste, of each byte of a port
+    for start, part, kind in zip(edges_of(parts), parts, kinds, strict=False):
+        places[kind].extend(range(start, start + len(part.data)))
     pieces: list[Piece] = []
     pdus: dict[int, bytes] = {}
-    for batch in deframe(Capture.of(LineSettings(), chunks, timed=timed), Options(protocol="rtu")):
-        pieces.extend(_pieces(batch, pdus, timed))
-    return pieces
+    for batch in deframe(capture, Options()):
+        for row in range(len(batch)):
+            data, noise = batch.bytes_of(row), batch.rows.kind[row] == Kind.NOISE
+            start = int(batch.rows.start[row])
+            piece = PastedNoise(start, data) if noise else _frame(batch.frame(row), pdus, capture.timed)
+            pieces.extend(_placed(piece, data, places[ports[batch.rows.port[row]]]))
+    return sorted(pieces, key=lambda piece: piece.start)
 
 
-def _pieces(batch: Batch, pdus: dict[int, bytes], timed: bool) -> list[Piece]:
-    """Rows as pieces; `pdus` collects those of the requests, by index."""
-    pieces: list[Piece] = []
-    for row in range(len(batch)):
-        if batch.rows.kind[row] == Kind.NOISE:
-            pieces.append(PastedNoise(int(batch.rows.start[row]), batch.bytes_of(row)))
-            continue
-        frame = batch.frame(row)
-        adu = frame.adu
-        pdus[frame.index] = adu.pdu
-        pieces.append(
-            PastedFrame(
-                adu,
-                frame.role,
-                frame.start,
-                frame.length,
-                request=pdus.get(frame.row.request),
-                request_start=frame.request_start,
-                confidence=frame.confidence,
-                t_start_ns=frame.t_start_ns if timed else None,
-                t_end_ns=frame.t_end_ns if timed else None,
-                response_time_ns=frame.response_time_ns if timed else None,
-            )
-        )
-    return pieces
+def _captured(parts: Sequence[PastePart], ports: Sequence[int], notes: dict[str, str]) -> Capture:
+    """The parts as reads of their ports; a mark on every line is no speaker."""
+    timed = all(part.t_ns is not None for part in parts)
+    told = len({part.mark for part in parts}) > 1
+    chunks = [
+        Chunk((part.t_ns or 0) * timed, part.data, port, Mark(part.mark * told))
+        for part, port in zip(parts, ports, strict=True)
+    ]
+    return Capture.of(LineSettings(notes=notes), chunks, timed=timed)
 
 
+def _kinds(parts: Sequence[PastePart]) -> list[str]:
+    """The envelope of each part by its own check values; of one that has none that before it, or the first behind."""
+    own = [envelope_of(part.data) for part in parts]
+    latest = next((kind for kind in own if kind is not None), "")
+    return [latest := kind or latest for kind in own]
+
+
+def _only_side(parts: Sequence[PastePart]) -> str:
+    """The direction of a client's text that marks one side alone, if its frames read alike both ways."""
+    marks = {part.mark for part in parts}
+    spans = [span for part in parts for span in judge(part.data)]
+    alike = len(marks) == 1 and len(spans) >= len(parts) and all(span.repeats for span in spans)
+    return _SIDES[marks.pop()] if alike else ""
+
+
+def _placed(piece: Piece, data: bytes, places: Sequence[int]) -> Iterator[Piece]:
+    """A piece of a port among the bytes of all; where bytes of other ports lie in it, it is no frame, and divided."""
+    mine = places[piece.start : piece.start + piece.length]
+    if isinstance(piece, PastedFrame) and mine[-1] - mine[0] == piece.length - 1:
+        asked = None if piece.request_start is None else places[piece.request_start]
+        yield replace(piece, start=mine[0], adu=replace(piece.adu, start=mine[0]), request_start=asked)
+        return
+    gaps = [at for at in range(1, len(mine)) if mine[at] - mine[at - 1] > 1]
+    for first, last in pairwise([0, *gaps, len(mine)]):
+        yield PastedNoise(mine[first], data[first:last])
+
+
+def _frame(frame: Frame, pdus: dict[int, bytes], timed: bool) -> PastedFrame:
+    """A row as a frame of a paste; `pdus` collects those of all, by index."""
+    pdus[frame.index] = frame.adu.pdu
+    return PastedFrame(
+        frame.adu,
+        frame.role,
+        frame.start,
+        frame.length,
+        request=pdus.get(frame.row.request),
+        request_start=frame.request_start,
+        confidence=frame.confidence,
+        t_start_ns=frame.t_start_ns if timed else None,
+        t_end_ns=frame.t_end_ns if timed else None,
+        response_time_ns=frame.response_time_ns if timed else None,
+    )
+
+
+_KINDS: Final = {Role.REQUEST: Kind.REQUEST, Role.RESPONSE: Kind.RESPONSE}
 _MOST_FINDINGS: Final = 10_000  # findings: a paste is read by people
 
 
@@ -72,33 +117,32 @@ def findings(pieces: Sequence[Piece]) -> list[tuple[Finding, ...]]:
     """What is wrong with each frame of a paste; of one cut before its function code there is nothing to say."""
     frames = [piece for piece in pieces if isinstance(piece, PastedFrame)]
     examined = [i for i, frame in enumerate(frames) if frame.adu.pdu or frame.adu.protocol == "rtu"]
-    chosen = [frames[i] for i in examined]
-    sent = [_as_captured(frame) for frame in chosen]
-    batch = Batch(_rows(chosen, sent), np.frombuffer(b"".join(sent), np.uint8))
+    unclear = _unclear(pieces)
+    first = {frame.adu.data: frame.start for frame in reversed(frames)}
+    by_frame: list[list[Finding]] = [[] for _ in frames]
+    for index, finding in _diagnosed([frames[i] for i in examined]):
+        frame = frames[examined[index]]
+        again, answered = first[frame.adu.data] < frame.start, frame.start not in unclear
+        if _carried(finding.code, frame, again=again, answered=answered):
+            by_frame[examined[index]].append(finding)
+    return [tuple(each) for each in by_frame]
+
+
+def _diagnosed(frames: Sequence[PastedFrame]) -> list[tuple[int, Finding]]:
+    """What is wrong with frames, by their numbers."""
+    sent = [_as_captured(frame) for frame in frames]
+    batch = Batch(_rows(frames, sent), np.frombuffer(b"".join(sent), np.uint8))
     transactions, diagnosis = Transactions(), Diagnosis(LineSettings(notes={EXCERPT_NOTE: ""}), Options())
     reported = diagnosis.feed(batch, transactions.feed(batch))
     reported = Findings.joined((reported, diagnosis.close(transactions.close())))
-    by_frame: list[list[Finding]] = [[] for _ in frames]
-    unclear = _unclear(pieces)
-    first = {frame.adu.data: frame.start for frame in reversed(frames)}
-    for finding in described(reported[:_MOST_FINDINGS]):
-        if finding.index is None:
-            continue
-        frame = frames[examined[finding.index]]
-        again = first[frame.adu.data] < frame.start
-        if _carried(finding.code, frame, again=again, answered=frame.start not in unclear):
-            by_frame[examined[finding.index]].append(finding)
-    return [tuple(each) for each in by_frame]
+    return [(one.index, one) for one in described(reported[:_MOST_FINDINGS]) if one.index is not None]
 
 
 def _unclear(pieces: Sequence[Piece]) -> set[int]:
     """Where requests begin that may well have got an answer: what is behind them is no whole frame."""
-    return {
-        request.start
-        for request, behind in pairwise(pieces)
-        if isinstance(request, PastedFrame)
-        and (request.also is not None or isinstance(behind, PastedNoise) or behind.check_ok is False)
-    }
+    right = {frame.start for frame in right_frames(pieces)}
+    both = {piece.start for piece in pieces if isinstance(piece, PastedFrame) and piece.also is not None}
+    return both.union(piece.start for piece, behind in pairwise(pieces) if behind.start not in right)
 
 
 def _carried(code: str, frame: PastedFrame, *, again: bool, answered: bool) -> bool:
@@ -134,15 +178,13 @@ def _rows(frames: Sequence[PastedFrame], sent: Sequence[bytes]) -> Rows:
     begins = [frame.t_start_ns for frame in frames if frame.t_start_ns is not None]
     if len(begins) == len(frames):
         rows.t_start_ns[:] = rows.t_end_ns[:] = begins
-    at = {frame.start: i for i, frame in enumerate(frames)}
+    at: dict[int | None, int] = {frame.start: i for i, frame in enumerate(frames)}
     for row, frame in enumerate(frames):
-        rows.kind[row] = Kind.REQUEST if frame.role is Role.REQUEST else Kind.RESPONSE
+        rows.kind[row] = _KINDS[frame.role]
         rows.protocol[row] = Protocol[frame.adu.protocol.upper()]
         rows.unit[row], rows.mark[row] = frame.adu.unit or 0, frame.mark
-        rows.function[row] = frame.function or 0
-        rows.exception[row] = frame.exception or 0
-        rows.check[row] = frame.check_ok is not False or frame.adu.protocol == "tcp"  # which has none to be wrong
-        rows.check[row] |= _shows_no_crc(frame)
-        if frame.request_start in at:
-            rows.request[row] = at[frame.request_start]
+        rows.function[row], rows.exception[row] = frame.function or 0, frame.exception or 0
+        # Modbus TCP has no check value to be wrong, and one that a text leaves out is not
+        rows.check[row] = frame.is_right or frame.adu.protocol == "tcp" or _shows_no_crc(frame)
+        rows.request[row] = at.get(frame.request_start, -1)
     return rows

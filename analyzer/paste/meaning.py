@@ -1,4 +1,4 @@
-"""Pasted frames by a register map: the names and values of what they carry."""
+"""Frames, as JSON objects, by a register map: the names and values of what they carry."""
 
 from __future__ import annotations
 

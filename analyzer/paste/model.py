@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from itertools import accumulate
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from dissectors.annotation import Context, annotate, summary
 from dissectors.crc import crc_bytes
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
     from ..tables.findings import Finding
 
 
+Envelope = Literal["auto", "rtu", "ascii", "tcp", "pdu"]
+
+
 class PastePart(NamedTuple):
     """Bytes of a paste that stand together; `mark` is 0, or 1 and 2 for what the text calls sent and received.
 
@@ -32,6 +36,11 @@ class PastePart(NamedTuple):
     mark: int = 0
     t_ns: int | None = None
     ascii: bool = False
+
+
+def edges_of(parts: Sequence[PastePart]) -> list[int]:
+    """Where parts begin, and the end of the last."""
+    return [*accumulate((len(part.data) for part in parts), initial=0)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +78,11 @@ class PastedFrame:
     def check_ok(self) -> bool | None:
         """Check value right; None where the envelope has none. A cut frame's is not."""
         return False if self.missing else self.adu.check_ok
+
+    @property
+    def is_right(self) -> bool:
+        """Whether it is whole, and no check value wrong."""
+        return self.check_ok is not False
 
     @property
     def to_send(self) -> bytes | None:
@@ -172,18 +186,20 @@ class PastedNoise:
 Piece = PastedFrame | PastedNoise
 
 
-def tiled(data: bytes, frames: Sequence[PastedFrame]) -> tuple[Piece, ...]:
-    """The frames with the bytes between them."""
+def right_frames(pieces: Iterable[Piece]) -> list[PastedFrame]:
+    """The frames of some pieces that are whole, no check value wrong."""
+    return [piece for piece in pieces if isinstance(piece, PastedFrame) and piece.is_right]
+
+
+def tiled(data: bytes, start: int, frames: Sequence[PastedFrame]) -> list[Piece]:
+    """The frames of these bytes, which begin at an offset of the paste, with what lies between them as noise."""
     pieces: list[Piece] = []
-    at = 0
+    at = start
     for frame in frames:
-        if frame.start > at:
-            pieces.append(PastedNoise(at, data[at : frame.start]))
-        pieces.append(frame)
+        pieces += [PastedNoise(at, data[at - start : frame.start - start]), frame]
         at = frame.start + frame.length
-    if at < len(data):
-        pieces.append(PastedNoise(at, data[at:]))
-    return tuple(pieces)
+    pieces.append(PastedNoise(at, data[at - start :]))
+    return [piece for piece in pieces if piece.length]
 
 
 class Unread(NamedTuple):

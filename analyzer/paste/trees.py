@@ -230,6 +230,7 @@ _USUAL: Final[tuple[Order, ...]] = ("ABCD", "CDAB")
 _SMALLEST: Final = 1e-3
 _LARGEST: Final = 1e7
 _REGISTER: Final = "register"
+_WIDE: Final = {2: 18, 4: 26}  # columns of a number, by its registers
 
 
 def likely_floats(fields: Sequence[Field]) -> dict[int, str]:
@@ -253,24 +254,27 @@ def _everyday(number: float) -> bool:
 def every_reading(field: Field) -> Iterator[str]:
     """Lines with all readings of the pairs and fours among a field's registers."""
     registers = [child for child in field.fields if child.name == _REGISTER and isinstance(child.value, int)]
-    values = [int(child.value or 0) for child in registers]
     for size in (2, 4):
-        if len(values) < size:
+        if len(registers) < size:
             continue
+        wide = _WIDE[size]
         yield ""
-        kinds = ("u", "s", "f")
-        yield f"  {tr('registers'):<15}{tr('order'):<7}" + "".join(
-            f"{f'{kind}{16 * size}':>{26 if size == 4 else 18}}" for kind in kinds
-        )
-        for i in range(0, len(values) - size + 1, size):
-            names = [_name(registers[k], k) for k in (i, i + size - 1)]
-            by_order: dict[str, list[str]] = {}
-            for reading in readings(values[i : i + size]):
-                if reading.order is not None:
-                    by_order.setdefault(reading.order, []).append(reading.text)
-            for k, (order, texts) in enumerate(by_order.items()):
-                where = f"{names[0]}-{names[1]}" if not k else ""
-                yield f"  {where:<15}{order:<7}" + "".join(f"{text:>{26 if size == 4 else 18}}" for text in texts)
+        heads = "".join(f"{f'{kind}{16 * size}':>{wide}}" for kind in ("u", "s", "f"))
+        yield f"  {tr('registers'):<15}{tr('order'):<7}{heads}"
+        for i in range(0, len(registers) - size + 1, size):
+            yield from _by_order(registers[i : i + size], i, wide)
+
+
+def _by_order(registers: Sequence[Field], first: int, wide: int) -> Iterator[str]:
+    """A line an order; `first`: the number of the first register in its field."""
+    by_order: dict[str, list[str]] = {}
+    for reading in readings([int(register.value or 0) for register in registers]):
+        if reading.order is not None:
+            by_order.setdefault(reading.order, []).append(f"{reading.text:>{wide}}")
+    where = f"{_name(registers[0], first)}-{_name(registers[-1], first + len(registers) - 1)}"
+    for order, texts in by_order.items():
+        yield f"  {where:<15}{order:<7}{''.join(texts)}"
+        where = ""
 
 
 def _name(register: Field, position: int) -> str:

@@ -80,7 +80,7 @@ TEXTS: Final = (
 
 def _parse(data: bytes, chance: Random) -> None:
     from analyzer.paste import read, tree
-    from analyzer.paste.mixing import Envelope
+    from analyzer.paste.model import Envelope
     from captures.text import encodings
 
     if encodings.is_binary(data):

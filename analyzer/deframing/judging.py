@@ -14,15 +14,23 @@ from captures.text.judging import Checked
 from dissectors.crc import crc_bytes, crc_ok
 from dissectors.envelopes import MBAP, ascii_frames, tcp_frames
 from dissectors.lengths import Role, expectation, pdu_length, plausibility, rule, sound_roles
-from dissectors.limits import CRC_SIZE, EXCEPTION, LAST_UNIT, MAX_ADU, MIN_ADU
+from dissectors.limits import CRC_SIZE, EXCEPTION, LAST_UNIT, MAX_ADU, MIN_ADU, OVERHEAD
 
-from ..deframing.weighing import tells_ascii
-from .rtu import predicted
+from .weighing import tells_ascii
 
 _REACH: Final = 20  # places, behind the last right frame, at which another may begin
 _LAST_EXCEPTION: Final = 0x0B
 _LEAST_DAMAGED: Final = 6  # bytes that a header speaks for
+_LEAST_BARE: Final = 3  # bytes of a frame without its CRC
 _MOST_DAMAGED: Final = 1024
+
+
+def predicted(data: bytes, role: Role) -> int | None:
+    """Length of the RTU ADU that begins with `data`: None while its header is not whole, -1 where none can be told."""
+    if len(data) > 1 and rule(data[1], role) is None:
+        return -1
+    length = pdu_length(data[1:], role)
+    return length if length in (None, -1) else length + OVERHEAD
 
 
 def judge(data: bytes, *, damaged: bool = False) -> list[Checked]:
@@ -65,15 +73,13 @@ def _end_to_end(data: bytes, behind: int) -> list[Checked]:
         if at not in ways or not 0 < data[at] <= LAST_UNIT:
             continue
         for role in Role:
-            length = pdu_length(data[at + 1 : at + MAX_ADU], role)
-            if length is None or length < 2:
-                continue
-            end = at + 1 + length + behind
-            if end <= len(data) and not plausibility(data[at + 1 : at + 1 + length], role):
+            end = at + 1 + (pdu_length(data[at + 1 : at + MAX_ADU], role) or 0) + behind
+            if at + _LEAST_BARE + behind <= end <= len(data) and not plausibility(data[at + 1 : end - behind], role):
                 ways.setdefault(end, at)
     frames: list[Checked] = []
     end = len(data)
-    while end in ways and end:
+    del ways[0]
+    while end in ways:
         frames.append(Checked(ways[end], end, _answers_itself(data[ways[end] : end - behind]), "rtu"))
         end = ways[end]
     return frames[::-1]
@@ -107,7 +113,7 @@ def _rtu(data: bytes) -> Iterator[Checked]:
     while at <= len(data) - MIN_ADU and tried < _REACH:
         length = 0
         head = data[at : at + MAX_ADU] if _may_begin(data, at) else b""
-        for role in Role if head else ():
+        for role in Role:
             expected = predicted(head, role)
             if expected is not None and MIN_ADU <= expected <= len(head) and crc_ok(head[:expected]):
                 length = expected
