@@ -7,8 +7,10 @@ it is read and written here once. Keys that are not settings are kept as text, s
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from math import ceil
+from typing import Any
 
 DIRECTIONS_NOTE = "directions"  # in the notes of a line: the only direction of each port, in order: `request,response`
 BY_MARKS = "marked"  # among these: a port that hears both, where marks say who asks (TX) and who answers
@@ -53,33 +55,30 @@ class LineSettings:
         """Settings out of a header's keys, and a complaint for each setting with an impossible value.
 
         An impossible value becomes a note, like every key that is not a setting. A character's length may be said in
-        parts, as ports are set up: with parity and data bits, it is what `with_settings` makes of them.
+        parts, as ports are set up: parity, data bits and stop bits, one where nobody says.
         """
         settings: dict[str, object] = {}
         notes: dict[str, str] = {}
         complaints: list[str] = []
-        for key, value in header.items():
-            name = _OTHER_NAMES.get(key, key)
+        said: dict[str, Any] = {_OTHER_NAMES.get(key, key): value for key, value in header.items()}
+        with suppress(KeyError, TypeError):
+            parts = said["data_bits"], _PARITY_BITS[said["parity"]], ceil(said.get("stop_bits", 1))
+            said.setdefault("char_bits", 1 + sum(parts))
+        for key, value in said.items():
             if value is None:
                 continue
-            if name not in _RULES or (name != key and name in header):
+            if key not in _RULES:
                 notes[key] = _note_text(value)
-            elif _RULES[name](value):
-                settings[name] = value
+            elif _RULES[key](value):
+                settings[key] = value
             else:
                 notes[key] = _note_text(value)
                 complaints.append(f"{key} is {_note_text(value)[:40]}, impossible for a line: ignored")
-        bits = settings.pop("data_bits", None)
-        line = cls(**settings, notes=notes)  # type: ignore[arg-type]
-        if bits is not None and line.char_bits is None and line.parity is not None:
-            line = line.with_settings(bits=bits)  # type: ignore[arg-type]
-        elif bits is not None:
-            notes["data_bits"] = _note_text(bits)
-        return line, complaints
+        return cls(**settings, notes=notes), complaints  # type: ignore[arg-type]
 
     def to_header(self) -> dict[str, object]:
         """The keys that `from_header` reads, settings first, unknown ones left out."""
-        header: dict[str, object] = {key: getattr(self, key) for key in _KEPT if getattr(self, key) is not None}
+        header: dict[str, object] = {key: getattr(self, key) for key in _RULES if getattr(self, key) is not None}
         return {**header, **{key: value for key, value in self.notes.items() if key not in header}}
 
     def with_settings(
@@ -118,9 +117,8 @@ _RULES = {
     "parity": lambda value: value in ("N", "E", "O", "M", "S"),
     "stop_bits": lambda value: not isinstance(value, bool) and value in (1, 1.5, 2),
     "tap": lambda value: isinstance(value, str),
-    "data_bits": lambda value: _whole(value, 5, 8),
 }
-_KEPT = ("baud", "char_bits", "parity", "stop_bits", "tap")  # `data_bits` are in `char_bits`
+_PARITY_BITS = {"N": 0, "E": 1, "O": 1, "M": 1, "S": 1}
 _OTHER_NAMES = {"bits": "data_bits", "stop": "stop_bits", "baudrate": "baud"}  # by which loggers call them as well
 
 

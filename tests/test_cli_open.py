@@ -120,7 +120,7 @@ def test_a_terminal_that_is_gone_is_not_read_any_more(monkeypatch: pytest.Monkey
         looks.append(look)
         return timer
 
-    driver = SimpleNamespace(disable_input=lambda: done.append("keys"))
+    driver = SimpleNamespace(exit_event=SimpleNamespace(set=lambda: done.append("keys")))
     timer = SimpleNamespace(stop=lambda: done.append("looks"))
     app = SimpleNamespace(_driver=driver, set_interval=set_interval)
     with os.fdopen(slave) as terminal:

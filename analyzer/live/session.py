@@ -206,10 +206,10 @@ class Session:
         self._analyzer.close()
         yield SessionStep(self._newest, self._analyzer.latest)
 
-    def _step(self, part: _Heard | Tick | PortEvent | _Settled | _Missed) -> SessionStep:
+    def _step(self, part: _Heard | Tick | PortEvent | _OtherLine | _Missed) -> SessionStep:
         if isinstance(part, _Missed):
             return self._begun_anew(part.t_ns, missed=part.octets)
-        if isinstance(part, _Settled):
+        if isinstance(part, _OtherLine):
             self.line = part.line
             return self._begun_anew(part.event.t_ns, part.event)
         if isinstance(part, PortEvent):
@@ -295,7 +295,7 @@ class Session:
                 return
             self._tell_missed(int(item.t_ns[0]))
         if isinstance(item, PortEvent) and item.kind == "settled":
-            self._ready.append(_Settled(item, self._source.line))
+            self._ready.append(_OtherLine(item, self._source.line))
         else:
             self._ready.append(item)
 
@@ -325,7 +325,7 @@ class _StepPace:
 
 
 @dataclass(frozen=True, slots=True)
-class _Settled:
+class _OtherLine:
     """The line is `line` from here on; by the time that this is analysed the source may know another."""
 
     event: PortEvent

@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 import select
 import sys
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TextIO, cast
 
 from textual import messages
 from textual.driver import Driver
@@ -26,15 +26,14 @@ _LOOK_S: Final = 2.0
 
 def heed_lost_terminal(app: App[Any]) -> None:
     """From here on, take no more keys of a terminal that is gone."""
-    driver, keys = app._driver, sys.__stdin__
-    if driver is None or keys is None or not keys.isatty() or not hasattr(select, "poll"):
+    if sys.platform == "win32":
         return
     poller = select.poll()
-    poller.register(keys, 0)  # POLLHUP and POLLERR are told unasked
+    poller.register(cast(TextIO, sys.__stdin__), 0)  # POLLHUP and POLLERR are told unasked
 
     def look() -> None:
         if poller.poll(0):
-            driver.disable_input()
+            cast(Any, app._driver).exit_event.set()  # `disable_input` would write to it first
             timer.stop()
 
     timer: Timer = app.set_interval(_LOOK_S, look)
