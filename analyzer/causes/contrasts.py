@@ -131,6 +131,12 @@ def _since_write(rows: AskedRows) -> Figures:
     return np.where(before > 0, ago, _LONG_AGO).astype(np.int64)
 
 
+def _own_rest(rows: AskedRows) -> Figures:
+    """The rest behind an exchange with the same unit; behind others it has rested for as long as it ever does."""
+    rests = _rest(rows)
+    return np.where((rows.before == rows.unit) | (rests == _UNKNOWN), rests, rests.max(initial=0))
+
+
 REQUEST_PROPERTIES: Final = (
     Property("function", Family.ASKED, Parting.EACH, lambda rows: rows.function.astype(np.int64)),
     Property("quantity", Family.ASKED, Parting.OVER, lambda rows: rows.quantity.astype(np.int64), 0.5),
@@ -141,6 +147,7 @@ REQUEST_PROPERTIES: Final = (
 )
 CIRCUMSTANCES: Final = (
     Property("rest", Family.BEFORE, Parting.OVER, _rest, 2.0),
+    Property("rest", Family.BEFORE, Parting.OVER, _own_rest, 2.5),
     Property("unit-before", Family.BEFORE, Parting.EACH, lambda rows: rows.before.astype(np.int64), 2.0),
     Property("outcome-before", Family.BEFORE, Parting.EACH, _outcome_before, 2.0),
     Property("since-write", Family.BEFORE, Parting.OVER, _since_write, 2.0),

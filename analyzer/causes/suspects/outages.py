@@ -23,6 +23,7 @@ from ..ledger import ASKED, BAD
 from ..registry import Suspicion, Symptom, suspect
 from ..repeats import only_repeats
 from ..unitledger import UnitLedger
+from .common import examples
 from .silence import EXCUSED, SILENT, is_spell, silence_bits
 from .states import excused
 
@@ -174,7 +175,7 @@ def _behind_gateway(evidence: Evidence) -> Iterator[Suspicion]:
         since=min(begins, default=min(unit.first for unit in units)),
         until=max(unit.last for unit in units),
         lost_answers=refused,
-        frames=tuple(index for unit in units for index in unit.examples.get(Ending.EXCEPTION, []))[:6],
+        frames=examples(units, Ending.EXCEPTION),
     )
 
 
@@ -260,7 +261,7 @@ def _together(evidence: Evidence, group: Sequence[Outage]) -> Iterator[Suspicion
         lost_answers=lost.answers,
         lost_ms=lost.ms,
         severity=Severity.NOTE if _is_over(group) else None,
-        frames=tuple(index for unit in mine for index in unit.examples.get(Ending.SILENT, []))[:6],
+        frames=examples(mine, Ending.SILENT),
     )
 
 

@@ -15,6 +15,7 @@ from ..exchanges import Ending
 from ..registry import ASKED_FOR, Foretold, Suspicion, Symptom, suspect
 from ..unitledger import UnitLedger
 from ..unserved import SHOWN, asks, spaced, unserved_of
+from .common import examples
 
 _BACKGROUND: Final = 0.02
 _OF_REFUSALS: Final = ("address", "range-end")  # reasons that have a cause of their own where the unit refuses
@@ -89,7 +90,7 @@ def _suspicion(evidence: Evidence, unit: UnitLedger, found: Unserved, symptom: S
         until=max((poll.last for poll in mine), default=None),
         lost_answers=failed if ending == Ending.EXCEPTION else min(lost.answers, failed) or failed,
         lost_ms=lost.ms if ending == Ending.SILENT else None,
-        frames=tuple(unit.examples.get(ending, [])),
+        frames=examples([unit], ending),
     )
 
 

@@ -14,19 +14,17 @@ import numpy as np
 from ...tables.findings import Severity
 from ...tables.transactions import NEVER
 from ..bits import surplus_bits
-from ..costs import cost, cost_of_requests, kind_bits, share_of, together
+from ..costs import cost_of_requests, kind_bits, share_of, together
 from ..evidence import HEALTHY, Evidence, alone_or_together
-from ..exchanges import Ending
 from ..heads import begun_before, out_of_step_bits, whole_behind_bits
 from ..ledger import STRAY
 from ..registry import OF_A_LINE, Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage, Behind, Signature, is_like_request
 from ..unitledger import UnitLedger
+from .common import damage_suspicion
 
 _LEAST: Final = 3
 _MOSTLY: Final = 0.5
-_OF_DAMAGE: Final = (Symptom.DAMAGE, Symptom.MARKS, Symptom.BEHIND, Symptom.LATENESS)  # what is asked again seems late
-
 Numbers = Callable[[Evidence, UnitLedger, list[Signature]], Mapping[str, Any]]
 
 
@@ -44,31 +42,7 @@ def damage_suspicions(
             continue
         bits = evidence.surplus(unit) + kind_bits(readings, expected)
         if bits > 0:
-            yield damage_suspicion(evidence, unit, bits, more(evidence, unit, readings))
-
-
-def damage_suspicion(evidence: Evidence, unit: UnitLedger, bits: float, more: Mapping[str, Any]) -> Suspicion:
-    """The damaged answers of one unit."""
-    others = [other for other in evidence.units if other.unit != unit.unit]
-    lost = cost(evidence, unit, Ending.GARBAGE)
-    return Suspicion(
-        (unit.unit,),
-        bits,
-        frozenset((kind, unit.unit) for kind in _OF_DAMAGE),
-        {
-            "unit": unit.unit,
-            "damaged": unit.count(Ending.GARBAGE),
-            "answers": unit.answered + unit.count(Ending.GARBAGE),
-            "others_damaged": sum(other.count(Ending.GARBAGE) for other in others),
-            "others_answers": sum(other.answered + other.count(Ending.GARBAGE) for other in others),
-            **more,
-        },
-        since=unit.samples.kept[0].t_asked if evidence.ledger.timed and unit.samples.kept else None,
-        until=unit.samples.kept[-1].t_asked if evidence.ledger.timed and unit.samples.kept else None,
-        lost_answers=lost.answers,
-        lost_ms=lost.ms,
-        frames=tuple(unit.examples.get(Ending.GARBAGE, [])),
-    )
+            yield damage_suspicion(evidence, [unit], bits, more(evidence, unit, readings))
 
 
 SHARE: Final = "{damaged:,} of {answers:,} answers of unit {unit}[, {others_damaged:,} of {others_answers:,} of others]"
@@ -107,7 +81,7 @@ def driver_enabled_late(evidence: Evidence) -> Iterator[Suspicion]:
             bits = max(out_of_step_bits(evidence, unit), whole_behind_bits(readings))
             if bits > 0:
                 bits += evidence.surplus(unit) + kind_bits(readings, _BEHEADED)
-                yield damage_suspicion(evidence, unit, bits, {"bytes": 1})
+                yield damage_suspicion(evidence, [unit], bits, {"bytes": 1})
 
 
 def _tail(_: Evidence, __: UnitLedger, readings: list[Signature]) -> Mapping[str, Any]:

@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from math import comb, log2
 from statistics import median
 from typing import Final
 
 from ...tables.findings import Severity
-from ..costs import cost, kind_bits, share_of, together
-from ..evidence import Evidence
-from ..exchanges import Ending
+from ..bits import surplus_bits
+from ..costs import kind_bits, share_of
+from ..evidence import HEALTHY, Evidence
 from ..registry import OF_A_LINE, Suspicion, Symptom, suspect
 from ..unitledger import UnitLedger
+from .common import damage_suspicion
 
 _LEAST: Final = 4
-_QUICK: Final = 2  # units: of one it may be its own driver
-_OFTEN: Final = 0.1  # of a unit's answers
-_HARDLY: Final = 0.03
-_MOSTLY: Final = 0.5
+_ALONE_BITS: Final = 6.0  # of one unit it may be its own driver
 _HEADS: Final = {"head": 0.45, "whole": 0.45, "ahead": 0.03, "middle": 0.05}
 _SOME_HEADS: Final = 0.05  # of all: where but the beginning is lost; other settings leave nothing whole
 
@@ -42,48 +40,46 @@ _SOME_HEADS: Final = 0.05  # of all: where but the beginning is lost; other sett
     foretold=OF_A_LINE,
 )
 def client_driver_held(evidence: Evidence) -> Iterator[Suspicion]:
-    """Damage at the head of several units' answers, all of which are quicker than any unit without."""
-    hit, clean = [], []
-    for unit in evidence.units:
-        damaged, delay = evidence.damaged(unit), _delay(evidence, unit)
-        if delay is None:
-            continue
-        if (
-            damaged >= max(_LEAST, _OFTEN * unit.asked)
-            and share_of(evidence.readings(unit), "head", "ahead", "whole") >= _MOSTLY
-        ):
-            hit.append((delay, unit))
-        elif damaged <= _HARDLY * unit.asked:
-            clean.append((delay, unit))
-        else:
-            return
-    if (
-        len(hit) < _QUICK
-        or not clean
-        or max(hit, key=lambda pair: pair[0])[0] >= min(clean, key=lambda pair: pair[0])[0]
-    ):
+    """Damage at the head of the answers of the quickest units; those of the others are as on any line."""
+    told = [(delay, unit) for unit in evidence.units if (delay := _delay(evidence, unit)) is not None]
+    told.sort(key=lambda pair: pair[0])
+    every = [unit for _, unit in told]
+    found = [
+        (_bits(evidence, every[:count], every[count:]), count)
+        for count in range(1, len(every))
+        if all(map(_is_beheaded(evidence), every[:count]))
+    ]
+    bits, count = max(found, default=(0.0, 0))
+    if bits <= 0:
         return
-    if share_of([each for _, unit in hit for each in evidence.readings(unit)], "head", "ahead") < _SOME_HEADS:
+    units = every[:count]
+    readings = [each for unit in units for each in evidence.readings(unit)]
+    if share_of(readings, "head", "ahead") < _SOME_HEADS:
         return
-    units, others = [unit for _, unit in sorted(hit, key=lambda pair: pair[0])], [unit for _, unit in clean]
-    lost = together(cost(evidence, unit, Ending.GARBAGE) for unit in units)
-    yield Suspicion(
-        tuple(unit.unit for unit in units),
-        sum(evidence.surplus(unit) + kind_bits(evidence.readings(unit), _HEADS) for unit in units)
-        + log2(comb(len(units) + len(others), len(units))),
-        frozenset((kind, unit.unit) for unit in units for kind in (Symptom.DAMAGE, Symptom.MARKS, Symptom.LATENESS)),
-        {
-            "units": tuple(unit.unit for unit in units),
-            "soon": max(delay for delay, _ in hit) / 1e6,
-            "damaged": sum(map(evidence.damaged, units)),
-            "answers": sum(unit.asked for unit in units),
-            "others_damaged": sum(map(evidence.damaged, others)),
-            "others_answers": sum(unit.asked for unit in others),
-        },
-        lost_answers=lost.answers,
-        lost_ms=lost.ms,
-        frames=tuple(i for unit in units for i in unit.examples.get(Ending.GARBAGE, []))[:6],
+    yield damage_suspicion(
+        evidence,
+        units,
+        bits,
+        {"soon": told[count - 1][0] / 1e6},
+        (Symptom.DAMAGE, Symptom.MARKS, Symptom.LATENESS),
     )
+
+
+def _is_beheaded(evidence: Evidence) -> Callable[[UnitLedger], bool]:
+    return lambda unit: evidence.damaged(unit) >= _LEAST and kind_bits(evidence.readings(unit), _HEADS) > 0
+
+
+def _bits(evidence: Evidence, quick: Sequence[UnitLedger], slow: Sequence[UnitLedger]) -> float:
+    """How much likelier the damage is as that of the quick units: they are as many in just this order, and the slow ones
+    are no worse than any line."""
+    hits, trials = sum(map(evidence.damaged, slow)), sum(unit.asked for unit in slow)
+    rate = max(HEALTHY, (hits + 0.5) / (trials + 0.5 / HEALTHY))
+    bits = sum(
+        surplus_bits(evidence.damaged(unit), unit.asked, rate) + kind_bits(evidence.readings(unit), _HEADS)
+        for unit in quick
+    )
+    order = log2(comb(len(quick) + len(slow), len(quick))) - _ALONE_BITS * (len(quick) == 1)
+    return bits + order - surplus_bits(hits, trials, HEALTHY)
 
 
 def _delay(evidence: Evidence, unit: UnitLedger) -> float | None:

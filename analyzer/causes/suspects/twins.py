@@ -17,7 +17,8 @@ from ..hits import answers_too_many
 from ..registry import OF_A_LINE, Suspicion, Symptom, suspect
 from ..signatures import Behind, Signature, known_header
 from ..unitledger import UnitLedger
-from .senders import SHARE, damage_suspicion
+from .common import damage_suspicion
+from .senders import SHARE
 
 _LEAST: Final = 3
 _MOSTLY: Final = 0.5
@@ -85,7 +86,7 @@ def duplicate_address(evidence: Evidence) -> Iterator[Suspicion]:
             continue
         met = sum(_met(evidence, other, unit)[0] for other in run_into)
         found = damage_suspicion(
-            evidence, unit, bits + sum(run_into.values()), {"doubles": doubles, "tails": tails, "met": met}
+            evidence, [unit], bits + sum(run_into.values()), {"doubles": doubles, "tails": tails, "met": met}
         )
         explains = found.explains | {(kind, unit.unit) for kind in _ITS_OWN}
         explains |= {(kind, other) for other in run_into for kind in (Symptom.DAMAGE, Symptom.BEHIND)}
