@@ -7,6 +7,7 @@ from math import comb, log2
 from statistics import median
 from typing import Final
 
+from ...deframing.tap_clock import UNKNOWN
 from ...tables.findings import Severity
 from ..bits import surplus_bits
 from ..costs import kind_bits, share_of
@@ -16,6 +17,7 @@ from ..unitledger import UnitLedger
 from .common import damage_suspicion
 
 _LEAST: Final = 4
+_SEVERAL: Final = 2  # units
 _ALONE_BITS: Final = 6.0  # of one unit it may be its own driver
 _HEADS: Final = {"head": 0.45, "whole": 0.45, "ahead": 0.03, "middle": 0.05}
 _SOME_HEADS: Final = 0.05  # of all: where but the beginning is lost; other settings leave nothing whole
@@ -25,12 +27,10 @@ _SOME_HEADS: Final = 0.05  # of all: where but the beginning is lost; other sett
     "client-driver-held",
     Severity.ERROR,
     blame="master",
-    text="The client or its converter holds its driver into the answers: those of {units:unit|units}, which come "
-    "within "
-    "{soon:ms} of the request, lose their beginning ({damaged:,} of {answers:,}), those of slower units do not[ "
-    "({others_damaged:,} "
-    "of {others_answers:,})]",
-    share="{damaged:,} of {answers:,} answers of the quick units[, {others_damaged:,} of {others_answers:,} of others]",
+    text="The client or its converter holds its driver into the answers: those of {units:unit|units}[, which come within "
+    "{soon:ms} of the request,] lose their beginning ({damaged:,} of {answers:,}), those of others do not"
+    "[ ({others_damaged:,} of {others_answers:,})]",
+    share="{damaged:,} of {answers:,} answers of {units:unit|units}[, {others_damaged:,} of {others_answers:,} of others]",
     deciding_test="Look at the direction setting of the client's port or converter: how long it drives after the last "
     "bit; with a "
     "response delay of 20 ms in one of the quick units its damage must go",
@@ -40,51 +40,45 @@ _SOME_HEADS: Final = 0.05  # of all: where but the beginning is lost; other sett
     foretold=OF_A_LINE,
 )
 def client_driver_held(evidence: Evidence) -> Iterator[Suspicion]:
-    """Damage at the head of the answers of the quickest units; those of the others are as on any line."""
-    told = [(delay, unit) for unit in evidence.units if (delay := _delay(evidence, unit)) is not None]
-    told.sort(key=lambda pair: pair[0])
-    every = [unit for _, unit in told]
+    """Damage at the head of the answers of the quickest units; those of the others are as on any line. Where the clock
+    does not tell who is quick, of several: that each of them has a driver that is late is less likely."""
+    fine, beheaded = evidence.verdict.fine, _is_beheaded(evidence)
+    every = sorted(evidence.units, key=lambda unit: (_delay(evidence, unit) if fine else 0.0, not beheaded(unit)))
     found = [
-        (_bits(evidence, every[:count], every[count:]), count)
-        for count in range(1, len(every))
-        if all(map(_is_beheaded(evidence), every[:count]))
+        (_bits(evidence, every[:count], every[count:], told=fine), count)
+        for count in range(1 if fine else _SEVERAL, len(every))
+        if all(map(beheaded, every[:count]))
     ]
     bits, count = max(found, default=(0.0, 0))
-    if bits <= 0:
-        return
-    units = every[:count]
-    readings = [each for unit in units for each in evidence.readings(unit)]
-    if share_of(readings, "head", "ahead") < _SOME_HEADS:
-        return
-    yield damage_suspicion(
-        evidence,
-        units,
-        bits,
-        {"soon": told[count - 1][0] / 1e6},
-        (Symptom.DAMAGE, Symptom.MARKS, Symptom.LATENESS),
-    )
+    readings = [each for unit in every[:count] for each in evidence.readings(unit)]
+    if bits > 0 and share_of(readings, "head", "ahead") >= _SOME_HEADS:
+        yield damage_suspicion(
+            evidence,
+            every[:count],
+            bits,
+            {"soon": _delay(evidence, every[count - 1]) / 1e6 if fine else 0.0},
+            (Symptom.DAMAGE, Symptom.MARKS, Symptom.LATENESS),
+        )
 
 
 def _is_beheaded(evidence: Evidence) -> Callable[[UnitLedger], bool]:
     return lambda unit: evidence.damaged(unit) >= _LEAST and kind_bits(evidence.readings(unit), _HEADS) > 0
 
 
-def _bits(evidence: Evidence, quick: Sequence[UnitLedger], slow: Sequence[UnitLedger]) -> float:
-    """How much likelier the damage is as that of the quick units: they are as many in just this order, and the slow ones
-    are no worse than any line."""
+def _bits(evidence: Evidence, quick: Sequence[UnitLedger], slow: Sequence[UnitLedger], *, told: bool) -> float:
+    """How much likelier the damage is as that of the quick units: they are as many in just this order, where it is told,
+    and the slow ones are no worse than any line."""
     hits, trials = sum(map(evidence.damaged, slow)), sum(unit.asked for unit in slow)
     rate = max(HEALTHY, (hits + 0.5) / (trials + 0.5 / HEALTHY))
     bits = sum(
         surplus_bits(evidence.damaged(unit), unit.asked, rate) + kind_bits(evidence.readings(unit), _HEADS)
         for unit in quick
     )
-    order = log2(comb(len(quick) + len(slow), len(quick))) - _ALONE_BITS * (len(quick) == 1)
-    return bits + order - surplus_bits(hits, trials, HEALTHY)
+    order = log2(comb(len(quick) + len(slow), len(quick))) if told else 0.0
+    return bits + order - _ALONE_BITS * (len(quick) == 1) - surplus_bits(hits, trials, HEALTHY)
 
 
-def _delay(evidence: Evidence, unit: UnitLedger) -> float | None:
-    """How soon a unit mostly answers (ns), of answers whole or not; None where the clock does not tell."""
-    if not evidence.verdict.fine:
-        return None
+def _delay(evidence: Evidence, unit: UnitLedger) -> float:
+    """How soon a unit mostly answers (ns), whole or not; last of all where nothing is heard of it."""
     damaged = [each.delay for each in evidence.readings(unit) if each.delay >= 0]
-    return median([*damaged, *unit.delays.numbers.tolist()]) if damaged or len(unit.delays) else None
+    return median([*damaged, *unit.delays.numbers.tolist()]) if damaged or len(unit.delays) else UNKNOWN

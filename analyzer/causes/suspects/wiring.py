@@ -11,7 +11,7 @@ from ..bits import likelihood_bits, surplus_bits
 from ..costs import kind_bits, kind_of, share_of
 from ..evidence import HEALTHY, Evidence
 from ..hits import ALIKE, WELL, Hits, apart_bits, is_behind_few, spared_bits, spares_units
-from ..hittimes import span_of_hits, spells_of_hits
+from ..hittimes import span_of_hits
 from ..ledger import STRAY
 from ..registry import OF_A_LINE, Suspicion, Symptom, suspect
 from ..unitledger import UnitLedger
@@ -31,8 +31,6 @@ _BENT: Final = {"bits": 0.52, "head": 0.17, "bits-tail": 0.04, "middle": 0.1, "w
 _MUCH_BENT: Final = {"bits": 0.2, "head": 0.1, "bits-tail": 0.03, "middle": 0.35, "whole": 0.3, "tail": 0.01}
 _SINGLE: Final = 0.3
 _MOST_BENT: Final = 0.45
-_SPARED_BITS: Final = 10.0  # by which frames are hit less than what strikes all would
-_COMES_AND_GOES: Final = 10.0  # bits against it: a line that floats does so for good
 _SURELY_EARLY: Final = 8.0  # bits
 _UNIT_BITS: Final = 6.0  # each unit more that is said to be far
 
@@ -62,10 +60,6 @@ def bias(evidence: Evidence) -> Iterator[Suspicion]:
     bits += likelihood_bits(frames, idle + frames, WELL) - likelihood_bits(frames, idle + frames, 0.5)
     inside = sum(_inside(evidence, unit) for unit in evidence.units)
     bits -= surplus_bits(inside, hits.exchanges, HEALTHY)  # a driven line does not float
-    as_exposed = likelihood_bits(frames, idle + frames, max(evidence.load or 0.0, WELL))
-    spells = spells_of_hits(evidence)[0]
-    if spells and as_exposed < likelihood_bits(frames, idle + frames, WELL) - _SPARED_BITS:
-        bits += spells - _COMES_AND_GOES  # somebody takes the resistors off, or puts them on
     if is_behind_few(evidence):
         bits = bits / 4 - apart_bits(evidence)  # a line that floats does so behind everybody
     explains = frozenset((Symptom.BEHIND, unit.unit) for unit in evidence.units) | {(Symptom.FRAMING, None)}
