@@ -11,8 +11,8 @@ A claim is right where it is the cause of its case or one that is true of it bes
 each claim is wrong, and so it is of faults that have no word (`nameless`; kinds that are held out are only told). For
 the fit the first claim is hidden then as well, and the next one, so that many causes are seen where they are not so.
 How sure a claim may be hangs on how often a fault is one without a word. That is no fact of any simulator: it is said
-here, and claims are weighed by it, in the fit and where it is told. How typical the traits of a claim are of its cause, and of
-each kind of fault without a word, is measured by what other captures showed.
+here, and claims are weighed by it, in the fit and where it is told. How typical the traits of a claim are of its cause,
+and of each kind of fault without a word, is measured by what other captures showed.
 """
 
 from __future__ import annotations
