@@ -101,19 +101,7 @@ def signature(sample: Sample, char_ns: float, requests: KnownRequests, *, off_ns
     """Read a sample. `requests`: those of this bus, by which a damaged one is known again; `off_ns`: by how much silences
     may be wrong, infinite where nobody knows."""
     if sample.outcome in (Ending.OK, Ending.EXCEPTION):
-        kind, t = _behind(sample, requests)
-        before = next((i for i, piece in enumerate(sample.pieces) if piece.answers), 0)
-        marks = sum(piece.marks for piece in sample.pieces if piece.answers)
-        detail = "before" if before else ""
-        ahead = b"".join(piece.data for piece in sample.pieces[:before])
-        if before and kind is Behind.NOTHING and (not is_in_ascii(sample.request) or ahead.strip(b"\r\n")):
-            kind = Behind.NOISE
-        others = [piece for i, piece in enumerate(sample.pieces) if i > before and not piece.answers]
-        length = sum(len(piece.data) for piece in others)
-        strange = b"".join(piece.data for piece in sample.pieces[before + 1 :] if not piece.check) or ahead
-        rested = max(t - sample.pieces[before].t_end, 0) if t >= 0 and sample.pieces else -1
-        return Signature(AnswerDamage.NONE, kind, length=length, marks=marks, t_behind=t, detail=detail, due=sample.due, rested=rested,
-                         heard=strange, request=sample.request, most=_most(others, _APART_CHARS * char_ns + off_ns))  # fmt: skip
+        return _beside_good(sample, requests, _APART_CHARS * char_ns + off_ns)
     burst, rest = _first_burst(sample.pieces, _APART_CHARS * char_ns + 5e6 + _SURELY * off_ns)
     every = b"".join(piece.data for piece in sample.pieces)
     if not burst or _is_whole_in_pieces(sample, every):
@@ -150,6 +138,29 @@ def signature(sample: Sample, char_ns: float, requests: KnownRequests, *, off_ns
         heard=data,
         request=sample.request,
         most=_most(rest, _APART_CHARS * char_ns + off_ns),
+    )
+
+
+def _beside_good(sample: Sample, requests: KnownRequests, apart_ns: float) -> Signature:
+    """What stands before a good answer, or behind it."""
+    kind, t = _behind(sample, requests)
+    at = next((i for i, piece in enumerate(sample.pieces) if piece.answers), 0)
+    ahead = b"".join(piece.data for piece in sample.pieces[:at])
+    if at and kind is Behind.NOTHING and (not is_in_ascii(sample.request) or ahead.strip(b"\r\n")):
+        kind = Behind.NOISE
+    others = [piece for piece in sample.pieces[at + 1 :] if not piece.answers]
+    return Signature(
+        AnswerDamage.NONE,
+        kind,
+        length=sum(len(piece.data) for piece in others),
+        marks=sum(piece.marks for piece in sample.pieces if piece.answers),
+        t_behind=t,
+        detail="before" if at else "",
+        due=sample.due,
+        rested=max(t - sample.pieces[at].t_end, 0) if t >= 0 and sample.pieces else -1,
+        heard=b"".join(piece.data for piece in sample.pieces[at + 1 :] if not piece.check) or ahead,
+        request=sample.request,
+        most=_most(others, apart_ns),
     )
 
 

@@ -247,11 +247,7 @@ def _together(evidence: Evidence, group: Sequence[Outage]) -> Iterator[Suspicion
             "silent": silent,
             "asked": asked,
             "how": SILENT,
-            "others": _meanwhile(evidence, group, [unit.unit for unit in rest])
-            if any(unit.answered for unit in rest)
-            else ", and no other unit ever answers"
-            if rest
-            else ", and no others are polled",
+            "others": _others(evidence, group, rest),
             "others_silent": sum(map(evidence.silent, rest)),
             "others_asked": sum(unit.asked for unit in rest),
         },
@@ -263,6 +259,13 @@ def _together(evidence: Evidence, group: Sequence[Outage]) -> Iterator[Suspicion
         severity=Severity.NOTE if _is_over(group) else None,
         frames=examples(mine, Ending.SILENT),
     )
+
+
+def _others(evidence: Evidence, group: Sequence[Outage], rest: Sequence[UnitLedger]) -> str:
+    """What the other units do."""
+    if any(unit.answered for unit in rest):
+        return _meanwhile(evidence, group, [unit.unit for unit in rest])
+    return ", and no other unit ever answers" if rest else ", and no others are polled"
 
 
 def _is_over(group: Sequence[Outage]) -> bool:
@@ -295,10 +298,6 @@ def _meanwhile(evidence: Evidence, group: Sequence[Outage], others: Sequence[int
     if every < _LEAST:
         return ""
     well = 1 - bad[inside].sum() / every
-    return (
-        ", while others answered"
-        if well > _MOSTLY
-        else ", and nobody else answered meanwhile"
-        if well < _HARDLY
-        else ""
-    )
+    if well > _MOSTLY:
+        return ", while others answered"
+    return ", and nobody else answered meanwhile" if well < _HARDLY else ""

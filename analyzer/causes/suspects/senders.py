@@ -283,13 +283,9 @@ def _instead_of_requests(evidence: Evidence, unit: UnitLedger) -> int:
 def null_suffix(evidence: Evidence) -> Iterator[Suspicion]:
     """A zero right behind nearly every frame of one sender, or behind many and nothing else behind any."""
     totals = {unit.unit: evidence.behind(unit, Behind.ZEROS) for unit in evidence.units}
-    found = [u for u in evidence.units if totals[u.unit] >= _LEAST and totals[u.unit] >= _MOSTLY * u.answered]
-    if not found:  # noise on the idle line comes behind all, and is not always a zero
-        every = [u for u in evidence.units if u.behind]
-        found = [u for u in every if len(every) == 1 and totals[u.unit] >= max(_LEAST, _NEARLY * u.behind)]
+    found = _with_zeros(evidence, totals)
     if not found:
         return
-    found.sort(key=lambda unit: -totals[unit.unit] / unit.answered)
     first, others = found[0], [unit for unit in evidence.units if unit not in found]
     others_zeros, others_answered = sum(totals[o.unit] for o in others), sum(o.answered for o in others)
     background = max(HEALTHY, (others_zeros + 0.5) / (others_answered + 50))
@@ -313,6 +309,16 @@ def null_suffix(evidence: Evidence) -> Iterator[Suspicion]:
         until=first.followed.kept[-1].t_asked,
         frames=tuple(sample.index for sample in first.followed.kept[:3]),
     )
+
+
+def _with_zeros(evidence: Evidence, totals: Mapping[int, float]) -> list[UnitLedger]:
+    """Units with zeros behind most of their answers, or the only one with anything behind them, nearly always zeros; the
+    surest first. Noise on the idle line comes behind all, and is not always a zero."""
+    found = [u for u in evidence.units if totals[u.unit] >= max(_LEAST, _MOSTLY * u.answered)]
+    every = [u for u in evidence.units if u.behind]
+    if not found and len(every) == 1 and totals[every[0].unit] >= max(_LEAST, _NEARLY * every[0].behind):
+        found = every
+    return sorted(found, key=lambda unit: -totals[unit.unit] / unit.answered)
 
 
 def _is_always_so(evidence: Evidence, unit: UnitLedger, zeros: float) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from statistics import median
 from typing import Final
 
@@ -263,19 +264,8 @@ def retry_policy(evidence: Evidence) -> Iterator[Suspicion]:
     for unit in never if len(never) == 1 else ():
         tries = _tries(evidence, unit)
         if tries >= _MANY_TRIES:
-            silent, asked = in_vain(evidence, unit)
-            lost = _cost(evidence, unit)
-            yield Suspicion(
-                (unit.unit,),
-                silence_bits(silent, asked) + tries,
-                frozenset((kind, unit.unit) for kind in _SPEAKS_NOT),
-                {"unit": unit.unit, "silent": silent, "asked": asked, "tries": tries},
-                since=unit.first,
-                until=unit.last,
-                lost_answers=lost.answers,
-                lost_ms=lost.ms,
-                frames=examples([unit], Ending.SILENT),
-            )
+            found = _silence(evidence, unit, None)
+            yield replace(found, bits=found.bits + tries, numbers={**found.numbers, "tries": tries}, severity=None)
 
 
 @suspect(
