@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import insort
 from dataclasses import dataclass
 from typing import Final
 
@@ -19,9 +20,9 @@ _LEAST: Final = 3
 _SURE_BITS: Final = 16.0
 _ALONE_BITS: Final = 40.0  # where nothing else tells it
 _SOONER: Final = 0.85
-_TIMED: Final = 5  # requests
-_STEADY: Final = 0.3
+_HURRIED: Final = 5  # answers, each of which would come so by chance once in ten times at the most
 _OTHERS: Final = 2
+_STEADY: Final = 0.3
 _FAR_SLOWER: Final = 3.0
 
 
@@ -31,6 +32,43 @@ class Slow:
 
     count: int = 0
     bound_ns: float = UNKNOWN
+
+
+def hurried(evidence: Evidence, unit: UnitLedger) -> Slow:
+    """Good answers that take long and behind which the next request comes sooner than the master ever pauses: it had
+    given up, and went on by its own timer. `bound_ns`: from the request to the answer's end."""
+    pauses, turns = unit.pauses.numbers, unit.turns.numbers  # of the same answers
+    took = turns - pauses
+    longest = max((poll.about_bytes for poll in evidence.polls_of(unit.unit)), default=0) * evidence.ledger.char_ns
+    others = [other for other in evidence.units if other is not unit]
+    usually = max((other.delays.quantile(0.5) or 0.0 for other in others), default=0.0)
+    if len(took) < 3 * _LEAST:
+        return Slow()
+    order = np.argsort(took)
+    took, pauses, turns = took[order], pauses[order], turns[order]
+    elsewhere = [pause for other in others if (pause := other.pauses.quantile(0.1))]
+    first = max(len(took) // 4, int(np.searchsorted(took, longest + _FAR_SLOWER * usually, side="right")))
+    if first > len(took) - _HURRIED:
+        return Slow()
+    usual = np.minimum(_lowest_tenths(pauses), min(elsewhere, default=UNKNOWN))[first - 1 : len(took) - _HURRIED]
+    behind = np.maximum.accumulate(pauses[::-1])[::-1][first : len(took) - _HURRIED + 1]
+    sooner = behind < np.minimum(_SOONER * usual, usual - evidence.verdict.wait_ns)
+    for bound in (first + np.flatnonzero(sooner)).tolist():
+        if strays(turns[bound:]) < _STEADY * strays(took[bound:]):  # by its timer
+            return Slow(round(len(unit.pauses) * (1 - bound / len(took))), float(took[bound]))
+    return Slow()
+
+
+def _lowest_tenths(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The first decile of the first n numbers, for every n from 1 on."""
+    ordered: list[float] = []
+    deciles = np.empty(len(numbers))
+    for n, number in enumerate(numbers.tolist()):
+        insort(ordered, number)
+        low, part = divmod(0.1 * n, 1)
+        low = int(low)
+        deciles[n] = ordered[low] + part * (ordered[min(low + 1, n)] - ordered[low])
+    return deciles
 
 
 def asked_again_though_slow(evidence: Evidence, unit: UnitLedger) -> Slow:
@@ -73,7 +111,7 @@ def repeated_by_timer(unit: UnitLedger) -> bool:
     """Whether requests repeated though they were answered come always as long behind the request before, however long
     its answer took: the master did not take it."""
     turns = unit.redundant_turns.numbers
-    if len(turns) < _TIMED:
+    if len(turns) < _HURRIED:
         return False
     took = turns - unit.redundant_pauses.numbers
     return strays(turns) < _STEADY * strays(took)  # no clock makes times more alike than they are
@@ -98,6 +136,25 @@ def _rate_bits(hits: int, misses: int) -> float:
     return likelihood_bits(hits, hits + misses, (hits + 0.5) / (hits + misses + 1))
 
 
+def went_on_by_timer(evidence: Evidence, unit: UnitLedger) -> int:
+    """Slow answers of a unit behind which the next request comes sooner than it ever does behind those of others.
+
+    A master that has given up sends its next request by its own timeout, whatever comes in between.
+    """
+    others = [other for other in evidence.units if other.unit != unit.unit and len(other.pauses) >= _LEAST]
+    own, delay = unit.pauses.quantile(0.9), unit.delays.quantile(0.5)
+    usual = min((pause for other in others if (pause := other.pauses.quantile(0.1)) is not None), default=None)
+    delays = [value for other in others if (value := other.delays.quantile(0.5)) is not None]
+    if own is None or usual is None or delay is None or not delays or len(unit.pauses) < 3 * _LEAST:
+        return 0
+    if len(delays) < _OTHERS and not _by_timer(unit):
+        return 0  # the one other unit may be the last of a round, behind which the master rests
+    if own > _SOONER * usual or delay < 3 * max(delays) or own < 0 or evidence.verdict.wait_ns > usual - own:
+        return 0
+    timeout = (unit.turns.quantile(0.5) or 0.0) - usual  # as this would tell it
+    return len(unit.pauses) if timeout > max(delays) else 0
+
+
 def all_repeated(evidence: Evidence, unit: UnitLedger) -> int:
     """Good answers, all slow beside those of others, whose requests are repeated by the master's timer."""
     delay, others = unit.delays.quantile(0.1), [other for other in evidence.units if other is not unit]
@@ -105,3 +162,12 @@ def all_repeated(evidence: Evidence, unit: UnitLedger) -> int:
     slow = delay is not None and len(delays) >= _OTHERS and delay > _FAR_SLOWER * max(delays)
     met = unit.behind + unit.count(Ending.GARBAGE)  # a list of one poll repeats it by a timer too, and meets nothing
     return len(unit.redundant) if slow and met >= _LEAST and repeated_by_timer(unit) else 0
+
+
+def _by_timer(unit: UnitLedger) -> bool:
+    """Whether requests behind those to a unit come after always the same time, though its answers do not."""
+    low, high = unit.turns.quantile(0.1), unit.turns.quantile(0.9)
+    soon, late = unit.delays.quantile(0.1), unit.delays.quantile(0.9)
+    if low is None or high is None or soon is None or late is None:
+        return False
+    return high - low < _STEADY * (late - soon)

@@ -15,13 +15,14 @@ from ..bits import surplus_bits
 from ..costs import cost_of, kind_bits, kind_of, untimely
 from ..evidence import HEALTHY, Evidence, alone_or_together
 from ..exchanges import Ending
-from ..givenup import all_repeated, asked_again_though_slow, repeated_by_timer
+from ..givenup import all_repeated, asked_again_though_slow, hurried, repeated_by_timer, went_on_by_timer
 from ..hits import given_up_by_timer, interrupted, late_units, timed_by_the_master
 from ..registry import Suspicion, Symptom, suspect
 from ..repeats import (
     answers_like_requests,
     asked_again_behind,
     asked_again_into,
+    only_displaced,
     only_repeats,
 )
 from ..signatures import AnswerDamage, Signature
@@ -100,7 +101,11 @@ class _LateUnit:
 
 
 def _weighed(evidence: Evidence, unit: UnitLedger, late: Mapping[int, int]) -> _LateUnit | None:
-    if not _lives(evidence, unit) or interrupted(evidence, unit) > _MOSTLY * len(unit.waits):
+    if (
+        only_displaced(evidence, unit)
+        or not _lives(evidence, unit)
+        or interrupted(evidence, unit) > _MOSTLY * len(unit.waits)
+    ):
         return None  # nobody gives up so soon
     behind, run_into = _run_into(evidence, unit)
     odd, at_odd_times = untimely(evidence, unit)
@@ -194,11 +199,20 @@ def _late(evidence: Evidence, unit: UnitLedger) -> int:
     readings = evidence.readings(unit)
     slow = asked_again_though_slow(evidence, unit)
     bound = min(slow.bound_ns, _beyond(evidence, unit)[0])
+    quick, char_ns = hurried(evidence, unit), evidence.ledger.char_ns
     by_timer = timed_by_the_master(evidence, unit)
-    late = [r for r in readings if kind_of(r) == "crossed" or r.delay >= bound or _own(r, unit) or r in by_timer]
+    late = [
+        r
+        for r in readings
+        if kind_of(r) == "crossed"
+        or r.delay >= bound
+        or r.delay + r.due * char_ns >= quick.bound_ns
+        or _own(r, unit)
+        or r in by_timer
+    ]
     found += round(unit.count(Ending.GARBAGE) * len(late) / max(len(readings), 1))
     behind = asked_again_behind(evidence, unit) + answers_like_requests(evidence, unit)
-    return found + max(slow.count, all_repeated(evidence, unit), behind)
+    return found + max(slow.count, quick.count, went_on_by_timer(evidence, unit), all_repeated(evidence, unit), behind)
 
 
 def _own(reading: Signature, unit: UnitLedger) -> bool:

@@ -33,6 +33,8 @@ from .common import examples
 
 _LEAST: Final = 5
 _MET: Final = 3  # times, that two are seen to send at once or to know nothing of each other
+_MANY: Final = 10  # second answers of a unit,
+_SOME: Final = 0.05  # of its requests
 _UNLIKE_BITS: Final = 100.0  # by which the damage of some units is theirs: another master meets all alike
 _SENT_INTO: Final = 0.15  # of damaged answers
 _CROSSED: Final = 0.4  # of what is hit
@@ -43,6 +45,9 @@ _COLLIDED: Final = {"crossed": 0.27, "cut": 0.17, "cut-short": 0.15, "whole": 0.
                     "middle": 0.03, "tail": 0.02, "head": 0.02, "ahead": 0.06, "bits": 0.01}  # fmt: skip
 _RUN_INTO: Final = ("crossed", "cut", "cut-short")  # as a request that is sent into an answer leaves it
 _ON_FRAMES: Final = 0.93  # of what collides
+_NEARLY_ALL: Final = 0.8
+_ALONE_BITS: Final = 12.0
+_SEVERAL: Final = 4  # units: of fewer another master may well ask one alone
 _OFTEN: Final = 0.3
 _DISORDER: Final = (Symptom.DAMAGE, Symptom.BEHIND, Symptom.LATENESS, Symptom.SILENCE, Symptom.DOUBLES, Symptom.MARKS,
                     Symptom.VALUES)  # fmt: skip
@@ -163,7 +168,7 @@ class _Meetings:
             return False
         unlike = min(evenness_bits(self.evidence), requests_evenness_bits(self.evidence)) < -_UNLIKE_BITS
         few = len(self.hit) < min(2, len(self.units))
-        return few or unlike
+        return few or unlike or _twice(self.evidence) or _is_one_late(self.evidence)
 
     def is_too_little(self) -> bool:
         """Hardly anything crossed an answer that was due."""
@@ -240,6 +245,31 @@ def _lost_to_each_other(evidence: Evidence, explains: Explained) -> LostAnswers:
     lost = max(silent.answers - sum(unit.late for unit in evidence.units), 0)
     ms = 0.0 if not lost else None if silent.ms is None else silent.ms * lost / silent.answers
     return together((met, LostAnswers(lost, ms)))
+
+
+def _is_one_late(evidence: Evidence) -> bool:
+    """Whether one unit alone stays silent, more than its share, and what is heard in the place of others' answers and
+    behind them begins as its answers do: it is late. Two masters leave all units silent."""
+    begun = evidence.begun.most_common(1)
+    if not begun or len(evidence.units) < _SEVERAL or begun[0][1] < max(_LEAST, _NEARLY_ALL * evidence.begun.total()):
+        return False
+    late = evidence.ledger.units[begun[0][0]]
+    silent, asked = (
+        sum(unit.count(Ending.SILENT) for unit in evidence.units),
+        sum(unit.asked for unit in evidence.units),
+    )
+    mine = late.count(Ending.SILENT)
+    return mine >= _NEARLY_ALL * silent and surplus_bits(mine, silent, late.asked / asked) >= _ALONE_BITS
+
+
+def _twice(evidence: Evidence) -> bool:
+    """Whether some units often answer one request twice, and rightly, for which no second master is needed."""
+    return any(
+        evidence.is_open(Symptom.DOUBLES, unit.unit)
+        and max(unit.doubles, evidence.behind(unit, Behind.ANSWER), evidence.echoed_again(unit))
+        >= max(_MANY, _SOME * unit.asked)
+        for unit in evidence.units
+    )
 
 
 def _part(evidence: Evidence, unit: UnitLedger, some: Sequence[Signature]) -> float:
