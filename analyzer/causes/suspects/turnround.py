@@ -19,6 +19,9 @@ from .common import damage_suspicion
 _LEAST: Final = 4
 _SEVERAL: Final = 2  # units
 _ALONE_BITS: Final = 6.0  # of one unit it may be its own driver
+_OFTEN: Final = 0.1  # of a unit's answers
+_HARDLY: Final = 0.03
+_MOSTLY: Final = 0.5
 _HEADS: Final = {"head": 0.45, "whole": 0.45, "ahead": 0.03, "middle": 0.05}
 _SOME_HEADS: Final = 0.05  # of all: where but the beginning is lost; other settings leave nothing whole
 
@@ -48,6 +51,7 @@ def client_driver_held(evidence: Evidence) -> Iterator[Suspicion]:
         (_bits(evidence, every[:count], every[count:], told=fine), count)
         for count in range(1 if fine else _SEVERAL, len(every))
         if all(map(beheaded, every[:count]))
+        and all(evidence.damaged(unit) <= _HARDLY * unit.asked for unit in every[count:])
     ]
     bits, count = max(found, default=(0.0, 0))
     readings = [each for unit in every[:count] for each in evidence.readings(unit)]
@@ -62,7 +66,12 @@ def client_driver_held(evidence: Evidence) -> Iterator[Suspicion]:
 
 
 def _is_beheaded(evidence: Evidence) -> Callable[[UnitLedger], bool]:
-    return lambda unit: evidence.damaged(unit) >= _LEAST and kind_bits(evidence.readings(unit), _HEADS) > 0
+    def is_so(unit: UnitLedger) -> bool:
+        readings = evidence.readings(unit)
+        often = evidence.damaged(unit) >= max(_LEAST, _OFTEN * unit.asked)
+        return often and share_of(readings, "head", "ahead", "whole") >= _MOSTLY and kind_bits(readings, _HEADS) > 0
+
+    return is_so
 
 
 def _bits(evidence: Evidence, quick: Sequence[UnitLedger], slow: Sequence[UnitLedger], *, told: bool) -> float:
