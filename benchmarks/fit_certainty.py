@@ -2,7 +2,7 @@
 
     python benchmarks/fit_certainty.py [--seeds N] [--taps precise,ftdi16]          # fits, and writes the weights
     python benchmarks/fit_certainty.py --told [--seeds N]                            # tells them on seeds held out
-    python benchmarks/fit_certainty.py --add CASE ... [--seeds N]                    # outcomes of causes that have none
+    python benchmarks/fit_certainty.py --add CASE ... [--seeds N]                    # traits of causes that have none
 
 Four minutes a seed on one core where no capture was made before, one where all were: three seeds to fit and two to tell
 are enough.
@@ -11,22 +11,24 @@ A claim is right where it is the cause of its case or one that is true of it bes
 each claim is wrong, and so it is of faults that have no word (`nameless`; kinds that are held out are only told). For
 the fit the first claim is hidden then as well, and the next one, so that many causes are seen where they are not so.
 How sure a claim may be hangs on how often a fault is one without a word. That is no fact of any simulator: it is said
-here, and claims are weighed by it, in the fit and where it is told. How like a claim's outcomes are to those of its
-cause is measured by what other seeds showed.
+here, and claims are weighed by it, in the fit and where it is told. How typical the traits of a claim are of its cause,
+and of each kind of fault without a word, is measured by what other captures showed.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import re
 import sys
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from enum import Enum
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
+from zlib import crc32
 
 import numpy as np
 from heard_cases import HELD_OUT, HeardCase, heard
@@ -36,22 +38,24 @@ from numpy.typing import NDArray
 from score_causes import BINS, NEAREST, Bin, is_right
 
 import analyzer.causes
-from analyzer.causes.certainty import Clues, Outcomes, certainty, typical
+from analyzer.causes.certainty import Clues, certainty
 from analyzer.causes.evidence import Evidence
 from analyzer.causes.ledger import Ledger
 from analyzer.causes.reasoning import CauseClaim, claims_of
 from analyzer.causes.registry import suspects
+from analyzer.causes.traits import TRAITS, Traits, typical
 from analyzer.simulation.field.cases.registry import field_cases
 
 _TURNS = 5
 _SHORT = 160  # rows
 _LOOKED_AT = 3
 _STRUCK = 4
-_NO_WORD = 0.25  # of all claims: those about faults without a word, half of them with a word that is hidden
+_NO_WORD = 0.33  # of all claims: those about faults without a word, half of them with a word that is hidden
 _RIDGE = 0.05
 _CAUSE_RIDGE = 2.0  # a cause of its own is fitted only as far as its claims carry it
 _OTHER = -0.5  # the weight of a cause that is not among those fitted
-_LEAST = 0.001  # of the outcomes, of one that is written down
+_LEAST = 0.005  # of a trait: what is rarer is not written down
+_FOLDS = 3
 _FILE = Path(analyzer.causes.__file__).parent / "certainty.json"
 
 
@@ -68,21 +72,27 @@ class Claim(NamedTuple):
 
     cause: str
     clues: Clues
-    outcomes: Outcomes
+    traits: Traits
     right: bool
+    case: str
     seed: int
     sort: Sort
     weight: float = 1.0  # among those of its sort
 
     @classmethod
-    def of(cls, claim: CauseClaim, seed: int, *, right: bool, sort: Sort = Sort.KNOWN) -> Claim:
+    def of(cls, claim: CauseClaim, made: HeardCase, *, right: bool, sort: Sort = Sort.KNOWN) -> Claim:
         """With what is known of it."""
-        return cls(claim.cause.cause, claim.clues, claim.outcomes, right, seed, sort)
+        return cls(claim.cause.cause, claim.clues, claim.traits, right, made.name, made.seed, sort)
 
     @property
     def said(self) -> float:
         """How sure it is told."""
-        return certainty(self.cause, self.clues, self.outcomes)
+        return certainty(self.cause, self.clues, self.traits)
+
+    @property
+    def fold(self) -> int:
+        """Which part of the captures it is of."""
+        return crc32(f"{self.case} {self.seed}".encode()) % _FOLDS
 
 
 def claims(cases: list[str], seeds: range, taps: list[str], *, told: bool) -> Iterator[Claim]:
@@ -107,7 +117,7 @@ def claims(cases: list[str], seeds: range, taps: list[str], *, told: bool) -> It
                 for claim in claims_of(Evidence(made.ledger()))[:_LOOKED_AT]:
                     if claim.cause.severity != "note":
                         true = claim.cause.cause in made.expected.also
-                        yield Claim.of(claim, seed, right=true, sort=Sort.NAMELESS)
+                        yield Claim.of(claim, made, right=true, sort=Sort.NAMELESS)
 
 
 def _claims(made: HeardCase, ledger: Ledger, names: list[str]) -> Iterator[Claim]:
@@ -116,14 +126,14 @@ def _claims(made: HeardCase, ledger: Ledger, names: list[str]) -> Iterator[Claim
     for claim in claims_of(Evidence(ledger))[:_LOOKED_AT]:
         if claim.cause.severity != "note" or expected.cause is not None:
             true = any(is_right(claim.cause, fault) for fault in faults) or claim.cause.cause in expected.also
-            yield Claim.of(claim, made.seed, right=true)
+            yield Claim.of(claim, made, right=true)
     if not expected.cause or expected.beside:
         return
     turn = names.index(expected.cause) % _TURNS
     among = [suspect for i, suspect in enumerate(suspects()) if i % _TURNS != turn]
     for claim in claims_of(Evidence(ledger), among)[:_LOOKED_AT]:
         near = claim.cause.cause in (*expected.also, *NEAREST.get(expected.cause, ()))
-        yield Claim.of(claim, made.seed, right=near, sort=Sort.HIDDEN)
+        yield Claim.of(claim, made, right=near, sort=Sort.HIDDEN)
 
 
 def _struck(made: HeardCase, ledger: Ledger) -> Iterator[Claim]:
@@ -134,30 +144,44 @@ def _struck(made: HeardCase, ledger: Ledger) -> Iterator[Claim]:
     near, hidden = (*made.expected.also, *NEAREST.get(cause, ())), {cause}
     for _ in range(_STRUCK):
         told = claims_of(Evidence(ledger), [each for each in suspects() if each.cause not in hidden])
-        found += [
-            Claim.of(each, made.seed, right=each.cause.cause in near, sort=Sort.HIDDEN) for each in told[:_LOOKED_AT]
-        ]
+        found += [Claim.of(each, made, right=each.cause.cause in near, sort=Sort.HIDDEN) for each in told[:_LOOKED_AT]]
         if not told:
             break
         hidden.add(told[0].cause.cause)
     yield from (each._replace(weight=min(1.0, _LOOKED_AT / len(found))) for each in found)
 
 
-Shares = dict[str, dict[str, float]]
+Spread = dict[str, float]
 
 
-def shares_of(found: list[Claim]) -> Shares:
-    """How the outcomes of right claims of each cause spread, in the mean."""
-    sums: dict[str, dict[str, float]] = defaultdict(lambda: defaultdict(float))
+def spread_of(found: list[Claim], trait: str) -> Spread:
+    """How a trait of these claims spreads, in the mean."""
+    sums: Spread = defaultdict(float)
+    for each in (claim.traits[trait] for claim in found if trait in claim.traits):
+        for value, count in each.items():
+            sums[value] += count / sum(each.values())
+    every = sum(sums.values())
+    return {value: round(n / every, 3) for value, n in sorted(sums.items()) if n > _LEAST * every}
+
+
+def shares_of(found: list[Claim]) -> dict[str, dict[str, Spread]]:
+    """Of right claims, by trait and cause."""
+    right = [claim for claim in found if claim.right and claim.sort is Sort.KNOWN]
+    return _by_trait(right, lambda claim: claim.cause)
+
+
+def none_of(found: list[Claim]) -> dict[str, list[Spread]]:
+    """Of wrong claims on faults that have no word, by trait and kind of fault."""
+    wrong = [claim for claim in found if not claim.right and claim.sort is Sort.NAMELESS]
+    return {trait: list(kinds.values()) for trait, kinds in _by_trait(wrong, lambda claim: claim.case).items()}
+
+
+def _by_trait(found: list[Claim], key: Callable[[Claim], str]) -> dict[str, dict[str, Spread]]:
+    groups: dict[str, list[Claim]] = defaultdict(list)
     for claim in found:
-        every = sum(claim.outcomes.values())
-        for outcome, count in claim.outcomes.items() if claim.right and claim.sort is Sort.KNOWN else ():
-            sums[claim.cause][outcome] += count / every
-    shares: Shares = {}
-    for cause, counts in sorted(sums.items()):
-        every = sum(counts.values())
-        shares[cause] = {name: round(n / every, 4) for name, n in sorted(counts.items()) if n > _LEAST * every}
-    return shares
+        groups[key(claim)].append(claim)
+    spreads = {trait: {name: spread_of(groups[name], trait) for name in sorted(groups)} for trait in TRAITS}
+    return {trait: {name: each for name, each in kinds.items() if each} for trait, kinds in spreads.items()}
 
 
 def weights_of(found: list[Claim]) -> NDArray[np.float64]:
@@ -175,22 +199,26 @@ def fit(found: list[Claim]) -> dict[str, object]:
     """Ridge logistic regression."""
     names = sorted({claim.cause for claim in found if claim.right})  # one that is never so here may be so elsewhere
     of = {name: i for i, name in enumerate(names)}
-    others = {seed: shares_of([each for each in found if each.seed != seed]) for seed in {each.seed for each in found}}
-    like = [typical(others[claim.seed], claim.cause, claim.outcomes) for claim in found]
-    clues = np.array([(*claim.clues, each, min(each, 0.0)) for claim, each in zip(found, like, strict=True)])
+    others = [[each for each in found if each.fold != fold] for fold in range(_FOLDS)]
+    known = [(shares_of(each), none_of(each)) for each in others]
+    like = [typical(*known[claim.fold], claim.cause, claim.traits) for claim in found]
+    clues = np.array(
+        [(*claim.clues, *each.values(), min(each["ending"], 0.0)) for claim, each in zip(found, like, strict=True)]
+    )
     offsets = np.zeros((len(found), len(names)))
     own = [(i, of[claim.cause]) for i, claim in enumerate(found) if claim.cause in of]
     offsets[tuple(np.array(own).T)] = 1
     x, y = np.hstack((np.ones((len(found), 1)), clues, offsets)), np.array([claim.right for claim in found], float)
     ridge = np.concatenate(([1e-3], np.full(clues.shape[1], _RIDGE), np.full(len(names), _CAUSE_RIDGE)))
     beta = _regression(x, y, weights_of(found), ridge)
-    n, named = clues.shape[1], (*Clues._fields, "typical", "unlike")
+    n, named = clues.shape[1], (*Clues._fields, *TRAITS, "unlike")
     return {
         "intercept": round(float(beta[0]), 4),
         "clues": {name: round(float(b), 4) for name, b in zip(named, beta[1 : n + 1], strict=True)},
         "other": _OTHER,
         "causes": {name: round(float(b), 4) for name, b in zip(names, beta[n + 1 :], strict=True)},
         "shares": shares_of(found),
+        "none": none_of(found),
     }
 
 
@@ -239,20 +267,28 @@ def tell(found: list[Claim]) -> None:
     print(f"calibration error {error:.3f}, log loss {loss:.3f} a claim")
 
 
+def write(weights: dict[str, object]) -> None:
+    """The weights; how one trait spreads stands on a line."""
+    text = json.dumps(weights, indent=1, sort_keys=True)
+    lines = re.sub(r"\{[^{}]*\}|\[[^][{}]*\]", lambda found: re.sub(r"\n\s*", " ", found[0]), text)
+    _FILE.write_text(lines + "\n", encoding="utf-8")
+
+
 def keep(found: list[Claim]) -> None:
     """What was told on held-out seeds, and when, beside the weights, for the page that documents the causes."""
     told = [[e.low, e.high, e.claims, round(e.said, 3), round(e.so, 3)] for e in bins(found)]
     kept = json.loads(_FILE.read_text("utf-8")) | {"told": told, "told_on": datetime.now(UTC).date().isoformat()}
-    _FILE.write_text(json.dumps(kept, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+    write(kept)
 
 
 def add(found: list[Claim]) -> None:
-    """The outcomes of causes that the weights know none of, which so far weigh as any other; all else stays."""
+    """The traits of causes that the weights know none of, which so far weigh as any other; all else stays."""
     kept = json.loads(_FILE.read_text("utf-8"))
-    new = {cause: shares for cause, shares in shares_of(found).items() if cause not in kept["shares"]}
-    kept["shares"] |= new
+    new = {claim.cause for claim in found if claim.cause not in kept["shares"]["ending"]}
+    for trait, shares in shares_of([claim for claim in found if claim.cause in new]).items():
+        kept["shares"][trait] |= shares
     kept["causes"] = {cause: weight for cause, weight in kept["causes"].items() if cause not in new}
-    _FILE.write_text(json.dumps(kept, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+    write(kept)
 
 
 def main(arguments: list[str]) -> int:
@@ -260,7 +296,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("cases", nargs="*", metavar="CASE", default=list(field_cases()))
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--taps", default="precise,ftdi16")
-    parser.add_argument("--add", action="store_true", help="only add the outcomes of causes that have none")
+    parser.add_argument("--add", action="store_true", help="only add the traits of causes that have none")
     parser.add_argument("--told", action="store_true", help="tell the weights on seeds that were held out")
     options = parser.parse_args(arguments)
     if options.add:
@@ -272,7 +308,7 @@ def main(arguments: list[str]) -> int:
     first = HELD_OUT if options.told else 0
     found = list(claims(options.cases, range(first, first + options.seeds), options.taps.split(","), told=options.told))
     if not options.told:
-        _FILE.write_text(json.dumps(fit(found), indent=1, sort_keys=True) + "\n", encoding="utf-8")
+        write(fit(found))
         certainty.__globals__["_weights"].cache_clear()
     tell(found)
     if options.told:

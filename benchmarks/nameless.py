@@ -1,8 +1,9 @@
 """Faults that no cause is a word for: what an analysis says of them shows how honest it is.
 
-Kinds are drawn like field cases, on sites of their own: some stand one by one (`nameless_kinds`), others are put
-together of what happens and when (`nameless_drawn`). Half of the kinds (`fitted`) may be looked at when a rule or a
-weight is made; the others are only told (`--told`). Where some cause is true of a kind besides, its case says so.
+Kinds are drawn like field cases, on sites of their own: some stand one by one (`nameless_kinds`, `nameless_strange`),
+others are put together of what happens and when (`nameless_drawn`). Half of the kinds (`fitted`) may be looked at when
+a rule or a weight is made; the others are only told (`--told`). Where some cause is true of a kind besides, its case
+says so.
 
     python benchmarks/nameless.py [--drawn] [--told] [--seeds N] [--first SEED] [--taps TAPS] [--misses] [CASE ...]
 """
@@ -18,6 +19,7 @@ from zlib import crc32
 from heard_cases import HELD_OUT, heard
 from nameless_drawn import DRAWN
 from nameless_kinds import KINDS
+from nameless_strange import STRANGE
 from score_causes import Calibration, said, verdict_on
 
 from analyzer.causes.reasoning import story_of
@@ -26,7 +28,7 @@ from analyzer.simulation.field.cases.registry import FieldCase
 
 def nameless_cases() -> dict[str, FieldCase]:
     """All of them, by name."""
-    return dict(sorted((KINDS | DRAWN).items()))
+    return dict(sorted((KINDS | STRANGE | DRAWN).items()))
 
 
 def fitted() -> list[str]:
@@ -45,7 +47,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--misses", action="store_true", help="print each capture that was not told honestly")
     options = parser.parse_args(arguments)
     seen = fitted()
-    kinds = DRAWN if options.drawn else KINDS
+    kinds = DRAWN if options.drawn else KINDS | STRANGE
     names = options.cases or [name for name in sorted(kinds) if (name in seen) != options.told]
     first = options.first + (HELD_OUT if options.told else 0)
     return tell(names, options.taps.split(","), range(first, first + options.seeds), misses=options.misses)

@@ -31,14 +31,20 @@ def nameless_case(name: str, harm: Harm, taps: tuple[str, ...] = ANY_TAP) -> Fie
     return FieldCase(name, play, taps)
 
 
-def nameless(name: str, taps: tuple[str, ...] = ANY_TAP) -> Callable[[Harm], Harm]:
-    """Registers what does harm to a site."""
+def nameless_kind(kinds: dict[str, FieldCase]) -> Callable[..., Callable[[Harm], Harm]]:
+    """A decorator that registers, by name, what does harm to a site."""
 
-    def enter(harm: Harm) -> Harm:
-        KINDS[name] = nameless_case(name, harm, taps)
-        return harm
+    def named(name: str, taps: tuple[str, ...] = ANY_TAP) -> Callable[[Harm], Harm]:
+        def enter(harm: Harm) -> Harm:
+            kinds[name] = nameless_case(name, harm, taps)
+            return harm
 
-    return enter
+        return enter
+
+    return named
+
+
+nameless = nameless_kind(KINDS)
 
 
 def deaf(unit: FieldUnit, to: Callable[[bytes, float], bool]) -> None:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scripts import package
 
 import captures
-from analyzer.causes.certainty import LEAST, MOST, Clues, certainty, typical
+from analyzer.causes.certainty import LEAST, MOST, Clues, certainty
 from analyzer.causes.contrasts import Family, contrasts
 from analyzer.causes.exchanges import Exchanges
 from analyzer.causes.exchangetable import AskedRows, ExchangeTable
@@ -21,6 +21,7 @@ from analyzer.causes.leftovers import TEMPLATES
 from analyzer.causes.reasoning import Story, story_of
 from analyzer.causes.registry import suspects
 from analyzer.causes.sureness import CALIBRATED, how_sure, in_words
+from analyzer.causes.traits import TRAITS, Traits, typical
 from analyzer.core import analyse
 from analyzer.languages import catalogue
 from analyzer.simulation.field.cases.registry import field_cases
@@ -178,12 +179,19 @@ def test_certainty_is_never_beyond_what_was_seen(cause: str, numbers: tuple[floa
     assert (f"({share:.0%})" in how_sure(share)) == (share >= CALIBRATED)
 
 
-def test_outcomes_are_typical_of_their_own_cause_or_of_none() -> None:
-    shares = {"mute": {"silent": 0.9, "well": 0.1}, "late": {"head": 0.5, "well": 0.5}}
-    mute, late, odd = {"silent": 36.0, "well": 4.0}, {"head": 20.0, "well": 20.0}, {"cut": 40.0}
-    assert typical(shares, "mute", mute) > 0 > typical(shares, "mute", late)
-    assert typical(shares, "late", late) > 0 > typical(shares, "late", mute)
-    assert all(typical(shares, cause, odd) < 0 for cause in shares)
+def test_traits_are_typical_of_their_own_cause_or_of_none() -> None:
+    endings = {"mute": {"silent": 0.9, "well": 0.1}, "late": {"head": 0.5, "well": 0.5}}
+    shares = {trait: endings if trait == "ending" else {} for trait in TRAITS}
+    none = {"ending": [{"long": 0.8, "well": 0.2}]}
+    mute, late = {"ending": {"silent": 36.0, "well": 4.0}}, {"ending": {"head": 20.0, "well": 20.0}}
+    odd, known_as_none = {"ending": {"cut": 40.0}}, {"ending": {"long": 30.0, "well": 10.0}}
+
+    def like(cause: str, found: Traits) -> float:
+        return typical(shares, none, cause, found)["ending"]
+
+    assert like("mute", mute) > 0 > like("mute", late)
+    assert like("late", late) > 0 > like("late", mute)
+    assert all(like(cause, found) < 0 for cause in endings for found in (odd, known_as_none))
 
 
 _UNSAFE = re.compile(r"(?i)^(write|switch|stop|broadcast|restart)\b")

@@ -6,7 +6,7 @@ a rate for each part than with one for all, by the estimator of Krichevsky and T
 itself; the choice among so many places to part at is paid for as well. So contrasts of any kind compete, for any
 symptom, and a symptom that hangs on nothing has none.
 
-Requests that the client repeats are left out: what is asked once more fares as before, which is no evidence.
+Requests that the client repeats are left out where they fare as before, which is no evidence.
 
 What may be known of a request is a row of `REQUEST_PROPERTIES`; another one needs no edit elsewhere.
 """
@@ -28,6 +28,7 @@ from .exchangetable import AskedRows
 from .registry import Symptom
 
 _LEAST: Final = 4  # hits, and of each side of a threshold
+_AS_BEFORE: Final = 0.5  # of what is asked once more
 _UNKNOWN: Final = -1  # of a property: this request has none
 _LONG_AGO: Final = np.iinfo(np.int64).max
 _WRITES: Final = np.isin(np.arange(256), (5, 6, 15, 16, 22, 23))
@@ -131,6 +132,12 @@ def _since_write(rows: AskedRows) -> Figures:
     return np.where(before > 0, ago, _LONG_AGO).astype(np.int64)
 
 
+def _own_rest(rows: AskedRows) -> Figures:
+    """The rest behind an exchange with the same unit; behind others it has rested for as long as it ever does."""
+    rests = _rest(rows)
+    return np.where((rows.before == rows.unit) | (rests == _UNKNOWN), rests, rests.max(initial=0))
+
+
 REQUEST_PROPERTIES: Final = (
     Property("function", Family.ASKED, Parting.EACH, lambda rows: rows.function.astype(np.int64)),
     Property("quantity", Family.ASKED, Parting.OVER, lambda rows: rows.quantity.astype(np.int64), 0.5),
@@ -141,6 +148,7 @@ REQUEST_PROPERTIES: Final = (
 )
 CIRCUMSTANCES: Final = (
     Property("rest", Family.BEFORE, Parting.OVER, _rest, 2.0),
+    Property("rest", Family.BEFORE, Parting.OVER, _own_rest, 2.5),
     Property("unit-before", Family.BEFORE, Parting.EACH, lambda rows: rows.before.astype(np.int64), 2.0),
     Property("outcome-before", Family.BEFORE, Parting.EACH, _outcome_before, 2.0),
     Property("since-write", Family.BEFORE, Parting.OVER, _since_write, 2.0),
@@ -168,8 +176,9 @@ HITS_OF: Final = {Symptom.SILENCE: silences, Symptom.DAMAGE: damage, Symptom.REF
 
 def contrasts(rows: AskedRows, hits: Hits) -> list[Contrast]:
     """What the hits among these requests, in their order, hang on; the best first, none that saves nothing."""
-    first = ~rows.repeats
-    rows, hits = rows[first], hits[first]
+    again = rows.repeats
+    if again.any() and hits[again].mean() > _AS_BEFORE:
+        rows, hits = rows[~again], hits[~again]
     count = int(np.count_nonzero(hits))
     if count < _LEAST or count == len(hits):
         return []

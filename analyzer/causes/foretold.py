@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from math import inf, log2
+from math import inf
 from typing import Final
 
 from .bits import surplus_bits
@@ -11,14 +10,8 @@ from .contrasts import NO_CONTRAST, Family
 from .evidence import Evidence
 from .hits import evenness_bits
 from .registry import ASKED_FOR, Explained, Foretold, Suspicion, Symptom
-from .signatures import AnswerDamage
 from .taken import move
 from .unitledger import UnitLedger
-
-_AROUND: Final = 5  # bytes of an answer to a read that are no values,
-_VALUES_FROM: Final = 3  # the first ones
-_SURELY: Final = 0.95
-_TOLD_BITS: Final = 8.0
 
 
 def against_bits(evidence: Evidence, foretold: Foretold, suspicion: Suspicion) -> float:
@@ -32,7 +25,6 @@ def against_bits(evidence: Evidence, foretold: Foretold, suspicion: Suspicion) -
         if symptom is Symptom.DAMAGE and foretold.client_loses:
             taken = sum(max(move(evidence, unit).bits, 0.0) for unit in units)
             bits += max(taken + evenness_bits(evidence), 0.0) if taken else 0.0  # of all alike: else no tap's loss
-            bits += values_alone_bits(evidence, units)
     return bits
 
 
@@ -44,18 +36,6 @@ def unforetold_bits(evidence: Evidence, foretold: Foretold, suspicion: Suspicion
         if symptom in foretold.hangs_on
         for unit in units
     )
-
-
-def values_alone_bits(evidence: Evidence, units: Sequence[int]) -> float:
-    """How much likelier it is that bits are turned in values alone than anywhere in a frame; 0 or more. No line knows
-    which bytes are values, and what makes a check value of old ones does."""
-    bits = 0.0
-    for reading in (each for unit in units for each in evidence.readings(evidence.ledger.units[unit])):
-        if reading.damage is AnswerDamage.BITS and reading.due > _AROUND + 1 and reading.at > 0:
-            around = (_AROUND - 1) / (reading.due - 1)  # of the first byte nobody knows
-            inside = _VALUES_FROM <= reading.at < reading.due - 2
-            bits += log2(_SURELY / (1 - around)) if inside else log2((1 - _SURELY) / around)
-    return bits if bits >= _TOLD_BITS else 0.0
 
 
 def _by_symptom(suspicion: Suspicion) -> dict[Symptom, list[int]]:

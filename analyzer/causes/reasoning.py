@@ -20,7 +20,7 @@ from ..options import Options
 from ..tables.batch import Batch
 from ..tables.taps import may_speak_of
 from ..tables.transactions import TransactionRows
-from .certainty import Clues, Outcomes, certainty, clues, outcomes
+from .certainty import Clues, certainty, clues
 from .evidence import Evidence
 from .exchanges import asking
 from .foretold import against_bits, struck
@@ -28,6 +28,7 @@ from .gathered import GATHERED, GatheredRows
 from .ledger import Ledger
 from .leftovers import Left, left_over
 from .registry import Cause, Explained, Suspect, Suspicion, Symptom, suspects, words_of
+from .traits import Traits, traits_of
 
 THRESHOLD: Final = 24.0  # bits under which nothing is said
 _LEFT_OVER: Final = 0.06  # of what is explained: so much may be left because no explanation is perfect,
@@ -63,7 +64,7 @@ class CauseClaim(NamedTuple):
 
     cause: Cause
     clues: Clues
-    outcomes: Outcomes
+    traits: Traits
     struck: Explained  # what it explains of what was open
 
 
@@ -140,7 +141,7 @@ def _claim(taken: _PickedCause, but_for_others: Evidence, left: int) -> CauseCla
         rival_bits=rival.suspicion.bits if rival is not None else 0.0,
         left=left,
     )
-    became = outcomes(but_for_others, found)
+    traits = traits_of(but_for_others, found)
     words = words_of(suspect, found.numbers)
     cause = Cause(
         cause=suspect.cause,
@@ -152,7 +153,7 @@ def _claim(taken: _PickedCause, but_for_others: Evidence, left: int) -> CauseCla
         since_ns=found.since if timed else None,
         until_ns=found.until if timed else None,
         period_s=found.period_s if timed else None,
-        confidence=round(certainty(suspect.cause, goes_by, became), 3),
+        confidence=round(certainty(suspect.cause, goes_by, traits), 3),
         runner_up=rival.suspect.cause if rival else None,
         deciding_test=words.deciding_test,
         remedy=words.remedy,
@@ -163,7 +164,7 @@ def _claim(taken: _PickedCause, but_for_others: Evidence, left: int) -> CauseCla
         explains=found.explains,
         numbers=found.numbers,
     )
-    return CauseClaim(cause, goes_by, became, taken.struck)
+    return CauseClaim(cause, goes_by, traits, taken.struck)
 
 
 _FIRST: Final = 40  # exchanges before anything is said

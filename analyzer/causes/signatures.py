@@ -101,19 +101,7 @@ def signature(sample: Sample, char_ns: float, requests: KnownRequests, *, off_ns
     """Read a sample. `requests`: those of this bus, by which a damaged one is known again; `off_ns`: by how much silences
     may be wrong, infinite where nobody knows."""
     if sample.outcome in (Ending.OK, Ending.EXCEPTION):
-        kind, t = _behind(sample, requests)
-        before = next((i for i, piece in enumerate(sample.pieces) if piece.answers), 0)
-        marks = sum(piece.marks for piece in sample.pieces if piece.answers)
-        detail = "before" if before else ""
-        ahead = b"".join(piece.data for piece in sample.pieces[:before])
-        if before and kind is Behind.NOTHING and (not is_in_ascii(sample.request) or ahead.strip(b"\r\n")):
-            kind = Behind.NOISE
-        others = [piece for i, piece in enumerate(sample.pieces) if i > before and not piece.answers]
-        length = sum(len(piece.data) for piece in others)
-        strange = b"".join(piece.data for piece in sample.pieces[before + 1 :] if not piece.check) or ahead
-        rested = max(t - sample.pieces[before].t_end, 0) if t >= 0 and sample.pieces else -1
-        return Signature(AnswerDamage.NONE, kind, length=length, marks=marks, t_behind=t, detail=detail, due=sample.due, rested=rested,
-                         heard=strange, request=sample.request, most=_most(others, _APART_CHARS * char_ns + off_ns))  # fmt: skip
+        return _beside_good(sample, requests, _APART_CHARS * char_ns + off_ns)
     burst, rest = _first_burst(sample.pieces, _APART_CHARS * char_ns + 5e6 + _SURELY * off_ns)
     every = b"".join(piece.data for piece in sample.pieces)
     if not burst or _is_whole_in_pieces(sample, every):
@@ -150,6 +138,29 @@ def signature(sample: Sample, char_ns: float, requests: KnownRequests, *, off_ns
         heard=data,
         request=sample.request,
         most=_most(rest, _APART_CHARS * char_ns + off_ns),
+    )
+
+
+def _beside_good(sample: Sample, requests: KnownRequests, apart_ns: float) -> Signature:
+    """What stands before a good answer, or behind it."""
+    kind, t = _behind(sample, requests)
+    at = next((i for i, piece in enumerate(sample.pieces) if piece.answers), 0)
+    ahead = b"".join(piece.data for piece in sample.pieces[:at])
+    if at and kind is Behind.NOTHING and (not is_in_ascii(sample.request) or ahead.strip(b"\r\n")):
+        kind = Behind.NOISE
+    others = [piece for piece in sample.pieces[at + 1 :] if not piece.answers]
+    return Signature(
+        AnswerDamage.NONE,
+        kind,
+        length=sum(len(piece.data) for piece in others),
+        marks=sum(piece.marks for piece in sample.pieces if piece.answers),
+        t_behind=t,
+        detail="before" if at else "",
+        due=sample.due,
+        rested=max(t - sample.pieces[at].t_end, 0) if t >= 0 and sample.pieces else -1,
+        heard=b"".join(piece.data for piece in sample.pieces[at + 1 :] if not piece.check) or ahead,
+        request=sample.request,
+        most=_most(others, apart_ns),
     )
 
 
@@ -206,13 +217,10 @@ class _SignatureSums:
 
 def _read(sample: Sample, data: bytes, burst: list[SampleRow], requests: KnownRequests) -> _SignatureSums:
     due, header = sample.due, _header(sample.request)
-    if crc16(data) == 0 and len(data) > _LEAST and data[:2] == header[:2]:
-        return _SignatureSums(AnswerDamage.COUNT if len(burst) == 1 or len(data) != due else AnswerDamage.NONE, 1, 2)
-    if any(piece.check and piece.kind == Kind.RESPONSE for piece in burst):
-        return _SignatureSums(AnswerDamage.OTHER, at=0)
     refused = bytes((sample.unit, sample.function | EXCEPTION))
-    if crc16(data) == 0 and len(data) == EXCEPTION_ADU and data.startswith(refused):
-        return _SignatureSums(AnswerDamage.NONE)
+    whole = _whole(data, burst, due, header, refused)
+    if whole is not None:
+        return whole
     if due < _LEAST and len(header) >= _LEAST:  # of no known length: by its check value, if only its head is wrong
         may = (_of_length(sample, data, len(data) + lost, header) for lost in range(_LOST + 1))
         return next((each for each in may if each is not None), _SignatureSums(AnswerDamage.WHOLE, len(data), 0))
@@ -230,15 +238,34 @@ def _read(sample: Sample, data: bytes, burst: list[SampleRow], requests: KnownRe
     if crossed or any(piece.kind == Kind.REQUEST for piece in burst[1:]):
         return _SignatureSums(AnswerDamage.CROSSED, 1, 0)
     begins = data.startswith(header[:3]) if len(data) >= 3 else data == header[: len(data)]
-    if begins and len(data) == due - 1:
+    return (
+        (_ends_otherwise(data, due) if begins else None)
+        or _flipped(data, due)
+        or _like_usual(sample, data, begins=begins)
+    )
+
+
+def _whole(data: bytes, burst: list[SampleRow], due: int, header: bytes, refused: bytes) -> _SignatureSums | None:
+    """What is a right frame, though not the answer that is due."""
+    right = crc16(data) == 0
+    if right and len(data) > _LEAST and data[:2] == header[:2]:
+        return _SignatureSums(AnswerDamage.COUNT if len(burst) == 1 or len(data) != due else AnswerDamage.NONE, 1, 2)
+    if any(piece.check and piece.kind == Kind.RESPONSE for piece in burst):
+        return _SignatureSums(AnswerDamage.OTHER, at=0)
+    if right and len(data) == EXCEPTION_ADU and data.startswith(refused):
+        return _SignatureSums(AnswerDamage.NONE)
+    return None
+
+
+def _ends_otherwise(data: bytes, due: int) -> _SignatureSums | None:
+    """What begins well and is shorter or longer than is due."""
+    if len(data) == due - 1:
         return _SignatureSums(AnswerDamage.MIDDLE, 1, _HEAD)  # the check value is there, so it is lost inside
-    if begins and len(data) < due:
+    if len(data) < due:
         return _SignatureSums(AnswerDamage.CUT, due - len(data), len(data))
-    if begins and len(data) > due + 2:
+    if len(data) > due + 2:
         return _SignatureSums(AnswerDamage.LONG, len(data) - due, due)
-    if (flips := _flipped(data, due)) is not None:
-        return flips
-    return _like_usual(sample, data, begins=begins)
+    return None
 
 
 def _of_length(sample: Sample, data: bytes, due: int, header: bytes) -> _SignatureSums | None:

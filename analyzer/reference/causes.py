@@ -25,10 +25,11 @@ what was counted.
 
 Certainty is *certain* from 0.95 on, where a report gives the figure, *most likely* from 0.7 on, *perhaps* below. It is
 fitted on simulated buses, of which each fifth of the causes was hidden in turn, and on faults for which this page has
-no name. It depends on how closely the outcomes match those of the cause elsewhere, on the next best cause, on what the
-cause leaves unexplained, and on how many exchanges no cause explains. One claim in four is taken to be about a fault
-without a name: that is an assumption, and where such faults are rarer, more is so than is stated. Results of {day} on
-buses, and on faults without a name, that nothing was fitted to, weighed by that share:
+no name. It depends on how closely the exchanges match those of the cause elsewhere, and how much closer than those of
+other causes and of faults without a name; on the next best cause; and on how many exchanges no cause explains. One
+claim in three is taken to be about a fault without a name: that is an assumption, and where such faults are rarer, more
+is so than is stated. Results of {day} on buses, and on faults without a name, that nothing was fitted to, weighed by
+that share:
 
 {calibration}
 Exchanges that went wrong and that no cause takes are listed as *not explained* (`not_explained` in JSON: unit,

@@ -22,7 +22,6 @@ _RESTED: Final = 0.02  # of the time, beyond t3.5: without these rests a round w
 _CROWDED: Final = 0.87  # of the line's time: over it, short pauses are no rest
 _MANY_POLLS: Final = 8
 _LONG_ROUND_NS: Final = 0.9e9
-_FEW_POLLS: Final = 3
 _FULL: Final = 0.8  # of the line's time
 _SECONDS_NS: Final = 8e9
 _TOO_SOON: Final = 0.9  # of t3.5
@@ -84,10 +83,6 @@ class _Rounds:
         """A coarse clock does not tell whether a client keeps the pause that is due, but where all do."""
         return self.load < _FULL and not (self.long_list and (self.full or self.fine))
 
-    def is_short(self) -> bool:
-        """A client that goes through a short list without a pause does what it is told."""
-        return not self.long_list and (len(self.intervals) < _FEW_POLLS or self.round_ns < _LONG_ROUND_NS)
-
 
 def _rounds(evidence: Evidence) -> _Rounds | None:
     """None where nobody knows how full the line is, or it is not."""
@@ -124,7 +119,6 @@ def overload(evidence: Evidence) -> Iterator[Suspicion]:
         rounds.is_rested,
         rounds.rests_at_times,
         rounds.is_untold,
-        rounds.is_short,
     )
     if any(is_so() for is_so in others):
         return

@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from ...deframing.tap_clock import UNKNOWN
 from ...tables.findings import Severity
 from ..bits import surplus_bits
 from ..costs import cost, together
@@ -145,13 +146,7 @@ def _mean_pause(evidence: Evidence) -> float | None:
 )
 def converter_gaps(evidence: Evidence) -> Iterator[Suspicion]:
     """Holes inside the frames of some units."""
-    ledger, verdict = evidence.ledger, evidence.verdict
-    if not ledger.line.baud or not ledger.timed:
-        return
-    least = max(
-        _HOLE_CHARS * ledger.char_ns,
-        (1.5 if verdict.fine else 4.0) * (verdict.jitter_ns if verdict.fine else verdict.wait_ns),
-    )
+    least, fine = _least_hole(evidence), evidence.verdict.fine
     if not np.isfinite(least):
         return
     shares = [(unit.holes.above(least), unit) for unit in evidence.units if len(unit.holes) >= _LEAST]
@@ -162,7 +157,7 @@ def converter_gaps(evidence: Evidence) -> Iterator[Suspicion]:
         return
     holes = np.concatenate([unit.holes.numbers[unit.holes.numbers > least] for _, unit in behind])
     places = sum((unit.hole_places for _, unit in behind), start=type(behind[0][1].hole_places)())
-    if not verdict.fine and not others and not _piece(places):
+    if not fine and not others and not _piece(places):
         return  # in answers of all, at no place in particular: the tap holds them back
     yield Suspicion(
         tuple(unit.unit for _, unit in behind),
@@ -178,6 +173,15 @@ def converter_gaps(evidence: Evidence) -> Iterator[Suspicion]:
             "others_answers": sum(len(unit.holes) for _, unit in others),
         },
     )
+
+
+def _least_hole(evidence: Evidence) -> float:
+    """The shortest silence inside a frame that the clock carries (ns); infinite where it carries none."""
+    ledger, verdict = evidence.ledger, evidence.verdict
+    if not ledger.line.baud or not ledger.timed:
+        return UNKNOWN
+    wrong = 1.5 * verdict.jitter_ns if verdict.fine else 4.0 * verdict.wait_ns
+    return max(_HOLE_CHARS * ledger.char_ns, wrong)
 
 
 def _piece(places: dict[int, int]) -> int:

@@ -30,6 +30,7 @@ from ..hits import (
 from ..hittimes import end_of_part, span_of_hits, spells_of_hits
 from ..registry import OF_A_LINE, Explained, Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage
+from .common import examples
 
 _LEAST: Final = 5
 _SENT_INTO: Final = 0.35  # of the damaged answers
@@ -115,7 +116,7 @@ def _suspicion(evidence: Evidence, hits: Hits, bits: float, more: Mapping[str, A
     lost = together(
         (cost_of(evidence, _all_explained(evidence)), *(cost_behind_damage(evidence, unit) for unit in evidence.units))
     )
-    frames = tuple(i for unit in evidence.units for i in unit.examples.get(Ending.GARBAGE, []))[:6]
+    frames = examples(evidence.units, Ending.GARBAGE)
     return Suspicion(
         (),
         bits,

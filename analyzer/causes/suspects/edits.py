@@ -12,12 +12,11 @@ from typing import Final, NamedTuple
 from dissectors.crc import crc16
 
 from ...tables.findings import Severity
-from ..costs import cost, together
 from ..evidence import Evidence
-from ..exchanges import Ending
 from ..registry import Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage, Signature
 from ..unitledger import UnitLedger
+from .common import damage_suspicion
 
 _LEAST: Final = 4
 _ALWAYS: Final = 0.9
@@ -84,22 +83,16 @@ def _suspicion(evidence: Evidence, edit: Edit, units: list[tuple[UnitLedger, int
         each_bits = _ADDED_BITS if edit.kind == "added" else log2(max(due, 2)) + _BIT_BITS
         bits += evidence.surplus(unit) + each_bits * count
     turned = edit.kind == "turned"
-    lost = together(cost(evidence, unit, Ending.GARBAGE) for unit, _ in units)
-    return Suspicion(
-        tuple(unit.unit for unit, _ in units),
+    return damage_suspicion(
+        evidence,
+        [unit for unit, _ in units],
         bits,
-        frozenset((kind, u.unit) for u, _ in units for kind in (Symptom.DAMAGE, Symptom.BEHIND, Symptom.LATENESS)),
         {
-            "units": tuple(unit.unit for unit, _ in units),
             "bit": f"{edit.value}" if turned else "",
             "place": f"{edit.byte + 1}" if turned else "",
             "added": "" if turned else f"{edit.byte:02X}",
             "before": "" if turned else f"{edit.value:02X}",
             "edited": sum(count for _, count in units),
-            "damaged": sum(evidence.damaged(unit) for unit, _ in units),
-            "answers": sum(unit.answered + unit.count(Ending.GARBAGE) for unit, _ in units),
         },
-        lost_answers=lost.answers,
-        lost_ms=lost.ms,
-        frames=tuple(i for unit, _ in units for i in unit.examples.get(Ending.GARBAGE, []))[:6],
+        (Symptom.DAMAGE, Symptom.BEHIND, Symptom.LATENESS),
     )

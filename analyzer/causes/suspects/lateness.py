@@ -27,6 +27,7 @@ from ..repeats import (
 )
 from ..signatures import AnswerDamage, Signature
 from ..unitledger import UnitLedger
+from .common import examples
 
 _LEAST: Final = 3
 _BACKGROUND: Final = 0.003
@@ -161,7 +162,7 @@ def _suspicion(
         lost_answers=lost.answers
         + sum(max(asked_again_though_slow(evidence, u).count, _met_on_the_way(evidence, u)) for u in units),
         lost_ms=lost.ms,
-        frames=tuple(i for unit in units for i in unit.examples.get(Ending.SILENT, []))[:6],
+        frames=examples(units, Ending.SILENT),
     )
 
 

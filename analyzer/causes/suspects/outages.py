@@ -23,6 +23,7 @@ from ..ledger import ASKED, BAD
 from ..registry import Suspicion, Symptom, suspect
 from ..repeats import only_repeats
 from ..unitledger import UnitLedger
+from .common import examples
 from .silence import EXCUSED, SILENT, is_spell, silence_bits
 from .states import excused
 
@@ -174,7 +175,7 @@ def _behind_gateway(evidence: Evidence) -> Iterator[Suspicion]:
         since=min(begins, default=min(unit.first for unit in units)),
         until=max(unit.last for unit in units),
         lost_answers=refused,
-        frames=tuple(index for unit in units for index in unit.examples.get(Ending.EXCEPTION, []))[:6],
+        frames=examples(units, Ending.EXCEPTION),
     )
 
 
@@ -246,11 +247,7 @@ def _together(evidence: Evidence, group: Sequence[Outage]) -> Iterator[Suspicion
             "silent": silent,
             "asked": asked,
             "how": SILENT,
-            "others": _meanwhile(evidence, group, [unit.unit for unit in rest])
-            if any(unit.answered for unit in rest)
-            else ", and no other unit ever answers"
-            if rest
-            else ", and no others are polled",
+            "others": _others(evidence, group, rest),
             "others_silent": sum(map(evidence.silent, rest)),
             "others_asked": sum(unit.asked for unit in rest),
         },
@@ -260,8 +257,15 @@ def _together(evidence: Evidence, group: Sequence[Outage]) -> Iterator[Suspicion
         lost_answers=lost.answers,
         lost_ms=lost.ms,
         severity=Severity.NOTE if _is_over(group) else None,
-        frames=tuple(index for unit in mine for index in unit.examples.get(Ending.SILENT, []))[:6],
+        frames=examples(mine, Ending.SILENT),
     )
+
+
+def _others(evidence: Evidence, group: Sequence[Outage], rest: Sequence[UnitLedger]) -> str:
+    """What the other units do."""
+    if any(unit.answered for unit in rest):
+        return _meanwhile(evidence, group, [unit.unit for unit in rest])
+    return ", and no other unit ever answers" if rest else ", and no others are polled"
 
 
 def _is_over(group: Sequence[Outage]) -> bool:
@@ -294,10 +298,6 @@ def _meanwhile(evidence: Evidence, group: Sequence[Outage], others: Sequence[int
     if every < _LEAST:
         return ""
     well = 1 - bad[inside].sum() / every
-    return (
-        ", while others answered"
-        if well > _MOSTLY
-        else ", and nobody else answered meanwhile"
-        if well < _HARDLY
-        else ""
-    )
+    if well > _MOSTLY:
+        return ", while others answered"
+    return ", and nobody else answered meanwhile" if well < _HARDLY else ""

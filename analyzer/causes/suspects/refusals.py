@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
 from ...requests.reasons import Unserved
@@ -13,6 +13,7 @@ from ..exchanges import Ending
 from ..polls import Poll
 from ..registry import ASKED_FOR, Foretold, Suspicion, Symptom, suspect
 from ..unserved import asks, unserved_of
+from .common import examples
 
 _LEAST: Final = 3
 _BUSY_LEAST: Final = 5
@@ -63,7 +64,7 @@ def unit_busy(evidence: Evidence) -> Iterator[Suspicion]:
             until=spells[-1].end if spells else unit.last,
             period_s=mean_period_s(begins),
             lost_answers=unit.busy,
-            frames=tuple(unit.examples.get(Ending.EXCEPTION, [])),
+            frames=examples([unit], Ending.EXCEPTION),
         )
 
 
@@ -108,27 +109,44 @@ def _areas(well: list[Poll]) -> list[tuple[int, int]]:
     return areas
 
 
-def _suspicion(evidence: Evidence, unit: int, polls: list[Poll], weight: float) -> Suspicion:
+def _suspicions(evidence: Evidence, refused: Mapping[int, list[Poll]], weight: float) -> Iterator[Suspicion]:
+    """Units that refuse just the same are of one make: one entry of the list is wrong for all of them."""
+    groups: dict[frozenset[tuple[int, int, int]], list[int]] = {}
+    for unit, polls in refused.items():
+        if polls:
+            groups.setdefault(frozenset((each.function, each.address, each.quantity) for each in polls), []).append(
+                unit
+            )
+    for units in groups.values():
+        yield _suspicion(evidence, tuple(units), refused, weight)
+
+
+def _suspicion(
+    evidence: Evidence, units: tuple[int, ...], refused: Mapping[int, list[Poll]], weight: float
+) -> Suspicion:
+    polls = [poll for unit in units for poll in refused[unit]]
     hits = sum(poll.count(Ending.EXCEPTION) for poll in polls)
     asked = sum(poll.asked for poll in polls)
-    areas = areas_of(polls)
+    areas = areas_of(refused[units[0]])
     return Suspicion(
-        (unit,),
+        units,
         surplus_bits(hits, asked, _BACKGROUND) * weight,
-        frozenset({(Symptom.REFUSAL, unit)}),
+        frozenset((Symptom.REFUSAL, unit) for unit in units),
         {
-            "unit": unit,
+            "units": units,
             "refused": hits,
             "asked": asked,
             "areas": areas,
-            "more": len(polls) - len(areas),
+            "more": len(refused[units[0]]) - len(areas),
             "codes": ", ".join(f"{code:02d}" for code in sorted({code for poll in polls for code in poll.exceptions})),
-            **asks(_reason(evidence, unit)),
+            **asks(_reason(evidence, units[0])),
         },
         since=min(poll.first for poll in polls),
         until=max(poll.last for poll in polls),
         lost_answers=hits,
-        frames=tuple(evidence.ledger.units[unit].examples.get(Ending.EXCEPTION, [])),
+        frames=tuple(
+            index for unit in units for index in evidence.ledger.units[unit].examples.get(Ending.EXCEPTION, [])
+        ),
     )
 
 
@@ -146,17 +164,19 @@ def _area(poll: Poll) -> str:
     return f"{poll.address}..{poll.end - 1}" if poll.end - poll.address > 1 else f"{poll.address}"
 
 
-_TEST: Final = "Read the registers of unit {unit} one by one around {areas}: it shows where its map begins and ends"
+_TEST: Final = (
+    "Read the registers of {units:unit|units} one by one around {areas}: it shows where the map begins and ends"
+)
 
 
 @suspect(
     "off-by-one",
     Severity.WARNING,
     blame="master",
-    text="The client's list is off by one for unit {unit}: requests for {areas}[ and {more} more] are refused "
+    text="The client's list is off by one for {units:unit|units}: requests for {areas}[ and {more} more] are refused "
     "(exception {codes}, {refused:,} of {asked:,}), "
-    "while all but one register of it reads well",
-    share="{refused:,} of {asked:,} such requests to unit {unit}",
+    "while all but one register there reads well",
+    share="{refused:,} of {asked:,} such requests to {units:unit|units}",
     deciding_test=_TEST,
     remedy="Compare the list with the device's manual: does it count registers from 1 (40001) and the wire from 0?[ "
     "Ask instead: {asks}]",
@@ -164,19 +184,26 @@ _TEST: Final = "Read the registers of unit {unit} one by one around {areas}: it 
 )
 def off_by_one(evidence: Evidence) -> Iterator[Suspicion]:
     """Reads that reach one register too far."""
-    for unit in evidence.units:
-        refused = [p for p in _refused(evidence, unit.unit, (_ILLEGAL_ADDRESS,)) if p.function not in WRITES]
-        if refused and all(_beside(poll, _well(evidence, unit.unit, (poll.function,))) for poll in refused):
-            yield _suspicion(evidence, unit.unit, refused, 1.1)
+    found = {unit.unit: _refused_reads(evidence, unit.unit, (_ILLEGAL_ADDRESS,)) for unit in evidence.units}
+    beside = {
+        unit: polls
+        for unit, polls in found.items()
+        if all(_beside(poll, _well(evidence, unit, (poll.function,))) for poll in polls)
+    }
+    yield from _suspicions(evidence, beside, 1.1)
+
+
+def _refused_reads(evidence: Evidence, unit: int, codes: tuple[int, ...]) -> list[Poll]:
+    return [poll for poll in _refused(evidence, unit, codes) if poll.function not in WRITES]
 
 
 @suspect(
     "missing-registers",
     Severity.WARNING,
     blame="master",
-    text="The client asks unit {unit} for registers that it does not have: {areas}[ and {more} more], refused "
+    text="The client asks {units:unit|units} for registers that {units:|it does|they do} not have: {areas}[ and {more} more], refused "
     "{refused:,} of {asked:,} times (exception {codes})",
-    share="{refused:,} of {asked:,} such requests to unit {unit}",
+    share="{refused:,} of {asked:,} such requests to {units:unit|units}",
     deciding_test=_TEST,
     remedy="Remove these registers from the list, or correct their addresses or function using the device's manual[; "
     "ask "
@@ -185,33 +212,29 @@ def off_by_one(evidence: Evidence) -> Iterator[Suspicion]:
 )
 def missing_registers(evidence: Evidence) -> Iterator[Suspicion]:
     """Reads that are always refused, and writes for their address, of what does not read well either."""
+    found = {}
     for unit in evidence.units:
         read_well = _writes(evidence, unit.unit)
-        refused = [p for p in _refused(evidence, unit.unit, _ILLEGAL) if p.function not in WRITES]
         writes = (p for p in _refused(evidence, unit.unit, (_ILLEGAL_ADDRESS,)) if p.function in WRITES)
-        refused += [poll for poll in writes if poll not in read_well]
-        if refused:
-            yield _suspicion(evidence, unit.unit, refused, 1.0)
+        found[unit.unit] = _refused_reads(evidence, unit.unit, _ILLEGAL) + [p for p in writes if p not in read_well]
+    yield from _suspicions(evidence, found, 1.0)
 
 
 @suspect(
     "read-only",
     Severity.WARNING,
     blame="master",
-    text="The client writes registers of unit {unit} that it may only read: {areas}[ and {more} more], refused "
+    text="The client writes registers of {units:unit|units} that it may only read: {areas}[ and {more} more], refused "
     "{refused:,} of {asked:,} times (exception {codes}), though they read well",
-    share="{refused:,} of {asked:,} such requests to unit {unit}",
-    deciding_test="Look in the manual of unit {unit} whether these registers may be written, and in which mode; a "
+    share="{refused:,} of {asked:,} such requests to {units:unit|units}",
+    deciding_test="Look in the manual of {units:unit|units} whether these registers may be written, and in which mode; a "
     "write for a test may start a machine",
     remedy="Remove the writes from the list, or unlock the device for writing (a parameter, a switch, remote mode)",
     foretold=Foretold({Symptom.REFUSAL: ASKED_FOR}),
 )
 def read_only(evidence: Evidence) -> Iterator[Suspicion]:
     """Writes that are always refused, where reading is not."""
-    for unit in evidence.units:
-        refused = _writes(evidence, unit.unit)
-        if refused:
-            yield _suspicion(evidence, unit.unit, refused, 1.2)
+    yield from _suspicions(evidence, {unit.unit: _writes(evidence, unit.unit) for unit in evidence.units}, 1.2)
 
 
 def _writes(evidence: Evidence, unit: int) -> list[Poll]:

@@ -15,6 +15,7 @@ from ..exchanges import Ending
 from ..registry import ASKED_FOR, Foretold, Suspicion, Symptom, suspect
 from ..unitledger import UnitLedger
 from ..unserved import SHOWN, asks, spaced, unserved_of
+from .common import examples
 
 _BACKGROUND: Final = 0.02
 _OF_REFUSALS: Final = ("address", "range-end")  # reasons that have a cause of their own where the unit refuses
@@ -61,8 +62,6 @@ def _suspicion(evidence: Evidence, unit: UnitLedger, found: Unserved, symptom: S
     ending = Ending.GARBAGE if halved else Ending.SILENT if symptom is Symptom.SILENCE else Ending.EXCEPTION
     failed, asked = sum(poll.count(ending) for poll in mine), sum(poll.asked for poll in mine)
     lost = cost(evidence, unit, ending)
-    reads = [request for request in found.ask_instead if request.is_read]
-    writes = [request for request in found.ask_instead if not request.is_read]
     return Suspicion(
         (unit.unit,),
         surplus_bits(failed, asked, _BACKGROUND) + found.bits,
@@ -80,17 +79,26 @@ def _suspicion(evidence: Evidence, unit: UnitLedger, found: Unserved, symptom: S
             "others": sum(poll.asked for poll in others),
             "others_failed": sum(poll.count(*_FAILED) for poll in others),
             **_why(found),
-            **asks(found),
-            "reads": tuple(map(spaced, reads[:1])),
-            "writes": () if reads else tuple(map(spaced, writes[:1])),
-            "more": max(len(found.ask_instead) - SHOWN, 0),
+            **_instead(found),
         },
         since=min((poll.first for poll in mine), default=None),
         until=max((poll.last for poll in mine), default=None),
         lost_answers=failed if ending == Ending.EXCEPTION else min(lost.answers, failed) or failed,
         lost_ms=lost.ms if ending == Ending.SILENT else None,
-        frames=tuple(unit.examples.get(ending, [])),
+        frames=examples([unit], ending),
     )
+
+
+def _instead(found: Unserved) -> Mapping[str, Any]:
+    """What to ask instead, and one request to try it by: a read where there is one."""
+    reads = [spaced(request) for request in found.ask_instead if request.is_read]
+    writes = [spaced(request) for request in found.ask_instead if not request.is_read]
+    return {
+        **asks(found),
+        "reads": tuple(reads[:1]),
+        "writes": () if reads else tuple(writes[:1]),
+        "more": max(len(found.ask_instead) - SHOWN, 0),
+    }
 
 
 _CLAUSES: Final = (

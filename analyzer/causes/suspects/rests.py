@@ -11,6 +11,7 @@ from ..contrasts import Contrast
 from ..evidence import Evidence
 from ..exchanges import Ending
 from ..registry import Foretold, Suspicion, Symptom, suspect
+from .common import examples
 
 _BACKGROUND: Final = 0.02
 _SURE_BITS: Final = 8.0
@@ -61,7 +62,7 @@ def rest_too_short(evidence: Evidence) -> Iterator[Suspicion]:
         since=min(unit.first for unit, _ in found) if evidence.ledger.timed else None,
         until=max(unit.last for unit, _ in found) if evidence.ledger.timed else None,
         lost_answers=sum(evidence.silent(unit) for unit, _ in found),
-        frames=tuple(i for unit, _ in found for i in unit.examples.get(Ending.SILENT, []))[:6],
+        frames=examples((unit for unit, _ in found), Ending.SILENT),
     )
 
 

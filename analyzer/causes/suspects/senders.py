@@ -14,19 +14,17 @@ import numpy as np
 from ...tables.findings import Severity
 from ...tables.transactions import NEVER
 from ..bits import surplus_bits
-from ..costs import cost, cost_of_requests, kind_bits, share_of, together
+from ..costs import cost_of_requests, kind_bits, share_of, together
 from ..evidence import HEALTHY, Evidence, alone_or_together
-from ..exchanges import Ending
 from ..heads import begun_before, out_of_step_bits, whole_behind_bits
 from ..ledger import STRAY
 from ..registry import OF_A_LINE, Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage, Behind, Signature, is_like_request
 from ..unitledger import UnitLedger
+from .common import damage_suspicion
 
 _LEAST: Final = 3
 _MOSTLY: Final = 0.5
-_OF_DAMAGE: Final = (Symptom.DAMAGE, Symptom.MARKS, Symptom.BEHIND, Symptom.LATENESS)  # what is asked again seems late
-
 Numbers = Callable[[Evidence, UnitLedger, list[Signature]], Mapping[str, Any]]
 
 
@@ -44,31 +42,7 @@ def damage_suspicions(
             continue
         bits = evidence.surplus(unit) + kind_bits(readings, expected)
         if bits > 0:
-            yield damage_suspicion(evidence, unit, bits, more(evidence, unit, readings))
-
-
-def damage_suspicion(evidence: Evidence, unit: UnitLedger, bits: float, more: Mapping[str, Any]) -> Suspicion:
-    """The damaged answers of one unit."""
-    others = [other for other in evidence.units if other.unit != unit.unit]
-    lost = cost(evidence, unit, Ending.GARBAGE)
-    return Suspicion(
-        (unit.unit,),
-        bits,
-        frozenset((kind, unit.unit) for kind in _OF_DAMAGE),
-        {
-            "unit": unit.unit,
-            "damaged": unit.count(Ending.GARBAGE),
-            "answers": unit.answered + unit.count(Ending.GARBAGE),
-            "others_damaged": sum(other.count(Ending.GARBAGE) for other in others),
-            "others_answers": sum(other.answered + other.count(Ending.GARBAGE) for other in others),
-            **more,
-        },
-        since=unit.samples.kept[0].t_asked if evidence.ledger.timed and unit.samples.kept else None,
-        until=unit.samples.kept[-1].t_asked if evidence.ledger.timed and unit.samples.kept else None,
-        lost_answers=lost.answers,
-        lost_ms=lost.ms,
-        frames=tuple(unit.examples.get(Ending.GARBAGE, [])),
-    )
+            yield damage_suspicion(evidence, [unit], bits, more(evidence, unit, readings))
 
 
 SHARE: Final = "{damaged:,} of {answers:,} answers of unit {unit}[, {others_damaged:,} of {others_answers:,} of others]"
@@ -107,7 +81,7 @@ def driver_enabled_late(evidence: Evidence) -> Iterator[Suspicion]:
             bits = max(out_of_step_bits(evidence, unit), whole_behind_bits(readings))
             if bits > 0:
                 bits += evidence.surplus(unit) + kind_bits(readings, _BEHEADED)
-                yield damage_suspicion(evidence, unit, bits, {"bytes": 1})
+                yield damage_suspicion(evidence, [unit], bits, {"bytes": 1})
 
 
 def _tail(_: Evidence, __: UnitLedger, readings: list[Signature]) -> Mapping[str, Any]:
@@ -309,13 +283,9 @@ def _instead_of_requests(evidence: Evidence, unit: UnitLedger) -> int:
 def null_suffix(evidence: Evidence) -> Iterator[Suspicion]:
     """A zero right behind nearly every frame of one sender, or behind many and nothing else behind any."""
     totals = {unit.unit: evidence.behind(unit, Behind.ZEROS) for unit in evidence.units}
-    found = [u for u in evidence.units if totals[u.unit] >= _LEAST and totals[u.unit] >= _MOSTLY * u.answered]
-    if not found:  # noise on the idle line comes behind all, and is not always a zero
-        every = [u for u in evidence.units if u.behind]
-        found = [u for u in every if len(every) == 1 and totals[u.unit] >= max(_LEAST, _NEARLY * u.behind)]
+    found = _with_zeros(evidence, totals)
     if not found:
         return
-    found.sort(key=lambda unit: -totals[unit.unit] / unit.answered)
     first, others = found[0], [unit for unit in evidence.units if unit not in found]
     others_zeros, others_answered = sum(totals[o.unit] for o in others), sum(o.answered for o in others)
     background = max(HEALTHY, (others_zeros + 0.5) / (others_answered + 50))
@@ -339,6 +309,16 @@ def null_suffix(evidence: Evidence) -> Iterator[Suspicion]:
         until=first.followed.kept[-1].t_asked,
         frames=tuple(sample.index for sample in first.followed.kept[:3]),
     )
+
+
+def _with_zeros(evidence: Evidence, totals: Mapping[int, float]) -> list[UnitLedger]:
+    """Units with zeros behind most of their answers, or the only one with anything behind them, nearly always zeros; the
+    surest first. Noise on the idle line comes behind all, and is not always a zero."""
+    found = [u for u in evidence.units if totals[u.unit] >= max(_LEAST, _MOSTLY * u.answered)]
+    every = [u for u in evidence.units if u.behind]
+    if not found and len(every) == 1 and totals[every[0].unit] >= max(_LEAST, _NEARLY * every[0].behind):
+        found = every
+    return sorted(found, key=lambda unit: -totals[unit.unit] / unit.answered)
 
 
 def _is_always_so(evidence: Evidence, unit: UnitLedger, zeros: float) -> bool:

@@ -26,7 +26,7 @@ from ..samples import READ_REQUEST
 from ..sentas import formats_as_fast, sent_as
 from ..signatures import Signature, known_header
 from ..unitledger import UnitLedger
-from .senders import damage_suspicion
+from .common import damage_suspicion, examples
 
 _LEAST: Final = 3
 _BYTE: Final = 8.0
@@ -87,7 +87,7 @@ def unit_line_settings(evidence: Evidence) -> Iterator[Suspicion]:
                 bits -= _BEGINS_RIGHT * _beginning_right(readings)
             bits += evidence.surplus(unit) + kinds + _steadiness(evidence, unit)
             if bits > 0:
-                yield damage_suspicion(evidence, unit, bits, {"settings": words, "drift": drift, "how": _GARBAGE})
+                yield damage_suspicion(evidence, [unit], bits, {"settings": words, "drift": drift, "how": _GARBAGE})
         elif evidence.is_open(Symptom.MARKS, unit.unit):
             yield from _marked(evidence, unit)
             yield from _refused(evidence, unit)
@@ -193,7 +193,7 @@ def _marked(evidence: Evidence, unit: UnitLedger) -> Iterator[Suspicion]:
         "drift": 0.0,
         "how": "have right bytes and marks of the UART",
     }
-    found = damage_suspicion(evidence, unit, surplus_bits(unit.marked, unit.answered, background), numbers)
+    found = damage_suspicion(evidence, [unit], surplus_bits(unit.marked, unit.answered, background), numbers)
     yield Suspicion(
         found.units,
         found.bits,
@@ -201,7 +201,7 @@ def _marked(evidence: Evidence, unit: UnitLedger) -> Iterator[Suspicion]:
         {**found.numbers, "damaged": unit.marked, "others_damaged": sum(o.marked for o in others)},
         since=unit.first,
         until=unit.last,
-        frames=tuple(unit.examples.get(Ending.OK, [])),
+        frames=examples([unit], Ending.OK),
     )
 
 
@@ -267,7 +267,7 @@ def _refused(evidence: Evidence, unit: UnitLedger) -> Iterator[Suspicion]:
         "drift": 0.0,
         "how": "are whole, and the client asks again",
     }
-    found = damage_suspicion(evidence, unit, bits, words)
+    found = damage_suspicion(evidence, [unit], bits, words)
     yield replace(
         found,
         numbers={**found.numbers, "damaged": repeats, "answers": asked},
@@ -275,5 +275,5 @@ def _refused(evidence: Evidence, unit: UnitLedger) -> Iterator[Suspicion]:
         until=unit.last,
         lost_answers=repeats,
         lost_ms=None,
-        frames=tuple(unit.examples.get(Ending.OK, [])),
+        frames=examples([unit], Ending.OK),
     )

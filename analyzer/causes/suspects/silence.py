@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from statistics import median
 from typing import Final
 
@@ -19,6 +20,7 @@ from ..repeats import in_vain, only_repeats
 from ..scans import is_looked_for, scanned
 from ..signatures import AnswerDamage
 from ..unitledger import UnitLedger
+from .common import examples
 from .states import excused
 
 EXCUSED: Final = "got an exception by which a gateway says that its target is silent"
@@ -167,7 +169,7 @@ def _excused(evidence: Evidence) -> Iterator[Suspicion]:
         since=unit.first if state.begin is None else state.begin,
         until=unit.last,
         lost_answers=state.refused,
-        frames=tuple(unit.examples.get(Ending.EXCEPTION, [])),
+        frames=examples([unit], Ending.EXCEPTION),
     )
 
 
@@ -198,7 +200,7 @@ def _silence(evidence: Evidence, unit: UnitLedger, since: int | None) -> Suspici
         until=unit.last,
         lost_answers=lost.answers,
         lost_ms=lost.ms,
-        frames=tuple(unit.examples.get(Ending.SILENT, [])),
+        frames=examples([unit], Ending.SILENT),
         severity=Severity.NOTE if since is None and is_looked_for(evidence, unit) else None,
     )
 
@@ -239,7 +241,7 @@ def absent_units(evidence: Evidence) -> Iterator[Suspicion]:
         until=max(unit.last for unit in never),
         lost_answers=lost.answers,
         lost_ms=lost.ms,
-        frames=tuple(index for unit in never for index in unit.examples.get(Ending.SILENT, []))[:8],
+        frames=examples(never, Ending.SILENT),
         severity=Severity.NOTE if all(is_looked_for(evidence, unit) for unit in never) else None,
     )
 
@@ -262,19 +264,8 @@ def retry_policy(evidence: Evidence) -> Iterator[Suspicion]:
     for unit in never if len(never) == 1 else ():
         tries = _tries(evidence, unit)
         if tries >= _MANY_TRIES:
-            silent, asked = in_vain(evidence, unit)
-            lost = _cost(evidence, unit)
-            yield Suspicion(
-                (unit.unit,),
-                silence_bits(silent, asked) + tries,
-                frozenset((kind, unit.unit) for kind in _SPEAKS_NOT),
-                {"unit": unit.unit, "silent": silent, "asked": asked, "tries": tries},
-                since=unit.first,
-                until=unit.last,
-                lost_answers=lost.answers,
-                lost_ms=lost.ms,
-                frames=tuple(unit.examples.get(Ending.SILENT, [])),
-            )
+            found = _silence(evidence, unit, None)
+            yield replace(found, bits=found.bits + tries, numbers={**found.numbers, "tries": tries}, severity=None)
 
 
 @suspect(
@@ -325,7 +316,7 @@ def unit_restarts(evidence: Evidence) -> Iterator[Suspicion]:
             period_s=None if once else mean_period_s(begins),
             lost_answers=lost.answers,
             lost_ms=lost.ms,
-            frames=tuple(unit.examples.get(Ending.SILENT, [])),
+            frames=examples([unit], Ending.SILENT),
             severity=Severity.NOTE if once else None,
         )
 

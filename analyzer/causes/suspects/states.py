@@ -15,6 +15,7 @@ from ..evidence import Evidence
 from ..exchanges import Ending
 from ..registry import COMES_AND_GOES, Foretold, Suspicion, Symptom, suspect
 from ..unitledger import UnitLedger
+from .common import examples
 
 _BACKGROUND: Final = 0.02
 _LEAST: Final = 5
@@ -105,7 +106,7 @@ def unit_fails(evidence: Evidence) -> Iterator[Suspicion]:
             since=unit.first if state.begin is None else state.begin,
             until=unit.last,
             lost_answers=state.refused,
-            frames=tuple(unit.examples.get(Ending.EXCEPTION, [])),
+            frames=examples([unit], Ending.EXCEPTION),
         )
 
 

@@ -12,7 +12,7 @@ from dissectors.lengths import Role, pdu_length
 
 from ...tables.findings import Severity
 from ..bits import surplus_bits
-from ..costs import cost, kind_bits, together
+from ..costs import kind_bits
 from ..evidence import HEALTHY, Evidence
 from ..exchanges import Ending
 from ..foretold import own_silences
@@ -21,6 +21,7 @@ from ..registry import ASKED_FOR, Explained, Foretold, Suspicion, Symptom, suspe
 from ..signatures import AnswerDamage
 from ..taken import move
 from ..unitledger import UnitLedger
+from .common import damage_suspicion, examples
 from .taps import everything
 
 _LEAST: Final = 4
@@ -86,22 +87,12 @@ def cut_at_length(evidence: Evidence) -> Iterator[Suspicion]:
     found = [(unit, cut) for unit in evidence.units if (cut := _cut_at(evidence, unit)) is not None]
     for length in sorted({cut.length for _, cut in found}):
         mine = [(unit, cut) for unit, cut in found if cut.length == length]
-        lost = together(cost(evidence, unit, Ending.GARBAGE) for unit, _ in mine)
-        yield Suspicion(
-            tuple(unit.unit for unit, _ in mine),
+        yield damage_suspicion(
+            evidence,
+            [unit for unit, _ in mine],
             sum(evidence.surplus(unit) + _LENGTH_BITS * cut.cut for unit, cut in mine),
-            frozenset(
-                (kind, unit.unit) for unit, _ in mine for kind in (Symptom.DAMAGE, Symptom.LATENESS, Symptom.BEHIND)
-            ),
-            {
-                "units": tuple(unit.unit for unit, _ in mine),
-                "length": length,
-                "cut": sum(cut.cut for _, cut in mine),
-                "answers": sum(unit.answered + unit.count(Ending.GARBAGE) for unit, _ in mine),
-            },
-            lost_answers=lost.answers,
-            lost_ms=lost.ms,
-            frames=tuple(i for unit, _ in mine for i in unit.examples.get(Ending.GARBAGE, []))[:6],
+            {"length": length, "cut": sum(cut.cut for _, cut in mine)},
+            (Symptom.DAMAGE, Symptom.LATENESS, Symptom.BEHIND),
         )
 
 
@@ -168,7 +159,7 @@ def tap_loses(evidence: Evidence) -> Iterator[Suspicion]:
         since=evidence.ledger.begin,
         until=evidence.ledger.end,
         lost_answers=0,
-        frames=tuple(i for unit in units for i in unit.examples.get(Ending.GARBAGE, []))[:6],
+        frames=examples(units, Ending.GARBAGE),
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
 
 from ...tables.findings import Severity
 from ..bits import surplus_bits
@@ -17,7 +17,8 @@ from ..hits import answers_too_many
 from ..registry import OF_A_LINE, Suspicion, Symptom, suspect
 from ..signatures import Behind, Signature, known_header
 from ..unitledger import UnitLedger
-from .senders import SHARE, damage_suspicion
+from .common import damage_suspicion
+from .senders import SHARE
 
 _LEAST: Final = 3
 _MOSTLY: Final = 0.5
@@ -52,50 +53,74 @@ def duplicate_address(evidence: Evidence) -> Iterator[Suspicion]:
         behind = _are_of_others(evidence, _not_next(evidence, unit), len(evidence.followed(unit)))
         if (_are_of_others(evidence, readings, len(readings)) or behind) and not too_many:
             continue  # another unit is still answering when this one is asked
-        doubles = unit.doubles if evidence.is_open(Symptom.DOUBLES, unit.unit) else 0
-        doubles = max(doubles, round(evidence.behind(unit, Behind.ANSWER)))
-        doubles += max(evidence.begun[unit.unit] - unit.count(Ending.SILENT, Ending.GARBAGE), 0)
-        crossed = evidence.behind(unit, Behind.REQUEST, Behind.NOISE)
-        crossed = round(crossed) if doubles >= _LEAST or (len(readings) >= _LEAST and crossed >= _LEAST) else 0
-        if doubles <= 1.2 * evidence.unanswered(unit):
-            doubles = 0
-        if not unit.count(Ending.SILENT):
-            doubles = max(doubles, _of_the_poll_before(evidence, unit))
-        if evidence.verdict.fine and not unit.count(Ending.SILENT):  # one that is late leaves silence before
-            doubles += min(unit.unfit, doubles)
-            rarely = _TWO_RIGHT
-        else:
-            rarely = HEALTHY
-        tails = round(evidence.tails(unit))
-        crossed = max(crossed, tails)
-        doubles = max(doubles, too_many, evidence.echoed_again(unit))
-        rest = [other for other in evidence.units if other is not unit]
-        noisy = sum(evidence.behind(other, Behind.REQUEST, Behind.NOISE) for other in rest)
-        background = max(HEALTHY, (noisy + 0.5) / (sum(other.answered for other in rest) + 50))
-        bits = surplus_bits(min(doubles, unit.asked), unit.asked, rarely)
-        bits += surplus_bits(min(crossed, unit.asked), unit.asked, background)
-        if len(readings) >= _LEAST:
-            kinds = kind_bits(readings, _MIXED)
-            if crossed >= _LEAST:  # the weaker one begins first, and may be heard behind the other
-                kinds = max(kinds, kind_bits(readings, _OVERTAKEN))
-            bits += evidence.surplus(unit) + kinds
-            bits += _BEFORE_BITS * begun_before(evidence, unit) - _SHORT_BITS * _shortened(readings)
-        run_into = _run_into(evidence, unit) if doubles >= _LEAST else _answered_again(evidence, unit)
-        if bits + sum(run_into.values()) <= 0 or (not run_into and doubles + tails + len(readings) < _LEAST):
-            continue
-        met = sum(_met(evidence, other, unit)[0] for other in run_into)
-        found = damage_suspicion(
-            evidence, unit, bits + sum(run_into.values()), {"doubles": doubles, "tails": tails, "met": met}
-        )
-        explains = found.explains | {(kind, unit.unit) for kind in _ITS_OWN}
-        explains |= {(kind, other) for other in run_into for kind in (Symptom.DAMAGE, Symptom.BEHIND)}
-        if too_many:  # the master takes one for what it asked next, and so on
-            met_now_and_then = [other for other in rest if evidence.damaged(other) < _ALWAYS * other.asked]
-            explains |= {(kind, other.unit) for other in (unit, *met_now_and_then) for kind in _DISORDER}
-            disorder = sum(surplus_bits(evidence.damaged(other), other.asked, HEALTHY) for other in met_now_and_then)
-            found = replace(found, bits=found.bits + disorder)
-        lost = cost_of(evidence, explains)
-        yield replace(found, explains=explains, lost_answers=lost.answers, lost_ms=lost.ms)
+        seen = _seen(evidence, unit, too_many)
+        bits = _bits(evidence, unit, seen)
+        run_into = _run_into(evidence, unit) if seen.doubles >= _LEAST else _answered_again(evidence, unit)
+        few = seen.doubles + seen.tails + len(readings) < _LEAST
+        if bits + sum(run_into.values()) > 0 and (run_into or not few):
+            yield _suspicion(evidence, unit, seen, bits, run_into)
+
+
+class _Seen(NamedTuple):
+    """How often a second answer shows: whole, in what is sent next, behind an end; and by how many they are too many."""
+
+    doubles: int
+    crossed: int
+    tails: int
+    too_many: int
+
+
+def _seen(evidence: Evidence, unit: UnitLedger, too_many: int) -> _Seen:
+    doubles = unit.doubles if evidence.is_open(Symptom.DOUBLES, unit.unit) else 0
+    doubles = max(doubles, round(evidence.behind(unit, Behind.ANSWER)))
+    doubles += max(evidence.begun[unit.unit] - unit.count(Ending.SILENT, Ending.GARBAGE), 0)
+    crossed, readings = round(evidence.behind(unit, Behind.REQUEST, Behind.NOISE)), evidence.readings(unit)
+    if doubles < _LEAST and (len(readings) < _LEAST or crossed < _LEAST):
+        crossed = 0
+    if doubles <= 1.2 * evidence.unanswered(unit):
+        doubles = 0
+    if not unit.count(Ending.SILENT):  # one that is late leaves silence before
+        doubles = max(doubles, _of_the_poll_before(evidence, unit))
+        doubles += min(unit.unfit, doubles) * evidence.verdict.fine
+    tails = round(evidence.tails(unit))
+    return _Seen(max(doubles, too_many, evidence.echoed_again(unit)), max(crossed, tails), tails, too_many)
+
+
+def _bits(evidence: Evidence, unit: UnitLedger, seen: _Seen) -> float:
+    readings, rest = evidence.readings(unit), [other for other in evidence.units if other is not unit]
+    rarely = _TWO_RIGHT if evidence.verdict.fine and not unit.count(Ending.SILENT) else HEALTHY
+    noisy = sum(evidence.behind(other, Behind.REQUEST, Behind.NOISE) for other in rest)
+    background = max(HEALTHY, (noisy + 0.5) / (sum(other.answered for other in rest) + 50))
+    bits = surplus_bits(min(seen.doubles, unit.asked), unit.asked, rarely)
+    bits += surplus_bits(min(seen.crossed, unit.asked), unit.asked, background)
+    if len(readings) >= _LEAST:
+        kinds = kind_bits(readings, _MIXED)
+        if seen.crossed >= _LEAST:  # the weaker one begins first, and may be heard behind the other
+            kinds = max(kinds, kind_bits(readings, _OVERTAKEN))
+        bits += evidence.surplus(unit) + kinds
+        bits += _BEFORE_BITS * begun_before(evidence, unit) - _SHORT_BITS * _shortened(readings)
+    return bits
+
+
+def _suspicion(
+    evidence: Evidence, unit: UnitLedger, seen: _Seen, bits: float, run_into: Mapping[int, float]
+) -> Suspicion:
+    numbers = {
+        "doubles": seen.doubles,
+        "tails": seen.tails,
+        "met": sum(_met(evidence, other, unit)[0] for other in run_into),
+    }
+    found = damage_suspicion(evidence, [unit], bits + sum(run_into.values()), numbers)
+    explains = found.explains | {(kind, unit.unit) for kind in _ITS_OWN}
+    explains |= {(kind, other) for other in run_into for kind in (Symptom.DAMAGE, Symptom.BEHIND)}
+    disorder = 0.0
+    if seen.too_many:  # the master takes one for what it asked next, and so on
+        others = [other for other in evidence.units if other is not unit]
+        now_and_then = [other for other in others if evidence.damaged(other) < _ALWAYS * other.asked]
+        explains |= {(kind, other.unit) for other in (unit, *now_and_then) for kind in _DISORDER}
+        disorder = sum(surplus_bits(evidence.damaged(other), other.asked, HEALTHY) for other in now_and_then)
+    lost = cost_of(evidence, explains)
+    return replace(found, bits=found.bits + disorder, explains=explains, lost_answers=lost.answers, lost_ms=lost.ms)
 
 
 _ITS_OWN: Final = (Symptom.DOUBLES, Symptom.LATENESS, Symptom.VALUES, Symptom.REFUSAL)  # of two devices

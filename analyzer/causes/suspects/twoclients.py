@@ -29,6 +29,7 @@ from ..registry import OF_A_LINE, Explained, Suspicion, Symptom, suspect
 from ..repeats import broadcasts_answered
 from ..signatures import Behind, Signature
 from ..unitledger import UnitLedger
+from .common import examples
 
 _LEAST: Final = 5
 _MET: Final = 3  # times, that two are seen to send at once or to know nothing of each other
@@ -232,7 +233,7 @@ def two_masters(evidence: Evidence) -> Iterator[Suspicion]:
         },
         lost_answers=lost.answers,
         lost_ms=lost.ms,
-        frames=tuple(index for unit in meetings.hit for index in unit.examples.get(Ending.GARBAGE, []))[:6],
+        frames=examples(meetings.hit, Ending.GARBAGE),
     )
 
 

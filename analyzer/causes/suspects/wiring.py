@@ -8,14 +8,14 @@ from typing import Final
 
 from ...tables.findings import Severity
 from ..bits import likelihood_bits, surplus_bits
-from ..costs import cost, kind_bits, kind_of, share_of, together
+from ..costs import kind_bits, kind_of, share_of
 from ..evidence import HEALTHY, Evidence
-from ..exchanges import Ending
 from ..hits import ALIKE, WELL, Hits, apart_bits, is_behind_few, spared_bits, spares_units
-from ..hittimes import span_of_hits, spells_of_hits
+from ..hittimes import span_of_hits
 from ..ledger import STRAY
 from ..registry import OF_A_LINE, Suspicion, Symptom, suspect
 from ..unitledger import UnitLedger
+from .common import damage_suspicion
 
 _LEAST: Final = 5
 _SOONEST: Final = 0.05  # of answers
@@ -31,8 +31,7 @@ _BENT: Final = {"bits": 0.52, "head": 0.17, "bits-tail": 0.04, "middle": 0.1, "w
 _MUCH_BENT: Final = {"bits": 0.2, "head": 0.1, "bits-tail": 0.03, "middle": 0.35, "whole": 0.3, "tail": 0.01}
 _SINGLE: Final = 0.3
 _MOST_BENT: Final = 0.45
-_SPARED_BITS: Final = 10.0  # by which frames are hit less than what strikes all would
-_COMES_AND_GOES: Final = 10.0  # bits against it: a line that floats does so for good
+_SURELY_EARLY: Final = 8.0  # bits
 _UNIT_BITS: Final = 6.0  # each unit more that is said to be far
 
 
@@ -61,10 +60,6 @@ def bias(evidence: Evidence) -> Iterator[Suspicion]:
     bits += likelihood_bits(frames, idle + frames, WELL) - likelihood_bits(frames, idle + frames, 0.5)
     inside = sum(_inside(evidence, unit) for unit in evidence.units)
     bits -= surplus_bits(inside, hits.exchanges, HEALTHY)  # a driven line does not float
-    as_exposed = likelihood_bits(frames, idle + frames, max(evidence.load or 0.0, WELL))
-    spells = spells_of_hits(evidence)[0]
-    if spells and as_exposed < likelihood_bits(frames, idle + frames, WELL) - _SPARED_BITS:
-        bits += spells - _COMES_AND_GOES  # somebody takes the resistors off, or puts them on
     if is_behind_few(evidence):
         bits = bits / 4 - apart_bits(evidence)  # a line that floats does so behind everybody
     explains = frozenset((Symptom.BEHIND, unit.unit) for unit in evidence.units) | {(Symptom.FRAMING, None)}
@@ -129,24 +124,8 @@ def termination(evidence: Evidence) -> Iterator[Suspicion]:
         ) < _LEAST:
             continue
         if best is None or bits > best.bits:
-            lost = together(cost(evidence, unit, Ending.GARBAGE) for unit in far)
-            best = Suspicion(
-                tuple(unit.unit for unit in far),
-                bits,
-                frozenset((Symptom.DAMAGE, unit.unit) for unit in far),
-                {
-                    "units": tuple(unit.unit for unit in far),
-                    "damaged": sum(map(evidence.damaged, far)),
-                    "answers": sum(unit.asked for unit in far),
-                    "others_damaged": hits,
-                    "others_answers": trials,
-                    "early": ", in the first bits behind an edge" if early > 8 else "",
-                },
-                lost_answers=lost.answers,
-                lost_ms=lost.ms,
-                frames=tuple(i for unit in far for i in unit.examples.get(Ending.GARBAGE, []))[:6],
-                **span_of_hits(evidence),
-            )
+            early_words = {"early": ", in the first bits behind an edge" if early > _SURELY_EARLY else ""}
+            best = damage_suspicion(evidence, far, bits, early_words, (Symptom.DAMAGE,))
     if best is not None:
         yield best
 
@@ -175,20 +154,5 @@ def bad_drop(evidence: Evidence) -> Iterator[Suspicion]:
             elsewhere = (sum(map(evidence.silent, others)) + 0.5) / (sum(other.asked for other in others) + 1)
             bits += surplus_bits(evidence.silent(unit), unit.asked, max(elsewhere, HEALTHY))
         if bits > 0 and evidence.damaged(unit) >= _LEAST:
-            lost = cost(evidence, unit, Ending.GARBAGE)
-            yield Suspicion(
-                (unit.unit,),
-                bits,
-                frozenset({(Symptom.DAMAGE, unit.unit)} | ({(Symptom.SILENCE, unit.unit)} if loses else set())),
-                {
-                    "unit": unit.unit,
-                    "damaged": evidence.damaged(unit),
-                    "answers": unit.asked,
-                    "others_damaged": sum(map(evidence.damaged, others)),
-                    "others_answers": sum(other.asked for other in others),
-                },
-                lost_answers=lost.answers,
-                lost_ms=lost.ms,
-                frames=tuple(unit.examples.get(Ending.GARBAGE, [])),
-                **span_of_hits(evidence),
-            )
+            kinds = (Symptom.DAMAGE, Symptom.SILENCE) if loses else (Symptom.DAMAGE,)
+            yield damage_suspicion(evidence, [unit], bits, symptoms=kinds)
