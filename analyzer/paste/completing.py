@@ -12,7 +12,7 @@ from dissectors.length_rules import Role
 from dissectors.limits import MIN_ADU
 
 from .model import Envelope, PastedFrame, PastedNoise, PastePart, Piece, edges_of, right_frames, tiled
-from .readings import BOTH, Stretch, answers, chosen, possible
+from .readings import BOTH, LeftBytes, answers, chosen, possible
 
 _NO_PART: Final = PastePart(b"")
 _LEAST: Final = 3  # bytes of parts that may be frames
@@ -48,7 +48,7 @@ def completed(
     return done
 
 
-def _read(stretch: Stretch, before: Sequence[Piece]) -> list[Piece]:
+def _read(stretch: LeftBytes, before: Sequence[Piece]) -> list[Piece]:
     read: list[Piece] = []
     for piece in tiled(stretch.data, stretch.start, [one.frame for one in chosen(stretch)]):
         read.append(_tied(piece, [*before[-1:], *read][-1:]))
@@ -67,7 +67,7 @@ def _are_divided(right: Sequence[PastedFrame], parts: Sequence[PastePart]) -> bo
     return all({frame.start, frame.start + frame.length} <= ends for frame in right)
 
 
-def _stretches(group: Sequence[Piece], data: bytes, edges: Sequence[int]) -> Iterator[Stretch]:
+def _stretches(group: Sequence[Piece], data: bytes, edges: Sequence[int]) -> Iterator[LeftBytes]:
     """The bytes of neighbouring pieces by the parts that they stand in, with the damaged frames that end there, too."""
     start, end = group[0].start, group[-1].start + group[-1].length
     damaged = [piece for piece in group if isinstance(piece, PastedFrame)]
@@ -76,7 +76,7 @@ def _stretches(group: Sequence[Piece], data: bytes, edges: Sequence[int]) -> Ite
     for low, high in pairwise([start, *inner, end]):
         inside = [frame for frame in damaged if low <= frame.start < frame.start + frame.length <= high]
         whole = {low, high} <= bounds
-        yield Stretch(data[low:high], low, damaged=inside, whole=whole, last=high == len(data))
+        yield LeftBytes(data[low:high], low, damaged=inside, whole=whole, last=high == len(data))
 
 
 def _by_line(noise: Piece, edges: Sequence[int]) -> Iterator[Piece]:

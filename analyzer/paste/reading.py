@@ -25,7 +25,7 @@ from ..deframing.weighing import bare_bits
 from ..errors import RtuscopeError
 from .completing import completed
 from .model import Envelope, Paste, PastedFrame, PastePart, Piece, Unread, edges_of, right_frames, tiled
-from .readings import BOTH, Stretch, answers, chosen, directed, other, possible
+from .readings import BOTH, LeftBytes, answers, chosen, directed, other, possible
 from .words import why
 
 if TYPE_CHECKING:
@@ -134,7 +134,7 @@ def _at_once(parts: Sequence[PastePart], envelope: Envelope, roles: Sequence[Rol
 def _left_alone(parts: Sequence[PastePart], envelope: Envelope, roles: Sequence[Role]) -> list[Piece] | None:
     """Bytes without a right frame, all in one part, as what they are left of; None where nothing tells."""
     data, *others = (part.data for part in parts)
-    alone = Stretch(data, 0, roles, envelope, whole=True, last=True, alone=True, colon=parts[0].ascii)
+    alone = LeftBytes(data, 0, roles, envelope, whole=True, last=True, alone=True, colon=parts[0].ascii)
     frames = [] if others else [one.frame for one in chosen(alone)]
     return tiled(data, 0, frames) if frames else None
 

@@ -50,7 +50,7 @@ _EITHER, _SURE = 0.5, 0.9999
 _MBAP_LENGTH: Final = 6  # bytes of an MBAP header that end with the length
 
 
-class Stretch(NamedTuple):
+class LeftBytes(NamedTuple):
     """Bytes of one part of a paste that are no right frame, and what is known beside them.
 
     `request`: the one that may be answered here. `damaged`: what the deframer made of them. `side`: who speaks, by the
@@ -72,7 +72,7 @@ class Stretch(NamedTuple):
     colon: bool = False
 
 
-class Candidate(NamedTuple):
+class ReadFrame(NamedTuple):
     """Bytes [at, end) of a stretch as a frame of which so many bytes are missing; `bits` speak for it."""
 
     at: int
@@ -81,18 +81,18 @@ class Candidate(NamedTuple):
     frame: PastedFrame
 
 
-class Reading(NamedTuple):
+class ReadingRow(NamedTuple):
     """A row: its name, the envelope that it is of, the bits that it has or costs besides those of the bytes, where it
     is tried, and how it reads."""
 
     name: str
     envelope: Envelope
     bits: float
-    applies: Callable[[Stretch], bool]
-    read: Callable[[Stretch], Iterator[Candidate]]
+    applies: Callable[[LeftBytes], bool]
+    read: Callable[[LeftBytes], Iterator[ReadFrame]]
 
 
-def _due_answer(stretch: Stretch) -> Iterator[Candidate]:
+def _due_answer(stretch: LeftBytes) -> Iterator[ReadFrame]:
     """The answer that was due, wherever it begins: whole, cut, or with a wrong CRC."""
     asked = stretch.request
     if asked is None or Role.RESPONSE not in stretch.roles:
@@ -107,24 +107,24 @@ def _due_answer(stretch: Stretch) -> Iterator[Candidate]:
             yield found._replace(frame=replace(found.frame, request=asked.adu.pdu, request_start=asked.start))
 
 
-def _own_echo(stretch: Stretch) -> Iterator[Candidate]:
+def _own_echo(stretch: LeftBytes) -> Iterator[ReadFrame]:
     """The request itself, come back cut."""
     asked, size = stretch.request, len(stretch.data)
     if asked is not None and _LEAST <= size < asked.length and asked.adu.data.startswith(stretch.data):
         yield _candidate(stretch, 0, asked.length, Role.REQUEST, 8.0 * size)
 
 
-def _as_deframed(stretch: Stretch) -> Iterator[Candidate]:
+def _as_deframed(stretch: LeftBytes) -> Iterator[ReadFrame]:
     """A damaged frame of the deframer's, also in the other direction where that is as long."""
     for frame in stretch.damaged:
         at = frame.start - stretch.start
         for role in stretch.roles:
             if role is frame.role or predicted(frame.adu.data, role) == frame.length:
                 bits = max(rtu_bits(frame.adu.data, (role,)), 0.0) - (_ALIKE + 1) * (role is not frame.role)
-                yield Candidate(at, at + frame.length, bits, replace(frame, role=role))
+                yield ReadFrame(at, at + frame.length, bits, replace(frame, role=role))
 
 
-def _right_crc(stretch: Stretch) -> Iterator[Candidate]:
+def _right_crc(stretch: LeftBytes) -> Iterator[ReadFrame]:
     """Frames of whatever length with a right CRC, up to the edge of a text, or of a function in use."""
     data, starts = stretch.data, [0]
     for at in starts:
@@ -138,7 +138,7 @@ def _right_crc(stretch: Stretch) -> Iterator[Candidate]:
                 yield _candidate(stretch, at, end - at, role, -_ODD * odd - (role is not likelier))
 
 
-def _begun(stretch: Stretch) -> Iterator[Candidate]:
+def _begun(stretch: LeftBytes) -> Iterator[ReadFrame]:
     """The beginning of a frame, or one with more behind it; of one that breaks a limit only its CRC would tell."""
     size = len(stretch.data)
     for role in stretch.roles:
@@ -160,12 +160,12 @@ def _is_in_use(code: bytes) -> bool:
     return not code or function(code[0] & ~EXCEPTION) is not None
 
 
-def _without_crc(stretch: Stretch) -> Iterator[Candidate]:
+def _without_crc(stretch: LeftBytes) -> Iterator[ReadFrame]:
     """A unit and a whole PDU, as many programs print it."""
     return (one for one in _begun(stretch) if one.frame.length_known and one.frame.missing == CRC_SIZE)
 
 
-def _headed(stretch: Stretch) -> Iterator[Candidate]:
+def _headed(stretch: LeftBytes) -> Iterator[ReadFrame]:
     """MBAP headers from the first byte on, each where the frame before it ends."""
     at, data = 0, stretch.data
     while begins_tcp(data, at):
@@ -175,32 +175,32 @@ def _headed(stretch: Stretch) -> Iterator[Candidate]:
         if end == len(data) or not adu.pdu or not is_undeclared(adu.pdu[0] & ~EXCEPTION):
             bits = max(bits, _HEADED)
         frame = directed(adu, stretch.roles, missing=end - at - adu.length)
-        yield Candidate(at, at + adu.length, bits + _NAMED * (stretch.envelope == "tcp"), frame)
+        yield ReadFrame(at, at + adu.length, bits + _NAMED * (stretch.envelope == "tcp"), frame)
         at = end
 
 
-def _colons(stretch: Stretch) -> Iterator[Candidate]:
+def _colons(stretch: LeftBytes) -> Iterator[ReadFrame]:
     """Frames of ASCII mode: with a right LRC, or where the text or the user says that they are."""
     shown = _SHOWN if stretch.colon or stretch.envelope == "ascii" else 0.0
     for adu in ascii_frames(stretch.data):
         frame = directed(replace(adu, start=stretch.start + adu.start), stretch.roles)
         bits = _LRC_BITS if tells_ascii(adu, stretch.data) else shown
-        yield Candidate(adu.start, adu.start + adu.length, bits, frame)
+        yield ReadFrame(adu.start, adu.start + adu.length, bits, frame)
 
 
 READINGS: Final = (
-    Reading("due answer", "rtu", 0.0, lambda s: True, _due_answer),
-    Reading("own echo", "rtu", 0.0, lambda s: True, _own_echo),
-    Reading("as deframed", "rtu", 4.0, lambda s: bool(s.damaged), _as_deframed),
-    Reading("right CRC", "rtu", 16.0, lambda s: s.whole, _right_crc),
-    Reading("without CRC", "rtu", 0.0, lambda s: s.whole, _without_crc),
-    Reading("cut", "rtu", 0.0, lambda s: s.alone or (s.last and len(s.data) >= _LEAST), _begun),
-    Reading("MBAP", "tcp", 0.0, lambda s: s.whole, _headed),
-    Reading("colon", "ascii", 0.0, lambda s: True, _colons),
+    ReadingRow("due answer", "rtu", 0.0, lambda s: True, _due_answer),
+    ReadingRow("own echo", "rtu", 0.0, lambda s: True, _own_echo),
+    ReadingRow("as deframed", "rtu", 4.0, lambda s: bool(s.damaged), _as_deframed),
+    ReadingRow("right CRC", "rtu", 16.0, lambda s: s.whole, _right_crc),
+    ReadingRow("without CRC", "rtu", 0.0, lambda s: s.whole, _without_crc),
+    ReadingRow("cut", "rtu", 0.0, lambda s: s.alone or (s.last and len(s.data) >= _LEAST), _begun),
+    ReadingRow("MBAP", "tcp", 0.0, lambda s: s.whole, _headed),
+    ReadingRow("colon", "ascii", 0.0, lambda s: True, _colons),
 )
 
 
-def chosen(stretch: Stretch) -> list[Candidate]:
+def chosen(stretch: LeftBytes) -> list[ReadFrame]:
     """The frames of a stretch that fit end to end with the greatest sum, in order; none where noise costs less."""
     found = [
         candidate._replace(bits=candidate.bits + row.bits + _beside(candidate.frame, stretch))
@@ -215,7 +215,7 @@ def chosen(stretch: Stretch) -> list[Candidate]:
         sums.append(sums[before[-1]] + one.bits)
         ends.append(one.end)
         best.append(number if sums[-1] > sums[best[-1]] else best[-1])
-    way: list[Candidate] = []
+    way: list[ReadFrame] = []
     at = best[-1]
     while at:
         way.append(ordered[at - 1])
@@ -223,16 +223,16 @@ def chosen(stretch: Stretch) -> list[Candidate]:
     return _either_way(way[::-1], found)
 
 
-def _beside(frame: PastedFrame, stretch: Stretch) -> float:
+def _beside(frame: PastedFrame, stretch: LeftBytes) -> float:
     """What the rest of a text speaks for a frame: whose line it stands in, and the envelope of the others."""
     others = bool(stretch.spoken) and frame.adu.protocol not in stretch.spoken
     return -_MARKED * (stretch.side not in (None, frame.role)) - _OTHERS * others
 
 
-def _either_way(way: Sequence[Candidate], found: Sequence[Candidate]) -> list[Candidate]:
+def _either_way(way: Sequence[ReadFrame], found: Sequence[ReadFrame]) -> list[ReadFrame]:
     """Frames, with the other direction beside those for which it has nearly as many bits."""
     other_bits = {_extent(one.frame, one.frame.role): one.bits for one in sorted(found, key=lambda one: one.bits)}
-    both: list[Candidate] = []
+    both: list[ReadFrame] = []
     for one in way:
         role = other(one.frame.role)
         alike = other_bits.get(_extent(one.frame, role), one.bits - 2 * _ALIKE) >= one.bits - _ALIKE
@@ -245,10 +245,10 @@ def _extent(frame: PastedFrame, role: Role) -> tuple[int, int, int, str, Role]:
     return frame.start, frame.length, frame.missing, frame.adu.protocol, role
 
 
-def _candidate(stretch: Stretch, at: int, length: int, role: Role, bits: float, *, known: bool = True) -> Candidate:
+def _candidate(stretch: LeftBytes, at: int, length: int, role: Role, bits: float, *, known: bool = True) -> ReadFrame:
     data = stretch.data[at : at + length]
     frame = unchecked(data, stretch.start + at, role, length - len(data), known=known)
-    return Candidate(at, at + len(data), bits, frame)
+    return ReadFrame(at, at + len(data), bits, frame)
 
 
 def unchecked(data: bytes, start: int, role: Role, missing: int, *, known: bool = True) -> PastedFrame:

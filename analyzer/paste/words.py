@@ -15,7 +15,7 @@ from ..languages import counted, tr
 from .model import Envelope, PastedFrame, PastePart, Piece
 
 
-class _Counts(NamedTuple):
+class _PieceCounts(NamedTuple):
     """Of one envelope: frames, right ones (whole ones where there is no check value), right ones of the length that
     their function predicts; bytes, and those outside right frames."""
 
@@ -30,7 +30,7 @@ class _Counts(NamedTuple):
 
 class _Why(NamedTuple):
     envelope: str
-    applies: Callable[[_Counts], bool]
+    applies: Callable[[_PieceCounts], bool]
     words: str
 
 
@@ -71,14 +71,14 @@ def why(pieces: Sequence[Piece], parts: Sequence[PastePart], envelope: Envelope)
     return cast(Envelope, most), "; ".join(words)
 
 
-def _counts(pieces: Sequence[Piece], *, forced: bool, headed: bool) -> _Counts:
+def _counts(pieces: Sequence[Piece], *, forced: bool, headed: bool) -> _PieceCounts:
     frames = [piece for piece in pieces if isinstance(piece, PastedFrame)]
     right = [frame for frame in frames if frame.check_ok is not False]
     octets, framed = (sum(piece.length for piece in each) for each in (pieces, right))
-    return _Counts(len(frames), len(right), sum(map(_sound, right)), octets, octets - framed, forced, headed)
+    return _PieceCounts(len(frames), len(right), sum(map(_sound, right)), octets, octets - framed, forced, headed)
 
 
-def _words(kind: str, counts: _Counts) -> str:
+def _words(kind: str, counts: _PieceCounts) -> str:
     words = next(row.words for row in _WHYS if row.envelope == kind and row.applies(counts))
     frames, octets = counted(counts.frames, "frame", "frames"), counted(counts.octets, "byte", "bytes")
     cover = tr("{frames} over all {bytes}", frames=frames, bytes=octets)

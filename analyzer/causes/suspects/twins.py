@@ -61,7 +61,7 @@ def duplicate_address(evidence: Evidence) -> Iterator[Suspicion]:
             yield _suspicion(evidence, unit, seen, bits, run_into)
 
 
-class _Seen(NamedTuple):
+class _SecondShown(NamedTuple):
     """How often a second answer shows: whole, in what is sent next, behind an end; and by how many they are too many."""
 
     doubles: int
@@ -70,7 +70,7 @@ class _Seen(NamedTuple):
     too_many: int
 
 
-def _seen(evidence: Evidence, unit: UnitLedger, too_many: int) -> _Seen:
+def _seen(evidence: Evidence, unit: UnitLedger, too_many: int) -> _SecondShown:
     doubles = unit.doubles if evidence.is_open(Symptom.DOUBLES, unit.unit) else 0
     doubles = max(doubles, round(evidence.behind(unit, Behind.ANSWER)))
     doubles += max(evidence.begun[unit.unit] - unit.count(Ending.SILENT, Ending.GARBAGE), 0)
@@ -83,10 +83,10 @@ def _seen(evidence: Evidence, unit: UnitLedger, too_many: int) -> _Seen:
         doubles = max(doubles, _of_the_poll_before(evidence, unit))
         doubles += min(unit.unfit, doubles) * evidence.verdict.fine
     tails = round(evidence.tails(unit))
-    return _Seen(max(doubles, too_many, evidence.echoed_again(unit)), max(crossed, tails), tails, too_many)
+    return _SecondShown(max(doubles, too_many, evidence.echoed_again(unit)), max(crossed, tails), tails, too_many)
 
 
-def _bits(evidence: Evidence, unit: UnitLedger, seen: _Seen) -> float:
+def _bits(evidence: Evidence, unit: UnitLedger, seen: _SecondShown) -> float:
     readings, rest = evidence.readings(unit), [other for other in evidence.units if other is not unit]
     rarely = _TWO_RIGHT if evidence.verdict.fine and not unit.count(Ending.SILENT) else HEALTHY
     noisy = sum(evidence.behind(other, Behind.REQUEST, Behind.NOISE) for other in rest)
@@ -103,7 +103,7 @@ def _bits(evidence: Evidence, unit: UnitLedger, seen: _Seen) -> float:
 
 
 def _suspicion(
-    evidence: Evidence, unit: UnitLedger, seen: _Seen, bits: float, run_into: Mapping[int, float]
+    evidence: Evidence, unit: UnitLedger, seen: _SecondShown, bits: float, run_into: Mapping[int, float]
 ) -> Suspicion:
     numbers = {
         "doubles": seen.doubles,
