@@ -66,10 +66,18 @@ def client_driver_held(evidence: Evidence) -> Iterator[Suspicion]:
 
 
 def _is_beheaded(evidence: Evidence) -> Callable[[UnitLedger], bool]:
+    heads = 0.0 if evidence.verdict.fine else _SOME_HEADS  # who is quick speaks for a unit of which nothing is left
+
     def is_so(unit: UnitLedger) -> bool:
         readings = evidence.readings(unit)
         often = evidence.damaged(unit) >= max(_LEAST, _OFTEN * unit.asked)
-        return often and share_of(readings, "head", "ahead", "whole") >= _MOSTLY and kind_bits(readings, _HEADS) > 0
+        begun = share_of(readings, "head", "ahead")
+        return (
+            often
+            and begun >= heads
+            and begun + share_of(readings, "whole") >= _MOSTLY
+            and kind_bits(readings, _HEADS) > 0
+        )
 
     return is_so
 
