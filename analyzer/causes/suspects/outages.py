@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from ...tables.findings import Severity
-from ...tables.schema import Bools
+from ...tables.schema import Bools, UInt8s
 from ..bits import mean_period_s
 from ..costs import LostAnswers, cost, together
 from ..evidence import Evidence
@@ -198,20 +198,32 @@ def silent_together(evidence: Evidence) -> list[list[Outage]]:
 
 def _runs(evidence: Evidence, units: Sequence[int]) -> Iterator[dict[int, Spell]]:
     """Runs of silence of the bus, each unit with its part: nobody answered from the first request to the last, though
-    several units were asked, too few times each for a spell of its own. Units that never answer tell nothing."""
+    several units were asked, too few times each for a spell of its own. Units that never answer tell nothing, nor do
+    those that were silent before: they did not fall silent with the others."""
     rows = evidence.ledger.table.rows
     rows = rows[np.isin(rows.unit, units)]
     silent, times = (rows.outcome == Ending.SILENT) & _is_waited_for(rows), rows.time.tolist()
+    still = _still(rows.unit, silent)
     edges = np.flatnonzero(np.diff(np.concatenate(([False], silent, [False])).astype(np.int8)))
     for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
         after = times[begin - 1] if begin else None
         before = times[end] if end < len(times) else None
-        run = rows[begin:end]
-        parts = {unit: np.flatnonzero(run.unit == unit) + begin for unit in np.unique(run.unit).tolist()}
+        fallen = np.unique(rows.unit[begin:end][~still[begin:end]])
+        run = rows[begin:end][np.isin(rows.unit[begin:end], fallen)]
+        parts = {unit: np.flatnonzero(rows.unit[begin:end] == unit) + begin for unit in fallen.tolist()}
         if np.count_nonzero(~run.repeats) >= _RUN if len(parts) > 1 else len(run) > 1:
             yield {
                 unit: Spell(times[mine[0]], times[mine[-1]], len(mine), after, before) for unit, mine in parts.items()
             }
+
+
+def _still(units: UInt8s, silent: Bools) -> Bools:
+    """Which silent exchanges have one of the same unit before them."""
+    order = np.argsort(units, kind="stable")
+    again = (units[order[1:]] == units[order[:-1]]) & silent[order[1:]] & silent[order[:-1]]
+    found: Bools = np.zeros(len(units), np.bool_)
+    found[order[1:]] = again
+    return found
 
 
 def _is_waited_for(rows: AskedRows) -> Bools:
