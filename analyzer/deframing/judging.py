@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final, Literal
 
-from captures.text.judging import Checked
+from captures.checked import Checked
 from dissectors.crc import crc_bytes, crc_ok
 from dissectors.envelopes import MBAP, ascii_frames, tcp_frames
 from dissectors.lengths import Role, expectation, pdu_length, plausibility, rule, sound_roles

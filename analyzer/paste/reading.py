@@ -31,7 +31,7 @@ from .words import why
 if TYPE_CHECKING:
     from datetime import tzinfo
 
-    from captures.text.judging import Checked
+    from captures.checked import Checked
 
 _ROLES: Final = {"auto": BOTH, "request": (Role.REQUEST,), "response": (Role.RESPONSE,)}
 LONGEST: Final = 1 << 20  # bytes

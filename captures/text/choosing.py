@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Final, NamedTuple
 
+from ..checked import Checked
 from .candidates import (
     ROWS,
     HexWindow,
@@ -26,7 +27,7 @@ from .candidates import (
     shows,
 )
 from .hexshapes import hex_candidates
-from .judging import ByteJudge, Checked
+from .judging import ByteJudge
 from .othershapes import LOOK_ALIKES, other_candidates, run_together
 from .tools import NONE, RX, TX, LineMark, either_way
 

@@ -7,9 +7,10 @@ from collections.abc import Collection, Sequence
 from itertools import accumulate, groupby, pairwise, takewhile
 from typing import Final
 
+from ..checked import Checked
 from .candidates import H, Writing, counts_up
 from .choosing import ByteRun, Experience, label_in
-from .judging import ByteJudge, Checked, lenient
+from .judging import ByteJudge, lenient
 from .loglines import LogLine
 from .tokens import JOINED, NumberToken, holds_numbers, skeleton_of, tokens_of
 from .tools import names_a_way

@@ -7,24 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache, partial
-from typing import Final, NamedTuple, Protocol, cast
+from typing import Final, Protocol, cast
+
+from ..checked import Checked
 
 _REMEMBERED: Final = 1024  # stretches of bytes
-
-
-class Checked(NamedTuple):
-    """A stretch of bytes whose check value, or whose header's length, is right.
-
-    `repeats`: its answer may be the same bytes again. `envelope`: the protocol that it is a frame of, by its name.
-    `turned`: the bytes of the check value are the wrong way round. `odd`: the header says another length.
-    """
-
-    start: int
-    end: int
-    repeats: bool = False
-    envelope: str = ""
-    turned: bool = False
-    odd: bool = False
 
 
 class ByteJudge(Protocol):

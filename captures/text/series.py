@@ -12,9 +12,10 @@ from collections.abc import Iterator, Sequence
 from itertools import accumulate, product
 from typing import Final, NamedTuple
 
+from ..checked import Checked
 from .candidates import HexWindow
 from .choosing import ByteRun, Experience
-from .judging import ByteJudge, Checked
+from .judging import ByteJudge
 from .loglines import LogLine
 from .weighing import is_computed
 

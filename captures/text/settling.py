@@ -12,11 +12,12 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Final
 
+from ..checked import Checked
 from .candidates import CHECK_NAME, HexWindow, Writing, is_ruler, shows
 from .choosing import MOST_JUDGED, ByteRun, Experience
 from .columns import COLUMN_SHAPE, MOST_ROWS, settle_columns, settle_unchecked
 from .copies import settle_behind_cuts, settle_copies, settle_single_bytes
-from .judging import ByteJudge, Checked, unturned
+from .judging import ByteJudge, unturned
 from .loglines import LogLine
 from .numbering import (
     leave_out_byte_numbers,

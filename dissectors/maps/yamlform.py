@@ -67,7 +67,7 @@ def load_yaml(text: str, *, lenient: bool = False) -> Any:
     """
     try:
         _is_bounded(text)
-        return yaml.load(text, Loader=_Lenient if lenient else _Base)
+        return _document(_Lenient(text) if lenient else _Base(text))
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         where = f"line {mark.line + 1}: " if mark is not None else ""
@@ -77,6 +77,14 @@ def load_yaml(text: str, *, lenient: bool = False) -> Any:
         raise ValueError(" ".join(f"{where}{problem}".split())) from error
     except (ArithmeticError, AttributeError, LookupError, TypeError) as error:  # of dates and numbers that are none
         raise ValueError("a value that cannot be read") from error
+
+
+def _document(loader: Any) -> Any:
+    """What a text says, None where it says nothing; no object of Python."""
+    try:
+        return loader.get_single_data()
+    finally:
+        loader.dispose()
 
 
 def _is_bounded(text: str) -> None:
