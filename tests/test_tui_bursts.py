@@ -60,6 +60,8 @@ def test_a_bookmark_is_set_where_the_cursor_is(seen: Watched, capture: Path) -> 
 def test_a_click_acts_on_what_the_keys_before_it_left(seen: Watched) -> None:
     """In Findings, which the key brings up, the line under the mouse is a group; in Frames it was a frame."""
     below, click = "\x1b[<0;40;{row}M\x1b[<0;40;{row}m", 6
+    seen.press("3").until("by cause")  # which come later than the findings, and put these in another order
+    seen.press("2\x1b[H").until("registers from 107").settle(0.5)
     seen.press("3\x1b[H" + below.format(row=click)).settle(1.0)
     clicked = seen.shown()
     seen.press("\x1b[H").settle(0.5)
