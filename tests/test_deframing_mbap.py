@@ -15,6 +15,7 @@ from packets import Talk, mbap, pcap, read_answer, read_request
 import captures
 from analyzer.cli.app import main
 from analyzer.core import analyse, deframe
+from analyzer.deframing import mbap as mbap_engine
 from analyzer.deframing.protocols import Deframer
 from analyzer.options import Options
 from analyzer.tables.batch import Frame
@@ -230,3 +231,18 @@ def test_every_way_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
     assert len(capsys.readouterr().out.splitlines()) == 16
     assert main(["report", str(path)]) == 0
     assert "CRC" not in capsys.readouterr().out
+
+
+def test_functions_that_nobody_knows_cost_no_more_each_the_more_there_are(monkeypatch):
+    """Behind each header the whole rest of the stream was searched for a better one."""
+    looked = []
+
+    def no_roles(pdu):
+        looked.append(pdu)
+        return ()
+
+    monkeypatch.setattr(mbap_engine, "sound_roles", no_roles)
+    count = 300
+    stream = b"".join(bytes((0, n % 256, 0, 0, 0, 6, 0x11, 0x63, 0, 1, 0, 1)) for n in range(count))
+    mbap_engine.frames_in(stream, last=True)
+    assert count <= len(looked) <= 8 * count

@@ -27,6 +27,7 @@ from .segments import NOISE, NOISE_MOST, noise_parts
 from .selfdelimited import SelfDelimitedEngine
 
 _BEFORE: Final = 6  # bytes of a header that its length does not count
+_ZEROS: Final = 4  # bytes from where a frame begins to the last of the zeros that all have
 _LENGTHS: Final = range(2, 255)
 _NO_WIRE: Final = CharacterTime(1e6, known=False)  # a network has no character time
 _OPEN: Final = 64  # transactions of a port that may be open at once
@@ -185,7 +186,7 @@ class _StreamBytes(NamedTuple):
             return _Onward(end, (at, end, roles))
         if end + _BEFORE > size and not self.last:
             return _Onward(at, waits=True)  # what follows may tell that it was cut
-        inner = end if roles and _may_begin(data, end) else _next_sound(data, at + 1, size, last=self.last)
+        inner = end if roles and _may_begin(data, end) else _next_sound(data, at + 1, size, last=self.last, before=end)
         if inner >= end:
             return _Onward(end, (at, end, roles))
         return _Onward(at, waits=True) if inner < size and not _is_whole(data, inner) else _Onward(inner)
@@ -215,7 +216,7 @@ def frames_in(
 
 def _next_frame(data: bytes, at: int, stop: int, edges: ReadEdges, *, last: bool) -> int:
     """Where, from `at` on, the next frame begins: one whose function predicts its length, or one that begins a read."""
-    sound = _next_sound(data, at, stop, last=last)
+    sound = _next_sound(data, at, stop, last=last, before=stop)
     read = at if edges.begins(at) else edges.following(at)
     while read is not None and read < sound:
         if _may_begin(data, read):
@@ -234,13 +235,14 @@ def _may_begin(data: bytes, at: int) -> bool:
     return not any(head[2:5]) and (len(head) < _BEFORE or head[5] in _LENGTHS)
 
 
-def _next_sound(data: bytes, at: int, stop: int, *, last: bool) -> int:
+def _next_sound(data: bytes, at: int, stop: int, *, last: bool, before: int) -> int:
     """Where, from `at` on and before `stop`, a frame begins whose function predicts its header's length; else `stop`.
 
-    Unless these bytes are the last ones, where more of them might be one.
+    Unless these bytes are the last ones, where more of them might be one. None behind `before` is looked for.
     """
+    most = min(before + _ZEROS, stop)
     while at < stop:
-        at = data.find(b"\0\0\0", at + 2, stop) - 2  # protocol, and the upper byte of the length
+        at = data.find(b"\0\0\0", at + 2, most) - 2  # protocol, and the upper byte of the length
         if at < 0:
             return stop if last else _tail(data, stop)
         end = at + _BEFORE + data[at + 5] if at + _BEFORE <= stop else stop + 1
