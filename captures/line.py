@@ -6,8 +6,7 @@ it is read and written here once. Keys that are not settings are kept as text, s
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from math import ceil
 from typing import Any
@@ -60,10 +59,17 @@ class LineSettings:
         settings: dict[str, object] = {}
         notes: dict[str, str] = {}
         complaints: list[str] = []
-        said: dict[str, Any] = {_OTHER_NAMES.get(key, key): value for key, value in header.items()}
-        with suppress(KeyError, TypeError):
-            parts = said["data_bits"], _PARITY_BITS[said["parity"]], ceil(said.get("stop_bits", 1))
-            said.setdefault("char_bits", 1 + sum(parts))
+        said: dict[str, Any] = dict(header)
+        for name, ours in _OTHER_NAMES.items():
+            if ours not in said and _IN_PARTS[ours](said.get(name)):  # else it is a note of that name
+                said[ours] = said.pop(name)
+        parts = {
+            "data_bits": said.get("data_bits"),
+            "parity": said.get("parity"),
+            "stop_bits": said.get("stop_bits", 1),
+        }
+        if all(_IN_PARTS[name](value) for name, value in parts.items()):
+            said.setdefault("char_bits", _character_bits(*parts.values()))
         for key, value in said.items():
             if value is None:
                 continue
@@ -103,8 +109,13 @@ class LineSettings:
         if (parity, bits, stop) == (None, None, None):
             return line
         if bits is None and self.char_bits is not None and self.parity is not None and self.stop_bits is not None:
-            bits = self.char_bits - 1 - (self.parity != "N") - ceil(self.stop_bits)
-        return replace(line, char_bits=1 + (bits or 8) + (line.parity not in (None, "N")) + ceil(line.stop_bits or 1))
+            bits = self.char_bits - _character_bits(0, self.parity, self.stop_bits)
+        return replace(line, char_bits=_character_bits(bits or 8, line.parity or "N", line.stop_bits or 1))
+
+
+def _character_bits(data: int, parity: str, stop: float) -> int:
+    """Bits of a character on the wire, its start bit too; half a stop bit counts as one."""
+    return 1 + data + (parity != "N") + ceil(stop)
 
 
 def _whole(value: object, low: int, high: int) -> bool:
@@ -118,7 +129,7 @@ _RULES = {
     "stop_bits": lambda value: not isinstance(value, bool) and value in (1, 1.5, 2),
     "tap": lambda value: isinstance(value, str),
 }
-_PARITY_BITS = {"N": 0, "E": 1, "O": 1, "M": 1, "S": 1}
+_IN_PARTS: Mapping[str, Callable[[Any], bool]] = {**_RULES, "data_bits": lambda value: _whole(value, 5, 8)}
 _OTHER_NAMES = {"bits": "data_bits", "stop": "stop_bits", "baudrate": "baud"}  # by which loggers call them as well
 
 

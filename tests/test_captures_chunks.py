@@ -144,6 +144,13 @@ def test_settings_keep_what_they_do_not_know() -> None:
         ({"parity": "N", "data_bits": "8"}, None, {"data_bits": "8"}),
         ({"data_bits": 8}, None, {"data_bits": "8"}),
         ({"char_bits": 11, "parity": "N", "data_bits": 8, "stop_bits": 1}, 11, {"data_bits": "8"}),
+        ({"char_bits": 10, "stop_bits": 1, "stop": "14:00"}, 10, {"stop": "14:00"}),
+        (
+            {"stop": "14:00", "bits": [1], "baudrate": "fast"},
+            None,
+            {"stop": "14:00", "bits": "[1]", "baudrate": "fast"},
+        ),
+        ({"parity": "N", "data_bits": 8, "stop": float("inf")}, 10, {"data_bits": "8", "stop": "Infinity"}),
     ],
 )
 def test_a_character_may_be_told_in_parts_as_ports_are_set_up(
