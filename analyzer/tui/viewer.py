@@ -29,10 +29,11 @@ def heed_lost_terminal(app: App[Any]) -> None:
     if sys.platform == "win32":
         return
     poller = select.poll()
-    poller.register(cast(TextIO, sys.__stdin__), 0)  # POLLHUP and POLLERR are told unasked
+    poller.register(cast(TextIO, sys.__stdin__), 0)  # POLLHUP is told unasked
 
     def look() -> None:
-        if poller.poll(0):
+        told = [event for _, event in poller.poll(0)]  # macOS also tells that it cannot look at a terminal
+        if select.POLLHUP & sum(told):
             cast(Any, app._driver).exit_event.set()  # `disable_input` would write to it first
             timer.stop()
 
