@@ -94,6 +94,20 @@ def test_units_that_fall_silent_all_at_once_do_not_restart_each_for_itself() -> 
     assert "5, 6, 7, 8" in found[0].text
 
 
+def test_units_that_fall_asleep_one_after_the_other_do_not_fall_silent_together() -> None:
+    """A client that asks sleepers in each twentieth round, one by one, twice each: every such probe was an outage."""
+    asleep_from = {SILENT: 40, OTHERS[0]: 80, OTHERS[1]: 120}
+    sent: list[Sent] = []
+    for turn in range(240):
+        sleepers = [unit for unit, since in asleep_from.items() if turn >= since]
+        for unit in (SILENT, *OTHERS):
+            if unit not in sleepers:
+                sent += [(250.0, read_of(unit)), (5.0, answer_of(unit, turn))]
+        if turn % 20 == 0:
+            sent += [(500.0, read_of(unit)) for unit in sleepers for _ in range(2)]
+    assert "all-silent" not in {cause for cause, _ in named(causes(sent))}
+
+
 def test_a_part_of_the_bus_that_is_cut_off_is_one_cause() -> None:
     found = _causes(_silence(_bench(), lambda t: t >= 30 * SECOND, SILENT, OTHERS[0]))
     assert [cause.cause for cause in found] == ["all-silent"]

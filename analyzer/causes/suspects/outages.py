@@ -208,9 +208,10 @@ def _runs(evidence: Evidence, units: Sequence[int]) -> Iterator[dict[int, Spell]
     for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
         after = times[begin - 1] if begin else None
         before = times[end] if end < len(times) else None
-        fallen = np.unique(rows.unit[begin:end][~still[begin:end]])
-        run = rows[begin:end][np.isin(rows.unit[begin:end], fallen)]
-        parts = {unit: np.flatnonzero(rows.unit[begin:end] == unit) + begin for unit in fallen.tolist()}
+        run = rows[begin:end]
+        fallen = np.unique(run.unit[~still[begin:end]])
+        parts = {unit: np.flatnonzero(run.unit == unit) + begin for unit in fallen.tolist()}
+        run = run[np.isin(run.unit, fallen)]
         if np.count_nonzero(~run.repeats) >= _RUN if len(parts) > 1 else len(run) > 1:
             yield {
                 unit: Spell(times[mine[0]], times[mine[-1]], len(mine), after, before) for unit, mine in parts.items()

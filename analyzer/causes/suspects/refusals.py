@@ -144,9 +144,7 @@ def _suspicion(
         since=min(poll.first for poll in polls),
         until=max(poll.last for poll in polls),
         lost_answers=hits,
-        frames=tuple(
-            index for unit in units for index in evidence.ledger.units[unit].examples.get(Ending.EXCEPTION, [])
-        ),
+        frames=examples((evidence.ledger.units[unit] for unit in units), Ending.EXCEPTION),
     )
 
 
