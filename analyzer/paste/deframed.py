@@ -34,7 +34,7 @@ _SIDES: Final = ("", "request", "response")  # by marks
 
 def deframed(parts: Sequence[PastePart], envelope: Envelope, roles: Sequence[Role]) -> list[Piece]:
     """The deframer's frames, and the noise between them; with times where every part has one."""
-    kinds = _kinds(parts) if envelope == "auto" else [envelope] * len(parts)
+    kinds = _envelopes(parts) if envelope == "auto" else [envelope] * len(parts)
     ports = [*dict.fromkeys(kinds)]
     side = roles[0].name.lower() if len(roles) == 1 else _only_side(parts)
     capture = _captured(parts, [ports.index(kind) for kind in kinds], {
@@ -65,7 +65,7 @@ def _captured(parts: Sequence[PastePart], ports: Sequence[int], notes: dict[str,
     return Capture.of(LineSettings(notes=notes), chunks, timed=timed)
 
 
-def _kinds(parts: Sequence[PastePart]) -> list[str]:
+def _envelopes(parts: Sequence[PastePart]) -> list[str]:
     """The envelope of each part by its own check values; of one that has none that before it, or the first behind."""
     own = [envelope_of(part.data) for part in parts]
     latest = next((kind for kind in own if kind is not None), "")
@@ -74,10 +74,11 @@ def _kinds(parts: Sequence[PastePart]) -> list[str]:
 
 def _only_side(parts: Sequence[PastePart]) -> str:
     """The direction of a client's text that marks one side alone, if its frames read alike both ways."""
-    marks = {part.mark for part in parts}
+    side, *others = {_SIDES[part.mark] for part in parts}
+    if others or not side:
+        return ""
     spans = [span for part in parts for span in judge(part.data)]
-    alike = len(marks) == 1 and len(spans) >= len(parts) and all(span.repeats for span in spans)
-    return _SIDES[marks.pop()] if alike else ""
+    return side * (len(spans) >= len(parts) and all(span.repeats for span in spans))
 
 
 def _placed(piece: Piece, data: bytes, places: Sequence[int]) -> Iterator[Piece]:
