@@ -329,7 +329,7 @@ def test_what_comes_before_a_cut_is_read(suffix: str, lines: int, tmp_path: Path
 
 @pytest.mark.parametrize("suffix", PACK)
 def test_packed_parts_end_to_end_are_one_file(suffix: str, tmp_path: Path) -> None:
-    log = _log(1300)
+    log = _log(180, 240)
     (tmp_path / "bus.log").write_bytes(log)
     path = tmp_path / f"bus.log.{suffix}"
     path.write_bytes(PACK[suffix](log[:67_000]) + PACK[suffix](log[67_000:]))
