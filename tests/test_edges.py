@@ -586,7 +586,7 @@ SEEDS = [
 
 
 @pytest.mark.parametrize("which", range(len(SEEDS)))
-@settings(FILES, max_examples=60)
+@settings(FILES, max_examples=25)  # of each format
 @given(data=st.data())
 def test_damaged_bytes_never_crash_a_reader(tmp_path: Path, which: int, data: st.DataObject) -> None:
     content = bytearray(SEEDS[which])
