@@ -138,7 +138,7 @@ class Bench:
             errors = [i for i, octet in enumerate(part) if octet.error] if self.marks_errors else []
             character = tap.uart.char_ns
             delivered = TAPS[self.tap_name].deliver(data, times, self.random, character)
-            damaged = with_errors(delivered, errors) if errors else delivered
+            damaged = with_errors(delivered, errors)
             chunks += [replace(chunk, port=port) for chunk in damaged] if port else damaged
         return sorted(chunks, key=lambda chunk: chunk.t_ns)
 

@@ -216,8 +216,7 @@ class FieldUnit:
         if self.envelope is ASCII:
             adu = ASCII.take(data)
             return adu if adu[:1] in (b"\0", bytes((self.unit,))) else None
-        spoilt = [i for i, octet in enumerate(recent) if octet.error]
-        first = spoilt[-1] + 1 if spoilt else 0
+        first = max((at for at, octet in enumerate(recent, 1) if octet.error), default=0)
         starts = [0] if not self.lenient else range(first, max(first + 1, len(data) - 7))
         for start in starts:
             adu = data[start:]
