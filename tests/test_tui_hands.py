@@ -243,6 +243,7 @@ def test_who_leaves_twice_arrives_at_the_second_place(capture: Path, tmp_path: P
         for file in files:
             sitting.app.leave(NextFile(file))
         await sitting.until(lambda: sitting.app.desk.source.path == files[-1] and sitting.bus.whole)
+        await sitting.until(lambda: not sitting.app._leaving)  # it has arrived, else the first of two is not gone to
         sitting.app.leave(NextFile(files[0]))
         sitting.app.leave()
         await sitting.until(lambda: sitting.app.return_code is not None)
