@@ -172,12 +172,32 @@ def test_the_start_screen_takes_bytes_a_file_and_what_is_at_hand() -> None:
 
 @pytest.mark.parametrize(
     ("arguments", "crc"),
-    [(["11", "03", "00", "6B", "00", "03"], "76 87"), (["1103006B0003"], "76 87"), ([REQUEST], "76 87")],
-)
+    [
+        (["11", "03", "00", "6B", "00", "03"], "76 87"), (["1103006B0003"], "76 87"), ([REQUEST], "76 87"),
+        ([r"\x11\x03\x00\x6b\x00\x03"], "76 87"), (["{0x11, 0x3, 0x00, 0x6B, 0, 0x3}"], "76 87"),
+        (["11 3 0 6B 0 3"], "76 87"), (["17 3 0 107 0 3"], "76 87"), (["11-03-00-6b-00-03"], "76 87"),
+        ([":1103006B0003"], "76 87"), ([":1103006B00037E"], "76 87"),
+    ],
+)  # fmt: skip
 def test_crc_gives_the_whole_frame(capsys: pytest.CaptureFixture[str], arguments: list[str], crc: str) -> None:
     done = ran(capsys, "crc", *arguments)
     assert done.status == 0
     assert f"CRC    {crc}" in done.out and f"RTU    {REQUEST}" in done.out and ":1103006B00037E" in done.out
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ("11 O3 00 6B 00 03", "O3"), ("11 03 00 6\N{CYRILLIC CAPITAL LETTER VE} 00 03", "6\N{CYRILLIC CAPITAL LETTER VE}"),
+        ("11 03 00 6B 00 0G", "0G"), ("11 03 00 6B 00 0", "0"), ("1103006B003", "1103006B003"), ("256 3 0 1", "256"),
+        ("10 3 0 10 0 3", "10"), ("0x 11 03", "0x"), ("Tx 11 03", "Tx"),
+    ],
+)  # fmt: skip
+def test_crc_leaves_nothing_out(capsys: pytest.CaptureFixture[str], text: str, word: str) -> None:
+    """What it prints is sent: a byte that is mistyped, or may be hex or decimal, is named and not dropped."""
+    done = ran(capsys, "crc", text)
+    assert done.status == 2 and not done.out
+    assert f"'{word}' " in done.err
 
 
 def test_info_tells_what_a_capture_is(capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
+
+from dissectors.values import harmless
 
 from ..languages import tr
 from .commands import DONE, UsageError
@@ -12,6 +15,9 @@ EXAMPLE = """\
 rtuscope crc 11 03 00 6B 00 03
 rtuscope crc --json 1103006B0003"""
 _LONGEST = 65_536  # bytes: far more than any frame
+_BYTE = 255
+_HEX = frozenset("0123456789abcdefABCDEF")
+_BETWEEN = str.maketrans(",;:-|[]{}()", " " * 11)
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -47,21 +53,56 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _bytes(text: str) -> bytes:
-    """The bytes that a text gives, all of them."""
-    from captures.errors import HexError
-    from captures.hexwords import read_text
+    """The bytes that a text gives, all of it, for the frame is sent: what is no byte, or may be another, is refused."""
+    from dissectors.crc import lrc
 
-    digits = text.replace("0x", " ").replace("\\x", " ").replace(",", " ")
-    try:
-        data = bytes.fromhex("".join(digits.split()))
-    except ValueError:
-        try:
-            data = b"".join(words.data for words in read_text(text))
-        except HexError as error:
-            raise UsageError(str(error)) from error
+    is_ascii = text.startswith(":")
+    words = text.removeprefix(":").replace("\\x", " 0x").translate(_BETWEEN).split()
+    data = _octets(["".join(words)] if is_ascii else words)
+    if is_ascii and len(data) > 2 and lrc(data[:-1]) == data[-1]:
+        data = data[:-1]
     if not 0 < len(data) <= _LONGEST:
         raise UsageError(f"{len(data):,} bytes: a check value needs 1 to {_LONGEST:,} bytes")
     return data
+
+
+def _octets(words: Sequence[str]) -> bytes:
+    """The bytes of words: pairs of hex digits, with 0x or not; hex or decimal numbers without zeros before them."""
+    plain = [word for word in words if not _is_marked(word)]
+    digits = [word[2:] if _is_marked(word) else word for word in words]
+    for word, shown in zip(words, digits, strict=True):
+        if not shown or not set(shown) <= _HEX:
+            raise _no_byte(word)
+    odd = [word for word in plain if len(word) % 2]
+    if odd and any(word.startswith("0") for word in plain if len(word) > 1):
+        raise _no_byte(odd[0])  # a digit of it is lost: zeros are written
+    if odd and all(map(str.isdigit, plain)):
+        longest = max(map(len, plain))
+        return b"".join(_pairs(word[2:]) if _is_marked(word) else _decimal(word, longest) for word in words)
+    if any(len(word) > 1 for word in odd):
+        raise _no_byte(max(odd, key=len))
+    return b"".join(map(_pairs, digits))
+
+
+def _is_marked(word: str) -> bool:
+    return word[:2].lower() == "0x"
+
+
+def _pairs(digits: str) -> bytes:
+    return bytes.fromhex(digits.rjust(len(digits) + len(digits) % 2, "0"))
+
+
+def _decimal(word: str, longest: int) -> bytes:
+    """A number among decimal digits alone, which are hex just as well unless the longest has three."""
+    if not int(word) <= _BYTE:
+        raise _no_byte(word)
+    if int(word) in range(10, 100) and longest < len(str(_BYTE)):
+        raise UsageError(f"'{word}' may be hex or decimal: write two hex digits for each byte, or 0x{word}")
+    return bytes((int(word),))
+
+
+def _no_byte(word: str) -> UsageError:
+    return UsageError(f"'{harmless(word)}' is no byte: write two hex digits for each, such as 11 03 00 6B")
 
 
 def _spaced(data: bytes) -> str:
