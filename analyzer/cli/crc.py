@@ -15,7 +15,7 @@ EXAMPLE = """\
 rtuscope crc 11 03 00 6B 00 03
 rtuscope crc --json 1103006B0003"""
 _LONGEST = 65_536  # bytes: far more than any frame
-_BYTE = 255
+_BYTE, _DIGITS = 255, 3
 _HEX = frozenset("0123456789abcdefABCDEF")
 _BETWEEN = str.maketrans(",;:-|[]{}()", " " * 11)
 
@@ -94,9 +94,9 @@ def _pairs(digits: str) -> bytes:
 
 def _decimal(word: str, longest: int) -> bytes:
     """A number among decimal digits alone, which are hex just as well unless the longest has three."""
-    if not int(word) <= _BYTE:
+    if len(word) > _DIGITS or int(word) > _BYTE:
         raise _no_byte(word)
-    if int(word) in range(10, 100) and longest < len(str(_BYTE)):
+    if int(word) in range(10, 100) and longest < _DIGITS:
         raise UsageError(f"'{word}' may be hex or decimal: write two hex digits for each byte, or 0x{word}")
     return bytes((int(word),))
 
