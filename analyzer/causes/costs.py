@@ -202,9 +202,10 @@ def untimely(evidence: Evidence, unit: UnitLedger) -> tuple[float, int]:
     many: they come sooner than the unit ever answers else, or most of them sooner or later, and the master gave up by its
     timer."""
     successors = evidence.ledger.successors
-    if unit.unit not in successors.delays or not evidence.is_open(Symptom.LATENESS, unit.unit):
+    behind, usual = successors.delays(unit.unit), successors.usual(unit.unit).numbers
+    if not len(behind) or not evidence.is_open(Symptom.LATENESS, unit.unit):
         return 0.0, 0
-    own, usual = successors.delays[unit.unit].numbers, successors.usual[unit.unit].numbers
+    own = behind.numbers
     if len(usual) < 3 * _LEAST or not given_up_by_timer(evidence, unit):
         return 0.0, 0
     off = evidence.verdict.wait_ns
@@ -214,4 +215,4 @@ def untimely(evidence: Evidence, unit: UnitLedger) -> tuple[float, int]:
     if np.count_nonzero(odd) >= _MOSTLY * len(own):
         found.append((odd, 1 / len(usual) + 1 - _LONGEST))
     bits, mine = max((surplus_bits(int(which.sum()), len(own), chance), int(which.sum())) for which, chance in found)
-    return (bits, round(len(successors.delays[unit.unit]) * mine / len(own))) if bits >= _SURE_BITS else (0.0, 0)
+    return (bits, round(len(behind) * mine / len(own))) if bits >= _SURE_BITS else (0.0, 0)

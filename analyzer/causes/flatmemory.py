@@ -27,6 +27,11 @@ class Thinned:
     _stride: int = 1
     _ordered: Float64s | None = None  # once somebody asks for a quantile
 
+    @classmethod
+    def of(cls, numbers: NDArray[Any], weight: float) -> Thinned:
+        """Numbers each of which stands for so many."""
+        return cls(round(len(numbers) * weight), float(numbers.sum()) * weight, numbers.astype(np.float64))
+
     def __len__(self) -> int:
         return self.count
 

@@ -16,6 +16,7 @@ from dissectors.lengths import Role, rule
 from dissectors.limits import EXCEPTION
 
 from ..deframing.tap_clock import UNKNOWN, TimeTrust, silences
+from ..tables.schema import Float64s
 from ..tables.transactions import ECHOED
 from .contrasts import HITS_OF, NO_CONTRAST, Contrast, Family, contrasts
 from .exchanges import Ending
@@ -104,8 +105,15 @@ class LedgerView:
     @kept
     def rows(self, unit: int) -> AskedRows:
         """The exchanges of a unit, or an even part of them."""
-        every = self.ledger.table.rows
-        return every[every.unit == unit]
+        table = self.ledger.table
+        return table.even(table.of(unit))
+
+    def waits_in_vain(self, poll: Poll) -> Float64s:
+        """From requests of a poll that stayed without an answer to the next request of any (ns)."""
+        rows = self.rows(poll.unit)
+        mine = (rows.function == poll.function) & (rows.address == poll.address) & (rows.quantity == poll.quantity)
+        found: Float64s = rows.wait[mine & (rows.outcome == Ending.SILENT) & (rows.wait >= 0)].astype(np.float64)
+        return found
 
     @kept
     def contrasts(self, symptom: Symptom, unit: int) -> list[Contrast]:

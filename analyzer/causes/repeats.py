@@ -196,7 +196,7 @@ def answers_like_requests(evidence: Evidence, unit: UnitLedger) -> int:
     soon = waits <= (UNKNOWN if longest is None else longest + evidence.verdict.wait_ns)
     if soon.all() or not soon.any() or np.median(waits[~soon]) < _IN_VAIN * np.median(waits[soon]):
         return 0  # nobody knows how long it waits in vain
-    return round(int(np.count_nonzero(soon)) * evidence.ledger.table.weight)
+    return round(int(np.count_nonzero(soon)) * evidence.ledger.table.weight_of(rows))
 
 
 def only_displaced(evidence: Evidence, unit: UnitLedger) -> bool:
