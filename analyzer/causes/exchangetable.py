@@ -20,7 +20,7 @@ from ..tables.transactions import ECHOED, NEVER
 from .exchanges import Ending, Exchanges
 from .flatmemory import Thinned
 
-_MOST: Final = 1 << 13  # rows of a bus, about, of each way to end
+_MOST: Final = 1 << 14  # rows of a bus, about, of each way to end
 _LEAST: Final = 1 << 8  # and of a unit, whatever the units are
 _SPREAD: Final = np.uint64(0x9E3779B97F4A7C15)  # the golden ratio: multiples of it lie evenly
 _KNOWN: Final = np.isin(np.arange(256), (Ending.OK, Ending.EXCEPTION, Ending.SILENT, Ending.GARBAGE))

@@ -21,7 +21,6 @@ _SURE_BITS: Final = 16.0
 _ALONE_BITS: Final = 40.0  # where nothing else tells it
 _SOONER: Final = 0.85
 _HURRIED: Final = 5  # answers, each of which would come so by chance once in ten times at the most
-_OTHERS: Final = 2
 _STEADY: Final = 0.3
 _FAR_SLOWER: Final = 3.0
 
@@ -134,40 +133,3 @@ def _sooner(evidence: Evidence, unit: UnitLedger) -> bool:
 
 def _rate_bits(hits: int, misses: int) -> float:
     return likelihood_bits(hits, hits + misses, (hits + 0.5) / (hits + misses + 1))
-
-
-def went_on_by_timer(evidence: Evidence, unit: UnitLedger) -> int:
-    """Slow answers of a unit behind which the next request comes sooner than it ever does behind those of others.
-
-    A master that has given up sends its next request by its own timeout, whatever comes in between.
-    """
-    others = [other for other in evidence.units if other.unit != unit.unit and len(other.pauses) >= _LEAST]
-    own, delay = unit.pauses.quantile(0.9), unit.delays.quantile(0.5)
-    usual = min((pause for other in others if (pause := other.pauses.quantile(0.1)) is not None), default=None)
-    delays = [value for other in others if (value := other.delays.quantile(0.5)) is not None]
-    if own is None or usual is None or delay is None or not delays or len(unit.pauses) < 3 * _LEAST:
-        return 0
-    if len(delays) < _OTHERS and not _by_timer(unit):
-        return 0  # the one other unit may be the last of a round, behind which the master rests
-    if own > _SOONER * usual or delay < 3 * max(delays) or own < 0 or evidence.verdict.wait_ns > usual - own:
-        return 0
-    timeout = (unit.turns.quantile(0.5) or 0.0) - usual  # as this would tell it
-    return len(unit.pauses) if timeout > max(delays) else 0
-
-
-def all_repeated(evidence: Evidence, unit: UnitLedger) -> int:
-    """Good answers, all slow beside those of others, whose requests are repeated by the master's timer."""
-    delay, others = unit.delays.quantile(0.1), [other for other in evidence.units if other is not unit]
-    delays = [value for other in others if (value := other.delays.quantile(0.5)) is not None]
-    slow = delay is not None and len(delays) >= _OTHERS and delay > _FAR_SLOWER * max(delays)
-    met = unit.behind + unit.count(Ending.GARBAGE)  # a list of one poll repeats it by a timer too, and meets nothing
-    return len(unit.redundant) if slow and met >= _LEAST and repeated_by_timer(unit) else 0
-
-
-def _by_timer(unit: UnitLedger) -> bool:
-    """Whether requests behind those to a unit come after always the same time, though its answers do not."""
-    low, high = unit.turns.quantile(0.1), unit.turns.quantile(0.9)
-    soon, late = unit.delays.quantile(0.1), unit.delays.quantile(0.9)
-    if low is None or high is None or soon is None or late is None:
-        return False
-    return high - low < _STEADY * (late - soon)

@@ -174,16 +174,14 @@ class LedgerView:
 
     def silences(self, unit: UnitLedger) -> Spells:
         """When a unit was silent. Where the clock does not tell how soon an answer came, one that is its request once more
-        may be that request, asked again: it ends no silence of a unit that answers otherwise, nor among several tries."""
+        may be that request, asked again: it ends no silence of a unit that answers otherwise."""
         if self._in_pairs(unit):
             return unit.silences_of_others
         repeats = unit.answered >= 2 * unit.echoes
         if self._tells_haste:  # some come when the master repeats what it asked
             late = unit.echo_delays.above(_AS_LATE * (self.timeout_ns or UNKNOWN))
             repeats = late > 0 and unit.answered > unit.echoes
-        if repeats:
-            return unit.silences_but_echoes
-        return unit.silences if self.verdict.fine else unit.silences_but_tried
+        return unit.silences_but_echoes if repeats else unit.silences
 
     def unanswered(self, unit: UnitLedger) -> int:
         """Requests without a byte of an answer, but for those whose answer is the request once more: two answers to one of

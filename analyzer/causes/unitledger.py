@@ -89,7 +89,6 @@ class UnitLedger:
     echo_delays: Thinned = field(default_factory=Thinned)
     silences: Spells = field(default_factory=Spells)
     silences_but_echoes: Spells = field(default_factory=Spells)  # as if no answers were their request once more,
-    silences_but_tried: Spells = field(default_factory=Spells)  # or none to a request that comes several times
     silences_of_others: Spells = field(default_factory=Spells)  # of requests whose answer reads otherwise than they
     refusals: Spells = field(default_factory=Spells)
     samples: Samples = field(default_factory=Samples)  # without a good answer
@@ -173,7 +172,7 @@ class UnitLedger:
                 few += mine.request[outcome == kind][: _EXAMPLES - len(few)].tolist()
         if answered := int(counts[_OK] + counts[_EXCEPTION]):
             self._add_answers(mine)
-        spells = (self.silences, self.silences_but_echoes, self.silences_but_tried, self.silences_of_others)
+        spells = (self.silences, self.silences_but_echoes, self.silences_of_others)
         if counts[_SILENT] or counts[_GARBAGE] or self.silences_but_echoes.is_open:
             self._add_silences(mine, times, spells)
         elif answered:
@@ -189,7 +188,7 @@ class UnitLedger:
         self.strayed += int(np.count_nonzero((outcome == _SILENT) & (mine.noise > 0)))
         heard = (outcome != _UNHEARD) & (outcome != _ECHO)  # what a tap shows of its own ends no silence
         echoes = _are_echoes(mine)
-        but = (np.zeros_like(echoes), echoes, echoes & (mine.repeats | mine.next_same), ECHOED[mine.function])
+        but = np.zeros_like(echoes), echoes, ECHOED[mine.function]
         for each, left_out in zip(spells, but, strict=True):
             which = heard & ~left_out
             ended = outcome[which]
