@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from ..deframing.tap_clock import UNKNOWN
+from ..tables.schema import NO_GAP
 from ..tables.transactions import NEVER
 from .bits import surplus_bits
 from .evidence import Evidence
@@ -52,12 +53,10 @@ def _ended(evidence: Evidence, unit: UnitLedger, *outcomes: Ending) -> LostAnswe
         lost += 2 * evidence.silent_but_for(unit, Behind.REQUEST)  # the one in pieces as well
     if not evidence.ledger.timed:
         return LostAnswers(lost)
-    most = _longest_wait(evidence, unit)
-    waited, known = 0.0, 0
-    for outcome, waits in ((Ending.SILENT, unit.waits), (Ending.GARBAGE, unit.garbage_waits)):
-        if outcome in outcomes and len(waits):
-            waited += float(np.clip(waits.numbers, 0, most).mean()) * len(waits)
-            known += len(waits)
+    rows = evidence.ledger.table.of(unit.unit)
+    rows = rows[np.isin(rows.outcome, outcomes) & ~rows.good & (rows.wait != NO_GAP)]
+    weights = evidence.ledger.table.weights(rows)
+    waited, known = float(np.clip(rows.wait, 0, _longest_wait(evidence, unit)) @ weights), float(weights.sum())
     if not known or waited < evidence.verdict.wait_ns * known:
         return LostAnswers(lost)  # of requests that a tap passes on at once nobody knows what was between them
     return LostAnswers(lost, round(min(waited, evidence.ledger.span_ns) / 1e6, 3))

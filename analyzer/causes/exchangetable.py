@@ -45,6 +45,7 @@ class AskedRows(Columns):
     due: Int32s  # bytes of a right answer, 0 where nobody knows
     outcome: UInt8s
     exception: UInt8s
+    got: Int16s  # as `analyzer.requests` counts it
     heard: Int32s  # bytes behind it that belong to no right frame
     rest: Int64s  # ns of silence before it; NO_GAP
     wait: Int64s  # ns to the next request, below 0 where a tap's times say so; NO_GAP where there is none
@@ -69,6 +70,12 @@ class AskedRows(Columns):
         """Which got a whole answer; an exception is one."""
         found: Bools = self.outcome <= Ending.EXCEPTION
         return found
+
+    @property
+    def poll(self) -> Int64s:
+        """What is asked for in one number, as in `Exchanges`."""
+        of = self.unit.astype(np.int64) << 40 | self.function.astype(np.int64) << 32
+        return of | self.address.astype(np.int64) << 16 | self.quantity
 
     @property
     def rested(self) -> Int64s:
@@ -176,7 +183,7 @@ class ExchangeTable:
         self._count += len(exchanges)
         return AskedRows(
             times, numbers, exchanges.unit, exchanges.function, (poll >> 16 & 0xFFFF).astype(np.int32),
-            (poll & 0xFFFF).astype(np.int32), exchanges.due, exchanges.outcome, exchanges.exception, exchanges.noise,
+            (poll & 0xFFFF).astype(np.int32), exchanges.due, exchanges.outcome, exchanges.exception, exchanges.got, exchanges.noise,
             exchanges.gap_before, _since_asked(exchanges, exchanges.t_next), exchanges.delay,
             _since_asked(exchanges, exchanges.t_answered), exchanges.answer_gap, exchanges.hole, exchanges.hole_at,
             units[1:-1], units[:-2], outcomes[:-1], *self._neighbours.of(exchanges), exchanges.repeats,

@@ -80,12 +80,8 @@ def asked_again_though_slow(evidence: Evidence, unit: UnitLedger) -> Slow:
         return _slow_ones(unit, unit.redundant.numbers, unit.heeded.numbers, _SURE_BITS)
     rows = evidence.rows(unit.unit)
     good = rows[(rows.outcome == Ending.OK) & (rows.delay >= 0)]
-    asked = good.function.astype(np.int64) << 32 | good.address.astype(np.int64) << 16 | good.quantity
-    polls, which = np.unique(asked, return_inverse=True)
-    mine = (
-        which == int(np.argmax(np.bincount(which[good.next_same], minlength=len(polls)))) if len(polls) else which > 0
-    )
-    delays = good.delay.astype(np.float64)
+    polls, times = np.unique(good.poll[good.next_same], return_counts=True)
+    mine, delays = good.poll == polls[times.argmax() :][:1].sum(), good.delay.astype(np.float64)
     return _slow_ones(unit, delays[mine & good.next_same], delays[mine & ~good.next_same], _ALONE_BITS)
 
 

@@ -283,19 +283,26 @@ def _surplus(evidence: Evidence, unit: UnitLedger) -> int:
 def timed_by_the_master(evidence: Evidence, unit: UnitLedger) -> list[Signature]:
     """Damaged answers of a unit into which the master's own next request was sent, for it came by its timer: they begin
     just when it gives up, or end always as long behind their request, though the unit answers now sooner, now later."""
-    off, char_ns = evidence.verdict.wait_ns, evidence.ledger.char_ns
     readings = [each for each in evidence.readings(unit) if each.delay >= 0]
+    found = [*_begun_at_timeout(evidence, unit, readings), *asked_again_into(evidence, unit)]
+    if _end_in_step(evidence, readings):
+        found += [each for each in readings if each.damage is not AnswerDamage.HEAD]
+    return [each for each in readings if each in found]
+
+
+def _begun_at_timeout(evidence: Evidence, unit: UnitLedger, readings: Sequence[Signature]) -> Sequence[Signature]:
     timeout, good = evidence.timeout_ns or 0.0, unit.delays.numbers
     begun = [each for each in readings if abs(each.delay - timeout) <= _AT_ONCE * timeout]
     steady = len(good) < _TOLD or strays([each.delay for each in begun]) < _STEADY * strays(good)
-    found = begun if steady and len(begun) >= _TOLD and off < _AT_ONCE * timeout else []
-    run_into = [each for each in readings if each.damage in _RUN_INTO and each.length >= each.due]
-    ends = [each.delay + each.length * char_ns for each in run_into]
-    begun_within = strays([each.delay for each in run_into])
-    if len(ends) >= _TOLD and begun_within > 2 * char_ns and strays(ends) + off < _STEADIER * begun_within + char_ns:
-        found = [*found, *(each for each in readings if each.damage is not AnswerDamage.HEAD)]
-    found = [*found, *asked_again_into(evidence, unit)]
-    return [each for each in readings if each in found]
+    return begun if steady and len(begun) >= _TOLD and evidence.verdict.wait_ns < _AT_ONCE * timeout else ()
+
+
+def _end_in_step(evidence: Evidence, readings: Sequence[Signature]) -> bool:
+    char_ns, run_into = evidence.ledger.char_ns, [each for each in readings if each.damage in _RUN_INTO]
+    run_into = [each for each in run_into if each.length >= each.due]
+    ends, begun = [e.delay + e.length * char_ns for e in run_into], strays([each.delay for each in run_into])
+    steady = strays(ends) + evidence.verdict.wait_ns < _STEADIER * begun + char_ns
+    return len(ends) >= _TOLD and begun > 2 * char_ns and steady
 
 
 def given_up_by_timer(evidence: Evidence, unit: UnitLedger) -> bool:

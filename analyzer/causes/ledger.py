@@ -20,7 +20,6 @@ from dissectors.foreign import NAMES
 from ..deframing.tap_clock import TapClock
 from ..diagnosis.damage.flow_control import IS_FLOW
 from ..options import Options
-from ..requests.history import RequestHistory
 from ..requests.reasons import Unserved
 from ..tables.batch import Batch
 from ..tables.schema import NO_GAP, Bools, Int64s, Kind, Protocol, Rows
@@ -31,7 +30,7 @@ from .exchangetable import ExchangeTable
 from .flatmemory import CrowdedTimes, Thinned, TimeGrid
 from .polls import PollTable
 from .registerstates import StateTable, ValueTable
-from .rowcounts import BACK, count_by_port, count_others, enter_requests
+from .rowcounts import BACK, count_by_port, count_others
 from .samples import sampled
 from .shifts import ShiftLedger
 from .successors import Successors
@@ -74,7 +73,6 @@ class Ledger:
     verdict: ModbusVerdict = field(default_factory=ModbusVerdict)
     units: dict[int, UnitLedger] = field(default_factory=dict)
     polls: PollTable = field(default_factory=PollTable)
-    requests_of: RequestHistory = field(default_factory=RequestHistory)
     table: ExchangeTable = field(default_factory=ExchangeTable)
     states: StateTable = field(default_factory=StateTable)
     values: ValueTable = field(default_factory=ValueTable)
@@ -224,7 +222,6 @@ class Ledger:
         times = exchanges.t_start if self.timed else exchanges.place  # the axis on which things have their order
         self._sample(part, odd)
         self.polls.add(part)
-        enter_requests(self.requests_of, part)
         self.__dict__.pop("reasons", None)
         self.table.timed = self.timed
         self.table.add(exchanges, times)

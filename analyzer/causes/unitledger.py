@@ -58,11 +58,6 @@ def _quiet(rows: AskedRows) -> Bools:
     return _silent(rows) & ~rows.odd & ~echo
 
 
-def _garbage(rows: AskedRows) -> Bools:
-    found: Bools = rows.outcome == _GARBAGE
-    return found
-
-
 @dataclass(slots=True, eq=False)
 class UnitLedger:
     """One unit's exchanges; times in ns."""
@@ -110,8 +105,7 @@ class UnitLedger:
     echo_waits = Stream("wait", lambda rows: rows.doubtful)
     quiet_waits = Stream("wait", _quiet)
     quiet_again = Stream("wait", lambda rows: _quiet(rows) & rows.next_same)
-    garbage_waits = Stream("wait", _garbage)
-    garbage_again = Stream("wait", lambda rows: _garbage(rows) & rows.next_same)
+    garbage_again = Stream("wait", lambda rows: (rows.outcome == _GARBAGE) & rows.next_same)  # of damaged answers
     gaps = Stream("gap", lambda rows: rows.good)  # silence between a request and its answer by the reads
     holes = Stream("hole", lambda rows: rows.good)  # the longest silence inside an answer
 

@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from ..requests.asked import Request, request_of
+from ..requests.got import visits_of
 from ..requests.reasons import ECHOED, Unserved, unserved
 from .evidence import Evidence
 from .exchanges import Ending
@@ -37,7 +38,9 @@ def unserved_of(evidence: Evidence, unit: UnitLedger, *, silent: bool) -> Unserv
 
     known = evidence.ledger.reasons
     if unit.unit not in known:
-        known[unit.unit] = unserved(unit.unit, evidence.ledger.requests_of.visits(unit.unit), read)
+        rows = evidence.rows(unit.unit)
+        visits = visits_of(rows.poll, rows.got.astype(np.int64), rows.next_same)
+        known[unit.unit] = unserved(unit.unit, visits, read)
     found = next((each for each in known[unit.unit] if each.is_silent == silent), None)
     return None if found is not None and silent and _comes_late(evidence, unit, found) else found
 
