@@ -20,11 +20,6 @@ WELL: Final = 0.03  # of stray bytes that hit frames all the same, on a line tha
 _NEARLY_ALL: Final = 0.9
 _NO_REST_CHARS: Final = 3.0
 _SURE_BITS: Final = 30.0
-_ABOUT_ONE: Final = 0.95
-_SPARED: Final = 2  # units
-_MOST_LATE: Final = 0.85  # what one late answer meets may make another late
-_ONE_LATE_BITS: Final = 12.0
-_OFTEN_LATE: Final = 0.15  # of what a unit is asked
 _MOST_HIT: Final = 0.98
 _ABOUT: Final = 20.0  # bytes
 _AT_ONCE: Final = 0.05  # of a timeout
@@ -209,27 +204,6 @@ def spares_requests(evidence: Evidence, hits: Hits) -> bool:
     return surplus_bits(spared, unit.answered, exp(-a_byte * _REQUEST)) >= _SURE_BITS
 
 
-def is_about_one(evidence: Evidence) -> bool:
-    """Whether nearly all that was hit is a unit's or at most two behind what it was asked, and that is no such share of the
-    time that exchanges take: what comes from elsewhere, a second master too, meets whatever is going on.
-
-    Not told where but one other unit is spared: two cycles may keep step, and meet at the same place each time.
-    """
-    successors = evidence.ledger.successors
-    hit = {unit for unit, _ in successors.met if evidence.is_open(Symptom.DAMAGE, unit)}  # but what is explained
-    if len({unit.unit for unit in evidence.units} - hit) < _SPARED:
-        return False
-    every = sum(count for (unit, _), count in successors.met.items() if unit in hit)
-    times = {unit.unit: _mean_time(evidence, unit) for unit in evidence.units}
-    whole = sum(count * times.get(unit, 0.0) for (unit, _), count in successors.followed.items())
-    for one in times:
-        hits = sum(count for (unit, near), count in successors.near_hit.items() if near == one and unit in hit)
-        share = sum(n * times.get(unit, 0.0) for (unit, near), n in successors.near.items() if near == one) / whole
-        if hits >= _ABOUT_ONE * every and surplus_bits(hits, every, share) >= _SURE_BITS:
-            return True
-    return False
-
-
 def interrupted(evidence: Evidence, unit: UnitLedger) -> int:
     """Requests to a unit behind which another came well before it ever answers, for which the master does wait: nobody
     gives up so soon, that is another who sends. They stayed without a byte, or damaged answers begin as one to another."""
@@ -322,28 +296,9 @@ def given_up_by_timer(evidence: Evidence, unit: UnitLedger) -> bool:
 
 
 def late_of_any(evidence: Evidence) -> int:
-    """Answers that came behind another request, whoever sent them, but for those that the master's own timer explains;
-    0 where it is some units that are late, for a second master's requests meet the answers of all."""
-    return 0 if late_units(evidence) else sum(unit.late for unit in _untimed(evidence))
-
-
-def late_units(evidence: Evidence) -> list[UnitLedger]:
-    """Units that are late nearly whenever one is, though others are asked as well; none where the master's timer tells."""
-    units = sorted(_untimed(evidence), key=lambda unit: -unit.late / max(unit.asked, 1))
-    late, asked = sum(unit.late for unit in units), sum(unit.asked for unit in units)
-    mine = of = 0
-    for count, unit in enumerate(units, 1):
-        if count > 1 and unit.late < _OFTEN_LATE * unit.asked:
-            break  # so seldom another master meets those that it meets
-        mine, of = mine + unit.late, of + unit.asked
-        if late and mine >= _MOST_LATE * late and mine * log2(mine * asked / (late * of)) >= _ONE_LATE_BITS * count:
-            return units[:count]
-    return []
-
-
-def _untimed(evidence: Evidence) -> list[UnitLedger]:
+    """Answers that came behind another request, whoever sent them, but for those that the master's own timer explains."""
     units = [unit for unit in evidence.units if evidence.is_open(Symptom.LATENESS, unit.unit)]
-    return [unit for unit in units if not given_up_by_timer(evidence, unit)]
+    return sum(unit.late for unit in units if not given_up_by_timer(evidence, unit))
 
 
 def spared_bits(evidence: Evidence, unit: UnitLedger) -> float:
@@ -363,9 +318,3 @@ def _mean_due(evidence: Evidence, unit: int) -> float:
     polls = evidence.polls_of(unit)
     asked = sum(poll.asked for poll in polls)
     return sum(poll.asked * poll.about_bytes for poll in polls) / asked if asked else _ABOUT
-
-
-def _mean_time(evidence: Evidence, unit: UnitLedger) -> float:
-    """How long an exchange with a unit takes (ns), about."""
-    waits = unit.delays.numbers
-    return _mean_due(evidence, unit.unit) * evidence.ledger.char_ns + (float(waits.mean()) if len(waits) else 0.0)
