@@ -20,6 +20,9 @@ WELL: Final = 0.03  # of stray bytes that hit frames all the same, on a line tha
 _NEARLY_ALL: Final = 0.9
 _NO_REST_CHARS: Final = 3.0
 _SURE_BITS: Final = 30.0
+_MOST_LATE: Final = 0.85  # what one late answer meets may make another late
+_ONE_LATE_BITS: Final = 12.0
+_OFTEN_LATE: Final = 0.15  # of what a unit is asked
 _MOST_HIT: Final = 0.98
 _ABOUT: Final = 20.0  # bytes
 _AT_ONCE: Final = 0.05  # of a timeout
@@ -296,9 +299,28 @@ def given_up_by_timer(evidence: Evidence, unit: UnitLedger) -> bool:
 
 
 def late_of_any(evidence: Evidence) -> int:
-    """Answers that came behind another request, whoever sent them, but for those that the master's own timer explains."""
+    """Answers that came behind another request, whoever sent them, but for those that the master's own timer explains;
+    0 where it is some units that are late, for a second master's requests meet the answers of all."""
+    return 0 if late_units(evidence) else sum(unit.late for unit in _untimed(evidence))
+
+
+def late_units(evidence: Evidence) -> list[UnitLedger]:
+    """Units that are late nearly whenever one is, though others are asked as well; none where the master's timer tells."""
+    units = sorted(_untimed(evidence), key=lambda unit: -unit.late / max(unit.asked, 1))
+    late, asked = sum(unit.late for unit in units), sum(unit.asked for unit in units)
+    mine = of = 0
+    for count, unit in enumerate(units, 1):
+        if count > 1 and unit.late < _OFTEN_LATE * unit.asked:
+            break  # so seldom another master meets those that it meets
+        mine, of = mine + unit.late, of + unit.asked
+        if late and mine >= _MOST_LATE * late and mine * log2(mine * asked / (late * of)) >= _ONE_LATE_BITS * count:
+            return units[:count]
+    return []
+
+
+def _untimed(evidence: Evidence) -> list[UnitLedger]:
     units = [unit for unit in evidence.units if evidence.is_open(Symptom.LATENESS, unit.unit)]
-    return sum(unit.late for unit in units if not given_up_by_timer(evidence, unit))
+    return [unit for unit in units if not given_up_by_timer(evidence, unit)]
 
 
 def spared_bits(evidence: Evidence, unit: UnitLedger) -> float:

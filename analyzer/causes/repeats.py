@@ -15,14 +15,16 @@ from .evidence import HEALTHY, Evidence
 from .exchanges import Ending
 from .rawbytes import ENDING, is_in_ascii
 from .registry import Symptom
-from .signatures import Signature
+from .signatures import Behind, Signature
 from .unitledger import UnitLedger
 
 _HEADER: Final = 3  # of an answer
 _LEAST: Final = 3
 _STRAYS_CHARS: Final = 2.0  # a master's timer
+_REQUEST_CHARS: Final = 8
 _LONGER: Final = 1.5
 _TOLD: Final = 0.5  # of a time: by so much it may be wrong and tell something
+_SELDOM: Final = 0.5  # of the good answers
 _PAUSES: Final = 0.97  # of the client's rests behind good answers,
 _IN_VAIN: Final = 2.0  # times which it waits where there is none
 
@@ -42,6 +44,24 @@ def asked_again_into(evidence: Evidence, unit: UnitLedger) -> list[Signature]:
     if len(again) < _LEAST or strays(again) > reach or off > _TOLD * begun:
         return []  # what a tap holds back and hands over at once comes always as long behind, too
     return [each for each in readings if each.delay - reach < begun < each.delay + each.length * char_ns + reach]
+
+
+def asked_again_behind(evidence: Evidence, unit: UnitLedger) -> int:
+    """About how many good answers have their own request right behind them once more, damaged, though what is well
+    answered is seldom asked again: known again in some, and in others by the time."""
+    if not evidence.is_open(Symptom.BEHIND, unit.unit) or len(unit.redundant) > _SELDOM * len(unit.delays):
+        return 0
+    readings = evidence.followed(unit)
+    begun = [
+        (each.t_behind - sample.t_asked, each.heard.endswith(each.request[-ENDING:]))
+        for sample, each in zip(unit.followed.kept, readings, strict=True)
+        if each.behind in (Behind.REQUEST, Behind.NOISE) and not _ends_alike(each)
+    ]
+    known = [t for t, is_known in begun if is_known]
+    if len(known) < _LEAST:
+        return 0
+    usual, reach = np.median(known), evidence.verdict.wait_ns + _REQUEST_CHARS * evidence.ledger.char_ns
+    return round(unit.followed.offered * sum(abs(t - usual) <= reach for t, _ in begun) / len(readings))
 
 
 def waits_longer(evidence: Evidence, unit: UnitLedger, times: float = _LONGER) -> bool:

@@ -16,10 +16,11 @@ from ..costs import cost_of, kind_bits, kind_of, untimely
 from ..evidence import HEALTHY, Evidence, alone_or_together
 from ..exchanges import Ending
 from ..givenup import asked_again_though_slow, hurried, repeated_by_timer
-from ..hits import given_up_by_timer, interrupted, timed_by_the_master
+from ..hits import given_up_by_timer, interrupted, late_units, timed_by_the_master
 from ..registry import Suspicion, Symptom, suspect
 from ..repeats import (
     answers_like_requests,
+    asked_again_behind,
     asked_again_into,
     only_displaced,
     only_repeats,
@@ -75,7 +76,9 @@ def timeout_too_short(evidence: Evidence) -> Iterator[Suspicion]:
             without = unit.count(Ending.SILENT, Ending.GARBAGE) - late[unit.unit]
             late[unit.unit] += max(min(evidence.begun[unit.unit], without), 0)
     found = [each for unit in evidence.units if (each := _weighed(evidence, unit, late)) is not None]
-    together = [each for each in found if _is_timed(evidence, each.unit)]
+    together = [each for each in found if _is_timed(evidence, each.unit)] or [
+        each for each in found if each.unit in late_units(evidence)
+    ]
     for group in alone_or_together(found, together):
         group.sort(key=lambda each: -each.late / max(each.unit.asked, 1))
         mine = sum(each.late for each in group)
@@ -208,7 +211,7 @@ def _late(evidence: Evidence, unit: UnitLedger) -> int:
         or r in by_timer
     ]
     found += round(unit.count(Ending.GARBAGE) * len(late) / max(len(readings), 1))
-    behind = answers_like_requests(evidence, unit)
+    behind = asked_again_behind(evidence, unit) + answers_like_requests(evidence, unit)
     return found + max(slow.count, quick.count, behind)
 
 
