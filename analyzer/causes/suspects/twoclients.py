@@ -21,9 +21,9 @@ from ..hits import (
     late_of_any,
     requests_evenness_bits,
     requests_part,
+    spells_of_hits,
     timed_by_the_master,
 )
-from ..hittimes import spells_of_hits
 from ..registry import OF_A_LINE, Explained, Suspicion, Symptom, suspect
 from ..repeats import broadcasts_answered
 from ..signatures import Behind, Signature
