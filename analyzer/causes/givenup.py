@@ -21,6 +21,7 @@ _SURE_BITS: Final = 16.0
 _ALONE_BITS: Final = 40.0  # where nothing else tells it
 _SOONER: Final = 0.85
 _HURRIED: Final = 5  # answers, each of which would come so by chance once in ten times at the most
+_OTHERS: Final = 2
 _STEADY: Final = 0.3
 _FAR_SLOWER: Final = 3.0
 
@@ -129,3 +130,12 @@ def _sooner(evidence: Evidence, unit: UnitLedger) -> bool:
 
 def _rate_bits(hits: int, misses: int) -> float:
     return likelihood_bits(hits, hits + misses, (hits + 0.5) / (hits + misses + 1))
+
+
+def all_repeated(evidence: Evidence, unit: UnitLedger) -> int:
+    """Good answers, all slow beside those of others, whose requests are repeated by the master's timer."""
+    delay, others = unit.delays.quantile(0.1), [other for other in evidence.units if other is not unit]
+    delays = [value for other in others if (value := other.delays.quantile(0.5)) is not None]
+    slow = delay is not None and len(delays) >= _OTHERS and delay > _FAR_SLOWER * max(delays)
+    met = unit.behind + unit.count(Ending.GARBAGE)  # a list of one poll repeats it by a timer too, and meets nothing
+    return len(unit.redundant) if slow and met >= _LEAST and repeated_by_timer(unit) else 0
