@@ -55,7 +55,6 @@ class AskedRows(Columns):
     hole: Int64s  # ns, longest silence inside the answer; 0 for none
     hole_at: Int32s  # byte of the answer before which it stands
     before: Int16s  # the unit asked before, -1 for none
-    beyond: Int16s  # and the one before that
     outcome_before: UInt8s  # and what became of the one before
     hanging: Int16s  # the unit of a hanging exchange right before, 0 for none
     owing: Int16s  # the unit whose answer to the newest silent request may still come, or that one; 0 for none
@@ -150,7 +149,7 @@ class ExchangeTable:
     _held: Int64s = field(default_factory=lambda: np.zeros(_UNITS * _SORTS, np.int64))
     _below: Hashes = field(default_factory=lambda: np.full(_UNITS * _SORTS, _ALL, np.uint64))  # what is remembered
     _count: int = 0  # exchanges seen
-    _before: tuple[int, int, int] = (-1, -1, int(Ending.OK))
+    _before: tuple[int, int] = (-1, int(Ending.OK))
     _neighbours: NeighbourUnits = field(default_factory=NeighbourUnits)
     _known: dict[Any, Any] = field(default_factory=dict)  # of the rows as they are
 
@@ -175,10 +174,10 @@ class ExchangeTable:
         return rows[_hash(rows.number) <= self._below[_sorts(rows)]]
 
     def _asked(self, exchanges: Exchanges, times: Int64s) -> AskedRows:
-        poll, (beyond, before, outcome_before) = exchanges.poll, self._before
-        units = np.concatenate(((beyond, before), exchanges.unit)).astype(np.int16)
+        poll, (before, outcome_before) = exchanges.poll, self._before
+        units = np.concatenate(((before,), exchanges.unit)).astype(np.int16)
         outcomes = np.concatenate(((outcome_before,), exchanges.outcome)).astype(np.uint8)
-        self._before = int(units[-2]), int(units[-1]), int(outcomes[-1])
+        self._before = int(units[-1]), int(outcomes[-1])
         numbers = np.arange(self._count, self._count + len(exchanges))
         self._count += len(exchanges)
         return AskedRows(
@@ -186,7 +185,7 @@ class ExchangeTable:
             (poll & 0xFFFF).astype(np.int32), exchanges.due, exchanges.outcome, exchanges.exception, exchanges.got, exchanges.noise,
             exchanges.gap_before, _since_asked(exchanges, exchanges.t_next), exchanges.delay,
             _since_asked(exchanges, exchanges.t_answered), exchanges.answer_gap, exchanges.hole, exchanges.hole_at,
-            units[1:-1], units[:-2], outcomes[:-1], *self._neighbours.of(exchanges), exchanges.repeats,
+            units[:-1], outcomes[:-1], *self._neighbours.of(exchanges), exchanges.repeats,
             exchanges.next_same, exchanges.next_echoed, exchanges.strays, exchanges.late,
         )  # fmt: skip
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import insort
+from collections import Counter
 from dataclasses import dataclass
 from typing import Final
 
@@ -81,8 +82,8 @@ def asked_again_though_slow(evidence: Evidence, unit: UnitLedger) -> Slow:
         return _slow_ones(unit, unit.redundant.numbers, unit.heeded.numbers, _SURE_BITS)
     rows = evidence.rows(unit.unit)
     good = rows[(rows.outcome == Ending.OK) & (rows.delay >= 0)]
-    polls, times = np.unique(good.poll[good.next_same], return_counts=True)
-    mine, delays = good.poll == polls[times.argmax() :][:1].sum(), good.delay.astype(np.float64)
+    polls = Counter(good.poll[good.next_same].tolist()).most_common(1)
+    mine, delays = good.poll == (polls[0][0] if polls else 0), good.delay.astype(np.float64)
     return _slow_ones(unit, delays[mine & good.next_same], delays[mine & ~good.next_same], _ALONE_BITS)
 
 

@@ -47,11 +47,6 @@ class Poll:
         return self.unit << 40 | self.function << 32 | self.address << 16 | self.quantity
 
     @property
-    def key(self) -> int:
-        """Function, address and quantity as one number, as `contrasts` has it."""
-        return (self.function << 32) + (self.address << 16) + self.quantity
-
-    @property
     def end(self) -> int:
         """The address behind the last that it asks for."""
         return self.address + self.quantity

@@ -23,13 +23,8 @@ class Successors:
 
     def __init__(self, table: ExchangeTable) -> None:
         self._table, rows = table, table.kept
-        right, beyond = np.maximum(rows.before, 0), np.maximum(rows.beyond, 0)
         self.asked, self.hit = self._counts(rows, rows.owing)  # the neighbour: one whose answer is missing, 0 for none
-        self.followed, self.met = self._counts(rows, right)  # the one right before
-        self.near, self.near_hit = self._counts(rows, rows.unit)  # one among it and the two before
-        for neighbour, which in ((right, right != rows.unit), (beyond, (beyond != rows.unit) & (beyond != right))):
-            for of, more in zip((self.near, self.near_hit), self._counts(rows[which], neighbour[which]), strict=True):
-                of.update(more)
+        self.followed, self.met = self._counts(rows, np.maximum(rows.before, 0))  # the one right before
 
     def _counts(self, rows: AskedRows, neighbour: NDArray[Any]) -> tuple[Pairs, Pairs]:
         """Of all, and of those that were hit."""

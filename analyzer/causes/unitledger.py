@@ -26,21 +26,22 @@ BUSY: Final = np.isin(np.arange(256), (5, 6))  # acknowledge, server device busy
 _OF_WAIT: Final = ("wait", "rested")
 
 
-@dataclass(frozen=True, slots=True)
 class Stream:
-    """A figure of some exchanges of a unit, as far as it is known."""
+    """A figure of some exchanges of a unit, as far as it is known; read once, until more come."""
 
-    figure: str
-    of: Callable[[AskedRows], Bools]
-    unknown: int = NO_GAP  # where it is not known
+    def __init__(self, figure: str, of: Callable[[AskedRows], Bools], unknown: int = NO_GAP) -> None:
+        self._figure, self._of, self._unknown = figure, of, unknown
+
+    def __set_name__(self, _: type[UnitLedger], name: str) -> None:
+        self._name = name
 
     def __get__(self, unit: UnitLedger, _: type[UnitLedger]) -> Thinned:
-        return unit.table.known((unit.unit, self), lambda: self._read(unit.table, unit.table.of(unit.unit)))
+        return unit.table.known((unit.unit, self._name), lambda: self._read(unit.table, unit.table.of(unit.unit)))
 
     def _read(self, table: ExchangeTable, rows: AskedRows) -> Thinned:
-        by_wait = self.figure in _OF_WAIT
-        known = (rows.wait if by_wait else rows.column(self.figure)) > self.unknown
-        return table.numbers(rows[self.of(rows) & known & (table.timed or not by_wait)], self.figure)
+        by_wait = self._figure in _OF_WAIT
+        known = (rows.wait if by_wait else rows.column(self._figure)) > self._unknown
+        return table.numbers(rows[self._of(rows) & known & (table.timed or not by_wait)], self._figure)
 
 
 def _followed(rows: AskedRows) -> Bools:

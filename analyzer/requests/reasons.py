@@ -96,7 +96,7 @@ def unserved(unit: int, visits: NDArray[np.int64], request_of: Callable[[int], R
         return list(_explained(unit, failing, [poll.request for poll in well], background))
     refused = [poll for poll in failing if _tells_alone(poll)]
     every = sum(sum(poll.got.values()) for poll in polls)
-    if not refused or sum(sum(poll.told.values()) for poll in refused) < _ALWAYS * every:
+    if sum(sum(poll.told.values()) for poll in refused) < _ALWAYS * every:
         return []
     return list(_explained(unit, refused, [], _BACKGROUND))
 
@@ -135,7 +135,7 @@ def _between(failing: list[_Told], well: Sequence[_Told], visits: NDArray[np.int
     marks = np.flatnonzero(np.isin(poll, good))
     answered = (got == Got.ANSWER)[marks]
     for at, (first, last) in enumerate(pairwise(marks.tolist())):
-        if answered[at] and answered[at + 1] and last - first > 1:
+        if answered[at] and answered[at + 1]:
             counts.update(set(poll[first + 1 : last][np.isin(poll[first + 1 : last], bad)].tolist()))
     inner = answered[:-2] & answered[2:]
     trials, chance = int(np.count_nonzero(inner)), int(np.count_nonzero(inner & ~answered[1:-1]))
