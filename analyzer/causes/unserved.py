@@ -50,7 +50,7 @@ def _comes_late(evidence: Evidence, unit: UnitLedger, found: Unserved) -> bool:
     silent = unit.count(Ending.SILENT)
     if all(request.function in ECHOED for request in found.requests):
         late = unit.late if _is_nothing_waited_for(evidence, unit) else 0
-        return late + answers_like_requests(evidence, unit) > _LATE * silent
+        return late + answers_like_requests(evidence, unit) + _hit_behind(evidence, unit) > _LATE * silent
     late = max(unit.late, _heard_elsewhere(evidence, found))
     return late > _LATE * silent or evidence.silent(unit) < _SURE * silent
 
@@ -69,6 +69,14 @@ def _heard_elsewhere(evidence: Evidence, found: Unserved) -> int:
     begins = {begin for begin in begins if len(begin) == _BEGIN}
     readings = (each for unit in evidence.units for each in (*evidence.readings(unit), *evidence.followed(unit)))
     return sum(any(begin in each.heard for begin in begins) for each in readings)
+
+
+def _hit_behind(evidence: Evidence, unit: UnitLedger) -> float:
+    """How many more exchanges right behind silent ones of a unit are hit than else: an answer came when something else was
+    sent."""
+    successors = evidence.ledger.successors
+    rates = (successors.rates(other, unit.unit) for other in successors.behind(unit.unit))
+    return sum(then - then_of * other / max(other_of, 1) for then, then_of, other, other_of in rates)
 
 
 def spaced(request: Request) -> str:

@@ -16,7 +16,7 @@ from ...tables.transactions import NEVER
 from ..bits import surplus_bits
 from ..costs import cost_of_requests, kind_bits, share_of, together
 from ..evidence import HEALTHY, Evidence, alone_or_together
-from ..heads import begun_before, out_of_step_bits
+from ..heads import begun_before, out_of_step_bits, whole_behind_bits
 from ..ledger import STRAY
 from ..registry import OF_A_LINE, Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage, Behind, Signature, is_like_request
@@ -78,7 +78,7 @@ def driver_enabled_late(evidence: Evidence) -> Iterator[Suspicion]:
     for unit in evidence.units:
         readings = evidence.readings(unit)
         if len(readings) >= _LEAST and share_of(readings, "head") < _MOSTLY:
-            bits = out_of_step_bits(evidence, unit)
+            bits = max(out_of_step_bits(evidence, unit), whole_behind_bits(readings))
             if bits > 0:
                 bits += evidence.surplus(unit) + kind_bits(readings, _BEHEADED)
                 yield damage_suspicion(evidence, [unit], bits, {"bytes": 1})
