@@ -26,7 +26,7 @@ BUSY: Final = np.isin(np.arange(256), (5, 6))  # acknowledge, server device busy
 _OF_WAIT: Final = ("wait", "rested")
 
 
-class Stream:
+class UnitFigures:
     """A figure of some exchanges of a unit, as far as it is known; read once, until more come."""
 
     def __init__(self, figure: str, of: Callable[[AskedRows], Bools], unknown: int = NO_GAP) -> None:
@@ -91,24 +91,26 @@ class UnitLedger:
     followed: Samples = field(default_factory=Samples)  # with one, and something behind it
     _counts: list[int] = field(default_factory=list)  # `outcomes`, once somebody asks
 
-    delays = Stream("delay", lambda rows: rows.good, -1)  # of its good answers
-    redundant = Stream(
+    delays = UnitFigures("delay", lambda rows: rows.good, -1)  # of its good answers
+    redundant = UnitFigures(
         "delay", lambda rows: rows.good & rows.next_same, -1
     )  # of those asked for once more all the same
-    heeded = Stream("delay", lambda rows: rows.good & ~rows.next_same, -1)  # and of the others
-    pauses = Stream("rested", _followed)  # from its good answers to the next request
-    redundant_pauses = Stream("rested", lambda rows: _followed(rows) & rows.next_same)  # to the same once more
-    last_pauses = Stream("rested", lambda rows: _followed(rows) & rows.repeats & ~rows.next_same)  # and to another then
-    turns = Stream("wait", _followed)  # from a request that is well answered to the next one
-    redundant_turns = Stream("wait", lambda rows: _followed(rows) & rows.next_same)
-    waits = Stream("wait", _silent)  # of requests that stayed without an answer, to the next request
-    plain_waits = Stream("wait", lambda rows: _silent(rows) & ~rows.doubtful)
-    echo_waits = Stream("wait", lambda rows: rows.doubtful)
-    quiet_waits = Stream("wait", _quiet)
-    quiet_again = Stream("wait", lambda rows: _quiet(rows) & rows.next_same)
-    garbage_again = Stream("wait", lambda rows: (rows.outcome == _GARBAGE) & rows.next_same)  # of damaged answers
-    gaps = Stream("gap", lambda rows: rows.good)  # silence between a request and its answer by the reads
-    holes = Stream("hole", lambda rows: rows.good)  # the longest silence inside an answer
+    heeded = UnitFigures("delay", lambda rows: rows.good & ~rows.next_same, -1)  # and of the others
+    pauses = UnitFigures("rested", _followed)  # from its good answers to the next request
+    redundant_pauses = UnitFigures("rested", lambda rows: _followed(rows) & rows.next_same)  # to the same once more
+    last_pauses = UnitFigures(
+        "rested", lambda rows: _followed(rows) & rows.repeats & ~rows.next_same
+    )  # and to another then
+    turns = UnitFigures("wait", _followed)  # from a request that is well answered to the next one
+    redundant_turns = UnitFigures("wait", lambda rows: _followed(rows) & rows.next_same)
+    waits = UnitFigures("wait", _silent)  # of requests that stayed without an answer, to the next request
+    plain_waits = UnitFigures("wait", lambda rows: _silent(rows) & ~rows.doubtful)
+    echo_waits = UnitFigures("wait", lambda rows: rows.doubtful)
+    quiet_waits = UnitFigures("wait", _quiet)
+    quiet_again = UnitFigures("wait", lambda rows: _quiet(rows) & rows.next_same)
+    garbage_again = UnitFigures("wait", lambda rows: (rows.outcome == _GARBAGE) & rows.next_same)  # of damaged answers
+    gaps = UnitFigures("gap", lambda rows: rows.good)  # silence between a request and its answer by the reads
+    holes = UnitFigures("hole", lambda rows: rows.good)  # the longest silence inside an answer
 
     def count(self, *outcomes: Ending) -> int:
         """How many requests to it ended so."""
