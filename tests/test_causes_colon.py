@@ -26,7 +26,7 @@ def test_a_colon_alone_makes_no_ascii_mode() -> None:
 def test_the_end_of_an_answer_of_unit_58_is_cut_off() -> None:
     data = _ANSWER + crc_bytes(_ANSWER)[:1]
     piece = SampleRow(int(Kind.NOISE), False, False, 58, 10_000_000, 12_000_000, 0, data)
-    sample = Sample(58, 3, REQUEST, 0, Ending.GARBAGE, 9, 0, 0, 500_000_000, 0, (piece,), None, False, 31)
+    sample = Sample(58, 3, REQUEST, Ending.GARBAGE, 9, 0, 0, 500_000_000, (piece,), None, 31)
     found = signature(sample, 1e6, KnownRequests.of([REQUEST]), off_ns=0.0)
     assert (found.damage, found.bytes, found.due) == (AnswerDamage.TAIL, 1, 9)
 

@@ -15,7 +15,7 @@ from scripts import package
 import captures
 from analyzer.causes.certainty import LEAST, MOST, Clues, certainty
 from analyzer.causes.contrasts import Family, contrasts
-from analyzer.causes.exchanges import Exchanges
+from analyzer.causes.exchanges import Ending, Exchanges
 from analyzer.causes.exchangetable import AskedRows, ExchangeTable
 from analyzer.causes.ledger import ledger_of
 from analyzer.causes.leftovers import TEMPLATES
@@ -76,6 +76,19 @@ def test_what_the_table_remembers_hangs_on_the_exchanges_alone(portion: int) -> 
     assert whole.rows.before.tolist() == pieces.rows.before.tolist()
     assert 4000 < len(whole.rows) <= 1 << 14
     assert len(set(np.bincount(whole.rows.unit)[1:] // 1000)) == 1
+
+
+def test_of_what_is_rare_the_table_remembers_all() -> None:
+    many, table = Exchanges.zeros(100_000), ExchangeTable()
+    many.unit[:] = 5
+    many.outcome[::1000] = Ending.SILENT
+    table.add(many, np.arange(len(many)))
+    rows = table.of(5)
+    silent = rows[rows.outcome == Ending.SILENT]
+    assert len(silent) == 100
+    assert table.weight_of(silent) == 1
+    assert len(rows) < len(many) / 4
+    assert table.weights(rows).sum() == pytest.approx(len(many), rel=0.05)
 
 
 nameless = package("nameless")

@@ -23,7 +23,7 @@ def _read(*data: bytes, usual: bytes | None = None) -> Signature:
         SampleRow(int(Kind.NOISE), False, False, 0, 10_000_000 + 2_000_000 * i, 11_000_000 + 2_000_000 * i, 0, each)
         for i, each in enumerate(data)
     )
-    sample = Sample(32, 1, COILS, 0, Ending.GARBAGE, 8, 0, 0, 500_000_000, 0, pieces, usual, False, 32)
+    sample = Sample(32, 1, COILS, Ending.GARBAGE, 8, 0, 0, 500_000_000, pieces, usual, 32)
     return signature(sample, 1e6, KnownRequests.of([COILS, OTHER, read_of(7)]), off_ns=0.0)
 
 
@@ -51,9 +51,7 @@ def _behind_an_answer(*data: bytes, then: SampleRow | None = None) -> Behind:
         SampleRow(int(Kind.NOISE), False, False, 0, 20_000_000 + 2_000_000 * i, 21_000_000 + 2_000_000 * i, 0, each)
         for i, each in enumerate(data)
     )
-    sample = Sample(
-        32, 1, COILS, 0, Ending.OK, 8, 0, 0, 500_000_000, 0, (good, *pieces, *([then] if then else ())), None, False, 7
-    )
+    sample = Sample(32, 1, COILS, Ending.OK, 8, 0, 0, 500_000_000, (good, *pieces, *([then] if then else ())), None, 7)
     return signature(sample, 1e6, KnownRequests.of([COILS, OTHER, read_of(7)]), off_ns=0.0).behind
 
 

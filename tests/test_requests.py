@@ -22,7 +22,7 @@ from analyzer.paste import read, tree
 from analyzer.requests.advice import advice
 from analyzer.requests.asked import Request, request_of
 from analyzer.requests.corrections import REASONS, corrected
-from analyzer.requests.history import Got, RequestHistory
+from analyzer.requests.got import Got, visits_of
 from analyzer.requests.reasons import Unserved, unserved
 from captures.chunks import Capture
 from dissectors.crc import crc_bytes, crc_ok
@@ -36,12 +36,8 @@ Answer = Callable[[int, Request], int]  # the number of a round, a request: what
 
 def _reasons(polls: Sequence[Request], answer: Answer, rounds: int = 20) -> list[Unserved]:
     """The reasons of a unit that is asked these in turn."""
-    history = RequestHistory()
-    for turn in range(rounds):
-        got = np.array([answer(turn, poll) for poll in polls], np.int64)
-        numbers = np.arange(len(polls), dtype=np.int64)
-        history.feed(np.full(len(polls), 7, np.uint8), numbers, got, np.zeros(len(polls), np.bool_))
-    return unserved(7, history.visits(7), lambda number: polls[number])
+    visits = [(i, answer(turn, poll)) for turn in range(rounds) for i, poll in enumerate(polls)]
+    return unserved(7, np.array(visits, np.int64), lambda number: polls[number])
 
 
 def _read(address: int, quantity: int, function: int = 3) -> Request:
@@ -109,13 +105,10 @@ def test_spells_in_which_nothing_is_answered_are_no_reason() -> None:
 
 def test_a_probe_of_a_unit_asleep_is_no_reason() -> None:
     """Only the probe is asked while it sleeps, all else while it does not."""
-    history = RequestHistory()
-    for numbers, got in (([0, 1] * 9, _OK), ([0], _SILENT), ([2] * 30, _SILENT), ([0, 1] * 9, _OK)):
-        which = np.array(numbers, np.int64)
-        again = np.zeros(len(which), np.bool_)
-        history.feed(np.full(len(which), 7, np.uint8), which, np.full(len(which), got, np.int64), again)
+    spells = (([0, 1] * 9, _OK), ([0], _SILENT), ([2] * 30, _SILENT), ([0, 1] * 9, _OK))
+    visits = [(number, got) for numbers, got in spells for number in numbers]
     polls = [_read(0, 8), _read(20, 4), _read(0, 1)]
-    assert not unserved(7, history.visits(7), lambda number: polls[number])
+    assert not unserved(7, np.array(visits, np.int64), lambda number: polls[number])
 
 
 @pytest.mark.parametrize("code", [2, 3, 4])
@@ -136,28 +129,12 @@ def test_an_empty_log_is_no_reason() -> None:
     assert not _reasons([_read(0, 8), _read(9, 20)], lambda _, poll: 4 if poll.quantity > 8 else _OK)
 
 
-@given(st.lists(st.sampled_from((_OK, _SILENT, int(Got.DAMAGE), 2)), max_size=60), st.integers(1, 7))
-def test_retries_end_as_the_last_of_them_does(got: list[int], cut: int) -> None:
-    """However the requests are cut into parts."""
-    histories = RequestHistory(), RequestHistory()
-    for history, size in zip(histories, (max(len(got), 1), cut), strict=True):
-        for at in range(0, len(got), size):
-            part = np.array(got[at : at + size], np.int64)
-            zeros = np.zeros(len(part), np.int64)
-            history.feed(np.full(len(part), 7, np.uint8), zeros, part, np.ones(len(part), np.bool_))
-    one, other = (np.concatenate([np.zeros((0, 2), np.int64), *history.visits(7)]) for history in histories)
-    assert one.tolist() == other.tolist()
-    assert not [code for _, code in one.tolist()[:-1] if code in (_SILENT, Got.DAMAGE)]
-
-
-def test_memory_is_bounded_and_neighbours_stay_neighbours() -> None:
-    history = RequestHistory()
-    for at in range(0, 200_000, 1000):
-        which = np.arange(at, at + 1000, dtype=np.int64)
-        history.feed(np.full(1000, 7, np.uint8), which, np.zeros(1000, np.int64), np.zeros(1000, np.bool_))
-    kept = history.visits(7)
-    assert sum(map(len, kept)) < 5000
-    assert all((np.diff(part[:, 0]) == 1).all() for part in kept)
+@given(st.lists(st.sampled_from((_OK, _SILENT, int(Got.DAMAGE), 2)), min_size=1, max_size=60))
+def test_retries_end_as_the_last_of_them_does(got: list[int]) -> None:
+    again = np.arange(len(got)) < len(got) - 1
+    visits = visits_of(np.zeros(len(got), np.int64), np.array(got, np.int64), again)
+    assert visits[-1].tolist() == [0, got[-1]]
+    assert not [code for _, code in visits.tolist()[:-1] if code in (_SILENT, Got.DAMAGE)]
 
 
 _requests = st.one_of(

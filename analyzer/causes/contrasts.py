@@ -13,7 +13,7 @@ What may be known of a request is a row of `REQUEST_PROPERTIES`; another one nee
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from math import log2
@@ -103,12 +103,6 @@ _ALWAYS: Final = 0.9
 NO_CONTRAST: Final = Contrast("nothing", Family.NOTHING, Parting.EACH, 0.0, Side(0, 0), Side(0, 0))
 
 
-def _poll(rows: AskedRows) -> Figures:
-    found: Figures = (rows.function.astype(np.int64) << 32) + (rows.address.astype(np.int64) << 16)
-    found += rows.quantity
-    return found
-
-
 def _end(rows: AskedRows) -> Figures:
     return np.where(rows.quantity > 0, rows.address + rows.quantity - 1, _UNKNOWN).astype(np.int64)
 
@@ -144,7 +138,7 @@ REQUEST_PROPERTIES: Final = (
     Property("answer-bytes", Family.ASKED, Parting.OVER, lambda rows: np.where(rows.due > 0, rows.due, _UNKNOWN), 1.0),
     Property("address", Family.ASKED, Parting.OVER, lambda rows: rows.address.astype(np.int64), 1.5),
     Property("range-end", Family.ASKED, Parting.OVER, _end, 2.0),
-    Property("poll", Family.ASKED, Parting.EACH, _poll, 2.5),
+    Property("poll", Family.ASKED, Parting.EACH, lambda rows: rows.poll, 2.5),
 )
 CIRCUMSTANCES: Final = (
     Property("rest", Family.BEFORE, Parting.OVER, _rest, 2.0),
@@ -156,22 +150,11 @@ CIRCUMSTANCES: Final = (
 )
 
 
-def silences(rows: AskedRows) -> tuple[Hits, Hits]:
-    """Which requests stayed without an answer, and of which that is known."""
-    return rows.outcome == Ending.SILENT, np.ones(len(rows), np.bool_)
-
-
-def damage(rows: AskedRows) -> tuple[Hits, Hits]:
-    """Which answers are damaged, of those that came."""
-    return rows.outcome == Ending.GARBAGE, rows.outcome != Ending.SILENT
-
-
-def refusals(rows: AskedRows) -> tuple[Hits, Hits]:
-    """Which requests got an exception, of those that were answered."""
-    return rows.outcome == Ending.EXCEPTION, rows.outcome <= Ending.EXCEPTION
-
-
-HITS_OF: Final = {Symptom.SILENCE: silences, Symptom.DAMAGE: damage, Symptom.REFUSAL: refusals}
+HITS_OF: Final[Mapping[Symptom, Callable[[AskedRows], tuple[Hits, Hits]]]] = {  # which show it, of which that is known
+    Symptom.SILENCE: lambda rows: (rows.outcome == Ending.SILENT, np.ones(len(rows), np.bool_)),
+    Symptom.DAMAGE: lambda rows: (rows.outcome == Ending.GARBAGE, rows.outcome != Ending.SILENT),
+    Symptom.REFUSAL: lambda rows: (rows.outcome == Ending.EXCEPTION, rows.good),
+}
 
 
 def contrasts(rows: AskedRows, hits: Hits) -> list[Contrast]:

@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from ..deframing.tap_clock import UNKNOWN
+from ..tables.schema import NO_GAP
 from ..tables.transactions import NEVER
 from .bits import surplus_bits
 from .evidence import Evidence
@@ -52,12 +53,10 @@ def _ended(evidence: Evidence, unit: UnitLedger, *outcomes: Ending) -> LostAnswe
         lost += 2 * evidence.silent_but_for(unit, Behind.REQUEST)  # the one in pieces as well
     if not evidence.ledger.timed:
         return LostAnswers(lost)
-    most = _longest_wait(evidence, unit)
-    waited, known = 0.0, 0
-    for outcome, waits in ((Ending.SILENT, unit.waits), (Ending.GARBAGE, unit.garbage_waits)):
-        if outcome in outcomes and len(waits):
-            waited += float(np.clip(waits.numbers, 0, most).mean()) * len(waits)
-            known += len(waits)
+    rows = evidence.ledger.table.of(unit.unit)
+    rows = rows[np.isin(rows.outcome, outcomes) & ~rows.good & (rows.wait != NO_GAP)]
+    weights = evidence.ledger.table.weights(rows)
+    waited, known = float(np.clip(rows.wait, 0, _longest_wait(evidence, unit)) @ weights), float(weights.sum())
     if not known or waited < evidence.verdict.wait_ns * known:
         return LostAnswers(lost)  # of requests that a tap passes on at once nobody knows what was between them
     return LostAnswers(lost, round(min(waited, evidence.ledger.span_ns) / 1e6, 3))
@@ -202,9 +201,10 @@ def untimely(evidence: Evidence, unit: UnitLedger) -> tuple[float, int]:
     many: they come sooner than the unit ever answers else, or most of them sooner or later, and the master gave up by its
     timer."""
     successors = evidence.ledger.successors
-    if unit.unit not in successors.delays or not evidence.is_open(Symptom.LATENESS, unit.unit):
+    behind, usual = successors.delays(unit.unit), successors.usual(unit.unit).numbers
+    if not len(behind) or not evidence.is_open(Symptom.LATENESS, unit.unit):
         return 0.0, 0
-    own, usual = successors.delays[unit.unit].numbers, successors.usual[unit.unit].numbers
+    own = behind.numbers
     if len(usual) < 3 * _LEAST or not given_up_by_timer(evidence, unit):
         return 0.0, 0
     off = evidence.verdict.wait_ns
@@ -214,4 +214,4 @@ def untimely(evidence: Evidence, unit: UnitLedger) -> tuple[float, int]:
     if np.count_nonzero(odd) >= _MOSTLY * len(own):
         found.append((odd, 1 / len(usual) + 1 - _LONGEST))
     bits, mine = max((surplus_bits(int(which.sum()), len(own), chance), int(which.sum())) for which, chance in found)
-    return (bits, round(len(successors.delays[unit.unit]) * mine / len(own))) if bits >= _SURE_BITS else (0.0, 0)
+    return (bits, round(len(behind) * mine / len(own))) if bits >= _SURE_BITS else (0.0, 0)

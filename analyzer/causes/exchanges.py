@@ -18,9 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dissectors.lengths import Role, relations, rule
-from dissectors.limits import RequestedByteCount, taken
+from dissectors.limits import OVERHEAD, RequestedByteCount, taken
 from dissectors.registry import revision
 
+from ..requests.got import Got
 from ..tables.batch import Batch, adu_of
 from ..tables.schema import NO_GAP, Bools, Columns, Int16s, Int32s, Int64s, Kind, Rows, UInt8s
 from ..tables.transactions import ECHOED, NEVER
@@ -28,6 +29,7 @@ from ..tables.transactions import ECHOED, NEVER
 _WINDOW_ROWS: Final = 512  # behind a request: what follows after that many rows is nobody's
 _WINDOW_BYTES: Final = 1 << 16
 ANSWERED: Final = np.isin(np.arange(256), (1, 2, 3, 4, 5, 6, 15, 16, 22, 23))  # of which an answer is known for one
+_OF_WORDS: Final = np.isin(np.arange(256), (3, 4))
 _AHEAD: Final = 2  # exchanges that are held back
 _STRAY_BYTES: Final = 1  # so few end to end are no answer, however damaged
 _APART_NS: Final = 32_000_000  # from one byte to the next: two waits of an adapter, three characters at 1200 bit/s
@@ -71,6 +73,7 @@ class Exchanges(Columns):
     hole_at: Int32s  # byte of the answer before which it stands
     answer_bytes: Int32s
     asked_bytes: Int32s
+    got: Int16s  # as `analyzer.requests` counts it
     due: Int32s  # bytes of a right answer, 0 where nobody knows
     noise: Int32s  # bytes behind the request that belong to no right frame
     strays: Int32s  # right answers among them that answer nothing
@@ -212,7 +215,9 @@ def _exchanges(table: Batch, before: Exchanges) -> Exchanges:
 def _compare(made: Exchanges, before: Exchanges) -> None:
     """Fill in what an exchange is beside the one before it."""
     outcome, poll = made.outcome, made.poll & _SAME
-    made.repeats[:] = made.identity == _earlier(made.identity, before.identity)
+    made.repeats[:] = (made.identity == _earlier(made.identity, before.identity)) & (
+        poll == _earlier(poll, before.poll & _SAME)
+    )
     made.next_same[:-1] = made.repeats[1:]
     made.next_echoed[:-1] = ECHOED[made.function[1:]]
     made.next_unit[:-1], made.next_unit[-1] = made.unit[1:], -1
@@ -244,6 +249,7 @@ def _answered(made: Exchanges, rows: Rows, of: NDArray[np.intp]) -> None:
         mine |= unsure & (rows.taken_for_start.take(answers) == rows.start.take(made.row[of[answers]]))
     own = answers[mine][::-1]  # backwards, so that the first of several stays
     place = of[own]
+    doubted = place[rows.unsure.take(own)]
     made.answer[place] = own
     for its, column in (
         (made.delay, rows.response_ns), (made.t_answered, rows.t_end_ns), (made.exception, rows.exception),
@@ -269,6 +275,11 @@ def _answered(made: Exchanges, rows: Rows, of: NDArray[np.intp]) -> None:
     unfit = (rows.request[others] < 0) & (rows.unit[others] == made.unit[place]) & (made.answer[place] < 0)
     garbled[place[unfit & (rows.function[others] == made.function[place])]] = True
     outcome[(outcome == Ending.SILENT) & garbled] = Ending.GARBAGE
+    silent, damaged = outcome == Ending.SILENT, (outcome == Ending.SILENT) & (made.strays + made.late > 0)
+    made.got[:] = np.where(silent, Got.SILENCE, np.where(outcome == Ending.EXCEPTION, made.exception, Got.ANSWER))
+    made.got[damaged | (outcome == Ending.GARBAGE)] = made.got[doubted] = Got.DAMAGE  # another's answer met it
+    halved = unfit & _OF_WORDS[made.function[place]] & (lengths[others] == 2 + OVERHEAD + (made.poll[place] & 0xFFFF))
+    made.got[place[halved]] = Got.HALF
     outcome[made.unit == 0] = Ending.BROADCAST
     made.outcome[:] = outcome
     to_all = answers[made.unit[of[answers]] == 0]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Hashable
 from dataclasses import dataclass, field
-from heapq import heappop, heappush
 from typing import Any, Final
 
 import numpy as np
@@ -26,6 +25,11 @@ class Thinned:
     numbers: Float64s = field(default_factory=lambda: np.zeros(0))
     _stride: int = 1
     _ordered: Float64s | None = None  # once somebody asks for a quantile
+
+    @classmethod
+    def of(cls, numbers: NDArray[Any], weight: float) -> Thinned:
+        """Numbers each of which stands for so many."""
+        return cls(round(len(numbers) * weight), float(numbers.sum()) * weight, numbers.astype(np.float64))
 
     def __len__(self) -> int:
         return self.count
@@ -197,38 +201,27 @@ _MOST_OF_ONE: Final = 256
 
 @dataclass(slots=True, eq=False)
 class CrowdedTimes:
-    """Some of the times added (ns), about in order."""
+    """Some of the times added (ns), about in order: those of the stretches that have most."""
 
     _begin: int | None = None
-    _place: int = 0  # of the stretch that is open
-    _open: Int64s = field(default_factory=lambda: np.zeros(0, np.int64))
-    _kept: list[tuple[int, int, Int64s]] = field(default_factory=list)  # a heap: how many, minus the place
-    _left: int = _TIMES_MOST
+    _stretches: dict[int, Int64s] = field(default_factory=dict)  # by their place, in order; the last one is open
 
     def add(self, times: NDArray[Any]) -> None:
         """More of the stream, in whatever portions."""
         if not len(times):
             return
-        times = times.astype(np.int64)
-        if self._begin is None:
-            self._begin = int(times[0])
-        places = np.maximum.accumulate(np.maximum((times - self._begin) // _STRETCH_NS, self._place))
-        edges = np.flatnonzero(np.diff(places)) + 1
-        for part, place in zip(np.split(times, edges), places[np.append(0, edges)].tolist(), strict=True):
-            if place > self._place:
-                self._close(place)
-            self._open = np.concatenate((self._open, part[: _MOST_OF_ONE - len(self._open)]))
-
-    def _close(self, place: int) -> None:
-        if len(self._open):
-            heappush(self._kept, (len(self._open), -self._place, self._open))
-            self._left -= len(self._open)
-        while self._left < 0:
-            self._left += heappop(self._kept)[0]
-        self._place, self._open = place, np.zeros(0, np.int64)
+        times, kept = times.astype(np.int64), self._stretches
+        self._begin = int(times[0]) if self._begin is None else self._begin
+        places = np.maximum.accumulate(np.maximum((times - self._begin) // _STRETCH_NS, max(kept, default=0)))
+        for place in np.unique(places).tolist():
+            kept[place] = np.concatenate((kept.get(place, times[:0]), times[places == place]))[:_MOST_OF_ONE]
+            closed = list(kept)[:-1]
+            while sum(len(kept[each]) for each in closed) > _TIMES_MOST:
+                fewest = min(reversed(closed), key=lambda each: len(kept[each]))
+                closed.remove(fewest)
+                del kept[fewest]
 
     @property
     def numbers(self) -> Float64s:
         """Those remembered, in their order."""
-        stretches = sorted(self._kept, key=lambda one: -one[1])
-        return np.concatenate([*(times for _, _, times in stretches), self._open]).astype(np.float64)
+        return np.concatenate([np.zeros(0), *self._stretches.values()])

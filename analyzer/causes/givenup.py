@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import insort
+from collections import Counter
 from dataclasses import dataclass
 from typing import Final
 
@@ -81,12 +82,8 @@ def asked_again_though_slow(evidence: Evidence, unit: UnitLedger) -> Slow:
         return _slow_ones(unit, unit.redundant.numbers, unit.heeded.numbers, _SURE_BITS)
     rows = evidence.rows(unit.unit)
     good = rows[(rows.outcome == Ending.OK) & (rows.delay >= 0)]
-    asked = good.function.astype(np.int64) << 32 | good.address.astype(np.int64) << 16 | good.quantity
-    polls, which = np.unique(asked, return_inverse=True)
-    mine = (
-        which == int(np.argmax(np.bincount(which[good.next_same], minlength=len(polls)))) if len(polls) else which > 0
-    )
-    delays = good.delay.astype(np.float64)
+    polls = Counter(good.poll[good.next_same].tolist()).most_common(1)
+    mine, delays = good.poll == (polls[0][0] if polls else 0), good.delay.astype(np.float64)
     return _slow_ones(unit, delays[mine & good.next_same], delays[mine & ~good.next_same], _ALONE_BITS)
 
 
@@ -136,25 +133,6 @@ def _rate_bits(hits: int, misses: int) -> float:
     return likelihood_bits(hits, hits + misses, (hits + 0.5) / (hits + misses + 1))
 
 
-def went_on_by_timer(evidence: Evidence, unit: UnitLedger) -> int:
-    """Slow answers of a unit behind which the next request comes sooner than it ever does behind those of others.
-
-    A master that has given up sends its next request by its own timeout, whatever comes in between.
-    """
-    others = [other for other in evidence.units if other.unit != unit.unit and len(other.pauses) >= _LEAST]
-    own, delay = unit.pauses.quantile(0.9), unit.delays.quantile(0.5)
-    usual = min((pause for other in others if (pause := other.pauses.quantile(0.1)) is not None), default=None)
-    delays = [value for other in others if (value := other.delays.quantile(0.5)) is not None]
-    if own is None or usual is None or delay is None or not delays or len(unit.pauses) < 3 * _LEAST:
-        return 0
-    if len(delays) < _OTHERS and not _by_timer(unit):
-        return 0  # the one other unit may be the last of a round, behind which the master rests
-    if own > _SOONER * usual or delay < 3 * max(delays) or own < 0 or evidence.verdict.wait_ns > usual - own:
-        return 0
-    timeout = (unit.turns.quantile(0.5) or 0.0) - usual  # as this would tell it
-    return len(unit.pauses) if timeout > max(delays) else 0
-
-
 def all_repeated(evidence: Evidence, unit: UnitLedger) -> int:
     """Good answers, all slow beside those of others, whose requests are repeated by the master's timer."""
     delay, others = unit.delays.quantile(0.1), [other for other in evidence.units if other is not unit]
@@ -162,12 +140,3 @@ def all_repeated(evidence: Evidence, unit: UnitLedger) -> int:
     slow = delay is not None and len(delays) >= _OTHERS and delay > _FAR_SLOWER * max(delays)
     met = unit.behind + unit.count(Ending.GARBAGE)  # a list of one poll repeats it by a timer too, and meets nothing
     return len(unit.redundant) if slow and met >= _LEAST and repeated_by_timer(unit) else 0
-
-
-def _by_timer(unit: UnitLedger) -> bool:
-    """Whether requests behind those to a unit come after always the same time, though its answers do not."""
-    low, high = unit.turns.quantile(0.1), unit.turns.quantile(0.9)
-    soon, late = unit.delays.quantile(0.1), unit.delays.quantile(0.9)
-    if low is None or high is None or soon is None or late is None:
-        return False
-    return high - low < _STEADY * (late - soon)

@@ -1,4 +1,4 @@
-"""What was hit on the line: answers, requests, the idle line."""
+"""What was hit on the line: answers, requests, the idle line; and when."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from ..tables.schema import Float64s
-from .bits import likelihood_bits, strays, surplus_bits
+from ..tables.schema import Bools, Float64s
+from .bits import likelihood_bits, spells_of, strays, surplus_bits
 from .evidence import Evidence
 from .registry import Symptom
 from .repeats import asked_again_into
@@ -20,8 +20,6 @@ WELL: Final = 0.03  # of stray bytes that hit frames all the same, on a line tha
 _NEARLY_ALL: Final = 0.9
 _NO_REST_CHARS: Final = 3.0
 _SURE_BITS: Final = 30.0
-_ABOUT_ONE: Final = 0.95
-_SPARED: Final = 2  # units
 _MOST_LATE: Final = 0.85  # what one late answer meets may make another late
 _ONE_LATE_BITS: Final = 12.0
 _OFTEN_LATE: Final = 0.15  # of what a unit is asked
@@ -209,27 +207,6 @@ def spares_requests(evidence: Evidence, hits: Hits) -> bool:
     return surplus_bits(spared, unit.answered, exp(-a_byte * _REQUEST)) >= _SURE_BITS
 
 
-def is_about_one(evidence: Evidence) -> bool:
-    """Whether nearly all that was hit is a unit's or at most two behind what it was asked, and that is no such share of the
-    time that exchanges take: what comes from elsewhere, a second master too, meets whatever is going on.
-
-    Not told where but one other unit is spared: two cycles may keep step, and meet at the same place each time.
-    """
-    successors = evidence.ledger.successors
-    hit = {unit for unit, _ in successors.met if evidence.is_open(Symptom.DAMAGE, unit)}  # but what is explained
-    if len({unit.unit for unit in evidence.units} - hit) < _SPARED:
-        return False
-    every = sum(count for (unit, _), count in successors.met.items() if unit in hit)
-    times = {unit.unit: _mean_time(evidence, unit) for unit in evidence.units}
-    whole = sum(count * times.get(unit, 0.0) for (unit, _), count in successors.followed.items())
-    for one in times:
-        hits = sum(count for (unit, near), count in successors.near_hit.items() if near == one and unit in hit)
-        share = sum(n * times.get(unit, 0.0) for (unit, near), n in successors.near.items() if near == one) / whole
-        if hits >= _ABOUT_ONE * every and surplus_bits(hits, every, share) >= _SURE_BITS:
-            return True
-    return False
-
-
 def interrupted(evidence: Evidence, unit: UnitLedger) -> int:
     """Requests to a unit behind which another came well before it ever answers, for which the master does wait: nobody
     gives up so soon, that is another who sends. They stayed without a byte, or damaged answers begin as one to another."""
@@ -283,19 +260,26 @@ def _surplus(evidence: Evidence, unit: UnitLedger) -> int:
 def timed_by_the_master(evidence: Evidence, unit: UnitLedger) -> list[Signature]:
     """Damaged answers of a unit into which the master's own next request was sent, for it came by its timer: they begin
     just when it gives up, or end always as long behind their request, though the unit answers now sooner, now later."""
-    off, char_ns = evidence.verdict.wait_ns, evidence.ledger.char_ns
     readings = [each for each in evidence.readings(unit) if each.delay >= 0]
+    found = [*_begun_at_timeout(evidence, unit, readings), *asked_again_into(evidence, unit)]
+    if _end_in_step(evidence, readings):
+        found += [each for each in readings if each.damage is not AnswerDamage.HEAD]
+    return [each for each in readings if each in found]
+
+
+def _begun_at_timeout(evidence: Evidence, unit: UnitLedger, readings: Sequence[Signature]) -> Sequence[Signature]:
     timeout, good = evidence.timeout_ns or 0.0, unit.delays.numbers
     begun = [each for each in readings if abs(each.delay - timeout) <= _AT_ONCE * timeout]
     steady = len(good) < _TOLD or strays([each.delay for each in begun]) < _STEADY * strays(good)
-    found = begun if steady and len(begun) >= _TOLD and off < _AT_ONCE * timeout else []
-    run_into = [each for each in readings if each.damage in _RUN_INTO and each.length >= each.due]
-    ends = [each.delay + each.length * char_ns for each in run_into]
-    begun_within = strays([each.delay for each in run_into])
-    if len(ends) >= _TOLD and begun_within > 2 * char_ns and strays(ends) + off < _STEADIER * begun_within + char_ns:
-        found = [*found, *(each for each in readings if each.damage is not AnswerDamage.HEAD)]
-    found = [*found, *asked_again_into(evidence, unit)]
-    return [each for each in readings if each in found]
+    return begun if steady and len(begun) >= _TOLD and evidence.verdict.wait_ns < _AT_ONCE * timeout else ()
+
+
+def _end_in_step(evidence: Evidence, readings: Sequence[Signature]) -> bool:
+    char_ns, run_into = evidence.ledger.char_ns, [each for each in readings if each.damage in _RUN_INTO]
+    run_into = [each for each in run_into if each.length >= each.due]
+    ends, begun = [e.delay + e.length * char_ns for e in run_into], strays([each.delay for each in run_into])
+    steady = strays(ends) + evidence.verdict.wait_ns < _STEADIER * begun + char_ns
+    return len(ends) >= _TOLD and begun > 2 * char_ns and steady
 
 
 def given_up_by_timer(evidence: Evidence, unit: UnitLedger) -> bool:
@@ -358,7 +342,28 @@ def _mean_due(evidence: Evidence, unit: int) -> float:
     return sum(poll.asked * poll.about_bytes for poll in polls) / asked if asked else _ABOUT
 
 
-def _mean_time(evidence: Evidence, unit: UnitLedger) -> float:
-    """How long an exchange with a unit takes (ns), about."""
-    waits = unit.delays.numbers
-    return _mean_due(evidence, unit.unit) * evidence.ledger.char_ns + (float(waits.mean()) if len(waits) else 0.0)
+_SPELLS_BITS: Final = 14.0
+
+
+def spells_of_hits(evidence: Evidence) -> tuple[float, Bools]:
+    """The parts of the time in which the bus is hit, and what they save in bits; 0 where that may be chance."""
+    grid = evidence.ledger.grid
+    found, inside = spells_of(grid.counts("damage"), grid.counts("asked"))
+    return (found if found >= _SPELLS_BITS and evidence.ledger.timed else 0.0), inside
+
+
+def span_of_hits(evidence: Evidence) -> dict[str, Any]:
+    """`since` and `until` of a suspicion, by the parts of the time with hits; nothing where there are none."""
+    grid = evidence.ledger.grid
+    parts = np.flatnonzero(grid.counts("damage"))
+    if not len(parts):
+        return {}
+    since = (grid.begin_ns or 0) + int(parts[0]) * grid.width_ns
+    return {"since": since, "until": end_of_part(evidence, int(parts[-1]) + 1)}
+
+
+def end_of_part(evidence: Evidence, part: int) -> int:
+    """The end of so many parts of the grid, which may reach beyond the capture's."""
+    grid, ledger = evidence.ledger.grid, evidence.ledger
+    reach = (grid.begin_ns or 0) + part * grid.width_ns
+    return min(reach, ledger.end) if ledger.timed else reach

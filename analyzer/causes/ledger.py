@@ -20,7 +20,6 @@ from dissectors.foreign import NAMES
 from ..deframing.tap_clock import TapClock
 from ..diagnosis.damage.flow_control import IS_FLOW
 from ..options import Options
-from ..requests.history import RequestHistory
 from ..requests.reasons import Unserved
 from ..tables.batch import Batch
 from ..tables.schema import NO_GAP, Bools, Int64s, Kind, Protocol, Rows
@@ -29,11 +28,12 @@ from ..tables.verdict import ModbusVerdict
 from .exchanges import Ending, ExchangeBuilder, Exchanges, Stretch
 from .exchangetable import ExchangeTable
 from .flatmemory import CrowdedTimes, Thinned, TimeGrid
-from .polls import PollTable, SuccessorTable
+from .polls import PollTable
 from .registerstates import StateTable, ValueTable
-from .rowcounts import BACK, count_by_port, count_others, enter_requests
+from .rowcounts import BACK, count_by_port, count_others
 from .samples import sampled
 from .shifts import ShiftLedger
+from .successors import Successors
 from .unitledger import UnitLedger
 
 if TYPE_CHECKING:
@@ -46,7 +46,6 @@ _NOISE_SAMPLES: Final = 64
 _NOISE_BYTES: Final = 512
 _EXAMPLES: Final = 3
 STRAY: Final = 3  # bytes that one spike makes
-_HOLE: Final = 1.5  # characters
 _ECHOES: Final = 5
 _OF_ALL: Final = 0.48
 _ECHO_NS: Final = 40e6
@@ -74,16 +73,13 @@ class Ledger:
     verdict: ModbusVerdict = field(default_factory=ModbusVerdict)
     units: dict[int, UnitLedger] = field(default_factory=dict)
     polls: PollTable = field(default_factory=PollTable)
-    requests_of: RequestHistory = field(default_factory=RequestHistory)
     table: ExchangeTable = field(default_factory=ExchangeTable)
     states: StateTable = field(default_factory=StateTable)
     values: ValueTable = field(default_factory=ValueTable)
     breaches: Sequence[LimitBreach] = ()  # of a map's limits, where values were looked at
-    successors: SuccessorTable = field(default_factory=SuccessorTable)
     shifts: ShiftLedger = field(default_factory=ShiftLedger)
     ports: defaultdict[int, Counter[str]] = field(default_factory=lambda: defaultdict(Counter))
     grid: TimeGrid = field(default_factory=TimeGrid)
-    pauses: Thinned = field(default_factory=Thinned)  # end of a good answer to the next request
     request_gaps: Thinned = field(default_factory=Thinned)  # before requests behind a good answer, by the reads
     turnarounds: Thinned = field(default_factory=Thinned)  # broadcast to the next request
     exchanges: int = 0
@@ -140,7 +136,7 @@ class Ledger:
     def unit(self, number: int) -> UnitLedger:
         """The ledger of one unit."""
         if number not in self.units:
-            self.units[number] = UnitLedger(number)
+            self.units[number] = UnitLedger(number, self.table)
         return self.units[number]
 
     @cached_property
@@ -162,6 +158,20 @@ class Ledger:
     def polled(self) -> list[UnitLedger]:
         """The units that were asked for something, broadcasts apart."""
         return [unit for number, unit in sorted(self.units.items()) if number and unit.asked]
+
+    @property
+    def pauses(self) -> Thinned:
+        """From the end of good answers that nothing else follows to the next request (ns)."""
+        return self.table.known("pauses", self._pauses)
+
+    def _pauses(self) -> Thinned:
+        rows = self.table.kept
+        return self.table.numbers(rows[rows.good & ~rows.odd & (rows.wait != NO_GAP) & self.timed], "rested")
+
+    @property
+    def successors(self) -> Successors:
+        """How units fare behind others."""
+        return self.table.known("successors", lambda: Successors(self.table))
 
     def _count_rows(self, batch: Batch) -> None:
         rows = batch.rows
@@ -212,8 +222,8 @@ class Ledger:
         times = exchanges.t_start if self.timed else exchanges.place  # the axis on which things have their order
         self._sample(part, odd)
         self.polls.add(part)
-        enter_requests(self.requests_of, part)
         self.__dict__.pop("reasons", None)
+        self.table.timed = self.timed
         self.table.add(exchanges, times)
         self.states.add(part)
         self.values.add(part, times)
@@ -230,23 +240,19 @@ class Ledger:
             number = int(exchanges.unit[begin])
             if number:
                 mine, when = exchanges[begin:end], times[begin:end]
-                self.unit(number).add(mine, when, timed=self.timed, hole_ns=_HOLE * self.char_ns)
+                self.unit(number).add(mine, when)
                 known = mine.delay >= 0
                 self.grid.add((ASKED, number), when)
                 self.grid.add((BAD, number), when[(mine.outcome == _SILENT) | (mine.outcome == _GARBAGE)])
                 self.grid.add((DELAY, number), when[known & self.timed], mine.delay[known & self.timed])
 
     def _count_bus(self, exchanges: Exchanges, odd: Bools, times: Int64s) -> None:
-        outcome, t_next = exchanges.outcome, exchanges.t_next
-        clean = (exchanges.t_answered != NEVER) & (t_next != NEVER) & ~odd
-        if self.timed:
-            self.pauses.add((t_next - exchanges.t_answered)[clean])
+        clean = (exchanges.t_answered != NEVER) & (exchanges.t_next != NEVER) & ~odd
         gaps = exchanges.gap_before[1:][clean[:-1]]
         self.request_gaps.add(gaps[gaps != NO_GAP])
-        self._count_broadcasts(exchanges, outcome == _BROADCAST)
-        self.successors.add(exchanges, odd)
+        self._count_broadcasts(exchanges, exchanges.outcome == _BROADCAST)
         self.grid.add(ASKED, times)
-        self.grid.add(DAMAGE, times[(outcome == _GARBAGE) | (exchanges.noise > 0)])
+        self.grid.add(DAMAGE, times[(exchanges.outcome == _GARBAGE) | (exchanges.noise > 0)])
 
     def _count_broadcasts(self, exchanges: Exchanges, to_all: Bools) -> None:
         self.broadcasts += int(np.count_nonzero(to_all))

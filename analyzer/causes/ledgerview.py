@@ -16,6 +16,7 @@ from dissectors.lengths import Role, rule
 from dissectors.limits import EXCEPTION
 
 from ..deframing.tap_clock import UNKNOWN, TimeTrust, silences
+from ..tables.schema import Float64s
 from ..tables.transactions import ECHOED
 from .contrasts import HITS_OF, NO_CONTRAST, Contrast, Family, contrasts
 from .exchanges import Ending
@@ -104,8 +105,15 @@ class LedgerView:
     @kept
     def rows(self, unit: int) -> AskedRows:
         """The exchanges of a unit, or an even part of them."""
-        every = self.ledger.table.rows
-        return every[every.unit == unit]
+        table = self.ledger.table
+        return table.even(table.of(unit))
+
+    def waits_in_vain(self, poll: Poll) -> Float64s:
+        """From requests of a poll that stayed without an answer to the next request of any (ns)."""
+        rows = self.rows(poll.unit)
+        mine = (rows.function == poll.function) & (rows.address == poll.address) & (rows.quantity == poll.quantity)
+        found: Float64s = rows.wait[mine & (rows.outcome == Ending.SILENT) & (rows.wait >= 0)].astype(np.float64)
+        return found
 
     @kept
     def contrasts(self, symptom: Symptom, unit: int) -> list[Contrast]:
@@ -166,16 +174,14 @@ class LedgerView:
 
     def silences(self, unit: UnitLedger) -> Spells:
         """When a unit was silent. Where the clock does not tell how soon an answer came, one that is its request once more
-        may be that request, asked again: it ends no silence of a unit that answers otherwise, nor among several tries."""
+        may be that request, asked again: it ends no silence of a unit that answers otherwise."""
         if self._in_pairs(unit):
             return unit.silences_of_others
         repeats = unit.answered >= 2 * unit.echoes
         if self._tells_haste:  # some come when the master repeats what it asked
             late = unit.echo_delays.above(_AS_LATE * (self.timeout_ns or UNKNOWN))
             repeats = late > 0 and unit.answered > unit.echoes
-        if repeats:
-            return unit.silences_but_echoes
-        return unit.silences if self.verdict.fine else unit.silences_but_tried
+        return unit.silences_but_echoes if repeats else unit.silences
 
     def unanswered(self, unit: UnitLedger) -> int:
         """Requests without a byte of an answer, but for those whose answer is the request once more: two answers to one of

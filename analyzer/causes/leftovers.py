@@ -164,7 +164,7 @@ def _like(evidence: Evidence, unit: UnitLedger, symptom: Symptom, best: Contrast
         return ""
     over, turned = _TURNED.get(best.name, (None, ""))
     name = turned if best.over is over else best.name
-    polls = [poll for poll in evidence.polls_of(unit.unit) if poll.key == best.value]
+    polls = [poll for poll in evidence.polls_of(unit.unit) if poll.number == best.value]
     return _said(name, {"value": best.value, "rest": best.spared / 1e6, "areas": areas_of(polls)})
 
 

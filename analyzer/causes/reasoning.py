@@ -12,8 +12,6 @@ from contextvars import copy_context
 from dataclasses import dataclass, replace
 from typing import Any, Final, Literal, NamedTuple
 
-import numpy as np
-
 from captures.line import LineSettings
 
 from ..options import Options
@@ -22,7 +20,6 @@ from ..tables.taps import may_speak_of
 from ..tables.transactions import TransactionRows
 from .certainty import Clues, certainty, clues
 from .evidence import Evidence
-from .exchanges import asking
 from .foretold import against_bits, struck
 from .gathered import GATHERED, GatheredRows
 from .ledger import Ledger
@@ -133,14 +130,8 @@ def _taken(found: Iterable[_PickedCause]) -> Explained:
 def _claim(taken: _PickedCause, but_for_others: Evidence, left: int) -> CauseClaim:
     best, rival, evidence, _ = taken
     suspect, found, ledger = best.suspect, best.suspicion, evidence.ledger
-    timed = ledger.timed
-    goes_by = clues(
-        evidence,
-        found,
-        suspect.foretold,
-        rival_bits=rival.suspicion.bits if rival is not None else 0.0,
-        left=left,
-    )
+    timed, rival_bits = ledger.timed, rival.suspicion.bits if rival is not None else 0.0
+    goes_by = clues(evidence, found, suspect.foretold, rival_bits=rival_bits, left=left)
     traits = traits_of(but_for_others, found)
     words = words_of(suspect, found.numbers)
     cause = Cause(
@@ -218,7 +209,6 @@ class RunningStory:
     def _begin(self, line: LineSettings) -> None:
         self._ledger, self._next = Ledger(line, self._options), _FIRST
         self._waiting = GatheredRows()  # not in the ledger yet
-        self._counted = self._requests = 0  # batches whose right requests are counted, and these
         self._going: Future[list[Cause]] | None = None  # a look of the ledger, to which nothing is added meanwhile
 
     def feed(self, batch: Batch, transactions: TransactionRows, line: LineSettings) -> list[CauseRevision]:
@@ -228,9 +218,9 @@ class RunningStory:
         self._waiting.add(batch, transactions)
         if self._going is not None:
             return self._told(self._going.result()) if self._going.done() else []
-        if self._waiting.rows < GATHERED and not self._may_look():
-            return []
-        self._enter()
+        if self._waiting.rows < min(GATHERED, self._next - self._ledger.exchanges):
+            return []  # an exchange has a row of its own
+        self._waiting.enter(self._ledger)
         if self._ledger.exchanges < self._next:
             return []
         self._next = self._ledger.exchanges + min(int((_GROWTH - 1) * self._ledger.exchanges), _LOOK_EVERY)
@@ -239,27 +229,12 @@ class RunningStory:
         self._going = _look_aside(self._ledger)
         return []
 
-    def _may_look(self) -> bool:
-        """Whether what waits may be enough for a look: an exchange begins with a request."""
-        least = self._next - self._ledger.exchanges
-        if self._waiting.rows < least:  # nor are there so many requests among them
-            return False
-        batches = self._waiting.batches
-        uncounted, self._counted = batches[self._counted :], len(batches)
-        self._requests += sum(int(np.count_nonzero(asking(batch.rows))) for batch in uncounted)
-        return self._requests >= least
-
     def close(self) -> list[CauseRevision]:
         """No more comes."""
         before = [] if self._going is None else self._told(self._going.result())
-        self._enter()
+        self._waiting.enter(self._ledger)
         self._ledger.close()
         return [*before, *self._told(causes_of(self._ledger))]
-
-    def _enter(self) -> None:
-        """What waits, into the ledger."""
-        self._waiting.enter(self._ledger)
-        self._counted = self._requests = 0
 
     def _told(self, causes: list[Cause]) -> list[CauseRevision]:
         """What a look shows that the one before did not."""

@@ -56,44 +56,24 @@ class _States:
 
     def follow(self, values: Int64s, hits: Int64s, trials: Int64s) -> None:
         """The next reads, a row each; hits and exchanges on the bus so far."""
-        gained = np.diff(np.concatenate(((self.hits_then,), hits)))
-        passed = np.diff(np.concatenate(((self.trials_then,), trials)))
+        gained, passed = np.diff(hits, prepend=self.hits_then), np.diff(trials, prepend=self.trials_then)
         changed = values != np.concatenate((self.newest[None], values[:-1]))
         self.newest, self.hits_then, self.trials_then = values[-1].copy(), int(hits[-1]), int(trials[-1])
-        moving = changed.any(axis=0)
-        steady, columns = (~moving).nonzero()[0], (moving & ~self.many).nonzero()[0]
-        state = (values[0] == self.two)[steady].astype(np.intp)
-        self.hits[state, steady] += gained.sum()
-        self.trials[state, steady] += passed.sum()
-        self.since[steady] += gained.sum()
-        if len(columns):
-            self._move(columns, values[:, columns], changed[:, columns], gained, passed)
-
-    def _move(
-        self,
-        columns: NDArray[np.intp],
-        values: Int64s,
-        changed: Bools,
-        gained: Int64s,
-        passed: Int64s,
-    ) -> None:
-        """Of columns in which something changes."""
-        other = values != self.one[columns]
-        first = values[other.argmax(axis=0), np.arange(len(columns))]
-        self.two[columns] = np.where((self.two[columns] < 0) & other.any(axis=0), first, self.two[columns])
-        self.many[columns] = (other & (values != self.two[columns])).any(axis=0)
-        few = ~self.many[columns]
-        columns, other, changed = columns[few], other[:, few], changed[:, few]
-        self.switches[columns] += changed.sum(axis=0)
+        other = values != self.one
+        first = values[other.argmax(axis=0), np.arange(values.shape[1])]
+        self.two = np.where((self.two < 0) & other.any(axis=0), first, self.two)
+        self.many |= (other & (values != self.two)).any(axis=0)
+        self.switches += changed.sum(axis=0)
         for state, here in enumerate((~other & ~changed, other & ~changed)):
-            self.hits[state, columns] += gained @ here
-            self.trials[state, columns] += passed @ here
-        before = np.concatenate(([0], gained.cumsum()))
-        for i, column in enumerate(columns.tolist()):
-            begins = changed[:, i].nonzero()[0]  # of states that last till the next one
+            self.hits[state] += gained @ here
+            self.trials[state] += passed @ here
+        before, moving = np.concatenate(([0], gained.cumsum())), changed.any(axis=0)
+        self.since[~moving] += before[-1]
+        for column in (moving & ~self.many).nonzero()[0].tolist():
+            begins = changed[:, column].nonzero()[0]  # of states that last till the next one
             lasted = np.diff(before[begins], prepend=-self.since[column])
             lasted += gained[begins]  # nobody knows when between two reads it changed
-            np.add.at(self.periods[:, column], (~other[begins, i]).astype(np.intp), lasted > 0)
+            np.add.at(self.periods[:, column], (~other[begins, column]).astype(np.intp), lasted > 0)
             self.since[column] = before[-1] - before[begins[-1]]
 
     def telling(self, *, of_words: bool) -> list[int]:

@@ -159,25 +159,29 @@ _NEARLY_ALL_SILENT: Final = 0.8  # the rest is what a tap hands over in pieces
 
 def only_repeats(evidence: Evidence, unit: UnitLedger) -> bool:
     """Whether what reads like its answers is the master's own requests once more: echoes, and as late as its repeats."""
-    if unit.answered != unit.echoes or unit.loose != unit.echo_strays:
-        return False
-    if unit.count(Ending.SILENT) < _HARDLY * unit.answered:
+    otherwise = unit.answered != unit.echoes or unit.loose != unit.echo_strays
+    if otherwise or unit.count(Ending.SILENT) < _HARDLY * unit.answered:
         return False  # the deframer tells these, where anything does
     delay, wait = unit.echo_delays.quantile(0.1), unit.waits.quantile(0.1)
-    if wait is not None and evidence.timeout_ns is not None:
-        wait = max(wait, evidence.timeout_ns)  # of what only seems to be silent the wait may be a pause
-    told = [poll for poll in evidence.polls_of(unit.unit) if not ECHOED[poll.function]]  # whose answer reads otherwise
-    fared, asked = sum((poll.outcomes for poll in told), np.zeros(len(Ending))), sum(poll.asked for poll in told)
-    mostly = bool(fared[Ending.SILENT] >= max(_REQUESTS_LEAST, _NEARLY_ALL_SILENT * asked) and not fared[Ending.OK])
-    mostly = mostly or unit.count(Ending.SILENT) >= _SILENT_FOR_ECHO * (unit.answered + unit.loose)
-    off = evidence.verdict.wait_ns
-    if delay is None or wait is None or off > wait or evidence.ledger.echoing:
+    off, mostly = evidence.verdict.wait_ns, _is_mostly_silent(evidence, unit)
+    if delay is None or wait is None or evidence.ledger.echoing:
         return mostly  # what an adapter shows of a request comes at once, as an answer does
+    wait = max(wait, evidence.timeout_ns or 0.0)  # of what only seems to be silent the wait may be a pause
+    if off > wait:
+        return mostly
     patience = max((each.garbage_again.quantile(0.5) or 0.0 for each in evidence.units), default=0.0)
     if delay + off < _TOLD * patience:
         return False  # it was seen to wait longer before it asks again for what came damaged
     latest, longest = unit.echo_delays.quantile(0.9) or delay, unit.waits.quantile(0.9) or wait
     return delay + off > _AS_LATE * wait and (mostly or latest * _AS_LATE < longest)
+
+
+def _is_mostly_silent(evidence: Evidence, unit: UnitLedger) -> bool:
+    """Whether next to nothing is answered that reads otherwise, or far more is silent than reads like an answer."""
+    told = [poll for poll in evidence.polls_of(unit.unit) if not ECHOED[poll.function]]
+    silent, asked = sum(poll.count(Ending.SILENT) for poll in told), sum(poll.asked for poll in told)
+    never = silent >= max(_REQUESTS_LEAST, _NEARLY_ALL_SILENT * asked) and not any(p.count(Ending.OK) for p in told)
+    return never or unit.count(Ending.SILENT) >= _SILENT_FOR_ECHO * (unit.answered + unit.loose)
 
 
 def in_vain(evidence: Evidence, unit: UnitLedger) -> tuple[int, int]:
@@ -196,7 +200,7 @@ def answers_like_requests(evidence: Evidence, unit: UnitLedger) -> int:
     soon = waits <= (UNKNOWN if longest is None else longest + evidence.verdict.wait_ns)
     if soon.all() or not soon.any() or np.median(waits[~soon]) < _IN_VAIN * np.median(waits[soon]):
         return 0  # nobody knows how long it waits in vain
-    return round(int(np.count_nonzero(soon)) * evidence.ledger.table.weight)
+    return round(int(np.count_nonzero(soon)) * evidence.ledger.table.weight_of(rows))
 
 
 def only_displaced(evidence: Evidence, unit: UnitLedger) -> bool:

@@ -8,10 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from dissectors.limits import OVERHEAD
-
 from ..deframing.directions import either_way
-from ..requests.history import Got, RequestHistory
 from ..tables.batch import Batch
 from ..tables.schema import Bools, Kind, Protocol
 from ..tables.transactions import ECHOED
@@ -24,7 +21,6 @@ _COUNTED: Final = np.isin(np.arange(256), (1, 2, 3, 4))  # whose answers have a 
 _REGISTERS: Final = np.isin(np.arange(256), (3, 4))
 _AROUND: Final = 5  # and so many bytes besides
 BACK: Final = 2  # exchanges
-_TOLD: Final = (Ending.OK, Ending.EXCEPTION, Ending.SILENT, Ending.GARBAGE)
 _RESPONSE, _BROADCAST = int(Kind.RESPONSE), int(Ending.BROADCAST)
 
 
@@ -49,25 +45,6 @@ def _misshapen(table: Batch, right: Bools) -> Bools:
     odd = _REGISTERS[rows.function[counted]]  # three bytes of data are no registers, whatever the count says
     misshapen[counted] = odd | (table.data[rows.at[counted] + 2] + _AROUND != READ_REQUEST)
     return misshapen
-
-
-def enter_requests(history: RequestHistory, part: Stretch) -> None:
-    """What each request of a stretch got, as `analyzer.requests` takes it; those of which nothing is known left out."""
-    exchanges, rows = part.exchanges, part.table.rows
-    outcome, strays = exchanges.outcome, exchanges.strays > 0
-    silent, garbage = outcome == Ending.SILENT, outcome == Ending.GARBAGE
-    got = np.where(outcome == Ending.EXCEPTION, exchanges.exception.astype(np.int64), int(Got.ANSWER))
-    got[silent] = Got.SILENCE
-    got[garbage | (silent & (strays | (exchanges.late > 0)))] = Got.DAMAGE  # another's answer met it
-    got[(got == Got.ANSWER) & ((exchanges.answer < 0) | rows.unsure[exchanges.answer])] = Got.DAMAGE
-    for i in (garbage & strays & _REGISTERS[exchanges.function]).nonzero()[0].tolist():
-        mine = rows[exchanges.row[i] + 1 : exchanges.row_end[i]]
-        due = 2 + OVERHEAD + (int(exchanges.poll[i]) & 0xFFFF)  # as many bytes as registers were asked for
-        own = (mine.unit == exchanges.unit[i]) & (mine.function == exchanges.function[i]) & (mine.length == due)
-        if (own & mine.check & (mine.kind == _RESPONSE)).any():
-            got[i] = Got.HALF
-    told = np.isin(outcome, _TOLD) & (exchanges.unit > 0)
-    history.feed(exchanges.unit[told], exchanges.poll[told], got[told], exchanges.repeats[told])
 
 
 def count_others(part: Stretch, before: Exchanges, unit_of: Callable[[int], UnitLedger], *, timed: bool) -> None:

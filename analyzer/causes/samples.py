@@ -36,21 +36,18 @@ class SampleRow(NamedTuple):
 @dataclass(frozen=True, slots=True)
 class Sample:
     """One exchange. `index` is that of the request's frame, `usual` a good answer to the same poll from before, or None;
-    `next_same`: the master repeated its request; `t_next` as in `Exchanges`."""
+    `t_next` as in `Exchanges`."""
 
     unit: int
     function: int
     request: bytes
-    poll: int
     outcome: Ending
     due: int
     index: int
     t_asked: int
     t_next: int
-    place: int
     pieces: tuple[SampleRow, ...]
     usual: bytes | None
-    next_same: bool
     next_unit: int
 
 
@@ -113,35 +110,14 @@ def sampled(stretch: Stretch, i: int, usual: bytes | None) -> Sample:
     for row in stretch.rows_of(i)[:_PIECES]:
         if room <= 0:
             break
-        data = table.bytes_of(row)[:room]
+        (one,), data = rows[row : row + 1], table.bytes_of(row)[:room]
         room -= len(data)
-        kind = int(rows.kind[row])
-        pieces.append(
-            SampleRow(
-                kind,
-                bool(rows.check[row]) and kind != Kind.NOISE,
-                row == exchanges.answer[i],
-                int(rows.unit[row]),
-                int(rows.t_start_ns[row]),
-                int(rows.t_end_ns[row]),
-                int(rows.errors[row]),
-                data,
-            )
-        )
-    request = table.bytes_of(int(exchanges.row[i]))
+        right = one.check and one.kind != Kind.NOISE
+        answers = row == exchanges.answer[i]
+        pieces.append(SampleRow(one.kind, right, answers, one.unit, one.t_start_ns, one.t_end_ns, one.errors, data))
+    (one,) = exchanges[i : i + 1]
+    request = table.bytes_of(one.row)
     return Sample(
-        int(exchanges.unit[i]),
-        int(exchanges.function[i]),
-        request,
-        int(exchanges.poll[i]),
-        Ending(int(exchanges.outcome[i])),
-        int(exchanges.due[i]) or _told_length(request, usual, pieces),
-        int(exchanges.request[i]),
-        int(exchanges.t_asked[i]),
-        int(exchanges.t_next[i]),
-        int(exchanges.place[i]),
-        tuple(pieces),
-        usual,
-        bool(exchanges.next_same[i]),
-        int(exchanges.next_unit[i]),
-    )
+        one.unit, one.function, request, Ending(one.outcome), one.due or _told_length(request, usual, pieces),
+        one.request, one.t_asked, one.t_next, tuple(pieces), usual, one.next_unit,
+    )  # fmt: skip

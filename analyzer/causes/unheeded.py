@@ -75,9 +75,7 @@ def _too_soon(rows: AskedRows, far: Bools) -> Bools:
     """Answers that come sooner than a client hears again behind its request: where that, the same for all polls, or for all
     behind which it ever rests, tells the rests better than the polls do, each with a rate of its own. The rest of a round
     is left out: it is longer where answers come soon."""
-    keys = np.stack((rows.unit, rows.function, rows.address, rows.quantity), axis=1)
-    polls, which = np.unique(keys, axis=0, return_inverse=True)
-    which = which.reshape(-1)
+    polls, which = np.unique(rows.poll, return_inverse=True)
     mine, of = np.bincount(which, far, len(polls)), np.bincount(which, minlength=len(polls))
     known = which != int(np.argmax(np.where(mine < of, mine, 0)))
     found = max(_told_by_delay(rows.delay, far, which, known & (mine[which] >= least)) for least in (0, 1))
@@ -108,15 +106,11 @@ def _told_by_delay(delays: NDArray[np.int64], far: Bools, polls: NDArray[np.intp
 def _again(rows: AskedRows, far: Bools, off: float) -> Bools:
     """Those of polls that read, and that the client asks again after a rest: several, or one now once, now twice. Of a list
     that begins and ends by the same this is so of that one each time, and of what has a timer of its own in step."""
-    polls = defaultdict[tuple[int, int, int, int], list[int]](list)
-    keys = zip(rows.unit.tolist(), rows.function.tolist(), rows.address.tolist(), rows.quantity.tolist(), strict=True)
-    for i, key in enumerate(keys):
-        polls[key].append(i)
     found = []
-    for key, places in polls.items():
-        mine = np.array(places)
+    for poll in np.unique(rows.poll).tolist():
+        mine = np.flatnonzero(rows.poll == poll)
         again = rows.next_same[mine]
-        if key[1] > _OF_READS or np.count_nonzero(again & far[mine]) < _LEAST or again.all():
+        if rows.function[mine[0]] > _OF_READS or np.count_nonzero(again & far[mine]) < _LEAST or again.all():
             continue
         if not _is_in_step(rows.time[mine], again[:-1], off):
             found.append(mine)

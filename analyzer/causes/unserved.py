@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from ..requests.asked import Request, request_of
+from ..requests.got import visits_of
 from ..requests.reasons import ECHOED, Unserved, unserved
 from .evidence import Evidence
 from .exchanges import Ending
@@ -37,7 +38,9 @@ def unserved_of(evidence: Evidence, unit: UnitLedger, *, silent: bool) -> Unserv
 
     known = evidence.ledger.reasons
     if unit.unit not in known:
-        known[unit.unit] = unserved(unit.unit, evidence.ledger.requests_of.visits(unit.unit), read)
+        rows = evidence.rows(unit.unit)
+        visits = visits_of(rows.poll, rows.got.astype(np.int64), rows.next_same)
+        known[unit.unit] = unserved(unit.unit, visits, read)
     found = next((each for each in known[unit.unit] if each.is_silent == silent), None)
     return None if found is not None and silent and _comes_late(evidence, unit, found) else found
 
@@ -47,7 +50,7 @@ def _comes_late(evidence: Evidence, unit: UnitLedger, found: Unserved) -> bool:
     silent = unit.count(Ending.SILENT)
     if all(request.function in ECHOED for request in found.requests):
         late = unit.late if _is_nothing_waited_for(evidence, unit) else 0
-        return late + answers_like_requests(evidence, unit) > _LATE * silent
+        return late + answers_like_requests(evidence, unit) + _hit_behind(evidence, unit) > _LATE * silent
     late = max(unit.late, _heard_elsewhere(evidence, found))
     return late > _LATE * silent or evidence.silent(unit) < _SURE * silent
 
@@ -66,6 +69,14 @@ def _heard_elsewhere(evidence: Evidence, found: Unserved) -> int:
     begins = {begin for begin in begins if len(begin) == _BEGIN}
     readings = (each for unit in evidence.units for each in (*evidence.readings(unit), *evidence.followed(unit)))
     return sum(any(begin in each.heard for begin in begins) for each in readings)
+
+
+def _hit_behind(evidence: Evidence, unit: UnitLedger) -> float:
+    """How many more exchanges right behind silent ones of a unit are hit than else: an answer came when something else was
+    sent."""
+    successors = evidence.ledger.successors
+    rates = (successors.rates(other, unit.unit) for other in successors.behind(unit.unit))
+    return sum(then - then_of * other / max(other_of, 1) for then, then_of, other, other_of in rates)
 
 
 def spaced(request: Request) -> str:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from .asked import ADDRESSES, READS, SWAPPED, SWAPPED_WRITES, Request
 from .corrections import Areas, Reason, corrected, in_bytes
-from .history import Got
+from .got import Got
 
 LEAST: Final = 3  # failures of a request, each between successes
 _CODES: Final = 1 << 10  # more than there are of `Got`
@@ -78,10 +78,8 @@ class _Told:
         return max(self.told, key=lambda code: self.told[code], default=0)
 
 
-def unserved(
-    unit: int, visits: Sequence[NDArray[np.int64]], request_of: Callable[[int], Request | None]
-) -> list[Unserved]:
-    """The reasons of one unit, the one that explains most first; `visits` as in `RequestHistory`, `request_of` reads
+def unserved(unit: int, visits: NDArray[np.int64], request_of: Callable[[int], Request | None]) -> list[Unserved]:
+    """The reasons of one unit, the one that explains most first; `visits` as `visits_of` has them, `request_of` reads
     the number of what was asked."""
     polls = _polls(visits, request_of)
     if halves := _in_bytes(unit, polls):
@@ -98,16 +96,13 @@ def unserved(
         return list(_explained(unit, failing, [poll.request for poll in well], background))
     refused = [poll for poll in failing if _tells_alone(poll)]
     every = sum(sum(poll.got.values()) for poll in polls)
-    if not refused or sum(sum(poll.told.values()) for poll in refused) < _ALWAYS * every:
+    if sum(sum(poll.told.values()) for poll in refused) < _ALWAYS * every:
         return []
     return list(_explained(unit, refused, [], _BACKGROUND))
 
 
-def _polls(visits: Sequence[NDArray[np.int64]], request_of: Callable[[int], Request | None]) -> list[_Told]:
-    if not visits:
-        return []
-    every = np.concatenate(visits)
-    pairs, counts = np.unique(every[:, 0] * _CODES + every[:, 1], return_counts=True)
+def _polls(visits: NDArray[np.int64], request_of: Callable[[int], Request | None]) -> list[_Told]:
+    pairs, counts = np.unique(visits[:, 0] * _CODES + visits[:, 1], return_counts=True)
     got: dict[int, Counter[int]] = {}
     for pair, count in zip(pairs.tolist(), counts.tolist(), strict=True):
         got.setdefault(pair // _CODES, Counter())[pair % _CODES] = count
@@ -130,28 +125,20 @@ def _tells_alone(poll: _Told) -> bool:
     return poll.code in (_UNKNOWN, _ADDRESS, _VALUE)
 
 
-def _between(
-    failing: list[_Told], well: Sequence[_Told], visits: Sequence[NDArray[np.int64]]
-) -> tuple[list[_Told], float]:
+def _between(failing: list[_Told], well: Sequence[_Told], visits: NDArray[np.int64]) -> tuple[list[_Told], float]:
     """Of each request how often it failed between two successes of others; and how often requests that do succeed fail
     so, the likeliest failure of theirs: what chance, noise and short outages do."""
     good = np.array([poll.number for poll in well], np.int64)
     bad = np.array([poll.number for poll in failing], np.int64)
     counts: Counter[int] = Counter()
-    chance = trials = 0
-    for part in visits:
-        poll, got = part[:, 0], part[:, 1]
-        steady = np.isin(poll, good)
-        marks = np.flatnonzero(steady)
-        if len(marks) < 2:
-            continue
-        answered = (got == Got.ANSWER)[marks]
-        for at, (first, last) in enumerate(pairwise(marks.tolist())):
-            if answered[at] and answered[at + 1] and last - first > 1:
-                counts.update(set(poll[first + 1 : last][np.isin(poll[first + 1 : last], bad)].tolist()))
-        inner = answered[:-2] & answered[2:]
-        trials += int(np.count_nonzero(inner))
-        chance += int(np.count_nonzero(inner & ~answered[1:-1]))
+    poll, got = visits.T
+    marks = np.flatnonzero(np.isin(poll, good))
+    answered = (got == Got.ANSWER)[marks]
+    for at, (first, last) in enumerate(pairwise(marks.tolist())):
+        if answered[at] and answered[at + 1]:
+            counts.update(set(poll[first + 1 : last][np.isin(poll[first + 1 : last], bad)].tolist()))
+    inner = answered[:-2] & answered[2:]
+    trials, chance = int(np.count_nonzero(inner)), int(np.count_nonzero(inner & ~answered[1:-1]))
     background = max((chance + 0.5) / (trials + 1), _BACKGROUND)
     return [_Told(poll.number, poll.request, poll.got, counts[poll.number]) for poll in failing], min(background, 0.9)
 

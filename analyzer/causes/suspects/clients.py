@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from typing import Final
 
@@ -156,7 +157,7 @@ def converter_gaps(evidence: Evidence) -> Iterator[Suspicion]:
     if broken < _LEAST:
         return
     holes = np.concatenate([unit.holes.numbers[unit.holes.numbers > least] for _, unit in behind])
-    places = sum((unit.hole_places for _, unit in behind), start=type(behind[0][1].hole_places)())
+    places = sum((unit.hole_places(least) for _, unit in behind), Counter[int]())
     if not fine and not others and not _piece(places):
         return  # in answers of all, at no place in particular: the tap holds them back
     yield Suspicion(

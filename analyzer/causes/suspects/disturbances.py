@@ -20,14 +20,16 @@ from ..hits import (
     WELL,
     Hits,
     apart_bits,
+    end_of_part,
     evenness_bits,
     is_one_units,
     requests_evenness_bits,
     requests_part,
+    span_of_hits,
     spares_requests,
     spares_units,
+    spells_of_hits,
 )
-from ..hittimes import end_of_part, span_of_hits, spells_of_hits
 from ..registry import OF_A_LINE, Explained, Suspicion, Symptom, suspect
 from ..signatures import AnswerDamage
 from .common import examples

@@ -15,7 +15,7 @@ from ..bits import surplus_bits
 from ..costs import cost_of, kind_bits, kind_of, untimely
 from ..evidence import HEALTHY, Evidence, alone_or_together
 from ..exchanges import Ending
-from ..givenup import all_repeated, asked_again_though_slow, hurried, repeated_by_timer, went_on_by_timer
+from ..givenup import all_repeated, asked_again_though_slow, hurried, repeated_by_timer
 from ..hits import given_up_by_timer, interrupted, late_units, timed_by_the_master
 from ..registry import Suspicion, Symptom, suspect
 from ..repeats import (
@@ -212,7 +212,7 @@ def _late(evidence: Evidence, unit: UnitLedger) -> int:
     ]
     found += round(unit.count(Ending.GARBAGE) * len(late) / max(len(readings), 1))
     behind = asked_again_behind(evidence, unit) + answers_like_requests(evidence, unit)
-    return found + max(slow.count, quick.count, went_on_by_timer(evidence, unit), all_repeated(evidence, unit), behind)
+    return found + max(slow.count, quick.count, all_repeated(evidence, unit), behind)
 
 
 def _own(reading: Signature, unit: UnitLedger) -> bool:

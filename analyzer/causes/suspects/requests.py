@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
-from ...requests.history import Got
+from ...requests.got import Got
 from ...requests.reasons import Unserved
 from ...tables.findings import Severity
 from ..bits import surplus_bits

@@ -62,7 +62,7 @@ def refusing_since(evidence: Evidence, unit: UnitLedger) -> Refusing | None:
     since = next((each for each in evidence.contrasts(Symptom.REFUSAL, unit.unit) if each.name == "since"), None)
     if since is None or not since.over or not since.is_sharp or since.bits < max(_SURE_BITS, best.bits - _AS_GOOD):
         return None
-    weight = evidence.ledger.table.weight
+    weight = evidence.ledger.table.weight_of(evidence.rows(unit.unit))
     then, before = since.then, since.otherwise
     return Refusing(since.value, *(round(weight * n) for n in (*then, before.of - before.hits, before.of)))
 

@@ -166,11 +166,11 @@ def _one(evidence: Evidence, heard: str, frames: int, others: int, every: int | 
 
 def _as_given_up(evidence: Evidence) -> bool:
     """Whether the master goes on after always the same time, whatever it asks, as it does when nobody answers."""
-    polls = [poll for poll in evidence.polls if len(poll.waits)]
-    waits = [poll.waits for poll in polls]
+    found = [(poll, mine) for poll in evidence.polls if len(mine := evidence.waits_in_vain(poll))]
+    waits = [mine for _, mine in found]
     if not waits or not evidence.ledger.timed:
         return False
-    if _by_length(polls, evidence.ledger.char_ns):
+    if _by_length([poll for poll, _ in found], waits, evidence.ledger.char_ns):
         return False
     numbers = np.concatenate(waits)
     low, middle = float(np.quantile(numbers, 0.1)), float(np.quantile(numbers, 0.6))
@@ -182,11 +182,13 @@ def _as_given_up(evidence: Evidence) -> bool:
     return middle - low < strays + min(_CLOCKS * evidence.verdict.wait_ns, _TIMERS * middle + evidence.ledger.char_ns)
 
 
-def _by_length(polls: Sequence[Poll], char_ns: float) -> bool:
+def _by_length(polls: Sequence[Poll], by_poll: Sequence[NDArray[np.float64]], char_ns: float) -> bool:
     """Whether the master goes on the later the longer the answer is that it asks for, about a character a byte: answers
     pass then, though the tap hears none. Over all waits, so that a coarse clock tells it as well."""
-    due = np.concatenate([np.full(len(poll.waits), float(poll.about_bytes)) for poll in polls])
-    waits = np.concatenate([np.clip(poll.waits, *np.quantile(poll.waits, _INNER)) for poll in polls])
+    due = np.concatenate(
+        [np.full(len(mine), float(poll.about_bytes)) for poll, mine in zip(polls, by_poll, strict=True)]
+    )
+    waits = np.concatenate([np.clip(mine, *np.quantile(mine, _INNER)) for mine in by_poll])
     varied = due - due.mean()
     weight = float(varied @ varied)
     if len(due) <= _LEAST or not weight:

@@ -108,7 +108,7 @@ def _suspicion(
     numbers = {
         "doubles": seen.doubles,
         "tails": seen.tails,
-        "met": sum(_met(evidence, other, unit)[0] for other in run_into),
+        "met": sum(evidence.ledger.successors.met[other, unit.unit] for other in run_into),
     }
     found = damage_suspicion(evidence, [unit], bits + sum(run_into.values()), numbers)
     explains = found.explains | {(kind, unit.unit) for kind in _ITS_OWN}
@@ -155,7 +155,7 @@ def _run_into(evidence: Evidence, unit: UnitLedger) -> Mapping[int, float]:
         if other is unit or not evidence.is_open(Symptom.DAMAGE, other.unit):
             continue
         hit, asked = successors.met_of(other.unit), successors.followed_of(other.unit)
-        met, followed = _met(evidence, other.unit, unit)
+        met, followed = successors.met[other.unit, unit.unit], successors.followed[other.unit, unit.unit]
         bits = surplus_bits(met, followed, max(HEALTHY, (hit - met + 0.5) / (asked - followed + 50)))
         if bits > _RUN_INTO_BITS:
             found[other.unit] = bits
@@ -186,21 +186,6 @@ def _answered_again(evidence: Evidence, unit: UnitLedger) -> Mapping[int, float]
         return {}
     found = _run_into(evidence, unit)
     return {other: bits for other, bits in found.items() if evidence.is_too_soon(evidence.ledger.units[other])}
-
-
-def _met(evidence: Evidence, other: int, unit: UnitLedger) -> tuple[int, int]:
-    """How many exchanges of another unit right behind one's were hit, of how many; or two behind, where it is heard "
-    "there."""
-    successors, pair = evidence.ledger.successors, (other, unit.unit)
-    if not successors.met[pair] and _is_heard_behind(evidence, evidence.ledger.units[other], unit):
-        return successors.near_hit[pair], successors.near[pair]
-    return successors.met[pair], successors.followed[pair]
-
-
-def _is_heard_behind(evidence: Evidence, unit: UnitLedger, other: UnitLedger) -> bool:
-    """Whether what stands in the place of a unit's answers, or behind them, begins as another's do."""
-    readings = (*evidence.readings(unit), *evidence.followed(unit))
-    return sum(evidence.begun_by(each) == other.unit for each in readings) >= _LEAST
 
 
 _MIXED: Final = {"whole": 0.35, "middle": 0.22, "long": 0.2, "cut": 0.06, "cut-short": 0.03, "crossed": 0.02,

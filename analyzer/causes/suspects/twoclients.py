@@ -17,14 +17,13 @@ from ..hits import (
     evenness_bits,
     given_up_by_timer,
     interrupted,
-    is_about_one,
     is_one_units,
     late_of_any,
     requests_evenness_bits,
     requests_part,
+    spells_of_hits,
     timed_by_the_master,
 )
-from ..hittimes import spells_of_hits
 from ..registry import OF_A_LINE, Explained, Suspicion, Symptom, suspect
 from ..repeats import broadcasts_answered
 from ..signatures import Behind, Signature
@@ -66,7 +65,6 @@ class _Meetings:
         ]  # what is late of these is not the timer's
         # a master that takes noise for an answer goes on before that comes
         self.misled = sum(unit.strayed + evidence.silent_but_for(unit, Behind.NOISE) for unit in self.units)
-        self.about_one = is_about_one(evidence)
 
     @cached_property
     def late_of_any(self) -> float:
@@ -76,7 +74,7 @@ class _Meetings:
     def sure(self) -> bool:
         """Whether no single client does so: where it is sure, it need not meet all units alike: slow ones are met most."""
         early = self.early.values()
-        spread = sum(early) - max(early, default=0) >= _MET or not (self.about_one or is_one_units(self.evidence))
+        spread = sum(early) - max(early, default=0) >= _MET or not is_one_units(self.evidence)
         if sum(early) >= _MET and spread:  # two answers to one unit's requests drive a master on as well
             return True
         return self.late_of_any - max((unit.late for unit in self.others), default=0) >= _LEAST
@@ -154,7 +152,7 @@ class _Meetings:
 
     def is_no_matter_of_clients(self) -> bool:
         """Frames without order, broadcasts or one request answered by many, or the damage of one unit."""
-        if not self.evidence.ordered or broadcasts_answered(self.evidence) or (self.about_one and not self.sure):
+        if not self.evidence.ordered or broadcasts_answered(self.evidence):
             return True
         return any(answers_too_many(self.evidence, unit) for unit in self.units)
 

@@ -10,8 +10,7 @@ from ...tables.findings import Severity
 from ..bits import likelihood_bits, surplus_bits
 from ..costs import kind_bits, kind_of, share_of
 from ..evidence import HEALTHY, Evidence
-from ..hits import ALIKE, WELL, Hits, apart_bits, is_behind_few, spared_bits, spares_units
-from ..hittimes import span_of_hits
+from ..hits import ALIKE, WELL, Hits, apart_bits, is_behind_few, span_of_hits, spared_bits, spares_units
 from ..ledger import STRAY
 from ..registry import OF_A_LINE, Suspicion, Symptom, suspect
 from ..unitledger import UnitLedger
