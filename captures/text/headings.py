@@ -21,8 +21,8 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Final, NamedTuple
 
-from .counts import SECOND_NS, TITLE_UNIT_NS, Stamp
 from .stamps import DAY_NS
+from .timeforms import SECOND_NS, UNIT_NS, Stamp
 from .tools import NONE, LineMark
 
 
@@ -64,7 +64,7 @@ def marks_of_cells(text: str, line_marks: list[LineMark]) -> tuple[str, tuple[in
 _PARTED: Final = ("\t", ";", ",", "|")
 _APART: Final = re.compile(r"\s{2,}")
 _IN_UNIT: Final = (  # `[ms]`, `, мс`, `/us`, ` in seconds`
-    rf"(?:[ _,/]*(?:in |в )?[\[(]?\s*(?P<unit>{'|'.join(sorted(TITLE_UNIT_NS, key=len, reverse=True))})[\])]?)?$"
+    rf"(?:[ _,/]*(?:in |в )?[\[(]?\s*(?P<unit>{'|'.join(sorted(UNIT_NS, key=len, reverse=True))})[\])]?)?$"
 )
 _NAME: Final = re.compile(
     r"^(?:(?:start|begin|rel\w*|abs\w*|packet|о?т?метка|t)[ _-]?)?"
@@ -118,7 +118,7 @@ class TimeColumn:
 
     def _time(self, match: re.Match[str]) -> int | None:
         whole, fraction = int(match["whole"].replace(" ", "")), match["fraction"] or ""
-        unit = TITLE_UNIT_NS[match["unit"]] if match["unit"] else self.unit
+        unit = UNIT_NS[match["unit"]] if match["unit"] else self.unit
         if unit is None:
             if not fraction and not match["power"]:
                 return None  # of what unit, nobody says
@@ -142,7 +142,7 @@ def time_column(text: str) -> TimeColumn | None:
             numbered = not any(map(_DATA.search, names[:number]))
             match = _NAME.match(name)
             if match is not None:
-                unit = _UNITS.get(name.lower()) or TITLE_UNIT_NS.get((match["unit"] or "").lower())
+                unit = _UNITS.get(name.lower()) or UNIT_NS.get((match["unit"] or "").lower())
                 return TimeColumn(parted, number, len(cells), unit, numbered)
     return None
 

@@ -19,12 +19,12 @@ from captures.text import stamps
 
 from .candidates import Writing, halves, is_ruler, line_of
 from .choosing import ByteRun, Experience, label_in, runs_in, with_marks
-from .counts import Stamp
 from .dumps import Dump
 from .headings import Fractions, Heading, TimeColumn, counted, marks_of_cells, of_days, time_column
 from .judging import ByteJudge, no_judge
 from .othershapes import unescape
 from .plain import plain, quoted
+from .timeforms import Stamp
 from .tools import MARK_WORDS, NONE, SHAPES, LineMark, LineRole, Shape, marks
 
 _LEAST_SHAPED: Final = 4  # characters of a line in a tool's own layout
