@@ -26,10 +26,10 @@ from .candidates import (
     is_halved,
     shows,
 )
-from .hexshapes import hex_candidates
+from .digitruns import hex_candidates, other_candidates, run_together
 from .judging import ByteJudge
-from .othershapes import LOOK_ALIKES, other_candidates, run_together
 from .tools import NONE, RX, TX, LineMark, either_way
+from .writings import LOOK_ALIKES
 
 MOST_JUDGED: Final = 4096  # bytes of one run that a judge is shown
 _LEAST: Final = 4  # bytes that can hold a check value
@@ -149,6 +149,12 @@ class Experience:
             for shape in (run.shape, *run.rivals) if right else ():
                 self.right[label, shape] = self.right.get((label, shape), 0) + 1
 
+    def confirm(self, run: ByteRun) -> None:
+        """A run in whose writing, behind its label, a check value is right."""
+        key = run.label, run.shape
+        self.right[key] = self.right.get(key, 0) + 1
+        self.shapes.add(run.shape)
+
     def support(self, run: ByteRun, span: Checked) -> None:
         """A run is of the newest frame whose check value is right, though it does not hold all of it."""
         run.joined, run.echoed = self.frames, span.repeats
@@ -163,6 +169,16 @@ class Experience:
             if 4 * right >= self.met.get((name, shape), 0):
                 most = max(most, right)
         return most
+
+
+def covered(checked: Sequence[Checked]) -> int:
+    """How many bytes these stretches are."""
+    return sum(span.end - span.start for span in checked)
+
+
+def is_whole(run: ByteRun) -> bool:
+    """Whether all of a run has right check values."""
+    return bool(run.checked) and covered(run.checked) == len(run.data)
 
 
 def runs_in(line: TextLine, judge: ByteJudge, experience: Experience) -> list[ByteRun]:
@@ -237,7 +253,7 @@ def _ranked(candidate: HexWindow, line: TextLine, judge: ByteJudge, experience: 
     padded = candidate.shape == "decimal" and _PAIR_OF_HEX.search(shown) is not None
     if padded:  # no header says more than that numbers are not written so
         checked = [span for span in checked if span.envelope != "tcp" and not experience.damaged]
-    covered = sum(span.end - span.start for span in checked)
+    right = covered(checked)
     trusted = announced = 0
     if experience.right and not padded:
         direct = candidate.start in line.first and candidate.start > line.begin
@@ -246,8 +262,8 @@ def _ranked(candidate: HexWindow, line: TextLine, judge: ByteJudge, experience: 
         if not checked and size >= _HEADED and candidate.shape in experience.shapes:
             announced = int(bool(judge(candidate.data[:MOST_JUDGED], damaged=True)))
     length = candidate.end - candidate.start
-    rank = (covered, covered - size if covered else 0, announced, trusted, candidate.level, length)
-    return _Ranked(rank, candidate, checked, covered == size > 0)
+    rank = (right, right - size if right else 0, announced, trusted, candidate.level, length)
+    return _Ranked(rank, candidate, checked, right == size > 0)
 
 
 def _parted(line: TextLine, judge: ByteJudge, experience: Experience) -> list[_Ranked]:
@@ -296,11 +312,8 @@ def _overlaps(places: Sequence[tuple[int, int, ByteRun]], i: int, candidate: Hex
 def checked_in(candidate: HexWindow, judge: ByteJudge) -> Sequence[Checked]:
     """The stretches of a candidate with a right check value; of a number's bytes they must cover enough."""
     checked = judge(candidate.data[:MOST_JUDGED])
-    if checked and candidate.level is Writing.NUMBER:
-        covered = sum(span.end - span.start for span in checked)
-        if covered < _ENOUGH * min(len(candidate.data), MOST_JUDGED):
-            return ()
-    return checked
+    least = _ENOUGH * min(len(candidate.data), MOST_JUDGED) if candidate.level is Writing.NUMBER else 0
+    return checked if covered(checked) >= least else ()
 
 
 def label_of(line: TextLine, start: int) -> str:

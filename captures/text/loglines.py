@@ -20,9 +20,9 @@ from captures.text import stamps
 from .candidates import Writing, halves, is_ruler, line_of
 from .choosing import ByteRun, Experience, label_in, runs_in, with_marks
 from .dumps import Dump
+from .escapes import unescape
 from .headings import Fractions, Heading, TimeColumn, counted, marks_of_cells, of_days, time_column
 from .judging import ByteJudge, no_judge
-from .othershapes import unescape
 from .plain import plain, quoted
 from .timeforms import Stamp
 from .tools import MARK_WORDS, NONE, SHAPES, LineMark, LineRole, Shape, marks

@@ -263,7 +263,7 @@ def _contents(line: LogLine, experience: Experience) -> Iterator[Piece | UnreadL
         envelope = run.checked[0].envelope if run.checked else ""
         yield Piece(
             run.data, line.number, text, run.ascii, run.mark, line.t_ns, line.port, continues, envelope,
-            run.checked != () and all(span.repeats for span in run.checked), line.stamped,
+            bool(run.checked) and all(span.repeats for span in run.checked), line.stamped,
         )  # fmt: skip
     if line.problem is not None:
         yield UnreadLine(line.number, text, line.problem, empty=line.problem.startswith("no bytes"))

@@ -48,9 +48,7 @@ def settle_series(lines: Sequence[LogLine], judge: ByteJudge, experience: Experi
             run.take(reading)
             run.taken = True
             experience.support(run, span)
-            experience.shapes.add(run.shape)
-            key = run.label, run.shape
-            experience.right[key] = experience.right.get(key, 0) + 1
+            experience.confirm(run)
     experience.pieces_in_vain = 0 if found else experience.pieces_in_vain + sum(map(len, series))
 
 
@@ -122,9 +120,8 @@ def settle_tails(lines: Sequence[LogLine], judge: ByteJudge, experience: Experie
                 open_runs = [] if whole else [*open_runs[1 - _TAIL_RUNS :], run]
                 since, shape = line.number, run.shape
             elif open_runs and not is_computed(run, line) and _completes(run, open_runs, judge, experience):
-                key = (run.label, run.shape)
-                experience.tails.add(key)
-                experience.right[key] = experience.right.get(key, 0) + 1
+                experience.tails.add((run.label, run.shape))
+                experience.confirm(run)
                 open_runs = []
 
 

@@ -14,7 +14,7 @@ from itertools import accumulate, islice
 from typing import Final
 
 from . import stamps
-from .choosing import ByteRun
+from .choosing import ByteRun, covered, is_whole
 from .plain import plain
 
 Runs = Callable[[str], Sequence[ByteRun]]  # of a line as it stands there
@@ -85,14 +85,14 @@ class Unwrapper:
     def _is_settled(self, text: str) -> bool:
         """Whether a line ends with bytes that need nothing more."""
         runs = self._runs(text)
-        if not runs or not _is_whole(runs[-1]):
+        if not runs or not is_whole(runs[-1]):
             return False
         return not text.rstrip()[-1:].isalnum() or _covers(runs[-1], text)
 
     def _merged(self, texts: Sequence[str]) -> tuple[str, int] | None:
         """The lines as one, and how many of them, if that reads more than each alone."""
         texts = _unframed(texts)
-        alone = sum(_covered(run) for text in texts for run in self._runs(text))
+        alone = sum(covered(run.checked) for text in texts for run in self._runs(text))
         for between in ("", " "):
             parts = [texts[0].rstrip() if between else texts[0]]
             for text in texts[1:]:
@@ -107,7 +107,7 @@ class Unwrapper:
             known = self._widths.get(between)
             width = len(parts[0])
             fits = known is not None and (width == known if not between else width + _SLACK > known)
-            more = sum(map(_covered, runs)) > alone and self._crosses(run, parts)
+            more = sum(covered(run.checked) for run in runs) > alone and self._crosses(run, parts)
             if not (more or fits):
                 continue
             self._widths[between] = max(width, known or 0) if between else width
@@ -126,14 +126,6 @@ def _unframed(texts: Sequence[str]) -> list[str]:
     before = min(len(text) - len(text.lstrip()) for text in texts)
     behind = min(len(text) - len(text.rstrip()) for text in texts[:-1])
     return [*(text[before : len(text) - behind] for text in texts[:-1]), texts[-1][before:].rstrip()]
-
-
-def _covered(run: ByteRun) -> int:
-    return sum(span.end - span.start for span in run.checked)
-
-
-def _is_whole(run: ByteRun) -> bool:
-    return bool(run.checked) and _covered(run) == len(run.data)
 
 
 def _covers(run: ByteRun, text: str) -> bool:
