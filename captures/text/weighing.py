@@ -32,7 +32,7 @@ _NEVER: Final = 99.0
 
 def leave_out_unsupported(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -> None:
     """Take back what was taken for its looks alone, where others are right, or look more like bytes."""
-    groups = list(_groups(lines))
+    groups = [group for read in reads_of(lines) for group in _written_alike(read)]
     columns = (run for group in groups for _, run in group if run.shape == COLUMN_SHAPE and run.checked)
     experience.builds.update(run.build for run in columns)
     bits = [_bits_of(group, experience) for group in groups]
@@ -49,18 +49,29 @@ def _is_announced(group: Sequence[tuple[LogLine, ByteRun]], judge: ByteJudge) ->
     return any(len(run.data) >= _HEADED and judge(run.data[:MOST_JUDGED], damaged=True) for _, run in group)
 
 
-def _groups(lines: Sequence[LogLine]) -> Iterator[list[tuple[LogLine, ByteRun]]]:
-    """What was taken, read by read; of one what is written alike."""
-    group: list[tuple[LogLine, ByteRun]] = []
+def reads_of(lines: Sequence[LogLine]) -> Iterator[list[tuple[LogLine, ByteRun]]]:
+    """What was taken, read by read, over one line or several."""
+    read: list[tuple[LogLine, ByteRun]] = []
     for line in lines:
         for i, run in enumerate(run for run in line.runs if run.taken):
-            if i or not line.continues or (group and group[-1][1].build != run.build and not run.checked):
-                if group:
-                    yield group
-                group = []
-            group.append((line, run))
-    if group:
-        yield group
+            above = read[-1][1] if read else run
+            same = run.shape == above.shape == COLUMN_SHAPE or 0 < run.joined == above.joined
+            if read and (i or not (line.continues or same)):
+                yield read
+                read = []
+            read.append((line, run))
+    if read:
+        yield read
+
+
+def _written_alike(read: list[tuple[LogLine, ByteRun]]) -> Iterator[list[tuple[LogLine, ByteRun]]]:
+    """A read in parts of which each is written alike; the last row of a dump may be short."""
+    begins = [
+        i
+        for i, ((_, above), (_, run)) in enumerate(pairwise(read), 1)
+        if above.build != run.build and not run.checked and run.offset is None
+    ]
+    return (read[first:last] for first, last in pairwise([0, *begins, len(read)]))
 
 
 def _bits_of(group: Sequence[tuple[LogLine, ByteRun]], experience: Experience) -> float:
