@@ -14,7 +14,6 @@ from typing import Final, NamedTuple
 
 from ..checked import Checked
 from .candidates import (
-    ROWS,
     HexWindow,
     TextLine,
     Writing,
@@ -190,11 +189,17 @@ def runs_in(line: TextLine, judge: ByteJudge, experience: Experience) -> list[By
         ranked += [_ranked(candidate, line, judge, experience) for candidate in other_candidates(line)]
         if not any(entry.whole for entry in ranked):
             ranked += _parted(line, judge, experience)
-    if not ranked:
-        return []
+    return _labelled([part for run in _apart(ranked, line) for part in _cells_of(run, line.text)], line.text)
+
+
+def _apart(ranked: list[_Ranked], line: TextLine) -> list[ByteRun]:
+    """The best candidates none of which overlaps another, in order; others that begin with one are its other readings.
+
+    A number before the bytes of a row, which may be an offset, is none of them.
+    """
     offsets = {entry.candidate.lead for entry in ranked if entry.candidate.offset is not None}
     ranked.sort(key=lambda entry: (entry.whole or entry.candidate.start not in offsets, *entry.rank), reverse=True)
-    occupied: list[tuple[int, int, ByteRun]] = []  # of the runs chosen, in order
+    occupied: list[tuple[int, int, ByteRun]] = []
     for _, candidate, checked, whole in ranked:
         at = bisect_left(occupied, (candidate.lead,))
         clash = next((occupied[i][2] for i in (at - 1, at) if _overlaps(occupied, i, candidate)), None)
@@ -202,21 +207,23 @@ def runs_in(line: TextLine, judge: ByteJudge, experience: Experience) -> list[By
             occupied.insert(at, (candidate.lead, candidate.end, _run(candidate, line, checked)))
         elif candidate.start == clash.start:
             clash.others = (*clash.others, candidate)
-            if whole:
-                clash.rivals = (*clash.rivals, candidate.shape)
-    runs = [part for _, _, run in occupied for part in _cells_of(run, line.text)]
+            clash.rivals = (*clash.rivals, candidate.shape) if whole else clash.rivals
+    return [run for _, _, run in occupied]
+
+
+def _labelled(runs: list[ByteRun], text: str) -> list[ByteRun]:
+    """Runs, each with the words behind the run before it; what stands behind a dump's row is the same as characters."""
     behind = 0  # the newest run that may be bytes
     for i, run in enumerate(runs):
         if behind:
-            run.label = label_in(line.text[max(behind, run.start - 2 * _LABEL) : run.start])
-        if run.level or run.checked:
-            behind = run.end
-        row = run.offset is not None or (i + 1 < len(runs) and len(run.data) > _LEAST and run.shape in ROWS)
-        shown = row and shows(run.data, line.text[run.end :].strip(_AROUND))
-        if row and not (shown or run.checked) and any(len(other.data) > len(run.data) for other in runs[i + 1 :]):
-            run.offset = None  # `298365 17 [Task] TX 01 03 …`: no characters of a byte stand behind
-        elif row and run.offset is not None:
-            return runs[: i + 1]  # what stands behind are the same bytes as characters
+            run.label = label_in(text[max(behind, run.start - 2 * _LABEL) : run.start])
+        behind = run.end if run.level or run.checked else behind
+        if run.offset is None:
+            continue
+        shown = run.checked or shows(run.data, text[run.end :].strip(_AROUND))
+        if shown or all(len(other.data) <= len(run.data) for other in runs[i + 1 :]):
+            return runs[: i + 1]
+        run.offset = None  # `298365 17 [Task] TX 01 03 …`: no characters of a byte stand behind
     return runs
 
 
@@ -246,10 +253,9 @@ class _Ranked(NamedTuple):
 
 def _ranked(candidate: HexWindow, line: TextLine, judge: ByteJudge, experience: Experience) -> _Ranked:
     candidate = in_its_place(candidate, line)
-    size = len(candidate.data)
-    judged = size >= _LEAST and not (experience.damaged and _is_no_frame(candidate, line))
+    size, shown = len(candidate.data), line.text[candidate.start : candidate.end]
+    judged = size >= _LEAST and not (experience.damaged and _is_no_frame(candidate, shown))
     checked = checked_in(candidate, judge) if judged else ()
-    shown = line.text[candidate.start : candidate.end]
     padded = candidate.shape == "decimal" and _PAIR_OF_HEX.search(shown) is not None
     if padded:  # no header says more than that numbers are not written so
         checked = [span for span in checked if span.envelope != "tcp" and not experience.damaged]
@@ -260,9 +266,8 @@ def _ranked(candidate: HexWindow, line: TextLine, judge: ByteJudge, experience: 
         if size > 1 or not _is_listed(line, candidate):
             trusted = experience.trust(label_of(line, candidate.start), candidate.shape, direct=direct)
         if not checked and size >= _HEADED and candidate.shape in experience.shapes:
-            announced = int(bool(judge(candidate.data[:MOST_JUDGED], damaged=True)))
-    length = candidate.end - candidate.start
-    rank = (right, right - size if right else 0, announced, trusted, candidate.level, length)
+            announced = bool(judge(candidate.data[:MOST_JUDGED], damaged=True))
+    rank = (right, right - size if right else 0, announced, trusted, candidate.level, len(shown))
     return _Ranked(rank, candidate, checked, right == size > 0)
 
 
@@ -288,11 +293,10 @@ def _is_listed(line: TextLine, candidate: HexWindow) -> bool:
     return before.endswith(",") and behind.startswith(",")
 
 
-def _is_no_frame(candidate: HexWindow, line: TextLine) -> bool:
+def _is_no_frame(candidate: HexWindow, shown: str) -> bool:
     """Whether it is base64, or numbers that count up."""
-    if candidate.level is Writing.NUMBER and counts_up(candidate.data):
-        return True
-    return candidate.shape == "base64" and line.text[candidate.start : candidate.end].isalpha()
+    counts = candidate.level is Writing.NUMBER and counts_up(candidate.data)
+    return counts or (candidate.shape == "base64" and shown.isalpha())
 
 
 def _run(candidate: HexWindow, line: TextLine, checked: Sequence[Checked]) -> ByteRun:
@@ -339,11 +343,10 @@ def with_marks(text: str, runs: Sequence[ByteRun], line_marks: Sequence[LineMark
 
     An arrow says nothing behind a plain word, nor behind the first run: there it points from one frame to the next.
     """
-    if not line_marks and len(runs) > 1:
-        brackets = [text[run.start - 1 : run.start] for run in runs]
-        if {"[", "<"} <= {*brackets}:  # `[01][03]…<01><03>…`
-            for run, bracket in zip(runs, brackets, strict=True):
-                run.mark = _OF_BRACKETS.get(bracket, NONE)
+    brackets = [] if line_marks else [text[run.start - 1 : run.start] for run in runs]
+    if {"[", "<"} <= {*brackets}:  # `[01][03]…<01><03>…`
+        for run, bracket in zip(runs, brackets, strict=True):
+            run.mark = _OF_BRACKETS.get(bracket, NONE)
     ahead, newest = 0, None
     pointed = any(mark.arrow and mark.end <= runs[0].start for mark in line_marks[:1]) if runs else False
     for run in runs:

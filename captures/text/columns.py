@@ -27,7 +27,6 @@ _STEP: Final = 16  # rows at which a judge, shown the column from one on, looks 
 _FIELD: Final = re.compile(rf"(?<![\w.])(?:0[xX])?{H}{{2,512}}[hH]?(?!\w)")
 _LETTERS: Final = re.compile(r"[g-zG-Z]")
 FIELDS: Final = 3  # names that make a list of a frame's fields
-_RULER: Final = 6  # lines that count from 0 or 1 on
 _COUNTED: Final = "[0]= [1]= [2]="  # lines of bytes with their numbers, whatever their length
 _OCTETS: Final = "b'' b'' b''"
 _PATIENCE: Final = 3000  # rows of numbers without a frame, after which none is looked for in the columns of a text
@@ -35,7 +34,6 @@ _PATIENCE: Final = 3000  # rows of numbers without a frame, after which none is 
 
 def settle_columns(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -> None:
     """Frames written a byte or a field a line, or field by field in one line, found by their check values."""
-    _leave_out_numbers(lines)
     group: list[LogLine] = []
     for line in lines:
         if not line.clean.strip() or _is_timed_word(line):
@@ -54,25 +52,6 @@ def settle_columns(lines: Sequence[LogLine], judge: ByteJudge, experience: Exper
 def _is_timed_word(line: LogLine) -> bool:
     """`0,12.40,Start bit`: of a row for each event of a byte, one that does not show it."""
     return line.t_ns is not None and not line.runs and not holds_numbers(line)
-
-
-def _leave_out_numbers(lines: Sequence[LogLine]) -> None:
-    """Numbers of columns, written one below the other above those of a frame."""
-    counted: list[LogLine] = []
-    for line in lines:
-        text = line.clean.strip()
-        goes_on = bool(counted) and text == str(int(counted[-1].clean) + 1)
-        if not goes_on:
-            _leave_out(counted)
-            counted = []
-        if goes_on or text in ("0", "1"):
-            counted.append(line)
-    _leave_out(counted)
-
-
-def _leave_out(counted: Sequence[LogLine]) -> None:
-    for line in counted if len(counted) >= _RULER else ():
-        line.runs, line.clean, line.quiet = [], "", True
 
 
 def is_right(line: LogLine) -> bool:

@@ -62,7 +62,7 @@ class _Entry:
     def decoded(self) -> bytes:
         """The bytes that an ASCII-mode frame's characters stand for."""
         with suppress(ValueError):
-            return bytes.fromhex(self.data.removeprefix(b":").decode("ascii").strip()) if self.data[:1] == b":" else b""
+            return bytes.fromhex(self.data.partition(b":")[2].decode("ascii").strip())
         return b""
 
 

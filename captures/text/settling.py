@@ -20,6 +20,7 @@ from .judging import ByteJudge, unturned
 from .loglines import LogLine
 from .numbering import (
     leave_out_byte_numbers,
+    leave_out_column_numbers,
     leave_out_counts,
     leave_out_line_numbers,
     leave_out_short_offsets,
@@ -50,6 +51,7 @@ def settle(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -
     _beside(lines)
     settle_single_bytes(lines)
     settle_series(lines, judge, experience)
+    leave_out_column_numbers(lines)
     settle_columns(lines, unturned(judge), experience)
     _blocks(lines, judge, experience)
     _rows_of_dumps(lines, judge)

@@ -90,15 +90,13 @@ def _bits(run: ByteRun, experience: Experience) -> float:
 
 
 _NOT_BUT: Final = ("!=", "<>")
-_CALLED_COMPUTED: Final = re.compile(
-    r"\b(?:expect\w*|actual|calculat\w*|comput\w*|should be)\b\W{0,5}(?:0x)?$", re.IGNORECASE
-)
-_COUNT: Final = re.compile(
-    r"(?<![\w.])(?:(\d{1,4}) ?|(?:single|one)[ -])(?:[Bb]ytes?|байта?|字节)\b(?: frame)?\)?[\s:=]{1,3}(?:0x)?$"
-)
-_BYTE_NAMES: Final = ("yte", "байт", "字节")
-_UNIT: Final = re.compile(
-    r"\.\d|\s?(?:ms|us|µs|ns|мс|мкс|сек|mV|mA|kWh?|Hz|kHz|°|%|bar|baud|bps|[kM]B|RUB|EUR|USD|руб|шт|times|retries)(?!\w)"
+_CALLED_COMPUTED, _COUNT, _UNIT = (
+    re.compile(pattern, re.IGNORECASE)
+    for pattern in (
+        r"\b(?:expect\w*|actual|calculat\w*|comput\w*|should be)\b\W{0,5}(?:0x)?$",
+        r"(?<![\w.])(?:(\d{1,4}) ?|(?:single|one)[ -])(?:bytes?|байта?|字节)\b(?: frame)?\)?[\s:=]{1,3}(?:0x)?$",
+        r"\.\d|\s?(?:[muµ]s|ns|мк?с|сек|m[VA]|kWh?|k?Hz|°|%|bar|baud|bps|[kM]B|RUB|EUR|USD|руб|шт|times|retries)(?!\w)",
+    )
 )
 _NEAR: Final = 24  # characters
 _NUMBER: Final = 2  # bytes that may be one number
@@ -106,19 +104,15 @@ _NUMBER: Final = 2  # bytes that may be one number
 
 def is_measured(run: ByteRun, line: LogLine) -> bool:
     """Whether a few digits are a number with a unit or a fraction, or one that a sentence has in parentheses."""
-    if len(run.data) <= _NUMBER and run.level is Writing.NUMBER and _is_in_parentheses(run, line):
+    aside = line.clean[: run.start].endswith(" (") and line.clean.startswith(")", run.end)
+    if len(run.data) <= _NUMBER and run.level is Writing.NUMBER and aside:
         return True
     return len(run.data) < _HEADED and _UNIT.match(line.clean, run.end) is not None
 
 
-def _is_in_parentheses(run: ByteRun, line: LogLine) -> bool:
-    return line.clean[: run.start].endswith(" (") and line.clean.startswith(")", run.end)
-
-
 def is_counted(run: ByteRun, line: LogLine) -> bool:
     """Whether the words before say that just so many bytes follow."""
-    before = line.clean[max(run.start - _NEAR, 0) : run.start]
-    count = _COUNT.search(before) if any(name in before for name in _BYTE_NAMES) else None
+    count = _COUNT.search(line.clean[max(run.start - _NEAR, 0) : run.start])
     return count is not None and int(count[1] or 1) == len(run.data)
 
 
