@@ -15,10 +15,9 @@ from typing import Final
 
 from . import stamps
 from .choosing import ByteRun, covered, is_whole
-from .plain import plain
+from .plain import NumberedLine, plain
 
 Runs = Callable[[str], Sequence[ByteRun]]  # of a line as it stands there
-Line = tuple[int, str]
 
 _BEGINS: Final = re.compile(r"[\s>*#/|]{0,12}(?:,\s?)?(?:0?[xX]|16#|\\x|[$%\\&'\"\[<({,-]|#)?[0-9A-Fa-f]")
 _ENDS: Final = re.compile(r"[0-9A-Fa-f][\s,\\hH'\"\])}>;:|.-]{0,4}$|[xX#$%0\\\[<&]$|[,-]\s?$")
@@ -41,10 +40,10 @@ class Unwrapper:
         self._widths: dict[str, int] = {}  # of lines that were put together, by what is put between
         self._waited = 0  # breaks in vain
 
-    def lines(self, lines: Iterable[Line]) -> Iterator[Line]:
+    def lines(self, lines: Iterable[NumberedLine]) -> Iterator[NumberedLine]:
         """The lines, with the numbers of the first that they were put together of."""
         source = iter(lines)
-        ahead: deque[Line] = deque(islice(source, 1))
+        ahead: deque[NumberedLine] = deque(islice(source, 1))
         while ahead:
             count = self._chain(ahead, source) if self._waited < _PATIENCE else 1
             number, text = ahead[0]
@@ -63,7 +62,7 @@ class Unwrapper:
             if not ahead:
                 ahead.extend(islice(source, 1))
 
-    def _chain(self, ahead: deque[Line], source: Iterator[Line]) -> int:
+    def _chain(self, ahead: deque[NumberedLine], source: Iterator[NumberedLine]) -> int:
         """How many lines from the first on may be one: each begins with bytes where that above ends with them."""
         first = ahead[0][1]
         if not _NARROW <= len(first) <= _MOST or not _ENDS.search(first.rstrip()):
