@@ -19,7 +19,6 @@ from .candidates import (
     Writing,
     counts_up,
     holds_digits,
-    holds_several,
     in_its_place,
     is_cut,
     is_halved,
@@ -82,14 +81,6 @@ class ByteRun:
     def build(self) -> str:
         """Its shape, and how wide its words are."""
         return f"{self.shape} of {self.width}" if self.width else self.shape
-
-    def anew(self) -> ByteRun:
-        """The same before it was decided on."""
-        return ByteRun(
-            self.data, self.start, self.end, self.shape, self.level, self.label, self.mark, self.direct, "", self.ascii,
-            self.cut, self.offset, self.halved, checked=self.checked, arrow=self.arrow, others=self.others,
-            rivals=self.rivals, width=self.width,
-        )  # fmt: skip
 
     def take(self, candidate: HexWindow | ByteRun) -> None:
         """Read it otherwise."""
@@ -185,7 +176,7 @@ def runs_in(line: TextLine, judge: ByteJudge, experience: Experience) -> list[By
     if not holds_digits(line.text):
         return []
     ranked = [_ranked(candidate, line, judge, experience) for candidate in hex_candidates(line)]
-    if not any(entry.whole for entry in ranked) and holds_several(line.text):  # right in hex: no other reading needed
+    if not any(entry.whole for entry in ranked):  # right in hex: no other reading needed
         ranked += [_ranked(candidate, line, judge, experience) for candidate in other_candidates(line)]
         if not any(entry.whole for entry in ranked):
             ranked += _parted(line, judge, experience)

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass, field
 from datetime import tzinfo
 from typing import Final
@@ -281,7 +282,7 @@ class LineReader:
             if len(self._memory) >= _REMEMBERED:
                 self._memory.clear()
             remembered = self._memory[text] = learnt, line_marks, runs
-        return remembered[1], [run.anew() for run in remembered[2]]
+        return remembered[1], [copy(run) for run in remembered[2]]
 
     def _as_heading(self, line: LogLine, rest: str, line_marks: list[LineMark]) -> None:
         """A line of words: what it says of rows below."""

@@ -90,7 +90,7 @@ def _speaks_for_itself(run: ByteRun, line: LogLine, experience: Experience) -> b
     if run.label:
         return len(run.data) > _SHORT or _ends(line, run)
     word = shown.istitle() and not any(map(str.isdigit, line.clean))  # `Be Ad`
-    return run.offset is not None or (_is_all(run, line) and not word) or (_begins(line, run) and _closes(line, run))
+    return run.offset is not None or (_is_all(run, line) and not word)
 
 
 def _are_numbers(run: ByteRun, shown: str) -> bool:
@@ -165,10 +165,6 @@ def _opens(line: LogLine, run: ByteRun) -> bool:
 
 def _ends(line: LogLine, run: ByteRun) -> bool:
     return run.offset is not None or not any(map(str.isalnum, line.clean[run.end :]))
-
-
-def _closes(line: LogLine, run: ByteRun) -> bool:
-    return line.clean[run.end :].lstrip()[:1] in ("]", "}", ")")
 
 
 def _reread(block: list[tuple[LogLine, ByteRun]], judge: ByteJudge, experience: Experience) -> None:
