@@ -18,7 +18,6 @@ from .candidates import (
     TextLine,
     Writing,
     counts_up,
-    holds_digits,
     in_its_place,
     is_cut,
     is_halved,
@@ -173,8 +172,6 @@ def is_whole(run: ByteRun) -> bool:
 
 def runs_in(line: TextLine, judge: ByteJudge, experience: Experience) -> list[ByteRun]:
     """The runs of a line, none overlapping another, in order; none is taken yet."""
-    if not holds_digits(line.text):
-        return []
     ranked = [_ranked(candidate, line, judge, experience) for candidate in hex_candidates(line)]
     if not any(entry.whole for entry in ranked):  # right in hex: no other reading needed
         ranked += [_ranked(candidate, line, judge, experience) for candidate in other_candidates(line)]
@@ -334,24 +331,23 @@ def with_marks(text: str, runs: Sequence[ByteRun], line_marks: Sequence[LineMark
 
     An arrow says nothing behind a plain word, nor behind the first run: there it points from one frame to the next.
     """
+    if not runs:
+        return
     brackets = [] if line_marks else [text[run.start - 1 : run.start] for run in runs]
-    if {"[", "<"} <= {*brackets}:  # `[01][03]…<01><03>…`
-        for run, bracket in zip(runs, brackets, strict=True):
-            run.mark = _OF_BRACKETS.get(bracket, NONE)
-    ahead, newest = 0, None
-    pointed = any(mark.arrow and mark.end <= runs[0].start for mark in line_marks[:1]) if runs else False
+    for run, bracket in zip(runs, brackets, strict=False) if {"[", "<"} <= {*brackets} else ():
+        run.mark = _OF_BRACKETS.get(bracket, NONE)  # `[01][03]…<01><03>…`
+    pointed = any(mark.arrow and mark.end <= runs[0].start for mark in line_marks[:1])
+    told = [mark for mark in line_marks if pointed or not mark.arrow or mark.start < runs[0].end]
+    newest, marks = None, iter(told)
+    mark = next(marks, None)
     for run in runs:
-        for mark in line_marks[ahead:]:
-            if mark.end > run.start:
-                break
-            ahead += 1
-            joins = runs[0].end <= mark.start and not pointed
-            if not (mark.arrow and (joins or (newest is not None and newest.plain))):
+        while mark is not None and mark.end <= run.start:
+            if not (mark.arrow and newest is not None and newest.plain):
                 newest = mark
+            mark = next(marks, None)
         if newest is not None:
             run.mark, run.arrow = newest.mark, newest.arrow
             run.direct = not _WORD.search(text, newest.end, run.start)
-    if len(runs) == 1 and not runs[0].mark:
-        behind = [mark for mark in line_marks if mark.start >= runs[0].end and not mark.arrow]
-        if len(behind) == 1:
-            runs[0].mark = behind[0].mark
+    behind = [mark for mark in line_marks if mark.start >= runs[0].end and not mark.arrow]
+    if len(runs) == len(behind) == 1 and not runs[0].mark:
+        runs[0].mark = behind[0].mark

@@ -100,7 +100,7 @@ def _without_names(tokens: Sequence[NumberToken], text: str) -> Sequence[NumberT
     `9e fc 31 5d`: where no other name stands between them, none is: leaving bytes out until a CRC comes out right would
     find frames in noise.
     """
-    if _LETTERS.search(text, tokens[0].end, tokens[-1].start) is None:
+    if not tokens or _LETTERS.search(text, tokens[0].end, tokens[-1].start) is None:
         return tokens
     return [token for token in tokens if not token.is_name]
 
@@ -192,11 +192,9 @@ def _one_column(
     Of lines `alike` what stands between two frames is taken, too. `ways` are all that it may be, where there are any.
     `damaged`: no check value is right, so that every line must be of a frame, and none a number of the lines.
     """
-    if len(lines) < LEAST_COLUMN:
-        return None
     tried: list[list[bytes]] = []  # of lines with as many numbers each, every column comes twice
     best: tuple[tuple[int, bool], int, str, list[int]] | None = None  # that of the most lines, best one below the other
-    for i, reading in _ways(lines):
+    for i, reading in _ways(lines) if len(lines) >= LEAST_COLUMN else ():
         cells = [cell_of(line, i, reading) for line in lines]
         parts = [
             b"" if cell is None or (reading != JOINED and holds_bytes(line)) else cell.value(reading)
@@ -213,16 +211,20 @@ def _one_column(
     if best is None:
         return None
     _, i, reading, inside = best
-    rows_inside = [row for row, frame in enumerate(inside) if frame]
-    first, last = rows_inside[0], rows_inside[-1] + 1
+    _take_inside(lines, i, reading, inside, alike=alike)
+    return i, reading
+
+
+def _take_inside(lines: list[LogLine], i: int, reading: str, inside: Sequence[int], *, alike: bool) -> None:
+    rows = [row for row, frame in enumerate(inside) if frame]
     above: tuple[int, LogLine] = (0, lines[0])
-    for frame, line in zip(inside[first:last], lines[first:last], strict=True):
+    for row in range(rows[0], rows[-1] + 1):
+        line, frame = lines[row], inside[row]
         cell = cell_of(line, i, reading)
         if cell is not None and cell.value(reading) and (alike or frame):
             take_tokens(line, [cell], cell.value(reading))
             line.continues = frame > 0 and above[0] == frame and above[1].t_ns == line.t_ns
             above = frame, line
-    return i, reading
 
 
 def _ways(lines: Sequence[LogLine]) -> Iterator[tuple[int, str]]:

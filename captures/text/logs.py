@@ -305,7 +305,12 @@ def _why(line: LogLine, experience: Experience) -> tuple[str, bool]:
     run = max(line.runs, key=lambda run: (run.level, len(run.data)))
     shown = line.clean[run.start : run.end]
     few = len(run.data) < 3 or (_NUMBERS.fullmatch(shown) and (len(run.data) == 3 or experience.shapes))
-    other = run.shape == "base64" or _ADDRESS.fullmatch(shown) or is_named_otherwise(line.clean[: run.start])
+    other = (
+        shown.isalpha()
+        or run.shape == "base64"
+        or _ADDRESS.fullmatch(shown)
+        or is_named_otherwise(line.clean[: run.start])
+    )
     if run.level is Writing.NUMBER and (few or other):
         return f"no bytes found in {quoted(line.text)}", True
     return f"{quoted(shown)} may be anything: no check value confirms that these are bytes", False

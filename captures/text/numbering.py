@@ -91,14 +91,13 @@ def leave_out_short_offsets(lines: Sequence[LogLine]) -> None:
         if match is None or run is None:
             at = at if line.quiet else 0
             continue
-        inside = int(run.start < match.end())  # `08: 60` as one run
-        here = {int(match[1], base) for base in (10, 16) if base == 16 or match[1].isdigit()}
-        if at in here:
-            dumps = [*dumps, []] if not at else dumps
-            dumps[-1].append((line, run, inside))
-            at += len(run.data) - inside
-        else:
+        if at not in {int(match[1], base) for base in ((10, 16) if match[1].isdigit() else (16,))}:
             at = 0
+            continue
+        inside = int(run.start < match.end())  # `08: 60` as one run
+        dumps += [] if at else [[]]
+        dumps[-1].append((line, run, inside))
+        at += len(run.data) - inside
     right = all(run.checked and not inside for rows in dumps for _, run, inside in rows)  # without the digits
     for rows in dumps if right or any(len(rows) > 1 for rows in dumps) else ():
         for i, (line, run, inside) in enumerate(rows):

@@ -68,28 +68,36 @@ def settle(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -
 
 
 def _speaks_for_itself(run: ByteRun, line: LogLine, experience: Experience) -> bool:
-    if run.sure or run.checked:
+    if run.sure or run.checked or is_counted(run, line):
         return True
-    if is_measured(run, line) or is_counted(run, line):
-        return is_counted(run, line)
     shown = line.clean[run.start : run.end]
     ruler = run.level is Writing.NUMBER and is_ruler(_TOKEN.findall(shown))
-    if ruler or (run.halved and not experience.other) or _is_hardware_address(run, experience):
+    half = run.halved and not experience.other
+    if ruler or half or is_measured(run, line) or _is_hardware_address(run, experience):
         return False
     numbers = _are_numbers(run, shown)
     if run.level >= experience.threshold or (run.level is Writing.LIKELY and run.mark and not numbers):
         return True
     if experience.decimals and run.shape == "decimal" and _plainly_decimal(shown):
         return True
+    return _is_tail(run, experience) or _is_trusted(run, line, experience, numbers=numbers)
+
+
+def _is_tail(run: ByteRun, experience: Experience) -> bool:
+    """Whether check values of frames above stand behind its words, which it then is read as."""
     tail = next((one for one in _readings(run).values() if (run.label, one.shape) in experience.tails), None)
     if tail is not None:
         run.take(tail)
-        return True
+    return tail is not None
+
+
+def _is_trusted(run: ByteRun, line: LogLine, experience: Experience, *, numbers: bool) -> bool:
+    """Whether others in its writing behind its words are right, and nothing around says that it is something else."""
     if not experience.trust(run.label, run.shape, direct=run.direct and not numbers):
         return False
     if run.label:
         return len(run.data) > _SHORT or _ends(line, run)
-    word = shown.istitle() and not any(map(str.isdigit, line.clean))  # `Be Ad`
+    word = line.clean[run.start : run.end].istitle() and not any(map(str.isdigit, line.clean))  # `Be Ad`
     return run.offset is not None or (_is_all(run, line) and not word)
 
 
