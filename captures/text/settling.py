@@ -85,7 +85,8 @@ def _speaks_for_itself(run: ByteRun, line: LogLine, experience: Experience) -> b
 
 def _is_tail(run: ByteRun, experience: Experience) -> bool:
     """Whether check values of frames above stand behind its words, which it then is read as."""
-    tail = next((one for one in _readings(run).values() if (run.label, one.shape) in experience.tails), None)
+    readings = _readings(run).values() if run.label else ()
+    tail = next((one for one in readings if (run.label, one.shape) in experience.tails), None)
     if tail is not None:
         run.take(tail)
     return tail is not None

@@ -218,7 +218,7 @@ _LAYOUTS: Final = (
     ("socat -x", LineRole.HEADER, NONE,
      r"^(?P<mark>[<>]) (?P<time>\d{4}/\d\d/\d\d \d\d:\d\d:\d\d\.\d+) +length=(?P<length>\d+) from=\d+ to=\d+\s*$"),
     ("strace", LineRole.STRING, NONE,
-     _STRACE + r"(?:<\.\.\. )?(?P<mark>read|write)(?: resumed>|\(\d+(?:<[^>]*>)?, )"
+     _STRACE + r"(?:<\.\.\. )?(?P<mark>read|write)(?: resumed>|\((?![12]\b)\d+(?:<[^>]*>)?, )"
             r'"(?P<hex>(?:[^"\\]|\\.)*)"(?P<cut>\.\.\.)?, \d+\)\s+= (?P<length>-?\d+)'),
     ("strace", LineRole.NOTHING, NONE,
      _STRACE + r"(?:\w+\(.*(?:\)\s+= (?:-?\d|0x|\?)|<unfinished)|<\.\.\. \w+ resumed|"
