@@ -83,7 +83,7 @@ def _fields_of(line: LogLine, judge: ByteJudge, experience: Experience) -> None:
     readings = [(some, _joined_up([token.hexadecimal for token in some])) for some in ways]
     if counted is not None:
         readings.insert(0, (counted, _joined_up([token.decimal for token in counted])))
-    least = _LEAST_DAMAGED if experience.damaged else _LEAST
+    least = _LEAST_DAMAGED if experience.damaged and counted is None else _LEAST
     for i, (some, data) in enumerate(readings):
         if least < len(data) <= _FRAME and not counts_up(data) and _exactly(data, judge):
             take_tokens(line, some, data)

@@ -50,7 +50,7 @@ _SIGN: Final = (  # C, PLC languages, Pascal, Basic, URLs, Verilog
 _FRACTION: Final = r"(?!\.\d{1,3}(?:[\s)]|[mµu]?s))"  # `10.5ms` behind bytes
 _BETWEEN: Final = r"(?:[\s,;|'\"\\]{0,4}|[-:/.]|\][ \t]?\[|>[ \t]?<|\}[ \t]?\{|\)[ \t]?\()"  # of signed bytes
 _UP_TO_SIGN: Final = rf"{H}+?(?=(?P=sign)|(?!{H}))"  # the next byte's, which may begin with a digit
-_PAIRS, _SIGNED, _WORDS, _PREFIXED, _DECIMALS, _RUN_TOGETHER = (
+_PAIRS, _SIGNED, _WORDS, _PREFIXED, _DECIMALS, _RUN_TOGETHER, _ASCII = (
     re.compile(pattern)
     for pattern in (
         rf"{EDGE}{H}{{2}}(?:[ \t]{{1,4}}{H}{{2}})*{_FRACTION}{_GLUED}",
@@ -64,11 +64,15 @@ _PAIRS, _SIGNED, _WORDS, _PREFIXED, _DECIMALS, _RUN_TOGETHER = (
         r"-?\d{1,3}(?:[ \t]*(?P=sign)[ \t]{0,4}-?\d{1,3}){2,}+|"
         r"\d{1,3}(?P<dash>-)\d{1,3}(?:-\d{1,3}){2,}+)",
         rf"{EDGE}{H}{{8,24}}{END}",
+        rf"(?<![0-9A-Za-z_])(?::(?:{H}{{2}}){{3,300}})+{END}",
     )
 )
-_NUMBER, _GAP, _MINUTE, _GOES_ON, _OF_YEAR = (
-    re.compile(pattern) for pattern in (r"-?\d+", r"[ \t]+", r"(?:[01]\d|2[0-3]):[0-5]\d", r"\w|[.,]\d|-\d", r"20\d\d-")
-)
+_NUMBER, _GAP, _MINUTE, _GOES_ON, _OF_YEAR, _BITS = (
+    re.compile(pattern)
+    for pattern in (
+        r"-?\d+", r"[ \t]+", r"(?:[01]\d|2[0-3]):[0-5]\d", r"\w|[.,]\d|-\d", r"20\d\d-", r"0[bB][01]{8}$",
+    )
+)  # fmt: skip
 
 
 def hex_candidates(line: TextLine) -> Iterator[HexWindow]:
@@ -77,6 +81,7 @@ def hex_candidates(line: TextLine) -> Iterator[HexWindow]:
     yield from _signed(line)
     yield from _words(line)
     yield from _prefixed(line)
+    yield from _ascii_frames(line.text)
     yield from of_rows(HEX_ROWS, line.text)
 
 
@@ -86,6 +91,16 @@ def other_candidates(line: TextLine) -> Iterator[HexWindow]:
         yield from escaped_candidates(line.text)
         yield from _decimals(line.text)
         yield from of_rows(OTHER_ROWS, line.text)
+
+
+def _ascii_frames(text: str) -> Iterator[HexWindow]:
+    """`:1103006B00037E`, each by itself where several stand end to end."""
+    for match in _ASCII.finditer(text):
+        end = match.start()
+        for frame in match[0][1:].split(":"):
+            start, end = end, end + 1 + len(frame)
+            level = Writing.NUMBER if _BITS.match(frame) else Writing.BYTES
+            yield HexWindow(f":{frame}\r\n".encode(), start, end, "ascii", level, ascii=True)
 
 
 def _pairs(line: TextLine) -> Iterator[HexWindow]:

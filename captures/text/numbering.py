@@ -114,3 +114,14 @@ def leave_out_counts(lines: Sequence[LogLine]) -> None:
             shown = line.clean[before.start : before.end]
             if shown.isdigit() and len(before.data) == 1 and int(shown) == len(run.data):
                 before.taken = False
+
+
+def leave_out_sizes(lines: Sequence[LogLine]) -> None:
+    """`WRITE: 8B` above eight bytes says how many they are, and is none of them."""
+    filled = [line for line in lines if any(run.taken for run in line.runs)]
+    for line, below in pairwise(filled):
+        run = line.runs[-1]
+        shown = line.clean[run.start : run.end]
+        size = sum(len(one.data) for one in below.runs if one.taken)
+        if size > 1 and shown.upper() == f"{size}B":
+            run.taken, line.quiet = False, True

@@ -24,6 +24,7 @@ from .numbering import (
     leave_out_counts,
     leave_out_line_numbers,
     leave_out_short_offsets,
+    leave_out_sizes,
 )
 from .series import settle_series, settle_tails
 from .weighing import is_counted, is_measured, leave_out_computed, leave_out_records, leave_out_unsupported
@@ -48,6 +49,7 @@ def settle(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -
     leave_out_records(lines)
     leave_out_line_numbers(lines)
     leave_out_counts(lines)
+    leave_out_sizes(lines)
     _beside(lines)
     settle_single_bytes(lines)
     settle_series(lines, judge, experience)

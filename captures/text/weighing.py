@@ -21,7 +21,8 @@ _PRIOR: Final = {"words": -3.0, "pairs": 1.0, "base64": -6.0, "swapped words": -
 _ASCII: Final = -3.0  # a frame of ASCII mode whose LRC is wrong: a colon stands before many numbers
 _SIGNED: Final = 4.0  # a writing with signs of its own
 _ALIKE: Final = 4.0  # written as what is right
-_APART: Final = -2.0  # in words as wide as nothing that is right, or as people write numbers
+_APART: Final = -2.0  # in words as wide as nothing that is right
+_NUMBERS: Final = -1.0  # as people write numbers, too
 _MARKED: Final = 4.0
 _TRUSTED: Final = 4.0  # behind words behind which others are right
 _HEADED: Final = 6  # bytes for which a header speaks
@@ -83,8 +84,8 @@ def _bits_of(group: Sequence[tuple[LogLine, ByteRun]], experience: Experience) -
 def _bits(run: ByteRun, experience: Experience) -> float:
     bits = _ASCII if run.ascii else _PRIOR.get(run.shape, _SIGNED if run.level is Writing.BYTES else 0.0)
     alike = run.build in experience.builds
-    apart = run.build != run.shape or (experience.builds and run.level < Writing.BYTES)
-    bits += _ALIKE if alike else _APART if apart else 0.0
+    bits += _ALIKE if alike else _APART if run.build != run.shape else 0.0
+    bits += _NUMBERS if experience.builds and not alike and run.level is Writing.LIKELY else 0.0
     bits += _MARKED if run.mark else 0.0
     bits += _TRUSTED if run.label and (run.label, run.shape) in experience.proven else 0.0
     return bits

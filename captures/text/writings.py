@@ -134,8 +134,6 @@ _OD: Final = "swapped words, octal or decimal"
 _APART: Final = rf"{EDGE}{H}{{1,2}}(?:[ \t]{{1,4}}{H}{{1,2}}){{3,}}{END}"
 HEX_ROWS: Final = (
     _row("h", "", rf"(?i:{EDGE}0?{H}{{2}}h(?:[\s,;-]+0?{H}{{2}}h)+{END})", _suffixed, _LIKELY, _PLAIN),  # `11h 03h`
-    _row("ascii", ":", rf"(?:(?<![0-9A-Za-z_])|(?<={H}{{8}})):(?!0[bB][01]{{8}}(?!{H}))(?:{H}{{2}}){{3,300}}"
-         rf"(?:{END}|(?=:))", _frame_of, _PLAIN, _PLAIN),
     _row("ascii spelled", ":",  # `: 0 1 0 3`, `':' '0' '1'`
          rf"(?P<quote>['\"]?):(?P=quote)(?:[ \t,]{{1,3}}(?P=quote){H}(?P=quote)){{8,512}}(?![\w'\"])", _frame_of),
     _row("ascii apart", ":", rf"(?:^|[:>|=])[ \t]*(?P<bytes>:(?:[ \t]?{H}{{2}}){{3,300}}){END}", _spread),
