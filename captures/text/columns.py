@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterator, Sequence
-from itertools import accumulate, groupby, pairwise, takewhile
+from itertools import groupby, pairwise
 from typing import Final
 
 from ..checked import Checked
@@ -12,6 +12,7 @@ from .candidates import H, Writing, counts_up
 from .choosing import ByteRun, Experience, covered, label_in
 from .judging import ByteJudge, lenient
 from .loglines import LogLine
+from .seams import frames_over
 from .tokens import JOINED, NumberToken, cell_of, holds_numbers, skeleton_of, tokens_of
 from .tools import names_a_way
 
@@ -23,7 +24,6 @@ _LEAST_DAMAGED: Final = 7  # of a frame field by field without a right check val
 FEW: Final = 4  # bytes, up to which numbers beside one another may look like them
 LEAST_COLUMN: Final = 4  # lines, or fields, that can hold a frame a byte each
 _MOST_COLUMNS: Final = 4  # from either side of a line
-_STEP: Final = 16  # rows at which a judge, shown the column from one on, looks for frames
 _FIELD: Final = re.compile(rf"(?<![\w.])(?:0[xX])?{H}{{2,512}}[hH]?(?!\w)")
 _LETTERS: Final = re.compile(r"[g-zG-Z]")
 FIELDS: Final = 3  # names that make a list of a frame's fields
@@ -244,16 +244,8 @@ def _is_numbering(parts: Sequence[bytes]) -> bool:
 def _inside_frames(parts: Sequence[bytes], judge: ByteJudge) -> list[int]:
     """Which of these parts make up frames that begin and end with parts: the frame's number from 1 on, or 0."""
     inside = [0] * len(parts)
-    frames = row = 0
-    while row < len(parts):
-        some = list(takewhile(len, parts[row : row + _FRAME]))
-        starts = [0, *accumulate(map(len, some))]
-        spans = [span for span in judge(b"".join(some)) if {span.start, span.end} <= {*starts}]
-        for span in spans:
-            frames += 1
-            for k in range(starts.index(span.start), starts.index(span.end)):
-                inside[row + k] = frames
-        row += starts.index(spans[-1].end) if spans else min(len(some), _STEP) + 1
+    for number, (_, first, end) in enumerate(frames_over(parts, judge), 1):
+        inside[first:end] = [number] * (end - first)
     return inside
 
 
