@@ -24,6 +24,7 @@ from .candidates import (
     shows,
 )
 from .digitruns import hex_candidates, other_candidates, run_together
+from .headings import ClockHabits
 from .judging import ByteJudge
 from .tools import NONE, RX, TX, LineMark, either_way
 from .writings import LOOK_ALIKES
@@ -113,11 +114,7 @@ class Experience:
     shapes: set[str] = field(default_factory=set)  # in which check values are right
     builds: set[str] = field(default_factory=set)  # the same with the width of words
     mail: bool = False  # it is as mails are sent: `=3D`, and `=` where a line goes on
-    fraction: int = 0  # digits that fractions of seconds stand for, where leading zeros are missing
-    steps: bool = False  # times with a plus are steps from the one above
-    counters: bool = False  # numbers before a mark, and the like, are times: in milliseconds, where
-    guessed: bool = False  # nothing says their unit
-    days: bool = False  # times without a unit are days
+    habits: ClockHabits = field(default_factory=ClockHabits)
     threshold: Writing = Writing.BYTES
     meanings: bool = False  # a byte a line beside what it means is bytes: there is nothing else
     decimals: bool = False  # lists of decimal numbers are bytes: there is nothing else

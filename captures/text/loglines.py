@@ -260,7 +260,7 @@ class LineReader:
         in_column = self._times.find(text) if self._times is not None else None
         if in_column is None:
             stamp, rest = stamps.find(text, self.zone)
-            if stamp is None or not stamp.counter or self.experience.counters:
+            if stamp is None or not stamp.counter or self.experience.habits.counters:
                 return stamp, rest
             self.fractions.note(stamp)
             return None, text
@@ -338,12 +338,12 @@ class LineReader:
 
     def _counted_on(self, stamp: Stamp) -> int:
         self.fractions.note(stamp)
-        t_ns = counted(stamp, self.experience.fraction)
+        t_ns = counted(stamp, self.experience.habits.width)
         if stamp.fine and (stamp.of_day or t_ns > _DATED_NS) and not (stamp.signed or stamp.counter):
             self._clock = t_ns
-        if stamp.unnamed and self.experience.days:
+        if stamp.unnamed and self.experience.habits.days:
             t_ns = of_days(t_ns)
-        if stamp.signed and self.experience.steps:
+        if stamp.signed and self.experience.habits.steps:
             self._elapsed_ns += t_ns
             return self._elapsed_ns
         if not stamp.of_day:

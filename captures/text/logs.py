@@ -28,7 +28,6 @@ LOOKED_FOR: Final = "such as 11 03 00 6B or :1103006B…"  # behind "no hex byte
 _LEARNT_LINES: Final = 800  # of a text's beginning,
 _LEARNT: Final = 1 << 16  # and characters
 # What is taken for bytes unchecked, from the plainest on, as far as a text has nothing plainer.
-_UNITS: Final = {3: "milliseconds", 6: "microseconds", 9: "nanoseconds"}
 _STANDARDS: Final = ((Writing.BYTES, False), (Writing.LIKELY, False), (Writing.BYTES, True))
 _PLAIN_PAIRS: Final = ("pairs", "pairs-", "pairs:", "pairs,")
 _STRETCH: Final = 512  # lines that are settled together
@@ -102,18 +101,7 @@ class LogReader:
     @property
     def notices(self) -> Iterator[str]:
         """What the order of times says of how they are written."""
-        experience = self._experience
-        if experience.fraction:
-            unit = _UNITS[experience.fraction]
-            yield (
-                f"fractions of a second are read as {unit} without leading zeros: as decimals they would run backwards"
-            )
-        if experience.steps:
-            yield "times with a plus are read as steps from the one above: as absolute times they would run backwards"
-        if experience.days:
-            yield "times are read as days, as spreadsheets count them: as seconds they would be too close together"
-        if experience.counters and experience.guessed:
-            yield "numbers before line marks are read as milliseconds"
+        return self._experience.habits.notices
 
     @property
     def zoneless(self) -> bool:
@@ -146,10 +134,8 @@ class LogReader:
         reader = self._line_reader()
         experience.mail = any(is_of_mail(line) for line in beginning)
         read = self._parts(reader, beginning)
-        met = reader.fractions
-        experience.fraction, experience.steps, experience.days = met.width, met.steps, met.days
-        experience.counters, experience.guessed = met.counters, met.guessed
-        if met.width or met.steps or met.days or met.counters:
+        experience.habits = reader.fractions.habits
+        if any(experience.habits[:-1]):
             reader = self._line_reader()
             read = self._parts(reader, beginning)
         for run in (run for line in read for run in line.runs):
