@@ -3,6 +3,7 @@ leaves anything to the next one."""
 
 from __future__ import annotations
 
+import gc
 import os
 import shutil
 import signal
@@ -36,6 +37,13 @@ def pytest_xdist_auto_num_workers() -> int:
     """More than there are cores: many a test waits for a port, a terminal, another process."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return cores + (cores + 1) // 2
+
+
+def pytest_collection_finish() -> None:
+    """What was imported and collected is no garbage: nobody looks through all of it again and again."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(20_000, 10, 10)
 
 
 @pytest.fixture(autouse=True)

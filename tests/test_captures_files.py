@@ -299,11 +299,11 @@ PACK: dict[str, Callable[[bytes], bytes]] = {
 }
 
 
-def _log(lines: int) -> bytes:
+def _log(lines: int, size: int = 24) -> bytes:
     """A log of hex bytes that no packer makes much smaller."""
     chance = random.Random(lines)
     return b"".join(
-        b"%d.%03d %s\n" % (n // 10, n % 10 * 100, chance.randbytes(24).hex().encode()) for n in range(lines)
+        b"%d.%03d %s\n" % (n // 10, n % 10 * 100, chance.randbytes(size).hex().encode()) for n in range(lines)
     )
 
 
@@ -313,23 +313,23 @@ def _octets(path: Path) -> tuple[bytes, list[str]]:
     return data, [str(damage) for damage in capture.damage]
 
 
-@pytest.mark.parametrize(("suffix", "lines"), [("gz", 300), ("gz", 6000), ("xz", 300), ("bz2", 6000), ("zst", 8000)])
+@pytest.mark.parametrize(("suffix", "lines"), [("gz", 30), ("gz", 600), ("xz", 30), ("bz2", 600), ("zst", 800)])
 def test_what_comes_before_a_cut_is_read(suffix: str, lines: int, tmp_path: Path) -> None:
     whole = tmp_path / "bus.log"
-    whole.write_bytes(_log(lines))
+    whole.write_bytes(_log(lines, 240))
     data, _ = _octets(whole)
     packed = PACK[suffix](whole.read_bytes())
     path = tmp_path / f"bus.log.{suffix}"
     path.write_bytes(packed[: len(packed) * 3 // 4])
     left, damage = _octets(path)
-    assert data.startswith(left[: len(left) - 24])  # of its last line there may be half
+    assert data.startswith(left[: len(left) - 240])  # of its last line there may be half
     assert len(left) > 0.5 * len(data)
     assert "cut" in damage[-1] and "everything before it was read" in damage[-1]
 
 
 @pytest.mark.parametrize("suffix", PACK)
 def test_packed_parts_end_to_end_are_one_file(suffix: str, tmp_path: Path) -> None:
-    log = _log(1300)
+    log = _log(180, 240)
     (tmp_path / "bus.log").write_bytes(log)
     path = tmp_path / f"bus.log.{suffix}"
     path.write_bytes(PACK[suffix](log[:67_000]) + PACK[suffix](log[67_000:]))

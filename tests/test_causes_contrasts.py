@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import lru_cache
 
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ from analyzer.causes.sureness import CALIBRATED, how_sure, in_words
 from analyzer.causes.traits import TRAITS, Traits, typical
 from analyzer.core import analyse
 from analyzer.languages import catalogue
+from analyzer.simulation.field.bench import FieldCapture
 from analyzer.simulation.field.cases.registry import field_cases
 from captures.chunks import Capture
 
@@ -79,8 +81,13 @@ def test_what_the_table_remembers_hangs_on_the_exchanges_alone(portion: int) -> 
 nameless = package("nameless")
 
 
+@lru_cache(1)
+def _made(name: str, seed: int) -> FieldCapture:
+    return (field_cases().get(name) or nameless.nameless_cases()[name]).capture("precise", seed)
+
+
 def _story(name: str, seed: int = 3) -> Story:
-    made = (field_cases().get(name) or nameless.nameless_cases()[name]).capture("precise", seed)
+    made = _made(name, seed)
     capture = Capture.of(made.line, made.chunks)
     return story_of(ledger_of(((part.batch, part.transactions) for part in analyse(capture)), capture.line))
 
@@ -92,7 +99,7 @@ def _story(name: str, seed: int = 3) -> Story:
      "client-driver-held"],
 )  # fmt: skip
 def test_a_kind_is_told_by_what_it_hangs_on(name: str) -> None:
-    made, story = field_cases()[name].capture("precise", 3).expected, _story(name)
+    made, story = _made(name, 3).expected, _story(name)
     assert story.causes
     assert story.causes[0].cause in (made.cause, *([made.beside.cause] if made.beside else []))
 

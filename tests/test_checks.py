@@ -114,8 +114,7 @@ def test_results_do_not_hang_on_how_a_capture_is_cut_into_batches(monkeypatch: p
     assert run(bus, checks) == whole
 
 
-@pytest.mark.parametrize("tap", ["precise", "ftdi16"])
-@pytest.mark.parametrize("block", [60, 1 << 16])
+@pytest.mark.parametrize(("tap", "block"), [("precise", 1 << 16), ("ftdi16", 60)])
 def test_what_an_adapter_shows_twice_is_one_poll(tap: str, block: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(core, "_BLOCK", block)
     made = field_cases()["echo-dead-unit"].capture(tap, 2)

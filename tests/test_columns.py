@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from pdus import CASES, REQUEST, RESPONSE, built
 
@@ -102,6 +102,7 @@ def cut(pdu: bytes, data: st.DataObject) -> bytes:
 
 @pytest.mark.parametrize("code", sorted({code for code, _ in CASES}), ids=lambda v: f"{v:02X}")
 def test_columns_and_annotation_agree(code: int) -> None:
+    @settings(max_examples=40)  # of each function
     @given(st.lists(st.tuples(CASES[code, REQUEST], CASES[code, RESPONSE]), min_size=1, max_size=4), st.data())
     def check(pairs: list[tuple[object, object]], data: st.DataObject) -> None:
         frames: list[tuple[Role, bytes, int]] = []

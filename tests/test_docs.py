@@ -24,7 +24,7 @@ from pathlib import Path
 
 import pytest
 from livebus import busy_port
-from running import ROOT, spawned
+from running import ROOT, Ran, ran, spawned
 
 import captures
 from analyzer.cli import main
@@ -67,7 +67,16 @@ def digits_apart(text: str) -> set[str]:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=[page.relative_to(DOCS).as_posix() for page in PAGES])
-def test_every_command_of_a_page_does_what_stands_there(page, tmp_path):
+def test_every_command_of_a_page_does_what_stands_there(page, tmp_path, capsys, monkeypatch):
+    def done_here(arguments: list[str]) -> Ran:
+        """One that needs a port or a terminal has a process of its own."""
+        if port in arguments or arguments[0] == "open":
+            return spawned(*arguments, cwd=tmp_path)
+        return ran(capsys, *arguments)
+
+    monkeypatch.chdir(tmp_path)
+    for name in ("LANG", "LC_ALL"):
+        monkeypatch.setenv(name, locale_of(page))
     run = steps(page)
     assert run
     with contextlib.ExitStack() as stack:
@@ -80,7 +89,7 @@ def test_every_command_of_a_page_does_what_stands_there(page, tmp_path):
             for line in step.commands:
                 program, *arguments = shlex.split(line.replace(PORT, port) if port else line)
                 assert program == "rtuscope", line
-                done = spawned(*arguments, cwd=tmp_path, LANG=locale_of(page), LC_ALL=locale_of(page))
+                done = done_here(arguments)
                 if arguments[0] == "open" and re.search("needs a terminal|нужен терминал", done.err):
                     continue  # tests/test_cli_open.py gives it one
                 nothing = re.search("^(No Modbus frame was found|Кадров Modbus не найдено)", step.text, re.MULTILINE)
@@ -123,13 +132,14 @@ HOWTOS = [page for page in ENGLISH if page.parent.name == "howto"]
 
 
 @pytest.mark.parametrize("page", HOWTOS, ids=[page.stem for page in HOWTOS])
-def test_each_howto_makes_its_trouble_and_the_report_names_it_first(page, tmp_path):
+def test_each_howto_makes_its_trouble_and_the_report_names_it_first(page, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     pattern = re.compile(r"^rtuscope (simulate (\S+) .*--cause (\S+).*)\n(rtuscope report \2)$", re.MULTILINE)
     made = pattern.search("".join(commands_of(page)))
     assert made, "no simulate --cause with a report"
     assert f"1. {made[3]}, " in page.read_text(encoding="utf-8")
-    assert spawned(*shlex.split(made[1]), cwd=tmp_path).status == 0
-    told = spawned("report", made[2], "--json", cwd=tmp_path)
+    assert ran(capsys, *shlex.split(made[1])).status == 0
+    told = ran(capsys, "report", made[2], "--json")
     assert json.loads(told.out)["causes"][0]["cause"] == made[3]
 
 

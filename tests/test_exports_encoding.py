@@ -74,7 +74,7 @@ def same(batch: Batch, encoder: FrameJsonLines = ENCODER, rows: int = 0) -> None
 @pytest.mark.parametrize("code", sorted({code for code, _ in CASES}), ids=lambda v: f"{v:02X}")
 def test_every_function_reads_as_annotated(code: int) -> None:
     @given(batches(code))
-    @settings(deadline=None, max_examples=60)
+    @settings(deadline=None, max_examples=25)  # of each function
     def check(batch: Batch) -> None:
         same(batch)
 
@@ -82,7 +82,7 @@ def test_every_function_reads_as_annotated(code: int) -> None:
 
 
 @given(data=st.data())
-@settings(deadline=None, max_examples=150)
+@settings(deadline=None, max_examples=75)
 def test_vendors_functions_read_as_annotated(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
     file = tmp_path_factory.getbasetemp() / "vendor.py"
     file.write_text(VENDOR, encoding="utf-8")

@@ -22,11 +22,13 @@ from analyzer.fleet.manifest import Manifest
 from analyzer.fleet.stores import ObjectStore, store
 
 
-@pytest.fixture(autouse=True)
-def soon(monkeypatch):
+@pytest.fixture(autouse=True, scope="module")
+def soon():
     """One after each batch in which there is anything new but the entry of the one before."""
-    monkeypatch.setattr(manifests, "NEW_ENTRIES", 2)
-    monkeypatch.setattr(manifests, "NEW_SHARE", 1 << 30)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(manifests, "NEW_ENTRIES", 2)
+        patch.setattr(manifests, "NEW_SHARE", 1 << 30)
+        yield
 
 
 @pytest.fixture
@@ -42,20 +44,34 @@ def read(monkeypatch):
     return names
 
 
-@pytest.fixture
-def grown(tmp_path):
-    """A lake that grew by slices, was packed, done anew in part, and whose checkpoint holds all but its own entry."""
-    sources = write_fleet(tmp_path / "src", transactions=30)
-    paths = sliced(bus(transactions=60), [0.3, 0.7], tmp_path / "src" / "site9")
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    """Sources, a lake that grew of them, and all of it once more, untouched."""
+    place = tmp_path_factory.mktemp("checkpoints")
+    now = place / "now"
+    sources, lake = write_fleet(now / "src", transactions=30), now / "lake"
+    paths = sliced(bus(transactions=60), [0.3, 0.7], now / "src" / "site9")
     for path in paths[1:]:
         path.rename(path.with_suffix(".later"))
-    batch(tmp_path / "lake", sources)
-    compact_lake(store(str(tmp_path / "lake")))
+    batch(lake, sources)
+    compact_lake(store(str(lake)))
     for path in paths[1:]:
         path.with_suffix(".later").rename(path)
-        batch(tmp_path / "lake", sources)
-    batch(tmp_path / "lake", sources / "site1", options=BatchOptions(noise=True), redo=True)
-    return tmp_path / "lake"
+        batch(lake, sources)
+    batch(lake, sources / "site1", options=BatchOptions(noise=True), redo=True)
+    now.rename(place / "kept")
+    return place
+
+
+@pytest.fixture
+def grown(place):
+    """A lake that grew by slices, was packed, done anew in part, and whose checkpoint holds all but its own entry.
+
+    Where it was made each time, as it knows its sources by their paths; these are beside it.
+    """
+    shutil.rmtree(place / "now", ignore_errors=True)
+    shutil.copytree(place / "kept", place / "now")
+    return place / "now" / "lake"
 
 
 def told(lake):
@@ -78,9 +94,9 @@ def test_what_a_checkpoint_holds_is_not_read_again(grown, read):
     kept.rename(grown / "checkpoint")
 
 
-def test_one_checkpoint_stays(grown, tmp_path):
+def test_one_checkpoint_stays(grown):
     for _ in range(2):
-        batch(grown, tmp_path / "src")
+        batch(grown, grown.parent / "src")
     named = {name for name in Manifest(store(str(grown))).named() if name.startswith("checkpoint/")}
     there = {f"checkpoint/{path.name}" for path in (grown / "checkpoint").iterdir()}
     assert there == named and len(there) == 1
@@ -102,7 +118,7 @@ def test_a_checkpoint_that_is_damaged_is_none(grown, tmp_path, part):
         }
         path.write_bytes(spoilt[part])
     assert told(grown) == whole
-    assert not batch(grown, tmp_path / "src").troubles
+    assert not batch(grown, grown.parent / "src").troubles
     assert same(grown, tmp_path / "whole")
 
 
@@ -124,10 +140,11 @@ def test_a_checkpoint_of_other_entries_is_none(grown):
         Manifest(store(str(grown)))
 
 
-def test_a_kill_between_a_checkpoint_and_its_entry_leaves_waste_alone(grown, tmp_path, monkeypatch):
+def test_a_kill_between_a_checkpoint_and_its_entry_leaves_waste_alone(grown, monkeypatch):
     """It is used as it is, and taken away by the next batch, which makes another."""
     expected = told(grown)
-    (tmp_path / "src" / "site1" / "late.mcap").write_bytes((tmp_path / "src" / "site0" / "bus0.mcap").read_bytes())
+    sources = grown.parent / "src"
+    (sources / "site1" / "late.mcap").write_bytes((sources / "site0" / "bus0.mcap").read_bytes())
 
     def killed(place, catalog, there):
         name = checkpoints.write_checkpoint(place, catalog, there)
@@ -136,12 +153,12 @@ def test_a_kill_between_a_checkpoint_and_its_entry_leaves_waste_alone(grown, tmp
     with monkeypatch.context() as patch:
         patch.setattr(manifests, "write_checkpoint", killed)
         with pytest.raises(KeyboardInterrupt):
-            batch(grown, tmp_path / "src")
+            batch(grown, grown.parent / "src")
     assert len(list((grown / "checkpoint").iterdir())) == 2
     assert told(grown)[1].keys() > expected[1].keys()
-    (tmp_path / "src" / "site1" / "last.mcap").write_bytes((tmp_path / "src" / "site0" / "bus1.mcap").read_bytes())
+    (sources / "site1" / "last.mcap").write_bytes((sources / "site0" / "bus1.mcap").read_bytes())
     for _ in range(3):  # the killed one's goes, another is written, the one before that goes
-        batch(grown, tmp_path / "src")
+        batch(grown, grown.parent / "src")
     assert len(list((grown / "checkpoint").iterdir())) == 1
 
 

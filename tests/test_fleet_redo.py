@@ -26,7 +26,7 @@ from analyzer.version import RULES
 @pytest.fixture
 def sources(tmp_path):
     """Captures of three sites."""
-    return write_fleet(tmp_path / "src", transactions=120)
+    return write_fleet(tmp_path / "src", transactions=60)
 
 
 def files(lake):

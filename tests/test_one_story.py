@@ -57,14 +57,14 @@ def written_twice() -> Capture:
 
 @cache
 def simulated(defect: str | None, tap: str) -> Capture:
-    made = simulate(Scenario("clean", tap, transactions=60, seed=3, defect=defect))
-    return Capture.of(made.line, made.chunks)
+    bus = simulate(Scenario("clean", tap, transactions=60, seed=3, defect=defect))
+    return Capture.of(bus.line, bus.chunks)
 
 
 def unknown_character() -> Capture:
     """A healthy bus whose header does not say how long a character is."""
-    made = simulated(None, "precise")
-    return Capture.of(LineSettings(baud=made.line.baud, tap=made.line.tap), made.chunks())
+    bus = simulated(None, "precise")
+    return Capture.of(LineSettings(baud=bus.line.baud, tap=bus.line.tap), bus.chunks())
 
 
 CASES: dict[str, Callable[[], Capture]] = {
@@ -80,12 +80,17 @@ CASES: dict[str, Callable[[], Capture]] = {
 }
 
 
+@cache
+def made(name: str) -> Capture:
+    return CASES[name]()
+
+
 @pytest.fixture(params=sorted(CASES))
 def capture(request: pytest.FixtureRequest) -> Capture:
-    made: Capture = CASES[request.param]()
-    return made
+    return made(request.param)
 
 
+@cache
 def measure(capture: Capture) -> ways_out.Facts:
     return ways_out.of_batches(analysed.batch for analysed in Analysis(capture).analysed())
 

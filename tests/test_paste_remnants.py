@@ -106,3 +106,42 @@ def test_one_header_of_another_protocol_leaves_the_rest_modbus_tcp() -> None:
     lines = ["0020 0001 0006 010300000001", "0021 0000 0006 010300000001", "0021 0000 0005 0103023039"]
     paste = read("\n".join(bytes.fromhex(line).hex(" ") for line in lines))
     assert paste.protocol == "tcp" and [kind for kind, *_ in said(paste)] == ["noise", "request", "response"]
+
+
+def test_an_echo_of_which_all_wide_bytes_changed_tells_how_many_bits_arrive() -> None:
+    ask = adu("0103 0000 000a")
+    heard = ask[:-2] + b"\x05\x1e"  # of C5 CD
+    [found] = read(f"sent {ask.hex(' ')}\nreceived {heard.hex(' ')}").pieces[1].findings
+    assert (found.code, found.numbers["data_bits"]) == ("echo", 5)
+    assert "5 data bits" in found.cause
+
+
+def test_an_echo_with_one_byte_off_tells_no_number_of_bits() -> None:
+    ask = adu("0103 0000 000a")
+    heard = ask[:-1] + b"\x0d"
+    [found] = read(f"sent {ask.hex(' ')}\nreceived {heard.hex(' ')}").pieces[1].findings
+    assert found.code == "echo" and "data_bits" not in found.numbers
+
+
+def test_bytes_beside_frames_say_what_they_are() -> None:
+    _, newline, _, after = read(f"TX: {ASKED.hex(' ')} 0D 0A\nRX: {ANSWER.hex(' ')} 00").pieces
+    assert [piece.findings[0].text for piece in (newline, after)] == [
+        "2 bytes, a newline (0D, 0A), right after the frame of the client",
+        "1 byte of 00 or FF right after the frame of unit 7",
+    ]
+
+
+def test_stretches_that_begin_alike_are_an_envelope_and_the_first_is_nothing() -> None:
+    one, two = (f"55 AA EB 90 {i:02X} 4D 12 7F {i + 3:02X} 31" for i in (1, 9))
+    text = f"{ASKED.hex()}\n{one}\n{ANSWER.hex()}\n{ASKED.hex()}\n{two}\n{ANSWER.hex()}"
+    first, second = (piece for piece in read(text).pieces if not isinstance(piece, PastedFrame))
+    assert not first.findings
+    assert "begin like earlier ones: 55 AA" in second.findings[0].text
+
+
+def test_a_refusal_of_another_unit_with_a_wrong_crc_is_no_answer() -> None:
+    assert said(conversation(bytes.fromhex("55aaeb84020527121131")))[1] == ("noise", "55aaeb84020527121131", 0)
+
+
+def test_nothing_but_zeros_is_told_as_a_low_line() -> None:
+    assert "every byte is 00" in read("00 00 00 00").why

@@ -101,16 +101,16 @@ def test_what_stands_around_is_no_byte(name: str) -> None:
 
 
 def test_other_lines_between_change_little() -> None:
-    """What a board prints between its frames costs not one shape in thirty."""
-    wrong = []
-    for name in ALL:
+    """What a board prints between its frames costs not one shape in thirty, of every second."""
+    wrong, names = [], [*ALL][::2]
+    for name in names:
         log, text, rng = made(name, ALL[name], 1)
         if not log:
             continue
         mixed = cluttered(text, rng, 0.3, len(log))
         if frames_read(mixed) != [(message.role, message.data.hex()) for message in log]:
             wrong.append(name)
-    assert 30 * len(wrong) <= len(ALL), wrong
+    assert 30 * len(wrong) <= len(names), wrong
 
 
 MARGINS: dict[str, Callable[[str], str]] = {
@@ -173,9 +173,9 @@ def test_a_decoders_table_gives_each_byte_its_time(name: str, suffix: str, tmp_p
 
 
 def test_one_damaged_frame_is_read_as_those_around_it() -> None:
-    """In one shape of thirty at most its bytes are not all there, or those of others suffer."""
-    wrong = []
-    for name in ALL:
+    """In one shape of thirty at most its bytes are not all there, or those of others suffer; of every second."""
+    wrong, names = [], [*ALL][1::2]
+    for name in names:
         rng = random.Random(f"{name} damaged")
         log = messages(rng, 4)
         if name.startswith("manual"):
@@ -184,7 +184,7 @@ def test_one_damaged_frame_is_read_as_those_around_it() -> None:
         log[3] = Message(broken, log[3].sent, log[3].ms)
         if bytes_read(ALL[name](log, rng)) != b"".join(message.data for message in log):
             wrong.append(name)
-    assert 30 * len(wrong) <= len(ALL), wrong
+    assert 30 * len(wrong) <= len(names), wrong
 
 
 def damaged(message: Message) -> Message:
@@ -193,8 +193,11 @@ def damaged(message: Message) -> Message:
 
 @pytest.mark.parametrize(("name", "share"), [("request right", 35), ("nothing right", 15), ("no check values", 12)])
 def test_where_little_is_right_the_bytes_are_read(name: str, share: int) -> None:
-    """A request and a damaged answer; all damaged; none with its CRC: not one shape in `share` loses its bytes."""
-    wrong, shapes = [], [shape for shape in ALL if not shape.startswith("manual")]
+    """A request and a damaged answer; all damaged; none with its CRC: not one shape in `share` loses its bytes.
+
+    Every second shape, others for all damaged.
+    """
+    wrong, shapes = [], [shape for shape in ALL if not shape.startswith("manual")][name == "nothing right" :: 2]
     for shape in shapes:
         rng = random.Random(f"{shape} survey")
         log = messages(rng, 2)

@@ -10,7 +10,7 @@ from string import Formatter
 
 import pytest
 from buses import adu
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 import captures
@@ -237,6 +237,7 @@ def test_rows_wait_for_no_look_at_the_causes(monkeypatch: pytest.MonkeyPatch) ->
 
 
 @given(st.lists(st.integers(-1, 10**10), min_size=1), st.floats(0, 1e9))
+@example([1], 1.5)
 def test_an_interval_holds_what_was_measured(delays: list[int], off_ns: float) -> None:
     import numpy as np
 

@@ -6,7 +6,7 @@ port of its own, and one that shows none is of that before it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Final
@@ -21,7 +21,9 @@ from dissectors.limits import CRC_SIZE
 
 from ..core import deframe
 from ..deframing.judging import envelope_of, judge
+from ..diagnosis.damage.triage import VAGUE
 from ..diagnosis.judge import Diagnosis
+from ..diagnosis.rules.noise import Pattern
 from ..options import Options
 from ..tables.batch import Batch, Frame
 from ..tables.findings import Finding, Findings, described
@@ -112,31 +114,44 @@ def _frame(frame: Frame, pdus: dict[int, bytes], timed: bool) -> PastedFrame:
 
 _KINDS: Final = {Role.REQUEST: Kind.REQUEST, Role.RESPONSE: Kind.RESPONSE}
 _MOST_FINDINGS: Final = 10_000  # findings: a paste is read by people
+_PLACELESS: Final = (Pattern.STRAY, Pattern.IDLE, Pattern.QUOTED)  # of noise: a text shows that it is none of a frame
 
 
 def findings(pieces: Sequence[Piece]) -> list[tuple[Finding, ...]]:
-    """What is wrong with each frame of a paste; of one cut before its function code there is nothing to say."""
+    """What is wrong with each piece of a paste; of a frame cut before its function code there is nothing to say."""
     frames = [piece for piece in pieces if isinstance(piece, PastedFrame)]
-    examined = [i for i, frame in enumerate(frames) if frame.adu.pdu or frame.adu.protocol == "rtu"]
     unclear = _unclear(pieces)
     first = {frame.adu.data: frame.start for frame in reversed(frames)}
-    by_frame: list[list[Finding]] = [[] for _ in frames]
-    for index, finding in _diagnosed([frames[i] for i in examined]):
-        frame = frames[examined[index]]
-        again, answered = first[frame.adu.data] < frame.start, frame.start not in unclear
-        if _carried(finding.code, frame, again=again, answered=answered):
-            by_frame[examined[index]].append(finding)
-    return [tuple(each) for each in by_frame]
+    by_start: dict[int, list[Finding]] = {piece.start: [] for piece in pieces}
+    for piece, finding in _diagnosed([piece for piece in pieces if _is_examined(piece)]):
+        if isinstance(piece, PastedNoise):
+            carried = finding.code not in VAGUE and finding.numbers.get("pattern") not in _PLACELESS
+        else:
+            again, answered = first[piece.adu.data] < piece.start, piece.start not in unclear
+            carried = _carried(finding.code, piece, again=again, answered=answered)
+        by_start[piece.start] += [finding] * carried
+    return [tuple(by_start[piece.start]) for piece in pieces]
 
 
-def _diagnosed(frames: Sequence[PastedFrame]) -> list[tuple[int, Finding]]:
-    """What is wrong with frames, by their numbers."""
-    sent = [_as_captured(frame) for frame in frames]
-    batch = Batch(_rows(frames, sent), np.frombuffer(b"".join(sent), np.uint8))
+def _is_examined(piece: Piece) -> bool:
+    return isinstance(piece, PastedNoise) or bool(piece.adu.pdu) or piece.adu.protocol == "rtu"
+
+
+def _diagnosed(pieces: Sequence[Piece]) -> Iterator[tuple[Piece, Finding]]:
+    """What is wrong with pieces."""
+    sent = [piece.data if isinstance(piece, PastedNoise) else _as_captured(piece) for piece in pieces]
+    rows = _rows(pieces, sent)
+    batch = Batch(rows, np.frombuffer(b"".join(sent), np.uint8))
     transactions, diagnosis = Transactions(), Diagnosis(LineSettings(notes={EXCERPT_NOTE: ""}), Options())
     reported = diagnosis.feed(batch, transactions.feed(batch))
     reported = Findings.joined((reported, diagnosis.close(transactions.close())))
-    return [(one.index, one) for one in described(reported[:_MOST_FINDINGS]) if one.index is not None]
+    frames = [piece for piece in pieces if isinstance(piece, PastedFrame)]
+    at = dict(zip(rows.start.tolist(), pieces, strict=True))
+    for finding in described(reported[:_MOST_FINDINGS]):
+        if finding.index is not None:
+            yield frames[finding.index], finding
+        elif finding.start in at:
+            yield at[finding.start], finding
 
 
 def _unclear(pieces: Sequence[Piece]) -> set[int]:
@@ -167,25 +182,33 @@ def _shows_no_crc(frame: PastedFrame) -> bool:
     return frame.adu.protocol == "rtu" and frame.missing == CRC_SIZE and frame.length_known
 
 
-def _rows(frames: Sequence[PastedFrame], sent: Sequence[bytes]) -> Rows:
-    rows = Rows.zeros(len(frames))
+def _rows(pieces: Sequence[Piece], sent: Sequence[bytes]) -> Rows:
+    rows = Rows.zeros(len(pieces))
     lengths = np.array([len(data) for data in sent])
-    rows.index[:] = np.arange(len(frames))
+    framed = np.array([isinstance(piece, PastedFrame) for piece in pieces])
+    number = np.cumsum(framed) - 1
+    rows.index[:] = np.where(framed, number, -1)
     rows.length[:], rows.start[:] = lengths, np.cumsum(lengths) - lengths
     rows.at[:] = rows.start
     rows.request[:] = rows.request_start[:] = rows.response_ns[:] = rows.taken_for_start[:] = -1
     rows.gap_before_ns[:] = rows.gap_most_ns[:] = rows.gap_least_ns[:] = NO_GAP
     rows.reads[:] = 1
+    frames = [piece for piece in pieces if isinstance(piece, PastedFrame)]
     begins = [frame.t_start_ns for frame in frames if frame.t_start_ns is not None]
-    if len(begins) == len(frames):
-        rows.t_start_ns[:] = rows.t_end_ns[:] = begins
+    if len(begins) == len(frames) > 0:  # bytes outside frames: as of the frame before them
+        rows.t_start_ns[:] = rows.t_end_ns[:] = np.array(begins)[np.maximum(number, 0)]
     at: dict[int | None, int] = {frame.start: i for i, frame in enumerate(frames)}
-    for row, frame in enumerate(frames):
-        rows.kind[row] = _KINDS[frame.role]
-        rows.protocol[row] = Protocol[frame.adu.protocol.upper()]
-        rows.unit[row], rows.mark[row] = frame.adu.unit or 0, frame.mark
-        rows.function[row], rows.exception[row] = frame.function or 0, frame.exception or 0
-        # Modbus TCP has no check value to be wrong, and one that a text leaves out is not
-        rows.check[row] = frame.is_right or frame.adu.protocol == "tcp" or _shows_no_crc(frame)
-        rows.request[row] = at.get(frame.request_start, -1)
+    for row, frame in zip(np.flatnonzero(framed).tolist(), frames, strict=True):
+        _fill(rows, row, frame, at)
     return rows
+
+
+def _fill(rows: Rows, row: int, frame: PastedFrame, at: Mapping[int | None, int]) -> None:
+    """What a row has of its frame; `at`: the numbers of frames by their starts."""
+    rows.kind[row] = _KINDS[frame.role]
+    rows.protocol[row] = Protocol[frame.adu.protocol.upper()]
+    rows.unit[row], rows.mark[row] = frame.adu.unit or 0, frame.mark
+    rows.function[row], rows.exception[row] = frame.function or 0, frame.exception or 0
+    # Modbus TCP has no check value to be wrong, and one that a text leaves out is not
+    rows.check[row] = frame.is_right or frame.adu.protocol == "tcp" or _shows_no_crc(frame)
+    rows.request[row] = at.get(frame.request_start, -1)

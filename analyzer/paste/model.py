@@ -166,6 +166,7 @@ class PastedNoise:
 
     start: int
     data: bytes
+    findings: tuple[Finding, ...] = ()
 
     @property
     def length(self) -> int:
@@ -180,6 +181,7 @@ class PastedNoise:
             "t_start_ns": None,
             "t_end_ns": None,
             "hex": self.data.hex(),
+            "findings": [finding.to_json() for finding in self.findings],
         }
 
 
@@ -232,7 +234,7 @@ class Paste:
     @property
     def errors(self) -> int:
         """How many findings are errors."""
-        return sum(finding.severity.name == "ERROR" for frame in self.frames() for finding in frame.findings)
+        return sum(finding.severity.name == "ERROR" for piece in self.pieces for finding in piece.findings)
 
     def to_json(self, *, noise: bool = False) -> Iterator[dict[str, Any]]:
         """A JSON object a frame, and a piece of noise if asked."""

@@ -219,17 +219,15 @@ _CONVERSATION: Final = 2  # frames, beyond which somebody may have gone unanswer
 
 
 def with_findings(paste: Paste) -> Paste:
-    """The paste, its frames with what is wrong with them; frames that are all as they should be need no diagnosis."""
+    """The paste, its pieces with what is wrong with them; frames that are all as they should be need no diagnosis."""
     frames = list(paste.frames())
-    if paste.protocol == "pdu" or not (len(frames) > _CONVERSATION or any(map(_suspicious, frames)) or _heard(frames)):
+    odd = len(frames) > _CONVERSATION or any(map(_suspicious, frames)) or _heard(frames)
+    if paste.protocol == "pdu" or not frames or not (odd or len(frames) < len(paste.pieces)):
         return paste
     from .deframed import findings
 
-    diagnosed = iter(findings(paste.pieces))
-    pieces = (
-        replace(piece, findings=next(diagnosed)) if isinstance(piece, PastedFrame) else piece for piece in paste.pieces
-    )
-    return replace(paste, pieces=tuple(pieces))
+    diagnosed = zip(paste.pieces, findings(paste.pieces), strict=True)
+    return replace(paste, pieces=tuple(replace(piece, findings=found) for piece, found in diagnosed))
 
 
 def _heard(frames: Sequence[PastedFrame]) -> bool:

@@ -100,10 +100,11 @@ def _due_answer(stretch: LeftBytes) -> Iterator[ReadFrame]:
     due = expectation(bytes([asked.adu.unit or 0]) + asked.adu.pdu)
     for at in range(min(len(stretch.data) - _LEAST, _MOST_BEFORE) + 1):
         data = stretch.data[at:]
-        refused = data[1] == due.function | EXCEPTION and 0 < data[2] <= _LAST_CODE
+        named = bytes((due.unit, due.function | EXCEPTION))
+        refused = data.startswith(named) and 0 < data[2] <= _LAST_CODE
         length = predicted(data, Role.RESPONSE) or -1
         if length > 0 and (refused or data.startswith(due.header)):
-            found = _candidate(stretch, at, length, Role.RESPONSE, 8.0 * (2 if refused else len(due.header)) - at)
+            found = _candidate(stretch, at, length, Role.RESPONSE, 8.0 * len(named if refused else due.header) - at)
             yield found._replace(frame=replace(found.frame, request=asked.adu.pdu, request_start=asked.start))
 
 

@@ -18,7 +18,7 @@ from dissectors.values import Order, floating, harmless, readings
 from ..languages import counted, field_name, retold, tr, wording
 from ..requests.advice import enveloped
 from ..terminal_text import TerminalText, painted, terminal_text
-from .model import Paste, PastedFrame, PastedNoise
+from .model import Paste, PastedFrame, PastedNoise, Piece
 
 _HEX_BYTES: Final = 8  # of a field that are shown; --json has all
 _NOISE_BYTES: Final = 16
@@ -52,6 +52,7 @@ def tree(paste: Paste, *, colour: bool = False, values: bool = False) -> Termina
     style = COLOURED if colour else Style()
     lines: list[str] = [painted(harmless(paste.why), style.dim)]
     refused = {frame.request_start for frame in paste.frames() if frame.exception is not None}
+    told: set[str] = set()
     for piece in paste.pieces:
         lines.append("")
         if isinstance(piece, PastedNoise):
@@ -59,8 +60,9 @@ def tree(paste: Paste, *, colour: bool = False, values: bool = False) -> Termina
             length = counted(piece.length, "byte", "bytes")
             where = tr("{bytes} at {start}: {octets}", bytes=length, start=piece.start, octets=octets)
             lines.append(terminal_text(painted(tr("outside frames"), style.bold), f"  {where}"))
+            lines.extend(_findings(piece, style, told))
         else:
-            lines.extend(_frame(piece, style, values, advised=piece.start not in refused))
+            lines.extend(_frame(piece, style, values, told, advised=piece.start not in refused))
     if left := left_out(paste):
         lines += ["", *(terminal_text(painted(tr("not read"), style.bold), f"    {line}") for line in left)]
     return terminal_text(*(terminal_text(line, "\n") for line in lines))
@@ -82,18 +84,14 @@ def left_out(paste: Paste) -> list[str]:
     return lines
 
 
-def _frame(frame: PastedFrame, style: Style, values: bool, *, advised: bool) -> Iterator[str]:
+def _frame(frame: PastedFrame, style: Style, values: bool, told: set[str], *, advised: bool) -> Iterator[str]:
     yield painted(heading(frame), style.bold)
     problem = trouble(frame)
     if problem:
         yield painted(f"! {problem}", style.red)
-    for finding in frame.findings:
-        yield painted(f"! {tr(finding.severity.name.lower())} {finding.code}: {finding.text}", style.red)
-        for head, words in ((tr("likely"), finding.cause), (tr("do"), finding.remedy)):
-            if words:
-                yield painted(f"  {head}: {words}", style.dim)
-    if advised and (told := advice_words(frame)) is not None:
-        yield painted(f"  {told}", style.bold)
+    yield from _findings(frame, style, told)
+    if advised and (advice := advice_words(frame)) is not None:
+        yield painted(f"  {advice}", style.bold)
     fields = frame.fields(wording=wording())
     yield from _table(fields, style)
     if values:
@@ -109,6 +107,17 @@ def _frame(frame: PastedFrame, style: Style, values: bool, *, advised: bool) -> 
         return
     yield painted(tr("or {name}", name=heading(frame, frame.also)), style.bold)
     yield from _table(others, style)
+
+
+def _findings(piece: Piece, style: Style, told: set[str]) -> Iterator[str]:
+    """What is wrong with a piece, likely why, and what to do; what was told above is not told again."""
+    for finding in piece.findings:
+        yield painted(f"! {tr(finding.severity.name.lower())} {finding.code}: {finding.text}", style.red)
+        for head, words in ((tr("likely"), finding.cause), (tr("do"), finding.remedy)):
+            line = f"  {head}: {words}"
+            if words and line not in told:
+                told.add(line)
+                yield painted(line, style.dim)
 
 
 def heading(frame: PastedFrame, role: Role | None = None) -> str:

@@ -26,6 +26,7 @@ class _PieceCounts(NamedTuple):
     rest: int
     forced: bool
     headed: bool  # a part may begin with an MBAP header
+    low: bool  # every byte is 00
 
 
 class _Why(NamedTuple):
@@ -53,6 +54,8 @@ _WHYS: Final = (
     _Why("ascii", lambda c: c.right > 0, "ASCII: {frames} between colon and line end, LRC correct in {right}"),
     _Why("ascii", lambda c: True, "ASCII: {frames} between colon and line end, LRC wrong"),
     _Why("pdu", lambda c: True, "PDU: function code and data alone, without unit and check value"),
+    _Why("rtu", lambda c: c.low,
+         "no frame: every byte is 00, as of a line that stays low: a break, A and B swapped, or no bias"),
     _Why("rtu", lambda c: c.headed,
          "no frame: no correct CRC, no ASCII frame, and what may be an MBAP header does not fit"),
     _Why("rtu", lambda c: True, "no frame: no correct CRC, no MBAP header, no ASCII frame"),
@@ -64,18 +67,20 @@ def why(pieces: Sequence[Piece], parts: Sequence[PastePart], envelope: Envelope)
     kinds = Counter(piece.adu.protocol for piece in pieces if isinstance(piece, PastedFrame))
     most = kinds.most_common(1)[0][0] if kinds else "rtu" if envelope == "auto" else envelope
     headed = any(begins_tcp(part.data) for part in parts)
+    low = not any(map(any, (part.data for part in parts)))
     words = []
     for kind in kinds or (most,):
         mine = [piece for piece in pieces if (piece.adu.protocol if isinstance(piece, PastedFrame) else most) == kind]
-        words.append(_words(kind, _counts(mine, forced=envelope == kind, headed=headed)))
+        words.append(_words(kind, _counts(mine, forced=envelope == kind, headed=headed, low=low)))
     return cast(Envelope, most), "; ".join(words)
 
 
-def _counts(pieces: Sequence[Piece], *, forced: bool, headed: bool) -> _PieceCounts:
+def _counts(pieces: Sequence[Piece], *, forced: bool, headed: bool, low: bool) -> _PieceCounts:
     frames = [piece for piece in pieces if isinstance(piece, PastedFrame)]
     right = [frame for frame in frames if frame.check_ok is not False]
     octets, framed = (sum(piece.length for piece in each) for each in (pieces, right))
-    return _PieceCounts(len(frames), len(right), sum(map(_sound, right)), octets, octets - framed, forced, headed)
+    sound = sum(map(_sound, right))
+    return _PieceCounts(len(frames), len(right), sound, octets, octets - framed, forced, headed, low)
 
 
 def _words(kind: str, counts: _PieceCounts) -> str:

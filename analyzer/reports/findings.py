@@ -119,8 +119,8 @@ def _group_lines(row: FindingRow) -> Iterator[PageLine]:
 def where(group: FindingGroup, row: FindingRow) -> Iterator[str]:
     """How many of how many, when, how sure, and where the first one is."""
     if len(row.groups) > 1 or group.of:
-        english = "{count:,} of {of:,} requests to unit {unit}" if group.of else "{count:,} times"
-        yield page_words(english, count=group.count, of=group.of, unit=group.unit)
+        english = "{count:,} of {of:,} requests to unit {unit}"
+        yield page_words(english, count=group.count, of=group.of, unit=group.unit) if group.of else often(group.count)
     if is_clock(group.t_ns):
         times = [time_of_day(t)[:8] for t in dict.fromkeys((group.t_ns, group.until_ns))]
         yield page_words(" to ").join(dict.fromkeys(times))
@@ -132,9 +132,14 @@ def where(group: FindingGroup, row: FindingRow) -> Iterator[str]:
             yield page_words("frame {index:,}", index=group.index)
 
 
+def often(count: int) -> str:
+    """How often: `once`, `5 times`."""
+    return page_words("once") if count == 1 else page_words("{count:,} times", count=count)
+
+
 def cost(row: FindingRow) -> str:
     """How often it was found, what that cost, and which units it met."""
-    words = page_words("once") if row.count == 1 else page_words("{count:,} times", count=row.count)
+    words = often(row.count)
     if row.lost_answers:
         words += page_words(", {what} lost", what=lost(row.lost_answers, row.lost_ms))
     return words + _among(row)

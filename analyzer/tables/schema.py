@@ -300,7 +300,7 @@ def bounds_of(delay: int, off_ns: float | None) -> tuple[int, int] | None:
     """Between what a time (ns) lies that may be wrong by so much; None where that is not known (None or infinite)."""
     if off_ns is None or not np.isfinite(off_ns):
         return None
-    return (delay, delay) if off_ns <= EXACT * delay else (max(round(delay - off_ns), 0), round(delay + off_ns))
+    return (delay, delay) if off_ns <= EXACT * delay else (max(delay - round(off_ns), 0), delay + round(off_ns))
 
 
 def delay_bounds(delays: Int64s, off_ns: float) -> DelayBounds:

@@ -178,8 +178,8 @@ def _by_meaning(desk: ViewState, row: int, other: int, fields: tuple[Field, ...]
 def at_piece(pasted: PastedFrame | PastedNoise) -> FrameDetail:
     """A piece of a paste."""
     if isinstance(pasted, PastedNoise):
-        return FrameDetail(tr("outside frames"), pasted.data, (Item("noise", _unexplained(pasted.data),
-                                                     0, pasted.length, "noise", label=tr("noise")),))  # fmt: skip
+        head = Item("noise", _unexplained(pasted.data), 0, pasted.length, "noise", label=tr("noise"))
+        return FrameDetail(tr("outside frames"), pasted.data, (head, *_finding_items(pasted.findings)))
     from ..paste.trees import heading, trouble
 
     fields = pasted.fields(wording=wording())

@@ -38,11 +38,10 @@ def main() -> int:
     parser.add_argument("--inputs", type=int, help="of fuzz: how many")
     parser.add_argument("--first", type=int, default=0, help="of fuzz: number of the first input")
     parser.add_argument("--account", type=Path, help="of fuzz: go on with the campaign in this file, up to --inputs")
-    parser.add_argument("--worker", nargs=6, help=argparse.SUPPRESS)
+    parser.add_argument("--nursery", action="store_true", help=argparse.SUPPRESS)
     given = parser.parse_args()
-    if given.worker:
-        name, seed, first, count, patience, place = given.worker
-        fuzz.work(name, int(seed), int(first), int(count), float(patience), place)
+    if given.nursery:
+        fuzz.nurse()
         return 0
     failed = False
     for name in given.attacks or ATTACKS:

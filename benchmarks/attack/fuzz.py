@@ -1,5 +1,7 @@
 """Fuzz: hostile inputs for every target, in processes of their own, timed and weighed.
 
+These are forks of one that has imported what all of them need, which takes longer than many a run.
+
 A target may raise only what its users are told in a line; no input of 64 KiB takes over a second of CPU, and no process
 over 300 MB. Input number i of a target is the same for a seed, whatever else is run.
 """
@@ -9,6 +11,7 @@ from __future__ import annotations
 import faulthandler
 import json
 import mmap
+import os
 import resource
 import signal
 import subprocess
@@ -20,7 +23,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from random import Random
-from typing import Final
+from typing import Any, Final
 
 from attack import account
 from attack.inputs import spoilt
@@ -46,17 +49,19 @@ def attack(seed: int, inputs: int, *, only: str = "", first: int = 0, patience: 
     shares = sum(target.share for target in chosen)
     outcome = Outcome("fuzz")
     begun, slowest, largest = time.monotonic(), 0.0, 0.0
-    for target in chosen:
-        count, at = max(1, round(inputs * target.share / shares)), first
-        target_begun, failures = time.monotonic(), len(outcome.failures)
-        while at < first + count:
-            done = _run(target.name, (seed, at, first + count - at, patience), outcome)
-            at = int(done["next"])
-            slowest, largest = max(slowest, done["slowest"]), max(largest, done["megabytes"])
-        outcome.tried += count
-        rate = count / (time.monotonic() - target_begun)
-        bad = len(outcome.failures) - failures
-        print(f"  {target.name}: {count:,} inputs, {rate:,.0f} a second, {bad} failures", file=sys.stderr, flush=True)
+    with _Nursery() as nursery:
+        for target in chosen:
+            count, at = max(1, round(inputs * target.share / shares)), first
+            target_begun, failures = time.monotonic(), len(outcome.failures)
+            while at < first + count:
+                done = _run(nursery, target.name, (seed, at, first + count - at, patience), outcome)
+                at = int(done["next"])
+                slowest, largest = max(slowest, done["slowest"]), max(largest, done["megabytes"])
+            outcome.tried += count
+            rate = count / (time.monotonic() - target_begun)
+            bad = len(outcome.failures) - failures
+            told = f"  {target.name}: {count:,} inputs, {rate:,.0f} a second, {bad} failures"
+            print(told, file=sys.stderr, flush=True)
     spent = time.monotonic() - begun
     outcome.figures = f"seed {seed}, slowest {slowest:.2f} s, largest process {largest:.0f} MB, {spent:.0f} s"
     return outcome
@@ -77,11 +82,11 @@ def campaign(seed: int, inputs: int, path: Path, *, only: str = "", most: int = 
     def mine() -> list[account.Entry]:
         return [entry for entry in account.entries(path) if entry.target in names]
 
-    with suppress(KeyboardInterrupt):
+    with suppress(KeyboardInterrupt), _Nursery() as nursery:
         while chosen and sum(entry.count for entry in mine() if entry.seed == seed) < inputs:
             for target in chosen:
                 first = account.reached(mine(), target.name, seed)
-                account.add(path, _slice(target, seed, first, most))
+                account.add(path, _slice(nursery, target, seed, first, most))
     for entry in (done := mine()):
         outcome.failures += entry.failures
         outcome.tried += entry.count
@@ -90,12 +95,12 @@ def campaign(seed: int, inputs: int, path: Path, *, only: str = "", most: int = 
     return outcome
 
 
-def _slice(target: Target, seed: int, first: int, most: int) -> account.Entry:
+def _slice(nursery: _Nursery, target: Target, seed: int, first: int, most: int) -> account.Entry:
     """The next inputs of a target, in one process, or in more where one ends early."""
     found, at, last = Outcome(target.name), first, first + min(_A_SHARE * target.share, most)
     cpu = slowest = megabytes = 0.0
     while at < last:
-        done = _run(target.name, (seed, at, last - at, 1.0), found)
+        done = _run(nursery, target.name, (seed, at, last - at, 1.0), found)
         at, cpu = int(done["next"]), cpu + done["cpu_s"]
         slowest, megabytes = max(slowest, done["slowest"]), max(megabytes, done["megabytes"])
     return account.Entry(
@@ -104,21 +109,51 @@ def _slice(target: Target, seed: int, first: int, most: int) -> account.Entry:
     )  # fmt: skip
 
 
-def _run(name: str, given: tuple[int, int, int, float], outcome: Outcome) -> dict[str, float]:
+class _Nursery:
+    """A process that forks one for each run."""
+
+    def __enter__(self) -> _Nursery:
+        command = [sys.executable, str(Path(__file__).parent), "--nursery"]
+        self._process = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, errors="replace"
+        )
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._process.communicate()
+
+    def run(self, *given: object) -> tuple[int, list[dict[str, Any]]]:
+        """How a run of `work` ended, and the objects that it printed."""
+        assert self._process.stdin is not None and self._process.stdout is not None
+        self._process.stdin.write(json.dumps(given) + "\n")
+        self._process.stdin.flush()
+        lines = []
+        for line in self._process.stdout:
+            if line.startswith("{"):
+                lines.append(json.loads(line))
+                if "ended" in lines[-1]:
+                    return lines.pop()["ended"], lines
+        raise RuntimeError(f"the process that runs come from died ({self._process.wait()})")
+
+
+def nurse() -> None:
+    """Forks for each line of standard input, a list of what `work` is given; the fork works, and comes back."""
+    while line := sys.stdin.readline():
+        pid = os.fork()
+        if not pid:
+            work(*json.loads(line))
+            return
+        ended = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
+        print(json.dumps({"ended": ended}), flush=True)
+
+
+def _run(nursery: _Nursery, name: str, given: tuple[int, int, int, float], outcome: Outcome) -> dict[str, float]:
     """One process for as many inputs as it lives; where the next has to go on, and its figures."""
     seed, first, *_ = given
-    with tempfile.NamedTemporaryFile() as place:
-        command = [
-            sys.executable,
-            str(Path(__file__).parent),
-            "--worker",
-            name,
-            *map(str, given),
-            place.name,
-        ]
-        process = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
-        lines = [json.loads(line) for line in process.stdout.splitlines() if line.startswith("{")]
+    with tempfile.NamedTemporaryFile() as place, tempfile.NamedTemporaryFile() as said:
+        status, lines = nursery.run(name, *given, place.name, said.name)
         reached = int.from_bytes(Path(place.name).read_bytes(), "little") or first
+        last = Path(said.name).read_text(errors="replace").strip()[-1500:]
     again = f"benchmarks/attack fuzz --only {name!r} --seed {seed} --first"
     told = [f"{name} ({again} {line['input']} --inputs 1): {line['failure']}" for line in lines if "failure" in line]
     outcome.failures += told
@@ -126,13 +161,17 @@ def _run(name: str, given: tuple[int, int, int, float], outcome: Outcome) -> dic
     if ends:
         end: dict[str, float] = ends[0]
         return end
-    last = process.stderr.strip()[-1500:]
-    outcome.failures.append(f"{name} ({again} {reached} --inputs 1): the process died ({process.returncode}): {last}")
+    outcome.failures.append(f"{name} ({again} {reached} --inputs 1): the process died ({status}): {last}")
     return {"next": reached + 1, "slowest": 0.0, "megabytes": 0.0, "cpu_s": 0.0}
 
 
-def work(name: str, seed: int, first: int, count: int, patience: float, place: str) -> None:
-    """What a process of its own does: one JSON object per line for each failure, and one at the end."""
+def work(name: str, seed: int, first: int, count: int, patience: float, place: str, said: str) -> None:
+    """What a process of its own does: one JSON object per line for each failure, and one at the end.
+
+    The number of the input in hand goes to the file `place`, what is said of the process's end to `said`.
+    """
+    with Path(said).open("wb") as errors:
+        os.dup2(errors.fileno(), 2)
     target = targets()[name]
     slowest, told = 0.0, 0
     with suppress(Exception):  # what is loaded when it is first used is not the input's

@@ -80,13 +80,17 @@ def plain(answer):
 
 def rows(lake, table):
     """All rows of a table but for what says where they are from, in an order that hangs on the rows alone."""
-    lake = lake if isinstance(lake, Lake) else Lake(str(lake))
-    answer = plain(lake.arrow(f"SELECT * FROM {table} ORDER BY ALL"))
-    return [{k: v for k, v in row.items() if k not in ("source", "size", "sha256")} for row in answer]
+    return plain(_without_places(lake if isinstance(lake, Lake) else Lake(str(lake)), table))
+
+
+def _without_places(lake, table):
+    answer = lake.arrow(f"SELECT * FROM {table} ORDER BY ALL")
+    return answer.drop_columns([name for name in ("source", "size", "sha256") if name in answer.column_names])
 
 
 def same(one, two, tables=tuple(DATASETS)):
     one, two = Lake(str(one)), Lake(str(two))
     for table in tables:
-        assert rows(one, table) == rows(two, table), table
+        if not _without_places(one, table).equals(_without_places(two, table)):  # or they hold a NaN
+            assert rows(one, table) == rows(two, table), table
     return True

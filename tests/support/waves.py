@@ -13,11 +13,11 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
-from buses import adu
 from numpy.typing import NDArray
 
 import captures
 from captures import Capture
+from dissectors.crc import crc_bytes
 
 
 def edges_of(
@@ -203,8 +203,8 @@ def bus() -> list[tuple[int | None, list[int]]]:
     now, out = 0, list[tuple[int | None, list[int]]]()
     for turn in range(40):
         unit = (17, 3)[turn % 2]
-        request = adu(f"{unit:02x}03006b0002")
-        answer = adu(f"{unit:02x}0304{turn:02x}{200 - turn:02x}55{turn:02x}")
+        asked, told = f"{unit:02x}03006b0002", f"{unit:02x}0304{turn:02x}{200 - turn:02x}55{turn:02x}"
+        request, answer = (pdu + crc_bytes(pdu) for pdu in map(bytes.fromhex, (asked, told)))
         for sender, frame in ((None, request), (unit, answer)):
             characters = frames_on_line([frame], BAUD * (1 + OFF[sender]), 10, 0, 4_000_000, now)
             edges = edges_of(characters, BAUD, off=OFF[sender])

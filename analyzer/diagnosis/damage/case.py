@@ -111,7 +111,8 @@ class Explanation:
     flow-control-loss   `lost` bytes, as many `places` as could be solved
     truncated           `length` that the frame should have (`at_least` where it ends before it tells)
     crc-variant         `variant`, the convention's name
-    echo                `lost` bytes of the `length` that were sent just before, in `repaired`
+    echo                `lost` bytes of the `length` that were sent just before, in `repaired`; `bit`: so many bits of a
+                        byte arrive, where those that need no more came right and the others changed
     collision           `length` of the answer that was due, where that is known
     """
 

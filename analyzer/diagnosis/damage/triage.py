@@ -284,7 +284,23 @@ def _echo(row: EarlierRow, pending: EarlierRow) -> Explanation | None:
     same, sent = shared(row.captured, pending.captured), len(pending.captured)
     if same - max(0, len(row.captured) - sent) < sent - ALIKE:
         return None
-    return Explanation("echo", 0.0, 1.0, repaired=pending.captured, length=sent, lost=sent - same)
+    kept = _bits_kept(pending.captured, row.captured)
+    return Explanation("echo", 0.0, 1.0, repaired=pending.captured, length=sent, lost=sent - same, bit=kept)
+
+
+_FEWER_BITS: Final = (5, 6, 7)  # of a character, as a UART may be set
+_CHANGED: Final = 2  # bytes, of which one alone may have changed by chance
+
+
+def _bits_kept(sent: bytes, heard: bytes) -> int | None:
+    """How many bits of each byte arrive, where bytes that need no more came right and all others changed."""
+    for bits in _FEWER_BITS:
+        pairs = [(one < 1 << bits, one == two) for one, two in zip(sent, heard, strict=False)]
+        wide = [same for fits, same in pairs if not fits]
+        plain = all(same for fits, same in pairs if fits) and max(heard) < 1 << bits
+        if plain and len(sent) == len(heard) and len(wide) >= _CHANGED and not any(wide):
+            return bits
+    return None
 
 
 def _overlaid(row: Row, before: _Open) -> bool:

@@ -383,7 +383,7 @@ def _numbers(verdict: Explanation, data: bytes) -> tuple[float, ...]:
         case "bytes-repeated":
             return _or_nan(verdict.byte), _or_nan(verdict.length), sure
         case "echo":
-            return nan, _or_nan(verdict.lost), _or_nan(verdict.length)
+            return nan, _or_nan(verdict.lost), _or_nan(verdict.length), _or_nan(verdict.bit)
         case "flow-control-loss":
             return _or_nan(verdict.lost), sure
         case _:

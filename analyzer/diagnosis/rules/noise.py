@@ -57,6 +57,7 @@ def other_protocols(view: DiagnosisStep) -> Iterator[Findings]:
 _GLITCH_RUN: Final = 6  # bytes
 _LINE_ENDS: Final = (b"\r", b"\n", b"\r\n")
 _HARD: Final = 2.5  # characters: what stands closer belongs together
+_HEAD: Final = 2  # bytes that two stretches begin with, which by chance one pair in 65,536 does
 _USUAL_CHARACTER_NS: Final = 11e9 / 9600  # where nobody said how fast the line is
 
 
@@ -69,6 +70,7 @@ class Pattern(IntEnum):
     IDLE = 3  # by itself on an idle line
     LINE_END = 4  # CR, LF or both right behind a frame
     QUOTED = 5  # among the frames of a text's few lines
+    ENVELOPE = 6  # there, and it begins as one before it
 
 
 def _sender(numbers: Mapping[str, float]) -> str:
@@ -81,7 +83,8 @@ def _text(numbers: Mapping[str, float]) -> str:
 
 def _told(words: Mapping[Pattern, str], numbers: Mapping[str, float], **more: str) -> str:
     """The words for the pattern of these numbers."""
-    return phrase(words[Pattern(int(numbers["pattern"]))], sender=_sender(numbers), **more)
+    head = int(numbers.get("head", 0)).to_bytes(_HEAD, "big").hex(" ").upper()
+    return phrase(words[Pattern(int(numbers["pattern"]))], sender=_sender(numbers), head=head, **more)
 
 
 _TEXTS: Final = {
@@ -91,6 +94,7 @@ _TEXTS: Final = {
     Pattern.IDLE: "{bytes} outside any frame on an idle line",
     Pattern.LINE_END: "{bytes}, a newline (0D, 0A), right after the frame of {sender}",
     Pattern.QUOTED: "{bytes} outside any frame",
+    Pattern.ENVELOPE: "{bytes} outside any frame, which begin like earlier ones: {head}",
 }
 _CAUSES: Final = {
     Pattern.STRAY: "interference, bytes of a damaged frame, or a device that speaks another protocol",
@@ -99,6 +103,7 @@ _CAUSES: Final = {
     Pattern.IDLE: "the idle line floats: bias resistors are missing or too weak, or there is interference",
     Pattern.LINE_END: "the frame of {sender} ends like a line of text; a strict unit drops it or answers into them",
     Pattern.QUOTED: "the envelope or the frames of another protocol; part of a frame; or interference",
+    Pattern.ENVELOPE: "the frames of another protocol on this line, or an envelope that a program puts around frames",
 }
 _REMEDIES: Final = {
     Pattern.STRAY: "look at what comes before and after; check wiring, shield and termination",
@@ -107,13 +112,14 @@ _REMEDIES: Final = {
     Pattern.IDLE: "bias the line at one end (some 560 ohms to each rail), check termination and shield",
     Pattern.LINE_END: "send the bytes of the frame alone: write, not println; no line ending in a terminal",
     Pattern.QUOTED: "compare how these bytes begin and end: what is the same each time is an envelope, and no fault",
+    Pattern.ENVELOPE: "see that the client skips these bytes and waits for the answer behind them",
 }
 NOISE: Final = Rule(
     "noise",
     Severity.WARNING,
     About.NOISE,
     when="bytes stand between frames, or right beside them",
-    numbers=("pattern", "bytes", "unit"),
+    numbers=("pattern", "bytes", "unit", "head"),
     varies="pattern",
     text=_text,
     cause=lambda numbers: _told(_CAUSES, numbers),
@@ -172,11 +178,13 @@ class NoiseStretches:
     _explained_before: bool
     _waiting: _OpenStretch | None
     _frames: int
+    _heads: set[bytes]
 
     def __init__(self) -> None:
         self._explained_before = False  # the row before was noise, and is explained otherwise
         self._waiting = None
         self._frames = 0
+        self._heads = set()  # of stretches in a text
 
     @property
     def open_from(self) -> int | None:
@@ -230,7 +238,13 @@ class NoiseStretches:
         close = [side for side in sides if side.is_frame and _hard(side.gap_ns, view)]
         if not any(side.is_damaged for side in close):
             pattern, sender = _pattern(view, stretch, close)
-            yield NOISE.on(row, float(pattern), row.length, sender)
+            head = nan
+            if pattern is Pattern.QUOTED and row.length[0] > _HEAD:
+                begin = stretch.captured[:_HEAD]
+                if begin in self._heads:
+                    pattern, head = Pattern.ENVELOPE, int.from_bytes(begin)
+                self._heads.add(begin)
+            yield NOISE.on(row, float(pattern), row.length, sender, head)
 
 
 def _hard(gap_ns: int, view: DiagnosisStep) -> bool:

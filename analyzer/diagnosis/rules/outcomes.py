@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -322,23 +322,38 @@ LATE: Final = Rule(
         + (phrase("; do not trust this unit's values until then") if numbers["mistaken"] else "")
     ),
 )
+_ECHO_TEXTS: Final = (
+    "the same frame once more",
+    "the same frame once more but for {other:.0f} of its {sent:.0f} bytes",
+    "the same frame once more but for {other:.0f} of its {sent:.0f} bytes, "
+    "all those that need more than {data_bits:.0f} bits",
+)
+_ECHO_CAUSES: Final = (
+    "the tap or a converter with local echo shows each sent frame twice",
+    "a local echo, or the frame as the other end heard it: its settings, or the line, change or lose bytes",
+    "one end is set to {data_bits:.0f} data bits, so the upper bits of a byte get lost",
+)
+_LOCAL_ECHO: Final = "switch the converter's local echo off, or tap the line behind it"
+_ECHO_REMEDIES: Final = (_LOCAL_ECHO, _LOCAL_ECHO, "set both ends to 8 data bits")
+
+
+def _told_of_echo(words: Sequence[str], numbers: Mapping[str, float]) -> str:
+    """The words for an echo that is whole, one of which bytes changed, and one of which all wide bytes did."""
+    return phrase(words[("other" in numbers) + ("data_bits" in numbers)], numbers)
+
+
 ECHO: Final = Rule(
     "echo",
     Severity.NOTE,
     About.TRANSACTION,
     when="the tap shows each sent frame twice",
-    numbers=("after_ms", "other", "sent", "unit"),
+    numbers=("after_ms", "other", "sent", "data_bits", "unit"),
     text=lambda numbers: (
-        phrase("the same frame once more")
-        + (phrase(" but for {other:.0f} of its {sent:.0f} bytes", numbers) if "other" in numbers else "")
+        _told_of_echo(_ECHO_TEXTS, numbers)
         + (phrase(", {after_ms:ms} later", numbers) if "after_ms" in numbers else "")
     ),
-    cause=lambda numbers: (
-        phrase("a local echo, or the frame as the other end heard it: its settings, or the line, change or lose bytes")
-        if "other" in numbers
-        else phrase("the tap or a converter with local echo shows each sent frame twice")
-    ),
-    remedy="switch the converter's local echo off, or tap the line behind it",
+    cause=lambda numbers: _told_of_echo(_ECHO_CAUSES, numbers),
+    remedy=lambda numbers: _told_of_echo(_ECHO_REMEDIES, numbers),
 )
 
 
@@ -379,5 +394,5 @@ def said(
         return rule.at(*columns, these.unit, np.where(failed, (these.t_start_ns - before.t_start_ns) / 1e6, np.nan))
     if rule is ECHO:
         later = np.maximum(these.t_start_ns - before.t_request_ns, 0) / 1e6
-        return rule.at(*columns, np.where(timed, later, np.nan), np.nan, np.nan, these.unit)
+        return rule.at(*columns, np.where(timed, later, np.nan), np.nan, np.nan, np.nan, these.unit)
     return rule.at(*columns, these.unit, these.function)

@@ -139,7 +139,7 @@ class Bench:
             character = tap.uart.char_ns
             delivered = TAPS[self.tap_name].deliver(data, times, self.random, character)
             damaged = with_errors(delivered, errors)
-            chunks += [captures.Chunk(c.t_ns, c.data, port, c.mark, c.errors) for c in damaged]
+            chunks += [replace(chunk, port=port) for chunk in damaged] if port else damaged
         return sorted(chunks, key=lambda chunk: chunk.t_ns)
 
 

@@ -180,17 +180,19 @@ class FieldUnit:
     def hear(self, octets: Sequence[ReceivedOctet], t: float) -> None:
         """Bytes came; nobody sends any more at `t`."""
         begin, end = self._spoke
-        octets = [octet for octet in octets if not begin < octet.t_ns <= end]
+        if octets and octets[0].t_ns <= end:
+            octets = [octet for octet in octets if not begin < octet.t_ns <= end]
         if not octets:
             return
-        for octet in octets:
-            if (
-                self._heard
-                and octet.t_ns - self.uart.char_ns - self._heard[-1].t_ns > self.uart.silence_ns * self.patience
-            ):
-                self._heard = []
+        character, silence = self.uart.char_ns, self.uart.silence_ns * self.patience  # of all servers this is in turn
+        last = self._heard[-1].t_ns if self._heard else math.inf
+        first = 0
+        for at, (t_ns, _, _) in enumerate(octets):
+            if t_ns - character - last > silence:
+                self._heard, first = [], at
                 self._frames += 1
-            self._heard.append(octet)
+            last = t_ns
+        self._heard += octets[first:]
         request = self._request()
         if request is None or self.silent(t):
             return
@@ -207,12 +209,14 @@ class FieldUnit:
         return max(least, self.delay_ms * MS * self.random.lognormvariate(0, self.jitter))
 
     def _request(self) -> bytes | None:
-        data = bytes(octet.value for octet in self._heard[-260:])
+        recent = self._heard[-260:]
+        if self.envelope is RTU and not self.lenient and recent[0].value not in (0, self.unit):
+            return None
+        data = bytes([octet.value for octet in recent])
         if self.envelope is ASCII:
             adu = ASCII.take(data)
             return adu if adu[:1] in (b"\0", bytes((self.unit,))) else None
-        spoilt = [i for i, octet in enumerate(self._heard[-260:]) if octet.error]
-        first = spoilt[-1] + 1 if spoilt else 0
+        first = max((at for at, octet in enumerate(recent, 1) if octet.error), default=0)
         starts = [0] if not self.lenient else range(first, max(first + 1, len(data) - 7))
         for start in starts:
             adu = data[start:]

@@ -51,24 +51,22 @@ class LineUart:
     parity: str = "N"
     stop_bits: int = 1
     inverted: bool = False
+    bit_ns: float = field(init=False, repr=False, compare=False)
+    char_ns: float = field(init=False, repr=False, compare=False)
+    silence_ns: float = field(init=False, repr=False, compare=False)  # t3.5: fixed above 19200 bit/s ([2] 2.5.1.1)
 
-    @property
-    def bit_ns(self) -> float:
-        return 1e9 / self.baud
+    def __post_init__(self) -> None:
+        """What is asked for each character, known once."""
+        bit = 1e9 / self.baud
+        character = self.char_bits * bit
+        silence = 3.5 * character if self.baud <= 19200 else max(1.75e6, 3.5 * character)
+        for name, value in (("bit_ns", bit), ("char_ns", character), ("silence_ns", silence)):
+            object.__setattr__(self, name, value)
 
     @property
     def char_bits(self) -> int:
         """Bits of a character as it is sent."""
         return 1 + self.data_bits + (self.parity != "N") + self.stop_bits
-
-    @property
-    def char_ns(self) -> float:
-        return self.char_bits * self.bit_ns
-
-    @property
-    def silence_ns(self) -> float:
-        """t3.5: fixed above 19200 bit/s ([2] 2.5.1.1)."""
-        return 3.5 * self.char_ns if self.baud <= 19200 else max(1.75e6, 3.5 * self.char_ns)
 
     def bits(self, byte: int) -> list[int]:
         """The levels of one character, a bit each."""
@@ -182,6 +180,7 @@ class Burst:
     off: float
     strength: float = 1.0
     plain: bool = True  # a receiver with its settings gets just its bytes
+    octets: list[ReceivedOctet] = field(default_factory=list)  # as it does, once somebody has
     times: list[float] = field(default_factory=list)
     levels: list[int] = field(default_factory=list)
 
@@ -263,10 +262,11 @@ class FieldWire:
         begin, self._notified = self._notified, t
         heard: dict[LineUart, list[ReceivedOctet]] = {}
         for listener in self.listeners:
-            if listener.uart not in heard:
+            octets = heard.get(listener.uart)
+            if octets is None:
                 octets = self._read(self._bursts, listener.uart, min(burst.on for burst in self._bursts), t)
-                heard[listener.uart] = [octet for octet in octets if octet.t_ns > begin + 1]
-            listener.hear(heard[listener.uart], t)
+                heard[listener.uart] = octets = [octet for octet in octets if octet.t_ns > begin + 1]
+            listener.hear(octets, t)
 
     def _settle(self, t: float) -> None:
         """The taps read a stretch; pulses since the one before belong to it."""
@@ -286,10 +286,10 @@ class FieldWire:
         if len(bursts) == 1 and not pulses and not self._bent:
             burst = bursts[0]
             if burst.plain and burst.uart == uart:
-                char = uart.char_ns
-                return [
-                    ReceivedOctet(t + char, value, False) for t, value in zip(burst.starts, burst.data, strict=True)
-                ]
+                if not burst.octets:
+                    char, both = uart.char_ns, zip(burst.starts, burst.data, strict=True)
+                    burst.octets = [ReceivedOctet(t + char, value, False) for t, value in both]
+                return burst.octets
         signal = self._composed(bursts, [*pulses, *self._bent])
         return receive(signal, uart, begin, end)
 
