@@ -194,8 +194,7 @@ def _one_column(
     """
     tried: list[list[bytes]] = []  # of lines with as many numbers each, every column comes twice
     best: tuple[tuple[int, bool], int, str, list[int]] | None = None  # that of the most lines, best one below the other
-    for i, reading in _ways(lines) if len(lines) >= LEAST_COLUMN else ():
-        cells = [cell_of(line, i, reading) for line in lines]
+    for i, reading, cells in _ways(lines) if len(lines) >= LEAST_COLUMN else ():
         parts = [
             b"" if cell is None or (reading != JOINED and holds_bytes(line)) else cell.value(reading)
             for line, cell in zip(lines, cells, strict=True)
@@ -227,12 +226,14 @@ def _take_inside(lines: list[LogLine], i: int, reading: str, inside: Sequence[in
             above = frame, line
 
 
-def _ways(lines: Sequence[LogLine]) -> Iterator[tuple[int, str]]:
-    """Which number of each line may be a byte, from either end, and how it may be read."""
+def _ways(lines: Sequence[LogLine]) -> Iterator[tuple[int, str, list[NumberToken | None]]]:
+    """Which number of each line may be a byte, from either end, how it may be read, and those numbers."""
     bits = any(token.is_bits for line in lines[:LEAST_COLUMN] for token in tokens_of(line))
     for reading in ("hexadecimal", "decimal", *(("binary",) * bits), JOINED):
-        fewest = min(max(len(tokens_of(line, reading)) for line in lines), _MOST_COLUMNS)
-        yield from ((i, reading) for i in (*range(-1, -1 - fewest, -1), *range(fewest)))
+        table = [tokens_of(line, reading) for line in lines]
+        fewest = min(max(map(len, table)), _MOST_COLUMNS)
+        for i in (*range(-1, -1 - fewest, -1), *range(fewest)):
+            yield i, reading, [tokens[i] if -len(tokens) <= i < len(tokens) else None for tokens in table]
 
 
 def _is_numbering(parts: Sequence[bytes]) -> bool:

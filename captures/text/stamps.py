@@ -20,6 +20,7 @@ from .timeforms import (
     ANYWHERE,
     AT_BEGIN,
     BARE_DATE,
+    BEHIND_WORD,
     CLOCK,
     DATES,
     DIGIT,
@@ -80,8 +81,8 @@ def _count(text: str) -> Found:
     """The count that a line begins with, or that has a key of its own."""
     if (match := TITLE.match(text)) is not None:
         text = _blanked(text, match)
-    if FIRST.match(text) is not None:
-        stamp, text = _first(AT_BEGIN, text)
+    if (begins := FIRST.match(text)) is not None:
+        stamp, text = _first(AT_BEGIN if begins[0][-1].isdigit() else BEHIND_WORD, text)
         if stamp is not None:
             return stamp, text
     return _first(KEYED, text) if ":" in text or "=" in text else (None, text)

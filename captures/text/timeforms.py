@@ -121,6 +121,7 @@ AT_BEGIN: Final = _forms(
     (".", _LEAD + r"(?P<h>[01]?\d|2[0-3])\.(?P<mi>[0-5]\d)\.(?P<s>[0-5]\d)\.(?P<f>\d{3})(?=[\s\]),;|])", 0,
      Stamp(of_day=True, counter=True)),
 )  # fmt: skip
+BEHIND_WORD: Final = (*AT_BEGIN[:3], AT_BEGIN[10])  # of a line that begins with a letter
 KEYED: Final = _forms(  # in JSON, YAML and logfmt
     ("", r"(?:[\"'](?:ts|t|time|at|date|when|t_?ms|[\w.]*(?:time_?stamp|epoch))[\"'] ?: ?(?:\[\s*)?|"
      rf"(?<![\w.])(?:ts|time_?stamp)(?:=|: ))[\"']?{_EPOCH}"
