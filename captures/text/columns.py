@@ -43,10 +43,11 @@ def settle_columns(lines: Sequence[LogLine], judge: ByteJudge, experience: Exper
             _fields_of(line, judge, experience)
         if wanted and (group or not holds_bytes(line)):
             group.append(line)
-        if not wanted or len(group) == MOST_ROWS:
+        if group and (not wanted or len(group) == MOST_ROWS):
             _column_of(group, judge, experience)
             group = []
-    _column_of(group, judge, experience)
+    if group:
+        _column_of(group, judge, experience)
 
 
 def _is_timed_word(line: LogLine) -> bool:

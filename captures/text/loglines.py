@@ -29,6 +29,7 @@ from .plain import plain, quoted
 from .timeforms import Stamp
 from .tools import MARK_WORDS, NONE, SHAPES, LineMark, LineRole, Shape, marks
 
+_LEAST_SHAPED: Final = 4  # characters of a line in a tool's own layout
 _COMMENT: Final = re.compile(r"^\s*(?:#|//|;|--|/?\*)")
 _WORD: Final = re.compile(r"\w")
 _BARE_HEX: Final = re.compile(r"[0-9A-Fa-f\s]+")
@@ -155,7 +156,7 @@ class LineReader:
         return parsed
 
     def _tool_line(self, text: str, number: int) -> LogLine | None:
-        for i, shape in enumerate(self._tools):
+        for i, shape in enumerate(self._tools if len(text) >= _LEAST_SHAPED else ()):
             if (match := shape.pattern.match(text)) is not None:
                 if i and shape.role is not LineRole.NOTHING:  # a log is of one tool: its shapes first from now on
                     self._tools.insert(0, self._tools.pop(i))

@@ -166,15 +166,19 @@ def _of_clock(parts: Parts, form: Stamp, zone: tzinfo | None) -> Stamp | None:
     digits = told or next((digits for name in FRACTIONS if (digits := parts.get(name))), "")
     digits = (digits.zfill(6) if parts.get("us") else digits).replace(",", "").replace(".", "")
     t_ns = _seconds({**parts, "h": str(hour)}) * SECOND_NS + _fraction(digits)
-    stamp = replace(form, t_ns=t_ns, fine=form.fine or bool(digits), places=len(told))
     date = _date(parts, american=bool(half))
-    if date is None:
-        return stamp
     try:
-        midnight = _midnight(*date, parts.get("zone"), zone, hour)
+        midnight = 0 if date is None else _midnight(*date, parts.get("zone"), zone, hour)
     except (ValueError, OverflowError):
         return None
-    return replace(stamp, t_ns=t_ns + midnight * SECOND_NS, of_day=False, zoned=bool(parts.get("zone")))
+    return replace(
+        form,
+        t_ns=t_ns + midnight * SECOND_NS,
+        of_day=date is None,
+        zoned=date is None or bool(parts.get("zone")),
+        fine=form.fine or bool(digits),
+        places=len(told),
+    )
 
 
 def _date(parts: Parts, *, american: bool) -> tuple[int, int, int] | None:

@@ -131,4 +131,4 @@ def _skeleton_in(text: str) -> str:
 
 def holds_numbers(line: LogLine) -> bool:
     """Whether there are any."""
-    return _TOKEN.search(line.clean) is not None
+    return bool(tokens_of(line))
