@@ -17,7 +17,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..text.counts import TITLE_UNIT_NS
+from ..text.timeforms import UNIT_NS
 
 Times = NDArray[np.int64]
 
@@ -210,4 +210,4 @@ def rate_said(text: str) -> int | None:
 def unit_of(title: str) -> int | None:
     """The unit, in ns, that the title of a column of times says: `Time [ms]`, `(us)`, `microseconds`."""
     words = re.findall(r"\w+", title.lower())
-    return TITLE_UNIT_NS.get(words[-1]) if words else None
+    return UNIT_NS.get(words[-1]) if words else None

@@ -61,13 +61,6 @@ class TextLine(NamedTuple):
 H: Final = "[0-9A-Fa-f]"
 EDGE: Final = r"(?<![0-9A-Za-z_.\u00c0-\u052f])"  # `Узел17`; scripts of the East put no blanks
 END: Final = r"(?![0-9A-Za-z_])"
-_DIGIT: Final = re.compile(
-    r"\d|[\"'][A-Za-z0-9+/]{8}|(?<![A-Za-z])[A-Fa-f]{2}(?![A-Za-z])|\\|><|\^[@-_]|[A-Za-z+/]{6}=|"
-    r"(?<![\w+/])(?=[A-Z+/]+(?![\w+/])|[A-Za-z+/]*[a-z/+][A-Z])(?:[A-Za-z+/]{4}){2,}(?![\w+/])"  # base64
-)
-_SHORT: Final = re.compile(rf"(?<![0-9A-Za-z])(?:&[hH])?{H}{{1,3}}(?![0-9A-Za-z])|{H}{{8}}")
-_CLOSED: Final = re.compile(r"^\s*\d[\s\d,]*(?:[\])}]|$)")
-_BIG: Final = re.compile(r"[A-Za-z0-9+/]{6}[A-Za-z0-9+/=]{2}")
 _ALIKE: Final = "OoIlАВСЕаесОЗΑΒΕΟ"  # typed by hand, on a Cyrillic or a Greek keyboard, too
 LOOK_ALIKE: Final = str.maketrans(_ALIKE, "0011ABCEaec03ABE0")
 TYPED: Final = f"[0-9A-Fa-f{_ALIKE}]"
@@ -92,25 +85,6 @@ def line_of(text: str, marks: Iterable[int] = ()) -> TextLine:
         begin, behind = begin if solid is None else solid.start(), position
         first.add(begin)
     return TextLine(text, frozenset(first), len(text.rstrip(_WRAPPING)), begin)
-
-
-def holds_digits(text: str) -> bool:
-    """Whether there are digits at all that can be a byte."""
-    return _DIGIT.search(text) is not None or MISTYPED.search(text) is not None
-
-
-def holds_several(text: str) -> bool:
-    """Whether there are enough of them for a frame, in any shape."""
-    least = 0 if _CLOSED.search(text) else _SOME  # the last row of an array may be short
-    return (
-        len(text) > LONG
-        or "\\" in text
-        or "><" in text
-        or "^" in text
-        or len(_SHORT.findall(text)) > least
-        or _BIG.search(text) is not None
-        or MISTYPED.search(text) is not None
-    )
 
 
 ROWS: Final = (  # shapes of the rows of dumps
@@ -168,7 +142,6 @@ _WORDS: Final = (
 )
 _OTHER_THINGS: Final = frozenset(_WORDS.split())
 _OFFSET_ENDS: Final = frozenset("0123456789abcdefABCDEFhH")
-_ELLIPSIS_STARTS: Final = frozenset(" ,.…")
 _NUMBER: Final = 2  # bytes that may be one number
 
 
@@ -201,7 +174,7 @@ def is_named_otherwise(before: str) -> bool:
 
 def is_cut(line: TextLine, end: int) -> bool:
     """Whether the text says, at the end of some bytes, that there are more."""
-    return line.text[end : end + 1] in _ELLIPSIS_STARTS and _ELLIPSIS.match(line.text, end) is not None
+    return _ELLIPSIS.match(line.text, end) is not None
 
 
 def is_halved(line: TextLine, end: int) -> bool:

@@ -14,22 +14,20 @@ from typing import Final, NamedTuple
 
 from ..checked import Checked
 from .candidates import (
-    ROWS,
     HexWindow,
     TextLine,
     Writing,
     counts_up,
-    holds_digits,
-    holds_several,
     in_its_place,
     is_cut,
     is_halved,
     shows,
 )
-from .hexshapes import hex_candidates
+from .digitruns import hex_candidates, other_candidates, run_together
+from .headings import ClockHabits
 from .judging import ByteJudge
-from .othershapes import LOOK_ALIKES, other_candidates, run_together
 from .tools import NONE, RX, TX, LineMark, either_way
+from .writings import LOOK_ALIKES
 
 MOST_JUDGED: Final = 4096  # bytes of one run that a judge is shown
 _LEAST: Final = 4  # bytes that can hold a check value
@@ -84,14 +82,6 @@ class ByteRun:
         """Its shape, and how wide its words are."""
         return f"{self.shape} of {self.width}" if self.width else self.shape
 
-    def anew(self) -> ByteRun:
-        """The same before it was decided on."""
-        return ByteRun(
-            self.data, self.start, self.end, self.shape, self.level, self.label, self.mark, self.direct, "", self.ascii,
-            self.cut, self.offset, self.halved, checked=self.checked, arrow=self.arrow, others=self.others,
-            rivals=self.rivals, width=self.width,
-        )  # fmt: skip
-
     def take(self, candidate: HexWindow | ByteRun) -> None:
         """Read it otherwise."""
         self.data, self.shape, self.start, self.end = candidate.data, candidate.shape, candidate.start, candidate.end
@@ -124,11 +114,7 @@ class Experience:
     shapes: set[str] = field(default_factory=set)  # in which check values are right
     builds: set[str] = field(default_factory=set)  # the same with the width of words
     mail: bool = False  # it is as mails are sent: `=3D`, and `=` where a line goes on
-    fraction: int = 0  # digits that fractions of seconds stand for, where leading zeros are missing
-    steps: bool = False  # times with a plus are steps from the one above
-    counters: bool = False  # numbers before a mark, and the like, are times: in milliseconds, where
-    guessed: bool = False  # nothing says their unit
-    days: bool = False  # times without a unit are days
+    habits: ClockHabits = field(default_factory=ClockHabits)
     threshold: Writing = Writing.BYTES
     meanings: bool = False  # a byte a line beside what it means is bytes: there is nothing else
     decimals: bool = False  # lists of decimal numbers are bytes: there is nothing else
@@ -149,6 +135,12 @@ class Experience:
             for shape in (run.shape, *run.rivals) if right else ():
                 self.right[label, shape] = self.right.get((label, shape), 0) + 1
 
+    def confirm(self, run: ByteRun) -> None:
+        """A run in whose writing, behind its label, a check value is right."""
+        key = run.label, run.shape
+        self.right[key] = self.right.get(key, 0) + 1
+        self.shapes.add(run.shape)
+
     def support(self, run: ByteRun, span: Checked) -> None:
         """A run is of the newest frame whose check value is right, though it does not hold all of it."""
         run.joined, run.echoed = self.frames, span.repeats
@@ -165,20 +157,34 @@ class Experience:
         return most
 
 
+def covered(checked: Sequence[Checked]) -> int:
+    """How many bytes these stretches are."""
+    return sum(span.end - span.start for span in checked)
+
+
+def is_whole(run: ByteRun) -> bool:
+    """Whether all of a run has right check values."""
+    return bool(run.checked) and covered(run.checked) == len(run.data)
+
+
 def runs_in(line: TextLine, judge: ByteJudge, experience: Experience) -> list[ByteRun]:
     """The runs of a line, none overlapping another, in order; none is taken yet."""
-    if not holds_digits(line.text):
-        return []
     ranked = [_ranked(candidate, line, judge, experience) for candidate in hex_candidates(line)]
-    if not any(entry.whole for entry in ranked) and holds_several(line.text):  # right in hex: no other reading needed
+    if not any(entry.whole for entry in ranked):  # right in hex: no other reading needed
         ranked += [_ranked(candidate, line, judge, experience) for candidate in other_candidates(line)]
         if not any(entry.whole for entry in ranked):
             ranked += _parted(line, judge, experience)
-    if not ranked:
-        return []
+    return _labelled([part for run in _apart(ranked, line) for part in _cells_of(run, line.text)], line.text)
+
+
+def _apart(ranked: list[_Ranked], line: TextLine) -> list[ByteRun]:
+    """The best candidates none of which overlaps another, in order; others that begin with one are its other readings.
+
+    A number before the bytes of a row, which may be an offset, is none of them.
+    """
     offsets = {entry.candidate.lead for entry in ranked if entry.candidate.offset is not None}
     ranked.sort(key=lambda entry: (entry.whole or entry.candidate.start not in offsets, *entry.rank), reverse=True)
-    occupied: list[tuple[int, int, ByteRun]] = []  # of the runs chosen, in order
+    occupied: list[tuple[int, int, ByteRun]] = []
     for _, candidate, checked, whole in ranked:
         at = bisect_left(occupied, (candidate.lead,))
         clash = next((occupied[i][2] for i in (at - 1, at) if _overlaps(occupied, i, candidate)), None)
@@ -186,21 +192,23 @@ def runs_in(line: TextLine, judge: ByteJudge, experience: Experience) -> list[By
             occupied.insert(at, (candidate.lead, candidate.end, _run(candidate, line, checked)))
         elif candidate.start == clash.start:
             clash.others = (*clash.others, candidate)
-            if whole:
-                clash.rivals = (*clash.rivals, candidate.shape)
-    runs = [part for _, _, run in occupied for part in _cells_of(run, line.text)]
+            clash.rivals = (*clash.rivals, candidate.shape) if whole else clash.rivals
+    return [run for _, _, run in occupied]
+
+
+def _labelled(runs: list[ByteRun], text: str) -> list[ByteRun]:
+    """Runs, each with the words behind the run before it; what stands behind a dump's row is the same as characters."""
     behind = 0  # the newest run that may be bytes
     for i, run in enumerate(runs):
         if behind:
-            run.label = label_in(line.text[max(behind, run.start - 2 * _LABEL) : run.start])
-        if run.level or run.checked:
-            behind = run.end
-        row = run.offset is not None or (i + 1 < len(runs) and len(run.data) > _LEAST and run.shape in ROWS)
-        shown = row and shows(run.data, line.text[run.end :].strip(_AROUND))
-        if row and not (shown or run.checked) and any(len(other.data) > len(run.data) for other in runs[i + 1 :]):
-            run.offset = None  # `298365 17 [Task] TX 01 03 …`: no characters of a byte stand behind
-        elif row and run.offset is not None:
-            return runs[: i + 1]  # what stands behind are the same bytes as characters
+            run.label = label_in(text[max(behind, run.start - 2 * _LABEL) : run.start])
+        behind = run.end if run.level or run.checked else behind
+        if run.offset is None:
+            continue
+        shown = run.checked or shows(run.data, text[run.end :].strip(_AROUND))
+        if shown or all(len(other.data) <= len(run.data) for other in runs[i + 1 :]):
+            return runs[: i + 1]
+        run.offset = None  # `298365 17 [Task] TX 01 03 …`: no characters of a byte stand behind
     return runs
 
 
@@ -230,24 +238,22 @@ class _Ranked(NamedTuple):
 
 def _ranked(candidate: HexWindow, line: TextLine, judge: ByteJudge, experience: Experience) -> _Ranked:
     candidate = in_its_place(candidate, line)
-    size = len(candidate.data)
-    judged = size >= _LEAST and not (experience.damaged and _is_no_frame(candidate, line))
+    size, shown = len(candidate.data), line.text[candidate.start : candidate.end]
+    judged = size >= _LEAST and not (experience.damaged and _is_no_frame(candidate, shown))
     checked = checked_in(candidate, judge) if judged else ()
-    shown = line.text[candidate.start : candidate.end]
     padded = candidate.shape == "decimal" and _PAIR_OF_HEX.search(shown) is not None
     if padded:  # no header says more than that numbers are not written so
         checked = [span for span in checked if span.envelope != "tcp" and not experience.damaged]
-    covered = sum(span.end - span.start for span in checked)
+    right = covered(checked)
     trusted = announced = 0
     if experience.right and not padded:
         direct = candidate.start in line.first and candidate.start > line.begin
         if size > 1 or not _is_listed(line, candidate):
             trusted = experience.trust(label_of(line, candidate.start), candidate.shape, direct=direct)
         if not checked and size >= _HEADED and candidate.shape in experience.shapes:
-            announced = int(bool(judge(candidate.data[:MOST_JUDGED], damaged=True)))
-    length = candidate.end - candidate.start
-    rank = (covered, covered - size if covered else 0, announced, trusted, candidate.level, length)
-    return _Ranked(rank, candidate, checked, covered == size > 0)
+            announced = bool(judge(candidate.data[:MOST_JUDGED], damaged=True))
+    rank = (right, right - size if right else 0, announced, trusted, candidate.level, len(shown))
+    return _Ranked(rank, candidate, checked, right == size > 0)
 
 
 def _parted(line: TextLine, judge: ByteJudge, experience: Experience) -> list[_Ranked]:
@@ -272,11 +278,10 @@ def _is_listed(line: TextLine, candidate: HexWindow) -> bool:
     return before.endswith(",") and behind.startswith(",")
 
 
-def _is_no_frame(candidate: HexWindow, line: TextLine) -> bool:
+def _is_no_frame(candidate: HexWindow, shown: str) -> bool:
     """Whether it is base64, or numbers that count up."""
-    if candidate.level is Writing.NUMBER and counts_up(candidate.data):
-        return True
-    return candidate.shape == "base64" and line.text[candidate.start : candidate.end].isalpha()
+    counts = candidate.level is Writing.NUMBER and counts_up(candidate.data)
+    return counts or (candidate.shape == "base64" and shown.isalpha())
 
 
 def _run(candidate: HexWindow, line: TextLine, checked: Sequence[Checked]) -> ByteRun:
@@ -296,11 +301,8 @@ def _overlaps(places: Sequence[tuple[int, int, ByteRun]], i: int, candidate: Hex
 def checked_in(candidate: HexWindow, judge: ByteJudge) -> Sequence[Checked]:
     """The stretches of a candidate with a right check value; of a number's bytes they must cover enough."""
     checked = judge(candidate.data[:MOST_JUDGED])
-    if checked and candidate.level is Writing.NUMBER:
-        covered = sum(span.end - span.start for span in checked)
-        if covered < _ENOUGH * min(len(candidate.data), MOST_JUDGED):
-            return ()
-    return checked
+    least = _ENOUGH * min(len(candidate.data), MOST_JUDGED) if candidate.level is Writing.NUMBER else 0
+    return checked if covered(checked) >= least else ()
 
 
 def label_of(line: TextLine, start: int) -> str:
@@ -326,25 +328,23 @@ def with_marks(text: str, runs: Sequence[ByteRun], line_marks: Sequence[LineMark
 
     An arrow says nothing behind a plain word, nor behind the first run: there it points from one frame to the next.
     """
-    if not line_marks and len(runs) > 1:
-        brackets = [text[run.start - 1 : run.start] for run in runs]
-        if {"[", "<"} <= {*brackets}:  # `[01][03]…<01><03>…`
-            for run, bracket in zip(runs, brackets, strict=True):
-                run.mark = _OF_BRACKETS.get(bracket, NONE)
-    ahead, newest = 0, None
-    pointed = any(mark.arrow and mark.end <= runs[0].start for mark in line_marks[:1]) if runs else False
+    if not runs:
+        return
+    brackets = [] if line_marks else [text[run.start - 1 : run.start] for run in runs]
+    for run, bracket in zip(runs, brackets, strict=False) if {"[", "<"} <= {*brackets} else ():
+        run.mark = _OF_BRACKETS.get(bracket, NONE)  # `[01][03]…<01><03>…`
+    pointed = any(mark.arrow and mark.end <= runs[0].start for mark in line_marks[:1])
+    told = [mark for mark in line_marks if pointed or not mark.arrow or mark.start < runs[0].end]
+    newest, marks = None, iter(told)
+    mark = next(marks, None)
     for run in runs:
-        for mark in line_marks[ahead:]:
-            if mark.end > run.start:
-                break
-            ahead += 1
-            joins = runs[0].end <= mark.start and not pointed
-            if not (mark.arrow and (joins or (newest is not None and newest.plain))):
+        while mark is not None and mark.end <= run.start:
+            if not (mark.arrow and newest is not None and newest.plain):
                 newest = mark
+            mark = next(marks, None)
         if newest is not None:
             run.mark, run.arrow = newest.mark, newest.arrow
             run.direct = not _WORD.search(text, newest.end, run.start)
-    if len(runs) == 1 and not runs[0].mark:
-        behind = [mark for mark in line_marks if mark.start >= runs[0].end and not mark.arrow]
-        if len(behind) == 1:
-            runs[0].mark = behind[0].mark
+    behind = [mark for mark in line_marks if mark.start >= runs[0].end and not mark.arrow]
+    if len(runs) == len(behind) == 1 and not runs[0].mark:
+        runs[0].mark = behind[0].mark

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Sequence
-from itertools import accumulate, groupby, pairwise, takewhile
+from collections.abc import Collection, Iterator, Sequence
+from itertools import groupby, pairwise
 from typing import Final
 
 from ..checked import Checked
 from .candidates import H, Writing, counts_up
-from .choosing import ByteRun, Experience, label_in
+from .choosing import ByteRun, Experience, covered, label_in
 from .judging import ByteJudge, lenient
 from .loglines import LogLine
-from .tokens import JOINED, NumberToken, holds_numbers, skeleton_of, tokens_of
+from .seams import frames_over
+from .tokens import JOINED, NumberToken, cell_of, holds_numbers, skeleton_of, tokens_of
 from .tools import names_a_way
 
 COLUMN_SHAPE: Final = "column"
@@ -23,34 +24,30 @@ _LEAST_DAMAGED: Final = 7  # of a frame field by field without a right check val
 FEW: Final = 4  # bytes, up to which numbers beside one another may look like them
 LEAST_COLUMN: Final = 4  # lines, or fields, that can hold a frame a byte each
 _MOST_COLUMNS: Final = 4  # from either side of a line
-_STEP: Final = 16  # rows at which a judge, shown the column from one on, looks for frames
 _FIELD: Final = re.compile(rf"(?<![\w.])(?:0[xX])?{H}{{2,512}}[hH]?(?!\w)")
 _LETTERS: Final = re.compile(r"[g-zG-Z]")
 FIELDS: Final = 3  # names that make a list of a frame's fields
-_RULER: Final = 6  # lines that count from 0 or 1 on
 _COUNTED: Final = "[0]= [1]= [2]="  # lines of bytes with their numbers, whatever their length
 _OCTETS: Final = "b'' b'' b''"
-_IN_DECIMAL: Final = -1
 _PATIENCE: Final = 3000  # rows of numbers without a frame, after which none is looked for in the columns of a text
 
 
 def settle_columns(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -> None:
     """Frames written a byte or a field a line, or field by field in one line, found by their check values."""
-    _leave_out_numbers(lines)
     group: list[LogLine] = []
-    for line in [*lines, None]:
-        if line is not None and (line.clean.strip() == "" or _is_timed_word(line)):
+    for line in lines:
+        if not line.clean.strip() or _is_timed_word(line):
             continue
-        if line is not None and not line.is_known and not is_right(line) and holds_numbers(line):
-            named = not holds_bytes(line) or _LETTERS.search(line.clean) is not None
-            _fields_of(line, tokens_of(line), judge, experience, named=named)
-            if not holds_bytes(line) or group:
-                group.append(line)
-                if len(group) < MOST_ROWS:
-                    continue
-        if group:
+        wanted = not line.is_known and not is_right(line) and holds_numbers(line)
+        if wanted:
+            _fields_of(line, judge, experience)
+        if wanted and (group or not holds_bytes(line)):
+            group.append(line)
+        if group and (not wanted or len(group) == MOST_ROWS):
             _column_of(group, judge, experience)
-        group = []
+            group = []
+    if group:
+        _column_of(group, judge, experience)
 
 
 def _is_timed_word(line: LogLine) -> bool:
@@ -58,61 +55,44 @@ def _is_timed_word(line: LogLine) -> bool:
     return line.t_ns is not None and not line.runs and not holds_numbers(line)
 
 
-def _leave_out_numbers(lines: Sequence[LogLine]) -> None:
-    """Numbers of columns, written one below the other above those of a frame."""
-    counted: list[LogLine] = []
-    for line in [*lines, None]:
-        text = line.clean.strip() if line is not None else ""
-        if line is not None and counted and text == str(int(counted[-1].clean) + 1):
-            counted.append(line)
-            continue
-        if len(counted) >= _RULER:
-            for one in counted:
-                one.runs, one.clean, one.quiet = [], "", True
-        counted = [line] if line is not None and text in ("0", "1") else []
-
-
 def is_right(line: LogLine) -> bool:
+    """Whether bytes of a line are beyond doubt."""
     return any(run.taken and (run.checked or run.sure or run.joined) for run in line.runs)
 
 
 def holds_bytes(line: LogLine) -> bool:
+    """Whether a line holds more bytes than numbers beside one another may look like."""
     return any(run.taken and (len(run.data) > FEW or run.checked) for run in line.runs)
 
 
-def _fields_of(
-    line: LogLine, tokens: Sequence[NumberToken], judge: ByteJudge, experience: Experience, *, named: bool
-) -> None:
+def _fields_of(line: LogLine, judge: ByteJudge, experience: Experience) -> None:
     """`ID=01 FC=03 ADDR=0000 LEN=000A CRC=C5CD`, `ID 01 | FC 03 | 00 00 00 0A | CRC C5 CD`
 
-    Only of fields that are `named` one may be a name. Lines like one that was a frame are read as it was.
+    Only of fields with names one may be a name. Lines like one that was a frame are read as it was.
     """
+    tokens = tokens_of(line)
     counted = _counted(tokens)
     octets = sum(token.octet is not None for token in tokens)
-    if counted is not None:
-        tokens = counted
-        values = [token.decimal for token in tokens]
-        data = b"" if None in values else b"".join(filter(None, values))
-        right = len(data) > _LEAST and _exactly(data, judge)
-        if right or (data and experience.fields.get(_COUNTED) == _IN_DECIMAL):
-            take_tokens(line, tokens, data, checked=right)
-            experience.fields.setdefault(_COUNTED, _IN_DECIMAL)
-            return
-    elif len(_FIELD.findall(line.clean)) < LEAST_COLUMN and octets < LEAST_COLUMN:
+    if counted is None and max(len(_FIELD.findall(line.clean)), octets) < LEAST_COLUMN:
         return
-    plain = _without_names(tokens, line.clean)
-    ways = (tokens, tokens[1:], plain, plain[1:])
-    readings = [_in_hex(some) for some in (ways if named else ways[:1])]
+    tokens = tokens if counted is None else counted
     skeleton = _COUNTED if counted is not None else _OCTETS if octets == len(tokens) else skeleton_of(line)
-    for i, (some, data) in enumerate(zip(ways, readings, strict=False)):
-        least = _LEAST_DAMAGED if experience.damaged else _LEAST
+    ways = [tokens]
+    if not holds_bytes(line) or _LETTERS.search(line.clean) is not None:
+        plain = _without_names(tokens, line.clean)
+        ways += tokens[1:], plain, plain[1:]
+    readings = [(some, _joined_up([token.hexadecimal for token in some])) for some in ways]
+    if counted is not None:
+        readings.insert(0, (counted, _joined_up([token.decimal for token in counted])))
+    least = _LEAST_DAMAGED if experience.damaged and counted is None else _LEAST
+    for i, (some, data) in enumerate(readings):
         if least < len(data) <= _FRAME and not counts_up(data) and _exactly(data, judge):
             take_tokens(line, some, data)
             experience.fields.setdefault(skeleton, i)
             return
-    known = experience.fields.get(skeleton, len(ways))
-    if 0 <= known < len(readings) and _LEAST < len(data := readings[known]) <= _FRAME:
-        take_tokens(line, ways[known], data, checked=False)
+    known = experience.fields.get(skeleton, len(readings))
+    if known < len(readings) and _LEAST < len(readings[known][1]) <= _FRAME:
+        take_tokens(line, *readings[known], checked=False)
 
 
 def _without_names(tokens: Sequence[NumberToken], text: str) -> Sequence[NumberToken]:
@@ -121,30 +101,26 @@ def _without_names(tokens: Sequence[NumberToken], text: str) -> Sequence[NumberT
     `9e fc 31 5d`: where no other name stands between them, none is: leaving bytes out until a CRC comes out right would
     find frames in noise.
     """
-    if tokens and _LETTERS.search(text, tokens[0].end, tokens[-1].start) is None:
+    if not tokens or _LETTERS.search(text, tokens[0].end, tokens[-1].start) is None:
         return tokens
     return [token for token in tokens if not token.is_name]
 
 
-def _in_hex(tokens: Sequence[NumberToken]) -> bytes:
-    """The bytes that these are in hex; none where one is no byte."""
-    parts = [token.hexadecimal for token in tokens]
-    return b"" if None in parts else b"".join(part for part in parts if part)
+def _joined_up(parts: Sequence[bytes]) -> bytes:
+    """Parts as one; none where one is no byte."""
+    return b"".join(parts) if all(parts) else b""
 
 
 def _counted(tokens: Sequence[NumberToken]) -> Sequence[NumberToken] | None:
     """The values of `[0]=01 [1]=03`, `0:0x01 1:0x03`; None of other lines."""
-    if len(tokens) < 2 * LEAST_COLUMN or len(tokens) % 2:
-        return None
-    for first in (0, 1):
-        if [token.digits for token in tokens[::2]] == [str(i) for i in range(first, first + len(tokens) // 2)]:
-            return tokens[1::2]
-    return None
+    numbers = [token.digits for token in tokens[::2]]
+    counts = any(numbers == [*map(str, range(first, first + len(numbers)))] for first in (0, 1))
+    return tokens[1::2] if counts and len(tokens) == 2 * len(numbers) >= 2 * LEAST_COLUMN else None
 
 
 def _exactly(data: bytes, judge: ByteJudge) -> bool:
     """Whether frames with right check values are all of these bytes."""
-    return sum(span.end - span.start for span in judge(data)) == len(data)
+    return covered(judge(data)) == len(data)
 
 
 def _column_of(lines: list[LogLine], judge: ByteJudge, experience: Experience) -> None:
@@ -152,10 +128,10 @@ def _column_of(lines: list[LogLine], judge: ByteJudge, experience: Experience) -
 
     Of lines that are alike first, whether one below the other or with others between; then of all.
     """
-    adjacent = [list(same) for _, same in groupby(lines, skeleton_of)]
     apart: dict[str, list[LogLine]] = {}
     for line in lines:
         apart.setdefault(skeleton_of(line), []).append(line)
+    adjacent = [list(same) for _, same in groupby(lines, skeleton_of)]
     tried = {tuple(map(id, alike)) for alike in adjacent}
     for alike in (*adjacent, *(some for some in apart.values() if tuple(map(id, some)) not in tried)):
         skeleton = skeleton_of(alike[0])
@@ -169,16 +145,13 @@ def _column_of(lines: list[LogLine], judge: ByteJudge, experience: Experience) -
             _one_column(alike, lenient(judge), ways, alike=True, damaged=True)
     if 2 * bytes_of_columns(lines) < len(lines) and experience.in_vain <= _PATIENCE and not experience.damaged:
         found = _one_column(lines, judge, alike=False)
-        signs = {skeleton for line in lines if not any(map(str.isalpha, skeleton := skeleton_of(line)))}
+        signs = {skeleton for skeleton in apart if not any(map(str.isalpha, skeleton))}
         if found is not None:
             experience.numbers.update(dict.fromkeys(signs, found))
             inside = {skeleton_of(line) for line in lines if bytes_of_columns([line])}
             experience.named.update(dict.fromkeys(inside - signs - set(experience.columns), found))
     _take_known(lines, experience)
-    if bytes_of_columns(lines):
-        experience.in_vain = 0
-    elif experience.in_vain <= _PATIENCE:
-        experience.in_vain += len(lines)
+    experience.in_vain = 0 if bytes_of_columns(lines) else experience.in_vain + len(lines)
 
 
 def _take_known(lines: Sequence[LogLine], experience: Experience) -> None:
@@ -220,80 +193,77 @@ def _one_column(
     Of lines `alike` what stands between two frames is taken, too. `ways` are all that it may be, where there are any.
     `damaged`: no check value is right, so that every line must be of a frame, and none a number of the lines.
     """
-    if len(lines) < LEAST_COLUMN:
-        return None
-    tried: list[list[bytes | None]] = []  # of lines with as many numbers each, every column comes twice
+    tried: list[list[bytes]] = []  # of lines with as many numbers each, every column comes twice
     best: tuple[tuple[int, bool], int, str, list[int]] | None = None  # that of the most lines, best one below the other
-    bits = any(token.is_bits for line in lines[:LEAST_COLUMN] for token in tokens_of(line))
-    for reading in ("hexadecimal", "decimal", *(("binary",) if bits else ()), JOINED):
-        table = [() if reading != JOINED and holds_bytes(line) else tokens_of(line, reading) for line in lines]
-        fewest = min(max(map(len, table)), _MOST_COLUMNS)
-        for i in (*range(-1, -1 - fewest, -1), *range(fewest)):
-            if ways and (i, reading) not in ways:
-                continue
-            parts = [tokens[i].value(reading) if -len(tokens) <= i < len(tokens) else None for tokens in table]
-            if parts in tried or (damaged and _is_numbering(parts)):
-                continue
-            tried.append(parts)
-            inside = _inside_frames(parts, judge)
-            rows = len(inside) - inside.count(0)
-            if damaged and 0 in inside:
-                continue
-            starts = {tokens[i].start for tokens, frame in zip(table, inside, strict=True) if frame}
-            if rows and (best is None or (rows, len(starts) == 1) > best[0]):
-                best = (rows, len(starts) == 1), i, reading, inside
+    for i, reading, cells in _ways(lines) if len(lines) >= LEAST_COLUMN else ():
+        parts = [
+            b"" if cell is None or (reading != JOINED and holds_bytes(line)) else cell.value(reading)
+            for line, cell in zip(lines, cells, strict=True)
+        ]
+        if (ways and (i, reading) not in ways) or parts in tried or (damaged and _is_numbering(parts)):
+            continue
+        tried.append(parts)
+        inside = _inside_frames(parts, judge)
+        rows = len(inside) - inside.count(0)
+        starts = {cell.start for cell, frame in zip(cells, inside, strict=True) if cell is not None and frame}
+        if rows > damaged * (len(lines) - 1) and (best is None or (rows, len(starts) == 1) > best[0]):
+            best = (rows, len(starts) == 1), i, reading, inside
     if best is None:
         return None
     _, i, reading, inside = best
-    rows_inside = [row for row, frame in enumerate(inside) if frame]
-    first, last = rows_inside[0], rows_inside[-1] + 1
-    above: tuple[int, LogLine] = (0, lines[0])
-    for frame, line in zip(inside[first:last], lines[first:last], strict=True):
-        tokens = tokens_of(line, reading)
-        part = tokens[i].value(reading) if -len(tokens) <= i < len(tokens) else None
-        if part is not None and (alike or frame):
-            take_tokens(line, [tokens[i]], part)
-            line.continues = frame > 0 and above[0] == frame and above[1].t_ns == line.t_ns
-            above = frame, line
+    _take_inside(lines, i, reading, inside, alike=alike)
     return i, reading
 
 
-def _is_numbering(parts: Sequence[bytes | None]) -> bool:
+def _take_inside(lines: list[LogLine], i: int, reading: str, inside: Sequence[int], *, alike: bool) -> None:
+    rows = [row for row, frame in enumerate(inside) if frame]
+    above: tuple[int, LogLine] = (0, lines[0])
+    for row in range(rows[0], rows[-1] + 1):
+        line, frame = lines[row], inside[row]
+        cell = cell_of(line, i, reading)
+        if cell is not None and cell.value(reading) and (alike or frame):
+            take_tokens(line, [cell], cell.value(reading))
+            line.continues = frame > 0 and above[0] == frame and above[1].t_ns == line.t_ns
+            above = frame, line
+
+
+def _ways(lines: Sequence[LogLine]) -> Iterator[tuple[int, str, list[NumberToken | None]]]:
+    """Which number of each line may be a byte, from either end, how it may be read, and those numbers."""
+    bits = any(token.is_bits for line in lines[:LEAST_COLUMN] for token in tokens_of(line))
+    for reading in ("hexadecimal", "decimal", *(("binary",) * bits), JOINED):
+        table = [tokens_of(line, reading) for line in lines]
+        fewest = min(max(map(len, table)), _MOST_COLUMNS)
+        for i in (*range(-1, -1 - fewest, -1), *range(fewest)):
+            yield i, reading, [tokens[i] if -len(tokens) <= i < len(tokens) else None for tokens in table]
+
+
+def _is_numbering(parts: Sequence[bytes]) -> bool:
     """Whether these are mostly the numbers of lines, or of bytes."""
-    values = [int.from_bytes(part or b"", "big") for part in parts]
+    values = [int.from_bytes(part, "big") for part in parts]
     return 2 * sum(later - earlier == 1 for earlier, later in pairwise(values)) > len(values)
 
 
-def _inside_frames(parts: Sequence[bytes | None], judge: ByteJudge) -> list[int]:
+def _inside_frames(parts: Sequence[bytes], judge: ByteJudge) -> list[int]:
     """Which of these parts make up frames that begin and end with parts: the frame's number from 1 on, or 0."""
     inside = [0] * len(parts)
-    frames = 0
-    row = 0
-    while row < len(parts):
-        some = list(takewhile(lambda part: part is not None, parts[row : row + _FRAME]))
-        starts = [0, *accumulate(len(part) for part in some if part is not None)]
-        spans = [span for span in judge(b"".join(part for part in some if part)) if {span.start, span.end} <= {*starts}]
-        for span in spans:
-            frames += 1
-            for k in range(starts.index(span.start), starts.index(span.end)):
-                inside[row + k] = frames
-        row += starts.index(spans[-1].end) if spans else min(len(some), _STEP) + 1
+    for number, (_, first, end) in enumerate(frames_over(parts, judge), 1):
+        inside[first:end] = [number] * (end - first)
     return inside
 
 
 def _take_column(lines: list[LogLine], i: int, reading: str) -> None:
     above: LogLine | None = None
     for line in lines:
-        tokens = tokens_of(line, reading)
-        token = tokens[i] if -len(tokens) <= i < len(tokens) else None
-        if token is not None and (part := token.value(reading)) is not None:
-            take_tokens(line, [token], part)
+        cell = cell_of(line, i, reading)
+        if cell is not None and (part := cell.value(reading)):
+            take_tokens(line, [cell], part)
             near = above is not None and (above.number + 1, above.t_ns) == (line.number, line.t_ns)
             line.continues = above is not None and near and above.runs[-1].mark == line.runs[-1].mark
             above = line
 
 
 def take_tokens(line: LogLine, tokens: Sequence[NumberToken], data: bytes, *, checked: bool = True) -> None:
+    """Numbers of a line as bytes of a column."""
     start, end = tokens[0].start, tokens[-1].end
     mark = next((run.mark for run in line.runs if run.mark), 0)
     label = label_in(line.clean[max(start - 56, 0) : start])
@@ -313,41 +283,42 @@ def settle_unchecked(lines: Sequence[LogLine], experience: Experience) -> None:
     """
     for twice, same in groupby(lines, _in_two_bases):
         group = list(same)
-        if not twice or len(group) < LEAST_COLUMN or any(map(holds_bytes, group)):
-            continue
-        for line in group:
-            token = tokens_of(line)[-1]
-            take_tokens(line, [token], token.hexadecimal or b"", checked=False)
-            line.continues = line is not group[0]
-    for _, same in groupby(lines, lambda line: bool(tokens_of(line)) and not is_right(line) and not holds_bytes(line)):
+        if twice and len(group) >= LEAST_COLUMN and not any(map(holds_bytes, group)):
+            _take_unchecked(group, [tokens_of(line)[-1] for line in group])
+    for loose, same in groupby(
+        lines, lambda line: holds_numbers(line) and not is_right(line) and not holds_bytes(line)
+    ):
         group = list(same)
         table = [tokens_of(line, JOINED) for line in group]
-        if len(group) < LEAST_COLUMN or not all(table):
+        if not loose or len(group) < LEAST_COLUMN or not all(table):
             continue
         bare = all(tokens[0].digits == line.clean.strip() for line, tokens in zip(group, table, strict=True))
         named = _are_numbered(table) or len({skeleton_of(line) for line in group}) >= FIELDS
         if not bare and not (experience.meanings and named):
             continue
-        for i in (0, -1):
-            column = [tokens[i] for tokens in table]
-            parts = [token.hexadecimal for token in column]
-            if None not in parts and _are_written_as_bytes(column, bare=bare) and not _counts_on(parts):
-                for line, token, part in zip(group, column, parts, strict=True):
-                    take_tokens(line, [token], part or b"", checked=False)
-                    line.continues = line is not group[0]
-                break
+        columns = [[tokens[i] for tokens in table] for i in (0, -1)]
+        column = next((one for one in columns if _are_written_as_bytes(one, bare=bare) and not _counts_on(one)), None)
+        if column is not None:
+            _take_unchecked(group, column)
+
+
+def _is_loose(line: LogLine) -> bool:
+    return holds_numbers(line) and not is_right(line) and not holds_bytes(line)
+
+
+def _take_unchecked(lines: Sequence[LogLine], column: Sequence[NumberToken]) -> None:
+    for line, token in zip(lines, column, strict=True):
+        take_tokens(line, [token], token.hexadecimal, checked=False)
+        line.continues = line is not lines[0]
 
 
 def _in_two_bases(line: LogLine) -> bool:
     """`received Byte 27 (0X1b)`: a byte of a message in decimal, or bit by bit, and in hex."""
     tokens = tokens_of(line)
-    if not tokens:
+    said = _SAID_BEFORE.search(line.clean[: tokens[-1].start]) if tokens else None
+    if said is None or not tokens[-1].signed or not names_a_way(skeleton_of(line)):
         return False
-    token = tokens[-1]
-    said = _SAID_BEFORE.search(line.clean[: token.start])
-    if said is None or not token.signed or not names_a_way(skeleton_of(line)):
-        return False
-    return int(token.digits, 16) == (int(said["bits"], 2) if said["bits"] else int(said["decimal"]))
+    return int(tokens[-1].digits, 16) == (int(said["bits"], 2) if said["bits"] else int(said["decimal"]))
 
 
 def _are_numbered(table: Sequence[Sequence[NumberToken]]) -> bool:
@@ -357,6 +328,8 @@ def _are_numbered(table: Sequence[Sequence[NumberToken]]) -> bool:
 
 
 def _are_written_as_bytes(column: Sequence[NumberToken], *, bare: bool) -> bool:
+    if not all(token.hexadecimal for token in column):
+        return False
     if bare:
         return max(len(token.digits) for token in column) < 3 and any(map(_plainly_hex, column))
     signed = sum(token.signed for token in column)
@@ -367,7 +340,6 @@ def _plainly_hex(token: NumberToken) -> bool:
     return len(token.digits) > 1 and (token.digits[0] == "0" or not token.digits.isdigit())
 
 
-def _counts_on(parts: Sequence[bytes | None]) -> bool:
-    values = [int.from_bytes(part or b"", "big") for part in parts]
-    steps = [later - earlier for earlier, later in pairwise(values)]
-    return min(steps) >= 0
+def _counts_on(column: Sequence[NumberToken]) -> bool:
+    values = [int.from_bytes(token.hexadecimal, "big") for token in column]
+    return min(later - earlier for earlier, later in pairwise(values)) >= 0

@@ -6,8 +6,9 @@ A buffer and its JSON, `recv` and `Processing`, a packet with and without its ch
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
 from itertools import groupby, pairwise
 from typing import Final
 
@@ -15,6 +16,7 @@ from .candidates import LEFT_OUT
 from .choosing import ByteRun, Experience
 from .columns import COLUMN_SHAPE
 from .loglines import LogLine
+from .weighing import reads_of
 
 _REMEMBERED: Final = 4  # entries of which one may be said again
 _CRC: Final = 2  # bytes
@@ -29,85 +31,65 @@ _HANDLERS_NS: Final = 2_000_000  # between two handlers of one event
 
 @dataclass(slots=True)
 class _Entry:
-    """The bytes of one read, over one line or several."""
+    """The bytes of one read, over one line or several; whether they are right, behind which words, by whom."""
 
-    data: bytes
-    first: LogLine
-    last: LogLine
-    runs: list[ByteRun]
+    parts: list[tuple[LogLine, ByteRun]]
+    data: bytes = field(init=False)
+    checked: bool = field(init=False)
+    template: tuple[str, str] = field(init=False)
+    mark: int = field(init=False)
+
+    def __post_init__(self) -> None:
+        first = self.parts[0][1]
+        self.data = b"".join(run.data for _, run in self.parts)
+        self.checked = any(run.checked or run.joined for _, run in self.parts)
+        self.template, self.mark = (first.label or first.heading, first.shape), first.mark
 
     @property
-    def checked(self) -> bool:
-        return any(run.checked or run.joined for run in self.runs)
+    def first(self) -> LogLine:
+        return self.parts[0][0]
+
+    @property
+    def last(self) -> LogLine:
+        return self.parts[-1][0]
 
     @property
     def repeats(self) -> bool:
         """Whether an answer may be the same bytes, or the first of them."""
-        return any(run.echoed for run in self.runs) or any(span.repeats for run in self.runs for span in run.checked)
-
-    @property
-    def template(self) -> tuple[str, str]:
-        return self.runs[0].label or self.runs[0].heading, self.runs[0].shape
-
-    @property
-    def mark(self) -> int:
-        return self.runs[0].mark
+        return any(run.echoed or any(span.repeats for span in run.checked) for _, run in self.parts)
 
     @property
     def decoded(self) -> bytes:
         """The bytes that an ASCII-mode frame's characters stand for."""
-        _, colon, digits = self.data.partition(b":")
-        try:
-            return bytes.fromhex(digits.decode("ascii").strip()) if colon else b""
-        except ValueError:
-            return b""
-
-
-def _entries(lines: Sequence[LogLine]) -> Iterator[_Entry]:
-    held: _Entry | None = None
-    for line in lines:
-        for i, run in enumerate(run for run in line.runs if run.taken):
-            above = held.runs[-1] if held is not None else run
-            same = run.shape == above.shape == COLUMN_SHAPE or 0 < run.joined == above.joined
-            if held is not None and not i and (line.continues or same):
-                held.data += run.data
-                held.last = line
-                held.runs.append(run)
-                continue
-            if held is not None:
-                yield held
-            held = _Entry(run.data, line, line, [run])
-    if held is not None:
-        yield held
+        with suppress(ValueError):
+            return bytes.fromhex(self.data.partition(b":")[2].decode("ascii").strip())
+        return b""
 
 
 def settle_copies(lines: Sequence[LogLine], experience: Experience) -> None:
     """Leave out what was said before: by another handler of the same event, or in other words."""
     _leave_out_doubles(lines, experience)
-    entries = list(_entries(lines))
+    entries = [_Entry(parts) for parts in reads_of(lines)]
     _note_voices(entries, experience)
     recent: list[_Entry] = []
     for entry in entries:
         turned, others = False, 0  # the other side spoke in between; whole frames that stand there
         for earlier in reversed(recent):
-            apart = int(earlier.checked and earlier.last is not entry.first)
-            if not _one_report(earlier, entry) or others >= _BETWEEN:
-                turned = turned or 0 != earlier.mark != entry.mark != 0
-                others += apart
-                continue
-            drop = _copy_of_two(earlier, entry, experience, turned=turned)
+            near = _one_report(earlier, entry) and others < _BETWEEN
+            drop = _copy_of_two(earlier, entry, experience, turned=turned) if near else None
             if drop is None:
-                turned = turned or _speaks_between(earlier, entry)
-                others += apart
-            elif drop is entry:
+                spoke = _speaks_between(earlier, entry) if near else 0 != earlier.mark != entry.mark != 0
+                turned = turned or spoke
+                others += earlier.checked and earlier.last is not entry.first
+            elif drop is earlier:
+                _leave_out_copy(earlier, entry)
+                recent.remove(earlier)
+            else:
                 _leave_out_copy(entry, earlier)
                 for one in [one for one in recent if _has_grown(one, entry, experience)]:
                     _leave_out_copy(one, entry)
                     recent.remove(one)
                 break
-            else:
-                _leave_out_copy(earlier, entry)
-                recent.remove(earlier)
         else:
             recent.append(entry)
         del recent[:-_REMEMBERED]
@@ -129,31 +111,29 @@ def _leave_out_doubles(lines: Sequence[LogLine], experience: Experience) -> None
         run = next((run for run in line.runs if run.taken), None)
         if run is None or not line.fine:
             continue
-        alike = kinds.setdefault((run.label, run.shape), [])
-        if alike and alike[-1][0].text == line.text and line.number == alike[-1][-1].number + 1:
+        alike = kinds.setdefault((run.label, run.shape), [[line]])
+        above = alike[-1][-1]
+        if (above.text, above.number + 1) == (line.text, line.number):
             alike[-1].append(line)
-        else:
+        elif above is not line:
             alike.append([line])
     for kind, alike in kinds.items():
         if len(alike) > 1 and all(len(same) > 1 for same in alike):
             experience.doubled.add(kind)
         for first, *more in alike if kind in experience.doubled else ():
-            for line in more:
-                for run in line.runs:
-                    run.taken, run.why = False, f"the same bytes as in line {first.number}"
+            for run in (run for line in more for run in line.runs):
+                run.taken, run.why = False, f"the same bytes as in line {first.number}"
 
 
 def _leave_out_copy(drop: _Entry, other: _Entry) -> None:
-    for run in drop.runs:
-        run.taken = False
-        run.why = f"the same bytes as in line {other.first.number}"
+    for _, run in drop.parts:
+        run.taken, run.why = False, f"the same bytes as in line {other.first.number}"
 
 
 def _one_report(earlier: _Entry, entry: _Entry) -> bool:
     """Whether two runs can be of one log entry: near in the text and in time, of one direction."""
-    if entry.first.number - earlier.last.number > _ENTRY_LINES:
-        return False
-    if earlier.mark and entry.mark and earlier.mark != entry.mark:
+    far = entry.first.number - earlier.last.number > _ENTRY_LINES
+    if far or 0 != earlier.mark != entry.mark != 0:
         return False
     first, second = earlier.last.t_ns, entry.first.t_ns
     if first is None or second is None:
@@ -172,34 +152,28 @@ def _copy_of_two(earlier: _Entry, entry: _Entry, experience: Experience, *, turn
 
     `turned`: the other side spoke between them, which ends what comes in pieces.
     """
-    same_line = earlier.last is entry.first
     if not turned and _has_grown(earlier, entry, experience):
         return earlier
     if _is_pdu_of(entry, earlier):
         return entry
-    if _is_own_voice(earlier, entry, experience):
-        return None
-    pair = (*earlier.template, *entry.template)
     if earlier.template == entry.template:
         return entry if _is_logged_twice(earlier, entry) else None
-    if same_line and turned:
+    if _is_own_voice(earlier, entry, experience) or (turned and earlier.last is entry.first):
         return None  # several turns in one line
+    pair = (*earlier.template, *entry.template)
     if entry.data in (earlier.data, earlier.decoded):
         return entry if _is_said_again(earlier, entry, pair, experience) else None
-    if not entry.checked and entry.data in earlier.data:
-        experience.reports.add(pair)
-        return entry
-    if not turned and not earlier.checked and entry.checked and earlier.data in entry.data:
-        experience.reports.add(pair)
-        return earlier
-    return None
+    part = entry if entry.data in earlier.data else earlier if not turned and earlier.data in entry.data else None
+    if part is None or part.checked or (part is earlier and not entry.checked):
+        return None
+    experience.reports.add(pair)
+    return part
 
 
 def _is_own_voice(earlier: _Entry, entry: _Entry, experience: Experience) -> bool:
     """Whether an answer repeats the request above, all of it or as far as it came: both speak for themselves."""
-    if earlier.template == entry.template or not {earlier.template, entry.template} <= experience.voices:
-        return False
-    return earlier.mark != entry.mark or not entry.mark
+    heard = {earlier.template, entry.template} <= experience.voices
+    return heard and (earlier.mark != entry.mark or not entry.mark)
 
 
 def _is_said_again(earlier: _Entry, entry: _Entry, pair: tuple[str, ...], experience: Experience) -> bool:
@@ -207,30 +181,25 @@ def _is_said_again(earlier: _Entry, entry: _Entry, pair: tuple[str, ...], experi
     marked = earlier.mark == entry.mark != 0
     if entry.template[1] == COLUMN_SHAPE:
         return True  # field by field what the line above says
-    if not marked and entry.runs[0].heading:
+    if not marked and entry.parts[0][1].heading:
         return False  # only the words above them differ: somebody shows the same frame again
     if earlier.checked and not earlier.repeats:
         experience.reports.add(pair)
         return True
-    elsewise = earlier.runs[0].shape != entry.runs[0].shape  # the same bytes, written in another way
+    elsewise = earlier.template[1] != entry.template[1]  # the same bytes, written in another way
     if earlier.last is entry.first:
         return elsewise or (entry.template[1] == "\\x" and not earlier.checked)  # one string, said twice
-    dumped = elsewise and earlier.runs[0].sure
-    return marked or dumped or pair in experience.reports or _is_named_alike(earlier, entry)
+    names = {one.template[0][:_NAMED_ALIKE] for one in (earlier, entry)}  # `port data`, `port buffer`
+    known = pair in experience.reports or (elsewise and earlier.parts[0][1].sure)
+    return known or marked or (len(names) == 1 and names != {""})
 
 
 def _is_pdu_of(entry: _Entry, earlier: _Entry) -> bool:
     """Whether bytes are what a frame carries, without its unit and all that is around, or a buffer without its CRC."""
     if entry.checked or not earlier.checked or entry.template == earlier.template:
         return False
-    if entry.data == earlier.data[:-_CRC]:
-        return not entry.mark
-    return entry.data in (earlier.data[1:-_CRC], earlier.data[_MBAP:])
-
-
-def _is_named_alike(earlier: _Entry, entry: _Entry) -> bool:
-    """Whether two lines of one entry show the same bytes under names that begin alike: `port data:`, `port buffer:`."""
-    return earlier.template[0][:_NAMED_ALIKE] == entry.template[0][:_NAMED_ALIKE] != ""
+    whole = () if entry.mark else (earlier.data[:-_CRC],)
+    return entry.data in (earlier.data[1:-_CRC], earlier.data[_MBAP:], *whole)
 
 
 def _is_logged_twice(earlier: _Entry, entry: _Entry) -> bool:
@@ -249,17 +218,12 @@ def _has_grown(earlier: _Entry, entry: _Entry, experience: Experience) -> bool:
 
     That a log does so is known where bytes without a right check value are the beginning of a frame behind them.
     """
-    if earlier.template != entry.template or not earlier.template[0]:
-        return False
-    if earlier.checked or not _begins(earlier, entry):
+    begins = len(earlier.data) < len(entry.data) and entry.data.startswith(earlier.data)
+    if not begins or earlier.checked or earlier.template != entry.template or not earlier.template[0]:
         return False
     if entry.checked:
         experience.growing.add(entry.template)
     return entry.template in experience.growing
-
-
-def _begins(earlier: _Entry, entry: _Entry) -> bool:
-    return len(earlier.data) < len(entry.data) and entry.data.startswith(earlier.data)
 
 
 _LEAST_ROWS: Final = 4  # of one byte each that can be a frame

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from .choosing import ByteRun
-from .othershapes import OD_BELOW, od_bytes
+from .escapes import OD_BELOW, od_bytes
 
 _DIGITS: Final = re.compile(r"[0-9A-Fa-f]{3,8}")
 

@@ -7,9 +7,11 @@ byte: RFC 791, RFC 9293, RFC 768. hexdump, od and xxd write `*` in place of rows
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
 from typing import Final, NamedTuple
+
+from .plain import NumberedLine
 
 _OPENS: Final = re.compile(r"(\s*)(?:\[\s*|\}\s*,\s*)?\{\s*$")
 _KEY: Final = re.compile(r'\s*"[^"]*"\s*:')
@@ -23,49 +25,58 @@ _NESTING: Final = re.compile(r'"(?:[^"\\]|\\.)*"?|[][{}]')
 _SEVERAL: Final = re.compile(r"\}\s*,\s*\{")
 
 
-def whole_entries(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
+def whole_entries(lines: Iterable[NumberedLine]) -> Iterator[NumberedLine]:
     """Lines with their numbers, those of an indented entry as one line with the number of the first.
 
     An object that holds others in a list is none: they are. Items of YAML are those that have a time.
     """
-    held: list[tuple[int, str]] = []
-    ends = ""  # how the line begins that ends the object; of an item its indentation
-    item = False
+    return _items(_objects(lines))
+
+
+def _objects(lines: Iterable[NumberedLine]) -> Iterator[NumberedLine]:
+    held: list[NumberedLine] = []
+    end = ""  # how the line begins that ends the object
     for number, line in lines:
         opens = _OPENS.match(line)
-        if held and item and (not line.strip() or not line.startswith(ends + " ") or len(held) >= _ENTRY_LINES):
-            yield from _entry(held, _is_timed(held))
+        if held and line.startswith(end):
+            yield _whole([*held, (number, line if opens is None else "}")])
             held = []
-        if held and not item:
-            if line.startswith(ends):
-                held.append((number, line if opens is None else "}"))
-                yield from _entry(held, True)
-                held = []
-                if opens is None:
-                    continue
-            elif opens or len(held) >= _ENTRY_LINES or (len(held) == 1 and not _KEY.match(line)):
-                yield from held
-                held = []
-        if held:
+            if opens is None:
+                continue
+        elif held and (opens or len(held) >= _ENTRY_LINES or (len(held) == 1 and not _KEY.match(line))):
+            yield from held
+            held = []
+        if held or opens is not None:
             held.append((number, line))
-        elif opens is not None:
-            held, ends, item = [(number, line)], opens[1] + "}", False
-        elif (begins := _ITEM.match(line)) is not None:
-            held, ends, item = [(number, line)], begins[1], True
+            end = end if opens is None else opens[1] + "}"
         else:
             yield number, line
-    yield from _entry(held, item and _is_timed(held))
+    yield from held
 
 
-def _is_timed(held: list[tuple[int, str]]) -> bool:
-    return any(_TIMED.search(line) for _, line in held)
+def _items(lines: Iterable[NumberedLine]) -> Iterator[NumberedLine]:
+    held: list[NumberedLine] = []
+    inside = ""  # how its lines begin
+    for number, line in lines:
+        if held and (not line.strip() or not line.startswith(inside) or len(held) >= _ENTRY_LINES):
+            yield from _timed(held)
+            held = []
+        begins = None if held else _ITEM.match(line)
+        inside = inside if begins is None else begins[1] + " "
+        if held or begins is not None:
+            held.append((number, line))
+        else:
+            yield number, line
+    yield from _timed(held)
 
 
-def _entry(held: list[tuple[int, str]], whole: bool) -> Iterator[tuple[int, str]]:
-    if whole and len(held) > 1:
-        yield held[0][0], " ".join(line.strip() for _, line in held)
-    else:
-        yield from held
+def _timed(held: list[NumberedLine]) -> list[NumberedLine]:
+    timed = len(held) > 1 and any(_TIMED.search(line) for _, line in held)
+    return [_whole(held)] if timed else held
+
+
+def _whole(held: Sequence[NumberedLine]) -> NumberedLine:
+    return held[0][0], " ".join(line.strip() for _, line in held)
 
 
 def entries_of(line: str) -> list[str]:
@@ -155,10 +166,10 @@ class _DumpRow(NamedTuple):
     rest: str
 
 
-def with_repeats(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
+def with_repeats(lines: Iterable[NumberedLine]) -> Iterator[NumberedLine]:
     """Lines with their numbers, each `*` between two rows of a dump as the rows for which it stands."""
     above: list[_DumpRow] = []  # the last two rows
-    held: tuple[int, str] | None = None
+    held: NumberedLine | None = None
     left = _ROWS_AGAIN
     for number, line in lines:
         if above and line.strip() == "*":
@@ -214,27 +225,22 @@ _LEAST: Final = 9  # characters of a frame from its colon on, without its end
 _ADU_CHARS: Final = 513
 
 
-def whole_words(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
+def whole_words(lines: Iterable[NumberedLine]) -> Iterator[NumberedLine]:
     """Lines with their numbers, those that show a frame's characters one each as one line with the number of the first.
 
     A frame begins with its colon; what stands before each of its characters is the same.
     """
-    held: list[tuple[int, str]] = []
+    held: list[NumberedLine] = []
     head, word = "", ""
     for number, line in lines:
         shown = _CHARACTER.match(line)
-        if held and shown is not None and shown["char"] != ":" and shown["head"] == head and len(word) < _ADU_CHARS:
-            held.append((number, line))
-            word += shown["char"]
-            continue
-        yield from _frame(held, head, word)
-        held = []
-        if shown is not None and shown["char"] == ":":
-            held, head, word = [(number, line)], shown["head"], ":"
-        else:
+        char = "" if shown is None else shown["char"]
+        if held and (char in ("", ":") or line[: len(head)] != head or len(word) >= _ADU_CHARS):
+            yield from held if len(word) < _LEAST else [(held[0][0], head + word)]
+            held, word = [], ""
+        if shown is None or not (held or char == ":"):
             yield number, line
-    yield from _frame(held, head, word)
-
-
-def _frame(held: list[tuple[int, str]], head: str, word: str) -> list[tuple[int, str]]:
-    return held if not held or len(word) < _LEAST else [(held[0][0], head + word)]
+            continue
+        held.append((number, line))
+        head, word = shown["head"], word + char
+    yield from held if len(word) < _LEAST else [(held[0][0], head + word)]

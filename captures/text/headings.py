@@ -17,12 +17,13 @@ milliseconds where they rise, and not from line to line by one. Days, `46351.423
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Final, NamedTuple
 
-from .counts import SECOND_NS, TITLE_UNIT_NS, Stamp
 from .stamps import DAY_NS
+from .timeforms import SECOND_NS, UNIT_NS, Stamp
 from .tools import NONE, LineMark
 
 
@@ -64,7 +65,7 @@ def marks_of_cells(text: str, line_marks: list[LineMark]) -> tuple[str, tuple[in
 _PARTED: Final = ("\t", ";", ",", "|")
 _APART: Final = re.compile(r"\s{2,}")
 _IN_UNIT: Final = (  # `[ms]`, `, мс`, `/us`, ` in seconds`
-    rf"(?:[ _,/]*(?:in |в )?[\[(]?\s*(?P<unit>{'|'.join(sorted(TITLE_UNIT_NS, key=len, reverse=True))})[\])]?)?$"
+    rf"(?:[ _,/]*(?:in |в )?[\[(]?\s*(?P<unit>{'|'.join(sorted(UNIT_NS, key=len, reverse=True))})[\])]?)?$"
 )
 _NAME: Final = re.compile(
     r"^(?:(?:start|begin|rel\w*|abs\w*|packet|о?т?метка|t)[ _-]?)?"
@@ -118,7 +119,7 @@ class TimeColumn:
 
     def _time(self, match: re.Match[str]) -> int | None:
         whole, fraction = int(match["whole"].replace(" ", "")), match["fraction"] or ""
-        unit = TITLE_UNIT_NS[match["unit"]] if match["unit"] else self.unit
+        unit = UNIT_NS[match["unit"]] if match["unit"] else self.unit
         if unit is None:
             if not fraction and not match["power"]:
                 return None  # of what unit, nobody says
@@ -142,7 +143,7 @@ def time_column(text: str) -> TimeColumn | None:
             numbered = not any(map(_DATA.search, names[:number]))
             match = _NAME.match(name)
             if match is not None:
-                unit = _UNITS.get(name.lower()) or TITLE_UNIT_NS.get((match["unit"] or "").lower())
+                unit = _UNITS.get(name.lower()) or UNIT_NS.get((match["unit"] or "").lower())
                 return TimeColumn(parted, number, len(cells), unit, numbered)
     return None
 
@@ -168,7 +169,32 @@ _LINES_NS: Final = 2_000_000  # of numbers of lines, or of two together, read as
 _FEWEST_STEPS: Final = 3  # that tell days from seconds
 _SOONEST_NS: Final = 80_000  # of rows in seconds: a byte at 115200 bit/s takes longer
 _SOONEST_BARE_NS: Final = 1_000  # where nothing else says that they are days
-_WIDTHS: Final = (3, 6, 9)  # digits of milliseconds, microseconds, nanoseconds
+_UNITS_OF: Final = {3: "milliseconds", 6: "microseconds", 9: "nanoseconds"}  # by digits
+
+
+class ClockHabits(NamedTuple):
+    """How a text writes its times, where only their order tells."""
+
+    width: int = 0  # digits that fractions of seconds stand for, where leading zeros are missing
+    steps: bool = False  # times with a plus are steps from the one above
+    days: bool = False  # times without a unit are days
+    counters: bool = False  # numbers before a mark, and the like, are times: in milliseconds, where
+    guessed: bool = False  # nothing says their unit
+
+    @property
+    def notices(self) -> Iterator[str]:
+        """What was made of it, for people."""
+        if self.width:
+            unit = _UNITS_OF[self.width]
+            yield (
+                f"fractions of a second are read as {unit} without leading zeros: as decimals they would run backwards"
+            )
+        if self.steps:
+            yield "times with a plus are read as steps from the one above: as absolute times they would run backwards"
+        if self.days:
+            yield "times are read as days, as spreadsheets count them: as seconds they would be too close together"
+        if self.counters and self.guessed:
+            yield "numbers before line marks are read as milliseconds"
 
 
 @dataclass(slots=True)
@@ -179,13 +205,18 @@ class Fractions:
     _signed: list[int] = field(default_factory=list)
     _counters: list[int] = field(default_factory=list)
     _unnamed: list[int] = field(default_factory=list)
-    guessed: bool = False  # of a number before a mark nothing says the unit
+    _guessed: bool = False  # of a number before a mark nothing says the unit
+
+    @property
+    def habits(self) -> ClockHabits:
+        """What they tell."""
+        return ClockHabits(self._width, self._steps, self._days, self._are_counters, self._guessed)
 
     def note(self, stamp: Stamp) -> None:
         """One more time."""
         if stamp.places and len(self._stamps) < _TIMES_MOST:
             self._stamps.append(stamp)
-        self.guessed = self.guessed or (stamp.counter and stamp.unnamed)
+        self._guessed = self._guessed or (stamp.counter and stamp.unnamed)
         for times, wanted in (
             (self._signed, stamp.signed),
             (self._counters, stamp.counter),
@@ -195,18 +226,18 @@ class Fractions:
                 times.append(stamp.t_ns)
 
     @property
-    def steps(self) -> bool:
+    def _steps(self) -> bool:
         """Whether times with a plus are steps from the one above."""
         return any(later < earlier for earlier, later in pairwise(self._signed))
 
     @property
-    def counters(self) -> bool:
+    def _are_counters(self) -> bool:
         """Whether numbers before a mark are milliseconds."""
         steps = [later - earlier for earlier, later in pairwise(self._counters)]
         return bool(steps) and min(steps) >= 0 and sorted(steps)[len(steps) // 2] > _LINES_NS
 
     @property
-    def days(self) -> bool:
+    def _days(self) -> bool:
         """Whether seconds are days."""
         steps = sorted(later - earlier for earlier, later in pairwise(self._unnamed) if later != earlier)
         if len(steps) < _FEWEST_STEPS or steps[0] < 0:
@@ -216,12 +247,12 @@ class Fractions:
         return steps[len(steps) // 2] < _SOONEST_BARE_NS and self._unnamed[-1] < SECOND_NS
 
     @property
-    def width(self) -> int:
+    def _width(self) -> int:
         """How many digits the fractions stand for, where leading zeros are missing; 0 where nothing says so."""
         places = {stamp.places for stamp in self._stamps}
-        if len(places) < 2 or max(places) > _WIDTHS[-1]:
+        if len(places) < 2 or max(places) > max(_UNITS_OF):
             return 0
-        width = next(width for width in _WIDTHS if width >= max(places))
+        width = next(width for width in _UNITS_OF if width >= max(places))
         if not _runs_back([stamp.t_ns for stamp in self._stamps]):
             return 0
         return 0 if _runs_back([counted(stamp, width) for stamp in self._stamps]) else width

@@ -11,6 +11,8 @@ dump, the midnight that a log of times of day passed.
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass, field
 from datetime import tzinfo
 from typing import Final
@@ -19,18 +21,17 @@ from captures.text import stamps
 
 from .candidates import Writing, halves, is_ruler, line_of
 from .choosing import ByteRun, Experience, label_in, runs_in, with_marks
-from .counts import Stamp
 from .dumps import Dump
+from .escapes import unescape
 from .headings import Fractions, Heading, TimeColumn, counted, marks_of_cells, of_days, time_column
 from .judging import ByteJudge, no_judge
-from .othershapes import unescape
 from .plain import plain, quoted
+from .timeforms import Stamp
 from .tools import MARK_WORDS, NONE, SHAPES, LineMark, LineRole, Shape, marks
 
 _LEAST_SHAPED: Final = 4  # characters of a line in a tool's own layout
 _COMMENT: Final = re.compile(r"^\s*(?:#|//|;|--|/?\*)")
 _WORD: Final = re.compile(r"\w")
-_SAYS_MORE: Final = re.compile(r"[^\W\d_]|[/<>←→]")
 _BARE_HEX: Final = re.compile(r"[0-9A-Fa-f\s]+")
 _BARE_LEAST: Final = 4096  # characters of a line that is worth a look whether it is nothing but hex digits
 _ANNOUNCED: Final = re.compile(
@@ -99,8 +100,6 @@ class LineReader:
     _newest: int | None = None
     _received: bool = False  # pymodbus reports received bytes by themselves, not only those it processes
     _memory: dict[str, tuple[int, list[LineMark], list[ByteRun]]] = field(default_factory=dict)
-    _empty: dict[str, tuple[int, str, str, str | None]] = field(default_factory=dict)  # lines that hold nothing
-    _shapeless: set[str] = field(default_factory=set)  # lines that are in no tool's layout
     _tools: list[Shape] = field(default_factory=lambda: list(SHAPES))
     _clock: int | None = None  # the newest time to the millisecond that no other line can have again
     _screen: dict[str, tuple[int, int]] = field(default_factory=dict)  # the last lines with bytes and such a time
@@ -109,9 +108,6 @@ class LineReader:
         """What a line holds. Never raises."""
         if len(line) > _BARE_LEAST and _BARE_HEX.fullmatch(line) and (bare := self._bare(line, number)) is not None:
             return bare
-        if (empty := self._empty.get(line)) is not None and self._says_nothing(empty[0]):
-            self._bare_heading()
-            return LogLine(number, empty[1], empty[2], problem=empty[3])
         if (above := self._screen.get(line)) is not None and above[1] != self._clock:  # who copies a screen twice
             self._clock = above[1]
             return LogLine(number, line, problem=f"the same bytes as in line {above[0]}")
@@ -119,14 +115,7 @@ class LineReader:
         if not text.strip(" \t`~"):
             return LogLine(number, line, quiet=True)
         clock, self._clock = self._clock, None
-        parsed = self._below_header(text, number) or self._tool_line(text, number)
-        if parsed is None:
-            parsed = self._any_line(text, number)
-            if not parsed.runs and parsed.t_ns is None and not parsed.quiet and not _SAYS_MORE.search(parsed.clean):
-                if len(self._empty) >= _REMEMBERED:
-                    self._empty.clear()
-                learnt = len(self.experience.right)
-                self._empty[line] = learnt, parsed.text, parsed.clean, parsed.problem
+        parsed = self._below_header(text, number) or self._tool_line(text, number) or self._any_line(text, number)
         if self._clock is None:
             self._clock = clock
         elif parsed.runs:
@@ -138,16 +127,6 @@ class LineReader:
     def runs_of(self, text: str) -> list[ByteRun]:
         """The runs of a line by itself."""
         return self._searched(stamps.find(text, self.zone)[1])[1]
-
-    def _says_nothing(self, learnt: int) -> bool:
-        """Whether a line that held nothing holds nothing here, either: nothing above waits for it."""
-        return self._dump.row is None and learnt == len(self.experience.right)
-
-    def _bare_heading(self) -> None:
-        """After a line that says nothing of rows below: the time of one above may still be theirs."""
-        above = self._heading
-        t_ns, fine = (above.t_ns, above.fine) if above is not None and not above.rows else (None, False)
-        self._heading = Heading(NONE, t_ns, fine, "")
 
     def _bare(self, line: str, number: int) -> LogLine | None:
         """A long line of nothing but hex digits; None for numbers and words of such digits."""
@@ -177,66 +156,64 @@ class LineReader:
         return parsed
 
     def _tool_line(self, text: str, number: int) -> LogLine | None:
-        if len(text) < _LEAST_SHAPED or text in self._shapeless:
-            return None
-        for i, shape in enumerate(self._tools):
+        for i, shape in enumerate(self._tools if len(text) >= _LEAST_SHAPED else ()):
             if (match := shape.pattern.match(text)) is not None:
                 if i and shape.role is not LineRole.NOTHING:  # a log is of one tool: its shapes first from now on
                     self._tools.insert(0, self._tools.pop(i))
                 return self._shaped(shape, match, number, text)
-        if len(text) <= _BARE_LEAST:
-            if len(self._shapeless) >= _REMEMBERED:
-                self._shapeless.clear()
-            self._shapeless.add(text)
         return None
 
     def _shaped(self, shape: Shape, match: re.Match[str], number: int, text: str) -> LogLine | None:
-        groups = match.groupdict()
         if shape.role is LineRole.NOTHING:
-            heading = self._heading
-            line = self._any_line(text, number)
-            line.quiet, line.problem = True, None
-            if not line.runs:
-                self._heading = heading
-            return line
-        mark = MARK_WORDS.get((groups.get("mark") or "").lower(), shape.mark)
-        if shape.mark and (above := self._heading) is not None and above.joins:
+            return self._carries_nothing(text, number)
+        groups = {name: said or "" for name, said in match.groupdict().items()}
+        above, way = self._heading, groups.get("mark", "").lower()
+        mark = MARK_WORDS.get(way, shape.mark)
+        if shape.mark and above is not None and above.joins:
             mark = above.mark or mark  # `Rx` in the line above says more than a layout
-        stamp = stamps.find(stamps.short_fraction(groups.get("time") or ""), self.zone)[0]
-        t_ns, fine = self._time(stamp), stamp is not None and stamp.fine
-        if groups.get("sample") and self.sample_rate:
-            t_ns, fine = stamps.in_range(round(int(groups["sample"]) / self.sample_rate * 1e9)), True
-        if groups.get("us"):
-            t_ns, fine = stamps.in_range(int(groups["us"]) * 1000), True
+        t_ns, fine = self._shaped_time(groups)
         length = int(groups["length"]) if groups.get("length") else None
         if shape.role is LineRole.HEADER:
-            above = self._heading
             if t_ns is None and above is not None:
                 t_ns, fine = above.t_ns, above.fine  # its time stands in a line of its own
             self._heading = Heading(mark, t_ns, fine, shape.tool, left=length, joins=True, exact=True)
             return LogLine(number, text, quiet=True)
         line = LogLine(number, text, text, t_ns=t_ns, fine=fine, quiet=True)
         if shape.tool == "pymodbus":
-            said = match["mark"].lower()
-            self._received = self._received or said == "recv"
-            if self._received and said not in ("send", "recv"):  # what was received, once more
+            self._received = self._received or way == "recv"
+            if self._received and way not in ("send", "recv"):  # what was received, once more
                 return line
-            if said not in MARK_WORDS:  # it may be a PDU alone
+            if way not in MARK_WORDS:  # it may be a PDU alone
                 return self._any_line(text, number)
-        label = f"{shape.tool} {groups.get('mark') or ''}".lower()
-        run = self._payload(groups["hex"], shape, label)
+        run = self._payload(groups["hex"], shape, f"{shape.tool} {way}")
         self._heading = None
         if run is None:
             return line if not _WORD.search(groups["hex"]) else None
         if groups.get("cut"):
             shown = f"{len(run.data)} of {length} bytes" if length else f"the first {len(run.data)} bytes"
             line.problem = f"the log shows {shown} only"
-        if length is not None:
-            run.data = run.data[: max(length, 0)]
+        run.data = run.data if length is None else run.data[: max(length, 0)]
+        run.mark, run.sure, run.label = mark, True, f"{shape.tool} {way}"
         if run.data:
-            run.mark, run.sure, run.label = mark, True, label
             line.runs, line.quiet = [run], False
         return line
+
+    def _carries_nothing(self, text: str, number: int) -> LogLine:
+        heading = self._heading
+        line = self._any_line(text, number)
+        line.quiet, line.problem = True, None
+        if not line.runs:
+            self._heading = heading
+        return line
+
+    def _shaped_time(self, groups: Mapping[str, str]) -> tuple[int | None, bool]:
+        """The time of a line in a tool's layout, and whether it goes beyond seconds."""
+        if groups.get("sample") and self.sample_rate:
+            return stamps.in_range(round(int(groups["sample"]) / self.sample_rate * 1e9)), True
+        if groups.get("us"):
+            return stamps.in_range(int(groups["us"]) * 1000), True
+        stamp = stamps.find(stamps.short_fraction(groups.get("time", "")), self.zone)[0]
+        return self._time(stamp), stamp is not None and stamp.fine
 
     def _payload(self, text: str, shape: Shape, label: str) -> ByteRun | None:
         """The bytes of a tool's line, in whatever shape they stand; what was right in lines like it goes first."""
@@ -284,7 +261,7 @@ class LineReader:
         in_column = self._times.find(text) if self._times is not None else None
         if in_column is None:
             stamp, rest = stamps.find(text, self.zone)
-            if stamp is None or not stamp.counter or self.experience.counters:
+            if stamp is None or not stamp.counter or self.experience.habits.counters:
                 return stamp, rest
             self.fractions.note(stamp)
             return None, text
@@ -303,7 +280,7 @@ class LineReader:
             if len(self._memory) >= _REMEMBERED:
                 self._memory.clear()
             remembered = self._memory[text] = learnt, line_marks, runs
-        return remembered[1], [run.anew() for run in remembered[2]]
+        return remembered[1], [copy(run) for run in remembered[2]]
 
     def _as_heading(self, line: LogLine, rest: str, line_marks: list[LineMark]) -> None:
         """A line of words: what it says of rows below."""
@@ -362,12 +339,12 @@ class LineReader:
 
     def _counted_on(self, stamp: Stamp) -> int:
         self.fractions.note(stamp)
-        t_ns = counted(stamp, self.experience.fraction)
+        t_ns = counted(stamp, self.experience.habits.width)
         if stamp.fine and (stamp.of_day or t_ns > _DATED_NS) and not (stamp.signed or stamp.counter):
             self._clock = t_ns
-        if stamp.unnamed and self.experience.days:
+        if stamp.unnamed and self.experience.habits.days:
             t_ns = of_days(t_ns)
-        if stamp.signed and self.experience.steps:
+        if stamp.signed and self.experience.habits.steps:
             self._elapsed_ns += t_ns
             return self._elapsed_ns
         if not stamp.of_day:

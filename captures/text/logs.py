@@ -28,7 +28,6 @@ LOOKED_FOR: Final = "such as 11 03 00 6B or :1103006B…"  # behind "no hex byte
 _LEARNT_LINES: Final = 800  # of a text's beginning,
 _LEARNT: Final = 1 << 16  # and characters
 # What is taken for bytes unchecked, from the plainest on, as far as a text has nothing plainer.
-_UNITS: Final = {3: "milliseconds", 6: "microseconds", 9: "nanoseconds"}
 _STANDARDS: Final = ((Writing.BYTES, False), (Writing.LIKELY, False), (Writing.BYTES, True))
 _PLAIN_PAIRS: Final = ("pairs", "pairs-", "pairs:", "pairs,")
 _STRETCH: Final = 512  # lines that are settled together
@@ -102,18 +101,7 @@ class LogReader:
     @property
     def notices(self) -> Iterator[str]:
         """What the order of times says of how they are written."""
-        experience = self._experience
-        if experience.fraction:
-            unit = _UNITS[experience.fraction]
-            yield (
-                f"fractions of a second are read as {unit} without leading zeros: as decimals they would run backwards"
-            )
-        if experience.steps:
-            yield "times with a plus are read as steps from the one above: as absolute times they would run backwards"
-        if experience.days:
-            yield "times are read as days, as spreadsheets count them: as seconds they would be too close together"
-        if experience.counters and experience.guessed:
-            yield "numbers before line marks are read as milliseconds"
+        return self._experience.habits.notices
 
     @property
     def zoneless(self) -> bool:
@@ -144,37 +132,34 @@ class LogReader:
         """The beginning of a text, settled."""
         self._experience = experience
         reader = self._line_reader()
-        judge = self._settler()
         experience.mail = any(is_of_mail(line) for line in beginning)
         read = self._parts(reader, beginning)
-        met = reader.fractions
-        experience.fraction, experience.steps, experience.days = met.width, met.steps, met.days
-        experience.counters, experience.guessed = met.counters, met.guessed
-        if met.width or met.steps or met.days or met.counters:
+        experience.habits = reader.fractions.habits
+        if any(experience.habits[:-1]):
             reader = self._line_reader()
             read = self._parts(reader, beginning)
         for run in (run for line in read for run in line.runs):
             experience.note(run)
         for experience.threshold, experience.decimals in _STANDARDS[only_bytes(read) :]:
-            settle(read, judge, experience)
-            experience.other = any(run.taken for line in read for run in line.runs)
+            experience.other = self._settle_all(read)
             if experience.other:
                 break
         else:
             experience.threshold, experience.decimals = _STANDARDS[0]
             experience.meanings = True
-            settle(read, judge, experience)
-            experience.meanings = experience.other = any(run.taken for line in read for run in line.runs)
+            experience.meanings = experience.other = self._settle_all(read)
         self._lines = self._line_reader()
         self._lines.zoneless = reader.zoneless
         return read
 
+    def _settle_all(self, read: Sequence[LogLine]) -> bool:
+        """Settle these lines; whether any bytes are taken."""
+        settle(read, self._settler(), self._experience)
+        return any(run.taken for line in read for run in line.runs)
+
     def _parts(self, reader: LineReader, beginning: Sequence[str]) -> list[LogLine]:
-        return [
-            part
-            for number, line in self._whole(enumerate(beginning, 1), reader)
-            for part in _read(reader, line, number)
-        ]
+        whole = self._whole(enumerate(beginning, 1), reader)
+        return [part for number, line in whole for part in _read(reader, line, number)]
 
     def feed(self, lines: Iterable[tuple[int, str]]) -> Iterator[Piece | UnreadLine]:
         """Lines with their numbers; gives what has been settled."""
@@ -237,10 +222,7 @@ def _beginning(lines: Iterable[str]) -> Iterator[str]:
 
 
 def _read(reader: LineReader, line: str, number: int) -> Iterator[LogLine]:
-    if len(line) <= _MOST:
-        yield reader.read(line, number)
-        return
-    if line[:_MOST].isalnum():  # nothing to cut at
+    if len(line) <= _MOST or line[:_MOST].isalnum():  # nothing to cut at
         yield reader.read(line, number)
         return
     for match in _PORTION.finditer(line):
@@ -256,38 +238,41 @@ def _safe_cut(lines: Sequence[LogLine]) -> int:
 
 
 def _contents(line: LogLine, experience: Experience) -> Iterator[Piece | UnreadLine]:
+    """What a line gives: its bytes, then what of it was not read."""
     chosen = [run for run in line.runs if run.taken]
     text = line.text if len(line.text) <= 200 else line.text[:197] + "..."
     for i, run in enumerate(chosen):
-        continues = line.continues and not i
-        envelope = run.checked[0].envelope if run.checked else ""
+        repeats = bool(run.checked) and all(span.repeats for span in run.checked)
         yield Piece(
-            run.data, line.number, text, run.ascii, run.mark, line.t_ns, line.port, continues, envelope,
-            run.checked != () and all(span.repeats for span in run.checked), line.stamped,
+            run.data, line.number, text, run.ascii, run.mark, line.t_ns, line.port, line.continues and not i,
+            run.checked[0].envelope if run.checked else "", repeats, line.stamped,
         )  # fmt: skip
-    if line.problem is not None:
-        yield UnreadLine(line.number, text, line.problem, empty=line.problem.startswith("no bytes"))
-    for i, run in enumerate(chosen):
-        if run.cut and not (i and chosen[i - 1].cut):
-            more = i + 1 < len(chosen)
-            why = "omits bytes after the first {}" if more else "shows the first {} bytes only"
-            yield UnreadLine(line.number, text, f"the text {why.format(len(run.data))}")
-    if any(run.halved for run in chosen):
-        yield UnreadLine(line.number, text, halves(line.clean) or "half a byte")
-    elif line.problem is None:
-        beside = [run for run in line.runs if _is_left(run) and not _is_check_value(run, chosen)] if chosen else []
-        left = [quoted(line.clean[run.start : run.end]) for run in beside]
-        if left:
-            yield UnreadLine(line.number, text, f"{', '.join(left)} beside the bytes may also be bytes")
+    for why in _left_out(line, chosen):
+        yield UnreadLine(line.number, text, why, empty=why.startswith("no bytes"))
     if not chosen and line.problem is None and line.runs and not line.quiet:
         yield UnreadLine(line.number, text, *_why(line, experience))
 
 
+def _left_out(line: LogLine, chosen: Sequence[ByteRun]) -> Iterator[str]:
+    """Why a line is not read whole, of which something is."""
+    if line.problem is not None:
+        yield line.problem
+    for i, run in enumerate(chosen):
+        if run.cut and not (i and chosen[i - 1].cut):
+            why = "omits bytes after the first {}" if i + 1 < len(chosen) else "shows the first {} bytes only"
+            yield f"the text {why.format(len(run.data))}"
+    beside = [run for run in line.runs if chosen and _is_left(run) and not _is_check_value(run, chosen)]
+    if any(run.halved for run in chosen):
+        yield halves(line.clean) or "half a byte"
+    elif line.problem is None and beside:
+        left = ", ".join(quoted(line.clean[run.start : run.end]) for run in beside)
+        yield f"{left} beside the bytes may also be bytes"
+
+
 def _is_left(run: ByteRun) -> bool:
     """Whether a run beside others looks like bytes and was not read, and no word was said of it."""
-    if run.taken or run.why is not None:
-        return False
-    return run.level > Writing.NUMBER or (run.shape in _PLAIN_PAIRS and len(run.data) > 1)
+    pairs = run.shape in _PLAIN_PAIRS and len(run.data) > 1
+    return not run.taken and run.why is None and (run.level > Writing.NUMBER or pairs)
 
 
 def _is_check_value(run: ByteRun, chosen: Sequence[ByteRun]) -> bool:
@@ -306,7 +291,12 @@ def _why(line: LogLine, experience: Experience) -> tuple[str, bool]:
     run = max(line.runs, key=lambda run: (run.level, len(run.data)))
     shown = line.clean[run.start : run.end]
     few = len(run.data) < 3 or (_NUMBERS.fullmatch(shown) and (len(run.data) == 3 or experience.shapes))
-    other = run.shape == "base64" or _ADDRESS.fullmatch(shown) or is_named_otherwise(line.clean[: run.start])
+    other = (
+        shown.isalpha()
+        or run.shape == "base64"
+        or _ADDRESS.fullmatch(shown)
+        or is_named_otherwise(line.clean[: run.start])
+    )
     if run.level is Writing.NUMBER and (few or other):
         return f"no bytes found in {quoted(line.text)}", True
     return f"{quoted(shown)} may be anything: no check value confirms that these are bytes", False

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
 from typing import Final
 
@@ -11,11 +11,31 @@ from .candidates import Writing
 from .choosing import ByteRun, label_in
 from .loglines import LogLine
 
-_NUMBER: Final = re.compile(r"\s*(\d{1,6})(?=[\s:.)|])")
-_SHORT_OFFSET: Final = re.compile(r"\W*+(?:0[xX])?([0-9A-Fa-f]{2})[hH]?[ \t]?[:\])|]")
-_NUMBERED: Final = re.compile(r"(?<![\w.:])(\d{1,4})[:.)][ \t]{1,4}([0-9A-Fa-f]{2})\W*$")
-_NUMBERED_END: Final = 16  # characters that such a line ends with
+_LINE_NUMBER, _BYTE_NUMBER, _COLUMN_NUMBER, _SHORT_OFFSET = (
+    re.compile(pattern)
+    for pattern in (
+        r"\s*(\d{1,6})(?=[\s:.)|])",
+        r"(?<![\w.:])(\d{1,4})[:.)][ \t]{1,4}([0-9A-Fa-f]{2})\W*$",
+        r"\s*(\d+)\s*$",
+        r"\W*+(?:0[xX])?([0-9A-Fa-f]{2})[hH]?[ \t]?[:\])|]",
+    )
+)
+_NUMBERED_END: Final = 16  # characters that a line with a byte's number ends with
 _COUNTING: Final = 3  # lines
+_RULER: Final = 6  # lines that count from 0 or 1 on
+Numbered = tuple[LogLine, re.Match[str]]
+
+
+def _counting(lines: Iterable[tuple[LogLine, re.Match[str] | None]], least: int) -> Iterator[list[Numbered]]:
+    """So many lines and more, one below the other, whose numbers count on."""
+    group: list[Numbered] = []
+    for line, match in lines:
+        if group and (match is None or int(match[1]) != int(group[-1][1][1]) + 1):
+            yield from [group] if len(group) >= least else []
+            group = []
+        if match is not None:
+            group.append((line, match))
+    yield from [group] if len(group) >= least else []
 
 
 def leave_out_line_numbers(lines: Sequence[LogLine]) -> None:
@@ -23,51 +43,39 @@ def leave_out_line_numbers(lines: Sequence[LogLine]) -> None:
 
     One frame that begins behind its number tells for all; where one begins with it, units are counted.
     """
-    filled = [line for line in lines if line.clean.strip()]
-    numbers = [-1 if (match := _NUMBER.match(line.clean)) is None else int(match[1]) for line in filled]
-    counting: list[LogLine] = []
-    for i, line in enumerate(filled):
-        if counting and not 0 < numbers[i] == numbers[i - 1] + 1:
-            _leave_out(counting)
-            counting = []
-        if numbers[i] >= 0:
-            counting.append(line)
-    _leave_out(counting)
-
-
-def _leave_out(counting: Sequence[LogLine]) -> None:
-    runs = [line.runs[0] for line in counting if line.runs and not line.clean[: line.runs[0].start].strip()]
-    pairs = [run for run in runs if run.shape == "pairs" and len(run.data) > 1]
-    if len(counting) < _COUNTING or {run.checked[0].start for run in pairs if run.checked} != {1}:
-        return
-    starts = {id(line.runs[0]): line for line in counting if line.runs}
-    for run in pairs:
-        text = starts[id(run)].clean[run.start + 2 :]
-        run.start += 2 + len(text) - len(text.lstrip())
-        run.data = run.data[1:]
-        run.checked = [span._replace(start=span.start - 1, end=span.end - 1) for span in run.checked]
+    filled = ((line, _LINE_NUMBER.match(line.clean)) for line in lines if line.clean.strip())
+    for counting in _counting(filled, _COUNTING):
+        firsts = [(line, line.runs[0]) for line, _ in counting if line.runs]
+        pairs = [
+            (line, run)
+            for line, run in firsts
+            if run.shape == "pairs" and len(run.data) > 1 and not line.clean[: run.start].strip()
+        ]
+        for line, run in pairs if {run.checked[0].start for _, run in pairs if run.checked} == {1} else ():
+            text = line.clean[run.start + 2 :]
+            run.start += 2 + len(text) - len(text.lstrip())
+            run.data = run.data[1:]
+            run.checked = [span._replace(start=span.start - 1, end=span.end - 1) for span in run.checked]
 
 
 def leave_out_byte_numbers(lines: Sequence[LogLine]) -> None:
     """`receive:  9: 01`, `receive: 10: 03`: what counts the bytes that come a line each is none of them."""
-    counting: list[tuple[ByteRun, re.Match[str]]] = []
-    for line in lines:
-        begin = max(len(line.clean) - _NUMBERED_END, 0)
-        match = _NUMBERED.search(line.clean, begin) if line.runs else None
-        if match is None:
-            continue
-        if counting and int(match[1]) != int(counting[-1][1][1]) + 1:
-            _read_numbered(counting)
-            counting = []
-        counting.append((line.runs[-1], match))
-    _read_numbered(counting)
+    found = [
+        (line, _BYTE_NUMBER.search(line.clean, max(len(line.clean) - _NUMBERED_END, 0))) for line in lines if line.runs
+    ]
+    for counting in _counting((one for one in found if one[1] is not None), _COUNTING):
+        for line, match in counting:
+            run = line.runs[-1]
+            run.data, run.start, run.end = bytes.fromhex(match[2]), match.start(2), match.end(2)
+            run.shape, run.level, run.others = "pairs", Writing.LIKELY, ()
+            run.label = label_in(match.string[max(match.start(1) - 56, 0) : match.start(1)])
 
 
-def _read_numbered(counting: Sequence[tuple[ByteRun, re.Match[str]]]) -> None:
-    for run, match in counting if len(counting) >= _COUNTING else ():
-        run.data, run.start, run.end = bytes.fromhex(match[2]), match.start(2), match.end(2)
-        run.shape, run.level, run.others = "pairs", Writing.LIKELY, ()
-        run.label = label_in(match.string[max(match.start(1) - 56, 0) : match.start(1)])
+def leave_out_column_numbers(lines: Sequence[LogLine]) -> None:
+    """Numbers of columns, from 0 or 1 on, written one below the other above those of a frame."""
+    for counting in _counting(((line, _COLUMN_NUMBER.match(line.clean)) for line in lines), _RULER):
+        for line, _ in counting if counting[0][1][1] in ("0", "1") else ():
+            line.runs, line.clean, line.quiet = [], "", True
 
 
 def leave_out_short_offsets(lines: Sequence[LogLine]) -> None:
@@ -83,14 +91,13 @@ def leave_out_short_offsets(lines: Sequence[LogLine]) -> None:
         if match is None or run is None:
             at = at if line.quiet else 0
             continue
-        inside = int(run.start < match.end())  # `08: 60` as one run
-        here = {int(match[1], base) for base in (10, 16) if base == 16 or match[1].isdigit()}
-        if at in here:
-            dumps = [*dumps, []] if not at else dumps
-            dumps[-1].append((line, run, inside))
-            at += len(run.data) - inside
-        else:
+        if at not in {int(match[1], base) for base in ((10, 16) if match[1].isdigit() else (16,))}:
             at = 0
+            continue
+        inside = int(run.start < match.end())  # `08: 60` as one run
+        dumps += [] if at else [[]]
+        dumps[-1].append((line, run, inside))
+        at += len(run.data) - inside
     right = all(run.checked and not inside for rows in dumps for _, run, inside in rows)  # without the digits
     for rows in dumps if right or any(len(rows) > 1 for rows in dumps) else ():
         for i, (line, run, inside) in enumerate(rows):
@@ -107,3 +114,14 @@ def leave_out_counts(lines: Sequence[LogLine]) -> None:
             shown = line.clean[before.start : before.end]
             if shown.isdigit() and len(before.data) == 1 and int(shown) == len(run.data):
                 before.taken = False
+
+
+def leave_out_sizes(lines: Sequence[LogLine]) -> None:
+    """`WRITE: 8B` above eight bytes says how many they are, and is none of them."""
+    filled = [line for line in lines if any(run.taken for run in line.runs)]
+    for line, below in pairwise(filled):
+        run = line.runs[-1]
+        shown = line.clean[run.start : run.end]
+        size = sum(len(one.data) for one in below.runs if one.taken)
+        if size > 1 and shown.upper() == f"{size}B":
+            run.taken, line.quiet = False, True

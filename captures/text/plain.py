@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import re
 from collections.abc import Callable, Iterable, Iterator
-from itertools import pairwise
+from itertools import chain, groupby, islice, pairwise
 from operator import or_
 from typing import Final, NamedTuple
 
@@ -33,6 +33,9 @@ _PRINTABLE: Final = re.compile(  # of a mail: the sign itself, and blanks at an 
     r"(?<!\w)=3D|=3D(?![\s;,)\]]|h\b|$)|(?<![G-Zg-z_][A-Za-z])(?<![G-Zg-z_][A-Za-z]{2})(?<![G-Zg-z_])=(?:20|09)(?=\s*$)"
 )
 _OF_WORDS: Final = frozenset("nrt\"'/")  # escapes in a string of words: no byte is written so
+
+
+NumberedLine = tuple[int, str]
 
 
 class _Rewrite(NamedTuple):
@@ -119,36 +122,17 @@ _LEAST: Final = 3  # lines
 _MOST: Final = 256  # lines of a letter that are looked at
 
 
-def unquoted(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
+def unquoted(lines: Iterable[NumberedLine]) -> Iterator[NumberedLine]:
     """Lines with their numbers, those that stand together behind such signs without them, however deep.
 
     Bytes alone behind `>` are what somebody sent; where there are words as well, and no line with another sign, they
     are quoted.
     """
-    held: list[tuple[int, str]] = []
-    decided = quoting = False
-    for number, line in lines:
-        if _SIGN.match(line) is None:
-            yield from _unquoted(held) if _are_quoted(held) else held
-            held, decided, quoting = [], False, False
-            yield number, line
-        elif decided:
+    for signed, same in groupby(lines, lambda line: _SIGN.match(line[1]) is not None):
+        held = list(islice(same, _MOST)) if signed else []
+        quoting = len(held) >= _LEAST and any(_WORD.search(_bare(line)) for _, line in held)
+        for number, line in chain(held, same):
             yield number, _bare(line) if quoting else line
-        else:
-            held.append((number, line))
-            if len(held) == _MOST:
-                decided, quoting = True, _are_quoted(held)
-                yield from _unquoted(held) if quoting else held
-                held = []
-    yield from _unquoted(held) if _are_quoted(held) else held
-
-
-def _are_quoted(held: list[tuple[int, str]]) -> bool:
-    return len(held) >= _LEAST and any(_WORD.search(_bare(line)) for _, line in held)
-
-
-def _unquoted(held: list[tuple[int, str]]) -> list[tuple[int, str]]:
-    return [(number, _bare(line)) for number, line in held]
 
 
 def _bare(line: str) -> str:
@@ -178,43 +162,34 @@ _SLACK: Final = 4  # blanks that a break may take
 _MOST_WRAPPED: Final = 256  # lines of one paragraph
 
 
-def unwrapped(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
+def unwrapped(lines: Iterable[NumberedLine]) -> Iterator[NumberedLine]:
     """Lines, with the entries of a log whole that a mail has broken where its width ends."""
-    held: list[tuple[int, str]] = []
-    for number, line in lines:
-        fits = bool(line.strip()) and len(line) <= _WRAPPED[-1]
-        if not fits or len(held) == _MOST_WRAPPED:
-            yield from _paragraph(held)
-            held = []
-        if fits:
-            held.append((number, line))
-        else:
-            yield number, line
-    yield from _paragraph(held)
+    for fits, same in groupby(lines, lambda line: bool(line[1].strip()) and len(line[1]) <= _WRAPPED[-1]):
+        while held := list(islice(same, _MOST_WRAPPED)):
+            yield from _paragraph(held) if fits else held
 
 
-def _paragraph(held: list[tuple[int, str]]) -> list[tuple[int, str]]:
+def _paragraph(held: list[NumberedLine]) -> list[NumberedLine]:
     """Lines that stand together; where each that begins no entry is behind one that had no room for its first word."""
-    if len(held) < _LEAST_WRAPPED:
-        return held
     texts = [line.rstrip() for _, line in held]
     if all(text.startswith(">") for text in texts):
         texts = [text.lstrip("> \t") for text in texts]
     width = max(map(len, texts))
-    if ENTRY.match(texts[0]) is None or width not in _WRAPPED:
+    if len(held) < _LEAST_WRAPPED or ENTRY.match(texts[0]) is None or width not in _WRAPPED:
         return held
     begins = [True, *(_begins(text, above) for above, text in pairwise(texts))]
     broken = [len(line) + _SLACK + len(below.split(" ")[0]) > width for line, below in pairwise(texts)]
     if begins.count(False) < _FEWEST or not all(map(or_, begins[1:], broken)):
         return held
-    if {len(above) for above, begin in zip(texts, begins[1:], strict=False) if not begin} == {width}:
+    column = {len(above) for above, begin in zip(texts, begins[1:], strict=False) if not begin} == {width}
+    if column or len(list(ENTRY.finditer(" ".join(texts)))) < _LEAST_WRAPPED:
         return held  # broken at a column, within words as well: see `wraps`
-    if len(list(ENTRY.finditer(" ".join(texts)))) < _LEAST_WRAPPED:
-        return held
-    whole: list[tuple[int, str]] = []
-    for (number, _), text, begin in zip(held, texts, begins, strict=True):
-        whole = [*whole, (number, text)] if begin else [*whole[:-1], (whole[-1][0], f"{whole[-1][1]} {text}")]
-    return [(number, entry) for number, text in whole for entry in entries_in(text)]
+    firsts = [i for i, begin in enumerate(begins) if begin]
+    return [
+        (held[first][0], entry)
+        for first, end in pairwise([*firsts, len(held)])
+        for entry in entries_in(" ".join(texts[first:end]))
+    ]
 
 
 def _begins(text: str, above: str) -> bool:
@@ -246,19 +221,15 @@ def turns_in(line: str) -> list[str]:
     return turns
 
 
-def unfolded(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
+def unfolded(lines: Iterable[NumberedLine]) -> Iterator[NumberedLine]:
     """Lines, with those whole that a mail's `=` at their end says to go on in the next."""
-    held: list[str] = []
-    first = 0
+    held: list[NumberedLine] = []
     for number, line in lines:
         text = line.rstrip("\r\n")
-        first = first if held else number
-        if text.endswith("=") and len(held) < _MOST_FOLDED:
-            held.append(text[:-1])
-        elif held:
-            yield first, "".join((*held, text))
+        goes_on = text.endswith("=") and len(held) < _MOST_FOLDED
+        held.append((number, text[:-1] if goes_on else text))
+        if not goes_on:
+            yield held[0][0], "".join(text for _, text in held)
             held = []
-        else:
-            yield number, line
     if held:
-        yield first, "".join(held)
+        yield held[0][0], "".join(text for _, text in held)

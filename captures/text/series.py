@@ -6,7 +6,6 @@ together are taken, whatever each of them looks like.
 
 from __future__ import annotations
 
-from bisect import bisect_left, bisect_right
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from itertools import accumulate, product
@@ -17,10 +16,9 @@ from .candidates import HexWindow
 from .choosing import ByteRun, Experience
 from .judging import ByteJudge
 from .loglines import LogLine
+from .seams import frames_over
 from .weighing import is_computed
 
-_REACH: Final = 520  # bytes that are looked at together
-_LOOKED_AT: Final = 20  # bytes at whose beginnings a judge looks for a frame
 _PATIENCE: Final = 600  # pieces in vain
 _LONGEST: Final = 260  # bytes of one
 _PIECE: Final = 2  # bytes that pieces have at least, on average: a byte a line is a column
@@ -30,7 +28,11 @@ _LEAST: Final = 4  # bytes that can hold a check value
 class _SeriesPiece(NamedTuple):
     run: ByteRun
     reading: ByteRun | HexWindow
-    barrier: bool  # it has check values of its own
+
+    @property
+    def data(self) -> bytes:
+        """Its bytes; none where it has check values of its own."""
+        return b"" if self.run.checked else self.reading.data
 
 
 def settle_series(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -> None:
@@ -44,19 +46,17 @@ def settle_series(lines: Sequence[LogLine], judge: ByteJudge, experience: Experi
         if any(piece.run.joined for piece in edge):
             continue
         experience.frames += 1
-        for run, reading, _ in edge:
+        for run, reading in edge:
             run.take(reading)
             run.taken = True
             experience.support(run, span)
-            experience.shapes.add(run.shape)
-            key = run.label, run.shape
-            experience.right[key] = experience.right.get(key, 0) + 1
+            experience.confirm(run)
     experience.pieces_in_vain = 0 if found else experience.pieces_in_vain + sum(map(len, series))
 
 
 def _may_be_frames(pieces: Sequence[_SeriesPiece]) -> bool:
-    size = sum(len(piece.reading.data) for piece in pieces if not piece.barrier)
-    return size >= _LEAST and size >= _PIECE * sum(not piece.barrier for piece in pieces) > _PIECE
+    sizes = [len(piece.data) for piece in pieces if piece.data]
+    return sum(sizes) >= max(_LEAST, _PIECE * len(sizes)) > _PIECE
 
 
 def _series(lines: Sequence[LogLine]) -> dict[tuple[str, str], list[_SeriesPiece]]:
@@ -71,36 +71,15 @@ def _series(lines: Sequence[LogLine]) -> dict[tuple[str, str], list[_SeriesPiece
                 key = run.label, reading.shape
                 if key not in seen:
                     seen.add(key)
-                    series[key].append(_SeriesPiece(run, reading, bool(run.checked)))
+                    series[key].append(_SeriesPiece(run, reading))
     return series
 
 
 def _edges(pieces: Sequence[_SeriesPiece], judge: ByteJudge) -> Iterator[tuple[Checked, Sequence[_SeriesPiece]]]:
     """Neighbours whose bytes are a frame together."""
-    starts = [0, *accumulate(len(piece.reading.data) for piece in pieces)]
-    data = b"".join(piece.reading.data for piece in pieces)
-    barriers = [i for i, piece in enumerate(pieces) if piece.barrier]
-    at = 0
-    while at < len(pieces) - 1:
-        ahead = bisect_left(barriers, at)
-        last = min(
-            barriers[ahead] if ahead < len(barriers) else len(pieces), bisect_right(starts, starts[at] + _REACH) - 1
-        )
-        if last <= at + 1 or starts[last] - starts[at] < _LEAST:
-            at = max(last, at + 1)
-            continue
-        edges = set(starts[at : last + 1])
-        right = [
-            span
-            for span in judge(data[starts[at] : starts[last]])
-            if {starts[at] + span.start, starts[at] + span.end} <= edges
-        ]
-        for span in right:
-            first, end = bisect_left(starts, starts[at] + span.start), bisect_left(starts, starts[at] + span.end)
-            if 1 < end - first <= (starts[end] - starts[first]) // _PIECE:
-                yield span, pieces[first:end]
-        end = starts[at] + (right[-1].end if right else _LOOKED_AT)
-        at = max(at + 1, min(last, bisect_left(starts, end)))
+    for span, first, end in frames_over([piece.data for piece in pieces], judge):
+        if 1 < end - first <= (span.end - span.start) // _PIECE:
+            yield span, pieces[first:end]
 
 
 _TAIL: Final = 260  # bytes without a right check value that a later run may complete
@@ -122,9 +101,8 @@ def settle_tails(lines: Sequence[LogLine], judge: ByteJudge, experience: Experie
                 open_runs = [] if whole else [*open_runs[1 - _TAIL_RUNS :], run]
                 since, shape = line.number, run.shape
             elif open_runs and not is_computed(run, line) and _completes(run, open_runs, judge, experience):
-                key = (run.label, run.shape)
-                experience.tails.add(key)
-                experience.right[key] = experience.right.get(key, 0) + 1
+                experience.tails.add((run.label, run.shape))
+                experience.confirm(run)
                 open_runs = []
 
 

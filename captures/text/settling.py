@@ -12,18 +12,19 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Final
 
-from ..checked import Checked
 from .candidates import CHECK_NAME, HexWindow, Writing, is_ruler, shows
-from .choosing import MOST_JUDGED, ByteRun, Experience
+from .choosing import MOST_JUDGED, ByteRun, Experience, covered, is_whole
 from .columns import COLUMN_SHAPE, MOST_ROWS, settle_columns, settle_unchecked
 from .copies import settle_behind_cuts, settle_copies, settle_single_bytes
 from .judging import ByteJudge, unturned
 from .loglines import LogLine
 from .numbering import (
     leave_out_byte_numbers,
+    leave_out_column_numbers,
     leave_out_counts,
     leave_out_line_numbers,
     leave_out_short_offsets,
+    leave_out_sizes,
 )
 from .series import settle_series, settle_tails
 from .weighing import is_counted, is_measured, leave_out_computed, leave_out_records, leave_out_unsupported
@@ -34,7 +35,7 @@ _HEADED: Final = 6  # bytes for which the header of a frame speaks
 _CRC: Final = 2  # bytes
 _WITH_SIGNS: Final = ("pairs:", "pairs/", "pairs.")
 _MAC: Final = 6  # bytes
-_CALLED_CRC: Final = re.compile(rf"^\W*{CHECK_NAME}\W*$", re.IGNORECASE)
+_CALLED_CRC, _TOKEN = (re.compile(pattern, re.IGNORECASE) for pattern in (rf"^\W*{CHECK_NAME}\W*$", r"\w+"))
 
 
 def settle(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -> None:
@@ -48,10 +49,11 @@ def settle(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -
     leave_out_records(lines)
     leave_out_line_numbers(lines)
     leave_out_counts(lines)
-    _counts(lines)
+    leave_out_sizes(lines)
     _beside(lines)
     settle_single_bytes(lines)
     settle_series(lines, judge, experience)
+    leave_out_column_numbers(lines)
     settle_columns(lines, unturned(judge), experience)
     _blocks(lines, judge, experience)
     _rows_of_dumps(lines, judge)
@@ -68,69 +70,56 @@ def settle(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -
 
 
 def _speaks_for_itself(run: ByteRun, line: LogLine, experience: Experience) -> bool:
-    if run.sure or run.checked:
+    if run.sure or run.checked or is_counted(run, line):
         return True
-    if is_measured(run, line) or is_counted(run, line):
-        return is_counted(run, line)
-    if run.level is Writing.NUMBER and is_ruler(re.findall(r"\w+", line.clean[run.start : run.end])):
+    shown = line.clean[run.start : run.end]
+    ruler = run.level is Writing.NUMBER and is_ruler(_TOKEN.findall(shown))
+    half = run.halved and not experience.other
+    if ruler or half or is_measured(run, line) or _is_hardware_address(run, experience):
         return False
-    if run.halved and not experience.other:
-        return False
-    if _is_hardware_address(run, experience):
-        return False
-    if run.level >= experience.threshold:
+    numbers = _are_numbers(run, shown)
+    if run.level >= experience.threshold or (run.level is Writing.LIKELY and run.mark and not numbers):
         return True
-    numbers = _are_numbers(run, line)
-    if run.level is Writing.LIKELY and run.mark and not numbers:
+    if experience.decimals and run.shape == "decimal" and _plainly_decimal(shown):
         return True
-    if experience.decimals and run.shape == "decimal" and _plainly_decimal(line.clean[run.start : run.end]):
-        return True
-    readings: tuple[ByteRun | HexWindow, ...] = (run, *run.others) if run.label else ()
-    for reading in readings:
-        if (run.label, reading.shape) in experience.tails:
-            run.take(reading)
-            return True
+    return _is_tail(run, experience) or _is_trusted(run, line, experience, numbers=numbers)
+
+
+def _is_tail(run: ByteRun, experience: Experience) -> bool:
+    """Whether check values of frames above stand behind its words, which it then is read as."""
+    readings = _readings(run).values() if run.label else ()
+    tail = next((one for one in readings if (run.label, one.shape) in experience.tails), None)
+    if tail is not None:
+        run.take(tail)
+    return tail is not None
+
+
+def _is_trusted(run: ByteRun, line: LogLine, experience: Experience, *, numbers: bool) -> bool:
+    """Whether others in its writing behind its words are right, and nothing around says that it is something else."""
     if not experience.trust(run.label, run.shape, direct=run.direct and not numbers):
         return False
-    if not run.label:
-        word = line.clean[run.start : run.end].istitle() and not any(map(str.isdigit, line.clean))  # `Be Ad`
-        return (
-            run.offset is not None or (_is_all(run, line) and not word) or (_begins(line, run) and _closes(line, run))
-        )
-    return len(run.data) > _SHORT or _ends(line, run)
+    if run.label:
+        return len(run.data) > _SHORT or _ends(line, run)
+    word = line.clean[run.start : run.end].istitle() and not any(map(str.isdigit, line.clean))  # `Be Ad`
+    return run.offset is not None or (_is_all(run, line) and not word)
 
 
-def _are_numbers(run: ByteRun, line: LogLine) -> bool:
+def _are_numbers(run: ByteRun, shown: str) -> bool:
     """Whether it is what people write in decimals, too short for a frame: `40001 -> 1234`, `values read: 16 25 30`."""
-    shown = line.clean[run.start : run.end]
     if run.shape == "words":
         return shown.isdigit()
-    tokens = re.findall(r"\w+", shown)
+    tokens = _TOKEN.findall(shown)
     return 1 < len(tokens) <= _SHORT and all(token.isdigit() and token[0] != "0" for token in tokens)
 
 
 def _is_hardware_address(run: ByteRun, experience: Experience) -> bool:
     """Whether six bytes are written as addresses of networks are, where frames are written otherwise."""
-    if run.shape not in ("pairs:", "pairs-") or len(run.data) != _MAC:
-        return False
-    return bool(experience.shapes) and run.shape not in experience.shapes
-
-
-def _counts(lines: Sequence[LogLine]) -> None:
-    """`WRITE: 8B` above eight bytes says how many they are, and is none of them."""
-    filled = [line for line in lines if any(run.taken for run in line.runs)]
-    for line, below in pairwise(filled):
-        run = line.runs[-1]
-        shown = line.clean[run.start : run.end]
-        if len(run.data) == 1 and shown[0].isdigit() and shown[1:] in ("B", "b"):
-            said = sum(len(one.data) for one in below.runs if one.taken)
-            if 1 < said == int(shown[0]):
-                run.taken, line.quiet = False, True
+    address = run.shape in ("pairs:", "pairs-") and len(run.data) == _MAC
+    return address and bool(experience.shapes) and run.shape not in experience.shapes
 
 
 def _plainly_decimal(text: str) -> bool:
-    numbers = re.findall(r"\d+", text)
-    return any(len(number) == 3 for number in numbers) and text.count(".") != 3
+    return any(len(number) == 3 for number in _TOKEN.findall(text)) and text.count(".") != 3
 
 
 def only_bytes(lines: Sequence[LogLine]) -> bool:
@@ -140,7 +129,7 @@ def only_bytes(lines: Sequence[LogLine]) -> bool:
 
 
 def _is_all(run: ByteRun, line: LogLine) -> bool:
-    return not any(char.isalnum() for char in line.clean[: run.start] + line.clean[run.end :])
+    return not any(map(str.isalnum, line.clean[: run.start] + line.clean[run.end :]))
 
 
 def _beside(lines: Sequence[LogLine]) -> None:
@@ -161,18 +150,18 @@ def _beside(lines: Sequence[LogLine]) -> None:
 def _blocks(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -> None:
     """Runs that fill lines one below the other, read in another way where that makes right what is not."""
     block: list[tuple[LogLine, ByteRun]] = []
-    for line in [*lines, None]:
-        if line is not None and line.runs and block and _goes_on(line) and len(block) < MOST_ROWS:
+    for line in (line for line in lines if block or line.runs):
+        if block and line.runs and _goes_on(line) and len(block) < MOST_ROWS:
             block.append((line, line.runs[0]))
-            if _ends(line, line.runs[-1]) and len(line.runs) == 1:
+            if len(line.runs) == 1 and _ends(line, line.runs[0]):
                 continue
-        if len(block) > 1:
-            _reread(block, judge, experience)
-        block = [(line, line.runs[-1])] if line is not None and line.runs and _opens(line, line.runs[-1]) else []
+        _reread(block, judge, experience)
+        block = [(line, line.runs[-1])] if line.runs and _opens(line, line.runs[-1]) else []
+    _reread(block, judge, experience)
 
 
 def _begins(line: LogLine, run: ByteRun) -> bool:
-    return not any(char.isalnum() for char in line.clean[: run.start]) or run.offset is not None
+    return run.offset is not None or not any(map(str.isalnum, line.clean[: run.start]))
 
 
 def _goes_on(line: LogLine) -> bool:
@@ -186,11 +175,7 @@ def _opens(line: LogLine, run: ByteRun) -> bool:
 
 
 def _ends(line: LogLine, run: ByteRun) -> bool:
-    return run.offset is not None or not any(char.isalnum() for char in line.clean[run.end :])
-
-
-def _closes(line: LogLine, run: ByteRun) -> bool:
-    return line.clean[run.end :].lstrip()[:1] in ("]", "}", ")")
+    return run.offset is not None or not any(map(str.isalnum, line.clean[run.end :]))
 
 
 def _reread(block: list[tuple[LogLine, ByteRun]], judge: ByteJudge, experience: Experience) -> None:
@@ -198,67 +183,62 @@ def _reread(block: list[tuple[LogLine, ByteRun]], judge: ByteJudge, experience: 
 
     Where some are right alone, the rest of a frame may stand in those beside them.
     """
-    alone = sum(_covered(run.checked) for _, run in block)
-    if alone and all(run.taken and _covered(run.checked) == len(run.data) for _, run in block if run.checked):
+    alone = sum(covered(run.checked) for _, run in block)
+    if len(block) < 2 or (alone and all(is_whole(run) for _, run in block if run.checked)):
         return
     readings = [_readings(run) for _, run in block]
     for shape in readings[0]:
-        if not all(shape in reading for reading in readings[1:]):
+        if not all(shape in reading for reading in readings):
             continue
         data = b"".join(reading[shape].data for reading in readings)
-        if len(data) <= MOST_JUDGED and (checked := judge(data)):
-            if 2 * _covered(checked) < len(data) or _covered(checked) <= alone:
-                continue
-            at = 0
-            for (line, run), reading in zip(block, readings, strict=True):
-                if at >= checked[-1].end:
-                    break  # words behind the array that begin with a number
-                run.take(reading[shape])
-                run.taken = True
-                line.continues = line.continues or any(span.start < at < span.end for span in checked)
-                at += len(run.data)
-                experience.right[run.label, shape] = experience.right.get((run.label, shape), 0) + 1
-            experience.shapes.add(shape)
-            experience.builds.update(run.build for _, run in block)
-            block[0][1].checked = checked
-            return
-
-
-def _covered(checked: Sequence[Checked]) -> int:
-    """How many bytes these stretches are."""
-    return sum(span.end - span.start for span in checked)
+        checked = judge(data) if len(data) <= MOST_JUDGED else ()
+        if covered(checked) <= alone or 2 * covered(checked) < len(data):
+            continue
+        at = 0
+        for (line, run), reading in zip(block, readings, strict=True):
+            if at >= checked[-1].end:
+                break  # words behind the array that begin with a number
+            run.take(reading[shape])
+            run.taken = True
+            line.continues = line.continues or any(span.start < at < span.end for span in checked)
+            at += len(run.data)
+            experience.confirm(run)
+        experience.builds.update(run.build for _, run in block)
+        block[0][1].checked = checked
+        return
 
 
 def _rows_of_dumps(lines: Sequence[LogLine], judge: ByteJudge) -> None:
-    """The rows of a dump are read as its first one is; of 16-bit words the last may be half filled."""
-    for one, below in pairwise(lines):
-        if below.continues and one.runs and one.runs[-1].taken:
-            first, row = one.runs[-1], below.runs[0]
-            if row.offset is not None:
-                row.take(_readings(row).get(first.shape, row))
-                row.taken = True
+    """The rows of a dump are read as its first one is; of 16-bit words the last may be half filled.
+
+    What check values say of all rows together outweighs what the first row alone may look like.
+    """
+    dump: list[ByteRun] = []
     for line in lines:
+        row = line.runs[0] if line.runs else None
+        goes_on = line.continues and row is not None and bool(dump)
+        if goes_on and row is not None and row.offset is not None:
+            row.take(_readings(row).get(dump[0].shape, row))
+            row.taken = True
         for run in line.runs:
             if run.padded:
                 run.data, run.padded = run.data[:-1], False
-    dump: list[ByteRun] = []
-    for line in lines:
-        if line.continues and dump and line.runs and line.runs[0].taken:
-            dump.append(line.runs[0])
+        if goes_on and row is not None and row.taken:
+            dump.append(row)
             continue
         _check_dump(dump, judge)
-        dump = [line.runs[-1]] if line.runs and line.runs[-1].taken else []
+        dump = [line.runs[-1]] if row is not None and line.runs[-1].taken else []
     _check_dump(dump, judge)
 
 
 def _check_dump(rows: Sequence[ByteRun], judge: ByteJudge) -> None:
-    """What check values say of all rows together outweighs what the first row alone may look like."""
     data = b"".join(run.data for run in rows)
     if len(rows) > 1 and (checked := judge(data[:MOST_JUDGED])):
         rows[0].checked = checked
 
 
 def _readings(run: ByteRun) -> dict[str, ByteRun | HexWindow]:
+    """A run in each of its shapes."""
     readings: dict[str, ByteRun | HexWindow] = {run.shape: run}
     for candidate in run.others:
         if abs(candidate.end - run.end) < 2:
@@ -283,12 +263,12 @@ def _ends_of_arrays(lines: Sequence[LogLine]) -> None:
 def _bytes_alone(lines: Sequence[LogLine]) -> None:
     """Bytes that come a line each, one below the other and alike, are one read."""
     for one, below in pairwise(lines):
-        if len(one.runs) == len(below.runs) == 1 and below.number == one.number + 1 and below.t_ns == one.t_ns:
-            first, run = one.runs[0], below.runs[0]
-            alone = len(first.data) == len(run.data) == 1 and run.taken
-            alike = (first.label, first.shape, first.mark) == (run.label, run.shape, run.mark)
-            if alone and alike and run.shape != COLUMN_SHAPE:
-                below.continues = True
+        runs = [*one.runs, *below.runs]
+        if len(one.runs) != 1 or [len(run.data) for run in runs] != [1, 1] or not runs[1].taken:
+            continue
+        near = (below.number, below.t_ns) == (one.number + 1, one.t_ns)
+        alike = len({(run.label, run.shape, run.mark) for run in runs}) == 1
+        below.continues = below.continues or (near and alike and runs[0].shape != COLUMN_SHAPE)
 
 
 def _as_long_as_they_say(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -> None:
@@ -300,15 +280,11 @@ def _as_long_as_they_say(lines: Sequence[LogLine], judge: ByteJudge, experience:
             if run.level is Writing.NUMBER and run.shape == "pairs":
                 continue  # a list of numbers
             readings: tuple[ByteRun | HexWindow, ...] = (run, *run.others)
-            for reading in readings:
-                if reading.shape in experience.shapes and _all_of(reading.data, judge(reading.data, damaged=True)):
+            for reading in (reading for reading in readings if reading.shape in experience.shapes):
+                if covered(judge(reading.data, damaged=True)) == len(reading.data):
                     run.take(reading)
                     run.taken = True
                     break
-
-
-def _all_of(data: bytes, checked: Sequence[Checked]) -> bool:
-    return _covered(checked) == len(data)
 
 
 def _named_check_values(lines: Sequence[LogLine]) -> None:

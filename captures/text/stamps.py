@@ -1,83 +1,55 @@
 """Times in a line of text.
 
-A stamp is a time of day, a date with one, a count of seconds since some start or since 1970, or a number with a unit.
-Where digits could be either a time or hex bytes (`11:03:00:64`), what follows decides: a clock has three parts and a
-fraction, and its parts are in range. A date without a zone is local time of the zone that the caller names.
+A stamp is a time of day, a date with one, a count of seconds since some start or since 1970, or a number with a unit:
+rows of `captures.text.timeforms`. Where digits could be either a time or hex bytes (`11:03:00:64`), what follows
+decides: a clock has three parts and a fraction, and its parts are in range. A date without a zone is local time of the
+zone that the caller names.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta, timezone, tzinfo
 from functools import lru_cache
 from typing import Final
 
 from ..limits import TIME_LIMIT
-from .counts import LEAD, Stamp, blanked, count_anywhere, count_at_begin, count_with_days, fraction
+from .timeforms import (
+    ANYWHERE,
+    AT_BEGIN,
+    BARE_DATE,
+    BEHIND_WORD,
+    CLOCK,
+    DATES,
+    DIGIT,
+    FIRST,
+    FRACTIONS,
+    KEYED,
+    LIKELY_CLOCK,
+    LIKELY_DATE,
+    MONTHS,
+    ODD_CLOCKS,
+    SECOND_NS,
+    TITLE,
+    UNIT_NS,
+    Stamp,
+    TimeForm,
+)
 
 DAY_NS = 86_400_000_000_000
 _MINUTE_NS: Final = 60_000_000_000
-
-_MONTHS: Final = {  # by the first three letters of their names in English, German and Russian
-    name: number
-    for names in (
-        "jan feb mar apr may jun jul aug sep oct nov dec",
-        "jan feb mär apr mai jun jul aug sep okt nov dez",
-        "янв фев мар апр мая июн июл авг сен окт ноя дек",
-    )
-    for number, name in enumerate(names.split(), 1)
-}
-_NAME = rf"(?:{'|'.join(_MONTHS)})[^\W\d_]{{0,6}}\.?"
-_DATE = (
-    r"(?:(?P<y>\d{4})[-/.](?P<mo>\d{1,2})[-/.](?P<d>\d{1,2})|"
-    r"(?P<d2>\d{1,2})(?P<sign>[-./])(?P<mo2>\d{1,2})(?P=sign)(?P<y2>\d{4}|\d\d)|"
-    rf"(?P<d3>\d{{1,2}})\.?[ /-](?P<mo3>{_NAME})[ /-](?P<y3>\d{{4}})(?: г\.)?|"
-    rf"(?P<mo4>{_NAME}) {{1,2}}(?P<d4>\d{{1,2}}),? (?:(?P<y4>\d{{4}}),?(?= ))?|"
-    r"(?P<y5>20\d\d)(?P<mo5>[01]\d)(?P<d5>[0-3]\d)|"
-    r"[01]?\d[-/][0-3]?\d)"
-)
-_CLOCK = re.compile(
-    rf"(?<![0-9A-Za-z_.])(?<!\d:)(?<!\b[0-9a-f]:)(?<!\b[0-9a-f][0-9a-f]:)(?:{_DATE}(?:,? ?T?| |_|-|,|:|,? (?:at|um|в)){{0,1}} ?(?<=[T _,:-])|(?P<y6>\d{{4}})年(?P<mo6>\d{{1,2}})月(?P<d6>\d{{1,2}})日 ?)?"
-    r"(?P<h>\d{1,2}):(?P<mi>\d\d):(?P<s>\d\d)"
-    r"(?:[.:](?P<fz>\d{3}[,.]\d{3})(?!\d)|\.(?P<f>\d{1,9})|,(?P<fc>\d{3}(?:\d{3}){0,2})(?!\d)|:(?P<fm>\d{3})(?!\d)|"
-    r"\ (?P<fs>\d{3})(?=\ ?(?:ms|мс)\b)|\ \((?P<fp>\d{3})\)|[-/'](?P<fd>\d{3})(?=[\s\]),;:|]|$))?"
-    r"(?:\ ?(?P<half>[AaPp])\.?[Mm]\.?)?(?:\ ?(?P<zone>Z\b|[+-]\d\d:?\d\d|UTC\b|GMT\b))?"
-    r"(?:(?=[i-wyz][a-z]{2}|[tr]x(?![0-9a-z]))|(?![0-9a-z_]|\.\d)(?(f)|(?!:[0-9a-f]{1,2}(?!\w))))"
-    r"(?:\ (?P<y7>20\d\d)(?=[\]) ]))?",
-    re.IGNORECASE,
-)
-_FRACTIONS: Final = ("fz", "f", "fc", "fm", "fs", "fp", "fd")
-_BARE_DATE = re.compile(
-    r"(?<![\w.:-])(?:\d{4}[-/]\d\d[-/]\d\d|\d\d[./]\d\d[./]\d{4}|\d{4}\.\d\d\.\d\d)(?![\w:]|[-/.]\w)|"
-    rf"(?<![\w.:-])\d\d?-{_NAME}-\d{{2,4}}\b",
-    re.IGNORECASE,
-)
-_LIKELY_CLOCK = re.compile(r"\d:\d\d:\d\d")
-_LIKELY_DATE = re.compile(r"\d[-/.](?:\d\d|[A-Za-z])")
 _LONG: Final = 4096  # characters: in a longer line times are looked for
 _HEAD: Final = 256  # in the first of them alone
 _DATE_LENGTH: Final = 40  # characters that a date and a zone take at most
 _CLOCK_TAIL: Final = 20  # that a fraction, am or pm and a zone take
-_DIGIT = re.compile(r"\d")
-# `10-01-48.958`, `10.01.48,958`, `2026-11-21_10-01-48`, `20261121T100148`, behind a process `2311:20261121:100148.958`
-_ODD_CLOCK: Final = re.compile(
-    r"^[\s\[(|\"']*(?:(?:\d{1,7}:(?=20\d{6}:))?(?P<date>20\d\d-\d\d-\d\d|20\d\d[01]\d[0-3]\d)[ T_:-](?P<h>\d\d)(?P<sign>[-.]?)(?P<mi>\d\d)(?P=sign)"
-    r"(?P<s>\d\d)(?:[.,](?P<f>\d{1,9}))?Z?|(?P<hh>\d\d)(?:(?P<dash>-)|(?P<dot>\.))(?P<mm>\d\d)(?(dash)-|\.)(?P<ss>\d\d)"
-    r"(?(dash)[.,]|,)(?P<ff>\d{3}|\d{6}))(?![\w.])"
-)
-_CALLED: Final = re.compile(r"\bdatetime(?:\.datetime)?\((\d{4}(?:, ?\d{1,6}){4,6})\)")  # as Python shows one
-_PACKED: Final = re.compile(  # `20261121100148958`: no even number of digits, as bytes in hex have
-    LEAD + r"(20\d\d)([01]\d)([0-3]\d)([0-2]\d)([0-5]\d)([0-5]\d)[.,]?(\d{3})(?![\w.])"
-)
-_SPELLED: Final = re.compile(  # `10时01分48秒958毫秒`, `10 ч 01 мин 48 с`, `10h01m48s`
-    r"(?<![\w.])(\d{1,2}) ?(?:时|時|ч|h|Uhr) ?(\d\d) ?(?:分|мин|м|min|m) ?(\d\d)(?:[.,](\d{1,6}))? ?(?:秒|сек|с|sec|s)"
-    r"(?:(\d{3})(?:毫秒|ms)?)?(?![0-9A-Za-z])"
-)
 _EPOCH_DAY: Final = datetime(1970, 1, 1, tzinfo=UTC)
+_OF_DAY: Final = Stamp(of_day=True, fine=False)
+Found = tuple[Stamp | None, str]  # a time, and its line without it
 
 
-def find(text: str, zone: tzinfo | None = UTC) -> tuple[Stamp | None, str]:
+def find(text: str, zone: tzinfo | None = UTC) -> Found:
     """The first stamp of a line, and the line with every time and date in it blanked by as many spaces.
 
     `zone` is that of dates without one; None for this machine's.
@@ -85,38 +57,19 @@ def find(text: str, zone: tzinfo | None = UTC) -> tuple[Stamp | None, str]:
     if len(text) > _LONG:
         stamp, head = find(text[:_HEAD], zone)
         return stamp, head + text[_HEAD:]
-    if _DIGIT.search(text) is None:
+    if DIGIT.search(text) is None:
         return None, text
-    stamp, text = count_at_begin(text)
-    likely = _LIKELY_CLOCK.search(text)
-    for sign, found, written in _CLOCKS if stamp is None and likely is None else ():
-        match = found(text) if sign in text else None
-        clock = None if match is None else _of_clock_written(written(match), zone)
-        if match is not None and clock is not None:
-            stamp = clock
-            text = blanked(text, match)
-    timed = likely is not None
-    while likely is not None:
-        end = likely.end()
-        limit = end + _DATE_LENGTH
-        for match in _CLOCK.finditer(text, max(likely.start() - _DATE_LENGTH, 0), limit):
-            if match.end() + _CLOCK_TAIL > limit and match.start() > likely.start():
-                break  # another, which is looked at whole below
-            end = max(end, match.end())
-            if (clock := _of_clock(match, zone)) is not None:
-                stamp = clock if stamp is None or stamp.counter else _finer(stamp, clock)
-                text = blanked(text, match)
-        likely = _LIKELY_CLOCK.search(text, end)
-    if stamp is None and timed:
-        stamp, text = count_with_days(text)
-    if _LIKELY_DATE.search(text):
-        for match in _BARE_DATE.finditer(text):
-            text = blanked(text, match)
+    stamp, text = _count(text)
+    if LIKELY_CLOCK.search(text) is not None:
+        stamp, text = _clocks(text, stamp, zone)
+    elif stamp is None:
+        stamp, text = _first(ODD_CLOCKS, text, zone)
+    if LIKELY_DATE.search(text):
+        for match in BARE_DATE.finditer(text):
+            text = _blanked(text, match)
     if stamp is None:
-        stamp, text = count_anywhere(text)
-    if stamp is not None and in_range(stamp.t_ns) is None:
-        stamp = None
-    return stamp, text
+        stamp, text = _first(ANYWHERE, text)
+    return (None if stamp is None or in_range(stamp.t_ns) is None else stamp), text
 
 
 def in_range(t_ns: int) -> int | None:
@@ -124,89 +77,127 @@ def in_range(t_ns: int) -> int | None:
     return t_ns if abs(t_ns) < TIME_LIMIT else None
 
 
+def _count(text: str) -> Found:
+    """The count that a line begins with, or that has a key of its own."""
+    if (match := TITLE.match(text)) is not None:
+        text = _blanked(text, match)
+    if (begins := FIRST.match(text)) is not None:
+        stamp, text = _first(AT_BEGIN if begins[0][-1].isdigit() else BEHIND_WORD, text)
+        if stamp is not None:
+            return stamp, text
+    return _first(KEYED, text) if ":" in text or "=" in text else (None, text)
+
+
+def _first(forms: Iterable[TimeForm], text: str, zone: tzinfo | None = None) -> Found:
+    """The time of the first of these forms that a line has."""
+    for form in forms:
+        match = form.pattern.search(text) if form.sign in text else None
+        stamp = None if match is None else _stamp(match, form, zone)
+        if match is not None and stamp is not None:
+            return stamp, _blanked(text, match)
+    return None, text
+
+
+def _clocks(text: str, stamp: Stamp | None, zone: tzinfo | None) -> Found:
+    """The first clock of a line, or what it has of a count's second."""
+    likely = LIKELY_CLOCK.search(text)
+    while likely is not None:
+        end = likely.end()
+        limit = end + _DATE_LENGTH
+        for match in CLOCK.finditer(text, max(likely.start() - _DATE_LENGTH, 0), limit):
+            if match.end() + _CLOCK_TAIL > limit and match.start() > likely.start():
+                break  # another, which is looked at whole below
+            end = max(end, match.end())
+            if (clock := _of_clock(match.groupdict(), _OF_DAY, zone)) is not None:
+                stamp = clock if stamp is None or stamp.counter else _finer(stamp, clock)
+                text = _blanked(text, match)
+        likely = LIKELY_CLOCK.search(text, end)
+    return stamp, text
+
+
 def _finer(stamp: Stamp, clock: Stamp) -> Stamp:
     """A time to the second with the fraction of the same second that stands elsewhere in its line."""
     fraction = (clock.t_ns - stamp.t_ns) % _MINUTE_NS
-    if stamp.fine or fraction >= 10**9:
+    if stamp.fine or fraction >= SECOND_NS:
         return stamp
     return replace(stamp, t_ns=stamp.t_ns + fraction, fine=True)
 
 
-def _of_clock(match: re.Match[str], zone: tzinfo | None) -> Stamp | None:
-    hour, minute, second = int(match["h"]), int(match["mi"]), int(match["s"])
-    if hour > 23 or minute > 59 or second > 60:
+Parts = dict[str, str | None]  # of a time, by the names of groups
+
+
+def _stamp(match: re.Match[str], form: TimeForm, zone: tzinfo | None) -> Stamp | None:
+    parts: Parts = match.groupdict()
+    if form.form.of_day:
+        return _of_clock(parts, form.form, zone)
+    digits = parts.get("f") or parts.get("more") or ""
+    size, whole = form.unit or SECOND_NS, _seconds(parts)
+    if parts.get("n"):
+        size = form.unit or UNIT_NS[(parts["unit"] or "").lower()]
+        whole = int(parts["n"] or 0)
+    t_ns = whole * size + _fraction(digits, size)
+    return replace(
+        form.form,
+        t_ns=-t_ns if parts.get("sign") == "-" else t_ns,
+        fine=form.form.fine or bool(digits),
+        places=len(digits) * form.form.unnamed,
+        signed=parts.get("sign") == "+",
+    )
+
+
+def _seconds(parts: Parts) -> int:
+    days, hours, minutes, seconds = (int(parts.get(name) or 0) for name in ("days", "h", "mi", "s"))
+    return ((days * 24 + hours) * 60 + minutes) * 60 + seconds
+
+
+def _fraction(digits: str, unit_ns: int = SECOND_NS) -> int:
+    """The ns of the digits behind a point."""
+    return int(int(digits or 0) * unit_ns // 10 ** len(digits))
+
+
+def _of_clock(parts: Parts, form: Stamp, zone: tzinfo | None) -> Stamp | None:
+    """A clock, with its date where it has one; None where a part is out of range."""
+    half, hour = parts.get("half"), int(parts["h"] or 0)
+    if hour > 23 or int(parts["mi"] or 0) > 59 or int(parts["s"] or 0) > 60:
         return None
-    half = match["half"]
     if half:
         hour = hour % 12 + (12 if half in "Pp" else 0)
-    digits = next((match[name] for name in _FRACTIONS if match[name]), "").replace(",", "").replace(".", "")
-    t_ns = (hour * 3600 + minute * 60 + second) * 10**9 + fraction(digits)
-    date = _date(match, american=bool(half))
-    if date is None:
-        return Stamp(t_ns, of_day=True, fine=bool(digits), places=len(match["f"] or ""))
+    told = parts.get("f") or ""
+    digits = told or next((digits for name in FRACTIONS if (digits := parts.get(name))), "")
+    digits = (digits.zfill(6) if parts.get("us") else digits).replace(",", "").replace(".", "")
+    t_ns = _seconds({**parts, "h": str(hour)}) * SECOND_NS + _fraction(digits)
+    date = _date(parts, american=bool(half))
     try:
-        seconds = _midnight(*date, match["zone"], zone, hour)
+        midnight = 0 if date is None else _midnight(*date, parts.get("zone"), zone, hour)
     except (ValueError, OverflowError):
         return None
-    t_ns += seconds * 10**9
-    zoned = bool(match["zone"])
-    return Stamp(t_ns, of_day=False, zoned=zoned, fine=bool(digits), places=len(match["f"] or ""))
+    return replace(
+        form,
+        t_ns=t_ns + midnight * SECOND_NS,
+        of_day=date is None,
+        zoned=date is None or bool(parts.get("zone")),
+        fine=form.fine or bool(digits),
+        places=len(told),
+    )
 
 
-def _of_clock_written(text: str, zone: tzinfo | None) -> Stamp | None:
-    match = _CLOCK.fullmatch(text)
-    return None if match is None else _of_clock(match, zone)
-
-
-def _with_colons(match: re.Match[str]) -> str:
-    """A clock whose parts others than colons hold together, or nothing."""
-    date, fraction = match["date"] or "", match["f"] or match["ff"]
-    if date and "-" not in date:
-        date = f"{date[:4]}-{date[4:6]}-{date[6:]}"
-    clock = f"{match['h'] or match['hh']}:{match['mi'] or match['mm']}:{match['s'] or match['ss']}"
-    return f"{date} {clock}".strip() + (f".{fraction}" if fraction else "")
-
-
-def _of_call(match: re.Match[str]) -> str:
-    year, month, day, hour, minute, *rest = (int(part) for part in match[1].split(","))
-    second, fraction = [*rest, 0, 0][:2]
-    return f"{year}-{month:02}-{day:02} {hour}:{minute:02}:{second:02}.{fraction:06}"
-
-
-def _of_packed(match: re.Match[str]) -> str:
-    return "{}-{}-{} {}:{}:{}.{}".format(*match.groups())
-
-
-def _of_spelled(match: re.Match[str]) -> str:
-    hour, minute, second, fraction, milliseconds = match.groups()
-    return f"{hour}:{minute}:{second}.{fraction or milliseconds or 0}"
-
-
-_CLOCKS: Final = (
-    ("", _ODD_CLOCK.match, _with_colons),
-    ("", _PACKED.match, _of_packed),
-    ("", _SPELLED.search, _of_spelled),
-    ("datetime(", _CALLED.search, _of_call),
-)
-
-
-def _date(match: re.Match[str], *, american: bool) -> tuple[int, int, int] | None:
+def _date(parts: Parts, *, american: bool) -> tuple[int, int, int] | None:
     """Year, month and day; None where the text has no date, or one without a year."""
-    for i in ("", "2", "3", "4", "5", "6"):
-        if (month := match[f"mo{i}"]) is None:
-            continue
-        year, day = match[f"y{i}"] or match["y7"], int(match[f"d{i}"])
-        if year is None:
-            return None
-        number = _MONTHS[month[:3].lower()] if month[:1].isalpha() else int(month)
-        if i == "2" and (number > 12 >= day or (american and match["sign"] == "/" and day <= 12)):
-            number, day = day, number  # month first
-        if len(year) == 2:
-            if match["sign"] == "-":
-                year, day = str(int(match["d2"])), int(year)  # 26-11-21
-            year = f"20{int(year):02d}"
-        return int(year), number, day
-    return None
+    end = next((end for end in DATES if parts.get(f"mo{end}")), None)
+    if end is None:
+        return None
+    year, month, day = parts[f"y{end}"] or parts["y7"], parts[f"mo{end}"] or "", int(parts[f"d{end}"] or 0)
+    if year is None:
+        return None
+    number = MONTHS[month[:3].lower()] if month[:1].isalpha() else int(month)
+    by = parts.get("by")
+    if end == "2" and (number > 12 >= day or (american and by == "/" and day <= 12)):
+        number, day = day, number  # month first
+    if len(year) == 2:
+        if by == "-":
+            year, day = str(day), int(year)  # 26-11-21
+        year = f"20{int(year):02d}"
+    return int(year), number, day
 
 
 @lru_cache(maxsize=64)
@@ -235,6 +226,11 @@ def _zone(text: str) -> timezone:
         return UTC
     offset = timedelta(hours=int(text[1:3]), minutes=int(text[-2:]))
     return timezone(-offset if text[0] == "-" else offset)
+
+
+def _blanked(text: str, match: re.Match[str]) -> str:
+    """A text with blanks in place of what was found."""
+    return text[: match.start()] + " " * (match.end() - match.start()) + text[match.end() :]
 
 
 def short_fraction(time: str) -> str:

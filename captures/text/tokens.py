@@ -8,8 +8,8 @@ from functools import lru_cache
 from typing import Final, NamedTuple
 
 from .candidates import H
+from .escapes import unescape
 from .loglines import LogLine
-from .othershapes import unescape
 from .tools import either_way
 
 JOINED: Final = "joined"  # how numbers of a column are read, besides as hex or decimal bytes
@@ -52,28 +52,30 @@ class NumberToken(NamedTuple):
         return _BITS.fullmatch(self.digits) is not None
 
     @property
-    def hexadecimal(self) -> bytes | None:
-        """The bytes that it is in hex."""
+    def hexadecimal(self) -> bytes:
+        """The bytes that it is in hex; none where it cannot be."""
         digits = self.digits
         if self.octet is not None:
             return self.octet
-        if digits[0] == "-" or len(digits) == 3:
-            return None
-        return bytes.fromhex(digits if len(digits) % 2 == 0 else f"0{digits}")
-
-    def value(self, reading: str) -> bytes | None:
-        """The bytes that it is."""
-        if reading == "binary":
-            return bytes((int(self.digits, 2),)) if self.is_bits else None
-        return self.decimal if reading == "decimal" else self.hexadecimal
+        return b"" if digits[0] == "-" or len(digits) == 3 else bytes.fromhex("0" * (len(digits) % 2) + digits)
 
     @property
-    def decimal(self) -> bytes | None:
-        """The byte that it is in decimal."""
-        digits = self.digits
-        if self.signed or not digits.lstrip("-").isdigit() or not -129 < int(digits) < 256:
-            return None
-        return bytes((int(digits) & 0xFF,))
+    def decimal(self) -> bytes:
+        """The byte that it is in decimal; none where it cannot be."""
+        number = self.digits.removeprefix("-").isdigit() and not self.signed
+        return bytes((int(self.digits) & 0xFF,)) if number and -129 < int(self.digits) < 256 else b""
+
+    def value(self, reading: str) -> bytes:
+        """The bytes that it is; none where it cannot be."""
+        if reading == "binary":
+            return bytes((int(self.digits, 2),)) if self.is_bits else b""
+        return self.decimal if reading == "decimal" else self.hexadecimal
+
+
+def cell_of(line: LogLine, i: int, reading: str) -> NumberToken | None:
+    """One of the numbers of a line, counted from either end; None where there are not so many."""
+    tokens = tokens_of(line, reading)
+    return tokens[i] if -len(tokens) <= i < len(tokens) else None
 
 
 def tokens_of(line: LogLine, reading: str = "") -> Sequence[NumberToken]:
@@ -95,7 +97,7 @@ def _joined_in(text: str) -> tuple[NumberToken, ...]:
             and len(token.digits) == 2
             and len(before.digits) % 2 == 0
             and text[before.end : token.start] in _BETWEEN
-            and token.hexadecimal is not None
+            and token.hexadecimal
         ):
             joined[-1] = before._replace(end=token.end, digits=before.digits + token.digits)
         else:
@@ -129,4 +131,4 @@ def _skeleton_in(text: str) -> str:
 
 def holds_numbers(line: LogLine) -> bool:
     """Whether there are any."""
-    return _TOKEN.search(line.clean) is not None
+    return bool(tokens_of(line))

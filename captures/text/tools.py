@@ -97,36 +97,54 @@ class LineMark(NamedTuple):
 
 def marks(text: str) -> list[LineMark]:
     """The marks of a line, in order."""
-    line_marks: list[LineMark] = []
     if text.isascii() and _MARKING.isdisjoint(_ASCII_WORD.findall(text.lower())) and not _ARROW.search(text):
-        return line_marks  # in most lines of most logs
-    begin = 0
-    if (names := _NAMES.search(text, begin)) is not None and not _MARK_OF.get(names["one"].lower()):
-        sender, addressee = names["one"], names["other"]
-        if names["way"][0] in "<←":
-            sender, addressee = addressee, sender
-        kind = _of_speaker(sender) or _OTHER[_of_speaker(addressee)]
-        if not kind and names["bytes"] is not None:  # names of plants: which of the two it is tells apart
-            kind = TX if sender < addressee else RX
-        if kind:
-            line_marks.append(LineMark(*names.span(), kind))
-        begin = names.end()
-    elif (speaks := _SPEAKS.search(text, begin)) is not None and (kind := _SPEAKERS.get(speaks["who"].lower(), NONE)):
-        line_marks.append(LineMark(*speaks.span(), _OTHER[kind] if speaks["way"][0] in "<←" else kind))
-        begin = speaks.end()
-    for match in _CANDIDATE.finditer(text, begin):
-        word = match["word"]
-        if word is None:
-            arrow = match["arrow"].split()[-1]
-            kind = _ARROW_OF[arrow[0] if arrow[0] in _ARROW_OF else arrow[-1]]
-            line_marks.append(LineMark(match.start(), match.end(), kind, arrow=True))
-        elif kind := _of_word(word, signed=match["sign"] is not None or _is_method(text, *match.span("word"))):
-            end = match.end("word")
-            if len(word) > _CODE and _NEGATED.search(text[max(match.start() - _NEGATED_WITHIN, 0) : match.start()]):
-                continue  # `no response`, behind which the next request may stand
-            plain = word.lower() not in _SIGNED
-            line_marks.append(LineMark(match.start(), end + text.startswith(":", end), kind, plain=plain))
+        return []  # in most lines of most logs
+    first = _named_speakers(text) or _speaker(text)
+    line_marks = [first] if first is not None and first.mark else []
+    for match in _CANDIDATE.finditer(text, 0 if first is None else first.end):
+        mark = _arrow(match) if match["word"] is None else _word(text, match)
+        if mark is not None:
+            line_marks.append(mark)
     return line_marks
+
+
+def _named_speakers(text: str) -> LineMark | None:
+    """Who says it to whom, by their names; of no direction where nothing tells which of the two is which."""
+    names = _NAMES.search(text)
+    if names is None or _MARK_OF.get(names["one"].lower()):
+        return None
+    sender, addressee = names["one"], names["other"]
+    if names["way"][0] in "<←":
+        sender, addressee = addressee, sender
+    kind = _of_speaker(sender) or _OTHER[_of_speaker(addressee)]
+    if not kind and names["bytes"] is not None:  # names of plants: which of the two it is tells apart
+        kind = TX if sender < addressee else RX
+    return LineMark(*names.span(), kind)
+
+
+def _speaker(text: str) -> LineMark | None:
+    """Whose bytes they are, or to whom they go."""
+    speaks = _SPEAKS.search(text)
+    kind = NONE if speaks is None else _SPEAKERS.get(speaks["who"].lower(), NONE)
+    if speaks is None or not kind:
+        return None
+    return LineMark(*speaks.span(), _OTHER[kind] if speaks["way"][0] in "<←" else kind)
+
+
+def _arrow(match: re.Match[str]) -> LineMark:
+    arrow = match["arrow"].split()[-1]
+    kind = _ARROW_OF[arrow[0] if arrow[0] in _ARROW_OF else arrow[-1]]
+    return LineMark(match.start(), match.end(), kind, arrow=True)
+
+
+def _word(text: str, match: re.Match[str]) -> LineMark | None:
+    """A word that is a mark; `no response`, behind which the next request may stand, is none."""
+    word, end = match["word"], match.end("word")
+    kind = _of_word(word, signed=match["sign"] is not None or _is_method(text, *match.span("word")))
+    before = text[max(match.start() - _NEGATED_WITHIN, 0) : match.start()]
+    if not kind or (len(word) > _CODE and _NEGATED.search(before)):
+        return None
+    return LineMark(match.start(), end + text.startswith(":", end), kind, plain=word.lower() not in _SIGNED)
 
 
 def _is_method(text: str, start: int, end: int) -> bool:
@@ -200,7 +218,7 @@ _LAYOUTS: Final = (
     ("socat -x", LineRole.HEADER, NONE,
      r"^(?P<mark>[<>]) (?P<time>\d{4}/\d\d/\d\d \d\d:\d\d:\d\d\.\d+) +length=(?P<length>\d+) from=\d+ to=\d+\s*$"),
     ("strace", LineRole.STRING, NONE,
-     _STRACE + r"(?:<\.\.\. )?(?P<mark>read|write)(?: resumed>|\(\d+(?:<[^>]*>)?, )"
+     _STRACE + r"(?:<\.\.\. )?(?P<mark>read|write)(?: resumed>|\((?![12]\b)\d+(?:<[^>]*>)?, )"
             r'"(?P<hex>(?:[^"\\]|\\.)*)"(?P<cut>\.\.\.)?, \d+\)\s+= (?P<length>-?\d+)'),
     ("strace", LineRole.NOTHING, NONE,
      _STRACE + r"(?:\w+\(.*(?:\)\s+= (?:-?\d|0x|\?)|<unfinished)|<\.\.\. \w+ resumed|"

@@ -22,6 +22,7 @@ _ASCII: Final = -3.0  # a frame of ASCII mode whose LRC is wrong: a colon stands
 _SIGNED: Final = 4.0  # a writing with signs of its own
 _ALIKE: Final = 4.0  # written as what is right
 _APART: Final = -2.0  # in words as wide as nothing that is right
+_NUMBERS: Final = -1.0  # as people write numbers, too
 _MARKED: Final = 4.0
 _TRUSTED: Final = 4.0  # behind words behind which others are right
 _HEADED: Final = 6  # bytes for which a header speaks
@@ -32,7 +33,7 @@ _NEVER: Final = 99.0
 
 def leave_out_unsupported(lines: Sequence[LogLine], judge: ByteJudge, experience: Experience) -> None:
     """Take back what was taken for its looks alone, where others are right, or look more like bytes."""
-    groups = list(_groups(lines))
+    groups = [group for read in reads_of(lines) for group in _written_alike(read)]
     columns = (run for group in groups for _, run in group if run.shape == COLUMN_SHAPE and run.checked)
     experience.builds.update(run.build for run in columns)
     bits = [_bits_of(group, experience) for group in groups]
@@ -49,18 +50,29 @@ def _is_announced(group: Sequence[tuple[LogLine, ByteRun]], judge: ByteJudge) ->
     return any(len(run.data) >= _HEADED and judge(run.data[:MOST_JUDGED], damaged=True) for _, run in group)
 
 
-def _groups(lines: Sequence[LogLine]) -> Iterator[list[tuple[LogLine, ByteRun]]]:
-    """What was taken, read by read; of one what is written alike."""
-    group: list[tuple[LogLine, ByteRun]] = []
+def reads_of(lines: Sequence[LogLine]) -> Iterator[list[tuple[LogLine, ByteRun]]]:
+    """What was taken, read by read, over one line or several."""
+    read: list[tuple[LogLine, ByteRun]] = []
     for line in lines:
         for i, run in enumerate(run for run in line.runs if run.taken):
-            if i or not line.continues or (group and group[-1][1].build != run.build and not run.checked):
-                if group:
-                    yield group
-                group = []
-            group.append((line, run))
-    if group:
-        yield group
+            above = read[-1][1] if read else run
+            same = run.shape == above.shape == COLUMN_SHAPE or 0 < run.joined == above.joined
+            if read and (i or not (line.continues or same)):
+                yield read
+                read = []
+            read.append((line, run))
+    if read:
+        yield read
+
+
+def _written_alike(read: list[tuple[LogLine, ByteRun]]) -> Iterator[list[tuple[LogLine, ByteRun]]]:
+    """A read in parts of which each is written alike; the last row of a dump may be short."""
+    begins = [
+        i
+        for i, ((_, above), (_, run)) in enumerate(pairwise(read), 1)
+        if above.build != run.build and not run.checked and run.offset is None
+    ]
+    return (read[first:last] for first, last in pairwise([0, *begins, len(read)]))
 
 
 def _bits_of(group: Sequence[tuple[LogLine, ByteRun]], experience: Experience) -> float:
@@ -73,21 +85,20 @@ def _bits(run: ByteRun, experience: Experience) -> float:
     bits = _ASCII if run.ascii else _PRIOR.get(run.shape, _SIGNED if run.level is Writing.BYTES else 0.0)
     alike = run.build in experience.builds
     bits += _ALIKE if alike else _APART if run.build != run.shape else 0.0
+    bits += _NUMBERS if experience.builds and not alike and run.level is Writing.LIKELY else 0.0
     bits += _MARKED if run.mark else 0.0
     bits += _TRUSTED if run.label and (run.label, run.shape) in experience.proven else 0.0
     return bits
 
 
 _NOT_BUT: Final = ("!=", "<>")
-_CALLED_COMPUTED: Final = re.compile(
-    r"\b(?:expect\w*|actual|calculat\w*|comput\w*|should be)\b\W{0,5}(?:0x)?$", re.IGNORECASE
-)
-_COUNT: Final = re.compile(
-    r"(?<![\w.])(?:(\d{1,4}) ?|(?:single|one)[ -])(?:[Bb]ytes?|байта?|字节)\b(?: frame)?\)?[\s:=]{1,3}(?:0x)?$"
-)
-_BYTE_NAMES: Final = ("yte", "байт", "字节")
-_UNIT: Final = re.compile(
-    r"\.\d|\s?(?:ms|us|µs|ns|мс|мкс|сек|mV|mA|kWh?|Hz|kHz|°|%|bar|baud|bps|[kM]B|RUB|EUR|USD|руб|шт|times|retries)(?!\w)"
+_CALLED_COMPUTED, _COUNT, _UNIT = (
+    re.compile(pattern, re.IGNORECASE)
+    for pattern in (
+        r"\b(?:expect\w*|actual|calculat\w*|comput\w*|should be)\b\W{0,5}(?:0x)?$",
+        r"(?<![\w.])(?:(\d{1,4}) ?|(?:single|one)[ -])(?:bytes?|байта?|字节)\b(?: frame)?\)?[\s:=]{1,3}(?:0x)?$",
+        r"\.\d|\s?(?:[muµ]s|ns|мк?с|сек|m[VA]|kWh?|k?Hz|°|%|bar|baud|bps|[kM]B|RUB|EUR|USD|руб|шт|times|retries)(?!\w)",
+    )
 )
 _NEAR: Final = 24  # characters
 _NUMBER: Final = 2  # bytes that may be one number
@@ -95,19 +106,15 @@ _NUMBER: Final = 2  # bytes that may be one number
 
 def is_measured(run: ByteRun, line: LogLine) -> bool:
     """Whether a few digits are a number with a unit or a fraction, or one that a sentence has in parentheses."""
-    if len(run.data) <= _NUMBER and run.level is Writing.NUMBER and _is_in_parentheses(run, line):
+    aside = line.clean[: run.start].endswith(" (") and line.clean.startswith(")", run.end)
+    if len(run.data) <= _NUMBER and run.level is Writing.NUMBER and aside:
         return True
     return len(run.data) < _HEADED and _UNIT.match(line.clean, run.end) is not None
 
 
-def _is_in_parentheses(run: ByteRun, line: LogLine) -> bool:
-    return line.clean[: run.start].endswith(" (") and line.clean.startswith(")", run.end)
-
-
 def is_counted(run: ByteRun, line: LogLine) -> bool:
     """Whether the words before say that just so many bytes follow."""
-    before = line.clean[max(run.start - _NEAR, 0) : run.start]
-    count = _COUNT.search(before) if any(name in before for name in _BYTE_NAMES) else None
+    count = _COUNT.search(line.clean[max(run.start - _NEAR, 0) : run.start])
     return count is not None and int(count[1] or 1) == len(run.data)
 
 

@@ -14,11 +14,10 @@ from itertools import accumulate, islice
 from typing import Final
 
 from . import stamps
-from .choosing import ByteRun
-from .plain import plain
+from .choosing import ByteRun, covered, is_whole
+from .plain import NumberedLine, plain
 
 Runs = Callable[[str], Sequence[ByteRun]]  # of a line as it stands there
-Line = tuple[int, str]
 
 _BEGINS: Final = re.compile(r"[\s>*#/|]{0,12}(?:,\s?)?(?:0?[xX]|16#|\\x|[$%\\&'\"\[<({,-]|#)?[0-9A-Fa-f]")
 _ENDS: Final = re.compile(r"[0-9A-Fa-f][\s,\\hH'\"\])}>;:|.-]{0,4}$|[xX#$%0\\\[<&]$|[,-]\s?$")
@@ -41,10 +40,10 @@ class Unwrapper:
         self._widths: dict[str, int] = {}  # of lines that were put together, by what is put between
         self._waited = 0  # breaks in vain
 
-    def lines(self, lines: Iterable[Line]) -> Iterator[Line]:
+    def lines(self, lines: Iterable[NumberedLine]) -> Iterator[NumberedLine]:
         """The lines, with the numbers of the first that they were put together of."""
         source = iter(lines)
-        ahead: deque[Line] = deque(islice(source, 1))
+        ahead: deque[NumberedLine] = deque(islice(source, 1))
         while ahead:
             count = self._chain(ahead, source) if self._waited < _PATIENCE else 1
             number, text = ahead[0]
@@ -63,7 +62,7 @@ class Unwrapper:
             if not ahead:
                 ahead.extend(islice(source, 1))
 
-    def _chain(self, ahead: deque[Line], source: Iterator[Line]) -> int:
+    def _chain(self, ahead: deque[NumberedLine], source: Iterator[NumberedLine]) -> int:
         """How many lines from the first on may be one: each begins with bytes where that above ends with them."""
         first = ahead[0][1]
         if not _NARROW <= len(first) <= _MOST or not _ENDS.search(first.rstrip()):
@@ -85,14 +84,14 @@ class Unwrapper:
     def _is_settled(self, text: str) -> bool:
         """Whether a line ends with bytes that need nothing more."""
         runs = self._runs(text)
-        if not runs or not _is_whole(runs[-1]):
+        if not runs or not is_whole(runs[-1]):
             return False
         return not text.rstrip()[-1:].isalnum() or _covers(runs[-1], text)
 
     def _merged(self, texts: Sequence[str]) -> tuple[str, int] | None:
         """The lines as one, and how many of them, if that reads more than each alone."""
         texts = _unframed(texts)
-        alone = sum(_covered(run) for text in texts for run in self._runs(text))
+        alone = sum(covered(run.checked) for text in texts for run in self._runs(text))
         for between in ("", " "):
             parts = [texts[0].rstrip() if between else texts[0]]
             for text in texts[1:]:
@@ -107,7 +106,7 @@ class Unwrapper:
             known = self._widths.get(between)
             width = len(parts[0])
             fits = known is not None and (width == known if not between else width + _SLACK > known)
-            more = sum(map(_covered, runs)) > alone and self._crosses(run, parts)
+            more = sum(covered(run.checked) for run in runs) > alone and self._crosses(run, parts)
             if not (more or fits):
                 continue
             self._widths[between] = max(width, known or 0) if between else width
@@ -126,14 +125,6 @@ def _unframed(texts: Sequence[str]) -> list[str]:
     before = min(len(text) - len(text.lstrip()) for text in texts)
     behind = min(len(text) - len(text.rstrip()) for text in texts[:-1])
     return [*(text[before : len(text) - behind] for text in texts[:-1]), texts[-1][before:].rstrip()]
-
-
-def _covered(run: ByteRun) -> int:
-    return sum(span.end - span.start for span in run.checked)
-
-
-def _is_whole(run: ByteRun) -> bool:
-    return bool(run.checked) and _covered(run) == len(run.data)
 
 
 def _covers(run: ByteRun, text: str) -> bool:
