@@ -314,3 +314,17 @@ def test_a_frame_of_ascii_mode_is_found_byte_by_byte_behind_others() -> None:
     again = ["[D] Raw buffer received: @3FFB39A0/6:", "  | 0000: 04 03 02 00 04 F3     |......   |"]
     paste = read("\n".join([*lines, *again]))
     assert pieces(paste) == [("noise", "26 0d"), ("response", "04 03 02 00 04 f3")]
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [("11 03 00 6G 00 03 76 87", "6G"), ("11 03 00 6B 00 03 76 87q", "87q"), ("11 03 00 6B 00 0G", "0G")],
+)
+def test_a_mistyped_byte_is_named(text: str, word: str) -> None:
+    [left] = read(text).unread
+    assert left.why == f"'{word}' among the bytes is no byte"
+
+
+@pytest.mark.parametrize("words", ["ok", "(8 bytes)", "5ms", "-> 3", "; 2nd try"])
+def test_words_behind_a_right_frame_are_no_bytes_of_it(words: str) -> None:
+    assert not read(f"{ASK.hex(' ')} {words}").unread

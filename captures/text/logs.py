@@ -33,6 +33,8 @@ _PLAIN_PAIRS: Final = ("pairs", "pairs-", "pairs:", "pairs,")
 _STRETCH: Final = 512  # lines that are settled together
 _MOST: Final = 1 << 18  # characters of a line that is searched at once
 _CRC: Final = 2  # bytes
+_WORDS: Final = (None, 1)  # that are looked at: between bytes, behind the last
+_TYPED: Final = 3  # characters of a byte with one too many
 _ENTRIES: Final = (120, 3)  # characters, and entries, of a line that may be several
 _ADDRESS: Final = re.compile(r"\d{1,3}(?:\.\d{1,3}){3}")  # of a network
 _NUMBERS: Final = re.compile(r"(?:0|[1-9]\d*)(?:[ \t,;/:-]+(?:0|[1-9]\d*))*")  # as people write them
@@ -267,6 +269,23 @@ def _left_out(line: LogLine, chosen: Sequence[ByteRun]) -> Iterator[str]:
     elif line.problem is None and beside:
         left = ", ".join(quoted(line.clean[run.start : run.end]) for run in beside)
         yield f"{left} beside the bytes may also be bytes"
+    for word in _spoilt(line, chosen):
+        yield f"{quoted(word)} among the bytes is no byte"
+
+
+def _spoilt(line: LogLine, chosen: Sequence[ByteRun]) -> Iterator[str]:
+    """Words that part bytes without a right check value, or touch their end, as a byte that is mistyped does."""
+    runs = [] if any(run.checked for run in chosen) else chosen
+    ends = [run.start for run in runs[1:]] + [None]
+    for run, end in zip(runs, ends, strict=False):
+        words = line.clean[run.end : end].split()[: _WORDS[end is None]]
+        if all(map(_is_mistyped, words)):
+            yield from words
+
+
+def _is_mistyped(word: str) -> bool:
+    """Whether a letter and a digit are where two hex digits may have been."""
+    return word.isalnum() and 0 < sum(map(str.isdigit, word)) < len(word) <= _TYPED
 
 
 def _is_left(run: ByteRun) -> bool:
