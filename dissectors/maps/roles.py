@@ -35,6 +35,7 @@ _LEFT_OUT: Final = (
 )
 _SAMPLE: Final = 200  # rows below a heading that are looked at
 _LEAST_CELLS: Final = 3  # of a heading that is known by what stands below it
+_LEAST_TOLD: Final = 4  # that tell one without types from a list of prices or alarms
 _LEAST_ROWS: Final = 2  # below it
 _FILLED: Final = 0.9
 _RISING: Final = 0.8
@@ -243,4 +244,5 @@ def heading_weight(row: Sequence[str], below: Table) -> float:
     """How surely a row of words that nobody knows is a heading, by what stands below it: addresses, names and more; 0
     where it is none."""
     columns, bits = assignment(row, below) if len(below) >= _LEAST_ROWS else ({}, 0.0)
-    return bits if len(columns) >= _LEAST_CELLS and form("words", row[columns["address"]]) else 0.0
+    tells = "type" in columns or len(columns) > _LEAST_TOLD
+    return bits if tells and len(columns) >= _LEAST_CELLS and form("words", row[columns["address"]]) else 0.0

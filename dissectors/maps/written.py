@@ -64,7 +64,8 @@ class TableAddress:
 
 
 def address_form(heading: str, cells: Sequence[str]) -> AddressForm:
-    """The form of a column: by its heading, and by what all of its cells are."""
+    """The form of a column: by its heading, and by what all of its cells are. Logical numbers begin near the first of
+    their area; addresses that are all far from it (33057) are as they stand, unless their heading calls them numbers."""
     cells = list(filter(None, map(together, cells)))
     parts = [part for cell in cells for part in _PARTS.split(cell)]
     bare = [part for part in parts if form("bare_hex", part)]
@@ -73,7 +74,8 @@ def address_form(heading: str, cells: Sequence[str]) -> AddressForm:
     is_hex = is_said or (bool(letters) and len(bare) > 0.8 * len(parts))
     numbers = list(filter(str.isdecimal, parts))
     bits = [int(behind["bit"]) for cell in cells if (behind := form("bit_behind", cell))]
-    is_plain = _any_like(r"[34]0{4}|[256789]\d{4}", numbers)
+    is_near = bool(form("numbered", heading.lower())) or _any_like(r"[34]0?0\d{3}", numbers)
+    is_plain = (not is_near and _any_like(r"[34]\d{4}", numbers)) or _any_like(r"[34]0{4}|[256789]\d{4}", numbers)
     return AddressForm(
         is_hex,
         is_said,

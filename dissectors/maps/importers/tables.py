@@ -11,7 +11,7 @@ from bisect import bisect, bisect_left
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import accumulate, islice, zip_longest
+from itertools import accumulate, islice, pairwise, zip_longest
 from typing import Final
 
 from ..cells import CellError, area_and_address
@@ -30,7 +30,7 @@ from ..roles import (
     plain_heading,
 )
 from ..sheets import MapSheet, column_name, notes_of_cut
-from ..titles import Titles, footnotes_in
+from ..titles import Titles, footnotes_in, texts_alone
 from ..vocabulary import expression, form, given, meaning
 from ..written import (
     AddressForm,
@@ -54,7 +54,6 @@ from .source import ImportedMap, MapBuilder, MapSource, whole_in
 
 _FIRST_WORD: Final = {"CDAB": "least significant", "DCBA": "least significant"}
 _FEW: Final = 2  # cells of a row that may be a footnote
-_LONGEST: Final = 400  # characters of one
 _MOST_HEADINGS: Final = 200  # of one sheet
 _LONG_TEXTS: Final = frozenset({"name", "description"})  # columns whose cells go on below
 _OPEN: Final = ("~", "-", "–", "…", "..")  # ends of an address whose last is on the next line
@@ -79,6 +78,7 @@ class _TableHeading:
     form: AddressForm = field(default_factory=AddressForm)
     addresses: Counter[str] = field(default_factory=Counter)  # how many rows have each
     of_functions: bool = False  # areas are the codes of functions
+    of_words: bool = False  # inputs that are registers are called so
     order: str = ""  # what the heading of the orders says of them: that they are of words
     has_units_behind: bool = False  # names end in their units
     has_parts: bool = False  # names have their types behind them
@@ -95,8 +95,11 @@ class _TableRows:
         self.first = 1 - (self.rows[1:] == shown)  # number of the first row
         for note in sheet.notes:
             self.builder.note(note)
-        self.titles = Titles(area_words(sheet.name), footnotes=footnotes_in(self.rows))
+        alone = texts_alone(self.rows)
+        self.titles = Titles(area_words(sheet.name), footnotes=footnotes_in(alone))
+        self.is_divided = any(form("says_divided", text) for text in alone)  # by what a column calls a factor
         self.heading = _TableHeading()
+        self.alike: dict[tuple[str, ...], list[Sequence[str]]] = {}  # the rows below each heading, wherever it stands
         self.above = ""  # the area of the rows above
         self.register: tuple[MapArea, int] | None = None  # the newest, whose bits rows may name
 
@@ -107,6 +110,8 @@ class _TableRows:
         del headings[_MOST_HEADINGS:-1]
         for row in self.rows[: headings[0]]:
             self._title(row)
+        for first, last in pairwise(headings):
+            self.alike.setdefault(tuple(self.rows[first]), []).extend(self.rows[first + 1 : last])
         begin = 0
         for first in headings[:-1]:
             if first >= begin:  # else the second row of a heading
@@ -130,16 +135,18 @@ class _TableRows:
 
     def _heading(self, first: int, last: int) -> int:
         """Take in the heading at a row; where the rows below it begin."""
-        row, begin = self.rows[first], first + 1
+        row, begin, alike = self.rows[first], first + 1, self.alike[tuple(self.rows[first])]
         if begin < last and (joint := self._merged(first, last)):
-            row, begin = joint, first + 2
-        below = of_values(self.rows[begin:last])
+            row, begin, alike = joint, first + 2, [below for below in alike if below != self.rows[begin]]
+        below = of_values(alike)
         columns = assigned(row, below) or assigned(row, ())
         if not columns:
             return begin
+        if self.is_divided and "scale" in columns:
+            columns["divisor"] = columns.pop("scale")
         texts = {role: plain_heading(row[at]) for role, at in columns.items()}
-        addresses, names, units, types = (
-            column_cells(below, columns.get(role, len(row))) for role in ("address", "name", "unit", "type")
+        addresses, names, units, types, areas = (
+            column_cells(below, columns.get(role, len(row))) for role in ("address", "name", "unit", "type", "area")
         )
         how = address_form(f"{texts['address']}{self.titles.numbering}", addresses)
         self.heading = _TableHeading(
@@ -147,6 +154,7 @@ class _TableRows:
             replace(how, has_prefixes=how.has_prefixes or self.heading.form.has_prefixes),
             Counter(addresses),
             bool(form("of_functions", texts.get("area", ""))),
+            any(form("of_words", cell) and area_words(cell) == "input" for cell in areas),
             "word order" * ("word" in texts.get("order", "")),
             _have_units_behind(names, units),
             not types and 2 * sum("type" in cells_told(name)[1] for name in names) > len(names),
@@ -267,6 +275,8 @@ class _TableRows:
         """Area and address as `area_and_address` takes them: a logical number (40108, 4x108) names its area itself,
         where the row says nothing else, or the same; where all are logical, whatever titles say."""
         how, own = self.heading.form, area_of_cell(self.above, function=self.heading.of_functions)
+        if self.heading.of_words and own == "input" and not form("of_words", self.above):
+            own = "discrete"
         area = own or self.titles.area
         digits = how.logical_digits(area)
         looks = digits and expression(rf"[{digits}](?!0+$)\d{{4,5}}").fullmatch(position.text)
