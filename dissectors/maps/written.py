@@ -65,7 +65,7 @@ class TableAddress:
 
 def address_form(heading: str, cells: Sequence[str]) -> AddressForm:
     """The form of a column: by its heading, and by what all of its cells are. Logical numbers begin near the first of
-    their area; addresses that are all far from it (33057) are as they stand, unless their heading calls them numbers."""
+    their area; what is all far from it (33057) is an address as it stands, unless its heading calls it a number."""
     cells = list(filter(None, map(together, cells)))
     parts = [part for cell in cells for part in _PARTS.split(cell)]
     bare = [part for part in parts if form("bare_hex", part)]

@@ -1,0 +1,142 @@
+"""Tables whose columns blanks part, as PDFs are copied and as rules are drawn: where columns are, which cell is whose.
+
+Columns are where most rows have something, between headings; a row that has a blank wherever columns part is cut there,
+of any other the cells that two blanks part go each to the nearest column, in turn.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from itertools import accumulate, islice, pairwise
+from typing import Final
+
+from .roles import known_headings, may_be_heading
+from .vocabulary import form
+
+LEAST_CELLS: Final = 3  # that make a row
+_MOST_COLUMNS: Final = 100
+_CELL: Final = 1000  # characters
+_WORDS: Final = re.compile(r"\S+")
+_WIDE: Final = re.compile(r"\S+(?: \S+)*")  # what two blanks part
+_FILL: Final = "\u2060"  # behind a sign that takes two places
+_TWICE: Final = re.compile("[\u1100-\u11ff\u2e80-\ua4cf\uac00-\ud7a3\uf900-\ufaff\uff00-\uff60]")
+_CROSSED: Final = 0.1  # of the rows may have something where columns are parted
+_SAME: Final = 2  # places that a cell is farther from a column which has one
+Span = tuple[int, int]
+
+
+def cut_at_blanks(lines: Sequence[str]) -> Iterator[list[str]]:
+    """The cells of each line."""
+    wide = [_TWICE.sub(rf"\g<0>{_FILL}", line) for line in lines]  # as long as it is shown
+    parted = [parts_of_line(line) for line in wide]
+    known = [_headings_in(line, cells) for line, cells in zip(wide, parted, strict=True)]
+    begins = [at for at, (before, here) in enumerate(pairwise([0, *known])) if here > max(before, 1)]
+    for first, last in pairwise(sorted({0, *begins, len(lines)})):
+        yield from _cut_table(wide[first:last], parted[first:last], has_heading=first in begins)
+
+
+def parts_of_line(line: str) -> list[Span]:
+    """Where the cells of a line are that two blanks part; those of a rule one."""
+    parts = _WORDS if form("rule_above", line) else _WIDE
+    return [cell.span() for cell in islice(parts.finditer(line), _MOST_COLUMNS)]
+
+
+def _headings_in(line: str, cells: Sequence[Span]) -> int:
+    """How many headings are known among cells that may be some."""
+    texts = [line[a:b].replace(_FILL, "") for a, b in cells]
+    return known_headings(texts) if may_be_heading(texts) else 0
+
+
+def _cut_table(lines: Sequence[str], parted: Sequence[Sequence[Span]], *, has_heading: bool) -> Iterator[list[str]]:
+    rows = [cells for cells in parted[has_heading:] if len(cells) >= LEAST_CELLS]
+    ruled = [cells for line, cells in zip(lines, parted, strict=True) if form("rule_above", line)]
+    columns, are_clear = _columns(ruled[:1] or rows)
+    if has_heading and are_clear and not ruled:
+        texts = [line for line, cells in zip(lines[1:], parted[1:], strict=True) if len(cells) >= LEAST_CELLS]
+        columns = _with_gaps(lines[0], texts, columns)
+    if has_heading:
+        own = [cell for cell in parted[0] if columns and cell[0] >= columns[-1][1]]
+        columns = [*columns, *own] or [*parted[0]]
+    edges = [0, *(start for start, _ in columns[1:]), None]
+    for number, (line, cells) in enumerate(zip(lines, parted, strict=True)):
+        if line.count("|") > 1:
+            yield [text.replace(_FILL, "").strip()[:_CELL] for text in line.strip().removeprefix("|").removesuffix("|").split("|")]
+            continue
+        is_cut = are_clear and len(cells) > 0 and not any(line[a:b].strip() for (_, a), (b, _) in pairwise(columns))
+        if is_cut and columns:
+            texts = [line[a:b] for a, b in pairwise(edges)]
+        else:
+            parts = _with_words(line, cells, columns) if has_heading > number else cells
+            texts = _placed(line, parts, columns)
+        yield [text.replace(_FILL, "").strip()[:_CELL] for text in texts]
+
+
+def _columns(rows: Sequence[Sequence[Span]]) -> tuple[list[Span], bool]:
+    """Where columns begin and end, and whether blanks part them in nearly all rows; else they are where most rows that
+    have as many cells have theirs."""
+    clear = _runs(rows)
+    counts = Counter(map(len, rows))
+    usual = max(counts, key=lambda count: (counts[count], count), default=0)
+    if usual <= len(clear):
+        return clear[:_MOST_COLUMNS], True
+    alike = [cells for cells in rows if len(cells) == usual]
+    sides = ([[cell[side] for cell in cells] for cells in alike] for side in (0, 1))
+    means = ([sum(edges) // len(alike) for edges in zip(*side, strict=True)] for side in sides)
+    return [*zip(*means, strict=True)], False
+
+
+def _runs(rows: Sequence[Sequence[Span]]) -> list[Span]:
+    """Where more than some rows have something."""
+    steps: Counter[int] = Counter()
+    for cells in rows:
+        for start, end in cells:
+            steps[start] += 1
+            steps[end] -= 1
+    places = sorted(steps)
+    depths = [depth > _CROSSED * len(rows) for depth in accumulate(map(steps.__getitem__, places))]
+    edges = [at for at, (before, here) in zip(places, pairwise([False, *depths]), strict=True) if before != here]
+    return [*zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _with_gaps(heading: str, rows: Sequence[str], columns: Sequence[Span]) -> list[Span]:
+    """The columns, and those below a word of the heading that one blank parts from others."""
+    words = [word.span() for word in _WORDS.finditer(heading)]
+    found: list[Span] = []
+    for start, end in _runs([[word.span() for word in _WORDS.finditer(row)] for row in rows]):
+        is_own = any(abs(a - start) < _SAME or abs(b - end) < _SAME for a, b in words)
+        if not found or is_own or any(a - _SAME < start <= a for a, _ in columns):
+            found.append((start, end))
+        else:
+            found[-1] = (found[-1][0], end)
+    return found
+
+
+def _with_words(line: str, cells: Sequence[Span], columns: Sequence[Span]) -> list[Span]:
+    """The cells of a heading; those over several columns word by word."""
+    parts: list[Span] = []
+    for start, end in cells:
+        over = sum(a < end and start < b for a, b in columns)
+        words = [word.span() for word in _WORDS.finditer(line, start, end)]
+        parts += words if over > 1 else [(start, end)]
+    return parts
+
+
+def _placed(line: str, cells: Sequence[Span], columns: Sequence[Span]) -> list[str]:
+    """The texts of cells by columns: as many one by one, else each in the nearest that is free, in turn."""
+    if len(cells) >= len(columns):
+        return [line[a:b] for a, b in cells]
+    row = [""] * len(columns)
+    at = 0
+    for number, (start, end) in enumerate(cells):
+        free = range(at, len(columns) - max(0, len(cells) - number - 1))
+        at = min(
+            free or range(at, at + 1),
+            key=lambda column: (
+                max(0, columns[column][0] - end, start - columns[column][1]) + _SAME * (row[column] != ""),
+                abs(columns[column][0] - start),
+            ),
+        )
+        row[at] = f"{row[at]} {line[start:end]}".strip()
+    return row
